@@ -1,0 +1,14 @@
+//! `eplat simulate …`
+
+use crate::error::Failure;
+use clap::Subcommand;
+
+/// `eplat simulate …`
+#[derive(Debug, Subcommand)]
+pub(super) enum Command {}
+
+impl Command {
+    pub(super) fn run(self) -> Result<(), Failure> {
+        match self {}
+    }
+}

@@ -1,0 +1,14 @@
+//! `eplat surrogate …`
+
+use crate::error::Failure;
+use clap::Subcommand;
+
+/// `eplat surrogate …`
+#[derive(Debug, Subcommand)]
+pub(super) enum Command {}
+
+impl Command {
+    pub(super) fn run(self) -> Result<(), Failure> {
+        match self {}
+    }
+}

@@ -1,0 +1,17 @@
+//! Inference on any differentiable log density: NUTS and its warm-up, and an optimiser for its start.
+//!
+//! Knows nothing of fields, electrophysiology or models: only [`LogDensity`].
+
+/// A log density over `R^dim`, up to a constant.
+pub trait LogDensity: Sync {
+    /// Number of unconstrained unknowns.
+    fn dim(&self) -> usize;
+    /// A function object with its own scratch memory, one per thread.
+    fn evaluator(&self) -> Box<dyn Evaluator + '_>;
+}
+
+/// Evaluates a [`LogDensity`]; holds scratch memory, so that an evaluation allocates nothing.
+pub trait Evaluator {
+    /// Log density at `position`; writes its gradient. Out of support: −∞ (never a panic).
+    fn ln_density(&mut self, position: &[f64], gradient: &mut [f64]) -> f64;
+}

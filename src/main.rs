@@ -1,0 +1,7 @@
+//! The `eplat` program.
+
+use std::process::ExitCode;
+
+fn main() -> ExitCode {
+    eplat::cli::main()
+}

@@ -1,0 +1,5 @@
+//! What a run leaves on disk and on the screen.
+
+mod dataset;
+
+pub use dataset::{Group, Variable};
