@@ -3,5 +3,15 @@
 //! Lengths are millimetres; knows nothing of probability or electrophysiology.
 
 mod basis;
+mod cholesky;
+mod eigen;
+mod error;
+mod lanczos;
+mod laplacian;
+#[cfg(test)]
+mod test_meshes;
 
 pub use basis::Basis;
+pub use eigen::eigenpairs;
+pub use error::ManifoldError;
+pub use laplacian::{Csr, Laplacian};

@@ -1,0 +1,160 @@
+//! The Laplace–Beltrami operator of a triangle surface: cotangent stiffness and lumped mass.
+//!
+//! Piecewise linear finite elements.  Knows nothing of eigenpairs or distances.
+
+use super::ManifoldError;
+use crate::mesh::TriMesh;
+
+/// A sparse square matrix, compressed by rows; columns ascend within a row.
+#[derive(Clone, Debug)]
+pub struct Csr {
+    row_start: Vec<usize>,
+    columns: Vec<u32>,
+    values: Vec<f64>,
+}
+
+/// The weak Laplacian of a surface: `∫ ∇u·∇v = uᵀ K v`, `∫ u v ≈ uᵀ M v`.
+///
+/// ```text
+/// K_ij = −½ Σ cot(angle opposite edge ij),   K_ii = −Σ_j K_ij,   M_ii = ⅓ Σ area(triangles at i)
+/// ```
+/// `K` is (n_vertices, n_vertices), symmetric, positive semidefinite with the constants in its null
+/// space, dimensionless; `M` is diagonal, mm².  No-flux on open edges.  Valid for any triangles with
+/// area, also obtuse ones (off-diagonal entries may then be positive).
+#[derive(Clone, Debug)]
+pub struct Laplacian {
+    /// Stiffness `K`.
+    pub stiffness: Csr,
+    /// Diagonal of the lumped mass `M`, mm² (n_vertices).
+    pub mass: Vec<f64>,
+}
+
+impl Csr {
+    /// Sums the `entries` (row, column, value) of an `n` by `n` matrix, in their order.
+    fn from_entries(n: usize, mut entries: Vec<(u32, u32, f64)>) -> Self {
+        entries.sort_by_key(|&(row, column, _)| (row, column));
+        let mut matrix = Self { row_start: vec![0; n + 1], columns: vec![], values: vec![] };
+        let mut previous = None;
+        for (row, column, value) in entries {
+            if previous == Some((row, column)) {
+                if let Some(last) = matrix.values.last_mut() {
+                    *last += value;
+                }
+                continue;
+            }
+            previous = Some((row, column));
+            matrix.columns.push(column);
+            matrix.values.push(value);
+            matrix.row_start[row as usize + 1] += 1;
+        }
+        for row in 0..n {
+            matrix.row_start[row + 1] += matrix.row_start[row];
+        }
+        matrix
+    }
+
+    /// Number of rows, which is the number of columns.
+    pub fn n_rows(&self) -> usize {
+        self.row_start.len() - 1
+    }
+
+    /// The entries (column, value) of one row.
+    pub fn row(&self, row: usize) -> impl Iterator<Item = (usize, f64)> {
+        let range = self.row_start[row]..self.row_start[row + 1];
+        let columns = self.columns[range.clone()].iter().map(|&column| column as usize);
+        columns.zip(self.values[range].iter().copied())
+    }
+
+    /// `y = A x`.
+    pub fn multiply(&self, x: &[f64]) -> Vec<f64> {
+        (0..self.n_rows()).map(|i| self.row(i).map(|(j, value)| value * x[j]).sum()).collect()
+    }
+}
+
+impl Laplacian {
+    /// Assembles both matrices.
+    ///
+    /// # Errors
+    /// [`ManifoldError::DegenerateTriangle`] for a triangle without area.
+    pub fn new(mesh: &TriMesh) -> Result<Self, ManifoldError> {
+        let mut entries = Vec::with_capacity(12 * mesh.triangles().len());
+        let mut mass = vec![0.0; mesh.n_vertices()];
+        for (index, &triangle) in mesh.triangles().iter().enumerate() {
+            let corners = triangle.map(|v| mesh.vertices()[v as usize]);
+            let doubled_area = doubled_area(corners);
+            // Also refuses NaN; below the smallest normal number the cotangents overflow.
+            if !doubled_area.is_normal() {
+                return Err(ManifoldError::DegenerateTriangle { triangle: index, vertices: triangle });
+            }
+            for corner in 0..3 {
+                let (next, other) = ((corner + 1) % 3, (corner + 2) % 3);
+                let along = subtract(corners[next], corners[corner]);
+                let across = subtract(corners[other], corners[corner]);
+                let half_cotangent = 0.5 * dot(along, across) / doubled_area;
+                let (i, j) = (triangle[next], triangle[other]);
+                entries.extend([
+                    (i, j, -half_cotangent),
+                    (j, i, -half_cotangent),
+                    (i, i, half_cotangent),
+                    (j, j, half_cotangent),
+                ]);
+                mass[triangle[corner] as usize] += doubled_area / 6.0;
+            }
+        }
+        Ok(Self { stiffness: Csr::from_entries(mesh.n_vertices(), entries), mass })
+    }
+
+    /// Area of the surface, mm².
+    pub fn area(&self) -> f64 {
+        self.mass.iter().sum()
+    }
+}
+
+/// Refuses a surface that is not one connected piece.
+pub(super) fn require_connected(mesh: &TriMesh) -> Result<(), ManifoldError> {
+    let n_vertices = mesh.n_vertices();
+    let mut parent: Vec<u32> = (0..n_vertices as u32).collect();
+    for &[a, b, c] in mesh.triangles() {
+        for other in [b, c] {
+            let (one, two) = (root(&mut parent, a), root(&mut parent, other));
+            parent[one.max(two) as usize] = one.min(two);
+        }
+    }
+    let mut size = vec![0; n_vertices];
+    for vertex in 0..n_vertices as u32 {
+        size[root(&mut parent, vertex) as usize] += 1;
+    }
+    let n_pieces = size.iter().filter(|&&s| s > 0).count();
+    if n_pieces > 1 {
+        let largest = size.into_iter().max().unwrap_or(0);
+        return Err(ManifoldError::Disconnected { n_pieces, largest, n_vertices });
+    }
+    Ok(())
+}
+
+/// The representative of a vertex's piece; halves the path on its way.
+fn root(parent: &mut [u32], mut vertex: u32) -> u32 {
+    while parent[vertex as usize] != vertex {
+        parent[vertex as usize] = parent[parent[vertex as usize] as usize];
+        vertex = parent[vertex as usize];
+    }
+    vertex
+}
+
+pub(super) fn subtract(a: [f64; 3], b: [f64; 3]) -> [f64; 3] {
+    [a[0] - b[0], a[1] - b[1], a[2] - b[2]]
+}
+
+pub(super) fn dot(a: [f64; 3], b: [f64; 3]) -> f64 {
+    a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+}
+
+pub(super) fn cross(a: [f64; 3], b: [f64; 3]) -> [f64; 3] {
+    [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
+}
+
+/// Twice the area of a triangle, mm².
+fn doubled_area([a, b, c]: [[f64; 3]; 3]) -> f64 {
+    let normal = cross(subtract(b, a), subtract(c, a));
+    dot(normal, normal).sqrt()
+}
