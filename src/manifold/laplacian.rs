@@ -158,3 +158,101 @@ fn doubled_area([a, b, c]: [[f64; 3]; 3]) -> f64 {
     let normal = cross(subtract(b, a), subtract(c, a));
     dot(normal, normal).sqrt()
 }
+
+#[cfg(test)]
+mod tests {
+    use super::super::test_meshes::{icosphere, rectangle};
+    use super::*;
+    use proptest::prelude::*;
+    use std::f64::consts::PI;
+
+    /// `K` the other way: Σ area ∇hat_i · ∇hat_j, gradients from solving for each hat function.
+    fn by_gradients(mesh: &TriMesh) -> Vec<Vec<f64>> {
+        let mut stiffness = vec![vec![0.0; mesh.n_vertices()]; mesh.n_vertices()];
+        for triangle in mesh.triangles() {
+            let [a, b, c] = triangle.map(|v| nalgebra::Vector3::from(mesh.vertices()[v as usize]));
+            let edges = nalgebra::Matrix3x2::from_columns(&[b - a, c - a]);
+            // Rows of the pseudo-inverse: gradients of the hats at b and c within the plane.
+            let inverse = (edges.transpose() * edges).try_inverse().unwrap() * edges.transpose();
+            let (at_b, at_c) = (inverse.row(0).transpose(), inverse.row(1).transpose());
+            let gradients = [-at_b - at_c, at_b, at_c];
+            let area = 0.5 * (b - a).cross(&(c - a)).norm();
+            for i in 0..3 {
+                for j in 0..3 {
+                    stiffness[triangle[i] as usize][triangle[j] as usize] +=
+                        area * gradients[i].dot(&gradients[j]);
+                }
+            }
+        }
+        stiffness
+    }
+
+    fn assert_built_two_ways(mesh: &TriMesh) {
+        let stiffness = Laplacian::new(mesh).unwrap().stiffness;
+        for (i, expected) in by_gradients(mesh).into_iter().enumerate() {
+            let mut row = vec![0.0; mesh.n_vertices()];
+            stiffness.row(i).for_each(|(j, value)| row[j] = value);
+            let size: f64 = row.iter().map(|v| v.abs()).sum();
+            assert!(row.iter().sum::<f64>().abs() < 1e-12 * size, "row {i} does not sum to zero");
+            for j in 0..row.len() {
+                assert!((row[j] - expected[j]).abs() < 1e-9 * size, "({i}, {j}): {} {}", row[j], expected[j]);
+            }
+        }
+    }
+
+    #[test]
+    fn right_angles_give_the_five_point_stencil() {
+        let stiffness = Laplacian::new(&rectangle(2, 2, 3.0)).unwrap().stiffness;
+        let middle: Vec<(usize, f64)> = stiffness.row(4).filter(|&(_, v)| v.abs() > 1e-15).collect();
+        let expected = [(1, -1.0), (3, -1.0), (4, 4.0), (5, -1.0), (7, -1.0)];
+        assert_eq!(middle.len(), 5, "{middle:?}");
+        for (got, want) in middle.iter().zip(expected) {
+            assert!(got.0 == want.0 && (got.1 - want.1).abs() < 1e-14, "{middle:?}");
+        }
+    }
+
+    #[test]
+    fn both_constructions_agree_on_a_closed_and_an_open_surface() {
+        assert_built_two_ways(&icosphere(2, 7.0));
+        assert_built_two_ways(&rectangle(5, 3, 0.4));
+    }
+
+    proptest! {
+        #[test]
+        fn both_constructions_agree_on_crumpled_surfaces(
+            offsets in prop::collection::vec(prop::array::uniform3(-0.4..0.4_f64), 20)
+        ) {
+            let flat = rectangle(4, 3, 1.0);
+            let moved = flat.vertices().iter().zip(&offsets);
+            let vertices = moved.map(|(v, o)| [v[0] + o[0], v[1] + o[1], v[2] + o[2]]).collect();
+            assert_built_two_ways(&TriMesh::new(vertices, flat.triangles().to_vec()).unwrap());
+        }
+    }
+
+    #[test]
+    fn the_matrix_is_symmetric_to_the_last_bit() {
+        let stiffness = Laplacian::new(&icosphere(2, 7.0)).unwrap().stiffness;
+        for i in 0..stiffness.n_rows() {
+            for (j, value) in stiffness.row(i) {
+                let mirrored = stiffness.row(j).find(|&(column, _)| column == i).unwrap().1;
+                assert_eq!(value.to_bits(), mirrored.to_bits());
+            }
+        }
+    }
+
+    #[test]
+    fn mass_sums_to_the_area() {
+        let flat = Laplacian::new(&rectangle(6, 4, 0.5)).unwrap();
+        assert!((flat.area() - 6.0).abs() < 1e-12);
+        let sphere = Laplacian::new(&icosphere(4, 10.0)).unwrap();
+        assert!((sphere.area() / (400.0 * PI) - 1.0).abs() < 5e-3);
+    }
+
+    #[test]
+    fn a_triangle_without_area_is_named() {
+        let vertices = vec![[0.0; 3], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [2.0, 0.0, 0.0]];
+        let mesh = TriMesh::new(vertices, vec![[0, 1, 2], [0, 1, 3]]).unwrap();
+        let error = Laplacian::new(&mesh).unwrap_err();
+        assert!(matches!(error, ManifoldError::DegenerateTriangle { triangle: 1, .. }), "{error}");
+    }
+}

@@ -3,7 +3,9 @@
 //! Lengths are millimetres; knows nothing of probability or electrophysiology.
 
 mod basis;
+mod cached;
 mod cholesky;
+mod distance;
 mod eigen;
 mod error;
 mod lanczos;
@@ -12,6 +14,8 @@ mod laplacian;
 mod test_meshes;
 
 pub use basis::Basis;
+pub use cached::eigenpairs_cached;
+pub use distance::{Geodesic, biharmonic};
 pub use eigen::eigenpairs;
 pub use error::ManifoldError;
 pub use laplacian::{Csr, Laplacian};
