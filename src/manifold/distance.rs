@@ -37,7 +37,7 @@ pub fn biharmonic(basis: &Basis, from: usize) -> Vec<f64> {
 /// ```text
 /// (M + t K) u = M 1_sources,   √t = mean edge      heat after a short time
 /// X = −∇u / |∇u|                                   per triangle
-/// K d = div X                                      d shifted so that its smallest source is 0
+/// K d = div X                                      d shifted so that sources are at 0 on average
 /// ```
 /// Errors are a few per cent, more within a few edges of a source.  For one connected surface.
 ///
@@ -102,7 +102,8 @@ impl Geodesic {
             corners.add_divergence(&heat, &mut divergence);
         }
         self.poisson.solve(&mut divergence);
-        let start = sources.iter().map(|&s| divergence[s as usize][0]).fold(f64::INFINITY, f64::min);
+        let total: f64 = sources.iter().map(|&source| divergence[source as usize][0]).sum();
+        let start = total / sources.len() as f64;
         let mut distance: Vec<f64> = divergence.iter().map(|[d]| (d - start).max(0.0)).collect();
         for &source in sources {
             distance[source as usize] = 0.0;
@@ -194,8 +195,7 @@ mod tests {
             .map(|&v| 20.0 * (dot(v, mesh.vertices()[0]) / 400.0).clamp(-1.0, 1.0).acos())
             .collect();
         let (largest, typical) = relative_errors(&distance, &exact, 5.0);
-        println!("{largest} {typical}");
-        assert!(largest < 0.03 && typical < 0.02, "largest {largest}, rms {typical}");
+        assert!(largest < 0.05 && typical < 0.02, "largest {largest}, rms {typical}");
         let furthest = distance.iter().copied().fold(0.0, f64::max);
         assert!((furthest / (20.0 * PI) - 1.0).abs() < 0.02, "antipode at {furthest}");
     }
@@ -207,13 +207,11 @@ mod tests {
         let centre = 30 * 61 + 30;
         let exact: Vec<f64> = mesh.vertices().iter().map(|v| (v[0] - 15.0).hypot(v[1] - 15.0)).collect();
         let (largest, typical) = relative_errors(&geodesic.distance(&[centre]), &exact, 3.0);
-        println!("{largest} {typical}");
-        assert!(largest < 0.06 && typical < 0.03, "point: largest {largest}, rms {typical}");
+        assert!(largest < 0.04 && typical < 0.02, "point: largest {largest}, rms {typical}");
         let left: Vec<u32> = (0..=60).map(|j| j * 61).collect();
         let exact: Vec<f64> = mesh.vertices().iter().map(|v| v[0]).collect();
         let (largest, typical) = relative_errors(&geodesic.distance(&left), &exact, 3.0);
-        println!("{largest} {typical}");
-        assert!(largest < 0.03 && typical < 0.02, "edge: largest {largest}, rms {typical}");
+        assert!(largest < 0.02 && typical < 0.01, "edge: largest {largest}, rms {typical}");
     }
 
     #[test]
@@ -221,7 +219,6 @@ mod tests {
         // 900 edges: heat falls by some exp(−900).
         let mesh = rectangle(900, 2, 0.3);
         let distance = Geodesic::new(&mesh).unwrap().distance(&[900 + 1]);
-        println!("{:?}", &distance[900 + 1..].iter().step_by(100).collect::<Vec<_>>());
         assert!((distance[2 * 901 - 1] / 270.0 - 1.0).abs() < 0.02, "{}", distance[2 * 901 - 1]);
     }
 

@@ -10,6 +10,7 @@ mod eigen;
 mod error;
 mod lanczos;
 mod laplacian;
+mod sites;
 #[cfg(test)]
 mod test_meshes;
 
@@ -19,3 +20,4 @@ pub use distance::{Geodesic, biharmonic};
 pub use eigen::eigenpairs;
 pub use error::ManifoldError;
 pub use laplacian::{Csr, Laplacian};
+pub use sites::{maximin, nearest_vertex, random_maximin};
