@@ -15,9 +15,9 @@ use tempfile::NamedTempFile;
 /// Eigenpairs `K φ = λ M φ` with `φᵀ M φ = 1`, ascending in λ; λ in mm⁻², φ in mm⁻¹.
 #[derive(Clone, Debug)]
 pub struct Basis {
-    /// Eigenvalues (n_modes), λ₀ = 0.
+    /// Eigenvalues `(n_modes)`, λ₀ = 0.
     pub eigenvalues: Vec<f64>,
-    /// Eigenfunctions, row-major (n_vertices, n_modes): the modes at one vertex are contiguous.
+    /// Eigenfunctions, row-major `(n_vertices, n_modes)`: the modes at one vertex are contiguous.
     pub eigenfunctions: Vec<f64>,
 }
 
@@ -105,7 +105,10 @@ impl Basis {
             return Err(wrong(path, "eigenfunctions", expected, got));
         }
         check_spectrum(path, &eigenvalues.values)?;
-        Ok(Self { eigenvalues: eigenvalues.values, eigenfunctions: eigenfunctions.into_row_major() })
+        Ok(Self {
+            eigenvalues: eigenvalues.values,
+            eigenfunctions: eigenfunctions.into_row_major(),
+        })
     }
 
     /// Writes both arrays as float64 in C order; the file appears whole or not at all.
@@ -141,7 +144,8 @@ impl Basis {
             let options = FileOptions::default()
                 .compression_method(CompressionMethod::Stored)
                 .large_file(values.len() > 1 << 28);
-            let mut array = archive.array(name, options)?.default_dtype().shape(shape).begin_nd()?;
+            let mut array =
+                archive.array(name, options)?.default_dtype().shape(shape).begin_nd()?;
             array.extend(values.iter().copied())?;
             array.finish()?;
         }
@@ -260,5 +264,166 @@ fn wrong(
         array,
         expected: expected.into(),
         got: got.into(),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::test_meshes::rectangle;
+    use super::*;
+    use base64::{Engine, engine::general_purpose::STANDARD};
+    use std::fs;
+    use tempfile::{TempDir, tempdir};
+
+    /// Written by NumPy 2.5.5: `savez_compressed(file, eigenvalues=array([0, 0.25], '<f4'),
+    /// eigenfunctions=asfortranarray(array([[1, 2], [3, 4], [5, 6.5]], '<f4')))`.
+    const BY_NUMPY: &str = "\
+        UEsDBC0AAAAIAAAAIQBlNVRW//////////8PABQAZWlnZW52YWx1ZXMubnB5AQAQAIgAAAAAAAAASQAA\
+        AAAAAACb7BfqGxDJyFDGUK2eklqcXKRupaBuk2airqOgnpZfVFKUmBefX5SSChJ3S8wpTgWKF2ckFqQC\
+        +RpGOpo6CrUKFAAuBjBosAMAUEsDBC0AAAAIAAAAIQDkLnj///////////8SABQAZWlnZW5mdW5jdGlv\
+        bnMubnB5AQAQAJgAAAAAAAAAWQAAAAAAAACb7BfqGxDJyFDGUK2eklqcXKRupaBuk2airqOgnpZfVFKU\
+        mBefX5SSChIPKSpNBQoXZyQWpAK5GsY6CkaaOgq1CuQDLgaGBnsGBgcHBoYFQMwAxA1AfMEBAFBLAQIt\
+        Ay0AAAAIAAAAIQBlNVRWSQAAAIgAAAAPAAAAAAAAAAAAAACAAQAAAABlaWdlbnZhbHVlcy5ucHlQSwEC\
+        LQMtAAAACAAAACEA5C54/1kAAACYAAAAEgAAAAAAAAAAAAAAgAGKAAAAZWlnZW5mdW5jdGlvbnMubnB5\
+        UEsFBgAAAAACAAIAfQAAACcBAAAAAA==";
+
+    fn small() -> Basis {
+        Basis {
+            eigenvalues: vec![0.0, 0.25, 1.0 / 3.0],
+            eigenfunctions: vec![1.0, 2.0, 3.0, 4.0, 5.0, 6.0],
+        }
+    }
+
+    /// Writes arrays of any shape, the way a user might get them wrong, and reads them back.
+    fn read_arrays(arrays: &[(&str, &[u64], &[f64])]) -> Result<Basis, ManifoldError> {
+        let folder = tempdir().unwrap();
+        let path = folder.path().join("basis.npz");
+        let mut archive = NpzWriter::create(&path).unwrap();
+        for (name, shape, values) in arrays {
+            let array = archive.array(name, FileOptions::default()).unwrap();
+            let mut array = array.default_dtype().shape(shape).begin_nd().unwrap();
+            array.extend(values.iter().copied()).unwrap();
+            array.finish().unwrap();
+        }
+        archive.zip_writer().finish().unwrap().flush().unwrap();
+        Basis::read_npz(&path)
+    }
+
+    fn in_folder(name: &str) -> (TempDir, std::path::PathBuf) {
+        let folder = tempdir().unwrap();
+        let path = folder.path().join(name);
+        (folder, path)
+    }
+
+    #[test]
+    fn what_is_written_is_read_back_bit_for_bit() {
+        let (_folder, path) = in_folder("basis.npz");
+        small().write_npz(&path).unwrap();
+        small().write_npz(&path).unwrap();
+        let back = Basis::read_npz(&path).unwrap();
+        assert!(back.eigenvalues == small().eigenvalues);
+        assert!(back.eigenfunctions == small().eigenfunctions);
+        assert_eq!((back.n_vertices(), back.n_modes()), (2, 3));
+        assert_eq!(
+            fs::read_dir(path.parent().unwrap()).unwrap().count(),
+            1,
+            "a temporary file is left"
+        );
+    }
+
+    #[test]
+    fn a_compressed_fortran_order_float32_file_of_numpy_is_read() {
+        let (_folder, path) = in_folder("numpy.npz");
+        fs::write(&path, STANDARD.decode(BY_NUMPY).unwrap()).unwrap();
+        let basis = Basis::read_npz(&path).unwrap();
+        assert!(basis.eigenvalues == [0.0, 0.25]);
+        assert!(basis.eigenfunctions == [1.0, 2.0, 3.0, 4.0, 5.0, 6.5]);
+    }
+
+    #[test]
+    fn errors_name_the_array_what_was_expected_and_what_was_found() {
+        let values: (&str, &[u64], &[f64]) = ("eigenvalues", &[2], &[0.0, 1.0]);
+        let functions: (&str, &[u64], &[f64]) = ("eigenfunctions", &[3, 2], &[1.0; 6]);
+        assert!(read_arrays(&[values, functions]).is_ok());
+        let message = |arrays: &[_]| read_arrays(arrays).unwrap_err().to_string();
+        let cases = [
+            (
+                message(&[values]),
+                "`eigenfunctions`: expected an array, got no such array (the file has: eigenvalues)",
+            ),
+            (
+                message(&[values, ("eigenfunctions", &[2, 3], &[1.0; 6])]),
+                "expected shape (n_vertices, 2), got (2, 3)",
+            ),
+            (
+                message(&[values, ("eigenfunctions", &[6], &[1.0; 6])]),
+                "expected 2 dimension(s), got shape [6]",
+            ),
+            (
+                message(&[values, ("eigenfunctions", &[1, 2], &[1.0, f64::NAN])]),
+                "expected finite numbers, got NaN at position 1",
+            ),
+            (message(&[("eigenvalues", &[2], &[1.0, 0.0]), functions]), "the first to be 0"),
+            (
+                message(&[
+                    ("eigenvalues", &[3], &[0.0, 2.0, 1.0]),
+                    ("eigenfunctions", &[1, 3], &[1.0; 3]),
+                ]),
+                "ascending order",
+            ),
+            (message(&[("eigenvalues", &[0], &[]), functions]), "at least 1 value"),
+        ];
+        for (message, expected) in cases {
+            assert!(message.contains(expected) && message.contains("help:"), "{message}");
+        }
+    }
+
+    #[test]
+    fn files_that_are_absent_or_damaged_are_errors() {
+        let (_folder, path) = in_folder("basis.npz");
+        let error = Basis::read_npz(&path).unwrap_err();
+        assert!(matches!(error, ManifoldError::File { action: "read", .. }), "{error}");
+        small().write_npz(&path).unwrap();
+        let whole = fs::read(&path).unwrap();
+        for length in 0..whole.len() {
+            fs::write(&path, &whole[..length]).unwrap();
+            assert!(Basis::read_npz(&path).is_err(), "cut to {length} bytes");
+        }
+        // One flipped bit of a value is caught by the archive's checksum.
+        let value = whole.windows(8).position(|w| w == 5.0_f64.to_le_bytes()).unwrap();
+        let mut flipped = whole;
+        flipped[value + 3] ^= 1;
+        fs::write(&path, &flipped).unwrap();
+        assert!(Basis::read_npz(&path).is_err());
+    }
+
+    #[test]
+    fn a_folder_that_is_not_there_is_an_error_and_leaves_nothing() {
+        let (folder, _) = in_folder("");
+        let error = small().write_npz(&folder.path().join("absent/basis.npz")).unwrap_err();
+        assert!(matches!(error, ManifoldError::File { action: "write", .. }), "{error}");
+        assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 0);
+    }
+
+    #[test]
+    fn truncation_keeps_the_first_modes_of_every_vertex() {
+        let two = small().truncated(2).unwrap();
+        assert!(two.eigenvalues == [0.0, 0.25] && two.eigenfunctions == [1.0, 2.0, 4.0, 5.0]);
+        assert!(matches!(
+            small().truncated(4),
+            Err(ManifoldError::BasisTooSmall { available: 3, .. })
+        ));
+        assert!(matches!(small().truncated(0), Err(ManifoldError::NoModes)));
+    }
+
+    #[test]
+    fn a_basis_of_another_mesh_or_unit_does_not_fit() {
+        let mesh = rectangle(4, 3, 2.0);
+        let good = super::super::eigenpairs(&mesh, 5).unwrap();
+        assert!(good.require_fit(&mesh).is_ok());
+        let other = rectangle(4, 4, 2.0);
+        assert!(good.require_fit(&other).unwrap_err().to_string().contains("25 vertices, got 20"));
+        let cm = rectangle(4, 3, 0.2);
+        assert!(good.require_fit(&cm).unwrap_err().to_string().contains("got 1.000e-2"));
     }
 }

@@ -10,7 +10,7 @@ use crate::mesh::TriMesh;
 /// Modes of the biharmonic distance: its terms fall like 1/λ².
 const BIHARMONIC_MODES: usize = 32;
 
-/// Biharmonic distance from vertex `from` to every vertex (n_vertices), mm.
+/// Biharmonic distance from vertex `from` to every vertex `(n_vertices)`, mm.
 ///
 /// ```text
 /// d²(x, y) = Σ_{k ≥ 1} (φ_k(x) − φ_k(y))² / λ_k²     over the first 32 modes, or as many as there are
@@ -82,7 +82,7 @@ impl Geodesic {
         })
     }
 
-    /// Distance of every vertex to the nearest of `sources` (n_vertices), mm; infinite when there
+    /// Distance of every vertex to the nearest of `sources` `(n_vertices)`, mm; infinite when there
     /// are no sources.
     ///
     /// # Panics
@@ -118,8 +118,8 @@ impl Corners {
         let normal = cross(subtract(b, a), subtract(c, a));
         let squared = dot(normal, normal);
         // ∇ of a hat function: the opposite edge turned by 90°, over twice the area.
-        let gradients =
-            [(b, c), (c, a), (a, b)].map(|(p, q)| cross(normal, subtract(q, p)).map(|x| x / squared));
+        let gradients = [(b, c), (c, a), (a, b)]
+            .map(|(p, q)| cross(normal, subtract(q, p)).map(|x| x / squared));
         Self { vertices, gradients, area: 0.5 * squared.sqrt() }
     }
 
@@ -205,7 +205,8 @@ mod tests {
         let mesh = rectangle(60, 60, 0.5);
         let geodesic = Geodesic::new(&mesh).unwrap();
         let centre = 30 * 61 + 30;
-        let exact: Vec<f64> = mesh.vertices().iter().map(|v| (v[0] - 15.0).hypot(v[1] - 15.0)).collect();
+        let exact: Vec<f64> =
+            mesh.vertices().iter().map(|v| (v[0] - 15.0).hypot(v[1] - 15.0)).collect();
         let (largest, typical) = relative_errors(&geodesic.distance(&[centre]), &exact, 3.0);
         assert!(largest < 0.04 && typical < 0.02, "point: largest {largest}, rms {typical}");
         let left: Vec<u32> = (0..=60).map(|j| j * 61).collect();
@@ -228,7 +229,7 @@ mod tests {
         let geodesic = Geodesic::new(&mesh).unwrap();
         let distance = geodesic.distance(&[3, 40]);
         assert!(distance[3] == 0.0 && distance[40] == 0.0);
-        assert!(distance.iter().all(|&d| d >= 0.0 && d < 10.0 * PI));
+        assert!(distance.iter().all(|d| (0.0..10.0 * PI).contains(d)));
         assert!(geodesic.distance(&[]).iter().all(|&d| d == f64::INFINITY));
     }
 
@@ -252,7 +253,8 @@ mod tests {
             let squared: f64 = (1..5)
                 .map(|l| {
                     let (l_f, eigenvalue) = (l as f64, (l * (l + 1)) as f64 / (radius * radius));
-                    (2.0 * l_f + 1.0) / (2.0 * PI * radius * radius) * (1.0 - legendre[l]) / eigenvalue.powi(2)
+                    (2.0 * l_f + 1.0) / (2.0 * PI * radius * radius) * (1.0 - legendre[l])
+                        / eigenvalue.powi(2)
                 })
                 .sum();
             assert!((distance[vertex] - squared.max(0.0).sqrt()).abs() < 0.02 * radius, "{vertex}");

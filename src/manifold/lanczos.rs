@@ -35,7 +35,7 @@ pub(super) fn capacity(n_wanted: usize) -> usize {
     (17 * n_wanted / 10).max(n_wanted + 4 * BLOCK).next_multiple_of(BLOCK)
 }
 
-/// Orthonormal eigenvectors (n, n_wanted) of the `n_wanted` largest eigenvalues, largest first.
+/// Orthonormal eigenvectors `(n, n_wanted)` of the `n_wanted` largest eigenvalues, largest first.
 ///
 /// `n` must exceed `capacity(n_wanted) + BLOCK`.
 ///
@@ -71,7 +71,7 @@ pub(super) fn largest(
 
 /// The Krylov space: `size` vectors and the block after them.
 struct Krylov {
-    /// `[V W]` (n, capacity + BLOCK); columns from `size + BLOCK` on are unused.
+    /// `[V W]` `(n, capacity + BLOCK)`; columns from `size + BLOCK` on are unused.
     vectors: Mat<f64>,
     /// `T`, with the coupling `E` in the BLOCK rows below it and mirrored beside it.
     projected: Mat<f64>,
@@ -137,16 +137,14 @@ impl Krylov {
     /// Eigenpairs of `T` and how far each is from an eigenpair of `A`.
     fn ritz(&self) -> Result<Ritz, ManifoldError> {
         let size = self.size;
-        let decomposition = self
-            .projected
-            .submatrix(0, 0, size, size)
-            .self_adjoint_eigen(Side::Lower)
-            .map_err(|error| ManifoldError::LinearAlgebra {
-                during: "the projected eigenproblem",
-                reason: format!("{error:?}"),
-            })?;
-        let values: Vec<f64> =
-            decomposition.S().column_vector().iter().rev().copied().collect();
+        let decomposition =
+            self.projected.submatrix(0, 0, size, size).self_adjoint_eigen(Side::Lower).map_err(
+                |error| ManifoldError::LinearAlgebra {
+                    during: "the projected eigenproblem",
+                    reason: format!("{error:?}"),
+                },
+            )?;
+        let values: Vec<f64> = decomposition.S().column_vector().iter().rev().copied().collect();
         let vectors = decomposition.U().reverse_cols().to_owned();
         // Only the last block of V couples to W, except right after a restart: use all of E.
         let coupling = self.projected.submatrix(size, 0, BLOCK, size) * &vectors;

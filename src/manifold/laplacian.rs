@@ -18,14 +18,14 @@ pub struct Csr {
 /// ```text
 /// K_ij = −½ Σ cot(angle opposite edge ij),   K_ii = −Σ_j K_ij,   M_ii = ⅓ Σ area(triangles at i)
 /// ```
-/// `K` is (n_vertices, n_vertices), symmetric, positive semidefinite with the constants in its null
+/// `K` is `(n_vertices, n_vertices)`, symmetric, positive semidefinite with the constants in its null
 /// space, dimensionless; `M` is diagonal, mm².  No-flux on open edges.  Valid for any triangles with
 /// area, also obtuse ones (off-diagonal entries may then be positive).
 #[derive(Clone, Debug)]
 pub struct Laplacian {
     /// Stiffness `K`.
     pub stiffness: Csr,
-    /// Diagonal of the lumped mass `M`, mm² (n_vertices).
+    /// Diagonal of the lumped mass `M`, mm² `(n_vertices)`.
     pub mass: Vec<f64>,
 }
 
@@ -84,7 +84,10 @@ impl Laplacian {
             let doubled_area = doubled_area(corners);
             // Also refuses NaN; below the smallest normal number the cotangents overflow.
             if !doubled_area.is_normal() {
-                return Err(ManifoldError::DegenerateTriangle { triangle: index, vertices: triangle });
+                return Err(ManifoldError::DegenerateTriangle {
+                    triangle: index,
+                    vertices: triangle,
+                });
             }
             for corner in 0..3 {
                 let (next, other) = ((corner + 1) % 3, (corner + 2) % 3);
@@ -166,7 +169,7 @@ mod tests {
     use proptest::prelude::*;
     use std::f64::consts::PI;
 
-    /// `K` the other way: Σ area ∇hat_i · ∇hat_j, gradients from solving for each hat function.
+    /// `K` the other way: Σ area ∇uᵢ · ∇uⱼ, the gradients from solving for each hat function.
     fn by_gradients(mesh: &TriMesh) -> Vec<Vec<f64>> {
         let mut stiffness = vec![vec![0.0; mesh.n_vertices()]; mesh.n_vertices()];
         for triangle in mesh.triangles() {
@@ -195,7 +198,12 @@ mod tests {
             let size: f64 = row.iter().map(|v| v.abs()).sum();
             assert!(row.iter().sum::<f64>().abs() < 1e-12 * size, "row {i} does not sum to zero");
             for j in 0..row.len() {
-                assert!((row[j] - expected[j]).abs() < 1e-9 * size, "({i}, {j}): {} {}", row[j], expected[j]);
+                assert!(
+                    (row[j] - expected[j]).abs() < 1e-9 * size,
+                    "({i}, {j}): {} {}",
+                    row[j],
+                    expected[j]
+                );
             }
         }
     }
@@ -203,7 +211,8 @@ mod tests {
     #[test]
     fn right_angles_give_the_five_point_stencil() {
         let stiffness = Laplacian::new(&rectangle(2, 2, 3.0)).unwrap().stiffness;
-        let middle: Vec<(usize, f64)> = stiffness.row(4).filter(|&(_, v)| v.abs() > 1e-15).collect();
+        let middle: Vec<(usize, f64)> =
+            stiffness.row(4).filter(|&(_, v)| v.abs() > 1e-15).collect();
         let expected = [(1, -1.0), (3, -1.0), (4, 4.0), (5, -1.0), (7, -1.0)];
         assert_eq!(middle.len(), 5, "{middle:?}");
         for (got, want) in middle.iter().zip(expected) {

@@ -35,7 +35,8 @@ pub fn maximin(
         return Ok(vec![]);
     }
     let first = eligible[ChaCha8Rng::seed_from_u64(seed).random_range(0..eligible.len())];
-    let mut design = Design { geodesic: &geodesic, eligible: &eligible, sites: vec![], fields: vec![] };
+    let mut design =
+        Design { geodesic: &geodesic, eligible: &eligible, sites: vec![], fields: vec![] };
     design.push(first);
     while design.sites.len() < n_sites {
         let (site, _) = design.farthest(None);
@@ -143,22 +144,24 @@ impl Design<'_> {
 }
 
 /// Vertices at least `exclude_mm` from every opening, at least `n_sites` of them.
-fn eligible(
-    mesh: &TriMesh,
-    n_sites: usize,
-    exclude_mm: f64,
-) -> Result<Vec<u32>, ManifoldError> {
+fn eligible(mesh: &TriMesh, n_sites: usize, exclude_mm: f64) -> Result<Vec<u32>, ManifoldError> {
     if !(exclude_mm.is_finite() && exclude_mm >= 0.0) {
         return Err(ManifoldError::ExcludedBand { exclude_mm });
     }
     let place = |vertex: u32| mesh.vertices()[vertex as usize];
     let openings: Vec<[f64; 3]> = boundary_vertices(mesh).into_iter().map(place).collect();
     let is_clear = |&vertex: &u32| {
-        openings.iter().all(|&edge| squared_distance(edge, place(vertex)) >= exclude_mm * exclude_mm)
+        openings
+            .iter()
+            .all(|&edge| squared_distance(edge, place(vertex)) >= exclude_mm * exclude_mm)
     };
     let eligible: Vec<u32> = (0..mesh.n_vertices() as u32).filter(is_clear).collect();
     if eligible.len() < n_sites {
-        return Err(ManifoldError::TooFewVertices { n_sites, available: eligible.len(), exclude_mm });
+        return Err(ManifoldError::TooFewVertices {
+            n_sites,
+            available: eligible.len(),
+            exclude_mm,
+        });
     }
     Ok(eligible)
 }
