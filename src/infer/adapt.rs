@@ -234,7 +234,7 @@ mod tests {
 
     #[test]
     fn dual_averaging_finds_the_step_size_of_a_known_acceptance_curve() {
-        let mut adapt = DualAveraging::new(5.0, 0.9);
+        let mut adapt = DualAveraging::new(0.2, 0.9);
         for _ in 0..1000 {
             let accept = (-adapt.step_size()).exp();
             adapt.update(accept);

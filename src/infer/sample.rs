@@ -363,7 +363,14 @@ impl Run<'_> {
         failure: ChainFailure,
     ) -> ChainError {
         let position = nuts.point.position.clone();
-        ChainError { chain: self.chain, seed: self.settings.seed, phase, iteration, position, failure }
+        ChainError {
+            chain: self.chain,
+            seed: self.settings.seed,
+            phase,
+            iteration,
+            position,
+            failure,
+        }
     }
 }
 

@@ -105,7 +105,9 @@ fn never(_: i64, _: i64) -> bool {
 /// Irregular: depends on length and place, also turns short spans here and there.
 fn irregular(low: i64, high: i64) -> bool {
     let (length, place) = (high - low + 1, low.rem_euclid(N));
-    length >= 16 || (length == 2 && place == 3) || (length == 4 && place % 3 == 1)
+    length >= 16
+        || (length == 2 && place == 3)
+        || (length == 4 && place % 3 == 1)
         || (length == 8 && place % 2 == 0)
 }
 

@@ -16,7 +16,8 @@ pub(super) fn dot_sum(a: &[f64], b: &[f64], d: &[f64], c: f64) -> f64 {
     let mut partial = [0.0; LANES];
     let whole = n - n % LANES;
     for start in (0..whole).step_by(LANES) {
-        let (a, b, d) = (&a[start..start + LANES], &b[start..start + LANES], &d[start..start + LANES]);
+        let (a, b, d) =
+            (&a[start..start + LANES], &b[start..start + LANES], &d[start..start + LANES]);
         for lane in 0..LANES {
             partial[lane] += a[lane] * (b[lane] + c * d[lane]);
         }
