@@ -6,7 +6,7 @@
 
 use super::hamiltonian::{Hamiltonian, PhasePoint};
 use super::tree::{self, Direction, Stop, Subtree, Trajectory, Workspace};
-use super::vector::{add_scaled, dot, dot_sum};
+use super::vector::{add_scaled, dots_with_sum};
 use rand::{Rng, RngExt};
 use rand_chacha::ChaCha8Rng;
 use rand_distr::StandardNormal;
@@ -48,7 +48,7 @@ impl<'a> Nuts<'a> {
         let dim = position.len();
         let mut point = PhasePoint::new(dim);
         point.position.copy_from_slice(position);
-        let mut flow = Flow { hamiltonian, rng, step_size: 0.0, energy: 0.0, n: 0, accept: 0.0 };
+        let mut flow = Flow::new(hamiltonian, rng);
         flow.hamiltonian.evaluate(&mut point);
         let blank = || Subtree::new(Proposal::new(dim), Span::new(dim));
         Self {
@@ -130,14 +130,29 @@ struct Flow<'a> {
     step_size: f64,
     /// Energy at the start of the transition.
     energy: f64,
+    /// Energy of the newest point.
+    newest_energy: f64,
     n: u32,
     accept: f64,
 }
 
-impl Flow<'_> {
+impl<'a> Flow<'a> {
+    fn new(hamiltonian: Hamiltonian<'a>, rng: ChaCha8Rng) -> Self {
+        Self {
+            hamiltonian,
+            rng,
+            step_size: 0.0,
+            energy: 0.0,
+            newest_energy: 0.0,
+            n: 0,
+            accept: 0.0,
+        }
+    }
+
     fn begin(&mut self, step_size: f64, energy: f64) {
         self.step_size = step_size;
         self.energy = energy;
+        self.newest_energy = energy;
         self.n = 0;
         self.accept = 0.0;
     }
@@ -182,7 +197,8 @@ impl Trajectory for Flow<'_> {
         let step_size = if forward { self.step_size } else { -self.step_size };
         self.hamiltonian.leapfrog(edge, step_size);
         self.n += 1;
-        let ln_weight = self.energy - edge.energy();
+        self.newest_energy = edge.energy();
+        let ln_weight = self.energy - self.newest_energy;
         // NaN, from an undefined density or gradient, fails this comparison and diverges.
         let finite = ln_weight >= -MAX_ENERGY_ERROR && ln_weight < f64::INFINITY;
         if finite {
@@ -195,7 +211,7 @@ impl Trajectory for Flow<'_> {
         proposal.position.copy_from_slice(&edge.position);
         proposal.gradient.copy_from_slice(&edge.gradient);
         proposal.ln_density = edge.ln_density;
-        proposal.energy = edge.energy();
+        proposal.energy = self.newest_energy;
         span.first.copy_from_slice(&edge.momentum);
         span.last.copy_from_slice(&edge.momentum);
         span.sum.copy_from_slice(&edge.momentum);
@@ -208,20 +224,24 @@ impl Trajectory for Flow<'_> {
     }
 
     fn join(&mut self, span: &mut Span, next: &Span) -> bool {
-        // Junctions: (all of span + first of next), (last of span + all of next).
-        let turning_into = dot_sum(&span.first, &span.sum, &next.first, 1.0) <= 0.0
-            || dot_sum(&next.first, &span.sum, &next.first, 1.0) <= 0.0;
-        let turning_out = dot_sum(&span.last, &next.sum, &span.last, 1.0) <= 0.0
-            || dot_sum(&next.last, &next.sum, &span.last, 1.0) <= 0.0;
+        let turns = |a: &[f64], b: &[f64], x: &[f64], y: &[f64]| {
+            let [at_a, at_b] = dots_with_sum(a, b, x, y);
+            at_a <= 0.0 || at_b <= 0.0
+        };
+        // The whole; then span with next's first point, and span's last point with next.
+        let turning = turns(&span.first, &next.last, &span.sum, &next.sum)
+            || turns(&span.first, &next.first, &span.sum, &next.first)
+            || turns(&span.last, &next.last, &span.last, &next.sum);
         add_scaled(&mut span.sum, 1.0, &next.sum);
         span.last.copy_from_slice(&next.last);
-        turning_into
-            || turning_out
-            || dot(&span.first, &span.sum) <= 0.0
-            || dot(&span.last, &span.sum) <= 0.0
+        turning
     }
 
     fn reverse(&mut self, span: &mut Span) {
         std::mem::swap(&mut span.first, &mut span.last);
     }
 }
+
+#[cfg(test)]
+#[path = "nuts_tests.rs"]
+mod tests;
