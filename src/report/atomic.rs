@@ -89,9 +89,7 @@ mod tests {
     fn a_folder_is_replaced_whole() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("posterior.zarr");
-        let fill = |name: &'static str| {
-            move |new: &Path| fs::write(new.join(name), b"")
-        };
+        let fill = |name: &'static str| move |new: &Path| fs::write(new.join(name), b"");
         write_folder(&path, fill("first")).unwrap();
         write_folder(&path, fill("second")).unwrap();
         assert_eq!(entries(&path), ["second"]);

@@ -59,7 +59,11 @@ fn columns(group: &Group, variable: &Variable) -> Vec<String> {
         indices = indices.iter().flat_map(extend).collect();
     }
     let name = |index: String| format!("{}[{index}]", variable.name);
-    if element.is_empty() { vec![variable.name.clone()] } else { indices.into_iter().map(name).collect() }
+    if element.is_empty() {
+        vec![variable.name.clone()]
+    } else {
+        indices.into_iter().map(name).collect()
+    }
 }
 
 /// The elements of one variable in one draw, as text.
@@ -103,7 +107,10 @@ mod tests {
     fn draws_read_back_to_the_same_bits() {
         let text = written(&posterior()).unwrap();
         let mut table = csv::Reader::from_reader(text.as_bytes());
-        assert_eq!(table.headers().unwrap(), vec!["chain", "draw", "rho", "erp[A]", "erp[B, left]"]);
+        assert_eq!(
+            table.headers().unwrap(),
+            vec!["chain", "draw", "rho", "erp[A]", "erp[B, left]"]
+        );
         let rows: Vec<Vec<f64>> = table
             .records()
             .map(|row| row.unwrap().iter().map(|cell| cell.parse().unwrap()).collect())

@@ -58,7 +58,7 @@ pub enum ReportError {
     /// A dimension has two lengths within one group,.
     #[error(
         "group {group}: dimension {dim} has length {expected} but also {got}\n\
-         help: give the two different names, or one label per index"
+         help: give the two different names"
     )]
     Dimension {
         /// The group.
@@ -93,7 +93,9 @@ pub enum ReportError {
         dims: Vec<(String, usize)>,
     },
     /// Point data whose length is not the number of vertices.
-    #[error("point data {name}: expected {expected} values, got {got}\nhelp: give one value per vertex")]
+    #[error(
+        "point data {name}: expected {expected} values, got {got}\nhelp: give one value per vertex"
+    )]
     PointData {
         /// The array.
         name: String,
