@@ -111,4 +111,9 @@ impl ReportError {
     pub(super) fn write(path: &Path) -> impl FnOnce(io::Error) -> Self + use<'_> {
         move |source| Self::Write { path: path.to_owned(), source }
     }
+
+    /// For `map_err` on reading `path`.
+    pub(super) fn read(path: &Path) -> impl FnOnce(io::Error) -> Self + use<'_> {
+        move |source| Self::Read { path: path.to_owned(), source }
+    }
 }
