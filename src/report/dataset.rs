@@ -1,4 +1,60 @@
-//! Named arrays in named groups: what `posterior.zarr` holds.
+//! Named arrays in named groups: what `posterior.zarr` and `draws.csv` hold.
+//!
+//! Knows nothing of files, models or samplers.
+
+/// The values of one array, in row-major order.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Values {
+    /// 64-bit floats; NaN where a value does not exist.
+    Float(Vec<f64>),
+    /// 64-bit integers, e.g. `tree_depth`.
+    Int(Vec<i64>),
+    /// Flags, e.g. `diverging`.
+    Bool(Vec<bool>),
+    /// Texts, e.g. the names of measurement sites.
+    Text(Vec<String>),
+}
+
+impl Values {
+    /// Number of values.
+    pub fn len(&self) -> usize {
+        match self {
+            Self::Float(values) => values.len(),
+            Self::Int(values) => values.len(),
+            Self::Bool(values) => values.len(),
+            Self::Text(values) => values.len(),
+        }
+    }
+
+    /// Whether there is no value.
+    pub fn is_empty(&self) -> bool {
+        self.len() == 0
+    }
+}
+
+impl From<Vec<f64>> for Values {
+    fn from(values: Vec<f64>) -> Self {
+        Self::Float(values)
+    }
+}
+
+impl From<Vec<i64>> for Values {
+    fn from(values: Vec<i64>) -> Self {
+        Self::Int(values)
+    }
+}
+
+impl From<Vec<bool>> for Values {
+    fn from(values: Vec<bool>) -> Self {
+        Self::Bool(values)
+    }
+}
+
+impl From<Vec<String>> for Values {
+    fn from(values: Vec<String>) -> Self {
+        Self::Text(values)
+    }
+}
 
 /// One named array.
 #[derive(Clone, Debug)]
@@ -10,14 +66,46 @@ pub struct Variable {
     /// Dimension names and lengths, outermost first, e.g. `[("chain", 4), ("draw", 1000), ("site", 10)]`.
     pub dims: Vec<(String, usize)>,
     /// Values in row-major order.
-    pub values: Vec<f64>,
+    pub values: Values,
+}
+
+impl Variable {
+    /// An array of `values` over `dims` (name, length), outermost first.
+    pub fn new(
+        name: impl Into<String>,
+        unit: impl Into<String>,
+        dims: &[(&str, usize)],
+        values: impl Into<Values>,
+    ) -> Self {
+        let dims = dims.iter().map(|&(dim, length)| (dim.to_owned(), length)).collect();
+        Self { name: name.into(), unit: unit.into(), dims, values: values.into() }
+    }
+
+    /// Whether this labels the indices of the dimension that it is named after.
+    pub(super) fn is_coordinate(&self) -> bool {
+        self.dims.len() == 1 && self.dims[0].0 == self.name
+    }
 }
 
 /// A group of variables that share dimensions, e.g. `posterior`.
+///
+/// As in NetCDF, a variable named like its only dimension is that dimension's coordinate: numbers or texts that
+/// label its indices.  A dimension without one is numbered 0, 1, 2, …
 #[derive(Clone, Debug)]
 pub struct Group {
     /// Group name as ArviZ knows it.
     pub name: String,
     /// The arrays.
     pub variables: Vec<Variable>,
+}
+
+impl Group {
+    /// The label of `index` along `dim`: its text coordinate, else the index.
+    pub(super) fn label(&self, dim: &str, index: usize) -> String {
+        let coordinate = self.variables.iter().find(|v| v.name == dim && v.is_coordinate());
+        match coordinate.map(|variable| &variable.values) {
+            Some(Values::Text(texts)) if index < texts.len() => texts[index].clone(),
+            _ => index.to_string(),
+        }
+    }
 }

@@ -1,5 +1,25 @@
 //! What a run leaves on disk and on the screen.
+//!
+//! Knows arrays of draws, summaries, a mesh and a record of the run; nothing of models, samplers or the simulator.
+//! Every file and folder appears whole or not at all.
 
+mod atomic;
 mod dataset;
+mod draws;
+mod error;
+mod run_record;
+#[cfg(test)]
+mod samples;
+mod summary;
+mod table;
+mod verdict;
+mod zarr;
 
-pub use dataset::{Group, Variable};
+pub use dataset::{Group, Values, Variable};
+pub use draws::write_draws;
+pub use error::ReportError;
+pub use run_record::{RunRecord, Seconds, Settings};
+pub use summary::{Row, read_summary_json, write_summary_csv, write_summary_json};
+pub use table::{WIDTH, console_table};
+pub use verdict::{MAX_DIVERGENT, MAX_R_HAT, MIN_E_BFMI, MIN_ESS, Verdict, verdict};
+pub use zarr::write_zarr;

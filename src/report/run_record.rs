@@ -1,0 +1,177 @@
+//! `run.json`: what was run, on what, how long it took and how well it sampled.
+
+use serde::{Deserialize, Deserializer, Serialize};
+use std::collections::BTreeMap;
+use std::fs;
+use std::io::Write as _;
+use std::path::Path;
+
+use super::ReportError;
+use super::atomic::write_file;
+
+/// Everything needed to repeat a run and to judge it at a glance.
+///
+/// A number that does not exist is NaN here and null in the file.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+pub struct RunRecord {
+    /// Name of the model.
+    pub model: String,
+    /// Version of eplat.
+    pub version: String,
+    /// Seed of all random streams.
+    pub seed: u64,
+    /// Sampler settings.
+    pub settings: Settings,
+    /// SHA-256 of each input in hexadecimal, by role, e.g. `mesh`, `data`, `model`.
+    pub hashes: BTreeMap<String, String>,
+    /// Number of unconstrained parameters.
+    pub n_params: usize,
+    /// Gradient evaluations of all chains, warm-up included.
+    pub grad_evals: u64,
+    /// Mean time of one log density with gradient, ns.
+    #[serde(deserialize_with = "nan_if_null")]
+    pub ns_per_grad: f64,
+    /// Wall-clock time of each stage.
+    pub seconds: Seconds,
+    /// Divergent draws after warm-up, all chains.
+    pub divergences: usize,
+    /// Worst rank-normalised split R̂ of any parameter.
+    #[serde(deserialize_with = "nan_if_null")]
+    pub max_r_hat: f64,
+    /// Smallest bulk effective sample size of any parameter.
+    #[serde(deserialize_with = "nan_if_null")]
+    pub min_ess_bulk: f64,
+    /// Smallest tail effective sample size of any parameter.
+    #[serde(deserialize_with = "nan_if_null")]
+    pub min_ess_tail: f64,
+    /// Smallest bulk effective sample size per second of warm-up and sampling.
+    #[serde(deserialize_with = "nan_if_null")]
+    pub ess_per_second: f64,
+    /// Smallest energy Bayesian fraction of missing information of any chain.
+    #[serde(deserialize_with = "nan_if_null")]
+    pub e_bfmi: f64,
+    /// With a known truth: root mean squared error over the surface by field, in the field's unit.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub rmse: Option<BTreeMap<String, f64>>,
+}
+
+/// Sampler settings.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+pub struct Settings {
+    /// Number of chains.
+    pub chains: usize,
+    /// Warm-up draws of each chain.
+    pub warmup: usize,
+    /// Kept draws of each chain.
+    pub draws: usize,
+    /// Target of the mean acceptance rate.
+    pub target_accept: f64,
+    /// `diag` or `dense`.
+    pub metric: String,
+}
+
+/// Wall-clock time of each stage, s.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+pub struct Seconds {
+    /// Compiling the model file.
+    pub compile: f64,
+    /// Mesh, basis, surrogate, data.
+    pub setup: f64,
+    /// Warm-up.
+    pub warmup: f64,
+    /// Kept draws.
+    pub sampling: f64,
+    /// From start to files written.
+    pub total: f64,
+}
+
+impl RunRecord {
+    /// Writes `run.json`.
+    ///
+    /// # Errors
+    /// [`ReportError::Write`].
+    pub fn write(&self, path: &Path) -> Result<(), ReportError> {
+        write_file(path, |file| {
+            serde_json::to_writer_pretty(&mut *file, self)?;
+            writeln!(file)
+        })
+    }
+
+    /// Reads what [`RunRecord::write`] wrote.
+    ///
+    /// # Errors
+    /// [`ReportError::Read`] and [`ReportError::Malformed`].
+    pub fn read(path: &Path) -> Result<Self, ReportError> {
+        let text = fs::read_to_string(path).map_err(ReportError::read(path))?;
+        serde_json::from_str(&text).map_err(|error| ReportError::Malformed {
+            path: path.to_owned(),
+            reason: error.to_string(),
+        })
+    }
+}
+
+fn nan_if_null<'de, D: Deserializer<'de>>(deserializer: D) -> Result<f64, D::Error> {
+    Ok(Option::deserialize(deserializer)?.unwrap_or(f64::NAN))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::samples;
+    use super::*;
+
+    #[test]
+    fn a_record_reads_back() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("run.json");
+        let record = RunRecord { max_r_hat: f64::NAN, ..samples::record() };
+        record.write(&path).unwrap();
+        insta::assert_snapshot!(fs::read_to_string(&path).unwrap(), @r#"
+        {
+          "model": "Erp",
+          "version": "0.1.0",
+          "seed": 1,
+          "settings": {
+            "chains": 4,
+            "warmup": 1000,
+            "draws": 1000,
+            "target_accept": 0.95,
+            "metric": "diag"
+          },
+          "hashes": {
+            "mesh": "ab12"
+          },
+          "n_params": 54,
+          "grad_evals": 901234,
+          "ns_per_grad": 1830.5,
+          "seconds": {
+            "compile": 0.0,
+            "setup": 1.25,
+            "warmup": 2.0,
+            "sampling": 2.5,
+            "total": 5.75
+          },
+          "divergences": 0,
+          "max_r_hat": null,
+          "min_ess_bulk": 1600.0,
+          "min_ess_tail": 1512.7,
+          "ess_per_second": 605.1,
+          "e_bfmi": 0.83,
+          "rmse": {
+            "tau_out": 2.25
+          }
+        }
+        "#);
+        assert_eq!(format!("{:?}", RunRecord::read(&path).unwrap()), format!("{record:?}"));
+    }
+
+    #[test]
+    fn a_missing_and_a_truncated_record_are_named() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("run.json");
+        let missing = RunRecord::read(&path).unwrap_err().to_string();
+        assert!(missing.contains("run.json") && missing.contains("help: name the --out"));
+        fs::write(&path, "{\n  \"model\": \"Erp\"").unwrap();
+        let truncated = RunRecord::read(&path).unwrap_err().to_string();
+        assert!(truncated.contains("line 2 column 16"), "{truncated}");
+    }
+}

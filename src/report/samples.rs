@@ -1,0 +1,51 @@
+//! Made-up summaries and records for the tests of this layer.
+
+use std::collections::BTreeMap;
+
+use super::{Row, RunRecord, Seconds, Settings};
+use crate::diagnostics::Summary;
+
+/// A well-behaved quantity with this mean and a tenth of it as standard deviation.
+pub(super) fn row(name: &str, unit: &str, mean: f64) -> Row {
+    let sd = 0.1 * mean.abs();
+    let summary = Summary {
+        mean,
+        sd,
+        mcse: sd / 40.0,
+        q5: mean - 1.64 * sd,
+        q50: mean,
+        q95: mean + 1.64 * sd,
+        ess_bulk: 1600.0,
+        ess_tail: 1512.7,
+        r_hat: 1.0021,
+    };
+    Row { name: name.to_owned(), unit: unit.to_owned(), summary }
+}
+
+/// A run of 4 × 1000 draws without any trouble.
+pub(super) fn record() -> RunRecord {
+    RunRecord {
+        model: "Erp".to_owned(),
+        version: "0.1.0".to_owned(),
+        seed: 1,
+        settings: Settings {
+            chains: 4,
+            warmup: 1000,
+            draws: 1000,
+            target_accept: 0.95,
+            metric: "diag".to_owned(),
+        },
+        hashes: BTreeMap::from([("mesh".to_owned(), "ab12".to_owned())]),
+        n_params: 54,
+        grad_evals: 901_234,
+        ns_per_grad: 1830.5,
+        seconds: Seconds { compile: 0.0, setup: 1.25, warmup: 2.0, sampling: 2.5, total: 5.75 },
+        divergences: 0,
+        max_r_hat: 1.0021,
+        min_ess_bulk: 1600.0,
+        min_ess_tail: 1512.7,
+        ess_per_second: 605.1,
+        e_bfmi: 0.83,
+        rmse: Some(BTreeMap::from([("tau_out".to_owned(), 2.25)])),
+    }
+}

@@ -1,0 +1,139 @@
+//! Whether a run can be used, in one sentence.
+//!
+//! # Source
+//! Vehtari, Gelman, Simpson, Carpenter, Bürkner 2021, "Rank-normalization, folding, and localization: an improved R̂",
+//! for the quantities and the smallest effective sample size; Betancourt 2016 for E-BFMI.
+
+use super::{Row, RunRecord};
+
+/// Largest R̂ of a converged run.
+///
+/// Differs from Vehtari et al.: they recommend 1.01, which chains of a thousand draws on the heavy tails of an
+/// amplitude–lengthscale posterior miss now and then by chance.
+pub const MAX_R_HAT: f64 = 1.02;
+/// Smallest bulk and tail effective sample size of a converged run.
+pub const MIN_ESS: f64 = 400.0;
+/// Largest share of divergent draws in a converged run.
+pub const MAX_DIVERGENT: f64 = 0.01;
+/// E-BFMI below which the sampler may have missed the tails.
+pub const MIN_E_BFMI: f64 = 0.2;
+
+/// Whether a run can be used, and why.
+#[derive(Clone, Debug)]
+pub struct Verdict {
+    /// Every threshold of this module holds.
+    pub converged: bool,
+    /// The figures that decide, by name, and what to do.
+    pub sentence: String,
+}
+
+/// The quantity with the worst figure.
+struct Worst<'a> {
+    name: &'a str,
+    value: f64,
+}
+
+/// Judges a run by the worst of its rows, its divergences and its energies.
+///
+/// A quantity that never varies has neither R̂ nor ESS (NaN) and is passed over; without any other there is
+/// nothing to trust and the run has not converged.
+pub fn verdict(record: &RunRecord, rows: &[Row]) -> Verdict {
+    let n_draws = record.settings.chains * record.settings.draws;
+    let share = record.divergences as f64 / (n_draws as f64).max(1.0);
+    let (Some(r_hat), Some(ess)) =
+        (worst(rows, |row| row.summary.r_hat), worst(rows, |row| -row.ess()))
+    else {
+        let sentence = "Not converged: no quantity has an R̂ and an ESS; sample longer (--draws).";
+        return Verdict { converged: false, sentence: sentence.to_owned() };
+    };
+    let figures = [
+        (r_hat.value <= MAX_R_HAT, format!("worst R̂ {:.3} ({})", r_hat.value, r_hat.name)),
+        (-ess.value >= MIN_ESS, format!("smallest ESS {:.0} ({})", -ess.value, ess.name)),
+        (share <= MAX_DIVERGENT, divergences(record.divergences, n_draws)),
+        // Written so that NaN, from a single draw, does not pass.
+        (record.e_bfmi >= MIN_E_BFMI, format!("E-BFMI {:.2}", record.e_bfmi)),
+    ];
+    let converged = figures.iter().all(|(fine, _)| *fine);
+    let shown =
+        figures.iter().map(|(fine, text)| if *fine { text.clone() } else { format!("{text} ✗") });
+    let shown = shown.collect::<Vec<_>>().join(", ");
+    let advice = advice(figures.each_ref().map(|(fine, _)| *fine), record.divergences);
+    let head = if converged { "Converged" } else { "Not converged" };
+    Verdict { converged, sentence: format!("{head}: {shown}{advice}.") }
+}
+
+impl Row {
+    /// The smaller of bulk and tail effective sample size.
+    pub(super) fn ess(&self) -> f64 {
+        self.summary.ess_bulk.min(self.summary.ess_tail)
+    }
+}
+
+/// The row where `badness` is largest, NaN passed over.
+fn worst(rows: &[Row], badness: impl Fn(&Row) -> f64) -> Option<Worst<'_>> {
+    let figures = rows.iter().map(|row| Worst { name: &row.name, value: badness(row) });
+    figures.filter(|figure| !figure.value.is_nan()).max_by(|a, b| a.value.total_cmp(&b.value))
+}
+
+fn divergences(n: usize, n_draws: usize) -> String {
+    let percent = 100.0 * n as f64 / (n_draws as f64).max(1.0);
+    match n {
+        0 => format!("no divergence in {n_draws} draws"),
+        1 => format!("1 divergence in {n_draws} draws ({percent:.2} %)"),
+        _ => format!("{n} divergences in {n_draws} draws ({percent:.2} %)"),
+    }
+}
+
+fn advice([r_hat, ess, divergent, energy]: [bool; 4], n_divergent: usize) -> &'static str {
+    match (r_hat, ess, divergent, energy) {
+        (false, ..) => {
+            "; do not use these results: sample longer (--warmup, --draws) or simplify the model"
+        }
+        (_, _, false, _) => "; raise --target-accept towards 0.99",
+        (_, false, ..) => "; raise --draws",
+        (.., false) => {
+            "; the tails may be missed: raise --warmup or use tighter priors on the amplitudes"
+        }
+        _ if n_divergent > 0 => "; raise --target-accept to see whether the divergences matter",
+        _ => "",
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::samples;
+    use super::*;
+
+    fn judged(change: impl Fn(&mut RunRecord, &mut [Row])) -> String {
+        let mut record = samples::record();
+        let mut rows = ["tau_out.m", "tau_out.rho"].map(|name| samples::row(name, "ms", 10.0));
+        change(&mut record, &mut rows);
+        let verdict = verdict(&record, &rows);
+        assert_eq!(verdict.converged, verdict.sentence.starts_with("Converged"));
+        verdict.sentence
+    }
+
+    #[test]
+    fn each_threshold_turns_the_verdict() {
+        let sentences = [
+            judged(|_, _| ()),
+            judged(|record, _| record.divergences = 3),
+            judged(|record, _| record.divergences = 41),
+            judged(|_, rows| rows[1].summary.r_hat = 1.021),
+            judged(|_, rows| rows[0].summary.ess_tail = 399.0),
+            judged(|record, _| record.e_bfmi = f64::NAN),
+            judged(|_, rows| rows[0].summary.r_hat = f64::NAN),
+            judged(|_, rows| rows.iter_mut().for_each(|row| row.summary.r_hat = f64::NAN)),
+        ];
+        insta::assert_snapshot!(sentences.join("\n"), @r"
+        Converged: worst R̂ 1.002 (tau_out.rho), smallest ESS 1513 (tau_out.rho), no divergence in 4000 draws, E-BFMI 0.83.
+        Converged: worst R̂ 1.002 (tau_out.rho), smallest ESS 1513 (tau_out.rho), 3 divergences in 4000 draws (0.07 %), E-BFMI 0.83; raise --target-accept to see whether the divergences matter.
+        Not converged: worst R̂ 1.002 (tau_out.rho), smallest ESS 1513 (tau_out.rho), 41 divergences in 4000 draws (1.02 %) ✗, E-BFMI 0.83; raise --target-accept towards 0.99.
+        Not converged: worst R̂ 1.021 (tau_out.rho) ✗, smallest ESS 1513 (tau_out.rho), no divergence in 4000 draws, E-BFMI 0.83; do not use these results: sample longer (--warmup, --draws) or simplify the model.
+        Not converged: worst R̂ 1.002 (tau_out.rho), smallest ESS 399 (tau_out.m) ✗, no divergence in 4000 draws, E-BFMI 0.83; raise --draws.
+        Not converged: worst R̂ 1.002 (tau_out.rho), smallest ESS 1513 (tau_out.rho), no divergence in 4000 draws, E-BFMI NaN ✗; the tails may be missed: raise --warmup or use tighter priors on the amplitudes.
+        Converged: worst R̂ 1.002 (tau_out.rho), smallest ESS 1513 (tau_out.rho), no divergence in 4000 draws, E-BFMI 0.83.
+        Not converged: no quantity has an R̂ and an ESS; sample longer (--draws).
+        ");
+    }
+}

@@ -1,0 +1,219 @@
+//! A small writer of Zarr version 3 folders that xarray, and so `arviz.from_zarr`, opens.
+//!
+//! What it writes: groups one level deep, arrays of float64, int64, bool and string, gzip, one chunk per chain
+//! (else one chunk per array), named dimensions, coordinates, and consolidated metadata.  It knows nothing of what
+//! the arrays mean.
+//!
+//! # Source
+//! Zarr core specification version 3; `string` and `vlen-utf8` as in the zarr-extensions registry.
+
+use flate2::{Compression, write::GzEncoder};
+use serde_json::{Map, Value, json};
+use std::collections::{BTreeMap, BTreeSet};
+use std::fs;
+use std::io::{self, Write as _};
+use std::path::Path;
+
+use super::atomic::write_folder;
+use super::{Group, ReportError, Values, Variable};
+
+/// Metadata of every group and array by its path below the root, in the order written.
+type Nodes = Map<String, Value>;
+
+/// Writes `groups` as the Zarr folder `path`, with `attributes` on its root; replaces a Zarr folder that is there.
+///
+/// Each variable carries its unit as the attribute `units`.
+///
+/// # Errors
+/// [`ReportError::Occupied`] where something else is at `path`; [`ReportError::Name`], [`ReportError::Shape`] and
+/// [`ReportError::Dimension`] for groups that contradict themselves; [`ReportError::Write`].  Then nothing at
+/// `path` has changed.
+pub fn write_zarr(
+    path: &Path,
+    groups: &[Group],
+    attributes: &Map<String, Value>,
+) -> Result<(), ReportError> {
+    if path.exists() && !path.join("zarr.json").is_file() {
+        return Err(ReportError::Occupied { path: path.to_owned() });
+    }
+    let names: Vec<&str> = groups.iter().map(|group| group.name.as_str()).collect();
+    check_names("/", &names)?;
+    groups.iter().try_for_each(check_group)?;
+    write_folder(path, |root| {
+        let mut nodes = Nodes::new();
+        for group in groups {
+            write_group(root, group, &mut nodes)?;
+        }
+        let mut metadata = group_metadata(attributes);
+        metadata["consolidated_metadata"] =
+            json!({ "kind": "inline", "must_understand": false, "metadata": nodes });
+        write_metadata(root, &metadata)
+    })
+}
+
+fn check_group(group: &Group) -> Result<(), ReportError> {
+    let names: Vec<&str> = group.variables.iter().map(|variable| variable.name.as_str()).collect();
+    check_names(&group.name, &names)?;
+    let lengths = dimensions(group)?;
+    let dims: Vec<&str> = lengths.keys().copied().collect();
+    check_names(&group.name, &dims)?;
+    for variable in &group.variables {
+        let expected = variable.dims.iter().map(|(_, length)| length).product();
+        let got = variable.values.len();
+        if expected != got {
+            let (variable, dims) = (variable.name.clone(), variable.dims.clone());
+            return Err(ReportError::Shape { variable, dims, expected, got });
+        }
+        // A variable named like a dimension that it does not label would take the coordinate's place.
+        if lengths.contains_key(variable.name.as_str()) && !variable.is_coordinate() {
+            let (group, name) = (group.name.clone(), variable.name.clone());
+            return Err(ReportError::Name { group, name });
+        }
+    }
+    Ok(())
+}
+
+/// Names become folders: each must be one, visible, and used once.
+fn check_names(group: &str, names: &[&str]) -> Result<(), ReportError> {
+    let mut seen = BTreeSet::new();
+    for &name in names {
+        let hidden = name.starts_with('.') || name.starts_with("__") || name == "zarr.json";
+        if name.is_empty() || hidden || name.contains(['/', '\\', '\0']) || !seen.insert(name) {
+            return Err(ReportError::Name { group: group.to_owned(), name: name.to_owned() });
+        }
+    }
+    Ok(())
+}
+
+/// The dimensions of a group with their lengths.
+fn dimensions(group: &Group) -> Result<BTreeMap<&str, usize>, ReportError> {
+    let mut lengths = BTreeMap::new();
+    for (dim, got) in group.variables.iter().flat_map(|variable| &variable.dims) {
+        let expected = *lengths.entry(dim.as_str()).or_insert(*got);
+        if expected != *got {
+            let (group, dim, got) = (group.name.clone(), dim.clone(), *got);
+            return Err(ReportError::Dimension { group, dim, expected, got });
+        }
+    }
+    Ok(lengths)
+}
+
+fn write_group(root: &Path, group: &Group, nodes: &mut Nodes) -> io::Result<()> {
+    let folder = root.join(&group.name);
+    let metadata = group_metadata(&Map::new());
+    fs::create_dir(&folder)?;
+    write_metadata(&folder, &metadata)?;
+    nodes.insert(group.name.clone(), metadata);
+    for variable in group.variables.iter().chain(&missing_coordinates(group)) {
+        let metadata = write_array(&folder.join(&variable.name), variable)?;
+        nodes.insert(format!("{}/{}", group.name, variable.name), metadata);
+    }
+    Ok(())
+}
+
+/// The coordinates 0, 1, 2, … of the dimensions that have none of their own.
+fn missing_coordinates(group: &Group) -> Vec<Variable> {
+    let lengths: BTreeMap<&str, usize> = group
+        .variables
+        .iter()
+        .flat_map(|variable| variable.dims.iter().map(|(dim, length)| (dim.as_str(), *length)))
+        .collect();
+    lengths
+        .into_iter()
+        .filter(|(dim, _)| !group.variables.iter().any(|variable| variable.name == *dim))
+        .map(|(dim, n)| Variable::new(dim, "", &[(dim, n)], (0..n as i64).collect::<Vec<i64>>()))
+        .collect()
+}
+
+/// Writes the chunks and the metadata of one array, and returns the metadata.
+fn write_array(folder: &Path, variable: &Variable) -> io::Result<Value> {
+    let n_chunks = match variable.dims.first() {
+        Some((dim, n_chains)) if dim == "chain" => *n_chains,
+        _ => 1,
+    };
+    let n_values = variable.values.len();
+    fs::create_dir(folder)?;
+    if n_values > 0 {
+        let chunk_length = n_values / n_chunks;
+        for chunk in 0..n_chunks {
+            let range = chunk * chunk_length..(chunk + 1) * chunk_length;
+            let file = folder.join(chunk_key(variable.dims.len(), chunk));
+            fs::create_dir_all(file.parent().unwrap_or(folder))?;
+            fs::write(file, gzip(&encode(&variable.values, range))?)?;
+        }
+    }
+    let metadata = array_metadata(variable, n_chunks);
+    write_metadata(folder, &metadata)?;
+    Ok(metadata)
+}
+
+/// `c/2/0/0` is the third chunk along the first of three dimensions; `c` the only one of a scalar.
+fn chunk_key(n_dims: usize, chunk: usize) -> String {
+    let indices = (0..n_dims).map(|axis| if axis == 0 { chunk } else { 0 });
+    indices.fold("c".to_owned(), |key, index| format!("{key}/{index}"))
+}
+
+/// Little-endian values; a text as its count of UTF-8 bytes and these, after the number of texts (`vlen-utf8`).
+fn encode(values: &Values, range: std::ops::Range<usize>) -> Vec<u8> {
+    match values {
+        Values::Float(values) => values[range].iter().flat_map(|v| v.to_le_bytes()).collect(),
+        Values::Int(values) => values[range].iter().flat_map(|v| v.to_le_bytes()).collect(),
+        Values::Bool(values) => values[range].iter().map(|&v| u8::from(v)).collect(),
+        Values::Text(texts) => {
+            let count = |n: usize| (n as u32).to_le_bytes();
+            let mut bytes = count(range.len()).to_vec();
+            for text in &texts[range] {
+                bytes.extend_from_slice(&count(text.len()));
+                bytes.extend_from_slice(text.as_bytes());
+            }
+            bytes
+        }
+    }
+}
+
+/// Draws hardly compress (a third at best, of the sign and exponent bits), so the fastest level is the right one.
+fn gzip(bytes: &[u8]) -> io::Result<Vec<u8>> {
+    let mut encoder = GzEncoder::new(Vec::new(), Compression::fast());
+    encoder.write_all(bytes)?;
+    encoder.finish()
+}
+
+fn group_metadata(attributes: &Map<String, Value>) -> Value {
+    json!({ "zarr_format": 3, "node_type": "group", "attributes": attributes })
+}
+
+fn array_metadata(variable: &Variable, n_chunks: usize) -> Value {
+    let little_endian = json!({ "name": "bytes", "configuration": { "endian": "little" } });
+    let (data_type, fill_value, serializer) = match variable.values {
+        Values::Float(_) => ("float64", json!("NaN"), little_endian),
+        Values::Int(_) => ("int64", json!(0), little_endian),
+        Values::Bool(_) => ("bool", json!(false), json!({ "name": "bytes" })),
+        Values::Text(_) => ("string", json!(""), json!({ "name": "vlen-utf8" })),
+    };
+    let shape: Vec<usize> = variable.dims.iter().map(|(_, length)| *length).collect();
+    // A chunk is at least one long, also along an empty dimension.
+    let mut chunk_shape: Vec<usize> = shape.iter().map(|&length| length.max(1)).collect();
+    if n_chunks > 1 {
+        chunk_shape[0] = 1;
+    }
+    let mut attributes = Map::new();
+    if !variable.unit.is_empty() {
+        attributes.insert("units".to_owned(), json!(variable.unit));
+    }
+    json!({
+        "zarr_format": 3,
+        "node_type": "array",
+        "shape": shape,
+        "data_type": data_type,
+        "chunk_grid": { "name": "regular", "configuration": { "chunk_shape": chunk_shape } },
+        "chunk_key_encoding": { "name": "default", "configuration": { "separator": "/" } },
+        "fill_value": fill_value,
+        "codecs": [serializer, { "name": "gzip", "configuration": { "level": 1 } }],
+        "dimension_names": variable.dims.iter().map(|(dim, _)| dim).collect::<Vec<_>>(),
+        "attributes": attributes,
+    })
+}
+
+fn write_metadata(folder: &Path, metadata: &Value) -> io::Result<()> {
+    fs::write(folder.join("zarr.json"), format!("{metadata:#}\n"))
+}
