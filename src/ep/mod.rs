@@ -5,6 +5,7 @@
 pub mod cell;
 pub mod protocol;
 pub mod strip;
+pub mod table;
 
 pub use cell::{Parameters, Tissue};
 pub use protocol::Protocol;
