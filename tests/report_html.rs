@@ -1,5 +1,7 @@
 //! The report is one whole file: it loads nothing, holds the numbers it was given, and draws itself in a browser.
 
+#![allow(clippy::unwrap_used, clippy::expect_used, reason = "tests")]
+
 use base64::{Engine as _, engine::general_purpose::STANDARD as BASE64};
 use eplat::diagnostics::Summary;
 use eplat::mesh::TriMesh;

@@ -231,3 +231,29 @@ fn viewer_data(surface: &Surface<'_>) -> Result<Value, ReportError> {
         "sites": surface.sites,
     }))
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_template_has_no_slot_that_nobody_fills() {
+        let slots: Vec<&str> =
+            PAGE.split("{{").skip(1).map(|part| part.split_once("}}").unwrap().0).collect();
+        for name in slots {
+            assert!(include_str!("html.rs").contains(&format!("(\"{name}\", ")), "{name}");
+        }
+    }
+
+    #[test]
+    fn the_bundle_exports_what_the_viewer_uses() {
+        let exports = include_str!("../../assets/three/entry.js");
+        for part in VIEWER.split("THREE.").skip(1) {
+            let name: String = part.chars().take_while(char::is_ascii_alphanumeric).collect();
+            let listed = exports.contains(&format!("  {name},"))
+                || exports.contains(&format!("{{ {name} }}"));
+            // In the bundle an export is `name:()=>minified`.
+            assert!(listed && THREE.contains(&format!("{name}:()=>")), "{name}");
+        }
+    }
+}

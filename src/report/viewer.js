@@ -1,5 +1,5 @@
 // Field maps on the surface: three.js where there is WebGL, two fixed views on a plain canvas where there is not.
-// Reads the element #data (vertices, triangles, arrays, sites); needs the global THREE.
+// Reads the element #data (vertices, triangles, arrays, sites); needs three.js as a global.
 "use strict";
 (() => {
   const decode = (text, kind) => new kind(Uint8Array.from(atob(text), (c) => c.charCodeAt(0)).buffer);
@@ -55,18 +55,29 @@
     return text.replace("-", "−") + (unit ? " " + unit : "");
   };
 
+  /** Round numbers between the ends of a range, about five. */
+  function roundNumbers([low, high]) {
+    if (!(high > low)) return Number.isFinite(low) ? [low] : [];
+    const power = 10 ** Math.floor(Math.log10((high - low) / 4));
+    const step = power * [1, 2, 2.5, 5, 10].find((multiple) => multiple * power >= (high - low) / 5);
+    const first = Math.ceil(low / step);
+    return Array.from({ length: Math.floor(high / step) - first + 1 }, (_, i) => (first + i) * step);
+  }
+
   function drawLegend(array, scale) {
     const stops = VIRIDIS.map((c) => `rgb(${c.map((x) => Math.round(255 * x)).join(" ")})`);
     element("gradient").style.background = `linear-gradient(to top, ${stops.join(", ")})`;
-    element("ticks").replaceChildren(...[0, 0.25, 0.5, 0.75, 1].map((share) => {
+    element("ticks").replaceChildren(...roundNumbers(scale).map((value) => {
       const tick = document.createElement("span");
+      const share = scale[1] > scale[0] ? (value - scale[0]) / (scale[1] - scale[0]) : 0.5;
       tick.style.bottom = `${100 * share}%`;
-      tick.textContent = format(scale[0] + share * (scale[1] - scale[0]), array.unit);
+      tick.textContent = format(value, array.unit);
       return tick;
     }));
     const [low, high] = extent([array]);
+    const isShared = scale[0] < low || scale[1] > high ? " Mean and truth share one scale." : "";
     const isVoid = array.values.some((v) => !Number.isFinite(v)) ? " Grey: no value." : "";
-    element("range").textContent = `min ${format(low, array.unit)}, max ${format(high, array.unit)}.${isVoid}`;
+    element("range").textContent = `min ${format(low, array.unit)}, max ${format(high, array.unit)}.${isShared}${isVoid}`;
   }
 
   // ---- the size of things -------------------------------------------------------------------------------------
@@ -76,8 +87,11 @@
     high[i % 3] = Math.max(high[i % 3], v);
   });
   const centre = low.map((l, i) => (l + high[i]) / 2);
-  const radius = Math.hypot(...low.map((l, i) => high[i] - l)) / 2;
-  const SITE_RADIUS = 0.022 * radius;
+  let radius = 0;
+  for (let i = 0; i < vertices.length; i += 3) {
+    radius = Math.max(radius, Math.hypot(...centre.map((c, axis) => vertices[i + axis] - c)));
+  }
+  const SITE_RADIUS = 0.025 * radius;
 
   // ---- with WebGL ---------------------------------------------------------------------------------------------
   /** Builds the scene; returns a function that shows an array. Throws where there is no WebGL. */
@@ -104,7 +118,7 @@
 
     const camera = new THREE.PerspectiveCamera(32, 1, 0.05 * radius, 20 * radius);
     camera.up.set(0, 0, 1);
-    camera.position.fromArray(centre).addScaledVector(new THREE.Vector3(0.45, -1, 0.3).normalize(), 3.7 * radius);
+    camera.position.fromArray(centre).addScaledVector(new THREE.Vector3(0.45, -1, 0.3).normalize(), 2.9 * radius);
     // Light from the eye: a part of the surface seen from the front has exactly the colour of the legend.
     const eye = new THREE.DirectionalLight(0xffffff, 0.4 * Math.PI);
     camera.add(eye);
