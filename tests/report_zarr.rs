@@ -1,5 +1,7 @@
 //! `posterior.zarr` opens in ArviZ and holds what was written; groups that contradict themselves are refused.
 
+#![allow(clippy::unwrap_used, clippy::expect_used, reason = "tests")]
+
 use eplat::report::{Group, ReportError, Values, Variable, write_zarr};
 use rand::{RngExt as _, SeedableRng as _};
 use rand_chacha::ChaCha8Rng;

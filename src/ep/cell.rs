@@ -189,7 +189,10 @@ mod tests {
     #[test]
     fn the_gate_opens_at_the_threshold_itself_and_closes_just_above() {
         let rates = TYPICAL.tissue().step_rates(0.02);
-        assert!(euler_step(V_GATE, 0.5, rates).1 > 0.5, "V == V_gate belongs to the opening branch");
+        assert!(
+            euler_step(V_GATE, 0.5, rates).1 > 0.5,
+            "V == V_gate belongs to the opening branch"
+        );
         assert!(euler_step(V_GATE.next_up(), 0.5, rates).1 < 0.5);
     }
 

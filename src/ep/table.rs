@@ -86,8 +86,7 @@ pub struct ParameterRow {
 }
 
 impl Columns for ParameterRow {
-    const REQUIRED: &'static str =
-        "cv_max_m_per_s, tau_in_ms, tau_out_ms, tau_open_ms, apd_max_ms";
+    const REQUIRED: &'static str = "cv_max_m_per_s, tau_in_ms, tau_out_ms, tau_open_ms, apd_max_ms";
 }
 
 impl From<Parameters> for ParameterRow {
@@ -201,8 +200,9 @@ pub fn read_rows<R: DeserializeOwned + Columns>(path: &Path) -> Result<Vec<(u64,
     for record in reader.records() {
         let record = record.map_err(|e| row_error::<R>(path, Some(&header), &e))?;
         let line = record.position().map_or(0, csv::Position::line);
-        let row =
-            record.deserialize(Some(&header)).map_err(|e| row_error::<R>(path, Some(&header), &e))?;
+        let row = record
+            .deserialize(Some(&header))
+            .map_err(|e| row_error::<R>(path, Some(&header), &e))?;
         rows.push((line, row));
     }
     if rows.is_empty() {
@@ -264,7 +264,8 @@ mod tests {
     fn read(text: &str) -> Result<Vec<Parameters>, String> {
         let mut file = NamedTempFile::new().unwrap();
         std::io::Write::write_all(&mut file, text.as_bytes()).unwrap();
-        let in_file = |e: TableError| e.to_string().replace(&file.path().display().to_string(), "FILE");
+        let in_file =
+            |e: TableError| e.to_string().replace(&file.path().display().to_string(), "FILE");
         read_parameters(file.path()).map_err(in_file)
     }
 
@@ -278,9 +279,10 @@ mod tests {
     fn bad_tables_name_the_place() {
         let message = |rows: &str| read(&format!("{HEADER}{rows}")).unwrap_err();
         let good = "0.05,0.7,10,120,200\n";
-        assert!(message(&format!("{good}0.05,0.7,x,120,200\n")).starts_with(
-            "FILE, line 3, column tau_out_ms: invalid float literal"
-        ));
+        assert!(
+            message(&format!("{good}0.05,0.7,x,120,200\n"))
+                .starts_with("FILE, line 3, column tau_out_ms: invalid float literal")
+        );
         assert!(message(&format!("{good}0.05,0.7,10\n")).starts_with("FILE, line 3: "));
         assert!(message("0.05,0.7,10,120,900\n").starts_with("FILE, line 2: apd_max = 900 ms is"));
         assert!(message("0.05,0.7,NaN,120,200\n").starts_with("FILE, line 2: tau_out = NaN ms is"));
@@ -303,7 +305,10 @@ mod tests {
         let file = NamedTempFile::new().unwrap();
         write_rows(file.path(), std::slice::from_ref(&row)).unwrap();
         let text = std::fs::read_to_string(file.path()).unwrap();
-        assert!(text.contains("0.71235,201.25,310,,,,,the conditioning stimulus did not"), "{text}");
+        assert!(
+            text.contains("0.71235,201.25,310,,,,,the conditioning stimulus did not"),
+            "{text}"
+        );
         assert_eq!(read_rows::<OutcomeRow>(file.path()).unwrap()[0].1, row);
     }
 }

@@ -89,7 +89,7 @@ impl Variable {
 
 /// A group of variables that share dimensions, e.g. `posterior`.
 ///
-/// As in NetCDF, a variable named like its only dimension is that dimension's coordinate: numbers or texts that
+/// As in `NetCDF`, a variable named like its only dimension is that dimension's coordinate: numbers or texts that
 /// label its indices.  A dimension without one is numbered 0, 1, 2, …
 #[derive(Clone, Debug)]
 pub struct Group {

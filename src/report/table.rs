@@ -1,5 +1,7 @@
 //! The posterior summary as a table for people, at most [`WIDTH`] columns wide.
 
+use std::fmt::Write as _;
+
 use super::Row;
 use super::verdict::{MAX_R_HAT, MIN_ESS};
 
@@ -56,10 +58,11 @@ pub fn console_table(rows: &[Row], every: bool) -> String {
         table += &join(&line.cells, &widths, line.marks());
     }
     if lines.iter().any(|line| line.heavy) {
-        table += &format!("{HEAVY_TAIL}\n");
+        table += HEAVY_TAIL;
+        table += "\n";
     }
     if lines.iter().any(|line| line.suspect) {
-        table += &format!("✗ not to be trusted: R̂ above {MAX_R_HAT} or ESS below {MIN_ESS}\n");
+        let _ = writeln!(table, "✗ not to be trusted: R̂ above {MAX_R_HAT} or ESS below {MIN_ESS}");
     }
     table
 }

@@ -85,7 +85,8 @@ pub fn fit(points: &[[f64; 3]]) -> Result<CubicFit, FitError> {
         return Err(FitError::TooFewPoints { n_points });
     }
     // Inputs are scaled to at most 1, so that columns are of comparable size.
-    let size = |column: usize| points.iter().map(|p| p[column].abs()).fold(f64::MIN_POSITIVE, f64::max);
+    let size =
+        |column: usize| points.iter().map(|p| p[column].abs()).fold(f64::MIN_POSITIVE, f64::max);
     let (size_t, size_a) = (size(0), size(1));
     let basis = DMatrix::from_fn(n_points, N_TERMS, |row, term| {
         let (i, j) = POWERS[term];

@@ -34,9 +34,8 @@ pub fn latin_hypercube<const D: usize>(
             propose_swap(&mut unit, column, a, b + usize::from(b >= a));
         }
     }
-    let scale = |u: [f64; D]| {
-        std::array::from_fn(|d| ranges[d].0 + u[d] * (ranges[d].1 - ranges[d].0))
-    };
+    let scale =
+        |u: [f64; D]| std::array::from_fn(|d| ranges[d].0 + u[d] * (ranges[d].1 - ranges[d].0));
     unit.into_iter().map(scale).collect()
 }
 
@@ -101,8 +100,10 @@ mod tests {
         let n = 40;
         let points = latin_hypercube(n, &RANGES, 3);
         for (d, (lower, upper)) in RANGES.iter().enumerate() {
-            let mut cells: Vec<usize> =
-                points.iter().map(|p| ((p[d] - lower) / (upper - lower) * n as f64) as usize).collect();
+            let mut cells: Vec<usize> = points
+                .iter()
+                .map(|p| ((p[d] - lower) / (upper - lower) * n as f64) as usize)
+                .collect();
             cells.sort_unstable();
             assert_eq!(cells, (0..n).collect::<Vec<_>>());
         }
@@ -111,10 +112,10 @@ mod tests {
     #[test]
     fn swapping_spreads_the_points() {
         let mut rng = ChaCha8Rng::seed_from_u64(3);
-        let scale = |u: [f64; 3]| {
-            std::array::from_fn(|d| RANGES[d].0 + u[d] * (RANGES[d].1 - RANGES[d].0))
-        };
-        let random: Vec<[f64; 3]> = random_hypercube(100, &mut rng).into_iter().map(scale).collect();
+        let scale =
+            |u: [f64; 3]| std::array::from_fn(|d| RANGES[d].0 + u[d] * (RANGES[d].1 - RANGES[d].0));
+        let random: Vec<[f64; 3]> =
+            random_hypercube(100, &mut rng).into_iter().map(scale).collect();
         let optimised = latin_hypercube(100, &RANGES, 3);
         // A cubic lattice of 100 points in the unit cube has spacing 0.215.
         assert!(closest_pair(&optimised) > 0.13, "{}", closest_pair(&optimised));

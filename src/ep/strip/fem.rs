@@ -52,7 +52,8 @@ fn triangles(n_along: usize) -> Vec<[(usize, usize); 3]> {
         for i in 0..N_ACROSS - 1 {
             let (p, q, r, t) = ((i, j), (i + 1, j), (i, j + 1), (i + 1, j + 1));
             // The diagonal joins the nodes with i + j even: p and t, or q and r.
-            let halves = if (i + j) % 2 == 0 { [[q, p, t], [r, p, t]] } else { [[p, q, r], [t, q, r]] };
+            let halves =
+                if (i + j) % 2 == 0 { [[q, p, t], [r, p, t]] } else { [[p, q, r], [t, q, r]] };
             list.extend(halves);
         }
     }

@@ -95,7 +95,8 @@ impl<'a> Pacer<'a> {
         let (below, above) = (self.protocol.shortest - 1, self.protocol.longest + 1);
         let mut brackets = conditioning.beats.map(|beat| beat.map(|_| (below, above)));
         loop {
-            let tests = brackets.map(|b| b.ok().and_then(|(lo, hi)| (hi - lo > 1).then(|| lo.midpoint(hi))));
+            let tests = brackets
+                .map(|b| b.ok().and_then(|(lo, hi)| (hi - lo > 1).then(|| lo.midpoint(hi))));
             if tests.iter().all(Option::is_none) {
                 return brackets.map(|bracket| match bracket? {
                     (fails, _) if fails == below => Err(Absence::AlwaysCaptures),

@@ -2,7 +2,7 @@
 //!
 //! A step is: five forward-Euler substeps of the cells, the stimulus, Crank–Nicolson diffusion.
 
-use pulp::Arch;
+use pulp::{Arch, NullaryFnOnce};
 
 use super::Grid;
 use super::fem::Matrices;
@@ -31,7 +31,7 @@ pub(super) struct State {
 pub(super) struct LaneStrip {
     pub(super) state: State,
     diffusion: Diffusion,
-    rates: [StepRates; LANES],
+    rates: LaneRates,
     before: Vec<Lane>,
     arch: Arch,
 }
@@ -44,7 +44,7 @@ impl LaneStrip {
         Self {
             state: State { v: vec![[0.0; LANES]; n], h: vec![[1.0; LANES]; n] },
             diffusion: Diffusion::new(matrices, ratio),
-            rates: tissues.map(|t| t.step_rates(grid.dt / f64::from(SUBSTEPS))),
+            rates: LaneRates::new(tissues.map(|t| t.step_rates(grid.dt / f64::from(SUBSTEPS)))),
             before: vec![[0.0; LANES]; n],
             arch: Arch::new(),
         }
@@ -52,11 +52,7 @@ impl LaneStrip {
 
     /// One time step; `stimulus` is what it adds to V at the stimulated nodes.
     pub(super) fn step(&mut self, stimulus: Option<&Lane>) {
-        let arch = self.arch;
-        arch.dispatch(
-            #[inline(always)]
-            || self.step_inlined(stimulus),
-        );
+        self.arch.dispatch(Step { strip: self, stimulus, recording: None });
     }
 
     /// One time step, number `index` since the stimulus, whose threshold crossings are recorded.
@@ -66,15 +62,7 @@ impl LaneStrip {
         index: usize,
         recorder: &mut Recorder,
     ) {
-        let arch = self.arch;
-        arch.dispatch(
-            #[inline(always)]
-            || {
-                self.before.copy_from_slice(&self.state.v);
-                self.step_inlined(stimulus);
-                recorder.observe(&self.before, &self.state.v, index);
-            },
-        );
+        self.arch.dispatch(Step { strip: self, stimulus, recording: Some((index, recorder)) });
     }
 
     #[inline(always)]
@@ -94,14 +82,7 @@ impl LaneStrip {
     fn react(&mut self) {
         let rates = self.rates;
         for (v, h) in self.state.v.iter_mut().zip(&mut self.state.h) {
-            for k in 0..LANES {
-                let (mut vk, mut hk) = (v[k], h[k]);
-                for _ in 0..SUBSTEPS {
-                    (vk, hk) = euler_step(vk, hk, rates[k]);
-                }
-                v[k] = if vk.abs() < NEGLIGIBLE { 0.0 } else { vk };
-                h[k] = hk;
-            }
+            (*v, *h) = react(*v, *h, &rates);
         }
     }
 
@@ -114,5 +95,71 @@ impl LaneStrip {
             }
         }
         peak
+    }
+}
+
+/// [`StepRates`] of every lane.
+#[derive(Debug, Clone, Copy)]
+struct LaneRates {
+    excite: Lane,
+    leak: Lane,
+    open: Lane,
+    close: Lane,
+}
+
+impl LaneRates {
+    fn new(rates: [StepRates; LANES]) -> Self {
+        Self {
+            excite: rates.map(|r| r.excite),
+            leak: rates.map(|r| r.leak),
+            open: rates.map(|r| r.open),
+            close: rates.map(|r| r.close),
+        }
+    }
+
+    #[inline(always)]
+    fn lane(&self, k: usize) -> StepRates {
+        StepRates {
+            excite: self.excite[k],
+            leak: self.leak[k],
+            open: self.open[k],
+            close: self.close[k],
+        }
+    }
+}
+
+/// V and h of one node after the cell substeps.
+#[inline(always)]
+fn react(mut v: Lane, mut h: Lane, rates: &LaneRates) -> (Lane, Lane) {
+    for _ in 0..SUBSTEPS {
+        for k in 0..LANES {
+            (v[k], h[k]) = euler_step(v[k], h[k], rates.lane(k));
+        }
+    }
+    for vk in &mut v {
+        *vk = if vk.abs() < NEGLIGIBLE { 0.0 } else { *vk };
+    }
+    (v, h)
+}
+
+/// A time step, in the form that is compiled once for each set of vector instructions.
+struct Step<'a> {
+    strip: &'a mut LaneStrip,
+    stimulus: Option<&'a Lane>,
+    recording: Option<(usize, &'a mut Recorder)>,
+}
+
+impl NullaryFnOnce for Step<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn call(self) {
+        let strip = self.strip;
+        let Some((index, recorder)) = self.recording else {
+            return strip.step_inlined(self.stimulus);
+        };
+        strip.before.copy_from_slice(&strip.state.v);
+        strip.step_inlined(self.stimulus);
+        recorder.observe(&strip.before, &strip.state.v, index);
     }
 }

@@ -1,0 +1,259 @@
+//! `report.html`: one run as one file that needs no network.
+//!
+//! The page is `page.html` with its slots filled; the fields are drawn by `viewer.js` on the three.js bundle of
+//! `assets/three`, or without WebGL on a plain canvas.
+
+use base64::{Engine as _, engine::general_purpose::STANDARD as BASE64};
+use serde_json::{Value, json};
+use std::fmt::Write as _;
+use std::io::Write as _;
+use std::path::Path;
+
+use super::atomic::write_file;
+use super::svg::{rank_plot, trace_plot};
+use super::table::{HEAVY_TAIL, Line, TITLES, lines};
+use super::{Group, ReportError, Row, RunRecord, Values, verdict};
+use crate::mesh::TriMesh;
+
+const PAGE: &str = include_str!("page.html");
+const STYLE: &str = include_str!("page.css");
+const VIEWER: &str = include_str!("viewer.js");
+const THREE: &str = include_str!("../../assets/three/three.bundle.min.js");
+/// More scalars than this are too many to look at; the page says how many are left out.
+const MOST_TRACES: usize = 16;
+
+/// What the page shows.
+#[derive(Debug)]
+pub struct Page<'a> {
+    /// Title, e.g. the model's documentation line.
+    pub title: &'a str,
+    /// The model as equations, shown as it is.
+    pub equations: &'a str,
+    /// What was run.
+    pub record: &'a RunRecord,
+    /// Summaries of all quantities.
+    pub rows: &'a [Row],
+    /// Draws; each variable with the dimensions chain and draw alone gets a trace and a rank plot.
+    pub posterior: &'a Group,
+    /// The fields, if the model has any.
+    pub surface: Option<Surface<'a>>,
+}
+
+/// A surface with data to show on it.
+#[derive(Debug)]
+pub struct Surface<'a> {
+    /// The surface.
+    pub mesh: &'a TriMesh,
+    /// Arrays over its vertices; the first is shown at first.
+    pub point_data: &'a [PointData<'a>],
+    /// Measurement sites, mm.
+    pub sites: &'a [[f64; 3]],
+}
+
+/// One array over the vertices.
+#[derive(Debug)]
+pub struct PointData<'a> {
+    /// Name, e.g. `tau_out_mean`.
+    pub name: &'a str,
+    /// Unit, empty if none.
+    pub unit: &'a str,
+    /// One value per vertex; NaN is shown grey.
+    pub values: &'a [f64],
+}
+
+/// Writes the page.
+///
+/// # Errors
+/// [`ReportError::PointData`] if an array has not one value per vertex; [`ReportError::Write`].
+pub fn write_html(path: &Path, page: &Page<'_>) -> Result<(), ReportError> {
+    let (scripts, surface_class) = match &page.surface {
+        Some(surface) => (scripts(surface)?, ""),
+        None => (String::new(), "absent"),
+    };
+    let verdict = verdict(page.record, page.rows);
+    let slots = [
+        ("title", escape(page.title)),
+        ("style", STYLE.to_owned()),
+        ("verdict", escape(&verdict.sentence)),
+        ("verdict_class", if verdict.converged { "good" } else { "bad" }.to_owned()),
+        ("surface_class", surface_class.to_owned()),
+        ("equations", escape(page.equations)),
+        ("summary", table(&lines(page.rows, false))),
+        ("every_summary", table(&lines(page.rows, true))),
+        ("traces", traces(page.posterior)),
+        ("run", run(page.record)),
+        ("scripts", scripts),
+    ];
+    let html = fill(PAGE, &slots);
+    write_file(path, |file| file.write_all(html.as_bytes()))
+}
+
+/// Replaces each `{{name}}` of the template once; what a slot holds is not searched again.
+fn fill(template: &str, slots: &[(&str, String)]) -> String {
+    let mut parts = template.split("{{");
+    let mut filled = parts.next().unwrap_or_default().to_owned();
+    for part in parts {
+        let (name, rest) = part.split_once("}}").unwrap_or((part, ""));
+        let slot = slots.iter().find(|(slot, _)| *slot == name);
+        filled += slot.map_or("", |(_, content)| content);
+        filled += rest;
+    }
+    filled
+}
+
+fn escape(text: &str) -> String {
+    text.replace('&', "&amp;").replace('<', "&lt;").replace('>', "&gt;").replace('"', "&quot;")
+}
+
+fn table(lines: &[Line]) -> String {
+    let title = |(column, title): (usize, &str)| match column {
+        0 | 1 => format!("<th class=\"text\">{title}"),
+        _ => format!("<th>{title}"),
+    };
+    let titles: String = TITLES.into_iter().enumerate().map(title).collect();
+    let mut html = format!("<table class=\"summary\"><thead><tr>{titles}<th></thead><tbody>");
+    for line in lines {
+        let class = if line.suspect { " class=\"suspect\"" } else { "" };
+        let _ = write!(html, "<tr{class}>");
+        for (column, cell) in line.cells.iter().enumerate() {
+            let class = if column < 2 { " class=\"text\"" } else { "" };
+            let _ = write!(html, "<td{class}>{}", escape(cell));
+        }
+        let _ = writeln!(html, "<td>{}", line.marks());
+    }
+    html += "</tbody></table>";
+    if lines.iter().any(|line| line.heavy) {
+        let _ = write!(html, "<p class=\"note\">{HEAVY_TAIL}.</p>");
+    }
+    html
+}
+
+fn traces(posterior: &Group) -> String {
+    let scalars = posterior.variables.iter().filter_map(|variable| match &variable.values {
+        Values::Float(values) if variable.dims.len() == 2 => Some((variable, values)),
+        _ => None,
+    });
+    let scalars: Vec<_> = scalars.collect();
+    let mut html = String::new();
+    for (variable, values) in scalars.iter().take(MOST_TRACES) {
+        let chains: Vec<&[f64]> = values.chunks(variable.dims[1].1.max(1)).collect();
+        let (name, unit) = (escape(&variable.name), escape(&variable.unit));
+        let (trace, ranks) = (trace_plot(&chains), rank_plot(&chains));
+        let _ = writeln!(
+            html,
+            "<figure><figcaption>{name} <span>{unit}</span></figcaption>{trace}{ranks}</figure>"
+        );
+    }
+    if scalars.len() > MOST_TRACES {
+        let more = scalars.len() - MOST_TRACES;
+        let _ = write!(
+            html,
+            "<p class=\"note\">{more} more scalar parameters are in posterior.zarr.</p>"
+        );
+    }
+    html
+}
+
+/// The record as a list of terms.
+fn run(record: &RunRecord) -> String {
+    let (settings, seconds) = (&record.settings, &record.seconds);
+    let mut terms = vec![
+        ("model", record.model.clone()),
+        ("eplat", record.version.clone()),
+        ("seed", record.seed.to_string()),
+        (
+            "chains",
+            format!(
+                "{} × ({} warm-up + {} draws)",
+                settings.chains, settings.warmup, settings.draws
+            ),
+        ),
+        (
+            "sampler",
+            format!(
+                "NUTS, target acceptance {}, {} metric",
+                settings.target_accept, settings.metric
+            ),
+        ),
+        ("parameters", record.n_params.to_string()),
+        ("gradients", format!("{} at {:.0} ns", record.grad_evals, record.ns_per_grad)),
+        ("ESS per second", format!("{:.0}", record.ess_per_second)),
+        ("E-BFMI", format!("{:.2}", record.e_bfmi)),
+        (
+            "seconds",
+            format!(
+                "{:.2} (compile {:.2}, setup {:.2}, warm-up {:.2}, sampling {:.2})",
+                seconds.total, seconds.compile, seconds.setup, seconds.warmup, seconds.sampling
+            ),
+        ),
+    ];
+    for (field, rmse) in record.rmse.iter().flatten() {
+        terms.push(("RMSE against the truth", format!("{field} {rmse:.2}")));
+    }
+    for (input, hash) in &record.hashes {
+        terms.push(("SHA-256", format!("{input} {hash}")));
+    }
+    let term = |(name, value): &(&str, String)| format!("<dt>{name}<dd>{}", escape(value));
+    terms.iter().map(term).collect::<Vec<_>>().join("\n")
+}
+
+/// The data of the viewer, three.js and the viewer, as script elements.
+fn scripts(surface: &Surface<'_>) -> Result<String, ReportError> {
+    // `<` cannot end the element early when it is written as an escape, which JSON allows in any text.
+    let data = viewer_data(surface)?.to_string().replace('<', "\\u003c");
+    Ok(format!(
+        "<script type=\"application/json\" id=\"data\">{data}</script>\n\
+         <script>{THREE}</script>\n<script>{VIEWER}</script>"
+    ))
+}
+
+/// Coordinates and values as little-endian float32, triangles as uint32, in base64.
+fn viewer_data(surface: &Surface<'_>) -> Result<Value, ReportError> {
+    let n_vertices = surface.mesh.n_vertices();
+    let floats = |values: &mut dyn Iterator<Item = f64>| {
+        BASE64.encode(values.flat_map(|v| (v as f32).to_le_bytes()).collect::<Vec<u8>>())
+    };
+    let mut arrays = Vec::new();
+    for PointData { name, unit, values } in surface.point_data {
+        if values.len() != n_vertices {
+            let (expected, got) = (n_vertices, values.len());
+            return Err(ReportError::PointData { name: (*name).to_owned(), expected, got });
+        }
+        let values = floats(&mut values.iter().copied());
+        arrays.push(json!({ "name": name, "unit": unit, "values": values }));
+    }
+    let triangles = surface.mesh.triangles().as_flattened().iter();
+    let triangles: Vec<u8> = triangles.flat_map(|index| index.to_le_bytes()).collect();
+    Ok(json!({
+        "vertices": floats(&mut surface.mesh.vertices().as_flattened().iter().copied()),
+        "triangles": BASE64.encode(triangles),
+        "arrays": arrays,
+        "sites": surface.sites,
+    }))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_template_has_no_slot_that_nobody_fills() {
+        let slots: Vec<&str> =
+            PAGE.split("{{").skip(1).map(|part| part.split_once("}}").unwrap().0).collect();
+        for name in slots {
+            assert!(include_str!("html.rs").contains(&format!("(\"{name}\", ")), "{name}");
+        }
+    }
+
+    #[test]
+    fn the_bundle_exports_what_the_viewer_uses() {
+        let exports = include_str!("../../assets/three/entry.js");
+        for part in VIEWER.split("THREE.").skip(1) {
+            let name: String = part.chars().take_while(char::is_ascii_alphanumeric).collect();
+            let listed = exports.contains(&format!("  {name},"))
+                || exports.contains(&format!("{{ {name} }}"));
+            // In the bundle an export is `name:()=>minified`.
+            assert!(listed && THREE.contains(&format!("{name}:()=>")), "{name}");
+        }
+    }
+}

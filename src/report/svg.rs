@@ -1,0 +1,151 @@
+//! Trace and rank plots of one scalar parameter as small inline SVG.
+//!
+//! # Source
+//! Rank plots: Vehtari et al. 2021.  Colours: Okabe and Ito, distinguishable without red–green vision.
+
+use std::fmt::Write as _;
+
+const COLOURS: [&str; 8] =
+    ["#0072b2", "#e69f00", "#009e73", "#cc79a7", "#56b4e9", "#d55e00", "#7f6f00", "#000000"];
+/// Plot area, in SVG units (CSS pixels at full size).
+const HEIGHT: f64 = 96.0;
+const TRACE_WIDTH: f64 = 480.0;
+const RANK_WIDTH: f64 = 190.0;
+/// Space left of the plot area for the tick labels.
+const MARGIN: f64 = 58.0;
+/// A trace is drawn as the range of its values in this many bins: a spike of one draw stays visible.
+const TRACE_BINS: usize = 160;
+const RANK_BINS: usize = 20;
+
+/// The draws of each chain against their index; logarithmic where a positive quantity spans decades.
+pub(super) fn trace_plot(chains: &[&[f64]]) -> String {
+    let mut pooled: Vec<f64> = chains.concat().into_iter().filter(|v| v.is_finite()).collect();
+    pooled.sort_by(f64::total_cmp);
+    let (Some(&low), Some(&high)) = (pooled.first(), pooled.last()) else { return String::new() };
+    let logarithmic = low > 0.0 && high / pooled[pooled.len() / 2] > 20.0;
+    let scale = |v: f64| if logarithmic { v.ln() } else { v };
+    let span = (scale(high) - scale(low)).max(f64::MIN_POSITIVE);
+    let y = |v: f64| HEIGHT * (1.0 - (scale(v) - scale(low)) / span);
+    let mut svg = frame("trace", TRACE_WIDTH, [&tick(high), &tick(low)]);
+    if logarithmic {
+        let _ = write!(svg, r#"<text class="tick" x="-6" y="{}">log</text>"#, HEIGHT / 2.0);
+    }
+    for (chain, draws) in chains.iter().enumerate() {
+        let points = envelope(draws).into_iter().map(|(at, v)| (TRACE_WIDTH * at, y(v)));
+        svg += &line(points, COLOURS[chain % COLOURS.len()]);
+    }
+    svg + "</svg>"
+}
+
+/// How often the draws of each chain fall into each twentieth of the ranks of all draws; level when the chains agree.
+pub(super) fn rank_plot(chains: &[&[f64]]) -> String {
+    let mut order: Vec<(usize, f64)> = Vec::new();
+    for (chain, draws) in chains.iter().enumerate() {
+        order.extend(draws.iter().map(|&v| (chain, v)));
+    }
+    if order.is_empty() {
+        return String::new();
+    }
+    order.sort_by(|a, b| a.1.total_cmp(&b.1));
+    let mut counts = vec![[0_usize; RANK_BINS]; chains.len()];
+    for (rank, (chain, _)) in order.iter().enumerate() {
+        counts[*chain][rank * RANK_BINS / order.len()] += 1;
+    }
+    let level = order.len() as f64 / (chains.len() * RANK_BINS) as f64;
+    let most = counts.iter().flatten().copied().max().unwrap_or(0) as f64;
+    let top = most.max(2.0 * level);
+    let y = |count: f64| HEIGHT * (1.0 - count / top);
+    let mut svg = frame("ranks", RANK_WIDTH, [&tick(top), "0"]);
+    let _ = write!(svg, r#"<path class="level" d="M0 {:.1}H{RANK_WIDTH}"/>"#, y(level));
+    let bin_width = RANK_WIDTH / RANK_BINS as f64;
+    for (chain, counts) in counts.iter().enumerate() {
+        let steps = counts.iter().enumerate().flat_map(|(bin, &count)| {
+            [bin, bin + 1].map(|edge| (bin_width * edge as f64, y(count as f64)))
+        });
+        svg += &line(steps, COLOURS[chain % COLOURS.len()]);
+    }
+    svg + "</svg>"
+}
+
+/// The opening tag, the plot area and the labels of its top and bottom.
+fn frame(label: &str, width: f64, [top, bottom]: [&str; 2]) -> String {
+    let (left, full_width, full_height) = (-MARGIN, MARGIN + width + 2.0, HEIGHT + 8.0);
+    format!(
+        r#"<svg role="img" aria-label="{label}" viewBox="{left} -4 {full_width} {full_height}">"#
+    ) + &format!(r#"<rect class="area" width="{width}" height="{HEIGHT}"/>"#)
+        + &format!(r#"<text class="tick" x="-6" y="8">{top}</text>"#)
+        + &format!(r#"<text class="tick" x="-6" y="{HEIGHT}">{bottom}</text>"#)
+}
+
+fn line(points: impl Iterator<Item = (f64, f64)>, colour: &str) -> String {
+    let mut path = String::new();
+    for (x, y) in points {
+        let command = if path.is_empty() { 'M' } else { 'L' };
+        let _ = write!(path, "{command}{x:.1} {y:.1}");
+    }
+    format!(r#"<path class="chain" stroke="{colour}" d="{path}"/>"#)
+}
+
+/// Smallest and largest finite draw of each bin, at the bin's middle as a share of the chain.
+fn envelope(draws: &[f64]) -> Vec<(f64, f64)> {
+    let bins = TRACE_BINS.min(draws.len());
+    let bounds = |bin: usize| bin * draws.len() / bins..(bin + 1) * draws.len() / bins;
+    let mut points = Vec::new();
+    for bin in 0..bins {
+        let finite = || draws[bounds(bin)].iter().copied().filter(|v| v.is_finite());
+        let range = (finite().reduce(f64::min), finite().reduce(f64::max));
+        if let (Some(low), Some(high)) = range {
+            let at = (bin as f64 + 0.5) / bins as f64;
+            points.extend([(at, low), (at, high)]);
+        }
+    }
+    points
+}
+
+/// Three significant digits.
+fn tick(value: f64) -> String {
+    let magnitude = if value == 0.0 { 0.0 } else { value.abs().log10().floor() };
+    if (-3.0..5.0).contains(&magnitude) {
+        let decimals = (2.0 - magnitude).max(0.0) as usize;
+        format!("{value:.decimals$}").replace('-', "−")
+    } else {
+        format!("{value:.2e}").replace('-', "−")
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_spike_of_one_draw_stays_visible() {
+        let mut draws = vec![0.0; 5000];
+        draws[1234] = 7.0;
+        let points = envelope(&draws);
+        assert_eq!(points.len(), 2 * TRACE_BINS);
+        assert!(points.iter().any(|&(at, v)| v > 6.9 && (at - 0.2468).abs() < 1.0 / 160.0));
+    }
+
+    #[test]
+    fn ranks_of_a_stuck_chain_leave_the_level() {
+        let good: Vec<f64> = (0..100).map(f64::from).collect();
+        let stuck = vec![1000.0; 100];
+        let level = rank_plot(&[&good, &good]);
+        let apart = rank_plot(&[&good, &stuck]);
+        // Two chains that agree put half of each bin's ten draws into each: the line is at half height.
+        assert!(level.matches(" 48.0").count() >= 2 * 2 * RANK_BINS - 8, "{level}");
+        assert!(apart.contains("M0.0 0.0L") && apart.contains("M0.0 96.0L"), "{apart}");
+    }
+
+    #[test]
+    fn empty_and_void_draws_draw_nothing() {
+        assert_eq!(trace_plot(&[&[], &[f64::NAN]]), "");
+        assert_eq!(rank_plot(&[]), "");
+    }
+
+    #[test]
+    fn ticks_have_three_digits() {
+        let ticks = [0.0, -1.234, 56.78, 12345.6, 1.5e-7, 0.004_321].map(tick);
+        assert_eq!(ticks, ["0.00", "−1.23", "56.8", "12346", "1.50e−7", "0.00432"]);
+    }
+}

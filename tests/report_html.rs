@@ -1,0 +1,228 @@
+//! The report is one whole file: it loads nothing, holds the numbers it was given, and draws itself in a browser.
+
+#![allow(clippy::unwrap_used, clippy::expect_used, reason = "tests")]
+
+use base64::{Engine as _, engine::general_purpose::STANDARD as BASE64};
+use eplat::diagnostics::Summary;
+use eplat::mesh::TriMesh;
+use eplat::report::{
+    Group, Page, PointData, ReportError, Row, RunRecord, Seconds, Settings, Surface, Variable,
+    write_html,
+};
+use rand::{RngExt as _, SeedableRng as _};
+use rand_chacha::ChaCha8Rng;
+use serde_json::Value;
+use std::collections::BTreeMap;
+use std::f64::consts::{PI, TAU};
+use std::path::{Path, PathBuf};
+use std::process::Command;
+
+const N_ARRAYS: usize = 12;
+
+/// A bent tube open at both ends, about the size of an atrium: 100 × 50 vertices.
+fn mesh() -> TriMesh {
+    let (around, along) = (100_u32, 50_u32);
+    let mut vertices = Vec::new();
+    for j in 0..along {
+        for i in 0..around {
+            let (angle, height) =
+                (TAU * f64::from(i) / f64::from(around), f64::from(j) / f64::from(along - 1));
+            let r = 12.0 + 14.0 * (PI * height).sin() + 1.5 * (3.0 * angle).sin();
+            vertices.push([
+                r * angle.cos() + 10.0 * height * height,
+                0.8 * r * angle.sin(),
+                70.0 * height - 35.0,
+            ]);
+        }
+    }
+    let mut triangles = Vec::new();
+    for j in 0..along - 1 {
+        for i in 0..around {
+            let [a, b] = [i, (i + 1) % around].map(|i| j * around + i);
+            triangles.extend([[a, b, a + around], [b, b + around, a + around]]);
+        }
+    }
+    TriMesh::new(vertices, triangles).unwrap()
+}
+
+fn row(name: &str, unit: &str, mean: f64, r_hat: f64) -> Row {
+    let sd = 0.1 * mean;
+    let (q5, q95) = (mean - 1.6 * sd, mean + 1.6 * sd);
+    let (mcse, ess_bulk, ess_tail) = (sd / 40.0, 1600.0, 1512.0);
+    let summary = Summary { mean, sd, mcse, q5, q50: mean, q95, ess_bulk, ess_tail, r_hat };
+    Row { name: name.to_owned(), unit: unit.to_owned(), summary }
+}
+
+fn record() -> RunRecord {
+    let metric = "diag".to_owned();
+    RunRecord {
+        model: "Erp".to_owned(),
+        version: "0.1.0".to_owned(),
+        seed: 1,
+        settings: Settings { chains: 4, warmup: 1000, draws: 1000, target_accept: 0.95, metric },
+        hashes: BTreeMap::from([("mesh".to_owned(), "5f".repeat(32))]),
+        n_params: 54,
+        grad_evals: 901_234,
+        ns_per_grad: 1830.5,
+        seconds: Seconds { compile: 0.0, setup: 1.25, warmup: 2.0, sampling: 2.5, total: 5.75 },
+        divergences: 3,
+        max_r_hat: 1.004,
+        min_ess_bulk: 1600.0,
+        min_ess_tail: 1512.0,
+        ess_per_second: 355.0,
+        e_bfmi: 0.83,
+        rmse: Some(BTreeMap::from([("tau_out".to_owned(), 2.25), ("apd_max".to_owned(), 14.5)])),
+    }
+}
+
+/// Six scalar parameters of 4 × 1000 draws; the last one with a heavy tail and a chain apart from the others.
+fn posterior() -> Group {
+    let stream = &mut ChaCha8Rng::seed_from_u64(1);
+    let names =
+        ["tau_out.m", "tau_out.alpha", "tau_out.rho", "apd_max.m", "apd_max.alpha", "apd_max.rho"];
+    let variables = names.iter().enumerate().map(|(k, name)| {
+        let mut state = 0.0;
+        let draws: Vec<f64> = (0..4000)
+            .map(|i| {
+                state = 0.9 * state + stream.random::<f64>() - 0.5;
+                let shift = if k == 5 && i >= 3000 { 1.5 } else { 0.0 };
+                if k == 5 { (1.5 * state + shift).exp() } else { 10.0 + state }
+            })
+            .collect();
+        Variable::new(*name, "mm", &[("chain", 4), ("draw", 1000)], draws)
+    });
+    Group { name: "posterior".to_owned(), variables: variables.collect() }
+}
+
+/// Twelve arrays of which the first has vertices without a value.
+fn arrays(mesh: &TriMesh) -> Vec<(String, Vec<f64>)> {
+    let names = ["tau_out", "apd_max", "erp_s2", "erp_s3"];
+    let name = |k: usize| format!("{}_{}", names[k % 4], ["mean", "sd", "true"][k / 4]);
+    let value = |k: usize, [x, y, z]: [f64; 3]| {
+        let k = k as f64;
+        if k == 0.0 && x > 25.0 {
+            f64::NAN
+        } else {
+            12.0 + k + 5.0 * (0.05 * x + k).sin() * (0.08 * z + 0.05 * y).cos()
+        }
+    };
+    (0..N_ARRAYS)
+        .map(|k| (name(k), mesh.vertices().iter().map(|&at| value(k, at)).collect()))
+        .collect()
+}
+
+fn write(path: &Path, title: &str, arrays: &[(String, Vec<f64>)]) -> Result<(), ReportError> {
+    let mesh = mesh();
+    let point_data: Vec<PointData<'_>> =
+        arrays.iter().map(|(name, values)| PointData { name, unit: "ms", values }).collect();
+    let sites: Vec<[f64; 3]> = (0..10).map(|i| mesh.vertices()[437 * i + 300]).collect();
+    let mut rows: Vec<Row> =
+        posterior().variables.iter().map(|v| row(&v.name, &v.unit, 10.0, 1.004)).collect();
+    rows.extend((0..24).map(|k| row(&format!("tau_out.eta[{k}]"), "", 0.5, 1.001)));
+    let page = Page {
+        title,
+        equations: "tau_out(x) = m + α · GP(RBF(ρ), K = 24)   [ms]\n  m ~ Flat,  α ~ InvGamma(1, 5),  1 < x",
+        record: &record(),
+        rows: &rows,
+        posterior: &posterior(),
+        surface: Some(Surface { mesh: &mesh, point_data: &point_data, sites: &sites }),
+    };
+    write_html(path, &page)
+}
+
+#[test]
+fn the_page_is_whole_and_holds_the_data() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("report.html");
+    let mut arrays = arrays(&mesh());
+    arrays[1].0 = "</script><b>".to_owned();
+    write(&path, "A <b>title</b> & {{run}}", &arrays).unwrap();
+    let html = std::fs::read_to_string(&path).unwrap();
+    assert!(html.len() < 2_500_000, "{} bytes", html.len());
+    let (page, scripts) = html.split_once("<script ").unwrap();
+    assert!(page.contains("<h1>A &lt;b&gt;title&lt;/b&gt; &amp; {{run}}</h1>"));
+    for network in ["src=", "href=", "url(", "@import"] {
+        assert!(!page.contains(network), "the page has {network}");
+    }
+    assert_eq!(scripts.matches("</script>").count(), 3);
+
+    let data = scripts.split_once('>').unwrap().1.split_once("</script>").unwrap().0;
+    let data: Value = serde_json::from_str(data).unwrap();
+    assert_eq!(data["arrays"].as_array().unwrap().len(), N_ARRAYS);
+    let values = BASE64.decode(data["arrays"][3]["values"].as_str().unwrap()).unwrap();
+    let values = values.as_chunks::<4>().0.iter().map(|bytes| f32::from_le_bytes(*bytes));
+    assert!(values.eq(arrays[3].1.iter().map(|&v| v as f32)));
+}
+
+#[test]
+fn a_page_without_a_surface_has_no_script() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("report.html");
+    let (record, posterior) = (record(), posterior());
+    let rows = [row("mu", "", 1.0, 1.5)];
+    let page = Page {
+        title: "Schools",
+        equations: "",
+        record: &record,
+        rows: &rows,
+        posterior: &posterior,
+        surface: None,
+    };
+    write_html(&path, &page).unwrap();
+    let html = std::fs::read_to_string(&path).unwrap();
+    assert!(
+        !html.contains("<script")
+            && html.contains("class=\"verdict bad\">Not converged: worst R̂ 1.500 (mu)")
+    );
+}
+
+#[test]
+fn point_data_of_another_length_is_refused() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("report.html");
+    let error = write(&path, "Erp", &[("tau_out_mean".to_owned(), vec![1.0; 3])]).unwrap_err();
+    assert!(!path.exists());
+    insta::assert_snapshot!(error, @r"
+    point data tau_out_mean: expected 5000 values, got 3
+    help: give one value per vertex
+    ");
+}
+
+/// The page after its scripts ran, as Chromium has it, or none without Chromium.
+fn rendered(path: &Path, flags: &[&str]) -> Option<String> {
+    let named = std::env::var_os("EPLAT_CHROMIUM").map(PathBuf::from);
+    let profile = tempfile::tempdir().unwrap();
+    let output = Command::new(named.unwrap_or("chromium".into()))
+        .args([
+            "--headless",
+            "--no-sandbox",
+            "--disable-background-networking",
+            "--virtual-time-budget=5000",
+        ])
+        .arg(format!("--user-data-dir={}", profile.path().display()))
+        .args(flags)
+        .arg("--dump-dom")
+        .arg(path)
+        .output()
+        .ok()?;
+    Some(String::from_utf8(output.stdout).unwrap())
+}
+
+#[test]
+fn a_browser_draws_the_fields_with_and_without_webgl() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("report.html");
+    write(&path, "Erp", &arrays(&mesh())).unwrap();
+    let with = rendered(&path, &["--use-angle=swiftshader", "--enable-unsafe-swiftshader"]);
+    let without = rendered(&path, &["--disable-3d-apis"]);
+    let (Some(with), Some(without)) = (with, without) else {
+        println!("no Chromium found (EPLAT_CHROMIUM): skipped");
+        return;
+    };
+    for dom in [&with, &without] {
+        assert_eq!(dom.matches("<option").count(), N_ARRAYS, "the viewer did not start");
+        assert!(dom.contains("<canvas") && dom.contains("Grey: no value."), "nothing was drawn");
+    }
+    assert!(with.contains("data-engine=\"three.js") && with.contains("Drag to turn"), "no WebGL");
+    assert!(without.contains("two fixed views"), "the fallback did not start");
+}
