@@ -1,13 +1,22 @@
 //! The command line: one file per command, one enum that is matched once.
 
+mod check;
+mod compile;
+mod inputs;
 mod mesh;
+mod models;
+mod output;
+mod progress;
+mod run;
+mod show;
 mod simulate;
 mod surrogate;
 
-use clap::{Parser, Subcommand};
 use std::process::ExitCode;
 
-use crate::error::Failure;
+use clap::{Parser, Subcommand};
+
+pub use models::Compiled;
 
 #[derive(Debug, Parser)]
 #[command(name = "eplat", version, about, max_term_width = 100)]
@@ -18,6 +27,12 @@ struct Cli {
 
 #[derive(Debug, Subcommand)]
 enum Command {
+    /// Sample a model's posterior and write the results
+    Run(run::Command),
+    /// Print a model as equations, with parameters, units and supports
+    Show(show::Command),
+    /// Validate a model's input without sampling, and time its gradient
+    Check(check::Command),
     /// Look at, convert, repair or make a surface mesh
     #[command(subcommand)]
     Mesh(mesh::Command),
@@ -29,21 +44,19 @@ enum Command {
     Surrogate(surrogate::Command),
 }
 
-/// Runs the command line of this process.
-pub fn main() -> ExitCode {
+/// Runs the command line of this process; `models` are compiled into it.
+pub fn main(models: &[Compiled]) -> ExitCode {
+    let done = |result: Result<(), _>| result.map(|()| ExitCode::SUCCESS);
     let outcome = match Cli::parse().command {
-        Command::Mesh(command) => command.run(),
-        Command::Simulate(command) => command.run(),
-        Command::Surrogate(command) => command.run(),
+        Command::Run(command) => command.run(models),
+        Command::Show(command) => command.run(models),
+        Command::Check(command) => command.run(models),
+        Command::Mesh(command) => done(command.run()),
+        Command::Simulate(command) => done(command.run()),
+        Command::Surrogate(command) => done(command.run()),
     };
-    match outcome {
-        Ok(()) => ExitCode::SUCCESS,
-        Err(failure) => {
-            eprintln!("error: {failure}");
-            ExitCode::from(failure.code())
-        }
-    }
+    outcome.unwrap_or_else(|failure| {
+        eprintln!("error: {failure}");
+        ExitCode::from(failure.code())
+    })
 }
-
-#[allow(dead_code)]
-type Outcome = Result<(), Failure>;

@@ -239,6 +239,14 @@ impl Measurements {
         &self.file
     }
 
+    /// A row in words: its site, if there is such a column, else its line.
+    pub fn place(&self, row: usize) -> String {
+        match self.column("site") {
+            Some(column) => format!("at site {}", self.rows[row].cells[column]),
+            None => format!("in line {}", self.rows[row].line),
+        }
+    }
+
     /// Vertex of a row, once placed.
     pub fn vertex(&self, row: usize) -> Option<u32> {
         self.vertex.get(row).copied()

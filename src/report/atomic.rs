@@ -29,6 +29,14 @@ pub(super) fn write_file(
     write().map_err(ReportError::write(path))
 }
 
+/// Writes `text` as a file that appears whole or not at all.
+///
+/// # Errors
+/// [`ReportError::Write`].
+pub fn write_text(path: &Path, text: &str) -> Result<(), ReportError> {
+    write_file(path, |file| file.write_all(text.as_bytes()))
+}
+
 /// Makes a folder by `fill`, under a temporary name that becomes `path` once everything is on disk.
 ///
 /// A folder that was at `path` is moved aside first, and back if the new one cannot take its place.

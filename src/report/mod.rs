@@ -1,6 +1,6 @@
 //! What a run leaves on disk and on the screen.
 //!
-//! Knows arrays of draws, summaries, a mesh and a record of the run; nothing of models, samplers or the simulator.
+//! Knows arrays of draws, summaries, a mesh and a record of the run; nothing of the simulator.
 //! Every file and folder appears whole or not at all.
 
 mod atomic;
@@ -8,6 +8,7 @@ mod dataset;
 mod draws;
 mod error;
 mod html;
+mod posterior;
 mod run_record;
 #[cfg(test)]
 mod samples;
@@ -17,10 +18,12 @@ mod table;
 mod verdict;
 mod zarr;
 
+pub use atomic::write_text;
 pub use dataset::{Group, Values, Variable};
 pub use draws::write_draws;
 pub use error::ReportError;
 pub use html::{Page, PointData, Surface, write_html};
+pub use posterior::Posterior;
 pub use run_record::{RunRecord, Seconds, Settings};
 pub use summary::{Row, read_summary_json, write_summary_csv, write_summary_json};
 pub use table::{WIDTH, console_table};

@@ -1,0 +1,52 @@
+//! `eplat check MODEL.rs`: validates input without sampling, and times one gradient.
+
+use std::io::Write as _;
+use std::path::PathBuf;
+use std::process::ExitCode;
+use std::time::Instant;
+
+use clap::Args;
+
+use super::compile::run_compiled;
+use super::inputs::InputArgs;
+use super::models::{Compiled, ModelFile};
+use crate::dsl::Model;
+use crate::error::Failure;
+use crate::infer::LogDensity as _;
+
+/// Evaluations that the gradient is timed over.
+const EVALUATIONS: u32 = 20_000;
+
+/// `eplat check MODEL.rs`
+#[derive(Debug, Args)]
+pub(super) struct Command {
+    /// Model file
+    model: PathBuf,
+    #[command(flatten)]
+    input: InputArgs,
+}
+
+impl Command {
+    pub(super) fn run(&self, compiled: &[Compiled]) -> Result<ExitCode, Failure> {
+        let file = ModelFile::read(&self.model)?;
+        let Some(model) = file.find(compiled) else { return run_compiled(&file) };
+        let inputs = self.input.load(model)?;
+        let basis = inputs.surface.as_ref().map(|(_, basis)| basis);
+        let model = Model::new(model, basis, &inputs.measurements)?;
+        let (position, mut gradient) = (model.initial(), vec![0.0; model.dim()]);
+        let mut evaluator = model.evaluator();
+        let ln_density = evaluator.ln_density(&position, &mut gradient);
+        let begun = Instant::now();
+        for _ in 0..EVALUATIONS {
+            std::hint::black_box(evaluator.ln_density(std::hint::black_box(&position), &mut gradient));
+        }
+        let nanoseconds = begun.elapsed().as_secs_f64() * 1e9 / f64::from(EVALUATIONS);
+        let mut out = std::io::stdout().lock();
+        for observe in &model.observes {
+            writeln!(out, "observe {}: {} measurements", observe.name, observe.rows.len())?;
+        }
+        writeln!(out, "{} unknowns", model.dim())?;
+        writeln!(out, "log density {ln_density:.3} at the starting point; {nanoseconds:.0} ns with its gradient")?;
+        Ok(ExitCode::SUCCESS)
+    }
+}

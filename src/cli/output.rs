@@ -1,0 +1,311 @@
+//! What a run leaves in its output folder, and the summary at its end.
+
+use std::collections::BTreeMap;
+use std::fmt::Write as _;
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::time::Instant;
+
+use serde_json::{Map, Value, json};
+
+use super::inputs::Inputs;
+use crate::diagnostics::e_bfmi;
+use crate::dsl::{Maps, Model, equations};
+use crate::error::Failure;
+use crate::infer::{self, Chain, LogDensity as _, MetricKind};
+use crate::manifold::Basis;
+use crate::mesh::{Surface, write_vtp};
+use crate::report::{
+    self, Group, Page, PointData, Posterior, RunRecord, Seconds, Variable, console_table, verdict,
+    write_draws, write_html, write_summary_csv, write_summary_json, write_zarr,
+};
+
+/// Most draws that field maps are averaged over; more change nothing that can be seen.
+const MAP_DRAWS: usize = 1000;
+
+/// An output folder that can be written to.
+pub(super) struct OutputFolder(PathBuf);
+
+impl OutputFolder {
+    /// Makes the folder and tries it, before anything slow is done.
+    pub(super) fn open(path: &Path) -> Result<Self, Failure> {
+        let tried = fs::create_dir_all(path).and_then(|()| tempfile::tempfile_in(path));
+        match tried {
+            Ok(_) => Ok(Self(path.to_owned())),
+            Err(error) => Err(Failure::new(format_args!(
+                "cannot write to the output folder {}: {error}\nhelp: name another with --out DIR",
+                path.display()
+            ))),
+        }
+    }
+
+    fn file(&self, name: &str) -> PathBuf {
+        self.0.join(name)
+    }
+}
+
+/// A run that has sampled.
+pub(super) struct Finished<'a> {
+    pub(super) model: &'a Model,
+    pub(super) inputs: &'a Inputs,
+    pub(super) chains: &'a [Chain],
+    pub(super) settings: &'a infer::Settings,
+    pub(super) compile_seconds: f64,
+    pub(super) setup_seconds: f64,
+    pub(super) sampled_in: f64,
+    pub(super) begun: Instant,
+}
+
+/// What the end of a run shows.
+pub(super) struct Outcome {
+    rows: Vec<report::Row>,
+    record: RunRecord,
+    /// Measurements that divergences come from, worst first, in words.
+    suspects: Vec<String>,
+    /// Share of (vertex, draw) pairs outside a declared range.
+    unphysical: Option<f64>,
+    files: Vec<&'static str>,
+}
+
+/// Maps over the surface, with the truth beside them where it is known.
+struct FieldMaps {
+    unphysical: Vec<f64>,
+    /// Root mean squared error of each map's mean, in its unit.
+    rmse: BTreeMap<String, f64>,
+    /// Name, unit, values at the vertices.
+    arrays: Vec<(String, String, Vec<f64>)>,
+}
+
+impl Finished<'_> {
+    /// Writes every file; the record last.
+    pub(super) fn write(&self, out: &OutputFolder) -> Result<Outcome, Failure> {
+        let seed = self.settings.seed;
+        let posterior = Posterior::new(self.model, &self.inputs.measurements, self.chains, seed);
+        let surface = self.inputs.surface.as_ref();
+        let maps = surface.map(|(surface, basis)| self.maps(surface, basis));
+        let mut files = vec!["summary.csv", "summary.json", "draws.csv"];
+        write_summary_csv(&out.file("summary.csv"), &posterior.rows)?;
+        write_summary_json(&out.file("summary.json"), &posterior.rows)?;
+        write_draws(&out.file("draws.csv"), &posterior.posterior)?;
+        self.write_zarr(out, &posterior, maps.as_ref())?;
+        files.push("posterior.zarr");
+        if let (Some((surface, _)), Some(maps)) = (surface, &maps) {
+            let arrays: Vec<(&str, &[f64])> =
+                maps.arrays.iter().map(|(name, _, values)| (name.as_str(), values.as_slice())).collect();
+            write_vtp(&out.file("fields.vtp"), &surface.mesh, &arrays)?;
+            files.push("fields.vtp");
+        }
+        if !self.inputs.truth.is_empty() {
+            let text = self.inputs.measurements.to_csv();
+            report::write_text(&out.file("measurements.csv"), &text)?;
+            files.push("measurements.csv");
+        }
+        let record = self.record(&posterior, maps.as_ref());
+        self.write_page(out, &posterior, &record, maps.as_ref())?;
+        record.write(&out.file("run.json"))?;
+        files.extend(["report.html", "run.json"]);
+        let unphysical = maps.map(|m| m.unphysical.iter().sum::<f64>() / m.unphysical.len() as f64);
+        Ok(Outcome { rows: posterior.rows, record, suspects: self.suspects(), unphysical, files })
+    }
+
+    fn maps(&self, surface: &Surface, basis: &Basis) -> FieldMaps {
+        let draws: Vec<&[f64]> =
+            self.chains.iter().flat_map(|c| (0..c.n_draws()).map(|i| c.draw(i))).collect();
+        let step = draws.len().div_ceil(MAP_DRAWS);
+        let thinned: Vec<&[f64]> = draws.into_iter().step_by(step).collect();
+        let (summaries, unphysical) = Maps::new(self.model, basis).summarise(&thinned);
+        let mut arrays: Vec<(String, String, Vec<f64>)> = vec![];
+        let mut rmse = BTreeMap::new();
+        for map in &summaries {
+            let mut push = |suffix: &str, unit: &str, values: &[f64]| {
+                arrays.push((format!("{}_{suffix}", map.name), unit.into(), values.to_vec()));
+            };
+            push("mean", &map.unit, &map.mean);
+            push("sd", &map.unit, &map.sd);
+            if let Some((name, truth)) = self.inputs.truth.iter().find(|t| t.0 == map.name) {
+                push("true", &map.unit, truth);
+                let errors = || map.mean.iter().zip(truth).map(|(m, t)| m - t);
+                let ise: Vec<f64> = errors().zip(&map.sd).map(|(e, sd)| e.abs() / sd).collect();
+                push("ise", "", &ise);
+                let squares: Vec<f64> = errors().map(|e| e * e).filter(|e| e.is_finite()).collect();
+                let mean = squares.iter().sum::<f64>() / squares.len() as f64;
+                rmse.insert((*name).to_string(), mean.sqrt());
+            }
+        }
+        arrays.push(("unphysical".into(), "1".into(), unphysical.clone()));
+        arrays.extend(surface.point_data.iter().map(|(n, v)| (n.clone(), String::new(), v.clone())));
+        FieldMaps { unphysical, rmse, arrays }
+    }
+
+    fn write_zarr(
+        &self,
+        out: &OutputFolder,
+        posterior: &Posterior,
+        maps: Option<&FieldMaps>,
+    ) -> Result<(), Failure> {
+        let mut groups = posterior.groups();
+        if let Some(maps) = maps {
+            let variable = |(name, unit, values): &(String, String, Vec<f64>)| {
+                Variable::new(name, unit, &[("vertex", values.len())], values.clone())
+            };
+            let variables = maps.arrays.iter().map(variable).collect();
+            groups.push(Group { name: "fields".into(), variables });
+        }
+        let mut attributes = Map::new();
+        attributes.insert("model".into(), json!(self.model.name));
+        attributes.insert("eplat_version".into(), json!(env!("CARGO_PKG_VERSION")));
+        Ok(write_zarr(&out.file("posterior.zarr"), &groups, &attributes)?)
+    }
+
+    fn write_page(
+        &self,
+        out: &OutputFolder,
+        posterior: &Posterior,
+        record: &RunRecord,
+        maps: Option<&FieldMaps>,
+    ) -> Result<(), Failure> {
+        let surface = self.inputs.surface.as_ref().map(|(surface, _)| surface);
+        let sites: Vec<[f64; 3]> = surface.map_or(vec![], |s| {
+            let vertices = self.inputs.measurements.vertices();
+            vertices.iter().map(|v| s.mesh.vertices()[*v as usize]).collect()
+        });
+        let data: Vec<PointData<'_>> = maps.map_or(vec![], |maps| {
+            maps.arrays.iter().map(|(name, unit, values)| PointData { name, unit, values }).collect()
+        });
+        let page = Page {
+            title: self.model.name,
+            equations: &equations(self.model),
+            record,
+            rows: &posterior.rows,
+            posterior: &posterior.posterior,
+            surface: surface.map(|s| report::Surface { mesh: &s.mesh, point_data: &data, sites: &sites }),
+        };
+        Ok(write_html(&out.file("report.html"), &page)?)
+    }
+
+    fn record(&self, posterior: &Posterior, maps: Option<&FieldMaps>) -> RunRecord {
+        let sum = |of: fn(&Chain) -> f64| self.chains.iter().map(of).sum::<f64>();
+        let (warmup, sampling) = (sum(|c| c.seconds_warmup), sum(|c| c.seconds_sampling));
+        let wall = self.sampled_in / (warmup + sampling);
+        let grad_evals = self.chains.iter().map(|c| c.n_grad_warmup + c.n_grad_sampling).sum::<u64>();
+        let least = |of: fn(&report::Row) -> f64| {
+            posterior.rows.iter().map(of).fold(f64::INFINITY, f64::min)
+        };
+        let min_ess_bulk = least(|r| r.summary.ess_bulk);
+        RunRecord {
+            model: self.model.name.into(),
+            version: env!("CARGO_PKG_VERSION").into(),
+            seed: self.settings.seed,
+            settings: report::Settings {
+                chains: self.settings.chains,
+                warmup: self.settings.warmup,
+                draws: self.settings.draws,
+                target_accept: self.settings.target_accept,
+                metric: match self.settings.metric {
+                    MetricKind::Diagonal => "diag".into(),
+                    MetricKind::Dense => "dense".into(),
+                },
+            },
+            hashes: self.inputs.hashes.clone(),
+            n_params: self.model.dim(),
+            grad_evals,
+            ns_per_grad: 1e9 * (warmup + sampling) / grad_evals as f64,
+            seconds: Seconds {
+                compile: self.compile_seconds,
+                setup: self.setup_seconds,
+                warmup: warmup * wall,
+                sampling: sampling * wall,
+                total: self.begun.elapsed().as_secs_f64() + self.compile_seconds,
+            },
+            divergences: self.chains.iter().flat_map(|c| &c.diverging).filter(|d| **d).count(),
+            max_r_hat: -least(|r| -r.summary.r_hat),
+            min_ess_bulk,
+            min_ess_tail: least(|r| r.summary.ess_tail),
+            ess_per_second: min_ess_bulk / self.sampled_in,
+            e_bfmi: self.chains.iter().map(|c| e_bfmi(&c.energy)).fold(f64::INFINITY, f64::min),
+            rmse: maps.map(|m| m.rmse.clone()).filter(|rmse| !rmse.is_empty()),
+        }
+    }
+
+    /// The measurements whose log likelihood falls most along divergent transitions.
+    fn suspects(&self) -> Vec<String> {
+        let mut blamed: BTreeMap<usize, usize> = BTreeMap::new();
+        let mut tape = self.model.tape();
+        let mut pointwise = |u: &[f64]| {
+            let mut out = vec![];
+            self.model.forward(&mut tape, u);
+            self.model.pointwise(&tape, &mut out);
+            out
+        };
+        for divergence in self.chains.iter().flat_map(|c| &c.divergences) {
+            let (start, end) = (pointwise(&divergence.start), pointwise(&divergence.end));
+            let falls = end.iter().zip(&start).map(|(e, s)| e - s).enumerate();
+            let worst = falls.min_by(|a, b| a.1.total_cmp(&b.1));
+            if let Some((row, fall)) = worst
+                && fall < 0.0
+            {
+                *blamed.entry(row).or_default() += 1;
+            }
+        }
+        let mut blamed: Vec<(usize, usize)> = blamed.into_iter().collect();
+        blamed.sort_by_key(|(_, count)| std::cmp::Reverse(*count));
+        blamed.iter().take(3).map(|(row, count)| format!("{} ({count})", self.place_of(*row))).collect()
+    }
+
+    /// Measurement number `row` over all `observe`s, in words.
+    fn place_of(&self, mut row: usize) -> String {
+        for observe in &self.model.observes {
+            match observe.rows.get(row) {
+                Some(at) => return format!("{} {}", observe.name, self.inputs.measurements.place(*at)),
+                None => row -= observe.rows.len(),
+            }
+        }
+        String::new()
+    }
+}
+
+impl Outcome {
+    pub(super) fn converged(&self) -> bool {
+        verdict(&self.record, &self.rows).converged
+    }
+
+    /// The table, the errors against the truth, the verdict and where the files are.
+    pub(super) fn text(&self, out: &OutputFolder) -> String {
+        let mut text = console_table(&self.rows, false);
+        if let Some(rmse) = &self.record.rmse {
+            let list: Vec<String> = rmse.iter().map(|(name, e)| format!("{name} {e:.1}")).collect();
+            let _ = writeln!(text, "\nRMSE against the truth over the surface, ms: {}", list.join(", "));
+        }
+        if let Some(share) = self.unphysical {
+            let _ = writeln!(text, "Outside a declared range: {:.1} % of (vertex, draw) pairs; derived maps leave them out", 100.0 * share);
+        }
+        if !self.suspects.is_empty() {
+            let _ = writeln!(text, "Divergences come from: {}", self.suspects.join(", "));
+        }
+        let _ = writeln!(text, "{}", verdict(&self.record, &self.rows).sentence);
+        let seconds = &self.record.seconds;
+        let _ = writeln!(
+            text,
+            "{} gradients of {:.2} µs; {:.1} s in all, {:.1} s of them sampling",
+            self.record.grad_evals,
+            self.record.ns_per_grad / 1000.0,
+            seconds.total,
+            seconds.warmup + seconds.sampling
+        );
+        let _ = write!(text, "Files in {}: {}", out.0.display(), self.files.join(", "));
+        text
+    }
+
+    /// Summary and record as one object.
+    pub(super) fn json(&self) -> Value {
+        let rows = self.rows.iter().map(|r| (r.name.clone(), json!(r.summary)));
+        let summary: Map<String, Value> = rows.collect();
+        let verdict = verdict(&self.record, &self.rows);
+        json!({
+            "summary": summary,
+            "run": self.record,
+            "converged": verdict.converged,
+            "verdict": verdict.sentence,
+        })
+    }
+}

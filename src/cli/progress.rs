@@ -1,0 +1,59 @@
+//! Progress of the chains: one line each on a terminal, one line per chain and phase otherwise.
+
+use std::io::IsTerminal as _;
+
+use indicatif::{MultiProgress, ProgressBar, ProgressStyle};
+
+use crate::infer::{ChainProgress, Phase, Progress};
+
+/// Shows where every chain stands, on stderr.
+pub(super) struct ChainBars {
+    bars: Vec<ProgressBar>,
+    is_terminal: bool,
+    warmup: usize,
+}
+
+impl ChainBars {
+    /// For `chains` of `total` transitions, `warmup` of them warm-up.
+    pub(super) fn new(chains: usize, total: usize, warmup: usize) -> Self {
+        let all = MultiProgress::new();
+        let template = "chain {prefix} {bar:24} {pos:>5}/{len} {msg} ETA {eta}";
+        let style = ProgressStyle::with_template(template)
+            .unwrap_or_else(|_| ProgressStyle::default_bar())
+            .progress_chars("━╸─");
+        let bar = |chain: usize| {
+            let bar = all.add(ProgressBar::new(total as u64)).with_style(style.clone());
+            bar.set_prefix((chain + 1).to_string());
+            bar.set_message("starting");
+            bar
+        };
+        let bars = (0..chains).map(bar).collect();
+        Self { bars, is_terminal: std::io::stderr().is_terminal(), warmup }
+    }
+
+    /// Leaves the lines as they are.
+    pub(super) fn finish(&self) {
+        self.bars.iter().for_each(ProgressBar::abandon);
+    }
+}
+
+impl Progress for ChainBars {
+    fn report(&self, p: &ChainProgress) {
+        let state = format!(
+            "{:<8} divergences {:<3} step {:.3}",
+            p.phase.to_string(),
+            p.divergences,
+            p.step_size
+        );
+        let bar = &self.bars[p.chain];
+        bar.set_position(p.iteration as u64);
+        bar.set_message(state.clone());
+        let phase_ends = match p.phase {
+            Phase::Warmup => p.iteration == self.warmup,
+            Phase::Sampling => p.iteration == p.total,
+        };
+        if !self.is_terminal && phase_ends {
+            eprintln!("chain {}  {:>5}/{}  {state}", p.chain + 1, p.iteration, p.total);
+        }
+    }
+}

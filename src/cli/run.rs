@@ -1,0 +1,159 @@
+//! `eplat run MODEL.rs`: from a model, a surface and measurements to the output folder.
+
+use std::io::Write as _;
+use std::path::{Path, PathBuf};
+use std::process::ExitCode;
+use std::time::Instant;
+
+use clap::{Args, ValueEnum};
+
+use super::compile::{COMPILE_SECONDS, run_compiled};
+use super::inputs::{InputArgs, Inputs, hash};
+use super::models::{Compiled, ModelFile};
+use super::output::{Finished, OutputFolder};
+use super::progress::ChainBars;
+use crate::dsl::{Declare, Model};
+use crate::error::Failure;
+use crate::infer::{self, Chain, LogDensity as _, MetricKind, jittered_starts};
+
+/// `eplat run MODEL.rs`
+#[derive(Debug, Args)]
+pub(super) struct Command {
+    /// Model file
+    model: PathBuf,
+    #[command(flatten)]
+    input: InputArgs,
+    /// Output folder [default: out/NAME, after the model file's name]
+    #[arg(long, value_name = "DIR")]
+    out: Option<PathBuf>,
+    #[command(flatten)]
+    sampler: SamplerArgs,
+    /// Print the summary and the run record as JSON on stdout
+    #[arg(long)]
+    json: bool,
+}
+
+/// Options of the sampler.
+#[derive(Debug, Args)]
+struct SamplerArgs {
+    /// Number of chains
+    #[arg(long, default_value_t = 4)]
+    chains: usize,
+    /// Warm-up transitions per chain, not kept
+    #[arg(long, default_value_t = 1000)]
+    warmup: usize,
+    /// Draws kept per chain
+    #[arg(long, default_value_t = 1000)]
+    draws: usize,
+    /// Mean acceptance that the step size is tuned to, between 0 and 1
+    #[arg(long, default_value_t = 0.95)]
+    target_accept: f64,
+    /// Shape of the mass matrix
+    #[arg(long, value_enum, default_value_t = MetricArg::Diag)]
+    metric: MetricArg,
+    /// Threads; 0 means one per core. Changes no number
+    #[arg(long, default_value_t = 0)]
+    threads: usize,
+}
+
+#[derive(Clone, Copy, Debug, ValueEnum)]
+enum MetricArg {
+    /// One scale per unknown
+    Diag,
+    /// The covariance of the warm-up draws
+    Dense,
+}
+
+impl SamplerArgs {
+    fn settings(&self, seed: u64) -> infer::Settings {
+        infer::Settings {
+            chains: self.chains,
+            warmup: self.warmup,
+            draws: self.draws,
+            target_accept: self.target_accept,
+            seed,
+            threads: self.threads,
+            metric: match self.metric {
+                MetricArg::Diag => MetricKind::Diagonal,
+                MetricArg::Dense => MetricKind::Dense,
+            },
+            ..Default::default()
+        }
+    }
+}
+
+impl Command {
+    pub(super) fn run(&self, compiled: &[Compiled]) -> Result<ExitCode, Failure> {
+        let begun = Instant::now();
+        let settings = self.sampler.settings(self.input.seed);
+        settings.validate().map_err(Failure::usage)?;
+        let file = ModelFile::read(&self.model)?;
+        let Some(model) = file.find(compiled) else { return run_compiled(&file) };
+        let out = OutputFolder::open(&self.folder())?;
+        let mut inputs = self.input.load(model)?;
+        inputs.hashes.insert("model".into(), hash(&self.model)?);
+        let (laid_out, chains, sampled_in) = sample(model, &inputs, &settings, begun)?;
+        let finished = Finished {
+            model: &laid_out,
+            inputs: &inputs,
+            chains: &chains,
+            settings: &settings,
+            compile_seconds: compile_seconds(),
+            setup_seconds: begun.elapsed().as_secs_f64() - sampled_in,
+            sampled_in,
+            begun,
+        };
+        let result = finished.write(&out)?;
+        let mut stdout = std::io::stdout().lock();
+        if self.json {
+            writeln!(stdout, "{}", result.json())?;
+        } else {
+            writeln!(stdout, "\n{}", result.text(&out))?;
+        }
+        Ok(if result.converged() { ExitCode::SUCCESS } else { ExitCode::from(3) })
+    }
+
+    fn folder(&self) -> PathBuf {
+        let name = self.model.file_stem().map_or_else(|| "model".into(), PathBuf::from);
+        self.out.clone().unwrap_or_else(|| Path::new("out").join(name))
+    }
+}
+
+/// Lays the model out and samples it; returns the chains that came through and the seconds it took.
+fn sample(
+    model: &dyn Declare,
+    inputs: &Inputs,
+    settings: &infer::Settings,
+    begun: Instant,
+) -> Result<(Model, Vec<Chain>, f64), Failure> {
+    let basis = inputs.surface.as_ref().map(|(_, basis)| basis);
+    let model = Model::new(model, basis, &inputs.measurements)?;
+    let starts = jittered_starts(&model, &model.initial(), settings.chains, settings.seed)?;
+    eprintln!(
+        "model  {}: {} unknowns, ready in {:.1} s",
+        model.name,
+        model.dim(),
+        begun.elapsed().as_secs_f64()
+    );
+    let sampling = Instant::now();
+    let bars = ChainBars::new(settings.chains, settings.warmup + settings.draws, settings.warmup);
+    let results = infer::sample(&model, &starts, settings, &bars)?;
+    bars.finish();
+    let sampled_in = sampling.elapsed().as_secs_f64();
+    let (chains, failed): (Vec<_>, Vec<_>) = results.into_iter().partition(Result::is_ok);
+    let chains: Vec<Chain> = chains.into_iter().flatten().collect();
+    let failures: Vec<String> =
+        failed.into_iter().filter_map(Result::err).map(|e| e.to_string()).collect();
+    for failure in &failures {
+        eprintln!("warning: {failure}");
+    }
+    match (chains.is_empty(), failures.first()) {
+        (true, Some(failure)) => Err(Failure::new(format_args!("every chain failed; the first:\n{failure}"))),
+        _ => Ok((model, chains, sampled_in)),
+    }
+}
+
+/// How long the compilation of this program took, if it was compiled for this run.
+fn compile_seconds() -> f64 {
+    std::env::var(COMPILE_SECONDS).ok().and_then(|s| s.parse().ok()).unwrap_or(0.0)
+}

@@ -1,0 +1,28 @@
+//! `eplat show MODEL.rs`
+
+use std::io::Write as _;
+use std::path::PathBuf;
+use std::process::ExitCode;
+
+use clap::Args;
+
+use super::models::{Compiled, ModelFile};
+use crate::dsl::{Model, equations};
+use crate::error::Failure;
+
+/// `eplat show MODEL.rs`
+#[derive(Debug, Args)]
+pub(super) struct Command {
+    /// Model file
+    model: PathBuf,
+}
+
+impl Command {
+    pub(super) fn run(&self, compiled: &[Compiled]) -> Result<ExitCode, Failure> {
+        let file = ModelFile::read(&self.model)?;
+        let Some(model) = file.find(compiled) else { return super::compile::run_compiled(&file) };
+        let text = equations(&Model::outline(model)?);
+        write!(std::io::stdout().lock(), "{text}")?;
+        Ok(ExitCode::SUCCESS)
+    }
+}

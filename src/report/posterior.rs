@@ -1,0 +1,216 @@
+//! Draws of unknowns as what they mean: parameters, log likelihoods, replicated measurements.
+
+use rand::SeedableRng;
+use rand_chacha::ChaCha8Rng;
+use rayon::prelude::*;
+
+use super::{Group, Row, Values, Variable};
+use crate::diagnostics::summarise;
+use crate::dsl::{Kind, Measurements, Model, Observe};
+use crate::infer::Chain;
+
+/// First random stream for what is drawn after sampling; chains own the streams from 0 on.
+const STREAM: u64 = 1 << 32;
+
+/// Everything the draws of a model say, in the groups that `ArviZ` knows.
+#[derive(Clone, Debug)]
+pub struct Posterior {
+    /// Parameters (chain, draw, …) in their units.
+    pub posterior: Group,
+    /// What the sampler did at each draw (chain, draw).
+    pub sample_stats: Group,
+    /// Log likelihood of each measurement (chain, draw, row).
+    pub log_likelihood: Group,
+    /// A replicate of each measurement (chain, draw, row); of a bracket, its lower end.
+    pub posterior_predictive: Group,
+    /// The measurements (row); of a bracket, its lower end.
+    pub observed_data: Group,
+    /// All numbers of the measurements, and where they were made.
+    pub constant_data: Group,
+    /// Summary of every parameter, element by element.
+    pub rows: Vec<Row>,
+}
+
+/// One chain's draws.
+#[derive(Default)]
+struct Drawn {
+    /// (draw, reported number)
+    reported: Vec<f64>,
+    /// (draw, measurement of all `observe`s)
+    log_likelihood: Vec<f64>,
+    /// (draw, measurement of all `observe`s)
+    predicted: Vec<f64>,
+}
+
+impl Posterior {
+    /// From chains of equal length; `seed` is the run's.
+    pub fn new(model: &Model, data: &Measurements, chains: &[Chain], seed: u64) -> Self {
+        let drawn: Vec<Drawn> = chains
+            .par_iter()
+            .enumerate()
+            .map(|(i, chain)| drawn(model, chain, seed, i))
+            .collect();
+        let shape = [chains.len(), chains.first().map_or(0, Chain::n_draws)];
+        let posterior = parameters(model, &drawn, shape);
+        let rows = rows(model, &posterior, shape);
+        let by_row = |name: &str, part: fn(&Drawn) -> &[f64]| Group {
+            name: name.into(),
+            variables: per_measurement(model, &drawn, shape, part),
+        };
+        Self {
+            posterior,
+            rows,
+            sample_stats: sample_stats(chains, shape),
+            log_likelihood: by_row("log_likelihood", |d| &d.log_likelihood),
+            posterior_predictive: by_row("posterior_predictive", |d| &d.predicted),
+            observed_data: observed(model),
+            constant_data: constant(model, data),
+        }
+    }
+
+    /// All groups, for [`super::write_zarr`].
+    pub fn groups(&self) -> Vec<Group> {
+        [
+            &self.posterior,
+            &self.sample_stats,
+            &self.log_likelihood,
+            &self.posterior_predictive,
+            &self.observed_data,
+            &self.constant_data,
+        ]
+        .into_iter()
+        .filter(|group| !group.variables.is_empty())
+        .cloned()
+        .collect()
+    }
+}
+
+fn drawn(model: &Model, chain: &Chain, seed: u64, index: usize) -> Drawn {
+    let mut rng = ChaCha8Rng::seed_from_u64(seed);
+    rng.set_stream(STREAM + index as u64);
+    let (mut tape, mut out) = (model.tape(), Drawn::default());
+    for i in 0..chain.n_draws() {
+        model.forward(&mut tape, chain.draw(i));
+        model.report(&tape, &mut rng, &mut out.reported);
+        model.pointwise(&tape, &mut out.log_likelihood);
+        for observe in &model.observes {
+            let replicate = observe.simulate(&tape, &mut rng);
+            out.predicted.extend(replicate.iter().map(|cells| cells[0]));
+        }
+    }
+    out
+}
+
+/// Elements `from..from + len` of every draw's `width` numbers, chain after chain.
+fn columns(drawn: &[Drawn], part: fn(&Drawn) -> &[f64], width: usize, from: usize, len: usize) -> Vec<f64> {
+    let rows = drawn.iter().flat_map(|d| part(d).chunks_exact(width.max(1)));
+    rows.flat_map(|row| &row[from..from + len]).copied().collect()
+}
+
+fn parameters(model: &Model, drawn: &[Drawn], [chains, draws]: [usize; 2]) -> Group {
+    let (width, mut from) = (model.n_reported(), 0);
+    let mut variables = vec![];
+    for p in &model.parameters {
+        let values = columns(drawn, |d| &d.reported, width, from, p.len);
+        from += p.len;
+        let dim = format!("{}_dim", p.name);
+        let mut dims = vec![("chain", chains), ("draw", draws)];
+        if p.kind != Kind::Scalar {
+            dims.push((&dim, p.len));
+        }
+        variables.push(Variable::new(&p.name, &p.unit, &dims, values));
+        if !p.labels.is_empty() {
+            variables.push(Variable::new(&dim, "", &[(&dim, p.len)], p.labels.clone()));
+        }
+    }
+    Group { name: "posterior".into(), variables }
+}
+
+fn rows(model: &Model, posterior: &Group, [chains, draws]: [usize; 2]) -> Vec<Row> {
+    let mut jobs = vec![];
+    for p in &model.parameters {
+        let variable = posterior.variables.iter().find(|v| v.name == p.name);
+        let Some(Values::Float(values)) = variable.map(|v| &v.values) else { continue };
+        jobs.extend((0..p.len).map(|i| (p, i, values)));
+    }
+    let row = |(p, i, values): &(&crate::dsl::Parameter, usize, &Vec<f64>)| {
+        let column: Vec<f64> = values.iter().skip(*i).step_by(p.len).copied().collect();
+        let chains: Vec<&[f64]> = column.chunks_exact(draws.max(1)).take(chains).collect();
+        Row { name: p.element(*i), unit: p.unit.clone(), summary: summarise(&chains) }
+    };
+    jobs.par_iter().map(row).collect()
+}
+
+fn per_measurement(
+    model: &Model,
+    drawn: &[Drawn],
+    [chains, draws]: [usize; 2],
+    part: fn(&Drawn) -> &[f64],
+) -> Vec<Variable> {
+    let width = model.observes.iter().map(|o| o.rows.len()).sum();
+    let mut from = 0;
+    let variable = |observe: &Observe| {
+        let n = observe.rows.len();
+        let values = columns(drawn, part, width, from, n);
+        from += n;
+        let dim = row_dimension(observe);
+        let dims = [("chain", chains), ("draw", draws), (dim.as_str(), n)];
+        Variable::new(observe.name, &observe.unit, &dims, values)
+    };
+    model.observes.iter().map(variable).collect()
+}
+
+fn row_dimension(observe: &Observe) -> String {
+    format!("{}_row", observe.name)
+}
+
+fn sample_stats(chains: &[Chain], [n, draws]: [usize; 2]) -> Group {
+    let dims = [("chain", n), ("draw", draws)];
+    let floats = |name: &str, of: fn(&Chain) -> Vec<f64>| {
+        Variable::new(name, "", &dims, chains.iter().flat_map(of).collect::<Vec<f64>>())
+    };
+    let integers = |name: &str, of: fn(&Chain) -> &[u32]| {
+        let values = chains.iter().flat_map(|c| of(c).iter().map(|x| i64::from(*x)));
+        Variable::new(name, "", &dims, values.collect::<Vec<i64>>())
+    };
+    let diverging: Vec<bool> = chains.iter().flat_map(|c| c.diverging.clone()).collect();
+    let variables = vec![
+        floats("lp", |c| c.ln_density.clone()),
+        floats("energy", |c| c.energy.clone()),
+        floats("acceptance_rate", |c| c.accept.clone()),
+        floats("step_size", |c| vec![c.step_size; c.n_draws()]),
+        integers("tree_depth", |c| &c.depth),
+        integers("n_steps", |c| &c.n_leapfrog),
+        Variable::new("diverging", "", &dims, diverging),
+    ];
+    Group { name: "sample_stats".into(), variables }
+}
+
+fn observed(model: &Model) -> Group {
+    let variable = |observe: &Observe| {
+        let dim = row_dimension(observe);
+        let values: Vec<f64> = observe.observed().iter().map(|cells| cells[0]).collect();
+        Variable::new(observe.name, &observe.unit, &[(dim.as_str(), values.len())], values)
+    };
+    Group { name: "observed_data".into(), variables: model.observes.iter().map(variable).collect() }
+}
+
+fn constant(model: &Model, data: &Measurements) -> Group {
+    let mut variables = vec![];
+    for observe in &model.observes {
+        let dim = row_dimension(observe);
+        let dims = [(dim.as_str(), observe.rows.len())];
+        let cells = observe.observed();
+        for (i, column) in observe.columns.iter().enumerate() {
+            let values: Vec<f64> = cells.iter().map(|c| c[i]).collect();
+            let name = format!("{}_{column}", observe.name);
+            variables.push(Variable::new(name, &observe.unit, &dims, values));
+        }
+        if observe.rows.iter().all(|row| data.vertex(*row).is_some()) {
+            let vertex = observe.rows.iter().filter_map(|row| data.vertex(*row)).map(i64::from);
+            let name = format!("{}_vertex", observe.name);
+            variables.push(Variable::new(name, "", &dims, vertex.collect::<Vec<i64>>()));
+        }
+    }
+    Group { name: "constant_data".into(), variables }
+}
