@@ -175,6 +175,7 @@ fn groups_that_contradict_themselves_are_refused() {
         vec![vector("a", 3, 3), vector("a", 3, 3)],
         vec![vector("../a", 3, 3)],
         vec![Variable::new("site", "", &[("site", 1), ("draw", 1)], vec![0.0])],
+        vec![Variable::new("covariance", "", &[("row", 1), ("row", 1)], vec![0.0])],
     ];
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("posterior.zarr");
@@ -197,6 +198,9 @@ fn groups_that_contradict_themselves_are_refused() {
     help: names are unique within a group, without / and without a leading dot or underscores
 
     group posterior: the name "site" is empty, hidden, not one folder, or used twice
+    help: names are unique within a group, without / and without a leading dot or underscores
+
+    group posterior: the name "row" is empty, hidden, not one folder, or used twice
     help: names are unique within a group, without / and without a leading dot or underscores
     "#);
 }
