@@ -10,8 +10,9 @@
 //! | 3 | [`dsl`] |
 //! | 2 | [`field`], [`surrogate`], [`infer`], [`diagnostics`] |
 //! | 1 | [`dist`], [`likelihood`], [`manifold`], [`ep`] |
-//! | 0 | [`mesh`], [`num`], [`error`] |
+//! | 0 | [`mesh`], [`num`], [`error`], [`cache`] |
 
+pub mod cache;
 pub mod cli;
 pub mod diagnostics;
 pub mod dist;

@@ -1,1 +1,13 @@
-//! prelude
+//! What a model file sees: `use eplat::prelude::*;`.
+
+pub use crate::dist::{
+    Beta, Dist, Exponential, Flat, Gamma, HalfNormal, InvGamma, LogNormal, Normal, StudentT, Uniform,
+    ln_gamma, logistic,
+};
+pub use crate::field::{Kernel, Matern12, Matern32, Matern52, Rbf, authors};
+pub use crate::likelihood::{
+    BernoulliLogit, Bracket, Count, Interval, Likelihood, Number, Observation, PoissonLog, TopHat,
+};
+pub use crate::model;
+pub use crate::num::Real;
+pub use crate::surrogate;

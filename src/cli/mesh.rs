@@ -1,14 +1,176 @@
 //! `eplat mesh …`
 
 use crate::error::Failure;
+use crate::mesh::{self, Atrium, Encoding, MeshError, REGION_NAMES, Surface, TriMesh, Units};
 use clap::Subcommand;
+use std::io::{self, Write};
+use std::path::{Path, PathBuf};
 
 /// `eplat mesh …`
 #[derive(Debug, Subcommand)]
-pub(super) enum Command {}
+pub(super) enum Command {
+    /// Print size, topology and quality of a mesh
+    Info {
+        /// Legacy VTK file (.vtk)
+        file: PathBuf,
+        /// Unit of the file's coordinates: mm, cm, um or m
+        #[arg(long, default_value = "mm")]
+        units: Units,
+    },
+    /// Write the largest piece of a mesh in another format, in mm
+    Convert {
+        /// Legacy VTK file (.vtk)
+        input: PathBuf,
+        /// File to write: .vtp or .vtk
+        output: PathBuf,
+        /// Unit of the input's coordinates: mm, cm, um or m
+        #[arg(long, default_value = "mm")]
+        units: Units,
+        /// Write .vtk as text instead of binary
+        #[arg(long)]
+        ascii: bool,
+    },
+    /// Join equal vertices, drop triangles without area, orient all alike, keep the largest piece
+    Repair {
+        /// Legacy VTK file (.vtk)
+        input: PathBuf,
+        /// File to write: .vtp or .vtk, in mm
+        output: PathBuf,
+        /// Unit of the input's coordinates: mm, cm, um or m
+        #[arg(long, default_value = "mm")]
+        units: Units,
+        /// Vertices closer than this are joined, mm
+        #[arg(long, default_value_t = 1e-6)]
+        tolerance: f64,
+    },
+    /// Make the procedural left atrium
+    Atrium {
+        /// Length of the edges, mm
+        #[arg(long, default_value_t = 1.5)]
+        edge: f64,
+        /// File to write: .vtp or .vtk
+        #[arg(long)]
+        out: PathBuf,
+    },
+}
 
 impl Command {
     pub(super) fn run(self) -> Result<(), Failure> {
-        match self {}
+        match self {
+            Self::Info { file, units } => info(&mesh::read(&file, units)?),
+            Self::Convert { input, output, units, ascii } => {
+                Format::of(&output)?;
+                let encoding = if ascii { Encoding::Ascii } else { Encoding::Binary };
+                write_surface(&output, &mesh::read(&input, units)?, encoding)
+            }
+            Self::Repair { input, output, units, tolerance } => {
+                Format::of(&output)?;
+                if !(0.0..=10.0).contains(&tolerance) {
+                    return Err(Failure::usage(format_args!(
+                        "--tolerance {tolerance}: expected 0 to 10 mm\nhelp: 0 joins only vertices that are equal"
+                    )));
+                }
+                write_surface(&output, &mesh::repair(&input, units, tolerance)?, Encoding::Binary)
+            }
+            Self::Atrium { edge, out } => atrium(edge, &out),
+        }
+    }
+}
+
+fn info(surface: &Surface) -> Result<(), Failure> {
+    let mesh = &surface.mesh;
+    let [low, high] = mesh.bounding_box();
+    let loops: Vec<String> = mesh.boundary_loops().iter().map(|l| l.len().to_string()).collect();
+    let arrays: Vec<&str> = surface.point_data.keys().map(String::as_str).collect();
+    let mut out = io::stdout().lock();
+    let mut row =
+        |name: &str, value: String| writeln!(out, "{name:<22}{value}").map_err(Failure::from);
+    row(
+        "vertices",
+        format!("{} (of {} in the file)", mesh.n_vertices(), surface.n_source_vertices),
+    )?;
+    row("triangles", mesh.n_triangles().to_string())?;
+    row("bounding box", format!("{low:.2?} to {high:.2?} mm"))?;
+    row("area", format!("{:.1} cm²", mesh.area() / 100.0))?;
+    row("mean edge", format!("{:.3} mm", mesh.mean_edge_length()))?;
+    row("smallest angle", format!("{:.2}°", mesh.min_angle()))?;
+    row("Euler characteristic", mesh.euler_characteristic().to_string())?;
+    row("openings", format!("{} (edges: {})", loops.len(), or_none(&loops.join(", "))))?;
+    row("point data", or_none(&arrays.join(", ")).into())?;
+    print_notes(surface);
+    Ok(())
+}
+
+fn or_none(list: &str) -> &str {
+    if list.is_empty() { "none" } else { list }
+}
+
+fn print_notes(surface: &Surface) {
+    for note in &surface.notes {
+        eprintln!("{note}");
+    }
+}
+
+fn write_surface(path: &Path, surface: &Surface, encoding: Encoding) -> Result<(), Failure> {
+    print_notes(surface);
+    let data: Vec<(&str, &[f64])> = surface
+        .point_data
+        .iter()
+        .map(|(name, values)| (name.as_str(), values.as_slice()))
+        .collect();
+    write(path, &surface.mesh, &data, encoding)
+}
+
+fn write(
+    path: &Path,
+    mesh: &TriMesh,
+    data: &[(&str, &[f64])],
+    encoding: Encoding,
+) -> Result<(), Failure> {
+    match Format::of(path)? {
+        Format::Vtp => mesh::write_vtp(path, mesh, data)?,
+        Format::Vtk => mesh::write_vtk(path, mesh, data, encoding)?,
+    }
+    eprintln!("wrote {} ({} vertices, mm)", path.display(), mesh.n_vertices());
+    Ok(())
+}
+
+fn atrium(edge: f64, out: &Path) -> Result<(), Failure> {
+    Format::of(out)?;
+    let range = Atrium::EDGE_RANGE;
+    if !range.contains(&edge) {
+        return Err(Failure::usage(format_args!(
+            "--edge {edge}: expected {} to {} mm\nhelp: 1.5 gives about 5,000 vertices, 0.3 about 110,000",
+            range.start(),
+            range.end()
+        )));
+    }
+    let atrium = mesh::left_atrium(edge);
+    let region: Vec<f64> = atrium.region.iter().map(|&region| f64::from(region)).collect();
+    for (region, name) in REGION_NAMES.iter().enumerate() {
+        let n = atrium.region.iter().filter(|&&r| usize::from(r) == region).count();
+        eprintln!("region {region}: {name}, {n} vertices");
+    }
+    write(out, &atrium.mesh, &[("region", &region)], Encoding::Binary)
+}
+
+/// What to write, by the file name's extension.
+enum Format {
+    Vtp,
+    Vtk,
+}
+
+impl Format {
+    fn of(path: &Path) -> Result<Self, MeshError> {
+        match path.extension().and_then(|e| e.to_str()).map(str::to_ascii_lowercase).as_deref() {
+            Some("vtp") => Ok(Self::Vtp),
+            Some("vtk") => Ok(Self::Vtk),
+            _ => Err(MeshError::Extension {
+                path: path.into(),
+                action: "write",
+                supported: ".vtp or .vtk",
+                help: "give the output file one of these extensions",
+            }),
+        }
     }
 }

@@ -1,6 +1,21 @@
 //! Convergence diagnostics and posterior summaries of draws from several chains.
 //!
-//! Knows nothing of samplers, fields or models: only arrays of draws, one slice per chain.
+//! Knows nothing of samplers, fields or models: only arrays of draws, one slice per chain, all of
+//! one length.  Every function returns NaN where its figure is undefined: a NaN among the draws,
+//! fewer than four draws, chains of different lengths.
+//!
+//! # Source
+//! Vehtari, Gelman, Simpson, Carpenter & Bürkner 2021, "Rank-normalization, folding, and
+//! localization: an improved R̂"; conventions as in `ArviZ` 1.3, against which the tests compare.
+
+mod ess;
+mod mcse;
+mod rank;
+mod special;
+
+pub use ess::{ess_bulk, ess_mean, ess_tail};
+pub use mcse::{mcse_mean, mcse_quantile, mcse_sd};
+pub use rank::r_hat;
 
 use serde::Serialize;
 
@@ -26,3 +41,106 @@ pub struct Summary {
     /// Rank-normalised split R̂.
     pub r_hat: f64,
 }
+
+/// Summary of one quantity, one slice of draws per chain.
+///
+/// A quantity that never varies has NaN for R̂ and both effective sizes (differs from `ArviZ`, which
+/// reports as many effective draws as there are draws).
+pub fn summarise(chains: &[&[f64]]) -> Summary {
+    let (mean, sd) = mean_and_sd(chains);
+    let (constant, [q5, q50, q95]) = match sorted(chains) {
+        Some(sorted) => {
+            let constant = is_constant(&sorted);
+            (constant, [0.05, 0.5, 0.95].map(|probability| quantile(&sorted, probability)))
+        }
+        None => (true, [f64::NAN; 3]),
+    };
+    let varying = |figure: fn(&[&[f64]]) -> f64| if constant { f64::NAN } else { figure(chains) };
+    Summary {
+        mean,
+        sd,
+        mcse: varying(mcse_mean),
+        q5,
+        q50,
+        q95,
+        ess_bulk: varying(ess_bulk),
+        ess_tail: varying(ess_tail),
+        r_hat: varying(r_hat),
+    }
+}
+
+/// Mean and standard deviation (n − 1) over all chains.
+pub fn mean_and_sd(chains: &[&[f64]]) -> (f64, f64) {
+    let n = chains.iter().map(|chain| chain.len()).sum::<usize>() as f64;
+    let all = || chains.iter().copied().flatten();
+    let mean = all().sum::<f64>() / n;
+    let squares: f64 = all().map(|x| (x - mean).powi(2)).sum();
+    (mean, (squares / (n - 1.0)).sqrt())
+}
+
+/// Energy Bayesian fraction of missing information of one chain's energies; below 0.3 the chain
+/// explores the energy levels, and so the tails, too slowly.
+///
+/// ```text
+/// mean (Eᵢ − Eᵢ₋₁)² / var E
+/// ```
+/// # Source
+/// Betancourt 2016, "Diagnosing suboptimal cotangent disintegrations in Hamiltonian Monte Carlo".
+pub fn e_bfmi(energy: &[f64]) -> f64 {
+    let (_, sd) = mean_and_sd(&[energy]);
+    let squares: f64 = energy.windows(2).map(|pair| (pair[1] - pair[0]).powi(2)).sum();
+    squares / (energy.len() as f64 - 1.0) / (sd * sd)
+}
+
+/// Quantile of sorted values, linear between order statistics (`NumPy`'s default, type 7).
+///
+/// NaN for no values or a probability outside [0, 1].
+pub fn quantile(sorted: &[f64], probability: f64) -> f64 {
+    if sorted.is_empty() || !(0.0..=1.0).contains(&probability) {
+        return f64::NAN;
+    }
+    let place = probability * (sorted.len() - 1) as f64;
+    let (low, fraction) = (place as usize, place.fract());
+    let next = sorted[(low + 1).min(sorted.len() - 1)];
+    sorted[low] + fraction * (next - sorted[low])
+}
+
+/// Whether the figures are defined: at least four draws per chain, one length, all finite.
+fn is_valid(chains: &[&[f64]]) -> bool {
+    let n = chains.first().map_or(0, |chain| chain.len());
+    n >= 4 && chains.iter().all(|chain| chain.len() == n && chain.iter().all(|x| x.is_finite()))
+}
+
+/// All draws in ascending order; `None` if they are not valid.
+fn sorted(chains: &[&[f64]]) -> Option<Vec<f64>> {
+    is_valid(chains).then(|| {
+        let mut all = chains.concat();
+        all.sort_unstable_by(f64::total_cmp);
+        all
+    })
+}
+
+/// Whether sorted values differ by less than a double resolves at 1, `ArviZ`'s criterion.
+fn is_constant(sorted: &[f64]) -> bool {
+    sorted.first().zip(sorted.last()).is_none_or(|(low, high)| high - low < 1e-15)
+}
+
+/// First and last half of every chain (the middle draw of an odd number is left out), end to end.
+fn split(chains: &[&[f64]]) -> Split {
+    let half = chains.first().map_or(0, |chain| chain.len() / 2);
+    let ends = |of: fn(&[f64], usize) -> &[f64]| chains.iter().flat_map(move |c| of(c, half));
+    let first = ends(|chain, half| &chain[..half]);
+    let last = ends(|chain, half| &chain[chain.len() - half..]);
+    Split { values: first.chain(last).copied().collect(), half }
+}
+
+/// Half-chains of equal length, end to end.
+#[derive(Clone, Debug)]
+struct Split {
+    values: Vec<f64>,
+    half: usize,
+}
+
+#[cfg(test)]
+#[path = "arviz_tests.rs"]
+mod tests;

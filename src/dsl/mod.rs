@@ -1,1 +1,44 @@
-//! dsl
+//! The model language: the [`model!`](crate::model) macro, and what its statements become.
+//!
+//! One value vector `v` holds every number of one evaluation: constrained parameters, field values at
+//! probes, linear predictors, offsets. A measurement depends on W of them: a row is W indices into
+//! `v`, its likelihood is evaluated in a dual number of width W, and its derivatives are added at the
+//! same indices of the adjoint `g`. Everything between parameters and `v` is linear or a kernel's
+//! spectral density, with a hand-written adjoint. Nothing here knows the EP simulator.
+
+mod builder;
+mod data;
+mod equations;
+mod error;
+mod gp;
+mod linear;
+mod macros;
+mod maps;
+mod model;
+mod parameter;
+mod rows;
+mod scalar;
+mod scope;
+mod tape;
+mod units;
+mod uses;
+
+pub use data::{DataError, Measurements};
+pub use equations::equations;
+pub use error::ModelError;
+pub use maps::{MapSummary, Maps};
+pub use model::{Declare, Kind, Model, Observe, Parameter, Statement};
+
+/// What the expansion of [`model!`](crate::model) names; not for people.
+#[doc(hidden)]
+pub mod expansion {
+    pub use super::builder::{Builder, Len};
+    pub use super::gp::KernelFn;
+    pub use super::maps::LetFn;
+    pub use super::parameter::PriorFn;
+    pub use super::rows::{Column, Columns, RowFn};
+    pub use super::scalar::ScalarFn;
+    pub use super::scope::{Scope, Take, lift, one};
+    pub use super::units::Decl;
+    pub use super::uses::{mentions_columns, uses, uses_through};
+}

@@ -1,1 +1,12 @@
-//! ep
+//! Electrophysiology: the cell, the tissue strip, the pacing protocols.
+//!
+//! Knows parameters and what tissue does with them; it knows nothing of probability.
+
+pub mod cell;
+pub mod protocol;
+pub mod strip;
+pub mod table;
+
+pub use cell::{Parameters, Tissue};
+pub use protocol::Protocol;
+pub use strip::{Absence, Beat, Grid, StripOutcome, simulate_strips};

@@ -2,6 +2,27 @@
 //!
 //! Knows nothing of fields, electrophysiology or models: only [`LogDensity`].
 
+mod adapt;
+mod error;
+mod hamiltonian;
+mod moments;
+mod nuts;
+mod optimise;
+mod sample;
+mod start;
+#[cfg(test)]
+mod test_densities;
+mod tree;
+mod vector;
+
+pub use error::{ChainError, ChainFailure, InferError};
+pub use optimise::{Optimum, OptimumSettings, maximise};
+pub use sample::{
+    Chain, ChainProgress, ChainResult, Divergence, MetricKind, Phase, Progress, Settings, Silent,
+    sample,
+};
+pub use start::jittered_starts;
+
 /// A log density over `R^dim`, up to a constant.
 pub trait LogDensity: Sync {
     /// Number of unconstrained unknowns.

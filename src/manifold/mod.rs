@@ -3,5 +3,21 @@
 //! Lengths are millimetres; knows nothing of probability or electrophysiology.
 
 mod basis;
+mod cached;
+mod cholesky;
+mod distance;
+mod eigen;
+mod error;
+mod lanczos;
+mod laplacian;
+mod sites;
+#[cfg(test)]
+mod test_meshes;
 
 pub use basis::Basis;
+pub use cached::eigenpairs_cached;
+pub use distance::{Geodesic, biharmonic};
+pub use eigen::eigenpairs;
+pub use error::ManifoldError;
+pub use laplacian::{Csr, Laplacian};
+pub use sites::{maximin, nearest_vertex, random_maximin};

@@ -1,1 +1,59 @@
-//! surrogate
+//! Surrogates of the strip simulator: ERP as a cheap, differentiable function of parameters.
+//!
+//! Knows designs, fits and the polynomials the project made from its own strip simulations; it
+//! knows nothing of fields, measurements or sampling.
+
+pub mod cubic;
+pub mod design;
+mod erp_cubic;
+mod erp_fit;
+
+pub use cubic::{Cubic, CubicFit, FitError};
+pub use erp_fit::{DEFAULT_FILTER, ErpFit, design_points, fit_erp};
+
+use crate::num::Real;
+
+/// ERP_S2 (ms) above which the ERP_S3 surrogate is void: the S2 at 300 ms fails or nearly does.
+pub const ERP_S3_VOID_ABOVE: f64 = 285.0;
+
+/// ERP under S1S2 (S1 600 ms), ms, from `tau_out` and `apd_max` in ms.
+///
+/// Fitted to strip simulations with 160 < ERP_S2 ≤ 280 ms; outside it extrapolates.
+#[inline(always)]
+pub fn erp_s2<D: Real>(tau_out: D, apd_max: D) -> D {
+    erp_cubic::ERP_S2.eval(tau_out, apd_max)
+}
+
+/// ERP under S1S2S3 (S1 600 ms, S2 300 ms), ms, from `tau_out` and `apd_max` in ms.
+///
+/// A smooth polynomial everywhere, for use inside a model; where [`erp_s2`] is above
+/// [`ERP_S3_VOID_ABOVE`] it means nothing, and [`erp_s3_or_void`] says so.
+#[inline(always)]
+pub fn erp_s3<D: Real>(tau_out: D, apd_max: D) -> D {
+    erp_cubic::ERP_S3.eval(tau_out, apd_max)
+}
+
+/// [`erp_s3`] for output: NaN where it is void.
+pub fn erp_s3_or_void(tau_out: f64, apd_max: f64) -> f64 {
+    if erp_s2(tau_out, apd_max) > ERP_S3_VOID_ABOVE { f64::NAN } else { erp_s3(tau_out, apd_max) }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn erp_s3_is_void_where_the_conditioning_s2_fails() {
+        assert!(erp_s2(15.0, 265.0) > ERP_S3_VOID_ABOVE);
+        assert!(erp_s3_or_void(15.0, 265.0).is_nan());
+        assert_eq!(erp_s3_or_void(10.0, 180.0).to_bits(), erp_s3(10.0, 180.0).to_bits());
+    }
+
+    #[test]
+    fn erp_rises_with_apd_max_and_shortens_at_the_premature_beat() {
+        for tau_out in [2.0, 10.0, 25.0] {
+            assert!(erp_s2(tau_out, 200.0) > erp_s2(tau_out, 180.0) + 10.0);
+            assert!(erp_s3(tau_out, 180.0) < erp_s2(tau_out, 180.0));
+        }
+    }
+}

@@ -1,0 +1,67 @@
+//! What can be wrong between a model and its data.
+
+use thiserror::Error;
+
+use super::data::DataError;
+
+/// Why a model cannot be built on its data.
+#[derive(Debug, Error)]
+pub enum ModelError {
+    /// A table of measurements is wrong.
+    #[error(transparent)]
+    Data(#[from] DataError),
+    /// More modes than the basis has.
+    #[error("field {field}: K = {k}, but the basis has {available} modes\nhelp: lower K in the model file, or give a basis with more modes")]
+    TooManyModes {
+        /// The field.
+        field: String,
+        /// Asked for.
+        k: usize,
+        /// There are.
+        available: usize,
+    },
+    /// A field without a surface.
+    #[error("the model has a field ({field}) but no surface was given\nhelp: give a mesh (--mesh)")]
+    NoBasis {
+        /// The field.
+        field: String,
+    },
+    /// An `observe` statement without a single row.
+    #[error("{file}: no measurement for `observe {observe}`\nhelp: rows belong to it by their column `protocol` ({observe}, upper or lower case); remove the statement if it was not measured")]
+    NoRows {
+        /// The statement.
+        observe: String,
+        /// The table.
+        file: String,
+    },
+    /// An effect on something that is neither a field nor a `let`.
+    #[error("effect {effect}: `{target}` is neither a field nor a `let` that a measurement depends on\nhelp: an effect acts on the name of a field or of a `let`, for instance `effect {effect} on erp_s2 = …`")]
+    NoTarget {
+        /// The effect.
+        effect: String,
+        /// What it names.
+        target: String,
+    },
+    /// A linear predictor whose coefficients are not a vector of the right length.
+    #[error("let {name}: `{beta}` has {got} coefficients, the design has {expected} columns\nhelp: declare `param {beta}({expected}) ~ …;`")]
+    Coefficients {
+        /// The predictor.
+        name: String,
+        /// Its coefficients.
+        beta: String,
+        /// Columns.
+        expected: usize,
+        /// Coefficients.
+        got: usize,
+    },
+    /// Units that do not agree.
+    #[error("{place}: expected {expected}, got {got}\nhelp: mend the unit in square brackets or the expression")]
+    Unit {
+        /// The statement.
+        place: String,
+        /// Expected.
+        expected: String,
+        /// Got.
+        got: String,
+    },
+}

@@ -1,0 +1,197 @@
+//! Gaussian-process fields at probes, with their adjoint.
+//!
+//! ```text
+//! θ(probe) = mean + Σ_k w_k φ_k(probe),   w_k = Σ_terms amplitude √S(√λ_k) η_k
+//! ```
+//! A probe is a row of K numbers: the eigenfunctions at a vertex, or any linear functional of them.
+//!
+//! The constant mode φ₀ is collinear with a flat mean. Where the mean is such a parameter, the sampled
+//! one is `m' = m + Σ_terms amplitude √S(0) φ₀ η₀`: exact, of unit Jacobian, and η₀ stays standard
+//! normal and independent of everything else, to be drawn afterwards ([`Field::restore`]).
+
+use std::marker::PhantomData;
+
+use num_dual::DualStruct;
+use rand::{Rng, RngExt};
+use rand_distr::StandardNormal;
+
+use super::scalar::Scalar;
+use super::scope::Local;
+use super::tape::{Op, Tape, axpy, dot};
+use crate::field::Kernel;
+use crate::num::{Dual, LN_SQRT_2PI, Real, derivatives};
+
+/// A kernel as a function of the names in its scope.
+pub trait KernelFn: Send + Sync + std::fmt::Debug {
+    /// The kernel at the scope's scalars.
+    fn kernel<D: Real>(s: &[D]) -> impl Kernel<D> + use<Self, D>;
+}
+
+/// √S at the basis's frequencies, and its derivatives.
+pub(super) trait Spectrum: Send + Sync + std::fmt::Debug {
+    /// Number of derivatives.
+    fn width(&self) -> usize;
+    /// `c_k = √S(w_k)` and `dc[k]` its derivatives.
+    fn push(&self, v: &[f64], frequency: &[f64], c: &mut [f64], dc: &mut [f64]);
+    /// Carries the adjoint of `c` on.
+    fn pull(&self, bar: &[f64], dc: &[f64], g: &mut [f64]);
+    /// √S at one frequency.
+    fn at(&self, v: &[f64], frequency: f64) -> f64;
+}
+
+#[derive(Debug)]
+pub(super) struct SpectrumAt<F, const N: usize, const W: usize> {
+    pub(super) local: Local<N, W>,
+    pub(super) f: PhantomData<F>,
+}
+
+impl<F: KernelFn, const N: usize, const W: usize> Spectrum for SpectrumAt<F, N, W> {
+    fn width(&self) -> usize {
+        W
+    }
+
+    fn push(&self, v: &[f64], frequency: &[f64], c: &mut [f64], dc: &mut [f64]) {
+        let kernel = F::kernel::<Dual<W>>(&self.local.dual(v));
+        for (k, w) in frequency.iter().enumerate() {
+            let s = kernel.sqrt_density(*w);
+            c[k] = s.re();
+            dc[k * W..][..W].copy_from_slice(&derivatives(&s));
+        }
+    }
+
+    fn pull(&self, bar: &[f64], dc: &[f64], g: &mut [f64]) {
+        let mut e = [0.0; W];
+        for (b, d) in bar.iter().zip(dc.chunks_exact(W.max(1))) {
+            for j in 0..W {
+                e[j] += b * d[j];
+            }
+        }
+        self.local.scatter_array(&e, g);
+    }
+
+    fn at(&self, v: &[f64], frequency: f64) -> f64 {
+        F::kernel::<f64>(&self.local.plain(v)).sqrt_density(frequency)
+    }
+}
+
+/// One `amplitude * gp(kernel, K = …)`.
+#[derive(Debug)]
+pub struct Term {
+    pub(super) amplitude: Box<dyn Scalar>,
+    pub(super) spectrum: Box<dyn Spectrum>,
+    /// Number of sampled modes: K, or K − 1 where the constant mode is collapsed.
+    pub(super) k: usize,
+    /// First unknown.
+    pub(super) eta: usize,
+    /// Where its `c`, `dc` and adjoint of `c` begin among the field's terms.
+    pub(super) work: usize,
+}
+
+/// A mean whose constant mode is collapsed: the mean's value in `v`, and φ₀.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Collapsed {
+    pub(super) mean: usize,
+    pub(super) phi0: f64,
+}
+
+/// A field at all probes.
+#[derive(Debug)]
+pub(super) struct Field {
+    pub(super) mean: Box<dyn Scalar>,
+    pub(super) terms: Vec<Term>,
+    pub(super) collapsed: Option<Collapsed>,
+    /// Sampled modes of the longest term.
+    pub(super) k: usize,
+    /// Where this field's part of `work` begins: w and q, then the terms.
+    pub(super) work: usize,
+    /// First value: one per probe.
+    pub(super) theta: usize,
+    /// Probes row-major, `stride` ≥ `k` numbers each, zero-padded.
+    pub(super) probes: Vec<f64>,
+    pub(super) stride: usize,
+    /// √λ of the sampled modes.
+    pub(super) frequency: Vec<f64>,
+}
+
+/// Modes per probe rounded up, so that a row is whole vector registers.
+pub(super) fn padded(k: usize) -> usize {
+    k.next_multiple_of(8)
+}
+
+impl Field {
+    fn n_probes(&self) -> usize {
+        self.probes.len() / self.stride.max(1)
+    }
+
+    /// The mean and the weights of the sampled modes, after a forward pass.
+    pub(super) fn weights<'t>(&self, t: &'t Tape) -> (f64, &'t [f64]) {
+        (self.mean.value(&t.v), &t.work[self.work..][..self.k])
+    }
+
+    /// Draws the collapsed η₀ of every term; returns them and the mean that goes with them.
+    pub(super) fn restore(&self, t: &Tape, rng: &mut dyn Rng) -> Option<(f64, Vec<f64>)> {
+        let collapsed = self.collapsed?;
+        let mut mean = t.v[collapsed.mean];
+        let eta0 = self.terms.iter().map(|term| {
+            let eta: f64 = rng.sample(StandardNormal);
+            let scale = term.amplitude.value(&t.v) * term.spectrum.at(&t.v, 0.0);
+            mean -= scale * collapsed.phi0 * eta;
+            eta
+        });
+        let eta0 = eta0.collect();
+        Some((mean, eta0))
+    }
+}
+
+impl Op for Field {
+    fn forward(&self, t: &mut Tape) {
+        let (head, tail) = t.work[self.work..].split_at_mut(2 * self.stride);
+        let w = &mut head[..self.stride];
+        w.fill(0.0);
+        for term in &self.terms {
+            let amplitude = term.amplitude.value(&t.v);
+            let (c, dc) = tail[term.work..].split_at_mut(term.k);
+            let dc = &mut dc[..term.k * term.spectrum.width()];
+            term.spectrum.push(&t.v, &self.frequency[..term.k], c, dc);
+            for ((w, c), eta) in w.iter_mut().zip(&*c).zip(&t.u[term.eta..][..term.k]) {
+                *w += amplitude * c * eta;
+            }
+        }
+        let mean = self.mean.value(&t.v);
+        let theta = &mut t.v[self.theta..][..self.n_probes()];
+        for (theta, row) in theta.iter_mut().zip(self.probes.chunks_exact(self.stride)) {
+            *theta = mean + dot(w, row);
+        }
+    }
+
+    fn backward(&self, t: &mut Tape) {
+        let (head, tail) = t.work[self.work..].split_at_mut(2 * self.stride);
+        let q = &mut head[self.stride..]; // adjoint of w
+        q.fill(0.0);
+        let mut mean_bar = 0.0;
+        let theta_bar = &t.g[self.theta..][..self.n_probes()];
+        for (bar, row) in theta_bar.iter().zip(self.probes.chunks_exact(self.stride)) {
+            mean_bar += bar;
+            axpy(*bar, row, q);
+        }
+        for term in &self.terms {
+            let k = term.k;
+            let amplitude = term.amplitude.value(&t.v);
+            let (c, rest) = tail[term.work..].split_at_mut(k);
+            let (dc, rest) = rest.split_at_mut(k * term.spectrum.width());
+            let c_bar = &mut rest[..k];
+            let (eta, eta_bar) = (&t.u[term.eta..][..k], &mut t.gu[term.eta..][..k]);
+            let (mut amplitude_bar, mut squares) = (0.0, 0.0);
+            for i in 0..k {
+                squares += eta[i] * eta[i];
+                amplitude_bar += c[i] * eta[i] * q[i];
+                c_bar[i] = amplitude * eta[i] * q[i];
+                eta_bar[i] += amplitude * c[i] * q[i] - eta[i];
+            }
+            t.lp -= 0.5 * squares + LN_SQRT_2PI * k as f64;
+            term.spectrum.pull(c_bar, dc, &mut t.g);
+            term.amplitude.pull(&t.v, amplitude_bar, &mut t.g);
+        }
+        self.mean.pull(&t.v, mean_bar, &mut t.g);
+    }
+}

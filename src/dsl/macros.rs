@@ -1,0 +1,249 @@
+//! The `model!` macro. It reads one statement at a time and writes one call of the builder per
+//! statement; every expression of the model file becomes the body of one function, generic over the
+//! number type, in a unit struct of its own.
+//!
+//! State carried from statement to statement, in this order:
+//!
+//! ```text
+//! params    (name {type} len)      what priors, means, kernels, densities and rows can see
+//! rows      (name)                 what only rows can see: a field, a labelled vector, a predictor
+//! lets      (name (row) {expr})    recomputed from the above in each row
+//! columns   (name {type})          numeric columns, the fields of `row`
+//! observes  calls of the builder for `observe`, made last, when every effect is known
+//! out       calls of the builder for the rest
+//! ```
+
+/// Declares a model: see `models/erp.rs` for a whole one, and ARCHITECTURE.md for the grammar.
+#[macro_export]
+macro_rules! model {
+    ($(#[doc = $doc:literal])* model $M:ident; $($rest:tt)*) => {
+        $(#[doc = $doc])* #[derive(Clone, Copy, Debug)] pub struct $M;
+        impl $crate::dsl::Declare for $M {
+            fn name(&self) -> &'static str { stringify!($M) }
+            fn doc(&self) -> &'static str { concat!($($doc, "\n"),*) }
+            #[allow(unused, non_snake_case, clippy::all, clippy::pedantic)]
+            fn declare(&self, b: &mut $crate::dsl::expansion::Builder<'_>) -> Result<(), $crate::dsl::ModelError> {
+                $crate::statement!{ b [] [] [] [] [] [] $($rest)* }
+                Ok(())
+            }
+        }
+    };
+    ($($other:tt)*) => { compile_error!{"a model begins with `model NAME;`"} };
+}
+
+#[macro_export]
+#[doc(hidden)]
+macro_rules! statement {
+    // param sigma [ms] ~ HalfNormal(5.0);   param w(3) ~ Normal(0.0, 1.0);   param b(group) [ms] ~ Normal(0.0, tau);
+    ($b:ident [$($P:tt)*] $R:tt $L:tt $C:tt $V:tt [$($o:tt)*] $(#[doc = $doc:literal])* param $p:ident $([$($u:tt)+])? ~ $d:expr; $($rest:tt)*) => {
+        $crate::statement!{ $b [$($P)* ($p {D} 1)] $R $L $C $V [$($o)* $crate::param!{ $b [$($P)*] $p [$($($u)+)?] [$($doc)*] One, $d }] $($rest)* } };
+    ($b:ident [$($P:tt)*] $R:tt $L:tt $C:tt $V:tt [$($o:tt)*] $(#[doc = $doc:literal])* param $p:ident ($n:literal) $([$($u:tt)+])? ~ $d:expr; $($rest:tt)*) => {
+        $crate::statement!{ $b [$($P)* ($p {[D; $n]} $n)] $R $L $C $V [$($o)* $crate::param!{ $b [$($P)*] $p [$($($u)+)?] [$($doc)*] Many($n), $d }] $($rest)* } };
+    ($b:ident $P:tt [$($R:tt)*] $L:tt $C:tt $V:tt [$($o:tt)*] $(#[doc = $doc:literal])* param $p:ident ($each:ident) $([$($u:tt)+])? ~ $d:expr; $($rest:tt)*) => {
+        $crate::statement!{ $b $P [$($R)* ($p)] $L $C $V [$($o)* $crate::param!{ $b $P $p [$($($u)+)?] [$($doc)*] Each(stringify!($each)), $d }] $($rest)* } };
+
+    // field tau_out(x) [ms] in 1.0..30.0 = m + alpha * gp(Rbf(rho), K = 24) + … where { m [ms] ~ Flat; … }
+    ($b:ident $P:tt [$($R:tt)*] $L:tt $C:tt $V:tt [$($o:tt)*] $(#[doc = $doc:literal])* field $f:ident ($x:ident) $([$($u:tt)+])? $(in $lo:literal..$hi:literal)? = $mean:tt
+        $(+ $amp:tt * gp($kernel:expr, K = $K:literal))+ where { $($h:ident $([$($hu:tt)+])? ~ $hd:expr;)* } $($rest:tt)*) => {
+        $crate::statement!{ $b $P [$($R)* ($f)] $L $C $V [$($o)*
+            $b.field($crate::decl!($f [$($($u)+)?] [$($doc)*] $mean $(+ $amp * gp($kernel, K = $K))+), $crate::range!($($lo, $hi)?));
+            $crate::field!{ $b $P [$(($h [$($($hu)+)?] {$hd}))*] [$($h)*] $mean [$(($amp {$kernel} $K))+] }
+        ] $($rest)* } };
+
+    // let eta(row) = linear(row.a, row.b; beta);
+    ($b:ident $P:tt [$($R:tt)*] $L:tt $C:tt $V:tt [$($o:tt)*] $(#[doc = $doc:literal])* let $g:ident ($x:ident) $([$($u:tt)+])? = linear($($r:ident . $c:ident),+ ; $beta:ident); $($rest:tt)*) => {
+        $crate::statement!{ $b $P [$($R)* ($g)] $L $C $V [$($o)* $b.linear($crate::decl!($g [$($($u)+)?] [$($doc)*] linear($($c),+; $beta)), &[$(stringify!($c)),+], stringify!($beta));] $($rest)* } };
+    // let erp_s2(x) [ms] in 0.0..285.0 = f(tau_out(x), row.force_g);
+    ($b:ident $P:tt $R:tt [$($L:tt)*] $C:tt $V:tt [$($o:tt)*] $(#[doc = $doc:literal])* let $g:ident ($x:ident) $([$($u:tt)+])? $(in $lo:literal..$hi:literal)? = $e:expr; $($rest:tt)*) => {
+        $crate::statement!{ $b $P $R [$($L)* ($g ($x) {$e})] $C $V [$($o)* $crate::value!{ $b $P $R [$($L)*] $g ($x) [$($($u)+)?] [$($doc)*] [$($lo, $hi)?] $e }] $($rest)* } };
+
+    // column force_g [g];   column x(30);
+    ($b:ident $P:tt $R:tt $L:tt [$($C:tt)*] $V:tt $o:tt $(#[doc = $doc:literal])* column $c:ident $([$($u:tt)+])?; $($rest:tt)*) => {
+        $crate::statement!{ $b $P $R $L [$($C)* ($c {f64})] $V $o $($rest)* } };
+    ($b:ident $P:tt $R:tt $L:tt [$($C:tt)*] $V:tt $o:tt $(#[doc = $doc:literal])* column $c:ident ($n:literal) $([$($u:tt)+])?; $($rest:tt)*) => {
+        $crate::statement!{ $b $P $R $L [$($C)* ($c {[f64; $n]})] $V $o $($rest)* } };
+
+    // observe s1s2(x): Bracket [ms] ~ TopHat(erp_s2(x));
+    ($b:ident $P:tt $R:tt $L:tt $C:tt [$($V:tt)*] $o:tt $(#[doc = $doc:literal])* observe $y:ident ($x:ident) : $Y:ident $([$($u:tt)+])? ~ $lik:expr; $($rest:tt)*) => {
+        $crate::statement!{ $b $P $R $L $C [$($V)* $crate::observe!{ $b $P $R $L $y ($x) $Y [$($($u)+)?] [$($doc)*] $lik }] $o $($rest)* } };
+
+    // effect force on erp_s2, erp_s3 [ms] = linear(row.force_g) ~ Normal(0.0, 10.0);
+    ($b:ident $P:tt $R:tt $L:tt $C:tt $V:tt [$($o:tt)*] $(#[doc = $doc:literal])* effect $e:ident on $($t:ident),+ $([$($u:tt)+])? = linear($($r:ident . $c:ident),+) ~ $d:expr; $($rest:tt)*) => {
+        $crate::statement!{ $b $P $R $L $C $V [$($o)* { $crate::prior!{ $P $d }
+            $b.effect::<Here, { SCOPE.size() }, { SCOPE.width() + 1 }>(Here, $crate::decl!($e [$($($u)+)?] [$($doc)*] $d), &[$(stringify!($t)),+], &[$(stringify!($c)),+], &SCOPE)?; }] $($rest)* } };
+
+    // density banana = my_density(a, b);
+    ($b:ident $P:tt $R:tt $L:tt $C:tt $V:tt [$($o:tt)*] $(#[doc = $doc:literal])* density $n:ident = $e:expr; $($rest:tt)*) => {
+        $crate::statement!{ $b $P $R $L $C $V [$($o)* { $crate::scalar!{ $P $e }
+            $b.density::<Here, { SCOPE.size() }, { SCOPE.width() }>(Here, $crate::decl!($n [] [$($doc)*] $e), &SCOPE); }] $($rest)* } };
+
+    // the end
+    ($b:ident [$(($p:ident $pt:tt $pn:tt))*] [$(($r:ident))*] [$(($g:ident $gx:tt $ge:tt))*] [$(($c:ident {$ct:ty}))*] [$($V:tt)*] [$($o:tt)*]) => {
+        #[allow(non_camel_case_types)] enum Names { $($p,)* $($r,)* $($g,)* } // a name is declared once
+        #[derive(Debug)] pub struct Row { $(pub $c: $ct),* }
+        impl $crate::dsl::expansion::Columns for Row {
+            fn read<E>(column: &mut dyn FnMut(&str) -> Result<f64, E>) -> Result<Self, E> {
+                Ok(Row { $($c: $crate::dsl::expansion::Column::read(stringify!($c), column)?),* })
+            }
+        }
+        $($o)*
+        $($V)*
+    };
+
+    // mistakes
+    ($b:ident $P:tt $R:tt $L:tt $C:tt $V:tt $o:tt $(#[doc = $doc:literal])* param $($t:tt)*) => { $crate::mistake!{ "expected `param NAME [unit] ~ PRIOR;`, `param NAME(label_column) [unit] ~ PRIOR;` or `param NAME(3) ~ PRIOR;`" $($t)* } };
+    ($b:ident $P:tt $R:tt $L:tt $C:tt $V:tt $o:tt $(#[doc = $doc:literal])* field $($t:tt)*) => { $crate::mistake!{ "expected `field NAME(x) [unit] in 1.0..30.0 = m + alpha * gp(Rbf(rho), K = 24) where { m [ms] ~ Flat; … }`" $($t)* } };
+    ($b:ident $P:tt $R:tt $L:tt $C:tt $V:tt $o:tt $(#[doc = $doc:literal])* let $($t:tt)*) => { $crate::mistake!{ "expected `let NAME(x) [unit] = EXPRESSION;`" $($t)* } };
+    ($b:ident $P:tt $R:tt $L:tt $C:tt $V:tt $o:tt $(#[doc = $doc:literal])* column $($t:tt)*) => { $crate::mistake!{ "expected `column NAME [unit];` or `column NAME(3);`" $($t)* } };
+    ($b:ident $P:tt $R:tt $L:tt $C:tt $V:tt $o:tt $(#[doc = $doc:literal])* observe $($t:tt)*) => { $crate::mistake!{ "expected `observe NAME(x): Bracket [unit] ~ LIKELIHOOD;`" $($t)* } };
+    ($b:ident $P:tt $R:tt $L:tt $C:tt $V:tt $o:tt $(#[doc = $doc:literal])* effect $($t:tt)*) => { $crate::mistake!{ "expected `effect NAME on LET, LET [unit] = linear(row.COLUMN) ~ PRIOR;`" $($t)* } };
+    ($b:ident $P:tt $R:tt $L:tt $C:tt $V:tt $o:tt $(#[doc = $doc:literal])* density $($t:tt)*) => { $crate::mistake!{ "expected `density NAME = EXPRESSION;`" $($t)* } };
+    ($b:ident $P:tt $R:tt $L:tt $C:tt $V:tt $o:tt $(#[doc = $doc:literal])* $first:tt $($t:tt)*) => { $crate::mistake!{ "a statement begins with `param`, `field`, `let`, `column`, `observe`, `effect` or `density`" $first $($t)* } };
+}
+
+/// A message (its span is the whole `model!`), and an error at the place: `no rules expected` points
+/// at the user's token.
+#[macro_export]
+#[doc(hidden)]
+macro_rules! mistake { ($message:literal $($t:tt)*) => { compile_error!{$message} $crate::here!{ $($t)* } } }
+
+#[macro_export]
+#[doc(hidden)]
+macro_rules! here {
+    () => {};
+}
+
+#[macro_export]
+#[doc(hidden)]
+macro_rules! decl { ($name:ident [$($u:tt)*] [$($doc:literal)*] $($text:tt)*) => {
+    const { $crate::dsl::expansion::Decl::new(stringify!($name), stringify!($($u)*), stringify!($($text)*), concat!($($doc),*)) }
+} }
+
+#[macro_export]
+#[doc(hidden)]
+macro_rules! range {
+    () => {
+        None
+    };
+    ($lo:literal, $hi:literal) => {
+        Some(($lo, $hi))
+    };
+}
+
+/// `struct Here` and `const SCOPE`: who can be seen, and whom `$e` mentions.
+#[macro_export]
+#[doc(hidden)]
+macro_rules! scope { ([$(($p:ident {$t:ty} $n:expr))*] $e:expr) => {
+    #[derive(Clone, Copy, Debug)] struct Here;
+    const SCOPE: $crate::dsl::expansion::Scope = $crate::dsl::expansion::Scope {
+        names: &[$(stringify!($p)),*], lens: &[$($n),*], lets: 0,
+        mask: $crate::dsl::expansion::uses(stringify!($e), &[$(stringify!($p)),*]),
+    };
+} }
+
+#[macro_export]
+#[doc(hidden)]
+macro_rules! prior { ([$(($p:ident {$t:ty} $n:expr))*] $d:expr) => {
+    $crate::scope!{ [$(($p {$t} $n))*] $d }
+    impl $crate::dsl::expansion::PriorFn for Here {
+        #[inline] fn dist<D: $crate::num::Real>(s: &[D]) -> impl $crate::dist::Dist<D> + use<D> { let mut s = s.iter().copied(); $(let $p: $t = $crate::dsl::expansion::Take::take(&mut s);)* $d }
+    }
+} }
+
+#[macro_export]
+#[doc(hidden)]
+macro_rules! scalar { ([$(($p:ident {$t:ty} $n:expr))*] $e:expr) => {
+    $crate::scope!{ [$(($p {$t} $n))*] $e }
+    impl $crate::dsl::expansion::ScalarFn for Here {
+        #[inline] fn value<D: $crate::num::Real>(s: &[D]) -> D { let mut s = s.iter().copied(); $(let $p: $t = $crate::dsl::expansion::Take::take(&mut s);)* $crate::dsl::expansion::lift($e) }
+    }
+} }
+
+#[macro_export]
+#[doc(hidden)]
+macro_rules! kernel { ([$(($p:ident {$t:ty} $n:expr))*] $e:expr) => {
+    $crate::scope!{ [$(($p {$t} $n))*] $e }
+    impl $crate::dsl::expansion::KernelFn for Here {
+        #[inline] fn kernel<D: $crate::num::Real>(s: &[D]) -> impl $crate::field::Kernel<D> + use<D> { let mut s = s.iter().copied(); $(let $p: $t = $crate::dsl::expansion::Take::take(&mut s);)* $e }
+    }
+} }
+
+#[macro_export]
+#[doc(hidden)]
+macro_rules! param { ($b:ident $S:tt $p:ident [$($u:tt)*] [$($doc:literal)*] $len:ident $(($n:expr))?, $d:expr) => { {
+    $crate::prior!{ $S $d }
+    $b.param::<Here, { SCOPE.size() }, { SCOPE.width() + 1 }>(Here, $crate::decl!($p [$($u)*] [$($doc)*] $d), $crate::dsl::expansion::Len::$len $(($n))?, &SCOPE)?;
+} } }
+
+#[macro_export]
+#[doc(hidden)]
+macro_rules! field {
+    // hyperparameters, each seeing the earlier ones
+    ($b:ident [$($S:tt)*] [($h:ident $u:tt {$d:expr}) $($more:tt)*] [$($all:ident)*] $($rest:tt)*) => {
+        $crate::param!{ $b [$($S)*] $h $u [] One, $d }
+        $crate::field!{ $b [$($S)* ($h {D} 1)] [$($more)*] [$($all)*] $($rest)* } };
+    ($b:ident $S:tt [] [$($h:ident)*] $mean:tt [$(($amp:tt {$kernel:expr} $K:literal))+]) => {
+        let mean = $crate::field!{ @scalar $b $S $mean };
+        let terms = $crate::field!{ @terms $b $S $(($amp {$kernel} $K))+ };
+        $b.field_end(&[$(stringify!($h)),*], stringify!($mean), mean, terms)?; };
+    (@scalar $b:ident $S:tt $e:expr) => { { $crate::scalar!{ $S $e } $b.scalar::<Here, { SCOPE.size() }, { SCOPE.width() }>(Here, &SCOPE) } };
+    (@terms $b:ident $S:tt $($term:tt)+) => { vec![$($crate::field!{ @term $b $S $term }),+] };
+    (@term $b:ident $S:tt ($amp:tt {$kernel:expr} $K:literal)) => { {
+        let amplitude = $crate::field!{ @scalar $b $S $amp };
+        $crate::kernel!{ $S $kernel }
+        $b.term::<Here, { SCOPE.size() }, { SCOPE.width() }>(amplitude, Here, $K, &SCOPE) } };
+}
+
+/// The scope of a row, as `const SCOPE`, and what binds its scalars to their names, as `scalars!`.
+#[macro_export]
+#[doc(hidden)]
+macro_rules! row_scope { ([$(($p:ident {$t:ty} $n:expr))*] [$(($r:ident))*] [$(($g:ident $gx:tt {$e:expr}))*] $text:expr) => {
+    const NAMES: &[&str] = &[$(stringify!($p),)* $(stringify!($r),)* $(stringify!($g),)*];
+    const LETS: &[&str] = &[$(stringify!($e)),*];
+    const SCOPE: $crate::dsl::expansion::Scope = $crate::dsl::expansion::Scope {
+        names: NAMES, lens: &[$($n,)* $($crate::dsl::expansion::one(stringify!($r)),)* $($crate::dsl::expansion::one(stringify!($g)),)*], lets: LETS.len(),
+        mask: $crate::dsl::expansion::uses_through($text, NAMES, NAMES.len() - LETS.len(), LETS),
+    };
+    #[derive(Debug)] struct Here;
+} }
+
+/// Binds the names of a row's scope; a `let` is evaluated only if it is mentioned.
+#[macro_export]
+#[doc(hidden)]
+macro_rules! bind { ($s:ident $row:ident [$(($p:ident {$t:ty} $n:expr))*] [$(($r:ident))*] [$(($g:ident ($gx:ident) {$e:expr}))*]) => {
+    let mut s = $s.iter().copied();
+    $( let $p: $t = $crate::dsl::expansion::Take::take(&mut s); )*
+    $( let $r = { let v: D = $crate::dsl::expansion::Take::take(&mut s); move |_: &Row| v }; )*
+    $( let $g = { let mut v: D = $crate::dsl::expansion::Take::take(&mut s); if const { SCOPE.has(stringify!($g)) } { let $gx = $row; v += $crate::dsl::expansion::lift::<D, _>($e); } move |_: &Row| v }; )*
+} }
+
+#[macro_export]
+#[doc(hidden)]
+macro_rules! value { ($b:ident $P:tt $R:tt $L:tt $g:ident ($x:ident) [$($u:tt)*] [$($doc:literal)*] [$($lo:literal, $hi:literal)?] $e:expr) => { {
+    $crate::row_scope!{ $P $R $L stringify!($e) }
+    impl $crate::dsl::expansion::LetFn for Here {
+        type Columns = Row;
+        #[inline] fn value<D: $crate::num::Real>(s: &[D], row: &Row) -> D {
+            $crate::bind!{ s row $P $R $L }
+            let $x = row;
+            $crate::dsl::expansion::lift($e)
+        }
+    }
+    $b.value::<Here, { SCOPE.size() }>(Here, $crate::decl!($g [$($u)*] [$($doc)*] $e), $crate::range!($($lo, $hi)?), &SCOPE, $crate::dsl::expansion::mentions_columns(stringify!($e), stringify!($x)));
+} } }
+
+#[macro_export]
+#[doc(hidden)]
+macro_rules! observe { ($b:ident $P:tt $R:tt $L:tt $y:ident ($x:ident) $Y:ident [$($u:tt)*] [$($doc:literal)*] $lik:expr) => { {
+    $crate::row_scope!{ $P $R $L stringify!($lik) }
+    impl $crate::dsl::expansion::RowFn for Here {
+        type Columns = Row;
+        type Y = $Y;
+        #[inline] fn likelihood<D: $crate::num::Real>(s: &[D], row: &Row) -> impl $crate::likelihood::Likelihood<D, $Y> + use<D> {
+            $crate::bind!{ s row $P $R $L }
+            let $x = row;
+            $lik
+        }
+    }
+    $b.observe::<Here, { SCOPE.size() }, { SCOPE.width() }>(Here, $crate::decl!($y [$($u)*] [$($doc)*] $Y ~ $lik), &SCOPE)?;
+} } }

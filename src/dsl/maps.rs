@@ -1,0 +1,235 @@
+//! Fields and derived quantities at every vertex of the surface.
+
+use rayon::prelude::*;
+
+use super::model::Model;
+use super::rows::Columns;
+use super::tape::{Tape, dot};
+use crate::manifold::Basis;
+use crate::num::Real;
+
+/// A `let` as a function of a row's scalars and columns.
+pub trait LetFn: Send + Sync + std::fmt::Debug {
+    /// The numeric columns that the model reads.
+    type Columns: Columns;
+    /// The value at the scope's scalars.
+    fn value<D: Real>(s: &[D], row: &Self::Columns) -> D;
+}
+
+/// A `let` that depends on a place alone, through its fields and parameters.
+#[derive(Debug)]
+pub(super) struct Map {
+    pub(super) name: &'static str,
+    pub(super) unit: String,
+    pub(super) range: Option<(f64, f64)>,
+    /// Where each scalar of its scope comes from.
+    pub(super) sources: Vec<Source>,
+    pub(super) at: Box<dyn MapFn>,
+}
+
+#[derive(Clone, Copy, Debug)]
+pub(super) enum Source {
+    Value(usize),
+    Field(usize),
+}
+
+pub(super) trait MapFn: Send + Sync + std::fmt::Debug {
+    fn value(&self, s: &[f64]) -> f64;
+}
+
+pub(super) struct MapAt<F: LetFn, const N: usize> {
+    columns: F::Columns,
+}
+
+impl<F: LetFn, const N: usize> std::fmt::Debug for MapAt<F, N> {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.write_str("MapAt")
+    }
+}
+
+impl<F: LetFn, const N: usize> MapAt<F, N> {
+    pub(super) fn new() -> Self {
+        let absent = F::Columns::read(&mut |_| Ok::<_, std::convert::Infallible>(f64::NAN));
+        let Ok(columns) = absent;
+        Self { columns }
+    }
+}
+
+impl<F: LetFn, const N: usize> MapFn for MapAt<F, N> {
+    fn value(&self, s: &[f64]) -> f64 {
+        F::value::<f64>(s, &self.columns)
+    }
+}
+
+/// Mean and standard deviation of a field or derived quantity at every vertex, over draws.
+#[derive(Clone, Debug)]
+pub struct MapSummary {
+    /// Name in the model file.
+    pub name: &'static str,
+    /// Declared unit.
+    pub unit: String,
+    /// Mean (n_vertices); NaN where no draw is physical.
+    pub mean: Vec<f64>,
+    /// Standard deviation (n_vertices).
+    pub sd: Vec<f64>,
+}
+
+/// Everything a model says about each vertex: its fields, then its derived quantities.
+#[derive(Debug)]
+pub struct Maps<'m> {
+    model: &'m Model,
+    basis: &'m Basis,
+}
+
+/// What one draw contributes: the value vector and each field's mean and weights.
+struct Draw {
+    v: Vec<f64>,
+    fields: Vec<(f64, Vec<f64>)>,
+}
+
+impl<'m> Maps<'m> {
+    /// Of `model` on the surface of `basis`.
+    pub fn new(model: &'m Model, basis: &'m Basis) -> Self {
+        Self { model, basis }
+    }
+
+    /// Number of fields; they come first.
+    pub fn n_fields(&self) -> usize {
+        self.model.fields.len()
+    }
+
+    /// Name, unit and declared range of each.
+    pub fn names(&self) -> Vec<(&'static str, &str, Option<(f64, f64)>)> {
+        let fields = self.model.fields.iter().map(|f| (f.name, f.unit.as_str(), f.range));
+        let lets = self.model.maps.iter().map(|m| (m.name, m.unit.as_str(), m.range));
+        fields.chain(lets).collect()
+    }
+
+    /// Derived quantities at one place from the values of the fields there; NaN where a field or a
+    /// derived quantity is outside its declared range, for beyond it a surrogate means nothing.
+    fn derived(&self, v: &[f64], fields: &[f64], scratch: &mut Vec<f64>, out: &mut [f64]) {
+        let mut physical = self.model.fields.iter().zip(fields).all(|(f, x)| within(*x, f.range));
+        for (map, out) in self.model.maps.iter().zip(out.iter_mut()) {
+            scratch.clear();
+            scratch.extend(map.sources.iter().map(|source| match *source {
+                Source::Value(at) => v[at],
+                Source::Field(field) => fields[field],
+            }));
+            *out = map.at.value(scratch);
+            physical &= within(*out, map.range);
+        }
+        if !physical {
+            out.fill(f64::NAN);
+        }
+    }
+
+    /// Derived quantities, vertex by vertex, from whole fields (each n_vertices) and the values of
+    /// the last forward pass.
+    pub fn derived_fields(&self, t: &Tape, fields: &[Vec<f64>]) -> Vec<Vec<f64>> {
+        let n_lets = self.model.maps.len();
+        let mut out = vec![vec![0.0; self.basis.n_vertices()]; n_lets];
+        let (mut at, mut lets) = (vec![0.0; fields.len()], vec![0.0; n_lets]);
+        let mut scratch = vec![];
+        for vertex in 0..self.basis.n_vertices() {
+            for (x, field) in at.iter_mut().zip(fields) {
+                *x = field[vertex];
+            }
+            self.derived(&t.v, &at, &mut scratch, &mut lets);
+            for (out, value) in out.iter_mut().zip(&lets) {
+                out[vertex] = *value;
+            }
+        }
+        out
+    }
+
+    /// Sets the fields' values at the measurements' places, as if a draw had given `fields`.
+    pub fn set_at_probes(&self, t: &mut Tape, probes: &[u32], fields: &[Vec<f64>]) {
+        for (entry, field) in self.model.fields.iter().zip(fields) {
+            for (i, vertex) in probes.iter().enumerate() {
+                t.v[entry.op.theta + i] = field[*vertex as usize];
+            }
+        }
+    }
+
+    /// Means and standard deviations over draws of unknowns, and each vertex's share of unphysical
+    /// draws. Fields are averaged over all draws, derived quantities over the physical ones.
+    pub fn summarise(&self, draws: &[&[f64]]) -> (Vec<MapSummary>, Vec<f64>) {
+        let draws: Vec<Draw> = self.unpack(draws);
+        let n = self.n_fields() + self.model.maps.len();
+        let vertices: Vec<(Vec<Moments>, f64)> = (0..self.basis.n_vertices())
+            .into_par_iter()
+            .map(|vertex| self.at_vertex(vertex, &draws, n))
+            .collect();
+        let names = self.names();
+        let summary = |i: usize| MapSummary {
+            name: names[i].0,
+            unit: names[i].1.into(),
+            mean: vertices.iter().map(|v| v.0[i].mean()).collect(),
+            sd: vertices.iter().map(|v| v.0[i].sd()).collect(),
+        };
+        ((0..n).map(summary).collect(), vertices.iter().map(|v| v.1).collect())
+    }
+
+    fn unpack(&self, draws: &[&[f64]]) -> Vec<Draw> {
+        let mut t = self.model.tape();
+        let mut one = |u: &&[f64]| {
+            self.model.forward(&mut t, u);
+            let fields = self.model.fields.iter().map(|f| {
+                let (mean, w) = f.op.weights(&t);
+                (mean, w.to_vec())
+            });
+            Draw { fields: fields.collect(), v: t.v.clone() }
+        };
+        draws.iter().map(&mut one).collect()
+    }
+
+    fn at_vertex(&self, vertex: usize, draws: &[Draw], n: usize) -> (Vec<Moments>, f64) {
+        let phi = self.basis.at(vertex);
+        let n_fields = self.n_fields();
+        let mut moments = vec![Moments::default(); n];
+        let (mut values, mut scratch) = (vec![0.0; n], vec![]);
+        let mut unphysical = 0usize;
+        for draw in draws {
+            let (fields, lets) = values.split_at_mut(n_fields);
+            for ((x, (mean, w)), entry) in fields.iter_mut().zip(&draw.fields).zip(&self.model.fields) {
+                *x = mean + dot(w, &phi[entry.first..entry.first + w.len()]);
+            }
+            self.derived(&draw.v, fields, &mut scratch, lets);
+            unphysical += usize::from(lets.first().is_some_and(|x| x.is_nan()));
+            for (m, x) in moments.iter_mut().zip(&values) {
+                m.add(*x);
+            }
+        }
+        (moments, unphysical as f64 / draws.len() as f64)
+    }
+}
+
+fn within(x: f64, range: Option<(f64, f64)>) -> bool {
+    range.is_none_or(|(low, high)| low <= x && x <= high)
+}
+
+/// Running mean and variance (Welford), without NaN.
+#[derive(Clone, Debug, Default)]
+struct Moments {
+    n: f64,
+    mean: f64,
+    squares: f64,
+}
+
+impl Moments {
+    fn add(&mut self, x: f64) {
+        if x.is_nan() {
+            return;
+        }
+        self.n += 1.0;
+        let d = x - self.mean;
+        self.mean += d / self.n;
+        self.squares += d * (x - self.mean);
+    }
+    fn mean(&self) -> f64 {
+        if self.n > 0.0 { self.mean } else { f64::NAN }
+    }
+    fn sd(&self) -> f64 {
+        (self.squares / (self.n - 1.0)).sqrt()
+    }
+}

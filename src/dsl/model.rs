@@ -1,0 +1,353 @@
+//! A model with its data: a log density over unconstrained unknowns, and what its draws mean.
+
+use std::ops::Range;
+
+use rand::Rng;
+
+use super::builder::Builder;
+use super::data::Measurements;
+use super::error::ModelError;
+use super::gp::Field;
+use super::linear::Linear;
+use super::maps::Map;
+use super::rows::Measured;
+use super::tape::{Op, Tape};
+use super::units::Decl;
+use crate::dist::Support;
+use crate::infer::{Evaluator, LogDensity};
+use crate::manifold::Basis;
+
+/// Implemented by [`model!`](crate::model): a model as declared, without data.
+pub trait Declare: Sync {
+    /// The model's name.
+    fn name(&self) -> &'static str;
+    /// The doc comment above it.
+    fn doc(&self) -> &'static str;
+    /// Makes the builder's calls, one per statement.
+    ///
+    /// # Errors
+    /// What does not fit between the model and the builder's data.
+    fn declare(&self, b: &mut Builder<'_>) -> Result<(), ModelError>;
+}
+
+/// What a parameter is, for tables.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Kind {
+    /// One number.
+    Scalar,
+    /// Several.
+    Vector,
+    /// Standard normal coefficients of a GP term.
+    Eta,
+}
+
+/// A declared parameter as it is reported.
+#[derive(Clone, Debug)]
+pub struct Parameter {
+    /// `sigma`, or `field.name` for a hyperparameter.
+    pub name: String,
+    /// Declared unit, empty if none.
+    pub unit: String,
+    /// How many numbers.
+    pub len: usize,
+    /// What it is.
+    pub kind: Kind,
+    /// The labels behind the numbers, for `param b(operator)`.
+    pub labels: Vec<String>,
+    /// The prior as written.
+    pub prior: String,
+    /// Its support (at unit parameters, where the prior mentions others).
+    pub support: Support,
+    pub(super) position: Position,
+}
+
+impl Parameter {
+    /// Name of its `i`-th number: `b[2]`, or the name alone if it is one.
+    pub fn element(&self, i: usize) -> String {
+        match (self.kind, self.labels.get(i)) {
+            (Kind::Scalar, _) => self.name.clone(),
+            (_, Some(label)) => format!("{}[{label}]", self.name),
+            (_, None) => format!("{}[{i}]", self.name),
+        }
+    }
+}
+
+/// Where a parameter's numbers come from.
+#[derive(Clone, Copy, Debug)]
+pub(super) enum Position {
+    /// Values from here on.
+    Values(usize),
+    /// Unknowns from here on; `first` is 1 where the constant mode is drawn afterwards.
+    Eta { u: usize, first: usize, field: usize, term: usize },
+    /// The mean of a field whose constant mode is drawn afterwards.
+    CollapsedMean { field: usize },
+}
+
+/// A statement of the model file.
+#[derive(Clone, Copy, Debug)]
+pub struct Statement {
+    /// `param`, `field`, `let`, `observe`, `effect` or `density`.
+    pub keyword: &'static str,
+    /// Name, unit, text.
+    pub decl: Decl,
+    /// The range after `in`.
+    pub range: Option<(f64, f64)>,
+}
+
+#[derive(Debug)]
+pub(super) struct FieldEntry {
+    pub(super) name: &'static str,
+    pub(super) unit: String,
+    pub(super) range: Option<(f64, f64)>,
+    /// First sampled mode: 1 where the constant mode is collapsed.
+    pub(super) first: usize,
+    pub(super) op: Field,
+}
+
+/// The measurements of one `observe` statement.
+#[derive(Debug)]
+pub struct Observe {
+    /// The statement's name.
+    pub name: &'static str,
+    /// Declared unit.
+    pub unit: String,
+    /// Names of the numbers that a measurement consists of.
+    pub columns: &'static [&'static str],
+    /// Rows of the table, from 0.
+    pub rows: Vec<usize>,
+    pub(super) op: Box<dyn Measured>,
+}
+
+/// A model laid out on its data.
+#[derive(Debug)]
+pub struct Model {
+    /// The model's name.
+    pub name: &'static str,
+    /// The doc comment above it.
+    pub doc: &'static str,
+    /// Parameters in order of declaration.
+    pub parameters: Vec<Parameter>,
+    /// Statements in order.
+    pub statements: Vec<Statement>,
+    /// Measurements in order of declaration.
+    pub observes: Vec<Observe>,
+    pub(super) priors: Vec<Box<dyn Op>>,
+    pub(super) fields: Vec<FieldEntry>,
+    pub(super) linear: Vec<Linear>,
+    pub(super) densities: Vec<Box<dyn Op>>,
+    pub(super) maps: Vec<Map>,
+    pub(super) offsets: Vec<Range<usize>>,
+    /// Unknowns whose starting value is the middle of a declared range.
+    pub(super) start: Vec<(usize, f64)>,
+    /// Lengths of unknowns, values, work.
+    pub(super) layout: [usize; 3],
+}
+
+impl Model {
+    /// Lays `model` out on `basis` and `data`.
+    ///
+    /// # Errors
+    /// What does not fit between them.
+    pub fn new(
+        model: &dyn Declare,
+        basis: Option<&Basis>,
+        data: &Measurements,
+    ) -> Result<Self, ModelError> {
+        let mut b = Builder::new(model.name(), model.doc(), basis, Some(data));
+        model.declare(&mut b)?;
+        b.finish()
+    }
+
+    /// The model without data: its statements and parameters.
+    ///
+    /// # Errors
+    /// An effect on nothing.
+    pub fn outline(model: &dyn Declare) -> Result<Self, ModelError> {
+        let mut b = Builder::new(model.name(), model.doc(), None, None);
+        model.declare(&mut b)?;
+        b.finish()
+    }
+
+    pub(super) fn empty(name: &'static str, doc: &'static str) -> Self {
+        Model {
+            name,
+            doc,
+            parameters: vec![],
+            statements: vec![],
+            observes: vec![],
+            priors: vec![],
+            fields: vec![],
+            linear: vec![],
+            densities: vec![],
+            maps: vec![],
+            offsets: vec![],
+            start: vec![],
+            layout: [0; 3],
+        }
+    }
+
+    /// Complains about measurements that a likelihood cannot take.
+    pub(super) fn check(&self, data: &Measurements) -> Result<(), ModelError> {
+        let t = self.tape();
+        for observe in &self.observes {
+            if let Some((i, why)) = observe.op.objection(&t) {
+                let columns = observe.columns.join(", ");
+                return Err(data
+                    .cell_error(observe.rows[i], &columns, why.into(), "mend the row, drop it, or change the likelihood")
+                    .into());
+            }
+        }
+        Ok(())
+    }
+
+    /// Whether the model has a field, and so needs a surface.
+    pub fn has_fields(&self) -> bool {
+        !self.fields.is_empty()
+    }
+
+    /// The most modes that a field asks for.
+    pub fn n_modes(&self) -> usize {
+        self.fields.iter().map(|f| f.op.k + f.first).max().unwrap_or(0)
+    }
+
+    /// Number of reported numbers: parameters, with the constant modes that are drawn afterwards.
+    pub fn n_reported(&self) -> usize {
+        self.parameters.iter().map(|p| p.len).sum()
+    }
+
+    /// Fresh scratch memory.
+    pub fn tape(&self) -> Tape {
+        let [n_u, n_v, n_work] = self.layout;
+        Tape {
+            u: vec![0.0; n_u],
+            gu: vec![0.0; n_u],
+            v: vec![0.0; n_v],
+            g: vec![0.0; n_v],
+            work: vec![0.0; n_work],
+            lp: 0.0,
+        }
+    }
+
+    /// Computes all values from the unknowns.
+    pub fn forward(&self, t: &mut Tape, u: &[f64]) {
+        t.u.copy_from_slice(u);
+        for range in &self.offsets {
+            t.v[range.clone()].fill(0.0);
+        }
+        for prior in &self.priors {
+            prior.forward(t);
+        }
+        for field in &self.fields {
+            field.op.forward(t);
+        }
+        for linear in &self.linear {
+            linear.forward(t);
+        }
+    }
+
+    /// Log density and gradient.
+    pub fn ln_density(&self, t: &mut Tape, u: &[f64], gradient: &mut [f64]) -> f64 {
+        self.forward(t, u);
+        t.lp = 0.0;
+        t.g.fill(0.0);
+        t.gu.fill(0.0);
+        for observe in &self.observes {
+            observe.op.backward(t);
+        }
+        for density in &self.densities {
+            density.backward(t);
+        }
+        for linear in self.linear.iter().rev() {
+            linear.backward(t);
+        }
+        for field in self.fields.iter().rev() {
+            field.op.backward(t);
+        }
+        for prior in self.priors.iter().rev() {
+            prior.backward(t);
+        }
+        gradient.copy_from_slice(&t.gu);
+        t.lp
+    }
+
+    /// Where a search for a starting point sets out: priors at a typical value, field means in the
+    /// middle of their declared range, coefficients zero.
+    pub fn initial(&self) -> Vec<f64> {
+        let mut t = self.tape();
+        for prior in &self.priors {
+            prior.initial(&mut t);
+        }
+        for &(u, value) in &self.start {
+            t.u[u] = value;
+        }
+        t.u
+    }
+
+    /// The parameters of the last forward pass in their order, with the constant modes drawn.
+    pub fn report(&self, t: &Tape, rng: &mut dyn Rng, out: &mut Vec<f64>) {
+        let restored: Vec<_> = self.fields.iter().map(|f| f.op.restore(t, rng)).collect();
+        for p in &self.parameters {
+            match p.position {
+                Position::Values(v) => out.extend_from_slice(&t.v[v..v + p.len]),
+                Position::CollapsedMean { field } => {
+                    out.push(restored[field].as_ref().map_or(f64::NAN, |(mean, _)| *mean));
+                }
+                Position::Eta { u, first, field, term } => {
+                    if let (1, Some((_, eta0))) = (first, &restored[field]) {
+                        out.push(eta0[term]);
+                    }
+                    out.extend_from_slice(&t.u[u..u + p.len - first]);
+                }
+            }
+        }
+    }
+
+    /// Log likelihood of every row of every `observe`, in their order, after a forward pass.
+    pub fn pointwise(&self, t: &Tape, out: &mut Vec<f64>) {
+        for observe in &self.observes {
+            observe.op.pointwise(t, out);
+        }
+    }
+
+    /// Names of the unknowns' parameters, one per unknown, for messages.
+    pub fn unknown_names(&self) -> Vec<String> {
+        let mut names = vec![];
+        for p in self.parameters.iter() {
+            let first = if let Position::Eta { first, .. } = p.position { first } else { 0 };
+            names.extend((first..p.len).map(|i| p.element(i)));
+        }
+        names
+    }
+}
+
+impl Observe {
+    /// The measurements, one vector of [`Observe::columns`] per row.
+    pub fn observed(&self) -> Vec<Vec<f64>> {
+        self.op.observed()
+    }
+
+    /// A replicate of every measurement, after a forward pass.
+    pub fn simulate(&self, t: &Tape, rng: &mut dyn Rng) -> Vec<Vec<f64>> {
+        self.op.simulate(t, rng)
+    }
+}
+
+struct OnTape<'m> {
+    model: &'m Model,
+    tape: Tape,
+}
+
+impl Evaluator for OnTape<'_> {
+    fn ln_density(&mut self, position: &[f64], gradient: &mut [f64]) -> f64 {
+        self.model.ln_density(&mut self.tape, position, gradient)
+    }
+}
+
+impl LogDensity for Model {
+    fn dim(&self) -> usize {
+        self.layout[0]
+    }
+    fn evaluator(&self) -> Box<dyn Evaluator + '_> {
+        Box::new(OnTape { model: self, tape: self.tape() })
+    }
+}

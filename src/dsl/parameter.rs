@@ -1,0 +1,63 @@
+//! `param` statements and hyperparameters.
+
+use std::marker::PhantomData;
+
+use num_dual::DualStruct;
+
+use super::scope::Local;
+use super::tape::{Op, Tape};
+use crate::dist::Dist;
+use crate::num::{Dual, Real, derivatives, variable};
+
+/// A prior as a function of the names in its scope.
+pub trait PriorFn: Send + Sync + std::fmt::Debug {
+    /// The prior at the scope's scalars.
+    fn dist<D: Real>(s: &[D]) -> impl Dist<D> + use<Self, D>;
+}
+
+/// One parameter, or `n` with the same prior; the last of the W derivatives is the parameter's own.
+#[derive(Debug)]
+pub(super) struct ParameterOp<F, const N: usize, const W: usize> {
+    pub(super) local: Local<N, W>,
+    /// First unknown.
+    pub(super) u: usize,
+    /// First value.
+    pub(super) v: usize,
+    pub(super) n: usize,
+    /// The normaliser of a prior whose own parameters are constants: computed once.
+    pub(super) ln_norm: f64,
+    pub(super) f: PhantomData<F>,
+}
+
+impl<F: PriorFn, const N: usize, const W: usize> Op for ParameterOp<F, N, W> {
+    fn forward(&self, t: &mut Tape) {
+        let dist = F::dist::<f64>(&self.local.plain(&t.v));
+        for i in 0..self.n {
+            t.v[self.v + i] = dist.constrain(t.u[self.u + i]);
+        }
+    }
+
+    fn initial(&self, t: &mut Tape) {
+        let dist = F::dist::<f64>(&self.local.plain(&t.v));
+        t.u[self.u..][..self.n].fill(dist.unconstrain(dist.centre()));
+        self.forward(t);
+    }
+
+    fn backward(&self, t: &mut Tape) {
+        let dist = F::dist::<Dual<W>>(&self.local.dual(&t.v));
+        t.lp += self.ln_norm * self.n as f64;
+        for i in 0..self.n {
+            let u = variable::<W>(t.u[self.u + i], W - 1);
+            let x = dist.constrain(u);
+            let mut l = dist.ln_kernel(u, x);
+            if W > 1 {
+                l += dist.ln_norm();
+            }
+            t.lp += l.re();
+            // the adjoint of x, carried on to u and to the prior's own parameters
+            let e = derivatives(&(l + x * t.g[self.v + i]));
+            t.gu[self.u + i] += e[W - 1];
+            self.local.scatter_array(&e, &mut t.g);
+        }
+    }
+}

@@ -1,0 +1,174 @@
+//! Measurements: the rows of an `observe` statement.
+
+use num_dual::DualStruct;
+use rand::Rng;
+
+use super::tape::{Op, Tape};
+use crate::likelihood::{Likelihood, Observation};
+use crate::num::{Dual, Hyper, Real, derivatives, variable};
+
+/// A likelihood as a function of a row's scalars and columns.
+pub trait RowFn: Send + Sync + std::fmt::Debug {
+    /// The numeric columns that the model reads.
+    type Columns: Columns;
+    /// What was measured.
+    type Y: Observation;
+    /// The likelihood at the scope's scalars.
+    fn likelihood<D: Real>(
+        s: &[D],
+        row: &Self::Columns,
+    ) -> impl Likelihood<D, Self::Y> + use<Self, D>;
+}
+
+/// The numeric columns that a model reads, as a struct that the macro declares.
+pub trait Columns: Send + Sync + Sized + std::fmt::Debug {
+    /// Reads each column by name.
+    ///
+    /// # Errors
+    /// Those of `column`.
+    fn read<E>(column: &mut dyn FnMut(&str) -> Result<f64, E>) -> Result<Self, E>;
+}
+
+/// A numeric column as it appears in `row`: one number, or the N numbers x1, x2, … xN.
+pub trait Column: Sized {
+    /// Reads it by name.
+    ///
+    /// # Errors
+    /// Those of `column`.
+    fn read<E>(name: &str, column: &mut dyn FnMut(&str) -> Result<f64, E>) -> Result<Self, E>;
+}
+
+impl Column for f64 {
+    fn read<E>(name: &str, column: &mut dyn FnMut(&str) -> Result<f64, E>) -> Result<Self, E> {
+        column(name)
+    }
+}
+
+impl<const N: usize> Column for [f64; N] {
+    fn read<E>(name: &str, column: &mut dyn FnMut(&str) -> Result<f64, E>) -> Result<Self, E> {
+        let mut values = [0.0; N];
+        for (i, value) in values.iter_mut().enumerate() {
+            *value = column(&format!("{name}{}", i + 1))?;
+        }
+        Ok(values)
+    }
+}
+
+/// Where the scalars of every row live in `v`.
+#[derive(Debug)]
+pub(super) struct Place {
+    /// (rows, W): where each scalar that carries a derivative lives.
+    pub(super) index: Vec<u32>,
+    /// (rows, W): an offset added to it, or empty if no effect acts on a field here.
+    pub(super) hook: Vec<u32>,
+    /// Which scalar of the scope each of the W is.
+    pub(super) slot: Vec<u32>,
+    /// (scalar of the scope, first offset) of each `let` that an effect acts on.
+    pub(super) lets: Vec<(usize, usize)>,
+}
+
+/// What a model can do with its measurements besides the gradient.
+pub(super) trait Measured: Op {
+    /// Log likelihood of each row, after a forward pass.
+    fn pointwise(&self, t: &Tape, out: &mut Vec<f64>);
+    /// A simulated measurement for each row, as cells (see [`Observation::cells`]).
+    fn simulate(&self, t: &Tape, rng: &mut dyn Rng) -> Vec<Vec<f64>>;
+    /// The measurements as cells.
+    fn observed(&self) -> Vec<Vec<f64>>;
+    /// The first row whose measurement this likelihood cannot take, and why.
+    fn objection(&self, t: &Tape) -> Option<(usize, &'static str)>;
+}
+
+/// All measurements of one kind.
+#[derive(Debug)]
+pub(super) struct Rows<F: RowFn, const N: usize, const W: usize> {
+    pub(super) columns: Vec<F::Columns>,
+    pub(super) y: Vec<F::Y>,
+    pub(super) slot: [u32; W],
+    pub(super) place: Place,
+}
+
+impl<F: RowFn, const N: usize, const W: usize> Rows<F, N, W> {
+    /// Fills the scope's scalars for row `i`; `number` makes them of (which, value), offsets of `let`s
+    /// being number W and up.
+    #[inline(always)]
+    fn gather<D: Real>(&self, v: &[f64], i: usize, s: &mut [D; N], number: impl Fn(usize, f64) -> D) {
+        let index = &self.place.index[i * W..][..W];
+        for j in 0..W {
+            let mut x = v[index[j] as usize];
+            if !self.place.hook.is_empty() {
+                x += v[self.place.hook[i * W + j] as usize];
+            }
+            s[self.slot[j] as usize] = number(j, x);
+        }
+        for (j, &(slot, at)) in self.place.lets.iter().enumerate() {
+            s[slot] = number(W + j, v[at + i]);
+        }
+    }
+
+    fn plain(&self, v: &[f64], i: usize) -> [f64; N] {
+        let mut s = [0.0; N];
+        self.gather(v, i, &mut s, |_, x| x);
+        s
+    }
+
+    /// Derivative of row `i`'s log likelihood in the offset of `let` number `a`. Not inlined: offsets
+    /// are rare, and one copy serves them all.
+    #[inline(never)]
+    fn offset_derivative(&self, v: &[f64], i: usize, a: usize) -> f64 {
+        let mut s = [Hyper::from(0.0); N];
+        let number = |j: usize, re| Hyper::new(re, f64::from(u8::from(j == W + a)), 0.0, 0.0);
+        self.gather(v, i, &mut s, number);
+        F::likelihood(&s, &self.columns[i]).ln_likelihood(&self.y[i]).eps1
+    }
+}
+
+impl<F: RowFn, const N: usize, const W: usize> Op for Rows<F, N, W> {
+    fn backward(&self, t: &mut Tape) {
+        let mut s = [Dual::<W>::from_re(0.0); N];
+        for i in 0..self.y.len() {
+            self.gather(&t.v, i, &mut s, |j, x| if j < W { variable(x, j) } else { Dual::from_re(x) });
+            let l = F::likelihood(&s, &self.columns[i]).ln_likelihood(&self.y[i]);
+            t.lp += l.re();
+            let e = derivatives(&l);
+            for j in 0..W {
+                t.g[self.place.index[i * W + j] as usize] += e[j];
+            }
+            if !self.place.hook.is_empty() {
+                for j in 0..W {
+                    t.g[self.place.hook[i * W + j] as usize] += e[j];
+                }
+            }
+            for (j, &(_, at)) in self.place.lets.iter().enumerate() {
+                t.g[at + i] += self.offset_derivative(&t.v, i, j);
+            }
+        }
+    }
+}
+
+impl<F: RowFn, const N: usize, const W: usize> Measured for Rows<F, N, W> {
+    fn pointwise(&self, t: &Tape, out: &mut Vec<f64>) {
+        out.extend((0..self.y.len()).map(|i| {
+            F::likelihood(&self.plain(&t.v, i), &self.columns[i]).ln_likelihood(&self.y[i])
+        }));
+    }
+
+    fn simulate(&self, t: &Tape, rng: &mut dyn Rng) -> Vec<Vec<f64>> {
+        let one = |i: usize| {
+            let likelihood = F::likelihood(&self.plain(&t.v, i), &self.columns[i]);
+            likelihood.simulate(&self.y[i], rng).cells()
+        };
+        (0..self.y.len()).map(one).collect()
+    }
+
+    fn observed(&self) -> Vec<Vec<f64>> {
+        self.y.iter().map(Observation::cells).collect()
+    }
+
+    fn objection(&self, t: &Tape) -> Option<(usize, &'static str)> {
+        (0..self.y.len()).find_map(|i| {
+            let likelihood = F::likelihood(&self.plain(&t.v, i), &self.columns[i]);
+            likelihood.objection(&self.y[i]).map(|why| (i, why))
+        })
+    }
+}

@@ -1,0 +1,165 @@
+//! The state of eight strips and one time step of them.
+//!
+//! A step is: five forward-Euler substeps of the cells, the stimulus, Crank–Nicolson diffusion.
+
+use pulp::{Arch, NullaryFnOnce};
+
+use super::Grid;
+use super::fem::Matrices;
+use super::lanes::{Diffusion, LANES, Lane};
+use super::record::Recorder;
+use crate::ep::cell::{StepRates, Tissue, euler_step};
+
+/// Cell substeps in one diffusion step.
+const SUBSTEPS: u32 = 5;
+
+/// Rows of nodes that a stimulus excites, at the strip's start.
+const STIMULATED_ROWS: usize = 2;
+
+/// Below this |V| is set to zero: it halts the decay towards subnormal numbers, which are slow.
+const NEGLIGIBLE: f64 = 1e-30;
+
+/// V and h at every node, `[n_nodes]` lanes each.
+#[derive(Debug, Clone)]
+pub(super) struct State {
+    pub(super) v: Vec<Lane>,
+    pub(super) h: Vec<Lane>,
+}
+
+/// Eight strips of tissue and what is needed to advance them.
+#[derive(Debug)]
+pub(super) struct LaneStrip {
+    pub(super) state: State,
+    diffusion: Diffusion,
+    rates: LaneRates,
+    before: Vec<Lane>,
+    arch: Arch,
+}
+
+impl LaneStrip {
+    /// Strips at rest: V = 0, h = 1.
+    pub(super) fn new(grid: &Grid, matrices: &Matrices, tissues: [Tissue; LANES]) -> Self {
+        let n = matrices.mass.len();
+        let ratio = tissues.map(|t| t.diffusivity * grid.dt / grid.spacing.powi(2));
+        Self {
+            state: State { v: vec![[0.0; LANES]; n], h: vec![[1.0; LANES]; n] },
+            diffusion: Diffusion::new(matrices, ratio),
+            rates: LaneRates::new(tissues.map(|t| t.step_rates(grid.dt / f64::from(SUBSTEPS)))),
+            before: vec![[0.0; LANES]; n],
+            arch: Arch::new(),
+        }
+    }
+
+    /// One time step; `stimulus` is what it adds to V at the stimulated nodes.
+    pub(super) fn step(&mut self, stimulus: Option<&Lane>) {
+        self.arch.dispatch(Step { strip: self, stimulus, recording: None });
+    }
+
+    /// One time step, number `index` since the stimulus, whose threshold crossings are recorded.
+    pub(super) fn step_recorded(
+        &mut self,
+        stimulus: Option<&Lane>,
+        index: usize,
+        recorder: &mut Recorder,
+    ) {
+        self.arch.dispatch(Step { strip: self, stimulus, recording: Some((index, recorder)) });
+    }
+
+    #[inline(always)]
+    fn step_inlined(&mut self, stimulus: Option<&Lane>) {
+        self.react();
+        if let Some(stimulus) = stimulus {
+            for v in &mut self.state.v[..2 * STIMULATED_ROWS] {
+                for k in 0..LANES {
+                    v[k] += stimulus[k];
+                }
+            }
+        }
+        self.diffusion.step(&mut self.state.v);
+    }
+
+    #[inline(always)]
+    fn react(&mut self) {
+        let rates = self.rates;
+        for (v, h) in self.state.v.iter_mut().zip(&mut self.state.h) {
+            (*v, *h) = react(*v, *h, &rates);
+        }
+    }
+
+    /// The largest V of each strip.
+    pub(super) fn peak(&self) -> Lane {
+        let mut peak = [f64::NEG_INFINITY; LANES];
+        for v in &self.state.v {
+            for k in 0..LANES {
+                peak[k] = peak[k].max(v[k]);
+            }
+        }
+        peak
+    }
+}
+
+/// [`StepRates`] of every lane.
+#[derive(Debug, Clone, Copy)]
+struct LaneRates {
+    excite: Lane,
+    leak: Lane,
+    open: Lane,
+    close: Lane,
+}
+
+impl LaneRates {
+    fn new(rates: [StepRates; LANES]) -> Self {
+        Self {
+            excite: rates.map(|r| r.excite),
+            leak: rates.map(|r| r.leak),
+            open: rates.map(|r| r.open),
+            close: rates.map(|r| r.close),
+        }
+    }
+
+    #[inline(always)]
+    fn lane(&self, k: usize) -> StepRates {
+        StepRates {
+            excite: self.excite[k],
+            leak: self.leak[k],
+            open: self.open[k],
+            close: self.close[k],
+        }
+    }
+}
+
+/// V and h of one node after the cell substeps.
+#[inline(always)]
+fn react(mut v: Lane, mut h: Lane, rates: &LaneRates) -> (Lane, Lane) {
+    for _ in 0..SUBSTEPS {
+        for k in 0..LANES {
+            (v[k], h[k]) = euler_step(v[k], h[k], rates.lane(k));
+        }
+    }
+    for vk in &mut v {
+        *vk = if vk.abs() < NEGLIGIBLE { 0.0 } else { *vk };
+    }
+    (v, h)
+}
+
+/// A time step, in the form that is compiled once for each set of vector instructions.
+struct Step<'a> {
+    strip: &'a mut LaneStrip,
+    stimulus: Option<&'a Lane>,
+    recording: Option<(usize, &'a mut Recorder)>,
+}
+
+impl NullaryFnOnce for Step<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn call(self) {
+        let strip = self.strip;
+        let Some((index, recorder)) = self.recording else {
+            return strip.step_inlined(self.stimulus);
+        };
+        strip.before.copy_from_slice(&strip.state.v);
+        strip.step_inlined(self.stimulus);
+        recorder.observe(&strip.before, &strip.state.v, index);
+    }
+}

@@ -1,0 +1,145 @@
+//! What can go wrong in inference, as texts a person can act on.
+
+use super::sample::Phase;
+
+/// Input that cannot be sampled, found before any chain starts.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum InferError {
+    /// A count that must be positive.
+    #[error("sampler setting `{name}`: expected at least {least}, got {got}\nhelp: {help}")]
+    TooSmall {
+        /// The setting.
+        name: &'static str,
+        /// Its least value.
+        least: usize,
+        /// The value given.
+        got: usize,
+        /// What to do.
+        help: &'static str,
+    },
+    /// `target_accept` outside (0, 1).
+    #[error(
+        "sampler setting `target_accept`: expected a number strictly between 0 and 1, got {got}\n\
+         help: 0.95 is the default; towards 0.99 for fewer divergences, towards 0.8 for speed"
+    )]
+    TargetAccept {
+        /// The value given.
+        got: f64,
+    },
+    /// `max_depth` outside 1..=20.
+    #[error(
+        "sampler setting `max_depth`: expected 1 to 20, got {got}\n\
+         help: 10 is the default: at most 1023 leapfrog steps per draw"
+    )]
+    MaxDepth {
+        /// The value given.
+        got: u32,
+    },
+    /// A density without unknowns.
+    #[error(
+        "nothing to sample: the model has no unknowns\n\
+         help: declare at least one `param` or `field`"
+    )]
+    NoUnknowns,
+    /// Not one start per chain.
+    #[error(
+        "starting points: expected {expected}, one per chain, got {got}\n\
+         help: pass `jittered_starts(.., chains, ..)` made with the same number of chains"
+    )]
+    StartCount {
+        /// Number of chains.
+        expected: usize,
+        /// Starts given.
+        got: usize,
+    },
+    /// A start of the wrong length.
+    #[error(
+        "starting point of chain {chain}: expected {expected} coordinates, got {got}\n\
+         help: a start has one unconstrained number per unknown, `LogDensity::dim()` in all"
+    )]
+    StartLength {
+        /// The chain, from 0.
+        chain: usize,
+        /// Dimension of the density.
+        expected: usize,
+        /// Length given.
+        got: usize,
+    },
+    /// No density at the initial point.
+    #[error(
+        "the initial point has no support: its log density is {ln_density} (expected a finite \
+         number with a finite gradient)\n\
+         help: choose ranges or priors under which every observation is possible at the start"
+    )]
+    NoSupport {
+        /// Log density there.
+        ln_density: f64,
+        /// The point.
+        position: Vec<f64>,
+    },
+    /// No jittered point with support.
+    #[error(
+        "starting point of chain {chain} (seed {seed}): no point with a finite log density among \
+         {tried} tried near the optimum\n\
+         help: the optimum lies on the edge of the support; check priors and observations there"
+    )]
+    NoStart {
+        /// The chain, from 0.
+        chain: usize,
+        /// The seed.
+        seed: u64,
+        /// Points tried.
+        tried: usize,
+    },
+    /// The thread pool could not be made.
+    #[error(
+        "cannot start {threads} threads: {reason}\n\
+         help: lower the number of threads"
+    )]
+    Threads {
+        /// Threads asked for.
+        threads: usize,
+        /// The system's answer.
+        reason: String,
+    },
+}
+
+/// Why one chain ended without its draws.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+#[non_exhaustive]
+pub enum ChainFailure {
+    /// Density or gradient not finite at the start.
+    #[error(
+        "the log density or its gradient is not finite at the starting point\n\
+         help: start from `jittered_starts`, or check the observations that have no support there"
+    )]
+    NoSupport,
+    /// No step size gives an acceptable leapfrog step.
+    #[error(
+        "no step size between 1e-30 and 1e30 suits the starting point\n\
+         help: the gradient may be wrong or the density flat; compare it with finite differences"
+    )]
+    NoStepSize,
+    /// [`super::Progress::should_stop`] said so.
+    #[error("stopped on request\nhelp: run again for the full number of draws")]
+    Stopped,
+}
+
+/// A chain that failed, with all that is needed to see it fail again.
+#[derive(Clone, Debug, thiserror::Error)]
+#[error("chain {chain} (seed {seed}), {phase} iteration {iteration}: {failure}")]
+pub struct ChainError {
+    /// The chain, from 0.
+    pub chain: usize,
+    /// The seed of the run.
+    pub seed: u64,
+    /// Warm-up or sampling.
+    pub phase: Phase,
+    /// Iteration within the phase, from 0.
+    pub iteration: usize,
+    /// Unconstrained position, `(dim)`.
+    pub position: Vec<f64>,
+    /// What happened.
+    pub failure: ChainFailure,
+}

@@ -1,0 +1,149 @@
+//! Running moments of draws and gradients, and the metrics made from them.
+
+use faer::{Mat, Side};
+
+/// Running means and second moments of positions and gradients (Welford).
+#[derive(Clone, Debug)]
+pub(super) struct Moments {
+    n: usize,
+    position: Welford,
+    gradient: Welford,
+    /// Σ (q − mean)(q − mean)ᵀ, row-major, if a dense metric is wanted.
+    products: Option<Vec<f64>>,
+}
+
+impl Moments {
+    pub(super) fn new(dim: usize, dense: bool) -> Self {
+        let products = dense.then(|| vec![0.0; dim * dim]);
+        Self { n: 0, position: Welford::new(dim), gradient: Welford::new(dim), products }
+    }
+
+    pub(super) fn n(&self) -> usize {
+        self.n
+    }
+
+    pub(super) fn clear(&mut self) {
+        self.n = 0;
+        self.position.clear();
+        self.gradient.clear();
+        self.products.iter_mut().for_each(|products| products.fill(0.0));
+    }
+
+    pub(super) fn add(&mut self, position: &[f64], gradient: &[f64]) {
+        self.n += 1;
+        let n = self.n as f64;
+        if let Some(products) = &mut self.products {
+            let dim = position.len();
+            let change: Vec<f64> =
+                position.iter().zip(&self.position.mean).map(|(q, mean)| q - mean).collect();
+            for (row, a) in products.chunks_exact_mut(dim).zip(&change) {
+                for (sum, b) in row.iter_mut().zip(&change) {
+                    *sum += a * b * (n - 1.0) / n;
+                }
+            }
+        }
+        self.position.add(position, n);
+        self.gradient.add(gradient, n);
+    }
+
+    /// Writes scale = (var q / var ∇)^¼ per coordinate: for a normal, its standard deviation.
+    ///
+    /// The minimiser of the Fisher divergence over diagonal metrics.  A coordinate whose variances
+    /// are not usable (all draws equal, overflow) keeps its scale.
+    pub(super) fn fisher_scales(&self, scale: &mut [f64]) {
+        let variances = self.position.squares.iter().zip(&self.gradient.squares);
+        for (scale, (position, gradient)) in scale.iter_mut().zip(variances) {
+            let fisher = (position / gradient).sqrt().sqrt();
+            if fisher.is_finite() && (1e-10..1e10).contains(&fisher) {
+                *scale = fisher;
+            }
+        }
+    }
+
+    /// Lower factor of the sample covariance with its correlations shrunk by n/(n + dim);
+    /// `None` if it is not positive definite or was not asked for.
+    pub(super) fn shrunk_covariance_factor(&self) -> Option<Vec<f64>> {
+        let products = self.products.as_ref()?;
+        let dim = self.position.mean.len();
+        let n = self.n as f64;
+        let keep = n / (n + dim as f64);
+        let covariance = Mat::from_fn(dim, dim, |i, j| {
+            let shrink = if i == j { 1.0 } else { keep };
+            shrink * products[i * dim + j] / (n - 1.0)
+        });
+        let factor = covariance.llt(Side::Lower).ok()?;
+        let lower = factor.L();
+        let entry = |k: usize| if k % dim <= k / dim { lower[(k / dim, k % dim)] } else { 0.0 };
+        let entries: Vec<f64> = (0..dim * dim).map(entry).collect();
+        entries.iter().all(|x| x.is_finite()).then_some(entries)
+    }
+}
+
+/// Mean and sum of squared deviations of each coordinate.
+#[derive(Clone, Debug)]
+struct Welford {
+    mean: Vec<f64>,
+    squares: Vec<f64>,
+}
+
+impl Welford {
+    fn new(dim: usize) -> Self {
+        Self { mean: vec![0.0; dim], squares: vec![0.0; dim] }
+    }
+
+    fn clear(&mut self) {
+        self.mean.fill(0.0);
+        self.squares.fill(0.0);
+    }
+
+    fn add(&mut self, x: &[f64], n: f64) {
+        for ((x, mean), squares) in x.iter().zip(&mut self.mean).zip(&mut self.squares) {
+            let change = x - *mean;
+            *mean += change / n;
+            *squares += change * (x - *mean);
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn fisher_scales_of_normal_draws_are_exact_whatever_the_draws() {
+        // For a normal the gradient is −q/sd², so any set of draws gives sd exactly.
+        let sd = [1e-3, 1.0, 250.0];
+        let mut moments = Moments::new(3, false);
+        for k in 0..5 {
+            let q: Vec<f64> = sd.iter().map(|s| s * f64::from(k * k % 7)).collect();
+            let g: Vec<f64> = q.iter().zip(&sd).map(|(q, s)| -q / (s * s)).collect();
+            moments.add(&q, &g);
+        }
+        let mut scale = vec![9.0; 3];
+        moments.fisher_scales(&mut scale);
+        assert!(scale.iter().zip(&sd).all(|(a, b)| (a / b - 1.0).abs() < 1e-12), "{scale:?}");
+    }
+
+    #[test]
+    fn equal_draws_leave_the_scale_alone() {
+        let mut moments = Moments::new(1, false);
+        (0..4).for_each(|_| moments.add(&[2.0], &[1.0]));
+        let mut scale = vec![9.0];
+        moments.fisher_scales(&mut scale);
+        assert_eq!(scale, [9.0]);
+    }
+
+    #[test]
+    fn covariance_factor_matches_a_hand_computed_one() {
+        let mut moments = Moments::new(2, true);
+        for q in [[0.0, 0.0], [2.0, 1.0], [4.0, 5.0]] {
+            moments.add(&q, &[0.0, 0.0]);
+        }
+        // Covariance [4 5; 5 7]; off-diagonal shrunk by 3/5 to 3: L = [2 0; 1.5 sqrt(4.75)].
+        let factor = moments.shrunk_covariance_factor().unwrap();
+        let want = [2.0, 0.0, 1.5, 4.75f64.sqrt()];
+        assert!(factor.iter().zip(want).all(|(a, b)| (a - b).abs() < 1e-12), "{factor:?}");
+        moments.clear();
+        assert!(moments.shrunk_covariance_factor().is_none());
+    }
+}

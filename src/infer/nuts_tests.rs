@@ -1,0 +1,190 @@
+//! The transition leaves its target invariant: replicas start from exact draws, make a few
+//! transitions, and must still be exact draws.  They are independent, so standard errors are exact.
+
+use super::super::LogDensity;
+use super::super::hamiltonian::Metric;
+use super::super::test_densities::{banana, normal};
+use super::*;
+use rand::SeedableRng;
+
+/// What a broken twin does wrong.
+#[derive(Clone, Copy, Debug, PartialEq)]
+enum Fault {
+    None,
+    /// The last half-kick of the leapfrog is dropped.
+    HalfKick,
+    /// The newer half of a tree always wins.
+    AlwaysAccept,
+    /// Weights ignore the potential energy.
+    NoPotential,
+}
+
+/// The real flow with one fault.
+struct Twin<'a>(Flow<'a>, Fault);
+
+impl Trajectory for Twin<'_> {
+    type Edge = PhasePoint;
+    type Proposal = Proposal;
+    type Span = Span;
+
+    fn step(&mut self, edge: &mut PhasePoint, direction: Direction) -> Option<f64> {
+        let before = edge.ln_density;
+        let ln_weight = self.0.step(edge, direction)?;
+        match self.1 {
+            Fault::HalfKick => {
+                let mut undone = PhasePoint::new(edge.position.len());
+                undone.copy_from(edge);
+                let sign = if direction == Direction::Forward { -0.5 } else { 0.5 };
+                // Metrics here are the identity: the force is the gradient.
+                add_scaled(&mut edge.momentum, sign * self.0.step_size, &undone.gradient);
+                Some(self.0.energy - edge.energy())
+            }
+            Fault::NoPotential => Some(ln_weight - edge.ln_density + before),
+            Fault::None | Fault::AlwaysAccept => Some(ln_weight),
+        }
+    }
+
+    fn leaf(&mut self, edge: &PhasePoint, proposal: &mut Proposal, span: &mut Span) {
+        self.0.leaf(edge, proposal, span);
+    }
+
+    fn choose(&mut self, current: &mut Proposal, other: &mut Proposal, probability: f64) {
+        let probability = if self.1 == Fault::AlwaysAccept { 1.0 } else { probability };
+        self.0.choose(current, other, probability);
+    }
+
+    fn join(&mut self, span: &mut Span, next: &Span) -> bool {
+        self.0.join(span, next)
+    }
+
+    fn reverse(&mut self, span: &mut Span) {
+        self.0.reverse(span);
+    }
+}
+
+fn flow(density: &dyn LogDensity, seed: u64) -> Flow<'_> {
+    let metric = Metric::Diagonal(vec![1.0; density.dim()]);
+    let hamiltonian = Hamiltonian::new(density.evaluator(), metric);
+    let rng = ChaCha8Rng::seed_from_u64(seed);
+    Flow::new(hamiltonian, rng)
+}
+
+/// Largest |mean − expected| in standard errors, over the banana's moments after a few transitions.
+fn worst_z(fault: Fault) -> f64 {
+    const REPLICAS: usize = 40_000;
+    const TRANSITIONS: usize = 4;
+    let density = banana();
+    let mut twin = Twin(flow(&density, 42), fault);
+    let mut workspace = Workspace::new(6, || Subtree::new(Proposal::new(2), Span::new(2)));
+    let mut edges = [PhasePoint::new(2), PhasePoint::new(2)];
+    let mut point = PhasePoint::new(2);
+    // x, y, x², y², xy, x²y and their expectations.
+    let expected = [0.0, 0.0, 1.0, 2.25, 0.0, 2.0];
+    let mut sums = [[0.0; 2]; 6];
+    for _ in 0..REPLICAS {
+        let [a, b]: [f64; 2] = std::array::from_fn(|_| twin.0.rng.sample(StandardNormal));
+        point.position.copy_from_slice(&[a, a * a - 1.0 + 0.5 * b]);
+        for _ in 0..TRANSITIONS {
+            twin.0.hamiltonian.evaluate(&mut point);
+            let rng = &mut twin.0.rng;
+            point.momentum.fill_with(|| rng.sample(StandardNormal));
+            let directions = rng.next_u32();
+            twin.0.begin(0.45, point.energy());
+            edges.iter_mut().for_each(|edge| edge.copy_from(&point));
+            tree::transition(&mut twin, &mut edges, &mut workspace, directions, 6);
+            point.position.copy_from_slice(&workspace.chosen().position);
+        }
+        let (x, y) = (point.position[0], point.position[1]);
+        for (sum, value) in sums.iter_mut().zip([x, y, x * x, y * y, x * y, x * x * y]) {
+            sum[0] += value;
+            sum[1] += value * value;
+        }
+    }
+    let n = REPLICAS as f64;
+    let z = sums.iter().zip(expected).map(|([sum, squares], expected)| {
+        let mean = sum / n;
+        (mean - expected).abs() / ((squares / n - mean * mean) / n).sqrt()
+    });
+    z.fold(0.0, f64::max)
+}
+
+/// √(2 ln(6/0.001)): six moments, 0.1 % in all.
+const LIMIT: f64 = 4.17;
+
+#[test]
+fn transitions_leave_the_banana_invariant() {
+    let z = worst_z(Fault::None);
+    assert!(z < LIMIT, "{z}");
+}
+
+#[test]
+fn broken_twins_do_not() {
+    for fault in [Fault::HalfKick, Fault::AlwaysAccept, Fault::NoPotential] {
+        let z = worst_z(fault);
+        assert!(z > 1.5 * LIMIT, "{fault:?} {z}");
+    }
+}
+
+#[test]
+fn joining_turns_alike_in_both_orders_of_travel() {
+    let density = normal(vec![1.0; 3]);
+    let mut flow = flow(&density, 7);
+    let mut n_turning = 0;
+    for _ in 0..1000 {
+        let mut momentum = || -> Vec<f64> {
+            let rng = &mut flow.rng;
+            (0..3).map(|_| rng.sample::<f64, _>(StandardNormal) + 0.7).collect()
+        };
+        let mut span = || Span { first: momentum(), last: momentum(), sum: momentum() };
+        let reversed = |span: &Span| Span {
+            first: span.last.clone(),
+            last: span.first.clone(),
+            sum: span.sum.clone(),
+        };
+        let (mut a, b) = (span(), span());
+        let (mut b_back, a_back) = (reversed(&b), reversed(&a));
+        let turning = flow.join(&mut a, &b);
+        assert_eq!(turning, flow.join(&mut b_back, &a_back));
+        n_turning += u32::from(turning);
+    }
+    assert!((100..900).contains(&n_turning), "{n_turning}");
+}
+
+#[test]
+fn extra_checks_catch_a_turn_that_the_ends_miss() {
+    // Both ends and the whole agree, but the junction goes against its own half.
+    let density = normal(vec![1.0; 2]);
+    let mut flow = flow(&density, 7);
+    let mut span = Span { first: vec![1.0, 0.0], last: vec![-1.0, 0.1], sum: vec![0.5, 0.0] };
+    let next = Span { first: vec![1.0, 0.0], last: vec![1.0, 0.0], sum: vec![2.0, 0.0] };
+    let ends = dots_with_sum(&span.first, &next.last, &span.sum, &next.sum);
+    assert!(ends[0] > 0.0 && ends[1] > 0.0);
+    assert!(flow.join(&mut span, &next));
+}
+
+#[test]
+#[ignore = "timing, 2 s: cargo test --release --lib overhead -- --ignored --nocapture"]
+fn overhead_per_leapfrog_beyond_the_density() {
+    use std::time::Instant;
+    let density = normal(vec![1.0; 52]);
+    let metric = Metric::Diagonal(vec![1.0; 52]);
+    let hamiltonian = Hamiltonian::new(density.evaluator(), metric);
+    let mut nuts = Nuts::new(hamiltonian, &[0.1; 52], 10, ChaCha8Rng::seed_from_u64(1));
+    let begun = Instant::now();
+    let leapfrogs: u64 = (0..10_000).map(|_| u64::from(nuts.transition(0.05).n_leapfrog)).sum();
+    let in_all = begun.elapsed().as_secs_f64() / leapfrogs as f64;
+    let mut evaluator = density.evaluator();
+    let (mut position, mut gradient) = (vec![0.1; 52], vec![0.0; 52]);
+    let begun = Instant::now();
+    let mut sum = 0.0;
+    for i in 0..leapfrogs {
+        position[0] = i as f64;
+        sum += evaluator.ln_density(&position, &mut gradient);
+    }
+    let of_density = begun.elapsed().as_secs_f64() / leapfrogs as f64;
+    println!(
+        "{leapfrogs} leapfrogs: {:.0} ns each, {:.0} of them the density ({sum:.1e})",
+        1e9 * in_all,
+        1e9 * of_density
+    );
+}

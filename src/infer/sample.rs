@@ -1,0 +1,383 @@
+//! Several NUTS chains in parallel: settings, draws, progress.
+//!
+//! One `ChaCha8` stream per chain makes results the same, bit for bit, on any number of threads.
+
+use super::adapt::{Warmup, conditional_scales};
+use super::error::{ChainError, ChainFailure, InferError};
+use super::hamiltonian::{Hamiltonian, Metric};
+use super::nuts::{Nuts, Transition};
+use super::{Evaluator, LogDensity};
+use rand::SeedableRng;
+use rand_chacha::ChaCha8Rng;
+use rayon::prelude::*;
+use std::fmt;
+use std::time::{Duration, Instant};
+
+/// The shape of the inverse mass matrix.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Default)]
+pub enum MetricKind {
+    /// One scale per coordinate, by Fisher divergence.
+    #[default]
+    Diagonal,
+    /// The covariance of the warm-up draws, correlations shrunk.
+    Dense,
+}
+
+/// How to sample.
+#[derive(Clone, Debug)]
+pub struct Settings {
+    /// Number of chains.
+    pub chains: usize,
+    /// Warm-up transitions per chain, not kept.
+    pub warmup: usize,
+    /// Draws kept per chain.
+    pub draws: usize,
+    /// Mean acceptance that the step size is tuned to, in (0, 1).
+    pub target_accept: f64,
+    /// Most doublings per transition, 1 to 20.
+    pub max_depth: u32,
+    /// Seed of all random streams.
+    pub seed: u64,
+    /// Number of threads; 0 means one per core.  Does not change any number.
+    pub threads: usize,
+    /// The shape of the metric.
+    pub metric: MetricKind,
+}
+
+impl Default for Settings {
+    fn default() -> Self {
+        Self {
+            chains: 4,
+            warmup: 1000,
+            draws: 1000,
+            target_accept: 0.95,
+            max_depth: 10,
+            seed: 1,
+            threads: 0,
+            metric: MetricKind::Diagonal,
+        }
+    }
+}
+
+impl Settings {
+    /// The least warm-up from which a step size and a metric can be learnt.
+    const LEAST_WARMUP: usize = 20;
+
+    /// Checks every setting.
+    ///
+    /// # Errors
+    /// [`InferError::TooSmall`], [`InferError::TargetAccept`], [`InferError::MaxDepth`].
+    pub fn validate(&self) -> Result<(), InferError> {
+        let least = |name, got, least, help| {
+            if got < least {
+                return Err(InferError::TooSmall { name, least, got, help });
+            }
+            Ok(())
+        };
+        least("chains", self.chains, 1, "4 is the default; R̂ needs at least 2")?;
+        least("draws", self.draws, 1, "1000 per chain is the default")?;
+        let help = "1000 is the default; step size and metric are learnt in warm-up";
+        least("warmup", self.warmup, Self::LEAST_WARMUP, help)?;
+        if !(self.target_accept > 0.0 && self.target_accept < 1.0) {
+            return Err(InferError::TargetAccept { got: self.target_accept });
+        }
+        if !(1..=20).contains(&self.max_depth) {
+            return Err(InferError::MaxDepth { got: self.max_depth });
+        }
+        Ok(())
+    }
+}
+
+/// Warm-up or sampling.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Phase {
+    /// Step size and metric adapt; draws are dropped.
+    Warmup,
+    /// Nothing adapts; draws are kept.
+    Sampling,
+}
+
+impl fmt::Display for Phase {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            Self::Warmup => "warm-up",
+            Self::Sampling => "sampling",
+        })
+    }
+}
+
+/// Where one chain stands.
+#[derive(Clone, Copy, Debug)]
+pub struct ChainProgress {
+    /// The chain, from 0.
+    pub chain: usize,
+    /// Warm-up or sampling.
+    pub phase: Phase,
+    /// Transitions done, over both phases.
+    pub iteration: usize,
+    /// Transitions in all.
+    pub total: usize,
+    /// Divergences in the present phase.
+    pub divergences: usize,
+    /// Present step size.
+    pub step_size: f64,
+}
+
+/// Watches a run and may end it.
+pub trait Progress: Sync {
+    /// Called about four times per second and chain, and at the end of each phase.
+    fn report(&self, progress: &ChainProgress);
+    /// Asked before every transition; `true` ends the chain with [`ChainFailure::Stopped`].
+    fn should_stop(&self) -> bool {
+        false
+    }
+}
+
+/// Shows nothing and never stops.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Silent;
+
+impl Progress for Silent {
+    fn report(&self, _: &ChainProgress) {}
+}
+
+/// A divergent transition: both ends show which part of the density caused it.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Divergence {
+    /// The draw, from 0.
+    pub iteration: usize,
+    /// Unconstrained position from which the transition started, `(dim)`.
+    pub start: Vec<f64>,
+    /// Unconstrained position at which it diverged, `(dim)`; may not be finite.
+    pub end: Vec<f64>,
+}
+
+/// The draws of one chain and how they were made; per-draw vectors have `draws` entries.
+#[derive(Clone, Debug, Default)]
+pub struct Chain {
+    /// Unconstrained positions, row-major `(n_draws, dim)`.
+    pub draws: Vec<f64>,
+    /// Log density of each draw.
+    pub ln_density: Vec<f64>,
+    /// Mean acceptance over each trajectory.
+    pub accept: Vec<f64>,
+    /// Energy of each draw, for E-BFMI.
+    pub energy: Vec<f64>,
+    /// Doublings of each trajectory.
+    pub depth: Vec<u32>,
+    /// Leapfrog steps of each trajectory.
+    pub n_leapfrog: Vec<u32>,
+    /// Whether each trajectory diverged.
+    pub diverging: Vec<bool>,
+    /// The divergent transitions of the sampling phase.
+    pub divergences: Vec<Divergence>,
+    /// Step size of the sampling phase.
+    pub step_size: f64,
+    /// Inverse mass matrix: its diagonal `(dim)`, or row-major `(dim, dim)` if dense.
+    pub inv_metric: Vec<f64>,
+    /// Density evaluations up to the end of warm-up.
+    pub n_grad_warmup: u64,
+    /// Density evaluations while sampling.
+    pub n_grad_sampling: u64,
+    /// Wall time of the warm-up, s.
+    pub seconds_warmup: f64,
+    /// Wall time of the sampling, s.
+    pub seconds_sampling: f64,
+}
+
+impl Chain {
+    /// Number of draws.
+    pub fn n_draws(&self) -> usize {
+        self.ln_density.len()
+    }
+
+    /// Draw `i`, `(dim)`.
+    pub fn draw(&self, i: usize) -> &[f64] {
+        let dim = self.draws.len() / self.n_draws().max(1);
+        &self.draws[i * dim..(i + 1) * dim]
+    }
+
+    fn record(&mut self, nuts: &Nuts, transition: &Transition) {
+        self.draws.extend_from_slice(&nuts.point.position);
+        self.ln_density.push(nuts.point.ln_density);
+        self.accept.push(transition.accept);
+        self.energy.push(transition.energy);
+        self.depth.push(transition.depth);
+        self.n_leapfrog.push(transition.n_leapfrog);
+        self.diverging.push(transition.diverging);
+    }
+}
+
+/// A chain's draws, or why it has none.
+pub type ChainResult = Result<Chain, ChainError>;
+
+/// Samples `density` with one NUTS chain from each of `starts`, each `(dim)`.
+///
+/// The result has one entry per chain, in order; the failure of one leaves the others alone.
+///
+/// # Errors
+/// Those of [`Settings::validate`]; [`InferError::NoUnknowns`], [`InferError::StartCount`],
+/// [`InferError::StartLength`] for starts that do not fit; [`InferError::Threads`].
+pub fn sample(
+    density: &dyn LogDensity,
+    starts: &[Vec<f64>],
+    settings: &Settings,
+    progress: &dyn Progress,
+) -> Result<Vec<ChainResult>, InferError> {
+    settings.validate()?;
+    let dim = density.dim();
+    if dim == 0 {
+        return Err(InferError::NoUnknowns);
+    }
+    if starts.len() != settings.chains {
+        return Err(InferError::StartCount { expected: settings.chains, got: starts.len() });
+    }
+    if let Some(chain) = starts.iter().position(|start| start.len() != dim) {
+        return Err(InferError::StartLength { chain, expected: dim, got: starts[chain].len() });
+    }
+    let threads = settings.threads;
+    let pool = rayon::ThreadPoolBuilder::new()
+        .num_threads(threads)
+        .build()
+        .map_err(|error| InferError::Threads { threads, reason: error.to_string() })?;
+    let run = |(chain, start): (usize, &Vec<f64>)| {
+        Run { chain, settings, progress, divergences: 0, reported: Instant::now() }
+            .run(density, start)
+    };
+    Ok(pool.install(|| starts.par_iter().enumerate().map(run).collect()))
+}
+
+/// Stream of a chain: streams 0.. belong to chains, see [`super::start`] for the others.
+fn chain_stream(seed: u64, chain: usize) -> ChaCha8Rng {
+    let mut rng = ChaCha8Rng::seed_from_u64(seed);
+    rng.set_stream(chain as u64);
+    rng
+}
+
+/// One chain under way.
+struct Run<'a> {
+    chain: usize,
+    settings: &'a Settings,
+    progress: &'a dyn Progress,
+    /// Divergences in the present phase.
+    divergences: usize,
+    reported: Instant,
+}
+
+impl Run<'_> {
+    const REPORT_EVERY: Duration = Duration::from_millis(250);
+
+    fn run(&mut self, density: &dyn LogDensity, start: &[f64]) -> ChainResult {
+        let mut nuts = self.begin(density.evaluator(), density.evaluator(), start);
+        if !is_usable(&nuts) {
+            return Err(self.error(Phase::Warmup, 0, &nuts, ChainFailure::NoSupport));
+        }
+        let (step_size, seconds_warmup) = self.warm_up(&mut nuts)?;
+        let n_grad_warmup = nuts.n_evaluations();
+        let inv_metric = nuts.hamiltonian().metric.inverse_mass(start.len());
+        let chain =
+            Chain { step_size, inv_metric, n_grad_warmup, seconds_warmup, ..Chain::default() };
+        self.draw(&mut nuts, chain)
+    }
+
+    fn begin<'d>(
+        &self,
+        evaluator: Box<dyn Evaluator + 'd>,
+        mut probe: Box<dyn Evaluator + 'd>,
+        start: &[f64],
+    ) -> Nuts<'d> {
+        let scale = conditional_scales(&mut *probe, start, 1.0);
+        let hamiltonian = Hamiltonian::new(evaluator, Metric::Diagonal(scale));
+        let rng = chain_stream(self.settings.seed, self.chain);
+        Nuts::new(hamiltonian, start, self.settings.max_depth, rng)
+    }
+
+    /// Adapts; returns the step size to sample with and the seconds it took.
+    fn warm_up(&mut self, nuts: &mut Nuts) -> Result<(f64, f64), ChainError> {
+        let Settings { warmup, target_accept, metric, .. } = *self.settings;
+        let begun = Instant::now();
+        let Some(mut adapt) = Warmup::begin(nuts, metric, warmup, target_accept) else {
+            return Err(self.error(Phase::Warmup, 0, nuts, ChainFailure::NoStepSize));
+        };
+        for iteration in 0..warmup {
+            self.check_stop(Phase::Warmup, iteration, nuts)?;
+            let transition = nuts.transition(adapt.step_size());
+            adapt.update(iteration, nuts, &transition);
+            self.report(Phase::Warmup, iteration, &transition, adapt.step_size());
+        }
+        Ok((adapt.final_step_size(), begun.elapsed().as_secs_f64()))
+    }
+
+    fn draw(&mut self, nuts: &mut Nuts, mut chain: Chain) -> ChainResult {
+        let begun = Instant::now();
+        self.divergences = 0;
+        let mut start = nuts.point.position.clone();
+        for iteration in 0..self.settings.draws {
+            self.check_stop(Phase::Sampling, iteration, nuts)?;
+            start.copy_from_slice(&nuts.point.position);
+            let transition = nuts.transition(chain.step_size);
+            chain.record(nuts, &transition);
+            if transition.diverging {
+                let end = nuts.divergent_position().to_vec();
+                chain.divergences.push(Divergence { iteration, start: start.clone(), end });
+            }
+            self.report(Phase::Sampling, iteration, &transition, chain.step_size);
+        }
+        chain.n_grad_sampling = nuts.n_evaluations() - chain.n_grad_warmup;
+        chain.seconds_sampling = begun.elapsed().as_secs_f64();
+        Ok(chain)
+    }
+
+    fn check_stop(&self, phase: Phase, iteration: usize, nuts: &Nuts) -> Result<(), ChainError> {
+        if self.progress.should_stop() {
+            return Err(self.error(phase, iteration, nuts, ChainFailure::Stopped));
+        }
+        Ok(())
+    }
+
+    fn report(&mut self, phase: Phase, iteration: usize, transition: &Transition, step_size: f64) {
+        self.divergences += usize::from(transition.diverging);
+        let Settings { warmup, draws, .. } = *self.settings;
+        let (before, last) = match phase {
+            Phase::Warmup => (0, iteration + 1 == warmup),
+            Phase::Sampling => (warmup, iteration + 1 == draws),
+        };
+        if last || self.reported.elapsed() >= Self::REPORT_EVERY {
+            self.reported = Instant::now();
+            self.progress.report(&ChainProgress {
+                chain: self.chain,
+                phase,
+                iteration: before + iteration + 1,
+                total: warmup + draws,
+                divergences: self.divergences,
+                step_size,
+            });
+        }
+    }
+
+    fn error(
+        &self,
+        phase: Phase,
+        iteration: usize,
+        nuts: &Nuts,
+        failure: ChainFailure,
+    ) -> ChainError {
+        let position = nuts.point.position.clone();
+        ChainError {
+            chain: self.chain,
+            seed: self.settings.seed,
+            phase,
+            iteration,
+            position,
+            failure,
+        }
+    }
+}
+
+fn is_usable(nuts: &Nuts) -> bool {
+    nuts.point.ln_density.is_finite() && nuts.point.gradient.iter().all(|g| g.is_finite())
+}
+
+#[cfg(test)]
+#[path = "sample_tests.rs"]
+mod tests;

@@ -1,0 +1,149 @@
+use super::super::test_densities::{FnDensity, funnel, normal};
+use super::*;
+use std::sync::Mutex;
+
+fn settings() -> Settings {
+    Settings { chains: 3, warmup: 200, draws: 100, seed: 11, ..Settings::default() }
+}
+
+#[test]
+fn bad_settings_are_named_with_a_remedy() {
+    let density = normal(vec![1.0; 2]);
+    let text = |settings: Settings, starts: &[Vec<f64>]| {
+        let error = sample(&density, starts, &settings, &Silent).unwrap_err().to_string();
+        assert!(error.lines().last().unwrap().starts_with("help: "), "{error}");
+        error
+    };
+    let base = Settings::default;
+    assert!(text(Settings { chains: 0, ..base() }, &[]).contains("`chains`"));
+    assert!(text(Settings { draws: 0, ..base() }, &[]).contains("`draws`"));
+    assert!(text(Settings { warmup: 3, ..base() }, &[]).contains("`warmup`"));
+    for target_accept in [0.0, 1.0, -0.5, f64::NAN] {
+        assert!(text(Settings { target_accept, ..base() }, &[]).contains("between 0 and 1"));
+    }
+    assert!(text(Settings { max_depth: 0, ..base() }, &[]).contains("`max_depth`"));
+    assert!(text(base(), &[vec![0.0; 2]]).contains("expected 4"));
+    let starts = [vec![0.0; 2], vec![0.0; 2], vec![0.0; 3], vec![0.0; 2]];
+    assert!(text(base(), &starts).contains("chain 2"));
+    let empty = normal(Vec::new());
+    let error = sample(&empty, &[], &base(), &Silent).unwrap_err();
+    assert!(matches!(error, InferError::NoUnknowns));
+}
+
+#[test]
+fn draws_are_bit_identical_for_any_number_of_threads() {
+    let starts = vec![vec![0.1; 5]; 3];
+    let run = |threads| {
+        let settings = Settings { threads, ..settings() };
+        let chains = sample(&funnel(5), &starts, &settings, &Silent).unwrap();
+        chains.into_iter().map(|chain| chain.unwrap().draws).collect::<Vec<_>>()
+    };
+    let one = run(1);
+    assert_eq!(one, run(3));
+    assert!(one[0] != one[1]);
+}
+
+#[test]
+fn one_failing_chain_leaves_the_others() {
+    let starts = vec![vec![0.1; 2], vec![f64::INFINITY, 0.0], vec![0.2; 2]];
+    let chains = sample(&normal(vec![1.0; 2]), &starts, &settings(), &Silent).unwrap();
+    assert!(chains[0].is_ok() && chains[2].is_ok());
+    let error = chains[1].as_ref().unwrap_err();
+    assert_eq!((error.chain, error.seed, error.failure.clone()), (1, 11, ChainFailure::NoSupport));
+    assert!(error.to_string().starts_with("chain 1 (seed 11), warm-up iteration 0: "));
+}
+
+#[test]
+fn a_start_that_cannot_move_fails_for_want_of_a_step_size() {
+    // Finite at the start only.
+    let f = |q: &[f64], g: &mut [f64]| {
+        g[0] = 1.0;
+        if q[0].abs() > 0.0 { f64::NEG_INFINITY } else { 0.0 }
+    };
+    let density = FnDensity { dim: 1, f };
+    let settings = Settings { chains: 1, ..settings() };
+    let chains = sample(&density, &[vec![0.0]], &settings, &Silent).unwrap();
+    assert_eq!(chains[0].as_ref().unwrap_err().failure, ChainFailure::NoStepSize);
+}
+
+#[test]
+fn divergences_are_kept_with_both_ends() {
+    // A normal cut off at −0.5: trajectories run into the wall.
+    let wall = FnDensity {
+        dim: 2,
+        f: |q: &[f64], g: &mut [f64]| {
+            g[0] = -q[0];
+            g[1] = -q[1];
+            if q[0] < -0.5 { f64::NEG_INFINITY } else { -0.5 * (q[0] * q[0] + q[1] * q[1]) }
+        },
+    };
+    let starts = vec![vec![0.1; 2]; 3];
+    let chains = sample(&wall, &starts, &settings(), &Silent).unwrap();
+    let mut n = 0;
+    for chain in chains.into_iter().map(Result::unwrap) {
+        assert_eq!(chain.divergences.len(), chain.diverging.iter().filter(|d| **d).count());
+        for divergence in &chain.divergences {
+            let i = divergence.iteration;
+            assert!(chain.diverging[i]);
+            assert!(i == 0 || divergence.start == chain.draw(i - 1));
+            assert!(divergence.start[0] >= -0.5 && divergence.end[0] < -0.5);
+        }
+        n += chain.divergences.len();
+    }
+    assert!(n > 10, "the wall must be seen: {n}");
+}
+
+#[derive(Default)]
+struct Recorder {
+    seen: Mutex<Vec<ChainProgress>>,
+    stop_at_end_of_warmup: bool,
+}
+
+impl Progress for Recorder {
+    fn report(&self, progress: &ChainProgress) {
+        self.seen.lock().unwrap().push(*progress);
+    }
+    fn should_stop(&self) -> bool {
+        self.stop_at_end_of_warmup && !self.seen.lock().unwrap().is_empty()
+    }
+}
+
+#[test]
+fn progress_is_reported_per_chain_and_can_stop_the_run() {
+    let density = normal(vec![1.0; 2]);
+    let starts = vec![vec![0.1; 2]; 3];
+    let recorder = Recorder::default();
+    sample(&density, &starts, &settings(), &recorder).unwrap();
+    for chain in 0..3 {
+        let seen = recorder.seen.lock().unwrap();
+        let of_chain: Vec<_> = seen.iter().filter(|p| p.chain == chain).collect();
+        let last = of_chain.last().unwrap();
+        assert_eq!((last.iteration, last.total, last.phase), (300, 300, Phase::Sampling));
+        assert!(of_chain.iter().any(|p| p.iteration == 200 && p.phase == Phase::Warmup));
+    }
+    let stopper = Recorder { stop_at_end_of_warmup: true, ..Recorder::default() };
+    let settings = Settings { threads: 1, ..settings() };
+    let chains = sample(&density, &starts, &settings, &stopper).unwrap();
+    for chain in chains {
+        assert_eq!(chain.unwrap_err().failure, ChainFailure::Stopped);
+    }
+}
+
+#[test]
+fn counters_add_up_and_adaptation_reaches_its_targets() {
+    let sd = vec![1e-3, 1.0, 1e3];
+    let density = normal(sd.clone());
+    let settings = Settings { warmup: 500, draws: 500, ..settings() };
+    let starts = vec![vec![1e-3; 3]; 3];
+    for chain in sample(&density, &starts, &settings, &Silent).unwrap() {
+        let chain = chain.unwrap();
+        let leapfrogs: u64 = chain.n_leapfrog.iter().map(|&n| u64::from(n)).sum();
+        assert_eq!(chain.n_grad_sampling, leapfrogs);
+        assert_eq!(chain.draws.len(), 1500);
+        let accept = chain.accept.iter().sum::<f64>() / 500.0;
+        assert!((accept - 0.95).abs() < 0.03, "{accept}");
+        for (inv_metric, sd) in chain.inv_metric.iter().zip(&sd) {
+            assert!((inv_metric.sqrt() / sd - 1.0).abs() < 1e-9);
+        }
+    }
+}

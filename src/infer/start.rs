@@ -1,0 +1,99 @@
+//! Starting points: near an optimum, spread on the scale of the posterior.
+
+use super::adapt::conditional_scales;
+use super::optimise::{OptimumSettings, maximise};
+use super::{Evaluator, InferError, LogDensity};
+use rand::{RngExt, SeedableRng};
+use rand_chacha::ChaCha8Rng;
+use rand_distr::StandardNormal;
+
+/// Largest jitter per coordinate: where the density is flatter than this the sampler explores.
+const LARGEST_SCALE: f64 = 1.0;
+
+/// One start per chain: an early-stopped climb from `initial` `(dim)`, then normal jitter.
+///
+/// The climb stops once an iteration gains less than dim/100 nats: it has then reached the typical
+/// set's level, dim/2 below the mode, and the joint mode of a hierarchical model, a corner far
+/// from the mass, is not approached.  The jitter has each coordinate's conditional standard
+/// deviation (at most 1), which on a normal lowers the log density by dim/2 on average however
+/// correlated it is: where its draws lie.
+///
+/// # Errors
+/// Those of [`maximise`] at `initial`; [`InferError::NoStart`] if no jittered point has support.
+pub fn jittered_starts(
+    density: &dyn LogDensity,
+    initial: &[f64],
+    chains: usize,
+    seed: u64,
+) -> Result<Vec<Vec<f64>>, InferError> {
+    let least_gain = 0.01 * density.dim() as f64;
+    let settings = OptimumSettings { max_iterations: 200, least_gain, ..Default::default() };
+    let optimum = maximise(density, initial, &settings)?.position;
+    let mut evaluator = density.evaluator();
+    let mut scales = conditional_scales(&mut *evaluator, &optimum, LARGEST_SCALE);
+    scales.iter_mut().for_each(|scale| *scale = scale.min(LARGEST_SCALE));
+    (0..chains).map(|chain| jitter(&mut *evaluator, &optimum, &scales, chain, seed)).collect()
+}
+
+/// The first supported point among ever smaller jitters.
+fn jitter(
+    evaluator: &mut dyn Evaluator,
+    optimum: &[f64],
+    scales: &[f64],
+    chain: usize,
+    seed: u64,
+) -> Result<Vec<f64>, InferError> {
+    const TRIES: usize = 100;
+    let mut rng = ChaCha8Rng::seed_from_u64(seed);
+    // Counted from the top, so that no chain samples with the stream of its start.
+    rng.set_stream(u64::MAX - chain as u64);
+    let mut gradient = vec![0.0; optimum.len()];
+    for attempt in 0..TRIES {
+        let shrink = 0.5f64.powf(attempt as f64 / 10.0);
+        let start: Vec<f64> = optimum
+            .iter()
+            .zip(scales)
+            .map(|(q, scale)| q + shrink * scale * rng.sample::<f64, _>(StandardNormal))
+            .collect();
+        let ln_density = evaluator.ln_density(&start, &mut gradient);
+        if ln_density.is_finite() && gradient.iter().all(|g| g.is_finite()) {
+            return Ok(start);
+        }
+    }
+    Err(InferError::NoStart { chain, seed, tried: TRIES })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::test_densities::{FnDensity, normal};
+    use super::*;
+
+    #[test]
+    fn starts_lie_in_the_typical_set_of_a_normal_and_differ() {
+        let sd: Vec<f64> = (0..100).map(|i| 10f64.powf(f64::from(i) / 50.0 - 2.0)).collect();
+        let density = normal(sd);
+        let starts = jittered_starts(&density, &[0.3; 100], 8, 5).unwrap();
+        let mut gradient = vec![0.0; 100];
+        for start in &starts {
+            let ln_density = density.evaluator().ln_density(start, &mut gradient);
+            assert!((-100.0..-20.0).contains(&ln_density), "{ln_density}");
+        }
+        assert!(starts[0] != starts[1]);
+        assert_eq!(starts, jittered_starts(&density, &[0.3; 100], 8, 5).unwrap());
+    }
+
+    #[test]
+    fn a_wall_next_to_the_optimum_is_avoided() {
+        // Support only q > 0 in all of ten coordinates, optimum within a few scales of it.
+        let f = |q: &[f64], g: &mut [f64]| {
+            g.iter_mut().zip(q).for_each(|(g, q)| *g = 1.0 / q - 1.0);
+            if q.iter().any(|&q| q <= 0.0) {
+                return f64::NEG_INFINITY;
+            }
+            q.iter().map(|q| q.ln() - q).sum()
+        };
+        let density = FnDensity { dim: 10, f };
+        let starts = jittered_starts(&density, &[2.0; 10], 20, 1).unwrap();
+        assert!(starts.iter().flatten().all(|&q| q > 0.0));
+    }
+}

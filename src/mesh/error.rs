@@ -1,0 +1,209 @@
+//! What can be wrong with a surface or its file.
+
+use std::fmt;
+use std::path::PathBuf;
+use thiserror::Error;
+
+/// Where in a file a parser stood.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Place {
+    /// Line of a text file, counted from 1.
+    Line(usize),
+    /// Offset from the start of a binary file.
+    Byte(usize),
+}
+
+impl fmt::Display for Place {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Line(line) => write!(f, "line {line}"),
+            Self::Byte(offset) => write!(f, "byte {offset}"),
+        }
+    }
+}
+
+/// What can be wrong with a surface or its file.  Vertices and triangles are counted from 0.
+#[derive(Debug, Error)]
+pub enum MeshError {
+    /// No triangle at all.
+    #[error(
+        "the mesh has no triangles\n\
+         help: a surface of at least one triangle is needed; point clouds are not read"
+    )]
+    Empty,
+    /// A coordinate is NaN or infinite.
+    #[error(
+        "vertex {vertex} is at ({}, {}, {}), expected three finite numbers\n\
+         help: export the mesh again, or delete the vertex in the program that wrote it",
+        position[0], position[1], position[2]
+    )]
+    NotFinite {
+        /// The vertex.
+        vertex: usize,
+        /// Its coordinates, mm.
+        position: [f64; 3],
+    },
+    /// A triangle names a vertex that does not exist.
+    #[error(
+        "triangle {triangle} names vertex {index}, expected 0 to {} (the mesh has {n_vertices} vertices)\n\
+         help: vertex numbers start at 0; was the mesh exported with numbers that start at 1?",
+        n_vertices.saturating_sub(1)
+    )]
+    IndexOutOfRange {
+        /// The triangle.
+        triangle: usize,
+        /// The index it holds.
+        index: i64,
+        /// How many vertices there are.
+        n_vertices: usize,
+    },
+    /// A triangle has the same vertex twice, so it has no area.
+    #[error(
+        "triangle {triangle} has vertex {vertex} more than once, expected three different vertices\n\
+         help: `eplat mesh repair IN OUT` drops such triangles"
+    )]
+    RepeatedVertex {
+        /// The triangle.
+        triangle: usize,
+        /// The vertex it repeats.
+        vertex: u32,
+    },
+    /// More than two triangles share an edge.
+    #[error(
+        "the edge between vertices {} and {} belongs to {} triangles ({triangles:?}), expected 1 or 2\n\
+         help: a surface may not branch; delete the surplus triangles \
+         (`eplat mesh repair IN OUT` drops those that are there twice)",
+        edge[0], edge[1], triangles.len()
+    )]
+    NonManifoldEdge {
+        /// The two ends of the edge.
+        edge: [u32; 2],
+        /// All triangles that have it.
+        triangles: Vec<u32>,
+    },
+    /// The surface has only one side, like a Möbius strip.
+    #[error(
+        "the surface cannot be oriented: triangles {} and {} close a one-sided band\n\
+         help: cut the band open in a mesh editor",
+        triangles[0], triangles[1]
+    )]
+    NotOrientable {
+        /// Two neighbours that cannot run the same way as all the others.
+        triangles: [usize; 2],
+    },
+    /// A vertex belongs to no triangle, so it would have no mass.
+    #[error(
+        "vertex {vertex} belongs to no triangle\n\
+         help: drop unused vertices before making a TriMesh; `eplat::mesh::read` does"
+    )]
+    UnusedVertex {
+        /// The vertex.
+        vertex: usize,
+    },
+    /// One value per vertex was expected.
+    #[error(
+        "the point data array {name:?} has {got} values, expected {expected} (one per vertex)\n\
+         help: pass one value for every vertex of the mesh, in its order"
+    )]
+    DataLength {
+        /// The array.
+        name: String,
+        /// Number of vertices.
+        expected: usize,
+        /// Number of values.
+        got: usize,
+    },
+    /// Not the name of a unit of length.
+    #[error(
+        "unknown unit {name:?}, expected one of mm, cm, um, m\nhelp: say --units mm for a mesh in millimetres"
+    )]
+    UnknownUnits {
+        /// What was given.
+        name: String,
+    },
+    /// The file name's extension is not one that can be read or written.
+    #[error("{}: cannot {action} a file with {}, expected {supported}\nhelp: {help}", path.display(), extension(path))]
+    Extension {
+        /// The file.
+        path: PathBuf,
+        /// "read" or "write".
+        action: &'static str,
+        /// The extensions that work.
+        supported: &'static str,
+        /// What to do.
+        help: &'static str,
+    },
+    /// The file cannot be opened or read.
+    #[error("cannot read {}: {source}\nhelp: check the path and its permissions", path.display())]
+    Read {
+        /// The file.
+        path: PathBuf,
+        /// Why.
+        source: std::io::Error,
+    },
+    /// The file cannot be written.
+    #[error("cannot write {}: {source}\nhelp: check that the folder exists and is writable", path.display())]
+    Write {
+        /// The file.
+        path: PathBuf,
+        /// Why.
+        source: std::io::Error,
+    },
+    /// The file is not what the format allows.
+    #[error("{}, {place}: expected {expected}, got {got}\nhelp: {PARSE_HELP}", path.display())]
+    Parse {
+        /// The file.
+        path: PathBuf,
+        /// Where in it.
+        place: Place,
+        /// What the format asks for there.
+        expected: String,
+        /// What stands there.
+        got: String,
+    },
+    /// The file ends too early.
+    #[error(
+        "{}, {place}: the file ends here, expected {expected}\n\
+         help: the file is truncated; copy or export it again",
+        path.display()
+    )]
+    Truncated {
+        /// The file.
+        path: PathBuf,
+        /// Where it ends.
+        place: Place,
+        /// What should follow.
+        expected: String,
+    },
+    /// A cell that is not a triangle.
+    #[error(
+        "{}: cell {cell} is {got}, expected a triangle\n\
+         help: only triangle surfaces are read; triangulate or extract the surface first \
+         (ParaView: Extract Surface, then Triangulate)",
+        path.display()
+    )]
+    NotATriangle {
+        /// The file.
+        path: PathBuf,
+        /// The cell, counted from 0.
+        cell: usize,
+        /// What it is.
+        got: String,
+    },
+    /// The file was read, but what it holds is not a valid surface.
+    #[error("{}: {source}", path.display())]
+    Invalid {
+        /// The file.
+        path: PathBuf,
+        /// What is wrong.
+        source: Box<MeshError>,
+    },
+}
+
+const PARSE_HELP: &str = "legacy VTK 2.0 to 5.1 is read, ASCII or BINARY, POLYDATA or UNSTRUCTURED_GRID of triangles; \
+     save the mesh so from ParaView or PyVista";
+
+fn extension(path: &std::path::Path) -> String {
+    path.extension()
+        .map_or_else(|| "no extension".into(), |e| format!("extension .{}", e.display()))
+}

@@ -1,0 +1,127 @@
+//! Makes a valid surface of a file that is not one: joins vertices that coincide, drops triangles
+//! without area, orients the rest alike and keeps the largest piece.
+
+use super::vtk::Content;
+use super::{MeshError, Surface, Units, surface, topology, tri_mesh, vector};
+use std::collections::BTreeMap;
+use std::path::Path;
+
+/// Reads the legacy VTK file `path` (coordinates in `units`) and repairs it.
+///
+/// Vertices closer than `tolerance` mm are joined (0 joins equal ones only; the first one's place
+/// and data stay), triangles that have the same vertex twice or are there twice are dropped, and
+/// neighbours are turned the same way.  What was done heads the notes of the result.
+///
+/// # Errors
+/// As [`super::read`], for what cannot be repaired: a coordinate that is not finite, an edge of
+/// three or more triangles, and a surface that cannot be oriented (`NotOrientable`).
+pub fn repair(path: &Path, units: Units, tolerance: f64) -> Result<Surface, MeshError> {
+    let mut content = surface::read_content(path, units)?;
+    let invalid =
+        |source: MeshError| MeshError::Invalid { path: path.into(), source: source.into() };
+    tri_mesh::check_finite(&content.vertices).map_err(invalid)?;
+    let n_joined = join_vertices(&mut content, tolerance);
+    let n_dropped = drop_degenerate(&mut content.triangles);
+    tri_mesh::validate(&content.vertices, &content.triangles).map_err(invalid)?;
+    let n_turned = orient(&mut content.triangles).map_err(invalid)?;
+    let mut surface = surface::largest_piece(content, units).map_err(invalid)?;
+    let done = format!(
+        "joined {n_joined} vertices, dropped {n_dropped} triangles without area or there twice, turned {n_turned} triangles"
+    );
+    surface.notes.insert(0, done);
+    Ok(surface)
+}
+
+/// Lets triangles name only the first of vertices within `tolerance` of each other; returns how
+/// many others there were.
+fn join_vertices(content: &mut Content, tolerance: f64) -> usize {
+    // Cells of the tolerance's size: what is close is in the same or a neighbouring cell.
+    let size = tolerance.max(f64::MIN_POSITIVE);
+    let cell_of = |p: &[f64; 3]| p.map(|x| (x / size).floor() as i64);
+    let mut cells: BTreeMap<[i64; 3], Vec<u32>> = BTreeMap::new();
+    let mut target = Vec::with_capacity(content.vertices.len());
+    for (v, p) in (0u32..).zip(&content.vertices) {
+        let is_close =
+            |&w: &u32| (vector(content.vertices[w as usize]) - vector(*p)).norm() <= tolerance;
+        let home = cell_of(p);
+        let close = (0..27)
+            .filter_map(|i| cells.get(&neighbour(home, i)))
+            .flatten()
+            .copied()
+            .filter(is_close)
+            .min();
+        target.push(close.unwrap_or(v));
+        if close.is_none() {
+            cells.entry(home).or_default().push(v);
+        }
+    }
+    for v in content.triangles.iter_mut().flatten() {
+        *v = target[*v as usize];
+    }
+    target.iter().enumerate().filter(|&(v, &t)| v != t as usize).count()
+}
+
+fn neighbour([i, j, k]: [i64; 3], number: i64) -> [i64; 3] {
+    let step = |axis: i64| number / axis % 3 - 1;
+    [i.saturating_add(step(1)), j.saturating_add(step(3)), k.saturating_add(step(9))]
+}
+
+/// Drops triangles with a repeated vertex and all but the first of those with the same vertices.
+fn drop_degenerate(triangles: &mut Vec<[u32; 3]>) -> usize {
+    let before = triangles.len();
+    let mut seen = std::collections::BTreeSet::new();
+    triangles.retain(|&triangle| {
+        let mut corners = triangle;
+        corners.sort_unstable();
+        tri_mesh::repeated(triangle).is_none() && seen.insert(corners)
+    });
+    before - triangles.len()
+}
+
+/// Turns triangles so that neighbours run opposite ways along their edge, in each piece towards
+/// the way most of them had; returns how many were turned.
+fn orient(triangles: &mut [[u32; 3]]) -> Result<usize, MeshError> {
+    let links = links(triangles);
+    let mut turn: Vec<Option<bool>> = vec![None; triangles.len()];
+    let mut n_turned = 0;
+    for start in 0..triangles.len() {
+        if turn[start].is_some() {
+            continue;
+        }
+        turn[start] = Some(false);
+        let mut piece = vec![start];
+        let mut next = 0;
+        while let Some(&at) = piece.get(next) {
+            next += 1;
+            for &(other, agrees) in &links[at] {
+                let wanted = turn[at].map(|turned| turned == agrees);
+                if turn[other].is_none() {
+                    turn[other] = wanted;
+                    piece.push(other);
+                } else if turn[other] != wanted {
+                    return Err(MeshError::NotOrientable { triangles: [at, other] });
+                }
+            }
+        }
+        let turned = piece.iter().filter(|&&t| turn[t] == Some(true)).count();
+        let minority = turned * 2 <= piece.len();
+        for &t in piece.iter().filter(|&&t| turn[t] == Some(minority)) {
+            triangles[t].swap(1, 2);
+            n_turned += 1;
+        }
+    }
+    Ok(n_turned)
+}
+
+/// For every triangle its neighbours, and whether the two already run opposite ways.
+fn links(triangles: &[[u32; 3]]) -> Vec<Vec<(usize, bool)>> {
+    let mut links = vec![Vec::new(); triangles.len()];
+    for edge in topology::edges(&topology::sides(triangles)) {
+        if let [a, b] = edge {
+            let agrees = a.forward != b.forward;
+            links[a.triangle as usize].push((b.triangle as usize, agrees));
+            links[b.triangle as usize].push((a.triangle as usize, agrees));
+        }
+    }
+    links
+}

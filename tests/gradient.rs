@@ -1,0 +1,92 @@
+//! The gradient of every model file against finite differences, 1e-6 relative.
+
+#[path = "../models/erp.rs"]
+mod erp;
+#[path = "models/language.rs"]
+mod language;
+mod support;
+
+use eplat::dsl::{Declare, Measurements, Model};
+use eplat::infer::LogDensity;
+use rand::RngExt;
+use support::{basis, rng, table};
+
+/// Central differences with Richardson's extrapolation.
+fn check(model: &dyn Declare, data: &Measurements) {
+    let basis = basis(200, 24);
+    let model = Model::new(model, Some(&basis), data).unwrap();
+    let mut rng = rng(7);
+    for point in 0..3 {
+        let mut u = model.initial();
+        for x in &mut u {
+            *x += rng.random_range(-0.4..0.4);
+        }
+        let mut evaluator = model.evaluator();
+        let mut gradient = vec![0.0; model.dim()];
+        let lp = evaluator.ln_density(&u, &mut gradient);
+        assert!(lp.is_finite(), "{}: {lp}", model.name);
+        let mut f = |at: usize, h: f64| {
+            let mut x = u.clone();
+            x[at] += h;
+            evaluator.ln_density(&x, &mut vec![0.0; u.len()])
+        };
+        for i in 0..u.len() {
+            let mut central = |h: f64| (f(i, h) - f(i, -h)) / (2.0 * h);
+            let difference = (4.0 * central(5e-4) - central(1e-3)) / 3.0;
+            let error = (difference - gradient[i]).abs() / (1.0 + gradient[i].abs());
+            let name = &model.unknown_names()[i];
+            assert!(error < 1e-6, "{}: {name} at point {point}: {difference} {}", model.name, gradient[i]);
+        }
+    }
+}
+
+/// `n` rows at vertices 3i, protocols in turn, with every column that the test models read.
+fn rows(n: usize, protocols: &[&str]) -> Measurements {
+    let mut rng = rng(3);
+    let header = "protocol,vertex,lower,upper,value,force_g,dose,catheter,school,se";
+    let mut lines = vec![];
+    for i in 0..n {
+        let protocol = protocols[i % protocols.len()];
+        let lower = 190.0 + 10.0 * (i % 3) as f64;
+        let upper = if protocol == "open" && i % 2 == 0 { String::new() } else { (lower + 10.0).to_string() };
+        let value = if protocol == "event" { i % 2 } else { i % 9 };
+        let (force, dose) = (rng.random_range(0.0..3.0), rng.random_range(0.0..2.0));
+        lines.push(format!("{protocol},{},{lower},{upper},{value},{force},{dose},c{},s{i},{}", 3 * i, i % 3, 8 + i));
+    }
+    place(table(header, &lines))
+}
+
+/// Puts rows on the 200 vertices of the made-up basis.
+fn place(mut data: Measurements) -> Measurements {
+    data.place_at_indices(200).unwrap();
+    data
+}
+
+#[test]
+fn erp() {
+    check(&erp::Erp, &rows(20, &["S1S2", "S1S2S3"]));
+}
+
+#[test]
+fn eight_schools() {
+    check(&language::eight_schools::EightSchools, &rows(8, &["effect_size"]));
+    check(&language::centred::EightSchoolsCentred, &rows(8, &["effect_size"]));
+}
+
+#[test]
+fn logistic_with_thirty_coefficients() {
+    let header = (1..=30).map(|i| format!("x{i}")).collect::<Vec<_>>().join(",") + ",event";
+    let mut rng = rng(5);
+    let line = |i: usize| {
+        let x: Vec<String> = (0..30).map(|_| rng.random_range(-1.0..1.0f64).to_string()).collect();
+        format!("{},{}", x.join(","), i % 2)
+    };
+    let lines: Vec<String> = (0..60).map(line).collect();
+    check(&language::logistic::Logistic, &table(&header, &lines));
+}
+
+#[test]
+fn everything_mixed() {
+    let protocols = ["warm_up", "s1s2", "open", "direct", "beats"];
+    check(&language::mixed::Mixed, &rows(50, &protocols));
+}
