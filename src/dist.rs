@@ -299,7 +299,8 @@ pub fn ln_gamma<D: Real>(a: D) -> D {
     }
     let r = z.recip();
     let r2 = r * r;
-    let series = r2 * (r2 * (r2 * (r2 * (1.0 / 1188.0) - 1.0 / 1680.0) + 1.0 / 1260.0) - 1.0 / 360.0);
+    let series =
+        r2 * (r2 * (r2 * (r2 * (1.0 / 1188.0) - 1.0 / 1680.0) + 1.0 / 1260.0) - 1.0 / 360.0);
     (z - 0.5) * z.ln() - z + LN_SQRT_2PI + r * (series + 1.0 / 12.0) - shift.ln()
 }
 
@@ -318,7 +319,10 @@ mod tests {
             let x = variable::<1>(u, 0);
             let by_dual = derivatives(&dual.ln_kernel(x, dual.constrain(x)))[0];
             let difference = (ln_p(u + 1e-5) - ln_p(u - 1e-5)) / 2e-5;
-            assert!((by_dual - difference).abs() < 1e-7 * (1.0 + difference.abs()), "{name} at {u}");
+            assert!(
+                (by_dual - difference).abs() < 1e-7 * (1.0 + difference.abs()),
+                "{name} at {u}"
+            );
             let back = plain.unconstrain(plain.constrain(u));
             assert!((back - u).abs() < 1e-12, "{name}: {back} against {u}");
         }

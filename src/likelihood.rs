@@ -78,7 +78,8 @@ impl Bracket {
     /// An open bracket says where the protocol ended: values on its open side stay in it, others get
     /// a bracket of width `step` counted from its closed end.
     fn containing(&self, value: f64, step: f64) -> Self {
-        let width = if (self.upper - self.lower).is_finite() { self.upper - self.lower } else { step };
+        let width =
+            if (self.upper - self.lower).is_finite() { self.upper - self.lower } else { step };
         let origin = if self.lower.is_finite() { self.lower } else { self.upper };
         let lower = origin + ((value - origin) / width).floor() * width;
         Self::new(lower, lower + width).unwrap_or(*self)
@@ -212,7 +213,8 @@ impl<D: Real> Likelihood<D, Bracket> for TopHat<D> {
         like.containing(self.0.re(), OPEN_STEP)
     }
     fn objection(&self, y: &Bracket) -> Option<&'static str> {
-        y.is_open().then_some("TopHat needs both ends of a bracket; Interval(f, sigma) takes open ones")
+        y.is_open()
+            .then_some("TopHat needs both ends of a bracket; Interval(f, sigma) takes open ones")
     }
 }
 
@@ -272,7 +274,8 @@ fn ln_normal_between<D: Real>(a: D, b: D) -> D {
     let density = |t: f64| (-0.5 * t * t - LN_SQRT_2PI - value).exp();
     let (da, db) = (-density(x), density(y));
     let (u, v) = (a - x, b - y); // zero, but carrying the derivatives
-    let second = u * u * (-x * da - da * da) + v * v * (-y * db - db * db) - u * v * (2.0 * da * db);
+    let second =
+        u * u * (-x * da - da * da) + v * v * (-y * db - db * db) - u * v * (2.0 * da * db);
     u * da + v * db + second * 0.5 + value
 }
 
@@ -333,7 +336,8 @@ impl<D: Real> Likelihood<D, u32> for PoissonLog<D> {
     }
     fn simulate(&self, _: &u32, rng: &mut dyn Rng) -> u32 {
         let rate = self.0.re().exp();
-        rand_distr::Poisson::new(rate).map_or(u32::MAX, |poisson| rng.sample::<f64, _>(poisson) as u32)
+        rand_distr::Poisson::new(rate)
+            .map_or(u32::MAX, |poisson| rng.sample::<f64, _>(poisson) as u32)
     }
 }
 
@@ -365,7 +369,10 @@ mod tests {
                 let f = lower - 15.0 + 0.37 * f64::from(i);
                 let (got, expected) = (TopHat(f).ln_likelihood(&y), top_hat_by_definition(f, &y));
                 if expected > -600.0 {
-                    assert!((got - expected).abs() < 1e-12 * (1.0 + expected.abs()), "{f} in {y:?}: {got} {expected}");
+                    assert!(
+                        (got - expected).abs() < 1e-12 * (1.0 + expected.abs()),
+                        "{f} in {y:?}: {got} {expected}"
+                    );
                 }
                 assert!(got.is_finite());
             }
@@ -375,7 +382,9 @@ mod tests {
     #[test]
     fn top_hat_integrates_to_one_and_derivatives_match_differences() {
         let y = bracket(200.0, 210.0);
-        let mass: f64 = (0..40_000).map(|i| TopHat(185.0 + 1e-3 * f64::from(i)).ln_likelihood(&y).exp() * 1e-3).sum();
+        let mass: f64 = (0..40_000)
+            .map(|i| TopHat(185.0 + 1e-3 * f64::from(i)).ln_likelihood(&y).exp() * 1e-3)
+            .sum();
         assert!((mass - 1.0).abs() < 1e-9, "{mass}");
         for f in [150.0, 199.0, 203.3, 209.99, 213.0, 260.0] {
             let value = |f: f64| TopHat(f).ln_likelihood(&y);
@@ -421,7 +430,8 @@ mod tests {
             let [df, ds] = derivatives(&d);
             assert!((df - by_f).abs() < 1e-5 * (1.0 + by_f.abs()), "{y:?} {df} {by_f}");
             assert!((ds - by_s).abs() < 1e-5 * (1.0 + by_s.abs()), "{y:?} {ds} {by_s}");
-            let mixed = (at(f + e, s + e) - at(f + e, s - e) - at(f - e, s + e) + at(f - e, s - e)) / (4.0 * e * e);
+            let mixed = (at(f + e, s + e) - at(f + e, s - e) - at(f - e, s + e) + at(f - e, s - e))
+                / (4.0 * e * e);
             let h = Interval::<Hyper>(Hyper::new(f, 1.0, 0.0, 0.0), Hyper::new(s, 0.0, 1.0, 0.0));
             let h = h.ln_likelihood(&y).eps1eps2;
             assert!((h - mixed).abs() < 1e-4 * (1.0 + mixed.abs()), "{y:?} {h} {mixed}");

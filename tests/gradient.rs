@@ -35,7 +35,12 @@ fn check(model: &dyn Declare, data: &Measurements) {
             let difference = (4.0 * central(5e-4) - central(1e-3)) / 3.0;
             let error = (difference - gradient[i]).abs() / (1.0 + gradient[i].abs());
             let name = &model.unknown_names()[i];
-            assert!(error < 1e-6, "{}: {name} at point {point}: {difference} {}", model.name, gradient[i]);
+            assert!(
+                error < 1e-6,
+                "{}: {name} at point {point}: {difference} {}",
+                model.name,
+                gradient[i]
+            );
         }
     }
 }
@@ -48,10 +53,19 @@ fn rows(n: usize, protocols: &[&str]) -> Measurements {
     for i in 0..n {
         let protocol = protocols[i % protocols.len()];
         let lower = 190.0 + 10.0 * (i % 3) as f64;
-        let upper = if protocol == "open" && i % 2 == 0 { String::new() } else { (lower + 10.0).to_string() };
+        let upper = if protocol == "open" && i % 2 == 0 {
+            String::new()
+        } else {
+            (lower + 10.0).to_string()
+        };
         let value = if protocol == "event" { i % 2 } else { i % 9 };
         let (force, dose) = (rng.random_range(0.0..3.0), rng.random_range(0.0..2.0));
-        lines.push(format!("{protocol},{},{lower},{upper},{value},{force},{dose},c{},s{i},{}", 3 * i, i % 3, 8 + i));
+        lines.push(format!(
+            "{protocol},{},{lower},{upper},{value},{force},{dose},c{},s{i},{}",
+            3 * i,
+            i % 3,
+            8 + i
+        ));
     }
     place(table(header, &lines))
 }

@@ -148,7 +148,9 @@ impl<'a> Builder<'a> {
     ) -> Result<(), ModelError> {
         let local = self.local::<N, W>(scope);
         let (levels, index) = match (len, self.data) {
-            (Len::Each(column), Some(data)) => data.labels(column, &format!("param {}", decl.name))?,
+            (Len::Each(column), Some(data)) => {
+                data.labels(column, &format!("param {}", decl.name))?
+            }
             _ => (vec![], vec![]),
         };
         let n = match len {
@@ -185,7 +187,14 @@ impl<'a> Builder<'a> {
         if self.field.is_none() {
             self.state("param", decl, None);
         }
-        self.model.priors.push(Box::new(ParameterOp::<F, N, W> { local, u, v, n, ln_norm, f: PhantomData }));
+        self.model.priors.push(Box::new(ParameterOp::<F, N, W> {
+            local,
+            u,
+            v,
+            n,
+            ln_norm,
+            f: PhantomData,
+        }));
         Ok(())
     }
 
@@ -252,7 +261,12 @@ impl<'a> Builder<'a> {
                 labels: vec![],
                 prior: "Normal(0.0, 1.0)".into(),
                 support: crate::dist::Support::Real,
-                position: Position::Eta { u: self.n_u, first, field: self.model.fields.len(), term: i },
+                position: Position::Eta {
+                    u: self.n_u,
+                    first,
+                    field: self.model.fields.len(),
+                    term: i,
+                },
             });
             term.k -= first;
             term.eta = self.unknowns(term.k);
@@ -262,7 +276,9 @@ impl<'a> Builder<'a> {
         let (theta, work) = (self.values(n), self.n_work);
         self.n_work += 2 * stride + used;
         let mut probes = vec![0.0; n * stride];
-        for (to, from) in probes.chunks_exact_mut(stride.max(1)).zip(rows.chunks_exact(n_modes.max(1))) {
+        for (to, from) in
+            probes.chunks_exact_mut(stride.max(1)).zip(rows.chunks_exact(n_modes.max(1)))
+        {
             to[..k].copy_from_slice(&from[first..]);
         }
         let hyper_names = self.names.len() - hyper.len();
@@ -276,7 +292,11 @@ impl<'a> Builder<'a> {
     }
 
     /// √λ of the first `k` modes, the probes' rows of them, and the constant mode's value.
-    fn modes(&self, field: &str, k: usize) -> Result<(Vec<f64>, Vec<f64>, Option<f64>), ModelError> {
+    fn modes(
+        &self,
+        field: &str,
+        k: usize,
+    ) -> Result<(Vec<f64>, Vec<f64>, Option<f64>), ModelError> {
         let Some(basis) = self.basis else {
             if self.data.is_some() {
                 return Err(ModelError::NoBasis { field: field.into() });
@@ -378,7 +398,12 @@ impl<'a> Builder<'a> {
             statement.keyword = "effect";
         }
         let beta = self.n_v - columns.len();
-        self.effects.push(Effect { name: decl.name, on: on.to_vec(), columns: columns.to_vec(), beta });
+        self.effects.push(Effect {
+            name: decl.name,
+            on: on.to_vec(),
+            columns: columns.to_vec(),
+            beta,
+        });
         Ok(())
     }
 
@@ -552,7 +577,8 @@ impl<'a> Builder<'a> {
         let mut hit = BTreeSet::new();
         for effect in std::mem::take(&mut self.effects) {
             for i in 0..self.model.observes.len() {
-                let (observe, rows) = (self.model.observes[i].name, self.model.observes[i].rows.clone());
+                let (observe, rows) =
+                    (self.model.observes[i].name, self.model.observes[i].rows.clone());
                 let on = effect.on.iter().filter_map(|&on| {
                     let at = self.hooks.get(&(observe, on)).copied()?;
                     hit.insert((effect.name, on));
@@ -565,7 +591,10 @@ impl<'a> Builder<'a> {
                 }
             }
             if let Some(target) = effect.on.iter().find(|on| !hit.contains(&(effect.name, **on))) {
-                return Err(ModelError::NoTarget { effect: effect.name.into(), target: (*target).into() });
+                return Err(ModelError::NoTarget {
+                    effect: effect.name.into(),
+                    target: (*target).into(),
+                });
             }
         }
         self.model.layout = [self.n_u, self.n_v, self.n_work];

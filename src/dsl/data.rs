@@ -15,7 +15,9 @@ const MAX_DISTANCE: f64 = 5.0;
 #[derive(Debug, Error)]
 pub enum DataError {
     /// The file cannot be opened.
-    #[error("cannot read {file}: {reason}\nhelp: give a CSV file with a header line and one row per measurement")]
+    #[error(
+        "cannot read {file}: {reason}\nhelp: give a CSV file with a header line and one row per measurement"
+    )]
     Unreadable {
         /// File name.
         file: String,
@@ -23,7 +25,9 @@ pub enum DataError {
         reason: String,
     },
     /// A header at most.
-    #[error("{file}: the table is empty\nhelp: one row per measurement is expected below the header line")]
+    #[error(
+        "{file}: the table is empty\nhelp: one row per measurement is expected below the header line"
+    )]
     Empty {
         /// File name.
         file: String,
@@ -175,12 +179,24 @@ impl Measurements {
             return Err(self.no_such_vertex(row, index, n));
         }
         surface.vertex_of_source(index as usize).ok_or_else(|| {
-            let problem = format!("vertex {index} is not on the surface: it belongs to a piece that was dropped");
-            self.cell_error(row, "vertex", problem, "only the mesh's largest connected piece is used; move the site or mend the mesh")
+            let problem = format!(
+                "vertex {index} is not on the surface: it belongs to a piece that was dropped"
+            );
+            self.cell_error(
+                row,
+                "vertex",
+                problem,
+                "only the mesh's largest connected piece is used; move the site or mend the mesh",
+            )
         })
     }
 
-    fn vertex_by_position(&self, row: usize, surface: &Surface, scale: f64) -> Result<u32, DataError> {
+    fn vertex_by_position(
+        &self,
+        row: usize,
+        surface: &Surface,
+        scale: f64,
+    ) -> Result<u32, DataError> {
         let who = "the placement on the mesh (as there is no column `vertex`)";
         let mut point = [0.0; 3];
         for (p, name) in point.iter_mut().zip(["x", "y", "z"]) {
@@ -192,7 +208,12 @@ impl Measurements {
                 "the site at ({:.1}, {:.1}, {:.1}) mm is {distance:.1} mm from the surface, at most {MAX_DISTANCE} mm is expected",
                 point[0], point[1], point[2]
             );
-            return Err(self.cell_error(row, "x, y, z", problem, "check that the table and the mesh share one frame and one unit (--units)"));
+            return Err(self.cell_error(
+                row,
+                "x, y, z",
+                problem,
+                "check that the table and the mesh share one frame and one unit (--units)",
+            ));
         }
         Ok(vertex)
     }
@@ -219,7 +240,10 @@ impl Measurements {
                 row,
                 "protocol",
                 format!("`{}` is not observed by the model", self.rows[row].cells[column]),
-                &format!("the model observes {}; drop these rows or add an `observe` statement", observes.join(", ")),
+                &format!(
+                    "the model observes {}; drop these rows or add an `observe` statement",
+                    observes.join(", ")
+                ),
             )),
         }
     }
@@ -284,7 +308,12 @@ impl Measurements {
             return Ok(f64::NAN);
         }
         text.parse().map_err(|_| {
-            self.cell_error(row, name, format!("expected a number, got `{text}`"), "numbers are written 12.5 or 1.25e1; leave a missing value empty")
+            self.cell_error(
+                row,
+                name,
+                format!("expected a number, got `{text}`"),
+                "numbers are written 12.5 or 1.25e1; leave a missing value empty",
+            )
         })
     }
 
@@ -312,7 +341,12 @@ impl Measurements {
             let text = self.text(row, name, who)?;
             if text.is_empty() {
                 let problem = format!("expected a label, which {who} needs, got an empty cell");
-                return Err(self.cell_error(row, name, problem, "fill in the label or drop the row"));
+                return Err(self.cell_error(
+                    row,
+                    name,
+                    problem,
+                    "fill in the label or drop the row",
+                ));
             }
             let at = levels.iter().position(|l| l == text).unwrap_or_else(|| {
                 levels.push(text.into());
@@ -324,7 +358,13 @@ impl Measurements {
     }
 
     /// An error at a cell.
-    pub(super) fn cell_error(&self, row: usize, column: &str, problem: String, help: &str) -> DataError {
+    pub(super) fn cell_error(
+        &self,
+        row: usize,
+        column: &str,
+        problem: String,
+        help: &str,
+    ) -> DataError {
         DataError::Cell {
             file: self.file.clone(),
             line: self.rows[row].line,

@@ -23,7 +23,11 @@ pub fn equations(model: &Model) -> String {
         }
     };
     section(&mut out, "Parameters", "param");
-    section(&mut out, "Fields on the surface (GP: Σ η_k √S(√λ_k) φ_k(x), η_k ~ Normal(0, 1))", "field");
+    section(
+        &mut out,
+        "Fields on the surface (GP: Σ η_k √S(√λ_k) φ_k(x), η_k ~ Normal(0, 1))",
+        "field",
+    );
     section(&mut out, "Derived", "let");
     section(&mut out, "Effects", "effect");
     section(&mut out, "Log densities", "density");
@@ -48,7 +52,9 @@ fn line(out: &mut String, model: &Model, s: &Statement) {
         "field" => {
             let _ = writeln!(out, "  {name}(x){unit} = {text}{range}");
             for p in &model.parameters {
-                if p.name.starts_with(&format!("{name}.")) && !p.name.starts_with(&format!("{name}.eta")) {
+                if p.name.starts_with(&format!("{name}."))
+                    && !p.name.starts_with(&format!("{name}.eta"))
+                {
                     parameter_line(out, model, &p.name, 6);
                 }
             }
@@ -82,7 +88,9 @@ fn unit(unit: &str) -> String {
 /// The compiler prints an expression's tokens with blanks where a person would not.
 fn tidy(text: &str) -> String {
     let mut out = text.split_whitespace().collect::<Vec<_>>().join(" ");
-    for (from, to) in [(" :: ", "::"), (" (", "("), ("( ", "("), (" )", ")"), (" ,", ","), (" . ", ".")] {
+    for (from, to) in
+        [(" :: ", "::"), (" (", "("), ("( ", "("), (" )", ")"), (" ,", ","), (" . ", ".")]
+    {
         out = out.replace(from, to);
     }
     for operator in ["+", "*", "-", "/", "=", "~"] {

@@ -11,7 +11,9 @@ pub enum ModelError {
     #[error(transparent)]
     Data(#[from] DataError),
     /// More modes than the basis has.
-    #[error("field {field}: K = {k}, but the basis has {available} modes\nhelp: lower K in the model file, or give a basis with more modes")]
+    #[error(
+        "field {field}: K = {k}, but the basis has {available} modes\nhelp: lower K in the model file, or give a basis with more modes"
+    )]
     TooManyModes {
         /// The field.
         field: String,
@@ -27,7 +29,9 @@ pub enum ModelError {
         field: String,
     },
     /// An `observe` statement without a single row.
-    #[error("{file}: no measurement for `observe {observe}`\nhelp: rows belong to it by their column `protocol` ({observe}, upper or lower case); remove the statement if it was not measured")]
+    #[error(
+        "{file}: no measurement for `observe {observe}`\nhelp: rows belong to it by their column `protocol` ({observe}, upper or lower case); remove the statement if it was not measured"
+    )]
     NoRows {
         /// The statement.
         observe: String,
@@ -35,7 +39,9 @@ pub enum ModelError {
         file: String,
     },
     /// An effect on something that is neither a field nor a `let`.
-    #[error("effect {effect}: `{target}` is neither a field nor a `let` that a measurement depends on\nhelp: an effect acts on the name of a field or of a `let`, for instance `effect {effect} on erp_s2 = …`")]
+    #[error(
+        "effect {effect}: `{target}` is neither a field nor a `let` that a measurement depends on\nhelp: an effect acts on the name of a field or of a `let`, for instance `effect {effect} on erp_s2 = …`"
+    )]
     NoTarget {
         /// The effect.
         effect: String,
@@ -43,7 +49,9 @@ pub enum ModelError {
         target: String,
     },
     /// A linear predictor whose coefficients are not a vector of the right length.
-    #[error("let {name}: `{beta}` has {got} coefficients, the design has {expected} columns\nhelp: declare `param {beta}({expected}) ~ …;`")]
+    #[error(
+        "let {name}: `{beta}` has {got} coefficients, the design has {expected} columns\nhelp: declare `param {beta}({expected}) ~ …;`"
+    )]
     Coefficients {
         /// The predictor.
         name: String,
@@ -55,7 +63,9 @@ pub enum ModelError {
         got: usize,
     },
     /// Units that do not agree.
-    #[error("{place}: expected {expected}, got {got}\nhelp: mend the unit in square brackets or the expression")]
+    #[error(
+        "{place}: expected {expected}, got {got}\nhelp: mend the unit in square brackets or the expression"
+    )]
     Unit {
         /// The statement.
         place: String,

@@ -191,7 +191,9 @@ impl<'m> Maps<'m> {
         let mut unphysical = 0usize;
         for draw in draws {
             let (fields, lets) = values.split_at_mut(n_fields);
-            for ((x, (mean, w)), entry) in fields.iter_mut().zip(&draw.fields).zip(&self.model.fields) {
+            for ((x, (mean, w)), entry) in
+                fields.iter_mut().zip(&draw.fields).zip(&self.model.fields)
+            {
                 *x = mean + dot(w, &phi[entry.first..entry.first + w.len()]);
             }
             self.derived(&draw.v, fields, &mut scratch, lets);

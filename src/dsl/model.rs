@@ -193,7 +193,12 @@ impl Model {
             if let Some((i, why)) = observe.op.objection(&t) {
                 let columns = observe.columns.join(", ");
                 return Err(data
-                    .cell_error(observe.rows[i], &columns, why.into(), "mend the row, drop it, or change the likelihood")
+                    .cell_error(
+                        observe.rows[i],
+                        &columns,
+                        why.into(),
+                        "mend the row, drop it, or change the likelihood",
+                    )
                     .into());
             }
         }

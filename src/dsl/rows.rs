@@ -92,7 +92,13 @@ impl<F: RowFn, const N: usize, const W: usize> Rows<F, N, W> {
     /// Fills the scope's scalars for row `i`; `number` makes them of (which, value), offsets of `let`s
     /// being number W and up.
     #[inline(always)]
-    fn gather<D: Real>(&self, v: &[f64], i: usize, s: &mut [D; N], number: impl Fn(usize, f64) -> D) {
+    fn gather<D: Real>(
+        &self,
+        v: &[f64],
+        i: usize,
+        s: &mut [D; N],
+        number: impl Fn(usize, f64) -> D,
+    ) {
         let index = &self.place.index[i * W..][..W];
         for j in 0..W {
             let mut x = v[index[j] as usize];
@@ -127,7 +133,12 @@ impl<F: RowFn, const N: usize, const W: usize> Op for Rows<F, N, W> {
     fn backward(&self, t: &mut Tape) {
         let mut s = [Dual::<W>::from_re(0.0); N];
         for i in 0..self.y.len() {
-            self.gather(&t.v, i, &mut s, |j, x| if j < W { variable(x, j) } else { Dual::from_re(x) });
+            self.gather(
+                &t.v,
+                i,
+                &mut s,
+                |j, x| if j < W { variable(x, j) } else { Dual::from_re(x) },
+            );
             let l = F::likelihood(&s, &self.columns[i]).ln_likelihood(&self.y[i]);
             t.lp += l.re();
             let e = derivatives(&l);

@@ -15,8 +15,8 @@ pub struct Decl {
 
 /// Units that a model file may declare.
 pub(super) const UNITS: &[&str] = &[
-    "1", "ms", "s", "min", "mm", "cm", "m", "mm/ms", "m/s", "ms/mm", "mm2/ms", "Hz", "mV", "mA", "g",
-    "ohm", "degC", "deg", "%",
+    "1", "ms", "s", "min", "mm", "cm", "m", "mm/ms", "m/s", "ms/mm", "mm2/ms", "Hz", "mV", "mA",
+    "g", "ohm", "degC", "deg", "%",
 ];
 
 impl Decl {

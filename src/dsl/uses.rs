@@ -45,7 +45,11 @@ pub const fn mentions_columns(text: &str, row: &str) -> bool {
         while next < text.len() && text[next] == b' ' {
             next += 1;
         }
-        if end > start && same(text, start, end, row.as_bytes()) && next < text.len() && text[next] == b'.' {
+        if end > start
+            && same(text, start, end, row.as_bytes())
+            && next < text.len()
+            && text[next] == b'.'
+        {
             return true;
         }
         i = if end > start { end } else { start + 1 };

@@ -55,9 +55,9 @@ fn check_group(group: &Group) -> Result<(), ReportError> {
     let names: Vec<&str> = group.variables.iter().map(|variable| variable.name.as_str()).collect();
     check_names(&group.name, &names)?;
     let lengths = dimensions(group)?;
-    let dims: Vec<&str> = lengths.keys().copied().collect();
-    check_names(&group.name, &dims)?;
     for variable in &group.variables {
+        let dims: Vec<&str> = variable.dims.iter().map(|(dim, _)| dim.as_str()).collect();
+        check_names(&group.name, &dims)?;
         let expected = variable.dims.iter().map(|(_, length)| length).product();
         let got = variable.values.len();
         if expected != got {

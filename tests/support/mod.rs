@@ -25,5 +25,6 @@ pub(crate) fn basis(n_vertices: usize, n_modes: usize) -> Basis {
 /// A table from a header and rows of text.
 pub(crate) fn table(header: &str, rows: &[String]) -> Measurements {
     let cells = |line: &str| line.split(',').map(String::from).collect::<Vec<_>>();
-    Measurements::from_cells("test", cells(header), rows.iter().map(|r| cells(r)).collect()).unwrap()
+    Measurements::from_cells("test", cells(header), rows.iter().map(|r| cells(r)).collect())
+        .unwrap()
 }

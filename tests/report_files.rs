@@ -1,7 +1,9 @@
-//! `posterior.zarr` opens in ArviZ and holds what was written; groups that contradict themselves are refused.
+//! What a run leaves opens in the programs that it is written for, ArviZ and PyVista, with the numbers that were
+//! written; groups that contradict themselves are refused.
 
 #![allow(clippy::unwrap_used, clippy::expect_used, reason = "tests")]
 
+use eplat::mesh::{TriMesh, write_vtp};
 use eplat::report::{Group, ReportError, Values, Variable, write_zarr};
 use rand::{RngExt as _, SeedableRng as _};
 use rand_chacha::ChaCha8Rng;
@@ -83,36 +85,58 @@ fn attributes() -> Map<String, Value> {
     json!({ "inference_library": "eplat" }).as_object().unwrap().clone()
 }
 
-/// A Python of at least 3.12 with ArviZ of at least 1, or none.
+/// A Python of at least 3.12 with ArviZ of at least 1 and PyVista, or none.
 fn python() -> Option<PathBuf> {
     let named = std::env::var_os("EPLAT_PYTHON").map(PathBuf::from);
     let usual = ["python3.13", "python3.12", "python3"].map(PathBuf::from);
-    let test =
-        "import sys, arviz; sys.exit(sys.version_info < (3, 12) or int(arviz.__version__[0]) < 1)";
+    let test = "import sys, arviz, pyvista; sys.exit(sys.version_info < (3, 12) or int(arviz.__version__[0]) < 1)";
     let fits = |python: &PathBuf| {
         Command::new(python).args(["-c", test]).output().is_ok_and(|output| output.status.success())
     };
     if let Some(python) = named {
-        assert!(fits(&python), "EPLAT_PYTHON={} has no arviz >= 1", python.display());
+        assert!(fits(&python), "EPLAT_PYTHON={} lacks arviz >= 1 or pyvista", python.display());
         return Some(python);
     }
-    usual.into_iter().find(fits)
+    let found = usual.into_iter().find(fits);
+    if found.is_none() {
+        eprintln!(
+            "no Python >= 3.12 with tests/python/requirements.txt found (EPLAT_PYTHON): skipped"
+        );
+    }
+    found
+}
+
+/// What a script of `tests/python` prints; fails with its output if it fails.
+fn script_output(python: &Path, script: &str, file: &Path, arguments: &[&str]) -> String {
+    let script = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/python").join(script);
+    let output = Command::new(python).arg(script).arg(file).args(arguments).output().unwrap();
+    let text = String::from_utf8(output.stdout).unwrap();
+    assert!(output.status.success(), "{text}\n{}", String::from_utf8_lossy(&output.stderr));
+    text
 }
 
 #[test]
-fn arviz_opens_what_was_written() {
-    let Some(python) = python() else {
-        println!("no Python >= 3.12 with arviz >= 1 found (EPLAT_PYTHON): skipped");
-        return;
-    };
+fn pyvista_opens_the_fields() {
+    let Some(python) = python() else { return };
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("fields.vtp");
+    let corners = vec![[0.0, 0.0, 0.0], [10.0, 0.0, 0.0], [0.0, 10.0, 0.0], [0.0, 0.0, 10.0]];
+    let tetrahedron = vec![[0, 2, 1], [0, 1, 3], [1, 2, 3], [0, 3, 2]];
+    let mesh = TriMesh::new(corners, tetrahedron).unwrap();
+    let values = [1.25, 2.5, f64::NAN, -3.5];
+    write_vtp(&path, &mesh, &[("tau_out_mean", &values)]).unwrap();
+    let text = script_output(&python, "check_vtp.py", &path, &["tau_out_mean"]);
+    assert!(text.contains("4 points, 4 cells\ntau_out_mean: -3.5 to 2.5, 1 NaN\nok"), "{text}");
+}
+
+#[test]
+fn arviz_opens_the_draws() {
+    let Some(python) = python() else { return };
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("posterior.zarr");
     let groups = run();
     write_zarr(&path, &groups, &attributes()).unwrap();
-    let script = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/python/check_zarr.py");
-    let output = Command::new(python).arg(script).arg(&path).output().unwrap();
-    let text = String::from_utf8_lossy(&output.stdout);
-    assert!(output.status.success(), "{text}\n{}", String::from_utf8_lossy(&output.stderr));
+    let text = script_output(&python, "check_zarr.py", &path, &[]);
     for variable in &groups[0].variables[..3] {
         let Values::Float(values) = &variable.values else { panic!("not floats") };
         let mean = values.iter().sum::<f64>() / values.len() as f64;
@@ -175,6 +199,7 @@ fn groups_that_contradict_themselves_are_refused() {
         vec![vector("a", 3, 3), vector("a", 3, 3)],
         vec![vector("../a", 3, 3)],
         vec![Variable::new("site", "", &[("site", 1), ("draw", 1)], vec![0.0])],
+        vec![Variable::new("covariance", "", &[("row", 1), ("row", 1)], vec![0.0])],
     ];
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("posterior.zarr");
@@ -197,6 +222,9 @@ fn groups_that_contradict_themselves_are_refused() {
     help: names are unique within a group, without / and without a leading dot or underscores
 
     group posterior: the name "site" is empty, hidden, not one folder, or used twice
+    help: names are unique within a group, without / and without a leading dot or underscores
+
+    group posterior: the name "row" is empty, hidden, not one folder, or used twice
     help: names are unique within a group, without / and without a leading dot or underscores
     "#);
 }
