@@ -4,7 +4,7 @@
 //! shifted operator, or a dense decomposition where the mesh is too small for a Krylov space.
 
 use super::cholesky::Cholesky;
-use super::lanczos::{self, BLOCK, Operator};
+use super::lanczos::{self, BLOCK};
 use super::laplacian::require_connected;
 use super::{Basis, Laplacian, ManifoldError};
 use crate::mesh::TriMesh;
@@ -39,7 +39,8 @@ pub fn eigenpairs(mesh: &TriMesh, n_modes: usize) -> Result<Basis, ManifoldError
     let vectors = if n_vertices <= lanczos::capacity(n_modes) + BLOCK {
         dense(&laplacian, n_modes)?
     } else {
-        lanczos::largest(&mut ShiftInvert::new(&laplacian)?, n_vertices, n_modes)?
+        let operator = ShiftInvert::new(&laplacian)?;
+        lanczos::largest(&|input, out| operator.apply(input, out), n_vertices, n_modes)?
     };
     finish(&laplacian, &vectors)
 }
@@ -48,7 +49,6 @@ pub fn eigenpairs(mesh: &TriMesh, n_modes: usize) -> Result<Basis, ManifoldError
 struct ShiftInvert {
     factor: Cholesky,
     sqrt_mass: Vec<f64>,
-    block: Vec<[f64; BLOCK]>,
 }
 
 impl ShiftInvert {
@@ -58,26 +58,22 @@ impl ShiftInvert {
         Ok(Self {
             factor: Cholesky::new(laplacian, shift)?,
             sqrt_mass: laplacian.mass.iter().map(|m| m.sqrt()).collect(),
-            block: vec![[0.0; BLOCK]; laplacian.mass.len()],
         })
     }
-}
 
-impl Operator for ShiftInvert {
-    fn apply(&mut self, input: MatRef<'_, f64>, mut out: MatMut<'_, f64>) {
-        for column in 0..BLOCK {
-            let values = input.col(column).iter().zip(&self.sqrt_mass);
-            for (row, (value, weight)) in self.block.iter_mut().zip(values) {
-                row[column] = value * weight;
+    fn scale_rows(&self, mut block: MatMut<'_, f64>) {
+        for column in block.as_mut().col_iter_mut() {
+            for (value, weight) in column.iter_mut().zip(&self.sqrt_mass) {
+                *value *= weight;
             }
         }
-        self.factor.solve(&mut self.block);
-        for column in 0..BLOCK {
-            let values = out.as_mut().col_mut(column).iter_mut().zip(&self.sqrt_mass);
-            for (row, (value, weight)) in self.block.iter().zip(values) {
-                *value = row[column] * weight;
-            }
-        }
+    }
+
+    fn apply(&self, input: MatRef<'_, f64>, mut out: MatMut<'_, f64>) {
+        out.copy_from(input);
+        self.scale_rows(out.as_mut());
+        self.factor.solve(out.as_mut());
+        self.scale_rows(out);
     }
 }
 
@@ -193,6 +189,7 @@ mod tests {
 
     #[test]
     fn every_copy_of_a_multiple_eigenvalue_is_found() {
+        // Seen to fail with a block of one vector, which misses copies.
         // The gaps after 1, 1+3, 1+3+5, 1+3+5+7 modes are wide, the spread within each is small.
         let eigenvalues = eigenpairs(&icosphere(4, 1.0), 17).unwrap().eigenvalues;
         for l in 1..4 {

@@ -25,11 +25,6 @@ const TOLERANCE: f64 = 1e-10;
 /// Restarts before the iteration is given up; a few are usual.
 const MAX_RESTARTS: usize = 100;
 
-/// `out ← A input` for (n, BLOCK) blocks.
-pub(super) trait Operator {
-    fn apply(&mut self, input: MatRef<'_, f64>, out: MatMut<'_, f64>);
-}
-
 /// Vectors the iteration keeps for `n_wanted` eigenpairs, beside one block more.
 pub(super) fn capacity(n_wanted: usize) -> usize {
     (17 * n_wanted / 10).max(n_wanted + 4 * BLOCK).next_multiple_of(BLOCK)
@@ -37,13 +32,14 @@ pub(super) fn capacity(n_wanted: usize) -> usize {
 
 /// Orthonormal eigenvectors `(n, n_wanted)` of the `n_wanted` largest eigenvalues, largest first.
 ///
-/// `n` must exceed `capacity(n_wanted) + BLOCK`.
+/// `operator(input, out)` writes `A input` to `out`, both `(n, BLOCK)`; `n` must exceed
+/// `capacity(n_wanted) + BLOCK`.
 ///
 /// # Errors
 /// [`ManifoldError::NotConverged`] when the restarts are used up, [`ManifoldError::LinearAlgebra`]
 /// when a small dense problem fails.
 pub(super) fn largest(
-    operator: &mut impl Operator,
+    operator: &impl Fn(MatRef<'_, f64>, MatMut<'_, f64>),
     n: usize,
     n_wanted: usize,
 ) -> Result<Mat<f64>, ManifoldError> {
@@ -104,12 +100,15 @@ impl Krylov {
     }
 
     /// Takes the block `W` into `V` and makes the next one from `A W`.
-    fn expand(&mut self, operator: &mut impl Operator) -> Result<(), ManifoldError> {
+    fn expand(
+        &mut self,
+        operator: &impl Fn(MatRef<'_, f64>, MatMut<'_, f64>),
+    ) -> Result<(), ManifoldError> {
         let grown = self.size + BLOCK;
         let (old, new) = self.vectors.as_mut().split_at_col_mut(grown);
         let old = old.into_const();
         let mut next = new.subcols_mut(0, BLOCK);
-        operator.apply(old.subcols(self.size, BLOCK), next.rb_mut());
+        operator(old.subcols(self.size, BLOCK), next.rb_mut());
         let mut overlap = Mat::zeros(grown, BLOCK);
         for _ in 0..2 {
             let correction = old.transpose() * next.as_ref();

@@ -10,6 +10,7 @@ mod eigen;
 mod error;
 mod lanczos;
 mod laplacian;
+mod npz;
 mod sites;
 #[cfg(test)]
 mod test_meshes;

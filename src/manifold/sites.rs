@@ -82,9 +82,6 @@ pub fn random_maximin(
 }
 
 /// The vertex nearest to `point` in a straight line, and how far it is, mm.
-///
-/// # Panics
-/// Never: a [`TriMesh`] has vertices.
 pub fn nearest_vertex(mesh: &TriMesh, point: [f64; 3]) -> (u32, f64) {
     let mut nearest = (0, f64::INFINITY);
     for (vertex, &place) in mesh.vertices().iter().enumerate() {
