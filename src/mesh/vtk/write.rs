@@ -6,9 +6,8 @@ use super::super::{MeshError, TriMesh};
 use base64::Engine;
 use base64::engine::general_purpose::STANDARD;
 use std::fmt::Write as _;
-use std::io::Write as _;
+use std::io::{self, Write as _};
 use std::path::Path;
-use tempfile::NamedTempFile;
 
 /// How a legacy VTK file holds its numbers.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -63,9 +62,9 @@ fn data_array(
     let length = bytes.len() as u64 - 8;
     bytes[..8].copy_from_slice(&length.to_le_bytes());
     let name = escape(name);
-    let _ = write!(
+    let _ = writeln!(
         xml,
-        "<DataArray type=\"{kind}\" Name=\"{name}\" NumberOfComponents=\"{n_components}\" format=\"binary\">\n"
+        "<DataArray type=\"{kind}\" Name=\"{name}\" NumberOfComponents=\"{n_components}\" format=\"binary\">"
     );
     STANDARD.encode_string(&bytes, xml);
     xml.push_str("\n</DataArray>\n");
@@ -174,9 +173,15 @@ fn check_lengths(mesh: &TriMesh, point_data: &[(&str, &[f64])]) -> Result<(), Me
 
 /// Writes under a temporary name in the same folder and renames.
 fn write_whole(path: &Path, bytes: &[u8]) -> Result<(), MeshError> {
-    let failed = |source| MeshError::Write { path: path.into(), source };
+    // The error's own text would name the temporary file.
+    let failed =
+        |error: io::Error| MeshError::Write { path: path.into(), source: error.kind().into() };
     let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty());
-    let mut file = NamedTempFile::new_in(folder.unwrap_or(Path::new("."))).map_err(failed)?;
+    let mut builder = tempfile::Builder::new();
+    // A temporary file is private; the one it becomes gets the permissions of any new file.
+    #[cfg(unix)]
+    builder.permissions(std::os::unix::fs::PermissionsExt::from_mode(0o666));
+    let mut file = builder.tempfile_in(folder.unwrap_or(Path::new("."))).map_err(failed)?;
     file.write_all(bytes).map_err(failed)?;
     file.persist(path).map_err(|error| failed(error.error))?;
     Ok(())
