@@ -1,7 +1,12 @@
 //! Mesh files: every dialect of legacy VTK reads the same, what is written comes back, and a bad
 //! file is an error that names the place.
 
-#![allow(clippy::unwrap_used, clippy::float_cmp, reason = "tests: values must come back exactly")]
+#![allow(
+    clippy::unwrap_used,
+    clippy::float_cmp,
+    clippy::print_stdout,
+    reason = "tests: values must come back exactly"
+)]
 
 use eplat::mesh::{self, Encoding, MeshError, Surface, TriMesh, Units};
 use proptest::prelude::*;
