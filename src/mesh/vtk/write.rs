@@ -186,3 +186,43 @@ fn write_whole(path: &Path, bytes: &[u8]) -> Result<(), MeshError> {
     file.persist(path).map_err(|error| failed(error.error))?;
     Ok(())
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn triangle() -> TriMesh {
+        let vertices = vec![[0.0, 0.0, 0.5], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]];
+        TriMesh::new(vertices, vec![[0, 1, 2]]).unwrap()
+    }
+
+    /// The numbers of the array `name` in a .vtp file, and the length it announces.
+    fn decode(xml: &str, name: &str) -> (u64, Vec<[u8; 8]>) {
+        let header = xml.find(&format!("Name=\"{name}\"")).unwrap();
+        let text = xml[header..].lines().nth(1).unwrap();
+        let bytes = STANDARD.decode(text).unwrap();
+        let (words, rest) = bytes.as_chunks::<8>();
+        assert!(rest.is_empty());
+        (u64::from_le_bytes(words[0]), words[1..].to_vec())
+    }
+
+    #[test]
+    fn vtp_holds_the_mesh_and_its_data() {
+        let folder = tempfile::TempDir::new().unwrap();
+        let path = folder.path().join("t.vtp");
+        let lat = [1.5, f64::NAN, -3.0];
+        write_vtp(&path, &triangle(), &[("a<\"b", &lat)]).unwrap();
+        let xml = std::fs::read_to_string(&path).unwrap();
+        let (length, numbers) = decode(&xml, "a&lt;&quot;b");
+        assert_eq!((length, numbers), (24, lat.map(f64::to_le_bytes).to_vec()));
+        let (_, connectivity) = decode(&xml, "connectivity");
+        assert_eq!(connectivity, [0i64, 1, 2].map(i64::to_le_bytes));
+        assert_eq!(decode(&xml, "offsets"), (8, vec![3i64.to_le_bytes()]));
+        assert_eq!(decode(&xml, "Points").1[2], 0.5f64.to_le_bytes());
+    }
+
+    #[test]
+    fn names_are_one_word_in_the_legacy_format() {
+        assert_eq!(percent_encode("LAT (ms) 5%"), "LAT%20(ms)%205%25");
+    }
+}
