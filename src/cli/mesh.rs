@@ -147,11 +147,12 @@ fn atrium(edge: f64, out: &Path) -> Result<(), Failure> {
     }
     let atrium = mesh::left_atrium(edge);
     let region: Vec<f64> = atrium.region.iter().map(|&region| f64::from(region)).collect();
+    write(out, &atrium.mesh, &[("region", &region)], Encoding::Binary)?;
     for (region, name) in REGION_NAMES.iter().enumerate() {
         let n = atrium.region.iter().filter(|&&r| usize::from(r) == region).count();
         eprintln!("region {region}: {name}, {n} vertices");
     }
-    write(out, &atrium.mesh, &[("region", &region)], Encoding::Binary)
+    Ok(())
 }
 
 /// What to write, by the file name's extension.
