@@ -132,10 +132,13 @@ fn cells(f: &mut File, offsets: bool, keyword: &str) {
 }
 
 fn read_bytes(bytes: &[u8]) -> Result<Surface, MeshError> {
-    let folder = TempDir::new().unwrap();
-    let path = folder.path().join("mesh.vtk");
-    std::fs::write(&path, bytes).unwrap();
-    mesh::read(&path, Units::Mm)
+    // One folder for each thread: the fuzzing tests read thousands of files.
+    thread_local!(static FOLDER: TempDir = TempDir::new().unwrap());
+    FOLDER.with(|folder| {
+        let path = folder.path().join("mesh.vtk");
+        std::fs::write(&path, bytes).unwrap();
+        mesh::read(&path, Units::Mm)
+    })
 }
 
 fn same(a: &[f64], b: &[f64]) -> bool {
@@ -249,6 +252,24 @@ fn strips_become_triangles_that_run_alike() {
     let surface = read_bytes(&octahedron_text("TRIANGLE_STRIPS 1 6\n5 0 1 2 5 3")).unwrap();
     assert_eq!(surface.mesh.triangles(), [[0, 1, 2], [2, 1, 4], [2, 4, 3]]);
     assert_eq!(surface.source_vertex, [0, 1, 2, 3, 5]);
+}
+
+#[test]
+fn other_writers_habits_are_understood() {
+    let text = "# vtk DataFile Version 4.2\r\n\r\nascii\r\ndataset polydata\r\npoints 3 DOUBLE\r\n\
+        0 0 0 1e1\t0 0\r\n\r\n0 1E+1 0\r\nlines 1 3\r\n2 0 1\r\npolygons 1 4\r\n3 0 1 2\r\n\
+        point_data 3\r\nscalars a float 1\r\n-nan(ind) inf -2.5e-3\r\nnormals n vtktypefloat\r\n";
+    let error = read_bytes(text.as_bytes()).unwrap_err().to_string();
+    assert!(
+        error.contains("line 16: expected a VTK number type") && error.contains("vtktypefloat"),
+        "{error}"
+    );
+    let good = text.replace("normals n vtktypefloat\r\n", "");
+    let surface = read_bytes(good.as_bytes()).unwrap();
+    assert_eq!(surface.mesh.vertices(), [[0.0, 0.0, 0.0], [10.0, 0.0, 0.0], [0.0, 10.0, 0.0]]);
+    let data = &surface.point_data["a"];
+    assert!(data[0].is_nan());
+    assert_eq!(data[1..], [f64::INFINITY, -0.0025]);
 }
 
 #[test]

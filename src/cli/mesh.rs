@@ -30,7 +30,7 @@ pub(super) enum Command {
         #[arg(long)]
         ascii: bool,
     },
-    /// Join equal vertices, drop triangles without area, orient all alike, keep the largest piece
+    /// Join equal vertices, drop degenerate and double triangles, orient all alike, keep the largest piece
     Repair {
         /// Legacy VTK file (.vtk)
         input: PathBuf,

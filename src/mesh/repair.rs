@@ -1,5 +1,5 @@
 //! Makes a valid surface of a file that is not one: joins vertices that coincide, drops triangles
-//! without area, orients the rest alike and keeps the largest piece.
+//! that have a vertex twice, orients the rest alike and keeps the largest piece.
 
 use super::vtk::Content;
 use super::{MeshError, Surface, Units, surface, topology, tri_mesh, vector};
@@ -26,7 +26,8 @@ pub fn repair(path: &Path, units: Units, tolerance: f64) -> Result<Surface, Mesh
     let n_turned = orient(&mut content.triangles).map_err(invalid)?;
     let mut surface = surface::largest_piece(content, units).map_err(invalid)?;
     let done = format!(
-        "joined {n_joined} vertices, dropped {n_dropped} triangles without area or there twice, turned {n_turned} triangles"
+        "joined {n_joined} vertices, dropped {n_dropped} triangles (a vertex twice, or there twice), \
+         turned {n_turned} triangles"
     );
     surface.notes.insert(0, done);
     Ok(surface)
