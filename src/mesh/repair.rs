@@ -13,7 +13,7 @@ use std::path::Path;
 /// neighbours are turned the same way.  What was done heads the notes of the result.
 ///
 /// # Errors
-/// As [`super::read`], for what cannot be repaired: a coordinate that is not finite, an edge of
+/// As [`super::read`], for what cannot be repaired: a coordinate that is not finite, corners on one line, an edge of
 /// three or more triangles, and a surface that cannot be oriented (`NotOrientable`).
 pub fn repair(path: &Path, units: Units, tolerance: f64) -> Result<Surface, MeshError> {
     let mut content = surface::read_content(path, units)?;

@@ -32,6 +32,8 @@ impl Atrium {
 
 /// Edge of the first, rough triangulation, mm: fine enough for the thinnest part (4 mm).
 const ROUGH: f64 = 2.5;
+/// Rounds of remeshing at the final edge length.
+const N_PASSES: usize = 7;
 
 /// The left atrium with edges of about `edge_mm` (1.5 gives 5,000 vertices, 0.3 gives 110,000).
 ///
@@ -41,7 +43,7 @@ pub fn left_atrium(edge_mm: f64) -> Atrium {
     assert!(Atrium::EDGE_RANGE.contains(&edge_mm), "edge length {edge_mm} mm is out of range");
     let shape = Shape::left_atrium();
     let mut soup = polygonise::polygonise(&shape, ROUGH);
-    keep_first_piece(&mut soup);
+    keep_largest_piece(&mut soup);
     let mut remesher = Remesher::new(&shape, soup);
     let mut edge = edge_mm.max(1.5);
     remesher.pass(edge);
@@ -64,11 +66,8 @@ pub fn left_atrium(edge_mm: f64) -> Atrium {
     Atrium { mesh, region }
 }
 
-/// Rounds of remeshing at the final edge length.
-const N_PASSES: usize = 7;
-
 /// Drops crumbs the cuts may leave beyond the openings' reach.
-fn keep_first_piece(soup: &mut polygonise::Soup) {
+fn keep_largest_piece(soup: &mut polygonise::Soup) {
     let piece = topology::pieces(soup.positions.len(), &soup.triangles);
     let mut sizes = vec![0; soup.positions.len()];
     for triangle in &soup.triangles {
