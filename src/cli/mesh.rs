@@ -140,7 +140,7 @@ fn atrium(edge: f64, out: &Path) -> Result<(), Failure> {
     let range = Atrium::EDGE_RANGE;
     if !range.contains(&edge) {
         return Err(Failure::usage(format_args!(
-            "--edge {edge}: expected {} to {} mm\nhelp: 1.5 gives about 5,000 vertices, 0.3 about 110,000",
+            "--edge {edge}: expected {} to {} mm\nhelp: 1.5 gives about 5,200 vertices, 0.3 about 124,000",
             range.start(),
             range.end()
         )));
