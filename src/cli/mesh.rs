@@ -30,7 +30,7 @@ pub(super) enum Command {
         #[arg(long)]
         ascii: bool,
     },
-    /// Join equal vertices, drop triangles without area, orient all alike, keep the largest piece
+    /// Join equal vertices, drop degenerate and double triangles, orient all alike, keep the largest piece
     Repair {
         /// Legacy VTK file (.vtk)
         input: PathBuf,
@@ -140,18 +140,19 @@ fn atrium(edge: f64, out: &Path) -> Result<(), Failure> {
     let range = Atrium::EDGE_RANGE;
     if !range.contains(&edge) {
         return Err(Failure::usage(format_args!(
-            "--edge {edge}: expected {} to {} mm\nhelp: 1.5 gives about 5,000 vertices, 0.3 about 110,000",
+            "--edge {edge}: expected {} to {} mm\nhelp: 1.5 gives about 5,200 vertices, 0.3 about 124,000",
             range.start(),
             range.end()
         )));
     }
     let atrium = mesh::left_atrium(edge);
     let region: Vec<f64> = atrium.region.iter().map(|&region| f64::from(region)).collect();
+    write(out, &atrium.mesh, &[("region", &region)], Encoding::Binary)?;
     for (region, name) in REGION_NAMES.iter().enumerate() {
         let n = atrium.region.iter().filter(|&&r| usize::from(r) == region).count();
         eprintln!("region {region}: {name}, {n} vertices");
     }
-    write(out, &atrium.mesh, &[("region", &region)], Encoding::Binary)
+    Ok(())
 }
 
 /// What to write, by the file name's extension.

@@ -68,6 +68,16 @@ pub enum MeshError {
         /// The vertex it repeats.
         vertex: u32,
     },
+    /// The corners of a triangle lie on one line or in one point.
+    #[error(
+        "triangle {triangle} has no area: its corners lie on one line\n\
+         help: `eplat mesh repair IN OUT` joins corners that coincide; otherwise flip or remove \
+         the triangle in a mesh editor"
+    )]
+    NoArea {
+        /// The triangle.
+        triangle: usize,
+    },
     /// More than two triangles share an edge.
     #[error(
         "the edge between vertices {} and {} belongs to {} triangles ({triangles:?}), expected 1 or 2\n\

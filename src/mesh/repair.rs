@@ -1,5 +1,5 @@
 //! Makes a valid surface of a file that is not one: joins vertices that coincide, drops triangles
-//! without area, orients the rest alike and keeps the largest piece.
+//! that have a vertex twice, orients the rest alike and keeps the largest piece.
 
 use super::vtk::Content;
 use super::{MeshError, Surface, Units, surface, topology, tri_mesh, vector};
@@ -13,7 +13,7 @@ use std::path::Path;
 /// neighbours are turned the same way.  What was done heads the notes of the result.
 ///
 /// # Errors
-/// As [`super::read`], for what cannot be repaired: a coordinate that is not finite, an edge of
+/// As [`super::read`], for what cannot be repaired: a coordinate that is not finite, corners on one line, an edge of
 /// three or more triangles, and a surface that cannot be oriented (`NotOrientable`).
 pub fn repair(path: &Path, units: Units, tolerance: f64) -> Result<Surface, MeshError> {
     let mut content = surface::read_content(path, units)?;
@@ -26,7 +26,8 @@ pub fn repair(path: &Path, units: Units, tolerance: f64) -> Result<Surface, Mesh
     let n_turned = orient(&mut content.triangles).map_err(invalid)?;
     let mut surface = surface::largest_piece(content, units).map_err(invalid)?;
     let done = format!(
-        "joined {n_joined} vertices, dropped {n_dropped} triangles without area or there twice, turned {n_turned} triangles"
+        "joined {n_joined} vertices, dropped {n_dropped} triangles (a vertex twice, or there twice), \
+         turned {n_turned} triangles"
     );
     surface.notes.insert(0, done);
     Ok(surface)
@@ -36,7 +37,7 @@ pub fn repair(path: &Path, units: Units, tolerance: f64) -> Result<Surface, Mesh
 /// many others there were.
 fn join_vertices(content: &mut Content, tolerance: f64) -> usize {
     // Cells of the tolerance's size: what is close is in the same or a neighbouring cell.
-    let size = tolerance.max(f64::MIN_POSITIVE);
+    let size = tolerance.max(1e-6);
     let cell_of = |p: &[f64; 3]| p.map(|x| (x / size).floor() as i64);
     let mut cells: BTreeMap<[i64; 3], Vec<u32>> = BTreeMap::new();
     let mut target = Vec::with_capacity(content.vertices.len());
@@ -124,4 +125,54 @@ fn links(triangles: &[[u32; 3]]) -> Vec<Vec<(usize, bool)>> {
         }
     }
     links
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Two squares side by side, each with its own corners, one of them turned over.
+    fn unwelded() -> Content {
+        let square =
+            |x: f64| [[x, 0.0, 0.0], [x + 1.0, 0.0, 0.0], [x + 1.0, 1.0, 0.0], [x, 1.0, 0.0]];
+        Content {
+            vertices: [square(0.0), square(1.0 + 1e-9)].concat(),
+            triangles: vec![[0, 1, 2], [0, 2, 3], [4, 5, 6], [4, 7, 6], [2, 0, 1], [1, 1, 4]],
+            ..Content::default()
+        }
+    }
+
+    #[test]
+    fn close_vertices_are_joined_and_others_are_not() {
+        let mut content = unwelded();
+        assert_eq!(join_vertices(&mut content, 1e-6), 2);
+        assert_eq!(content.triangles[2..4], [[1, 5, 6], [1, 2, 6]]);
+        assert_eq!(join_vertices(&mut unwelded(), 0.0), 0);
+    }
+
+    #[test]
+    fn degenerate_and_double_triangles_are_dropped() {
+        let mut triangles = unwelded().triangles;
+        assert_eq!(drop_degenerate(&mut triangles), 2);
+        assert_eq!(triangles, [[0, 1, 2], [0, 2, 3], [4, 5, 6], [4, 7, 6]]);
+    }
+
+    #[test]
+    fn the_minority_is_turned() {
+        let mut triangles = vec![[0, 1, 2], [0, 2, 3], [2, 0, 4], [7, 8, 9], [7, 8, 10]];
+        triangles.remove(2);
+        triangles.extend([[3, 2, 5], [5, 3, 6]]);
+        assert_eq!(orient(&mut triangles).unwrap(), 2);
+        assert_eq!(triangles[..2], [[0, 1, 2], [0, 2, 3]]);
+        let sides = topology::sides(&triangles);
+        assert!(topology::edges(&sides).all(|e| e.len() == 1 || e[0].forward != e[1].forward));
+    }
+
+    #[test]
+    fn a_moebius_band_cannot_be_oriented() {
+        let mut band: Vec<[u32; 3]> = (0..5).map(|i| [i, (i + 1) % 5, (i + 2) % 5]).collect();
+        let text = orient(&mut band).unwrap_err().to_string();
+        assert!(text.starts_with("the surface cannot be oriented: triangles"), "{text}");
+        assert!(text.ends_with("help: cut the band open in a mesh editor"), "{text}");
+    }
 }

@@ -115,16 +115,19 @@ fn piece_sizes(piece: &[u32]) -> Vec<usize> {
 fn notes(mesh: &TriMesh, dropped: &[usize], n_unused: usize, units: Units) -> Vec<String> {
     let mut notes = Vec::new();
     if !dropped.is_empty() {
+        let pieces = if dropped.len() == 1 { "piece" } else { "pieces" };
         let sizes: Vec<String> = dropped.iter().map(ToString::to_string).collect();
         notes.push(format!(
-            "kept the largest piece ({} vertices); dropped {} more of {} vertices",
+            "kept the largest piece ({} vertices); dropped {} smaller {pieces} ({} vertices)",
             mesh.n_vertices(),
             dropped.len(),
             sizes.join(", ")
         ));
     }
-    if n_unused > 0 {
-        notes.push(format!("dropped {n_unused} vertices that belong to no triangle"));
+    match n_unused {
+        0 => {}
+        1 => notes.push("dropped 1 vertex that belongs to no triangle".into()),
+        n => notes.push(format!("dropped {n} vertices that belong to no triangle")),
     }
     notes.extend(size_notes(mesh, units));
     notes

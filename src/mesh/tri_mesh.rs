@@ -1,11 +1,12 @@
 //! A validated triangle surface and its geometry.
 
 use super::{MeshError, area_vector, topology, vector};
+use nalgebra::Vector3;
 
 /// A triangle surface in millimetres, validated once at construction and trusted afterwards.
 ///
 /// Every edge has one or two triangles, every vertex at least one, and every triangle three
-/// different vertices.  Several pieces, boundaries and differing orientations are allowed.
+/// different vertices and an area.  Several pieces, boundaries and differing orientations are allowed.
 #[derive(Clone, Debug, PartialEq)]
 pub struct TriMesh {
     vertices: Vec<[f64; 3]>,
@@ -17,7 +18,7 @@ impl TriMesh {
     ///
     /// # Errors
     /// [`MeshError`] with the vertex, triangle or edge at fault: `Empty`, `NotFinite`,
-    /// `IndexOutOfRange`, `RepeatedVertex`, `NonManifoldEdge`, `UnusedVertex`.
+    /// `IndexOutOfRange`, `RepeatedVertex`, `NoArea`, `NonManifoldEdge`, `UnusedVertex`.
     pub fn new(vertices: Vec<[f64; 3]>, triangles: Vec<[u32; 3]>) -> Result<Self, MeshError> {
         validate(&vertices, &triangles)?;
         let mut used = vec![false; vertices.len()];
@@ -129,6 +130,10 @@ pub(super) fn validate(vertices: &[[f64; 3]], triangles: &[[u32; 3]]) -> Result<
         if let Some(vertex) = repeated([a, b, c]) {
             return Err(MeshError::RepeatedVertex { triangle, vertex });
         }
+        let corners = [a, b, c].map(|v| vector(vertices[v as usize]));
+        if is_flat(corners) {
+            return Err(MeshError::NoArea { triangle });
+        }
     }
     let sides = topology::sides(triangles);
     match topology::edges(&sides).find(|edge| edge.len() > 2) {
@@ -138,6 +143,13 @@ pub(super) fn validate(vertices: &[[f64; 3]], triangles: &[[u32; 3]]) -> Result<
             triangles: edge.iter().map(|side| side.triangle).collect(),
         }),
     }
+}
+
+/// Whether a triangle's height is lost in rounding beside its longest edge: its angles, and with
+/// them every operator on the mesh, would be noise.
+fn is_flat([a, b, c]: [Vector3<f64>; 3]) -> bool {
+    let longest = [b - a, c - b, a - c].iter().map(Vector3::norm_squared).fold(0.0, f64::max);
+    area_vector([a, b, c]).norm() <= 1e-14 * longest
 }
 
 /// Refuses NaN and infinite coordinates.
@@ -193,7 +205,7 @@ mod tests {
             let [a, b, c, d] = [id(i, j), id(i + 1, j), id(i + 1, j + 1), id(i, j + 1)];
             triangles.extend([[a, b, c], [a, c, d]]);
         }
-        let vertices = (0..columns * rows).map(|v| [f64::from(v), 0.0, 0.0]).collect();
+        let vertices = (0..columns * rows).map(|v| [f64::from(v), f64::from(v * v), 0.0]).collect();
         TriMesh::new(vertices, triangles).unwrap()
     }
 
@@ -241,6 +253,7 @@ mod tests {
             error(&nan, &[[0, 1, 2], [0, 2, 3]]),
             error(&SQUARE, &[[0, 1, 2], [0, 2, 4]]),
             error(&SQUARE, &[[0, 1, 2], [3, 2, 3]]),
+            error(&[[0.0; 3], [0.1; 3], [0.3; 3]], &[[0, 1, 2]]),
             error(&SQUARE, &[[0, 1, 2]]),
             error(&fan, &[[0, 1, 2], [0, 2, 3], [4, 2, 0]]),
         ];
@@ -256,6 +269,9 @@ mod tests {
 
         triangle 1 has vertex 3 more than once, expected three different vertices
         help: `eplat mesh repair IN OUT` drops such triangles
+
+        triangle 0 has no area: its corners lie on one line
+        help: `eplat mesh repair IN OUT` joins corners that coincide; otherwise flip or remove the triangle in a mesh editor
 
         vertex 3 belongs to no triangle
         help: drop unused vertices before making a TriMesh; `eplat::mesh::read` does

@@ -108,7 +108,7 @@ impl Shape {
         let to = point + normal * 4.5;
         let tube =
             Primitive::Tube { from, to, radius_from: 1.15 * radius, radius_to: 0.95 * radius };
-        self.parts.push(Part { region, primitives: vec![tube], inner_blend: 0.0, blend: 7.0 });
+        self.parts.push(Part { region, primitives: vec![tube], inner_blend: 0.0, blend: 11.0 });
         self.cuts.push(Cut { point, normal, reach: 2.2 * radius });
     }
 
@@ -206,7 +206,7 @@ fn appendage() -> Part {
         region: LAA,
         primitives: path.windows(2).map(tube).collect(),
         inner_blend: 3.0,
-        blend: 6.0,
+        blend: 9.0,
     }
 }
 

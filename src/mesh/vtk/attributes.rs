@@ -1,4 +1,4 @@
-//! The attribute arrays of a legacy VTK file: POINT_DATA and CELL_DATA.
+//! The attribute arrays of a legacy VTK file: `POINT_DATA` and `CELL_DATA`.
 
 use super::super::MeshError;
 use super::scanner::Scanner;

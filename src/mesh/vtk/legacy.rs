@@ -150,13 +150,15 @@ impl Parser {
         };
         let arrays = arrays?;
         if matches!(self.target, Target::Points) {
-            arrays.into_iter().for_each(|array| self.keep(array, n_vertices));
+            for array in &arrays {
+                self.keep(array, n_vertices);
+            }
         }
         Ok(())
     }
 
     /// Keeps a numeric array that has a tuple for every vertex.
-    fn keep(&mut self, array: Array, n_vertices: usize) {
+    fn keep(&mut self, array: &Array, n_vertices: usize) {
         if array.n_components == 0 || array.values.len() != n_vertices * array.n_components {
             return;
         }

@@ -37,8 +37,11 @@ impl<'a> Scanner<'a> {
         }
     }
 
-    /// An error on the line or array just read.
+    /// An error on the line or array just read; on a last line without its end, that the file ends.
     pub(super) fn error(&self, expected: &str, got: impl Into<String>) -> MeshError {
+        if self.is_cut_off() {
+            return self.truncated(expected);
+        }
         self.error_at(self.at.saturating_sub(1), expected, got.into())
     }
 
@@ -51,12 +54,17 @@ impl<'a> Scanner<'a> {
         }
     }
 
+    /// Whether what was just read is the file's end and not the end of a line.
+    fn is_cut_off(&self) -> bool {
+        self.at == self.bytes.len() && self.bytes.last() != Some(&b'\n')
+    }
+
     fn place(&self, at: usize) -> Place {
         let before = &self.bytes[..at.min(self.bytes.len())];
         if self.is_binary {
             Place::Byte(before.len())
         } else {
-            Place::Line(1 + before.iter().filter(|&&byte| byte == b'\n').count())
+            Place::Line(before.split(|&byte| byte == b'\n').count())
         }
     }
 
@@ -136,6 +144,9 @@ impl<'a> Scanner<'a> {
                 .ok_or_else(|| self.truncated(&format!("{n} numbers for {what}, got {i}")))?;
             let Some(number) = from_text(word) else {
                 let expected = format!("number {i} of {n} for {what}");
+                if self.is_cut_off() {
+                    return Err(self.truncated(&expected));
+                }
                 return Err(self.error_at(start, &expected, format!("{word:?}")));
             };
             numbers.push(number);

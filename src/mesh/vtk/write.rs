@@ -6,9 +6,8 @@ use super::super::{MeshError, TriMesh};
 use base64::Engine;
 use base64::engine::general_purpose::STANDARD;
 use std::fmt::Write as _;
-use std::io::Write as _;
+use std::io::{self, Write as _};
 use std::path::Path;
-use tempfile::NamedTempFile;
 
 /// How a legacy VTK file holds its numbers.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -63,9 +62,9 @@ fn data_array(
     let length = bytes.len() as u64 - 8;
     bytes[..8].copy_from_slice(&length.to_le_bytes());
     let name = escape(name);
-    let _ = write!(
+    let _ = writeln!(
         xml,
-        "<DataArray type=\"{kind}\" Name=\"{name}\" NumberOfComponents=\"{n_components}\" format=\"binary\">\n"
+        "<DataArray type=\"{kind}\" Name=\"{name}\" NumberOfComponents=\"{n_components}\" format=\"binary\">"
     );
     STANDARD.encode_string(&bytes, xml);
     xml.push_str("\n</DataArray>\n");
@@ -174,10 +173,56 @@ fn check_lengths(mesh: &TriMesh, point_data: &[(&str, &[f64])]) -> Result<(), Me
 
 /// Writes under a temporary name in the same folder and renames.
 fn write_whole(path: &Path, bytes: &[u8]) -> Result<(), MeshError> {
-    let failed = |source| MeshError::Write { path: path.into(), source };
+    // The error's own text would name the temporary file.
+    let failed =
+        |error: io::Error| MeshError::Write { path: path.into(), source: error.kind().into() };
     let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty());
-    let mut file = NamedTempFile::new_in(folder.unwrap_or(Path::new("."))).map_err(failed)?;
+    let mut builder = tempfile::Builder::new();
+    // A temporary file is private; the one it becomes gets the permissions of any new file.
+    #[cfg(unix)]
+    builder.permissions(std::os::unix::fs::PermissionsExt::from_mode(0o666));
+    let mut file = builder.tempfile_in(folder.unwrap_or(Path::new("."))).map_err(failed)?;
     file.write_all(bytes).map_err(failed)?;
     file.persist(path).map_err(|error| failed(error.error))?;
     Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn triangle() -> TriMesh {
+        let vertices = vec![[0.0, 0.0, 0.5], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]];
+        TriMesh::new(vertices, vec![[0, 1, 2]]).unwrap()
+    }
+
+    /// The numbers of the array `name` in a .vtp file, and the length it announces.
+    fn decode(xml: &str, name: &str) -> (u64, Vec<[u8; 8]>) {
+        let header = xml.find(&format!("Name=\"{name}\"")).unwrap();
+        let text = xml[header..].lines().nth(1).unwrap();
+        let bytes = STANDARD.decode(text).unwrap();
+        let (words, rest) = bytes.as_chunks::<8>();
+        assert!(rest.is_empty());
+        (u64::from_le_bytes(words[0]), words[1..].to_vec())
+    }
+
+    #[test]
+    fn vtp_holds_the_mesh_and_its_data() {
+        let folder = tempfile::TempDir::new().unwrap();
+        let path = folder.path().join("t.vtp");
+        let lat = [1.5, f64::NAN, -3.0];
+        write_vtp(&path, &triangle(), &[("a<\"b", &lat)]).unwrap();
+        let xml = std::fs::read_to_string(&path).unwrap();
+        let (length, numbers) = decode(&xml, "a&lt;&quot;b");
+        assert_eq!((length, numbers), (24, lat.map(f64::to_le_bytes).to_vec()));
+        let (_, connectivity) = decode(&xml, "connectivity");
+        assert_eq!(connectivity, [0i64, 1, 2].map(i64::to_le_bytes));
+        assert_eq!(decode(&xml, "offsets"), (8, vec![3i64.to_le_bytes()]));
+        assert_eq!(decode(&xml, "Points").1[2], 0.5f64.to_le_bytes());
+    }
+
+    #[test]
+    fn names_are_one_word_in_the_legacy_format() {
+        assert_eq!(percent_encode("LAT (ms) 5%"), "LAT%20(ms)%205%25");
+    }
 }

@@ -1,0 +1,92 @@
+//! `eplat mesh …` as a user runs it: what it says, writes and exits with.
+
+#![allow(clippy::unwrap_used, reason = "tests")]
+
+use eplat::mesh::{self, Units};
+use std::path::Path;
+use std::process::{Command, Output};
+use tempfile::TempDir;
+
+fn eplat(folder: &Path, arguments: &[&str]) -> Output {
+    Command::new(env!("CARGO_BIN_EXE_eplat"))
+        .arg("mesh")
+        .args(arguments)
+        .current_dir(folder)
+        .output()
+        .unwrap()
+}
+
+/// Exit code, standard output and standard error as one text.
+fn transcript(output: &Output) -> String {
+    let text = |bytes: &[u8]| String::from_utf8(bytes.to_vec()).unwrap();
+    let code = output.status.code().unwrap();
+    format!("exit {code}\n--- stdout\n{}--- stderr\n{}", text(&output.stdout), text(&output.stderr))
+}
+
+#[test]
+fn atrium_info_and_convert_work_together() {
+    let folder = TempDir::new().unwrap();
+    let made = eplat(folder.path(), &["atrium", "--edge", "3", "--out", "la.vtk"]);
+    assert_eq!(made.status.code(), Some(0), "{}", transcript(&made));
+    let info = eplat(folder.path(), &["info", "la.vtk"]);
+    let stdout = String::from_utf8(info.stdout).unwrap();
+    assert!(stdout.contains("Euler characteristic  -3\n"), "{stdout}");
+    assert!(stdout.contains("openings              5 (edges: "), "{stdout}");
+    assert!(stdout.contains("point data            region\n"), "{stdout}");
+    for (arguments, name) in [
+        (["convert", "la.vtk", "b.vtk", "--units=mm"], "b.vtk"),
+        (["convert", "la.vtk", "a.vtk", "--ascii"], "a.vtk"),
+    ] {
+        assert!(eplat(folder.path(), &arguments).status.success());
+        let original = mesh::read(&folder.path().join("la.vtk"), Units::Mm).unwrap();
+        let copy = mesh::read(&folder.path().join(name), Units::Mm).unwrap();
+        assert_eq!((copy.mesh, copy.point_data), (original.mesh, original.point_data));
+    }
+}
+
+/// Two squares with corners of their own, a double triangle, one without area and one turned over, in cm.
+const BROKEN: &str = "# vtk DataFile Version 3.0\nbroken\nASCII\nDATASET POLYDATA\nPOINTS 8 double
+0 0 0  4 0 0  4 5 0  0 5 0  4 0 0  8 0 0  8 5 0  4 5 0
+POLYGONS 6 24\n3 0 1 2\n3 0 2 3\n3 4 5 6\n3 4 7 6\n3 2 0 1\n3 1 1 4
+POINT_DATA 8\nSCALARS LAT double\nLOOKUP_TABLE default\n0 1 2 3 4 5 6 7\n";
+
+#[test]
+fn repair_says_what_it_did() {
+    let folder = TempDir::new().unwrap();
+    std::fs::write(folder.path().join("broken.vtk"), BROKEN).unwrap();
+    let refused = eplat(folder.path(), &["info", "broken.vtk"]);
+    assert_eq!(refused.status.code(), Some(1));
+    let repaired = eplat(folder.path(), &["repair", "broken.vtk", "good.vtk", "--units", "cm"]);
+    insta::assert_snapshot!(transcript(&repaired));
+    let good = mesh::read(&folder.path().join("good.vtk"), Units::Mm).unwrap();
+    assert_eq!((good.mesh.n_vertices(), good.mesh.n_triangles()), (6, 4));
+    assert!((good.mesh.area() - 4000.0).abs() < 1e-9);
+    assert_eq!(good.point_data["LAT"], [0.0, 1.0, 2.0, 3.0, 5.0, 6.0]);
+}
+
+#[test]
+fn bad_arguments_and_files_are_refused_and_nothing_is_written() {
+    let folder = TempDir::new().unwrap();
+    std::fs::write(folder.path().join("broken.vtk"), BROKEN).unwrap();
+    let texts: Vec<String> = [
+        ["info", "missing.vtk", "--units", "mm"],
+        ["info", "broken.vtk", "--units", "inch"],
+        ["info", "broken.vtk", "--units", "cm"],
+        ["convert", "broken.vtk", "out.stl", "--ascii"],
+        ["convert", "broken.vtk", "out.vtp", "--ascii"],
+        ["repair", "broken.vtk", "out.vtp", "--tolerance=-1"],
+        ["atrium", "--edge=0.01", "--out", "out.vtp"],
+        ["atrium", "--edge=3", "--out", "no/folder/out.vtp"],
+    ]
+    .iter()
+    .map(|arguments| {
+        format!(
+            "$ eplat mesh {}\n{}",
+            arguments.join(" "),
+            transcript(&eplat(folder.path(), arguments))
+        )
+    })
+    .collect();
+    insta::assert_snapshot!(texts.join("\n"));
+    assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 1);
+}
