@@ -67,7 +67,7 @@ fn rmse(rows: &[Row], outcomes: &[StripOutcome]) -> [f64; 6] {
 fn compare(rows: &[Row]) {
     let tissues: Vec<Tissue> = rows.iter().map(|row| row.tissue).collect();
     let clock = std::time::Instant::now();
-    let outcomes = simulate_strips(&tissues, &Protocol::default(), &|_| ());
+    let outcomes = simulate_strips(&tissues, &Protocol::default(), &|_| ()).unwrap();
     let error = rmse(rows, &outcomes);
     println!("{} rows in {:?}; RMSE {error:?}", rows.len(), clock.elapsed());
     assert!(error[0] <= 0.001 && error[3] <= 0.001, "CV, m/s");

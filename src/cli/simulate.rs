@@ -47,7 +47,7 @@ pub(super) fn simulate_table(params: &Path, out: &Path) -> Result<(), Failure> {
     let bar = ProgressBar::new(tissues.len() as u64)
         .with_style(ProgressStyle::with_template("{bar:30} {pos}/{len} strips, {eta} left")?);
     bar.tick();
-    let outcomes = simulate_strips(&tissues, &Protocol::default(), &|n| bar.inc(n as u64));
+    let outcomes = simulate_strips(&tissues, &Protocol::default(), &|n| bar.inc(n as u64))?;
     bar.finish_and_clear();
     let rows: Vec<_> = parameters
         .iter()

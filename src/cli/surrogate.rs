@@ -5,9 +5,9 @@ use std::path::PathBuf;
 use clap::{Args, Subcommand};
 
 use super::simulate::simulate_table;
-use crate::ep::table::{OutcomeRow, ParameterRow, read_rows, write_file, write_rows};
+use crate::ep::table::{ParameterRow, read_rows, write_file, write_rows};
 use crate::error::Failure;
-use crate::surrogate::{CubicFit, DEFAULT_FILTER, design_points, fit_erp};
+use crate::surrogate::{CubicFit, DEFAULT_FILTER, ErpRow, design_points, fit_erp};
 
 /// `eplat surrogate …`
 #[derive(Debug, Subcommand)]
@@ -50,7 +50,8 @@ pub(super) struct RunArgs {
 
 #[derive(Debug, Args)]
 pub(super) struct FitArgs {
-    /// CSV made by `eplat surrogate run`
+    /// CSV made by `eplat surrogate run`, or any table with the columns tau_out_ms, apd_max_ms,
+    /// erp_s2_ms, erp_s3_ms; an absent ERP is an empty cell
     #[arg(long, value_name = "F.csv")]
     table: PathBuf,
     /// File to write: coefficients as CSV, or as Rust source if the name ends in .rs
@@ -83,8 +84,8 @@ fn design(args: &DesignArgs) -> Result<(), Failure> {
 }
 
 fn fit(args: &FitArgs) -> Result<(), Failure> {
-    let table = read_rows::<OutcomeRow>(&args.table)?;
-    let rows: Vec<OutcomeRow> = table.into_iter().map(|(_, row)| row).collect();
+    let table = read_rows::<ErpRow>(&args.table)?;
+    let rows: Vec<ErpRow> = table.into_iter().map(|(_, row)| row).collect();
     let fit = fit_erp(&rows, &(args.erp_above..args.erp_up_to))?;
     let is_rust = args.out.extension().is_some_and(|ending| ending == "rs");
     let text = if is_rust { fit.to_rust() } else { fit.to_csv() };
