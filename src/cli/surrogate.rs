@@ -1,5 +1,7 @@
 //! `eplat surrogate …`
 
+#![allow(clippy::doc_markdown, reason = "help texts are read on the terminal, without backticks")]
+
 use std::path::PathBuf;
 
 use clap::{Args, Subcommand};

@@ -1,6 +1,7 @@
 //! From strip simulations to the ERP polynomials, and their files.
 //!
-//! Knows the columns of the strip table and which of them are the inputs t = tau_out, a = APD_max.
+//! Knows the columns of the strip table and which of them are the inputs:
+//! t = `tau_out`, a = `apd_max`.
 
 use std::fmt::Write as _;
 use std::ops::Range;
@@ -49,7 +50,7 @@ pub struct ErpFit {
     pub erp_s3: CubicFit,
 }
 
-/// Parameter sets that vary CV_max, tau_out and APD_max over their valid ranges.
+/// Parameter sets that vary `cv_max`, `tau_out` and `apd_max` over their valid ranges.
 pub fn design_points(n: usize, seed: u64) -> Vec<Parameters> {
     let [cv_max, _, tau_out, _, apd_max] = RANGES.map(|(_, _, lower, upper)| (lower, upper));
     let points = latin_hypercube(n, &[cv_max, tau_out, apd_max], seed);

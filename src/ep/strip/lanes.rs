@@ -4,6 +4,8 @@
 //! mixes lanes, and none is reordered or fused, so a lane's result depends neither on the machine's
 //! vector width nor on the other lanes.
 
+#![allow(clippy::needless_range_loop, reason = "`k` numbers the lanes of several arrays at once")]
+
 use super::fem::{BAND, Matrices};
 
 /// Strips that advance together.
@@ -19,7 +21,8 @@ fn sub_product(acc: &mut Lane, a: &Lane, b: &Lane) {
     }
 }
 
-/// The Crank–Nicolson step `(M + ½ r K) δ = −r K V`, `r = D dt / spacing²` per lane, by banded LDLᵀ.
+/// The Crank–Nicolson step `(M + ½ r K) δ = −r K V`, `r = D dt / spacing²` per lane, by a banded
+/// factor `L D Lᵀ`.
 #[derive(Debug)]
 pub(super) struct Diffusion {
     /// `stiffness[i][o]` = K(i, i + o), the same in every lane.

@@ -115,7 +115,7 @@ pub fn simulate_strips(
         .map(|batch| {
             // A last, incomplete batch is filled up with its final set.
             let lanes = std::array::from_fn(|k| batch[k.min(batch.len() - 1)]);
-            let outcomes = Pacer::new(&grid, protocol, &matrices, lanes).run();
+            let outcomes = Pacer::new(&grid, protocol, &matrices, &lanes).run();
             progress(batch.len());
             outcomes[..batch.len()].to_vec()
         })

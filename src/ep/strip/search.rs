@@ -29,7 +29,7 @@ impl<'a> Pacer<'a> {
         grid: &'a Grid,
         protocol: &'a Protocol,
         matrices: &Matrices,
-        tissues: [Tissue; LANES],
+        tissues: &[Tissue; LANES],
     ) -> Self {
         Self { grid, protocol, strip: LaneStrip::new(grid, matrices, tissues) }
     }
@@ -129,7 +129,7 @@ impl<'a> Pacer<'a> {
             let any = (0..LANES).any(pulse);
             self.strip.step_recorded(any.then_some(&stimulus), index, &mut recorder);
             index += 1;
-            if index % LOOK_EVERY == 0 {
+            if index.is_multiple_of(LOOK_EVERY) {
                 let peak = self.strip.peak();
                 for k in 0..LANES {
                     let since = index.saturating_sub(start[k]);
@@ -160,7 +160,7 @@ mod tests {
         let protocol = Protocol { s1: 350, conditioning_strength: fine, ..Protocol::default() };
         let tissue = Parameters::from_array([cv_max, 0.2, 10.0, 120.0, 120.0]).tissue();
         let matrices = Matrices::assemble(grid.n_along);
-        let mut pacer = Pacer::new(&grid, &protocol, &matrices, [tissue; LANES]);
+        let mut pacer = Pacer::new(&grid, &protocol, &matrices, &[tissue; LANES]);
         pacer.conditioning_beat().beats[0].unwrap().cv
     }
 

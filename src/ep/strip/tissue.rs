@@ -38,7 +38,7 @@ pub(super) struct LaneStrip {
 
 impl LaneStrip {
     /// Strips at rest: V = 0, h = 1.
-    pub(super) fn new(grid: &Grid, matrices: &Matrices, tissues: [Tissue; LANES]) -> Self {
+    pub(super) fn new(grid: &Grid, matrices: &Matrices, tissues: &[Tissue; LANES]) -> Self {
         let n = matrices.mass.len();
         let ratio = tissues.map(|t| t.diffusivity * grid.dt / grid.spacing.powi(2));
         Self {
@@ -176,7 +176,7 @@ mod tests {
             Parameters::from_array([0.5 + x, 0.05, 2.0 + 20.0 * x, 120.0, 130.0 + 100.0 * x])
                 .tissue()
         });
-        LaneStrip { arch, ..LaneStrip::new(&grid, &Matrices::assemble(grid.n_along), tissues) }
+        LaneStrip { arch, ..LaneStrip::new(&grid, &Matrices::assemble(grid.n_along), &tissues) }
     }
 
     #[test]
@@ -198,6 +198,6 @@ mod tests {
         for index in 0..6000 {
             strip.step((index < 9).then_some(&[0.1; LANES]));
         }
-        assert_eq!(strip.peak(), [0.0; LANES]);
+        assert!(strip.state.v.iter().flatten().all(|v| v.to_bits() & !(1 << 63) == 0));
     }
 }
