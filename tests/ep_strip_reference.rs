@@ -1,12 +1,14 @@
 //! The strip simulator against the authors' openCARP table.
 
+#![allow(clippy::unwrap_used, clippy::print_stdout, reason = "helpers of tests")]
+
 use std::path::PathBuf;
 
 use eplat::ep::{Protocol, StripOutcome, Tissue, simulate_strips};
 
 struct Row {
     tissue: Tissue,
-    /// CV_S1, APD90_S1, ERP_S2, CV_S2, APD90_S2, ERP_S3
+    /// CV and APD90 of S1, ERP under S1S2; CV and APD90 of S2, ERP under S1S2S3.
     expected: [Option<f64>; 6],
 }
 

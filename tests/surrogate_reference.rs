@@ -1,5 +1,7 @@
 //! The ERP surrogates against the authors' published coefficients and table.
 
+#![allow(clippy::unwrap_used, clippy::print_stdout, reason = "helpers of tests")]
+
 use std::path::{Path, PathBuf};
 
 use eplat::ep::table::read_rows;

@@ -37,8 +37,8 @@ pub struct ErpRow {
 }
 
 impl Columns for ErpRow {
-    const REQUIRED: &'static str =
-        "tau_out_ms, apd_max_ms, erp_s2_ms, erp_s3_ms (an ERP may be empty)";
+    const REQUIRED: &'static [&'static str] =
+        &["tau_out_ms", "apd_max_ms", "erp_s2_ms", "erp_s3_ms"];
 }
 
 /// The fits of both ERP, with t = `tau_out` and a = `apd_max` in ms.
