@@ -3,7 +3,7 @@
 //! Columns are found by name, in any order; unknown ones are ignored.  An absent value is an empty
 //! cell.  Files are written under a temporary name and renamed, so a file that exists is whole.
 
-use std::io::Write as _;
+use std::io::{ErrorKind, Write as _};
 use std::path::{Path, PathBuf};
 
 use serde::de::DeserializeOwned;
@@ -252,18 +252,21 @@ impl NewFile {
     /// the folder cannot be written.
     ///
     /// # Errors
-    /// A folder that is missing or cannot be written.
+    /// A folder that is missing or cannot be written; a `path` that is itself a folder.
     pub fn create(path: &Path) -> Result<Self, TableError> {
         let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty());
-        let temporary = NamedTempFile::new_in(folder.unwrap_or(Path::new(".")));
         let fail = |source| TableError::Io { action: "write", path: path.to_owned(), source };
+        if path.is_dir() {
+            return Err(fail(ErrorKind::IsADirectory.into()));
+        }
+        let temporary = NamedTempFile::new_in(folder.unwrap_or(Path::new(".")));
         Ok(Self { path: path.to_owned(), temporary: temporary.map_err(fail)? })
     }
 
     /// Writes `rows` as CSV and gives the file its name.
     ///
     /// # Errors
-    /// A full disk, or a `path` that is a folder.
+    /// A full disk.
     pub fn finish_rows<R: Serialize>(self, rows: &[R]) -> Result<(), TableError> {
         let mut text = Vec::new();
         let mut writer = csv::Writer::from_writer(&mut text);
@@ -276,7 +279,7 @@ impl NewFile {
     /// Writes `bytes` and gives the file its name.
     ///
     /// # Errors
-    /// A full disk, or a `path` that is a folder.
+    /// A full disk.
     pub fn finish(mut self, bytes: &[u8]) -> Result<(), TableError> {
         self.temporary.write_all(bytes).map_err(|e| self.failure(e))?;
         let Self { path, temporary } = self;
