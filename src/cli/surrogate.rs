@@ -1,13 +1,15 @@
 //! `eplat surrogate …`
 
+#![allow(clippy::doc_markdown, reason = "help texts are read on the terminal, without backticks")]
+
 use std::path::PathBuf;
 
 use clap::{Args, Subcommand};
 
 use super::simulate::simulate_table;
-use crate::ep::table::{OutcomeRow, ParameterRow, read_rows, write_file, write_rows};
+use crate::ep::table::{NewFile, ParameterRow, read_rows};
 use crate::error::Failure;
-use crate::surrogate::{CubicFit, DEFAULT_FILTER, design_points, fit_erp};
+use crate::surrogate::{CubicFit, DEFAULT_FILTER, ErpRow, design_points, fit_erp};
 
 /// `eplat surrogate …`
 #[derive(Debug, Subcommand)]
@@ -50,7 +52,8 @@ pub(super) struct RunArgs {
 
 #[derive(Debug, Args)]
 pub(super) struct FitArgs {
-    /// CSV made by `eplat surrogate run`
+    /// CSV made by `eplat surrogate run`, or any table with the columns tau_out_ms, apd_max_ms,
+    /// erp_s2_ms, erp_s3_ms; an absent ERP is an empty cell
     #[arg(long, value_name = "F.csv")]
     table: PathBuf,
     /// File to write: coefficients as CSV, or as Rust source if the name ends in .rs
@@ -77,18 +80,18 @@ impl Command {
 fn design(args: &DesignArgs) -> Result<(), Failure> {
     let points = design_points(args.n as usize, args.seed);
     let rows: Vec<ParameterRow> = points.into_iter().map(ParameterRow::from).collect();
-    write_rows(&args.out, &rows)?;
+    NewFile::create(&args.out)?.finish_rows(&rows)?;
     eprintln!("{} parameter sets written to {}", rows.len(), args.out.display());
     Ok(())
 }
 
 fn fit(args: &FitArgs) -> Result<(), Failure> {
-    let table = read_rows::<OutcomeRow>(&args.table)?;
-    let rows: Vec<OutcomeRow> = table.into_iter().map(|(_, row)| row).collect();
+    let table = read_rows::<ErpRow>(&args.table)?;
+    let rows: Vec<ErpRow> = table.into_iter().map(|(_, row)| row).collect();
     let fit = fit_erp(&rows, &(args.erp_above..args.erp_up_to))?;
     let is_rust = args.out.extension().is_some_and(|ending| ending == "rs");
     let text = if is_rust { fit.to_rust() } else { fit.to_csv() };
-    write_file(&args.out, text.as_bytes())?;
+    NewFile::create(&args.out)?.finish(text.as_bytes())?;
     eprintln!("of {} rows:", rows.len());
     report("ERP_S2", &fit.erp_s2);
     report("ERP_S3", &fit.erp_s3);

@@ -198,17 +198,17 @@ mod tests {
 
     #[test]
     fn an_isolated_cell_has_the_duration_of_the_closed_form() {
-        // Plateau: V follows its slow branch and h decays until h = 4 tau_in / (tau_out (1 − V_gate)²),
-        // which is where APD_max comes from; the fall after it adds a few ms.
-        let tissue = TYPICAL.tissue();
-        let rates = tissue.step_rates(0.001);
+        // APD_max is when the plateau ceases to exist, (1 − h)/tau_out = h (1 − V_gate)²/(4 tau_in).
+        // The fall from it takes some tau_out more, so the currents are made fast here.
+        let fast = Parameters { tau_in: 0.01, tau_out: 1.0, apd_max: 270.0, ..TYPICAL };
+        let rates = fast.tissue().step_rates(0.001);
         let (mut v, mut h, mut steps) = (0.3, 1.0, 0_u32);
         while v > V_GATE {
             (v, h) = euler_step(v, h, rates);
             steps += 1;
         }
-        let excess = f64::from(steps) * 0.001 - TYPICAL.apd_max;
-        assert!((0.0..30.0).contains(&excess), "{excess}");
+        let excess = f64::from(steps) * 0.001 - fast.apd_max;
+        assert!((0.0..0.05 * fast.apd_max).contains(&excess), "{excess}");
     }
 
     #[test]

@@ -3,6 +3,7 @@
 //! Columns are found by name, in any order; unknown ones are ignored.  An absent value is an empty
 //! cell.  Files are written under a temporary name and renamed, so a file that exists is whole.
 
+use std::io::{ErrorKind, Write as _};
 use std::path::{Path, PathBuf};
 
 use serde::de::DeserializeOwned;
@@ -29,10 +30,26 @@ pub enum TableError {
         /// What the system said.
         source: std::io::Error,
     },
-    /// A row does not have the expected cells.
+    /// The header lacks a column.
     #[error(
-        "{}, line {line}{}: {problem}\nhelp: the table needs a header line and, in every row, \
-         a number under each of the columns {expected}", path.display(), at_column(column.as_deref())
+        "{} has no column {column}; it has: {found}\n\
+         help: the first line must name the columns {}", path.display(), required.join(", ")
+    )]
+    MissingColumn {
+        /// The file.
+        path: PathBuf,
+        /// The first column that is missing.
+        column: &'static str,
+        /// The columns that are there.
+        found: String,
+        /// The columns that must be there.
+        required: &'static [&'static str],
+    },
+    /// A row that cannot be read.
+    #[error(
+        "{}, line {line}{}: {problem}\n\
+         help: every row needs as many cells as the header, with numbers under the columns in use",
+        path.display(), at_column(column.as_deref())
     )]
     Row {
         /// The file.
@@ -43,8 +60,6 @@ pub enum TableError {
         column: Option<String>,
         /// What is wrong.
         problem: String,
-        /// The columns the table must have.
-        expected: &'static str,
     },
     /// A parameter outside its valid range.
     #[error("{}, line {line}: {source}", path.display())]
@@ -70,8 +85,8 @@ fn at_column(column: Option<&str>) -> String {
 
 /// A row type that knows its columns.
 pub trait Columns {
-    /// The columns that must be there, for messages.
-    const REQUIRED: &'static str;
+    /// The columns that must be there.
+    const REQUIRED: &'static [&'static str];
 }
 
 /// One parameter set, with units in the column names.
@@ -86,7 +101,8 @@ pub struct ParameterRow {
 }
 
 impl Columns for ParameterRow {
-    const REQUIRED: &'static str = "cv_max_m_per_s, tau_in_ms, tau_out_ms, tau_open_ms, apd_max_ms";
+    const REQUIRED: &'static [&'static str] =
+        &["cv_max_m_per_s", "tau_in_ms", "tau_out_ms", "tau_open_ms", "apd_max_ms"];
 }
 
 impl From<Parameters> for ParameterRow {
@@ -114,7 +130,7 @@ impl From<ParameterRow> for Parameters {
 }
 
 /// One parameter set and what the strip did with it.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize)]
 #[allow(missing_docs, reason = "the fields are those of `Parameters`, `Tissue` and `StripOutcome`")]
 pub struct OutcomeRow {
     pub row: usize,
@@ -150,8 +166,8 @@ impl OutcomeRow {
             tau_out_ms,
             tau_open_ms,
             apd_max_ms,
-            diffusivity_mm2_per_ms: tissue.diffusivity,
-            tau_close_ms: tissue.tau_close,
+            diffusivity_mm2_per_ms: rounded(tissue.diffusivity, 1e9),
+            tau_close_ms: rounded(tissue.tau_close, 1e6),
             cv_s1_m_per_s: outcome.s1.ok().map(|beat| rounded(beat.cv, 1e5)),
             apd90_s1_ms: outcome.s1.ok().map(|beat| rounded(beat.apd90, 1e3)),
             erp_s2_ms: outcome.erp_s2.ok(),
@@ -164,12 +180,8 @@ impl OutcomeRow {
     }
 }
 
-impl Columns for OutcomeRow {
-    const REQUIRED: &'static str = "row, cv_max_m_per_s, tau_in_ms, tau_out_ms, tau_open_ms, \
-         apd_max_ms, diffusivity_mm2_per_ms, tau_close_ms (an outcome may be empty)";
-}
-
-fn rounded(value: f64, per_unit: f64) -> f64 {
+/// `value` to one part in `per_unit`, so that tables are short to read.
+pub(crate) fn rounded(value: f64, per_unit: f64) -> f64 {
     (value * per_unit).round() / per_unit
 }
 
@@ -195,14 +207,19 @@ pub fn read_rows<R: DeserializeOwned + Columns>(path: &Path) -> Result<Vec<(u64,
     let open = |source| TableError::Io { action: "read", path: path.to_owned(), source };
     let file = std::fs::File::open(path).map_err(open)?;
     let mut reader = csv::ReaderBuilder::new().trim(csv::Trim::All).from_reader(file);
-    let header = reader.headers().map_err(|e| row_error::<R>(path, None, &e))?.clone();
+    let header = reader.headers().map_err(|e| row_error(path, None, &e))?.clone();
+    let missing = R::REQUIRED.iter().find(|&&column| !header.iter().any(|name| name == column));
+    if let Some(column) = missing {
+        let found = header.iter().collect::<Vec<_>>().join(", ");
+        let path = path.to_owned();
+        return Err(TableError::MissingColumn { path, column, found, required: R::REQUIRED });
+    }
     let mut rows = Vec::new();
     for record in reader.records() {
-        let record = record.map_err(|e| row_error::<R>(path, Some(&header), &e))?;
+        let record = record.map_err(|e| row_error(path, Some(&header), &e))?;
         let line = record.position().map_or(0, csv::Position::line);
-        let row = record
-            .deserialize(Some(&header))
-            .map_err(|e| row_error::<R>(path, Some(&header), &e))?;
+        let row =
+            record.deserialize(Some(&header)).map_err(|e| row_error(path, Some(&header), &e))?;
         rows.push((line, row));
     }
     if rows.is_empty() {
@@ -212,11 +229,7 @@ pub fn read_rows<R: DeserializeOwned + Columns>(path: &Path) -> Result<Vec<(u64,
 }
 
 /// Says where in the file `error` is.
-fn row_error<R: Columns>(
-    path: &Path,
-    header: Option<&csv::StringRecord>,
-    error: &csv::Error,
-) -> TableError {
+fn row_error(path: &Path, header: Option<&csv::StringRecord>, error: &csv::Error) -> TableError {
     let (mut column, mut problem) = (None, error.to_string());
     if let csv::ErrorKind::Deserialize { err, .. } = error.kind() {
         let field = err.field().and_then(|index| header?.get(index as usize));
@@ -224,34 +237,60 @@ fn row_error<R: Columns>(
         problem = err.kind().to_string();
     }
     let line = error.position().map_or(1, csv::Position::line);
-    TableError::Row { path: path.to_owned(), line, column, problem, expected: R::REQUIRED }
+    TableError::Row { path: path.to_owned(), line, column, problem }
 }
 
-/// Writes `rows` as CSV.
-///
-/// # Errors
-/// A folder or file that cannot be written.
-pub fn write_rows<R: Serialize>(path: &Path, rows: &[R]) -> Result<(), TableError> {
-    let fail = |source| TableError::Io { action: "write", path: path.to_owned(), source };
-    let mut writer = csv::Writer::from_writer(Vec::new());
-    for row in rows {
-        writer.serialize(row).map_err(|e| fail(e.into()))?;
+/// A file that appears under its name only when it is whole.
+#[derive(Debug)]
+pub struct NewFile {
+    path: PathBuf,
+    temporary: NamedTempFile,
+}
+
+impl NewFile {
+    /// Makes the temporary file beside `path`; called before long work, it finds out early that
+    /// the folder cannot be written.
+    ///
+    /// # Errors
+    /// A folder that is missing or cannot be written; a `path` that is itself a folder.
+    pub fn create(path: &Path) -> Result<Self, TableError> {
+        let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty());
+        let fail = |source| TableError::Io { action: "write", path: path.to_owned(), source };
+        if path.is_dir() {
+            return Err(fail(ErrorKind::IsADirectory.into()));
+        }
+        let temporary = NamedTempFile::new_in(folder.unwrap_or(Path::new(".")));
+        Ok(Self { path: path.to_owned(), temporary: temporary.map_err(fail)? })
     }
-    let bytes = writer.into_inner().map_err(|e| fail(e.into_error()))?;
-    write_file(path, &bytes)
-}
 
-/// Writes a whole file under a temporary name and renames it.
-///
-/// # Errors
-/// A folder or file that cannot be written.
-pub fn write_file(path: &Path, bytes: &[u8]) -> Result<(), TableError> {
-    let fail = |source| TableError::Io { action: "write", path: path.to_owned(), source };
-    let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty());
-    let mut file = NamedTempFile::new_in(folder.unwrap_or(Path::new("."))).map_err(fail)?;
-    std::io::Write::write_all(&mut file, bytes).map_err(fail)?;
-    file.persist(path).map_err(|e| fail(e.error))?;
-    Ok(())
+    /// Writes `rows` as CSV and gives the file its name.
+    ///
+    /// # Errors
+    /// A full disk.
+    pub fn finish_rows<R: Serialize>(self, rows: &[R]) -> Result<(), TableError> {
+        let mut text = Vec::new();
+        let mut writer = csv::Writer::from_writer(&mut text);
+        let written = rows.iter().try_for_each(|row| writer.serialize(row));
+        written.and_then(|()| Ok(writer.flush()?)).map_err(|e| self.failure(e.into()))?;
+        drop(writer);
+        self.finish(&text)
+    }
+
+    /// Writes `bytes` and gives the file its name.
+    ///
+    /// # Errors
+    /// A full disk.
+    pub fn finish(mut self, bytes: &[u8]) -> Result<(), TableError> {
+        self.temporary.write_all(bytes).map_err(|e| self.failure(e))?;
+        let Self { path, temporary } = self;
+        let fail = |source| TableError::Io { action: "write", path: path.clone(), source };
+        temporary.persist(&path).map_err(|e| fail(e.error))?;
+        Ok(())
+    }
+
+    fn failure(&self, source: std::io::Error) -> TableError {
+        TableError::Io { action: "write", path: self.path.clone(), source }
+    }
 }
 
 #[cfg(test)]
@@ -263,7 +302,7 @@ mod tests {
 
     fn read(text: &str) -> Result<Vec<Parameters>, String> {
         let mut file = NamedTempFile::new().unwrap();
-        std::io::Write::write_all(&mut file, text.as_bytes()).unwrap();
+        file.write_all(text.as_bytes()).unwrap();
         let in_file =
             |e: TableError| e.to_string().replace(&file.path().display().to_string(), "FILE");
         read_parameters(file.path()).map_err(in_file)
@@ -288,7 +327,10 @@ mod tests {
         assert!(message("0.05,0.7,NaN,120,200\n").starts_with("FILE, line 2: tau_out = NaN ms is"));
         assert!(message("").starts_with("FILE has no rows"));
         let missing = read("tau_in_ms\n1\n").unwrap_err();
-        assert!(missing.contains("missing field `cv_max_m_per_s`"), "{missing}");
+        assert!(
+            missing.starts_with("FILE has no column cv_max_m_per_s; it has: tau_in_ms\n"),
+            "{missing}"
+        );
     }
 
     #[test]
@@ -303,12 +345,11 @@ mod tests {
         let parameters = Parameters::from_array([0.7, 0.05, 10.0, 120.0, 200.0]);
         let row = OutcomeRow::new(3, parameters, &outcome);
         let file = NamedTempFile::new().unwrap();
-        write_rows(file.path(), std::slice::from_ref(&row)).unwrap();
+        NewFile::create(file.path()).unwrap().finish_rows(&[row]).unwrap();
         let text = std::fs::read_to_string(file.path()).unwrap();
         assert!(
             text.contains("0.71235,201.25,310,,,,,the conditioning stimulus did not"),
             "{text}"
         );
-        assert_eq!(read_rows::<OutcomeRow>(file.path()).unwrap()[0].1, row);
     }
 }

@@ -9,7 +9,7 @@ mod erp_cubic;
 mod erp_fit;
 
 pub use cubic::{Cubic, CubicFit, FitError};
-pub use erp_fit::{DEFAULT_FILTER, ErpFit, design_points, fit_erp};
+pub use erp_fit::{DEFAULT_FILTER, ErpFit, ErpRow, design_points, fit_erp};
 
 use crate::num::Real;
 

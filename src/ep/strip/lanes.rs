@@ -4,6 +4,8 @@
 //! mixes lanes, and none is reordered or fused, so a lane's result depends neither on the machine's
 //! vector width nor on the other lanes.
 
+#![allow(clippy::needless_range_loop, reason = "`k` numbers the lanes of several arrays at once")]
+
 use super::fem::{BAND, Matrices};
 
 /// Strips that advance together.
@@ -19,7 +21,8 @@ fn sub_product(acc: &mut Lane, a: &Lane, b: &Lane) {
     }
 }
 
-/// The Crank–Nicolson step `(M + ½ r K) δ = −r K V`, `r = D dt / spacing²` per lane, by banded LDLᵀ.
+/// The Crank–Nicolson step `(M + ½ r K) δ = −r K V`, `r = D dt / spacing²` per lane, by a banded
+/// factor `L D Lᵀ`.
 #[derive(Debug)]
 pub(super) struct Diffusion {
     /// `stiffness[i][o]` = K(i, i + o), the same in every lane.
@@ -123,5 +126,84 @@ impl Diffusion {
                 v[i][k] += x[k];
             }
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use nalgebra::{DMatrix, DVector};
+    use std::f64::consts::PI;
+
+    const N_ALONG: usize = 81;
+
+    fn ratios() -> Lane {
+        std::array::from_fn(|k| 0.02 + 0.2 * k as f64)
+    }
+
+    /// cos(π x / length) in every lane.
+    fn slowest_mode() -> Vec<Lane> {
+        (0..2 * N_ALONG)
+            .map(|i| [(PI * (i / 2) as f64 / (N_ALONG - 1) as f64).cos(); LANES])
+            .collect()
+    }
+
+    #[test]
+    fn the_banded_step_equals_a_dense_solve() {
+        let matrices = Matrices::assemble(7);
+        let n = matrices.mass.len();
+        let dense = |banded: &[[f64; BAND + 1]]| {
+            DMatrix::from_fn(n, n, |r, c| {
+                banded[r.min(c)].get(r.abs_diff(c)).copied().unwrap_or_default()
+            })
+        };
+        let (mass, stiffness) = (dense(&matrices.mass), dense(&matrices.stiffness));
+        let start: Vec<Lane> =
+            (0..n).map(|i| std::array::from_fn(|k| ((i * 7 + k * 3) as f64).sin())).collect();
+        let mut v = start.clone();
+        Diffusion::new(&matrices, ratios()).step(&mut v);
+        for (k, r) in ratios().into_iter().enumerate() {
+            let before = DVector::from_iterator(n, start.iter().map(|lane| lane[k]));
+            let after = DVector::from_iterator(n, v.iter().map(|lane| lane[k]));
+            let implicit = (&mass + 0.5 * r * &stiffness) * after;
+            let explicit = (&mass - 0.5 * r * &stiffness) * before;
+            assert!((implicit - explicit).amax() < 1e-13);
+        }
+    }
+
+    #[test]
+    fn the_slowest_mode_decays_as_the_heat_equation_says() {
+        let n_steps = 500;
+        let mut v = slowest_mode();
+        let mut diffusion = Diffusion::new(&Matrices::assemble(N_ALONG), ratios());
+        (0..n_steps).for_each(|_| diffusion.step(&mut v));
+        for (k, r) in ratios().into_iter().enumerate() {
+            // D t π²/length² with D dt = r spacing²
+            let exponent = r * f64::from(n_steps) * (PI / (N_ALONG - 1) as f64).powi(2);
+            for (now, start) in v.iter().zip(slowest_mode()) {
+                assert!((now[k] - start[k] * (-exponent).exp()).abs() < 5e-4);
+            }
+        }
+    }
+
+    #[test]
+    fn diffusion_keeps_the_total() {
+        let matrices = Matrices::assemble(N_ALONG);
+        // Row sums of the mass matrix.
+        let mut weight = vec![0.0; 2 * N_ALONG];
+        for (i, row) in matrices.mass.iter().enumerate() {
+            weight[i] += row[0];
+            for (o, entry) in row.iter().enumerate().skip(1).filter(|(_, entry)| **entry > 0.0) {
+                weight[i] += entry;
+                weight[i + o] += entry;
+            }
+        }
+        let total = |v: &[Lane]| -> f64 { v.iter().zip(&weight).map(|(v, w)| v[5] * w).sum() };
+        let mut v: Vec<Lane> =
+            (0..2 * N_ALONG).map(|i| [f64::from(u8::from(i < 9)); LANES]).collect();
+        let before = total(&v);
+        let mut diffusion = Diffusion::new(&matrices, ratios());
+        (0..1000).for_each(|_| diffusion.step(&mut v));
+        assert!((total(&v) - before).abs() < 1e-12 * before);
     }
 }

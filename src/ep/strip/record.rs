@@ -31,6 +31,7 @@ impl Recorder {
     }
 
     /// Looks for crossings in the step that leads from `before` to `after`.
+    #[allow(clippy::needless_bitwise_bool, reason = "without branches it becomes vector code")]
     #[inline(always)]
     pub(super) fn observe(&mut self, before: &[Lane], after: &[Lane], index: usize) {
         for (i, (a, b)) in before.iter().zip(after).enumerate() {

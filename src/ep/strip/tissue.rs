@@ -38,7 +38,7 @@ pub(super) struct LaneStrip {
 
 impl LaneStrip {
     /// Strips at rest: V = 0, h = 1.
-    pub(super) fn new(grid: &Grid, matrices: &Matrices, tissues: [Tissue; LANES]) -> Self {
+    pub(super) fn new(grid: &Grid, matrices: &Matrices, tissues: &[Tissue; LANES]) -> Self {
         let n = matrices.mass.len();
         let ratio = tissues.map(|t| t.diffusivity * grid.dt / grid.spacing.powi(2));
         Self {
@@ -161,5 +161,43 @@ impl NullaryFnOnce for Step<'_> {
         strip.before.copy_from_slice(&strip.state.v);
         strip.step_inlined(self.stimulus);
         recorder.observe(&strip.before, &strip.state.v, index);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::ep::Parameters;
+
+    fn strip(arch: Arch) -> LaneStrip {
+        let grid = Grid::default();
+        let tissues = std::array::from_fn(|k| {
+            let x = k as f64 / LANES as f64;
+            Parameters::from_array([0.5 + x, 0.05, 2.0 + 20.0 * x, 120.0, 130.0 + 100.0 * x])
+                .tissue()
+        });
+        LaneStrip { arch, ..LaneStrip::new(&grid, &Matrices::assemble(grid.n_along), &tissues) }
+    }
+
+    #[test]
+    fn vector_instructions_do_not_change_a_single_bit() {
+        let (mut plain, mut vector) = (strip(Arch::Scalar), strip(Arch::new()));
+        for index in 0..2500 {
+            let stimulus = (index < 9).then_some(&[0.1; LANES]);
+            plain.step(stimulus);
+            vector.step(stimulus);
+        }
+        assert_eq!(plain.state.v, vector.state.v);
+        assert_eq!(plain.state.h, vector.state.h);
+        assert!(vector.peak().iter().any(|&v| v > 0.5), "the strips are excited");
+    }
+
+    #[test]
+    fn strips_come_to_rest_at_exactly_zero() {
+        let mut strip = strip(Arch::new());
+        for index in 0..6000 {
+            strip.step((index < 9).then_some(&[0.1; LANES]));
+        }
+        assert!(strip.state.v.iter().flatten().all(|v| v.to_bits() & !(1 << 63) == 0));
     }
 }
