@@ -3,6 +3,8 @@
 //! Errors are measured in Monte Carlo standard errors from the measured effective sample size; the
 //! limit is Bonferroni-corrected to 0.1 % over all moments of a test.  Broken twins must fail.
 
+#![allow(clippy::unwrap_used, clippy::print_stdout, reason = "a test binary")]
+
 use eplat::diagnostics::{e_bfmi, ess_mean, mcse_mean, mean_and_sd, summarise};
 use eplat::infer::{
     Chain, Evaluator, LogDensity, MetricKind, Settings, Silent, jittered_starts, sample,

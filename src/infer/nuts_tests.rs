@@ -90,7 +90,9 @@ fn worst_z(fault: Fault) -> f64 {
             point.momentum.fill_with(|| rng.sample(StandardNormal));
             let directions = rng.next_u32();
             twin.0.begin(0.45, point.energy());
-            edges.iter_mut().for_each(|edge| edge.copy_from(&point));
+            for edge in &mut edges {
+                edge.copy_from(&point);
+            }
             tree::transition(&mut twin, &mut edges, &mut workspace, directions, 6);
             point.position.copy_from_slice(&workspace.chosen().position);
         }
