@@ -33,7 +33,9 @@ pub(super) fn normal_scores(mut split: Split) -> Split {
         // Ranks from + 1 ..= from + len have the mean from + (len + 1)/2.
         let rank = from as f64 + 0.5 * (tied.len() + 1) as f64;
         let score = normal_quantile((rank - 0.375) / (n as f64 + 0.25));
-        tied.iter().for_each(|&i| scores[i] = score);
+        for &i in tied {
+            scores[i] = score;
+        }
         from += tied.len();
     }
     *values = scores;

@@ -80,7 +80,9 @@ impl<'a> Nuts<'a> {
         self.refresh_momentum();
         self.flow.begin(step_size, self.point.energy());
         let directions = self.flow.rng.next_u32();
-        self.edges.iter_mut().for_each(|edge| edge.copy_from(&self.point));
+        for edge in &mut self.edges {
+            edge.copy_from(&self.point);
+        }
         let (depth, stop) = tree::transition(
             &mut self.flow,
             &mut self.edges,
@@ -199,8 +201,8 @@ impl Trajectory for Flow<'_> {
         self.n += 1;
         self.newest_energy = edge.energy();
         let ln_weight = self.energy - self.newest_energy;
-        // NaN, from an undefined density or gradient, fails this comparison and diverges.
-        let finite = ln_weight >= -MAX_ENERGY_ERROR && ln_weight < f64::INFINITY;
+        // NaN, from an undefined density or gradient, is in no range and diverges.
+        let finite = (-MAX_ENERGY_ERROR..f64::INFINITY).contains(&ln_weight);
         if finite {
             self.accept += ln_weight.min(0.0).exp();
         }

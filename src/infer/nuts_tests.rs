@@ -90,7 +90,9 @@ fn worst_z(fault: Fault) -> f64 {
             point.momentum.fill_with(|| rng.sample(StandardNormal));
             let directions = rng.next_u32();
             twin.0.begin(0.45, point.energy());
-            edges.iter_mut().for_each(|edge| edge.copy_from(&point));
+            for edge in &mut edges {
+                edge.copy_from(&point);
+            }
             tree::transition(&mut twin, &mut edges, &mut workspace, directions, 6);
             point.position.copy_from_slice(&workspace.chosen().position);
         }
@@ -173,7 +175,7 @@ fn overhead_per_leapfrog_beyond_the_density() {
     let begun = Instant::now();
     let leapfrogs: u64 = (0..10_000).map(|_| u64::from(nuts.transition(0.05).n_leapfrog)).sum();
     let in_all = begun.elapsed().as_secs_f64() / leapfrogs as f64;
-    let mut evaluator = density.evaluator();
+    let mut evaluator = std::hint::black_box(density.evaluator());
     let (mut position, mut gradient) = (vec![0.1; 52], vec![0.0; 52]);
     let begun = Instant::now();
     let mut sum = 0.0;

@@ -147,7 +147,9 @@ impl Memory {
         let mut direction = gradient.to_vec();
         let Some((step, change, _)) = self.pairs.back() else {
             let length = dot(gradient, gradient).sqrt().max(1.0);
-            direction.iter_mut().for_each(|d| *d /= length);
+            for d in &mut direction {
+                *d /= length;
+            }
             return direction;
         };
         let scale = dot(step, change) / dot(change, change);
@@ -157,7 +159,9 @@ impl Memory {
             add_scaled(&mut direction, -alpha, change);
             alphas.push(alpha);
         }
-        direction.iter_mut().for_each(|d| *d *= scale);
+        for d in &mut direction {
+            *d *= scale;
+        }
         for ((step, change, inverse), alpha) in self.pairs.iter().zip(alphas.iter().rev()) {
             let beta = inverse * dot(change, &direction);
             add_scaled(&mut direction, alpha - beta, step);
@@ -199,9 +203,9 @@ impl LineSearch<'_> {
                     return Some(point);
                 }
                 if here > 0.0 {
-                    low = length
+                    low = length;
                 } else {
-                    high = length
+                    high = length;
                 }
                 best = Some(point);
             }

@@ -31,7 +31,9 @@ pub fn jittered_starts(
     let optimum = maximise(density, initial, &settings)?.position;
     let mut evaluator = density.evaluator();
     let mut scales = conditional_scales(&mut *evaluator, &optimum, LARGEST_SCALE);
-    scales.iter_mut().for_each(|scale| *scale = scale.min(LARGEST_SCALE));
+    for scale in &mut scales {
+        *scale = scale.min(LARGEST_SCALE);
+    }
     (0..chains).map(|chain| jitter(&mut *evaluator, &optimum, &scales, chain, seed)).collect()
 }
 

@@ -52,7 +52,7 @@ pub(super) fn banana() -> impl LogDensity {
     FnDensity { dim: 2, f }
 }
 
-/// Neal's funnel: v ~ N(0, 3), x_i | v ~ N(0, e^{v/2}).
+/// Neal's funnel: v ~ N(0, 3), xᵢ | v ~ N(0, exp(v/2)).
 pub(super) fn funnel(dim: usize) -> impl LogDensity {
     let f = move |q: &[f64], g: &mut [f64]| {
         let (v, precision) = (q[0], (-q[0]).exp());

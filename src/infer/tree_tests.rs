@@ -45,7 +45,9 @@ impl Trajectory for Ring {
     fn choose(&mut self, current: &mut Distribution, other: &mut Distribution, probability: f64) {
         assert!((0.0..=1.0).contains(&probability));
         let probability = if self.always_accept { 1.0 } else { probability };
-        current.values_mut().for_each(|p| *p *= 1.0 - probability);
+        for p in current.values_mut() {
+            *p *= 1.0 - probability;
+        }
         for (i, p) in &*other {
             *current.entry(*i).or_insert(0.0) += probability * p;
         }
