@@ -9,7 +9,7 @@ use rand_distr::StandardNormal;
 use rayon::prelude::*;
 use thiserror::Error;
 
-use crate::dsl::{DataError, Declare, Maps, Measurements, Model, ModelError};
+use crate::dsl::{DataError, Declare, MapName, Maps, Measurements, Model, ModelError};
 use crate::field::{Matern52, unit_field};
 use crate::manifold::{Basis, ManifoldError, biharmonic, maximin};
 use crate::mesh::TriMesh;
@@ -55,7 +55,9 @@ pub struct Experiment {
 #[derive(Debug, Error)]
 pub enum StudyError {
     /// A field whose range is not declared.
-    #[error("no synthetic experiment: field {field} declares no range\nhelp: give measurements (--data FILE.csv), or a range in the model file: `field {field}(x) [unit] in 1.0..30.0 = …`")]
+    #[error(
+        "no synthetic experiment: field {field} declares no range\nhelp: give measurements (--data FILE.csv), or a range in the model file: `field {field}(x) [unit] in 1.0..30.0 = …`"
+    )]
     NoRange {
         /// The field.
         field: &'static str,
@@ -67,7 +69,9 @@ pub enum StudyError {
         why: String,
     },
     /// No vertex is physical.
-    #[error("no synthetic experiment: no vertex of the ground truth is physical\nhelp: widen the ranges of the derived quantities in the model file")]
+    #[error(
+        "no synthetic experiment: no vertex of the ground truth is physical\nhelp: widen the ranges of the derived quantities in the model file"
+    )]
     NothingPhysical,
     /// Sites cannot be placed.
     #[error(transparent)]
@@ -109,7 +113,7 @@ pub fn experiment(
 
     let sites = maximin(mesh, design.n_sites, design.exclude, design.seed)?;
     let measurements = measure(model, &outline, basis, &fields, &sites, design)?;
-    let names = maps.names().into_iter().map(|n| n.0);
+    let names = maps.names().into_iter().map(|n| n.name);
     let truth = names.zip(fields.into_iter().chain(derived)).collect();
     Ok(Experiment { measurements, truth, repaired })
 }
@@ -123,7 +127,7 @@ fn true_fields(
     let mut rng = ChaCha8Rng::seed_from_u64(design.seed);
     let ranged = maps.names().into_iter().take(maps.n_fields());
     ranged
-        .map(|(field, _, range)| {
+        .map(|MapName { name: field, range, .. }| {
             let (low, high) = range.ok_or(StudyError::NoRange { field })?;
             let eta: Vec<f64> = (0..basis.n_modes()).map(|_| rng.sample(StandardNormal)).collect();
             let unit = unit_field(basis, &Matern52(design.lengthscale), &eta);
@@ -185,9 +189,8 @@ fn measure(
     for (site, vertex) in sites.iter().enumerate() {
         for observe in &outline.observes {
             let mut row = vec![site.to_string(), vertex.to_string(), observe.name.to_string()];
-            row.extend(columns.iter().map(|c| match observe.columns.contains(c) {
-                true => blank(c).to_string(),
-                false => String::new(),
+            row.extend(columns.iter().map(|c| {
+                if observe.columns.contains(c) { blank(c).to_string() } else { String::new() }
             }));
             cells.push(row);
         }

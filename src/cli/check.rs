@@ -38,7 +38,9 @@ impl Command {
         let ln_density = evaluator.ln_density(&position, &mut gradient);
         let begun = Instant::now();
         for _ in 0..EVALUATIONS {
-            std::hint::black_box(evaluator.ln_density(std::hint::black_box(&position), &mut gradient));
+            std::hint::black_box(
+                evaluator.ln_density(std::hint::black_box(&position), &mut gradient),
+            );
         }
         let nanoseconds = begun.elapsed().as_secs_f64() * 1e9 / f64::from(EVALUATIONS);
         let mut out = std::io::stdout().lock();
@@ -46,7 +48,10 @@ impl Command {
             writeln!(out, "observe {}: {} measurements", observe.name, observe.rows.len())?;
         }
         writeln!(out, "{} unknowns", model.dim())?;
-        writeln!(out, "log density {ln_density:.3} at the starting point; {nanoseconds:.0} ns with its gradient")?;
+        writeln!(
+            out,
+            "log density {ln_density:.3} at the starting point; {nanoseconds:.0} ns with its gradient"
+        )?;
         Ok(ExitCode::SUCCESS)
     }
 }

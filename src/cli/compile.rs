@@ -42,7 +42,9 @@ pub(super) fn run_compiled(file: &ModelFile) -> Result<ExitCode, Failure> {
 fn compiled(file: &ModelFile) -> Result<PathBuf, Failure> {
     let name = file.model_name()?;
     let folder = cache::folder().ok_or_else(|| {
-        Failure::new("no folder to compile the model in\nhelp: set HOME or EPLAT_CACHE to a writable folder")
+        Failure::new(
+            "no folder to compile the model in\nhelp: set HOME or EPLAT_CACHE to a writable folder",
+        )
     })?;
     let path = fs::canonicalize(&file.path).map_err(|e| Failure::io("find", &file.path, &e))?;
     let place = path.display().to_string();
@@ -64,7 +66,8 @@ fn compiled(file: &ModelFile) -> Result<PathBuf, Failure> {
 
 /// What tells this build of eplat from another.
 fn identity() -> String {
-    let modified = std::env::current_exe().and_then(fs::metadata).map(|m| (m.len(), m.modified().ok()));
+    let modified =
+        std::env::current_exe().and_then(fs::metadata).map(|m| (m.len(), m.modified().ok()));
     format!("{} {modified:?}", env!("CARGO_PKG_VERSION"))
 }
 
@@ -75,7 +78,8 @@ fn eplat_sources(cache: &Path) -> Result<PathBuf, Failure> {
         return Ok(checkout.to_owned());
     }
     let folder = cache.join(format!("eplat-{}", env!("CARGO_PKG_VERSION")));
-    unpack(&folder).map_err(|error| Failure::io("unpack the sources of eplat into", &folder, &error))?;
+    unpack(&folder)
+        .map_err(|error| Failure::io("unpack the sources of eplat into", &folder, &error))?;
     Ok(folder)
 }
 
@@ -92,9 +96,10 @@ fn unpack(folder: &Path) -> std::io::Result<()> {
 /// of them, so that no dependency is built twice.
 fn target_folder(cache: &Path) -> PathBuf {
     let exe = std::env::current_exe().ok();
-    let shared = exe.as_deref().and_then(Path::parent).filter(|dir| {
-        dir.ends_with("release") && Path::new(env!("CARGO_MANIFEST_DIR")).is_dir()
-    });
+    let shared = exe
+        .as_deref()
+        .and_then(Path::parent)
+        .filter(|dir| dir.ends_with("release") && Path::new(env!("CARGO_MANIFEST_DIR")).is_dir());
     match shared.and_then(Path::parent) {
         Some(target) => target.to_owned(),
         None => cache.join("target"),
@@ -109,7 +114,8 @@ struct Package {
 
 impl Package {
     fn build(&self, model: &Path, name: &str, file: &ModelFile) -> Result<PathBuf, Failure> {
-        let package = format!("model-{}", &cache::key(&[model.display().to_string().as_bytes()])[..16]);
+        let package =
+            format!("model-{}", &cache::key(&[model.display().to_string().as_bytes()])[..16]);
         self.write(&package, model, name).map_err(|e| Failure::io("write", &self.folder, &e))?;
         let output = Command::new("cargo")
             .args(["build", "--release", "--offline", "--quiet", "--manifest-path"])
@@ -128,7 +134,8 @@ impl Package {
         }
         let text = String::from_utf8_lossy(&output.stderr);
         let own = |line: &&str| {
-            !line.starts_with("error: could not compile") && !line.starts_with("For more information")
+            !line.starts_with("error: could not compile")
+                && !line.starts_with("For more information")
         };
         let text = text.lines().filter(own).collect::<Vec<_>>().join("\n");
         Err(Failure::new(format_args!(
@@ -138,8 +145,10 @@ impl Package {
         )))
     }
 
+    #[allow(clippy::unnecessary_debug_formatting, reason = "escapes as Rust and TOML need it")]
     fn write(&self, package: &str, model: &Path, name: &str) -> std::io::Result<()> {
-        let profile = MANIFEST.split("[profile.release]").nth(1).and_then(|t| t.split("\n\n").next());
+        let profile =
+            MANIFEST.split("[profile.release]").nth(1).and_then(|t| t.split("\n\n").next());
         let manifest = format!(
             "[package]\nname = \"{package}\"\nversion = \"0.0.0\"\nedition = \"2024\"\n\n\
              [dependencies]\neplat = {{ path = {eplat:?} }}\n\n[workspace]\n\n[profile.release]{}\n",

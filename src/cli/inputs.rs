@@ -26,7 +26,7 @@ pub(super) struct InputArgs {
     /// Unit of the mesh's coordinates: mm, cm, um or m
     #[arg(long, value_name = "UNIT", value_parser = Units::from_str)]
     units: Option<Units>,
-    /// Eigenpairs of the mesh from elsewhere: arrays eigenvalues (K), eigenfunctions (n_vertices, K)
+    /// Eigenpairs of the mesh from elsewhere: arrays `eigenvalues` (K), `eigenfunctions` (vertices, K)
     #[arg(long, value_name = "FILE.npz")]
     basis: Option<PathBuf>,
     /// Measurements, one row each [default: a synthetic experiment on the surface]
@@ -104,15 +104,16 @@ impl InputArgs {
         is_synthetic: bool,
     ) -> Result<Basis, Failure> {
         let needed = outline.n_modes();
-        let basis = match &self.basis {
-            Some(path) => on_kept_vertices(Basis::read_npz(path)?, surface),
-            None => {
-                let truth = if is_synthetic { TRUTH_MODES.min(surface.mesh.n_vertices() - 1) } else { 0 };
-                eigenpairs_cached(&surface.mesh, needed.max(truth))?
-            }
+        let basis = if let Some(path) = &self.basis {
+            on_kept_vertices(Basis::read_npz(path)?, surface)
+        } else {
+            let most = surface.mesh.n_vertices() - 1;
+            let truth = if is_synthetic { TRUTH_MODES.min(most) } else { 0 };
+            eigenpairs_cached(&surface.mesh, needed.max(truth))?
         };
         basis.require_fit(&surface.mesh)?;
-        let wavelength = |k: usize| 2.0 * std::f64::consts::PI / basis.eigenvalues[k].max(0.0).sqrt();
+        let wavelength =
+            |k: usize| 2.0 * std::f64::consts::PI / basis.eigenvalues[k].max(0.0).sqrt();
         let last = needed.min(basis.n_modes()).saturating_sub(1);
         eprintln!("basis  {needed} modes, down to a wavelength of {:.0} mm", wavelength(last));
         Ok(basis)

@@ -17,7 +17,7 @@ pub struct Compiled {
 
 impl std::fmt::Debug for Compiled {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        f.debug_struct("Compiled").field("model", &self.model.name()).finish()
+        f.debug_struct("Compiled").field("model", &self.model.name()).finish_non_exhaustive()
     }
 }
 
@@ -84,7 +84,8 @@ mod tests {
 
     #[test]
     fn the_name_is_found_below_its_doc_comment() {
-        let source = "use eplat::prelude::*;\nmodel! {\n    /// Doc.\n\n    model Erp;\n param a ~ Flat; }";
+        let source =
+            "use eplat::prelude::*;\nmodel! {\n    /// Doc.\n\n    model Erp;\n param a ~ Flat; }";
         assert_eq!(file(source).model_name().unwrap(), "Erp");
     }
 

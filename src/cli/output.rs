@@ -90,8 +90,11 @@ impl Finished<'_> {
         self.write_zarr(out, &posterior, maps.as_ref())?;
         files.push("posterior.zarr");
         if let (Some((surface, _)), Some(maps)) = (surface, &maps) {
-            let arrays: Vec<(&str, &[f64])> =
-                maps.arrays.iter().map(|(name, _, values)| (name.as_str(), values.as_slice())).collect();
+            let arrays: Vec<(&str, &[f64])> = maps
+                .arrays
+                .iter()
+                .map(|(name, _, values)| (name.as_str(), values.as_slice()))
+                .collect();
             write_vtp(&out.file("fields.vtp"), &surface.mesh, &arrays)?;
             files.push("fields.vtp");
         }
@@ -133,7 +136,8 @@ impl Finished<'_> {
             }
         }
         arrays.push(("unphysical".into(), "1".into(), unphysical.clone()));
-        arrays.extend(surface.point_data.iter().map(|(n, v)| (n.clone(), String::new(), v.clone())));
+        arrays
+            .extend(surface.point_data.iter().map(|(n, v)| (n.clone(), String::new(), v.clone())));
         FieldMaps { unphysical, rmse, arrays }
     }
 
@@ -170,7 +174,10 @@ impl Finished<'_> {
             vertices.iter().map(|v| s.mesh.vertices()[*v as usize]).collect()
         });
         let data: Vec<PointData<'_>> = maps.map_or(vec![], |maps| {
-            maps.arrays.iter().map(|(name, unit, values)| PointData { name, unit, values }).collect()
+            maps.arrays
+                .iter()
+                .map(|(name, unit, values)| PointData { name, unit, values })
+                .collect()
         });
         let page = Page {
             title: self.model.name,
@@ -178,7 +185,11 @@ impl Finished<'_> {
             record,
             rows: &posterior.rows,
             posterior: &posterior.posterior,
-            surface: surface.map(|s| report::Surface { mesh: &s.mesh, point_data: &data, sites: &sites }),
+            surface: surface.map(|s| report::Surface {
+                mesh: &s.mesh,
+                point_data: &data,
+                sites: &sites,
+            }),
         };
         Ok(write_html(&out.file("report.html"), &page)?)
     }
@@ -187,7 +198,8 @@ impl Finished<'_> {
         let sum = |of: fn(&Chain) -> f64| self.chains.iter().map(of).sum::<f64>();
         let (warmup, sampling) = (sum(|c| c.seconds_warmup), sum(|c| c.seconds_sampling));
         let wall = self.sampled_in / (warmup + sampling);
-        let grad_evals = self.chains.iter().map(|c| c.n_grad_warmup + c.n_grad_sampling).sum::<u64>();
+        let grad_evals =
+            self.chains.iter().map(|c| c.n_grad_warmup + c.n_grad_sampling).sum::<u64>();
         let least = |of: fn(&report::Row) -> f64| {
             posterior.rows.iter().map(of).fold(f64::INFINITY, f64::min)
         };
@@ -249,14 +261,20 @@ impl Finished<'_> {
         }
         let mut blamed: Vec<(usize, usize)> = blamed.into_iter().collect();
         blamed.sort_by_key(|(_, count)| std::cmp::Reverse(*count));
-        blamed.iter().take(3).map(|(row, count)| format!("{} ({count})", self.place_of(*row))).collect()
+        blamed
+            .iter()
+            .take(3)
+            .map(|(row, count)| format!("{} ({count})", self.place_of(*row)))
+            .collect()
     }
 
     /// Measurement number `row` over all `observe`s, in words.
     fn place_of(&self, mut row: usize) -> String {
         for observe in &self.model.observes {
             match observe.rows.get(row) {
-                Some(at) => return format!("{} {}", observe.name, self.inputs.measurements.place(*at)),
+                Some(at) => {
+                    return format!("{} {}", observe.name, self.inputs.measurements.place(*at));
+                }
                 None => row -= observe.rows.len(),
             }
         }
@@ -274,10 +292,18 @@ impl Outcome {
         let mut text = console_table(&self.rows, false);
         if let Some(rmse) = &self.record.rmse {
             let list: Vec<String> = rmse.iter().map(|(name, e)| format!("{name} {e:.1}")).collect();
-            let _ = writeln!(text, "\nRMSE against the truth over the surface, ms: {}", list.join(", "));
+            let _ = writeln!(
+                text,
+                "\nRMSE against the truth over the surface, ms: {}",
+                list.join(", ")
+            );
         }
         if let Some(share) = self.unphysical {
-            let _ = writeln!(text, "Outside a declared range: {:.1} % of (vertex, draw) pairs; derived maps leave them out", 100.0 * share);
+            let _ = writeln!(
+                text,
+                "Outside a declared range: {:.1} % of (vertex, draw) pairs; derived maps leave them out",
+                100.0 * share
+            );
         }
         if !self.suspects.is_empty() {
             let _ = writeln!(text, "Divergences come from: {}", self.suspects.join(", "));

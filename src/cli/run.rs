@@ -148,7 +148,9 @@ fn sample(
         eprintln!("warning: {failure}");
     }
     match (chains.is_empty(), failures.first()) {
-        (true, Some(failure)) => Err(Failure::new(format_args!("every chain failed; the first:\n{failure}"))),
+        (true, Some(failure)) => {
+            Err(Failure::new(format_args!("every chain failed; the first:\n{failure}")))
+        }
         _ => Ok((model, chains, sampled_in)),
     }
 }

@@ -46,6 +46,9 @@ struct Effect {
     beta: usize,
 }
 
+/// √λ of the first modes, the probes' rows of them, and the constant mode's value if it is constant.
+type Modes = (Vec<f64>, Vec<f64>, Option<f64>);
+
 /// Lays a model out on its data.
 pub struct Builder<'a> {
     basis: Option<&'a Basis>,
@@ -291,12 +294,8 @@ impl<'a> Builder<'a> {
         Ok(())
     }
 
-    /// √λ of the first `k` modes, the probes' rows of them, and the constant mode's value.
-    fn modes(
-        &self,
-        field: &str,
-        k: usize,
-    ) -> Result<(Vec<f64>, Vec<f64>, Option<f64>), ModelError> {
+    /// The first `k` modes of the basis.
+    fn modes(&self, field: &str, k: usize) -> Result<Modes, ModelError> {
         let Some(basis) = self.basis else {
             if self.data.is_some() {
                 return Err(ModelError::NoBasis { field: field.into() });
@@ -614,7 +613,7 @@ fn numbered(data: &Measurements, name: &str) -> Vec<String> {
     if data.has(name) || !data.has(&format!("{name}1")) {
         return vec![name.into()];
     }
-    (1..).map(|i| format!("{name}{i}")).take_while(|n| data.has(n)).collect()
+    (1..=data.n_columns()).map(|i| format!("{name}{i}")).take_while(|n| data.has(n)).collect()
 }
 
 /// The rows of an `observe` statement that hold a measurement, and the measurements.

@@ -258,6 +258,11 @@ impl Measurements {
         self.rows.is_empty()
     }
 
+    /// Number of columns.
+    pub fn n_columns(&self) -> usize {
+        self.header.len()
+    }
+
     /// File name, for messages.
     pub fn file(&self) -> &str {
         &self.file
@@ -443,7 +448,7 @@ mod tests {
     #[test]
     fn cells_are_numbers_labels_or_errors_with_their_line() {
         let t = table("a,b\n1.5,x\n,y\nz,x\n");
-        assert_eq!(t.number(0, "a", "it").unwrap(), 1.5);
+        assert!((t.number(0, "a", "it").unwrap() - 1.5).abs() < 1e-15);
         assert!(t.number_or_empty(1, "a", "it").unwrap().is_nan());
         let e = t.number(2, "a", "it").unwrap_err().to_string();
         assert!(e.contains("line 4") && e.contains("got `z`"), "{e}");

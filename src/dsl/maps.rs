@@ -61,6 +61,17 @@ impl<F: LetFn, const N: usize> MapFn for MapAt<F, N> {
     }
 }
 
+/// What a field or derived quantity is called.
+#[derive(Clone, Copy, Debug)]
+pub struct MapName<'m> {
+    /// Name in the model file.
+    pub name: &'static str,
+    /// Declared unit.
+    pub unit: &'m str,
+    /// Declared range.
+    pub range: Option<(f64, f64)>,
+}
+
 /// Mean and standard deviation of a field or derived quantity at every vertex, over draws.
 #[derive(Clone, Debug)]
 pub struct MapSummary {
@@ -99,9 +110,10 @@ impl<'m> Maps<'m> {
     }
 
     /// Name, unit and declared range of each.
-    pub fn names(&self) -> Vec<(&'static str, &str, Option<(f64, f64)>)> {
-        let fields = self.model.fields.iter().map(|f| (f.name, f.unit.as_str(), f.range));
-        let lets = self.model.maps.iter().map(|m| (m.name, m.unit.as_str(), m.range));
+    pub fn names(&self) -> Vec<MapName<'m>> {
+        let name = |name, unit, range| MapName { name, unit, range };
+        let fields = self.model.fields.iter().map(|f| name(f.name, f.unit.as_str(), f.range));
+        let lets = self.model.maps.iter().map(|m| name(m.name, m.unit.as_str(), m.range));
         fields.chain(lets).collect()
     }
 
@@ -162,8 +174,8 @@ impl<'m> Maps<'m> {
             .collect();
         let names = self.names();
         let summary = |i: usize| MapSummary {
-            name: names[i].0,
-            unit: names[i].1.into(),
+            name: names[i].name,
+            unit: names[i].unit.into(),
             mean: vertices.iter().map(|v| v.0[i].mean()).collect(),
             sd: vertices.iter().map(|v| v.0[i].sd()).collect(),
         };

@@ -26,7 +26,7 @@ mod uses;
 pub use data::{DataError, Measurements};
 pub use equations::equations;
 pub use error::ModelError;
-pub use maps::{MapSummary, Maps};
+pub use maps::{MapName, MapSummary, Maps};
 pub use model::{Declare, Kind, Model, Observe, Parameter, Statement};
 
 /// What the expansion of [`model!`](crate::model) names; not for people.

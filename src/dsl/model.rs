@@ -317,7 +317,7 @@ impl Model {
     /// Names of the unknowns' parameters, one per unknown, for messages.
     pub fn unknown_names(&self) -> Vec<String> {
         let mut names = vec![];
-        for p in self.parameters.iter() {
+        for p in &self.parameters {
             let first = if let Position::Eta { first, .. } = p.position { first } else { 0 };
             names.extend((first..p.len).map(|i| p.element(i)));
         }

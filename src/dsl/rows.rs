@@ -142,12 +142,12 @@ impl<F: RowFn, const N: usize, const W: usize> Op for Rows<F, N, W> {
             let l = F::likelihood(&s, &self.columns[i]).ln_likelihood(&self.y[i]);
             t.lp += l.re();
             let e = derivatives(&l);
-            for j in 0..W {
-                t.g[self.place.index[i * W + j] as usize] += e[j];
+            for (at, e) in self.place.index[i * W..][..W].iter().zip(e) {
+                t.g[*at as usize] += e;
             }
             if !self.place.hook.is_empty() {
-                for j in 0..W {
-                    t.g[self.place.hook[i * W + j] as usize] += e[j];
+                for (at, e) in self.place.hook[i * W..][..W].iter().zip(e) {
+                    t.g[*at as usize] += e;
                 }
             }
             for (j, &(_, at)) in self.place.lets.iter().enumerate() {

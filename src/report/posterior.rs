@@ -45,11 +45,8 @@ struct Drawn {
 impl Posterior {
     /// From chains of equal length; `seed` is the run's.
     pub fn new(model: &Model, data: &Measurements, chains: &[Chain], seed: u64) -> Self {
-        let drawn: Vec<Drawn> = chains
-            .par_iter()
-            .enumerate()
-            .map(|(i, chain)| drawn(model, chain, seed, i))
-            .collect();
+        let drawn: Vec<Drawn> =
+            chains.par_iter().enumerate().map(|(i, chain)| drawn(model, chain, seed, i)).collect();
         let shape = [chains.len(), chains.first().map_or(0, Chain::n_draws)];
         let posterior = parameters(model, &drawn, shape);
         let rows = rows(model, &posterior, shape);
@@ -102,7 +99,13 @@ fn drawn(model: &Model, chain: &Chain, seed: u64, index: usize) -> Drawn {
 }
 
 /// Elements `from..from + len` of every draw's `width` numbers, chain after chain.
-fn columns(drawn: &[Drawn], part: fn(&Drawn) -> &[f64], width: usize, from: usize, len: usize) -> Vec<f64> {
+fn columns(
+    drawn: &[Drawn],
+    part: fn(&Drawn) -> &[f64],
+    width: usize,
+    from: usize,
+    len: usize,
+) -> Vec<f64> {
     let rows = drawn.iter().flat_map(|d| part(d).chunks_exact(width.max(1)));
     rows.flat_map(|row| &row[from..from + len]).copied().collect()
 }

@@ -1,5 +1,5 @@
 //! What several tests share: a basis of made-up numbers, tables, random numbers.
-#![allow(dead_code, reason = "each test uses a part of it")]
+#![allow(dead_code, clippy::unwrap_used, reason = "each test uses a part of it")]
 
 use eplat::dsl::Measurements;
 use eplat::manifold::Basis;
