@@ -86,6 +86,8 @@ family! {
     Normal(mu: "mean", sd: "standard deviation");
     /// Normal distribution folded at zero: density `2 Normal(x; 0, sd)` for `x > 0`.
     HalfNormal(sd: "standard deviation of the unfolded normal");
+    /// Cauchy distribution folded at zero: density `2 / (π scale (1 + (x/scale)²))` for `x > 0`.
+    HalfCauchy(scale: "median");
     /// Gamma distribution: density `scale`-free `rateᵃ xᵃ⁻¹ e^(−rate x) / Γ(a)`, `a` = shape.
     Gamma(shape: "shape", rate: "rate, the inverse of the scale");
     /// Inverse gamma distribution: density `bᵃ x^(−a−1) e^(−b/x) / Γ(a)`, `a` = shape, `b` = scale.
@@ -149,6 +151,22 @@ impl<D: Real> Dist<D> for HalfNormal<D> {
     }
     fn centre(&self) -> f64 {
         self.sd.re()
+    }
+}
+
+impl<D: Real> Dist<D> for HalfCauchy<D> {
+    positive!();
+    #[inline]
+    fn ln_kernel(&self, u: D, x: D) -> D {
+        let z = x / self.scale;
+        u - (z * z).ln_1p()
+    }
+    #[inline]
+    fn ln_norm(&self) -> D {
+        -self.scale.ln() + std::f64::consts::FRAC_2_PI.ln()
+    }
+    fn centre(&self) -> f64 {
+        self.scale.re()
     }
 }
 
@@ -341,6 +359,7 @@ mod tests {
     families! {
         normal: Normal(0.7, 1.3);
         half_normal: HalfNormal(2.0);
+        half_cauchy: HalfCauchy(1.7);
         gamma: Gamma(2.5, 0.7);
         inv_gamma: InvGamma(3.0, 5.0);
         uniform: Uniform(-2.0, 5.0);

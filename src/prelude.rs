@@ -1,8 +1,8 @@
 //! What a model file sees: `use eplat::prelude::*;`.
 
 pub use crate::dist::{
-    Beta, Dist, Exponential, Flat, Gamma, HalfNormal, InvGamma, LogNormal, Normal, StudentT,
-    Uniform, ln_gamma, logistic,
+    Beta, Dist, Exponential, Flat, Gamma, HalfCauchy, HalfNormal, InvGamma, LogNormal, Normal,
+    StudentT, Uniform, ln_gamma, logistic,
 };
 pub use crate::field::{Kernel, Matern12, Matern32, Matern52, Rbf, authors};
 pub use crate::likelihood::{
