@@ -1,4 +1,4 @@
-//! Priors of scalar parameters, each with the transform that takes its support to the real line.
+//! Priors of parameters, each with the transform that takes its support to the real line.
 //!
 //! A prior is written `Normal(0.0, 10.0)` in a model file: a function of the same name as its type,
 //! whose arguments are numbers or earlier parameters.
@@ -14,6 +14,10 @@ pub enum Support {
     Positive,
     /// An open interval.
     Interval(f64, f64),
+    /// Vectors of positive numbers whose sum is 1.
+    Simplex,
+    /// Vectors of increasing numbers.
+    Ordered,
 }
 
 /// A prior: its support's transform and its density in the unconstrained coordinate `u`.
@@ -80,6 +84,9 @@ macro_rules! family {
         }
     )*};
 }
+
+mod sequence;
+pub use sequence::{Dirichlet, Ordered, RealLine, Sequence, Step};
 
 family! {
     /// Normal distribution: `−z²/2 − ln sd − ½ ln 2π`, `z = (x − mu)/sd`.

@@ -2,6 +2,8 @@
 
 #![allow(clippy::unwrap_used, reason = "a test")]
 
+#[path = "models/custom.rs"]
+mod custom;
 #[path = "../models/eight_schools.rs"]
 mod eight_schools;
 #[path = "../models/erp.rs"]
@@ -140,4 +142,14 @@ fn logistic_with_thirty_coefficients() {
 fn everything_mixed() {
     let protocols = ["warm_up", "s1s2", "open", "direct", "beats"];
     check(&language::mixed::Mixed, &rows(50, &protocols));
+}
+
+#[test]
+fn vectors_with_constraints() {
+    check(&language::vectors::Vectors, &rows(12, &["y"]));
+}
+
+#[test]
+fn a_prior_a_kernel_and_a_likelihood_of_the_users_own() {
+    check(&custom::Custom, &rows(30, &["arrival", "offset_seen"]));
 }

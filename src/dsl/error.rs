@@ -62,6 +62,16 @@ pub enum ModelError {
         /// Coefficients.
         got: usize,
     },
+    /// A vector prior of fewer than two numbers.
+    #[error(
+        "param {parameter}({len}): proportions and ordered numbers come at least in twos\nhelp: declare `param {parameter}(2) ~ …;` or more"
+    )]
+    TooShort {
+        /// The parameter.
+        parameter: String,
+        /// Its length.
+        len: usize,
+    },
     /// Units that do not agree.
     #[error(
         "{place}: expected {expected}, got {got}\nhelp: mend the unit in square brackets or the expression"

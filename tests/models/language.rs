@@ -71,3 +71,33 @@ pub(crate) mod mixed {
         (a - b).powi(2) * -0.01
     }
 }
+
+/// Vectors whose numbers constrain each other, with a prior that depends on parameters; and vectors
+/// of positive and of bounded numbers.
+pub(crate) mod vectors {
+    use super::*;
+    model! {
+        model Vectors;
+        column dose;
+        param concentration ~ Gamma(3.0, 2.0);
+        param spread ~ HalfNormal(2.0);
+        param share(4) ~ Dirichlet(concentration);
+        param cut(3) [ms] ~ Ordered(Normal(0.0, spread));
+        param noise(2) ~ HalfNormal(spread);
+        param bounded(3) ~ Uniform(-1.0, 2.0);
+        let slope(row) = share[0] * row.dose + share[1] * cut[1] + share[3] * cut[2] - cut[0] * bounded[1];
+        observe y(row): Number ~ Normal(slope(row) + bounded[0] * bounded[2], noise[0] + noise[1]);
+    }
+}
+
+/// The same priors on their own.
+pub(crate) mod vector_priors {
+    use super::*;
+    model! {
+        model VectorPriors;
+        param share(4) ~ Dirichlet(2.0);
+        param cut(3) ~ Ordered(Normal(0.0, 2.0));
+        param noise(2) ~ HalfNormal(3.0);
+        param bounded(2) ~ Uniform(-1.0, 2.0);
+    }
+}
