@@ -6,12 +6,11 @@
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use rand_distr::StandardNormal;
-use rayon::prelude::*;
 use thiserror::Error;
 
 use crate::dsl::{DataError, Declare, MapName, Maps, Measurements, Model, ModelError};
 use crate::field::{Matern52, unit_field};
-use crate::manifold::{Basis, ManifoldError, biharmonic, maximin};
+use crate::manifold::{Basis, ManifoldError, interpolate_biharmonic, maximin};
 use crate::mesh::TriMesh;
 
 /// Modes of the ground truth.
@@ -148,18 +147,7 @@ fn repair(fields: &mut [Vec<f64>], bad: &[bool], basis: &Basis) -> Result<(), St
         return Err(StudyError::NothingPhysical);
     }
     let vertices: Vec<usize> = (0..bad.len()).filter(|v| bad[*v]).collect();
-    let averages: Vec<Vec<f64>> = vertices
-        .par_iter()
-        .map(|&vertex| {
-            let distance = biharmonic(basis, vertex);
-            let weights: Vec<f64> = good.iter().map(|v| distance[*v].powi(-4)).collect();
-            let total: f64 = weights.iter().sum();
-            let average = |field: &Vec<f64>| {
-                good.iter().zip(&weights).map(|(v, w)| w * field[*v]).sum::<f64>() / total
-            };
-            fields.iter().map(average).collect()
-        })
-        .collect();
+    let averages = interpolate_biharmonic(basis, fields, &good, &vertices);
     for (vertex, average) in vertices.iter().zip(averages) {
         for (field, value) in fields.iter_mut().zip(average) {
             field[*vertex] = value;
