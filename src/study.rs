@@ -83,6 +83,13 @@ pub enum StudyError {
     Data(#[from] DataError),
 }
 
+/// Stream `index` of this module: chains own the streams from 0 on, reports those from 2³² on.
+fn stream(seed: u64, index: u64) -> ChaCha8Rng {
+    let mut rng = ChaCha8Rng::seed_from_u64(seed);
+    rng.set_stream((1 << 33) + index);
+    rng
+}
+
 /// Makes the experiment. `basis` should have [`TRUTH_MODES`] modes; all it has are used.
 ///
 /// # Errors
@@ -123,7 +130,7 @@ fn true_fields(
     basis: &Basis,
     design: &Design,
 ) -> Result<Vec<Vec<f64>>, StudyError> {
-    let mut rng = ChaCha8Rng::seed_from_u64(design.seed);
+    let mut rng = stream(design.seed, 0);
     let ranged = maps.names().into_iter().take(maps.n_fields());
     ranged
         .map(|MapName { name: field, range, .. }| {
@@ -195,8 +202,7 @@ fn measure(
     let mut tape = blank_model.tape();
     blank_model.forward(&mut tape, &blank_model.initial());
     Maps::new(&blank_model, basis).set_at_probes(&mut tape, &table.vertices(), fields);
-    let mut rng = ChaCha8Rng::seed_from_u64(design.seed);
-    rng.set_stream(1);
+    let mut rng = stream(design.seed, 1);
     for observe in &blank_model.observes {
         for (row, values) in observe.rows.iter().zip(observe.simulate(&tape, &mut rng)) {
             for (column, value) in observe.columns.iter().zip(values) {
