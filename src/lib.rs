@@ -12,6 +12,7 @@
 //! | 1 | [`dist`], [`likelihood`], [`manifold`], [`ep`] |
 //! | 0 | [`mesh`], [`num`], [`error`], [`cache`] |
 
+pub mod atomic;
 pub mod cache;
 pub mod cli;
 pub mod diagnostics;

@@ -26,7 +26,8 @@ pub(super) struct InputArgs {
     /// Unit of the mesh's coordinates: mm, cm, um or m
     #[arg(long, value_name = "UNIT", value_parser = Units::from_str)]
     units: Option<Units>,
-    /// Eigenpairs of the mesh from elsewhere: arrays `eigenvalues` (K), `eigenfunctions` (vertices, K)
+    /// Eigenpairs of the mesh from elsewhere, in its unit: arrays `eigenvalues` (K) and
+    /// `eigenfunctions` (vertices, K); `eplat mesh basis` writes the same
     #[arg(long, value_name = "FILE.npz")]
     basis: Option<PathBuf>,
     /// Measurements, one row each [default: a synthetic experiment on the surface]
@@ -105,7 +106,8 @@ impl InputArgs {
     ) -> Result<Basis, Failure> {
         let needed = outline.n_modes();
         let basis = if let Some(path) = &self.basis {
-            on_kept_vertices(Basis::read_npz(path)?, surface)
+            let scale = self.units.map_or(1.0, Units::in_mm);
+            on_kept_vertices(Basis::read_npz(path)?, surface).in_unit_of(scale)
         } else {
             let most = surface.mesh.n_vertices() - 1;
             let truth = if is_synthetic { TRUTH_MODES.min(most) } else { 0 };

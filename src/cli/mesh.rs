@@ -1,6 +1,7 @@
 //! `eplat mesh …`
 
 use crate::error::Failure;
+use crate::manifold::{eigenpairs, maximin, random_maximin};
 use crate::mesh::{self, Atrium, Encoding, MeshError, REGION_NAMES, Surface, TriMesh, Units};
 use clap::Subcommand;
 use std::io::{self, Write};
@@ -43,6 +44,40 @@ pub(super) enum Command {
         #[arg(long, default_value_t = 1e-6)]
         tolerance: f64,
     },
+    /// Compute the smallest eigenpairs of the Laplace–Beltrami operator, in the file's unit
+    Basis {
+        /// Legacy VTK file (.vtk)
+        file: PathBuf,
+        /// Unit of the file's coordinates: mm, cm, um or m
+        #[arg(long, default_value = "mm")]
+        units: Units,
+        /// Number of modes
+        #[arg(long, default_value_t = 32)]
+        modes: usize,
+        /// File to write (.npz): eigenvalues (K), eigenfunctions (vertices of the largest piece, K)
+        #[arg(long)]
+        out: PathBuf,
+    },
+    /// Choose measurement sites spread over the surface, away from its openings
+    Sites {
+        /// Legacy VTK file (.vtk)
+        file: PathBuf,
+        /// Unit of the file's coordinates: mm, cm, um or m
+        #[arg(long, default_value = "mm")]
+        units: Units,
+        /// Number of sites
+        #[arg(long, short, default_value_t = 10)]
+        n: usize,
+        /// Distance that sites keep from openings, mm
+        #[arg(long, default_value_t = 6.0)]
+        exclude: f64,
+        /// The paper's rule instead: the best of 100,000 random designs
+        #[arg(long)]
+        random: bool,
+        /// Seed of the design
+        #[arg(long, default_value_t = 1)]
+        seed: u64,
+    },
     /// Make the procedural left atrium
     Atrium {
         /// Length of the edges, mm
@@ -72,6 +107,21 @@ impl Command {
                 }
                 write_surface(&output, &mesh::repair(&input, units, tolerance)?, Encoding::Binary)
             }
+            Self::Basis { file, units, modes, out } => {
+                let surface = mesh::read(&file, units)?;
+                print_notes(&surface);
+                let basis = eigenpairs(&surface.mesh, modes)?.in_unit_of(1.0 / units.in_mm());
+                basis.write_npz(&out)?;
+                eprintln!("wrote {} ({modes} modes, lengths in {units})", out.display());
+                Ok(())
+            }
+            Self::Sites { file, units, n, exclude, random, seed } => {
+                let surface = mesh::read(&file, units)?;
+                print_notes(&surface);
+                let choose = if random { random_maximin } else { maximin };
+                let sites = choose(&surface.mesh, n, exclude, seed)?;
+                print_sites(&surface, &sites, units)
+            }
             Self::Atrium { edge, out } => atrium(edge, &out),
         }
     }
@@ -98,6 +148,18 @@ fn info(surface: &Surface) -> Result<(), Failure> {
     row("openings", format!("{} (edges: {})", loops.len(), or_none(&loops.join(", "))))?;
     row("point data", or_none(&arrays.join(", ")).into())?;
     print_notes(surface);
+    Ok(())
+}
+
+/// Sites as the first columns of a table of measurements: vertex and x, y, z as in the file.
+fn print_sites(surface: &Surface, sites: &[u32], units: Units) -> Result<(), Failure> {
+    let mut out = io::stdout().lock();
+    writeln!(out, "site,vertex,x,y,z")?;
+    for (site, &vertex) in sites.iter().enumerate() {
+        let [x, y, z] = surface.mesh.vertices()[vertex as usize].map(|x| x / units.in_mm());
+        let source = surface.source_vertex[vertex as usize];
+        writeln!(out, "{site},{source},{x},{y},{z}")?;
+    }
     Ok(())
 }
 

@@ -3,12 +3,14 @@
 use std::collections::BTreeMap;
 use std::fmt::Write as _;
 use std::fs;
+use std::io::Write as _;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
 use serde_json::{Map, Value, json};
 
 use super::inputs::Inputs;
+use crate::atomic::write_file;
 use crate::diagnostics::e_bfmi;
 use crate::dsl::{Maps, Model, equations};
 use crate::error::Failure;
@@ -100,7 +102,9 @@ impl Finished<'_> {
         }
         if !self.inputs.truth.is_empty() {
             let text = self.inputs.measurements.to_csv();
-            report::write_text(&out.file("measurements.csv"), &text)?;
+            let path = out.file("measurements.csv");
+            write_file(&path, |file| file.write_all(text.as_bytes()))
+                .map_err(|error| Failure::io("write", &path, &error))?;
             files.push("measurements.csv");
         }
         let record = self.record(&posterior, maps.as_ref());

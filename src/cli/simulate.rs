@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 use clap::{Args, Subcommand};
 use indicatif::{ProgressBar, ProgressStyle};
 
-use crate::ep::table::{NewFile, OutcomeRow, read_parameters};
+use crate::ep::table::{OutcomeRow, finish_rows, new_file, read_parameters};
 use crate::ep::{Parameters, Protocol, simulate_strips};
 use crate::error::Failure;
 
@@ -45,7 +45,7 @@ impl Command {
 /// Runs the default protocol for each row of `params` and writes the outcomes to `out`.
 pub(super) fn simulate_table(params: &Path, out: &Path) -> Result<(), Failure> {
     let parameters = read_parameters(params)?;
-    let file = NewFile::create(out)?;
+    let file = new_file(out)?;
     let tissues: Vec<_> = parameters.iter().copied().map(Parameters::tissue).collect();
     let bar = ProgressBar::new(tissues.len() as u64)
         .with_style(ProgressStyle::with_template("{bar:30} {pos}/{len} strips, {eta} left")?);
@@ -58,7 +58,7 @@ pub(super) fn simulate_table(params: &Path, out: &Path) -> Result<(), Failure> {
         .enumerate()
         .map(|(i, (parameters, outcome))| OutcomeRow::new(i, *parameters, outcome))
         .collect();
-    file.finish_rows(&rows)?;
+    finish_rows(file, &rows)?;
     let absent = rows.iter().filter(|row| row.erp_s3_ms.is_none()).count();
     eprintln!("{} strips, {absent} without ERP_S3, written to {}", rows.len(), out.display());
     Ok(())

@@ -7,7 +7,7 @@ use std::path::PathBuf;
 use clap::{Args, Subcommand};
 
 use super::simulate::simulate_table;
-use crate::ep::table::{NewFile, ParameterRow, read_rows};
+use crate::ep::table::{ParameterRow, finish_rows, new_file, read_rows, write_text};
 use crate::error::Failure;
 use crate::surrogate::{CubicFit, DEFAULT_FILTER, ErpRow, design_points, fit_erp};
 
@@ -80,7 +80,7 @@ impl Command {
 fn design(args: &DesignArgs) -> Result<(), Failure> {
     let points = design_points(args.n as usize, args.seed);
     let rows: Vec<ParameterRow> = points.into_iter().map(ParameterRow::from).collect();
-    NewFile::create(&args.out)?.finish_rows(&rows)?;
+    finish_rows(new_file(&args.out)?, &rows)?;
     eprintln!("{} parameter sets written to {}", rows.len(), args.out.display());
     Ok(())
 }
@@ -91,7 +91,7 @@ fn fit(args: &FitArgs) -> Result<(), Failure> {
     let fit = fit_erp(&rows, &(args.erp_above..args.erp_up_to))?;
     let is_rust = args.out.extension().is_some_and(|ending| ending == "rs");
     let text = if is_rust { fit.to_rust() } else { fit.to_csv() };
-    NewFile::create(&args.out)?.finish(text.as_bytes())?;
+    write_text(&args.out, &text)?;
     eprintln!("of {} rows:", rows.len());
     report("ERP_S2", &fit.erp_s2);
     report("ERP_S3", &fit.erp_s3);

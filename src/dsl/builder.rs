@@ -13,7 +13,7 @@ use super::parameter::{ParameterOp, PriorFn};
 use super::rows::{Columns, Place, RowFn, Rows};
 use super::scalar::{Scalar, ScalarAt, ScalarFn};
 use super::scope::{Local, Scope};
-use super::units::Decl;
+use super::units::{Decl, check_units, require, unit_of};
 use crate::dist::Dist;
 use crate::likelihood::Observation;
 use crate::manifold::Basis;
@@ -392,6 +392,11 @@ impl<'a> Builder<'a> {
         columns: &[&'static str],
         scope: &Scope,
     ) -> Result<(), ModelError> {
+        for target in on {
+            if let Some(unit) = unit_of(&self.model, target) {
+                require(&format!("effect {} on {target}", decl.name), &unit, &decl.unit())?;
+            }
+        }
         self.param::<F, N, W>(f, decl, Len::Many(columns.len()), scope)?;
         if let Some(statement) = self.model.statements.last_mut() {
             statement.keyword = "effect";
@@ -596,6 +601,7 @@ impl<'a> Builder<'a> {
                 });
             }
         }
+        check_units(&self.model)?;
         self.model.layout = [self.n_u, self.n_v, self.n_work];
         if let Some(data) = self.data {
             self.model.check(data)?;

@@ -17,11 +17,11 @@
 #[macro_export]
 macro_rules! model {
     ($(#[doc = $doc:literal])* model $M:ident; $($rest:tt)*) => {
-        $(#[doc = $doc])* #[derive(Clone, Copy, Debug)] pub struct $M;
+        $(#[doc = $doc])* #[derive(Clone, Copy, Debug)] #[allow(unreachable_pub, missing_docs)] pub struct $M;
         impl $crate::dsl::Declare for $M {
             fn name(&self) -> &'static str { stringify!($M) }
             fn doc(&self) -> &'static str { concat!($($doc, "\n"),*) }
-            #[allow(unused, non_snake_case, clippy::all, clippy::pedantic)]
+            #[allow(unused, unreachable_pub, non_snake_case, clippy::all, clippy::pedantic)]
             fn declare(&self, b: &mut $crate::dsl::expansion::Builder<'_>) -> Result<(), $crate::dsl::ModelError> {
                 $crate::statement!{ b [] [] [] [] [] [] $($rest)* }
                 Ok(())

@@ -3,16 +3,16 @@
 //! Columns are found by name, in any order; unknown ones are ignored.  An absent value is an empty
 //! cell.  Files are written under a temporary name and renamed, so a file that exists is whole.
 
-use std::io::{ErrorKind, Write as _};
+use std::io::Write as _;
 use std::path::{Path, PathBuf};
 
 use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
-use tempfile::NamedTempFile;
 use thiserror::Error;
 
 use super::cell::{OutOfRange, Parameters};
 use super::strip::StripOutcome;
+use crate::atomic::{NewFile, write_file};
 
 /// A table that cannot be read or written.
 #[derive(Debug, Error)]
@@ -240,57 +240,37 @@ fn row_error(path: &Path, header: Option<&csv::StringRecord>, error: &csv::Error
     TableError::Row { path: path.to_owned(), line, column, problem }
 }
 
-/// A file that appears under its name only when it is whole.
-#[derive(Debug)]
-pub struct NewFile {
-    path: PathBuf,
-    temporary: NamedTempFile,
+/// Makes the file `path` that is yet to be filled: see [`NewFile::create`].
+///
+/// # Errors
+/// [`TableError::Io`].
+pub fn new_file(path: &Path) -> Result<NewFile, TableError> {
+    NewFile::create(path).map_err(failure(path))
 }
 
-impl NewFile {
-    /// Makes the temporary file beside `path`; called before long work, it finds out early that
-    /// the folder cannot be written.
-    ///
-    /// # Errors
-    /// A folder that is missing or cannot be written; a `path` that is itself a folder.
-    pub fn create(path: &Path) -> Result<Self, TableError> {
-        let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty());
-        let fail = |source| TableError::Io { action: "write", path: path.to_owned(), source };
-        if path.is_dir() {
-            return Err(fail(ErrorKind::IsADirectory.into()));
-        }
-        let temporary = NamedTempFile::new_in(folder.unwrap_or(Path::new(".")));
-        Ok(Self { path: path.to_owned(), temporary: temporary.map_err(fail)? })
-    }
+/// Writes `rows` as CSV and gives the file its name.
+///
+/// # Errors
+/// [`TableError::Io`].
+pub fn finish_rows<R: Serialize>(mut file: NewFile, rows: &[R]) -> Result<(), TableError> {
+    let path = file.path().to_owned();
+    let mut writer = csv::Writer::from_writer(file.file());
+    let written = rows.iter().try_for_each(|row| writer.serialize(row));
+    written.map_err(std::io::Error::from).and_then(|()| writer.flush()).map_err(failure(&path))?;
+    drop(writer);
+    file.finish().map_err(failure(&path))
+}
 
-    /// Writes `rows` as CSV and gives the file its name.
-    ///
-    /// # Errors
-    /// A full disk.
-    pub fn finish_rows<R: Serialize>(self, rows: &[R]) -> Result<(), TableError> {
-        let mut text = Vec::new();
-        let mut writer = csv::Writer::from_writer(&mut text);
-        let written = rows.iter().try_for_each(|row| writer.serialize(row));
-        written.and_then(|()| Ok(writer.flush()?)).map_err(|e| self.failure(e.into()))?;
-        drop(writer);
-        self.finish(&text)
-    }
+/// Writes `text` to `path`.
+///
+/// # Errors
+/// [`TableError::Io`].
+pub fn write_text(path: &Path, text: &str) -> Result<(), TableError> {
+    write_file(path, |file| file.write_all(text.as_bytes())).map_err(failure(path))
+}
 
-    /// Writes `bytes` and gives the file its name.
-    ///
-    /// # Errors
-    /// A full disk.
-    pub fn finish(mut self, bytes: &[u8]) -> Result<(), TableError> {
-        self.temporary.write_all(bytes).map_err(|e| self.failure(e))?;
-        let Self { path, temporary } = self;
-        let fail = |source| TableError::Io { action: "write", path: path.clone(), source };
-        temporary.persist(&path).map_err(|e| fail(e.error))?;
-        Ok(())
-    }
-
-    fn failure(&self, source: std::io::Error) -> TableError {
-        TableError::Io { action: "write", path: self.path.clone(), source }
-    }
+fn failure(path: &Path) -> impl Fn(std::io::Error) -> TableError {
+    move |source| TableError::Io { action: "write", path: path.to_owned(), source }
 }
 
 #[cfg(test)]
@@ -301,7 +281,7 @@ mod tests {
     const HEADER: &str = "tau_in_ms,cv_max_m_per_s,tau_out_ms,tau_open_ms,apd_max_ms\n";
 
     fn read(text: &str) -> Result<Vec<Parameters>, String> {
-        let mut file = NamedTempFile::new().unwrap();
+        let mut file = tempfile::NamedTempFile::new().unwrap();
         file.write_all(text.as_bytes()).unwrap();
         let in_file =
             |e: TableError| e.to_string().replace(&file.path().display().to_string(), "FILE");
@@ -344,8 +324,8 @@ mod tests {
         };
         let parameters = Parameters::from_array([0.7, 0.05, 10.0, 120.0, 200.0]);
         let row = OutcomeRow::new(3, parameters, &outcome);
-        let file = NamedTempFile::new().unwrap();
-        NewFile::create(file.path()).unwrap().finish_rows(&[row]).unwrap();
+        let file = tempfile::NamedTempFile::new().unwrap();
+        finish_rows(new_file(file.path()).unwrap(), &[row]).unwrap();
         let text = std::fs::read_to_string(file.path()).unwrap();
         assert!(
             text.contains("0.71235,201.25,310,,,,,the conditioning stimulus did not"),

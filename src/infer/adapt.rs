@@ -252,6 +252,17 @@ mod tests {
     }
 
     #[test]
+    fn initial_step_size_stays_on_this_side_of_an_undefined_region() {
+        // Flat, so that every step inside is accepted, and NaN beyond.
+        let f = |q: &[f64], g: &mut [f64]| {
+            g[0] = 0.0;
+            if q[0].abs() > 100.0 { f64::NAN } else { 0.0 }
+        };
+        let step_size = initial_step_size(&mut nuts(&FnDensity { dim: 1, f })).unwrap();
+        assert!(step_size < 1e5, "{step_size}");
+    }
+
+    #[test]
     fn conditional_scales_are_exact_for_a_normal_and_fall_back_on_flat_ground() {
         let density = normal(vec![0.01, 1.0, 30.0]);
         let scales = conditional_scales(&mut *density.evaluator(), &[0.02, -3.0, 5.0], 1.0);

@@ -113,15 +113,16 @@ impl<'a> Nuts<'a> {
         &if badness(forward) > badness(backward) { forward } else { backward }.position
     }
 
-    /// min(1, exp(−energy error)) of a single leapfrog step with fresh momentum.
+    /// min(1, exp(−energy error)) of a single leapfrog step with fresh momentum; 0 for NaN.
     pub(super) fn trial_acceptance(&mut self, step_size: f64) -> f64 {
         self.flow.hamiltonian.refresh_force(&mut self.point);
         self.refresh_momentum();
         let [trial, _] = &mut self.edges;
         trial.copy_from(&self.point);
         self.flow.hamiltonian.leapfrog(trial, step_size);
-        let accept = (self.point.energy() - trial.energy()).exp().min(1.0);
-        if accept.is_nan() { 0.0 } else { accept }
+        let ratio = (self.point.energy() - trial.energy()).exp();
+        // f64::min would turn NaN, a trial beyond the support, into 1.
+        if ratio.is_nan() { 0.0 } else { ratio.min(1.0) }
     }
 }
 

@@ -1,7 +1,7 @@
 //! Starting points: near an optimum, spread on the scale of the posterior.
 
 use super::adapt::conditional_scales;
-use super::optimise::{OptimumSettings, maximise};
+use super::optimise::{Optimum, OptimumSettings, maximise};
 use super::{Evaluator, InferError, LogDensity};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
@@ -16,7 +16,9 @@ const LARGEST_SCALE: f64 = 1.0;
 /// set's level, dim/2 below the mode, and the joint mode of a hierarchical model, a corner far
 /// from the mass, is not approached.  The jitter has each coordinate's conditional standard
 /// deviation (at most 1), which on a normal lowers the log density by dim/2 on average however
-/// correlated it is: where its draws lie.
+/// correlated it is: where its draws lie.  Where the density falls off faster than its curvature
+/// tells (a bracket is flat inside and steep outside) the jitter shrinks until it loses less than
+/// dim + 10 nats.
 ///
 /// # Errors
 /// Those of [`maximise`] at `initial`; [`InferError::NoStart`] if no jittered point has support.
@@ -28,19 +30,19 @@ pub fn jittered_starts(
 ) -> Result<Vec<Vec<f64>>, InferError> {
     let least_gain = 0.01 * density.dim() as f64;
     let settings = OptimumSettings { max_iterations: 200, least_gain, ..Default::default() };
-    let optimum = maximise(density, initial, &settings)?.position;
+    let optimum = maximise(density, initial, &settings)?;
     let mut evaluator = density.evaluator();
-    let mut scales = conditional_scales(&mut *evaluator, &optimum, LARGEST_SCALE);
+    let mut scales = conditional_scales(&mut *evaluator, &optimum.position, LARGEST_SCALE);
     for scale in &mut scales {
         *scale = scale.min(LARGEST_SCALE);
     }
     (0..chains).map(|chain| jitter(&mut *evaluator, &optimum, &scales, chain, seed)).collect()
 }
 
-/// The first supported point among ever smaller jitters.
+/// The first point near enough to the optimum in log density, among ever smaller jitters.
 fn jitter(
     evaluator: &mut dyn Evaluator,
-    optimum: &[f64],
+    optimum: &Optimum,
     scales: &[f64],
     chain: usize,
     seed: u64,
@@ -49,16 +51,18 @@ fn jitter(
     let mut rng = ChaCha8Rng::seed_from_u64(seed);
     // Counted from the top, so that no chain samples with the stream of its start.
     rng.set_stream(u64::MAX - chain as u64);
-    let mut gradient = vec![0.0; optimum.len()];
+    let mut gradient = vec![0.0; optimum.position.len()];
+    let floor = optimum.ln_density - optimum.position.len() as f64 - 10.0;
     for attempt in 0..TRIES {
-        let shrink = 0.5f64.powf(attempt as f64 / 10.0);
+        let shrink = 0.5f64.powf(attempt as f64 / 5.0);
         let start: Vec<f64> = optimum
+            .position
             .iter()
             .zip(scales)
             .map(|(q, scale)| q + shrink * scale * rng.sample::<f64, _>(StandardNormal))
             .collect();
         let ln_density = evaluator.ln_density(&start, &mut gradient);
-        if ln_density.is_finite() && gradient.iter().all(|g| g.is_finite()) {
+        if ln_density.is_finite() && ln_density > floor && gradient.iter().all(|g| g.is_finite()) {
             return Ok(start);
         }
     }

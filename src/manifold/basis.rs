@@ -49,13 +49,21 @@ impl Basis {
         })
     }
 
+    /// The same eigenpairs in another unit of length, of which the present one is `factor`.
+    #[must_use]
+    pub fn in_unit_of(mut self, factor: f64) -> Self {
+        self.eigenvalues.iter_mut().for_each(|lambda| *lambda /= factor * factor);
+        self.eigenfunctions.iter_mut().for_each(|phi| *phi /= factor);
+        self
+    }
+
     /// Checks a basis from elsewhere against the mesh it is said to belong to.
     ///
     /// Every mode must have `φᵀ M φ = 1` within a tenth (room for another mass matrix); a basis in
     /// other units of length is off by a factor of at least 100.
     ///
     /// # Errors
-    /// [`ManifoldError::BasisMismatch`], or [`ManifoldError::DegenerateTriangle`] from the mass.
+    /// [`ManifoldError::BasisMismatch`].
     pub fn require_fit(&self, mesh: &TriMesh) -> Result<(), ManifoldError> {
         let mismatch = |expected, got| Err(ManifoldError::BasisMismatch { expected, got });
         if self.n_vertices() != mesh.n_vertices() {
@@ -64,7 +72,7 @@ impl Basis {
                 format!("{}", self.n_vertices()),
             );
         }
-        let mass = Laplacian::new(mesh)?.mass;
+        let mass = Laplacian::new(mesh).mass;
         for mode in 0..self.n_modes() {
             let norm: f64 =
                 mass.iter().enumerate().map(|(v, m)| m * self.at(v)[mode].powi(2)).sum();

@@ -71,10 +71,10 @@ impl Geodesic {
     /// Factorises the two operators of the surface.
     ///
     /// # Errors
-    /// [`ManifoldError::Disconnected`], [`ManifoldError::DegenerateTriangle`] and factorisation failures.
+    /// [`ManifoldError::Disconnected`] and factorisation failures.
     pub fn new(mesh: &TriMesh) -> Result<Self, ManifoldError> {
         require_connected(mesh)?;
-        let laplacian = Laplacian::new(mesh)?;
+        let laplacian = Laplacian::new(mesh);
         Ok(Self {
             heat: Cholesky::new(&laplacian, diffusion_length(mesh).powi(-2))?,
             poisson: Cholesky::new(&laplacian, POISSON_SHIFT / laplacian.area())?,

@@ -62,18 +62,6 @@ pub enum ManifoldError {
         n_vertices: usize,
     },
 
-    /// A triangle without area has no angles, so no operator.
-    #[error(
-        "triangle {triangle} (vertices {vertices:?}) has no area\n\
-         help: remove degenerate triangles: eplat mesh repair"
-    )]
-    DegenerateTriangle {
-        /// Index of the triangle.
-        triangle: usize,
-        /// Its vertices.
-        vertices: [u32; 3],
-    },
-
     /// The factorisation met a pivot that is not positive.
     #[error(
         "the surface operator could not be factorised (pivot {pivot} is not positive)\n\

@@ -3,13 +3,13 @@
 //! Knows nothing of meshes.
 
 use super::{Basis, ManifoldError};
+use crate::atomic::write_file;
 use npyz::npz::{NpzArchive, NpzWriter, file_name_from_array_name};
 use npyz::zip::{CompressionMethod, write::FileOptions};
 use npyz::{DType, NpyFile, Order, TypeChar, WriterBuilder};
 use std::fs::File;
-use std::io::{self, BufReader, BufWriter, Read, Seek, Write};
+use std::io::{self, BufReader, Read, Seek, Write};
 use std::path::Path;
-use tempfile::NamedTempFile;
 
 impl Basis {
     /// Reads `eigenvalues (K)` and `eigenfunctions (n_vertices, K)`: float64 or float32, C or Fortran
@@ -52,11 +52,7 @@ impl Basis {
     }
 
     fn try_write(&self, path: &Path) -> io::Result<()> {
-        let folder = path.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
-        let mut file = NamedTempFile::new_in(folder)?;
-        self.write_arrays(BufWriter::new(file.as_file_mut()))?;
-        file.persist(path)?;
-        Ok(())
+        write_file(path, |file| self.write_arrays(file))
     }
 
     fn write_arrays(&self, writer: impl Write + Seek) -> io::Result<()> {

@@ -2,8 +2,8 @@
 
 use std::path::Path;
 
-use super::atomic::write_file;
 use super::{Group, ReportError, Values, Variable};
+use crate::atomic::write_file;
 
 /// Writes the `posterior` group as a table with the columns `chain`, `draw` and one per scalar.
 ///
@@ -27,6 +27,7 @@ pub fn write_draws(path: &Path, posterior: &Group) -> Result<(), ReportError> {
         }
         table.flush()
     })
+    .map_err(ReportError::write(path))
 }
 
 fn n_chains_and_draws(variables: &[&Variable]) -> Result<(usize, usize), ReportError> {

@@ -9,10 +9,10 @@ use std::fmt::Write as _;
 use std::io::Write as _;
 use std::path::Path;
 
-use super::atomic::write_file;
 use super::svg::{rank_plot, trace_plot};
 use super::table::{HEAVY_TAIL, Line, TITLES, lines};
 use super::{Group, ReportError, Row, RunRecord, Values, verdict};
+use crate::atomic::write_file;
 use crate::mesh::TriMesh;
 
 const PAGE: &str = include_str!("page.html");
@@ -85,7 +85,7 @@ pub fn write_html(path: &Path, page: &Page<'_>) -> Result<(), ReportError> {
         ("scripts", scripts),
     ];
     let html = fill(PAGE, &slots);
-    write_file(path, |file| file.write_all(html.as_bytes()))
+    write_file(path, |file| file.write_all(html.as_bytes())).map_err(ReportError::write(path))
 }
 
 /// Replaces each `{{name}}` of the template once; what a slot holds is not searched again.

@@ -3,7 +3,6 @@
 //! Knows arrays of draws, summaries, a mesh and a record of the run; nothing of the simulator.
 //! Every file and folder appears whole or not at all.
 
-mod atomic;
 mod dataset;
 mod draws;
 mod error;
@@ -18,7 +17,6 @@ mod table;
 mod verdict;
 mod zarr;
 
-pub use atomic::write_text;
 pub use dataset::{Group, Values, Variable};
 pub use draws::write_draws;
 pub use error::ReportError;

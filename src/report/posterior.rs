@@ -12,6 +12,10 @@ use crate::infer::Chain;
 /// First random stream for what is drawn after sampling; chains own the streams from 0 on.
 const STREAM: u64 = 1 << 32;
 
+/// All measurements together, and their dimension.
+const POOLED: &str = "measurements";
+const POOLED_DIM: &str = "measurement";
+
 /// Everything the draws of a model say, in the groups that `ArviZ` knows.
 #[derive(Clone, Debug)]
 pub struct Posterior {
@@ -19,11 +23,12 @@ pub struct Posterior {
     pub posterior: Group,
     /// What the sampler did at each draw (chain, draw).
     pub sample_stats: Group,
-    /// Log likelihood of each measurement (chain, draw, row).
+    /// Log likelihood of each measurement (chain, draw, measurement), of all `observe`s together: one
+    /// array, so that `az.loo(run)` needs no name.
     pub log_likelihood: Group,
     /// A replicate of each measurement (chain, draw, row); of a bracket, its lower end.
     pub posterior_predictive: Group,
-    /// The measurements (row); of a bracket, its lower end.
+    /// The measurements (row), and all of them together; of a bracket, its lower end.
     pub observed_data: Group,
     /// All numbers of the measurements, and where they were made.
     pub constant_data: Group,
@@ -50,16 +55,12 @@ impl Posterior {
         let shape = [chains.len(), chains.first().map_or(0, Chain::n_draws)];
         let posterior = parameters(model, &drawn, shape);
         let rows = rows(model, &posterior, shape);
-        let by_row = |name: &str, part: fn(&Drawn) -> &[f64]| Group {
-            name: name.into(),
-            variables: per_measurement(model, &drawn, shape, part),
-        };
         Self {
             posterior,
             rows,
             sample_stats: sample_stats(chains, shape),
-            log_likelihood: by_row("log_likelihood", |d| &d.log_likelihood),
-            posterior_predictive: by_row("posterior_predictive", |d| &d.predicted),
+            log_likelihood: log_likelihood(model, data, &drawn, shape),
+            posterior_predictive: predictive(model, &drawn, shape),
             observed_data: observed(model),
             constant_data: constant(model, data),
         }
@@ -144,23 +145,43 @@ fn rows(model: &Model, posterior: &Group, [chains, draws]: [usize; 2]) -> Vec<Ro
     jobs.par_iter().map(row).collect()
 }
 
-fn per_measurement(
+fn log_likelihood(
     model: &Model,
+    data: &Measurements,
     drawn: &[Drawn],
     [chains, draws]: [usize; 2],
-    part: fn(&Drawn) -> &[f64],
-) -> Vec<Variable> {
+) -> Group {
+    let places: Vec<String> = model
+        .observes
+        .iter()
+        .flat_map(|o| o.rows.iter().map(|row| format!("{} {}", o.name, data.place(*row))))
+        .collect();
+    let n = places.len();
+    if n == 0 {
+        return Group { name: "log_likelihood".into(), variables: vec![] };
+    }
+    let values = columns(drawn, |d| &d.log_likelihood, n, 0, n);
+    let dims = [("chain", chains), ("draw", draws), (POOLED_DIM, n)];
+    let variables = vec![
+        Variable::new(POOLED, "", &dims, values),
+        Variable::new(POOLED_DIM, "", &[(POOLED_DIM, n)], places),
+    ];
+    Group { name: "log_likelihood".into(), variables }
+}
+
+fn predictive(model: &Model, drawn: &[Drawn], [chains, draws]: [usize; 2]) -> Group {
     let width = model.observes.iter().map(|o| o.rows.len()).sum();
     let mut from = 0;
     let variable = |observe: &Observe| {
         let n = observe.rows.len();
-        let values = columns(drawn, part, width, from, n);
+        let values = columns(drawn, |d| &d.predicted, width, from, n);
         from += n;
         let dim = row_dimension(observe);
         let dims = [("chain", chains), ("draw", draws), (dim.as_str(), n)];
         Variable::new(observe.name, &observe.unit, &dims, values)
     };
-    model.observes.iter().map(variable).collect()
+    let variables = model.observes.iter().map(variable).collect();
+    Group { name: "posterior_predictive".into(), variables }
 }
 
 fn row_dimension(observe: &Observe) -> String {
@@ -195,7 +216,13 @@ fn observed(model: &Model) -> Group {
         let values: Vec<f64> = observe.observed().iter().map(|cells| cells[0]).collect();
         Variable::new(observe.name, &observe.unit, &[(dim.as_str(), values.len())], values)
     };
-    Group { name: "observed_data".into(), variables: model.observes.iter().map(variable).collect() }
+    let mut variables: Vec<Variable> = model.observes.iter().map(variable).collect();
+    let all: Vec<f64> =
+        model.observes.iter().flat_map(Observe::observed).map(|cells| cells[0]).collect();
+    if !all.is_empty() {
+        variables.push(Variable::new(POOLED, "", &[(POOLED_DIM, all.len())], all));
+    }
+    Group { name: "observed_data".into(), variables }
 }
 
 fn constant(model: &Model, data: &Measurements) -> Group {

@@ -7,7 +7,7 @@ use std::io::Write as _;
 use std::path::Path;
 
 use super::ReportError;
-use super::atomic::write_file;
+use crate::atomic::write_file;
 
 /// Everything needed to repeat a run and to judge it at a glance.
 ///
@@ -95,6 +95,7 @@ impl RunRecord {
             serde_json::to_writer_pretty(&mut *file, self)?;
             writeln!(file)
         })
+        .map_err(ReportError::write(path))
     }
 
     /// Reads what [`RunRecord::write`] wrote.

@@ -6,7 +6,7 @@ use std::io::Write as _;
 use std::path::Path;
 
 use super::ReportError;
-use super::atomic::write_file;
+use crate::atomic::write_file;
 use crate::diagnostics::Summary;
 
 /// The posterior summary of one scalar quantity, with its name and unit.
@@ -46,6 +46,7 @@ pub fn write_summary_csv(path: &Path, rows: &[Row]) -> Result<(), ReportError> {
         }
         table.flush()
     })
+    .map_err(ReportError::write(path))
 }
 
 /// Writes the rows as an object by name; a number that is not finite is null.
@@ -60,7 +61,7 @@ pub fn write_summary_json(path: &Path, rows: &[Row]) -> Result<(), ReportError> 
         (row.name.clone(), Value::Object(entry))
     });
     let quantities = Value::Object(quantities.collect());
-    write_file(path, |file| writeln!(file, "{quantities:#}"))
+    write_file(path, |file| writeln!(file, "{quantities:#}")).map_err(ReportError::write(path))
 }
 
 /// Reads what [`write_summary_json`] wrote, in the same order; null becomes NaN.

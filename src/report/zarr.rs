@@ -14,8 +14,8 @@ use std::fs;
 use std::io::{self, Write as _};
 use std::path::Path;
 
-use super::atomic::write_folder;
 use super::{Group, ReportError, Values, Variable};
+use crate::atomic::write_folder;
 
 /// Metadata of every group and array by its path below the root, in the order written.
 type Nodes = Map<String, Value>;
@@ -49,6 +49,7 @@ pub fn write_zarr(
             json!({ "kind": "inline", "must_understand": false, "metadata": nodes });
         write_metadata(root, &metadata)
     })
+    .map_err(ReportError::write(path))
 }
 
 fn check_group(group: &Group) -> Result<(), ReportError> {

@@ -3,10 +3,11 @@
 //! A file appears under its name only when it is whole.
 
 use super::super::{MeshError, TriMesh};
+use crate::atomic::write_file;
 use base64::Engine;
 use base64::engine::general_purpose::STANDARD;
 use std::fmt::Write as _;
-use std::io::{self, Write as _};
+use std::io::Write as _;
 use std::path::Path;
 
 /// How a legacy VTK file holds its numbers.
@@ -173,18 +174,8 @@ fn check_lengths(mesh: &TriMesh, point_data: &[(&str, &[f64])]) -> Result<(), Me
 
 /// Writes under a temporary name in the same folder and renames.
 fn write_whole(path: &Path, bytes: &[u8]) -> Result<(), MeshError> {
-    // The error's own text would name the temporary file.
-    let failed =
-        |error: io::Error| MeshError::Write { path: path.into(), source: error.kind().into() };
-    let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty());
-    let mut builder = tempfile::Builder::new();
-    // A temporary file is private; the one it becomes gets the permissions of any new file.
-    #[cfg(unix)]
-    builder.permissions(std::os::unix::fs::PermissionsExt::from_mode(0o666));
-    let mut file = builder.tempfile_in(folder.unwrap_or(Path::new("."))).map_err(failed)?;
-    file.write_all(bytes).map_err(failed)?;
-    file.persist(path).map_err(|error| failed(error.error))?;
-    Ok(())
+    write_file(path, |file| file.write_all(bytes))
+        .map_err(|source| MeshError::Write { path: path.into(), source })
 }
 
 #[cfg(test)]

@@ -1,0 +1,153 @@
+//! Files and folders that appear whole or not at all: written under a temporary name beside their
+//! final place, then renamed.
+//!
+//! Knows nothing of what is in them.
+
+use std::fs::{self, File};
+use std::io::{self, BufWriter, Write};
+use std::path::{Path, PathBuf};
+
+use tempfile::NamedTempFile;
+
+/// A file that gets its name only when it is whole; dropped before that, it leaves no trace.
+#[derive(Debug)]
+pub struct NewFile {
+    path: PathBuf,
+    temporary: NamedTempFile,
+}
+
+impl NewFile {
+    /// Makes the temporary file beside `path`; called before long work, it finds out early that the
+    /// folder cannot be written.
+    ///
+    /// # Errors
+    /// A folder that is missing or cannot be written; a `path` that is itself a folder.
+    pub fn create(path: &Path) -> io::Result<Self> {
+        if path.is_dir() {
+            return Err(io::ErrorKind::IsADirectory.into());
+        }
+        let mut builder = tempfile::Builder::new();
+        // A temporary file is private; the one it becomes gets the permissions of any new file.
+        #[cfg(unix)]
+        builder.permissions(std::os::unix::fs::PermissionsExt::from_mode(0o666));
+        // The error's own text would name the temporary file.
+        let temporary = builder.tempfile_in(folder_of(path)).map_err(|e| plain(&e))?;
+        Ok(Self { path: path.to_owned(), temporary })
+    }
+
+    /// The file to write to.
+    pub fn file(&mut self) -> &mut File {
+        self.temporary.as_file_mut()
+    }
+
+    /// Where it will be.
+    pub fn path(&self) -> &Path {
+        &self.path
+    }
+
+    /// Gives the file its name; one that was there before is replaced.
+    ///
+    /// # Errors
+    /// From the operating system.
+    pub fn finish(self) -> io::Result<()> {
+        self.temporary.persist(&self.path).map_err(|e| plain(&e.error))?;
+        Ok(())
+    }
+}
+
+/// Writes a file by `fill`, under a temporary name that becomes `path` once everything is written.
+///
+/// # Errors
+/// From the operating system or `fill`; then a file that was at `path` before is still there,
+/// untouched.
+pub fn write_file(
+    path: &Path,
+    fill: impl FnOnce(&mut BufWriter<&mut File>) -> io::Result<()>,
+) -> io::Result<()> {
+    let mut new = NewFile::create(path)?;
+    let mut writer = BufWriter::new(new.file());
+    fill(&mut writer)?;
+    writer.flush()?;
+    drop(writer);
+    new.finish()
+}
+
+/// Makes a folder by `fill`, under a temporary name that becomes `path` once everything is written.
+///
+/// A folder that was at `path` is moved aside first, and back if the new one cannot take its place.
+///
+/// # Errors
+/// From the operating system or `fill`; then a folder that was at `path` before is still there.
+pub fn write_folder(path: &Path, fill: impl FnOnce(&Path) -> io::Result<()>) -> io::Result<()> {
+    let workshop = tempfile::Builder::new().prefix(".eplat-").tempdir_in(folder_of(path))?;
+    let (new, old) = (workshop.path().join("new"), workshop.path().join("old"));
+    fs::create_dir(&new)?;
+    fill(&new)?;
+    let replaces = path.exists();
+    if replaces {
+        fs::rename(path, &old)?;
+    }
+    fs::rename(&new, path).inspect_err(|_| {
+        // The first error is the one to report; this move only undoes the one above.
+        let _ = replaces.then(|| fs::rename(&old, path));
+    })
+}
+
+fn folder_of(path: &Path) -> &Path {
+    path.parent().filter(|parent| !parent.as_os_str().is_empty()).unwrap_or(Path::new("."))
+}
+
+fn plain(error: &io::Error) -> io::Error {
+    error.raw_os_error().map_or_else(|| error.kind().into(), io::Error::from_raw_os_error)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn entries(folder: &Path) -> Vec<String> {
+        let names = fs::read_dir(folder).unwrap();
+        names.map(|entry| entry.unwrap().file_name().into_string().unwrap()).collect()
+    }
+
+    #[test]
+    fn a_failed_write_leaves_the_old_file_and_no_debris() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("run.json");
+        write_file(&path, |file| file.write_all(b"old")).unwrap();
+        let failure = write_file(&path, |file| {
+            file.write_all(b"half of the new")?;
+            Err(io::Error::other("disk full"))
+        });
+        assert!(failure.unwrap_err().to_string().contains("disk full"));
+        assert_eq!(fs::read(&path).unwrap(), b"old");
+        assert_eq!(entries(folder.path()), ["run.json"]);
+    }
+
+    #[test]
+    fn a_folder_is_replaced_whole() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("posterior.zarr");
+        let fill = |name: &'static str| move |new: &Path| fs::write(new.join(name), b"");
+        write_folder(&path, fill("first")).unwrap();
+        write_folder(&path, fill("second")).unwrap();
+        assert_eq!(entries(&path), ["second"]);
+        let failure = write_folder(&path, |_| Err(io::Error::other("disk full")));
+        assert!(failure.is_err());
+        assert_eq!(entries(&path), ["second"]);
+        assert_eq!(entries(folder.path()), ["posterior.zarr"]);
+    }
+
+    #[cfg(unix)]
+    #[test]
+    fn others_can_read_what_the_umask_lets_them_read() {
+        use std::os::unix::fs::PermissionsExt as _;
+        let folder = tempfile::tempdir().unwrap();
+        let mode = |path: &Path| fs::metadata(path).unwrap().permissions().mode();
+        let plain = folder.path().join("plain");
+        fs::write(&plain, b"").unwrap();
+        let path = folder.path().join("file");
+        write_file(&path, |_| Ok(())).unwrap();
+        assert_eq!(mode(&path), mode(&plain));
+    }
+}
