@@ -1,4 +1,4 @@
-//! Every example runs and prints what its header promises.
+//! Every example runs and prints what its header promises; the README shows the model that ships.
 
 #![allow(clippy::unwrap_used, clippy::expect_used, reason = "tests")]
 
@@ -24,4 +24,12 @@ fn quickstart_recovers_the_field_it_measured() {
     let (error, spread) = (number_after(&text, "RMSE "), number_after(&text, "sd is "));
     // Twenty brackets of 10 ms leave 3 ms at a site and about twice that between sites.
     assert!(error < 0.3 * spread, "{text}");
+}
+
+#[test]
+fn the_readme_shows_the_shipped_model_in_full() {
+    let readme = include_str!("../README.md");
+    let (_, rest) = readme.split_once("```rust\n").unwrap();
+    let (shown, _) = rest.split_once("```").unwrap();
+    assert_eq!(shown, include_str!("../models/erp.rs"));
 }
