@@ -1,18 +1,20 @@
 //! Compiles a model file that is not in this program, and hands the command line over to the result.
 //!
-//! A generated package in the cache folder has the model file as a module and eplat as its dependency:
-//! from the checkout this program was built in, else from the sources embedded here. What it builds is
-//! eplat again, with this one model in it, so it takes the same command line. The program is kept
-//! under a hash of model and eplat: an unchanged model starts at once.
+//! What is compiled is eplat again, with this one model in it, so it takes the same command line. In
+//! a checkout the model is compiled against the library that lies beside this program: about a second.
+//! An installed program has no library beside it: a generated package then builds one, once, from the
+//! sources embedded here. The result is kept under a hash of model and eplat: an unchanged model
+//! starts at once.
 
 use std::fs;
 use std::path::{Path, PathBuf};
-use std::process::{Command, ExitCode, Stdio};
+use std::process::{Command, ExitCode, Output, Stdio};
 use std::time::Instant;
 
 use include_dir::{Dir, include_dir};
 
 use super::models::ModelFile;
+use crate::atomic::write_folder;
 use crate::cache;
 use crate::error::Failure;
 
@@ -41,7 +43,7 @@ pub(super) fn run_compiled(file: &ModelFile) -> Result<ExitCode, Failure> {
 /// The program with `file`'s model in it, compiled if need be.
 fn compiled(file: &ModelFile) -> Result<PathBuf, Failure> {
     let name = file.model_name()?;
-    let folder = cache::folder().ok_or_else(|| {
+    let cache = cache::folder().ok_or_else(|| {
         Failure::new(
             "no folder to compile the model in\nhelp: set HOME or EPLAT_CACHE to a writable folder",
         )
@@ -49,138 +51,142 @@ fn compiled(file: &ModelFile) -> Result<PathBuf, Failure> {
     let path = fs::canonicalize(&file.path).map_err(|e| Failure::io("find", &file.path, &e))?;
     let place = path.display().to_string();
     let key = cache::key(&[file.source.as_bytes(), place.as_bytes(), identity().as_bytes()]);
-    let program = folder.join("programs").join(&key[..32]);
+    let program = cache.join("programs").join(&key[..32]);
     if program.is_file() {
         return Ok(program);
     }
     eprintln!("compiling {} …", file.path.display());
-    let package = Package {
-        folder: folder.join("packages").join(&cache::key(&[place.as_bytes()])[..16]),
-        eplat: eplat_sources(&folder)?,
-        target: target_folder(&folder),
-    };
-    let built = package.build(&path, name, file)?;
-    keep(&built, &program).map_err(|error| Failure::io("write", &program, &error))?;
+    let package = cache.join("packages").join(&cache::key(&[place.as_bytes()])[..16]);
+    let main = write_main(&package, &path, name).map_err(|e| Failure::io("write", &package, &e))?;
+    let unfinished = tempfile::Builder::new()
+        .tempdir_in(&package)
+        .map_err(|error| Failure::io("write", &package, &error))?;
+    let built = unfinished.path().join("program");
+    let output = match library_beside_this_program() {
+        Some(library) => with_rustc(&main, &built, &library),
+        None => with_cargo(&cache, &package, &built),
+    }
+    .map_err(|error| {
+        Failure::new(format_args!(
+            "cannot compile {}: {error}\nhelp: install Rust, or run a model that ships unedited",
+            file.path.display()
+        ))
+    })?;
+    if !output.status.success() {
+        return Err(does_not_compile(file, &output));
+    }
+    fs::create_dir_all(cache.join("programs"))
+        .and_then(|()| fs::rename(&built, &program))
+        .map_err(|error| Failure::io("write", &program, &error))?;
     Ok(program)
 }
 
 /// What tells this build of eplat from another.
 fn identity() -> String {
-    let modified =
-        std::env::current_exe().and_then(fs::metadata).map(|m| (m.len(), m.modified().ok()));
-    format!("{} {modified:?}", env!("CARGO_PKG_VERSION"))
+    let file = |path: PathBuf| fs::metadata(path).map(|m| (m.len(), m.modified().ok())).ok();
+    let program = std::env::current_exe().ok().and_then(file);
+    let library = library_beside_this_program().and_then(file);
+    format!("{} {program:?} {library:?}", env!("CARGO_PKG_VERSION"))
 }
 
-/// The checkout this program was built in, if it is still there; else the embedded sources, unpacked.
-fn eplat_sources(cache: &Path) -> Result<PathBuf, Failure> {
-    let checkout = Path::new(env!("CARGO_MANIFEST_DIR"));
-    if fs::read_to_string(checkout.join("Cargo.toml")).is_ok_and(|text| text == MANIFEST) {
-        return Ok(checkout.to_owned());
+/// `libeplat.rlib` where this program was built, with its dependencies in `deps`.
+fn library_beside_this_program() -> Option<PathBuf> {
+    let program = std::env::current_exe().ok()?;
+    let folder = program.parent()?;
+    let library = folder.join("libeplat.rlib");
+    (library.is_file() && folder.join("deps").is_dir()).then_some(library)
+}
+
+/// The program around the model: `main.rs`, left alone if it is there already.
+#[allow(clippy::unnecessary_debug_formatting, reason = "escapes as Rust needs it")]
+fn write_main(package: &Path, model: &Path, name: &str) -> std::io::Result<PathBuf> {
+    let text = format!(
+        "#[path = {model:?}]\nmod model;\n\n\
+         fn main() -> std::process::ExitCode {{\n    \
+         eplat::cli::main(&[eplat::cli::Compiled {{ source: include_str!({model:?}), model: &model::{name} }}])\n}}\n"
+    );
+    let main = package.join("src").join("main.rs");
+    fs::create_dir_all(package.join("src"))?;
+    if fs::read_to_string(&main).is_ok_and(|old| old == text) {
+        return Ok(main); // untouched, so that cargo does not see a change
     }
-    let folder = cache.join(format!("eplat-{}", env!("CARGO_PKG_VERSION")));
-    unpack(&folder)
-        .map_err(|error| Failure::io("unpack the sources of eplat into", &folder, &error))?;
-    Ok(folder)
+    fs::write(&main, text)?;
+    Ok(main)
 }
 
+fn with_rustc(main: &Path, built: &Path, library: &Path) -> std::io::Result<Output> {
+    let mut dependencies = std::ffi::OsString::from("dependency=");
+    dependencies.push(library.with_file_name("deps"));
+    let mut eplat = std::ffi::OsString::from("eplat=");
+    eplat.push(library);
+    Command::new("rustc")
+        .args(["--edition", "2024", "-C", "opt-level=3", "--extern"])
+        .arg(eplat)
+        .arg("-L")
+        .arg(dependencies)
+        .arg("-o")
+        .arg(built)
+        .arg(main)
+        .stdin(Stdio::null())
+        .output()
+}
+
+fn with_cargo(cache: &Path, package: &Path, built: &Path) -> std::io::Result<Output> {
+    let eplat = cache.join("eplat").join(&cache::key(&[identity().as_bytes()])[..16]);
+    if !eplat.is_dir() {
+        eprintln!("building the library that models are compiled against: minutes, this once …");
+        fs::create_dir_all(cache.join("eplat"))?;
+        write_folder(&eplat, unpack)?;
+    }
+    let name = format!("model-{}", package.file_name().unwrap_or_default().display());
+    let profile =
+        MANIFEST.split("[profile.release]").nth(1).and_then(|text| text.split("\n\n").next());
+    let manifest = format!(
+        "[package]\nname = \"{name}\"\nversion = \"0.0.0\"\nedition = \"2024\"\n\n\
+         [dependencies]\neplat = {{ path = \"{}\" }}\n\n[workspace]\n\n[profile.release]{}\n",
+        eplat.display(),
+        profile.unwrap_or_default(),
+    );
+    fs::write(package.join("Cargo.toml"), manifest)?;
+    if !package.join("Cargo.lock").exists() {
+        fs::write(package.join("Cargo.lock"), LOCK)?;
+    }
+    let target = cache.join("target");
+    let output = Command::new("cargo")
+        .args(["build", "--release", "--offline", "--quiet", "--manifest-path"])
+        .arg(package.join("Cargo.toml"))
+        .env("CARGO_TARGET_DIR", &target)
+        .stdin(Stdio::null())
+        .output()?;
+    if output.status.success() {
+        fs::copy(target.join("release").join(name), built)?;
+    }
+    Ok(output)
+}
+
+/// The embedded sources as a package, for cargo to build; once, or cargo would see a change.
 fn unpack(folder: &Path) -> std::io::Result<()> {
     for (name, dir) in [("src", &SOURCES), ("assets", &ASSETS), ("models", &MODELS)] {
         fs::create_dir_all(folder.join(name))?;
         dir.extract(folder.join(name))?;
     }
+    fs::write(folder.join("README.md"), "")?;
     fs::write(folder.join("Cargo.toml"), MANIFEST)?;
     fs::write(folder.join("Cargo.lock"), LOCK)
 }
 
-/// Where cargo keeps what it builds: shared with the checkout's own builds where this program is one
-/// of them, so that no dependency is built twice.
-fn target_folder(cache: &Path) -> PathBuf {
-    let exe = std::env::current_exe().ok();
-    let shared = exe
-        .as_deref()
-        .and_then(Path::parent)
-        .filter(|dir| dir.ends_with("release") && Path::new(env!("CARGO_MANIFEST_DIR")).is_dir());
-    match shared.and_then(Path::parent) {
-        Some(target) => target.to_owned(),
-        None => cache.join("target"),
-    }
-}
-
-struct Package {
-    folder: PathBuf,
-    eplat: PathBuf,
-    target: PathBuf,
-}
-
-impl Package {
-    fn build(&self, model: &Path, name: &str, file: &ModelFile) -> Result<PathBuf, Failure> {
-        let package =
-            format!("model-{}", &cache::key(&[model.display().to_string().as_bytes()])[..16]);
-        self.write(&package, model, name).map_err(|e| Failure::io("write", &self.folder, &e))?;
-        let output = Command::new("cargo")
-            .args(["build", "--release", "--offline", "--quiet", "--manifest-path"])
-            .arg(self.folder.join("Cargo.toml"))
-            .env("CARGO_TARGET_DIR", &self.target)
-            .stdin(Stdio::null())
-            .output()
-            .map_err(|error| {
-                Failure::new(format_args!(
-                    "cannot start cargo to compile {}: {error}\nhelp: install Rust, or run a model that ships unedited",
-                    file.path.display()
-                ))
-            })?;
-        if output.status.success() {
-            return Ok(self.target.join("release").join(package));
-        }
-        let text = String::from_utf8_lossy(&output.stderr);
-        let own = |line: &&str| {
-            !line.starts_with("error: could not compile")
-                && !line.starts_with("For more information")
-        };
-        let text = text.lines().filter(own).collect::<Vec<_>>().join("\n");
-        Err(Failure::new(format_args!(
-            "the model file does not compile\n{}\nhelp: mend {} at the places above; `eplat show` prints a model's equations once it compiles",
-            text.trim_end(),
-            file.path.display()
-        )))
-    }
-
-    #[allow(clippy::unnecessary_debug_formatting, reason = "escapes as Rust and TOML need it")]
-    fn write(&self, package: &str, model: &Path, name: &str) -> std::io::Result<()> {
-        let profile =
-            MANIFEST.split("[profile.release]").nth(1).and_then(|t| t.split("\n\n").next());
-        let manifest = format!(
-            "[package]\nname = \"{package}\"\nversion = \"0.0.0\"\nedition = \"2024\"\n\n\
-             [dependencies]\neplat = {{ path = {eplat:?} }}\n\n[workspace]\n\n[profile.release]{}\n",
-            profile.unwrap_or_default(),
-            eplat = self.eplat,
-        );
-        let main = format!(
-            "#[path = {model:?}]\nmod model;\n\n\
-             fn main() -> std::process::ExitCode {{\n    \
-             eplat::cli::main(&[eplat::cli::Compiled {{ source: include_str!({model:?}), model: &model::{name} }}])\n}}\n"
-        );
-        fs::create_dir_all(self.folder.join("src"))?;
-        if !self.folder.join("Cargo.lock").exists() {
-            fs::write(self.folder.join("Cargo.lock"), LOCK)?;
-        }
-        for (path, text) in [("Cargo.toml", manifest), ("src/main.rs", main)] {
-            let path = self.folder.join(path);
-            if fs::read_to_string(&path).is_ok_and(|old| old == text) {
-                continue; // untouched, so that cargo does not see a change
-            }
-            fs::write(path, text)?;
-        }
-        Ok(())
-    }
-}
-
-/// Copies a built program to its place in one step.
-fn keep(built: &Path, program: &Path) -> std::io::Result<()> {
-    let folder = program.parent().unwrap_or(Path::new("."));
-    fs::create_dir_all(folder)?;
-    let temporary = tempfile::Builder::new().tempfile_in(folder)?.into_temp_path();
-    fs::copy(built, &temporary)?;
-    temporary.persist(program)?;
-    Ok(())
+fn does_not_compile(file: &ModelFile, output: &Output) -> Failure {
+    let text = String::from_utf8_lossy(&output.stderr);
+    let is_own = |line: &&str| {
+        !line.starts_with("error: could not compile")
+            && !line.starts_with("error: aborting due to")
+            && !line.starts_with("For more information")
+            && !line.starts_with("Some errors have detailed")
+    };
+    let text = text.lines().filter(is_own).collect::<Vec<_>>().join("\n");
+    Failure::new(format_args!(
+        "the model file does not compile\n{}\nhelp: mend {} at the places above; `eplat show` prints a model's equations once it compiles",
+        text.trim_end(),
+        file.path.display()
+    ))
 }

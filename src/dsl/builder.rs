@@ -174,7 +174,7 @@ impl<'a> Builder<'a> {
         };
         self.model.parameters.push(Parameter {
             name,
-            unit: decl.unit(),
+            unit: decl.unit.into(),
             len: n,
             kind: if matches!(len, Len::One) { Kind::Scalar } else { Kind::Vector },
             labels: levels,
@@ -290,7 +290,13 @@ impl<'a> Builder<'a> {
         let frequency = frequency[first..].to_vec();
         let op = Field { mean, terms, collapsed, k, work, theta, probes, stride, frequency };
         self.names.push((decl.name, Source::Field(self.model.fields.len())));
-        self.model.fields.push(FieldEntry { name: decl.name, unit: decl.unit(), range, first, op });
+        self.model.fields.push(FieldEntry {
+            name: decl.name,
+            unit: decl.unit.into(),
+            range,
+            first,
+            op,
+        });
         Ok(())
     }
 
@@ -370,7 +376,13 @@ impl<'a> Builder<'a> {
         }
         if is_map {
             let at = Box::new(MapAt::<F, N>::new());
-            self.model.maps.push(Map { name: decl.name, unit: decl.unit(), range, sources, at });
+            self.model.maps.push(Map {
+                name: decl.name,
+                unit: decl.unit.into(),
+                range,
+                sources,
+                at,
+            });
         }
     }
 
@@ -394,7 +406,7 @@ impl<'a> Builder<'a> {
     ) -> Result<(), ModelError> {
         for target in on {
             if let Some(unit) = unit_of(&self.model, target) {
-                require(&format!("effect {} on {target}", decl.name), &unit, &decl.unit())?;
+                require(&format!("effect {} on {target}", decl.name), &unit, decl.unit)?;
             }
         }
         self.param::<F, N, W>(f, decl, Len::Many(columns.len()), scope)?;
@@ -448,7 +460,7 @@ impl<'a> Builder<'a> {
         let slot = std::array::from_fn(|j| place.slot[j]);
         self.model.observes.push(Observe {
             name: decl.name,
-            unit: decl.unit(),
+            unit: decl.unit.into(),
             columns: F::Y::COLUMNS,
             rows,
             op: Box::new(Rows::<F, N, W> { columns, y, slot, place }),

@@ -39,7 +39,7 @@ fn line(out: &mut String, model: &Model, s: &Statement) {
     for doc in s.decl.doc.lines().filter(|l| !l.trim().is_empty()) {
         let _ = writeln!(out, "  # {}", doc.trim());
     }
-    let unit = unit(&s.decl.unit());
+    let unit = unit(s.decl.unit);
     let text = tidy(s.decl.text);
     let range = s.range.map_or(String::new(), |(a, b)| format!("    expected in {a} to {b}{unit}"));
     let name = s.decl.name;

@@ -116,8 +116,35 @@ macro_rules! here {
 #[macro_export]
 #[doc(hidden)]
 macro_rules! decl { ($name:ident [$($u:tt)*] [$($doc:literal)*] $($text:tt)*) => {
-    const { $crate::dsl::expansion::Decl::new(stringify!($name), stringify!($($u)*), stringify!($($text)*), concat!($($doc),*)) }
+    $crate::dsl::expansion::Decl { name: stringify!($name), unit: $crate::unit!($($u)*), text: stringify!($($text)*), doc: concat!($($doc),*) }
 } }
+
+/// A declared unit; the known ones are listed here.
+#[macro_export]
+#[doc(hidden)]
+macro_rules! unit {
+    () => { "" };
+    (1) => { "1" };
+    (%) => { "%" };
+    (ms) => { "ms" };
+    (s) => { "s" };
+    (min) => { "min" };
+    (mm) => { "mm" };
+    (cm) => { "cm" };
+    (m) => { "m" };
+    (mm/ms) => { "mm/ms" };
+    (m/s) => { "m/s" };
+    (ms/mm) => { "ms/mm" };
+    (mm2/ms) => { "mm2/ms" };
+    (Hz) => { "Hz" };
+    (mV) => { "mV" };
+    (mA) => { "mA" };
+    (g) => { "g" };
+    (ohm) => { "ohm" };
+    (deg) => { "deg" };
+    (degC) => { "degC" };
+    ($($other:tt)*) => { { $crate::mistake!{ "unknown unit: expected one of 1, %, ms, s, min, mm, cm, m, mm/ms, m/s, ms/mm, mm2/ms, Hz, mV, mA, g, ohm, deg, degC" $($other)* } "" } };
+}
 
 #[macro_export]
 #[doc(hidden)]

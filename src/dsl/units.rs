@@ -1,4 +1,4 @@
-//! A statement's name, unit and text, the units a model file may declare, and whether they agree.
+//! A statement's name, unit and text, and whether units agree.
 
 use super::error::ModelError;
 use super::model::Model;
@@ -16,67 +16,15 @@ pub struct Decl {
     pub doc: &'static str,
 }
 
-/// Units that a model file may declare.
-pub(super) const UNITS: &[&str] = &[
-    "1", "ms", "s", "min", "mm", "cm", "m", "mm/ms", "m/s", "ms/mm", "mm2/ms", "Hz", "mV", "mA",
-    "g", "ohm", "degC", "deg", "%",
-];
-
-impl Decl {
-    /// Evaluated at compile time, so that a misspelt unit is a compile error.
-    pub const fn new(
-        name: &'static str,
-        unit: &'static str,
-        text: &'static str,
-        doc: &'static str,
-    ) -> Self {
-        assert!(
-            unit.is_empty() || is_known(unit),
-            "unknown unit: expected one of 1, ms, s, min, mm, cm, m, mm/ms, m/s, ms/mm, mm2/ms, Hz, mV, mA, g, ohm, degC, deg, %"
-        );
-        Self { name, unit, text, doc }
-    }
-
-    /// The unit without the blanks that the compiler prints between its tokens.
-    pub(super) fn unit(&self) -> String {
-        self.unit.replace(' ', "")
-    }
-}
-
-const fn is_known(unit: &str) -> bool {
-    let mut i = 0;
-    while i < UNITS.len() {
-        if same_but_for_blanks(unit.as_bytes(), UNITS[i].as_bytes()) {
-            return true;
-        }
-        i += 1;
-    }
-    false
-}
-
-const fn same_but_for_blanks(printed: &[u8], unit: &[u8]) -> bool {
-    let (mut i, mut j) = (0, 0);
-    while i < printed.len() {
-        if printed[i] != b' ' {
-            if j == unit.len() || printed[i] != unit[j] {
-                return false;
-            }
-            j += 1;
-        }
-        i += 1;
-    }
-    j == unit.len()
-}
-
 /// Checks what the declared strings say about each other: a field's mean and amplitudes have its
 /// unit, its kernels' arguments are lengths in mm, a likelihood's plain arguments have the
 /// measurement's unit. Compound expressions are left alone.
 pub(super) fn check_units(model: &Model) -> Result<(), ModelError> {
     for statement in &model.statements {
-        let unit = statement.decl.unit();
+        let unit = statement.decl.unit;
         match statement.keyword {
-            "field" => check_field(model, statement.decl.name, &unit, statement.decl.text)?,
-            "observe" => check_observe(model, statement.decl.name, &unit, statement.decl.text)?,
+            "field" => check_field(model, statement.decl.name, unit, statement.decl.text)?,
+            "observe" => check_observe(model, statement.decl.name, unit, statement.decl.text)?,
             _ => {}
         }
     }
@@ -129,7 +77,7 @@ fn check_observe(model: &Model, name: &str, unit: &str, text: &str) -> Result<()
 /// The declared unit of a parameter, field or `let`.
 pub(super) fn unit_of(model: &Model, name: &str) -> Option<String> {
     let statement = model.statements.iter().find(|s| s.decl.name == name);
-    statement.map(|s| s.decl.unit())
+    statement.map(|s| s.decl.unit.to_string())
 }
 
 /// An error unless both are the same.
@@ -178,13 +126,6 @@ fn split_top_level(arguments: &str) -> Vec<&str> {
 
 #[cfg(test)]
 mod tests {
-    use super::*;
-
-    #[test]
-    fn units_are_compared_without_blanks() {
-        assert!(is_known("m / s") && is_known("ms") && is_known("%"));
-        assert!(!is_known("msec") && !is_known("m /") && !is_known("mm / s"));
-    }
 
     use crate::dsl::{Declare, Model};
     use crate::prelude::*;

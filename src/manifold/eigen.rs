@@ -40,7 +40,13 @@ pub fn eigenpairs(mesh: &TriMesh, n_modes: usize) -> Result<Basis, ManifoldError
         dense(&laplacian, n_modes)?
     } else {
         let operator = ShiftInvert::new(&laplacian)?;
-        lanczos::largest(&|input, out| operator.apply(input, out), n_vertices, n_modes)?
+        let found =
+            lanczos::largest(&|input, out| operator.apply(input, out), n_vertices, n_modes)?;
+        // An error of 1e-10 in the inverse operator is λ_max/λ times as large in K φ = λ M φ, and small
+        // angles make λ_max huge. One more application damps just those components.
+        let mut smoothed = found.clone();
+        operator.apply(found.as_ref(), smoothed.as_mut());
+        smoothed
     };
     finish(&laplacian, &vectors)
 }
