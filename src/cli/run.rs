@@ -19,7 +19,7 @@ use crate::infer::{self, Chain, LogDensity as _, MetricKind, jittered_starts};
 /// `eplat run MODEL.rs`
 #[derive(Debug, Args)]
 pub(super) struct Command {
-    /// Model file
+    /// Model file (.rs), for instance models/erp.rs
     model: PathBuf,
     #[command(flatten)]
     input: InputArgs,
@@ -45,7 +45,8 @@ struct SamplerArgs {
     /// Draws kept per chain
     #[arg(long, default_value_t = 1000)]
     draws: usize,
-    /// Mean acceptance that the step size is tuned to, between 0 and 1
+    /// Mean acceptance that the step size is tuned to, between 0 and 1; nearer to 1 means smaller
+    /// steps and fewer divergences
     #[arg(long, default_value_t = 0.95)]
     target_accept: f64,
     /// Shape of the mass matrix
