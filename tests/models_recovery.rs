@@ -28,8 +28,8 @@ mod support;
 use std::path::Path;
 
 use eplat::diagnostics::{Summary, summarise};
-use eplat::dsl::{Declare, Kind, Maps, Measurements, Model};
-use eplat::infer::{Chain, Settings, Silent, jittered_starts, sample};
+use eplat::dsl::{Declare, Kind, Maps, Measurements, Model, Sampler};
+use eplat::infer::{Chain, Settings, Silent, jittered_starts};
 use eplat::manifold::Basis;
 use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
@@ -124,7 +124,7 @@ fn fit(model: &dyn Declare, basis: Option<&Basis>, data: &Measurements, draws: u
     let model = Model::new(model, basis, data).unwrap();
     let settings = Settings { warmup: 500, draws, target_accept: 0.9, ..Default::default() };
     let starts = jittered_starts(&model, &model.initial(), settings.chains, 1).unwrap();
-    let chains = sample(&model, &starts, &settings, &Silent).unwrap();
+    let chains = Sampler::of(&model).sample(&model, &starts, &settings, &Silent).unwrap();
     Fit { model, chains: chains.into_iter().map(Result::unwrap).collect() }
 }
 
@@ -353,8 +353,8 @@ fn erp_multiscale_recovers_fields() {
     let mut table = sites(40);
     let model = &erp_multiscale::ErpMultiscale;
     let truth = simulate(model, Some(&basis), &mut table, &given, 6);
-    assert_recovered(&fit(model, Some(&basis), &table.read(), 250), &truth, Some(&basis));
-    let twin = fit(model, Some(&basis), &displaced(&table, 20.0).read(), 250);
+    assert_recovered(&fit(model, Some(&basis), &table.read(), 500), &truth, Some(&basis));
+    let twin = fit(model, Some(&basis), &displaced(&table, 20.0).read(), 500);
     assert_found_out(&twin, &truth, Some(&basis));
 }
 
@@ -378,9 +378,8 @@ fn a_prior_a_kernel_and_a_likelihood_of_the_users_own() {
     assert_recovered(&good, &truth, Some(&basis));
 }
 
-#[test]
-fn constrained_vectors_sample_their_priors() {
-    let fit = fit(&language::vector_priors::VectorPriors, None, &Measurements::default(), 2000);
+/// Checks the means of [`language::vector_priors`] against their closed forms.
+fn assert_vector_priors(fit: &Fit) {
     // the largest of three standard normals has the mean 3/(2√π)
     let extreme = 2.0 * 1.5 / std::f64::consts::PI.sqrt();
     let expected = [
@@ -404,5 +403,47 @@ fn constrained_vectors_sample_their_priors() {
         let error = sd / (2.0 * s.ess_tail.min(s.ess_bulk)).sqrt();
         assert!((s.sd - sd).abs() < limit(9) * error, "{name}: {} {sd}", s.sd);
     }
+}
+
+#[test]
+fn constrained_vectors_sample_their_priors() {
+    let fit = fit(&language::vector_priors::VectorPriors, None, &Measurements::default(), 2000);
+    assert_vector_priors(&fit);
     assert_eq!(fit.model.unknown_names().len(), 3 + 3 + 2 + 2);
+}
+
+fn prior(model: &dyn Declare, basis: Option<&Basis>, data: &Measurements, draws: usize) -> Fit {
+    let model = Model::new(model, basis, data).unwrap();
+    let chains = model.prior_draws(&Settings { draws, ..Settings::default() }).unwrap();
+    Fit { model, chains }
+}
+
+#[test]
+fn draws_from_the_prior_have_its_moments() {
+    let vectors = &language::vector_priors::VectorPriors;
+    assert_vector_priors(&prior(vectors, None, &Measurements::default(), 2000));
+
+    // a prior that depends on parameters, and fields: E θ² = m² + Var m + E α² Σ S φ²
+    let basis = basis(VERTICES, 60);
+    let data = sites(3).read();
+    let fit = prior(&erp_multiscale::ErpMultiscale, Some(&basis), &data, 2000);
+    let amplitude = fit.get("tau_out.alpha");
+    let expected = 8.0 * (2.0 / std::f64::consts::PI).sqrt();
+    assert!((amplitude.mean - expected).abs() < limit(3) * amplitude.mcse, "{}", amplitude.mean);
+    let draws: Vec<&[f64]> = fit.chains.iter().flat_map(|c| (0..2000).map(|i| c.draw(i))).collect();
+    let (means, sds) = field_moments(&fit.model, &basis, &draws);
+    let error = sds[1][17] / (draws.len() as f64).sqrt();
+    assert!((means[1][17] - 200.0).abs() < limit(3) * error, "{} ± {error}", means[1][17]);
+    assert!(sds[1][17] > 31.0, "the prior of the mean alone has 30: {}", sds[1][17]);
+}
+
+#[test]
+fn a_prior_that_cannot_be_drawn_from_is_named() {
+    let basis = basis(VERTICES, 24);
+    let model = Model::new(&erp_exact::ErpExact, Some(&basis), &sites(3).read()).unwrap();
+    let text = model.prior_draws(&Settings::default()).unwrap_err().to_string();
+    assert!(
+        text.starts_with("tau_out.m ~ Flat: no draw can be made from this prior\nhelp: "),
+        "{text}"
+    );
 }

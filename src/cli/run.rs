@@ -28,6 +28,9 @@ pub(super) struct Command {
     out: Option<PathBuf>,
     #[command(flatten)]
     sampler: SamplerArgs,
+    /// Draw from the prior instead: the same outputs before the measurements have a say
+    #[arg(long)]
+    prior: bool,
     /// Print the summary and the run record as JSON on stdout
     #[arg(long)]
     json: bool,
@@ -104,7 +107,11 @@ impl Command {
         let out = OutputFolder::open(&self.folder())?;
         let mut inputs = self.input.load(model)?;
         inputs.hashes.insert("model".into(), hash(&self.model)?);
-        let (laid_out, chains, sampled_in) = sample(model, &inputs, &settings, self.sampler.sampler, begun)?;
+        let (laid_out, chains, sampled_in) = if self.prior {
+            draw_prior(model, &inputs, &settings)?
+        } else {
+            sample(model, &inputs, &settings, self.sampler.sampler, begun)?
+        };
         let finished = Finished {
             model: &laid_out,
             inputs: &inputs,
@@ -171,6 +178,20 @@ fn sample(
         }
         _ => Ok((model, chains, sampled_in)),
     }
+}
+
+/// As [`sample`], from the prior.
+fn draw_prior(
+    model: &dyn Declare,
+    inputs: &Inputs,
+    settings: &infer::Settings,
+) -> Result<(Model, Vec<Chain>, f64), Failure> {
+    let basis = inputs.surface.as_ref().map(|(_, basis)| basis);
+    let model = Model::new(model, basis, &inputs.measurements)?;
+    let sampling = Instant::now();
+    let chains = model.prior_draws(settings)?;
+    eprintln!("model  {}: draws from its prior, not from its posterior", model.name);
+    Ok((model, chains, sampling.elapsed().as_secs_f64()))
 }
 
 /// How long the compilation of this program took, if it was compiled for this run.

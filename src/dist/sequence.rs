@@ -3,6 +3,8 @@
 //! Such a vector is made number after number: each from an unknown of its own and from one scalar
 //! that the numbers before it leave behind.
 
+use rand::{Rng, RngExt};
+
 use super::{Dist, Normal, StudentT, Support, ln_gamma, ln_logistic, logistic};
 use crate::num::Real;
 
@@ -42,6 +44,8 @@ pub trait Sequence<D: Real> {
     fn ln_norm(&self, n: usize) -> D;
     /// A typical unknown behind number `i`.
     fn initial(&self, i: usize) -> f64;
+    /// `n` numbers drawn; `None` as in [`Dist::sample`].
+    fn sample(&self, n: usize, rng: &mut dyn Rng) -> Option<Vec<f64>>;
 }
 
 family! {
@@ -85,6 +89,12 @@ impl<D: Real> Sequence<D> for Dirichlet<D> {
     fn initial(&self, _: usize) -> f64 {
         0.0
     }
+    fn sample(&self, n: usize, rng: &mut dyn Rng) -> Option<Vec<f64>> {
+        let gamma = rand_distr::Gamma::new(self.concentration.re(), 1.0).ok()?;
+        let shares: Vec<f64> = (0..n).map(|_| rng.sample(gamma)).collect();
+        let total: f64 = shares.iter().sum();
+        Some(shares.iter().map(|x| x / total).collect())
+    }
 }
 
 /// A prior with mass on the whole real line, which [`Ordered`] takes.
@@ -122,6 +132,11 @@ impl<D: Real, T: Dist<D> + RealLine> Sequence<D> for Ordered<T> {
     }
     fn initial(&self, i: usize) -> f64 {
         if i == 0 { self.0.centre() } else { 0.0 }
+    }
+    fn sample(&self, n: usize, rng: &mut dyn Rng) -> Option<Vec<f64>> {
+        let mut x: Vec<f64> = (0..n).map(|_| self.0.sample(rng)).collect::<Option<_>>()?;
+        x.sort_by(f64::total_cmp);
+        Some(x)
     }
 }
 

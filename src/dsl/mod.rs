@@ -17,6 +17,7 @@ mod macros;
 mod maps;
 mod model;
 mod parameter;
+mod prior_draws;
 mod restore;
 mod rows;
 mod scalar;

@@ -3,6 +3,7 @@
 use std::marker::PhantomData;
 
 use num_dual::DualStruct;
+use rand::Rng;
 
 use super::scope::Local;
 use super::tape::{Op, Tape};
@@ -41,6 +42,15 @@ impl<F: PriorFn, const N: usize, const W: usize> Op for ParameterOp<F, N, W> {
         let dist = F::dist::<f64>(&self.local.plain(&t.v));
         t.u[self.u..][..self.n].fill(dist.unconstrain(dist.centre()));
         self.forward(t);
+    }
+
+    fn draw(&self, t: &mut Tape, rng: &mut dyn Rng) -> Option<()> {
+        let dist = F::dist::<f64>(&self.local.plain(&t.v));
+        for i in 0..self.n {
+            t.u[self.u + i] = dist.unconstrain(dist.sample(rng)?);
+        }
+        self.forward(t);
+        Some(())
     }
 
     fn backward(&self, t: &mut Tape) {
@@ -103,6 +113,19 @@ impl<F: SequenceFn, const N: usize, const W: usize> Op for SequenceOp<F, N, W> {
             t.u[self.u + i] = prior.initial(i);
         }
         self.forward(t);
+    }
+
+    fn draw(&self, t: &mut Tape, rng: &mut dyn Rng) -> Option<()> {
+        let prior = F::sequence::<f64>(&self.local.plain(&t.v));
+        let x = prior.sample(self.n, rng)?;
+        let mut carry = prior.begin();
+        for (i, x) in x.iter().enumerate().take(prior.n_unknowns(self.n)) {
+            let u = prior.unconstrain(i, self.n, *x, carry);
+            t.u[self.u + i] = u;
+            carry = prior.step(i, self.n, u, carry).carry;
+        }
+        self.forward(t);
+        Some(())
     }
 
     fn backward(&self, t: &mut Tape) {
