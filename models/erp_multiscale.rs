@@ -8,14 +8,14 @@ model! {
     model ErpMultiscale;
 
     field tau_out(x) [ms] in 1.0..30.0 = m + alpha * gp(Rbf(rho), K = 24) + beta * gp(Matern52(ell), K = 60) where {
-        m     [ms] ~ Normal(12.0, 6.0);
+        m     [ms] ~ Flat;
         alpha [ms] ~ HalfNormal(8.0);
         rho   [mm] ~ InvGamma(5.0, 320.0);
         beta  [ms] ~ HalfNormal(2.0);
         ell   [mm] ~ InvGamma(5.0, 80.0);
     }
     field apd_max(x) [ms] in 120.0..270.0 = m + alpha * gp(Rbf(rho), K = 24) + beta * gp(Matern52(ell), K = 60) where {
-        m     [ms] ~ Normal(200.0, 30.0);
+        m     [ms] ~ Flat;
         alpha [ms] ~ HalfNormal(30.0);
         rho   [mm] ~ InvGamma(5.0, 320.0);
         beta  [ms] ~ HalfNormal(8.0);

@@ -41,6 +41,10 @@ impl<D: Real> Dist<D> for Gumbel<D> {
     fn centre(&self) -> f64 {
         self.mode.re()
     }
+    fn sample(&self, rng: &mut dyn Rng) -> Option<f64> {
+        let p: f64 = rng.sample(rand_distr::Open01);
+        Some(self.mode.re() - self.scale.re() * (-p.ln()).ln())
+    }
 }
 
 /// Matérn kernel, ν = 7/2: `S(w) = 14π κ⁷ (κ² + w²)^−9/2`, `κ² = 7/ℓ²`.
