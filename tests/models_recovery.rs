@@ -332,7 +332,7 @@ fn erp_exact_recovers_fields_and_noise_with_open_brackets() {
         (row[2], row[3], n_open) = ("250".into(), String::new(), n_open + 1);
     }
     assert!((5..40).contains(&n_open), "{n_open} brackets are open");
-    let good = fit(&erp_exact::ErpExact, Some(&basis), &table.read(), 400);
+    let good = fit(&erp_exact::ErpExact, Some(&basis), &table.read(), 1000);
     assert_recovered(&good, &truth, Some(&basis));
     let twin = fit(&erp_exact::ErpExact, Some(&basis), &displaced(&table, 15.0).read(), 400);
     assert_found_out(&twin, &truth, Some(&basis));
