@@ -1,7 +1,6 @@
 //! What a run leaves in its output folder, and the summary at its end.
 
 use std::collections::BTreeMap;
-use std::fmt::Write as _;
 use std::fs;
 use std::io::Write as _;
 use std::path::{Path, PathBuf};
@@ -18,8 +17,8 @@ use crate::infer::{self, Chain, LogDensity as _, MetricKind};
 use crate::manifold::Basis;
 use crate::mesh::{Surface, write_vtp};
 use crate::report::{
-    self, Group, Page, PointData, Posterior, RunRecord, Seconds, Variable, console_table, verdict,
-    write_draws, write_html, write_summary_csv, write_summary_json, write_zarr,
+    self, Group, Page, PointData, Posterior, RunRecord, Seconds, Variable, end_of_run, verdict,
+    write_draws, write_html, write_loo, write_summary_csv, write_summary_json, write_zarr,
 };
 
 /// Most draws that field maps are averaged over; more change nothing that can be seen.
@@ -41,7 +40,7 @@ impl OutputFolder {
         }
     }
 
-    fn file(&self, name: &str) -> PathBuf {
+    pub(super) fn file(&self, name: &str) -> PathBuf {
         self.0.join(name)
     }
 }
@@ -62,10 +61,6 @@ pub(super) struct Finished<'a> {
 pub(super) struct Outcome {
     rows: Vec<report::Row>,
     record: RunRecord,
-    /// Measurements that divergences come from, worst first, in words.
-    suspects: Vec<String>,
-    /// Share of (vertex, draw) pairs outside a declared range.
-    unphysical: Option<f64>,
     files: Vec<&'static str>,
 }
 
@@ -91,6 +86,10 @@ impl Finished<'_> {
         write_draws(&out.file("draws.csv"), &posterior.posterior)?;
         self.write_zarr(out, &posterior, maps.as_ref())?;
         files.push("posterior.zarr");
+        if let Some(loo) = &posterior.loo {
+            write_loo(&out.file("loo.csv"), &loo.rows)?;
+            files.push("loo.csv");
+        }
         if let (Some((surface, _)), Some(maps)) = (surface, &maps) {
             let arrays: Vec<(&str, &[f64])> = maps
                 .arrays
@@ -111,8 +110,7 @@ impl Finished<'_> {
         self.write_page(out, &posterior, &record, maps.as_ref())?;
         record.write(&out.file("run.json"))?;
         files.extend(["report.html", "run.json"]);
-        let unphysical = maps.map(|m| m.unphysical.iter().sum::<f64>() / m.unphysical.len() as f64);
-        Ok(Outcome { rows: posterior.rows, record, suspects: self.suspects(), unphysical, files })
+        Ok(Outcome { rows: posterior.rows, record, files })
     }
 
     fn maps(&self, surface: &Surface, basis: &Basis) -> FieldMaps {
@@ -131,12 +129,10 @@ impl Finished<'_> {
             push("sd", &map.unit, &map.sd);
             if let Some((name, truth)) = self.inputs.truth.iter().find(|t| t.0 == map.name) {
                 push("true", &map.unit, truth);
-                let errors = || map.mean.iter().zip(truth).map(|(m, t)| m - t);
-                let ise: Vec<f64> = errors().zip(&map.sd).map(|(e, sd)| e.abs() / sd).collect();
+                let errors = map.mean.iter().zip(truth).map(|(m, t)| m - t);
+                let ise: Vec<f64> = errors.zip(&map.sd).map(|(e, sd)| e.abs() / sd).collect();
                 push("ise", "", &ise);
-                let squares: Vec<f64> = errors().map(|e| e * e).filter(|e| e.is_finite()).collect();
-                let mean = squares.iter().sum::<f64>() / squares.len() as f64;
-                rmse.insert((*name).to_string(), mean.sqrt());
+                rmse.insert((*name).to_string(), rms_error(&map.mean, truth));
             }
         }
         arrays.push(("unphysical".into(), "1".into(), unphysical.clone()));
@@ -240,6 +236,10 @@ impl Finished<'_> {
             ess_per_second: min_ess_bulk / self.sampled_in,
             e_bfmi: self.chains.iter().map(|c| e_bfmi(&c.energy)).fold(f64::INFINITY, f64::min),
             rmse: maps.map(|m| m.rmse.clone()).filter(|rmse| !rmse.is_empty()),
+            unphysical: maps
+                .map(|m| m.unphysical.iter().sum::<f64>() / m.unphysical.len() as f64),
+            divergent_at: self.suspects(),
+            loo: posterior.loo.as_ref().map(|loo| loo.record.clone()),
         }
     }
 
@@ -286,44 +286,22 @@ impl Finished<'_> {
     }
 }
 
+/// Root mean squared error over the vertices that have a value.
+pub(super) fn rms_error(values: &[f64], truth: &[f64]) -> f64 {
+    let squares = values.iter().zip(truth).map(|(value, truth)| (value - truth).powi(2));
+    let squares: Vec<f64> = squares.filter(|square| square.is_finite()).collect();
+    (squares.iter().sum::<f64>() / squares.len() as f64).sqrt()
+}
+
 impl Outcome {
     pub(super) fn converged(&self) -> bool {
         verdict(&self.record, &self.rows).converged
     }
 
-    /// The table, the errors against the truth, the verdict and where the files are.
+    /// What the run found, and where the files are.
     pub(super) fn text(&self, out: &OutputFolder) -> String {
-        let mut text = console_table(&self.rows, false);
-        if let Some(rmse) = &self.record.rmse {
-            let list: Vec<String> = rmse.iter().map(|(name, e)| format!("{name} {e:.1}")).collect();
-            let _ = writeln!(
-                text,
-                "\nRMSE against the truth over the surface, ms: {}",
-                list.join(", ")
-            );
-        }
-        if let Some(share) = self.unphysical {
-            let _ = writeln!(
-                text,
-                "Outside a declared range: {:.1} % of (vertex, draw) pairs; derived maps leave them out",
-                100.0 * share
-            );
-        }
-        if !self.suspects.is_empty() {
-            let _ = writeln!(text, "Divergences come from: {}", self.suspects.join(", "));
-        }
-        let _ = writeln!(text, "{}", verdict(&self.record, &self.rows).sentence);
-        let seconds = &self.record.seconds;
-        let _ = writeln!(
-            text,
-            "{} gradients of {:.2} µs; {:.1} s in all, {:.1} s of them sampling",
-            self.record.grad_evals,
-            self.record.ns_per_grad / 1000.0,
-            seconds.total,
-            seconds.warmup + seconds.sampling
-        );
-        let _ = write!(text, "Files in {}: {}", out.0.display(), self.files.join(", "));
-        text
+        let said = end_of_run(&self.rows, &self.record);
+        format!("{said}\nFiles in {}: {}", out.0.display(), self.files.join(", "))
     }
 
     /// Summary and record as one object.
