@@ -40,6 +40,10 @@ impl OutputFolder {
         }
     }
 
+    pub(super) fn path(&self) -> &Path {
+        &self.0
+    }
+
     pub(super) fn file(&self, name: &str) -> PathBuf {
         self.0.join(name)
     }
@@ -236,8 +240,7 @@ impl Finished<'_> {
             ess_per_second: min_ess_bulk / self.sampled_in,
             e_bfmi: self.chains.iter().map(|c| e_bfmi(&c.energy)).fold(f64::INFINITY, f64::min),
             rmse: maps.map(|m| m.rmse.clone()).filter(|rmse| !rmse.is_empty()),
-            unphysical: maps
-                .map(|m| m.unphysical.iter().sum::<f64>() / m.unphysical.len() as f64),
+            unphysical: maps.map(|m| m.unphysical.iter().sum::<f64>() / m.unphysical.len() as f64),
             divergent_at: self.suspects(),
             loo: posterior.loo.as_ref().map(|loo| loo.record.clone()),
         }

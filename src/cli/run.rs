@@ -10,6 +10,7 @@ use clap::{Args, ValueEnum};
 use super::compile::{COMPILE_SECONDS, run_compiled};
 use super::inputs::{InputArgs, Inputs, hash};
 use super::models::{Compiled, ModelFile};
+use super::optimise::optimise;
 use super::output::{Finished, OutputFolder};
 use super::progress::ChainBars;
 use crate::dsl::{Declare, Model};
@@ -23,11 +24,14 @@ pub(super) struct Command {
     model: PathBuf,
     #[command(flatten)]
     input: InputArgs,
-    /// Output folder [default: out/NAME, after the model file's name]
+    /// Output folder [default: out/NAME, after the model file's name; with --optimize out/NAME-map]
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
     #[command(flatten)]
     sampler: SamplerArgs,
+    /// Find the posterior's mode by L-BFGS instead of sampling
+    #[arg(long, conflicts_with_all = ["chains", "warmup", "draws", "target_accept", "metric"])]
+    optimize: bool,
     /// Print the summary and the run record as JSON on stdout
     #[arg(long)]
     json: bool,
@@ -92,7 +96,11 @@ impl Command {
         let out = OutputFolder::open(&self.folder())?;
         let mut inputs = self.input.load(model)?;
         inputs.hashes.insert("model".into(), hash(&self.model)?);
-        let (laid_out, chains, sampled_in) = sample(model, &inputs, &settings, begun)?;
+        let laid_out = lay_out(model, &inputs, begun)?;
+        if self.optimize {
+            return optimise(&laid_out, &inputs, &out, self.json);
+        }
+        let (chains, sampled_in) = sample(&laid_out, &settings)?;
         let finished = Finished {
             model: &laid_out,
             inputs: &inputs,
@@ -114,30 +122,31 @@ impl Command {
     }
 
     fn folder(&self) -> PathBuf {
-        let name = self.model.file_stem().map_or_else(|| "model".into(), PathBuf::from);
+        let name = self.model.file_stem().unwrap_or("model".as_ref()).display().to_string();
+        let name = if self.optimize { name + "-map" } else { name };
         self.out.clone().unwrap_or_else(|| Path::new("out").join(name))
     }
 }
 
-/// Lays the model out and samples it; returns the chains that came through and the seconds it took.
-fn sample(
-    model: &dyn Declare,
-    inputs: &Inputs,
-    settings: &infer::Settings,
-    begun: Instant,
-) -> Result<(Model, Vec<Chain>, f64), Failure> {
+/// Lays the model out on its data, and says how large it is.
+fn lay_out(model: &dyn Declare, inputs: &Inputs, begun: Instant) -> Result<Model, Failure> {
     let basis = inputs.surface.as_ref().map(|(_, basis)| basis);
     let model = Model::new(model, basis, &inputs.measurements)?;
-    let starts = jittered_starts(&model, &model.initial(), settings.chains, settings.seed)?;
     eprintln!(
         "model  {}: {} unknowns, ready in {:.1} s",
         model.name,
         model.dim(),
         begun.elapsed().as_secs_f64()
     );
+    Ok(model)
+}
+
+/// Samples the model; returns the chains that came through and the seconds it took.
+fn sample(model: &Model, settings: &infer::Settings) -> Result<(Vec<Chain>, f64), Failure> {
+    let starts = jittered_starts(model, &model.initial(), settings.chains, settings.seed)?;
     let sampling = Instant::now();
     let bars = ChainBars::new(settings.chains, settings.warmup + settings.draws, settings.warmup);
-    let results = infer::sample(&model, &starts, settings, &bars)?;
+    let results = infer::sample(model, &starts, settings, &bars)?;
     bars.finish();
     let sampled_in = sampling.elapsed().as_secs_f64();
     let (chains, failed): (Vec<_>, Vec<_>) = results.into_iter().partition(Result::is_ok);
@@ -151,7 +160,7 @@ fn sample(
         (true, Some(failure)) => {
             Err(Failure::new(format_args!("every chain failed; the first:\n{failure}")))
         }
-        _ => Ok((model, chains, sampled_in)),
+        _ => Ok((chains, sampled_in)),
     }
 }
 

@@ -160,7 +160,10 @@ pub fn write_loo(path: &Path, rows: &[LooRow]) -> Result<(), ReportError> {
 pub fn read_loo(path: &Path) -> Result<Vec<LooRow>, ReportError> {
     let file = std::fs::File::open(path).map_err(ReportError::read(path))?;
     let rows: Result<_, csv::Error> = csv::Reader::from_reader(file).deserialize().collect();
-    rows.map_err(|error| ReportError::Malformed { path: path.to_owned(), reason: error.to_string() })
+    rows.map_err(|error| ReportError::Malformed {
+        path: path.to_owned(),
+        reason: error.to_string(),
+    })
 }
 
 #[cfg(test)]
