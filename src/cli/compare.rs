@@ -261,3 +261,110 @@ fn same_measurements(a: &Side, b: &Side) -> Result<(), Failure> {
         lacks.folder
     )))
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A run with these pointwise elpd, nothing wrong with it.
+    fn side(folder: &str, elpd: &[f64]) -> Side {
+        let row = |(i, elpd): (usize, &f64)| LooRow {
+            measurement: "s1s2".into(),
+            place: format!("at site {i:03}"),
+            likelihood: "TopHat".into(),
+            observed: "240 250".into(),
+            elpd: *elpd,
+            pareto_k: 0.3,
+        };
+        let totals = LooRecord {
+            elpd_loo: elpd.iter().sum(),
+            se: standard_error(elpd),
+            p_loo: 2.5,
+            n_measurements: elpd.len(),
+            k_threshold: 0.7,
+            n_high_k: 0,
+            worst: vec![],
+        };
+        let rows = elpd.iter().enumerate().map(row).collect();
+        Side { folder: folder.into(), model: "Erp".into(), converged: true, totals, rows }
+    }
+
+    /// 100 measurements that A predicts better by 0.05 in all, 0.15 ± 0.5 each.
+    fn clear() -> (Side, Side) {
+        let b: Vec<f64> = (0..100).map(|i| -2.0 + 0.01 * f64::from(i)).collect();
+        let better = |(i, b): (usize, &f64)| b + if i % 2 == 0 { 0.65 } else { -0.35 };
+        let a: Vec<f64> = b.iter().enumerate().map(better).collect();
+        (side("out/a", &a), side("out/b", &b))
+    }
+
+    fn compared(change: impl Fn(&mut Side, &mut Side)) -> Comparison {
+        let (mut a, mut b) = clear();
+        change(&mut a, &mut b);
+        Comparison::new(a.checked().unwrap(), b.checked().unwrap()).unwrap()
+    }
+
+    #[test]
+    fn the_difference_has_the_error_of_its_pointwise_sum() {
+        let a = side("out/a", &[-1.0, -2.0, -3.0]);
+        let b = side("out/b", &[-2.0, -4.0, -9.0]);
+        let comparison = Comparison::new(a, b).unwrap();
+        assert!((comparison.difference - 9.0).abs() < 1e-12);
+        assert!((comparison.se - 21f64.sqrt()).abs() < 1e-12, "{}", comparison.se);
+        assert_eq!(comparison.better(), None, "9 is within two times 4.6");
+    }
+
+    #[test]
+    fn a_clear_difference_comes_without_a_warning() {
+        let comparison = compared(|_, _| ());
+        assert_eq!((comparison.better(), comparison.warnings().len()), (Some("A"), 0));
+        let json = comparison.json();
+        assert_eq!((&json["better"], &json["trustworthy"]), (&json!("A"), &json!(true)));
+        insta::assert_snapshot!(comparison.text());
+    }
+
+    #[test]
+    fn each_reason_for_distrust_is_said() {
+        let texts = [
+            compared(|a, _| {
+                a.totals.n_high_k = 3;
+                a.totals.worst = vec!["s1s2 at site 004 (0.92)".into()];
+            }),
+            compared(|_, b| b.converged = false),
+            compared(|_, b| b.rows[5].likelihood = "Interval".into()),
+            compared(|a, b| {
+                [a, b].into_iter().for_each(|side| {
+                    side.rows.truncate(99);
+                    side.totals.n_measurements = 99;
+                })
+            }),
+            compared(|a, _| a.rows[0].elpd -= 12.0),
+        ];
+        let texts = texts.map(|comparison| {
+            assert_eq!(comparison.json()["trustworthy"], false);
+            comparison.warnings().join("\n")
+        });
+        assert!(texts.iter().all(|text| text.lines().count() == 1), "{texts:?}");
+        insta::assert_snapshot!(texts.join("\n"));
+    }
+
+    #[test]
+    fn only_the_same_measurements_are_compared_whatever_their_order() {
+        assert_eq!(compared(|a, _| a.rows.reverse()).better(), Some("A"));
+        let refused = |change: fn(&mut Side)| {
+            let (a, mut b) = clear();
+            change(&mut b);
+            let compare = || Comparison::new(a.checked()?, b.checked()?);
+            compare().unwrap_err().to_string()
+        };
+        let texts = [
+            refused(|b| b.rows[7].observed = "250 260".into()),
+            refused(|b| {
+                b.rows.pop();
+                b.totals.n_measurements = 99;
+            }),
+            refused(|b| b.rows.truncate(50)),
+            refused(|b| b.rows[2].elpd = f64::NAN),
+        ];
+        insta::assert_snapshot!(texts.join("\n\n"));
+    }
+}

@@ -17,6 +17,8 @@ use crate::mesh::write_vtp;
 /// What the mode is, so that nobody takes it for the posterior's centre.
 const WHAT_IT_IS: &str = "This is the mode of the density that is sampled: joint, in unconstrained coordinates, Jacobian included. \
     Of a hierarchical model it may lie far from the bulk of the posterior; sample for means and intervals";
+/// An iteration takes microseconds, and the ripple of bracket likelihoods needs thousands.
+const MOST_ITERATIONS: usize = 50_000;
 /// Significant digits on the screen.
 const DIGITS: usize = 5;
 /// Vectors longer than this are one line on the screen.
@@ -41,7 +43,8 @@ pub(super) fn optimise(
     out: &OutputFolder,
     json: bool,
 ) -> Result<ExitCode, Failure> {
-    let optimum = maximise(model, &model.initial(), &OptimumSettings::default())?;
+    let settings = OptimumSettings { max_iterations: MOST_ITERATIONS, ..Default::default() };
+    let optimum = maximise(model, &model.initial(), &settings)?;
     let mode = Mode::new(model, inputs, optimum);
     let files = mode.write(out)?;
     let mut stdout = std::io::stdout().lock();
@@ -203,5 +206,53 @@ fn significant(value: f64) -> String {
         format!("{value:.decimals$}")
     } else {
         format!("{value:.0$e}", DIGITS - 1)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::collections::BTreeMap;
+
+    use super::*;
+    use crate::dsl::Measurements;
+
+    mod conjugate {
+        use crate::prelude::*;
+        model! {
+            model Conjugate;
+            param mean [ms] ~ Normal(10.0, 2.0);
+            observe y(row): Number [ms] ~ Normal(mean, 1.0);
+        }
+    }
+
+    fn inputs() -> Inputs {
+        let cells = ["12.0", "13.5", "11.25"].map(|y| vec![y.to_owned()]).to_vec();
+        let measurements = Measurements::from_cells("test", vec!["y".into()], cells).unwrap();
+        Inputs { surface: None, measurements, truth: vec![], hashes: BTreeMap::new() }
+    }
+
+    #[test]
+    fn the_mode_of_a_conjugate_normal_is_exact() {
+        let inputs = inputs();
+        let model = Model::new(&conjugate::Conjugate, None, &inputs.measurements).unwrap();
+        let folder = tempfile::tempdir().unwrap();
+        let out = OutputFolder::open(folder.path()).unwrap();
+        optimise(&model, &inputs, &out, true).unwrap();
+        // Precisions 1/4 and 3 · 1.
+        let exact = (10.0 / 4.0 + 12.0 + 13.5 + 11.25) / 3.25;
+        let text = std::fs::read_to_string(folder.path().join("map.json")).unwrap();
+        let json: Value = serde_json::from_str(&text).unwrap();
+        let found = json["parameters"]["mean"]["value"].as_f64().unwrap();
+        assert!((found - exact).abs() < 1e-6, "{found} {exact}");
+        assert_eq!(json["converged"], true);
+        let csv = std::fs::read_to_string(folder.path().join("map.csv")).unwrap();
+        assert_eq!(csv, format!("parameter,value,unit\nmean,{found:?},ms\n"));
+    }
+
+    #[test]
+    fn numbers_have_five_digits() {
+        let texts =
+            [0.0, 12.0, -0.012_345_67, 1_234_567.8, 1e9, -1.5e-7, f64::NAN].map(significant);
+        insta::assert_snapshot!(texts.join("  "), @"0.0000  12.000  -0.012346  1234568  1.0000e9  -1.5000e-7  NaN");
     }
 }
