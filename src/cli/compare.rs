@@ -289,7 +289,7 @@ mod tests {
         Side { folder: folder.into(), model: "Erp".into(), converged: true, totals, rows }
     }
 
-    /// 100 measurements that A predicts better by 0.05 in all, 0.15 ± 0.5 each.
+    /// 100 measurements that A predicts better by 0.15 ± 0.5 each.
     fn clear() -> (Side, Side) {
         let b: Vec<f64> = (0..100).map(|i| -2.0 + 0.01 * f64::from(i)).collect();
         let better = |(i, b): (usize, &f64)| b + if i % 2 == 0 { 0.65 } else { -0.35 };
@@ -332,10 +332,10 @@ mod tests {
             compared(|_, b| b.converged = false),
             compared(|_, b| b.rows[5].likelihood = "Interval".into()),
             compared(|a, b| {
-                [a, b].into_iter().for_each(|side| {
+                for side in [a, b] {
                     side.rows.truncate(99);
                     side.totals.n_measurements = 99;
-                })
+                }
             }),
             compared(|a, _| a.rows[0].elpd -= 12.0),
         ];

@@ -15,7 +15,7 @@ struct Case {
     seed: u64,
     n_draws: usize,
     r_eff: f64,
-    /// elpd, its standard error, p_loo, threshold on k.
+    /// elpd, its standard error, `p_loo`, threshold on k.
     totals: [f64; 4],
     elpd: [f64; 5],
     pareto_k: [f64; 5],

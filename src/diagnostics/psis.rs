@@ -42,7 +42,9 @@ pub(super) fn smooth(log_ratios: &[f64], r_eff: f64) -> Smoothed {
         _ => smooth_tail(&mut log_weights, &order[begin..], order[begin - 1]),
     };
     let norm = log_sum_exp(&log_weights);
-    log_weights.iter_mut().for_each(|w| *w -= norm);
+    for weight in &mut log_weights {
+        *weight -= norm;
+    }
     Smoothed { log_weights, pareto_k }
 }
 

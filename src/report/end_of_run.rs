@@ -63,7 +63,7 @@ mod tests {
         record.divergences = 4;
         record.divergent_at = vec!["s1s2 at site 1 (3)".to_owned()];
         let reliable = end_of_run(&rows, &record);
-        let line = "Leave-one-out elpd -52.3 ± 4.1, p_loo 8.2; Pareto k at most 0.70 at all 20";
+        let line = "Leave-one-out elpd -52.2 ± 4.1, p_loo 8.2; Pareto k at most 0.70 at all 20";
         assert!(reliable.contains(line), "{reliable}");
         if let Some(loo) = &mut record.loo {
             loo.n_high_k = 2;
