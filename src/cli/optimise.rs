@@ -43,9 +43,7 @@ pub(super) fn optimise(
     out: &OutputFolder,
     json: bool,
 ) -> Result<ExitCode, Failure> {
-    let settings = OptimumSettings { max_iterations: MOST_ITERATIONS, ..Default::default() };
-    let optimum = maximise(model, &model.initial(), &settings)?;
-    let mode = Mode::new(model, inputs, optimum);
+    let mode = Mode::find(model, inputs)?;
     let files = mode.write(out)?;
     let mut stdout = std::io::stdout().lock();
     if json {
@@ -63,7 +61,9 @@ pub(super) fn optimise(
 }
 
 impl<'a> Mode<'a> {
-    fn new(model: &'a Model, inputs: &'a Inputs, optimum: Optimum) -> Self {
+    fn find(model: &'a Model, inputs: &'a Inputs) -> Result<Self, Failure> {
+        let settings = OptimumSettings { max_iterations: MOST_ITERATIONS, ..Default::default() };
+        let optimum = maximise(model, &model.initial(), &settings)?;
         let (mut tape, mut values) = (model.tape(), vec![]);
         model.forward(&mut tape, &optimum.position);
         model.report_mode(&tape, &mut values);
@@ -71,7 +71,7 @@ impl<'a> Mode<'a> {
             let (maps, _) = Maps::new(model, basis).summarise(&[&optimum.position]);
             maps.into_iter().map(|map| (map.name.to_owned(), map.mean)).collect()
         });
-        Self { model, inputs, optimum, values, maps }
+        Ok(Self { model, inputs, optimum, values, maps })
     }
 
     /// Name, value and unit of every reported number.
@@ -237,7 +237,8 @@ mod tests {
         let model = Model::new(&conjugate::Conjugate, None, &inputs.measurements).unwrap();
         let folder = tempfile::tempdir().unwrap();
         let out = OutputFolder::open(folder.path()).unwrap();
-        optimise(&model, &inputs, &out, true).unwrap();
+        let mode = Mode::find(&model, &inputs).unwrap();
+        assert_eq!(mode.write(&out).unwrap(), ["map.csv", "map.json"]);
         // Precisions 1/4 and 3 · 1.
         let exact = (10.0 / 4.0 + 12.0 + 13.5 + 11.25) / 3.25;
         let text = std::fs::read_to_string(folder.path().join("map.json")).unwrap();
@@ -247,6 +248,11 @@ mod tests {
         assert_eq!(json["converged"], true);
         let csv = std::fs::read_to_string(folder.path().join("map.csv")).unwrap();
         assert_eq!(csv, format!("parameter,value,unit\nmean,{found:?},ms\n"));
+        let text = mode.text();
+        assert!(
+            text.starts_with("parameter   value  unit\nmean       12.077  ms\nMode found: "),
+            "{text}"
+        );
     }
 
     #[test]
