@@ -49,7 +49,11 @@ impl Workplace {
     /// `eplat ARGUMENTS` in the folder, split at blanks.
     pub(crate) fn command(&self, arguments: &str) -> Command {
         let mut command = Command::new(env!("CARGO_BIN_EXE_eplat"));
-        command.args(arguments.split_whitespace()).current_dir(self.0.path());
+        let cache = concat!(env!("CARGO_TARGET_TMPDIR"), "/cache");
+        command
+            .args(arguments.split_whitespace())
+            .current_dir(self.0.path())
+            .env("EPLAT_CACHE", cache);
         command
     }
 
