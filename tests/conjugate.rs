@@ -11,7 +11,7 @@ use eplat::diagnostics::{mcse_sd, summarise};
 use eplat::dsl::{Declare, Measurements, Model};
 use eplat::infer::{Settings, Silent, jittered_starts, sample};
 use eplat::manifold::Basis;
-use eplat::report::Posterior;
+use eplat::report::{Posterior, Values};
 use nalgebra::{DMatrix, DVector};
 use support::{basis, table};
 
@@ -60,18 +60,16 @@ fn worst_error(
     let chains: Vec<_> = sample(&model, &starts, &settings, &Silent).unwrap();
     let chains: Vec<_> = chains.into_iter().map(Result::unwrap).collect();
     let posterior = Posterior::new(&model, data, &chains, settings.seed);
-    assert_eq!(posterior.rows.len(), mean.len());
     let n = settings.draws;
     let mut draws: Vec<Vec<Vec<f64>>> = vec![];
     for variable in &posterior.posterior.variables {
-        let width = variable.len() / (settings.chains * n);
-        let values = variable.numbers();
-        draws.extend((0..width).map(|k| {
-            let of_chain =
-                |c: usize| (0..n).map(|i| values[(c * n + i) * width + k]).collect::<Vec<f64>>();
-            (0..settings.chains).map(of_chain).collect()
-        }));
+        let Values::Float(values) = &variable.values else { continue };
+        let width = values.len() / (settings.chains * n);
+        let of_chain =
+            |c: usize, k: usize| (0..n).map(|i| values[(c * n + i) * width + k]).collect();
+        draws.extend((0..width).map(|k| (0..settings.chains).map(|c| of_chain(c, k)).collect()));
     }
+    assert_eq!(draws.len(), mean.len());
     let errors = draws.iter().zip(mean.iter().zip(sd)).map(|(chains, (mean, sd))| {
         let chains: Vec<&[f64]> = chains.iter().map(Vec::as_slice).collect();
         let summary = summarise(&chains);
@@ -109,7 +107,8 @@ fn a_normal_mean_with_known_error() {
 #[test]
 fn a_field_with_known_hyperparameters() {
     let basis = basis(200, 6);
-    let y: Vec<f64> = (0..12).map(|i| 10.0 + f64::from(i * 7 % 5) - 2.0 * f64::from(i % 2)).collect();
+    let y: Vec<f64> =
+        (0..12).map(|i| 10.0 + f64::from(i * 7 % 5) - 2.0 * f64::from(i % 2)).collect();
     let rows: Vec<String> = y.iter().enumerate().map(|(i, y)| format!("{},{y}", 15 * i)).collect();
     let mut data = table("vertex,y", &rows);
     data.place_at_indices(200).unwrap();

@@ -31,7 +31,9 @@ fn the_default_experiment_is_recovered() {
     assert!(run["max_r_hat"].as_f64().unwrap() <= 1.02, "{}", result["verdict"]);
 
     let mut lines = String::new();
-    for quantity in ["tau_out.m", "tau_out.alpha", "tau_out.rho", "apd_max.m", "apd_max.alpha", "apd_max.rho"] {
+    for quantity in
+        ["tau_out.m", "tau_out.alpha", "tau_out.rho", "apd_max.m", "apd_max.alpha", "apd_max.rho"]
+    {
         let summary = &result["summary"][quantity];
         let number = |name: &str| summary[name].as_f64().unwrap();
         let step = round_step(5.0 * number("mcse"));

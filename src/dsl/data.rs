@@ -401,7 +401,9 @@ impl Measurements {
     fn no_place(&self) -> DataError {
         let who = "the placement on the mesh";
         match self.no_column("vertex", who) {
-            DataError::NoColumn { file, column, who, available, guess } if guess.contains("add") => {
+            DataError::NoColumn { file, column, who, available, guess }
+                if guess.contains("add") =>
+            {
                 let guess = "\nhelp: add a column `vertex` (index in the mesh file), or columns `x`, `y`, `z` (in the mesh's unit)".into();
                 DataError::NoColumn { file, column, who, available, guess }
             }
