@@ -11,5 +11,3 @@ model! {
     let erp(x) [ms] = g(x) * 2.0;
     observe s1s2(x): Bracket [ms] ~ TopHat(erp(x));
 }
-
-fn main() {}

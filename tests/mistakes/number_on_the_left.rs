@@ -11,5 +11,3 @@ model! {
     let erp(x) [ms] = 2.0 * f(x);
     observe s1s2(x): Bracket [ms] ~ TopHat(erp(x));
 }
-
-fn main() {}
