@@ -25,20 +25,26 @@ use crate::report::{
 /// Most draws that field maps are averaged over; more change nothing that can be seen.
 const MAP_DRAWS: usize = 1000;
 
-/// An output folder that can be written to.
+/// An output folder that can be written to; it is made when there are results.
 pub(super) struct OutputFolder(PathBuf);
 
 impl OutputFolder {
-    /// Makes the folder and tries it, before anything slow is done.
+    /// Tries the folder, or the nearest one above it that exists, before anything slow is done.
     pub(super) fn open(path: &Path) -> Result<Self, Failure> {
-        let tried = fs::create_dir_all(path).and_then(|()| tempfile::tempfile_in(path));
-        match tried {
-            Ok(_) => Ok(Self(path.to_owned())),
-            Err(error) => Err(Failure::new(format_args!(
-                "cannot write to the output folder {}: {error}\nhelp: name another with --out DIR",
-                path.display()
-            ))),
-        }
+        let existing = path.ancestors().find(|p| p.exists()).unwrap_or(Path::new("."));
+        tempfile::tempfile_in(existing).map_err(|error| Self::unwritable(path, &error))?;
+        Ok(Self(path.to_owned()))
+    }
+
+    fn unwritable(path: &Path, error: &std::io::Error) -> Failure {
+        Failure::new(format_args!(
+            "cannot write to the output folder {}: {error}\nhelp: name another with --out DIR",
+            path.display()
+        ))
+    }
+
+    fn make(&self) -> Result<(), Failure> {
+        fs::create_dir_all(&self.0).map_err(|error| Self::unwritable(&self.0, &error))
     }
 
     fn file(&self, name: &str) -> PathBuf {
@@ -85,6 +91,7 @@ impl Finished<'_> {
         let posterior = Posterior::new(self.model, &self.inputs.measurements, self.chains, seed);
         let surface = self.inputs.surface.as_ref();
         let maps = surface.map(|(surface, basis)| self.maps(surface, basis));
+        out.make()?;
         let mut files = vec!["summary.csv", "summary.json", "draws.csv"];
         write_summary_csv(&out.file("summary.csv"), &posterior.rows)?;
         write_summary_json(&out.file("summary.json"), &posterior.rows)?;
