@@ -72,6 +72,8 @@ pub(super) struct Outcome {
     suspects: Vec<String>,
     /// Share of (vertex, draw) pairs outside a declared range.
     unphysical: Option<f64>,
+    /// Declared units of fields and derived quantities.
+    units: BTreeMap<String, String>,
     files: Vec<&'static str>,
 }
 
@@ -80,6 +82,7 @@ struct FieldMaps {
     unphysical: Vec<f64>,
     /// Root mean squared error of each map's mean, in its unit.
     rmse: BTreeMap<String, f64>,
+    units: BTreeMap<String, String>,
     /// Name, unit, values at the vertices.
     arrays: Vec<(String, String, Vec<f64>)>,
 }
@@ -118,8 +121,15 @@ impl Finished<'_> {
         self.write_page(out, &posterior, &record, maps.as_ref())?;
         record.write(&out.file("run.json"))?;
         files.extend(["report.html", "run.json"]);
-        let unphysical = maps.map(|m| m.unphysical.iter().sum::<f64>() / m.unphysical.len() as f64);
-        Ok(Outcome { rows: posterior.rows, record, suspects: self.suspects(), unphysical, files })
+        let share = |m: &FieldMaps| m.unphysical.iter().sum::<f64>() / m.unphysical.len() as f64;
+        Ok(Outcome {
+            rows: posterior.rows,
+            record,
+            suspects: self.suspects(),
+            unphysical: maps.as_ref().map(share),
+            units: maps.map_or_else(BTreeMap::new, |m| m.units),
+            files,
+        })
     }
 
     fn maps(&self, surface: &Surface, basis: &Basis) -> FieldMaps {
@@ -146,10 +156,11 @@ impl Finished<'_> {
                 rmse.insert((*name).to_string(), mean.sqrt());
             }
         }
+        let units = summaries.iter().map(|m| (m.name.to_string(), m.unit.clone())).collect();
         arrays.push(("unphysical".into(), "1".into(), unphysical.clone()));
         arrays
             .extend(surface.point_data.iter().map(|(n, v)| (n.clone(), String::new(), v.clone())));
-        FieldMaps { unphysical, rmse, arrays }
+        FieldMaps { unphysical, rmse, units, arrays }
     }
 
     fn write_zarr(
@@ -302,12 +313,11 @@ impl Outcome {
     pub(super) fn text(&self, out: &OutputFolder) -> String {
         let mut text = console_table(&self.rows, false);
         if let Some(rmse) = &self.record.rmse {
-            let list: Vec<String> = rmse.iter().map(|(name, e)| format!("{name} {e:.1}")).collect();
-            let _ = writeln!(
-                text,
-                "\nRMSE against the truth over the surface, ms: {}",
-                list.join(", ")
-            );
+            let unit = |name: &String| self.units.get(name).map_or("", String::as_str);
+            let one = |(name, e): (&String, &f64)| format!("{name} {e:.1} {}", unit(name));
+            let list: Vec<String> = rmse.iter().map(one).collect();
+            let _ =
+                writeln!(text, "\nRMSE against the truth over the surface: {}", list.join(", "));
         }
         if let Some(share) = self.unphysical {
             let _ = writeln!(

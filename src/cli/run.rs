@@ -104,7 +104,8 @@ impl Command {
         let out = OutputFolder::open(&self.folder())?;
         let mut inputs = self.input.load(model)?;
         inputs.hashes.insert("model".into(), hash(&self.model)?);
-        let (laid_out, chains, sampled_in) = sample(model, &inputs, &settings, self.sampler.sampler, begun)?;
+        let (laid_out, chains, sampled_in) =
+            sample(model, &inputs, &settings, self.sampler.sampler, begun)?;
         let finished = Finished {
             model: &laid_out,
             inputs: &inputs,
