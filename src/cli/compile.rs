@@ -101,7 +101,7 @@ fn library_beside_this_program() -> Option<PathBuf> {
 #[allow(clippy::unnecessary_debug_formatting, reason = "escapes as Rust needs it")]
 fn write_main(package: &Path, model: &Path, name: &str) -> std::io::Result<PathBuf> {
     let text = format!(
-        "#[path = {model:?}]\nmod model;\n\n\
+        "#![recursion_limit = \"512\"]\n\n#[path = {model:?}]\nmod model;\n\n\
          fn main() -> std::process::ExitCode {{\n    \
          eplat::cli::main(&[eplat::cli::Compiled {{ source: include_str!({model:?}), model: &model::{name} }}])\n}}\n"
     );

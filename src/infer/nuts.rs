@@ -64,6 +64,11 @@ impl<'a> Nuts<'a> {
         &mut self.flow.hamiltonian
     }
 
+    /// Evaluates the current point anew, after the density has changed.
+    pub(super) fn evaluate(&mut self) {
+        self.flow.hamiltonian.evaluate(&mut self.point);
+    }
+
     pub(super) fn n_evaluations(&self) -> u64 {
         self.flow.hamiltonian.n_evaluations
     }
