@@ -215,7 +215,7 @@ fn whole(place: &Workplace) {
             "summary.csv" => assert_eq!(place.read("out/summary.csv").lines().count(), 1 + 54),
             "draws.csv" => assert_eq!(place.read("out/draws.csv").lines().count(), 1 + 200),
             "measurements.csv" => {
-                assert_eq!(place.read("out/measurements.csv").lines().count(), 21)
+                assert_eq!(place.read("out/measurements.csv").lines().count(), 21);
             }
             "fields.vtp" => fields(&place.read("out/fields.vtp")),
             "report.html" => assert!(place.read("out/report.html").trim_end().ends_with("</html>")),

@@ -60,7 +60,7 @@ fn transcript(place: &Workplace, commands: &[&str]) -> String {
         let output = place.eplat(arguments);
         let (code, stderr) = (output.status.code(), text(&output.stderr));
         assert!(matches!(code, Some(1 | 2)), "{arguments}: {code:?}\n{stderr}");
-        let (error, _) = (stderr.rfind("error: ").map(|at| &stderr[at..]).unwrap(), ());
+        let error = &stderr[stderr.rfind("error: ").unwrap()..];
         assert!(error.contains("\nhelp: ") || error.contains("'--help'"), "{arguments}: {stderr}");
         assert!(stderr.lines().count() <= 24, "{arguments}: more than a screen\n{stderr}");
         assert!(!stderr.contains("panicked"), "{arguments}: {stderr}");
