@@ -6,12 +6,11 @@
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use rand_distr::StandardNormal;
-use rayon::prelude::*;
 use thiserror::Error;
 
 use crate::dsl::{DataError, Declare, MapName, Maps, Measurements, Model, ModelError};
 use crate::field::{Matern52, unit_field};
-use crate::manifold::{Basis, ManifoldError, biharmonic, maximin};
+use crate::manifold::{Basis, ManifoldError, interpolate_biharmonic, maximin};
 use crate::mesh::TriMesh;
 
 /// Modes of the ground truth.
@@ -84,6 +83,13 @@ pub enum StudyError {
     Data(#[from] DataError),
 }
 
+/// Stream `index` of this module: chains own the streams from 0 on, reports those from 2³² on.
+fn stream(seed: u64, index: u64) -> ChaCha8Rng {
+    let mut rng = ChaCha8Rng::seed_from_u64(seed);
+    rng.set_stream((1 << 33) + index);
+    rng
+}
+
 /// Makes the experiment. `basis` should have [`TRUTH_MODES`] modes; all it has are used.
 ///
 /// # Errors
@@ -124,7 +130,7 @@ fn true_fields(
     basis: &Basis,
     design: &Design,
 ) -> Result<Vec<Vec<f64>>, StudyError> {
-    let mut rng = ChaCha8Rng::seed_from_u64(design.seed);
+    let mut rng = stream(design.seed, 0);
     let ranged = maps.names().into_iter().take(maps.n_fields());
     ranged
         .map(|MapName { name: field, range, .. }| {
@@ -148,18 +154,7 @@ fn repair(fields: &mut [Vec<f64>], bad: &[bool], basis: &Basis) -> Result<(), St
         return Err(StudyError::NothingPhysical);
     }
     let vertices: Vec<usize> = (0..bad.len()).filter(|v| bad[*v]).collect();
-    let averages: Vec<Vec<f64>> = vertices
-        .par_iter()
-        .map(|&vertex| {
-            let distance = biharmonic(basis, vertex);
-            let weights: Vec<f64> = good.iter().map(|v| distance[*v].powi(-4)).collect();
-            let total: f64 = weights.iter().sum();
-            let average = |field: &Vec<f64>| {
-                good.iter().zip(&weights).map(|(v, w)| w * field[*v]).sum::<f64>() / total
-            };
-            fields.iter().map(average).collect()
-        })
-        .collect();
+    let averages = interpolate_biharmonic(basis, fields, &good, &vertices);
     for (vertex, average) in vertices.iter().zip(averages) {
         for (field, value) in fields.iter_mut().zip(average) {
             field[*vertex] = value;
@@ -207,8 +202,7 @@ fn measure(
     let mut tape = blank_model.tape();
     blank_model.forward(&mut tape, &blank_model.initial());
     Maps::new(&blank_model, basis).set_at_probes(&mut tape, &table.vertices(), fields);
-    let mut rng = ChaCha8Rng::seed_from_u64(design.seed);
-    rng.set_stream(1);
+    let mut rng = stream(design.seed, 1);
     for observe in &blank_model.observes {
         for (row, values) in observe.rows.iter().zip(observe.simulate(&tape, &mut rng)) {
             for (column, value) in observe.columns.iter().zip(values) {

@@ -20,7 +20,7 @@ const EVALUATIONS: u32 = 20_000;
 /// `eplat check MODEL.rs`
 #[derive(Debug, Args)]
 pub(super) struct Command {
-    /// Model file
+    /// Model file (.rs), for instance models/erp.rs
     model: PathBuf,
     #[command(flatten)]
     input: InputArgs,

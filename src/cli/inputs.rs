@@ -20,7 +20,7 @@ const ATRIUM_EDGE: f64 = 1.5;
 /// Options that say what a model is run on.
 #[derive(Debug, Args)]
 pub(super) struct InputArgs {
-    /// Surface mesh, legacy VTK [default: the embedded procedural left atrium]
+    /// Surface mesh, legacy VTK; needs --units [default: the embedded procedural left atrium]
     #[arg(long, value_name = "FILE.vtk", requires = "units")]
     mesh: Option<PathBuf>,
     /// Unit of the mesh's coordinates: mm, cm, um or m
@@ -30,7 +30,8 @@ pub(super) struct InputArgs {
     /// `eigenfunctions` (vertices, K); `eplat mesh basis` writes the same
     #[arg(long, value_name = "FILE.npz")]
     basis: Option<PathBuf>,
-    /// Measurements, one row each [default: a synthetic experiment on the surface]
+    /// Table of measurements: vertex or x, y, z; protocol; lower and upper, or value; one row each
+    /// [default: a synthetic experiment on the surface]
     #[arg(long, value_name = "FILE.csv")]
     data: Option<PathBuf>,
     /// Seed of every random stream

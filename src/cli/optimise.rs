@@ -1,5 +1,6 @@
 //! `eplat run MODEL.rs --optimize`: the mode of the posterior instead of draws from it.
 
+use std::collections::BTreeMap;
 use std::fmt::Write as _;
 use std::io::Write as _;
 use std::process::ExitCode;
@@ -9,10 +10,11 @@ use serde_json::{Map, Value, json};
 use super::inputs::Inputs;
 use super::output::{OutputFolder, rms_error};
 use crate::atomic::write_file;
-use crate::dsl::{Kind, Maps, Model};
+use crate::dsl::{Kind, MapSummary, Maps, Model};
 use crate::error::Failure;
 use crate::infer::{Optimum, OptimumSettings, maximise};
 use crate::mesh::write_vtp;
+use crate::report::rmse_line;
 
 /// What the mode is, so that nobody takes it for the posterior's centre.
 const WHAT_IT_IS: &str = "This is the mode of the density that is sampled: joint, in unconstrained coordinates, Jacobian included. \
@@ -31,8 +33,8 @@ struct Mode<'a> {
     optimum: Optimum,
     /// Every reported number, in the order of the model's parameters.
     values: Vec<f64>,
-    /// Fields and derived quantities: name, values at the vertices.
-    maps: Vec<(String, Vec<f64>)>,
+    /// Fields and derived quantities at every vertex.
+    maps: Vec<MapSummary>,
 }
 
 /// Climbs from the model's initial point and writes `map.csv`, `fields.vtp` and `map.json`; exit code 3
@@ -69,7 +71,7 @@ impl<'a> Mode<'a> {
         model.report_mode(&tape, &mut values);
         let maps = inputs.surface.as_ref().map_or(vec![], |(_, basis)| {
             let (maps, _) = Maps::new(model, basis).summarise(&[&optimum.position]);
-            maps.into_iter().map(|map| (map.name.to_owned(), map.mean)).collect()
+            maps
         });
         Ok(Self { model, inputs, optimum, values, maps })
     }
@@ -80,17 +82,23 @@ impl<'a> Mode<'a> {
         elements.zip(&self.values).map(|((p, i), x)| (p.element(i), *x, p.unit.as_str())).collect()
     }
 
-    /// Maps with a known truth: name, root mean squared error, the truth.
-    fn errors(&self) -> Vec<(&str, f64, &[f64])> {
-        let truth = |name: &str| self.inputs.truth.iter().find(|(of, _)| *of == name);
-        let error = |(name, values): &'_ (String, Vec<f64>)| {
-            truth(name).map(|(name, truth)| (*name, rms_error(values, truth), truth.as_slice()))
+    /// The true map of this name, if it is known.
+    fn truth(&self, name: &str) -> Option<&[f64]> {
+        let mut known = self.inputs.truth.iter();
+        known.find(|(of, _)| *of == name).map(|(_, truth)| truth.as_slice())
+    }
+
+    /// Root mean squared error of each map with a known truth.
+    fn errors(&self) -> BTreeMap<String, f64> {
+        let error = |map: &MapSummary| {
+            Some((map.name.to_owned(), rms_error(&map.mean, self.truth(map.name)?)))
         };
         self.maps.iter().filter_map(error).collect()
     }
 
     /// Writes every file, the record last; returns their names.
     fn write(&self, out: &OutputFolder) -> Result<Vec<&'static str>, Failure> {
+        out.make()?;
         let mut files = vec!["map.csv"];
         let path = out.file("map.csv");
         write_file(&path, |file| {
@@ -103,11 +111,14 @@ impl<'a> Mode<'a> {
         })
         .map_err(|error| Failure::io("write", &path, &error))?;
         if let Some((surface, _)) = &self.inputs.surface {
-            let truths =
-                self.errors().into_iter().map(|(n, _, t)| (format!("{n}_true"), t.to_vec()));
-            let arrays: Vec<_> = self.maps.iter().cloned().chain(truths).collect();
+            let mut arrays: Vec<(String, &[f64])> = vec![];
+            for map in &self.maps {
+                arrays.push((map.name.to_owned(), &map.mean));
+                let truth = self.truth(map.name);
+                arrays.extend(truth.map(|truth| (format!("{}_true", map.name), truth)));
+            }
             let arrays: Vec<(&str, &[f64])> =
-                arrays.iter().map(|(name, values)| (name.as_str(), values.as_slice())).collect();
+                arrays.iter().map(|(name, values)| (name.as_str(), *values)).collect();
             write_vtp(&out.file("fields.vtp"), &surface.mesh, &arrays)?;
             files.push("fields.vtp");
         }
@@ -123,11 +134,6 @@ impl<'a> Mode<'a> {
         let parameters: Map<String, Value> = parameters
             .map(|(name, value, unit)| (name, json!({ "value": value, "unit": unit })))
             .collect();
-        let rmse: Map<String, Value> = self
-            .errors()
-            .into_iter()
-            .map(|(name, rmse, _)| (name.to_owned(), json!(rmse)))
-            .collect();
         json!({
             "model": self.model.name,
             "version": env!("CARGO_PKG_VERSION"),
@@ -137,7 +143,7 @@ impl<'a> Mode<'a> {
             "gradient_norm": self.optimum.gradient_norm,
             "ln_density": self.optimum.ln_density,
             "parameters": parameters,
-            "rmse": rmse,
+            "rmse": self.errors(),
         })
     }
 
@@ -145,13 +151,8 @@ impl<'a> Mode<'a> {
         let mut text = table(&self.lines());
         let errors = self.errors();
         if !errors.is_empty() {
-            let list: Vec<String> =
-                errors.iter().map(|(name, e, _)| format!("{name} {e:.1}")).collect();
-            let _ = writeln!(
-                text,
-                "\nRMSE against the truth over the surface, ms: {}",
-                list.join(", ")
-            );
+            let units = self.maps.iter().map(|map| (map.name.to_owned(), map.unit.clone()));
+            let _ = writeln!(text, "\n{}", rmse_line(&errors, &units.collect()));
         }
         let Optimum { iterations, gradient_norm, ln_density, converged, .. } = &self.optimum;
         let figures = format!(
@@ -211,8 +212,6 @@ fn significant(value: f64) -> String {
 
 #[cfg(test)]
 mod tests {
-    use std::collections::BTreeMap;
-
     use super::*;
     use crate::dsl::Measurements;
 

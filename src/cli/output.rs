@@ -24,20 +24,27 @@ use crate::report::{
 /// Most draws that field maps are averaged over; more change nothing that can be seen.
 const MAP_DRAWS: usize = 1000;
 
-/// An output folder that can be written to.
+/// An output folder that can be written to; it is made when there are results.
 pub(super) struct OutputFolder(PathBuf);
 
 impl OutputFolder {
-    /// Makes the folder and tries it, before anything slow is done.
+    /// Tries the folder, or the nearest one above it that exists, before anything slow is done.
     pub(super) fn open(path: &Path) -> Result<Self, Failure> {
-        let tried = fs::create_dir_all(path).and_then(|()| tempfile::tempfile_in(path));
-        match tried {
-            Ok(_) => Ok(Self(path.to_owned())),
-            Err(error) => Err(Failure::new(format_args!(
-                "cannot write to the output folder {}: {error}\nhelp: name another with --out DIR",
-                path.display()
-            ))),
-        }
+        let existing = path.ancestors().find(|p| p.exists()).unwrap_or(Path::new("."));
+        tempfile::tempfile_in(existing).map_err(|error| Self::unwritable(path, &error))?;
+        Ok(Self(path.to_owned()))
+    }
+
+    fn unwritable(path: &Path, error: &std::io::Error) -> Failure {
+        Failure::new(format_args!(
+            "cannot write to the output folder {}: {error}\nhelp: name another with --out DIR",
+            path.display()
+        ))
+    }
+
+    /// Makes the folder, once there is something to put in it.
+    pub(super) fn make(&self) -> Result<(), Failure> {
+        fs::create_dir_all(&self.0).map_err(|error| Self::unwritable(&self.0, &error))
     }
 
     pub(super) fn path(&self) -> &Path {
@@ -73,6 +80,7 @@ struct FieldMaps {
     unphysical: Vec<f64>,
     /// Root mean squared error of each map's mean, in its unit.
     rmse: BTreeMap<String, f64>,
+    units: BTreeMap<String, String>,
     /// Name, unit, values at the vertices.
     arrays: Vec<(String, String, Vec<f64>)>,
 }
@@ -84,6 +92,7 @@ impl Finished<'_> {
         let posterior = Posterior::new(self.model, &self.inputs.measurements, self.chains, seed);
         let surface = self.inputs.surface.as_ref();
         let maps = surface.map(|(surface, basis)| self.maps(surface, basis));
+        out.make()?;
         let mut files = vec!["summary.csv", "summary.json", "draws.csv"];
         write_summary_csv(&out.file("summary.csv"), &posterior.rows)?;
         write_summary_json(&out.file("summary.json"), &posterior.rows)?;
@@ -139,10 +148,11 @@ impl Finished<'_> {
                 rmse.insert((*name).to_string(), rms_error(&map.mean, truth));
             }
         }
+        let units = summaries.iter().map(|m| (m.name.to_string(), m.unit.clone())).collect();
         arrays.push(("unphysical".into(), "1".into(), unphysical.clone()));
         arrays
             .extend(surface.point_data.iter().map(|(n, v)| (n.clone(), String::new(), v.clone())));
-        FieldMaps { unphysical, rmse, arrays }
+        FieldMaps { unphysical, rmse, units, arrays }
     }
 
     fn write_zarr(
@@ -241,6 +251,7 @@ impl Finished<'_> {
             e_bfmi: self.chains.iter().map(|c| e_bfmi(&c.energy)).fold(f64::INFINITY, f64::min),
             rmse: maps.map(|m| m.rmse.clone()).filter(|rmse| !rmse.is_empty()),
             unphysical: maps.map(|m| m.unphysical.iter().sum::<f64>() / m.unphysical.len() as f64),
+            units: maps.map(|m| m.units.clone()).unwrap_or_default(),
             divergent_at: self.suspects(),
             loo: posterior.loo.as_ref().map(|loo| loo.record.clone()),
         }

@@ -13,14 +13,14 @@ use super::models::{Compiled, ModelFile};
 use super::optimise::optimise;
 use super::output::{Finished, OutputFolder};
 use super::progress::ChainBars;
-use crate::dsl::{Declare, Model};
+use crate::dsl::{Declare, Model, Sampler};
 use crate::error::Failure;
 use crate::infer::{self, Chain, LogDensity as _, MetricKind, jittered_starts};
 
 /// `eplat run MODEL.rs`
 #[derive(Debug, Args)]
 pub(super) struct Command {
-    /// Model file
+    /// Model file (.rs), for instance models/erp.rs
     model: PathBuf,
     #[command(flatten)]
     input: InputArgs,
@@ -30,7 +30,7 @@ pub(super) struct Command {
     #[command(flatten)]
     sampler: SamplerArgs,
     /// Find the posterior's mode by L-BFGS instead of sampling
-    #[arg(long, conflicts_with_all = ["chains", "warmup", "draws", "target_accept", "metric"])]
+    #[arg(long, conflicts_with_all = ["chains", "warmup", "draws", "target_accept", "sampler", "metric"])]
     optimize: bool,
     /// Print the summary and the run record as JSON on stdout
     #[arg(long)]
@@ -49,15 +49,27 @@ struct SamplerArgs {
     /// Draws kept per chain
     #[arg(long, default_value_t = 1000)]
     draws: usize,
-    /// Mean acceptance that the step size is tuned to, between 0 and 1
+    /// Mean acceptance that the step size is tuned to, between 0 and 1; nearer to 1 means smaller
+    /// steps and fewer divergences
     #[arg(long, default_value_t = 0.95)]
     target_accept: f64,
-    /// Shape of the mass matrix
+    /// Sampler [default: blocked for models with fields that measurements see, else nuts]
+    #[arg(long, value_enum)]
+    sampler: Option<SamplerArg>,
+    /// Shape of the mass matrix (nuts)
     #[arg(long, value_enum, default_value_t = MetricArg::Diag)]
     metric: MetricArg,
     /// Threads; 0 means one per core. Changes no number
     #[arg(long, default_value_t = 0)]
     threads: usize,
+}
+
+#[derive(Clone, Copy, Debug, ValueEnum)]
+enum SamplerArg {
+    /// Whitened fields and their hyperparameters in alternating moves
+    Blocked,
+    /// NUTS on all unknowns
+    Nuts,
 }
 
 #[derive(Clone, Copy, Debug, ValueEnum)]
@@ -96,11 +108,11 @@ impl Command {
         let out = OutputFolder::open(&self.folder())?;
         let mut inputs = self.input.load(model)?;
         inputs.hashes.insert("model".into(), hash(&self.model)?);
-        let laid_out = lay_out(model, &inputs, begun)?;
+        let laid_out = lay_out(model, &inputs)?;
         if self.optimize {
             return optimise(&laid_out, &inputs, &out, self.json);
         }
-        let (chains, sampled_in) = sample(&laid_out, &settings)?;
+        let (chains, sampled_in) = sample(&laid_out, &settings, self.sampler.sampler, begun)?;
         let finished = Finished {
             model: &laid_out,
             inputs: &inputs,
@@ -128,25 +140,34 @@ impl Command {
     }
 }
 
-/// Lays the model out on its data, and says how large it is.
-fn lay_out(model: &dyn Declare, inputs: &Inputs, begun: Instant) -> Result<Model, Failure> {
+/// Lays the model out on its data.
+fn lay_out(model: &dyn Declare, inputs: &Inputs) -> Result<Model, Failure> {
     let basis = inputs.surface.as_ref().map(|(_, basis)| basis);
-    let model = Model::new(model, basis, &inputs.measurements)?;
-    eprintln!(
-        "model  {}: {} unknowns, ready in {:.1} s",
-        model.name,
-        model.dim(),
-        begun.elapsed().as_secs_f64()
-    );
-    Ok(model)
+    Ok(Model::new(model, basis, &inputs.measurements)?)
 }
 
 /// Samples the model; returns the chains that came through and the seconds it took.
-fn sample(model: &Model, settings: &infer::Settings) -> Result<(Vec<Chain>, f64), Failure> {
+fn sample(
+    model: &Model,
+    settings: &infer::Settings,
+    sampler: Option<SamplerArg>,
+    begun: Instant,
+) -> Result<(Vec<Chain>, f64), Failure> {
+    let sampler = match sampler {
+        Some(SamplerArg::Nuts) => Sampler::Nuts,
+        Some(SamplerArg::Blocked) | None => Sampler::of(model),
+    };
     let starts = jittered_starts(model, &model.initial(), settings.chains, settings.seed)?;
+    eprintln!(
+        "model  {}: {} unknowns, sampler {}, ready in {:.1} s",
+        model.name,
+        model.dim(),
+        sampler.name(),
+        begun.elapsed().as_secs_f64()
+    );
     let sampling = Instant::now();
     let bars = ChainBars::new(settings.chains, settings.warmup + settings.draws, settings.warmup);
-    let results = infer::sample(model, &starts, settings, &bars)?;
+    let results = sampler.sample(model, &starts, settings, &bars)?;
     bars.finish();
     let sampled_in = sampling.elapsed().as_secs_f64();
     let (chains, failed): (Vec<_>, Vec<_>) = results.into_iter().partition(Result::is_ok);

@@ -13,7 +13,7 @@ use crate::error::Failure;
 /// `eplat show MODEL.rs`
 #[derive(Debug, Args)]
 pub(super) struct Command {
-    /// Model file
+    /// Model file (.rs), for instance models/erp.rs
     model: PathBuf,
 }
 

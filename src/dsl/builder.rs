@@ -8,7 +8,7 @@ use super::error::ModelError;
 use super::gp::{Collapsed, Field, KernelFn, SpectrumAt, Term, padded};
 use super::linear::Linear;
 use super::maps::{LetFn, Map, MapAt, Source as MapSource};
-use super::model::{FieldEntry, Kind, Model, Observe, Parameter, Position, Statement};
+use super::model::{FieldEntry, Kind, Model, Observe, Parameter, Position, PriorEntry, Statement};
 use super::parameter::{ParameterOp, PriorFn};
 use super::rows::{Columns, Place, RowFn, Rows};
 use super::scalar::{Scalar, ScalarAt, ScalarFn};
@@ -150,6 +150,7 @@ impl<'a> Builder<'a> {
         scope: &Scope,
     ) -> Result<(), ModelError> {
         let local = self.local::<N, W>(scope);
+        let mentions = local.mentioned();
         let (levels, index) = match (len, self.data) {
             (Len::Each(column), Some(data)) => {
                 data.labels(column, &format!("param {}", decl.name))?
@@ -190,6 +191,7 @@ impl<'a> Builder<'a> {
         if self.field.is_none() {
             self.state("param", decl, None);
         }
+        self.model.prior_entries.push(PriorEntry { u: u..u + n, v, mentions });
         self.model.priors.push(Box::new(ParameterOp::<F, N, W> {
             local,
             u,

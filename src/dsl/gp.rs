@@ -35,6 +35,10 @@ pub(super) trait Spectrum: Send + Sync + std::fmt::Debug {
     fn pull(&self, bar: &[f64], dc: &[f64], g: &mut [f64]);
     /// √S at one frequency.
     fn at(&self, v: &[f64], frequency: f64) -> f64;
+    /// √S at the basis's frequencies.
+    fn values(&self, v: &[f64], frequency: &[f64], c: &mut [f64]);
+    /// The values that it depends on.
+    fn mentions(&self) -> Vec<usize>;
 }
 
 #[derive(Debug)]
@@ -69,6 +73,17 @@ impl<F: KernelFn, const N: usize, const W: usize> Spectrum for SpectrumAt<F, N, 
 
     fn at(&self, v: &[f64], frequency: f64) -> f64 {
         F::kernel::<f64>(&self.local.plain(v)).sqrt_density(frequency)
+    }
+
+    fn values(&self, v: &[f64], frequency: &[f64], c: &mut [f64]) {
+        let kernel = F::kernel::<f64>(&self.local.plain(v));
+        for (c, w) in c.iter_mut().zip(frequency) {
+            *c = kernel.sqrt_density(*w);
+        }
+    }
+
+    fn mentions(&self) -> Vec<usize> {
+        self.local.mentioned()
     }
 }
 
@@ -117,7 +132,7 @@ pub(super) fn padded(k: usize) -> usize {
 }
 
 impl Field {
-    fn n_probes(&self) -> usize {
+    pub(super) fn n_probes(&self) -> usize {
         self.probes.len() / self.stride.max(1)
     }
 

@@ -6,6 +6,7 @@
 //! same indices of the adjoint `g`. Everything between parameters and `v` is linear or a kernel's
 //! spectral density, with a hand-written adjoint. Nothing here knows the EP simulator.
 
+mod blocked;
 mod builder;
 mod data;
 mod equations;
@@ -16,6 +17,7 @@ mod macros;
 mod maps;
 mod model;
 mod parameter;
+mod restore;
 mod rows;
 mod scalar;
 mod scope;
@@ -23,6 +25,7 @@ mod tape;
 mod units;
 mod uses;
 
+pub use blocked::Sampler;
 pub use data::{DataError, Measurements};
 pub use equations::equations;
 pub use error::ModelError;

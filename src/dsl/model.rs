@@ -95,6 +95,17 @@ pub struct Statement {
     pub range: Option<(f64, f64)>,
 }
 
+/// Where the numbers of a declared parameter live, and what its prior depends on.
+#[derive(Clone, Debug)]
+pub(super) struct PriorEntry {
+    /// Unknowns.
+    pub(super) u: Range<usize>,
+    /// First value.
+    pub(super) v: usize,
+    /// Values that its prior mentions.
+    pub(super) mentions: Vec<usize>,
+}
+
 #[derive(Debug)]
 pub(super) struct FieldEntry {
     pub(super) name: &'static str,
@@ -133,6 +144,8 @@ pub struct Model {
     /// Measurements in order of declaration.
     pub observes: Vec<Observe>,
     pub(super) priors: Vec<Box<dyn Op>>,
+    /// One for each of `priors`.
+    pub(super) prior_entries: Vec<PriorEntry>,
     pub(super) fields: Vec<FieldEntry>,
     pub(super) linear: Vec<Linear>,
     pub(super) densities: Vec<Box<dyn Op>>,
@@ -177,6 +190,7 @@ impl Model {
             statements: vec![],
             observes: vec![],
             priors: vec![],
+            prior_entries: vec![],
             fields: vec![],
             linear: vec![],
             densities: vec![],

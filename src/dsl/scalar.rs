@@ -19,6 +19,8 @@ pub(super) trait Scalar: Send + Sync + std::fmt::Debug {
     fn value(&self, v: &[f64]) -> f64;
     /// Carries the adjoint `bar` of the value on.
     fn pull(&self, v: &[f64], bar: f64, g: &mut [f64]);
+    /// The values that it depends on.
+    fn mentions(&self) -> Vec<usize>;
 }
 
 #[derive(Debug)]
@@ -34,6 +36,9 @@ impl<F: ScalarFn, const N: usize, const W: usize> Scalar for ScalarAt<F, N, W> {
     fn pull(&self, v: &[f64], bar: f64, g: &mut [f64]) {
         let x: Dual<W> = F::value(&self.local.dual(v));
         self.local.scatter(&(x * bar), g);
+    }
+    fn mentions(&self) -> Vec<usize> {
+        self.local.mentioned()
     }
 }
 

@@ -98,6 +98,11 @@ impl<const N: usize, const W: usize> Local<N, W> {
         s
     }
 
+    /// The values that the expression mentions.
+    pub(super) fn mentioned(&self) -> Vec<usize> {
+        self.slot[..self.used].iter().map(|i| self.at[*i as usize] as usize).collect()
+    }
+
     /// Adds the derivatives that `x` carries to the adjoint.
     #[inline(always)]
     pub(super) fn scatter(&self, x: &Dual<W>, g: &mut [f64]) {

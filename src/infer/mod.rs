@@ -3,6 +3,7 @@
 //! Knows nothing of fields, electrophysiology or models: only [`LogDensity`].
 
 mod adapt;
+mod blocked;
 mod error;
 mod hamiltonian;
 mod moments;
@@ -15,6 +16,7 @@ mod test_densities;
 mod tree;
 mod vector;
 
+pub use blocked::{Design, FieldLayout, Latent, LatentGaussian, Layout, Shape, sample_blocked};
 pub use error::{ChainError, ChainFailure, InferError};
 pub use optimise::{Optimum, OptimumSettings, maximise};
 pub use sample::{

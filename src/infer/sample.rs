@@ -197,9 +197,9 @@ impl Chain {
         &self.draws[i * dim..(i + 1) * dim]
     }
 
-    fn record(&mut self, nuts: &Nuts, transition: &Transition) {
-        self.draws.extend_from_slice(&nuts.point.position);
-        self.ln_density.push(nuts.point.ln_density);
+    pub(super) fn record(&mut self, position: &[f64], ln_density: f64, transition: &Transition) {
+        self.draws.extend_from_slice(position);
+        self.ln_density.push(ln_density);
         self.accept.push(transition.accept);
         self.energy.push(transition.energy);
         self.depth.push(transition.depth);
@@ -224,6 +224,20 @@ pub fn sample(
     settings: &Settings,
     progress: &dyn Progress,
 ) -> Result<Vec<ChainResult>, InferError> {
+    check_starts(density, starts, settings)?;
+    let run = |(chain, start): (usize, &Vec<f64>)| {
+        let reporter = Reporter::new(chain, settings, progress);
+        Run { chain, settings, progress, reporter }.run(density, start)
+    };
+    Ok(thread_pool(settings)?.install(|| starts.par_iter().enumerate().map(run).collect()))
+}
+
+/// Settings that make sense, and one start of the right length per chain.
+pub(super) fn check_starts(
+    density: &dyn LogDensity,
+    starts: &[Vec<f64>],
+    settings: &Settings,
+) -> Result<(), InferError> {
     settings.validate()?;
     let dim = density.dim();
     if dim == 0 {
@@ -235,27 +249,27 @@ pub fn sample(
     if let Some(chain) = starts.iter().position(|start| start.len() != dim) {
         return Err(InferError::StartLength { chain, expected: dim, got: starts[chain].len() });
     }
+    Ok(())
+}
+
+/// As many threads as the settings say.
+pub(super) fn thread_pool(settings: &Settings) -> Result<rayon::ThreadPool, InferError> {
     let threads = settings.threads;
-    let pool = rayon::ThreadPoolBuilder::new()
+    rayon::ThreadPoolBuilder::new()
         .num_threads(threads)
         .build()
-        .map_err(|error| InferError::Threads { threads, reason: error.to_string() })?;
-    let run = |(chain, start): (usize, &Vec<f64>)| {
-        Run { chain, settings, progress, divergences: 0, reported: Instant::now() }
-            .run(density, start)
-    };
-    Ok(pool.install(|| starts.par_iter().enumerate().map(run).collect()))
+        .map_err(|error| InferError::Threads { threads, reason: error.to_string() })
 }
 
 /// Stream of a chain: streams 0.. belong to chains, see [`super::start`] for the others.
-fn chain_stream(seed: u64, chain: usize) -> ChaCha8Rng {
+pub(super) fn chain_stream(seed: u64, chain: usize) -> ChaCha8Rng {
     let mut rng = ChaCha8Rng::seed_from_u64(seed);
     rng.set_stream(chain as u64);
     rng
 }
 
-/// One chain under way.
-struct Run<'a> {
+/// Tells the watcher of a run where one chain stands, now and then.
+pub(super) struct Reporter<'a> {
     chain: usize,
     settings: &'a Settings,
     progress: &'a dyn Progress,
@@ -264,9 +278,49 @@ struct Run<'a> {
     reported: Instant,
 }
 
-impl Run<'_> {
+impl<'a> Reporter<'a> {
     const REPORT_EVERY: Duration = Duration::from_millis(250);
 
+    pub(super) fn new(chain: usize, settings: &'a Settings, progress: &'a dyn Progress) -> Self {
+        Self { chain, settings, progress, divergences: 0, reported: Instant::now() }
+    }
+
+    pub(super) fn report(
+        &mut self,
+        phase: Phase,
+        iteration: usize,
+        transition: &Transition,
+        step_size: f64,
+    ) {
+        self.divergences += usize::from(transition.diverging);
+        let Settings { warmup, draws, .. } = *self.settings;
+        let (before, last) = match phase {
+            Phase::Warmup => (0, iteration + 1 == warmup),
+            Phase::Sampling => (warmup, iteration + 1 == draws),
+        };
+        if last || self.reported.elapsed() >= Self::REPORT_EVERY {
+            self.reported = Instant::now();
+            self.progress.report(&ChainProgress {
+                chain: self.chain,
+                phase,
+                iteration: before + iteration + 1,
+                total: warmup + draws,
+                divergences: self.divergences,
+                step_size,
+            });
+        }
+    }
+}
+
+/// One chain under way.
+struct Run<'a> {
+    chain: usize,
+    settings: &'a Settings,
+    progress: &'a dyn Progress,
+    reporter: Reporter<'a>,
+}
+
+impl Run<'_> {
     fn run(&mut self, density: &dyn LogDensity, start: &[f64]) -> ChainResult {
         let mut nuts = self.begin(density.evaluator(), density.evaluator(), start);
         if !is_usable(&nuts) {
@@ -303,25 +357,25 @@ impl Run<'_> {
             self.check_stop(Phase::Warmup, iteration, nuts)?;
             let transition = nuts.transition(adapt.step_size());
             adapt.update(iteration, nuts, &transition);
-            self.report(Phase::Warmup, iteration, &transition, adapt.step_size());
+            self.reporter.report(Phase::Warmup, iteration, &transition, adapt.step_size());
         }
         Ok((adapt.final_step_size(), begun.elapsed().as_secs_f64()))
     }
 
     fn draw(&mut self, nuts: &mut Nuts, mut chain: Chain) -> ChainResult {
         let begun = Instant::now();
-        self.divergences = 0;
+        self.reporter.divergences = 0;
         let mut start = nuts.point.position.clone();
         for iteration in 0..self.settings.draws {
             self.check_stop(Phase::Sampling, iteration, nuts)?;
             start.copy_from_slice(&nuts.point.position);
             let transition = nuts.transition(chain.step_size);
-            chain.record(nuts, &transition);
+            chain.record(&nuts.point.position, nuts.point.ln_density, &transition);
             if transition.diverging {
                 let end = nuts.divergent_position().to_vec();
                 chain.divergences.push(Divergence { iteration, start: start.clone(), end });
             }
-            self.report(Phase::Sampling, iteration, &transition, chain.step_size);
+            self.reporter.report(Phase::Sampling, iteration, &transition, chain.step_size);
         }
         chain.n_grad_sampling = nuts.n_evaluations() - chain.n_grad_warmup;
         chain.seconds_sampling = begun.elapsed().as_secs_f64();
@@ -333,26 +387,6 @@ impl Run<'_> {
             return Err(self.error(phase, iteration, nuts, ChainFailure::Stopped));
         }
         Ok(())
-    }
-
-    fn report(&mut self, phase: Phase, iteration: usize, transition: &Transition, step_size: f64) {
-        self.divergences += usize::from(transition.diverging);
-        let Settings { warmup, draws, .. } = *self.settings;
-        let (before, last) = match phase {
-            Phase::Warmup => (0, iteration + 1 == warmup),
-            Phase::Sampling => (warmup, iteration + 1 == draws),
-        };
-        if last || self.reported.elapsed() >= Self::REPORT_EVERY {
-            self.reported = Instant::now();
-            self.progress.report(&ChainProgress {
-                chain: self.chain,
-                phase,
-                iteration: before + iteration + 1,
-                total: warmup + draws,
-                divergences: self.divergences,
-                step_size,
-            });
-        }
     }
 
     fn error(
@@ -374,7 +408,8 @@ impl Run<'_> {
     }
 }
 
-fn is_usable(nuts: &Nuts) -> bool {
+/// Whether density and gradient are finite at the chain's point.
+pub(super) fn is_usable(nuts: &Nuts) -> bool {
     nuts.point.ln_density.is_finite() && nuts.point.gradient.iter().all(|g| g.is_finite())
 }
 

@@ -9,7 +9,7 @@ use crate::mesh::TriMesh;
 use faer::MatMut;
 
 /// Modes of the biharmonic distance: its terms fall like 1/λ².
-const BIHARMONIC_MODES: usize = 32;
+pub(super) const BIHARMONIC_MODES: usize = 32;
 
 /// Biharmonic distance from vertex `from` to every vertex `(n_vertices)`, mm.
 ///

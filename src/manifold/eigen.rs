@@ -287,4 +287,25 @@ mod tests {
             "{error}"
         );
     }
+
+    /// A clinical shell rounded to 3 decimals has angles below 1° and failed for 8 and 24 modes, but
+    /// not for 16 and 32: it is chance how far beyond its tolerance the iteration ends.
+    #[test]
+    fn very_small_angles_do_not_spoil_the_smallest_modes() {
+        let plain = rectangle(30, 40, 1.0);
+        let mut thin = plain.vertices().to_vec();
+        for vertex in &mut thin {
+            if (vertex[0] - 15.0).abs() < 0.5 {
+                vertex[0] = 14.0002; // a column of triangles 0.0002 mm wide
+            }
+        }
+        let mesh = TriMesh::new(thin, plain.triangles().to_vec()).unwrap();
+        let many = eigenpairs(&mesh, 40).unwrap();
+        for n_modes in 5..30 {
+            let basis = eigenpairs(&mesh, n_modes).unwrap();
+            for (a, b) in basis.eigenvalues.iter().zip(&many.eigenvalues) {
+                assert!((a - b).abs() <= 1e-9 * b, "{n_modes} modes: {a} against {b}");
+            }
+        }
+    }
 }

@@ -1,5 +1,6 @@
 //! What the end of a run says, from what `summary.json` and `run.json` hold: so it can be said again.
 
+use std::collections::BTreeMap;
 use std::fmt::Write as _;
 
 use super::{LooRecord, Row, RunRecord, console_table, verdict};
@@ -8,9 +9,7 @@ use super::{LooRecord, Row, RunRecord, console_table, verdict};
 pub fn end_of_run(rows: &[Row], record: &RunRecord) -> String {
     let mut text = console_table(rows, false);
     if let Some(rmse) = &record.rmse {
-        let list: Vec<String> = rmse.iter().map(|(name, e)| format!("{name} {e:.1}")).collect();
-        let _ =
-            writeln!(text, "\nRMSE against the truth over the surface, ms: {}", list.join(", "));
+        let _ = writeln!(text, "\n{}", rmse_line(rmse, &record.units));
     }
     if let Some(share) = record.unphysical {
         let _ = writeln!(
@@ -36,6 +35,15 @@ pub fn end_of_run(rows: &[Row], record: &RunRecord) -> String {
         seconds.warmup + seconds.sampling
     );
     text
+}
+
+/// Root mean squared errors by name, with the units that are known.
+pub fn rmse_line(rmse: &BTreeMap<String, f64>, units: &BTreeMap<String, String>) -> String {
+    let unit = |name: &String| units.get(name).map_or("", String::as_str);
+    let one =
+        |(name, e): (&String, &f64)| format!("{name} {e:.1} {}", unit(name)).trim_end().to_owned();
+    let list: Vec<String> = rmse.iter().map(one).collect();
+    format!("RMSE against the truth over the surface: {}", list.join(", "))
 }
 
 fn leave_one_out(loo: &LooRecord) -> String {

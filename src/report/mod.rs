@@ -21,7 +21,7 @@ mod zarr;
 
 pub use dataset::{Group, Values, Variable};
 pub use draws::write_draws;
-pub use end_of_run::end_of_run;
+pub use end_of_run::{end_of_run, rmse_line};
 pub use error::ReportError;
 pub use html::{Page, PointData, Surface, write_html};
 pub use loo::{LeaveOneOut, LooRecord, LooRow, read_loo, worst_k, write_loo};

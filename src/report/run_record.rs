@@ -53,6 +53,9 @@ pub struct RunRecord {
     /// With a known truth: root mean squared error over the surface by field, in the field's unit.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub rmse: Option<BTreeMap<String, f64>>,
+    /// Units of the fields and derived quantities that have a map.
+    #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
+    pub units: BTreeMap<String, String>,
     /// Share of (vertex, draw) pairs outside a declared range, for models with fields.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub unphysical: Option<f64>,
@@ -177,6 +180,9 @@ mod tests {
           "e_bfmi": 0.83,
           "rmse": {
             "tau_out": 2.25
+          },
+          "units": {
+            "tau_out": "ms"
           },
           "unphysical": 0.25,
           "divergent_at": [

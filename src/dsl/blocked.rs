@@ -1,0 +1,402 @@
+//! A model's fields as the block of [`sample_blocked`]: which unknowns are in it, and their design.
+//!
+//! The terms of a field are one term, √s_k ζ_k with s_k = Σ_terms (amplitude √S_k)² and ζ standard
+//! normal. With fewer sites than modes, the sites see only the n combinations w of them with
+//! θ = mean + L w, L Lᵀ = Φ diag(s) Φᵀ. A flat mean whose constant mode is collapsed is in the block
+//! too; the rest of the unknowns is outer. What the sites do not see is drawn from its exact
+//! conditional ([`restore`](super::restore)).
+
+use std::collections::BTreeSet;
+
+use super::gp::Field;
+use super::model::Model;
+use super::restore::{Seen, coefficients, weights_of};
+use super::tape::{Op as _, Tape, axpy};
+use crate::infer::{
+    self, ChainResult, Design, Evaluator, FieldLayout, InferError, Latent, LatentGaussian, Layout,
+    LogDensity, Progress, Settings, Shape, sample_blocked,
+};
+use rand::Rng;
+
+/// Which sampler a model is sampled with.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Sampler {
+    /// Fields whitened in a block, their hyperparameters by Metropolis, the rest by NUTS.
+    Blocked,
+    /// NUTS on all unknowns.
+    Nuts,
+}
+
+impl Sampler {
+    /// The blocked sampler for every model with fields that measurements see; NUTS for others.
+    pub fn of(model: &Model) -> Self {
+        let seen = |f: &super::model::FieldEntry| f.op.k > 0 && f.op.n_probes() > 0;
+        if model.has_fields() && model.fields.iter().all(seen) { Self::Blocked } else { Self::Nuts }
+    }
+
+    /// Its name for tables and records.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Blocked => "blocked",
+            Self::Nuts => "nuts",
+        }
+    }
+
+    /// Settings that suit it: the whitened block is learnt in fewer transitions, and sampled well at a
+    /// lower acceptance.
+    pub fn settings(self) -> Settings {
+        match self {
+            Self::Blocked => Settings { warmup: 300, target_accept: 0.8, ..Settings::default() },
+            Self::Nuts => Settings::default(),
+        }
+    }
+
+    /// Samples `model`; the draws are its own unknowns whichever sampler it is.
+    ///
+    /// # Errors
+    /// Those of [`infer::sample`].
+    pub fn sample(
+        self,
+        model: &Model,
+        starts: &[Vec<f64>],
+        settings: &Settings,
+        progress: &dyn Progress,
+    ) -> Result<Vec<ChainResult>, InferError> {
+        match self {
+            Self::Blocked => sample_blocked(&Blocks::new(model), starts, settings, progress),
+            Self::Nuts => infer::sample(model, starts, settings, progress),
+        }
+    }
+}
+
+/// A model seen as a [`LatentGaussian`].
+#[derive(Debug)]
+pub(super) struct Blocks<'m> {
+    pub(super) model: &'m Model,
+    pub(super) layout: Layout,
+    pub(super) fields: Vec<Block>,
+}
+
+/// What is precomputed of one field.
+#[derive(Debug)]
+pub(super) struct Block {
+    /// The unknown that is its flat mean, if it is in the block.
+    pub(super) mean: Option<usize>,
+    /// The sites' modes `(n_sites, k)`, without padding.
+    pub(super) modes: Vec<f64>,
+    /// φ_i φ_j of every pair of sites j ≤ i `(k, pairs)`; empty unless the sites are fewer.
+    products: Vec<f64>,
+}
+
+impl<'m> Blocks<'m> {
+    pub(super) fn new(model: &'m Model) -> Self {
+        let ops = || model.fields.iter().map(|f| &f.op);
+        let n_sites = ops().map(Field::n_probes).next().unwrap_or(0);
+        let n_modes: usize = ops().map(|op| op.k).sum();
+        let is_triangular = n_sites * model.fields.len() < n_modes;
+        let fields: Vec<Block> = ops().map(|op| Block::new(model, op, is_triangular)).collect();
+        let layout = |(op, block): (&Field, &Block)| FieldLayout {
+            n_coefficients: if is_triangular { n_sites } else { op.k },
+            has_flat_mean: block.mean.is_some(),
+            shape: if is_triangular {
+                Shape::Triangular
+            } else {
+                Shape::Scaled(block.modes.clone())
+            },
+        };
+        let outer = outer(model, &fields);
+        let is_hyper = hyperparameters(model, &fields);
+        let layout = Layout {
+            n_sites,
+            fields: ops().zip(&fields).map(layout).collect(),
+            hyper: (0..outer.len()).filter(|i| is_hyper.contains(&outer[*i])).collect(),
+            outer,
+        };
+        Self { model, layout, fields }
+    }
+}
+
+impl Block {
+    fn new(model: &Model, op: &Field, is_triangular: bool) -> Self {
+        let unknown = |v: usize| {
+            model.prior_entries.iter().find(|entry| entry.v == v).map(|entry| entry.u.start)
+        };
+        let mean = op.collapsed.and_then(|collapsed| unknown(collapsed.mean));
+        let rows = || op.probes.chunks_exact(op.stride).map(|row| &row[..op.k]);
+        let mut products = vec![];
+        for k in 0..op.k {
+            for (i, left) in rows().enumerate().filter(|_| is_triangular) {
+                products.extend(rows().take(i + 1).map(|right| left[k] * right[k]));
+            }
+        }
+        Self { mean, modes: rows().flatten().copied().collect(), products }
+    }
+
+    /// L of the covariance with these variances of the modes. A site that the earlier ones
+    /// determine to rounding has a zero column.
+    fn lower(&self, variances: &[f64], covariance: &mut [f64], rows: &mut [f64], width: usize) {
+        const ROUNDING: f64 = 1e-13;
+        covariance.fill(0.0);
+        for (s, products) in variances.iter().zip(self.products.chunks_exact(covariance.len())) {
+            axpy(*s, products, covariance);
+        }
+        let mut at = 0;
+        for i in 0..rows.len() / width {
+            let (done, rest) = rows.split_at_mut(i * width);
+            let row = &mut rest[..width];
+            for j in 0..i {
+                let other = &done[j * width..][..=j];
+                let pivot = other[j];
+                let sum: f64 = row.iter().zip(&other[..j]).map(|(a, b)| a * b).sum();
+                row[j] = if pivot > 0.0 { (covariance[at + j] - sum) / pivot } else { 0.0 };
+            }
+            let variance = covariance[at + i];
+            let left = variance - row[..i].iter().map(|x| x * x).sum::<f64>();
+            row[i] = if left > ROUNDING * variance { left.sqrt() } else { 0.0 };
+            at += i + 1;
+        }
+    }
+}
+
+/// Unknowns that are neither coefficients of a GP term nor a mean in the block.
+fn outer(model: &Model, fields: &[Block]) -> Vec<usize> {
+    let is_mean = |u: &usize| fields.iter().any(|block| block.mean == Some(*u));
+    model.prior_entries.iter().flat_map(|entry| entry.u.clone()).filter(|u| !is_mean(u)).collect()
+}
+
+/// Unknowns that a field's mean, amplitudes and kernels depend on, also through their priors.
+fn hyperparameters(model: &Model, fields: &[Block]) -> BTreeSet<usize> {
+    let mut values: BTreeSet<usize> = BTreeSet::new();
+    for (entry, block) in model.fields.iter().zip(fields) {
+        for term in &entry.op.terms {
+            values.extend(term.amplitude.mentions());
+            values.extend(term.spectrum.mentions());
+        }
+        if block.mean.is_none() {
+            values.extend(entry.op.mean.mentions());
+        }
+    }
+    let mut unknowns = BTreeSet::new();
+    // a prior mentions only earlier parameters
+    for entry in model.prior_entries.iter().rev() {
+        for (v, u) in (entry.v..).zip(entry.u.clone()) {
+            if values.contains(&v) {
+                values.extend(&entry.mentions);
+                unknowns.insert(u);
+            }
+        }
+    }
+    unknowns
+}
+
+impl LogDensity for Blocks<'_> {
+    fn dim(&self) -> usize {
+        self.model.dim()
+    }
+    fn evaluator(&self) -> Box<dyn Evaluator + '_> {
+        self.model.evaluator()
+    }
+}
+
+impl LatentGaussian for Blocks<'_> {
+    fn layout(&self) -> &Layout {
+        &self.layout
+    }
+    fn latent(&self) -> Box<dyn Latent + '_> {
+        let k = self.model.fields.iter().map(|f| f.op.k).max().unwrap_or(0);
+        let n = self.layout.n_sites;
+        Box::new(OnTape {
+            blocks: self,
+            tape: self.model.tape(),
+            theta: self.model.fields.iter().map(|f| f.op.theta).collect(),
+            c: vec![0.0; k],
+            variances: vec![0.0; k],
+            covariance: vec![0.0; n * (n + 1) / 2],
+            pointwise: vec![],
+            gradient: vec![0.0; self.model.dim()],
+        })
+    }
+}
+
+/// A model's block on a tape of its own.
+struct OnTape<'m> {
+    blocks: &'m Blocks<'m>,
+    tape: Tape,
+    /// First latent value of each field on the tape.
+    theta: Vec<usize>,
+    c: Vec<f64>,
+    variances: Vec<f64>,
+    covariance: Vec<f64>,
+    pointwise: Vec<f64>,
+    gradient: Vec<f64>,
+}
+
+impl OnTape<'_> {
+    /// Values of everything but the fields, from outer unknowns.
+    fn forward(&mut self, outer: &[f64]) {
+        let (model, t) = (self.blocks.model, &mut self.tape);
+        for (u, x) in self.blocks.layout.outer.iter().zip(outer) {
+            t.u[*u] = *x;
+        }
+        for range in &model.offsets {
+            t.v[range.clone()].fill(0.0);
+        }
+        model.priors.iter().for_each(|prior| prior.forward(t));
+        model.linear.iter().for_each(|linear| linear.forward(t));
+    }
+
+    fn set_latent(&mut self, theta: &[f64]) {
+        let n = self.blocks.layout.n_sites;
+        for (at, theta) in self.theta.iter().zip(theta.chunks_exact(n)) {
+            self.tape.v[*at..][..n].copy_from_slice(theta);
+        }
+    }
+
+    fn latent_slope(&self, theta_bar: &mut [f64]) {
+        let n = self.blocks.layout.n_sites;
+        for (at, bar) in self.theta.iter().zip(theta_bar.chunks_exact_mut(n)) {
+            bar.copy_from_slice(&self.tape.g[*at..][..n]);
+        }
+    }
+
+    /// s_k of one field at the tape's hyperparameters.
+    fn set_variances(&mut self, op: &Field) {
+        self.variances.fill(0.0);
+        for term in &op.terms {
+            let amplitude = term.amplitude.value(&self.tape.v);
+            let c = &mut self.c[..term.k];
+            term.spectrum.values(&self.tape.v, &op.frequency[..term.k], c);
+            for (s, c) in self.variances.iter_mut().zip(c) {
+                *s += (amplitude * *c) * (amplitude * *c);
+            }
+        }
+    }
+
+    fn set_design(&mut self, design: &mut Design) {
+        let blocks = self.blocks;
+        for (f, (entry, block)) in blocks.model.fields.iter().zip(&blocks.fields).enumerate() {
+            let op = &entry.op;
+            design.offset[f] = if block.mean.is_some() { 0.0 } else { op.mean.value(&self.tape.v) };
+            self.set_variances(op);
+            let width = design.scale[f].len();
+            let rows = &mut design.rows[f];
+            if matches!(blocks.layout.fields[f].shape, Shape::Triangular) {
+                block.lower(&self.variances[..op.k], &mut self.covariance, rows, width);
+                continue;
+            }
+            for (c, s) in design.scale[f].iter_mut().zip(&self.variances[..op.k]) {
+                *c = s.sqrt();
+            }
+            for (row, modes) in rows.chunks_exact_mut(width).zip(block.modes.chunks_exact(op.k)) {
+                for ((x, mode), c) in row.iter_mut().zip(modes).zip(&design.scale[f]) {
+                    *x = mode * c;
+                }
+            }
+        }
+    }
+}
+
+impl Latent for OnTape<'_> {
+    fn block(&mut self, position: &[f64], block: &mut [f64]) {
+        let outer: Vec<f64> = self.blocks.layout.outer.iter().map(|u| position[*u]).collect();
+        self.forward(&outer);
+        let mut at = 0;
+        for (entry, field) in self.blocks.model.fields.iter().zip(&self.blocks.fields) {
+            let w =
+                coefficients(&entry.op, &field.modes, &self.tape.v, position, self.is_collapsed());
+            block[at..][..w.len()].copy_from_slice(&w);
+            at += w.len();
+            if let Some(mean) = field.mean {
+                block[at] = position[mean];
+                at += 1;
+            }
+        }
+    }
+
+    fn join(
+        &mut self,
+        outer: &[f64],
+        block: &[f64],
+        rng: &mut dyn Rng,
+        position: &mut [f64],
+    ) -> f64 {
+        self.forward(outer);
+        for (u, x) in self.blocks.layout.outer.iter().zip(outer) {
+            position[*u] = *x;
+        }
+        let mut at = 0;
+        for (f, (entry, field)) in
+            self.blocks.model.fields.iter().zip(&self.blocks.fields).enumerate()
+        {
+            let n = self.blocks.layout.fields[f].n_coefficients;
+            let seen = Seen { w: &block[at..][..n], is_collapsed: self.is_collapsed() };
+            weights_of(&entry.op, &field.modes, &self.tape.v, seen, rng, position);
+            at += n;
+            if let Some(mean) = field.mean {
+                position[mean] = block[at];
+                at += 1;
+            }
+        }
+        self.blocks.model.ln_density(&mut self.tape, position, &mut self.gradient)
+    }
+
+    fn set_outer(&mut self, outer: &[f64], design: &mut Design) -> f64 {
+        self.forward(outer);
+        self.set_design(design);
+        let (model, t) = (self.blocks.model, &mut self.tape);
+        t.lp = 0.0;
+        model.densities.iter().for_each(|density| density.backward(t));
+        model.priors.iter().for_each(|prior| prior.backward(t));
+        t.lp
+    }
+
+    fn ln_likelihood(&mut self, theta: &[f64]) -> f64 {
+        self.set_latent(theta);
+        self.pointwise.clear();
+        self.blocks.model.pointwise(&self.tape, &mut self.pointwise);
+        self.pointwise.iter().sum()
+    }
+
+    fn slope(&mut self, theta: &[f64], theta_bar: &mut [f64]) -> f64 {
+        self.set_latent(theta);
+        let t = &mut self.tape;
+        t.lp = 0.0;
+        t.g.fill(0.0);
+        for observe in &self.blocks.model.observes {
+            observe.op.backward(t);
+        }
+        let value = t.lp;
+        self.latent_slope(theta_bar);
+        value
+    }
+
+    fn slopes(
+        &mut self,
+        outer: &[f64],
+        theta: &[f64],
+        theta_bar: &mut [f64],
+        outer_bar: &mut [f64],
+    ) -> f64 {
+        self.forward(outer);
+        self.tape.gu.fill(0.0);
+        self.slope(theta, theta_bar);
+        let (model, t) = (self.blocks.model, &mut self.tape);
+        model.densities.iter().for_each(|density| density.backward(t));
+        model.linear.iter().rev().for_each(|linear| linear.backward(t));
+        model.priors.iter().rev().for_each(|prior| prior.backward(t));
+        for (bar, u) in outer_bar.iter_mut().zip(&self.blocks.layout.outer) {
+            *bar = t.gu[*u];
+        }
+        t.lp
+    }
+}
+
+impl OnTape<'_> {
+    fn is_collapsed(&self) -> bool {
+        self.blocks.layout.fields.iter().any(|f| matches!(f.shape, Shape::Triangular))
+    }
+}
+
+#[cfg(test)]
+#[path = "blocked_tests.rs"]
+mod tests;

@@ -1,0 +1,291 @@
+//! One chain of the blocked sampler: a stage of warm-up, or the draws.
+
+use super::conditional::{Conditional, Inner};
+use super::latent::LatentGaussian;
+use super::proposal::Proposal;
+use super::stand_in::{Sample, StandIn};
+use crate::infer::adapt::Warmup;
+use crate::infer::hamiltonian::{Hamiltonian, Metric};
+use crate::infer::nuts::{Nuts, Transition};
+use crate::infer::sample::{Reporter, chain_stream, is_usable};
+use crate::infer::{
+    Chain, ChainError, ChainFailure, ChainResult, Divergence, MetricKind, Phase, Progress, Settings,
+};
+use rand::RngExt;
+use rand_chacha::ChaCha8Rng;
+use std::cell::RefCell;
+use std::rc::Rc;
+use std::time::Instant;
+
+/// Hyperparameter steps after each trajectory.
+const HYPER_STEPS: usize = 8;
+/// Mean length of a trajectory of the whitened block alone, in units of its standard deviation.
+const TIME: f64 = 1.6;
+
+/// What a chain takes from one stage to the next.
+#[derive(Clone, Debug)]
+pub(super) struct Link {
+    pub(super) outer: Vec<f64>,
+    pub(super) block: Vec<f64>,
+    /// Scale of each inner coordinate.
+    pub(super) scale: Vec<f64>,
+    pub(super) step_size: f64,
+    /// ln of the hyperparameter steps' length.
+    pub(super) ln_length: f64,
+    pub(super) n_grad: u64,
+    pub(super) seconds: f64,
+}
+
+/// What a stage of warm-up learns from.
+#[derive(Debug, Default)]
+pub(super) struct Lesson {
+    pub(super) samples: Vec<Sample>,
+    /// Hyperparameters.
+    pub(super) hyper: Vec<Vec<f64>>,
+}
+
+/// What all chains share during a stage; nothing here changes while they run.
+#[derive(Clone, Copy)]
+pub(super) struct Common<'a> {
+    pub(super) density: &'a dyn LatentGaussian,
+    pub(super) settings: &'a Settings,
+    pub(super) progress: &'a dyn Progress,
+    pub(super) stand_in: &'a StandIn,
+    pub(super) proposal: &'a Proposal,
+    /// The stage, from 0: each has its own random streams.
+    pub(super) stage: usize,
+    /// Transitions of earlier stages.
+    pub(super) before: usize,
+}
+
+/// One chain under way within a stage.
+pub(super) struct Run<'a> {
+    common: Common<'a>,
+    chain: usize,
+    shared: Rc<RefCell<Conditional<'a>>>,
+    nuts: Nuts<'a>,
+    /// Of hyperparameter moves and of completing draws.
+    rng: ChaCha8Rng,
+    ln_length: f64,
+    reporter: Reporter<'a>,
+    /// Whether the whitened block is all there is to move inside.
+    is_standard: bool,
+    present: Vec<f64>,
+    proposed: Vec<f64>,
+}
+
+impl<'a> Run<'a> {
+    /// Takes up `link`.
+    ///
+    /// # Errors
+    /// [`ChainFailure::NoSupport`].
+    pub(super) fn new(common: Common<'a>, chain: usize, link: &Link) -> Result<Self, ChainError> {
+        let Common { density, settings, .. } = common;
+        let no_support = || {
+            let position = [&link.outer[..], &link.block].concat();
+            error(common, chain, Phase::Warmup, common.before, position, ChainFailure::NoSupport)
+        };
+        let layout = density.layout();
+        let conditional = Conditional::new(density.latent(), layout, common.stand_in, &link.outer);
+        let conditional = conditional.ok_or_else(no_support)?;
+        let position = conditional.position(&link.block);
+        let shared = Rc::new(RefCell::new(conditional));
+        let hamiltonian = Hamiltonian::new(
+            Box::new(Inner(Rc::clone(&shared))),
+            Metric::Diagonal(link.scale.clone()),
+        );
+        let stream = |kind: usize| {
+            chain_stream(settings.seed, ((2 * common.stage + kind + 1) << 32) + chain)
+        };
+        let nuts = Nuts::new(hamiltonian, &position, settings.max_depth, stream(0));
+        if !is_usable(&nuts) {
+            return Err(no_support());
+        }
+        Ok(Self {
+            common,
+            chain,
+            shared,
+            nuts,
+            rng: stream(1),
+            ln_length: link.ln_length,
+            is_standard: layout.free().is_empty(),
+            reporter: Reporter::new(chain, settings, common.progress),
+            present: vec![0.0; layout.hyper.len()],
+            proposed: vec![0.0; layout.hyper.len()],
+        })
+    }
+
+    /// A stage of `n` transitions in which step size, metric and the length of hyperparameter steps
+    /// adapt; the last two thirds are learnt from.
+    ///
+    /// # Errors
+    /// [`ChainFailure::NoStepSize`], [`ChainFailure::Stopped`].
+    pub(super) fn learn(mut self, n: usize, link: &Link) -> Result<(Link, Lesson), ChainError> {
+        let begun = Instant::now();
+        let Settings { target_accept, .. } = *self.common.settings;
+        let adapt = Warmup::begin(&mut self.nuts, MetricKind::Diagonal, n, target_accept);
+        let Some(mut adapt) = adapt else {
+            return Err(self.error(Phase::Warmup, 0, ChainFailure::NoStepSize));
+        };
+        let mut lesson = Lesson::default();
+        for iteration in 0..n {
+            self.check_stop(Phase::Warmup, iteration)?;
+            let transition = self.move_inner(adapt.step_size());
+            adapt.update(iteration, &mut self.nuts, &transition);
+            let accept = self.move_hyper();
+            self.ln_length += (accept - Proposal::TARGET) / (1.0 + iteration as f64).powf(0.6);
+            if 3 * iteration >= n {
+                let mut conditional = self.shared.borrow_mut();
+                lesson.samples.push(conditional.sample(&self.nuts.point.position));
+                conditional.hyper(&mut self.present);
+                lesson.hyper.push(self.present.clone());
+            }
+            self.report(Phase::Warmup, iteration, &transition, adapt.step_size());
+        }
+        Ok((self.link(adapt.final_step_size(), link, begun), lesson))
+    }
+
+    fn link(&mut self, step_size: f64, before: &Link, begun: Instant) -> Link {
+        let Metric::Diagonal(scale) = self.nuts.hamiltonian().metric.clone() else {
+            unreachable!("the inner metric is diagonal")
+        };
+        let mut conditional = self.shared.borrow_mut();
+        Link {
+            block: conditional.block(&self.nuts.point.position).to_vec(),
+            outer: conditional.outer.clone(),
+            scale,
+            step_size,
+            ln_length: self.ln_length,
+            n_grad: before.n_grad + self.nuts.n_evaluations() + conditional.n_trials,
+            seconds: before.seconds + begun.elapsed().as_secs_f64(),
+        }
+    }
+
+    /// The draws.
+    ///
+    /// # Errors
+    /// [`ChainFailure::Stopped`].
+    pub(super) fn draw(mut self, link: &Link) -> ChainResult {
+        let begun = Instant::now();
+        let mut chain = Chain {
+            step_size: link.step_size,
+            inv_metric: link.scale.iter().map(|s| s * s).collect(),
+            n_grad_warmup: link.n_grad,
+            seconds_warmup: link.seconds,
+            ..Chain::default()
+        };
+        let mut position = vec![0.0; self.common.density.dim()];
+        for iteration in 0..self.common.settings.draws {
+            self.check_stop(Phase::Sampling, iteration)?;
+            let start = self.nuts.point.position.clone();
+            let transition = self.move_inner(link.step_size);
+            if transition.diverging {
+                chain.divergences.push(self.divergence(iteration, &start));
+            }
+            self.move_hyper();
+            let ln_density = self.complete(&self.nuts.point.position.clone(), &mut position);
+            chain.record(&position, ln_density, &transition);
+            self.report(Phase::Sampling, iteration, &transition, link.step_size);
+        }
+        chain.n_grad_sampling = self.nuts.n_evaluations() + self.shared.borrow().n_trials;
+        chain.seconds_sampling = begun.elapsed().as_secs_f64();
+        Ok(chain)
+    }
+
+    /// The density's own position for an inner one.
+    fn complete(&mut self, inner: &[f64], position: &mut [f64]) -> f64 {
+        self.shared.borrow_mut().join(inner, &mut self.rng, position)
+    }
+
+    fn divergence(&mut self, iteration: usize, start: &[f64]) -> Divergence {
+        let mut ends = [start.to_vec(), self.nuts.divergent_position().to_vec()].map(|inner| {
+            let mut position = vec![0.0; self.common.density.dim()];
+            self.complete(&inner, &mut position);
+            position
+        });
+        Divergence {
+            iteration,
+            start: std::mem::take(&mut ends[0]),
+            end: std::mem::take(&mut ends[1]),
+        }
+    }
+
+    /// The whitened block alone is nearly standard normal: a quarter of a period is a fresh draw, at
+    /// half the price of the period that NUTS needs to see a U-turn.
+    fn move_inner(&mut self, step_size: f64) -> Transition {
+        if self.is_standard {
+            self.nuts.static_transition(step_size, TIME)
+        } else {
+            self.nuts.transition(step_size)
+        }
+    }
+
+    /// A few Metropolis steps of the hyperparameters; their mean acceptance.
+    fn move_hyper(&mut self) -> f64 {
+        let mut conditional = self.shared.borrow_mut();
+        conditional.take(&self.nuts.point.position);
+        if !conditional.has_hyper() {
+            return Proposal::TARGET;
+        }
+        let (mut walked, mut n_walks, mut moved) = (0.0, 0.0, false);
+        let mut ln_density = self.nuts.point.ln_density;
+        let position = &self.nuts.point.position;
+        let length = self.ln_length.exp();
+        for k in 0..HYPER_STEPS {
+            let proposal = self.common.proposal;
+            conditional.hyper(&mut self.present);
+            let ln_ratio =
+                proposal.draw(k, length, &self.present, &mut self.rng, &mut self.proposed);
+            let uniform: f64 = self.rng.random();
+            let accept = conditional.move_hyper(
+                position,
+                &self.proposed,
+                ln_ratio,
+                uniform,
+                &mut ln_density,
+            );
+            moved |= uniform < accept;
+            if proposal.is_walk(k) {
+                walked += accept;
+                n_walks += 1.0;
+            }
+        }
+        conditional.settle(moved);
+        drop(conditional);
+        if moved {
+            self.nuts.evaluate();
+        }
+        walked / n_walks
+    }
+
+    fn report(&mut self, phase: Phase, iteration: usize, transition: &Transition, step_size: f64) {
+        let iteration =
+            if phase == Phase::Warmup { self.common.before + iteration } else { iteration };
+        self.reporter.report(phase, iteration, transition, step_size);
+    }
+
+    fn check_stop(&self, phase: Phase, iteration: usize) -> Result<(), ChainError> {
+        if self.common.progress.should_stop() {
+            return Err(self.error(phase, iteration, ChainFailure::Stopped));
+        }
+        Ok(())
+    }
+
+    fn error(&self, phase: Phase, iteration: usize, failure: ChainFailure) -> ChainError {
+        let position = self.nuts.point.position.clone();
+        let iteration =
+            if phase == Phase::Warmup { self.common.before + iteration } else { iteration };
+        error(self.common, self.chain, phase, iteration, position, failure)
+    }
+}
+
+fn error(
+    common: Common<'_>,
+    chain: usize,
+    phase: Phase,
+    iteration: usize,
+    position: Vec<f64>,
+    failure: ChainFailure,
+) -> ChainError {
+    ChainError { chain, seed: common.settings.seed, phase, iteration, position, failure }
+}

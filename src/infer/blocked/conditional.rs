@@ -1,0 +1,216 @@
+//! The two conditionals that the sampler alternates between, at one state of a chain.
+//!
+//! *Inner*: whitened block z and free outer unknowns given the hyperparameters, a density for NUTS
+//! whose U is fixed, so that no derivative goes through the Cholesky factor. *Hyper*: the
+//! hyperparameters given z and the rest, one factor and one likelihood per value.
+
+use super::latent::{Latent, Layout};
+use super::stand_in::{Sample, StandIn};
+use super::whiten::Whitening;
+use crate::infer::Evaluator;
+use crate::infer::vector::dot;
+use rand::Rng;
+use std::cell::RefCell;
+use std::mem;
+use std::rc::Rc;
+
+/// A chain's state with the memory to evaluate both conditionals.
+pub(super) struct Conditional<'d> {
+    latent: Box<dyn Latent + 'd>,
+    layout: &'d Layout,
+    stand_in: &'d StandIn,
+    /// Outer unknowns that are no hyperparameters.
+    free: Vec<usize>,
+    pub(super) outer: Vec<f64>,
+    whitening: Whitening,
+    /// ln p(outer) at the present outer unknowns.
+    ln_prior: f64,
+    trial_outer: Vec<f64>,
+    trial: Whitening,
+    /// Likelihood evaluations by hyperparameter moves.
+    pub(super) n_trials: u64,
+    w: Vec<f64>,
+    theta: Vec<f64>,
+    slope: Vec<f64>,
+    outer_bar: Vec<f64>,
+    scratch: Vec<f64>,
+}
+
+impl<'d> Conditional<'d> {
+    /// At a chain's outer unknowns; `None` if they have no support.
+    pub(super) fn new(
+        latent: Box<dyn Latent + 'd>,
+        layout: &'d Layout,
+        stand_in: &'d StandIn,
+        outer: &[f64],
+    ) -> Option<Self> {
+        let whitening = Whitening::new(layout);
+        let n_latent = layout.n_latent();
+        let mut new = Self {
+            latent,
+            layout,
+            stand_in,
+            free: layout.free(),
+            outer: outer.to_vec(),
+            trial: whitening.clone(),
+            whitening,
+            ln_prior: 0.0,
+            trial_outer: outer.to_vec(),
+            n_trials: 0,
+            w: vec![0.0; layout.n_block()],
+            theta: vec![0.0; n_latent],
+            slope: vec![0.0; n_latent],
+            outer_bar: vec![0.0; outer.len()],
+            scratch: vec![0.0; n_latent],
+        };
+        new.ln_prior = new.latent.set_outer(&new.outer, &mut new.whitening.design);
+        if !new.ln_prior.is_finite() || !new.whitening.prepare(stand_in) {
+            return None;
+        }
+        new.whitening.set_basis();
+        Some(new)
+    }
+
+    /// The inner position of these coefficients at the present outer unknowns.
+    pub(super) fn position(&self, block: &[f64]) -> Vec<f64> {
+        let mut z = vec![0.0; block.len()];
+        self.whitening.whitened(block, &mut z);
+        z.extend(self.free.iter().map(|i| self.outer[*i]));
+        z
+    }
+
+    /// The coefficients at an inner position.
+    pub(super) fn block(&mut self, position: &[f64]) -> &[f64] {
+        self.whitening.block(&position[..self.w.len()], &mut self.w);
+        &self.w
+    }
+
+    /// Whether there are hyperparameters to move.
+    pub(super) fn has_hyper(&self) -> bool {
+        !self.layout.hyper.is_empty()
+    }
+
+    /// Writes the present hyperparameters.
+    pub(super) fn hyper(&self, hyper: &mut [f64]) {
+        for (h, i) in hyper.iter_mut().zip(&self.layout.hyper) {
+            *h = self.outer[*i];
+        }
+    }
+
+    /// Proposes these hyperparameters, z and the rest staying as they are; moves there with the
+    /// Metropolis–Hastings probability, which is returned. `ln_ratio` is that of the proposal. `ln_density` is the present value and is
+    /// kept up to date; `uniform` decides.
+    pub(super) fn move_hyper(
+        &mut self,
+        position: &[f64],
+        proposed: &[f64],
+        ln_ratio: f64,
+        uniform: f64,
+        ln_density: &mut f64,
+    ) -> f64 {
+        self.trial_outer.copy_from_slice(&self.outer);
+        for (i, h) in self.layout.hyper.iter().zip(proposed) {
+            self.trial_outer[*i] = *h;
+        }
+        let Some((value, ln_prior)) = self.try_outer(&position[..self.w.len()]) else { return 0.0 };
+        let accept = (value - *ln_density + ln_ratio).exp().min(1.0);
+        if uniform < accept {
+            mem::swap(&mut self.whitening, &mut self.trial);
+            mem::swap(&mut self.outer, &mut self.trial_outer);
+            self.ln_prior = ln_prior;
+            *ln_density = value;
+        }
+        if accept.is_nan() { 0.0 } else { accept }
+    }
+
+    /// ln π at the trial's outer unknowns and this z, and ln p(outer); `None` out of support.
+    fn try_outer(&mut self, z: &[f64]) -> Option<(f64, f64)> {
+        let ln_prior = self.latent.set_outer(&self.trial_outer, &mut self.trial.design);
+        self.n_trials += 1;
+        if !ln_prior.is_finite() || !self.trial.prepare(self.stand_in) {
+            return None;
+        }
+        self.trial.block(z, &mut self.w);
+        self.trial.latent(&self.w, &mut self.theta);
+        let likelihood = self.latent.ln_likelihood(&self.theta);
+        let value = ln_prior + likelihood + self.stand_in_quadratic() + self.trial.ln_evidence
+            - 0.5 * dot(z, z);
+        (!value.is_nan()).then_some((value, ln_prior))
+    }
+
+    /// ½ (θ − y)ᵀW(θ − y), and adds W(θ − y) to the slope.
+    fn stand_in_quadratic(&mut self) -> f64 {
+        for ((d, theta), y) in self.scratch.iter_mut().zip(&self.theta).zip(self.stand_in.centre())
+        {
+            *d = theta - y;
+        }
+        self.stand_in.add_product(&self.scratch, &mut self.slope)
+    }
+
+    /// After hyperparameter moves and before the next inner one.
+    pub(super) fn settle(&mut self, moved: bool) {
+        self.latent.set_outer(&self.outer, &mut self.trial.design);
+        if moved {
+            self.whitening.set_basis();
+        }
+    }
+
+    /// Latent values and the likelihood's gradient at an inner position.
+    pub(super) fn sample(&mut self, position: &[f64]) -> Sample {
+        self.whitening.latent_at(&position[..self.w.len()], &mut self.theta);
+        self.latent.slope(&self.theta, &mut self.slope);
+        Sample { theta: self.theta.clone(), slope: self.slope.clone() }
+    }
+
+    /// The density's own position for an inner one, and its log density there.
+    pub(super) fn join(&mut self, position: &[f64], rng: &mut dyn Rng, out: &mut [f64]) -> f64 {
+        let n = self.w.len();
+        self.whitening.block(&position[..n], &mut self.w);
+        self.trial_outer.copy_from_slice(&self.outer);
+        for (i, x) in self.free.iter().zip(&position[n..]) {
+            self.trial_outer[*i] = *x;
+        }
+        self.latent.join(&self.trial_outer, &self.w, rng, out)
+    }
+
+    /// Takes the free unknowns of an inner position as the chain's own.
+    pub(super) fn take(&mut self, position: &[f64]) {
+        for (i, x) in self.free.iter().zip(&position[self.w.len()..]) {
+            self.outer[*i] = *x;
+        }
+    }
+
+    /// ln π of the inner conditional, up to nothing: the whole density in these coordinates.
+    fn inner(&mut self, position: &[f64], gradient: &mut [f64]) -> f64 {
+        let (z, free) = position.split_at(self.w.len());
+        let (z_bar, free_bar) = gradient.split_at_mut(z.len());
+        self.whitening.latent_at(z, &mut self.theta);
+        let value = if free.is_empty() {
+            self.ln_prior + self.latent.slope(&self.theta, &mut self.slope)
+        } else {
+            self.trial_outer.copy_from_slice(&self.outer);
+            for (i, x) in self.free.iter().zip(free) {
+                self.trial_outer[*i] = *x;
+            }
+            let (theta, slope) = (&self.theta, &mut self.slope);
+            let value = self.latent.slopes(&self.trial_outer, theta, slope, &mut self.outer_bar);
+            for (bar, i) in free_bar.iter_mut().zip(&self.free) {
+                *bar = self.outer_bar[*i];
+            }
+            value
+        };
+        let quadratic = self.stand_in_quadratic();
+        self.whitening.pull(&self.slope, z_bar);
+        z_bar.iter_mut().zip(z).for_each(|(bar, z)| *bar -= z);
+        value + quadratic + self.whitening.ln_evidence - 0.5 * dot(z, z)
+    }
+}
+
+/// The inner conditional as NUTS sees it, sharing its state with the chain that moves the rest.
+pub(super) struct Inner<'d>(pub(super) Rc<RefCell<Conditional<'d>>>);
+
+impl Evaluator for Inner<'_> {
+    fn ln_density(&mut self, position: &[f64], gradient: &mut [f64]) -> f64 {
+        self.0.borrow_mut().inner(position, gradient)
+    }
+}

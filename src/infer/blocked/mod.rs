@@ -1,0 +1,58 @@
+//! The blocked sampler: for densities with a block of Gaussian coefficients seen through few values.
+//!
+//! Two alternating moves, both exact for any stand-in ([`whiten`]): the whitened block and the free
+//! unknowns by NUTS given the hyperparameters; the hyperparameters by Metropolis given the whitened
+//! block. The funnel between a field's amplitude or lengthscale and its coefficients is gone,
+//! because the whitened block hardly depends on them.
+//!
+//! Warm-up has stages. At the end of each but the last, the stand-in and the hyperparameters'
+//! proposal are fitted anew to the draws of all chains; while sampling, nothing changes.
+//! Knows nothing of fields' kernels, meshes or models: only [`LatentGaussian`].
+
+mod chain;
+mod conditional;
+mod latent;
+mod proposal;
+mod stand_in;
+mod warmup;
+mod whiten;
+
+pub use latent::{Design, FieldLayout, Latent, LatentGaussian, Layout, Shape};
+
+use super::sample::{check_starts, thread_pool};
+use super::{ChainResult, InferError, Progress, Settings};
+use chain::{Common, Run};
+
+/// Samples `density` with one blocked chain from each of `starts`, each `(dim)`.
+///
+/// The result is that of [`super::sample`], with the draws in the density's own unknowns; steps,
+/// energies and the metric are those of the whitened coordinates, a diagonal metric whatever
+/// `settings.metric` says, and evaluations of the likelihood count as gradients.
+///
+/// # Errors
+/// Those of [`super::sample`].
+pub fn sample_blocked(
+    density: &dyn LatentGaussian,
+    starts: &[Vec<f64>],
+    settings: &Settings,
+    progress: &dyn Progress,
+) -> Result<Vec<ChainResult>, InferError> {
+    check_starts(density, starts, settings)?;
+    Ok(thread_pool(settings)?.install(|| {
+        let warm = warmup::warm_up(density, starts, settings, progress);
+        let common = Common {
+            density,
+            settings,
+            progress,
+            stand_in: &warm.stand_in,
+            proposal: &warm.proposal,
+            stage: warmup::STAGES.len(),
+            before: settings.warmup,
+        };
+        let draw = |(chain, link): (usize, warmup::Chained)| {
+            let link = link?;
+            Run::new(common, chain, &link)?.draw(&link)
+        };
+        warmup::for_each_chain(warm.links, draw)
+    }))
+}

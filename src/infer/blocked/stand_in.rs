@@ -1,0 +1,177 @@
+//! The Gaussian stand-in for the likelihood: per site an information matrix W and a centre y.
+//!
+//! ```text
+//! ln L(θ_site) ≈ const − ½ (θ − y)ᵀ W (θ − y)
+//! ```
+//! Fitted to pairs of latent values and gradients g by regressing g on θ: W = −Cov(g, θ) Cov(θ)⁻¹
+//! and W (y − E θ) = E g, which for a Gaussian likelihood is exact whatever the pairs. A poor
+//! stand-in costs the sampler speed, never exactness.
+
+use super::latent::{Layout, Shape};
+use nalgebra::{Cholesky, DMatrix, DVector};
+
+/// Latent values and the gradient of the log likelihood there.
+#[derive(Clone, Debug)]
+pub(super) struct Sample {
+    /// `(field, site)`
+    pub(super) theta: Vec<f64>,
+    /// `(field, site)`
+    pub(super) slope: Vec<f64>,
+}
+
+/// W and y of every site.
+#[derive(Clone, Debug)]
+pub(super) struct StandIn {
+    n_sites: usize,
+    n_fields: usize,
+    /// `(field, field, site)`
+    information: Vec<f64>,
+    /// `(field, site)`
+    centre: Vec<f64>,
+    /// [Φ 1]ᵀ W [Φ 1] of each pair of scaled fields, `(field, field)`; empty for others.
+    gram: Vec<Vec<f64>>,
+}
+
+/// How far a fit may go from the samples it is made from.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Trust {
+    /// Least information about a latent value, in units of 1/variance in the sample: at least a
+    /// trace, so that y exists. The most is 1, which the posterior itself cannot exceed.
+    pub(super) least: f64,
+    /// Largest distance of y from the mean, in standard deviations of the sample.
+    pub(super) reach: f64,
+}
+
+impl Trust {
+    /// For samples of the posterior.
+    pub(super) const FULL: Self = Self { least: 1e-4, reach: f64::INFINITY };
+    /// For samples of an approximation: each fit at most doubles its spread, or moves it by two.
+    pub(super) const CAUTIOUS: Self = Self { least: 0.25, reach: 2.0 };
+}
+
+impl StandIn {
+    /// Knows nothing: W = 0.
+    pub(super) fn new(layout: &Layout) -> Self {
+        let (n_sites, n_fields) = (layout.n_sites, layout.fields.len());
+        Self {
+            n_sites,
+            n_fields,
+            information: vec![0.0; n_fields * n_fields * n_sites],
+            centre: vec![0.0; n_fields * n_sites],
+            gram: vec![vec![]; n_fields * n_fields],
+        }
+    }
+
+    /// Fits every site to `samples`; a site whose samples do not vary keeps what it had.
+    pub(super) fn fit(&mut self, samples: &[Sample], trust: Trust, layout: &Layout) {
+        for site in 0..self.n_sites {
+            if let Some((information, centre)) = self.fit_site(samples, trust, site) {
+                for f in 0..self.n_fields {
+                    self.centre[f * self.n_sites + site] = centre[f];
+                    for g in 0..self.n_fields {
+                        let at = (f * self.n_fields + g) * self.n_sites + site;
+                        self.information[at] = information[(f, g)];
+                    }
+                }
+            }
+        }
+        self.set_gram(layout);
+    }
+
+    /// In coordinates x = L⁻¹(θ − E θ) with L Lᵀ = Cov θ, where Cov x = I and g turns into Lᵀg.
+    fn fit_site(
+        &self,
+        samples: &[Sample],
+        trust: Trust,
+        site: usize,
+    ) -> Option<(DMatrix<f64>, DVector<f64>)> {
+        let n = samples.len() as f64;
+        let at = |values: &[f64]| {
+            DVector::from_fn(self.n_fields, |f, _| values[f * self.n_sites + site])
+        };
+        let zero = || DVector::zeros(self.n_fields);
+        let mean = samples.iter().fold(zero(), |sum, s| sum + at(&s.theta)) / n;
+        let slope = samples.iter().fold(zero(), |sum, s| sum + at(&s.slope)) / n;
+        let mut covariance = DMatrix::zeros(self.n_fields, self.n_fields);
+        let mut cross = covariance.clone();
+        for sample in samples {
+            let d = at(&sample.theta) - &mean;
+            covariance += &d * d.transpose() / n;
+            cross += (at(&sample.slope) - &slope) * d.transpose() / n;
+        }
+        let factor = Cholesky::new(covariance)?.l();
+        let inverse = factor.clone().try_inverse()?;
+        let raw = -(factor.transpose() * cross * inverse.transpose());
+        let mut eigen = ((&raw + raw.transpose()) * 0.5).symmetric_eigen();
+        eigen.eigenvalues.apply(|x| *x = x.clamp(trust.least, 1.0));
+        let whitened = eigen.recompose();
+        let step = whitened.clone().try_inverse()? * (factor.transpose() * slope);
+        let shrink = (trust.reach / step.norm()).min(1.0);
+        let centre = mean + &factor * step * shrink;
+        let information = inverse.transpose() * whitened * inverse;
+        let finite = |x: &f64| x.is_finite();
+        (information.iter().all(finite) && centre.iter().all(finite))
+            .then_some((information, centre))
+    }
+
+    fn set_gram(&mut self, layout: &Layout) {
+        for (f, first) in layout.fields.iter().enumerate() {
+            for (g, second) in layout.fields.iter().enumerate() {
+                let (Shape::Scaled(left), Shape::Scaled(right)) = (&first.shape, &second.shape)
+                else {
+                    continue;
+                };
+                let entry = |modes: &[f64], n: usize, site: usize, j: usize| {
+                    if j < n { modes[site * n + j] } else { 1.0 }
+                };
+                let w = self.information(f, g);
+                let mut gram = vec![];
+                for j in 0..first.width() {
+                    for k in 0..second.width() {
+                        let product = |site: usize| {
+                            let a = entry(left, first.n_coefficients, site, j);
+                            w[site] * a * entry(right, second.n_coefficients, site, k)
+                        };
+                        gram.push((0..self.n_sites).map(product).sum());
+                    }
+                }
+                self.gram[f * self.n_fields + g] = gram;
+            }
+        }
+    }
+
+    /// W between two fields, one number per site.
+    pub(super) fn information(&self, f: usize, g: usize) -> &[f64] {
+        &self.information[(f * self.n_fields + g) * self.n_sites..][..self.n_sites]
+    }
+
+    /// [Φ 1]ᵀ W [Φ 1] between two scaled fields, `(width, width)`.
+    pub(super) fn gram(&self, f: usize, g: usize) -> &[f64] {
+        &self.gram[f * self.n_fields + g]
+    }
+
+    /// y `(field, site)`.
+    pub(super) fn centre(&self) -> &[f64] {
+        &self.centre
+    }
+
+    /// Adds W d to `out` for d `(field, site)`; returns ½ dᵀ W d.
+    pub(super) fn add_product(&self, d: &[f64], out: &mut [f64]) -> f64 {
+        let n = self.n_sites;
+        let mut quadratic = 0.0;
+        for f in 0..self.n_fields {
+            for g in 0..self.n_fields {
+                let w = self.information(f, g);
+                let (left, right) = (&d[f * n..][..n], &d[g * n..][..n]);
+                for (((out, w), left), right) in
+                    out[f * n..][..n].iter_mut().zip(w).zip(left).zip(right)
+                {
+                    let product = w * right;
+                    *out += product;
+                    quadratic += 0.5 * left * product;
+                }
+            }
+        }
+        quadratic
+    }
+}

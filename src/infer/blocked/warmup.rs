@@ -1,0 +1,182 @@
+//! The warm-up of all chains together: a first stand-in, then stages of adaptation.
+
+use super::chain::{Common, Lesson, Link, Run};
+use super::latent::LatentGaussian;
+use super::proposal::Proposal;
+use super::stand_in::{Sample, StandIn, Trust};
+use super::whiten::Whitening;
+use crate::infer::adapt::conditional_scales;
+use crate::infer::sample::chain_stream;
+use crate::infer::{ChainError, Progress, Settings};
+use rand::RngExt;
+use rand_distr::StandardNormal;
+use rayon::prelude::*;
+
+/// A chain's state, or why it has ended.
+pub(super) type Chained = Result<Link, ChainError>;
+
+/// Ends of the stages, as shares of the warm-up.
+pub(super) const STAGES: [f64; 3] = [0.25, 0.5, 1.0];
+
+/// What sampling starts from.
+pub(super) struct Warm {
+    pub(super) stand_in: StandIn,
+    pub(super) proposal: Proposal,
+    pub(super) links: Vec<Chained>,
+}
+
+/// Runs `f` for every chain on the threads at hand, results in order.
+pub(super) fn for_each_chain<T: Send>(
+    links: Vec<Chained>,
+    f: impl Fn((usize, Chained)) -> T + Sync + Send,
+) -> Vec<T> {
+    links.into_par_iter().enumerate().map(f).collect()
+}
+
+/// Warms up one chain per start.
+pub(super) fn warm_up(
+    density: &dyn LatentGaussian,
+    starts: &[Vec<f64>],
+    settings: &Settings,
+    progress: &dyn Progress,
+) -> Warm {
+    let mut links: Vec<Chained> = starts.iter().map(|start| Ok(link(density, start))).collect();
+    let mut stand_in = first_stand_in(density, &links, settings.seed);
+    let mut proposal = first_proposal(density, &starts[0]);
+    let mut before = 0;
+    for (stage, end) in STAGES.iter().enumerate() {
+        let n = (settings.warmup as f64 * end).round() as usize - before;
+        let common = Common {
+            density,
+            settings,
+            progress,
+            stand_in: &stand_in,
+            proposal: &proposal,
+            stage,
+            before,
+        };
+        let learn = |(chain, link): (usize, Chained)| {
+            let link = link?;
+            Run::new(common, chain, &link)?.learn(n, &link)
+        };
+        let ended = for_each_chain(links, learn);
+        let mut lessons = vec![];
+        links = vec![];
+        for result in ended {
+            links.push(result.map(|(link, lesson)| {
+                lessons.push(lesson);
+                link
+            }));
+        }
+        before += n;
+        if stage + 1 < STAGES.len() && !lessons.is_empty() {
+            fit(density, &mut stand_in, &mut proposal, lessons);
+        }
+        agree(&mut links);
+    }
+    Warm { stand_in, proposal, links }
+}
+
+/// A chain at its start.
+fn link(density: &dyn LatentGaussian, start: &[f64]) -> Link {
+    let layout = density.layout();
+    let mut link = Link {
+        outer: layout.outer_of(start),
+        block: vec![0.0; layout.n_block()],
+        scale: vec![1.0; layout.n_block() + layout.free().len()],
+        step_size: 1.0,
+        ln_length: 0.0,
+        n_grad: 0,
+        seconds: 0.0,
+    };
+    density.latent().block(start, &mut link.block);
+    link
+}
+
+/// A Gaussian variational fit by its fixed point W = E[−∇² ln L], the mean over the stand-in's own
+/// posterior at the chains' starting hyperparameters, first over a spread about the starts.
+fn first_stand_in(density: &dyn LatentGaussian, links: &[Chained], seed: u64) -> StandIn {
+    const PASSES: usize = 12;
+    const PER_CHAIN: usize = 16;
+    let layout = density.layout();
+    let mut rng = chain_stream(seed, 1 << 31);
+    let mut latent = density.latent();
+    let mut stand_in = StandIn::new(layout);
+    let mut whitening = Whitening::new(layout);
+    let (mut z, mut w) = (vec![0.0; layout.n_block()], vec![0.0; layout.n_block()]);
+    for pass in 0..PASSES {
+        let mut samples = vec![];
+        for link in links.iter().flatten() {
+            let ln_prior = latent.set_outer(&link.outer, &mut whitening.design);
+            if !ln_prior.is_finite() || (pass > 0 && !whitening.prepare(&stand_in)) {
+                continue;
+            }
+            for _ in 0..PER_CHAIN {
+                z.fill_with(|| rng.sample(StandardNormal));
+                if pass == 0 {
+                    spread(&link.block, &z, &mut w);
+                } else {
+                    whitening.block(&z, &mut w);
+                }
+                let mut theta = vec![0.0; layout.n_latent()];
+                let mut slope = theta.clone();
+                whitening.latent(&w, &mut theta);
+                let value = latent.slope(&theta, &mut slope);
+                if value.is_finite() && slope.iter().all(|g| g.is_finite()) {
+                    samples.push(Sample { theta, slope });
+                }
+            }
+        }
+        stand_in.fit(&samples, Trust::CAUTIOUS, layout);
+    }
+    stand_in
+}
+
+/// Coefficients near a start, a twentieth of a prior standard deviation about it.
+fn spread(block: &[f64], z: &[f64], w: &mut [f64]) {
+    for ((w, z), start) in w.iter_mut().zip(z).zip(block) {
+        *w = start + z / 20.0;
+    }
+}
+
+/// Steps on the scale of each hyperparameter's conditional at a start.
+fn first_proposal(density: &dyn LatentGaussian, start: &[f64]) -> Proposal {
+    let layout = density.layout();
+    let scales = conditional_scales(&mut *density.evaluator(), start, 1.0);
+    let outer = layout.outer_of(&scales);
+    let scale = |i: &usize| outer[*i].min(1.0);
+    Proposal::new(&layout.hyper.iter().map(scale).collect::<Vec<_>>())
+}
+
+/// Fits what the chains share to what they have seen.
+fn fit(
+    density: &dyn LatentGaussian,
+    stand_in: &mut StandIn,
+    proposal: &mut Proposal,
+    lessons: Vec<Lesson>,
+) {
+    let (mut samples, mut hyper) = (vec![], vec![]);
+    for lesson in lessons {
+        samples.extend(lesson.samples);
+        hyper.extend(lesson.hyper);
+    }
+    stand_in.fit(&samples, Trust::FULL, density.layout());
+    if !density.layout().hyper.is_empty() {
+        proposal.fit(&hyper);
+    }
+}
+
+/// Gives all chains the geometric means of their step sizes, scales and lengths.
+fn agree(links: &mut [Chained]) {
+    let n = links.iter().flatten().count() as f64;
+    let mean = |of: &dyn Fn(&Link) -> f64| links.iter().flatten().map(of).sum::<f64>() / n;
+    let ln_step = mean(&|link| link.step_size.ln());
+    let ln_length = mean(&|link| link.ln_length);
+    let n_scales = links.iter().flatten().next().map_or(0, |link| link.scale.len());
+    let scale: Vec<f64> = (0..n_scales).map(|i| mean(&|link| link.scale[i].ln()).exp()).collect();
+    for link in links.iter_mut().flatten() {
+        link.step_size = ln_step.exp();
+        link.ln_length = ln_length;
+        link.scale.copy_from_slice(&scale);
+    }
+}
