@@ -1,7 +1,10 @@
-//! Priors of scalar parameters, each with the transform that takes its support to the real line.
+//! Priors of parameters, each with the transform that takes its support to the real line.
 //!
 //! A prior is written `Normal(0.0, 10.0)` in a model file: a function of the same name as its type,
 //! whose arguments are numbers or earlier parameters.
+
+use rand::{Rng, RngExt};
+use rand_distr::{Exp1, Open01, StandardNormal};
 
 use crate::num::{LN_SQRT_2PI, Real};
 
@@ -14,6 +17,10 @@ pub enum Support {
     Positive,
     /// An open interval.
     Interval(f64, f64),
+    /// Vectors of positive numbers whose sum is 1.
+    Simplex,
+    /// Vectors of increasing numbers.
+    Ordered,
 }
 
 /// A prior: its support's transform and its density in the unconstrained coordinate `u`.
@@ -43,6 +50,11 @@ pub trait Dist<D: Real> {
     fn ln_norm(&self) -> D;
     /// A typical value, from which the search for a starting point sets out.
     fn centre(&self) -> f64;
+    /// A draw; `None` where there is no sampler: an improper prior, or parameters out of range.
+    fn sample(&self, rng: &mut dyn Rng) -> Option<f64> {
+        let _ = rng;
+        None
+    }
     /// Whether the density is constant (an improper prior).
     fn is_flat(&self) -> bool {
         false
@@ -81,11 +93,16 @@ macro_rules! family {
     )*};
 }
 
+mod sequence;
+pub use sequence::{Dirichlet, Ordered, RealLine, Sequence, Step};
+
 family! {
     /// Normal distribution: `−z²/2 − ln sd − ½ ln 2π`, `z = (x − mu)/sd`.
     Normal(mu: "mean", sd: "standard deviation");
     /// Normal distribution folded at zero: density `2 Normal(x; 0, sd)` for `x > 0`.
     HalfNormal(sd: "standard deviation of the unfolded normal");
+    /// Cauchy distribution folded at zero: density `2 / (π scale (1 + (x/scale)²))` for `x > 0`.
+    HalfCauchy(scale: "median");
     /// Gamma distribution: density `scale`-free `rateᵃ xᵃ⁻¹ e^(−rate x) / Γ(a)`, `a` = shape.
     Gamma(shape: "shape", rate: "rate, the inverse of the scale");
     /// Inverse gamma distribution: density `bᵃ x^(−a−1) e^(−b/x) / Γ(a)`, `a` = shape, `b` = scale.
@@ -131,6 +148,9 @@ impl<D: Real> Dist<D> for Normal<D> {
     fn ln_norm(&self) -> D {
         -self.sd.ln() - LN_SQRT_2PI
     }
+    fn sample(&self, rng: &mut dyn Rng) -> Option<f64> {
+        Some(self.mu.re() + self.sd.re() * rng.sample::<f64, _>(StandardNormal))
+    }
     fn centre(&self) -> f64 {
         self.mu.re()
     }
@@ -147,8 +167,31 @@ impl<D: Real> Dist<D> for HalfNormal<D> {
     fn ln_norm(&self) -> D {
         -self.sd.ln() - LN_SQRT_2PI + std::f64::consts::LN_2
     }
+    fn sample(&self, rng: &mut dyn Rng) -> Option<f64> {
+        Some(self.sd.re() * rng.sample::<f64, _>(StandardNormal).abs())
+    }
     fn centre(&self) -> f64 {
         self.sd.re()
+    }
+}
+
+impl<D: Real> Dist<D> for HalfCauchy<D> {
+    positive!();
+    #[inline]
+    fn ln_kernel(&self, u: D, x: D) -> D {
+        let z = x / self.scale;
+        u - (z * z).ln_1p()
+    }
+    #[inline]
+    fn ln_norm(&self) -> D {
+        -self.scale.ln() + std::f64::consts::FRAC_2_PI.ln()
+    }
+    fn sample(&self, rng: &mut dyn Rng) -> Option<f64> {
+        let p: f64 = rng.sample(Open01);
+        Some(self.scale.re() * (std::f64::consts::FRAC_PI_2 * p).tan())
+    }
+    fn centre(&self) -> f64 {
+        self.scale.re()
     }
 }
 
@@ -160,6 +203,10 @@ impl<D: Real> Dist<D> for Gamma<D> {
     }
     fn ln_norm(&self) -> D {
         self.shape * self.rate.ln() - ln_gamma(self.shape)
+    }
+    fn sample(&self, rng: &mut dyn Rng) -> Option<f64> {
+        let unit = rand_distr::Gamma::new(self.shape.re(), 1.0).ok()?;
+        Some(rng.sample(unit) / self.rate.re())
     }
     fn centre(&self) -> f64 {
         (self.shape / self.rate).re()
@@ -175,6 +222,10 @@ impl<D: Real> Dist<D> for InvGamma<D> {
     fn ln_norm(&self) -> D {
         self.shape * self.scale.ln() - ln_gamma(self.shape)
     }
+    fn sample(&self, rng: &mut dyn Rng) -> Option<f64> {
+        let unit = rand_distr::Gamma::new(self.shape.re(), 1.0).ok()?;
+        Some(self.scale.re() / rng.sample(unit))
+    }
     fn centre(&self) -> f64 {
         (self.scale / self.shape).re()
     }
@@ -188,6 +239,9 @@ impl<D: Real> Dist<D> for Exponential<D> {
     }
     fn ln_norm(&self) -> D {
         self.rate.ln()
+    }
+    fn sample(&self, rng: &mut dyn Rng) -> Option<f64> {
+        Some(rng.sample::<f64, _>(Exp1) / self.rate.re())
     }
     fn centre(&self) -> f64 {
         self.rate.recip().re()
@@ -203,6 +257,9 @@ impl<D: Real> Dist<D> for LogNormal<D> {
     }
     fn ln_norm(&self) -> D {
         -self.sd.ln() - LN_SQRT_2PI
+    }
+    fn sample(&self, rng: &mut dyn Rng) -> Option<f64> {
+        Some((self.mu.re() + self.sd.re() * rng.sample::<f64, _>(StandardNormal)).exp())
     }
     fn centre(&self) -> f64 {
         self.mu.re().exp()
@@ -221,6 +278,10 @@ impl<D: Real> Dist<D> for StudentT<D> {
             - ln_gamma(half)
             - (self.nu * std::f64::consts::PI).ln() * 0.5
             - self.sd.ln()
+    }
+    fn sample(&self, rng: &mut dyn Rng) -> Option<f64> {
+        let unit = rand_distr::StudentT::new(self.nu.re()).ok()?;
+        Some(self.mu.re() + self.sd.re() * rng.sample(unit))
     }
     fn centre(&self) -> f64 {
         self.mu.re()
@@ -245,6 +306,10 @@ impl<D: Real> Dist<D> for Uniform<D> {
     fn ln_norm(&self) -> D {
         D::from(0.0)
     }
+    fn sample(&self, rng: &mut dyn Rng) -> Option<f64> {
+        let p: f64 = rng.sample(Open01);
+        Some(self.lower.re() + (self.upper.re() - self.lower.re()) * p)
+    }
     fn centre(&self) -> f64 {
         0.5 * (self.lower.re() + self.upper.re())
     }
@@ -267,6 +332,10 @@ impl<D: Real> Dist<D> for Beta<D> {
     }
     fn ln_norm(&self) -> D {
         ln_gamma(self.a + self.b) - ln_gamma(self.a) - ln_gamma(self.b)
+    }
+    fn sample(&self, rng: &mut dyn Rng) -> Option<f64> {
+        let beta = rand_distr::Beta::new(self.a.re(), self.b.re()).ok()?;
+        Some(rng.sample(beta))
     }
     fn centre(&self) -> f64 {
         (self.a / (self.a + self.b)).re()
@@ -328,6 +397,32 @@ mod tests {
         }
         let centre = plain.unconstrain(plain.centre());
         assert!(ln_p(centre).is_finite(), "{name}: centre out of support");
+        for power in [1, 2] {
+            let of = |k: i32| {
+                let point = |i: i32| f64::from(i) * h;
+                (-60_000..60_000).map(|i| ln_p(point(i)).exp() * h * point(i).powi(k)).sum::<f64>()
+            };
+            let (mean, sd) = (of(power), (of(2 * power) - of(power).powi(2)).sqrt());
+            let drawn = sampled_moment(plain, power);
+            let z = (drawn - mean) / (sd / f64::from(DRAWS).sqrt());
+            assert!(z.abs() < 4.5, "{name}: power {power}: sampled {drawn}, expected {mean}");
+        }
+    }
+
+    const DRAWS: u32 = 20_000;
+
+    /// Mean of a power of `u` over draws of x.
+    fn sampled_moment(prior: &impl Dist<f64>, power: i32) -> f64 {
+        let mut rng: rand_chacha::ChaCha8Rng = rand::SeedableRng::from_seed([3; 32]);
+        let mut u = || prior.unconstrain(prior.sample(&mut rng).unwrap()).powi(power);
+        (0..DRAWS).map(|_| u()).sum::<f64>() / f64::from(DRAWS)
+    }
+
+    #[test]
+    fn an_improper_prior_and_impossible_parameters_have_no_draws() {
+        let mut rng: rand_chacha::ChaCha8Rng = rand::SeedableRng::from_seed([3; 32]);
+        assert!(Dist::<f64>::sample(&Flat, &mut rng).is_none());
+        assert!(Gamma::<f64>(-1.0, 1.0).sample(&mut rng).is_none());
     }
 
     macro_rules! families {
@@ -341,6 +436,7 @@ mod tests {
     families! {
         normal: Normal(0.7, 1.3);
         half_normal: HalfNormal(2.0);
+        half_cauchy: HalfCauchy(1.7);
         gamma: Gamma(2.5, 0.7);
         inv_gamma: InvGamma(3.0, 5.0);
         uniform: Uniform(-2.0, 5.0);

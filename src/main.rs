@@ -4,9 +4,33 @@ use std::process::ExitCode;
 
 use eplat::cli::Compiled;
 
+#[path = "../models/eight_schools.rs"]
+mod eight_schools;
 #[path = "../models/erp.rs"]
 mod erp;
+#[path = "../models/erp_exact.rs"]
+mod erp_exact;
+#[path = "../models/erp_multiscale.rs"]
+mod erp_multiscale;
+#[path = "../models/normal.rs"]
+mod normal;
+#[path = "../models/regression.rs"]
+mod regression;
+
+/// The model in a file of the folder `models`, with its text.
+macro_rules! shipped {
+    ($file:literal, $model:expr) => {
+        Compiled { source: include_str!(concat!("../models/", $file)), model: $model }
+    };
+}
 
 fn main() -> ExitCode {
-    eplat::cli::main(&[Compiled { source: include_str!("../models/erp.rs"), model: &erp::Erp }])
+    eplat::cli::main(&[
+        shipped!("eight_schools.rs", &eight_schools::EightSchools),
+        shipped!("erp.rs", &erp::Erp),
+        shipped!("erp_exact.rs", &erp_exact::ErpExact),
+        shipped!("erp_multiscale.rs", &erp_multiscale::ErpMultiscale),
+        shipped!("normal.rs", &normal::MeanAndSpread),
+        shipped!("regression.rs", &regression::Regression),
+    ])
 }

@@ -2,10 +2,22 @@
 
 #![allow(clippy::unwrap_used, reason = "a test")]
 
+#[path = "models/custom.rs"]
+mod custom;
+#[path = "../models/eight_schools.rs"]
+mod eight_schools;
 #[path = "../models/erp.rs"]
 mod erp;
+#[path = "../models/erp_exact.rs"]
+mod erp_exact;
+#[path = "../models/erp_multiscale.rs"]
+mod erp_multiscale;
 #[path = "models/language.rs"]
 mod language;
+#[path = "../models/normal.rs"]
+mod normal;
+#[path = "../models/regression.rs"]
+mod regression;
 mod support;
 
 use eplat::dsl::{Declare, Measurements, Model};
@@ -15,7 +27,7 @@ use support::{basis, rng, table};
 
 /// Central differences with Richardson's extrapolation.
 fn check(model: &dyn Declare, data: &Measurements) {
-    let basis = basis(200, 24);
+    let basis = basis(200, 60);
     let model = Model::new(model, Some(&basis), data).unwrap();
     let mut rng = rng(7);
     for point in 0..3 {
@@ -84,8 +96,33 @@ fn erp() {
 }
 
 #[test]
+fn erp_with_exact_intervals_and_open_brackets() {
+    let line = |i: usize| {
+        let (lower, upper) = [("210", "220"), ("", "205"), ("230", "")][i % 3];
+        format!("{},{},{lower},{upper}", ["s1s2", "s1s2s3"][i % 2], 5 * i)
+    };
+    let lines: Vec<String> = (0..24).map(line).collect();
+    check(&erp_exact::ErpExact, &place(table("protocol,vertex,lower,upper", &lines)));
+}
+
+#[test]
+fn erp_on_two_length_scales() {
+    check(&erp_multiscale::ErpMultiscale, &rows(20, &["S1S2", "S1S2S3"]));
+}
+
+#[test]
+fn numbers_and_a_line_through_them() {
+    let mut rng = rng(9);
+    let mut number = || rng.random_range(-3.0..3.0f64);
+    let mut line = |_| format!("{},{},{},{}", number(), number(), number(), number());
+    let data = table("y,x1,x2,x3", &(0..20).map(&mut line).collect::<Vec<_>>());
+    check(&normal::MeanAndSpread, &data);
+    check(&regression::Regression, &data);
+}
+
+#[test]
 fn eight_schools() {
-    check(&language::eight_schools::EightSchools, &rows(8, &["effect_size"]));
+    check(&eight_schools::EightSchools, &rows(8, &["effect_size"]));
     check(&language::centred::EightSchoolsCentred, &rows(8, &["effect_size"]));
 }
 
@@ -105,4 +142,14 @@ fn logistic_with_thirty_coefficients() {
 fn everything_mixed() {
     let protocols = ["warm_up", "s1s2", "open", "direct", "beats"];
     check(&language::mixed::Mixed, &rows(50, &protocols));
+}
+
+#[test]
+fn vectors_with_constraints() {
+    check(&language::vectors::Vectors, &rows(12, &["y"]));
+}
+
+#[test]
+fn a_prior_a_kernel_and_a_likelihood_of_the_users_own() {
+    check(&custom::Custom, &rows(30, &["arrival", "offset_seen"]));
 }

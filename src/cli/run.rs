@@ -32,6 +32,9 @@ pub(super) struct Command {
     /// Find the posterior's mode by L-BFGS instead of sampling
     #[arg(long, conflicts_with_all = ["chains", "warmup", "draws", "target_accept", "sampler", "metric"])]
     optimize: bool,
+    /// Draw from the prior instead: the same outputs before the measurements have a say
+    #[arg(long, conflicts_with_all = ["optimize", "warmup", "target_accept", "sampler", "metric"])]
+    prior: bool,
     /// Print the summary and the run record as JSON on stdout
     #[arg(long)]
     json: bool,
@@ -112,7 +115,11 @@ impl Command {
         if self.optimize {
             return optimise(&laid_out, &inputs, &out, self.json);
         }
-        let (chains, sampled_in) = sample(&laid_out, &settings, self.sampler.sampler, begun)?;
+        let (chains, sampled_in) = if self.prior {
+            draw_prior(&laid_out, &settings)?
+        } else {
+            sample(&laid_out, &settings, self.sampler.sampler, begun)?
+        };
         let finished = Finished {
             model: &laid_out,
             inputs: &inputs,
@@ -183,6 +190,14 @@ fn sample(
         }
         _ => Ok((chains, sampled_in)),
     }
+}
+
+/// As [`sample`], from the prior.
+fn draw_prior(model: &Model, settings: &infer::Settings) -> Result<(Vec<Chain>, f64), Failure> {
+    let sampling = Instant::now();
+    let chains = model.prior_draws(settings)?;
+    eprintln!("model  {}: draws from its prior, not from its posterior", model.name);
+    Ok((chains, sampling.elapsed().as_secs_f64()))
 }
 
 /// How long the compilation of this program took, if it was compiled for this run.

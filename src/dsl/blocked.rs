@@ -179,11 +179,10 @@ fn hyperparameters(model: &Model, fields: &[Block]) -> BTreeSet<usize> {
     let mut unknowns = BTreeSet::new();
     // a prior mentions only earlier parameters
     for entry in model.prior_entries.iter().rev() {
-        for (v, u) in (entry.v..).zip(entry.u.clone()) {
-            if values.contains(&v) {
-                values.extend(&entry.mentions);
-                unknowns.insert(u);
-            }
+        // one that is mentioned takes its vector along: its numbers may depend on each other
+        if values.range(entry.v..entry.v + entry.len).next().is_some() {
+            values.extend(&entry.mentions);
+            unknowns.extend(entry.u.clone());
         }
     }
     unknowns

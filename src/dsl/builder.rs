@@ -9,12 +9,12 @@ use super::gp::{Collapsed, Field, KernelFn, SpectrumAt, Term, padded};
 use super::linear::Linear;
 use super::maps::{LetFn, Map, MapAt, Source as MapSource};
 use super::model::{FieldEntry, Kind, Model, Observe, Parameter, Position, PriorEntry, Statement};
-use super::parameter::{ParameterOp, PriorFn};
+use super::parameter::{ParameterOp, PriorFn, SequenceFn, SequenceOp};
 use super::rows::{Columns, Place, RowFn, Rows};
 use super::scalar::{Scalar, ScalarAt, ScalarFn};
 use super::scope::{Local, Scope};
 use super::units::{Decl, check_units, require, unit_of};
-use crate::dist::Dist;
+use crate::dist::{Dist, Sequence, Support};
 use crate::likelihood::Observation;
 use crate::manifold::Basis;
 
@@ -168,21 +168,8 @@ impl<'a> Builder<'a> {
             self.flat.insert(v, u);
         }
         let ln_norm = if W == 1 { probe.ln_norm() } else { 0.0 };
-        let support = probe.support();
-        let name = match &self.field {
-            Some(field) => format!("{}.{}", field.name, decl.name),
-            None => decl.name.into(),
-        };
-        self.model.parameters.push(Parameter {
-            name,
-            unit: decl.unit.into(),
-            len: n,
-            kind: if matches!(len, Len::One) { Kind::Scalar } else { Kind::Vector },
-            labels: levels,
-            prior: decl.text.into(),
-            support,
-            position: Position::Values(v),
-        });
+        let kind = if matches!(len, Len::One) { Kind::Scalar } else { Kind::Vector };
+        self.push_parameter(decl, n, kind, levels, probe.support(), v);
         let source = match len {
             Len::Each(_) => Source::Each { v, index },
             _ => Source::Scalars(v),
@@ -191,7 +178,7 @@ impl<'a> Builder<'a> {
         if self.field.is_none() {
             self.state("param", decl, None);
         }
-        self.model.prior_entries.push(PriorEntry { u: u..u + n, v, mentions });
+        self.model.prior_entries.push(PriorEntry { u: u..u + n, v, len: n, mentions });
         self.model.priors.push(Box::new(ParameterOp::<F, N, W> {
             local,
             u,
@@ -200,6 +187,62 @@ impl<'a> Builder<'a> {
             ln_norm,
             f: PhantomData,
         }));
+        Ok(())
+    }
+
+    fn push_parameter(
+        &mut self,
+        decl: Decl,
+        len: usize,
+        kind: Kind,
+        labels: Vec<String>,
+        support: Support,
+        v: usize,
+    ) {
+        let name = match &self.field {
+            Some(field) => format!("{}.{}", field.name, decl.name),
+            None => decl.name.into(),
+        };
+        self.model.parameters.push(Parameter {
+            name,
+            unit: decl.unit.into(),
+            len,
+            kind,
+            labels,
+            prior: decl.text.into(),
+            support,
+            position: Position::Values(v),
+        });
+    }
+
+    /// `param name(n) [unit] ~ prior;` of a vector whose numbers constrain each other.
+    ///
+    /// # Errors
+    /// Fewer than two numbers.
+    pub fn sequence<F: SequenceFn + 'static, const N: usize, const W: usize>(
+        &mut self,
+        _: F,
+        decl: Decl,
+        n: usize,
+        scope: &Scope,
+    ) -> Result<(), ModelError> {
+        if n < 2 {
+            return Err(ModelError::TooShort { parameter: decl.name.into(), len: n });
+        }
+        let local = self.local::<N, W>(scope);
+        let prior = F::sequence::<f64>(&[1.0; N]);
+        let n_unknowns = prior.n_unknowns(n);
+        let (u, v) = (self.unknowns(n_unknowns), self.values(n));
+        let mentions = local.mentioned();
+        let entry = PriorEntry { u: u..u + n_unknowns, v, len: n, mentions };
+        self.model.prior_entries.push(entry);
+        let work = self.n_work;
+        self.n_work += n;
+        self.push_parameter(decl, n, Kind::Vector, vec![], prior.support(), v);
+        self.names.push((decl.name, Source::Scalars(v)));
+        self.state("param", decl, None);
+        let op = SequenceOp::<F, N, W> { local, u, v, work, n, f: PhantomData };
+        self.model.priors.push(Box::new(op));
         Ok(())
     }
 
@@ -265,7 +308,7 @@ impl<'a> Builder<'a> {
                 kind: Kind::Eta,
                 labels: vec![],
                 prior: "Normal(0.0, 1.0)".into(),
-                support: crate::dist::Support::Real,
+                support: Support::Real,
                 position: Position::Eta {
                     u: self.n_u,
                     first,

@@ -76,6 +76,8 @@ fn parameter_line(out: &mut String, model: &Model, name: &str, indent: usize) {
         Support::Real => "real".into(),
         Support::Positive => "positive".into(),
         Support::Interval(a, b) => format!("in ({a}, {b})"),
+        Support::Simplex => "positive, sum 1".into(),
+        Support::Ordered => "increasing".into(),
     };
     let head = format!("{short}{length}{}", unit(&p.unit));
     let _ = writeln!(out, "{:indent$}{head:<14} ~ {:<24} {support}", "", tidy(&p.prior));

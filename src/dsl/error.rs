@@ -62,6 +62,34 @@ pub enum ModelError {
         /// Coefficients.
         got: usize,
     },
+    /// A parameter whose prior cannot be drawn from.
+    #[error(
+        "{parameter} ~ {prior}: no draw can be made from this prior\nhelp: give {parameter} a proper prior in the model file, for instance `~ Normal(0.0, 10.0)`; one of your own needs its method `sample`"
+    )]
+    NoPriorDraw {
+        /// The parameter.
+        parameter: String,
+        /// Its prior as written.
+        prior: String,
+    },
+    /// A log density beside the priors, which draws from them would leave out.
+    #[error(
+        "density {name}: draws from the priors would leave it out\nhelp: write it as priors of the parameters, or take it out of the model file for these draws"
+    )]
+    DensityInPrior {
+        /// The statement.
+        name: &'static str,
+    },
+    /// A vector prior of fewer than two numbers.
+    #[error(
+        "param {parameter}({len}): proportions and ordered numbers come at least in twos\nhelp: declare `param {parameter}(2) ~ …;` or more"
+    )]
+    TooShort {
+        /// The parameter.
+        parameter: String,
+        /// Its length.
+        len: usize,
+    },
     /// Units that do not agree.
     #[error(
         "{place}: expected {expected}, got {got}\nhelp: mend the unit in square brackets or the expression"

@@ -34,6 +34,11 @@ macro_rules! model {
 #[macro_export]
 #[doc(hidden)]
 macro_rules! statement {
+    // param share(4) ~ Dirichlet(2.0);   param cut(3) [ms] ~ Ordered(Normal(0.0, 2.0));
+    ($b:ident [$($P:tt)*] $R:tt $L:tt $C:tt $V:tt [$($o:tt)*] $(#[doc = $doc:literal])* param $p:ident ($n:literal) $([$($u:tt)+])? ~ Dirichlet $a:tt; $($rest:tt)*) => {
+        $crate::statement!{ $b [$($P)* ($p {[D; $n]} $n)] $R $L $C $V [$($o)* $crate::sequence!{ $b [$($P)*] $p [$($($u)+)?] [$($doc)*] $n, Dirichlet $a }] $($rest)* } };
+    ($b:ident [$($P:tt)*] $R:tt $L:tt $C:tt $V:tt [$($o:tt)*] $(#[doc = $doc:literal])* param $p:ident ($n:literal) $([$($u:tt)+])? ~ Ordered $a:tt; $($rest:tt)*) => {
+        $crate::statement!{ $b [$($P)* ($p {[D; $n]} $n)] $R $L $C $V [$($o)* $crate::sequence!{ $b [$($P)*] $p [$($($u)+)?] [$($doc)*] $n, Ordered $a }] $($rest)* } };
     // param sigma [ms] ~ HalfNormal(5.0);   param w(3) ~ Normal(0.0, 1.0);   param b(group) [ms] ~ Normal(0.0, tau);
     ($b:ident [$($P:tt)*] $R:tt $L:tt $C:tt $V:tt [$($o:tt)*] $(#[doc = $doc:literal])* param $p:ident $([$($u:tt)+])? ~ $d:expr; $($rest:tt)*) => {
         $crate::statement!{ $b [$($P)* ($p {D} 1)] $R $L $C $V [$($o)* $crate::param!{ $b [$($P)*] $p [$($($u)+)?] [$($doc)*] One, $d }] $($rest)* } };
@@ -91,7 +96,7 @@ macro_rules! statement {
     };
 
     // mistakes
-    ($b:ident $P:tt $R:tt $L:tt $C:tt $V:tt $o:tt $(#[doc = $doc:literal])* param $($t:tt)*) => { $crate::mistake!{ "expected `param NAME [unit] ~ PRIOR;`, `param NAME(label_column) [unit] ~ PRIOR;` or `param NAME(3) ~ PRIOR;`" $($t)* } };
+    ($b:ident $P:tt $R:tt $L:tt $C:tt $V:tt $o:tt $(#[doc = $doc:literal])* param $($t:tt)*) => { $crate::mistake!{ "expected `param NAME [unit] ~ PRIOR;`, `param NAME(label_column) [unit] ~ PRIOR;`, `param NAME(3) ~ PRIOR;`, `param NAME(3) ~ Dirichlet(1.0);` or `param NAME(3) ~ Ordered(Normal(0.0, 1.0));`" $($t)* } };
     ($b:ident $P:tt $R:tt $L:tt $C:tt $V:tt $o:tt $(#[doc = $doc:literal])* field $($t:tt)*) => { $crate::mistake!{ "expected `field NAME(x) [unit] in 1.0..30.0 = m + alpha * gp(Rbf(rho), K = 24) where { m [ms] ~ Flat; … }`" $($t)* } };
     ($b:ident $P:tt $R:tt $L:tt $C:tt $V:tt $o:tt $(#[doc = $doc:literal])* let $($t:tt)*) => { $crate::mistake!{ "expected `let NAME(x) [unit] = EXPRESSION;`" $($t)* } };
     ($b:ident $P:tt $R:tt $L:tt $C:tt $V:tt $o:tt $(#[doc = $doc:literal])* column $($t:tt)*) => { $crate::mistake!{ "expected `column NAME [unit];` or `column NAME(3);`" $($t)* } };
@@ -200,6 +205,16 @@ macro_rules! kernel { ([$(($p:ident {$t:ty} $n:expr))*] $e:expr) => {
 macro_rules! param { ($b:ident $S:tt $p:ident [$($u:tt)*] [$($doc:literal)*] $len:ident $(($n:expr))?, $d:expr) => { {
     $crate::prior!{ $S $d }
     $b.param::<Here, { SCOPE.size() }, { SCOPE.width() + 1 }>(Here, $crate::decl!($p [$($u)*] [$($doc)*] $d), $crate::dsl::expansion::Len::$len $(($n))?, &SCOPE)?;
+} } }
+
+#[macro_export]
+#[doc(hidden)]
+macro_rules! sequence { ($b:ident [$(($q:ident {$t:ty} $m:expr))*] $p:ident [$($u:tt)*] [$($doc:literal)*] $n:literal, $d:expr) => { {
+    $crate::scope!{ [$(($q {$t} $m))*] $d }
+    impl $crate::dsl::expansion::SequenceFn for Here {
+        #[inline] fn sequence<D: $crate::num::Real>(s: &[D]) -> impl $crate::dist::Sequence<D> + use<D> { let mut s = s.iter().copied(); $(let $q: $t = $crate::dsl::expansion::Take::take(&mut s);)* $d }
+    }
+    $b.sequence::<Here, { SCOPE.size() }, { SCOPE.width() + 2 }>(Here, $crate::decl!($p [$($u)*] [$($doc)*] $d), $n, &SCOPE)?;
 } } }
 
 #[macro_export]

@@ -17,6 +17,7 @@ mod macros;
 mod maps;
 mod model;
 mod parameter;
+mod prior_draws;
 mod restore;
 mod rows;
 mod scalar;
@@ -38,7 +39,7 @@ pub mod expansion {
     pub use super::builder::{Builder, Len};
     pub use super::gp::KernelFn;
     pub use super::maps::LetFn;
-    pub use super::parameter::PriorFn;
+    pub use super::parameter::{PriorFn, SequenceFn};
     pub use super::rows::{Column, Columns, RowFn};
     pub use super::scalar::ScalarFn;
     pub use super::scope::{Scope, Take, lift, one};

@@ -102,6 +102,8 @@ pub(super) struct PriorEntry {
     pub(super) u: Range<usize>,
     /// First value.
     pub(super) v: usize,
+    /// Number of values.
+    pub(super) len: usize,
     /// Values that its prior mentions.
     pub(super) mentions: Vec<usize>,
 }
@@ -343,7 +345,8 @@ impl Model {
         let mut names = vec![];
         for p in &self.parameters {
             let first = if let Position::Eta { first, .. } = p.position { first } else { 0 };
-            names.extend((first..p.len).map(|i| p.element(i)));
+            let determined = usize::from(p.support == Support::Simplex); // by the other proportions
+            names.extend((first..p.len - determined).map(|i| p.element(i)));
         }
         names
     }

@@ -3,10 +3,11 @@
 use std::marker::PhantomData;
 
 use num_dual::DualStruct;
+use rand::Rng;
 
 use super::scope::Local;
 use super::tape::{Op, Tape};
-use crate::dist::Dist;
+use crate::dist::{Dist, Sequence};
 use crate::num::{Dual, Real, derivatives, variable};
 
 /// A prior as a function of the names in its scope.
@@ -43,6 +44,15 @@ impl<F: PriorFn, const N: usize, const W: usize> Op for ParameterOp<F, N, W> {
         self.forward(t);
     }
 
+    fn draw(&self, t: &mut Tape, rng: &mut dyn Rng) -> Option<()> {
+        let dist = F::dist::<f64>(&self.local.plain(&t.v));
+        for i in 0..self.n {
+            t.u[self.u + i] = dist.unconstrain(dist.sample(rng)?);
+        }
+        self.forward(t);
+        Some(())
+    }
+
     fn backward(&self, t: &mut Tape) {
         let dist = F::dist::<Dual<W>>(&self.local.dual(&t.v));
         t.lp += self.ln_norm * self.n as f64;
@@ -57,6 +67,83 @@ impl<F: PriorFn, const N: usize, const W: usize> Op for ParameterOp<F, N, W> {
             // the adjoint of x, carried on to u and to the prior's own parameters
             let e = derivatives(&(l + x * t.g[self.v + i]));
             t.gu[self.u + i] += e[W - 1];
+            self.local.scatter_array(&e, &mut t.g);
+        }
+    }
+}
+
+/// A vector's prior as a function of the names in its scope.
+pub trait SequenceFn: Send + Sync + std::fmt::Debug {
+    /// The prior at the scope's scalars.
+    fn sequence<D: Real>(s: &[D]) -> impl Sequence<D> + use<Self, D>;
+}
+
+/// A vector of `n` numbers that constrain each other; of the W derivatives the last is a number's
+/// own unknown, the one before it what the numbers before left.
+#[derive(Debug)]
+pub(super) struct SequenceOp<F, const N: usize, const W: usize> {
+    pub(super) local: Local<N, W>,
+    /// First unknown.
+    pub(super) u: usize,
+    /// First value.
+    pub(super) v: usize,
+    /// Where what each number finds is kept.
+    pub(super) work: usize,
+    pub(super) n: usize,
+    pub(super) f: PhantomData<F>,
+}
+
+impl<F: SequenceFn, const N: usize, const W: usize> Op for SequenceOp<F, N, W> {
+    fn forward(&self, t: &mut Tape) {
+        let prior = F::sequence::<f64>(&self.local.plain(&t.v));
+        let free = prior.n_unknowns(self.n);
+        let mut carry = prior.begin();
+        for i in 0..free {
+            t.work[self.work + i] = carry;
+            let step = prior.step(i, self.n, t.u[self.u + i], carry);
+            t.v[self.v + i] = step.x;
+            carry = step.carry;
+        }
+        t.v[self.v + free..self.v + self.n].fill(carry);
+    }
+
+    fn initial(&self, t: &mut Tape) {
+        let prior = F::sequence::<f64>(&self.local.plain(&t.v));
+        for i in 0..prior.n_unknowns(self.n) {
+            t.u[self.u + i] = prior.initial(i);
+        }
+        self.forward(t);
+    }
+
+    fn draw(&self, t: &mut Tape, rng: &mut dyn Rng) -> Option<()> {
+        let prior = F::sequence::<f64>(&self.local.plain(&t.v));
+        let x = prior.sample(self.n, rng)?;
+        let mut carry = prior.begin();
+        for (i, x) in x.iter().enumerate().take(prior.n_unknowns(self.n)) {
+            let u = prior.unconstrain(i, self.n, *x, carry);
+            t.u[self.u + i] = u;
+            carry = prior.step(i, self.n, u, carry).carry;
+        }
+        self.forward(t);
+        Some(())
+    }
+
+    fn backward(&self, t: &mut Tape) {
+        let prior = F::sequence::<Dual<W>>(&self.local.dual(&t.v));
+        let ln_norm = prior.ln_norm(self.n);
+        t.lp += ln_norm.re();
+        self.local.scatter(&ln_norm, &mut t.g);
+        let free = prior.n_unknowns(self.n);
+        let mut carry_bar: f64 = t.g[self.v + free..self.v + self.n].iter().sum();
+        for i in (0..free).rev() {
+            let u = variable::<W>(t.u[self.u + i], W - 1);
+            let carry = variable::<W>(t.work[self.work + i], W - 2);
+            let step = prior.step(i, self.n, u, carry);
+            t.lp += step.ln_kernel.re();
+            let bar = step.ln_kernel + step.x * t.g[self.v + i] + step.carry * carry_bar;
+            let e = derivatives(&bar);
+            t.gu[self.u + i] += e[W - 1];
+            carry_bar = e[W - 2];
             self.local.scatter_array(&e, &mut t.g);
         }
     }

@@ -1,5 +1,7 @@
 //! The scratch memory of one evaluation, and the operations that a model is a list of.
 
+use rand::Rng;
+
 /// The memory of one evaluation; one per thread.
 #[derive(Clone, Debug)]
 pub struct Tape {
@@ -24,6 +26,10 @@ pub(super) trait Op: Send + Sync + std::fmt::Debug {
     /// Sets unknowns to a typical value, and computes values from them.
     fn initial(&self, t: &mut Tape) {
         self.forward(t);
+    }
+    /// Draws its unknowns from their prior, and computes values from them; `None` if it cannot.
+    fn draw(&self, _: &mut Tape, _: &mut dyn Rng) -> Option<()> {
+        None
     }
     /// Adds this operation's log density, and carries adjoints from its values to what they came from.
     fn backward(&self, t: &mut Tape);

@@ -1,21 +1,7 @@
 //! One small model per feature of the language, for the tests.
 use eplat::prelude::*;
 
-/// Eight schools, non-centred: no field, a vector of one number per label.
-pub(crate) mod eight_schools {
-    use super::*;
-    model! {
-        model EightSchools;
-        column se;
-        param mu ~ Normal(0.0, 5.0);
-        param tau ~ HalfNormal(5.0);
-        param z(school) ~ Normal(0.0, 1.0);
-        let theta(row) = mu + tau * z(row);
-        observe effect_size(row): Number ~ Normal(theta(row), row.se);
-    }
-}
-
-/// The centred form: a prior that depends on parameters.
+/// Eight schools, centred: a prior that depends on parameters.
 pub(crate) mod centred {
     use super::*;
     model! {
@@ -71,7 +57,8 @@ pub(crate) mod mixed {
         let base(x) [ms] = erp(x) + b(x) * scale[0] + slow(x);
         let shifted(x) [ms] = base(x) + (noise / 5.0).exp() * x.dose * share;
         let log_rate(x) = shifted(x) / 100.0 + scale[1] * scale[2];
-        effect force on base, log_rate [ms] = linear(row.force_g) ~ Normal(0.0, 10.0);
+        effect force on base, shifted [ms] = linear(row.force_g) ~ Normal(0.0, 10.0);
+        effect pace on log_rate = linear(row.force_g) ~ Normal(0.0, 1.0);
         effect dosage on erp [ms] = linear(row.dose) ~ Normal(0.0, 5.0);
         observe s1s2(x): Bracket [ms] ~ TopHat(shifted(x));
         observe open(x): Bracket [ms] ~ Interval(shifted(x), bound);
@@ -82,5 +69,35 @@ pub(crate) mod mixed {
 
     fn penalty<D: Real>(a: D, b: D) -> D {
         (a - b).powi(2) * -0.01
+    }
+}
+
+/// Vectors whose numbers constrain each other, with a prior that depends on parameters; and vectors
+/// of positive and of bounded numbers.
+pub(crate) mod vectors {
+    use super::*;
+    model! {
+        model Vectors;
+        column dose;
+        param concentration ~ Gamma(3.0, 2.0);
+        param spread ~ HalfNormal(2.0);
+        param share(4) ~ Dirichlet(concentration);
+        param cut(3) [ms] ~ Ordered(Normal(0.0, spread));
+        param noise(2) ~ HalfNormal(spread);
+        param bounded(3) ~ Uniform(-1.0, 2.0);
+        let slope(row) = share[0] * row.dose + share[1] * cut[1] + share[3] * cut[2] - cut[0] * bounded[1];
+        observe y(row): Number ~ Normal(slope(row) + bounded[0] * bounded[2], noise[0] + noise[1]);
+    }
+}
+
+/// The same priors on their own.
+pub(crate) mod vector_priors {
+    use super::*;
+    model! {
+        model VectorPriors;
+        param share(4) ~ Dirichlet(2.0);
+        param cut(3) ~ Ordered(Normal(0.0, 2.0));
+        param noise(2) ~ HalfNormal(3.0);
+        param bounded(2) ~ Uniform(-1.0, 2.0);
     }
 }

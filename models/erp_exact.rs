@@ -1,0 +1,30 @@
+//! ERP calibration as in `erp.rs`, with the exact probability of a bracket and a noise that is learnt.
+//!
+//! A bracket may be open: an empty `upper` where no interval tried failed to be refractory, an empty
+//! `lower` where the shortest already captured.
+use eplat::prelude::*;
+
+model! {
+    /// tau_out and APD_max over the atrium, from ERP brackets whose ends may be open.
+    model ErpExact;
+
+    field tau_out(x) [ms] in 1.0..30.0 = m + alpha * gp(authors(Rbf(rho)), K = 24) where {
+        m     [ms] ~ Flat;
+        alpha [ms] ~ InvGamma(1.0, 5.0);
+        rho   [mm] ~ InvGamma(1.01, 64.0);
+    }
+    field apd_max(x) [ms] in 120.0..270.0 = m + alpha * gp(authors(Rbf(rho)), K = 24) where {
+        m     [ms] ~ Flat;
+        alpha [ms] ~ InvGamma(1.0, 5.0);
+        rho   [mm] ~ InvGamma(1.01, 64.0);
+    }
+
+    let erp_s2(x) [ms] in 0.0..280.0 = surrogate::erp_s2(tau_out(x), apd_max(x));
+    let erp_s3(x) [ms] = surrogate::erp_s3(tau_out(x), apd_max(x));
+
+    /// Of one measurement: beat to beat, and the surrogate's own error. Some 1 to 5 ms.
+    param noise [ms] ~ LogNormal(0.7, 0.5);
+
+    observe s1s2(x):   Bracket [ms] ~ Interval(erp_s2(x), noise);
+    observe s1s2s3(x): Bracket [ms] ~ Interval(erp_s3(x), noise);
+}

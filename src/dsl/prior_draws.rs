@@ -1,0 +1,65 @@
+//! Draws of a model's unknowns from its priors, as chains that look like a sampler's.
+
+use rand::{Rng, RngExt, SeedableRng};
+use rand_chacha::ChaCha8Rng;
+use rand_distr::StandardNormal;
+
+use super::error::ModelError;
+use super::model::{Kind, Model};
+use super::tape::Tape;
+use crate::infer::{Chain, Settings};
+
+/// First random stream of these draws, above those of chains and of what is drawn after sampling.
+const STREAM: u64 = 1 << 33;
+
+impl Model {
+    /// Independent draws from the prior, as many as the settings say; nothing else of them counts.
+    /// The measurements are left aside.
+    ///
+    /// # Errors
+    /// [`ModelError::NoPriorDraw`], [`ModelError::DensityInPrior`].
+    pub fn prior_draws(&self, settings: &Settings) -> Result<Vec<Chain>, ModelError> {
+        if let Some(density) = self.statements.iter().find(|s| s.keyword == "density") {
+            return Err(ModelError::DensityInPrior { name: density.decl.name });
+        }
+        (0..settings.chains).map(|chain| self.prior_chain(settings, chain)).collect()
+    }
+
+    fn prior_chain(&self, settings: &Settings, chain: usize) -> Result<Chain, ModelError> {
+        let mut rng = ChaCha8Rng::seed_from_u64(settings.seed);
+        rng.set_stream(STREAM + chain as u64);
+        let (n, mut tape) = (settings.draws, self.tape());
+        let mut gradient = vec![0.0; tape.u.len()];
+        let mut out = Chain {
+            accept: vec![1.0; n],
+            depth: vec![0; n],
+            n_leapfrog: vec![0; n],
+            diverging: vec![false; n],
+            ..Chain::default()
+        };
+        for _ in 0..n {
+            self.draw_prior(&mut tape, &mut rng)?;
+            let position = tape.u.clone();
+            let ln_density = self.ln_density(&mut tape, &position, &mut gradient);
+            out.draws.extend(position);
+            out.ln_density.push(ln_density);
+            out.energy.push(-ln_density);
+        }
+        Ok(out)
+    }
+
+    fn draw_prior(&self, tape: &mut Tape, rng: &mut ChaCha8Rng) -> Result<(), ModelError> {
+        let declared = self.parameters.iter().filter(|p| p.kind != Kind::Eta);
+        for (prior, parameter) in self.priors.iter().zip(declared) {
+            let cannot = || ModelError::NoPriorDraw {
+                parameter: parameter.name.clone(),
+                prior: parameter.prior.clone(),
+            };
+            prior.draw(tape, rng as &mut dyn Rng).ok_or_else(cannot)?;
+        }
+        for term in self.fields.iter().flat_map(|f| &f.op.terms) {
+            tape.u[term.eta..][..term.k].fill_with(|| rng.sample(StandardNormal));
+        }
+        Ok(())
+    }
+}

@@ -1,0 +1,83 @@
+//! A prior, a kernel and a likelihood of the user's own, in the user's model file.
+use eplat::prelude::*;
+
+model! {
+    /// A field seen through noise with heavier tails than a normal's.
+    model Custom;
+
+    param offset [ms] ~ Gumbel(1.0, 2.0);
+    param noise [ms] ~ Gamma(4.0, 2.0);
+
+    field delay(x) [ms] = m + alpha * gp(Matern72(rho), K = 24) where {
+        m     [ms] ~ Normal(20.0, 5.0);
+        alpha [ms] ~ HalfNormal(5.0);
+        rho   [mm] ~ InvGamma(5.0, 200.0);
+    }
+
+    observe arrival(x): Number [ms] ~ LogisticNoise(delay(x) + offset, noise);
+    observe offset_seen(row): Number [ms] ~ LogisticNoise(offset, noise);
+}
+
+/// Gumbel distribution: `−(z + e^(−z)) − ln scale`, `z = (x − mode)/scale`.
+#[derive(Debug)]
+struct Gumbel<D> {
+    mode: D,
+    scale: D,
+}
+
+#[allow(non_snake_case)]
+fn Gumbel<D: Real>(mode: impl Into<D>, scale: impl Into<D>) -> Gumbel<D> {
+    Gumbel { mode: mode.into(), scale: scale.into() }
+}
+
+impl<D: Real> Dist<D> for Gumbel<D> {
+    fn ln_kernel(&self, u: D, _: D) -> D {
+        let z = (u - self.mode) / self.scale;
+        -z - (-z).exp()
+    }
+    fn ln_norm(&self) -> D {
+        -self.scale.ln()
+    }
+    fn centre(&self) -> f64 {
+        self.mode.re()
+    }
+    fn sample(&self, rng: &mut dyn Rng) -> Option<f64> {
+        let p: f64 = rng.sample(rand_distr::Open01);
+        Some(self.mode.re() - self.scale.re() * (-p.ln()).ln())
+    }
+}
+
+/// Matérn kernel, ν = 7/2: `S(w) = 14π κ⁷ (κ² + w²)^−9/2`, `κ² = 7/ℓ²`.
+#[derive(Debug)]
+struct Matern72<D>(D);
+
+impl<D: Real> Kernel<D> for Matern72<D> {
+    fn sqrt_density(&self, w: f64) -> D {
+        let kappa2 = (self.0 * self.0).recip() * 7.0;
+        let s = kappa2 + w * w;
+        (kappa2.powf(3.5) * s.powf(-4.5) * (14.0 * std::f64::consts::PI)).sqrt()
+    }
+}
+
+/// Logistic distribution about `f`: `z − 2 ln(1 + e^z) − ln scale`, `z = (y − f)/scale`.
+#[derive(Debug)]
+struct LogisticNoise<D> {
+    f: D,
+    scale: D,
+}
+
+#[allow(non_snake_case)]
+fn LogisticNoise<D: Real>(f: impl Into<D>, scale: impl Into<D>) -> LogisticNoise<D> {
+    LogisticNoise { f: f.into(), scale: scale.into() }
+}
+
+impl<D: Real> Likelihood<D, Number> for LogisticNoise<D> {
+    fn ln_likelihood(&self, y: &Number) -> D {
+        let z = (-self.f + *y) / self.scale;
+        ln_logistic(z) + ln_logistic(-z) - self.scale.ln()
+    }
+    fn simulate(&self, _: &Number, rng: &mut dyn Rng) -> Number {
+        let p: f64 = rng.sample(rand_distr::Open01);
+        self.f.re() + self.scale.re() * (p / (1.0 - p)).ln()
+    }
+}

@@ -1,0 +1,454 @@
+//! Every model that ships recovers what its measurements were simulated from.
+//!
+//! Measurements are simulated by the model itself at known unknowns; the posterior mean of every
+//! parameter, and of every field at every vertex, must lie within a few posterior standard deviations
+//! of the truth (Bonferroni, 0.1 % over all quantities of a test). A likelihood of the wrong width
+//! must be found out.
+
+#![allow(clippy::unwrap_used, reason = "a test")]
+
+#[path = "models/broken.rs"]
+mod broken;
+#[path = "models/custom.rs"]
+mod custom;
+#[path = "../models/eight_schools.rs"]
+mod eight_schools;
+#[path = "../models/erp_exact.rs"]
+mod erp_exact;
+#[path = "../models/erp_multiscale.rs"]
+mod erp_multiscale;
+#[path = "models/language.rs"]
+mod language;
+#[path = "../models/normal.rs"]
+mod normal;
+#[path = "../models/regression.rs"]
+mod regression;
+mod support;
+
+use std::path::Path;
+
+use eplat::diagnostics::{Summary, summarise};
+use eplat::dsl::{Declare, Kind, Maps, Measurements, Model};
+use eplat::infer::{Chain, Settings, Silent, jittered_starts, sample};
+use eplat::manifold::Basis;
+use rand::RngExt;
+use rand_chacha::ChaCha8Rng;
+use rand_distr::StandardNormal;
+use support::{basis, rng, table};
+
+const VERTICES: usize = 200;
+
+/// A table under construction: cells as numbers, NaN for an empty one, or as text.
+struct Table {
+    header: &'static str,
+    rows: Vec<Vec<String>>,
+}
+
+impl Table {
+    fn read(&self) -> Measurements {
+        let rows: Vec<String> = self.rows.iter().map(|r| r.join(",")).collect();
+        let mut data = table(self.header, &rows);
+        if data.has("vertex") {
+            data.place_at_indices(VERTICES).unwrap();
+        }
+        data
+    }
+
+    fn column(&self, name: &str) -> usize {
+        self.header.split(',').position(|h| h == name).unwrap()
+    }
+}
+
+/// What measurements were simulated from.
+struct Truth {
+    reported: Vec<f64>,
+    fields: Vec<Vec<f64>>,
+}
+
+/// The unknowns behind a truth: GP coefficients and labelled numbers standard normal, others as given
+/// (unconstrained).
+fn unknowns(model: &Model, given: &[(&str, f64)], rng: &mut ChaCha8Rng) -> Vec<f64> {
+    let value = |name: &String| match given.iter().find(|(n, _)| n == name) {
+        Some((_, u)) => *u,
+        None => {
+            assert!(name.contains(".eta") || name.starts_with("z["), "{name} is not given");
+            rng.sample(StandardNormal)
+        }
+    };
+    model.unknown_names().iter().map(value).collect()
+}
+
+/// Writes measurements that `model` simulates into a table that has its rows already.
+fn simulate(
+    model: &dyn Declare,
+    basis: Option<&Basis>,
+    table: &mut Table,
+    given: &[(&str, f64)],
+    seed: u64,
+) -> Truth {
+    let mut rng = rng(seed);
+    let laid_out = Model::new(model, basis, &table.read()).unwrap();
+    let u = unknowns(&laid_out, given, &mut rng);
+    let mut tape = laid_out.tape();
+    laid_out.forward(&mut tape, &u);
+    let mut truth = Truth { reported: vec![], fields: vec![] };
+    laid_out.report(&tape, &mut rng, &mut truth.reported);
+    truth.fields = basis.map_or(vec![], |basis| field_moments(&laid_out, basis, &[&u]).0);
+    for observe in &laid_out.observes {
+        for (row, cells) in observe.rows.iter().zip(observe.simulate(&tape, &mut rng)) {
+            for (name, cell) in observe.columns.iter().zip(cells) {
+                let in_its_own = *name == "value" && !table.header.contains("value");
+                let column = table.column(if in_its_own { observe.name } else { name });
+                table.rows[*row][column] =
+                    if cell.is_finite() { cell.to_string() } else { String::new() };
+            }
+        }
+    }
+    truth
+}
+
+/// Mean and standard deviation of every field at every vertex over draws.
+fn field_moments(model: &Model, basis: &Basis, draws: &[&[f64]]) -> (Vec<Vec<f64>>, Vec<Vec<f64>>) {
+    let maps = Maps::new(model, basis);
+    let summaries = maps.summarise(draws).0;
+    summaries.into_iter().take(maps.n_fields()).map(|s| (s.mean, s.sd)).unzip()
+}
+
+/// A model with its draws.
+struct Fit {
+    model: Model,
+    chains: Vec<Chain>,
+}
+
+fn fit(model: &dyn Declare, basis: Option<&Basis>, data: &Measurements, draws: usize) -> Fit {
+    let model = Model::new(model, basis, data).unwrap();
+    let settings = Settings { warmup: 500, draws, target_accept: 0.9, ..Default::default() };
+    let starts = jittered_starts(&model, &model.initial(), settings.chains, 1).unwrap();
+    let chains = sample(&model, &starts, &settings, &Silent).unwrap();
+    Fit { model, chains: chains.into_iter().map(Result::unwrap).collect() }
+}
+
+impl Fit {
+    /// Name, place among the reported numbers, and summary of everything but GP coefficients.
+    fn summaries(&self) -> Vec<(String, usize, Summary)> {
+        let (mut rng, mut tape) = (rng(99), self.model.tape());
+        let mut reported = |chain: &Chain| {
+            let mut out = vec![];
+            for i in 0..chain.n_draws() {
+                self.model.forward(&mut tape, chain.draw(i));
+                self.model.report(&tape, &mut rng, &mut out);
+            }
+            out
+        };
+        let chains: Vec<Vec<f64>> = self.chains.iter().map(&mut reported).collect();
+        let (mut out, mut at) = (vec![], 0);
+        for p in &self.model.parameters {
+            for i in (0..p.len).filter(|_| p.kind != Kind::Eta) {
+                let step = self.model.n_reported();
+                let of = |c: &Vec<f64>| c.iter().skip(at + i).step_by(step).copied().collect();
+                let values: Vec<Vec<f64>> = chains.iter().map(of).collect();
+                let slices: Vec<&[f64]> = values.iter().map(Vec::as_slice).collect();
+                out.push((p.element(i), at + i, summarise(&slices)));
+            }
+            at += p.len;
+        }
+        out
+    }
+
+    fn get(&self, name: &str) -> Summary {
+        self.summaries().into_iter().find(|(n, ..)| n == name).unwrap().2
+    }
+
+    /// Distance of each posterior mean from the truth in posterior standard deviations, and its name.
+    fn scores(&self, truth: &Truth, basis: Option<&Basis>) -> Vec<(f64, String)> {
+        let mut out = vec![];
+        for (name, at, s) in self.summaries() {
+            out.push(((s.mean - truth.reported[at]).abs() / s.sd.hypot(s.mcse), name));
+        }
+        if let Some(basis) = basis {
+            let draws: Vec<&[f64]> =
+                self.chains.iter().flat_map(|c| (0..c.n_draws()).map(|i| c.draw(i))).collect();
+            let (means, sds) = field_moments(&self.model, basis, &draws);
+            for ((mean, sd), truth) in means.iter().zip(&sds).zip(&truth.fields) {
+                let score = |v: usize| ((mean[v] - truth[v]).abs() / sd[v], format!("vertex {v}"));
+                out.extend((0..VERTICES).map(score));
+            }
+        }
+        out
+    }
+
+    fn worst_r_hat(&self) -> (f64, String) {
+        let figures = self.summaries().into_iter().map(|(name, _, s)| (s.r_hat, name));
+        figures.max_by(|a, b| a.0.total_cmp(&b.0)).unwrap()
+    }
+}
+
+/// The two-sided normal limit for `n` scores at 0.1 % in all: 2 Φ(−z) ≤ exp(−z²/2).
+fn limit(n: usize) -> f64 {
+    (2.0 * (n as f64 / 0.001).ln()).sqrt()
+}
+
+/// The worst score as a share of the limit: recovered below 1.
+fn worst(fit: &Fit, truth: &Truth, basis: Option<&Basis>) -> (f64, String) {
+    let scores = fit.scores(truth, basis);
+    let limit = limit(scores.len());
+    let (score, name) = scores.into_iter().max_by(|a, b| a.0.total_cmp(&b.0)).unwrap();
+    (score / limit, name)
+}
+
+fn assert_recovered(fit: &Fit, truth: &Truth, basis: Option<&Basis>) {
+    let (share, name) = worst(fit, truth, basis);
+    println!("{}: worst score {share:.2} of the limit ({name})", fit.model.name);
+    assert!(share < 1.0, "{}: {name} at {share:.2} of the limit", fit.model.name);
+    let (r_hat, name) = fit.worst_r_hat();
+    println!("{}: R-hat {r_hat:.3} ({name})", fit.model.name);
+    assert!(r_hat < 1.05, "{}: R-hat {r_hat} ({name})", fit.model.name);
+}
+
+fn assert_found_out(fit: &Fit, truth: &Truth, basis: Option<&Basis>) {
+    let (share, name) = worst(fit, truth, basis);
+    println!("{}, broken: worst score {share:.2} of the limit ({name})", fit.model.name);
+    assert!(share > 1.0, "{}: the broken twin passes: {name} at {share:.2}", fit.model.name);
+}
+
+#[test]
+fn normal_recovers_mean_and_spread() {
+    let mut table = Table { header: "y", rows: vec![vec!["0".into()]; 200] };
+    let given = [("mu", -3.0), ("sigma", 2.5f64.ln())];
+    let truth = simulate(&normal::MeanAndSpread, None, &mut table, &given, 1);
+    assert_recovered(&fit(&normal::MeanAndSpread, None, &table.read(), 500), &truth, None);
+    assert_found_out(&fit(&broken::normal::MeanAndSpread, None, &table.read(), 500), &truth, None);
+}
+
+#[test]
+fn regression_recovers_coefficients_and_spread() {
+    let mut rng = rng(2);
+    let mut row = |_| {
+        let mut x = || rng.random_range(-2.0..2.0f64).to_string();
+        vec!["0".into(), x(), x(), x()]
+    };
+    let mut table = Table { header: "y,x1,x2,x3", rows: (0..150).map(&mut row).collect() };
+    let beta = [("beta[0]", 1.5), ("beta[1]", 0.0), ("beta[2]", -4.0)];
+    let given = [&beta[..], &[("intercept", 10.0), ("sigma", 0.7f64.ln())]].concat();
+    let truth = simulate(&regression::Regression, None, &mut table, &given, 3);
+    assert_recovered(&fit(&regression::Regression, None, &table.read(), 500), &truth, None);
+    let twin = fit(&broken::regression::Regression, None, &table.read(), 500);
+    assert_found_out(&twin, &truth, None);
+}
+
+#[test]
+fn a_table_with_another_number_of_columns_is_refused() {
+    let text = |header: &str, row: &str| {
+        let error = Model::new(&regression::Regression, None, &table(header, &[row.into()]));
+        error.unwrap_err().to_string()
+    };
+    let four = text("y,x1,x2,x3,x4", "1,2,3,4,5");
+    assert!(four.starts_with("let mean: `beta` has 3 coefficients, the design has 4"), "{four}");
+    assert!(four.contains("help: declare `param beta(4) ~ …;`"), "{four}");
+    let two = text("y,x1,x2", "1,2,3");
+    assert!(two.starts_with("let mean: `beta` has 3 coefficients, the design has 2"), "{two}");
+    let none = text("y,z", "1,2");
+    assert!(none.contains("no column `x`"), "{none}");
+}
+
+/// E mu and E tau of eight schools, exactly: `mu` given `tau` is normal, `tau` by quadrature.
+fn eight_schools_by_quadrature(y: &[f64], se: &[f64]) -> (f64, f64) {
+    let (mut mass, mut mu, mut tau_mean) = (0.0, 0.0, 0.0);
+    for i in -12_000..12_000 {
+        let tau = (f64::from(i) * 1e-3).exp();
+        let variances = || se.iter().map(|s| s * s + tau * tau);
+        let precision = 1.0 / 25.0 + variances().map(f64::recip).sum::<f64>();
+        let mean = y.iter().zip(variances()).map(|(y, v)| y / v).sum::<f64>() / precision;
+        let fit = y.iter().zip(variances()).map(|(y, v)| -0.5 * (v.ln() + y * y / v));
+        let ln_p = fit.sum::<f64>() + 0.5 * (mean * mean * precision - precision.ln());
+        let weight = ln_p.exp() * tau / (1.0 + (tau / 5.0).powi(2));
+        mass += weight;
+        mu += weight * mean;
+        tau_mean += weight * tau;
+    }
+    (mu / mass, tau_mean / mass)
+}
+
+#[test]
+fn eight_schools_has_its_published_posterior() {
+    let file = Path::new(env!("CARGO_MANIFEST_DIR")).join("models").join("eight_schools.csv");
+    let data = Measurements::read(&file).unwrap();
+    let y = [28.0, 8.0, -3.0, 7.0, -1.0, 1.0, 18.0, 12.0];
+    let se = [15.0, 10.0, 16.0, 11.0, 9.0, 11.0, 10.0, 18.0];
+    let (mu, tau) = eight_schools_by_quadrature(&y, &se);
+    // posteriordb, eight_schools-eight_schools_noncentered: 4.41 and 3.60, of MCSE 0.03 each
+    assert!((mu - 4.41).abs() < 0.1 && (tau - 3.6).abs() < 0.1, "{mu} {tau}");
+    let score = |fit: &Fit, name: &str, expected: f64| {
+        let s = fit.get(name);
+        println!("{name}: {:.3} ± {:.3}, exactly {expected:.3}", s.mean, s.mcse);
+        (s.mean - expected).abs() / s.mcse
+    };
+    let good = fit(&eight_schools::EightSchools, None, &data, 2500);
+    let limit = limit(2);
+    assert!(score(&good, "mu", mu) < limit && score(&good, "tau", tau) < limit);
+    assert!(good.worst_r_hat().0 < 1.01, "{:?}", good.worst_r_hat());
+    let twin = fit(&broken::eight_schools::EightSchools, None, &data, 2500);
+    assert!(score(&twin, "mu", mu) > limit && score(&twin, "tau", tau) > limit);
+}
+
+/// Both protocols at vertices 0, 4, 8, …, brackets of 10 ms.
+fn sites(n: usize) -> Table {
+    let row = |i: usize| {
+        let cells = [(4 * (i / 2)).to_string(), ["s1s2", "s1s2s3"][i % 2].into()];
+        [&cells[..], &["200".into(), "210".into()]].concat()
+    };
+    Table { header: "vertex,protocol,lower,upper", rows: (0..2 * n).map(row).collect() }
+}
+
+/// The same table with every bracket displaced by normal noise of `sd` ms.
+fn displaced(table: &Table, sd: f64) -> Table {
+    let mut rng = rng(8);
+    let shift = |row: &Vec<String>| {
+        let shift = sd * rng.sample::<f64, _>(StandardNormal);
+        let moved =
+            |cell: &String| cell.parse::<f64>().map_or(String::new(), |x| (x + shift).to_string());
+        vec![row[0].clone(), row[1].clone(), moved(&row[2]), moved(&row[3])]
+    };
+    Table { header: table.header, rows: table.rows.iter().map(shift).collect() }
+}
+
+#[test]
+fn erp_exact_recovers_fields_and_noise_with_open_brackets() {
+    let basis = basis(VERTICES, 24);
+    let given = [
+        ("tau_out.m", 12.0),
+        ("tau_out.alpha", 1.2f64.ln()),
+        ("tau_out.rho", 64f64.ln()),
+        ("apd_max.m", 195.0),
+        ("apd_max.alpha", 6f64.ln()),
+        ("apd_max.rho", 50f64.ln()),
+        ("noise", 3f64.ln()),
+    ];
+    let mut table = sites(40);
+    let truth = simulate(&erp_exact::ErpExact, Some(&basis), &mut table, &given, 5);
+    // the protocol ended at 250 ms: what captured nowhere below is known to be longer
+    let mut n_open = 0;
+    for row in table.rows.iter_mut().filter(|r| r[2].parse::<f64>().unwrap() >= 250.0) {
+        (row[2], row[3], n_open) = ("250".into(), String::new(), n_open + 1);
+    }
+    assert!((5..40).contains(&n_open), "{n_open} brackets are open");
+    let good = fit(&erp_exact::ErpExact, Some(&basis), &table.read(), 400);
+    assert_recovered(&good, &truth, Some(&basis));
+    let twin = fit(&erp_exact::ErpExact, Some(&basis), &displaced(&table, 15.0).read(), 400);
+    assert_found_out(&twin, &truth, Some(&basis));
+}
+
+#[test]
+fn erp_multiscale_recovers_fields() {
+    let basis = basis(VERTICES, 60);
+    let given = [
+        ("tau_out.m", 12.0),
+        ("tau_out.alpha", 3f64.ln()),
+        ("tau_out.rho", 70f64.ln()),
+        ("tau_out.beta", 1f64.ln()),
+        ("tau_out.ell", 18f64.ln()),
+        ("apd_max.m", 195.0),
+        ("apd_max.alpha", 15f64.ln()),
+        ("apd_max.rho", 70f64.ln()),
+        ("apd_max.beta", 4f64.ln()),
+        ("apd_max.ell", 18f64.ln()),
+    ];
+    let mut table = sites(25);
+    let model = &erp_multiscale::ErpMultiscale;
+    let truth = simulate(model, Some(&basis), &mut table, &given, 6);
+    assert_recovered(&fit(model, Some(&basis), &table.read(), 600), &truth, Some(&basis));
+    let twin = fit(model, Some(&basis), &displaced(&table, 20.0).read(), 400);
+    assert_found_out(&twin, &truth, Some(&basis));
+}
+
+#[test]
+fn a_prior_a_kernel_and_a_likelihood_of_the_users_own() {
+    let basis = basis(VERTICES, 24);
+    let row = |i: usize| {
+        let protocol = if i % 3 == 0 { "offset_seen" } else { "arrival" };
+        vec![(2 * i).to_string(), protocol.to_string(), "0".into()]
+    };
+    let mut table = Table { header: "vertex,protocol,value", rows: (0..90).map(row).collect() };
+    let given = [
+        ("offset", 3.0),
+        ("noise", 1f64.ln()),
+        ("delay.m", 18.0),
+        ("delay.alpha", 6f64.ln()),
+        ("delay.rho", 50f64.ln()),
+    ];
+    let truth = simulate(&custom::Custom, Some(&basis), &mut table, &given, 4);
+    let good = fit(&custom::Custom, Some(&basis), &table.read(), 400);
+    assert_recovered(&good, &truth, Some(&basis));
+}
+
+/// Checks the means of [`language::vector_priors`] against their closed forms.
+fn assert_vector_priors(fit: &Fit) {
+    // the largest of three standard normals has the mean 3/(2√π)
+    let extreme = 2.0 * 1.5 / std::f64::consts::PI.sqrt();
+    let expected = [
+        ("share[0]", 0.25),
+        ("share[3]", 0.25),
+        ("cut[0]", -extreme),
+        ("cut[1]", 0.0),
+        ("cut[2]", extreme),
+        ("noise[1]", 3.0 * (2.0 / std::f64::consts::PI).sqrt()),
+        ("bounded[0]", 0.5),
+    ];
+    for (name, mean) in expected {
+        let s = fit.get(name);
+        assert!((s.mean - mean).abs() < limit(9) * s.mcse, "{name}: {} {mean}", s.mean);
+    }
+    // Var of a symmetric Dirichlet's proportion: (n − 1)/(n² (na + 1)) = 3/(16 · 9)
+    for name in ["share[0]", "share[3]"] {
+        let s = fit.get(name);
+        let sd = (3.0f64 / 144.0).sqrt();
+        // an sd's error is about its own over √(2 ESS); a proportion's tails are lighter than a normal's
+        let error = sd / (2.0 * s.ess_tail.min(s.ess_bulk)).sqrt();
+        assert!((s.sd - sd).abs() < limit(9) * error, "{name}: {} {sd}", s.sd);
+    }
+}
+
+#[test]
+fn constrained_vectors_sample_their_priors() {
+    let fit = fit(&language::vector_priors::VectorPriors, None, &Measurements::default(), 2000);
+    assert_vector_priors(&fit);
+    assert_eq!(fit.model.unknown_names().len(), 3 + 3 + 2 + 2);
+}
+
+fn prior(model: &dyn Declare, basis: Option<&Basis>, data: &Measurements, draws: usize) -> Fit {
+    let model = Model::new(model, basis, data).unwrap();
+    let chains = model.prior_draws(&Settings { draws, ..Settings::default() }).unwrap();
+    Fit { model, chains }
+}
+
+#[test]
+fn draws_from_the_prior_have_its_moments() {
+    let vectors = &language::vector_priors::VectorPriors;
+    assert_vector_priors(&prior(vectors, None, &Measurements::default(), 2000));
+
+    // a field: m ~ Normal(20, 5), alpha ~ HalfNormal(5)
+    let basis = basis(VERTICES, 24);
+    let mut data =
+        table("vertex,protocol,value", &["0,arrival,0".into(), "4,offset_seen,0".into()]);
+    data.place_at_indices(VERTICES).unwrap();
+    let fit = prior(&custom::Custom, Some(&basis), &data, 2000);
+    let alpha = fit.get("delay.alpha");
+    let expected = 5.0 * (2.0 / std::f64::consts::PI).sqrt();
+    assert!((alpha.mean - expected).abs() < limit(2) * alpha.mcse, "{} {expected}", alpha.mean);
+    let draws: Vec<&[f64]> = fit.chains.iter().flat_map(|c| (0..2000).map(|i| c.draw(i))).collect();
+    let (means, sds) = field_moments(&fit.model, &basis, &draws);
+    let error = sds[0][17] / (draws.len() as f64).sqrt();
+    assert!((means[0][17] - 20.0).abs() < limit(2) * error, "{} ± {error}", means[0][17]);
+    assert!(sds[0][17] > 5.5, "the prior of the mean alone has 5: {}", sds[0][17]);
+}
+
+#[test]
+fn a_prior_that_cannot_be_drawn_from_is_named() {
+    let basis = basis(VERTICES, 24);
+    let model = Model::new(&erp_exact::ErpExact, Some(&basis), &sites(3).read()).unwrap();
+    let text = model.prior_draws(&Settings::default()).unwrap_err().to_string();
+    assert!(
+        text.starts_with("tau_out.m ~ Flat: no draw can be made from this prior\nhelp: "),
+        "{text}"
+    );
+}
