@@ -302,7 +302,8 @@ impl Latent for OnTape<'_> {
         self.forward(&outer);
         let mut at = 0;
         for (entry, field) in self.blocks.model.fields.iter().zip(&self.blocks.fields) {
-            let w = coefficients(&entry.op, &field.modes, &self.tape.v, position, self.is_collapsed());
+            let w =
+                coefficients(&entry.op, &field.modes, &self.tape.v, position, self.is_collapsed());
             block[at..][..w.len()].copy_from_slice(&w);
             at += w.len();
             if let Some(mean) = field.mean {
@@ -312,7 +313,13 @@ impl Latent for OnTape<'_> {
         }
     }
 
-    fn join(&mut self, outer: &[f64], block: &[f64], rng: &mut dyn Rng, position: &mut [f64]) -> f64 {
+    fn join(
+        &mut self,
+        outer: &[f64],
+        block: &[f64],
+        rng: &mut dyn Rng,
+        position: &mut [f64],
+    ) -> f64 {
         self.forward(outer);
         for (u, x) in self.blocks.layout.outer.iter().zip(outer) {
             position[*u] = *x;

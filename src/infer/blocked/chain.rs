@@ -8,7 +8,9 @@ use crate::infer::adapt::Warmup;
 use crate::infer::hamiltonian::{Hamiltonian, Metric};
 use crate::infer::nuts::{Nuts, Transition};
 use crate::infer::sample::{Reporter, chain_stream, is_usable};
-use crate::infer::{Chain, ChainError, ChainFailure, ChainResult, Divergence, MetricKind, Phase, Progress, Settings};
+use crate::infer::{
+    Chain, ChainError, ChainFailure, ChainResult, Divergence, MetricKind, Phase, Progress, Settings,
+};
 use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
 use std::cell::RefCell;
@@ -84,8 +86,7 @@ impl<'a> Run<'a> {
             error(common, chain, Phase::Warmup, common.before, position, ChainFailure::NoSupport)
         };
         let layout = density.layout();
-        let conditional =
-            Conditional::new(density.latent(), layout, common.stand_in, &link.outer);
+        let conditional = Conditional::new(density.latent(), layout, common.stand_in, &link.outer);
         let conditional = conditional.ok_or_else(no_support)?;
         let position = conditional.position(&link.block);
         let shared = Rc::new(RefCell::new(conditional));
@@ -202,7 +203,11 @@ impl<'a> Run<'a> {
             self.complete(&inner, &mut position);
             position
         });
-        Divergence { iteration, start: std::mem::take(&mut ends[0]), end: std::mem::take(&mut ends[1]) }
+        Divergence {
+            iteration,
+            start: std::mem::take(&mut ends[0]),
+            end: std::mem::take(&mut ends[1]),
+        }
     }
 
     /// The whitened block alone is nearly standard normal: a quarter of a period is a fresh draw, at
@@ -254,7 +259,8 @@ impl<'a> Run<'a> {
     }
 
     fn report(&mut self, phase: Phase, iteration: usize, transition: &Transition, step_size: f64) {
-        let iteration = if phase == Phase::Warmup { self.common.before + iteration } else { iteration };
+        let iteration =
+            if phase == Phase::Warmup { self.common.before + iteration } else { iteration };
         self.reporter.report(phase, iteration, transition, step_size);
     }
 
@@ -267,7 +273,8 @@ impl<'a> Run<'a> {
 
     fn error(&self, phase: Phase, iteration: usize, failure: ChainFailure) -> ChainError {
         let position = self.nuts.point.position.clone();
-        let iteration = if phase == Phase::Warmup { self.common.before + iteration } else { iteration };
+        let iteration =
+            if phase == Phase::Warmup { self.common.before + iteration } else { iteration };
         error(self.common, self.chain, phase, iteration, position, failure)
     }
 }

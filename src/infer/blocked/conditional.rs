@@ -133,10 +133,7 @@ impl<'d> Conditional<'d> {
         self.trial.block(z, &mut self.w);
         self.trial.latent(&self.w, &mut self.theta);
         let likelihood = self.latent.ln_likelihood(&self.theta);
-        let value = ln_prior
-            + likelihood
-            + self.stand_in_quadratic()
-            + self.trial.ln_evidence
+        let value = ln_prior + likelihood + self.stand_in_quadratic() + self.trial.ln_evidence
             - 0.5 * dot(z, z);
         (!value.is_nan()).then_some((value, ln_prior))
     }

@@ -130,7 +130,13 @@ pub trait Latent {
 
     /// A position of these outer unknowns and coefficients, drawing what they do not determine;
     /// returns the density's own log density there.
-    fn join(&mut self, outer: &[f64], block: &[f64], rng: &mut dyn Rng, position: &mut [f64]) -> f64;
+    fn join(
+        &mut self,
+        outer: &[f64],
+        block: &[f64],
+        rng: &mut dyn Rng,
+        position: &mut [f64],
+    ) -> f64;
 
     /// Takes these outer unknowns for [`Latent::ln_likelihood`] and [`Latent::slope`], and writes
     /// their design; returns ln p(outer). Out of support: −∞.

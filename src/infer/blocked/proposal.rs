@@ -27,11 +27,7 @@ impl Proposal {
     pub(super) fn new(scales: &[f64]) -> Self {
         let n = scales.len();
         let entry = |k: usize| if k.is_multiple_of(n + 1) { scales[k / n] } else { 0.0 };
-        Self {
-            mean: vec![0.0; n],
-            factor: (0..n * n).map(entry).collect(),
-            is_fitted: false,
-        }
+        Self { mean: vec![0.0; n], factor: (0..n * n).map(entry).collect(), is_fitted: false }
     }
 
     /// Takes mean and covariance of these draws; what cannot be factorised changes nothing.

@@ -50,7 +50,11 @@ impl Whitening {
             design: Design::new(layout),
             n_sites: layout.n_sites,
             n,
-            triangular: layout.fields.iter().map(|f| matches!(f.shape, Shape::Triangular)).collect(),
+            triangular: layout
+                .fields
+                .iter()
+                .map(|f| matches!(f.shape, Shape::Triangular))
+                .collect(),
             prior_precision,
             starts,
             upper: vec![0.0; n * n],
