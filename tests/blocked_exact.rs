@@ -3,7 +3,7 @@
 #[path = "support/posterior.rs"]
 mod posterior;
 
-use eplat::diagnostics::{mcse_mean, mcse_sd, mean_and_sd};
+use eplat::diagnostics::{mcse_mean, mcse_quantile, mcse_sd, mean_and_sd, quantile};
 use eplat::dsl::{Model, Sampler};
 use eplat::infer::{Settings, Silent, jittered_starts};
 use posterior::{Column, all, columns, erp, erp_experiment, largest_z};
@@ -19,26 +19,42 @@ fn sample(sampler: Sampler, n_sites: usize, settings: &Settings) -> Vec<Column> 
     columns(&model, &all(sampler.sample(&model, &starts, settings, &Silent).unwrap()))
 }
 
-fn compare(n_sites: usize, draws: usize) {
+/// Both posteriors, NUTS with this many draws per chain.
+fn both(n_sites: usize, draws: usize) -> [Vec<Column>; 2] {
     let settings = |sampler: Sampler| Settings { draws, ..sampler.settings() };
     let nuts = sample(Sampler::Nuts, n_sites, &settings(Sampler::Nuts));
     let draws = 4 * draws;
     let blocked = Settings { draws, ..settings(Sampler::Blocked) };
     let blocked = sample(Sampler::Blocked, n_sites, &blocked);
-    let (z, what) = largest_z(&blocked, &nuts);
-    assert!(z < LARGEST_Z, "{n_sites} sites: {what}");
     let r_hat = blocked.iter().map(|c| c.summary().r_hat).fold(0.0, f64::max);
     assert!(r_hat < 1.01, "{n_sites} sites: R-hat {r_hat}");
+    [blocked, nuts]
 }
 
+/// Quartiles and medians: with ten sites the amplitudes' tails are those of a power law (index 2),
+/// and NUTS, which enters them seldom and stays long, has no usable error estimate there.
 #[test]
 fn ten_sites_fewer_than_modes_agree_with_nuts() {
-    compare(10, 2000);
+    let [blocked, nuts] = both(10, 2000);
+    for (a, b) in blocked.iter().zip(&nuts) {
+        for probability in [0.25, 0.5, 0.75] {
+            let [(x, ex), (y, ey)] = [a, b].map(|column| {
+                let slices = column.slices();
+                let mut all: Vec<f64> = column.chains.concat();
+                all.sort_by(f64::total_cmp);
+                (quantile(&all, probability), mcse_quantile(&slices, probability))
+            });
+            let z = ((x - y) / ex.hypot(ey)).abs();
+            assert!(z < LARGEST_Z, "{} at {probability}: {x} against {y}, z = {z}", a.name);
+        }
+    }
 }
 
 #[test]
 fn thirty_sites_more_than_modes_agree_with_nuts() {
-    compare(30, 1000);
+    let [blocked, nuts] = both(30, 1000);
+    let (z, what) = largest_z(&blocked, &nuts);
+    assert!(z < LARGEST_Z, "{what}");
 }
 
 #[test]

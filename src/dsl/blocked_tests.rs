@@ -141,9 +141,13 @@ fn settings(draws: usize) -> Settings {
 }
 
 fn blocked(model: &Model, fault: Fault, draws: usize) -> Vec<Chain> {
+    chains_of(model, Blocks::new(model), fault, draws)
+}
+
+fn chains_of(model: &Model, blocks: Blocks<'_>, fault: Fault, draws: usize) -> Vec<Chain> {
     let settings = settings(draws);
     let starts = jittered_starts(model, &model.initial(), 4, 1).unwrap();
-    let twin = Twin(Blocks::new(model), fault);
+    let twin = Twin(blocks, fault);
     let chains = sample_blocked(&twin, &starts, &settings, &Silent).unwrap();
     chains.into_iter().map(|chain| chain.unwrap_or_else(|e| panic!("{e}"))).collect()
 }
@@ -223,10 +227,13 @@ fn against_nuts(n_rows: usize, fault: Fault) -> (f64, String) {
     let nuts = infer::sample(&model, &starts, &settings, &Silent).unwrap();
     let nuts: Vec<Chain> =
         nuts.into_iter().map(|chain| chain.unwrap_or_else(|e| panic!("{e}"))).collect();
-    let chains = blocked(&model, fault, 6000);
+    worst_z(&model, &blocked(&model, fault, 6000), &nuts)
+}
+
+fn worst_z(model: &Model, chains: &[Chain], others: &[Chain]) -> (f64, String) {
     let mut worst = (0.0, String::new());
     for (i, name) in model.unknown_names().into_iter().enumerate() {
-        let pairs = moments(&unknown(&chains, i)).into_iter().zip(moments(&unknown(&nuts, i)));
+        let pairs = moments(&unknown(chains, i)).into_iter().zip(moments(&unknown(others, i)));
         for ((a, a_error), (b, b_error)) in pairs {
             let z = ((a - b) / a_error.hypot(b_error)).abs();
             if z > worst.0 {
@@ -241,6 +248,18 @@ fn against_nuts(n_rows: usize, fault: Fault) -> (f64, String) {
 fn skew_likelihoods_agree_with_nuts_with_fewer_sites_than_modes_and_with_more() {
     for n_rows in [8, 40] {
         let (z, what) = against_nuts(n_rows, Fault::None);
+        assert!(z < LARGEST_Z, "{n_rows} rows: {what}");
+    }
+}
+
+#[test]
+fn coefficients_per_site_and_per_mode_agree() {
+    for n_rows in [8, 40] {
+        let model = model(&Counts, "beats", n_rows);
+        let of = |per_site| {
+            chains_of(&model, Blocks::shaped(&model, per_site), Fault::None, 5000)
+        };
+        let (z, what) = worst_z(&model, &of(true), &of(false));
         assert!(z < LARGEST_Z, "{n_rows} rows: {what}");
     }
 }
