@@ -89,11 +89,17 @@ pub(super) struct Block {
 }
 
 impl<'m> Blocks<'m> {
+    /// With a coefficient per site or per mode, whichever are fewer.
     pub(super) fn new(model: &'m Model) -> Self {
+        let n_latent: usize = model.fields.iter().map(|f| f.op.n_probes()).sum();
+        let n_modes: usize = model.fields.iter().map(|f| f.op.k).sum();
+        Self::shaped(model, n_latent < n_modes)
+    }
+
+    /// With a coefficient per site (triangular designs) or per mode: either is exact.
+    fn shaped(model: &'m Model, is_triangular: bool) -> Self {
         let ops = || model.fields.iter().map(|f| &f.op);
         let n_sites = ops().map(Field::n_probes).next().unwrap_or(0);
-        let n_modes: usize = ops().map(|op| op.k).sum();
-        let is_triangular = n_sites * model.fields.len() < n_modes;
         let fields: Vec<Block> = ops().map(|op| Block::new(model, op, is_triangular)).collect();
         let layout = |(op, block): (&Field, &Block)| FieldLayout {
             n_coefficients: if is_triangular { n_sites } else { op.k },
