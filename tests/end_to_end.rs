@@ -16,9 +16,10 @@ use serde_json::Value;
 const SMALL: &str = "--chains 2 --warmup 300 --draws 300";
 
 /// DESIGN.md's list.
-const FILES: [&str; 8] = [
+const FILES: [&str; 9] = [
     "draws.csv",
     "fields.vtp",
+    "loo.csv",
     "measurements.csv",
     "posterior.zarr",
     "report.html",
@@ -61,7 +62,7 @@ fn a_run_leaves_every_file_and_the_same_numbers_for_any_number_of_threads() {
     }
     assert_eq!(names_in(&place, "a"), FILES);
     sampled(&place, &format!("run erp.rs {SMALL} --threads 2 --out b"));
-    for file in ["summary.csv", "draws.csv", "fields.vtp", "measurements.csv"] {
+    for file in ["summary.csv", "draws.csv", "loo.csv", "fields.vtp", "measurements.csv"] {
         assert!(place.read(&format!("a/{file}")) == place.read(&format!("b/{file}")), "{file}");
     }
 
@@ -214,8 +215,8 @@ fn whole(place: &Workplace) {
             "run.json" | "summary.json" => drop(json(&place.read(&format!("out/{name}")))),
             "summary.csv" => assert_eq!(place.read("out/summary.csv").lines().count(), 1 + 54),
             "draws.csv" => assert_eq!(place.read("out/draws.csv").lines().count(), 1 + 200),
-            "measurements.csv" => {
-                assert_eq!(place.read("out/measurements.csv").lines().count(), 21);
+            "loo.csv" | "measurements.csv" => {
+                assert_eq!(place.read(&format!("out/{name}")).lines().count(), 21);
             }
             "fields.vtp" => fields(&place.read("out/fields.vtp")),
             "report.html" => assert!(place.read("out/report.html").trim_end().ends_with("</html>")),
@@ -261,6 +262,8 @@ fn the_help_of_every_command() {
         "run",
         "show",
         "check",
+        "compare",
+        "report",
         "mesh",
         "mesh info",
         "mesh convert",
