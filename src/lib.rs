@@ -10,7 +10,7 @@
 //! | 3 | [`dsl`] |
 //! | 2 | [`field`], [`surrogate`], [`infer`], [`diagnostics`] |
 //! | 1 | [`dist`], [`likelihood`], [`manifold`], [`ep`] |
-//! | 0 | [`mesh`], [`num`], [`error`], [`cache`] |
+//! | 0 | [`mesh`], [`num`], [`error`], [`cache`], [`atomic`] |
 
 pub mod atomic;
 pub mod cache;

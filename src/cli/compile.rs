@@ -184,8 +184,14 @@ fn does_not_compile(file: &ModelFile, output: &Output) -> Failure {
             && !line.starts_with("Some errors have detailed")
     };
     let text = text.lines().filter(is_own).collect::<Vec<_>>().join("\n");
+    let number_on_the_left = text.contains("no implementation for `{float} ");
+    let hint = if number_on_the_left {
+        "\nhelp: a plain number goes on the right: `x * 2.0` for `2.0 * x`, `-x + 1.0` for `1.0 - x`"
+    } else {
+        ""
+    };
     Failure::new(format_args!(
-        "the model file does not compile\n{}\nhelp: mend {} at the places above; `eplat show` prints a model's equations once it compiles",
+        "the model file does not compile\n{}{hint}\nhelp: mend {} at the places above; `eplat show` prints a model's equations once it compiles",
         text.trim_end(),
         file.path.display()
     ))

@@ -1,12 +1,15 @@
 //! The command line: one file per command, one enum that is matched once.
 
 mod check;
+mod compare;
 mod compile;
 mod inputs;
 mod mesh;
 mod models;
+mod optimise;
 mod output;
 mod progress;
+mod report;
 mod run;
 mod show;
 mod simulate;
@@ -33,6 +36,10 @@ enum Command {
     Show(show::Command),
     /// Validate a model's input without sampling, and time its gradient
     Check(check::Command),
+    /// Compare two runs by how well they predict the same measurements
+    Compare(compare::Command),
+    /// Print again what the end of a run said; the exit code is that of the run
+    Report(report::Command),
     /// Look at, convert, repair or make a surface mesh
     #[command(subcommand)]
     Mesh(mesh::Command),
@@ -51,6 +58,8 @@ pub fn main(models: &[Compiled]) -> ExitCode {
         Command::Run(command) => command.run(models),
         Command::Show(command) => command.run(models),
         Command::Check(command) => command.run(models),
+        Command::Compare(command) => command.run(),
+        Command::Report(command) => command.run(),
         Command::Mesh(command) => done(command.run()),
         Command::Simulate(command) => done(command.run()),
         Command::Surrogate(command) => done(command.run()),

@@ -1,7 +1,6 @@
 //! What a run leaves in its output folder, and the summary at its end.
 
 use std::collections::BTreeMap;
-use std::fmt::Write as _;
 use std::fs;
 use std::io::Write as _;
 use std::path::{Path, PathBuf};
@@ -18,30 +17,41 @@ use crate::infer::{self, Chain, LogDensity as _, MetricKind};
 use crate::manifold::Basis;
 use crate::mesh::{Surface, write_vtp};
 use crate::report::{
-    self, Group, Page, PointData, Posterior, RunRecord, Seconds, Variable, console_table, verdict,
-    write_draws, write_html, write_summary_csv, write_summary_json, write_zarr,
+    self, Group, Page, PointData, Posterior, RunRecord, Seconds, Variable, end_of_run, verdict,
+    write_draws, write_html, write_loo, write_summary_csv, write_summary_json, write_zarr,
 };
 
 /// Most draws that field maps are averaged over; more change nothing that can be seen.
 const MAP_DRAWS: usize = 1000;
 
-/// An output folder that can be written to.
+/// An output folder that can be written to; it is made when there are results.
 pub(super) struct OutputFolder(PathBuf);
 
 impl OutputFolder {
-    /// Makes the folder and tries it, before anything slow is done.
+    /// Tries the folder, or the nearest one above it that exists, before anything slow is done.
     pub(super) fn open(path: &Path) -> Result<Self, Failure> {
-        let tried = fs::create_dir_all(path).and_then(|()| tempfile::tempfile_in(path));
-        match tried {
-            Ok(_) => Ok(Self(path.to_owned())),
-            Err(error) => Err(Failure::new(format_args!(
-                "cannot write to the output folder {}: {error}\nhelp: name another with --out DIR",
-                path.display()
-            ))),
-        }
+        let existing = path.ancestors().find(|p| p.exists()).unwrap_or(Path::new("."));
+        tempfile::tempfile_in(existing).map_err(|error| Self::unwritable(path, &error))?;
+        Ok(Self(path.to_owned()))
     }
 
-    fn file(&self, name: &str) -> PathBuf {
+    fn unwritable(path: &Path, error: &std::io::Error) -> Failure {
+        Failure::new(format_args!(
+            "cannot write to the output folder {}: {error}\nhelp: name another with --out DIR",
+            path.display()
+        ))
+    }
+
+    /// Makes the folder, once there is something to put in it.
+    pub(super) fn make(&self) -> Result<(), Failure> {
+        fs::create_dir_all(&self.0).map_err(|error| Self::unwritable(&self.0, &error))
+    }
+
+    pub(super) fn path(&self) -> &Path {
+        &self.0
+    }
+
+    pub(super) fn file(&self, name: &str) -> PathBuf {
         self.0.join(name)
     }
 }
@@ -62,10 +72,6 @@ pub(super) struct Finished<'a> {
 pub(super) struct Outcome {
     rows: Vec<report::Row>,
     record: RunRecord,
-    /// Measurements that divergences come from, worst first, in words.
-    suspects: Vec<String>,
-    /// Share of (vertex, draw) pairs outside a declared range.
-    unphysical: Option<f64>,
     files: Vec<&'static str>,
 }
 
@@ -74,6 +80,7 @@ struct FieldMaps {
     unphysical: Vec<f64>,
     /// Root mean squared error of each map's mean, in its unit.
     rmse: BTreeMap<String, f64>,
+    units: BTreeMap<String, String>,
     /// Name, unit, values at the vertices.
     arrays: Vec<(String, String, Vec<f64>)>,
 }
@@ -85,12 +92,17 @@ impl Finished<'_> {
         let posterior = Posterior::new(self.model, &self.inputs.measurements, self.chains, seed);
         let surface = self.inputs.surface.as_ref();
         let maps = surface.map(|(surface, basis)| self.maps(surface, basis));
+        out.make()?;
         let mut files = vec!["summary.csv", "summary.json", "draws.csv"];
         write_summary_csv(&out.file("summary.csv"), &posterior.rows)?;
         write_summary_json(&out.file("summary.json"), &posterior.rows)?;
         write_draws(&out.file("draws.csv"), &posterior.posterior)?;
         self.write_zarr(out, &posterior, maps.as_ref())?;
         files.push("posterior.zarr");
+        if let Some(loo) = &posterior.loo {
+            write_loo(&out.file("loo.csv"), &loo.rows)?;
+            files.push("loo.csv");
+        }
         if let (Some((surface, _)), Some(maps)) = (surface, &maps) {
             let arrays: Vec<(&str, &[f64])> = maps
                 .arrays
@@ -111,8 +123,7 @@ impl Finished<'_> {
         self.write_page(out, &posterior, &record, maps.as_ref())?;
         record.write(&out.file("run.json"))?;
         files.extend(["report.html", "run.json"]);
-        let unphysical = maps.map(|m| m.unphysical.iter().sum::<f64>() / m.unphysical.len() as f64);
-        Ok(Outcome { rows: posterior.rows, record, suspects: self.suspects(), unphysical, files })
+        Ok(Outcome { rows: posterior.rows, record, files })
     }
 
     fn maps(&self, surface: &Surface, basis: &Basis) -> FieldMaps {
@@ -131,18 +142,17 @@ impl Finished<'_> {
             push("sd", &map.unit, &map.sd);
             if let Some((name, truth)) = self.inputs.truth.iter().find(|t| t.0 == map.name) {
                 push("true", &map.unit, truth);
-                let errors = || map.mean.iter().zip(truth).map(|(m, t)| m - t);
-                let ise: Vec<f64> = errors().zip(&map.sd).map(|(e, sd)| e.abs() / sd).collect();
+                let errors = map.mean.iter().zip(truth).map(|(m, t)| m - t);
+                let ise: Vec<f64> = errors.zip(&map.sd).map(|(e, sd)| e.abs() / sd).collect();
                 push("ise", "", &ise);
-                let squares: Vec<f64> = errors().map(|e| e * e).filter(|e| e.is_finite()).collect();
-                let mean = squares.iter().sum::<f64>() / squares.len() as f64;
-                rmse.insert((*name).to_string(), mean.sqrt());
+                rmse.insert((*name).to_string(), rms_error(&map.mean, truth));
             }
         }
+        let units = summaries.iter().map(|m| (m.name.to_string(), m.unit.clone())).collect();
         arrays.push(("unphysical".into(), "1".into(), unphysical.clone()));
         arrays
             .extend(surface.point_data.iter().map(|(n, v)| (n.clone(), String::new(), v.clone())));
-        FieldMaps { unphysical, rmse, arrays }
+        FieldMaps { unphysical, rmse, units, arrays }
     }
 
     fn write_zarr(
@@ -240,6 +250,10 @@ impl Finished<'_> {
             ess_per_second: min_ess_bulk / self.sampled_in,
             e_bfmi: self.chains.iter().map(|c| e_bfmi(&c.energy)).fold(f64::INFINITY, f64::min),
             rmse: maps.map(|m| m.rmse.clone()).filter(|rmse| !rmse.is_empty()),
+            unphysical: maps.map(|m| m.unphysical.iter().sum::<f64>() / m.unphysical.len() as f64),
+            units: maps.map(|m| m.units.clone()).unwrap_or_default(),
+            divergent_at: self.suspects(),
+            loo: posterior.loo.as_ref().map(|loo| loo.record.clone()),
         }
     }
 
@@ -286,44 +300,22 @@ impl Finished<'_> {
     }
 }
 
+/// Root mean squared error over the vertices that have a value.
+pub(super) fn rms_error(values: &[f64], truth: &[f64]) -> f64 {
+    let squares = values.iter().zip(truth).map(|(value, truth)| (value - truth).powi(2));
+    let squares: Vec<f64> = squares.filter(|square| square.is_finite()).collect();
+    (squares.iter().sum::<f64>() / squares.len() as f64).sqrt()
+}
+
 impl Outcome {
     pub(super) fn converged(&self) -> bool {
         verdict(&self.record, &self.rows).converged
     }
 
-    /// The table, the errors against the truth, the verdict and where the files are.
+    /// What the run found, and where the files are.
     pub(super) fn text(&self, out: &OutputFolder) -> String {
-        let mut text = console_table(&self.rows, false);
-        if let Some(rmse) = &self.record.rmse {
-            let list: Vec<String> = rmse.iter().map(|(name, e)| format!("{name} {e:.1}")).collect();
-            let _ = writeln!(
-                text,
-                "\nRMSE against the truth over the surface, ms: {}",
-                list.join(", ")
-            );
-        }
-        if let Some(share) = self.unphysical {
-            let _ = writeln!(
-                text,
-                "Outside a declared range: {:.1} % of (vertex, draw) pairs; derived maps leave them out",
-                100.0 * share
-            );
-        }
-        if !self.suspects.is_empty() {
-            let _ = writeln!(text, "Divergences come from: {}", self.suspects.join(", "));
-        }
-        let _ = writeln!(text, "{}", verdict(&self.record, &self.rows).sentence);
-        let seconds = &self.record.seconds;
-        let _ = writeln!(
-            text,
-            "{} gradients of {:.2} µs; {:.1} s in all, {:.1} s of them sampling",
-            self.record.grad_evals,
-            self.record.ns_per_grad / 1000.0,
-            seconds.total,
-            seconds.warmup + seconds.sampling
-        );
-        let _ = write!(text, "Files in {}: {}", out.0.display(), self.files.join(", "));
-        text
+        let said = end_of_run(&self.rows, &self.record);
+        format!("{said}\nFiles in {}: {}", out.0.display(), self.files.join(", "))
     }
 
     /// Summary and record as one object.

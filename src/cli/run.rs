@@ -10,6 +10,7 @@ use clap::{Args, ValueEnum};
 use super::compile::{COMPILE_SECONDS, run_compiled};
 use super::inputs::{InputArgs, Inputs, hash};
 use super::models::{Compiled, ModelFile};
+use super::optimise::optimise;
 use super::output::{Finished, OutputFolder};
 use super::progress::ChainBars;
 use crate::dsl::{Declare, Model, Sampler};
@@ -23,13 +24,16 @@ pub(super) struct Command {
     model: PathBuf,
     #[command(flatten)]
     input: InputArgs,
-    /// Output folder [default: out/NAME, after the model file's name]
+    /// Output folder [default: out/NAME, after the model file's name; with --optimize out/NAME-map]
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
     #[command(flatten)]
     sampler: SamplerArgs,
+    /// Find the posterior's mode by L-BFGS instead of sampling
+    #[arg(long, conflicts_with_all = ["chains", "warmup", "draws", "target_accept", "sampler", "metric"])]
+    optimize: bool,
     /// Draw from the prior instead: the same outputs before the measurements have a say
-    #[arg(long)]
+    #[arg(long, conflicts_with_all = ["optimize", "warmup", "target_accept", "sampler", "metric"])]
     prior: bool,
     /// Print the summary and the run record as JSON on stdout
     #[arg(long)]
@@ -107,10 +111,14 @@ impl Command {
         let out = OutputFolder::open(&self.folder())?;
         let mut inputs = self.input.load(model)?;
         inputs.hashes.insert("model".into(), hash(&self.model)?);
-        let (laid_out, chains, sampled_in) = if self.prior {
-            draw_prior(model, &inputs, &settings)?
+        let laid_out = lay_out(model, &inputs)?;
+        if self.optimize {
+            return optimise(&laid_out, &inputs, &out, self.json);
+        }
+        let (chains, sampled_in) = if self.prior {
+            draw_prior(&laid_out, &settings)?
         } else {
-            sample(model, &inputs, &settings, self.sampler.sampler, begun)?
+            sample(&laid_out, &settings, self.sampler.sampler, begun)?
         };
         let finished = Finished {
             model: &laid_out,
@@ -133,26 +141,30 @@ impl Command {
     }
 
     fn folder(&self) -> PathBuf {
-        let name = self.model.file_stem().map_or_else(|| "model".into(), PathBuf::from);
+        let name = self.model.file_stem().unwrap_or("model".as_ref()).display().to_string();
+        let name = if self.optimize { name + "-map" } else { name };
         self.out.clone().unwrap_or_else(|| Path::new("out").join(name))
     }
 }
 
-/// Lays the model out and samples it; returns the chains that came through and the seconds it took.
+/// Lays the model out on its data.
+fn lay_out(model: &dyn Declare, inputs: &Inputs) -> Result<Model, Failure> {
+    let basis = inputs.surface.as_ref().map(|(_, basis)| basis);
+    Ok(Model::new(model, basis, &inputs.measurements)?)
+}
+
+/// Samples the model; returns the chains that came through and the seconds it took.
 fn sample(
-    model: &dyn Declare,
-    inputs: &Inputs,
+    model: &Model,
     settings: &infer::Settings,
     sampler: Option<SamplerArg>,
     begun: Instant,
-) -> Result<(Model, Vec<Chain>, f64), Failure> {
-    let basis = inputs.surface.as_ref().map(|(_, basis)| basis);
-    let model = Model::new(model, basis, &inputs.measurements)?;
+) -> Result<(Vec<Chain>, f64), Failure> {
     let sampler = match sampler {
         Some(SamplerArg::Nuts) => Sampler::Nuts,
-        Some(SamplerArg::Blocked) | None => Sampler::of(&model),
+        Some(SamplerArg::Blocked) | None => Sampler::of(model),
     };
-    let starts = jittered_starts(&model, &model.initial(), settings.chains, settings.seed)?;
+    let starts = jittered_starts(model, &model.initial(), settings.chains, settings.seed)?;
     eprintln!(
         "model  {}: {} unknowns, sampler {}, ready in {:.1} s",
         model.name,
@@ -162,7 +174,7 @@ fn sample(
     );
     let sampling = Instant::now();
     let bars = ChainBars::new(settings.chains, settings.warmup + settings.draws, settings.warmup);
-    let results = sampler.sample(&model, &starts, settings, &bars)?;
+    let results = sampler.sample(model, &starts, settings, &bars)?;
     bars.finish();
     let sampled_in = sampling.elapsed().as_secs_f64();
     let (chains, failed): (Vec<_>, Vec<_>) = results.into_iter().partition(Result::is_ok);
@@ -176,22 +188,16 @@ fn sample(
         (true, Some(failure)) => {
             Err(Failure::new(format_args!("every chain failed; the first:\n{failure}")))
         }
-        _ => Ok((model, chains, sampled_in)),
+        _ => Ok((chains, sampled_in)),
     }
 }
 
 /// As [`sample`], from the prior.
-fn draw_prior(
-    model: &dyn Declare,
-    inputs: &Inputs,
-    settings: &infer::Settings,
-) -> Result<(Model, Vec<Chain>, f64), Failure> {
-    let basis = inputs.surface.as_ref().map(|(_, basis)| basis);
-    let model = Model::new(model, basis, &inputs.measurements)?;
+fn draw_prior(model: &Model, settings: &infer::Settings) -> Result<(Vec<Chain>, f64), Failure> {
     let sampling = Instant::now();
     let chains = model.prior_draws(settings)?;
     eprintln!("model  {}: draws from its prior, not from its posterior", model.name);
-    Ok((model, chains, sampling.elapsed().as_secs_f64()))
+    Ok((chains, sampling.elapsed().as_secs_f64()))
 }
 
 /// How long the compilation of this program took, if it was compiled for this run.

@@ -9,11 +9,14 @@
 //! localization: an improved R̂"; conventions as in `ArviZ` 1.3, against which the tests compare.
 
 mod ess;
+mod loo;
 mod mcse;
+mod psis;
 mod rank;
 mod special;
 
 pub use ess::{ess_bulk, ess_mean, ess_tail};
+pub use loo::{Loo, LooPoint, loo, relative_efficiency, standard_error};
 pub use mcse::{mcse_mean, mcse_quantile, mcse_sd};
 pub use rank::r_hat;
 

@@ -136,6 +136,9 @@ impl Measurements {
     /// Neither is there, or a row lies off the surface.
     pub fn place_on(&mut self, surface: &Surface, scale: f64) -> Result<(), DataError> {
         let by_vertex = self.column("vertex").is_some();
+        if !by_vertex && ["x", "y", "z"].iter().all(|name| self.column(name).is_none()) {
+            return Err(self.no_place());
+        }
         let mut vertices = Vec::with_capacity(self.rows.len());
         for row in 0..self.rows.len() {
             let vertex = if by_vertex {
@@ -391,6 +394,20 @@ impl Measurements {
             who: who.into(),
             available: self.header.join(", "),
             guess,
+        }
+    }
+
+    /// Neither `vertex` nor any of `x`, `y`, `z`.
+    fn no_place(&self) -> DataError {
+        let who = "the placement on the mesh";
+        match self.no_column("vertex", who) {
+            DataError::NoColumn { file, column, who, available, guess }
+                if guess.contains("add") =>
+            {
+                let guess = "\nhelp: add a column `vertex` (index in the mesh file), or columns `x`, `y`, `z` (in the mesh's unit)".into();
+                DataError::NoColumn { file, column, who, available, guess }
+            }
+            near_miss => near_miss,
         }
     }
 

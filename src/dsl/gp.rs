@@ -12,8 +12,6 @@
 use std::marker::PhantomData;
 
 use num_dual::DualStruct;
-use rand::{Rng, RngExt};
-use rand_distr::StandardNormal;
 
 use super::scalar::Scalar;
 use super::scope::Local;
@@ -143,12 +141,17 @@ impl Field {
         (self.mean.value(&t.v), &t.work[self.work..][..self.k])
     }
 
-    /// Draws the collapsed η₀ of every term; returns them and the mean that goes with them.
-    pub(super) fn restore(&self, t: &Tape, rng: &mut dyn Rng) -> Option<(f64, Vec<f64>)> {
+    /// Takes the collapsed η₀ of every term from `eta0`, standard normal; returns them and the mean that
+    /// goes with them.
+    pub(super) fn restore(
+        &self,
+        t: &Tape,
+        eta0: &mut dyn FnMut() -> f64,
+    ) -> Option<(f64, Vec<f64>)> {
         let collapsed = self.collapsed?;
         let mut mean = t.v[collapsed.mean];
         let eta0 = self.terms.iter().map(|term| {
-            let eta: f64 = rng.sample(StandardNormal);
+            let eta = eta0();
             let scale = term.amplitude.value(&t.v) * term.spectrum.at(&t.v, 0.0);
             mean -= scale * collapsed.phi0 * eta;
             eta

@@ -2,7 +2,8 @@
 
 use std::ops::Range;
 
-use rand::Rng;
+use rand::{Rng, RngExt as _};
+use rand_distr::StandardNormal;
 
 use super::builder::Builder;
 use super::data::Measurements;
@@ -306,7 +307,16 @@ impl Model {
 
     /// The parameters of the last forward pass in their order, with the constant modes drawn.
     pub fn report(&self, t: &Tape, rng: &mut dyn Rng, out: &mut Vec<f64>) {
-        let restored: Vec<_> = self.fields.iter().map(|f| f.op.restore(t, rng)).collect();
+        self.report_with(t, &mut || rng.sample(StandardNormal), out);
+    }
+
+    /// The parameters of the last forward pass in their order, the constant modes at their mode, zero.
+    pub fn report_mode(&self, t: &Tape, out: &mut Vec<f64>) {
+        self.report_with(t, &mut || 0.0, out);
+    }
+
+    fn report_with(&self, t: &Tape, eta0: &mut dyn FnMut() -> f64, out: &mut Vec<f64>) {
+        let restored: Vec<_> = self.fields.iter().map(|f| f.op.restore(t, eta0)).collect();
         for p in &self.parameters {
             match p.position {
                 Position::Values(v) => out.extend_from_slice(&t.v[v..v + p.len]),

@@ -108,6 +108,38 @@ impl<'a> Nuts<'a> {
         }
     }
 
+    /// Moves the current point by one trajectory of a random length, 0.5 to 1.5 times `time`, whose
+    /// end is accepted or rejected: plain Hamiltonian Monte Carlo.
+    pub(super) fn static_transition(&mut self, step_size: f64, time: f64) -> Transition {
+        self.flow.hamiltonian.refresh_force(&mut self.point);
+        self.refresh_momentum();
+        let energy = self.point.energy();
+        let time = time * (0.5 + self.flow.rng.random::<f64>());
+        let n = (time / step_size).round().clamp(1.0, f64::from(2u32.pow(self.max_depth)));
+        let [edge, _] = &mut self.edges;
+        edge.copy_from(&self.point);
+        let (mut n_leapfrog, mut diverging) = (0, false);
+        while n_leapfrog < n as u32 && !diverging {
+            self.flow.hamiltonian.leapfrog(edge, step_size);
+            n_leapfrog += 1;
+            // the negation also catches NaN
+            diverging = !(edge.energy() - energy <= MAX_ENERGY_ERROR);
+        }
+        let accept = if diverging { 0.0 } else { (energy - edge.energy()).exp().min(1.0) };
+        let drawn = if self.flow.rng.random::<f64>() < accept {
+            std::mem::swap(&mut self.point, edge);
+            self.point.energy()
+        } else {
+            energy
+        };
+        if diverging {
+            // the other end of the trajectory is where it began
+            let [backward, forward] = &mut self.edges;
+            forward.copy_from(backward);
+        }
+        Transition { accept, energy: drawn, depth: n_leapfrog.ilog2(), n_leapfrog, diverging }
+    }
+
     /// Where the last transition diverged: the edge of its trajectory at the highest energy.
     pub(super) fn divergent_position(&self) -> &[f64] {
         let badness = |edge: &PhasePoint| {

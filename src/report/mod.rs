@@ -5,8 +5,10 @@
 
 mod dataset;
 mod draws;
+mod end_of_run;
 mod error;
 mod html;
+mod loo;
 mod posterior;
 mod run_record;
 #[cfg(test)]
@@ -19,8 +21,10 @@ mod zarr;
 
 pub use dataset::{Group, Values, Variable};
 pub use draws::write_draws;
+pub use end_of_run::{end_of_run, rmse_line};
 pub use error::ReportError;
 pub use html::{Page, PointData, Surface, write_html};
+pub use loo::{LeaveOneOut, LooRecord, LooRow, read_loo, worst_k, write_loo};
 pub use posterior::Posterior;
 pub use run_record::{RunRecord, Seconds, Settings};
 pub use summary::{Row, read_summary_json, write_summary_csv, write_summary_json};

@@ -4,7 +4,7 @@ use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 use rayon::prelude::*;
 
-use super::{Group, Row, Values, Variable};
+use super::{Group, LeaveOneOut, Row, Values, Variable};
 use crate::diagnostics::summarise;
 use crate::dsl::{Kind, Measurements, Model, Observe};
 use crate::infer::Chain;
@@ -34,6 +34,8 @@ pub struct Posterior {
     pub constant_data: Group,
     /// Summary of every parameter, element by element.
     pub rows: Vec<Row>,
+    /// How well each measurement is predicted from the others; absent without measurements.
+    pub loo: Option<LeaveOneOut>,
 }
 
 /// One chain's draws.
@@ -55,11 +57,13 @@ impl Posterior {
         let shape = [chains.len(), chains.first().map_or(0, Chain::n_draws)];
         let posterior = parameters(model, &drawn, shape);
         let rows = rows(model, &posterior, shape);
+        let log_likelihood = log_likelihood(model, data, &drawn, shape);
         Self {
             posterior,
+            loo: leave_one_out(model, data, &log_likelihood, &rows, shape),
             rows,
             sample_stats: sample_stats(chains, shape),
-            log_likelihood: log_likelihood(model, data, &drawn, shape),
+            log_likelihood,
             posterior_predictive: predictive(model, &drawn, shape),
             observed_data: observed(model),
             constant_data: constant(model, data),
@@ -167,6 +171,20 @@ fn log_likelihood(
         Variable::new(POOLED_DIM, "", &[(POOLED_DIM, n)], places),
     ];
     Group { name: "log_likelihood".into(), variables }
+}
+
+fn leave_one_out(
+    model: &Model,
+    data: &Measurements,
+    log_likelihood: &Group,
+    rows: &[Row],
+    shape: [usize; 2],
+) -> Option<LeaveOneOut> {
+    let Values::Float(values) = &log_likelihood.variables.first()?.values else { return None };
+    // MCSE = sd / √ESS, of the mean
+    let ess_mean: Vec<f64> =
+        rows.iter().map(|row| (row.summary.sd / row.summary.mcse).powi(2)).collect();
+    LeaveOneOut::new(model, data, values, &ess_mean, shape)
 }
 
 fn predictive(model: &Model, drawn: &[Drawn], [chains, draws]: [usize; 2]) -> Group {

@@ -6,7 +6,7 @@ use std::fs;
 use std::io::Write as _;
 use std::path::Path;
 
-use super::ReportError;
+use super::{LooRecord, ReportError};
 use crate::atomic::write_file;
 
 /// Everything needed to repeat a run and to judge it at a glance.
@@ -53,6 +53,18 @@ pub struct RunRecord {
     /// With a known truth: root mean squared error over the surface by field, in the field's unit.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub rmse: Option<BTreeMap<String, f64>>,
+    /// Units of the fields and derived quantities that have a map.
+    #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
+    pub units: BTreeMap<String, String>,
+    /// Share of (vertex, draw) pairs outside a declared range, for models with fields.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub unphysical: Option<f64>,
+    /// The measurements that most divergences come from, with their number, in words.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub divergent_at: Vec<String>,
+    /// Leave-one-out predictive accuracy, for models with measurements.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub loo: Option<LooRecord>,
 }
 
 /// Sampler settings.
@@ -111,7 +123,8 @@ impl RunRecord {
     }
 }
 
-fn nan_if_null<'de, D: Deserializer<'de>>(deserializer: D) -> Result<f64, D::Error> {
+/// For a number that may be missing: JSON has no NaN.
+pub(super) fn nan_if_null<'de, D: Deserializer<'de>>(deserializer: D) -> Result<f64, D::Error> {
     Ok(Option::deserialize(deserializer)?.unwrap_or(f64::NAN))
 }
 
@@ -124,7 +137,15 @@ mod tests {
     fn a_record_reads_back() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("run.json");
-        let record = RunRecord { max_r_hat: f64::NAN, ..samples::record() };
+        let mut record = RunRecord {
+            max_r_hat: f64::NAN,
+            unphysical: Some(0.25),
+            divergent_at: vec!["s1s2 at site 1 (3)".to_owned()],
+            ..samples::record()
+        };
+        if let Some(loo) = &mut record.loo {
+            loo.se = f64::NAN;
+        }
         record.write(&path).unwrap();
         insta::assert_snapshot!(fs::read_to_string(&path).unwrap(), @r#"
         {
@@ -159,6 +180,22 @@ mod tests {
           "e_bfmi": 0.83,
           "rmse": {
             "tau_out": 2.25
+          },
+          "units": {
+            "tau_out": "ms"
+          },
+          "unphysical": 0.25,
+          "divergent_at": [
+            "s1s2 at site 1 (3)"
+          ],
+          "loo": {
+            "elpd_loo": -52.25,
+            "se": null,
+            "p_loo": 8.2,
+            "n_measurements": 20,
+            "k_threshold": 0.7,
+            "n_high_k": 0,
+            "worst": []
           }
         }
         "#);

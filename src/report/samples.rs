@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 
-use super::{Row, RunRecord, Seconds, Settings};
+use super::{LooRecord, LooRow, Row, RunRecord, Seconds, Settings};
 use crate::diagnostics::Summary;
 
 /// A well-behaved quantity with this mean and a tenth of it as standard deviation.
@@ -47,5 +47,29 @@ pub(super) fn record() -> RunRecord {
         ess_per_second: 605.1,
         e_bfmi: 0.83,
         rmse: Some(BTreeMap::from([("tau_out".to_owned(), 2.25)])),
+        units: BTreeMap::from([("tau_out".to_owned(), "ms".to_owned())]),
+        unphysical: None,
+        divergent_at: vec![],
+        loo: Some(LooRecord {
+            elpd_loo: -52.25,
+            se: 4.1,
+            p_loo: 8.2,
+            n_measurements: 20,
+            k_threshold: 0.7,
+            n_high_k: 0,
+            worst: vec![],
+        }),
+    }
+}
+
+/// A measurement of ERP_S2 that the others predict with this log density, k = 0.5.
+pub(super) fn loo_row(measurement: &str, site: usize, elpd: f64) -> LooRow {
+    LooRow {
+        measurement: measurement.to_owned(),
+        place: format!("at site {site}"),
+        likelihood: "TopHat".to_owned(),
+        observed: "240 250".to_owned(),
+        elpd,
+        pareto_k: 0.5,
     }
 }

@@ -18,7 +18,9 @@ use std::rc::Rc;
 use std::time::Instant;
 
 /// Hyperparameter steps after each trajectory.
-const HYPER_STEPS: usize = 4;
+const HYPER_STEPS: usize = 8;
+/// Mean length of a trajectory of the whitened block alone, in units of its standard deviation.
+const TIME: f64 = 1.6;
 
 /// What a chain takes from one stage to the next.
 #[derive(Clone, Debug)]
@@ -66,7 +68,10 @@ pub(super) struct Run<'a> {
     rng: ChaCha8Rng,
     ln_length: f64,
     reporter: Reporter<'a>,
-    step: Vec<f64>,
+    /// Whether the whitened block is all there is to move inside.
+    is_standard: bool,
+    present: Vec<f64>,
+    proposed: Vec<f64>,
 }
 
 impl<'a> Run<'a> {
@@ -103,8 +108,10 @@ impl<'a> Run<'a> {
             nuts,
             rng: stream(1),
             ln_length: link.ln_length,
+            is_standard: layout.free().is_empty(),
             reporter: Reporter::new(chain, settings, common.progress),
-            step: vec![0.0; layout.hyper.len()],
+            present: vec![0.0; layout.hyper.len()],
+            proposed: vec![0.0; layout.hyper.len()],
         })
     }
 
@@ -123,16 +130,15 @@ impl<'a> Run<'a> {
         let mut lesson = Lesson::default();
         for iteration in 0..n {
             self.check_stop(Phase::Warmup, iteration)?;
-            let transition = self.nuts.transition(adapt.step_size());
+            let transition = self.move_inner(adapt.step_size());
             adapt.update(iteration, &mut self.nuts, &transition);
             let accept = self.move_hyper();
             self.ln_length += (accept - Proposal::TARGET) / (1.0 + iteration as f64).powf(0.6);
             if 3 * iteration >= n {
                 let mut conditional = self.shared.borrow_mut();
                 lesson.samples.push(conditional.sample(&self.nuts.point.position));
-                let layout = self.common.density.layout();
-                let hyper = layout.hyper.iter().map(|i| conditional.outer[*i]);
-                lesson.hyper.push(hyper.collect());
+                conditional.hyper(&mut self.present);
+                lesson.hyper.push(self.present.clone());
             }
             self.report(Phase::Warmup, iteration, &transition, adapt.step_size());
         }
@@ -172,7 +178,7 @@ impl<'a> Run<'a> {
         for iteration in 0..self.common.settings.draws {
             self.check_stop(Phase::Sampling, iteration)?;
             let start = self.nuts.point.position.clone();
-            let transition = self.nuts.transition(link.step_size);
+            let transition = self.move_inner(link.step_size);
             if transition.diverging {
                 chain.divergences.push(self.divergence(iteration, &start));
             }
@@ -204,6 +210,16 @@ impl<'a> Run<'a> {
         }
     }
 
+    /// The whitened block alone is nearly standard normal: a quarter of a period is a fresh draw, at
+    /// half the price of the period that NUTS needs to see a U-turn.
+    fn move_inner(&mut self, step_size: f64) -> Transition {
+        if self.is_standard {
+            self.nuts.static_transition(step_size, TIME)
+        } else {
+            self.nuts.transition(step_size)
+        }
+    }
+
     /// A few Metropolis steps of the hyperparameters; their mean acceptance.
     fn move_hyper(&mut self) -> f64 {
         let mut conditional = self.shared.borrow_mut();
@@ -211,22 +227,35 @@ impl<'a> Run<'a> {
         if !conditional.has_hyper() {
             return Proposal::TARGET;
         }
-        let (mut total, mut moved) = (0.0, false);
+        let (mut walked, mut n_walks, mut moved) = (0.0, 0.0, false);
         let mut ln_density = self.nuts.point.ln_density;
+        let position = &self.nuts.point.position;
+        let length = self.ln_length.exp();
         for k in 0..HYPER_STEPS {
-            self.common.proposal.draw(k, self.ln_length.exp(), &mut self.rng, &mut self.step);
+            let proposal = self.common.proposal;
+            conditional.hyper(&mut self.present);
+            let ln_ratio =
+                proposal.draw(k, length, &self.present, &mut self.rng, &mut self.proposed);
             let uniform: f64 = self.rng.random();
-            let position = &self.nuts.point.position;
-            let accept = conditional.move_hyper(position, &self.step, uniform, &mut ln_density);
+            let accept = conditional.move_hyper(
+                position,
+                &self.proposed,
+                ln_ratio,
+                uniform,
+                &mut ln_density,
+            );
             moved |= uniform < accept;
-            total += accept;
+            if proposal.is_walk(k) {
+                walked += accept;
+                n_walks += 1.0;
+            }
         }
         conditional.settle(moved);
         drop(conditional);
         if moved {
             self.nuts.evaluate();
         }
-        total / HYPER_STEPS as f64
+        walked / n_walks
     }
 
     fn report(&mut self, phase: Phase, iteration: usize, transition: &Transition, step_size: f64) {

@@ -90,22 +90,30 @@ impl<'d> Conditional<'d> {
         !self.layout.hyper.is_empty()
     }
 
-    /// Proposes to add `step` to the hyperparameters, z and the rest staying as they are; moves there
-    /// with the Metropolis probability, which is returned. `ln_density` is the present value and is
+    /// Writes the present hyperparameters.
+    pub(super) fn hyper(&self, hyper: &mut [f64]) {
+        for (h, i) in hyper.iter_mut().zip(&self.layout.hyper) {
+            *h = self.outer[*i];
+        }
+    }
+
+    /// Proposes these hyperparameters, z and the rest staying as they are; moves there with the
+    /// Metropolis–Hastings probability, which is returned. `ln_ratio` is that of the proposal. `ln_density` is the present value and is
     /// kept up to date; `uniform` decides.
     pub(super) fn move_hyper(
         &mut self,
         position: &[f64],
-        step: &[f64],
+        proposed: &[f64],
+        ln_ratio: f64,
         uniform: f64,
         ln_density: &mut f64,
     ) -> f64 {
         self.trial_outer.copy_from_slice(&self.outer);
-        for (i, step) in self.layout.hyper.iter().zip(step) {
-            self.trial_outer[*i] += step;
+        for (i, h) in self.layout.hyper.iter().zip(proposed) {
+            self.trial_outer[*i] = *h;
         }
         let Some((value, ln_prior)) = self.try_outer(&position[..self.w.len()]) else { return 0.0 };
-        let accept = (value - *ln_density).exp().min(1.0);
+        let accept = (value - *ln_density + ln_ratio).exp().min(1.0);
         if uniform < accept {
             mem::swap(&mut self.whitening, &mut self.trial);
             mem::swap(&mut self.outer, &mut self.trial_outer);

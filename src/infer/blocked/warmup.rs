@@ -69,8 +69,11 @@ pub(super) fn warm_up(
             }));
         }
         before += n;
-        if stage + 1 < STAGES.len() && !lessons.is_empty() {
-            fit(density, &mut stand_in, &mut proposal, lessons);
+        let is_last = stage + 1 == STAGES.len();
+        if !lessons.is_empty() {
+            // the last stage has tuned the step size to the stand-in: it stays
+            let stand_in = (!is_last).then_some(&mut stand_in);
+            fit(density, stand_in, &mut proposal, lessons);
         }
         agree(&mut links);
     }
@@ -151,7 +154,7 @@ fn first_proposal(density: &dyn LatentGaussian, start: &[f64]) -> Proposal {
 /// Fits what the chains share to what they have seen.
 fn fit(
     density: &dyn LatentGaussian,
-    stand_in: &mut StandIn,
+    stand_in: Option<&mut StandIn>,
     proposal: &mut Proposal,
     lessons: Vec<Lesson>,
 ) {
@@ -160,7 +163,9 @@ fn fit(
         samples.extend(lesson.samples);
         hyper.extend(lesson.hyper);
     }
-    stand_in.fit(&samples, Trust::FULL, density.layout());
+    if let Some(stand_in) = stand_in {
+        stand_in.fit(&samples, Trust::FULL, density.layout());
+    }
     if !density.layout().hyper.is_empty() {
         proposal.fit(&hyper);
     }

@@ -1,0 +1,103 @@
+//! Leave-one-out predictive accuracy from one set of draws, by Pareto-smoothed importance sampling.
+//!
+//! Knows pointwise log likelihoods; nothing of models or measurements.
+//!
+//! # Source
+//! Vehtari, Gelman & Gabry 2017, "Practical Bayesian model evaluation using leave-one-out
+//! cross-validation and WAIC"; the threshold on k from Vehtari, Simpson, Gelman, Yao & Gabry 2024,
+//! "Pareto smoothed importance sampling".  Conventions as in `ArviZ` 1.3.
+
+use rayon::prelude::*;
+
+use super::mean_and_sd;
+use super::psis::{log_sum_exp, smooth};
+
+/// Leave-one-out predictive accuracy of a model on its own measurements.
+#[derive(Clone, Debug)]
+pub struct Loo {
+    /// Expected log pointwise predictive density: the sum over measurements.
+    pub elpd: f64,
+    /// Its standard error; NaN for fewer than two measurements.
+    pub se: f64,
+    /// Effective number of parameters: how much better the measurements are fitted than predicted.
+    pub p_loo: f64,
+    /// Largest Pareto k at which a measurement's elpd can be relied on, for this number of draws.
+    pub k_threshold: f64,
+    /// Each measurement's share.
+    pub pointwise: Vec<LooPoint>,
+}
+
+/// One measurement's share of a [`Loo`].
+#[derive(Clone, Copy, Debug)]
+pub struct LooPoint {
+    /// Log predictive density of this measurement given the others.
+    pub elpd: f64,
+    /// Shape of the tail of its importance weights; infinite where it cannot be estimated.
+    pub pareto_k: f64,
+}
+
+/// PSIS-LOO of `n` measurements from `log_likelihood` (S, n), S draws of all chains, row-major.
+///
+/// `r_eff` is the mean number of independent draws that a draw is worth ([`relative_efficiency`]).
+/// A measurement with a log likelihood that is not finite has elpd NaN and k = ∞.
+///
+/// # Panics
+/// If `n` is zero or does not divide the length of `log_likelihood`.
+pub fn loo(log_likelihood: &[f64], n: usize, r_eff: f64) -> Loo {
+    assert!(n > 0 && log_likelihood.len().is_multiple_of(n), "(S, n) values, n > 0");
+    let n_draws = log_likelihood.len() / n;
+    let (pointwise, lpd): (Vec<LooPoint>, Vec<f64>) = (0..n)
+        .into_par_iter()
+        .map(|i| {
+            let column: Vec<f64> = log_likelihood.iter().skip(i).step_by(n).copied().collect();
+            let point = leave_out(&column, r_eff);
+            (point, log_sum_exp(&column) - (n_draws as f64).ln())
+        })
+        .unzip();
+    let elpd_of: Vec<f64> = pointwise.iter().map(|point| point.elpd).collect();
+    let elpd = elpd_of.iter().sum::<f64>();
+    Loo {
+        elpd,
+        se: standard_error(&elpd_of),
+        p_loo: lpd.iter().sum::<f64>() - elpd,
+        k_threshold: k_threshold(n_draws),
+        pointwise,
+    }
+}
+
+/// Standard error of a sum of pointwise values, `√(n var)`; NaN for fewer than two.
+pub fn standard_error(pointwise: &[f64]) -> f64 {
+    let (_, sd) = mean_and_sd(&[pointwise]);
+    (pointwise.len() as f64).sqrt() * sd
+}
+
+/// Mean over quantities of their effective sample size for the mean per draw, as `ArviZ` has it; 1
+/// for a single chain.
+///
+/// A quantity that never varies, whose size is NaN, counts as drawn independently.
+pub fn relative_efficiency(ess_mean: &[f64], n_chains: usize, n_draws: usize) -> f64 {
+    if n_chains < 2 || ess_mean.is_empty() {
+        return 1.0;
+    }
+    let total = (n_chains * n_draws) as f64;
+    let each = ess_mean.iter().map(|ess| if ess.is_finite() { ess / total } else { 1.0 });
+    each.sum::<f64>() / ess_mean.len() as f64
+}
+
+/// `min(1 − 1/log₁₀ S, 0.7)`.
+fn k_threshold(n_draws: usize) -> f64 {
+    if n_draws > 1 { (1.0 - 1.0 / (n_draws as f64).log10()).min(0.7) } else { 0.7 }
+}
+
+/// One measurement's predictive density without it, from its log likelihoods with it.
+fn leave_out(log_likelihood: &[f64], r_eff: f64) -> LooPoint {
+    let ratios: Vec<f64> = log_likelihood.iter().map(|l| -l).collect();
+    let smoothed = smooth(&ratios, r_eff);
+    let weighted: Vec<f64> =
+        smoothed.log_weights.iter().zip(log_likelihood).map(|(w, l)| w + l).collect();
+    LooPoint { elpd: log_sum_exp(&weighted), pareto_k: smoothed.pareto_k }
+}
+
+#[cfg(test)]
+#[path = "loo_tests.rs"]
+mod tests;

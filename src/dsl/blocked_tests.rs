@@ -1,0 +1,298 @@
+use super::*;
+use crate::diagnostics::{mcse_mean, mcse_sd, mean_and_sd};
+use crate::dsl::{Declare, Measurements};
+use crate::infer::{Chain, Silent, jittered_starts};
+use crate::manifold::Basis;
+use crate::prelude::*;
+use nalgebra::{DMatrix, DVector};
+use rand::{RngExt as _, SeedableRng as _};
+use rand_chacha::ChaCha8Rng;
+
+model! {
+    /// Known hyperparameters: the posterior is normal.
+    model Known;
+    field f(x) [ms] in 0.0..20.0 = m + 3.0 * gp(Rbf(D::from(40.0)), K = 12) + 1.0 * gp(Matern32(D::from(15.0)), K = 8) where {
+        m [ms] ~ Flat;
+    }
+    observe direct(x): Number [ms] ~ Normal(f(x), 1.5);
+}
+
+model! {
+    /// Unknown hyperparameters and noise, skew likelihood: counts, most of them zero.
+    model Counts;
+    column dose;
+    param noise ~ HalfNormal(1.0);
+    field f(x) in -2.0..2.0 = m + alpha * gp(Rbf(rho), K = 12) where {
+        m     ~ Normal(-1.0, 1.0);
+        alpha ~ InvGamma(3.0, 2.0);
+        rho   ~ LogNormal(3.5, 0.5);
+    }
+    param slope ~ Normal(0.0, noise);
+    let rate(x) = f(x) + slope * x.dose;
+    observe beats(x): Count ~ PoissonLog(rate(x));
+}
+
+/// `n_modes` made-up modes at 60 vertices, the first constant.
+fn basis(n_modes: usize) -> Basis {
+    let mut rng = ChaCha8Rng::seed_from_u64(12345);
+    let n = 60 * n_modes;
+    let entry = |i: usize| if i % n_modes == 0 { 0.01 } else { rng.random_range(-0.017..0.017) };
+    Basis {
+        eigenvalues: (0..n_modes).map(|k| 4e-4 * k as f64).collect(),
+        eigenfunctions: (0..n).map(entry).collect(),
+    }
+}
+
+/// `n` rows of both models' measurements, at as many vertices.
+fn rows(protocol: &str, n: usize) -> Measurements {
+    let mut rng = ChaCha8Rng::seed_from_u64(4);
+    let cells = |line: String| line.split(',').map(String::from).collect::<Vec<_>>();
+    let row = |i: usize| {
+        let value = if protocol == "beats" { i % 7 / 5 } else { 5 + i % 4 };
+        cells(format!("{protocol},{i},{value},{}", rng.random_range(-1.0..1.0)))
+    };
+    let header = cells("protocol,vertex,value,dose".into());
+    let rows = (0..n).map(row).collect();
+    let mut table = Measurements::from_cells("test", header, rows).unwrap();
+    table.place_at_indices(60).unwrap();
+    table
+}
+
+fn model(declared: &dyn Declare, protocol: &str, n_rows: usize) -> Model {
+    Model::new(declared, Some(&basis(12)), &rows(protocol, n_rows)).unwrap()
+}
+
+/// What a twin gets wrong.
+#[derive(Clone, Copy, Debug, PartialEq)]
+enum Fault {
+    None,
+    /// What the sites do not see is drawn once and for all.
+    Unseen,
+    /// Fields a tenth wider than their prior.
+    Design,
+    /// Hyperparameters without their prior.
+    Prior,
+    /// Hyperparameters moved by half of the log likelihood.
+    Likelihood,
+}
+
+struct Twin<'m>(Blocks<'m>, Fault);
+struct TwinLatent<'m>(Box<dyn Latent + 'm>, Fault);
+
+impl LogDensity for Twin<'_> {
+    fn dim(&self) -> usize {
+        self.0.dim()
+    }
+    fn evaluator(&self) -> Box<dyn Evaluator + '_> {
+        self.0.evaluator()
+    }
+}
+
+impl LatentGaussian for Twin<'_> {
+    fn layout(&self) -> &Layout {
+        self.0.layout()
+    }
+    fn latent(&self) -> Box<dyn Latent + '_> {
+        Box::new(TwinLatent(self.0.latent(), self.1))
+    }
+}
+
+impl Latent for TwinLatent<'_> {
+    fn block(&mut self, position: &[f64], block: &mut [f64]) {
+        self.0.block(position, block);
+    }
+    fn join(&mut self, outer: &[f64], block: &[f64], rng: &mut dyn Rng, at: &mut [f64]) -> f64 {
+        let mut same = ChaCha8Rng::seed_from_u64(1);
+        let rng: &mut dyn Rng = if self.1 == Fault::Unseen { &mut same } else { rng };
+        self.0.join(outer, block, rng, at)
+    }
+    fn set_outer(&mut self, outer: &[f64], design: &mut Design) -> f64 {
+        let ln_prior = self.0.set_outer(outer, design);
+        if self.1 == Fault::Design {
+            for (rows, scale) in design.rows.iter_mut().zip(&mut design.scale) {
+                let width = scale.len();
+                rows.chunks_exact_mut(width)
+                    .for_each(|row| row[..width - 1].iter_mut().for_each(|x| *x *= 1.1));
+                scale[..width - 1].iter_mut().for_each(|x| *x *= 1.1);
+            }
+        }
+        if self.1 == Fault::Prior { 0.0 * ln_prior } else { ln_prior }
+    }
+    fn ln_likelihood(&mut self, theta: &[f64]) -> f64 {
+        let share = if self.1 == Fault::Likelihood { 0.5 } else { 1.0 };
+        share * self.0.ln_likelihood(theta)
+    }
+    fn slope(&mut self, theta: &[f64], theta_bar: &mut [f64]) -> f64 {
+        self.0.slope(theta, theta_bar)
+    }
+    fn slopes(
+        &mut self,
+        outer: &[f64],
+        theta: &[f64],
+        theta_bar: &mut [f64],
+        outer_bar: &mut [f64],
+    ) -> f64 {
+        self.0.slopes(outer, theta, theta_bar, outer_bar)
+    }
+}
+
+fn settings(draws: usize) -> Settings {
+    Settings { chains: 4, draws, ..Sampler::Blocked.settings() }
+}
+
+fn blocked(model: &Model, fault: Fault, draws: usize) -> Vec<Chain> {
+    chains_of(model, Blocks::new(model), fault, draws)
+}
+
+fn chains_of(model: &Model, blocks: Blocks<'_>, fault: Fault, draws: usize) -> Vec<Chain> {
+    let settings = settings(draws);
+    let starts = jittered_starts(model, &model.initial(), 4, 1).unwrap();
+    let twin = Twin(blocks, fault);
+    let chains = sample_blocked(&twin, &starts, &settings, &Silent).unwrap();
+    chains.into_iter().map(|chain| chain.unwrap_or_else(|e| panic!("{e}"))).collect()
+}
+
+/// Draws of unknown `i`, chain by chain.
+fn unknown(chains: &[Chain], i: usize) -> Vec<Vec<f64>> {
+    chains.iter().map(|c| (0..c.n_draws()).map(|d| c.draw(d)[i]).collect()).collect()
+}
+
+/// Means and standard deviations with their Monte Carlo errors.
+fn moments(chains: &[Vec<f64>]) -> [(f64, f64); 2] {
+    let slices: Vec<&[f64]> = chains.iter().map(Vec::as_slice).collect();
+    let (mean, sd) = mean_and_sd(&slices);
+    [(mean, mcse_mean(&slices)), (sd, mcse_sd(&slices))]
+}
+
+/// Two-sided 0.1 % over about a hundred comparisons.
+const LARGEST_Z: f64 = 4.5;
+
+/// Mean and covariance of a normal density, from its gradient.
+fn exact(model: &Model) -> (DVector<f64>, DMatrix<f64>) {
+    let n = model.dim();
+    let mut evaluator = model.evaluator();
+    let mut gradient = |u: &[f64]| {
+        let mut g = vec![0.0; n];
+        evaluator.ln_density(u, &mut g);
+        DVector::from_vec(g)
+    };
+    let at_zero = gradient(&vec![0.0; n]);
+    let mut precision = DMatrix::zeros(n, n);
+    for i in 0..n {
+        let mut u = vec![0.0; n];
+        u[i] = 1.0;
+        precision.set_column(i, &(&at_zero - gradient(&u)));
+    }
+    let covariance = precision.try_inverse().unwrap();
+    (&covariance * at_zero, covariance)
+}
+
+/// Largest |z| of the draws against the exact normal posterior.
+fn against_exact(n_rows: usize, fault: Fault) -> f64 {
+    let model = model(&Known, "direct", n_rows);
+    let chains = blocked(&model, fault, 2000);
+    let (mean, covariance) = exact(&model);
+    let z = |i: usize| {
+        let [(m, m_error), (s, s_error)] = moments(&unknown(&chains, i));
+        let sd = covariance[(i, i)].sqrt();
+        ((m - mean[i]) / m_error).abs().max(((s - sd) / s_error).abs())
+    };
+    (0..model.dim()).map(z).fold(0.0, f64::max)
+}
+
+#[test]
+fn a_normal_posterior_is_met_with_fewer_sites_than_modes_and_with_more() {
+    for n_rows in [5, 30] {
+        let z = against_exact(n_rows, Fault::None);
+        assert!(z < LARGEST_Z, "{n_rows} rows: z = {z}");
+    }
+}
+
+#[test]
+fn a_twin_that_does_not_draw_what_is_unseen_is_found_out() {
+    assert!(against_exact(5, Fault::Unseen) > LARGEST_Z);
+}
+
+#[test]
+fn a_twin_with_too_wide_a_prior_is_found_out() {
+    assert!(against_exact(5, Fault::Design) > LARGEST_Z);
+    assert!(against_exact(30, Fault::Design) > LARGEST_Z);
+}
+
+/// Largest |z| of the blocked sampler's draws against those of NUTS, and where.
+fn against_nuts(n_rows: usize, fault: Fault) -> (f64, String) {
+    let model = model(&Counts, "beats", n_rows);
+    let settings = Settings { chains: 4, draws: 3000, target_accept: 0.9, ..Settings::default() };
+    let starts = jittered_starts(&model, &model.initial(), 4, 3).unwrap();
+    let nuts = infer::sample(&model, &starts, &settings, &Silent).unwrap();
+    let nuts: Vec<Chain> =
+        nuts.into_iter().map(|chain| chain.unwrap_or_else(|e| panic!("{e}"))).collect();
+    worst_z(&model, &blocked(&model, fault, 6000), &nuts)
+}
+
+fn worst_z(model: &Model, chains: &[Chain], others: &[Chain]) -> (f64, String) {
+    let mut worst = (0.0, String::new());
+    for (i, name) in model.unknown_names().into_iter().enumerate() {
+        let pairs = moments(&unknown(chains, i)).into_iter().zip(moments(&unknown(others, i)));
+        for ((a, a_error), (b, b_error)) in pairs {
+            let z = ((a - b) / a_error.hypot(b_error)).abs();
+            if z > worst.0 {
+                worst = (z, format!("{name}: {a} against {b}, z = {z:.2}"));
+            }
+        }
+    }
+    worst
+}
+
+#[test]
+fn skew_likelihoods_agree_with_nuts_with_fewer_sites_than_modes_and_with_more() {
+    for n_rows in [8, 40] {
+        let (z, what) = against_nuts(n_rows, Fault::None);
+        assert!(z < LARGEST_Z, "{n_rows} rows: {what}");
+    }
+}
+
+#[test]
+fn coefficients_per_site_and_per_mode_agree() {
+    for n_rows in [8, 40] {
+        let model = model(&Counts, "beats", n_rows);
+        let of = |per_site| {
+            chains_of(&model, Blocks::shaped(&model, per_site), Fault::None, 5000)
+        };
+        let (z, what) = worst_z(&model, &of(true), &of(false));
+        assert!(z < LARGEST_Z, "{n_rows} rows: {what}");
+    }
+}
+
+#[test]
+fn twins_whose_hyperparameters_miss_prior_or_likelihood_are_found_out() {
+    for fault in [Fault::Prior, Fault::Likelihood] {
+        let (z, what) = against_nuts(40, fault);
+        assert!(z > LARGEST_Z, "{fault:?}: {what}");
+    }
+}
+
+#[test]
+fn draws_are_bit_identical_for_any_number_of_threads() {
+    let model = model(&Counts, "beats", 8);
+    let starts = jittered_starts(&model, &model.initial(), 4, 1).unwrap();
+    let run = |threads| {
+        let settings = Settings { threads, warmup: 100, ..settings(50) };
+        let chains = Sampler::Blocked.sample(&model, &starts, &settings, &Silent).unwrap();
+        chains.into_iter().map(|chain| chain.unwrap().draws).collect::<Vec<_>>()
+    };
+    let one = run(1);
+    assert_eq!(one, run(3));
+    assert!(one[0] != one[1]);
+}
+
+#[test]
+fn the_log_density_recorded_is_the_models_own() {
+    let model = model(&Counts, "beats", 8);
+    let chain = &blocked(&model, Fault::None, 20)[0];
+    let mut evaluator = model.evaluator();
+    for i in 0..20 {
+        let value = evaluator.ln_density(chain.draw(i), &mut vec![0.0; model.dim()]);
+        assert!((value - chain.ln_density[i]).abs() < 1e-12 * value.abs());
+    }
+}

@@ -1,0 +1,82 @@
+//! What the end of a run says, from what `summary.json` and `run.json` hold: so it can be said again.
+
+use std::collections::BTreeMap;
+use std::fmt::Write as _;
+
+use super::{LooRecord, Row, RunRecord, console_table, verdict};
+
+/// The table, the errors against a known truth, leave-one-out figures, the verdict and the cost.
+pub fn end_of_run(rows: &[Row], record: &RunRecord) -> String {
+    let mut text = console_table(rows, false);
+    if let Some(rmse) = &record.rmse {
+        let _ = writeln!(text, "\n{}", rmse_line(rmse, &record.units));
+    }
+    if let Some(share) = record.unphysical {
+        let _ = writeln!(
+            text,
+            "Outside a declared range: {:.1} % of (vertex, draw) pairs; derived maps leave them out",
+            100.0 * share
+        );
+    }
+    if let Some(loo) = &record.loo {
+        let _ = writeln!(text, "{}", leave_one_out(loo));
+    }
+    if !record.divergent_at.is_empty() {
+        let _ = writeln!(text, "Divergences come from: {}", record.divergent_at.join(", "));
+    }
+    let _ = writeln!(text, "{}", verdict(record, rows).sentence);
+    let seconds = &record.seconds;
+    let _ = write!(
+        text,
+        "{} gradients of {:.2} µs; {:.1} s in all, {:.1} s of them sampling",
+        record.grad_evals,
+        record.ns_per_grad / 1000.0,
+        seconds.total,
+        seconds.warmup + seconds.sampling
+    );
+    text
+}
+
+/// Root mean squared errors by name, with the units that are known.
+pub fn rmse_line(rmse: &BTreeMap<String, f64>, units: &BTreeMap<String, String>) -> String {
+    let unit = |name: &String| units.get(name).map_or("", String::as_str);
+    let one =
+        |(name, e): (&String, &f64)| format!("{name} {e:.1} {}", unit(name)).trim_end().to_owned();
+    let list: Vec<String> = rmse.iter().map(one).collect();
+    format!("RMSE against the truth over the surface: {}", list.join(", "))
+}
+
+fn leave_one_out(loo: &LooRecord) -> String {
+    let LooRecord { elpd_loo, se, p_loo, n_measurements: n, k_threshold, n_high_k, worst } = loo;
+    let figures = format!("Leave-one-out elpd {elpd_loo:.1} ± {se:.1}, p_loo {p_loo:.1}");
+    match n_high_k {
+        0 => format!("{figures}; Pareto k at most {k_threshold:.2} at all {n} measurements"),
+        high => format!(
+            "{figures}: not reliable, Pareto k is above {k_threshold:.2} at {high} of {n} measurements, worst {}",
+            worst.join(", ")
+        ),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::samples;
+    use super::*;
+
+    #[test]
+    fn all_that_is_known_is_said() {
+        let rows = [samples::row("tau_out.m", "ms", 12.3)];
+        let mut record = samples::record();
+        record.unphysical = Some(0.071);
+        record.divergences = 4;
+        record.divergent_at = vec!["s1s2 at site 1 (3)".to_owned()];
+        let reliable = end_of_run(&rows, &record);
+        let line = "Leave-one-out elpd -52.2 ± 4.1, p_loo 8.2; Pareto k at most 0.70 at all 20";
+        assert!(reliable.contains(line), "{reliable}");
+        if let Some(loo) = &mut record.loo {
+            loo.n_high_k = 2;
+            loo.worst = vec!["s1s2 at site 1 (0.92)".to_owned()];
+        }
+        insta::assert_snapshot!(end_of_run(&rows, &record));
+    }
+}

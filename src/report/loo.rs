@@ -1,0 +1,199 @@
+//! Leave-one-out predictive accuracy of a run: `loo.csv`, and its totals in `run.json`.
+
+use std::path::Path;
+
+use serde::{Deserialize, Serialize};
+
+use super::ReportError;
+use super::run_record::nan_if_null;
+use crate::atomic::write_file;
+use crate::diagnostics::{Loo, loo, relative_efficiency};
+use crate::dsl::{Measurements, Model};
+
+/// Most measurements that are named for their Pareto k.
+const MOST_NAMED: usize = 3;
+
+/// One line of `loo.csv`: a measurement, and how well the others predict it.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+pub struct LooRow {
+    /// Name of its `observe` statement.
+    pub measurement: String,
+    /// Its site or line, in words.
+    pub place: String,
+    /// The likelihood's name, as written in the model.
+    pub likelihood: String,
+    /// What was measured: one number, or the two ends of a bracket.
+    pub observed: String,
+    /// Log predictive density given all other measurements; NaN if it cannot be had.
+    pub elpd: f64,
+    /// Shape of the importance weights' tail; `inf` if it cannot be had.
+    pub pareto_k: f64,
+}
+
+/// Totals over all measurements.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+pub struct LooRecord {
+    /// Expected log pointwise predictive density.
+    #[serde(deserialize_with = "nan_if_null")]
+    pub elpd_loo: f64,
+    /// Its standard error.
+    #[serde(deserialize_with = "nan_if_null")]
+    pub se: f64,
+    /// Effective number of parameters.
+    #[serde(deserialize_with = "nan_if_null")]
+    pub p_loo: f64,
+    /// Number of measurements.
+    pub n_measurements: usize,
+    /// Pareto k above which a measurement's elpd cannot be relied on.
+    pub k_threshold: f64,
+    /// Number of measurements above it.
+    pub n_high_k: usize,
+    /// The worst of those, with their k, in words.
+    pub worst: Vec<String>,
+}
+
+/// Totals and lines of a run.
+#[derive(Clone, Debug)]
+pub struct LeaveOneOut {
+    /// For `run.json`.
+    pub record: LooRecord,
+    /// For `loo.csv`, in the order of the model's measurements.
+    pub rows: Vec<LooRow>,
+}
+
+impl LeaveOneOut {
+    /// From log likelihoods (S, measurement) of all chains' draws; `None` if nothing was measured.
+    ///
+    /// `ess_mean` has every parameter's effective sample size for the mean.
+    pub(super) fn new(
+        model: &Model,
+        data: &Measurements,
+        log_likelihood: &[f64],
+        ess_mean: &[f64],
+        [n_chains, n_draws]: [usize; 2],
+    ) -> Option<Self> {
+        let n = model.observes.iter().map(|o| o.rows.len()).sum();
+        if n == 0 {
+            return None;
+        }
+        let r_eff = relative_efficiency(ess_mean, n_chains, n_draws);
+        let loo = loo(log_likelihood, n, r_eff);
+        let rows = rows(model, data, &loo);
+        Some(Self { record: record(&loo, &rows), rows })
+    }
+}
+
+impl LooRow {
+    /// The measurement in words.
+    pub fn name(&self) -> String {
+        format!("{} {}", self.measurement, self.place)
+    }
+}
+
+/// The worst of the measurements whose k is above `threshold`, with their k, in words.
+pub fn worst_k(rows: &[LooRow], threshold: f64) -> Vec<String> {
+    let mut high: Vec<&LooRow> = rows.iter().filter(|row| row.pareto_k > threshold).collect();
+    high.sort_by(|a, b| b.pareto_k.total_cmp(&a.pareto_k));
+    let words = |row: &&LooRow| format!("{} ({:.2})", row.name(), row.pareto_k);
+    high.iter().take(MOST_NAMED).map(words).collect()
+}
+
+fn rows(model: &Model, data: &Measurements, loo: &Loo) -> Vec<LooRow> {
+    let measured = model.observes.iter().flat_map(|observe| {
+        let likelihood = likelihood_of(model, observe.name);
+        observe.rows.iter().zip(observe.observed()).map(move |(row, cells)| {
+            let cells: Vec<String> = cells.iter().map(f64::to_string).collect();
+            (observe.name, data.place(*row), likelihood, cells.join(" "))
+        })
+    });
+    let row = |((name, place, likelihood, observed), point): (_, &crate::diagnostics::LooPoint)| {
+        let (name, likelihood): (&str, &str) = (name, likelihood);
+        LooRow {
+            measurement: name.to_owned(),
+            place,
+            likelihood: likelihood.to_owned(),
+            observed,
+            elpd: point.elpd,
+            pareto_k: point.pareto_k,
+        }
+    };
+    measured.zip(&loo.pointwise).map(row).collect()
+}
+
+/// `TopHat` of `Bracket ~ TopHat(erp_s2(x))`.
+fn likelihood_of(model: &Model, observe: &str) -> &'static str {
+    let mut statements = model.statements.iter().filter(|s| s.keyword == "observe");
+    let text = statements.find(|s| s.decl.name == observe).map_or("", |s| s.decl.text);
+    let likelihood = text.split_once('~').map_or(text, |(_, likelihood)| likelihood);
+    likelihood.split('(').next().unwrap_or_default().trim()
+}
+
+fn record(loo: &Loo, rows: &[LooRow]) -> LooRecord {
+    LooRecord {
+        elpd_loo: loo.elpd,
+        se: loo.se,
+        p_loo: loo.p_loo,
+        n_measurements: rows.len(),
+        k_threshold: loo.k_threshold,
+        n_high_k: rows.iter().filter(|row| row.pareto_k > loo.k_threshold).count(),
+        worst: worst_k(rows, loo.k_threshold),
+    }
+}
+
+/// Writes `loo.csv`, one line per measurement.
+///
+/// # Errors
+/// [`ReportError::Write`].
+pub fn write_loo(path: &Path, rows: &[LooRow]) -> Result<(), ReportError> {
+    write_file(path, |file| {
+        let mut table = csv::Writer::from_writer(file);
+        rows.iter().try_for_each(|row| table.serialize(row))?;
+        table.flush()
+    })
+    .map_err(ReportError::write(path))
+}
+
+/// Reads what [`write_loo`] wrote.
+///
+/// # Errors
+/// [`ReportError::Read`] and [`ReportError::Malformed`].
+pub fn read_loo(path: &Path) -> Result<Vec<LooRow>, ReportError> {
+    let file = std::fs::File::open(path).map_err(ReportError::read(path))?;
+    let rows: Result<_, csv::Error> = csv::Reader::from_reader(file).deserialize().collect();
+    rows.map_err(|error| ReportError::Malformed {
+        path: path.to_owned(),
+        reason: error.to_string(),
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::samples;
+    use super::*;
+
+    #[test]
+    fn the_table_reads_back() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("loo.csv");
+        let mut rows = vec![samples::loo_row("s1s2", 1, -2.5), samples::loo_row("s1s2", 2, -0.25)];
+        rows[1].pareto_k = f64::INFINITY;
+        write_loo(&path, &rows).unwrap();
+        insta::assert_snapshot!(std::fs::read_to_string(&path).unwrap(), @r"
+        measurement,place,likelihood,observed,elpd,pareto_k
+        s1s2,at site 1,TopHat,240 250,-2.5,0.5
+        s1s2,at site 2,TopHat,240 250,-0.25,inf
+        ");
+        assert_eq!(format!("{:?}", read_loo(&path).unwrap()), format!("{rows:?}"));
+        assert_eq!(worst_k(&rows, 0.7), ["s1s2 at site 2 (inf)"]);
+    }
+
+    #[test]
+    fn an_edited_table_is_named_with_its_line() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("loo.csv");
+        let header = "measurement,place,likelihood,observed,elpd,pareto_k";
+        std::fs::write(&path, format!("{header}\ns1s2,at site 1,TopHat,1,ten,0.5\n")).unwrap();
+        let text = read_loo(&path).unwrap_err().to_string();
+        assert!(text.contains("loo.csv") && text.contains("line: 2"), "{text}");
+    }
+}

@@ -1,0 +1,49 @@
+//! The default experiment: what `eplat run models/erp.rs` finds, against its known truth.
+//!
+//! The snapshot holds figures rounded to five Monte Carlo standard errors, so that another correct sampler
+//! gives the same or moves a figure by one step. After such a change:
+//! `INSTA_UPDATE=always cargo test --release --test recovery`, and read the difference.
+
+#![allow(clippy::unwrap_used, reason = "tests")]
+
+#[path = "support/program.rs"]
+mod program;
+
+use std::fmt::Write as _;
+
+use program::{Workplace, text};
+use serde_json::Value;
+
+/// The next of 1, 2, 5, 10, … from `x` up.
+fn round_step(x: f64) -> f64 {
+    let power = 10f64.powf(x.log10().floor());
+    power * [1.0, 2.0, 5.0, 10.0].into_iter().find(|f| f * power >= x).unwrap_or(10.0)
+}
+
+#[test]
+fn the_default_experiment_is_recovered() {
+    let place = Workplace::new().with_erp();
+    let output = place.eplat("run erp.rs --json");
+    let said = text(&output.stderr);
+    assert!(matches!(output.status.code(), Some(0 | 3)), "{said}");
+    let result: Value = serde_json::from_slice(&output.stdout).unwrap();
+    let run = &result["run"];
+    assert!(run["max_r_hat"].as_f64().unwrap() <= 1.02, "{}", result["verdict"]);
+
+    let mut lines = String::new();
+    for quantity in
+        ["tau_out.m", "tau_out.alpha", "tau_out.rho", "apd_max.m", "apd_max.alpha", "apd_max.rho"]
+    {
+        let summary = &result["summary"][quantity];
+        let number = |name: &str| summary[name].as_f64().unwrap();
+        let step = round_step(5.0 * number("mcse"));
+        let median = (number("q50") / step).round() * step;
+        writeln!(lines, "{quantity:<14} median {median} (to {step})").unwrap();
+    }
+    for (field, most) in [("erp_s2", 12.0), ("erp_s3", 12.0), ("tau_out", 3.0), ("apd_max", 15.0)] {
+        let rmse = run["rmse"][field].as_f64().unwrap();
+        assert!(rmse < most, "{field}: RMSE {rmse} ms against the truth, at most {most} expected");
+        writeln!(lines, "{field:<14} RMSE {} ms (to 1)", rmse.round()).unwrap();
+    }
+    insta::assert_snapshot!(lines);
+}
