@@ -594,8 +594,8 @@ impl<'a> Builder<'a> {
         let n_beta = self.model.parameters.iter().find(|p| p.name == *beta).map_or(0, |p| p.len);
         let out = self.values(rows.len());
         let alone = if columns.len() == 1 { n_beta } else { 1 };
-        let names = columns.iter().flat_map(|c| self.numbered(c, alone)).collect();
-        let linear = self.design(rows, names, v, vec![out], false)?;
+        let names: Vec<String> = columns.iter().flat_map(|c| self.numbered(c, alone)).collect();
+        let linear = self.design(rows, &names, v, vec![out], false)?;
         if linear.n != n_beta {
             return Err(wrong(linear.n, n_beta));
         }
@@ -621,7 +621,7 @@ impl<'a> Builder<'a> {
     fn design(
         &self,
         rows: &[usize],
-        names: Vec<String>,
+        names: &[String],
         beta: usize,
         out: Vec<usize>,
         add: bool,
@@ -631,7 +631,7 @@ impl<'a> Builder<'a> {
         };
         let mut z = Vec::with_capacity(rows.len() * names.len());
         for &row in rows {
-            for name in &names {
+            for name in names {
                 z.push(data.number(row, name, "a linear predictor")?);
             }
         }
@@ -663,8 +663,9 @@ impl<'a> Builder<'a> {
                 });
                 let out: Vec<usize> = on.collect();
                 if !out.is_empty() {
-                    let names = effect.columns.iter().map(ToString::to_string).collect();
-                    let linear = self.design(&rows, names, effect.beta, out, true)?;
+                    let names: Vec<String> =
+                        effect.columns.iter().map(ToString::to_string).collect();
+                    let linear = self.design(&rows, &names, effect.beta, out, true)?;
                     self.model.linear.push(linear);
                 }
             }
