@@ -594,7 +594,7 @@ impl<'a> Builder<'a> {
         let n_beta = self.model.parameters.iter().find(|p| p.name == *beta).map_or(0, |p| p.len);
         let out = self.values(rows.len());
         let linear = self.design(rows, columns, v, vec![out], false)?;
-        if linear.n != n_beta {
+        if self.data.is_some() && linear.n != n_beta {
             return Err(wrong(linear.n, n_beta));
         }
         self.model.linear.push(linear);
