@@ -22,8 +22,8 @@ model! {
     let erp_s2(x) [ms] in 0.0..280.0 = surrogate::erp_s2(tau_out(x), apd_max(x));
     let erp_s3(x) [ms] = surrogate::erp_s3(tau_out(x), apd_max(x));
 
-    /// Of one measurement: beat to beat, and the surrogate's own error. Some 1 to 5 ms.
-    param noise [ms] ~ LogNormal(0.7, 0.5);
+    /// Of one measurement: beat to beat, and the surrogate's own error. Some 1.6 to 4.5 ms.
+    param noise [ms] ~ LogNormal(1.0, 0.3);
 
     observe s1s2(x):   Bracket [ms] ~ Interval(erp_s2(x), noise);
     observe s1s2s3(x): Bracket [ms] ~ Interval(erp_s3(x), noise);

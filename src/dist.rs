@@ -29,7 +29,7 @@ pub enum Support {
 /// The two parts are separate because `ln_norm` is a constant while the prior's own parameters are.
 #[diagnostic::on_unimplemented(
     message = "`{Self}` is not a prior",
-    label = "expected a prior such as Normal(0.0, 1.0), HalfNormal(5.0), InvGamma(1.0, 5.0), Flat"
+    label = "expected a prior such as Normal(0.0, 1.0), HalfNormal(5.0), InvGamma(1.0, 5.0), Flat; a vector `param p(3)` also takes Dirichlet(1.0) and Ordered(Normal(0.0, 1.0))"
 )]
 pub trait Dist<D: Real> {
     /// The support at the prior's current parameters.

@@ -194,6 +194,9 @@ mod tests {
         assert!((integral(&prior, 2, |_| 1.0) - 1.0).abs() < 1e-8);
         assert!((minimum + expected).abs() < 1e-8 && (maximum - expected).abs() < 1e-8);
         assert!((integral(&prior, 2, |x| x[0] * x[0]) - 1.0).abs() < 1e-8);
+        // a broken twin: the Jacobian x₁ − x₀ = e^(u₁) left out
+        let twin = integral(&prior, 2, |x| 1.0 / (x[1] - x[0]).max(1e-300));
+        assert!((twin - 1.0).abs() > 0.1, "{twin}");
     }
 
     #[test]

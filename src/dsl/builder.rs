@@ -593,29 +593,45 @@ impl<'a> Builder<'a> {
         let v = *v;
         let n_beta = self.model.parameters.iter().find(|p| p.name == *beta).map_or(0, |p| p.len);
         let out = self.values(rows.len());
-        let linear = self.design(rows, columns, v, vec![out], false)?;
-        if self.data.is_some() && linear.n != n_beta {
+        let alone = if columns.len() == 1 { n_beta } else { 1 };
+        let names: Vec<String> = columns.iter().flat_map(|c| self.numbered(c, alone)).collect();
+        let linear = self.design(rows, &names, v, vec![out], false)?;
+        if linear.n != n_beta {
             return Err(wrong(linear.n, n_beta));
         }
         self.model.linear.push(linear);
         Ok(out)
     }
 
+    /// A column, or all the numbered columns x1, x2, … of the table; the `expected` ones of these if it
+    /// has neither.
+    fn numbered(&self, name: &str, expected: usize) -> Vec<String> {
+        let numbers = |n: usize| (1..=n).map(|i| format!("{name}{i}"));
+        match self.data {
+            Some(data) if data.has(name) => vec![name.into()],
+            Some(data) if data.has(&format!("{name}1")) => {
+                numbers(data.n_columns()).take_while(|n| data.has(n)).collect()
+            }
+            _ if expected > 1 => numbers(expected).collect(),
+            _ => vec![name.into()],
+        }
+    }
+
+    /// Design of the columns `names` at these rows.
     fn design(
         &self,
         rows: &[usize],
-        columns: &[&'static str],
+        names: &[String],
         beta: usize,
         out: Vec<usize>,
         add: bool,
     ) -> Result<Linear, ModelError> {
         let Some(data) = self.data else {
-            return Ok(Linear { beta, n: columns.len(), z: vec![], out, rows: 0, add });
+            return Ok(Linear { beta, n: names.len(), z: vec![], out, rows: 0, add });
         };
-        let names: Vec<String> = columns.iter().flat_map(|c| numbered(data, c)).collect();
         let mut z = Vec::with_capacity(rows.len() * names.len());
         for &row in rows {
-            for name in &names {
+            for name in names {
                 z.push(data.number(row, name, "a linear predictor")?);
             }
         }
@@ -647,7 +663,9 @@ impl<'a> Builder<'a> {
                 });
                 let out: Vec<usize> = on.collect();
                 if !out.is_empty() {
-                    let linear = self.design(&rows, &effect.columns, effect.beta, out, true)?;
+                    let names: Vec<String> =
+                        effect.columns.iter().map(ToString::to_string).collect();
+                    let linear = self.design(&rows, &names, effect.beta, out, true)?;
                     self.model.linear.push(linear);
                 }
             }
@@ -670,14 +688,6 @@ impl<'a> Builder<'a> {
 /// A scalar of a field, on its way from [`Builder::scalar`] to [`Builder::term`].
 #[derive(Debug)]
 pub struct ScalarHandle(Box<dyn Scalar>);
-
-/// A column, or the numbered columns x1, x2, … of a name declared with a length.
-fn numbered(data: &Measurements, name: &str) -> Vec<String> {
-    if data.has(name) || !data.has(&format!("{name}1")) {
-        return vec![name.into()];
-    }
-    (1..=data.n_columns()).map(|i| format!("{name}{i}")).take_while(|n| data.has(n)).collect()
-}
 
 /// The rows of an `observe` statement that hold a measurement, and the measurements.
 fn read_rows<Y: Observation>(

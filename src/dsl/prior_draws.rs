@@ -1,5 +1,7 @@
 //! Draws of a model's unknowns from its priors, as chains that look like a sampler's.
 
+use std::time::Instant;
+
 use rand::{Rng, RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use rand_distr::StandardNormal;
@@ -28,13 +30,14 @@ impl Model {
     fn prior_chain(&self, settings: &Settings, chain: usize) -> Result<Chain, ModelError> {
         let mut rng = ChaCha8Rng::seed_from_u64(settings.seed);
         rng.set_stream(STREAM + chain as u64);
-        let (n, mut tape) = (settings.draws, self.tape());
+        let (n, mut tape, begun) = (settings.draws, self.tape(), Instant::now());
         let mut gradient = vec![0.0; tape.u.len()];
         let mut out = Chain {
             accept: vec![1.0; n],
             depth: vec![0; n],
             n_leapfrog: vec![0; n],
             diverging: vec![false; n],
+            n_grad_sampling: n as u64,
             ..Chain::default()
         };
         for _ in 0..n {
@@ -45,6 +48,7 @@ impl Model {
             out.ln_density.push(ln_density);
             out.energy.push(-ln_density);
         }
+        out.seconds_sampling = begun.elapsed().as_secs_f64();
         Ok(out)
     }
 
