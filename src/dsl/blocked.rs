@@ -1,8 +1,10 @@
 //! A model's fields as the block of [`sample_blocked`]: which unknowns are in it, and their design.
 //!
-//! The terms of a field are one term, √s_k ζ_k with s_k = Σ_terms (amplitude √S_k)² and ζ standard
-//! normal. With fewer sites than modes, the sites see only the n combinations w of them with
-//! θ = mean + L w, L Lᵀ = Φ diag(s) Φᵀ. A flat mean whose constant mode is collapsed is in the block
+//! ```text
+//! Σ_terms amplitude √S_k η_k = √s_k ζ_k      s_k = Σ_terms (amplitude √S_k)²
+//! ```
+//! so that the terms of a field are one term with ζ standard normal. With fewer sites than modes, the
+//! sites see only n combinations w of them: θ = mean + L w with L Lᵀ = Φ diag(s) Φᵀ. A flat mean whose constant mode is collapsed is in the block
 //! too; the rest of the unknowns is outer. What the sites do not see is drawn from its exact
 //! conditional ([`restore`](super::restore)).
 
@@ -84,7 +86,7 @@ pub(super) struct Block {
     pub(super) mean: Option<usize>,
     /// The sites' modes `(n_sites, k)`, without padding.
     pub(super) modes: Vec<f64>,
-    /// φ_i φ_j of every pair of sites j ≤ i `(k, pairs)`; empty unless the sites are fewer.
+    /// Products φᵢ φⱼ of every pair of sites j ≤ i `(k, pairs)`; empty unless the sites are fewer.
     products: Vec<f64>,
 }
 
@@ -264,7 +266,7 @@ impl OnTape<'_> {
         }
     }
 
-    /// s_k of one field at the tape's hyperparameters.
+    /// The variances s of one field's modes at the tape's hyperparameters.
     fn set_variances(&mut self, op: &Field) {
         self.variances.fill(0.0);
         for term in &op.terms {
@@ -335,7 +337,7 @@ impl Latent for OnTape<'_> {
         {
             let n = self.blocks.layout.fields[f].n_coefficients;
             let seen = Seen { w: &block[at..][..n], is_collapsed: self.is_collapsed() };
-            weights_of(&entry.op, &field.modes, &self.tape.v, seen, rng, position);
+            weights_of(&entry.op, &field.modes, &self.tape.v, &seen, rng, position);
             at += n;
             if let Some(mean) = field.mean {
                 position[mean] = block[at];

@@ -36,7 +36,7 @@ model! {
 fn basis(n_modes: usize) -> Basis {
     let mut rng = ChaCha8Rng::seed_from_u64(12345);
     let n = 60 * n_modes;
-    let entry = |i: usize| if i % n_modes == 0 { 0.01 } else { rng.random_range(-0.017..0.017) };
+    let entry = |i: usize| if i.is_multiple_of(n_modes) { 0.01 } else { rng.random_range(-0.017..0.017) };
     Basis {
         eigenvalues: (0..n_modes).map(|k| 4e-4 * k as f64).collect(),
         eigenfunctions: (0..n).map(entry).collect(),
@@ -256,9 +256,7 @@ fn skew_likelihoods_agree_with_nuts_with_fewer_sites_than_modes_and_with_more() 
 fn coefficients_per_site_and_per_mode_agree() {
     for n_rows in [8, 40] {
         let model = model(&Counts, "beats", n_rows);
-        let of = |per_site| {
-            chains_of(&model, Blocks::shaped(&model, per_site), Fault::None, 5000)
-        };
+        let of = |per_site| chains_of(&model, Blocks::shaped(&model, per_site), Fault::None, 5000);
         let (z, what) = worst_z(&model, &of(true), &of(false));
         assert!(z < LARGEST_Z, "{n_rows} rows: {what}");
     }

@@ -33,7 +33,9 @@ impl Shares {
             let amplitude = term.amplitude.value(v);
             let mut c = vec![0.0; op.k];
             term.spectrum.values(v, &op.frequency[..term.k], &mut c[..term.k]);
-            c.iter_mut().for_each(|c| *c *= amplitude);
+            for c in &mut c {
+                *c *= amplitude;
+            }
             c
         };
         let mut terms: Vec<Vec<f64>> = op.terms.iter().map(weight).collect();
@@ -74,7 +76,7 @@ pub(super) fn weights_of(
     op: &Field,
     modes: &[f64],
     v: &[f64],
-    seen: Seen<'_>,
+    seen: &Seen<'_>,
     rng: &mut dyn Rng,
     position: &mut [f64],
 ) {
@@ -135,7 +137,9 @@ fn directions(modes: &[f64], scale: &[f64]) -> Vec<f64> {
         }
         let left = dot(row, row).sqrt();
         let inverse = if left > ROUNDING * length { 1.0 / left } else { 0.0 };
-        row.iter_mut().for_each(|x| *x *= inverse);
+        for x in row.iter_mut() {
+            *x *= inverse;
+        }
     }
     v
 }

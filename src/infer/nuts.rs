@@ -122,8 +122,8 @@ impl<'a> Nuts<'a> {
         while n_leapfrog < n as u32 && !diverging {
             self.flow.hamiltonian.leapfrog(edge, step_size);
             n_leapfrog += 1;
-            // the negation also catches NaN
-            diverging = !(edge.energy() - energy <= MAX_ENERGY_ERROR);
+            let error = edge.energy() - energy;
+            diverging = error.is_nan() || error > MAX_ENERGY_ERROR;
         }
         let accept = if diverging { 0.0 } else { (energy - edge.energy()).exp().min(1.0) };
         let drawn = if self.flow.rng.random::<f64>() < accept {

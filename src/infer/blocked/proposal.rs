@@ -89,8 +89,8 @@ impl Proposal {
         let n = h.len();
         for j in 0..n {
             let x = x();
-            for i in j..n {
-                h[i] += self.factor[i * n + j] * x;
+            for (h, row) in h.iter_mut().zip(self.factor.chunks_exact(n)).skip(j) {
+                *h += row[j] * x;
             }
         }
     }

@@ -96,7 +96,7 @@ impl Whitening {
         self.ln_evidence.is_finite()
     }
 
-    /// Block (f, g) of AᵀWA, site by site; of its diagonal blocks the upper triangle.
+    /// Block (f, g) of `AᵀWA`, site by site; of its diagonal blocks the upper triangle.
     fn add_products(&mut self, stand_in: &StandIn, f: usize, g: usize) {
         let (wf, wg) = (self.width(f), self.width(g));
         let information = stand_in.information(f, g);
@@ -113,7 +113,7 @@ impl Whitening {
         }
     }
 
-    /// Block (f, g) of AᵀWA of two scaled fields.
+    /// Block (f, g) of `AᵀWA` of two scaled fields.
     fn add_gram(&mut self, stand_in: &StandIn, f: usize, g: usize) {
         let (scale_f, scale_g) = (&self.design.scale[f], &self.design.scale[g]);
         let gram = stand_in.gram(f, g).chunks_exact(scale_g.len());
@@ -131,7 +131,9 @@ impl Whitening {
         let (d, product) = self.scratch.split_at_mut(n * self.starts.len());
         d.copy_from_slice(stand_in.centre());
         for (d, offset) in d.chunks_exact_mut(n).zip(&self.design.offset) {
-            d.iter_mut().for_each(|d| *d -= offset);
+            for d in d.iter_mut() {
+                *d -= offset;
+            }
         }
         product.fill(0.0);
         let quadratic = stand_in.add_product(d, product);
@@ -196,7 +198,9 @@ impl Whitening {
             let (done, rest) = self.basis.split_at_mut((k + 1) * m);
             let column = &mut done[k * m..];
             let inverse = 1.0 / row[k];
-            column.iter_mut().for_each(|x| *x *= inverse);
+            for x in column.iter_mut() {
+                *x *= inverse;
+            }
             for (next, u) in rest.chunks_exact_mut(m).zip(&row[k + 1..]) {
                 add_scaled(next, -u, column);
             }
@@ -220,7 +224,7 @@ impl Whitening {
     }
 }
 
-/// B = UᵀU in place, upper triangle, row-major; ln|U|, or `None` if B is not positive definite.
+/// `B = UᵀU` in place, upper triangle, row-major; ln|U|, or `None` if B is not positive definite.
 fn factorise(upper: &mut [f64], n: usize) -> Option<f64> {
     let (mut ln_det, mut product) = (0.0, 1.0);
     for k in 0..n {
