@@ -6,9 +6,9 @@
 
 #![allow(clippy::unwrap_used, reason = "tests")]
 
-#[path = "models/language.rs"]
+#[path = "../models/eight_schools.rs"]
 #[allow(dead_code, reason = "one of its models is enough here")]
-mod language;
+mod eight_schools;
 #[path = "support/program.rs"]
 mod program;
 mod support;
@@ -200,7 +200,7 @@ fn tables_with_a_mistake() {
 fn a_column_that_the_model_reads_and_the_table_lacks() {
     let text = |header: &str, row: &str| {
         let table = support::table(header, &[row.into()]);
-        Model::new(&language::eight_schools::EightSchools, None, &table).unwrap_err().to_string()
+        Model::new(&eight_schools::EightSchools, None, &table).unwrap_err().to_string()
     };
     let texts = [text("school,effect_size,std_err", "A,28,15"), text("school,value,See", "A,1,2")];
     insta::assert_snapshot!(texts.join("\n\n"));

@@ -36,7 +36,8 @@ model! {
 fn basis(n_modes: usize) -> Basis {
     let mut rng = ChaCha8Rng::seed_from_u64(12345);
     let n = 60 * n_modes;
-    let entry = |i: usize| if i.is_multiple_of(n_modes) { 0.01 } else { rng.random_range(-0.017..0.017) };
+    let entry =
+        |i: usize| if i.is_multiple_of(n_modes) { 0.01 } else { rng.random_range(-0.017..0.017) };
     Basis {
         eigenvalues: (0..n_modes).map(|k| 4e-4 * k as f64).collect(),
         eigenfunctions: (0..n).map(entry).collect(),
