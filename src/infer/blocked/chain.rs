@@ -17,8 +17,9 @@ use std::cell::RefCell;
 use std::rc::Rc;
 use std::time::Instant;
 
-/// Hyperparameter steps after each trajectory.
-const HYPER_STEPS: usize = 8;
+/// Steps of the hyperparameters after each trajectory, for each of them: the more there are, the
+/// shorter their steps.
+const STEPS_EACH: usize = 2;
 /// Mean length of a trajectory of the whitened block alone, in units of its standard deviation.
 const TIME: f64 = 1.6;
 
@@ -231,7 +232,7 @@ impl<'a> Run<'a> {
         let mut ln_density = self.nuts.point.ln_density;
         let position = &self.nuts.point.position;
         let length = self.ln_length.exp();
-        for k in 0..HYPER_STEPS {
+        for k in 0..STEPS_EACH * self.present.len() {
             let proposal = self.common.proposal;
             conditional.hyper(&mut self.present);
             let ln_ratio =
