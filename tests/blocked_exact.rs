@@ -1,4 +1,5 @@
 //! The blocked sampler against NUTS on the ERP model: every reported number, means and spreads.
+#![allow(clippy::unwrap_used, reason = "a test")]
 
 #[path = "models/language.rs"]
 #[allow(dead_code, reason = "one of its models is sampled here")]

@@ -3,6 +3,7 @@
 //! ```text
 //! cargo test --release --test blocked_speed -- --ignored --nocapture
 //! ```
+#![allow(clippy::unwrap_used, reason = "a test")]
 
 #[path = "support/posterior.rs"]
 mod posterior;

@@ -89,12 +89,20 @@ fn identity() -> String {
     format!("{} {program:?} {library:?}", env!("CARGO_PKG_VERSION"))
 }
 
-/// `libeplat.rlib` where this program was built, with its dependencies in `deps`.
+/// The library this program was linked from, among its dependencies in the folder `deps` beside it:
+/// the newest that is not newer than the program. (Cargo refreshes `libeplat.rlib` itself only where
+/// the library is asked for, which `cargo run` does not.)
 fn library_beside_this_program() -> Option<PathBuf> {
     let program = std::env::current_exe().ok()?;
-    let folder = program.parent()?;
-    let library = folder.join("libeplat.rlib");
-    (library.is_file() && folder.join("deps").is_dir()).then_some(library)
+    let modified = |path: &Path| fs::metadata(path).and_then(|m| m.modified()).ok();
+    let linked = modified(&program)?;
+    let libraries = fs::read_dir(program.parent()?.join("deps")).ok()?.flatten().map(|e| e.path());
+    let is_eplat = |path: &PathBuf| {
+        let name = path.file_name().unwrap_or_default().to_string_lossy();
+        name.starts_with("libeplat-") && name.ends_with(".rlib")
+    };
+    let dated = libraries.filter(is_eplat).filter_map(|path| Some((modified(&path)?, path)));
+    dated.filter(|(time, _)| *time <= linked).max().map(|(_, path)| path)
 }
 
 /// The program around the model: `main.rs`, left alone if it is there already.
@@ -116,7 +124,7 @@ fn write_main(package: &Path, model: &Path, name: &str) -> std::io::Result<PathB
 
 fn with_rustc(main: &Path, built: &Path, library: &Path) -> std::io::Result<Output> {
     let mut dependencies = std::ffi::OsString::from("dependency=");
-    dependencies.push(library.with_file_name("deps"));
+    dependencies.push(library.parent().unwrap_or(Path::new(".")));
     let mut eplat = std::ffi::OsString::from("eplat=");
     eplat.push(library);
     Command::new("rustc")

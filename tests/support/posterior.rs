@@ -1,4 +1,5 @@
 //! Posteriors as tables, for tests of samplers: columns per reported number, their summaries, z-scores.
+#![allow(clippy::unwrap_used, reason = "for tests")]
 #![allow(dead_code, reason = "each test uses a part of it")]
 
 use eplat::diagnostics::{Summary, mcse_mean, mcse_sd, summarise};
