@@ -31,11 +31,9 @@ fn sample_model(sampler: Sampler, model: &Model, settings: &Settings) -> Vec<Col
 
 /// Both posteriors, NUTS with this many draws per chain.
 fn both(n_sites: usize, draws: usize) -> [Vec<Column>; 2] {
-    let settings = |sampler: Sampler| Settings { draws, ..sampler.settings() };
-    let nuts = sample(Sampler::Nuts, n_sites, &settings(Sampler::Nuts));
-    let draws = 4 * draws;
-    let blocked = Settings { draws, ..settings(Sampler::Blocked) };
-    let blocked = sample(Sampler::Blocked, n_sites, &blocked);
+    let settings = Settings { draws, ..Settings::default() };
+    let nuts = sample(Sampler::Nuts, n_sites, &settings);
+    let blocked = sample(Sampler::Blocked, n_sites, &settings);
     let r_hat = blocked.iter().map(|c| c.summary().r_hat).fold(0.0, f64::max);
     assert!(r_hat < 1.01, "{n_sites} sites: R-hat {r_hat}");
     [blocked, nuts]
@@ -73,7 +71,7 @@ fn thirty_sites_more_than_modes_agree_with_nuts() {
 
 #[test]
 fn constant_modes_are_standard_normal() {
-    let columns = sample(Sampler::Blocked, 10, &Sampler::Blocked.settings());
+    let columns = sample(Sampler::Blocked, 10, &Settings::default());
     for column in columns.iter().filter(|c| c.name.ends_with("eta[0]")) {
         let slices = column.slices();
         let (mean, sd) = mean_and_sd(&slices);

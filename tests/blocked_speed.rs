@@ -66,13 +66,12 @@ fn measure(sampler: Sampler, n_sites: usize, settings: &Settings, seeds: u64) {
 #[ignore = "a measurement, 1 minute"]
 fn speed() {
     let sampler = if number("NUTS", 0) == 1 { Sampler::Nuts } else { Sampler::Blocked };
-    let defaults = sampler.settings();
     let settings = Settings {
         chains: number("CHAINS", 8),
-        warmup: number("WARMUP", defaults.warmup),
+        warmup: number("WARMUP", 1000),
         draws: number("DRAWS", 1000),
-        target_accept: number("TARGET", (100.0 * defaults.target_accept) as usize) as f64 / 100.0,
-        ..defaults
+        target_accept: number("TARGET", 95) as f64 / 100.0,
+        ..Settings::default()
     };
     let seeds = number("SEEDS", 10) as u64;
     measure(sampler, number("SITES", 10), &settings, seeds);

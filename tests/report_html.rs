@@ -54,12 +54,19 @@ fn row(name: &str, unit: &str, mean: f64, r_hat: f64) -> Row {
 }
 
 fn record() -> RunRecord {
-    let metric = "diag".to_owned();
+    let (sampler, metric) = ("nuts".to_owned(), "diag".to_owned());
     RunRecord {
         model: "Erp".to_owned(),
         version: "0.1.0".to_owned(),
         seed: 1,
-        settings: Settings { chains: 4, warmup: 1000, draws: 1000, target_accept: 0.95, metric },
+        settings: Settings {
+            sampler,
+            chains: 4,
+            warmup: 1000,
+            draws: 1000,
+            target_accept: 0.95,
+            metric,
+        },
         hashes: BTreeMap::from([("mesh".to_owned(), "5f".repeat(32))]),
         n_params: 54,
         grad_evals: 901_234,

@@ -61,6 +61,8 @@ pub(super) struct Finished<'a> {
     pub(super) model: &'a Model,
     pub(super) inputs: &'a Inputs,
     pub(super) chains: &'a [Chain],
+    /// `blocked`, `nuts` or `prior`.
+    pub(super) sampler: &'static str,
     pub(super) settings: &'a infer::Settings,
     pub(super) compile_seconds: f64,
     pub(super) setup_seconds: f64,
@@ -223,6 +225,7 @@ impl Finished<'_> {
             version: env!("CARGO_PKG_VERSION").into(),
             seed: self.settings.seed,
             settings: report::Settings {
+                sampler: self.sampler.into(),
                 chains: self.settings.chains,
                 warmup: self.settings.warmup,
                 draws: self.settings.draws,

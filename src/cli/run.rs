@@ -59,9 +59,9 @@ struct SamplerArgs {
     /// Sampler [default: blocked for models with fields that measurements see, else nuts]
     #[arg(long, value_enum)]
     sampler: Option<SamplerArg>,
-    /// Shape of the mass matrix (nuts)
-    #[arg(long, value_enum, default_value_t = MetricArg::Diag)]
-    metric: MetricArg,
+    /// Shape of the mass matrix [default: diag]; asks for nuts, for the blocked sampler has no choice
+    #[arg(long, value_enum, conflicts_with = "sampler")]
+    metric: Option<MetricArg>,
     /// Threads; 0 means one per core. Changes no number
     #[arg(long, default_value_t = 0)]
     threads: usize,
@@ -84,6 +84,17 @@ enum MetricArg {
 }
 
 impl SamplerArgs {
+    /// What was asked for, else what suits the model.
+    fn choose(&self, model: &Model) -> Result<Sampler, Failure> {
+        match (self.sampler, self.metric, Sampler::of(model)) {
+            (Some(SamplerArg::Nuts), ..) | (_, Some(_), _) => Ok(Sampler::Nuts),
+            (Some(SamplerArg::Blocked), _, Sampler::Nuts) => Err(Failure::usage(
+                "--sampler blocked: the model has no field that measurements see\nhelp: leave it out: nuts samples every model",
+            )),
+            (_, _, sampler) => Ok(sampler),
+        }
+    }
+
     fn settings(&self, seed: u64) -> infer::Settings {
         infer::Settings {
             chains: self.chains,
@@ -93,8 +104,8 @@ impl SamplerArgs {
             seed,
             threads: self.threads,
             metric: match self.metric {
-                MetricArg::Diag => MetricKind::Diagonal,
-                MetricArg::Dense => MetricKind::Dense,
+                Some(MetricArg::Dense) => MetricKind::Dense,
+                Some(MetricArg::Diag) | None => MetricKind::Diagonal,
             },
             ..Default::default()
         }
@@ -115,15 +126,17 @@ impl Command {
         if self.optimize {
             return optimise(&laid_out, &inputs, &out, self.json);
         }
+        let sampler = self.sampler.choose(&laid_out)?;
         let (chains, sampled_in) = if self.prior {
             draw_prior(&laid_out, &settings)?
         } else {
-            sample(&laid_out, &settings, self.sampler.sampler, begun)?
+            sample(&laid_out, sampler, &settings, begun)?
         };
         let finished = Finished {
             model: &laid_out,
             inputs: &inputs,
             chains: &chains,
+            sampler: if self.prior { "prior" } else { sampler.name() },
             settings: &settings,
             compile_seconds: compile_seconds(),
             setup_seconds: begun.elapsed().as_secs_f64() - sampled_in,
@@ -156,14 +169,10 @@ fn lay_out(model: &dyn Declare, inputs: &Inputs) -> Result<Model, Failure> {
 /// Samples the model; returns the chains that came through and the seconds it took.
 fn sample(
     model: &Model,
+    sampler: Sampler,
     settings: &infer::Settings,
-    sampler: Option<SamplerArg>,
     begun: Instant,
 ) -> Result<(Vec<Chain>, f64), Failure> {
-    let sampler = match sampler {
-        Some(SamplerArg::Nuts) => Sampler::Nuts,
-        Some(SamplerArg::Blocked) | None => Sampler::of(model),
-    };
     let starts = jittered_starts(model, &model.initial(), settings.chains, settings.seed)?;
     eprintln!(
         "model  {}: {} unknowns, sampler {}, ready in {:.1} s",

@@ -44,15 +44,6 @@ impl Sampler {
         }
     }
 
-    /// Settings that suit it: the whitened block is learnt in fewer transitions, and sampled well at a
-    /// lower acceptance.
-    pub fn settings(self) -> Settings {
-        match self {
-            Self::Blocked => Settings { warmup: 300, target_accept: 0.8, ..Settings::default() },
-            Self::Nuts => Settings::default(),
-        }
-    }
-
     /// Samples `model`; the draws are its own unknowns whichever sampler it is.
     ///
     /// # Errors

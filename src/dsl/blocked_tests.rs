@@ -25,7 +25,7 @@ model! {
     field f(x) in -2.0..2.0 = m + alpha * gp(Rbf(rho), K = 12) where {
         m     ~ Normal(-1.0, 1.0);
         alpha ~ InvGamma(3.0, 2.0);
-        rho   ~ LogNormal(3.5, 0.5);
+        rho [mm] ~ LogNormal(3.5, 0.5);
     }
     param slope ~ Normal(0.0, noise);
     let rate(x) = f(x) + slope * x.dose;
@@ -138,7 +138,7 @@ impl Latent for TwinLatent<'_> {
 }
 
 fn settings(draws: usize) -> Settings {
-    Settings { chains: 4, draws, ..Sampler::Blocked.settings() }
+    Settings { chains: 4, draws, warmup: 300, target_accept: 0.8, ..Settings::default() }
 }
 
 fn blocked(model: &Model, fault: Fault, draws: usize) -> Vec<Chain> {

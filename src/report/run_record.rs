@@ -70,6 +70,8 @@ pub struct RunRecord {
 /// Sampler settings.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct Settings {
+    /// `blocked`, `nuts`, or `prior` where nothing was sampled.
+    pub sampler: String,
     /// Number of chains.
     pub chains: usize,
     /// Warm-up draws of each chain.
@@ -153,6 +155,7 @@ mod tests {
           "version": "0.1.0",
           "seed": 1,
           "settings": {
+            "sampler": "nuts",
             "chains": 4,
             "warmup": 1000,
             "draws": 1000,

@@ -34,6 +34,7 @@ pub(super) fn record() -> RunRecord {
             draws: 1000,
             target_accept: 0.95,
             metric: "diag".to_owned(),
+            sampler: "nuts".to_owned(),
         },
         hashes: BTreeMap::from([("mesh".to_owned(), "ab12".to_owned())]),
         n_params: 54,

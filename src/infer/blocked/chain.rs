@@ -20,6 +20,9 @@ use std::time::Instant;
 /// Steps of the hyperparameters after each trajectory, for each of them: the more there are, the
 /// shorter their steps.
 const STEPS_EACH: usize = 2;
+/// Times both moves are made between two kept draws: hyperparameters are known by slow random steps,
+/// and a sweep costs less than keeping a draw is worth.
+const SWEEPS: usize = 4;
 /// Mean length of a trajectory of the whitened block alone, in units of its standard deviation.
 const TIME: f64 = 1.6;
 
@@ -178,12 +181,7 @@ impl<'a> Run<'a> {
         let mut position = vec![0.0; self.common.density.dim()];
         for iteration in 0..self.common.settings.draws {
             self.check_stop(Phase::Sampling, iteration)?;
-            let start = self.nuts.point.position.clone();
-            let transition = self.move_inner(link.step_size);
-            if transition.diverging {
-                chain.divergences.push(self.divergence(iteration, &start));
-            }
-            self.move_hyper();
+            let transition = self.sweeps(iteration, link.step_size, &mut chain);
             let ln_density = self.complete(&self.nuts.point.position.clone(), &mut position);
             chain.record(&position, ln_density, &transition);
             self.report(Phase::Sampling, iteration, &transition, link.step_size);
@@ -191,6 +189,26 @@ impl<'a> Run<'a> {
         chain.n_grad_sampling = self.nuts.n_evaluations() + self.shared.borrow().n_trials;
         chain.seconds_sampling = begun.elapsed().as_secs_f64();
         Ok(chain)
+    }
+
+    /// What lies between two kept draws: both moves, several times. The transition reported is the
+    /// last, diverging if any of them was, with the leapfrog steps of all.
+    fn sweeps(&mut self, iteration: usize, step_size: f64, chain: &mut Chain) -> Transition {
+        let (mut n_leapfrog, mut diverging) = (0, false);
+        for sweep in 1.. {
+            let start = self.nuts.point.position.clone();
+            let transition = self.move_inner(step_size);
+            if transition.diverging && !diverging {
+                chain.divergences.push(self.divergence(iteration, &start));
+            }
+            n_leapfrog += transition.n_leapfrog;
+            diverging |= transition.diverging;
+            self.move_hyper();
+            if sweep == SWEEPS {
+                return Transition { n_leapfrog, diverging, ..transition };
+            }
+        }
+        unreachable!("the loop ends at its last sweep")
     }
 
     /// The density's own position for an inner one.
