@@ -37,10 +37,12 @@ fn the_default_experiment_is_recovered() {
         let summary = &result["summary"][quantity];
         let number = |name: &str| summary[name].as_f64().unwrap();
         let step = round_step(5.0 * number("mcse"));
-        let median = (number("q50") / step).round() * step;
+        let median = (1e6 * (number("q50") / step).round() * step).round() / 1e6;
         writeln!(lines, "{quantity:<14} median {median} (to {step})").unwrap();
     }
-    for (field, most) in [("erp_s2", 12.0), ("erp_s3", 12.0), ("tau_out", 3.0), ("apd_max", 15.0)] {
+    // 12 ms of ERP is what is asked of this design; for the parameters, three quarters of the truth's own
+    // standard deviation over the surface (6.2 and 32.9 ms), which is the error of a constant field
+    for (field, most) in [("erp_s2", 12.0), ("erp_s3", 12.0), ("tau_out", 4.6), ("apd_max", 24.7)] {
         let rmse = run["rmse"][field].as_f64().unwrap();
         assert!(rmse < most, "{field}: RMSE {rmse} ms against the truth, at most {most} expected");
         writeln!(lines, "{field:<14} RMSE {} ms (to 1)", rmse.round()).unwrap();

@@ -22,7 +22,7 @@ use std::time::Instant;
 const STEPS_EACH: usize = 2;
 /// Times both moves are made between two kept draws: hyperparameters are known by slow random steps,
 /// and a sweep costs less than keeping a draw is worth.
-const SWEEPS: usize = 4;
+const SWEEPS: usize = 3;
 /// Mean length of a trajectory of the whitened block alone, in units of its standard deviation.
 const TIME: f64 = 1.6;
 
