@@ -1,0 +1,374 @@
+//! What the macro calls, one call per statement: lays out unknowns and values, and makes operations.
+
+use std::collections::{BTreeMap, BTreeSet};
+use std::marker::PhantomData;
+
+use crate::dist::{Dist, Sequence, Support};
+use crate::dsl::data::Measurements;
+use crate::dsl::error::ModelError;
+use crate::dsl::maps::{LetFn, Map, MapAt, Source as MapSource};
+use crate::dsl::model::{Kind, Model, Parameter, Position, PriorEntry, Statement};
+use crate::dsl::parameter::{ParameterOp, PriorFn, SequenceFn, SequenceOp};
+use crate::dsl::scalar::{ScalarAt, ScalarFn};
+use crate::dsl::scope::{Local, Scope};
+use crate::dsl::units::{Decl, check_units, require, unit_of};
+use crate::manifold::Basis;
+
+mod fields;
+mod observes;
+
+/// How many numbers a parameter is.
+#[derive(Clone, Copy, Debug)]
+pub enum Len {
+    /// `param sigma`
+    One,
+    /// `param w(3)`
+    Many(usize),
+    /// `param b(operator)`: one per label
+    Each(&'static str),
+}
+
+/// What a name stands for in a row.
+#[derive(Clone, Debug)]
+enum Source {
+    Scalars(usize),
+    Each { v: usize, index: Vec<usize> },
+    Linear { beta: &'static str, columns: Vec<&'static str> },
+    Field(usize),
+    Let,
+}
+
+struct Effect {
+    name: &'static str,
+    on: Vec<&'static str>,
+    columns: Vec<&'static str>,
+    beta: usize,
+}
+
+/// Lays a model out on its data.
+pub struct Builder<'a> {
+    basis: Option<&'a Basis>,
+    data: Option<&'a Measurements>,
+    probes: Vec<u32>,
+    names: Vec<(&'static str, Source)>,
+    effects: Vec<Effect>,
+    /// First offset of (observe, field or let).
+    hooks: BTreeMap<(&'static str, &'static str), usize>,
+    /// Values whose prior is flat, with their unknown; and values that expressions mention, how often.
+    flat: BTreeMap<usize, usize>,
+    mentions: BTreeMap<usize, usize>,
+    /// The field whose hyperparameters are being declared.
+    field: Option<Decl>,
+    n_u: usize,
+    n_v: usize,
+    n_work: usize,
+    model: Model,
+}
+
+impl std::fmt::Debug for Builder<'_> {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.debug_struct("Builder").field("model", &self.model).finish_non_exhaustive()
+    }
+}
+
+impl<'a> Builder<'a> {
+    /// For a model called `name`. Without `data` no measurement is laid out: enough to show a model.
+    pub(super) fn new(
+        name: &'static str,
+        doc: &'static str,
+        basis: Option<&'a Basis>,
+        data: Option<&'a Measurements>,
+    ) -> Self {
+        let probes = data.map(Measurements::vertices).unwrap_or_default();
+        Builder {
+            basis,
+            data,
+            probes,
+            names: vec![],
+            effects: vec![],
+            hooks: BTreeMap::new(),
+            flat: BTreeMap::new(),
+            mentions: BTreeMap::new(),
+            field: None,
+            n_u: 0,
+            n_v: 1, // v[0] is zero
+            n_work: 0,
+            model: Model::empty(name, doc),
+        }
+    }
+
+    fn values(&mut self, n: usize) -> usize {
+        self.n_v += n;
+        self.n_v - n
+    }
+
+    fn unknowns(&mut self, n: usize) -> usize {
+        self.n_u += n;
+        self.n_u - n
+    }
+
+    #[allow(clippy::expect_used, reason = "the compiler has resolved every name in an expression")]
+    fn source(&self, name: &str) -> &Source {
+        let found = self.names.iter().rev().find(|(n, _)| *n == name);
+        &found.expect("names are declared before use").1
+    }
+
+    fn local<const N: usize, const W: usize>(&mut self, scope: &Scope) -> Local<N, W> {
+        let (mut at, mut slot) = (vec![], vec![]);
+        for (i, name) in scope.names.iter().enumerate() {
+            let Source::Scalars(v) = *self.source(name) else {
+                unreachable!("the macro puts only parameters in this scope")
+            };
+            for e in 0..scope.lens[i] {
+                if scope.mentions(i) {
+                    slot.push(at.len() as u32);
+                    *self.mentions.entry(v + e).or_default() += 1;
+                }
+                at.push((v + e) as u32);
+            }
+        }
+        Local {
+            at: std::array::from_fn(|i| at[i]),
+            slot: std::array::from_fn(|j| slot.get(j).copied().unwrap_or(0)),
+            used: slot.len(),
+        }
+    }
+
+    /// `param name(len) [unit] ~ prior;`, or a hyperparameter between `field` and `field_end`.
+    ///
+    /// # Errors
+    /// A label column that the data lack.
+    pub fn param<F: PriorFn + 'static, const N: usize, const W: usize>(
+        &mut self,
+        _: F,
+        decl: Decl,
+        len: Len,
+        scope: &Scope,
+    ) -> Result<(), ModelError> {
+        let local = self.local::<N, W>(scope);
+        let mentions = local.mentioned();
+        let (levels, index) = match (len, self.data) {
+            (Len::Each(column), Some(data)) => {
+                data.labels(column, &format!("param {}", decl.name))?
+            }
+            _ => (vec![], vec![]),
+        };
+        let n = match len {
+            Len::One => 1,
+            Len::Many(n) => n,
+            Len::Each(_) => levels.len(),
+        };
+        let (u, v) = (self.unknowns(n), self.values(n));
+        let probe = F::dist::<f64>(&[1.0; N]);
+        if probe.is_flat() {
+            self.flat.insert(v, u);
+        }
+        let ln_norm = if W == 1 { probe.ln_norm() } else { 0.0 };
+        let kind = if matches!(len, Len::One) { Kind::Scalar } else { Kind::Vector };
+        self.push_parameter(decl, n, kind, levels, probe.support(), v);
+        let source = match len {
+            Len::Each(_) => Source::Each { v, index },
+            _ => Source::Scalars(v),
+        };
+        self.names.push((decl.name, source));
+        if self.field.is_none() {
+            self.state("param", decl, None);
+        }
+        self.model.prior_entries.push(PriorEntry { u: u..u + n, v, len: n, mentions });
+        self.model.priors.push(Box::new(ParameterOp::<F, N, W> {
+            local,
+            u,
+            v,
+            n,
+            ln_norm,
+            f: PhantomData,
+        }));
+        Ok(())
+    }
+
+    fn push_parameter(
+        &mut self,
+        decl: Decl,
+        len: usize,
+        kind: Kind,
+        labels: Vec<String>,
+        support: Support,
+        v: usize,
+    ) {
+        let name = match &self.field {
+            Some(field) => format!("{}.{}", field.name, decl.name),
+            None => decl.name.into(),
+        };
+        self.model.parameters.push(Parameter {
+            name,
+            unit: decl.unit.into(),
+            len,
+            kind,
+            labels,
+            prior: decl.text.into(),
+            support,
+            position: Position::Values(v),
+        });
+    }
+
+    /// `param name(n) [unit] ~ prior;` of a vector whose numbers constrain each other.
+    ///
+    /// # Errors
+    /// Fewer than two numbers.
+    pub fn sequence<F: SequenceFn + 'static, const N: usize, const W: usize>(
+        &mut self,
+        _: F,
+        decl: Decl,
+        n: usize,
+        scope: &Scope,
+    ) -> Result<(), ModelError> {
+        if n < 2 {
+            return Err(ModelError::TooShort { parameter: decl.name.into(), len: n });
+        }
+        let local = self.local::<N, W>(scope);
+        let prior = F::sequence::<f64>(&[1.0; N]);
+        let n_unknowns = prior.n_unknowns(n);
+        let (u, v) = (self.unknowns(n_unknowns), self.values(n));
+        let mentions = local.mentioned();
+        let entry = PriorEntry { u: u..u + n_unknowns, v, len: n, mentions };
+        self.model.prior_entries.push(entry);
+        let work = self.n_work;
+        self.n_work += n;
+        self.push_parameter(decl, n, Kind::Vector, vec![], prior.support(), v);
+        self.names.push((decl.name, Source::Scalars(v)));
+        self.state("param", decl, None);
+        let op = SequenceOp::<F, N, W> { local, u, v, work, n, f: PhantomData };
+        self.model.priors.push(Box::new(op));
+        Ok(())
+    }
+
+    fn state(&mut self, keyword: &'static str, decl: Decl, range: Option<(f64, f64)>) {
+        self.model.statements.push(Statement { keyword, decl, range });
+    }
+
+    /// `let name(row) [unit] in range = expr;`
+    pub fn value<F: LetFn + 'static, const N: usize>(
+        &mut self,
+        _: F,
+        decl: Decl,
+        range: Option<(f64, f64)>,
+        scope: &Scope,
+        reads_row: bool,
+    ) {
+        self.state("let", decl, range);
+        self.names.push((decl.name, Source::Let));
+        let mut sources = vec![];
+        let mut is_map = !reads_row;
+        for (i, name) in scope.names.iter().enumerate() {
+            for e in 0..scope.lens[i] {
+                sources.push(match self.source(name) {
+                    _ if !scope.mentions(i) => MapSource::Value(0),
+                    Source::Scalars(v) => MapSource::Value(v + e),
+                    Source::Field(field) => MapSource::Field(*field),
+                    Source::Let => {
+                        is_map &= self.model.maps.iter().any(|m| m.name == *name);
+                        MapSource::Value(0)
+                    }
+                    Source::Each { .. } | Source::Linear { .. } => {
+                        is_map = false;
+                        MapSource::Value(0)
+                    }
+                });
+            }
+        }
+        if is_map {
+            let at = Box::new(MapAt::<F, N>::new());
+            self.model.maps.push(Map {
+                name: decl.name,
+                unit: decl.unit.into(),
+                range,
+                sources,
+                at,
+            });
+        }
+    }
+
+    /// `let name(row) = linear(row.a, row.b; beta);`
+    pub fn linear(&mut self, decl: Decl, columns: &[&'static str], beta: &'static str) {
+        self.state("let", decl, None);
+        self.names.push((decl.name, Source::Linear { beta, columns: columns.to_vec() }));
+    }
+
+    /// `effect name on a, b [unit] = linear(row.c) ~ prior;`
+    ///
+    /// # Errors
+    /// Those of [`Builder::param`].
+    pub fn effect<F: PriorFn + 'static, const N: usize, const W: usize>(
+        &mut self,
+        f: F,
+        decl: Decl,
+        on: &[&'static str],
+        columns: &[&'static str],
+        scope: &Scope,
+    ) -> Result<(), ModelError> {
+        for target in on {
+            if let Some(unit) = unit_of(&self.model, target) {
+                require(&format!("effect {} on {target}", decl.name), &unit, decl.unit)?;
+            }
+        }
+        self.param::<F, N, W>(f, decl, Len::Many(columns.len()), scope)?;
+        if let Some(statement) = self.model.statements.last_mut() {
+            statement.keyword = "effect";
+        }
+        let beta = self.n_v - columns.len();
+        self.effects.push(Effect {
+            name: decl.name,
+            on: on.to_vec(),
+            columns: columns.to_vec(),
+            beta,
+        });
+        Ok(())
+    }
+
+    /// `density name = expr;`
+    pub fn density<F: ScalarFn + 'static, const N: usize, const W: usize>(
+        &mut self,
+        _: F,
+        decl: Decl,
+        scope: &Scope,
+    ) {
+        self.state("density", decl, None);
+        let local = self.local(scope);
+        self.model.densities.push(Box::new(ScalarAt::<F, N, W> { local, f: PhantomData }));
+    }
+
+    /// Everything is declared.
+    pub(super) fn finish(mut self) -> Result<Model, ModelError> {
+        let mut hit = BTreeSet::new();
+        for effect in std::mem::take(&mut self.effects) {
+            for i in 0..self.model.observes.len() {
+                let (observe, rows) =
+                    (self.model.observes[i].name, self.model.observes[i].rows.clone());
+                let on = effect.on.iter().filter_map(|&on| {
+                    let at = self.hooks.get(&(observe, on)).copied()?;
+                    hit.insert((effect.name, on));
+                    Some(at)
+                });
+                let out: Vec<usize> = on.collect();
+                if !out.is_empty() {
+                    let names: Vec<String> =
+                        effect.columns.iter().map(ToString::to_string).collect();
+                    let linear = self.design(&rows, &names, effect.beta, out, true)?;
+                    self.model.linear.push(linear);
+                }
+            }
+            if let Some(target) = effect.on.iter().find(|on| !hit.contains(&(effect.name, **on))) {
+                return Err(ModelError::NoTarget {
+                    effect: effect.name.into(),
+                    target: (*target).into(),
+                });
+            }
+        }
+        check_units(&self.model)?;
+        self.model.layout = [self.n_u, self.n_v, self.n_work];
+        if let Some(data) = self.data {
+            self.model.check(data)?;
+        }
+        Ok(self.model)
+    }
+}

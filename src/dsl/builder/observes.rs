@@ -1,0 +1,213 @@
+//! `observe` statements: reads the rows, and finds where in the value vector each row's scalars live.
+
+use super::{Builder, Source};
+use crate::dsl::data::Measurements;
+use crate::dsl::error::ModelError;
+use crate::dsl::linear::Linear;
+use crate::dsl::model::Observe;
+use crate::dsl::rows::{Columns, Place, RowFn, Rows};
+use crate::dsl::scope::Scope;
+use crate::dsl::units::Decl;
+use crate::likelihood::Observation;
+
+impl Builder<'_> {
+    /// `observe name(row): Y [unit] ~ likelihood;`
+    ///
+    /// # Errors
+    /// No row of it, a missing column, a cell that does not fit.
+    pub fn observe<F: RowFn + 'static, const N: usize, const W: usize>(
+        &mut self,
+        _: F,
+        decl: Decl,
+        scope: &Scope,
+    ) -> Result<(), ModelError> {
+        self.state("observe", decl, None);
+        let (rows, y) = match self.data {
+            Some(data) => read_rows::<F::Y>(data, decl.name)?,
+            None => (vec![], vec![]),
+        };
+        let who = format!("observe {}", decl.name);
+        let mut columns = vec![];
+        for &row in &rows {
+            let Some(data) = self.data else { break };
+            columns.push(F::Columns::read(&mut |name| data.number(row, name, &who))?);
+        }
+        let place = self.place(decl.name, &rows, scope, W)?;
+        let slot = std::array::from_fn(|j| place.slot[j]);
+        self.model.observes.push(Observe {
+            name: decl.name,
+            unit: decl.unit.into(),
+            columns: F::Y::COLUMNS,
+            rows,
+            op: Box::new(Rows::<F, N, W> { columns, y, slot, place }),
+        });
+        Ok(())
+    }
+
+    /// For each row, where in `v` each scalar that the likelihood mentions lives.
+    fn place(
+        &mut self,
+        observe: &'static str,
+        rows: &[usize],
+        scope: &Scope,
+        w: usize,
+    ) -> Result<Place, ModelError> {
+        let n = rows.len();
+        let mut place = Place { index: vec![0; n * w], hook: vec![], slot: vec![], lets: vec![] };
+        let (mut scalar, mut hooked) = (0, vec![]);
+        for (i, &name) in scope.names.iter().enumerate() {
+            let start = scalar;
+            scalar += scope.lens[i];
+            if !scope.mentions(i) {
+                continue;
+            }
+            if i >= scope.first_let() {
+                if self.acts(name) {
+                    place.lets.push((start, self.hook(observe, name, n)));
+                }
+                continue;
+            }
+            let source = self.source(name).clone();
+            let predictor = self.predictor(name, &source, rows)?;
+            for e in 0..scope.lens[i] {
+                let j = place.slot.len();
+                place.slot.push((start + e) as u32);
+                if matches!(source, Source::Field(_)) && self.acts(name) {
+                    hooked.push((j, self.hook(observe, name, n)));
+                }
+                for (r, &row) in rows.iter().enumerate() {
+                    place.index[r * w + j] = match &source {
+                        Source::Scalars(v) => v + e,
+                        Source::Each { v, index } => v + index[row],
+                        Source::Field(field) => self.probe(*field, row),
+                        Source::Linear { .. } => predictor + r,
+                        Source::Let => unreachable!("lets come last in a scope"),
+                    } as u32;
+                }
+            }
+        }
+        if !hooked.is_empty() {
+            // an offset on a field's value needs no derivative of its own: it is the field's
+            place.hook = vec![0; n * w];
+        }
+        for (j, at) in hooked {
+            for r in 0..n {
+                place.hook[r * w + j] = (at + r) as u32;
+            }
+        }
+        Ok(place)
+    }
+
+    /// The value of field number `field` at the probe of `row`.
+    fn probe(&self, field: usize, row: usize) -> usize {
+        let vertex = self.data.and_then(|d| d.vertex(row)).unwrap_or(0);
+        let probe = self.probes.binary_search(&vertex).unwrap_or(0);
+        self.model.fields[field].op.theta + probe
+    }
+
+    /// Lays out a linear predictor's values for these rows; 0 for any other source.
+    fn predictor(
+        &mut self,
+        name: &str,
+        source: &Source,
+        rows: &[usize],
+    ) -> Result<usize, ModelError> {
+        let Source::Linear { beta, columns } = source else { return Ok(0) };
+        let wrong = |expected, got| ModelError::Coefficients {
+            name: name.into(),
+            beta: (*beta).into(),
+            expected,
+            got,
+        };
+        let declared = self.names.iter().rev().find(|(n, _)| n == beta);
+        let Some((_, Source::Scalars(v))) = declared else { return Err(wrong(columns.len(), 0)) };
+        let v = *v;
+        let n_beta = self.model.parameters.iter().find(|p| p.name == *beta).map_or(0, |p| p.len);
+        let out = self.values(rows.len());
+        let alone = if columns.len() == 1 { n_beta } else { 1 };
+        let names: Vec<String> = columns.iter().flat_map(|c| self.numbered(c, alone)).collect();
+        let linear = self.design(rows, &names, v, vec![out], false)?;
+        if linear.n != n_beta {
+            return Err(wrong(linear.n, n_beta));
+        }
+        self.model.linear.push(linear);
+        Ok(out)
+    }
+
+    /// A column, or all the numbered columns x1, x2, … of the table; the `expected` ones of these if it
+    /// has neither.
+    fn numbered(&self, name: &str, expected: usize) -> Vec<String> {
+        let numbers = |n: usize| (1..=n).map(|i| format!("{name}{i}"));
+        match self.data {
+            Some(data) if data.has(name) => vec![name.into()],
+            Some(data) if data.has(&format!("{name}1")) => {
+                numbers(data.n_columns()).take_while(|n| data.has(n)).collect()
+            }
+            _ if expected > 1 => numbers(expected).collect(),
+            _ => vec![name.into()],
+        }
+    }
+
+    /// Design of the columns `names` at these rows.
+    pub(super) fn design(
+        &self,
+        rows: &[usize],
+        names: &[String],
+        beta: usize,
+        out: Vec<usize>,
+        add: bool,
+    ) -> Result<Linear, ModelError> {
+        let Some(data) = self.data else {
+            return Ok(Linear { beta, n: names.len(), z: vec![], out, rows: 0, add });
+        };
+        let mut z = Vec::with_capacity(rows.len() * names.len());
+        for &row in rows {
+            for name in names {
+                z.push(data.number(row, name, "a linear predictor")?);
+            }
+        }
+        Ok(Linear { beta, n: names.len(), z, out, rows: rows.len(), add })
+    }
+
+    fn acts(&self, name: &str) -> bool {
+        self.effects.iter().any(|e| e.on.contains(&name))
+    }
+
+    fn hook(&mut self, observe: &'static str, name: &'static str, n: usize) -> usize {
+        let at = self.values(n);
+        self.model.offsets.push(at..at + n);
+        self.hooks.insert((observe, name), at);
+        at
+    }
+}
+
+/// The rows of an `observe` statement that hold a measurement, and the measurements.
+fn read_rows<Y: Observation>(
+    data: &Measurements,
+    observe: &str,
+) -> Result<(Vec<usize>, Vec<Y>), ModelError> {
+    let who = format!("observe {observe}");
+    // a single value may stand in a column of the statement's own name
+    let names: Vec<&str> = match Y::COLUMNS {
+        ["value"] if data.has(observe) => vec![observe],
+        names => names.to_vec(),
+    };
+    let (mut rows, mut y) = (vec![], vec![]);
+    for row in data.rows_of(observe) {
+        let mut cells = vec![];
+        for name in &names {
+            cells.push(data.number_or_empty(row, name, &who)?);
+        }
+        let read = Y::read(&cells).map_err(|problem| {
+            data.cell_error(row, &names.join(", "), problem, "mend the row or drop it")
+        })?;
+        if let Some(measurement) = read {
+            rows.push(row);
+            y.push(measurement);
+        }
+    }
+    if rows.is_empty() {
+        return Err(ModelError::NoRows { observe: observe.into(), file: data.file().into() });
+    }
+    Ok((rows, y))
+}
