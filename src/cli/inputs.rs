@@ -24,7 +24,7 @@ pub(super) struct InputArgs {
     #[arg(long, value_name = "FILE.vtk", requires = "units")]
     mesh: Option<PathBuf>,
     /// Unit of the mesh's coordinates: mm, cm, um or m
-    #[arg(long, value_name = "UNIT", value_parser = Units::from_str)]
+    #[arg(long, value_name = "UNIT", value_parser = Units::from_str, requires = "mesh")]
     units: Option<Units>,
     /// Eigenpairs of the mesh from elsewhere, in its unit: arrays `eigenvalues` (K) and
     /// `eigenfunctions` (vertices, K); `eplat mesh basis` writes the same
@@ -125,7 +125,9 @@ impl InputArgs {
     fn place(&self, mut table: Measurements, surface: &Surface) -> Result<Measurements, Failure> {
         table.place_on(surface, self.units.map_or(1.0, Units::in_mm))?;
         let sites = table.vertices().len();
-        eprintln!("data   {}: {} rows at {sites} sites", table.file(), table.len());
+        let count = |n: usize, what: &str| format!("{n} {what}{}", if n == 1 { "" } else { "s" });
+        let (rows, sites) = (count(table.len(), "row"), count(sites, "site"));
+        eprintln!("data   {}: {rows} at {sites}", table.file());
         Ok(table)
     }
 
