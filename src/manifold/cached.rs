@@ -7,7 +7,7 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 /// Part of every key: change it whenever [`eigenpairs`] may give other numbers.
-const ALGORITHM: &[u8] = b"eigenpairs 1: P1 cotangent, lumped mass, block Lanczos 8";
+const ALGORITHM: &[u8] = b"eigenpairs 2: P1 cotangent, lumped mass, block Lanczos 8, smoothed";
 
 /// [`eigenpairs`], read from the cache folder where the same mesh and number of modes were asked
 /// for before.
