@@ -60,7 +60,7 @@ struct SamplerArgs {
     #[arg(long, value_enum)]
     sampler: Option<SamplerArg>,
     /// Shape of the mass matrix [default: diag]; asks for nuts, for the blocked sampler has no choice
-    #[arg(long, value_enum, conflicts_with = "sampler")]
+    #[arg(long, value_enum)]
     metric: Option<MetricArg>,
     /// Threads; 0 means one per core. Changes no number
     #[arg(long, default_value_t = 0)]
@@ -95,8 +95,14 @@ impl SamplerArgs {
         }
     }
 
-    fn settings(&self, seed: u64) -> infer::Settings {
-        infer::Settings {
+    /// Checked, before anything slow is done.
+    fn settings(&self, seed: u64) -> Result<infer::Settings, Failure> {
+        if let (Some(SamplerArg::Blocked), Some(_)) = (self.sampler, self.metric) {
+            return Err(Failure::usage(
+                "--sampler blocked has no choice of --metric\nhelp: leave one of them out, or give --sampler nuts",
+            ));
+        }
+        let settings = infer::Settings {
             chains: self.chains,
             warmup: self.warmup,
             draws: self.draws,
@@ -108,15 +114,16 @@ impl SamplerArgs {
                 Some(MetricArg::Diag) | None => MetricKind::Diagonal,
             },
             ..Default::default()
-        }
+        };
+        settings.validate().map_err(Failure::usage)?;
+        Ok(settings)
     }
 }
 
 impl Command {
     pub(super) fn run(&self, compiled: &[Compiled]) -> Result<ExitCode, Failure> {
         let begun = Instant::now();
-        let settings = self.sampler.settings(self.input.seed);
-        settings.validate().map_err(Failure::usage)?;
+        let settings = self.sampler.settings(self.input.seed)?;
         let file = ModelFile::read(&self.model)?;
         let Some(model) = file.find(compiled) else { return run_compiled(&file) };
         let out = OutputFolder::open(&self.folder())?;

@@ -126,7 +126,6 @@ fn split_top_level(arguments: &str) -> Vec<&str> {
 
 #[cfg(test)]
 mod tests {
-
     use crate::dsl::{Declare, Model};
     use crate::prelude::*;
 
