@@ -8,12 +8,12 @@
 //! cent, `NUTS=1`.
 #![allow(clippy::unwrap_used, reason = "a test")]
 
-#[path = "support/posterior.rs"]
-mod posterior;
 #[path = "../models/erp_exact.rs"]
 mod erp_exact;
 #[path = "../models/erp_multiscale.rs"]
 mod erp_multiscale;
+#[path = "support/posterior.rs"]
+mod posterior;
 
 use eplat::dsl::{Declare, Measurements, Model, Sampler};
 use eplat::infer::{Settings, Silent, jittered_starts};
