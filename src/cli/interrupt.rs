@@ -5,6 +5,7 @@ use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 use std::time::Duration;
 
+use clap::Args;
 use sha2::{Digest as _, Sha256};
 use signal_hook::consts::{SIGINT, SIGTERM};
 use signal_hook::flag;
@@ -16,6 +17,31 @@ use crate::report::{RunRecord, Settings};
 
 /// Exit code of an interrupted run: that of a program that Ctrl-C ended.
 pub(super) const INTERRUPTED: u8 = 130;
+
+/// Options of runs that may be interrupted.
+#[derive(Debug, Args)]
+pub(super) struct ResumeArgs {
+    /// Go on with the interrupted run in the output folder, to the same numbers as without the
+    /// interruption; nothing is done if that run is complete
+    #[arg(long, conflicts_with_all = ["optimize", "prior"])]
+    pub(super) resume: bool,
+    /// Least time between two savings of what --resume goes on from; they never take more than 1 %
+    /// of a run
+    #[arg(long, value_name = "SECONDS", default_value_t = 2.0, conflicts_with_all = ["optimize", "prior"])]
+    checkpoint_every: f64,
+}
+
+impl ResumeArgs {
+    /// Least time between two savings.
+    pub(super) fn every(&self) -> Result<Duration, Failure> {
+        let seconds = self.checkpoint_every;
+        Duration::try_from_secs_f64(seconds).map_err(|_| {
+            Failure::usage(format_args!(
+                "--checkpoint-every: expected seconds, 0 or more, got {seconds}\nhelp: 2 is the default"
+            ))
+        })
+    }
+}
 
 /// Where an output folder holds its unfinished run.
 fn folder(out: &OutputFolder) -> PathBuf {

@@ -3,13 +3,13 @@
 use std::io::Write as _;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
-use std::time::{Duration, Instant};
+use std::time::Instant;
 
 use clap::{Args, ValueEnum};
 
 use super::compile::{COMPILE_SECONDS, run_compiled};
 use super::inputs::{InputArgs, Inputs, hash};
-use super::interrupt::{self, INTERRUPTED};
+use super::interrupt::{self, INTERRUPTED, ResumeArgs};
 use super::models::{Compiled, ModelFile};
 use super::optimise::optimise;
 use super::output::{Finished, OutputFolder, Sampled};
@@ -31,14 +31,8 @@ pub(super) struct Command {
     out: Option<PathBuf>,
     #[command(flatten)]
     sampler: SamplerArgs,
-    /// Go on with the interrupted run in the output folder, to the same numbers as without the
-    /// interruption; nothing is done if that run is complete
-    #[arg(long, conflicts_with_all = ["optimize", "prior"])]
-    resume: bool,
-    /// Least seconds between two savings of what --resume goes on from; never more than 1 % of the
-    /// time is spent on them
-    #[arg(long, value_name = "SECONDS", default_value_t = 2.0, conflicts_with_all = ["optimize", "prior"])]
-    checkpoint_every: f64,
+    #[command(flatten)]
+    resume: ResumeArgs,
     /// Find the posterior's mode by L-BFGS instead of sampling
     #[arg(long, conflicts_with_all = ["chains", "warmup", "draws", "target_accept", "sampler", "metric"])]
     optimize: bool,
@@ -134,7 +128,7 @@ impl Command {
     pub(super) fn run(&self, compiled: &[Compiled]) -> Result<ExitCode, Failure> {
         let begun = Instant::now();
         let settings = self.sampler.settings(self.input.seed)?;
-        let every = self.checkpoint_every()?;
+        let every = self.resume.every()?;
         let file = ModelFile::read(&self.model)?;
         let Some(model) = file.find(compiled) else { return run_compiled(&file) };
         let out = OutputFolder::open(&self.folder())?;
@@ -160,7 +154,8 @@ impl Command {
         }
         let starts = jittered_starts(&model, &model.initial(), settings.chains, settings.seed)?;
         let identity = finished.identity();
-        let Some(checkpoint) = interrupt::open(&out, identity, &starts, self.resume, every)? else {
+        let Some(checkpoint) = interrupt::open(&out, identity, &starts, self.resume.resume, every)?
+        else {
             eprintln!("complete: there is nothing left to do in {}", out.path().display());
             return Ok(ExitCode::SUCCESS);
         };
@@ -190,15 +185,6 @@ impl Command {
             writeln!(stdout, "\n{}", result.text(out))?;
         }
         Ok(if result.converged() { ExitCode::SUCCESS } else { ExitCode::from(3) })
-    }
-
-    fn checkpoint_every(&self) -> Result<Duration, Failure> {
-        let seconds = self.checkpoint_every;
-        Duration::try_from_secs_f64(seconds).map_err(|_| {
-            Failure::usage(format_args!(
-                "--checkpoint-every: expected seconds, 0 or more, got {seconds}\nhelp: 2 is the default"
-            ))
-        })
     }
 
     fn folder(&self) -> PathBuf {

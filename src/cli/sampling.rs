@@ -7,7 +7,7 @@ use super::output::Sampled;
 use super::progress::ChainBars;
 use crate::dsl::{Model, Sampler};
 use crate::error::Failure;
-use crate::infer::{Chain, ChainError, ChainFailure, Checkpoint, LogDensity as _, Settings};
+use crate::infer::{ChainError, ChainFailure, Checkpoint, LogDensity as _, Settings};
 
 /// What is sampled, and how.
 pub(super) struct Job<'a> {

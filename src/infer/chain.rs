@@ -119,7 +119,9 @@ impl<'a> Run<'a> {
     ) -> Result<(), ChainError> {
         let stops = self.progress.should_stop();
         // written as it is read, as `Kept`
-        self.keeper.keep(stops, || (nuts.state(), adapting, chain));
+        if self.keeper.is_due(stops) {
+            self.keeper.keep(&(nuts.state(), adapting, chain));
+        }
         if stops {
             return Err(self.error(phase, iteration, nuts, ChainFailure::Stopped));
         }

@@ -17,8 +17,8 @@ use std::sync::{Mutex, MutexGuard, OnceLock, PoisonError};
 use std::time::{Duration, Instant};
 
 use flate2::{Crc, CrcWriter};
+use serde::Serialize;
 use serde::de::DeserializeOwned;
-use serde::{Deserialize, Serialize};
 use sha2::{Digest as _, Sha256};
 
 use crate::atomic::write_file_durably;
@@ -322,14 +322,17 @@ impl<'a> Keeper<'a> {
         Self { checkpoint, name: name_of(chain), due }
     }
 
-    /// Between two transitions: keeps the chain if it is time to, or if it `stops` here.
-    pub(super) fn keep<T: Serialize>(&mut self, stops: bool, state: impl FnOnce() -> T) {
+    /// Between two transitions: whether it is time to keep the chain, or the chain `stops` here.
+    pub(super) fn is_due(&self, stops: bool) -> bool {
+        self.checkpoint.is_some() && (stops || Instant::now() >= self.due)
+    }
+
+    /// Keeps the chain.
+    pub(super) fn keep(&mut self, state: &impl Serialize) {
         let Some(checkpoint) = self.checkpoint else { return };
         let begun = Instant::now();
-        if stops || begun >= self.due {
-            checkpoint.keep(&self.name, &state());
-            self.due = Instant::now() + checkpoint.every.max(Self::COST * begun.elapsed());
-        }
+        checkpoint.keep(&self.name, state);
+        self.due = Instant::now() + checkpoint.every.max(Self::COST * begun.elapsed());
     }
 }
 

@@ -40,6 +40,12 @@ pub(super) struct NutsState {
     n_evaluations: u64,
 }
 
+impl NutsState {
+    pub(super) fn position(&self) -> &[f64] {
+        &self.position
+    }
+}
+
 /// A NUTS chain: its current point, step size, random stream and the tree's memory.
 pub(super) struct Nuts<'a> {
     flow: Flow<'a>,
