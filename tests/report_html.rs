@@ -83,6 +83,7 @@ fn record() -> RunRecord {
         unphysical: None,
         divergent_at: vec![],
         loo: None,
+        laplace: None,
     }
 }
 

@@ -4,6 +4,7 @@ mod check;
 mod compare;
 mod compile;
 mod inputs;
+mod laplace;
 mod mesh;
 mod models;
 mod optimise;

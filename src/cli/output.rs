@@ -17,8 +17,9 @@ use crate::infer::{self, Chain, LogDensity as _, MetricKind};
 use crate::manifold::Basis;
 use crate::mesh::{Surface, write_vtp};
 use crate::report::{
-    self, Group, Page, PointData, Posterior, RunRecord, Seconds, Variable, end_of_run, verdict,
-    write_draws, write_html, write_loo, write_summary_csv, write_summary_json, write_zarr,
+    self, Approximation, Group, Page, PointData, Posterior, RunRecord, Seconds, Variable,
+    end_of_run, verdict, write_draws, write_html, write_loo, write_summary_csv, write_summary_json,
+    write_zarr,
 };
 
 /// Most draws that field maps are averaged over; more change nothing that can be seen.
@@ -61,13 +62,15 @@ pub(super) struct Finished<'a> {
     pub(super) model: &'a Model,
     pub(super) inputs: &'a Inputs,
     pub(super) chains: &'a [Chain],
-    /// `blocked`, `nuts` or `prior`.
+    /// `blocked`, `nuts`, `prior` or `laplace`.
     pub(super) sampler: &'static str,
     pub(super) settings: &'a infer::Settings,
     pub(super) compile_seconds: f64,
     pub(super) setup_seconds: f64,
     pub(super) sampled_in: f64,
     pub(super) begun: Instant,
+    /// How good the draws are, if they are from a normal approximation.
+    pub(super) laplace: Option<Approximation>,
 }
 
 /// What the end of a run shows.
@@ -91,7 +94,12 @@ impl Finished<'_> {
     /// Writes every file; the record last.
     pub(super) fn write(&self, out: &OutputFolder) -> Result<Outcome, Failure> {
         let seed = self.settings.seed;
-        let posterior = Posterior::new(self.model, &self.inputs.measurements, self.chains, seed);
+        let mut posterior =
+            Posterior::new(self.model, &self.inputs.measurements, self.chains, seed);
+        if matches!(self.sampler, "prior" | "laplace") {
+            // Leaving a measurement out is a statement about draws from the posterior.
+            posterior.loo = None;
+        }
         let surface = self.inputs.surface.as_ref();
         let maps = surface.map(|(surface, basis)| self.maps(surface, basis));
         out.make()?;
@@ -257,6 +265,7 @@ impl Finished<'_> {
             units: maps.map(|m| m.units.clone()).unwrap_or_default(),
             divergent_at: self.suspects(),
             loo: posterior.loo.as_ref().map(|loo| loo.record.clone()),
+            laplace: self.laplace.clone(),
         }
     }
 

@@ -9,6 +9,7 @@ use clap::{Args, ValueEnum};
 
 use super::compile::{COMPILE_SECONDS, run_compiled};
 use super::inputs::{InputArgs, Inputs, hash};
+use super::laplace::approximate;
 use super::models::{Compiled, ModelFile};
 use super::optimise::optimise;
 use super::output::{Finished, OutputFolder};
@@ -24,7 +25,8 @@ pub(super) struct Command {
     model: PathBuf,
     #[command(flatten)]
     input: InputArgs,
-    /// Output folder [default: out/NAME, after the model file's name; with --optimize out/NAME-map]
+    /// Output folder [default: out/NAME, after the model file's name; with --optimize out/NAME-map,
+    /// with --laplace out/NAME-laplace]
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
     #[command(flatten)]
@@ -32,8 +34,11 @@ pub(super) struct Command {
     /// Find the posterior's mode by L-BFGS instead of sampling
     #[arg(long, conflicts_with_all = ["chains", "warmup", "draws", "target_accept", "sampler", "metric"])]
     optimize: bool,
-    /// Draw from the prior instead: the same outputs before the measurements have a say
+    /// Draw from the normal approximation at the mode instead, and say how good it is
     #[arg(long, conflicts_with_all = ["optimize", "warmup", "target_accept", "sampler", "metric"])]
+    laplace: bool,
+    /// Draw from the prior instead: the same outputs before the measurements have a say
+    #[arg(long, conflicts_with_all = ["optimize", "laplace", "warmup", "target_accept", "sampler", "metric"])]
     prior: bool,
     /// Print the summary and the run record as JSON on stdout
     #[arg(long)]
@@ -134,8 +139,14 @@ impl Command {
             return optimise(&laid_out, &inputs, &out, self.json);
         }
         let sampler = self.sampler.choose(&laid_out)?;
+        let mut laplace = None;
         let (chains, sampled_in) = if self.prior {
             draw_prior(&laid_out, &settings)?
+        } else if self.laplace {
+            let sampling = Instant::now();
+            let (chains, quality) = approximate(&laid_out, &settings)?;
+            laplace = Some(quality);
+            (chains, sampling.elapsed().as_secs_f64())
         } else {
             sample(&laid_out, sampler, &settings, begun)?
         };
@@ -143,12 +154,17 @@ impl Command {
             model: &laid_out,
             inputs: &inputs,
             chains: &chains,
-            sampler: if self.prior { "prior" } else { sampler.name() },
+            sampler: match (self.prior, self.laplace) {
+                (true, _) => "prior",
+                (_, true) => "laplace",
+                _ => sampler.name(),
+            },
             settings: &settings,
             compile_seconds: compile_seconds(),
             setup_seconds: begun.elapsed().as_secs_f64() - sampled_in,
             sampled_in,
             begun,
+            laplace,
         };
         let result = finished.write(&out)?;
         let mut stdout = std::io::stdout().lock();
@@ -162,7 +178,11 @@ impl Command {
 
     fn folder(&self) -> PathBuf {
         let name = self.model.file_stem().unwrap_or("model".as_ref()).display().to_string();
-        let name = if self.optimize { name + "-map" } else { name };
+        let name = match (self.optimize, self.laplace) {
+            (true, _) => name + "-map",
+            (_, true) => name + "-laplace",
+            _ => name,
+        };
         self.out.clone().unwrap_or_else(|| Path::new("out").join(name))
     }
 }

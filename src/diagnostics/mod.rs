@@ -9,6 +9,7 @@
 //! localization: an improved R̂"; conventions as in `ArviZ` 1.3, against which the tests compare.
 
 mod ess;
+mod importance;
 mod loo;
 mod mcse;
 mod psis;
@@ -16,6 +17,7 @@ mod rank;
 mod special;
 
 pub use ess::{ess_bulk, ess_mean, ess_tail};
+pub use importance::{Importance, importance};
 pub use loo::{Loo, LooPoint, loo, relative_efficiency, standard_error};
 pub use mcse::{mcse_mean, mcse_quantile, mcse_sd};
 pub use rank::r_hat;

@@ -11,7 +11,7 @@ use std::path::Path;
 
 use super::svg::{rank_plot, trace_plot};
 use super::table::{HEAVY_TAIL, Line, TITLES, lines};
-use super::{Group, ReportError, Row, RunRecord, Values, verdict};
+use super::{Group, ReportError, Row, RunRecord, Settings, Values, verdict};
 use crate::atomic::write_file;
 use crate::mesh::TriMesh;
 
@@ -168,13 +168,7 @@ fn run(record: &RunRecord) -> String {
                 settings.chains, settings.warmup, settings.draws
             ),
         ),
-        (
-            "sampler",
-            format!(
-                "NUTS, target acceptance {}, {} metric",
-                settings.target_accept, settings.metric
-            ),
-        ),
+        ("sampler", sampler(settings)),
         ("parameters", record.n_params.to_string()),
         ("gradients", format!("{} at {:.0} ns", record.grad_evals, record.ns_per_grad)),
         ("ESS per second", format!("{:.0}", record.ess_per_second)),
@@ -195,6 +189,17 @@ fn run(record: &RunRecord) -> String {
     }
     let term = |(name, value): &(&str, String)| format!("<dt>{name}<dd>{}", escape(value));
     terms.iter().map(term).collect::<Vec<_>>().join("\n")
+}
+
+/// How the draws were made, with the settings that mattered.
+fn sampler(settings: &Settings) -> String {
+    let target = settings.target_accept;
+    match settings.sampler.as_str() {
+        "nuts" => format!("NUTS, target acceptance {target}, {} metric", settings.metric),
+        "blocked" => format!("blocked, target acceptance {target}"),
+        "laplace" => "none: normal approximation at the mode".to_owned(),
+        other => format!("none: {other}"),
+    }
 }
 
 /// The data of the viewer, three.js and the viewer, as script elements.

@@ -60,6 +60,7 @@ pub(super) fn record() -> RunRecord {
             n_high_k: 0,
             worst: vec![],
         }),
+        laplace: None,
     }
 }
 

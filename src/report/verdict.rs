@@ -36,9 +36,13 @@ struct Worst<'a> {
 /// Judges a run by the worst of its rows, its divergences and its energies.
 ///
 /// A quantity that never varies has neither R̂ nor ESS (NaN) and is passed over; without any other there is
-/// nothing to trust and the run has not converged.
+/// nothing to trust and the run has not converged.  Of a normal approximation the importance weights decide alone:
+/// its draws are independent, so that R̂ and ESS say nothing.
 pub fn verdict(record: &RunRecord, rows: &[Row]) -> Verdict {
     let n_draws = record.settings.chains * record.settings.draws;
+    if let Some(approximation) = &record.laplace {
+        return approximation.verdict(n_draws);
+    }
     let share = record.divergences as f64 / (n_draws as f64).max(1.0);
     let (Some(r_hat), Some(ess)) =
         (worst(rows, |row| row.summary.r_hat), worst(rows, |row| -row.ess()))
