@@ -34,8 +34,7 @@ fn the_evidence_of_a_normal_model_is_exact() {
     let data = table("y", &y.map(|y: f64| y.to_string()));
     let model = Model::new(&normal::KnownSd, None, &data).unwrap();
     let optimum = maximise(&model, &model.initial(), &OptimumSettings::default()).unwrap();
-    let drawn =
-        Laplace::at(&model, &optimum).unwrap().draws(&model, &Settings::default()).unwrap();
+    let drawn = Laplace::at(&model, &optimum).unwrap().draws(&model, &Settings::default()).unwrap();
     let ratios: Vec<f64> = drawn.into_iter().flat_map(|d| d.log_ratios).collect();
     let found = importance(&ratios);
     // y ~ N(1, 4 I + 1.5² 1 1ᵀ)
