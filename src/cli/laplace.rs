@@ -1,18 +1,19 @@
 //! `eplat run MODEL.rs --laplace`: draws from the normal approximation at the mode, and how good it is.
 
+use std::time::Instant;
+
 use super::optimise::climb;
+use super::output::Sampled;
 use crate::diagnostics::importance;
 use crate::dsl::Model;
 use crate::error::Failure;
-use crate::infer::{Chain, InferError, Laplace, LaplaceDraws, Settings};
+use crate::infer::{InferError, Laplace, LaplaceDraws, Settings};
 use crate::report::Approximation;
 
 /// Draws as many chains as the settings say, corrected by their importance weights where these can be
 /// relied on; else as they are, to be looked at.
-pub(super) fn approximate(
-    model: &Model,
-    settings: &Settings,
-) -> Result<(Vec<Chain>, Approximation), Failure> {
+pub(super) fn approximate(model: &Model, settings: &Settings) -> Result<Sampled, Failure> {
+    let begun = Instant::now();
     let optimum = climb(model)?;
     let laplace = Laplace::at(model, &optimum).map_err(|error| named(model, error))?;
     eprintln!("model  {}: normal approximation at its mode, not sampled", model.name);
@@ -25,7 +26,8 @@ pub(super) fn approximate(
     } else {
         drawn.into_iter().map(|d| d.chain).collect()
     };
-    Ok((chains, quality))
+    let (seconds, laplace) = (begun.elapsed().as_secs_f64(), Some(quality));
+    Ok(Sampled { chains, seconds, laplace, ..Sampled::default() })
 }
 
 /// The error with the unknown's name in place of its number.

@@ -11,9 +11,10 @@ use super::hamiltonian::Metric;
 use super::nuts::{Nuts, Transition};
 use super::sample::MetricKind;
 use super::{Evaluator, moments::Moments};
+use serde::{Deserialize, Serialize};
 
 /// Step size that brings the mean acceptance to δ.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Serialize, Deserialize)]
 pub(super) struct DualAveraging {
     /// Target acceptance.
     delta: f64,
@@ -111,7 +112,7 @@ pub(super) fn conditional_scales(
 /// ```
 /// Two windows overlap: the metric comes from the older one, which is dropped for the younger
 /// whenever that has filled, so early draws are forgotten and no draw is waited for.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Serialize, Deserialize)]
 pub(super) struct Warmup {
     early_end: usize,
     metric_end: usize,

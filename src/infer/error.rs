@@ -1,6 +1,8 @@
 //! What can go wrong in inference, as texts a person can act on.
 
+use super::checkpoint::CheckpointError;
 use super::sample::Phase;
+use serde::{Deserialize, Serialize};
 
 /// Input that cannot be sampled, found before any chain starts.
 #[derive(Debug, thiserror::Error)]
@@ -116,6 +118,9 @@ pub enum InferError {
         /// Points tried.
         tried: usize,
     },
+    /// What was kept of an interrupted run cannot be used.
+    #[error(transparent)]
+    Checkpoint(#[from] CheckpointError),
     /// The thread pool could not be made.
     #[error(
         "cannot start {threads} threads: {reason}\n\
@@ -130,7 +135,7 @@ pub enum InferError {
 }
 
 /// Why one chain ended without its draws.
-#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error, Serialize, Deserialize)]
 #[non_exhaustive]
 pub enum ChainFailure {
     /// Density or gradient not finite at the start.
@@ -151,7 +156,7 @@ pub enum ChainFailure {
 }
 
 /// A chain that failed, with all that is needed to see it fail again.
-#[derive(Clone, Debug, thiserror::Error)]
+#[derive(Clone, Debug, thiserror::Error, Serialize, Deserialize)]
 #[error("chain {chain} (seed {seed}), {phase} iteration {iteration}: {failure}")]
 pub struct ChainError {
     /// The chain, from 0.

@@ -5,6 +5,8 @@
 
 mod adapt;
 mod blocked;
+mod chain;
+mod checkpoint;
 mod error;
 mod hamiltonian;
 mod laplace;
@@ -19,6 +21,7 @@ mod tree;
 mod vector;
 
 pub use blocked::{Design, FieldLayout, Latent, LatentGaussian, Layout, Shape, sample_blocked};
+pub use checkpoint::{Checkpoint, CheckpointError, Identity, differences};
 pub use error::{ChainError, ChainFailure, InferError};
 pub use laplace::{Laplace, LaplaceDraws};
 pub use optimise::{Optimum, OptimumSettings, maximise};

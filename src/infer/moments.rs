@@ -1,9 +1,10 @@
 //! Running moments of draws and gradients, and the metrics made from them.
 
 use faer::{Mat, Side};
+use serde::{Deserialize, Serialize};
 
 /// Running means and second moments of positions and gradients (Welford).
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Serialize, Deserialize)]
 pub(super) struct Moments {
     n: usize,
     position: Welford,
@@ -80,7 +81,7 @@ impl Moments {
 }
 
 /// Mean and sum of squared deviations of each coordinate.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Serialize, Deserialize)]
 struct Welford {
     mean: Vec<f64>,
     squares: Vec<f64>,

@@ -23,19 +23,19 @@ pub(crate) mod erp {
     }
 }
 
-/// The broken twin: lengthscales a fifth longer.
-pub(crate) mod erp_longer {
+/// The broken twin: amplitudes and lengthscales a fifth larger.
+pub(crate) mod erp_larger {
     use super::*;
     model! {
-        model ErpLonger;
+        model ErpLarger;
         field tau_out(x) [ms] = m + alpha * gp(authors(Rbf(rho)), K = 24) where {
             m     [ms] ~ Normal(12.0, 2.0);
-            alpha [ms] ~ LogNormal(0.3, 0.4);
+            alpha [ms] ~ LogNormal(0.48, 0.4);
             rho   [mm] ~ InvGamma(5.0, 180.0);
         }
         field apd_max(x) [ms] = m + alpha * gp(authors(Rbf(rho)), K = 24) where {
             m     [ms] ~ Normal(195.0, 10.0);
-            alpha [ms] ~ LogNormal(1.9, 0.4);
+            alpha [ms] ~ LogNormal(2.08, 0.4);
             rho   [mm] ~ InvGamma(5.0, 180.0);
         }
         let erp_s2(x) [ms] = surrogate::erp_s2(tau_out(x), apd_max(x));

@@ -54,10 +54,16 @@ def check_use(run):
         print(f"\nloo {name}\n{estimate}")
         assert np.isfinite(estimate.elpd), f"{name}: elpd {estimate.elpd}"
     scalars = [name for name, v in run["posterior"].data_vars.items() if v.ndim == 2]
+    plots = {
+        "trace": lambda: az.plot_trace(run, var_names=scalars[:4]),
+        "trace_dist": lambda: az.plot_trace_dist(run, var_names=scalars[:4]),
+        "ppc_dist": lambda: az.plot_ppc_dist(run),
+    }
     with tempfile.TemporaryDirectory() as folder:
-        picture = Path(folder) / "trace.png"
-        az.plot_trace(run, var_names=scalars[:4]).savefig(picture)
-        assert picture.stat().st_size > 10_000, "the trace plot is empty"
+        for name, plot in plots.items():
+            picture = Path(folder) / f"{name}.png"
+            plot().savefig(picture)
+            assert picture.stat().st_size > 5_000, f"plot_{name} is empty"
 
 
 def main(path):
