@@ -140,10 +140,9 @@ fn erp_model(n_sites: usize) -> Model {
 
 fn check(job: &Job) {
     let whole = job.whole();
-    for every in [&[37, 5, 111][..], &[1, 150]] {
-        assert!(job.in_pieces(every) == whole, "in pieces of {every:?}");
-    }
-    for transitions in [20, 77, 130, 190, 299] {
+    let every = [37, 1, 5, 111];
+    assert!(job.in_pieces(&every) == whole, "in pieces of {every:?}");
+    for transitions in [20, 130, 190, 299] {
         assert!(job.after_loss(transitions) == whole, "after a loss at {transitions}");
     }
 }
@@ -176,20 +175,19 @@ fn blocked_with_unknowns_beside_the_fields() {
     check(&Job::new(model, Sampler::Blocked, settings()));
 }
 
-/// The test above would pass if states were never read, were it not for this: with one number of
-/// them changed, the draws change.
+/// What is read is what the chain goes on from: with another chain's state the draws are others.
 #[test]
-fn a_state_is_what_the_run_goes_on_from() {
-    let job = Job::new(erp_model(10), Sampler::Blocked, Settings { threads: 1, ..settings() });
+fn a_chain_goes_on_from_its_state() {
+    let job = Job::new(erp_model(10), Sampler::Blocked, settings());
     let place = tempfile::tempdir().unwrap();
-    let [mine, other] = ["mine", "other"].map(|name| place.path().join(name));
+    let folder = place.path().join("checkpoint");
     let long = Duration::from_secs(3600);
-    for (folder, transitions) in [(&mine, 260), (&other, 290)] {
-        let checkpoint = Checkpoint::begin(folder, &identity(), long).unwrap();
-        job.sample(&Cut { checkpoint, left: transitions.into() });
-    }
-    fs::copy(other.join("chain-0"), mine.join("chain-1")).unwrap();
-    let checkpoint = Checkpoint::resume(&mine, &identity(), long).unwrap();
+    let checkpoint = Checkpoint::begin(&folder, &identity(), long).unwrap();
+    // warm-up takes 180
+    job.sample(&Cut { checkpoint, left: 190.into() });
+    let states = [0, 1, 2].map(|chain| folder.join(format!("chain-{chain}")));
+    fs::copy(&states[1], &states[2]).unwrap();
+    let checkpoint = Checkpoint::resume(&folder, &identity(), long).unwrap();
     let mixed = numbers(all(job.sample(&Cut { checkpoint, left: usize::MAX.into() })));
     assert!(mixed != job.whole());
 }

@@ -15,23 +15,29 @@ use crate::error::Failure;
 use crate::infer::{Checkpoint, Identity, differences};
 use crate::report::{RunRecord, Settings};
 
+/// Part of a run's identity.
+const STARTS: &str = "hash of the starting points";
 /// Exit code of an interrupted run: that of a program that Ctrl-C ended.
 pub(super) const INTERRUPTED: u8 = 130;
 
-/// Options of runs that may be interrupted.
+/// Options of how a run begins.
 #[derive(Debug, Args)]
-pub(super) struct ResumeArgs {
+pub(super) struct BeginArgs {
     /// Go on with the interrupted run in the output folder, to the same numbers as without the
     /// interruption; nothing is done if that run is complete
     #[arg(long, conflicts_with_all = ["optimize", "laplace", "prior"])]
     pub(super) resume: bool,
+    /// Start from the results of an earlier run of this model, perhaps on fewer measurements: a
+    /// short --warmup is then enough
+    #[arg(long, value_name = "DIR", conflicts_with_all = ["optimize", "laplace", "prior"])]
+    pub(super) init: Option<PathBuf>,
     /// Least time between two savings of what --resume goes on from; they never take more than 1 %
     /// of a run
     #[arg(long, value_name = "SECONDS", default_value_t = 2.0, conflicts_with_all = ["optimize", "laplace", "prior"])]
     checkpoint_every: f64,
 }
 
-impl ResumeArgs {
+impl BeginArgs {
     /// Least time between two savings.
     pub(super) fn every(&self) -> Result<Duration, Failure> {
         let seconds = self.checkpoint_every;
@@ -88,9 +94,16 @@ pub(super) fn open(
         return Ok(None);
     }
     let mut identity = identity;
-    identity.insert("hash of the starting points".into(), hash_of(starts));
+    identity.insert(STARTS.into(), hash_of(starts));
     if !resume {
         return Ok(Some(Checkpoint::begin(&folder, &identity, every)?));
+    }
+    if let Some(there) = Checkpoint::identity(&folder)?
+        && differences(&there, &identity).len() > 1
+    {
+        // they follow from what else differs, which tells more
+        identity.remove(STARTS);
+        identity.extend(there.get(STARTS).map(|hash| (STARTS.to_owned(), hash.clone())));
     }
     let checkpoint = Checkpoint::resume(&folder, &identity, every)?;
     let seconds = checkpoint.seconds_before();

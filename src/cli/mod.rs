@@ -3,6 +3,7 @@
 mod check;
 mod compare;
 mod compile;
+mod init;
 mod inputs;
 mod interrupt;
 mod laplace;

@@ -8,6 +8,7 @@ use std::time::Instant;
 
 use serde_json::{Map, Value, json};
 
+use super::init::{self, WarmStart};
 use super::inputs::Inputs;
 use super::interrupt::identity;
 use crate::atomic::write_file;
@@ -145,6 +146,10 @@ impl Finished<'_> {
             write_file(&path, |file| file.write_all(text.as_bytes()))
                 .map_err(|error| Failure::io("write", &path, &error))?;
             files.push("measurements.csv");
+        }
+        if self.settings.sampler != "prior" {
+            WarmStart::new(self.model, &self.sampled.chains).write(&out.file(init::FILE))?;
+            files.push(init::FILE);
         }
         let record = self.record(&posterior, maps.as_ref());
         self.write_page(out, &posterior, &record, maps.as_ref())?;

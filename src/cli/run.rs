@@ -8,8 +8,9 @@ use std::time::Instant;
 use clap::{Args, ValueEnum};
 
 use super::compile::{COMPILE_SECONDS, run_compiled};
+use super::init;
 use super::inputs::{InputArgs, Inputs, hash};
-use super::interrupt::{self, INTERRUPTED, ResumeArgs};
+use super::interrupt::{self, BeginArgs, INTERRUPTED};
 use super::laplace::approximate;
 use super::models::{Compiled, ModelFile};
 use super::optimise::optimise;
@@ -34,7 +35,7 @@ pub(super) struct Command {
     #[command(flatten)]
     sampler: SamplerArgs,
     #[command(flatten)]
-    resume: ResumeArgs,
+    begin: BeginArgs,
     /// Find the posterior's mode by L-BFGS instead of sampling
     #[arg(long, conflicts_with_all = ["chains", "warmup", "draws", "target_accept", "sampler", "metric"])]
     optimize: bool,
@@ -132,13 +133,16 @@ impl SamplerArgs {
 impl Command {
     pub(super) fn run(&self, compiled: &[Compiled]) -> Result<ExitCode, Failure> {
         let begun = Instant::now();
-        let settings = self.sampler.settings(self.input.seed)?;
-        let every = self.resume.every()?;
+        let mut settings = self.sampler.settings(self.input.seed)?;
+        let every = self.begin.every()?;
         let file = ModelFile::read(&self.model)?;
         let Some(model) = file.find(compiled) else { return run_compiled(&file) };
         let out = OutputFolder::open(&self.folder())?;
         let mut inputs = self.input.load(model)?;
         inputs.hashes.insert("model".into(), hash(&self.model)?);
+        if let Some(folder) = &self.begin.init {
+            inputs.hashes.insert("init".into(), hash(&folder.join(init::FILE))?);
+        }
         let model = lay_out(model, &inputs)?;
         if self.optimize {
             return optimise(&model, &inputs, &out, self.json);
@@ -163,9 +167,12 @@ impl Command {
             finished.sampled = draw(&model, &settings)?;
             return self.finish(&finished, &out);
         }
-        let starts = jittered_starts(&model, &model.initial(), settings.chains, settings.seed)?;
+        let starts = match &self.begin.init {
+            Some(folder) => init::starts(folder, &model, &mut settings)?,
+            None => jittered_starts(&model, &model.initial(), settings.chains, settings.seed)?,
+        };
         let identity = finished.identity();
-        let Some(checkpoint) = interrupt::open(&out, identity, &starts, self.resume.resume, every)?
+        let Some(checkpoint) = interrupt::open(&out, identity, &starts, self.begin.resume, every)?
         else {
             eprintln!("complete: there is nothing left to do in {}", out.path().display());
             return Ok(ExitCode::SUCCESS);

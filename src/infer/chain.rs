@@ -3,6 +3,7 @@
 use super::adapt::{Warmup, conditional_scales};
 use super::checkpoint::Keeper;
 use super::hamiltonian::{Hamiltonian, Metric};
+use super::moments::Moments;
 use super::nuts::{Nuts, NutsState};
 use super::sample::{Reporter, chain_stream, is_usable};
 use super::{
@@ -29,11 +30,12 @@ impl<'a> Run<'a> {
         Self { chain, settings, progress, reporter, keeper }
     }
 
-    /// From `start`, or from where it was interrupted.
+    /// From `start` and what is `learnt` beforehand, or from where it was interrupted.
     pub(super) fn run(
         &mut self,
         density: &dyn LogDensity,
         start: &[f64],
+        learnt: &Moments,
         kept: Option<Kept>,
     ) -> ChainResult {
         let mut nuts = self.begin(density, start);
@@ -42,7 +44,7 @@ impl<'a> Run<'a> {
                 nuts.restore(state);
                 (adapting, chain)
             }
-            None => (Some((0, self.begin_warmup(&mut nuts)?)), Chain::default()),
+            None => (Some((0, self.begin_warmup(&mut nuts, learnt)?)), Chain::default()),
         };
         if let Some((done, adapt)) = &mut adapting {
             self.warm_up(&mut nuts, *done, adapt, &mut chain)?;
@@ -60,12 +62,12 @@ impl<'a> Run<'a> {
         Nuts::new(hamiltonian, start, self.settings.max_depth, rng)
     }
 
-    fn begin_warmup(&self, nuts: &mut Nuts) -> Result<Warmup, ChainError> {
+    fn begin_warmup(&self, nuts: &mut Nuts, learnt: &Moments) -> Result<Warmup, ChainError> {
         if !is_usable(nuts) {
             return Err(self.error(Phase::Warmup, 0, nuts, ChainFailure::NoSupport));
         }
         let Settings { warmup, target_accept, metric, .. } = *self.settings;
-        Warmup::begin(nuts, metric, warmup, target_accept)
+        Warmup::begin(nuts, metric, warmup, target_accept, learnt)
             .ok_or_else(|| self.error(Phase::Warmup, 0, nuts, ChainFailure::NoStepSize))
     }
 

@@ -68,6 +68,17 @@ pub enum InferError {
         /// Length given.
         got: usize,
     },
+    /// A draw of an earlier run of the wrong length.
+    #[error(
+        "draw of an earlier run: expected {expected} coordinates, got {got}\n\
+         help: a draw has one unconstrained number per unknown, `LogDensity::dim()` in all"
+    )]
+    EarlierLength {
+        /// Dimension of the density.
+        expected: usize,
+        /// Length given.
+        got: usize,
+    },
     /// No density at the initial point.
     #[error(
         "the initial point has no support: its log density is {ln_density} (expected a finite \

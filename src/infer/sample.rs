@@ -6,6 +6,7 @@ use super::LogDensity;
 use super::chain::{Kept, Run};
 use super::checkpoint::{Checkpoint, take_chains};
 use super::error::{ChainError, InferError};
+use super::moments::Moments;
 use super::nuts::{Nuts, Transition};
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
@@ -43,6 +44,9 @@ pub struct Settings {
     pub threads: usize,
     /// The shape of the metric.
     pub metric: MetricKind,
+    /// Draws of a similar density, each `(dim)`: warm-up begins with what they tell about scales,
+    /// so that it can be short. Empty: it begins with nothing.
+    pub earlier: Vec<Vec<f64>>,
 }
 
 impl Default for Settings {
@@ -56,6 +60,7 @@ impl Default for Settings {
             seed: 1,
             threads: 0,
             metric: MetricKind::Diagonal,
+            earlier: vec![],
         }
     }
 }
@@ -240,7 +245,7 @@ pub type ChainResult = Result<Chain, ChainError>;
 ///
 /// # Errors
 /// Those of [`Settings::validate`]; [`InferError::NoUnknowns`], [`InferError::StartCount`],
-/// [`InferError::StartLength`] for starts that do not fit; [`InferError::Checkpoint`];
+/// [`InferError::StartLength`], [`InferError::EarlierLength`] for positions that do not fit; [`InferError::Checkpoint`];
 /// [`InferError::Threads`].
 pub fn sample(
     density: &dyn LogDensity,
@@ -250,9 +255,10 @@ pub fn sample(
 ) -> Result<Vec<ChainResult>, InferError> {
     check_starts(density, starts, settings)?;
     let kept: Vec<Option<Kept>> = take_chains(progress.checkpoint(), starts.len())?;
+    let learnt = Moments::of(density, &settings.earlier, settings.metric == MetricKind::Dense);
     let chains: Vec<_> = starts.iter().zip(kept).enumerate().collect();
     let run = |(chain, (start, kept)): (usize, (&Vec<f64>, Option<Kept>))| {
-        Run::new(chain, settings, progress).run(density, start, kept)
+        Run::new(chain, settings, progress).run(density, start, &learnt, kept)
     };
     Ok(thread_pool(settings)?.install(|| chains.into_par_iter().map(run).collect()))
 }
@@ -273,6 +279,9 @@ pub(super) fn check_starts(
     }
     if let Some(chain) = starts.iter().position(|start| start.len() != dim) {
         return Err(InferError::StartLength { chain, expected: dim, got: starts[chain].len() });
+    }
+    if let Some(draw) = settings.earlier.iter().find(|draw| draw.len() != dim) {
+        return Err(InferError::EarlierLength { expected: dim, got: draw.len() });
     }
     Ok(())
 }

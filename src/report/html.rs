@@ -213,6 +213,9 @@ fn run(record: &RunRecord) -> String {
             ),
         ),
     ];
+    if !record.divergent_at.is_empty() {
+        terms.push(("divergences come from", record.divergent_at.join(", ")));
+    }
     for failed in &record.failed_chains {
         terms.push(("failed", failed.clone()));
     }

@@ -7,9 +7,7 @@ Warnings about the file are failures too.  Prints the versions, one line `mean N
 """
 
 import sys
-import tempfile
 import warnings
-from pathlib import Path
 
 import matplotlib
 
@@ -59,11 +57,9 @@ def check_use(run):
         "trace_dist": lambda: az.plot_trace_dist(run, var_names=scalars[:4]),
         "ppc_dist": lambda: az.plot_ppc_dist(run),
     }
-    with tempfile.TemporaryDirectory() as folder:
-        for name, plot in plots.items():
-            picture = Path(folder) / f"{name}.png"
-            plot().savefig(picture)
-            assert picture.stat().st_size > 5_000, f"plot_{name} is empty"
+    for name, plot in plots.items():
+        axes = plot().viz["figure"].item().axes
+        assert axes and all(len(ax.lines) > 0 for ax in axes), f"plot_{name} drew nothing"
 
 
 def main(path):

@@ -7,6 +7,7 @@ use super::stand_in::{Sample, StandIn};
 use crate::infer::adapt::Warmup;
 use crate::infer::checkpoint::Keeper;
 use crate::infer::hamiltonian::{Hamiltonian, Metric};
+use crate::infer::moments::Moments;
 use crate::infer::nuts::{Nuts, NutsState, Transition};
 use crate::infer::sample::{Reporter, chain_stream, is_usable};
 use crate::infer::{
@@ -209,7 +210,9 @@ impl<'a> Run<'a> {
 
     fn begin_learning(&mut self, n: usize) -> Result<Warmup, ChainError> {
         let Settings { target_accept, .. } = *self.common.settings;
-        Warmup::begin(&mut self.nuts, MetricKind::Diagonal, n, target_accept)
+        // whitened coordinates: scales are near 1 before anything is learnt
+        let nothing = Moments::new(self.nuts.point.position.len(), false);
+        Warmup::begin(&mut self.nuts, MetricKind::Diagonal, n, target_accept, &nothing)
             .ok_or_else(|| self.error(Phase::Warmup, 0, ChainFailure::NoStepSize))
     }
 

@@ -44,7 +44,7 @@ pub fn sample_blocked(
     let mut kept = take_chains(checkpoint, starts.len())?;
     let shared = checkpoint.map_or(Ok(None), Checkpoint::take_common)?;
     Ok(thread_pool(settings)?.install(|| {
-        let shared = shared.unwrap_or_else(|| Shared::new(density, starts, settings.seed));
+        let shared = shared.unwrap_or_else(|| Shared::new(density, starts, settings));
         let shared = warm_up(density, shared, &mut kept, settings, progress);
         let common = shared.common(density, settings, progress);
         for_each_chain(common, &shared.links, &mut kept, |chain, link, kept| {

@@ -31,12 +31,30 @@ pub(super) struct Shared {
 }
 
 impl Shared {
-    /// At the chains' starts.
-    pub(super) fn new(density: &dyn LatentGaussian, starts: &[Vec<f64>], seed: u64) -> Self {
+    /// Draws of an earlier run that can stand for the first stage.
+    const ENOUGH: usize = 80;
+
+    /// At the chains' starts. Draws of an earlier run shape the proposal; the stand-in is of the
+    /// present likelihood, which may have terms where those draws are far off.
+    pub(super) fn new(
+        density: &dyn LatentGaussian,
+        starts: &[Vec<f64>],
+        settings: &Settings,
+    ) -> Self {
         let links: Vec<Chained> = starts.iter().map(|start| Ok(link(density, start))).collect();
-        let stand_in = first_stand_in(density, &links, seed);
+        let stand_in = first_stand_in(density, &links, settings.seed);
         let proposal = first_proposal(density, &starts[0]);
-        Self { stage: 0, before: 0, stand_in, proposal, links }
+        let mut new = Self { stage: 0, before: 0, stand_in, proposal, links };
+        if settings.earlier.len() >= Self::ENOUGH && !density.layout().hyper.is_empty() {
+            let layout = density.layout();
+            let hyper = |draw: &Vec<f64>| {
+                let outer = layout.outer_of(draw);
+                layout.hyper.iter().map(|i| outer[*i]).collect()
+            };
+            new.proposal.fit(&settings.earlier.iter().map(hyper).collect::<Vec<_>>());
+            new.stage = 1;
+        }
+        new
     }
 
     /// What chains need in this stage. From here on an interrupted run goes on from this.
