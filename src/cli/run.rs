@@ -125,7 +125,7 @@ impl Command {
         let begun = Instant::now();
         let settings = self.sampler.settings(self.input.seed)?;
         let file = ModelFile::read(&self.model)?;
-        let Some(model) = file.find(compiled) else { return run_compiled(&file) };
+        let Some(model) = file.find(compiled)? else { return run_compiled(&file) };
         let out = OutputFolder::open(&self.folder())?;
         let mut inputs = self.input.load(model)?;
         inputs.hashes.insert("model".into(), hash(&self.model)?);
