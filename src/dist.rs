@@ -102,8 +102,8 @@ macro_rules! family {
         $(#[$doc])*
         #[allow(non_snake_case)]
         #[inline]
-        pub fn $T<D: Real>($($a: impl Into<D>),*) -> $T<D> {
-            $T { $($a: $a.into()),* }
+        pub fn $T<D: Real>($($a: impl crate::num::Argument<D>),*) -> $T<D> {
+            $T { $($a: crate::num::Argument::number($a)),* }
         }
     )*};
 }

@@ -7,7 +7,7 @@ use rand::{Rng, RngExt};
 use rand_distr::StandardNormal;
 
 use crate::dist::{Normal, ln_gamma, ln_logistic, logistic};
-use crate::num::{LN_SQRT_2PI, Real};
+use crate::num::{Argument, LN_SQRT_2PI, Real};
 
 /// How a measurement is read from a row of a table.
 #[diagnostic::on_unimplemented(
@@ -235,8 +235,8 @@ pub struct Interval<D> {
 /// See the type [`struct@Interval`].
 #[allow(non_snake_case)]
 #[inline]
-pub fn Interval<D: Real>(f: impl Into<D>, sigma: impl Into<D>) -> Interval<D> {
-    Interval { f: f.into(), sigma: sigma.into() }
+pub fn Interval<D: Real>(f: impl Argument<D>, sigma: impl Argument<D>) -> Interval<D> {
+    Interval { f: f.number(), sigma: sigma.number() }
 }
 
 impl<D: Real> Likelihood<D, Bracket> for Interval<D> {
