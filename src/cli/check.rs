@@ -47,6 +47,9 @@ impl Command {
         for observe in &model.observes {
             writeln!(out, "observe {}: {} measurements", observe.name, observe.rows.len())?;
         }
+        for density in model.densities.iter().filter(|d| !d.rows.is_empty()) {
+            writeln!(out, "density {}: {} measurements", density.name, density.rows.len())?;
+        }
         writeln!(out, "{} unknowns", model.dim())?;
         writeln!(
             out,

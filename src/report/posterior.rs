@@ -156,9 +156,8 @@ fn log_likelihood(
     [chains, draws]: [usize; 2],
 ) -> Group {
     let places: Vec<String> = model
-        .observes
-        .iter()
-        .flat_map(|o| o.rows.iter().map(|row| format!("{} {}", o.name, data.place(*row))))
+        .measured()
+        .flat_map(|(name, rows)| rows.iter().map(move |row| format!("{name} {}", data.place(*row))))
         .collect();
     let n = places.len();
     if n == 0 {
