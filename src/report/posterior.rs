@@ -57,8 +57,8 @@ impl Posterior {
         let shape = [chains.len(), chains.first().map_or(0, Chain::n_draws)];
         let posterior = parameters(model, &drawn, shape);
         let rows = rows(model, &posterior, shape);
-        let places = places(model, data);
-        let log_likelihood = log_likelihood(&drawn, &places, shape);
+        let log_likelihood = log_likelihood(&drawn, &places(model.measured(), data), shape);
+        let places = places(model.observes.iter().map(|o| (o.name, o.rows.as_slice())), data);
         Self {
             posterior,
             loo: leave_one_out(model, data, &log_likelihood, &rows, shape),
@@ -150,12 +150,14 @@ fn rows(model: &Model, posterior: &Group, [chains, draws]: [usize; 2]) -> Vec<Ro
     jobs.par_iter().map(row).collect()
 }
 
-/// Where each measurement of all `observe`s was made, in words.
-fn places(model: &Model, data: &Measurements) -> Vec<String> {
-    let places = |o: &Observe| -> Vec<String> {
-        o.rows.iter().map(|row| format!("{} {}", o.name, data.place(*row))).collect()
-    };
-    model.observes.iter().flat_map(places).collect()
+/// Where each measurement of these statements was made, in words.
+fn places<'m>(
+    measured: impl Iterator<Item = (&'m str, &'m [usize])>,
+    data: &Measurements,
+) -> Vec<String> {
+    measured
+        .flat_map(|(name, rows)| rows.iter().map(move |row| format!("{name} {}", data.place(*row))))
+        .collect()
 }
 
 /// All measurements together, over `dims` and the measurement, with its labels; nothing without measurements.
