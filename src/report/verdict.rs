@@ -134,6 +134,7 @@ mod tests {
         ];
         insta::assert_snapshot!(sentences.join("\n"), @r"
         Converged: worst R̂ 1.002 (tau_out.rho), smallest ESS 1513 (tau_out.rho), no divergence in 4000 draws, E-BFMI 0.83.
+        Not converged: 1 of 4 chains failed ✗, worst R̂ 1.002 (tau_out.rho), smallest ESS 1513 (tau_out.rho), no divergence in 3000 draws, E-BFMI 0.83; where they failed may be what the others missed.
         Converged: worst R̂ 1.002 (tau_out.rho), smallest ESS 1513 (tau_out.rho), 3 divergences in 4000 draws (0.07 %), E-BFMI 0.83; raise --target-accept to see whether the divergences matter.
         Not converged: worst R̂ 1.002 (tau_out.rho), smallest ESS 1513 (tau_out.rho), 41 divergences in 4000 draws (1.02 %) ✗, E-BFMI 0.83; raise --target-accept towards 0.99.
         Not converged: worst R̂ 1.021 (tau_out.rho) ✗, smallest ESS 1513 (tau_out.rho), no divergence in 4000 draws, E-BFMI 0.83; do not use these results: sample longer (--warmup, --draws) or simplify the model.
