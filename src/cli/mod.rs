@@ -3,7 +3,9 @@
 mod check;
 mod compare;
 mod compile;
+mod init;
 mod inputs;
+mod interrupt;
 mod mesh;
 mod mistake;
 mod models;
@@ -13,6 +15,7 @@ mod progress;
 mod report;
 mod run;
 mod rustc;
+mod sampling;
 mod show;
 mod simulate;
 mod surrogate;
