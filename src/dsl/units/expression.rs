@@ -32,8 +32,9 @@ pub(super) struct Wanted {
 #[derive(Debug)]
 pub(super) struct Mismatch {
     pub(super) expression: String,
-    pub(super) got: Unit,
-    pub(super) wanted: Wanted,
+    /// The wanted unit, and why.
+    pub(super) expected: String,
+    pub(super) got: String,
 }
 
 /// Declared units, as far as they are known.
@@ -134,7 +135,8 @@ pub(super) fn check(
     };
     match (known, wanted) {
         (Known::Unit(got), Some(wanted)) if !got.agrees(wanted.unit) => {
-            Err(Mismatch { expression: text(e), got, wanted: wanted.clone() })
+            let expected = format!("{} {}", wanted.unit, wanted.why);
+            Err(Mismatch { expression: text(e), expected, got: got.to_string() })
         }
         _ => Ok(known),
     }
