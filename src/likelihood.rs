@@ -7,7 +7,7 @@ use rand::{Rng, RngExt};
 use rand_distr::StandardNormal;
 
 use crate::dist::{Normal, ln_gamma, ln_logistic, ln_normal_below, ln_normal_between, logistic};
-use crate::num::{LN_SQRT_2PI, Real};
+use crate::num::{Argument, LN_SQRT_2PI, Real};
 
 mod counts;
 mod numbers;
@@ -239,8 +239,8 @@ pub struct Interval<D> {
 /// See the type [`struct@Interval`].
 #[allow(non_snake_case)]
 #[inline]
-pub fn Interval<D: Real>(f: impl Into<D>, sigma: impl Into<D>) -> Interval<D> {
-    Interval { f: f.into(), sigma: sigma.into() }
+pub fn Interval<D: Real>(f: impl Argument<D>, sigma: impl Argument<D>) -> Interval<D> {
+    Interval { f: f.number(), sigma: sigma.number() }
 }
 
 impl<D: Real> Likelihood<D, Bracket> for Interval<D> {

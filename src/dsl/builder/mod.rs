@@ -10,7 +10,7 @@ use crate::dsl::maps::{LetFn, Map, MapAt, Source as MapSource};
 use crate::dsl::model::{Kind, Model, Parameter, Position, PriorEntry, Statement};
 use crate::dsl::parameter::{ParameterOp, PriorFn, SequenceFn, SequenceOp};
 use crate::dsl::scope::{Local, Scope};
-use crate::dsl::units::{Decl, check_units, require, unit_of};
+use crate::dsl::units::{Decl, check_units};
 use crate::manifold::Basis;
 
 mod fields;
@@ -292,6 +292,11 @@ impl<'a> Builder<'a> {
         }
     }
 
+    /// `column name [unit];`
+    pub fn column(&mut self, decl: Decl) {
+        self.state("column", decl, None);
+    }
+
     /// `let name(row) = linear(row.a, row.b; beta);`
     pub fn linear(&mut self, decl: Decl, columns: &[&'static str], beta: &'static str) {
         self.state("let", decl, None);
@@ -306,18 +311,14 @@ impl<'a> Builder<'a> {
         &mut self,
         f: F,
         decl: Decl,
+        prior: &'static str,
         on: &[&'static str],
         columns: &[&'static str],
         scope: &Scope,
     ) -> Result<(), ModelError> {
-        for target in on {
-            if let Some(unit) = unit_of(&self.model, target) {
-                require(&format!("effect {} on {target}", decl.name), &unit, decl.unit)?;
-            }
-        }
-        self.param::<F, N, W>(f, decl, Len::Many(columns.len()), scope)?;
+        self.param::<F, N, W>(f, Decl { text: prior, ..decl }, Len::Many(columns.len()), scope)?;
         if let Some(statement) = self.model.statements.last_mut() {
-            statement.keyword = "effect";
+            *statement = Statement { keyword: "effect", decl, range: None };
         }
         let beta = self.n_v - columns.len();
         self.effects.push(Effect {
