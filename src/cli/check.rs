@@ -53,6 +53,9 @@ impl Command {
         for p in model.parameters.iter().filter(|p| !p.labels.is_empty()) {
             writeln!(out, "param {}: {} labels ({})", p.name, p.len, p.labels.join(", "))?;
         }
+        for density in model.densities.iter().filter(|d| !d.rows.is_empty()) {
+            writeln!(out, "density {}: {} measurements", density.name, density.rows.len())?;
+        }
         writeln!(out, "{} unknowns", model.dim())?;
         writeln!(
             out,

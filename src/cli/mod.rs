@@ -6,6 +6,7 @@ mod compile;
 mod init;
 mod inputs;
 mod interrupt;
+mod laplace;
 mod mesh;
 mod mistake;
 mod models;

@@ -83,6 +83,7 @@ fn parameter_line(out: &mut String, model: &Model, name: &str, over: &str, inden
         Support::Real => "real".into(),
         Support::Positive => "positive".into(),
         Support::Interval(a, b) => format!("in ({a}, {b})"),
+        Support::Between => "between its bounds".into(),
         Support::Simplex => "positive, sum 1".into(),
         Support::Ordered => "increasing".into(),
     };

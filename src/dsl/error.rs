@@ -28,13 +28,15 @@ pub enum ModelError {
         /// The field.
         field: String,
     },
-    /// An `observe` statement without a single row.
+    /// A statement that reads measurements without a single row.
     #[error(
-        "{file}: no measurement for `observe {observe}`\nhelp: rows belong to it by their column `protocol` ({observe}, upper or lower case); remove the statement if it was not measured"
+        "{file}: no measurement for `{keyword} {name}`\nhelp: rows belong to it by their column `protocol` ({name}, upper or lower case); remove the statement if it was not measured"
     )]
     NoRows {
+        /// `observe` or `density`.
+        keyword: &'static str,
         /// The statement.
-        observe: String,
+        name: String,
         /// The table.
         file: String,
     },
@@ -80,6 +82,18 @@ pub enum ModelError {
         /// The statement.
         name: &'static str,
     },
+    /// A density whose terms are not one per row.
+    #[error(
+        "density {density}: {got} terms for {rows} rows\nhelp: give one term per row, or one for each of the last rows (a series whose first values are taken as given); a density that cannot be told apart by rows is one number, a `D`"
+    )]
+    Terms {
+        /// The statement.
+        density: &'static str,
+        /// Terms.
+        got: usize,
+        /// Rows of the table that are its own.
+        rows: usize,
+    },
     /// A vector prior of fewer than two numbers.
     #[error(
         "param {parameter}({len}): proportions and ordered numbers come at least in twos\nhelp: declare `param {parameter}(2) ~ …;` or more"
@@ -89,6 +103,18 @@ pub enum ModelError {
         parameter: String,
         /// Its length.
         len: usize,
+    },
+    /// A vector prior of another length.
+    #[error(
+        "param {parameter}({len}): its prior is of {expected} numbers\nhelp: declare `param {parameter}({expected}) ~ …;`, or give the prior as many arguments as there are numbers"
+    )]
+    Length {
+        /// The parameter.
+        parameter: String,
+        /// Its length.
+        len: usize,
+        /// Its prior's.
+        expected: usize,
     },
     /// Units that do not agree.
     #[error(

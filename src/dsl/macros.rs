@@ -77,18 +77,24 @@ macro_rules! statement {
         $crate::statement!{ $b $P $R $L $C $V [$($o)* { $crate::prior!{ $P $d }
             $b.effect::<Here, { SCOPE.size() }, { SCOPE.width() + 1 }>(Here, $crate::decl!($e [$($($u)+)?] [$($doc)*] on $($t),+ = linear($($r.$c),+) ~ $d), stringify!($d), &[$(stringify!($t)),+], &[$(stringify!($c)),+], &SCOPE)?; }] $($rest)* } };
 
-    // density banana = my_density(a, b);
-    ($b:ident $P:tt $R:tt $L:tt $C:tt $V:tt [$($o:tt)*] $(#[doc = $doc:literal])* density $n:ident = $e:expr; $($rest:tt)*) => {
-        $crate::statement!{ $b $P $R $L $C $V [$($o)* { $crate::scalar!{ $P $e }
-            $b.density::<Here, { SCOPE.size() }, { SCOPE.width() }>(Here, $crate::decl!($n [] [$($doc)*] $e), &SCOPE); }] $($rest)* } };
+    // density banana = my_density(a, b);   density returns(data) = garch(mu, alpha, data.y);
+    ($b:ident $P:tt $R:tt $L:tt $C:tt $V:tt [$($o:tt)*] $(#[doc = $doc:literal])* density $n:ident $(($data:ident))? = $e:expr; $($rest:tt)*) => {
+        $crate::statement!{ $b $P $R $L $C $V [$($o)* $crate::density!{ $b $P $n [$($data)?] [$($doc)*] $e }] $($rest)* } };
 
     // the end
     ($b:ident [$(($p:ident $pt:tt $pn:tt))*] [$(($r:ident))*] [$(($g:ident $gx:tt $ge:tt))*] [$(($c:ident {$ct:ty}))*] [$($V:tt)*] [$($o:tt)*]) => {
         #[allow(non_camel_case_types)] enum Names { $($p,)* $($r,)* $($g,)* } // a name is declared once
         #[derive(Debug)] pub struct Row { $(pub $c: $ct),* }
+        pub struct Data<'a> { $(pub $c: &'a [$ct],)* rows: std::marker::PhantomData<&'a ()> }
         impl $crate::dsl::expansion::Columns for Row {
+            type Data<'a> = Data<'a>;
+            fn names() -> Vec<(&'static str, Vec<String>)> { vec![$((stringify!($c), <$ct as $crate::dsl::expansion::Column>::names(stringify!($c)))),*] }
             fn read<E>(column: &mut dyn FnMut(&str) -> Result<f64, E>) -> Result<Self, E> {
-                Ok(Row { $($c: $crate::dsl::expansion::Column::read(stringify!($c), column)?),* })
+                Ok(Row { $($c: $crate::dsl::expansion::read_column(stringify!($c), column)?),* })
+            }
+            fn data(cells: &[Vec<f64>]) -> Data<'_> {
+                let mut cells = cells.iter();
+                Data { $($c: cells.next().map_or(&[], |c| $crate::dsl::expansion::Column::rows(c)),)* rows: std::marker::PhantomData }
             }
         }
         $($o)*
@@ -102,7 +108,7 @@ macro_rules! statement {
     ($b:ident $P:tt $R:tt $L:tt $C:tt $V:tt $o:tt $(#[doc = $doc:literal])* column $($t:tt)*) => { $crate::mistake!{ "expected `column NAME [unit];` or `column NAME(3);`" $($t)* } };
     ($b:ident $P:tt $R:tt $L:tt $C:tt $V:tt $o:tt $(#[doc = $doc:literal])* observe $($t:tt)*) => { $crate::mistake!{ "expected `observe NAME(x): Bracket [unit] ~ LIKELIHOOD;`" $($t)* } };
     ($b:ident $P:tt $R:tt $L:tt $C:tt $V:tt $o:tt $(#[doc = $doc:literal])* effect $($t:tt)*) => { $crate::mistake!{ "expected `effect NAME on LET, LET [unit] = linear(row.COLUMN) ~ PRIOR;`" $($t)* } };
-    ($b:ident $P:tt $R:tt $L:tt $C:tt $V:tt $o:tt $(#[doc = $doc:literal])* density $($t:tt)*) => { $crate::mistake!{ "expected `density NAME = EXPRESSION;`" $($t)* } };
+    ($b:ident $P:tt $R:tt $L:tt $C:tt $V:tt $o:tt $(#[doc = $doc:literal])* density $($t:tt)*) => { $crate::mistake!{ "expected `density NAME(data) = f(PARAMETER, data.COLUMN);` or `density NAME = f(PARAMETER);`" $($t)* } };
     ($b:ident $P:tt $R:tt $L:tt $C:tt $V:tt $o:tt $(#[doc = $doc:literal])* $first:tt $($t:tt)*) => { $crate::mistake!{ "a statement begins with `param`, `field`, `let`, `column`, `observe`, `effect` or `density`" $first $($t)* } };
 }
 
@@ -198,6 +204,21 @@ macro_rules! kernel { ([$(($p:ident {$t:ty} $n:expr))*] $e:expr) => {
         #[inline] fn kernel<D: $crate::num::Real>(s: &[D]) -> impl $crate::field::Kernel<D> + use<D> { let mut s = s.iter().copied(); $(let $p: $t = $crate::dsl::expansion::Take::take(&mut s);)* $e }
     }
 } }
+
+#[macro_export]
+#[doc(hidden)]
+macro_rules! density {
+    ($b:ident $P:tt $n:ident [] [$($doc:literal)*] $e:expr) => { $crate::density!{ @ $b $P $n [data] [$($doc)*] $e; false } };
+    ($b:ident $P:tt $n:ident [$data:ident] [$($doc:literal)*] $e:expr) => { $crate::density!{ @ $b $P $n [$data] [$($doc)*] $e; true } };
+    (@ $b:ident [$(($p:ident {$t:ty} $m:expr))*] $n:ident [$data:ident] [$($doc:literal)*] $e:expr; $reads:literal) => { {
+        $crate::scope!{ [$(($p {$t} $m))*] $e }
+        impl $crate::dsl::expansion::DensityFn for Here {
+            type Columns = Row;
+            #[inline] fn terms<D: $crate::num::Real>(s: &[D], $data: &Data<'_>) -> impl $crate::dsl::expansion::Terms<D> + use<D> { let mut s = s.iter().copied(); $(let $p: $t = $crate::dsl::expansion::Take::take(&mut s);)* $e }
+        }
+        $b.density::<Here, { SCOPE.size() }, { SCOPE.width() }>(Here, $crate::decl!($n [] [$($doc)*] $e), &SCOPE, $reads.then_some(stringify!($data)))?;
+    } };
+}
 
 #[macro_export]
 #[doc(hidden)]

@@ -9,7 +9,6 @@ use crate::dsl::error::ModelError;
 use crate::dsl::maps::{LetFn, Map, MapAt, Source as MapSource};
 use crate::dsl::model::{Kind, Model, Parameter, Position, PriorEntry, Statement};
 use crate::dsl::parameter::{ParameterOp, PriorFn, SequenceFn, SequenceOp};
-use crate::dsl::scalar::{ScalarAt, ScalarFn};
 use crate::dsl::scope::{Local, Scope};
 use crate::dsl::units::{Decl, check_units};
 use crate::manifold::Basis;
@@ -165,7 +164,9 @@ impl<'a> Builder<'a> {
         }
         let ln_norm = if W == 1 { probe.ln_norm() } else { 0.0 };
         let kind = if matches!(len, Len::One) { Kind::Scalar } else { Kind::Vector };
-        self.push_parameter(decl, n, kind, levels, probe.support(), v);
+        let is_fixed = probe.support() == F::dist::<f64>(&[0.5; N]).support();
+        let support = if is_fixed { probe.support() } else { Support::Between };
+        self.push_parameter(decl, n, kind, levels, support, v);
         let source = match len {
             Len::Each(_) => Source::Each { v, index },
             _ => Source::Scalars(v),
@@ -214,7 +215,7 @@ impl<'a> Builder<'a> {
     /// `param name(n) [unit] ~ prior;` of a vector whose numbers constrain each other.
     ///
     /// # Errors
-    /// Fewer than two numbers.
+    /// Fewer than two numbers, or not as many as the prior is of.
     pub fn sequence<F: SequenceFn + 'static, const N: usize, const W: usize>(
         &mut self,
         _: F,
@@ -227,6 +228,9 @@ impl<'a> Builder<'a> {
         }
         let local = self.local::<N, W>(scope);
         let prior = F::sequence::<f64>(&[1.0; N]);
+        if let Some(expected) = prior.length().filter(|expected| *expected != n) {
+            return Err(ModelError::Length { parameter: decl.name.into(), len: n, expected });
+        }
         let n_unknowns = prior.n_unknowns(n);
         let (u, v) = (self.unknowns(n_unknowns), self.values(n));
         let mentions = local.mentioned();
@@ -324,18 +328,6 @@ impl<'a> Builder<'a> {
             beta,
         });
         Ok(())
-    }
-
-    /// `density name = expr;`
-    pub fn density<F: ScalarFn + 'static, const N: usize, const W: usize>(
-        &mut self,
-        _: F,
-        decl: Decl,
-        scope: &Scope,
-    ) {
-        self.state("density", decl, None);
-        let local = self.local(scope);
-        self.model.densities.push(Box::new(ScalarAt::<F, N, W> { local, f: PhantomData }));
     }
 
     /// Everything is declared.
