@@ -152,7 +152,7 @@ fn rows(model: &Model, posterior: &Group, [chains, draws]: [usize; 2]) -> Vec<Ro
 
 /// Where each measurement of these statements was made, in words.
 fn places<'m>(
-    measured: impl Iterator<Item = (&'m str, &'m [usize])>,
+    measured: impl Iterator<Item = (&'static str, &'m [usize])>,
     data: &Measurements,
 ) -> Vec<String> {
     measured
