@@ -206,7 +206,7 @@ fn reworded(d: &Diagnostic, source: &str, at: &Range<usize>) -> Option<(String, 
     }
     match d.code() {
         "E0425" | "E0412" => Some((format!("unknown name `{name}`"), unknown(d, source, at.start))),
-        "E0609" if d.message.contains("::Row`") => {
+        "E0609" if ["::Row`", "::Data<"].iter().any(|t| d.message.contains(t)) => {
             let note = d.children.iter().find(|c| c.message.starts_with("available field"));
             let known =
                 note.and_then(|c| c.message.split_once(": ")).map_or("none", |(_, names)| names);

@@ -159,9 +159,10 @@ fn roles(family: &str) -> &'static [Role] {
     use Role::{Inverse, Other, Same};
     match family {
         "HalfNormal" | "HalfCauchy" | "TopHat" | "Ordered" => &[Same],
-        "Normal" | "Uniform" | "Interval" => &[Same, Same],
+        "Normal" | "Cauchy" | "Laplace" | "Uniform" | "FlatBetween" | "Interval" => &[Same; 2],
+        "TruncatedNormal" => &[Same; 4],
         "StudentT" => &[Other, Same, Same],
-        "InvGamma" => &[Other, Same],
+        "InvGamma" | "HalfStudentT" => &[Other, Same],
         "Gamma" => &[Other, Inverse],
         "Exponential" => &[Inverse],
         _ => &[],
