@@ -320,14 +320,12 @@ impl Finished<'_> {
             .collect()
     }
 
-    /// Measurement number `row` over all `observe`s, in words.
+    /// Measurement number `row` of all, in words.
     fn place_of(&self, mut row: usize) -> String {
-        for observe in &self.model.observes {
-            match observe.rows.get(row) {
-                Some(at) => {
-                    return format!("{} {}", observe.name, self.inputs.measurements.place(*at));
-                }
-                None => row -= observe.rows.len(),
+        for (name, rows) in self.model.measured() {
+            match rows.get(row) {
+                Some(at) => return format!("{name} {}", self.inputs.measurements.place(*at)),
+                None => row -= rows.len(),
             }
         }
         String::new()

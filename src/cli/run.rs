@@ -143,7 +143,7 @@ impl Command {
         let mut settings = self.sampler.settings(self.input.seed)?;
         let every = self.begin.every()?;
         let file = ModelFile::read(&self.model)?;
-        let Some(model) = file.find(compiled) else { return run_compiled(&file) };
+        let Some(model) = file.find(compiled)? else { return run_compiled(&file) };
         let out = OutputFolder::open(&self.folder())?;
         let mut inputs = self.input.load(model)?;
         inputs.hashes.insert("model".into(), hash(&self.model)?);

@@ -21,8 +21,8 @@ impl Model {
     /// # Errors
     /// [`ModelError::NoPriorDraw`], [`ModelError::DensityInPrior`].
     pub fn prior_draws(&self, settings: &Settings) -> Result<Vec<Chain>, ModelError> {
-        if let Some(density) = self.statements.iter().find(|s| s.keyword == "density") {
-            return Err(ModelError::DensityInPrior { name: density.decl.name });
+        if let Some(density) = self.densities.iter().find(|d| !d.reads_data) {
+            return Err(ModelError::DensityInPrior { name: density.name });
         }
         (0..settings.chains).map(|chain| self.prior_chain(settings, chain)).collect()
     }

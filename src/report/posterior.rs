@@ -23,8 +23,8 @@ pub struct Posterior {
     pub posterior: Group,
     /// What the sampler did at each draw (chain, draw).
     pub sample_stats: Group,
-    /// Log likelihood of each measurement (chain, draw, measurement), of all `observe`s together: one
-    /// array, so that `az.loo(run)` needs no name.
+    /// Log likelihood of each measurement (chain, draw, measurement), of all `observe`s and all `density`s
+    /// with a term per row together: one array, so that `az.loo(run)` needs no name.
     pub log_likelihood: Group,
     /// A replicate of each measurement (chain, draw, row), and of all of them together; of a bracket, its lower end.
     pub posterior_predictive: Group,
@@ -59,14 +59,16 @@ impl Posterior {
         let rows = rows(model, &posterior, shape);
         let places = places(model, data);
         let log_likelihood = log_likelihood(&drawn, &places, shape);
+        // densities come last: nothing is simulated from them
+        let observed_places = &places[..model.observes.iter().map(|o| o.rows.len()).sum()];
         Self {
             posterior,
             loo: leave_one_out(model, data, &log_likelihood, &rows, shape),
             rows,
             sample_stats: sample_stats(chains, shape),
             log_likelihood,
-            posterior_predictive: predictive(model, &drawn, &places, shape),
-            observed_data: observed(model, &places),
+            posterior_predictive: predictive(model, &drawn, observed_places, shape),
+            observed_data: observed(model, observed_places),
             constant_data: constant(model, data),
         }
     }
@@ -150,12 +152,12 @@ fn rows(model: &Model, posterior: &Group, [chains, draws]: [usize; 2]) -> Vec<Ro
     jobs.par_iter().map(row).collect()
 }
 
-/// Where each measurement of all `observe`s was made, in words.
+/// Where each measurement was made, in words.
 fn places(model: &Model, data: &Measurements) -> Vec<String> {
-    let places = |o: &Observe| -> Vec<String> {
-        o.rows.iter().map(|row| format!("{} {}", o.name, data.place(*row))).collect()
+    let of = |(name, rows): (&str, &[usize])| -> Vec<String> {
+        rows.iter().map(|row| format!("{name} {}", data.place(*row))).collect()
     };
-    model.observes.iter().flat_map(places).collect()
+    model.measured().flat_map(of).collect()
 }
 
 /// All measurements together, over `dims` and the measurement, with its labels; nothing without measurements.
