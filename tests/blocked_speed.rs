@@ -1,65 +1,27 @@
-//! Effective draws per CPU second of the blocked sampler and of NUTS on the ERP model, ten seeds.
+//! Effective draws per CPU second on the reference problems, over seeds.
 //!
 //! ```text
 //! cargo test --release --test blocked_speed -- --ignored --nocapture
+//! SITES=40 SEEDS=20 cargo test --release --test blocked_speed -- --ignored --nocapture
 //! ```
+//! `NUTS=1` measures NUTS instead of the blocked sampler; CHAINS, WARMUP, DRAWS and TARGET (per cent) change
+//! the settings. `EPLAT_SHARED` finds the clinical shell.
 #![allow(clippy::unwrap_used, reason = "a test")]
 
 #[path = "support/posterior.rs"]
 mod posterior;
+#[path = "support/reference.rs"]
+mod reference;
+#[path = "support/speed.rs"]
+mod speed;
 
 use eplat::dsl::{Model, Sampler};
 use eplat::infer::{Settings, Silent, jittered_starts};
-use posterior::{all, columns, erp, erp_experiment};
-
-/// CPU seconds of this process, user and system; Linux counts them in hundredths.
-fn cpu_seconds() -> f64 {
-    let stat = std::fs::read_to_string("/proc/self/stat").unwrap_or_default();
-    let fields: Vec<&str> = stat.rsplit(')').next().unwrap_or("").split_whitespace().collect();
-    let ticks = |i: usize| fields.get(i).and_then(|s| s.parse::<f64>().ok()).unwrap_or(f64::NAN);
-    (ticks(11) + ticks(12)) / 100.0
-}
+use posterior::all;
+use speed::{Figures, conclude, cpu_seconds};
 
 fn number(name: &str, default: usize) -> usize {
     std::env::var(name).ok().and_then(|s| s.parse().ok()).unwrap_or(default)
-}
-
-fn measure(sampler: Sampler, n_sites: usize, settings: &Settings, seeds: u64) {
-    let (basis, measurements) = erp_experiment(n_sites);
-    let model = Model::new(&erp::Erp, Some(&basis), &measurements).unwrap();
-    let mut rates = vec![];
-    for seed in 1..=seeds {
-        let settings = Settings { seed, threads: 1, ..settings.clone() };
-        let begun = cpu_seconds();
-        let starts = jittered_starts(&model, &model.initial(), settings.chains, seed).unwrap();
-        let chains = all(sampler.sample(&model, &starts, &settings, &Silent).unwrap());
-        let cpu = cpu_seconds() - begun;
-        let columns = columns(&model, &chains);
-        let worst = |of: &dyn Fn(&posterior::Column) -> f64| {
-            let values = columns.iter().map(|c| (of(c), c.name.as_str()));
-            values.min_by(|a, b| a.0.total_cmp(&b.0)).unwrap()
-        };
-        let (bulk, of_bulk) = worst(&|c| c.summary().ess_bulk);
-        let (tail, of_tail) = worst(&|c| c.summary().ess_tail);
-        let (r_hat, of_r_hat) = worst(&|c| -c.summary().r_hat);
-        let divergences = chains.iter().flat_map(|c| &c.diverging).filter(|d| **d).count();
-        let leapfrogs = chains.iter().flat_map(|c| &c.n_leapfrog).map(|n| f64::from(*n));
-        let n_draws = (settings.chains * settings.draws) as f64;
-        eprintln!(
-            "{} seed {seed}: {cpu:.2} s, bulk {bulk:.0} ({of_bulk}), tail {tail:.0} ({of_tail}), \
-             R-hat {:.4} ({of_r_hat}), {divergences} divergences, {:.1} leapfrogs, step {:.2}, \
-             {:.0} ESS/s; energy {:.2}",
-            sampler.name(),
-            -r_hat,
-            leapfrogs.sum::<f64>() / n_draws,
-            chains[0].step_size,
-            bulk / cpu,
-            eplat::diagnostics::e_bfmi(&chains[0].energy),
-        );
-        rates.push(bulk / cpu);
-    }
-    rates.sort_by(f64::total_cmp);
-    eprintln!("{} sites {n_sites}: median {:.0} ESS/CPU-s", sampler.name(), rates[rates.len() / 2]);
 }
 
 #[test]
@@ -71,8 +33,24 @@ fn speed() {
         warmup: number("WARMUP", 1000),
         draws: number("DRAWS", 1000),
         target_accept: number("TARGET", 95) as f64 / 100.0,
+        threads: 1,
         ..Settings::default()
     };
-    let seeds = number("SEEDS", 10) as u64;
-    measure(sampler, number("SITES", 10), &settings, seeds);
+    let n_sites = number("SITES", 10);
+    let ground = reference::ground();
+    let (model, data) = reference::problem(&ground, n_sites);
+    let model = Model::new(model, Some(&ground.basis), &data).unwrap();
+    let mut runs = vec![];
+    for seed in 1..=number("SEEDS", 10) as u64 {
+        let settings = Settings { seed, ..settings.clone() };
+        let begun = cpu_seconds();
+        let starts = jittered_starts(&model, &model.initial(), settings.chains, seed).unwrap();
+        let chains = all(sampler.sample(&model, &starts, &settings, &Silent).unwrap());
+        let cpu = cpu_seconds() - begun;
+        let run = Figures::new(&model, &chains, cpu);
+        eprintln!("seed {seed}: {run}");
+        runs.push(run);
+    }
+    let what = format!("{}, {n_sites} sites on the {}", sampler.name(), ground.name);
+    eprintln!("{}", conclude(&what, &runs));
 }
