@@ -12,11 +12,13 @@ use std::time::Instant;
 
 use eplat::dsl::{Declare, Measurements, Model};
 use eplat::infer::{LogDensity as _, jittered_starts};
-use eplat::manifold::Basis;
+use eplat::manifold::{Basis, eigenpairs_cached};
 use eplat::surrogate::{Cubic, cubic, erp_s2, erp_s3};
 
 #[path = "support/by_hand.rs"]
 mod by_hand;
+#[path = "../tests/support/posterior.rs"]
+mod posterior;
 #[path = "../tests/support/reference.rs"]
 mod reference;
 
@@ -103,19 +105,20 @@ fn print(what: &str, [declared, by_hand]: [f64; 2]) {
 }
 
 fn main() {
-    let ground = reference::ground();
-    println!("log density and gradient, ERP model on the {}", ground.name);
+    let (name, mesh) = reference::surface();
+    println!("log density and gradient, ERP model on the {name}");
     for n_sites in [10, 40] {
-        let (model, data) = reference::problem(&ground, n_sites);
-        let k = if n_sites == 10 { 24 } else { 32 };
-        print(&format!("{n_sites} sites, K = {k}"), compare(model, &ground.basis, &data));
+        let (model, k) = (reference::model(n_sites), if n_sites == 10 { 24 } else { 32 });
+        let (basis, data) = posterior::experiment_on(&mesh, model, n_sites);
+        print(&format!("{n_sites} sites, K = {k}"), compare(model, &basis, &data));
     }
+    let basis = eigenpairs_cached(&mesh, 64).unwrap();
     for n_sites in [5, 10, 20, 40, 80, 160] {
         let models: [(usize, &dyn Declare); 4] =
             [(8, &modes_8::Erp), (16, &modes_16::Erp), (32, &modes_32::Erp), (64, &modes_64::Erp)];
         for (k, model) in models {
             let what = format!("{n_sites:3} sites, K = {k:2}");
-            print(&what, compare(model, &ground.basis, &reference::brackets(&ground, n_sites)));
+            print(&what, compare(model, &basis, &reference::brackets(mesh.n_vertices(), n_sites)));
         }
     }
 }

@@ -6,16 +6,17 @@
 //! The same starts, 8 chains of 1000 + 1000 draws at a target acceptance of 0.95, one thread, the
 //! same diagnostics; CPU seconds include the search for starts and the warm-up.
 #![allow(clippy::unwrap_used, clippy::print_stdout, missing_docs, reason = "a bench")]
+#![allow(clippy::disallowed_types, reason = "nuts-rs asks for a HashMap")]
 
 use std::collections::HashMap;
 use std::convert::Infallible;
 
 use eplat::dsl::{Model, Sampler};
 use eplat::infer::{Chain, Evaluator, LogDensity as _, Settings, Silent, jittered_starts};
+use nuts_rs::Settings as _;
 use nuts_rs::{
     Chain as _, CpuLogpFunc, CpuMath, CpuMathError, DiagNutsSettings, HasDims, LogpError,
 };
-use nuts_rs::{NutsSettings, Settings as _};
 use rand::SeedableRng as _;
 use rand_chacha::ChaCha8Rng;
 
@@ -73,10 +74,12 @@ impl CpuLogpFunc for Ours<'_> {
 
 /// One chain of nuts-rs, diagonal metric.
 fn nuts_rs_chain(model: &Model, index: usize, start: &[f64], settings: &Settings) -> Chain {
-    let mut theirs: NutsSettings<_> = DiagNutsSettings::default();
-    theirs.num_tune = settings.warmup as u64;
-    theirs.num_draws = settings.draws as u64;
-    theirs.maxdepth = u64::from(settings.max_depth);
+    let mut theirs = DiagNutsSettings {
+        num_tune: settings.warmup as u64,
+        num_draws: settings.draws as u64,
+        maxdepth: u64::from(settings.max_depth),
+        ..Default::default()
+    };
     theirs.adapt_options.step_size_settings.target_accept = settings.target_accept;
     let mut rng = ChaCha8Rng::seed_from_u64(settings.seed);
     rng.set_stream(index as u64);
@@ -114,10 +117,11 @@ fn chains(who: &str, model: &Model, settings: &Settings) -> Vec<Chain> {
 }
 
 fn main() {
-    let ground = reference::ground();
-    let (model, data) = reference::problem(&ground, 10);
-    let model = Model::new(model, Some(&ground.basis), &data).unwrap();
-    println!("10 sites on the {}, {} unknowns", ground.name, model.dim());
+    let (name, mesh) = reference::surface();
+    let model = reference::model(10);
+    let (basis, data) = posterior::experiment_on(&mesh, model, 10);
+    let model = Model::new(model, Some(&basis), &data).unwrap();
+    println!("10 sites on the {name}, {} unknowns", model.dim());
     let seeds = std::env::var("SEEDS").ok().and_then(|s| s.parse().ok()).unwrap_or(5);
     for who in ["nuts-rs", "nuts", "blocked"] {
         let mut runs = vec![];

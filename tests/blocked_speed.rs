@@ -4,10 +4,15 @@
 //! cargo test --release --test blocked_speed -- --ignored --nocapture
 //! SITES=40 SEEDS=20 cargo test --release --test blocked_speed -- --ignored --nocapture
 //! ```
-//! `NUTS=1` measures NUTS instead of the blocked sampler; CHAINS, WARMUP, DRAWS and TARGET (per cent) change
-//! the settings. `EPLAT_SHARED` finds the clinical shell.
+//! Environment variables change what is measured: `MODEL` (erp, exact, multiscale), `MESH` (a file in
+//! mm), `TABLE` (measurements on it), `SITES`, `SEEDS`, `CHAINS`, `WARMUP`, `DRAWS`, `TARGET` in per
+//! cent, `NUTS=1`. Without `MODEL` and `MESH` it is a reference problem; `EPLAT_SHARED` finds its shell.
 #![allow(clippy::unwrap_used, reason = "a test")]
 
+#[path = "../models/erp_exact.rs"]
+mod erp_exact;
+#[path = "../models/erp_multiscale.rs"]
+mod erp_multiscale;
 #[path = "support/posterior.rs"]
 mod posterior;
 #[path = "support/reference.rs"]
@@ -15,13 +20,42 @@ mod reference;
 #[path = "support/speed.rs"]
 mod speed;
 
-use eplat::dsl::{Model, Sampler};
+use std::env::var;
+use std::path::Path;
+
+use eplat::dsl::{Declare, Measurements, Model, Sampler};
 use eplat::infer::{Settings, Silent, jittered_starts};
-use posterior::all;
+use eplat::manifold::{Basis, eigenpairs_cached};
+use eplat::mesh::{self, Units};
+use posterior::{all, erp, experiment_on};
 use speed::{Figures, conclude, cpu_seconds};
 
 fn number(name: &str, default: usize) -> usize {
-    std::env::var(name).ok().and_then(|s| s.parse().ok()).unwrap_or(default)
+    var(name).ok().and_then(|s| s.parse().ok()).unwrap_or(default)
+}
+
+fn declared(n_sites: usize) -> &'static dyn Declare {
+    match var("MODEL").as_deref() {
+        Ok("exact") => &erp_exact::ErpExact,
+        Ok("multiscale") => &erp_multiscale::ErpMultiscale,
+        Ok("erp") => &erp::Erp,
+        Ok(other) => panic!("MODEL={other}: expected erp, exact or multiscale"),
+        Err(_) => reference::model(n_sites),
+    }
+}
+
+/// The table named, or the model's experiment on the mesh named, or on that of the reference problems.
+fn problem(n_sites: usize) -> (Basis, Measurements) {
+    let Ok(path) = var("MESH") else {
+        return experiment_on(&reference::surface().1, declared(n_sites), n_sites);
+    };
+    let surface = mesh::read(Path::new(&path), Units::Mm).unwrap();
+    let Ok(table) = var("TABLE") else {
+        return experiment_on(&surface.mesh, declared(n_sites), n_sites);
+    };
+    let mut table = Measurements::read(Path::new(&table)).unwrap();
+    table.place_on(&surface, 1.0).unwrap();
+    (eigenpairs_cached(&surface.mesh, 60).unwrap(), table)
 }
 
 #[test]
@@ -37,9 +71,8 @@ fn speed() {
         ..Settings::default()
     };
     let n_sites = number("SITES", 10);
-    let ground = reference::ground();
-    let (model, data) = reference::problem(&ground, n_sites);
-    let model = Model::new(model, Some(&ground.basis), &data).unwrap();
+    let (basis, data) = problem(n_sites);
+    let model = Model::new(declared(n_sites), Some(&basis), &data).unwrap();
     let mut runs = vec![];
     for seed in 1..=number("SEEDS", 10) as u64 {
         let settings = Settings { seed, ..settings.clone() };
@@ -51,6 +84,5 @@ fn speed() {
         eprintln!("seed {seed}: {run}");
         runs.push(run);
     }
-    let what = format!("{}, {n_sites} sites on the {}", sampler.name(), ground.name);
-    eprintln!("{}", conclude(&what, &runs));
+    eprintln!("{}", conclude(&format!("{}, {n_sites} sites", sampler.name()), &runs));
 }

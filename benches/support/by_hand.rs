@@ -90,11 +90,8 @@ impl ByHand {
             squares += eta[j] * eta[j];
         }
         for (theta, row) in self.theta[f].iter_mut().zip(self.phi.chunks_exact(self.k)) {
-            let mut sum = u[0];
-            for j in 0..self.k {
-                sum += row[j] * self.weights[j];
-            }
-            *theta = sum;
+            let products = row.iter().zip(&self.weights).map(|(phi, w)| phi * w);
+            *theta = u[0] + products.sum::<f64>();
         }
         -0.5 * squares
     }

@@ -9,6 +9,7 @@
 mod blocked;
 mod builder;
 mod data;
+mod density;
 mod equations;
 mod error;
 mod gp;
@@ -28,6 +29,7 @@ mod uses;
 
 pub use blocked::Sampler;
 pub use data::{DataError, Measurements};
+pub use density::Density;
 pub use equations::equations;
 pub use error::ModelError;
 pub use maps::{MapName, MapSummary, Maps};
@@ -37,10 +39,11 @@ pub use model::{Declare, Kind, Model, Observe, Parameter, Statement};
 #[doc(hidden)]
 pub mod expansion {
     pub use super::builder::{Builder, Len};
+    pub use super::density::{DensityFn, Terms};
     pub use super::gp::KernelFn;
     pub use super::maps::LetFn;
     pub use super::parameter::{PriorFn, SequenceFn};
-    pub use super::rows::{Column, Columns, RowFn};
+    pub use super::rows::{Column, Columns, RowFn, read_column};
     pub use super::scalar::ScalarFn;
     pub use super::scope::{Scope, Take, lift, one};
     pub use super::units::Decl;

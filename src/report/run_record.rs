@@ -6,7 +6,7 @@ use std::fs;
 use std::io::Write as _;
 use std::path::Path;
 
-use super::{LooRecord, ReportError};
+use super::{Approximation, LooRecord, ReportError};
 use crate::atomic::write_file;
 
 /// Everything needed to repeat a run and to judge it at a glance.
@@ -33,6 +33,9 @@ pub struct RunRecord {
     pub ns_per_grad: f64,
     /// Wall-clock time of each stage.
     pub seconds: Seconds,
+    /// Chains that ended without their draws, and why; the results are from the others.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub failed_chains: Vec<String>,
     /// Divergent draws after warm-up, all chains.
     pub divergences: usize,
     /// Worst rank-normalised split R̂ of any parameter.
@@ -65,12 +68,15 @@ pub struct RunRecord {
     /// Leave-one-out predictive accuracy, for models with measurements.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub loo: Option<LooRecord>,
+    /// Of a normal approximation: how good it is.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub laplace: Option<Approximation>,
 }
 
 /// Sampler settings.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct Settings {
-    /// `blocked`, `nuts`, or `prior` where nothing was sampled.
+    /// `blocked`, `nuts`, or `prior` or `laplace` where nothing was sampled.
     pub sampler: String,
     /// Number of chains.
     pub chains: usize,

@@ -9,48 +9,34 @@
 use std::path::{Path, PathBuf};
 
 use eplat::dsl::{Declare, Measurements};
-use eplat::manifold::{Basis, eigenpairs_cached};
 use eplat::mesh::{self, TriMesh, Units, left_atrium};
-use eplat::study::{Design, TRUTH_MODES, experiment};
 
-#[path = "../../models/erp.rs"]
-pub(crate) mod erp;
+use crate::posterior::erp;
+
 #[path = "../../benches/models/erp_32.rs"]
-pub(crate) mod erp_32;
+mod erp_32;
 
-/// A surface with the eigenpairs that a synthetic experiment needs.
-pub(crate) struct Ground {
-    pub(crate) name: &'static str,
-    pub(crate) mesh: TriMesh,
-    pub(crate) basis: Basis,
-}
-
-/// The clinical shell of `$EPLAT_SHARED` (or `../shared` beside the checkout), else the embedded atrium.
-pub(crate) fn ground() -> Ground {
+/// The clinical shell of `$EPLAT_SHARED` (or `../shared` beside the checkout), else the embedded
+/// atrium; and its name.
+pub(crate) fn surface() -> (&'static str, TriMesh) {
     let beside = || Path::new(env!("CARGO_MANIFEST_DIR")).join("../shared");
     let shared = std::env::var_os("EPLAT_SHARED").map_or_else(beside, PathBuf::from);
     let shell = shared.join("data/openep_la/la_lat.vtk");
-    let (name, mesh) = if shell.exists() {
+    if shell.exists() {
         ("clinical shell", mesh::read(&shell, Units::Mm).unwrap().mesh)
     } else {
         ("embedded atrium", left_atrium(1.5).mesh)
-    };
-    let basis = eigenpairs_cached(&mesh, TRUTH_MODES).unwrap();
-    Ground { name, mesh, basis }
+    }
 }
 
-/// The reference model and its measurements at 10 or 40 sites.
-pub(crate) fn problem(ground: &Ground, n_sites: usize) -> (&'static dyn Declare, Measurements) {
-    let model: &dyn Declare = if n_sites < 40 { &erp::Erp } else { &erp_32::Erp32 };
-    let design = Design { n_sites, ..Design::default() };
-    let made = experiment(model, &ground.mesh, &ground.basis, &design).unwrap();
-    (model, made.measurements)
+/// The model for this many sites.
+pub(crate) fn model(n_sites: usize) -> &'static dyn Declare {
+    if n_sites < 40 { &erp::Erp } else { &erp_32::Erp32 }
 }
 
-/// Brackets of 10 ms at `n_sites` vertices spread over the surface, of no experiment: for timing alone.
-pub(crate) fn brackets(ground: &Ground, n_sites: usize) -> Measurements {
+/// Brackets of 10 ms at `n_sites` of the vertices, of no experiment: for timing alone.
+pub(crate) fn brackets(n_vertices: usize, n_sites: usize) -> Measurements {
     let header = ["vertex", "protocol", "lower", "upper"].map(String::from).to_vec();
-    let n_vertices = ground.mesh.n_vertices();
     let rows = (0..2 * n_sites).map(|i| {
         let (vertex, lower) = (i / 2 * n_vertices / n_sites, 200 + 10 * (i % 5));
         let protocol = ["s1s2", "s1s2s3"][i % 2];

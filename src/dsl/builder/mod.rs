@@ -9,9 +9,8 @@ use crate::dsl::error::ModelError;
 use crate::dsl::maps::{LetFn, Map, MapAt, Source as MapSource};
 use crate::dsl::model::{Kind, Model, Parameter, Position, PriorEntry, Statement};
 use crate::dsl::parameter::{ParameterOp, PriorFn, SequenceFn, SequenceOp};
-use crate::dsl::scalar::{ScalarAt, ScalarFn};
 use crate::dsl::scope::{Local, Scope};
-use crate::dsl::units::{Decl, check_units, require, unit_of};
+use crate::dsl::units::{Decl, check_units};
 use crate::manifold::Basis;
 
 mod fields;
@@ -167,7 +166,9 @@ impl<'a> Builder<'a> {
         }
         let ln_norm = if W == 1 { probe.ln_norm() } else { 0.0 };
         let kind = if matches!(len, Len::One) { Kind::Scalar } else { Kind::Vector };
-        self.push_parameter(decl, n, kind, levels, probe.support(), v);
+        let is_fixed = probe.support() == F::dist::<f64>(&[0.5; N]).support();
+        let support = if is_fixed { probe.support() } else { Support::Between };
+        self.push_parameter(decl, n, kind, levels, support, v);
         let source = match len {
             Len::Each(_) => Source::Each { v, index },
             _ => Source::Scalars(v),
@@ -216,7 +217,7 @@ impl<'a> Builder<'a> {
     /// `param name(n) [unit] ~ prior;` of a vector whose numbers constrain each other.
     ///
     /// # Errors
-    /// Fewer than two numbers.
+    /// Fewer than two numbers, or not as many as the prior is of.
     pub fn sequence<F: SequenceFn + 'static, const N: usize, const W: usize>(
         &mut self,
         _: F,
@@ -229,6 +230,9 @@ impl<'a> Builder<'a> {
         }
         let local = self.local::<N, W>(scope);
         let prior = F::sequence::<f64>(&[1.0; N]);
+        if let Some(expected) = prior.length().filter(|expected| *expected != n) {
+            return Err(ModelError::Length { parameter: decl.name.into(), len: n, expected });
+        }
         let n_unknowns = prior.n_unknowns(n);
         let (u, v) = (self.unknowns(n_unknowns), self.values(n));
         let mentions = local.mentioned();
@@ -290,6 +294,11 @@ impl<'a> Builder<'a> {
         }
     }
 
+    /// `column name [unit];`
+    pub fn column(&mut self, decl: Decl) {
+        self.state("column", decl, None);
+    }
+
     /// `let name(row) = linear(row.a, row.b; beta);`
     pub fn linear(&mut self, decl: Decl, columns: &[&'static str], beta: &'static str) {
         self.state("let", decl, None);
@@ -304,18 +313,14 @@ impl<'a> Builder<'a> {
         &mut self,
         f: F,
         decl: Decl,
+        prior: &'static str,
         on: &[&'static str],
         columns: &[&'static str],
         scope: &Scope,
     ) -> Result<(), ModelError> {
-        for target in on {
-            if let Some(unit) = unit_of(&self.model, target) {
-                require(&format!("effect {} on {target}", decl.name), &unit, decl.unit)?;
-            }
-        }
-        self.param::<F, N, W>(f, decl, Len::Many(columns.len()), scope)?;
+        self.param::<F, N, W>(f, Decl { text: prior, ..decl }, Len::Many(columns.len()), scope)?;
         if let Some(statement) = self.model.statements.last_mut() {
-            statement.keyword = "effect";
+            *statement = Statement { keyword: "effect", decl, range: None };
         }
         let beta = self.n_v - columns.len();
         self.effects.push(Effect {
@@ -325,18 +330,6 @@ impl<'a> Builder<'a> {
             beta,
         });
         Ok(())
-    }
-
-    /// `density name = expr;`
-    pub fn density<F: ScalarFn + 'static, const N: usize, const W: usize>(
-        &mut self,
-        _: F,
-        decl: Decl,
-        scope: &Scope,
-    ) {
-        self.state("density", decl, None);
-        let local = self.local(scope);
-        self.model.densities.push(Box::new(ScalarAt::<F, N, W> { local, f: PhantomData }));
     }
 
     /// Everything is declared.

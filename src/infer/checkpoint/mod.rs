@@ -1,0 +1,309 @@
+//! What an interrupted run goes on from: a folder with one file per chain, each rewritten now and
+//! then by its own chain, so that no chain waits for another.
+//!
+//! ```text
+//! identity.json   what is run, as name and value; goes last, so a folder without it is nothing
+//! common          what all chains share since their last meeting (blocked sampler)
+//! chain-0 …       magic · SHA-256 of the identity · state (postcard) · CRC-32 of all before
+//! ```
+//! A state holds every number to the bit, so that the rest of the run is what it would have been.
+//! Knows nothing of what a state consists of.
+
+mod error;
+mod keeper;
+
+use std::collections::BTreeMap;
+use std::fs;
+use std::io::{self, Write};
+use std::path::{Path, PathBuf};
+use std::sync::{Mutex, MutexGuard, OnceLock, PoisonError};
+use std::time::{Duration, Instant};
+
+use flate2::{Crc, CrcWriter};
+use serde::Serialize;
+use serde::de::DeserializeOwned;
+use sha2::{Digest as _, Sha256};
+
+use crate::atomic::write_file_durably;
+
+pub use error::{CheckpointError, Identity, differences};
+pub(in crate::infer) use keeper::{Keeper, take_chains};
+
+/// First bytes of every state; the number changes with the layout of what follows.
+const MAGIC: &[u8; 8] = b"eplatCK1";
+const DIGEST: usize = 32;
+const CRC: usize = 4;
+const IDENTITY: &str = "identity.json";
+const COMMON: &str = "common";
+const CHAIN: &str = "chain-";
+/// How the names of temporary files begin (`tempfile`'s default).
+const TEMPORARY: &str = ".tmp";
+
+/// Where a run is kept while it samples.
+#[derive(Debug)]
+pub struct Checkpoint {
+    folder: PathBuf,
+    digest: [u8; DIGEST],
+    every: Duration,
+    begun: Instant,
+    /// Wall time before the interruption, s.
+    seconds_before: f64,
+    /// States read and not yet taken up, by file.
+    kept: Mutex<BTreeMap<String, Vec<u8>>>,
+    /// What chains share, until a chain that depends on it is written.
+    common: Mutex<Option<Vec<u8>>>,
+    failure: OnceLock<String>,
+}
+
+impl Checkpoint {
+    /// For a run that begins; each chain is kept at most once in `every`.
+    ///
+    /// # Errors
+    /// [`CheckpointError::Occupied`] where an interrupted run has chains to lose;
+    /// [`CheckpointError::Io`].
+    pub fn begin(
+        folder: &Path,
+        identity: &Identity,
+        every: Duration,
+    ) -> Result<Self, CheckpointError> {
+        if folder.join(IDENTITY).exists() && !states(folder)?.is_empty() {
+            return Err(CheckpointError::Occupied { folder: folder.to_owned() });
+        }
+        remove(folder)?;
+        fs::create_dir_all(folder).map_err(io_error("write", folder))?;
+        let path = folder.join(IDENTITY);
+        let text = serde_json::to_vec_pretty(identity).map_err(io::Error::from);
+        text.and_then(|text| write_file_durably(&path, |file| file.write_all(&text)))
+            .map_err(io_error("write", &path))?;
+        Ok(Self::new(folder, identity, every))
+    }
+
+    /// For a run that goes on where it was interrupted.
+    ///
+    /// # Errors
+    /// [`CheckpointError::Nothing`], [`CheckpointError::Differs`], [`CheckpointError::Damaged`],
+    /// [`CheckpointError::Io`].
+    pub fn resume(
+        folder: &Path,
+        identity: &Identity,
+        every: Duration,
+    ) -> Result<Self, CheckpointError> {
+        let Some(there) = Self::identity(folder)? else {
+            return Err(CheckpointError::Nothing { folder: folder.to_owned() });
+        };
+        let differences = differences(&there, identity);
+        if !differences.is_empty() {
+            return Err(CheckpointError::Differs { folder: folder.to_owned(), differences });
+        }
+        let mut new = Self::new(folder, identity, every);
+        let mut kept = BTreeMap::new();
+        for name in states(folder)? {
+            let (seconds, state) = new.read(&name)?;
+            new.seconds_before = new.seconds_before.max(seconds);
+            kept.insert(name, state);
+        }
+        new.kept = Mutex::new(kept);
+        Ok(new)
+    }
+
+    fn new(folder: &Path, identity: &Identity, every: Duration) -> Self {
+        let text = format!("{identity:?}");
+        Self {
+            folder: folder.to_owned(),
+            digest: Sha256::digest(text.as_bytes()).into(),
+            every,
+            begun: Instant::now(),
+            seconds_before: 0.0,
+            kept: Mutex::default(),
+            common: Mutex::default(),
+            failure: OnceLock::new(),
+        }
+    }
+
+    /// What the interrupted run in `folder` is; `None` if there is none.
+    ///
+    /// # Errors
+    /// [`CheckpointError::Damaged`], [`CheckpointError::Io`].
+    pub fn identity(folder: &Path) -> Result<Option<Identity>, CheckpointError> {
+        let path = folder.join(IDENTITY);
+        if !path.exists() {
+            return Ok(None);
+        }
+        let text = fs::read(&path).map_err(io_error("read", &path))?;
+        let damaged =
+            |e: serde_json::Error| CheckpointError::Damaged { path, reason: e.to_string() };
+        serde_json::from_slice(&text).map(Some).map_err(damaged)
+    }
+
+    /// Whether chains go on from what was kept.
+    pub fn has_states(&self) -> bool {
+        !lock(&self.kept).is_empty()
+    }
+
+    /// Wall time before the interruption, s.
+    pub fn seconds_before(&self) -> f64 {
+        self.seconds_before
+    }
+
+    /// Why a state could not be written, if one could not.
+    pub fn failure(&self) -> Option<&str> {
+        self.failure.get().map(String::as_str)
+    }
+
+    /// Forgets the run, once its results are written.
+    ///
+    /// # Errors
+    /// [`CheckpointError::Io`].
+    pub fn remove(self) -> Result<(), CheckpointError> {
+        remove(&self.folder)
+    }
+
+    /// Seconds and state of a file, checked.
+    fn read(&self, name: &str) -> Result<(f64, Vec<u8>), CheckpointError> {
+        let path = self.folder.join(name);
+        let mut bytes = fs::read(&path).map_err(io_error("read", &path))?;
+        let damaged = |reason: &str| CheckpointError::Damaged { path, reason: reason.into() };
+        if bytes.len() < MAGIC.len() + DIGEST + CRC || !bytes.starts_with(MAGIC) {
+            return Err(damaged("expected the state of a chain, got something else or part of it"));
+        }
+        let crc = bytes.split_off(bytes.len() - CRC);
+        if checksum(&bytes) != crc[..] {
+            return Err(damaged("the file is not whole: its checksum does not fit"));
+        }
+        let state = bytes.split_off(MAGIC.len() + DIGEST);
+        if bytes[MAGIC.len()..] != self.digest {
+            return Err(damaged("the state is of another run"));
+        }
+        match postcard::take_from_bytes(&state) {
+            Ok((seconds, rest)) => Ok((seconds, rest.to_vec())),
+            Err(error) => Err(damaged(&error.to_string())),
+        }
+    }
+
+    /// Takes up the state of `name`, once; `None` if it was not kept.
+    ///
+    /// # Errors
+    /// [`CheckpointError::Damaged`].
+    pub(in crate::infer) fn take<T: DeserializeOwned>(
+        &self,
+        name: &str,
+    ) -> Result<Option<T>, CheckpointError> {
+        let Some(state) = lock(&self.kept).remove(name) else { return Ok(None) };
+        postcard::from_bytes(&state).map(Some).map_err(|error| CheckpointError::Damaged {
+            path: self.folder.join(name),
+            reason: error.to_string(),
+        })
+    }
+
+    /// Takes up what the chains shared.
+    ///
+    /// # Errors
+    /// [`CheckpointError::Damaged`].
+    pub(in crate::infer) fn take_common<T: DeserializeOwned>(
+        &self,
+    ) -> Result<Option<T>, CheckpointError> {
+        self.take(COMMON)
+    }
+
+    /// What all chains share from here on; written with the first of them, if any is.
+    pub(in crate::infer) fn share(&self, state: &impl Serialize) {
+        match postcard::to_stdvec(state) {
+            Ok(bytes) => *lock(&self.common) = Some(bytes),
+            Err(error) => self.fail(&error),
+        }
+    }
+
+    fn keep(&self, name: &str, state: &impl Serialize) {
+        let mut common = lock(&self.common);
+        let result = match &*common {
+            Some(bytes) => self.write(COMMON, |file| file.write_all(bytes)),
+            None => Ok(()),
+        };
+        *common = None;
+        drop(common);
+        let written = result.and_then(|()| {
+            self.write(name, |file| {
+                postcard::to_io(state, file).map(drop).map_err(io::Error::other)
+            })
+        });
+        if let Err(error) = written {
+            self.fail(&error);
+        }
+    }
+
+    fn write(
+        &self,
+        name: &str,
+        fill: impl FnOnce(&mut dyn Write) -> io::Result<()>,
+    ) -> io::Result<()> {
+        let seconds = self.seconds_before + self.begun.elapsed().as_secs_f64();
+        write_file_durably(&self.folder.join(name), |file| {
+            let mut file = CrcWriter::new(file);
+            file.write_all(MAGIC)?;
+            file.write_all(&self.digest)?;
+            file.write_all(&seconds.to_le_bytes())?;
+            fill(&mut file)?;
+            let crc = file.crc().sum().to_le_bytes();
+            file.into_inner().write_all(&crc)
+        })
+    }
+
+    fn fail(&self, error: &dyn std::fmt::Display) {
+        // the first failure is the one to report
+        let _ = self.failure.set(format!("{}: {error}", self.folder.display()));
+    }
+}
+
+/// Names of the states in a checkpoint, sorted.
+fn states(folder: &Path) -> Result<Vec<String>, CheckpointError> {
+    let is_state = |name: &String| name == COMMON || name.starts_with(CHAIN);
+    Ok(names(folder).map_err(io_error("read", folder))?.into_iter().filter(is_state).collect())
+}
+
+fn names(folder: &Path) -> io::Result<Vec<String>> {
+    let entries = fs::read_dir(folder)?.flatten();
+    let mut names: Vec<String> =
+        entries.filter_map(|entry| entry.file_name().into_string().ok()).collect();
+    names.sort();
+    Ok(names)
+}
+
+/// Removes what a checkpoint consists of, and what a killed process left half-written there; the
+/// identity first: what is left if this is interrupted counts as nothing. The folder goes if nobody
+/// else put anything there.
+fn remove(folder: &Path) -> Result<(), CheckpointError> {
+    let is_ours = |name: &String| {
+        name == IDENTITY || name == COMMON || name.starts_with(CHAIN) || name.starts_with(TEMPORARY)
+    };
+    let remove = || {
+        if !folder.exists() {
+            return Ok(());
+        }
+        let mut ours: Vec<String> = names(folder)?.into_iter().filter(is_ours).collect();
+        ours.sort_by_key(|name| name != IDENTITY);
+        ours.iter().try_for_each(|name| fs::remove_file(folder.join(name)))?;
+        match fs::remove_dir(folder) {
+            Err(error) if error.kind() == io::ErrorKind::DirectoryNotEmpty => Ok(()),
+            done => done,
+        }
+    };
+    remove().map_err(io_error("remove", folder))
+}
+
+fn io_error(
+    action: &'static str,
+    path: &Path,
+) -> impl FnOnce(io::Error) -> CheckpointError + use<> {
+    let path = path.to_owned();
+    move |source| CheckpointError::Io { action, path, source }
+}
+
+fn checksum(bytes: &[u8]) -> [u8; CRC] {
+    let mut crc = Crc::new();
+    crc.update(bytes);
+    crc.sum().to_le_bytes()
+}
+
+fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
+    mutex.lock().unwrap_or_else(PoisonError::into_inner)
+}
