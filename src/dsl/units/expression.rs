@@ -1,8 +1,8 @@
 //! The unit of an expression, from the units of the names it mentions.
 //!
 //! Sums and comparisons need equal units, products multiply them. A plain number has any unit in a sum
-//! and none in a product. What is not understood (a user's function, `exp`, a block) is unknown, and
-//! what is unknown agrees with everything.
+//! or beside what has none, and none in a product with a dimensional quantity. What is not understood
+//! (a user's function, `exp`, a block) is unknown, and what is unknown agrees with everything.
 
 use quote::ToTokens;
 use syn::{BinOp, Expr, Lit, Member, UnOp};
@@ -79,6 +79,12 @@ impl Known {
         match (self, other) {
             (Known::Nothing, _) | (_, Known::Nothing) => Known::Nothing,
             (Known::Number, Known::Number) => Known::Number,
+            // 3.0 * gp(…): the number may be a time
+            (Known::Unit(a), Known::Number) | (Known::Number, Known::Unit(a))
+                if a.is_dimensionless() =>
+            {
+                Known::Number
+            }
             (Known::Unit(a), Known::Number) => Known::Unit(a.rescaled()),
             (Known::Number, Known::Unit(b)) => Known::Unit(b.powi(power).rescaled()),
             (Known::Unit(a), Known::Unit(b)) => Known::Unit(a.times(b, power)),

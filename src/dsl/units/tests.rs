@@ -172,6 +172,13 @@ no_mistakes! {
         param t [ms] ~ StudentT(nu, scale, scale);
         param log_normal [ms] ~ LogNormal(1.0, nu);
     };
+    plain_numbers_that_stand_for_a_time: {
+        column share [1];
+        field f(x) [ms] = 200.0 + 3.0 * gp(Rbf(rho), K = 4) where { rho [mm] ~ InvGamma(1.0, 1.0); }
+        let erp(x) [ms] = f(x) - f(x).recip() * f(x) * 5.0 + D::from(30.0) * x.share;
+        let late(x) [ms] = (f(x) / f(x)) * 30.0;
+        observe y(x): Number [ms] ~ Normal(erp(x) + late(x), 1.0);
+    };
     a_percentage: {
         column scar [%];
         param slope [ms] ~ Flat;

@@ -60,6 +60,11 @@ impl Unit {
             .then(|| Self { powers: self.powers.map(|p| p / 2), scale: self.scale.map(f64::sqrt) })
     }
 
+    /// Whether it is a power of nothing.
+    pub(super) fn is_dimensionless(self) -> bool {
+        self.powers == [0; N_BASES]
+    }
+
     /// The same after a product with a plain number.
     pub(super) fn rescaled(self) -> Self {
         Self { scale: None, ..self }
