@@ -13,7 +13,7 @@
 use std::f64::consts::PI;
 
 use crate::manifold::Basis;
-use crate::num::Real;
+use crate::num::{Real, exp};
 
 /// The spectral density of a stationary kernel of unit variance in two dimensions.
 #[diagnostic::on_unimplemented(
@@ -54,15 +54,15 @@ pub struct Matern52<D>(
 );
 
 impl<D: Real> Kernel<D> for Rbf<D> {
-    #[inline]
+    #[inline(always)]
     fn sqrt_density(&self, w: f64) -> D {
         let l = self.0;
-        l * (2.0 * PI).sqrt() * (l * l * (-0.25 * w * w)).exp()
+        l * (2.0 * PI).sqrt() * exp(l * l * (-0.25 * w * w))
     }
 }
 
 impl<D: Real> Kernel<D> for Matern12<D> {
-    #[inline]
+    #[inline(always)]
     fn sqrt_density(&self, w: f64) -> D {
         let kappa2 = (self.0 * self.0).recip();
         let s = kappa2 + w * w;
@@ -71,7 +71,7 @@ impl<D: Real> Kernel<D> for Matern12<D> {
 }
 
 impl<D: Real> Kernel<D> for Matern32<D> {
-    #[inline]
+    #[inline(always)]
     fn sqrt_density(&self, w: f64) -> D {
         let kappa2 = (self.0 * self.0).recip() * 3.0;
         let s = kappa2 + w * w;
@@ -80,7 +80,7 @@ impl<D: Real> Kernel<D> for Matern32<D> {
 }
 
 impl<D: Real> Kernel<D> for Matern52<D> {
-    #[inline]
+    #[inline(always)]
     fn sqrt_density(&self, w: f64) -> D {
         let kappa2 = (self.0 * self.0).recip() * 5.0;
         let s = kappa2 + w * w;
@@ -110,7 +110,7 @@ pub fn authors<T>(kernel: T) -> Authors<T> {
 const AUTHORS_AMPLITUDE: f64 = 2.236_175_670_256_598_5;
 
 impl<D: Real, T: Kernel<D>> Kernel<D> for Authors<T> {
-    #[inline]
+    #[inline(always)]
     fn sqrt_density(&self, w: f64) -> D {
         self.0.sqrt_density(w) * AUTHORS_AMPLITUDE
     }

@@ -7,6 +7,7 @@ use rand::{Rng, RngExt};
 use rand_distr::StandardNormal;
 
 use crate::dist::{Normal, ln_gamma, ln_logistic, ln_normal_below, ln_normal_between, logistic};
+use crate::num::lanes::{self, LANES};
 use crate::num::{Argument, LN_SQRT_2PI, Real};
 
 mod counts;
@@ -38,6 +39,17 @@ pub trait Observation: Copy + std::fmt::Debug + Send + Sync + 'static {
 pub trait Likelihood<D: Real, Y: Observation> {
     /// Log likelihood of `y`.
     fn ln_likelihood(&self, y: &Y) -> D;
+    /// Log likelihoods of several rows, each with its own likelihood and measurement.
+    ///
+    /// Worth writing where [`Likelihood::ln_likelihood`] is long: `TopHat`'s fills vector registers with
+    /// a number from each row.
+    #[inline(always)]
+    fn ln_likelihoods(rows: [(Self, &Y); LANES]) -> [D; LANES]
+    where
+        Self: Sized,
+    {
+        rows.map(|(likelihood, y)| likelihood.ln_likelihood(y))
+    }
     /// A measurement as the protocol behind `like` would give it.
     fn simulate(&self, like: &Y, rng: &mut dyn Rng) -> Y;
     /// Why this likelihood cannot take `y`, if it cannot.
@@ -181,37 +193,54 @@ impl TopHat<f64> {
     /// With `z = (f − c_j)/s` at the nearest centre j the terms are `e^(−z²/2) e^(mz − m²/2)`,
     /// `m = i − j`: a geometric recurrence outwards, two exponentials in all. If m is drawn with
     /// these weights the derivatives in z are `E m − z` and `Var m − 1`.
-    #[inline]
-    fn terms(f: f64, y: &Bracket) -> (f64, f64, f64) {
-        let x = (f - y.lower) * y.inverse_s;
-        let j = f64::from(x.clamp(0.0, y.last) as u32);
-        let z = x - (j + 0.5);
-        let up = z.exp();
-        let (step, n, mut t) = ([up, up.recip()], [y.last - j, j], [1.0; 2]);
-        let (mut s0, mut s1, mut s2) = ([0.0; 2], [0.0; 2], [0.0; 2]);
+    #[inline(always)]
+    fn terms(f: f64, y: &Bracket) -> [f64; 3] {
+        let x = (f - y.lower) * y.inverse_s - 0.5;
+        let j = lanes::within(x.round_ties_even(), 0.0, y.last);
+        let z = x - j;
+        let step = lanes::exp(lanes::within(z, -40.0, 40.0)); // beyond, neighbours weigh nothing
+        let steps = [step, step.recip()];
+        let (mut t, n) = ([1.0; 2], [y.last - j, j]);
+        let [mut s0, mut s1, mut s2] = [1.0, 0.0, 0.0];
         for (i, gauss) in GAUSS.iter().enumerate() {
             let m = (i + 1) as f64;
+            let mut weight = [0.0; 2];
             for side in 0..2 {
-                t[side] *= step[side];
-                let weight = if m <= n[side] { t[side] * gauss } else { 0.0 };
-                s0[side] += weight;
-                s1[side] += m * weight;
-                s2[side] += m * m * weight;
+                t[side] *= steps[side];
+                weight[side] = if m <= n[side] { t[side] * gauss } else { 0.0 };
             }
+            let [above, below] = weight;
+            s0 += above + below;
+            s1 += m * (above - below);
+            s2 += m * m * (above + below);
         }
-        let total = 1.0 + s0[0] + s0[1];
-        let mean = (s1[0] - s1[1]) / total;
-        let variance = (s2[0] + s2[1]) / total - mean * mean;
-        let s = y.inverse_s;
-        (total.ln() - 0.5 * z * z + y.ln_norm, (mean - z) * s, (variance - 1.0) * s * s)
+        let (mean, s) = (s1 / s0, y.inverse_s);
+        let value = lanes::ln(s0) - 0.5 * z * z + y.ln_norm;
+        [value, (mean - z) * s, (s2 / s0 - mean * mean - 1.0) * s * s]
     }
 }
 
 impl<D: Real> Likelihood<D, Bracket> for TopHat<D> {
     #[inline]
     fn ln_likelihood(&self, y: &Bracket) -> D {
-        let (f, df, d2f) = TopHat::terms(self.0.re(), y);
+        let [f, df, d2f] = TopHat::terms(self.0.re(), y);
         self.0.chain(f, df, d2f)
+    }
+    #[inline(always)]
+    fn ln_likelihoods(rows: [(Self, &Bracket); LANES]) -> [D; LANES] {
+        let (mut f, mut y) = ([0.0; LANES], [*rows[0].1; LANES]);
+        for lane in 0..LANES {
+            (f[lane], y[lane]) = (rows[lane].0.0.re(), *rows[lane].1);
+        }
+        let [mut value, mut slope, mut curvature] = [[0.0; LANES]; 3];
+        for lane in 0..LANES {
+            [value[lane], slope[lane], curvature[lane]] = TopHat::terms(f[lane], &y[lane]);
+        }
+        let mut out = [D::from(0.0); LANES];
+        for lane in 0..LANES {
+            out[lane] = rows[lane].0.0.chain(value[lane], slope[lane], curvature[lane]);
+        }
+        out
     }
     fn simulate(&self, like: &Bracket, _: &mut dyn Rng) -> Bracket {
         like.containing(self.0.re(), OPEN_STEP)

@@ -1,6 +1,8 @@
 //! Numbers that may carry derivatives: `f64`, [`Dual`] (W first derivatives) and [`Hyper`] (one
 //! entry of a Hessian), all from num-dual.
 
+pub mod lanes;
+
 use num_dual::{Derivative, DualNum, DualSVec64, HyperDual64};
 
 /// A real number that may carry derivatives.
@@ -106,10 +108,23 @@ impl Real for Hyper {
     }
 }
 
+/// `eˣ` as [`lanes::exp`] computes it: a loop over it becomes vector instructions.
+#[inline(always)]
+pub fn exp<D: Real>(x: D) -> D {
+    let e = lanes::exp(x.re());
+    x.chain(e, e, e)
+}
+
 /// The number `re` whose derivative `index` is 1.
 #[inline(always)]
 pub fn variable<const W: usize>(re: f64, index: usize) -> Dual<W> {
     Dual::from_re(re).derivative(index)
+}
+
+/// The number `re` with these derivatives.
+#[inline(always)]
+pub fn dual<const W: usize>(re: f64, eps: [f64; W]) -> Dual<W> {
+    Dual::new(re, Derivative::some(eps.into()))
 }
 
 /// The `W` first derivatives of `x`.

@@ -76,7 +76,9 @@ fn no_start(model: &Model, position: &[f64], ln_density: f64, gradient: &[f64]) 
     let unknown = gradient.iter().position(|g| !g.is_finite()).and_then(|i| names.get(i));
     let place = match (row, unknown) {
         (Some(((name, row), ln)), _) => {
-            format!("{name}: the log likelihood of row {} of the table is {ln}", row + 1)
+            let is_observe = model.observes.iter().any(|o| o.name == name);
+            let keyword = if is_observe { "observe" } else { "density" };
+            format!("{keyword} {name}: the log likelihood of row {} of the table is {ln}", row + 1)
         }
         (None, Some(name)) => format!("the derivative of the log density in {name} is no number"),
         (None, None) => format!("the log density is {ln_density}, through a prior or a `density`"),

@@ -12,10 +12,11 @@
 use std::marker::PhantomData;
 
 use num_dual::DualStruct;
+use pulp::{Arch, NullaryFnOnce};
 
 use super::scalar::Scalar;
 use super::scope::Local;
-use super::tape::{Op, Tape, axpy, dot};
+use super::tape::{Op, Tape, add_rows, dot, sum};
 use crate::field::Kernel;
 use crate::num::{Dual, LN_SQRT_2PI, Real, derivatives};
 
@@ -29,7 +30,7 @@ pub trait KernelFn: Send + Sync + std::fmt::Debug {
 pub(super) trait Spectrum: Send + Sync + std::fmt::Debug {
     /// Number of derivatives.
     fn width(&self) -> usize;
-    /// `c_k = √S(w_k)` and `dc[k]` its derivatives.
+    /// `c_k = √S(w_k)`, and `dc` its derivatives, (width, modes).
     fn push(&self, v: &[f64], frequency: &[f64], c: &mut [f64], dc: &mut [f64]);
     /// Carries the adjoint of `c` on.
     fn pull(&self, bar: &[f64], dc: &[f64], g: &mut [f64]);
@@ -53,21 +54,11 @@ impl<F: KernelFn, const N: usize, const W: usize> Spectrum for SpectrumAt<F, N, 
     }
 
     fn push(&self, v: &[f64], frequency: &[f64], c: &mut [f64], dc: &mut [f64]) {
-        let kernel = F::kernel::<Dual<W>>(&self.local.dual(v));
-        for (k, w) in frequency.iter().enumerate() {
-            let s = kernel.sqrt_density(*w);
-            c[k] = s.re();
-            dc[k * W..][..W].copy_from_slice(&derivatives(&s));
-        }
+        Arch::new().dispatch(Push { local: &self.local, f: self.f, v, frequency, c, dc });
     }
 
     fn pull(&self, bar: &[f64], dc: &[f64], g: &mut [f64]) {
-        let mut e = [0.0; W];
-        for (b, d) in bar.iter().zip(dc.chunks_exact(W.max(1))) {
-            for j in 0..W {
-                e[j] += b * d[j];
-            }
-        }
+        let e = std::array::from_fn(|j| dot(bar, &dc[j * bar.len()..][..bar.len()]));
         self.local.scatter_array(&e, g);
     }
 
@@ -84,6 +75,32 @@ impl<F: KernelFn, const N: usize, const W: usize> Spectrum for SpectrumAt<F, N, 
 
     fn mentions(&self) -> Vec<usize> {
         self.local.mentioned()
+    }
+}
+
+struct Push<'a, F, const N: usize, const W: usize> {
+    local: &'a Local<N, W>,
+    f: PhantomData<F>,
+    v: &'a [f64],
+    frequency: &'a [f64],
+    c: &'a mut [f64],
+    dc: &'a mut [f64],
+}
+
+impl<F: KernelFn, const N: usize, const W: usize> NullaryFnOnce for Push<'_, F, N, W> {
+    type Output = ();
+    #[inline(always)]
+    fn call(self) {
+        let n = self.frequency.len();
+        let (c, dc) = (&mut self.c[..n], &mut self.dc[..n * W]);
+        let kernel = F::kernel::<Dual<W>>(&self.local.dual(self.v));
+        for k in 0..n {
+            let s = kernel.sqrt_density(self.frequency[k]);
+            c[k] = s.re();
+            for (j, e) in derivatives(&s).into_iter().enumerate() {
+                dc[j * n + k] = e;
+            }
+        }
     }
 }
 
@@ -119,18 +136,20 @@ pub(super) struct Field {
     pub(super) k: usize,
     /// Where this field's part of `work` begins: w and q, then the terms.
     pub(super) work: usize,
-    /// First value: one per probe.
+    /// First value: one per probe, padded.
     pub(super) theta: usize,
     /// Probes row-major, `stride` ≥ `k` numbers each, zero-padded.
     pub(super) probes: Vec<f64>,
     pub(super) stride: usize,
+    /// Their transpose: a row per mode, of all probes, padded.
+    pub(super) modes: Vec<f64>,
     /// √λ of the sampled modes.
     pub(super) frequency: Vec<f64>,
 }
 
-/// Modes per probe rounded up, so that a row is whole vector registers.
-pub(super) fn padded(k: usize) -> usize {
-    k.next_multiple_of(8)
+/// The length of a row of `n` numbers, rounded up to whole vector registers.
+pub(super) fn padded(n: usize) -> usize {
+    n.next_multiple_of(4)
 }
 
 impl Field {
@@ -178,22 +197,18 @@ impl Op for Field {
             }
         }
         let mean = self.mean.value(&t.v);
-        let theta = &mut t.v[self.theta..][..self.n_probes()];
-        for (theta, row) in theta.iter_mut().zip(self.probes.chunks_exact(self.stride)) {
-            *theta = mean + dot(w, row);
-        }
+        let theta = &mut t.v[self.theta..][..padded(self.n_probes())];
+        theta.fill(mean);
+        add_rows(w, &self.modes, theta);
     }
 
     fn backward(&self, t: &mut Tape) {
         let (head, tail) = t.work[self.work..].split_at_mut(2 * self.stride);
         let q = &mut head[self.stride..]; // adjoint of w
         q.fill(0.0);
-        let mut mean_bar = 0.0;
         let theta_bar = &t.g[self.theta..][..self.n_probes()];
-        for (bar, row) in theta_bar.iter().zip(self.probes.chunks_exact(self.stride)) {
-            mean_bar += bar;
-            axpy(*bar, row, q);
-        }
+        add_rows(theta_bar, &self.probes, q);
+        let mean_bar = sum(theta_bar);
         for term in &self.terms {
             let k = term.k;
             let amplitude = term.amplitude.value(&t.v);

@@ -201,7 +201,7 @@ macro_rules! scalar { ([$(($p:ident {$t:ty} $n:expr))*] $e:expr) => {
 macro_rules! kernel { ([$(($p:ident {$t:ty} $n:expr))*] $e:expr) => {
     $crate::scope!{ [$(($p {$t} $n))*] $e }
     impl $crate::dsl::expansion::KernelFn for Here {
-        #[inline] fn kernel<D: $crate::num::Real>(s: &[D]) -> impl $crate::field::Kernel<D> + use<D> { let mut s = s.iter().copied(); $(let $p: $t = $crate::dsl::expansion::Take::take(&mut s);)* $e }
+        #[inline(always)] fn kernel<D: $crate::num::Real>(s: &[D]) -> impl $crate::field::Kernel<D> + use<D> { let mut s = s.iter().copied(); $(let $p: $t = $crate::dsl::expansion::Take::take(&mut s);)* $e }
     }
 } }
 
@@ -301,7 +301,8 @@ macro_rules! observe { ($b:ident $P:tt $R:tt $L:tt $y:ident ($x:ident) $Y:ident 
     impl $crate::dsl::expansion::RowFn for Here {
         type Columns = Row;
         type Y = $Y;
-        #[inline] fn likelihood<D: $crate::num::Real>(s: &[D], row: &Row) -> impl $crate::likelihood::Likelihood<D, $Y> + use<D> {
+        const SCOPE: $crate::dsl::expansion::Scope = SCOPE;
+        #[inline(always)] fn likelihood<D: $crate::num::Real>(s: &[D], row: &Row) -> impl $crate::likelihood::Likelihood<D, $Y> + use<D> {
             $crate::bind!{ s row $P $R $L }
             let $x = row;
             $lik

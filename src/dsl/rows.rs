@@ -1,10 +1,13 @@
 //! Measurements: the rows of an `observe` statement.
 
 use num_dual::DualStruct;
+use pulp::{Arch, NullaryFnOnce};
 use rand::Rng;
 
+use super::scope::Scope;
 use super::tape::{Op, Tape};
 use crate::likelihood::{Likelihood, Observation};
+use crate::num::lanes::LANES;
 use crate::num::{Dual, Hyper, Real, derivatives, variable};
 
 /// A likelihood as a function of a row's scalars and columns.
@@ -13,6 +16,8 @@ pub trait RowFn: Send + Sync + std::fmt::Debug {
     type Columns: Columns;
     /// What was measured.
     type Y: Observation;
+    /// What the likelihood can see.
+    const SCOPE: Scope;
     /// The likelihood at the scope's scalars.
     fn likelihood<D: Real>(
         s: &[D],
@@ -80,10 +85,8 @@ pub(super) struct Place {
     pub(super) index: Vec<u32>,
     /// (rows, W): an offset added to it, or empty if no effect acts on a field here.
     pub(super) hook: Vec<u32>,
-    /// Which scalar of the scope each of the W is.
-    pub(super) slot: Vec<u32>,
-    /// (scalar of the scope, first offset) of each `let` that an effect acts on.
-    pub(super) lets: Vec<(usize, usize)>,
+    /// First offset of each `let` in sight on which an effect acts.
+    pub(super) lets: Vec<Option<usize>>,
 }
 
 /// What a model can do with its measurements besides the gradient.
@@ -103,76 +106,100 @@ pub(super) trait Measured: Op {
 pub(super) struct Rows<F: RowFn, const N: usize, const W: usize> {
     pub(super) columns: Vec<F::Columns>,
     pub(super) y: Vec<F::Y>,
-    pub(super) slot: [u32; W],
     pub(super) place: Place,
 }
 
 impl<F: RowFn, const N: usize, const W: usize> Rows<F, N, W> {
-    /// Fills the scope's scalars for row `i`; `number` makes them of (which, value), offsets of `let`s
-    /// being number W and up.
+    /// The scope's scalars for row `i`; `number` makes them of (which, value), offsets of `let`s being
+    /// number W and up. The compiler knows which are constants: `SCOPE` is no data.
     #[inline(always)]
-    fn gather<D: Real>(
-        &self,
-        v: &[f64],
-        i: usize,
-        s: &mut [D; N],
-        number: impl Fn(usize, f64) -> D,
-    ) {
+    fn gather<D: Real>(&self, v: &[f64], i: usize, number: impl Fn(usize, f64) -> D) -> [D; N] {
+        let mut s = [D::from(0.0); N];
+        let slots = const { F::SCOPE.slots::<W>() };
         let index = &self.place.index[i * W..][..W];
         for j in 0..W {
             let mut x = v[index[j] as usize];
             if !self.place.hook.is_empty() {
                 x += v[self.place.hook[i * W + j] as usize];
             }
-            s[self.slot[j] as usize] = number(j, x);
+            s[slots[j]] = number(j, x);
         }
-        for (j, &(slot, at)) in self.place.lets.iter().enumerate() {
-            s[slot] = number(W + j, v[at + i]);
+        let lets = const { F::SCOPE.lets };
+        for (j, at) in self.place.lets.iter().enumerate().take(lets) {
+            if let Some(at) = at {
+                s[N - lets + j] = number(W + j, v[at + i]);
+            }
         }
+        s
     }
 
     fn plain(&self, v: &[f64], i: usize) -> [f64; N] {
-        let mut s = [0.0; N];
-        self.gather(v, i, &mut s, |_, x| x);
-        s
+        self.gather(v, i, |_, x| x)
     }
 
     /// Derivative of row `i`'s log likelihood in the offset of `let` number `a`. Not inlined: offsets
     /// are rare, and one copy serves them all.
     #[inline(never)]
     fn offset_derivative(&self, v: &[f64], i: usize, a: usize) -> f64 {
-        let mut s = [Hyper::from(0.0); N];
         let number = |j: usize, re| Hyper::new(re, f64::from(u8::from(j == W + a)), 0.0, 0.0);
-        self.gather(v, i, &mut s, number);
+        let s = self.gather(v, i, number);
         F::likelihood(&s, &self.columns[i]).ln_likelihood(&self.y[i]).eps1
+    }
+}
+
+impl<F: RowFn, const N: usize, const W: usize> Rows<F, N, W> {
+    /// The likelihood of row `i` with derivatives in the W scalars, and its measurement.
+    #[inline(always)]
+    fn dual_row(&self, v: &[f64], i: usize) -> (impl Likelihood<Dual<W>, F::Y>, &F::Y) {
+        let s = self.gather(v, i, |j, x| if j < W { variable(x, j) } else { Dual::from_re(x) });
+        (F::likelihood(&s, &self.columns[i]), &self.y[i])
+    }
+
+    #[inline(always)]
+    fn backward_inlined(&self, t: &mut Tape) {
+        let n = self.y.len();
+        for first in (0..n).step_by(LANES) {
+            let row = |lane: usize| self.dual_row(&t.v, (first + lane).min(n - 1)); // the last fills up
+            let values = Likelihood::ln_likelihoods([row(0), row(1), row(2), row(3)]);
+            for (i, value) in (first..n).zip(values) {
+                t.lp += value.re();
+                self.scatter(i, &derivatives(&value), t);
+            }
+        }
+    }
+
+    /// Adds the derivatives of row `i`'s log likelihood to the adjoint.
+    #[inline(always)]
+    fn scatter(&self, i: usize, e: &[f64; W], t: &mut Tape) {
+        for (at, e) in self.place.index[i * W..][..W].iter().zip(e) {
+            t.g[*at as usize] += e;
+        }
+        if !self.place.hook.is_empty() {
+            for (at, e) in self.place.hook[i * W..][..W].iter().zip(e) {
+                t.g[*at as usize] += e;
+            }
+        }
+        for (j, at) in self.place.lets.iter().enumerate() {
+            if let Some(at) = at {
+                t.g[at + i] += self.offset_derivative(&t.v, i, j);
+            }
+        }
+    }
+}
+
+struct Backward<'a, F: RowFn, const N: usize, const W: usize>(&'a Rows<F, N, W>, &'a mut Tape);
+
+impl<F: RowFn, const N: usize, const W: usize> NullaryFnOnce for Backward<'_, F, N, W> {
+    type Output = ();
+    #[inline(always)]
+    fn call(self) {
+        self.0.backward_inlined(self.1);
     }
 }
 
 impl<F: RowFn, const N: usize, const W: usize> Op for Rows<F, N, W> {
     fn backward(&self, t: &mut Tape) {
-        let mut s = [Dual::<W>::from_re(0.0); N];
-        for i in 0..self.y.len() {
-            self.gather(
-                &t.v,
-                i,
-                &mut s,
-                |j, x| if j < W { variable(x, j) } else { Dual::from_re(x) },
-            );
-            let l = F::likelihood(&s, &self.columns[i]).ln_likelihood(&self.y[i]);
-            t.lp += l.re();
-            let e = derivatives(&l);
-            for (at, e) in self.place.index[i * W..][..W].iter().zip(e) {
-                t.g[*at as usize] += e;
-            }
-            if !self.place.hook.is_empty() {
-                for (at, e) in self.place.hook[i * W..][..W].iter().zip(e) {
-                    t.g[*at as usize] += e;
-                }
-            }
-            for (j, &(_, at)) in self.place.lets.iter().enumerate() {
-                t.g[at + i] += self.offset_derivative(&t.v, i, j);
-            }
-        }
+        Arch::new().dispatch(Backward(self, t));
     }
 }
 

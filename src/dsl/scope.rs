@@ -1,7 +1,7 @@
 //! What an expression of a model file can see, and how it is handed over.
 
 use super::uses::{uses, width};
-use crate::num::{Argument, Dual, Real, derivatives, variable};
+use crate::num::{Argument, Dual, Real, derivatives, dual};
 
 /// The names an expression can see, how many scalars are behind each, and which it mentions.
 #[derive(Clone, Copy, Debug)]
@@ -24,6 +24,22 @@ impl Scope {
     /// Number of scalars that carry a derivative: those mentioned, without the offsets of `let`s.
     pub const fn width(&self) -> usize {
         width(self.mask & !(u128::MAX << (self.names.len() - self.lets)), self.lens)
+    }
+    /// Which of the scalars in sight each of the W = [`Scope::width`] is that carry a derivative.
+    pub const fn slots<const W: usize>(&self) -> [usize; W] {
+        let (mut slots, mut scalar, mut j, mut i) = ([0; W], 0, 0, 0);
+        while i < self.names.len() - self.lets {
+            let end = scalar + self.lens[i];
+            while scalar < end {
+                if self.mask >> i & 1 == 1 {
+                    slots[j] = scalar;
+                    j += 1;
+                }
+                scalar += 1;
+            }
+            i += 1;
+        }
+        slots
     }
     /// Whether the expression mentions `name`, itself or through a `let`.
     pub const fn has(&self, name: &str) -> bool {
@@ -80,6 +96,8 @@ pub(super) struct Local<const N: usize, const W: usize> {
     pub(super) at: [u32; N],
     pub(super) slot: [u32; W],
     pub(super) used: usize,
+    /// Derivatives of each scalar in the W: 1 in its own.
+    pub(super) unit: [[f64; W]; N],
 }
 
 impl<const N: usize, const W: usize> Local<N, W> {
@@ -90,12 +108,7 @@ impl<const N: usize, const W: usize> Local<N, W> {
 
     #[inline(always)]
     pub(super) fn dual(&self, v: &[f64]) -> [Dual<W>; N] {
-        let mut s: [Dual<W>; N] = std::array::from_fn(|i| Dual::from_re(v[self.at[i] as usize]));
-        for j in 0..self.used {
-            let i = self.slot[j] as usize;
-            s[i] = variable(s[i].re, j);
-        }
-        s
+        std::array::from_fn(|i| dual(v[self.at[i] as usize], self.unit[i]))
     }
 
     /// The values that the expression mentions.
@@ -114,5 +127,18 @@ impl<const N: usize, const W: usize> Local<N, W> {
         for j in 0..self.used {
             g[self.at[self.slot[j] as usize] as usize] += e[j];
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn slots_are_the_scalars_of_the_mentioned_names_without_lets() {
+        let (names, lens) = (&["a", "b", "w", "f"], &[1, 1, 3, 1]);
+        let scope = Scope { names, lens, lets: 1, mask: uses("w[0] + b * f(x)", names) };
+        assert_eq!((scope.size(), scope.width()), (6, 4));
+        assert_eq!(scope.slots::<4>(), [1, 2, 3, 4]);
     }
 }

@@ -1,5 +1,6 @@
 //! The scratch memory of one evaluation, and the operations that a model is a list of.
 
+use pulp::{Arch, NullaryFnOnce};
 use rand::Rng;
 
 use crate::dist::Gaussian;
@@ -56,10 +57,86 @@ pub(super) fn dot(a: &[f64], b: &[f64]) -> f64 {
     ((s[0] + s[4]) + (s[1] + s[5])) + ((s[2] + s[6]) + (s[3] + s[7])) + rest
 }
 
-/// `y += a x`
+/// In four partial sums.
 #[inline]
+pub(super) fn sum(a: &[f64]) -> f64 {
+    let (a4, rest) = a.as_chunks::<4>();
+    let mut s = [0.0; 4];
+    for a in a4 {
+        for i in 0..4 {
+            s[i] += a[i];
+        }
+    }
+    (s[0] + s[1]) + (s[2] + s[3]) + rest.iter().sum::<f64>()
+}
+
+/// `y += a x`
+#[inline(always)]
 pub(super) fn axpy(a: f64, x: &[f64], y: &mut [f64]) {
     for (y, x) in y.iter_mut().zip(x) {
         *y += a * x;
+    }
+}
+
+/// `y += Σ_i x_i row_i` over the rows of a matrix, each as long as `y`.
+pub(super) fn add_rows(x: &[f64], rows: &[f64], y: &mut [f64]) {
+    Arch::new().dispatch(AddRows { x, rows, y });
+}
+
+struct AddRows<'a> {
+    x: &'a [f64],
+    rows: &'a [f64],
+    y: &'a mut [f64],
+}
+
+impl NullaryFnOnce for AddRows<'_> {
+    type Output = ();
+
+    /// Four rows at a time, so that `y` is read and written a quarter as often.
+    #[inline(always)]
+    fn call(self) {
+        let Self { x, rows, y } = self;
+        let n = y.len();
+        if n == 0 {
+            return;
+        }
+        let (x4, x_rest) = x.as_chunks::<4>();
+        let (rows4, rows_rest) = rows.split_at(4 * n * x4.len());
+        for (x, rows) in x4.iter().zip(rows4.chunks_exact(4 * n)) {
+            let (a, rows) = rows.split_at(n);
+            let (b, rows) = rows.split_at(n);
+            let (c, d) = rows.split_at(n);
+            for i in 0..n {
+                y[i] += (x[0] * a[i] + x[1] * b[i]) + (x[2] * c[i] + x[3] * d[i]);
+            }
+        }
+        for (x, row) in x_rest.iter().zip(rows_rest.chunks_exact(n)) {
+            axpy(*x, row, y);
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Whole numbers: every sum is exact.
+    #[test]
+    fn rows_are_added_at_every_shape_and_with_the_same_bits_without_avx2() {
+        for (n_rows, n) in [(0, 3), (3, 0), (1, 5), (4, 4), (6, 13), (9, 24)] {
+            let x: Vec<f64> = (0..n_rows).map(|i| (i * i + 1) as f64).collect();
+            let rows: Vec<f64> = (0..n_rows * n).map(|i| (i % 17) as f64 - 3.0).collect();
+            let mut y = vec![2.0; n];
+            add_rows(&x, &rows, &mut y);
+            for (j, y) in y.iter().enumerate() {
+                let sum: f64 = (0..n_rows).map(|i| x[i] * rows[i * n + j]).sum();
+                assert!((y - 2.0 - sum).abs() < 0.5, "{n_rows} rows of {n}, {j}: {y}");
+            }
+            let (thirds, mut portable) = (vec![1.0 / 3.0; n_rows], vec![0.1; n]);
+            let mut here = portable.clone();
+            Arch::Scalar.dispatch(AddRows { x: &thirds, rows: &rows, y: &mut portable });
+            add_rows(&thirds, &rows, &mut here);
+            assert_eq!(here, portable);
+        }
     }
 }

@@ -92,7 +92,7 @@ impl Builder<'_> {
             term.work = used;
             used += term.k * (2 + term.spectrum.width());
         }
-        let (theta, work) = (self.values(n), self.n_work);
+        let (theta, work) = (self.values(padded(n)), self.n_work);
         self.n_work += 2 * stride + used;
         let mut probes = vec![0.0; n * stride];
         for (to, from) in
@@ -100,12 +100,29 @@ impl Builder<'_> {
         {
             to[..k].copy_from_slice(&from[first..]);
         }
+        let mut modes = vec![0.0; stride * padded(n)];
+        for (i, row) in modes.chunks_exact_mut(padded(n).max(1)).enumerate() {
+            for (j, x) in row[..n].iter_mut().enumerate() {
+                *x = probes[j * stride + i];
+            }
+        }
         let hyper_names = self.names.len() - hyper.len();
         self.names.truncate(hyper_names);
         let mean = mean.0;
         let frequency = frequency[first..].to_vec();
-        let op =
-            Field { mean, lone_mean, terms, collapsed, k, work, theta, probes, stride, frequency };
+        let op = Field {
+            mean,
+            lone_mean,
+            terms,
+            collapsed,
+            k,
+            work,
+            theta,
+            probes,
+            stride,
+            modes,
+            frequency,
+        };
         self.names.push((decl.name, Source::Field(self.model.fields.len())));
         self.model.fields.push(FieldEntry {
             name: decl.name,

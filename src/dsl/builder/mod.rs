@@ -126,8 +126,10 @@ impl<'a> Builder<'a> {
                 at.push((v + e) as u32);
             }
         }
+        let is_its_own = |i, j| f64::from(u8::from(slot.get(j) == Some(&(i as u32))));
         Local {
             at: std::array::from_fn(|i| at[i]),
+            unit: std::array::from_fn(|i| std::array::from_fn(|j| is_its_own(i, j))),
             slot: std::array::from_fn(|j| slot.get(j).copied().unwrap_or(0)),
             used: slot.len(),
         }

@@ -38,13 +38,12 @@ impl Builder<'_> {
             columns.push(F::Columns::read(&mut |name| data.number(row, name, &who))?);
         }
         let place = self.place(decl.name, &rows, scope, W)?;
-        let slot = std::array::from_fn(|j| place.slot[j]);
         self.model.observes.push(Observe {
             name: decl.name,
             unit: decl.unit.into(),
             columns: F::Y::COLUMNS,
             rows,
-            op: Box::new(Rows::<F, N, W> { columns, y, slot, place }),
+            op: Box::new(Rows::<F, N, W> { columns, y, place }),
         });
         Ok(())
     }
@@ -80,25 +79,23 @@ impl Builder<'_> {
         w: usize,
     ) -> Result<Place, ModelError> {
         let n = rows.len();
-        let mut place = Place { index: vec![0; n * w], hook: vec![], slot: vec![], lets: vec![] };
-        let (mut scalar, mut hooked) = (0, vec![]);
+        let mut place = Place { index: vec![0; n * w], hook: vec![], lets: vec![None; scope.lets] };
+        let (mut used, mut hooked) = (0, vec![]);
         for (i, &name) in scope.names.iter().enumerate() {
-            let start = scalar;
-            scalar += scope.lens[i];
             if !scope.mentions(i) {
                 continue;
             }
             if i >= scope.first_let() {
                 if self.acts(name) {
-                    place.lets.push((start, self.hook(observe, name, n)));
+                    place.lets[i - scope.first_let()] = Some(self.hook(observe, name, n));
                 }
                 continue;
             }
             let source = self.source(name).clone();
             let predictor = self.predictor(name, &source, rows)?;
             for e in 0..scope.lens[i] {
-                let j = place.slot.len();
-                place.slot.push((start + e) as u32);
+                let j = used;
+                used += 1;
                 if matches!(source, Source::Field(_)) && self.acts(name) {
                     hooked.push((j, self.hook(observe, name, n)));
                 }
