@@ -48,7 +48,7 @@ fn check_says_which_measurement_leaves_no_start() {
         let output = place.eplat("check ln.rs --data y.csv");
         let said = text(&output.stderr);
         assert_eq!(output.status.code(), Some(code), "{said}");
-        let row = " y: the log likelihood of row 2 of the table is NaN\nhelp: ";
+        let row = "observe y: the log likelihood of row 2 of the table is NaN\nhelp: ";
         assert_eq!(said.contains(row), code == 1, "{said}");
     }
 }
