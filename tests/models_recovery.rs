@@ -28,8 +28,8 @@ mod support;
 use std::path::Path;
 
 use eplat::diagnostics::{Summary, summarise};
-use eplat::dsl::{Declare, Kind, Maps, Measurements, Model};
-use eplat::infer::{Chain, Settings, Silent, jittered_starts, sample};
+use eplat::dsl::{Declare, Kind, Maps, Measurements, Model, Sampler};
+use eplat::infer::{Chain, Settings, Silent, jittered_starts};
 use eplat::manifold::Basis;
 use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
@@ -124,7 +124,7 @@ fn fit(model: &dyn Declare, basis: Option<&Basis>, data: &Measurements, draws: u
     let model = Model::new(model, basis, data).unwrap();
     let settings = Settings { warmup: 500, draws, target_accept: 0.9, ..Default::default() };
     let starts = jittered_starts(&model, &model.initial(), settings.chains, 1).unwrap();
-    let chains = sample(&model, &starts, &settings, &Silent).unwrap();
+    let chains = Sampler::of(&model).sample(&model, &starts, &settings, &Silent).unwrap();
     Fit { model, chains: chains.into_iter().map(Result::unwrap).collect() }
 }
 

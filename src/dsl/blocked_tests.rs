@@ -1,7 +1,7 @@
 use super::*;
 use crate::diagnostics::{mcse_mean, mcse_sd, mean_and_sd};
 use crate::dsl::{Declare, Measurements};
-use crate::infer::{Chain, Silent, jittered_starts};
+use crate::infer::{Chain, ChainError, Silent, jittered_starts};
 use crate::manifold::Basis;
 use crate::prelude::*;
 use nalgebra::{DMatrix, DVector};
@@ -156,11 +156,19 @@ fn blocked(model: &Model, fault: Fault, draws: usize) -> Vec<Chain> {
 }
 
 fn chains_of(model: &Model, blocks: Blocks<'_>, fault: Fault, draws: usize) -> Vec<Chain> {
+    twin_chains(model, blocks, fault, draws).unwrap_or_else(|e| panic!("{e}"))
+}
+
+fn twin_chains(
+    model: &Model,
+    blocks: Blocks<'_>,
+    fault: Fault,
+    draws: usize,
+) -> Result<Vec<Chain>, ChainError> {
     let settings = settings(draws);
     let starts = jittered_starts(model, &model.initial(), 4, 1).unwrap();
     let twin = Twin(blocks, fault);
-    let chains = sample_blocked(&twin, &starts, &settings, &Silent).unwrap();
-    chains.into_iter().map(|chain| chain.unwrap_or_else(|e| panic!("{e}"))).collect()
+    sample_blocked(&twin, &starts, &settings, &Silent).unwrap().into_iter().collect()
 }
 
 /// Draws of unknown `i`, chain by chain.
@@ -238,7 +246,11 @@ fn against_nuts(n_rows: usize, fault: Fault) -> (f64, String) {
     let nuts = infer::sample(&model, &starts, &settings, &Silent).unwrap();
     let nuts: Vec<Chain> =
         nuts.into_iter().map(|chain| chain.unwrap_or_else(|e| panic!("{e}"))).collect();
-    worst_z(&model, &blocked(&model, fault, 6000), &nuts)
+    match twin_chains(&model, Blocks::new(&model), fault, 6000) {
+        Ok(chains) => worst_z(&model, &chains, &nuts),
+        // without its prior a twin may wander off to where nothing is finite
+        Err(error) => (f64::INFINITY, error.to_string()),
+    }
 }
 
 fn worst_z(model: &Model, chains: &[Chain], others: &[Chain]) -> (f64, String) {
