@@ -15,6 +15,7 @@
 pub mod atomic;
 pub mod cache;
 pub mod cli;
+pub mod criticism;
 pub mod diagnostics;
 pub mod dist;
 pub mod dsl;

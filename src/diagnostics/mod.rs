@@ -19,6 +19,7 @@ pub use ess::{ess_bulk, ess_mean, ess_tail};
 pub use loo::{Loo, LooPoint, loo, relative_efficiency, standard_error};
 pub use mcse::{mcse_mean, mcse_quantile, mcse_sd};
 pub use rank::r_hat;
+pub use special::{beta_above, normal_quantile};
 
 use serde::Serialize;
 

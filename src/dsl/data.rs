@@ -261,6 +261,16 @@ impl Measurements {
         self.rows.is_empty()
     }
 
+    /// The header.
+    pub fn columns(&self) -> &[String] {
+        &self.header
+    }
+
+    /// A cell as text; `None` if there is no such column.
+    pub fn cell(&self, row: usize, name: &str) -> Option<&str> {
+        self.column(name).map(|column| self.rows[row].cells[column].as_str())
+    }
+
     /// Number of columns.
     pub fn n_columns(&self) -> usize {
         self.header.len()

@@ -13,6 +13,7 @@ mod equations;
 mod error;
 mod gp;
 mod linear;
+mod local;
 mod macros;
 mod maps;
 mod model;
@@ -30,8 +31,11 @@ pub use blocked::Sampler;
 pub use data::{DataError, Measurements};
 pub use equations::equations;
 pub use error::ModelError;
+pub use local::{RowId, Split};
 pub use maps::{MapName, MapSummary, Maps};
 pub use model::{Declare, Kind, Model, Observe, Parameter, Statement};
+pub use rows::{Curvature, Noise};
+pub use tape::Tape;
 
 /// What the expansion of [`model!`](crate::model) names; not for people.
 #[doc(hidden)]

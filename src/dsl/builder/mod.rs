@@ -52,6 +52,8 @@ pub struct Builder<'a> {
     probes: Vec<u32>,
     names: Vec<(&'static str, Source)>,
     effects: Vec<Effect>,
+    /// Names that offsets are wanted for besides those of effects.
+    pub(super) offsets_on: Vec<String>,
     /// First offset of (observe, field or let).
     hooks: BTreeMap<(&'static str, &'static str), usize>,
     /// Values whose prior is flat, with their unknown; and values that expressions mention, how often.
@@ -86,6 +88,7 @@ impl<'a> Builder<'a> {
             probes,
             names: vec![],
             effects: vec![],
+            offsets_on: vec![],
             hooks: BTreeMap::new(),
             flat: BTreeMap::new(),
             mentions: BTreeMap::new(),
@@ -339,6 +342,18 @@ impl<'a> Builder<'a> {
 
     /// Everything is declared.
     pub(super) fn finish(mut self) -> Result<Model, ModelError> {
+        self.apply_effects()?;
+        check_units(&self.model)?;
+        self.model.layout = [self.n_u, self.n_v, self.n_work];
+        if let Some(data) = self.data {
+            self.model.check(data)?;
+        }
+        self.model.hooks = self.hooks;
+        Ok(self.model)
+    }
+
+    /// Makes every effect's design act on the offsets of its targets.
+    fn apply_effects(&mut self) -> Result<(), ModelError> {
         let mut hit = BTreeSet::new();
         for effect in std::mem::take(&mut self.effects) {
             for i in 0..self.model.observes.len() {
@@ -364,11 +379,6 @@ impl<'a> Builder<'a> {
                 });
             }
         }
-        check_units(&self.model)?;
-        self.model.layout = [self.n_u, self.n_v, self.n_work];
-        if let Some(data) = self.data {
-            self.model.check(data)?;
-        }
-        Ok(self.model)
+        Ok(())
     }
 }
