@@ -2,119 +2,7 @@
 
 use std::collections::BTreeMap;
 
-use crate::dsl::{Measurements, Model};
-
-/// How an effect depends on a row: the right-hand side of an `effect` statement.
-#[derive(Clone, Debug, PartialEq)]
-pub enum Form {
-    /// `scaled(row.c, centre, scale)`: (c − centre)/scale, 0 where the cell is empty.
-    Scaled {
-        /// Column.
-        column: String,
-        /// Subtracted.
-        centre: f64,
-        /// Divided by.
-        scale: f64,
-    },
-    /// `smooth(row.c, low, high, n)`: Legendre polynomials of degree 1 to n over `[low, high]`.
-    Smooth {
-        /// Column.
-        column: String,
-        /// Where the polynomials' argument is −1.
-        low: f64,
-        /// Where it is 1.
-        high: f64,
-        /// Highest degree.
-        degree: usize,
-    },
-    /// `group(row.c)`: one coefficient per label.
-    Group {
-        /// Column.
-        column: String,
-    },
-    /// `above(row.c, threshold)`: 1 beyond the threshold.
-    Above {
-        /// Column.
-        column: String,
-        /// Threshold.
-        threshold: f64,
-    },
-    /// `all(row)`: every row.
-    All,
-}
-
-impl Form {
-    /// The column that it reads.
-    pub fn column(&self) -> Option<&str> {
-        match self {
-            Self::Scaled { column, .. }
-            | Self::Smooth { column, .. }
-            | Self::Group { column }
-            | Self::Above { column, .. } => Some(column),
-            Self::All => None,
-        }
-    }
-
-    /// The design, row-major (rows of the table, n), and n. Labels of `Group` are in order of appearance
-    /// in the table; an empty cell contributes nothing.
-    pub fn design(&self, table: &Measurements) -> (Vec<f64>, usize) {
-        let number = |row: usize, column: &str| -> Option<f64> {
-            table.cell(row, column)?.parse::<f64>().ok().filter(|x| x.is_finite())
-        };
-        let rows = 0..table.len();
-        match self {
-            Self::All => (vec![1.0; table.len()], 1),
-            Self::Scaled { column, centre, scale } => {
-                let z = |row| number(row, column).map_or(0.0, |x| (x - centre) / scale);
-                (rows.map(z).collect(), 1)
-            }
-            Self::Above { column, threshold } => {
-                let z = |row| number(row, column).map_or(0.0, |x| f64::from(u8::from(x > *threshold)));
-                (rows.map(z).collect(), 1)
-            }
-            Self::Smooth { column, low, high, degree } => {
-                let z = |row| match number(row, column) {
-                    Some(x) => legendre((2.0 * x - low - high) / (high - low), *degree),
-                    None => vec![0.0; *degree],
-                };
-                (rows.flat_map(z).collect(), *degree)
-            }
-            Self::Group { column } => {
-                let labels = distinct(table, column);
-                let mut z = vec![0.0; table.len() * labels.len()];
-                for row in rows {
-                    let own = labels.iter().position(|l| Some(l.as_str()) == table.cell(row, column));
-                    if let Some(own) = own {
-                        z[row * labels.len() + own] = 1.0;
-                    }
-                }
-                (z, labels.len())
-            }
-        }
-    }
-}
-
-/// Legendre polynomials of degree 1 to n.
-fn legendre(x: f64, n: usize) -> Vec<f64> {
-    let mut p = vec![1.0, x];
-    for k in 2..=n {
-        let k1 = k as f64;
-        p.push(((2.0 * k1 - 1.0) * x * p[k - 1] - (k1 - 1.0) * p[k - 2]) / k1);
-    }
-    p[1..=n].to_vec()
-}
-
-/// Labels of a column in order of appearance, empty cells left out.
-pub(super) fn distinct(table: &Measurements, column: &str) -> Vec<String> {
-    let mut labels: Vec<String> = vec![];
-    for row in 0..table.len() {
-        let cell = table.cell(row, column).unwrap_or_default();
-        if !cell.is_empty() && !labels.iter().any(|l| l == cell) {
-            labels.push(cell.into());
-        }
-    }
-    labels
-}
+use crate::dsl::{Form, Measurements, Model, distinct, families};
 
 /// Where a candidate acts.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -273,14 +161,19 @@ pub fn candidates(
                     refuse("nearly every row has a label of its own");
                     continue;
                 }
-                let form = Form::Group { column: name.into() };
-                if name != "region" {
-                    found.push(candidate(form, Level::Observable, &on, step));
-                    continue;
+                let mut forms = vec![Form::Group { column: name.into() }];
+                if (2..labels.len()).contains(&families(table, name).len()) {
+                    forms.push(Form::Family { column: name.into() });
                 }
-                for (field, sd) in field_sd {
-                    let on = std::slice::from_ref(field);
-                    found.push(candidate(form.clone(), Level::Parameter, on, *sd));
+                for form in forms {
+                    if name != "region" {
+                        found.push(candidate(form, Level::Observable, &on, step));
+                        continue;
+                    }
+                    for (field, sd) in field_sd {
+                        let on = std::slice::from_ref(field);
+                        found.push(candidate(form.clone(), Level::Parameter, on, *sd));
+                    }
                 }
             }
         }

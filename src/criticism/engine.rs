@@ -489,6 +489,11 @@ impl Fit {
         (self.x.rows(first, n - first).into_owned(), covariance)
     }
 
+    /// How a scalar depends on the linear unknowns and the terms' coefficients.
+    pub(super) fn design_row(&self, local: usize) -> &[f64] {
+        self.linear.row(local)
+    }
+
     /// What these rows, all of one site, would depend on, had they not been seen.
     pub fn cavity(&self, engine: &Engine, rows: &[usize]) -> Option<Cavity> {
         let site = engine.rows[*rows.first()?].site;

@@ -2,12 +2,16 @@
 
 mod candidates;
 mod engine;
+mod error;
 mod observable;
 mod outer;
+mod procedure;
 mod search;
+mod units;
 
-pub use candidates::{Candidate, Column, Form, Level, Unusable, candidates, read_column};
+pub use candidates::{Candidate, Level, Unusable, candidates};
 pub use engine::{Cavity, Engine, Fit, Outer, RowAt, Term};
-pub use observable::observables;
-pub use outer::{Free, optimise, score};
-pub use search::{Left, Tried, f_test, field_sd, leave_sites_out, search, simulate};
+pub use error::CriticismError;
+pub use observable::{observables, step_of};
+pub use procedure::{Case, Outcome, Record, Round, Settings, criticise, gain};
+pub use search::{Left, Tried, leave_sites_out};

@@ -17,12 +17,13 @@ pub enum Free {
 /// Log prior of the sds: half-normal, one protocol step wide; softly kept from vanishing, where a
 /// bracket would become a box without curvature.
 fn ln_prior(outer: &Outer, step: f64) -> f64 {
-    let one = |ln_sd: f64, least: f64| {
-        let square = ((2.0 * ln_sd).exp() / (step * step)).min(1e6);
-        let below = (least - (ln_sd - step.ln())).max(0.0);
-        -0.5 * square - 0.5 * below * below / 0.09
-    };
-    one(outer.ln_site, LEAST_SITE) + one(outer.ln_noise, LEAST_NOISE)
+    one(outer.ln_site, LEAST_SITE, step) + one(outer.ln_noise, LEAST_NOISE, step)
+}
+
+fn one(ln_sd: f64, least: f64, step: f64) -> f64 {
+    let square = ((2.0 * ln_sd).exp() / (step * step)).min(1e6);
+    let below = (least - (ln_sd - step.ln())).max(0.0);
+    -0.5 * square - 0.5 * below * below / 0.09
 }
 
 /// ln of the least sds, in steps.
@@ -46,6 +47,20 @@ pub fn optimise(
     let fit = engine.fit(&outer, active, Some(start))?;
     let score = fit.ln_evidence + ln_prior(&outer, step);
     Some((fit, score))
+}
+
+/// The best score without random effects of sites.
+pub fn without_sites(engine: &Engine, active: &[usize], fit: &Fit, step: f64) -> f64 {
+    let mut outer = fit.outer.clone();
+    outer.ln_site = f64::NEG_INFINITY;
+    let mut best = f64::NEG_INFINITY;
+    // one number: the noise, on a grid of tenths
+    for k in -20..=20 {
+        outer.ln_noise = fit.outer.ln_noise + 0.1 * f64::from(k);
+        let Some(fit) = engine.fit(&outer, active, Some(fit)) else { continue };
+        best = best.max(fit.ln_evidence + one(outer.ln_noise, LEAST_NOISE, step));
+    }
+    best
 }
 
 /// The score of a fit as it is.

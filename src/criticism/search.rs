@@ -110,6 +110,49 @@ fn predict(
     most + (ln.iter().map(|l| (l - most).exp()).sum::<f64>() / DRAWS as f64).ln()
 }
 
+/// Log predictive density of rows that a fit has not seen, site by site.
+pub fn ln_predictive(engine: &Engine, fit: &Fit, hidden: &[usize], seed: u64) -> f64 {
+    let n = engine.rows.len();
+    let (mut residual, mut predicted) = (vec![0.0; n], vec![0.0; n]);
+    let mut total = 0.0;
+    for (site, rows) in engine.sites.iter().enumerate() {
+        let own: Vec<usize> =
+            rows.iter().copied().filter(|r| hidden.binary_search(r).is_ok()).collect();
+        let mut rng = ChaCha8Rng::seed_from_u64(seed);
+        rng.set_stream(site as u64);
+        if let Some(cavity) = fit.cavity(engine, &own) {
+            total += predict(engine, fit, &cavity, &mut rng, &mut residual, &mut predicted);
+        }
+    }
+    total
+}
+
+/// Share of a term's variance over the rows that a smooth through the model's fields could take up.
+pub fn r_squared_on_fields(engine: &Engine, fit: &Fit, term: usize, step: f64) -> f64 {
+    let n = engine.rows.len();
+    let slopes = fit.slopes(engine);
+    let Some(slopes) = slopes else { return 0.0 };
+    let outer = &fit.outer;
+    let variance =
+        (2.0 * outer.ln_site).exp() + (2.0 * outer.ln_noise).exp() + step * step / 12.0;
+    // θ = F x, x ~ N(0, I): the smoother is F Fᵀ (F Fᵀ + variance)⁻¹
+    let covariance = &slopes * slopes.transpose();
+    let noisy = &covariance + DMatrix::identity(n, n) * variance;
+    let Some(factor) = nalgebra::Cholesky::new(noisy) else { return 0.0 };
+    let term = &engine.terms[term];
+    let (mut left, mut total) = (0.0, 0.0);
+    for k in 0..term.n {
+        let z = DVector::from_fn(n, |r, _| {
+            term.design[engine.model.table_row(engine.rows[r].id) * term.n + k]
+        });
+        let z = z.add_scalar(-z.mean());
+        let rest = &z - &covariance * factor.solve(&z);
+        left += rest.norm_squared();
+        total += z.norm_squared();
+    }
+    if total > 0.0 { 1.0 - left / total } else { 0.0 }
+}
+
 /// Compares measurements by their first finite cell.
 fn order(a: &[f64], b: &[f64]) -> std::cmp::Ordering {
     let key = |x: &[f64]| x.iter().copied().fold(0.0, |sum, x| sum + if x.is_finite() { x } else { x.signum() * 1e9 });
@@ -203,6 +246,32 @@ pub fn simulate(engine: &Engine, fit: &Fit, rng: &mut ChaCha8Rng) -> Vec<Vec<f64
 }
 
 impl Fit {
+    /// Slope of every row's predicted value in the standard normal coefficients of the fields,
+    /// (rows, coefficients); `None` for a model without fields.
+    fn slopes(&self, engine: &Engine) -> Option<DMatrix<f64>> {
+        let etas: Vec<usize> =
+            (0..engine.split.is_eta.len()).filter(|k| engine.split.is_eta[*k]).collect();
+        if etas.is_empty() {
+            return None;
+        }
+        let mut slopes = DMatrix::zeros(engine.rows.len(), etas.len());
+        for (r, row) in engine.rows.iter().enumerate() {
+            for l in 0..row.n {
+                let mut own = self.locals[row.first..][..row.n].to_vec();
+                let (centre, h) = (own[l], 1e-4 * own[l].abs().max(1.0));
+                let mut at = |x: f64| {
+                    own[l] = x;
+                    engine.model.row_location(row.id, &own)
+                };
+                let slope = (at(centre + h)? - at(centre - h)?) / (2.0 * h);
+                for (k, eta) in etas.iter().enumerate() {
+                    slopes[(r, k)] += slope * self.design_row(row.first + l)[*eta];
+                }
+            }
+        }
+        Some(slopes)
+    }
+
     /// The noise of its rows.
     pub fn noise(&self) -> Noise {
         self.outer.noise()
@@ -221,11 +290,29 @@ impl Fit {
     }
 }
 
-/// Standard deviation of each field over the sites of a fit.
-pub fn field_sd(engine: &Engine, fit: &Fit) -> BTreeMap<String, f64> {
-    engine.model.field_values(&engine.unknowns(&fit.outer.other, &fit.x)).into_iter().map(|(name, values)| {
-        let mean = values.iter().sum::<f64>() / values.len() as f64;
-        let var = values.iter().map(|v| (v - mean).powi(2)).sum::<f64>() / values.len() as f64;
-        (name, var.sqrt())
-    }).collect()
+/// The change of each field that moves what is observed by one protocol step, from the rms slope over
+/// the rows of a fit; fields that nothing observed depends on are left out.
+pub fn field_sd(engine: &Engine, fit: &Fit, step: f64) -> BTreeMap<String, f64> {
+    let mut found = BTreeMap::new();
+    for field in engine.model.field_names() {
+        let (mut squares, mut n) = (0.0, 0.0);
+        for row in &engine.rows {
+            let Some(local) = engine.model.local_of(row.id, field) else { continue };
+            let mut own = fit.locals[row.first..][..row.n].to_vec();
+            let h = 1e-4 * own[local].abs().max(1.0);
+            let centre = own[local];
+            let mut at = |x: f64| {
+                own[local] = x;
+                engine.model.row_location(row.id, &own)
+            };
+            if let (Some(above), Some(below)) = (at(centre + h), at(centre - h)) {
+                squares += ((above - below) / (2.0 * h)).powi(2);
+                n += 1.0;
+            }
+        }
+        if squares > 0.0 {
+            found.insert(field.to_string(), step / (squares / n).sqrt());
+        }
+    }
+    found
 }

@@ -266,6 +266,14 @@ impl Measurements {
         &self.header
     }
 
+    /// Complains unless there is such a column (`who` asks for it).
+    ///
+    /// # Errors
+    /// No such column.
+    pub fn require(&self, name: &str, who: &str) -> Result<(), DataError> {
+        self.column(name).map(|_| ()).ok_or_else(|| self.no_column(name, who))
+    }
+
     /// A cell as text; `None` if there is no such column.
     pub fn cell(&self, row: usize, name: &str) -> Option<&str> {
         self.column(name).map(|column| self.rows[row].cells[column].as_str())

@@ -129,6 +129,11 @@ impl Model {
         self.observes[id.observe].op.location(id.row, locals)
     }
 
+    /// Names of the fields.
+    pub fn field_names(&self) -> Vec<&'static str> {
+        self.fields.iter().map(|f| f.name).collect()
+    }
+
     /// Name and values at the probes of every field.
     pub fn field_values(&self, u: &[f64]) -> Vec<(String, Vec<f64>)> {
         let mut t = self.tape();

@@ -6,11 +6,13 @@
 //! same indices of the adjoint `g`. Everything between parameters and `v` is linear or a kernel's
 //! spectral density, with a hand-written adjoint. Nothing here knows the EP simulator.
 
+mod augmented;
 mod blocked;
 mod builder;
 mod data;
 mod equations;
 mod error;
+mod form;
 mod gp;
 mod linear;
 mod local;
@@ -27,10 +29,12 @@ mod tape;
 mod units;
 mod uses;
 
+pub use augmented::{AddedEffect, Augmented};
 pub use blocked::Sampler;
 pub use data::{DataError, Measurements};
 pub use equations::equations;
 pub use error::ModelError;
+pub use form::{Form, distinct, families};
 pub use local::{RowId, Split};
 pub use maps::{MapName, MapSummary, Maps};
 pub use model::{Declare, Kind, Model, Observe, Parameter, Statement};
@@ -41,6 +45,7 @@ pub use tape::Tape;
 #[doc(hidden)]
 pub mod expansion {
     pub use super::builder::{Builder, Len};
+    pub use super::form::Form;
     pub use super::gp::KernelFn;
     pub use super::maps::LetFn;
     pub use super::parameter::{PriorFn, SequenceFn};

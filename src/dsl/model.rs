@@ -189,7 +189,7 @@ impl Model {
         offsets_on: &[String],
     ) -> Result<Self, ModelError> {
         let mut b = Builder::new(model.name(), model.doc(), basis, Some(data));
-        b.offsets_on = offsets_on.to_vec();
+        b.want_offsets(offsets_on.iter().cloned());
         model.declare(&mut b)?;
         b.finish()
     }

@@ -170,7 +170,7 @@ impl Builder<'_> {
     }
 
     fn acts(&self, name: &str) -> bool {
-        self.effects.iter().any(|e| e.on.contains(&name))
+        self.effects.iter().any(|e| e.on.iter().any(|on| on == name))
             || self.offsets_on.iter().any(|on| on == name)
     }
 
