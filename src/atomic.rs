@@ -72,6 +72,22 @@ pub fn write_file(
     new.finish()
 }
 
+/// As [`write_file`], and on the disk before it has its name: a loss of power leaves the new file
+/// or the old one.
+///
+/// # Errors
+/// Those of [`write_file`].
+pub fn write_file_durably(
+    path: &Path,
+    fill: impl FnOnce(&mut BufWriter<&mut File>) -> io::Result<()>,
+) -> io::Result<()> {
+    write_file(path, |file| {
+        fill(file)?;
+        file.flush()?;
+        file.get_ref().sync_all()
+    })
+}
+
 /// Makes a folder by `fill`, under a temporary name that becomes `path` once everything is written.
 ///
 /// A folder that was at `path` is moved aside first, and back if the new one cannot take its place.

@@ -55,10 +55,25 @@ pub trait Dist<D: Real> {
         let _ = rng;
         None
     }
+    /// The prior as one of a coefficient in a Gaussian block, if it is normal or flat.
+    fn gaussian(&self) -> Option<Gaussian> {
+        None
+    }
     /// Whether the density is constant (an improper prior).
     fn is_flat(&self) -> bool {
-        false
+        self.gaussian().is_some_and(|prior| prior.precision == 0.0)
     }
+}
+
+/// `x = location + scale w` with w normal, of mean 0 and this precision; 0 if it is flat.
+#[derive(Clone, Copy, Debug)]
+pub struct Gaussian {
+    /// The mean, in the unit of x.
+    pub location: f64,
+    /// The standard deviation; 1 if it is flat.
+    pub scale: f64,
+    /// 1, or 0 if it is flat.
+    pub precision: f64,
 }
 
 /// Transform of the positive half-line: `x = eᵘ`.
@@ -133,8 +148,8 @@ impl<D: Real> Dist<D> for Flat {
     fn centre(&self) -> f64 {
         0.0
     }
-    fn is_flat(&self) -> bool {
-        true
+    fn gaussian(&self) -> Option<Gaussian> {
+        Some(Gaussian { location: 0.0, scale: 1.0, precision: 0.0 })
     }
 }
 
@@ -150,6 +165,9 @@ impl<D: Real> Dist<D> for Normal<D> {
     }
     fn sample(&self, rng: &mut dyn Rng) -> Option<f64> {
         Some(self.mu.re() + self.sd.re() * rng.sample::<f64, _>(StandardNormal))
+    }
+    fn gaussian(&self) -> Option<Gaussian> {
+        Some(Gaussian { location: self.mu.re(), scale: self.sd.re(), precision: 1.0 })
     }
     fn centre(&self) -> f64 {
         self.mu.re()

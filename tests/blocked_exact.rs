@@ -9,10 +9,9 @@ mod posterior;
 mod support;
 
 use eplat::diagnostics::{mcse_mean, mcse_quantile, mcse_sd, mean_and_sd, quantile};
-use eplat::dsl::{Measurements, Model, Sampler};
+use eplat::dsl::{Model, Sampler};
 use eplat::infer::{Settings, Silent, jittered_starts};
 use posterior::{Column, all, columns, erp, erp_experiment, largest_z};
-use rand::RngExt as _;
 
 /// Two-sided 0.1 % over the hundred or so comparisons of two posteriors.
 const LARGEST_Z: f64 = 4.5;
@@ -80,33 +79,11 @@ fn constant_modes_are_standard_normal() {
     }
 }
 
-/// Fifty rows of every protocol of the model `Mixed`, at as many vertices.
-fn mixed_rows() -> Measurements {
-    let mut rng = support::rng(3);
-    let protocols = ["warm_up", "s1s2", "open", "direct", "beats"];
-    let row = |i: usize| {
-        let lower = 190.0 + 10.0 * (i % 3) as f64;
-        let value = match i % 5 {
-            0 => 4.0 + (i % 3) as f64,
-            3 => 195.0 + (i % 9) as f64,
-            _ => (i % 11) as f64,
-        };
-        let (force, dose) = (rng.random_range(0.5..3.0), rng.random_range(0.0..2.0));
-        let protocol = protocols[i % 5];
-        format!("{protocol},{},{lower},{},{value},{force},{dose},c{}", 3 * i, lower + 10.0, i % 3)
-    };
-    let lines: Vec<String> = (0..50).map(row).collect();
-    let header = "protocol,vertex,lower,upper,value,force_g,dose,catheter";
-    let mut table = support::table(header, &lines);
-    table.place_at_indices(200).unwrap();
-    table
-}
-
 /// Two terms in a field, a mean with a prior, labels, effects, noise: much that is not in the block.
 #[test]
 fn everything_mixed_agrees_with_nuts() {
     let basis = support::basis(200, 24);
-    let model = Model::new(&language::mixed::Mixed, Some(&basis), &mixed_rows()).unwrap();
+    let model = Model::new(&language::mixed::Mixed, Some(&basis), &support::mixed_rows()).unwrap();
     let settings = Settings { target_accept: 0.9, ..Settings::default() };
     let blocked = sample_model(Sampler::Blocked, &model, &settings);
     let nuts = sample_model(Sampler::Nuts, &model, &settings);

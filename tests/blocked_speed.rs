@@ -1,16 +1,27 @@
-//! Effective draws per CPU second of the blocked sampler and of NUTS on the ERP model, ten seeds.
+//! Effective draws per CPU second of the blocked sampler and of NUTS on the ERP models, ten seeds.
 //!
 //! ```text
 //! cargo test --release --test blocked_speed -- --ignored --nocapture
 //! ```
+//! Environment variables change what is measured: `MODEL` (erp, exact, multiscale), `MESH` (a file in
+//! mm), `TABLE` (measurements on it), `SITES`, `SEEDS`, `CHAINS`, `WARMUP`, `DRAWS`, `TARGET` in per
+//! cent, `NUTS=1`.
 #![allow(clippy::unwrap_used, reason = "a test")]
 
+#[path = "../models/erp_exact.rs"]
+mod erp_exact;
+#[path = "../models/erp_multiscale.rs"]
+mod erp_multiscale;
 #[path = "support/posterior.rs"]
 mod posterior;
 
-use eplat::dsl::{Model, Sampler};
+use eplat::dsl::{Declare, Measurements, Model, Sampler};
 use eplat::infer::{Settings, Silent, jittered_starts};
-use posterior::{all, columns, erp, erp_experiment};
+use eplat::manifold::{Basis, eigenpairs_cached};
+use eplat::mesh::{self, Units, left_atrium};
+use posterior::{all, columns, erp, experiment_on};
+use std::env::var;
+use std::path::Path;
 
 /// CPU seconds of this process, user and system; Linux counts them in hundredths.
 fn cpu_seconds() -> f64 {
@@ -21,12 +32,32 @@ fn cpu_seconds() -> f64 {
 }
 
 fn number(name: &str, default: usize) -> usize {
-    std::env::var(name).ok().and_then(|s| s.parse().ok()).unwrap_or(default)
+    var(name).ok().and_then(|s| s.parse().ok()).unwrap_or(default)
+}
+
+fn declared() -> &'static dyn Declare {
+    match var("MODEL").as_deref() {
+        Ok("exact") => &erp_exact::ErpExact,
+        Ok("multiscale") => &erp_multiscale::ErpMultiscale,
+        _ => &erp::Erp,
+    }
+}
+
+/// The table named, or an experiment on the mesh named, or on the embedded atrium.
+fn problem(n_sites: usize) -> (Basis, Measurements) {
+    let Ok(path) = var("MESH") else {
+        return experiment_on(&left_atrium(1.5).mesh, declared(), n_sites);
+    };
+    let surface = mesh::read(Path::new(&path), Units::Mm).unwrap();
+    let Ok(table) = var("TABLE") else { return experiment_on(&surface.mesh, declared(), n_sites) };
+    let mut table = Measurements::read(Path::new(&table)).unwrap();
+    table.place_on(&surface, 1.0).unwrap();
+    (eigenpairs_cached(&surface.mesh, 60).unwrap(), table)
 }
 
 fn measure(sampler: Sampler, n_sites: usize, settings: &Settings, seeds: u64) {
-    let (basis, measurements) = erp_experiment(n_sites);
-    let model = Model::new(&erp::Erp, Some(&basis), &measurements).unwrap();
+    let (basis, measurements) = problem(n_sites);
+    let model = Model::new(declared(), Some(&basis), &measurements).unwrap();
     let mut rates = vec![];
     for seed in 1..=seeds {
         let settings = Settings { seed, threads: 1, ..settings.clone() };

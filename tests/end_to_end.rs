@@ -16,7 +16,7 @@ use serde_json::Value;
 const SMALL: &str = "--chains 2 --warmup 300 --draws 300";
 
 /// DESIGN.md's list.
-const FILES: [&str; 9] = [
+const FILES: [&str; 10] = [
     "draws.csv",
     "fields.vtp",
     "loo.csv",
@@ -26,6 +26,7 @@ const FILES: [&str; 9] = [
     "run.json",
     "summary.csv",
     "summary.json",
+    "warm_start.json",
 ];
 
 /// Runs the command; it must end with 0, or with 3 where so few draws fail the diagnostics.
@@ -212,7 +213,9 @@ fn an_interrupted_run_leaves_nothing_that_looks_whole() {
 fn whole(place: &Workplace) {
     for name in names_in(place, "out") {
         match name.as_str() {
-            "run.json" | "summary.json" => drop(json(&place.read(&format!("out/{name}")))),
+            "run.json" | "summary.json" | "warm_start.json" => {
+                json(&place.read(&format!("out/{name}")));
+            }
             "summary.csv" => assert_eq!(place.read("out/summary.csv").lines().count(), 1 + 54),
             "draws.csv" => assert_eq!(place.read("out/draws.csv").lines().count(), 1 + 200),
             "loo.csv" | "measurements.csv" => {
@@ -221,6 +224,7 @@ fn whole(place: &Workplace) {
             "fields.vtp" => fields(&place.read("out/fields.vtp")),
             "report.html" => assert!(place.read("out/report.html").trim_end().ends_with("</html>")),
             "posterior.zarr" => drop(json(&place.read("out/posterior.zarr/zarr.json"))),
+            "checkpoint" => {}
             other => assert!(other.starts_with('.'), "{other} is left over and not hidden"),
         }
     }

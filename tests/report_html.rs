@@ -72,6 +72,7 @@ fn record() -> RunRecord {
         grad_evals: 901_234,
         ns_per_grad: 1830.5,
         seconds: Seconds { compile: 0.0, setup: 1.25, warmup: 2.0, sampling: 2.5, total: 5.75 },
+        failed_chains: vec![],
         divergences: 3,
         max_r_hat: 1.004,
         min_ess_bulk: 1600.0,

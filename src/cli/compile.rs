@@ -32,11 +32,21 @@ pub(super) fn run_compiled(file: &ModelFile) -> Result<ExitCode, Failure> {
     let begun = Instant::now();
     let program = compiled(file)?;
     let seconds = begun.elapsed().as_secs_f64();
-    let status = Command::new(&program)
-        .args(std::env::args_os().skip(1))
-        .env(COMPILE_SECONDS, seconds.to_string())
-        .status()
-        .map_err(|error| Failure::io("start", &program, &error))?;
+    let mut command = Command::new(&program);
+    command.args(std::env::args_os().skip(1)).env(COMPILE_SECONDS, seconds.to_string());
+    hand_over(command).map_err(|error| Failure::io("start", &program, &error))
+}
+
+/// Becomes the program, so that a signal to this process reaches it.
+#[cfg(unix)]
+fn hand_over(mut command: Command) -> std::io::Result<ExitCode> {
+    Err(std::os::unix::process::CommandExt::exec(&mut command))
+}
+
+/// Waits for the program.
+#[cfg(not(unix))]
+fn hand_over(mut command: Command) -> std::io::Result<ExitCode> {
+    let status = command.status()?;
     Ok(ExitCode::from(status.code().and_then(|code| u8::try_from(code).ok()).unwrap_or(1)))
 }
 

@@ -3,7 +3,9 @@
 mod check;
 mod compare;
 mod compile;
+mod init;
 mod inputs;
+mod interrupt;
 mod mesh;
 mod models;
 mod optimise;
@@ -11,6 +13,7 @@ mod output;
 mod progress;
 mod report;
 mod run;
+mod sampling;
 mod show;
 mod simulate;
 mod surrogate;

@@ -8,12 +8,14 @@ use std::time::Instant;
 
 use serde_json::{Map, Value, json};
 
+use super::init::{self, WarmStart};
 use super::inputs::Inputs;
+use super::interrupt::identity;
 use crate::atomic::write_file;
 use crate::diagnostics::e_bfmi;
 use crate::dsl::{Maps, Model, equations};
 use crate::error::Failure;
-use crate::infer::{self, Chain, LogDensity as _, MetricKind};
+use crate::infer::{Chain, Identity, LogDensity as _};
 use crate::manifold::Basis;
 use crate::mesh::{Surface, write_vtp};
 use crate::report::{
@@ -21,6 +23,7 @@ use crate::report::{
     write_draws, write_html, write_loo, write_summary_csv, write_summary_json, write_zarr,
 };
 
+const VERSION: &str = env!("CARGO_PKG_VERSION");
 /// Most draws that field maps are averaged over; more change nothing that can be seen.
 const MAP_DRAWS: usize = 1000;
 
@@ -60,14 +63,24 @@ impl OutputFolder {
 pub(super) struct Finished<'a> {
     pub(super) model: &'a Model,
     pub(super) inputs: &'a Inputs,
-    pub(super) chains: &'a [Chain],
-    /// `blocked`, `nuts` or `prior`.
-    pub(super) sampler: &'static str,
-    pub(super) settings: &'a infer::Settings,
+    pub(super) sampled: Sampled,
+    pub(super) seed: u64,
+    pub(super) settings: report::Settings,
     pub(super) compile_seconds: f64,
-    pub(super) setup_seconds: f64,
-    pub(super) sampled_in: f64,
     pub(super) begun: Instant,
+}
+
+/// What sampling gave.
+#[derive(Default)]
+pub(super) struct Sampled {
+    /// The chains that came through.
+    pub(super) chains: Vec<Chain>,
+    /// Why the others did not.
+    pub(super) failures: Vec<String>,
+    /// Wall time of sampling, s.
+    pub(super) seconds: f64,
+    /// Of it, before this process: the run was interrupted.
+    pub(super) seconds_before: f64,
 }
 
 /// What the end of a run shows.
@@ -88,10 +101,15 @@ struct FieldMaps {
 }
 
 impl Finished<'_> {
+    /// What the draws depend on.
+    pub(super) fn identity(&self) -> Identity {
+        identity(VERSION, self.seed, &self.settings, &self.inputs.hashes)
+    }
+
     /// Writes every file; the record last.
     pub(super) fn write(&self, out: &OutputFolder) -> Result<Outcome, Failure> {
-        let seed = self.settings.seed;
-        let posterior = Posterior::new(self.model, &self.inputs.measurements, self.chains, seed);
+        let measurements = &self.inputs.measurements;
+        let posterior = Posterior::new(self.model, measurements, &self.sampled.chains, self.seed);
         let surface = self.inputs.surface.as_ref();
         let maps = surface.map(|(surface, basis)| self.maps(surface, basis));
         out.make()?;
@@ -121,6 +139,10 @@ impl Finished<'_> {
                 .map_err(|error| Failure::io("write", &path, &error))?;
             files.push("measurements.csv");
         }
+        if self.settings.sampler != "prior" {
+            WarmStart::new(self.model, &self.sampled.chains).write(&out.file(init::FILE))?;
+            files.push(init::FILE);
+        }
         let record = self.record(&posterior, maps.as_ref());
         self.write_page(out, &posterior, &record, maps.as_ref())?;
         record.write(&out.file("run.json"))?;
@@ -130,7 +152,7 @@ impl Finished<'_> {
 
     fn maps(&self, surface: &Surface, basis: &Basis) -> FieldMaps {
         let draws: Vec<&[f64]> =
-            self.chains.iter().flat_map(|c| (0..c.n_draws()).map(|i| c.draw(i))).collect();
+            self.sampled.chains.iter().flat_map(|c| (0..c.n_draws()).map(|i| c.draw(i))).collect();
         let step = draws.len().div_ceil(MAP_DRAWS);
         let thinned: Vec<&[f64]> = draws.into_iter().step_by(step).collect();
         let (summaries, unphysical) = Maps::new(self.model, basis).summarise(&thinned);
@@ -173,7 +195,7 @@ impl Finished<'_> {
         }
         let mut attributes = Map::new();
         attributes.insert("model".into(), json!(self.model.name));
-        attributes.insert("eplat_version".into(), json!(env!("CARGO_PKG_VERSION")));
+        attributes.insert("eplat_version".into(), json!(VERSION));
         Ok(write_zarr(&out.file("posterior.zarr"), &groups, &attributes)?)
     }
 
@@ -211,47 +233,45 @@ impl Finished<'_> {
     }
 
     fn record(&self, posterior: &Posterior, maps: Option<&FieldMaps>) -> RunRecord {
-        let sum = |of: fn(&Chain) -> f64| self.chains.iter().map(of).sum::<f64>();
+        let sum = |of: fn(&Chain) -> f64| self.sampled.chains.iter().map(of).sum::<f64>();
         let (warmup, sampling) = (sum(|c| c.seconds_warmup), sum(|c| c.seconds_sampling));
-        let wall = self.sampled_in / (warmup + sampling);
+        let Sampled { chains, failures, seconds: sampled_in, seconds_before } = &self.sampled;
+        let wall = sampled_in / (warmup + sampling);
+        let elapsed = self.begun.elapsed().as_secs_f64() + seconds_before;
         let grad_evals =
-            self.chains.iter().map(|c| c.n_grad_warmup + c.n_grad_sampling).sum::<u64>();
+            self.sampled.chains.iter().map(|c| c.n_grad_warmup + c.n_grad_sampling).sum::<u64>();
         let least = |of: fn(&report::Row) -> f64| {
             posterior.rows.iter().map(of).fold(f64::INFINITY, f64::min)
         };
         let min_ess_bulk = least(|r| r.summary.ess_bulk);
         RunRecord {
             model: self.model.name.into(),
-            version: env!("CARGO_PKG_VERSION").into(),
-            seed: self.settings.seed,
-            settings: report::Settings {
-                sampler: self.sampler.into(),
-                chains: self.settings.chains,
-                warmup: self.settings.warmup,
-                draws: self.settings.draws,
-                target_accept: self.settings.target_accept,
-                metric: match self.settings.metric {
-                    MetricKind::Diagonal => "diag".into(),
-                    MetricKind::Dense => "dense".into(),
-                },
-            },
+            version: VERSION.into(),
+            seed: self.seed,
+            settings: self.settings.clone(),
             hashes: self.inputs.hashes.clone(),
             n_params: self.model.dim(),
             grad_evals,
             ns_per_grad: 1e9 * (warmup + sampling) / grad_evals as f64,
             seconds: Seconds {
                 compile: self.compile_seconds,
-                setup: self.setup_seconds,
+                setup: elapsed - sampled_in,
                 warmup: warmup * wall,
                 sampling: sampling * wall,
-                total: self.begun.elapsed().as_secs_f64() + self.compile_seconds,
+                total: elapsed + self.compile_seconds,
             },
-            divergences: self.chains.iter().flat_map(|c| &c.diverging).filter(|d| **d).count(),
+            divergences: chains.iter().map(Chain::n_divergences).sum(),
+            failed_chains: failures.clone(),
             max_r_hat: -least(|r| -r.summary.r_hat),
             min_ess_bulk,
             min_ess_tail: least(|r| r.summary.ess_tail),
-            ess_per_second: min_ess_bulk / self.sampled_in,
-            e_bfmi: self.chains.iter().map(|c| e_bfmi(&c.energy)).fold(f64::INFINITY, f64::min),
+            ess_per_second: min_ess_bulk / sampled_in,
+            e_bfmi: self
+                .sampled
+                .chains
+                .iter()
+                .map(|c| e_bfmi(&c.energy))
+                .fold(f64::INFINITY, f64::min),
             rmse: maps.map(|m| m.rmse.clone()).filter(|rmse| !rmse.is_empty()),
             unphysical: maps.map(|m| m.unphysical.iter().sum::<f64>() / m.unphysical.len() as f64),
             units: maps.map(|m| m.units.clone()).unwrap_or_default(),
@@ -270,7 +290,7 @@ impl Finished<'_> {
             self.model.pointwise(&tape, &mut out);
             out
         };
-        for divergence in self.chains.iter().flat_map(|c| &c.divergences) {
+        for divergence in self.sampled.chains.iter().flat_map(|c| &c.divergences) {
             let (start, end) = (pointwise(&divergence.start), pointwise(&divergence.end));
             let falls = end.iter().zip(&start).map(|(e, s)| e - s).enumerate();
             let worst = falls.min_by(|a, b| a.1.total_cmp(&b.1));

@@ -1,21 +1,29 @@
 //! Progress of the chains: one line each on a terminal, one line per chain and phase otherwise.
 
 use std::io::IsTerminal as _;
+use std::sync::Arc;
+use std::sync::Once;
+use std::sync::atomic::{AtomicBool, Ordering};
 
 use indicatif::{MultiProgress, ProgressBar, ProgressStyle};
 
-use crate::infer::{ChainProgress, Phase, Progress};
+use crate::infer::{ChainProgress, Checkpoint, Phase, Progress, Settings};
 
-/// Shows where every chain stands, on stderr.
+/// Shows where every chain stands, on stderr; keeps the run, and ends it on request.
 pub(super) struct ChainBars {
     bars: Vec<ProgressBar>,
     is_terminal: bool,
     warmup: usize,
+    checkpoint: Checkpoint,
+    stop: Arc<AtomicBool>,
+    warned: Once,
 }
 
 impl ChainBars {
-    /// For `chains` of `total` transitions, `warmup` of them warm-up.
-    pub(super) fn new(chains: usize, total: usize, warmup: usize) -> Self {
+    /// For the chains of `settings`, kept in `checkpoint`, until `stop` is set.
+    pub(super) fn new(settings: &Settings, checkpoint: Checkpoint, stop: Arc<AtomicBool>) -> Self {
+        let Settings { chains, warmup, draws, .. } = *settings;
+        let total = warmup + draws;
         let all = MultiProgress::new();
         let template = "chain {prefix} {bar:24} {pos:>5}/{len} {msg} ETA {eta}";
         let style = ProgressStyle::with_template(template)
@@ -28,12 +36,14 @@ impl ChainBars {
             bar
         };
         let bars = (0..chains).map(bar).collect();
-        Self { bars, is_terminal: std::io::stderr().is_terminal(), warmup }
+        let is_terminal = std::io::stderr().is_terminal();
+        Self { bars, is_terminal, warmup, checkpoint, stop, warned: Once::new() }
     }
 
     /// Leaves the lines as they are.
-    pub(super) fn finish(&self) {
+    pub(super) fn finish(self) -> Checkpoint {
         self.bars.iter().for_each(ProgressBar::abandon);
+        self.checkpoint
     }
 }
 
@@ -55,5 +65,20 @@ impl Progress for ChainBars {
         if !self.is_terminal && phase_ends {
             eprintln!("chain {}  {:>5}/{}  {state}", p.chain + 1, p.iteration, p.total);
         }
+        if let Some(reason) = self.checkpoint.failure() {
+            self.warned.call_once(|| {
+                eprintln!(
+                    "warning: the run goes on, but cannot be resumed if interrupted: {reason}"
+                );
+            });
+        }
+    }
+
+    fn should_stop(&self) -> bool {
+        self.stop.load(Ordering::Relaxed)
+    }
+
+    fn checkpoint(&self) -> Option<&Checkpoint> {
+        Some(&self.checkpoint)
     }
 }

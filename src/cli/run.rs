@@ -8,14 +8,17 @@ use std::time::Instant;
 use clap::{Args, ValueEnum};
 
 use super::compile::{COMPILE_SECONDS, run_compiled};
+use super::init;
 use super::inputs::{InputArgs, Inputs, hash};
+use super::interrupt::{self, BeginArgs, INTERRUPTED};
 use super::models::{Compiled, ModelFile};
 use super::optimise::optimise;
-use super::output::{Finished, OutputFolder};
-use super::progress::ChainBars;
+use super::output::{Finished, OutputFolder, Sampled};
+use super::sampling::{Job, every_chain_failed};
 use crate::dsl::{Declare, Model, Sampler};
 use crate::error::Failure;
-use crate::infer::{self, Chain, LogDensity as _, MetricKind, jittered_starts};
+use crate::infer::{self, MetricKind, jittered_starts};
+use crate::report;
 
 /// `eplat run MODEL.rs`
 #[derive(Debug, Args)]
@@ -29,6 +32,8 @@ pub(super) struct Command {
     out: Option<PathBuf>,
     #[command(flatten)]
     sampler: SamplerArgs,
+    #[command(flatten)]
+    begin: BeginArgs,
     /// Find the posterior's mode by L-BFGS instead of sampling
     #[arg(long, conflicts_with_all = ["chains", "warmup", "draws", "target_accept", "sampler", "metric"])]
     optimize: bool,
@@ -123,39 +128,68 @@ impl SamplerArgs {
 impl Command {
     pub(super) fn run(&self, compiled: &[Compiled]) -> Result<ExitCode, Failure> {
         let begun = Instant::now();
-        let settings = self.sampler.settings(self.input.seed)?;
+        let mut settings = self.sampler.settings(self.input.seed)?;
+        let every = self.begin.every()?;
         let file = ModelFile::read(&self.model)?;
         let Some(model) = file.find(compiled) else { return run_compiled(&file) };
         let out = OutputFolder::open(&self.folder())?;
         let mut inputs = self.input.load(model)?;
         inputs.hashes.insert("model".into(), hash(&self.model)?);
-        let laid_out = lay_out(model, &inputs)?;
-        if self.optimize {
-            return optimise(&laid_out, &inputs, &out, self.json);
+        if let Some(folder) = &self.begin.init {
+            inputs.hashes.insert("init".into(), hash(&folder.join(init::FILE))?);
         }
-        let sampler = self.sampler.choose(&laid_out)?;
-        let (chains, sampled_in) = if self.prior {
-            draw_prior(&laid_out, &settings)?
-        } else {
-            sample(&laid_out, sampler, &settings, begun)?
-        };
-        let finished = Finished {
-            model: &laid_out,
+        let model = lay_out(model, &inputs)?;
+        if self.optimize {
+            return optimise(&model, &inputs, &out, self.json);
+        }
+        let sampler = self.sampler.choose(&model)?;
+        let mut finished = Finished {
+            model: &model,
             inputs: &inputs,
-            chains: &chains,
-            sampler: if self.prior { "prior" } else { sampler.name() },
-            settings: &settings,
+            sampled: Sampled::default(),
+            seed: settings.seed,
+            settings: record_of(&settings, if self.prior { "prior" } else { sampler.name() }),
             compile_seconds: compile_seconds(),
-            setup_seconds: begun.elapsed().as_secs_f64() - sampled_in,
-            sampled_in,
             begun,
         };
-        let result = finished.write(&out)?;
+        if self.prior {
+            finished.sampled = draw_prior(&model, &settings)?;
+            return self.finish(&finished, &out);
+        }
+        let starts = match &self.begin.init {
+            Some(folder) => init::starts(folder, &model, &mut settings)?,
+            None => jittered_starts(&model, &model.initial(), settings.chains, settings.seed)?,
+        };
+        let identity = finished.identity();
+        let Some(checkpoint) = interrupt::open(&out, identity, &starts, self.begin.resume, every)?
+        else {
+            eprintln!("complete: there is nothing left to do in {}", out.path().display());
+            return Ok(ExitCode::SUCCESS);
+        };
+        let job = Job { model: &model, sampler, settings: &settings, starts: &starts, begun };
+        let (sampled, checkpoint) = job.sample(checkpoint)?;
+        let Some(sampled) = sampled else {
+            interrupt::farewell(&out);
+            return Ok(ExitCode::from(INTERRUPTED));
+        };
+        if sampled.chains.is_empty() {
+            checkpoint.remove()?;
+            return Err(every_chain_failed(&sampled.failures));
+        }
+        finished.sampled = sampled;
+        let code = self.finish(&finished, &out)?;
+        checkpoint.remove()?;
+        Ok(code)
+    }
+
+    /// Writes the results and shows what they say; the exit code tells whether to rely on them.
+    fn finish(&self, finished: &Finished<'_>, out: &OutputFolder) -> Result<ExitCode, Failure> {
+        let result = finished.write(out)?;
         let mut stdout = std::io::stdout().lock();
         if self.json {
             writeln!(stdout, "{}", result.json())?;
         } else {
-            writeln!(stdout, "\n{}", result.text(&out))?;
+            writeln!(stdout, "\n{}", result.text(out))?;
         }
         Ok(if result.converged() { ExitCode::SUCCESS } else { ExitCode::from(3) })
     }
@@ -173,47 +207,27 @@ fn lay_out(model: &dyn Declare, inputs: &Inputs) -> Result<Model, Failure> {
     Ok(Model::new(model, basis, &inputs.measurements)?)
 }
 
-/// Samples the model; returns the chains that came through and the seconds it took.
-fn sample(
-    model: &Model,
-    sampler: Sampler,
-    settings: &infer::Settings,
-    begun: Instant,
-) -> Result<(Vec<Chain>, f64), Failure> {
-    let starts = jittered_starts(model, &model.initial(), settings.chains, settings.seed)?;
-    eprintln!(
-        "model  {}: {} unknowns, sampler {}, ready in {:.1} s",
-        model.name,
-        model.dim(),
-        sampler.name(),
-        begun.elapsed().as_secs_f64()
-    );
-    let sampling = Instant::now();
-    let bars = ChainBars::new(settings.chains, settings.warmup + settings.draws, settings.warmup);
-    let results = sampler.sample(model, &starts, settings, &bars)?;
-    bars.finish();
-    let sampled_in = sampling.elapsed().as_secs_f64();
-    let (chains, failed): (Vec<_>, Vec<_>) = results.into_iter().partition(Result::is_ok);
-    let chains: Vec<Chain> = chains.into_iter().flatten().collect();
-    let failures: Vec<String> =
-        failed.into_iter().filter_map(Result::err).map(|e| e.to_string()).collect();
-    for failure in &failures {
-        eprintln!("warning: {failure}");
-    }
-    match (chains.is_empty(), failures.first()) {
-        (true, Some(failure)) => {
-            Err(Failure::new(format_args!("every chain failed; the first:\n{failure}")))
-        }
-        _ => Ok((chains, sampled_in)),
-    }
-}
-
-/// As [`sample`], from the prior.
-fn draw_prior(model: &Model, settings: &infer::Settings) -> Result<(Vec<Chain>, f64), Failure> {
+/// Draws from the prior.
+fn draw_prior(model: &Model, settings: &infer::Settings) -> Result<Sampled, Failure> {
     let sampling = Instant::now();
     let chains = model.prior_draws(settings)?;
     eprintln!("model  {}: draws from its prior, not from its posterior", model.name);
-    Ok((chains, sampling.elapsed().as_secs_f64()))
+    Ok(Sampled { chains, seconds: sampling.elapsed().as_secs_f64(), ..Sampled::default() })
+}
+
+/// The settings as the run's record has them.
+fn record_of(settings: &infer::Settings, sampler: &str) -> report::Settings {
+    report::Settings {
+        sampler: sampler.into(),
+        chains: settings.chains,
+        warmup: settings.warmup,
+        draws: settings.draws,
+        target_accept: settings.target_accept,
+        metric: match settings.metric {
+            MetricKind::Diagonal => "diag".into(),
+            MetricKind::Dense => "dense".into(),
+        },
+    }
 }
 
 /// How long the compilation of this program took, if it was compiled for this run.

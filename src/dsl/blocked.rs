@@ -4,16 +4,18 @@
 //! Σ_terms amplitude √S_k η_k = √s_k ζ_k      s_k = Σ_terms (amplitude √S_k)²
 //! ```
 //! so that the terms of a field are one term with ζ standard normal. With fewer sites than modes, the
-//! sites see only n combinations w of them: θ = mean + L w with L Lᵀ = Φ diag(s) Φᵀ. A flat mean whose constant mode is collapsed is in the block
-//! too; the rest of the unknowns is outer. What the sites do not see is drawn from its exact
-//! conditional ([`restore`](super::restore)).
+//! sites see only n combinations w of them: θ = mean + L w with L Lᵀ = Φ diag(s) Φᵀ. A mean with a
+//! normal or flat prior that nothing else mentions is in the block too, as location + scale w; the
+//! rest of the unknowns is outer. What the sites do not see is drawn from its exact conditional
+//! ([`restore`](super::restore)).
 
 use std::collections::BTreeSet;
 
 use super::gp::Field;
 use super::model::Model;
 use super::restore::{Seen, coefficients, weights_of};
-use super::tape::{Op as _, Tape, axpy};
+use super::tape::{Op, Tape, axpy};
+use crate::dist::Gaussian;
 use crate::infer::{
     self, ChainResult, Design, Evaluator, FieldLayout, InferError, Latent, LatentGaussian, Layout,
     LogDensity, Progress, Settings, Shape, sample_blocked,
@@ -73,8 +75,8 @@ pub(super) struct Blocks<'m> {
 /// What is precomputed of one field.
 #[derive(Debug)]
 pub(super) struct Block {
-    /// The unknown that is its flat mean, if it is in the block.
-    pub(super) mean: Option<usize>,
+    /// Which of the model's priors is that of its mean, if that is in the block.
+    mean: Option<usize>,
     /// The sites' modes `(n_sites, k)`, without padding.
     pub(super) modes: Vec<f64>,
     /// Products φᵢ φⱼ of every pair of sites j ≤ i `(k, pairs)`; empty unless the sites are fewer.
@@ -93,10 +95,11 @@ impl<'m> Blocks<'m> {
     fn shaped(model: &'m Model, is_triangular: bool) -> Self {
         let ops = || model.fields.iter().map(|f| &f.op);
         let n_sites = ops().map(Field::n_probes).next().unwrap_or(0);
+        let values = model.tape().v;
         let fields: Vec<Block> = ops().map(|op| Block::new(model, op, is_triangular)).collect();
         let layout = |(op, block): (&Field, &Block)| FieldLayout {
             n_coefficients: if is_triangular { n_sites } else { op.k },
-            has_flat_mean: block.mean.is_some(),
+            mean_precision: block.mean.map(|prior| gaussian(model, prior, &values).precision),
             shape: if is_triangular {
                 Shape::Triangular
             } else {
@@ -113,14 +116,28 @@ impl<'m> Blocks<'m> {
         };
         Self { model, layout, fields }
     }
+
+    /// The priors of outer unknowns.
+    fn priors(&self) -> impl DoubleEndedIterator<Item = &dyn Op> {
+        let is_outer = |prior: &usize| self.fields.iter().all(|block| block.mean != Some(*prior));
+        (0..self.model.priors.len()).filter(is_outer).map(|prior| &*self.model.priors[prior])
+    }
+}
+
+/// The prior of a mean that is in the block, at these values.
+#[allow(clippy::expect_used, reason = "a mean is in the block because its prior is")]
+fn gaussian(model: &Model, prior: usize, values: &[f64]) -> Gaussian {
+    model.priors[prior].gaussian(values).expect("normal or flat")
 }
 
 impl Block {
     fn new(model: &Model, op: &Field, is_triangular: bool) -> Self {
-        let unknown = |v: usize| {
-            model.prior_entries.iter().find(|entry| entry.v == v).map(|entry| entry.u.start)
+        let values = model.tape().v;
+        let is_mean = |prior: &usize| {
+            op.lone_mean == Some(model.prior_entries[*prior].v)
+                && model.priors[*prior].gaussian(&values).is_some()
         };
-        let mean = op.collapsed.and_then(|collapsed| unknown(collapsed.mean));
+        let mean = (0..model.priors.len()).find(is_mean);
         let rows = || op.probes.chunks_exact(op.stride).map(|row| &row[..op.k]);
         let mut products = vec![];
         for k in 0..op.k {
@@ -159,8 +176,9 @@ impl Block {
 
 /// Unknowns that are neither coefficients of a GP term nor a mean in the block.
 fn outer(model: &Model, fields: &[Block]) -> Vec<usize> {
-    let is_mean = |u: &usize| fields.iter().any(|block| block.mean == Some(*u));
-    model.prior_entries.iter().flat_map(|entry| entry.u.clone()).filter(|u| !is_mean(u)).collect()
+    let is_outer = |(prior, _): &(usize, _)| fields.iter().all(|block| block.mean != Some(*prior));
+    let entries = model.prior_entries.iter().enumerate().filter(is_outer);
+    entries.flat_map(|(_, entry)| entry.u.clone()).collect()
 }
 
 /// Unknowns that a field's mean, amplitudes and kernels depend on, also through their priors.
@@ -171,9 +189,10 @@ fn hyperparameters(model: &Model, fields: &[Block]) -> BTreeSet<usize> {
             values.extend(term.amplitude.mentions());
             values.extend(term.spectrum.mentions());
         }
-        if block.mean.is_none() {
-            values.extend(entry.op.mean.mentions());
-        }
+        values.extend(match block.mean {
+            Some(prior) => model.prior_entries[prior].mentions.clone(),
+            None => entry.op.mean.mentions(),
+        });
     }
     let mut unknowns = BTreeSet::new();
     // a prior mentions only earlier parameters
@@ -274,10 +293,17 @@ impl OnTape<'_> {
         let blocks = self.blocks;
         for (f, (entry, block)) in blocks.model.fields.iter().zip(&blocks.fields).enumerate() {
             let op = &entry.op;
-            design.offset[f] = if block.mean.is_some() { 0.0 } else { op.mean.value(&self.tape.v) };
-            self.set_variances(op);
             let width = design.scale[f].len();
             let rows = &mut design.rows[f];
+            if let Some(prior) = block.mean {
+                let Gaussian { location, scale, .. } = gaussian(blocks.model, prior, &self.tape.v);
+                design.offset[f] = location;
+                design.scale[f][width - 1] = scale;
+                rows.chunks_exact_mut(width).for_each(|row| row[width - 1] = scale);
+            } else {
+                design.offset[f] = op.mean.value(&self.tape.v);
+            }
+            self.set_variances(op);
             if matches!(blocks.layout.fields[f].shape, Shape::Triangular) {
                 block.lower(&self.variances[..op.k], &mut self.covariance, rows, width);
                 continue;
@@ -298,14 +324,16 @@ impl Latent for OnTape<'_> {
     fn block(&mut self, position: &[f64], block: &mut [f64]) {
         let outer: Vec<f64> = self.blocks.layout.outer.iter().map(|u| position[*u]).collect();
         self.forward(&outer);
+        let model = self.blocks.model;
         let mut at = 0;
-        for (entry, field) in self.blocks.model.fields.iter().zip(&self.blocks.fields) {
+        for (entry, field) in model.fields.iter().zip(&self.blocks.fields) {
             let w =
                 coefficients(&entry.op, &field.modes, &self.tape.v, position, self.is_collapsed());
             block[at..][..w.len()].copy_from_slice(&w);
             at += w.len();
-            if let Some(mean) = field.mean {
-                block[at] = position[mean];
+            if let Some(prior) = field.mean {
+                let Gaussian { location, scale, .. } = gaussian(model, prior, &self.tape.v);
+                block[at] = (position[model.prior_entries[prior].u.start] - location) / scale;
                 at += 1;
             }
         }
@@ -322,20 +350,20 @@ impl Latent for OnTape<'_> {
         for (u, x) in self.blocks.layout.outer.iter().zip(outer) {
             position[*u] = *x;
         }
+        let model = self.blocks.model;
         let mut at = 0;
-        for (f, (entry, field)) in
-            self.blocks.model.fields.iter().zip(&self.blocks.fields).enumerate()
-        {
+        for (f, (entry, field)) in model.fields.iter().zip(&self.blocks.fields).enumerate() {
             let n = self.blocks.layout.fields[f].n_coefficients;
             let seen = Seen { w: &block[at..][..n], is_collapsed: self.is_collapsed() };
             weights_of(&entry.op, &field.modes, &self.tape.v, &seen, rng, position);
             at += n;
-            if let Some(mean) = field.mean {
-                position[mean] = block[at];
+            if let Some(prior) = field.mean {
+                let Gaussian { location, scale, .. } = gaussian(model, prior, &self.tape.v);
+                position[model.prior_entries[prior].u.start] = location + scale * block[at];
                 at += 1;
             }
         }
-        self.blocks.model.ln_density(&mut self.tape, position, &mut self.gradient)
+        model.ln_density(&mut self.tape, position, &mut self.gradient)
     }
 
     fn set_outer(&mut self, outer: &[f64], design: &mut Design) -> f64 {
@@ -344,7 +372,7 @@ impl Latent for OnTape<'_> {
         let (model, t) = (self.blocks.model, &mut self.tape);
         t.lp = 0.0;
         model.densities.iter().for_each(|density| density.backward(t));
-        model.priors.iter().for_each(|prior| prior.backward(t));
+        self.blocks.priors().for_each(|prior| prior.backward(t));
         t.lp
     }
 
@@ -381,7 +409,7 @@ impl Latent for OnTape<'_> {
         let (model, t) = (self.blocks.model, &mut self.tape);
         model.densities.iter().for_each(|density| density.backward(t));
         model.linear.iter().rev().for_each(|linear| linear.backward(t));
-        model.priors.iter().rev().for_each(|prior| prior.backward(t));
+        self.blocks.priors().rev().for_each(|prior| prior.backward(t));
         for (bar, u) in outer_bar.iter_mut().zip(&self.blocks.layout.outer) {
             *bar = t.gu[*u];
         }

@@ -23,7 +23,8 @@ model! {
     column dose;
     param noise ~ HalfNormal(1.0);
     field f(x) in -2.0..2.0 = m + alpha * gp(Rbf(rho), K = 12) where {
-        m     ~ Normal(-1.0, 1.0);
+        level ~ Normal(-1.0, 0.5);
+        m     ~ Normal(level, 1.0);
         alpha ~ InvGamma(3.0, 2.0);
         rho [mm] ~ LogNormal(3.5, 0.5);
     }
@@ -71,6 +72,8 @@ enum Fault {
     Unseen,
     /// Fields a tenth wider than their prior.
     Design,
+    /// Means twice as wide as their prior.
+    Mean,
     /// Hyperparameters without their prior.
     Prior,
     /// Hyperparameters moved by half of the log likelihood.
@@ -115,6 +118,13 @@ impl Latent for TwinLatent<'_> {
                 rows.chunks_exact_mut(width)
                     .for_each(|row| row[..width - 1].iter_mut().for_each(|x| *x *= 1.1));
                 scale[..width - 1].iter_mut().for_each(|x| *x *= 1.1);
+            }
+        }
+        if self.1 == Fault::Mean {
+            for (rows, scale) in design.rows.iter_mut().zip(&mut design.scale) {
+                let last = scale.len() - 1;
+                rows.chunks_exact_mut(last + 1).for_each(|row| row[last] *= 2.0);
+                scale[last] *= 2.0;
             }
         }
         if self.1 == Fault::Prior { 0.0 * ln_prior } else { ln_prior }
@@ -264,9 +274,9 @@ fn coefficients_per_site_and_per_mode_agree() {
 }
 
 #[test]
-fn twins_whose_hyperparameters_miss_prior_or_likelihood_are_found_out() {
-    for fault in [Fault::Prior, Fault::Likelihood] {
-        let (z, what) = against_nuts(40, fault);
+fn twins_that_miss_a_prior_or_the_likelihood_are_found_out() {
+    for (n_rows, fault) in [(8, Fault::Mean), (40, Fault::Prior), (60, Fault::Likelihood)] {
+        let (z, what) = against_nuts(n_rows, fault);
         assert!(z > LARGEST_Z, "{fault:?}: {what}");
     }
 }

@@ -111,6 +111,8 @@ pub(super) struct Collapsed {
 #[derive(Debug)]
 pub(super) struct Field {
     pub(super) mean: Box<dyn Scalar>,
+    /// The value that is the mean, if it is a hyperparameter that nothing else mentions.
+    pub(super) lone_mean: Option<usize>,
     pub(super) terms: Vec<Term>,
     pub(super) collapsed: Option<Collapsed>,
     /// Sampled modes of the longest term.

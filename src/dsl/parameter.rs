@@ -7,7 +7,7 @@ use rand::Rng;
 
 use super::scope::Local;
 use super::tape::{Op, Tape};
-use crate::dist::{Dist, Normal, Sequence};
+use crate::dist::{Dist, Gaussian, Normal, Sequence};
 use crate::num::{Dual, LN_SQRT_2PI, Real, derivatives, variable};
 
 /// A prior as a function of the names in its scope.
@@ -31,6 +31,10 @@ pub(super) struct ParameterOp<F, const N: usize, const W: usize> {
 }
 
 impl<F: PriorFn, const N: usize, const W: usize> Op for ParameterOp<F, N, W> {
+    fn gaussian(&self, v: &[f64]) -> Option<Gaussian> {
+        F::dist::<f64>(&self.local.plain(v)).gaussian()
+    }
+
     fn forward(&self, t: &mut Tape) {
         let dist = F::dist::<f64>(&self.local.plain(&t.v));
         for i in 0..self.n {

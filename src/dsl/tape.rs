@@ -2,6 +2,8 @@
 
 use rand::Rng;
 
+use crate::dist::Gaussian;
+
 /// The memory of one evaluation; one per thread.
 #[derive(Clone, Debug)]
 pub struct Tape {
@@ -29,6 +31,10 @@ pub(super) trait Op: Send + Sync + std::fmt::Debug {
     }
     /// Draws its unknowns from their prior, and computes values from them; `None` if it cannot.
     fn draw(&self, _: &mut Tape, _: &mut dyn Rng) -> Option<()> {
+        None
+    }
+    /// The prior of its one unknown at these values, if it is normal or flat.
+    fn gaussian(&self, _: &[f64]) -> Option<Gaussian> {
         None
     }
     /// Adds this operation's log density, and carries adjoints from its values to what they came from.

@@ -11,9 +11,10 @@ use super::hamiltonian::Metric;
 use super::nuts::{Nuts, Transition};
 use super::sample::MetricKind;
 use super::{Evaluator, moments::Moments};
+use serde::{Deserialize, Serialize};
 
 /// Step size that brings the mean acceptance to δ.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Serialize, Deserialize)]
 pub(super) struct DualAveraging {
     /// Target acceptance.
     delta: f64,
@@ -81,11 +82,15 @@ pub(super) fn initial_step_size(nuts: &mut Nuts) -> Option<f64> {
 
 /// Conditional standard deviation of every coordinate, (−∂²ln π/∂qᵢ²)^−½ by central differences of
 /// the gradient; `missing` where the curvature has the wrong sign.  Costs 2 dim evaluations.
+///
+/// No scale is larger than a thousand times the coordinate (or 1): where a likelihood has saturated
+/// the curvature is next to nothing, or rounding, and no step size would suit the scale it gives.
 pub(super) fn conditional_scales(
     evaluator: &mut dyn Evaluator,
     position: &[f64],
     missing: f64,
 ) -> Vec<f64> {
+    const LARGEST: f64 = 1e3;
     let mut moved = position.to_vec();
     let mut gradient = vec![0.0; position.len()];
     let mut scale = |i: usize| {
@@ -98,7 +103,8 @@ pub(super) fn conditional_scales(
         };
         let precision = -(slope_at(position[i] + h) - slope_at(position[i] - h)) / (2.0 * h);
         let usable = precision.is_finite() && precision > f64::MIN_POSITIVE;
-        if usable { precision.powf(-0.5) } else { missing }
+        let most = LARGEST * position[i].abs().max(1.0);
+        if usable { precision.powf(-0.5).min(most) } else { missing }
     };
     (0..position.len()).map(&mut scale).collect()
 }
@@ -111,7 +117,7 @@ pub(super) fn conditional_scales(
 /// ```
 /// Two windows overlap: the metric comes from the older one, which is dropped for the younger
 /// whenever that has filled, so early draws are forgotten and no draw is waited for.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Serialize, Deserialize)]
 pub(super) struct Warmup {
     early_end: usize,
     metric_end: usize,
@@ -126,23 +132,33 @@ impl Warmup {
     const EARLY_WINDOW: usize = 10;
     const WINDOW: usize = 80;
 
-    /// Sets the chain's first metric and step size; `None` if no step size works.
+    /// Sets the chain's first step size, and its first metric where enough is `learnt` before:
+    /// then there are no early windows, and a full one must come before that is forgotten.
+    /// `None` if no step size works.
     pub(super) fn begin(
         nuts: &mut Nuts,
         kind: MetricKind,
         n: usize,
         target_accept: f64,
+        learnt: &Moments,
     ) -> Option<Self> {
-        let dim = nuts.point.position.len();
+        let is_warm = learnt.n() >= Self::WINDOW;
+        let mut younger = learnt.clone();
+        younger.clear();
+        let older = if is_warm { learnt.clone() } else { younger.clone() };
+        if let (true, Some(factor)) = (is_warm, older.shrunk_covariance_factor()) {
+            nuts.hamiltonian().metric = Metric::Dense(factor);
+        } else if let (true, Metric::Diagonal(scale)) = (is_warm, &mut nuts.hamiltonian().metric) {
+            older.fisher_scales(scale);
+        }
         let step_size = DualAveraging::new(initial_step_size(nuts)?, target_accept);
-        let moments = Moments::new(dim, kind == MetricKind::Dense);
         Some(Self {
-            early_end: n * 3 / 10,
+            early_end: if is_warm { 0 } else { n * 3 / 10 },
             metric_end: n * 85 / 100,
             kind,
             target_accept,
-            older: moments.clone(),
-            younger: moments,
+            older,
+            younger,
             step_size,
         })
     }
@@ -277,5 +293,26 @@ mod tests {
             },
         };
         assert_eq!(conditional_scales(&mut *flat.evaluator(), &[0.0], 2.5), [2.5]);
+    }
+
+    #[test]
+    fn a_coordinate_that_is_all_but_flat_has_a_step_size() {
+        // Curvature 1e-150 between two walls, as where every measurement is explained for certain.
+        let f = |q: &[f64], g: &mut [f64]| {
+            let beyond = (q[0].abs() - 10.0).max(0.0);
+            g[0] = -1e-150 * q[0] - 100.0 * beyond * q[0].signum();
+            g[1] = -q[1];
+            -0.5e-150 * q[0] * q[0] - 50.0 * beyond * beyond - 0.5 * q[1] * q[1]
+        };
+        let density = FnDensity { dim: 2, f };
+        let scales = conditional_scales(&mut *density.evaluator(), &[0.1, 0.1], 1.0);
+        assert!((scales[0] - 1e3).abs() < 1e-9 && (scales[1] - 1.0).abs() < 1e-6, "{scales:?}");
+        let step_size = |scales: Vec<f64>| {
+            let mut nuts = nuts(&density);
+            nuts.hamiltonian().metric = Metric::Diagonal(scales);
+            initial_step_size(&mut nuts)
+        };
+        assert!(step_size(scales).is_some());
+        assert!(step_size(vec![1e75, 1.0]).is_none(), "the scale that the curvature gives");
     }
 }

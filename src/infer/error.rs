@@ -1,6 +1,8 @@
 //! What can go wrong in inference, as texts a person can act on.
 
+use super::checkpoint::CheckpointError;
 use super::sample::Phase;
+use serde::{Deserialize, Serialize};
 
 /// Input that cannot be sampled, found before any chain starts.
 #[derive(Debug, thiserror::Error)]
@@ -66,6 +68,17 @@ pub enum InferError {
         /// Length given.
         got: usize,
     },
+    /// A draw of an earlier run of the wrong length.
+    #[error(
+        "draw of an earlier run: expected {expected} coordinates, got {got}\n\
+         help: a draw has one unconstrained number per unknown, `LogDensity::dim()` in all"
+    )]
+    EarlierLength {
+        /// Dimension of the density.
+        expected: usize,
+        /// Length given.
+        got: usize,
+    },
     /// No density at the initial point.
     #[error(
         "the initial point has no support: its log density is {ln_density} (expected a finite \
@@ -92,6 +105,9 @@ pub enum InferError {
         /// Points tried.
         tried: usize,
     },
+    /// What was kept of an interrupted run cannot be used.
+    #[error(transparent)]
+    Checkpoint(#[from] CheckpointError),
     /// The thread pool could not be made.
     #[error(
         "cannot start {threads} threads: {reason}\n\
@@ -106,7 +122,7 @@ pub enum InferError {
 }
 
 /// Why one chain ended without its draws.
-#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error, Serialize, Deserialize)]
 #[non_exhaustive]
 pub enum ChainFailure {
     /// Density or gradient not finite at the start.
@@ -127,7 +143,7 @@ pub enum ChainFailure {
 }
 
 /// A chain that failed, with all that is needed to see it fail again.
-#[derive(Clone, Debug, thiserror::Error)]
+#[derive(Clone, Debug, thiserror::Error, Serialize, Deserialize)]
 #[error("chain {chain} (seed {seed}), {phase} iteration {iteration}: {failure}")]
 pub struct ChainError {
     /// The chain, from 0.

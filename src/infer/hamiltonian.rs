@@ -11,9 +11,10 @@
 
 use super::Evaluator;
 use super::vector::{add_scaled, dot};
+use serde::{Deserialize, Serialize};
 
 /// Factor F of the inverse mass matrix M⁻¹ = F Fᵀ.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Serialize, Deserialize)]
 pub(super) enum Metric {
     /// F = diag(scale).
     Diagonal(Vec<f64>),

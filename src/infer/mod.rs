@@ -4,6 +4,8 @@
 
 mod adapt;
 mod blocked;
+mod chain;
+mod checkpoint;
 mod error;
 mod hamiltonian;
 mod moments;
@@ -17,6 +19,7 @@ mod tree;
 mod vector;
 
 pub use blocked::{Design, FieldLayout, Latent, LatentGaussian, Layout, Shape, sample_blocked};
+pub use checkpoint::{Checkpoint, CheckpointError, Identity, differences};
 pub use error::{ChainError, ChainFailure, InferError};
 pub use optimise::{Optimum, OptimumSettings, maximise};
 pub use sample::{

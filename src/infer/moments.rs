@@ -1,9 +1,11 @@
 //! Running moments of draws and gradients, and the metrics made from them.
 
+use super::LogDensity;
 use faer::{Mat, Side};
+use serde::{Deserialize, Serialize};
 
 /// Running means and second moments of positions and gradients (Welford).
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Serialize, Deserialize)]
 pub(super) struct Moments {
     n: usize,
     position: Welford,
@@ -16,6 +18,20 @@ impl Moments {
     pub(super) fn new(dim: usize, dense: bool) -> Self {
         let products = dense.then(|| vec![0.0; dim * dim]);
         Self { n: 0, position: Welford::new(dim), gradient: Welford::new(dim), products }
+    }
+
+    /// Of these draws, each `(dim)`, as far as `density` supports them.
+    pub(super) fn of(density: &dyn LogDensity, draws: &[Vec<f64>], dense: bool) -> Self {
+        let mut moments = Self::new(density.dim(), dense);
+        let mut evaluator = density.evaluator();
+        let mut gradient = vec![0.0; density.dim()];
+        for draw in draws {
+            let ln_density = evaluator.ln_density(draw, &mut gradient);
+            if ln_density.is_finite() && gradient.iter().all(|g| g.is_finite()) {
+                moments.add(draw, &gradient);
+            }
+        }
+        moments
     }
 
     pub(super) fn n(&self) -> usize {
@@ -80,7 +96,7 @@ impl Moments {
 }
 
 /// Mean and sum of squared deviations of each coordinate.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Serialize, Deserialize)]
 struct Welford {
     mean: Vec<f64>,
     squares: Vec<f64>,

@@ -4,12 +4,13 @@
 //! Hoffman & Gelman 2014; Betancourt 2017 for multinomial trajectories and the generalised U-turn
 //! criterion p♯ · Σp > 0 at both ends of every subtree and across every join.
 
-use super::hamiltonian::{Hamiltonian, PhasePoint};
+use super::hamiltonian::{Hamiltonian, Metric, PhasePoint};
 use super::tree::{self, Direction, Stop, Subtree, Trajectory, Workspace};
 use super::vector::{add_scaled, dots_with_sum};
 use rand::{Rng, RngExt};
 use rand_chacha::ChaCha8Rng;
 use rand_distr::StandardNormal;
+use serde::{Deserialize, Serialize};
 
 /// Energy error beyond which a trajectory counts as divergent.
 const MAX_ENERGY_ERROR: f64 = 1000.0;
@@ -25,6 +26,24 @@ pub(super) struct Transition {
     pub(super) depth: u32,
     pub(super) n_leapfrog: u32,
     pub(super) diverging: bool,
+}
+
+/// What a chain is between two transitions, without its density: the rest of [`Nuts`] is memory.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+pub(super) struct NutsState {
+    position: Vec<f64>,
+    gradient: Vec<f64>,
+    ln_density: f64,
+    metric: Metric,
+    /// Words drawn from the random stream.
+    word: u128,
+    n_evaluations: u64,
+}
+
+impl NutsState {
+    pub(super) fn position(&self) -> &[f64] {
+        &self.position
+    }
 }
 
 /// A NUTS chain: its current point, step size, random stream and the tree's memory.
@@ -62,6 +81,29 @@ impl<'a> Nuts<'a> {
 
     pub(super) fn hamiltonian(&mut self) -> &mut Hamiltonian<'a> {
         &mut self.flow.hamiltonian
+    }
+
+    /// For [`Nuts::restore`].
+    pub(super) fn state(&self) -> NutsState {
+        let Hamiltonian { metric, n_evaluations, .. } = &self.flow.hamiltonian;
+        NutsState {
+            position: self.point.position.clone(),
+            gradient: self.point.gradient.clone(),
+            ln_density: self.point.ln_density,
+            metric: metric.clone(),
+            word: self.flow.rng.get_word_pos(),
+            n_evaluations: *n_evaluations,
+        }
+    }
+
+    /// Goes on from `state`, on the same density with the same random stream, as if nothing had been.
+    pub(super) fn restore(&mut self, state: NutsState) {
+        self.point.position = state.position;
+        self.point.gradient = state.gradient;
+        self.point.ln_density = state.ln_density;
+        self.flow.hamiltonian.metric = state.metric;
+        self.flow.hamiltonian.n_evaluations = state.n_evaluations;
+        self.flow.rng.set_word_pos(state.word);
     }
 
     /// Evaluates the current point anew, after the density has changed.

@@ -2,19 +2,21 @@
 //!
 //! One `ChaCha8` stream per chain makes results the same, bit for bit, on any number of threads.
 
-use super::adapt::{Warmup, conditional_scales};
-use super::error::{ChainError, ChainFailure, InferError};
-use super::hamiltonian::{Hamiltonian, Metric};
+use super::LogDensity;
+use super::chain::{Kept, Run};
+use super::checkpoint::{Checkpoint, take_chains};
+use super::error::{ChainError, InferError};
+use super::moments::Moments;
 use super::nuts::{Nuts, Transition};
-use super::{Evaluator, LogDensity};
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 use rayon::prelude::*;
+use serde::{Deserialize, Serialize};
 use std::fmt;
 use std::time::{Duration, Instant};
 
 /// The shape of the inverse mass matrix.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Default)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Default, Serialize, Deserialize)]
 pub enum MetricKind {
     /// One scale per coordinate, by Fisher divergence.
     #[default]
@@ -42,6 +44,9 @@ pub struct Settings {
     pub threads: usize,
     /// The shape of the metric.
     pub metric: MetricKind,
+    /// Draws of a similar density, each `(dim)`: warm-up begins with what they tell about scales,
+    /// so that it can be short. Empty: it begins with nothing.
+    pub earlier: Vec<Vec<f64>>,
 }
 
 impl Default for Settings {
@@ -55,6 +60,7 @@ impl Default for Settings {
             seed: 1,
             threads: 0,
             metric: MetricKind::Diagonal,
+            earlier: vec![],
         }
     }
 }
@@ -89,7 +95,7 @@ impl Settings {
 }
 
 /// Warm-up or sampling.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub enum Phase {
     /// Step size and metric adapt; draws are dropped.
     Warmup,
@@ -127,9 +133,14 @@ pub struct ChainProgress {
 pub trait Progress: Sync {
     /// Called about four times per second and chain, and at the end of each phase.
     fn report(&self, progress: &ChainProgress);
-    /// Asked before every transition; `true` ends the chain with [`ChainFailure::Stopped`].
+    /// Asked before every transition; `true` ends the chain with
+    /// [`super::ChainFailure::Stopped`].
     fn should_stop(&self) -> bool {
         false
+    }
+    /// Where the run is kept while it samples, and goes on from.
+    fn checkpoint(&self) -> Option<&Checkpoint> {
+        None
     }
 }
 
@@ -142,7 +153,7 @@ impl Progress for Silent {
 }
 
 /// A divergent transition: both ends show which part of the density caused it.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Divergence {
     /// The draw, from 0.
     pub iteration: usize,
@@ -153,7 +164,7 @@ pub struct Divergence {
 }
 
 /// The draws of one chain and how they were made; per-draw vectors have `draws` entries.
-#[derive(Clone, Debug, Default)]
+#[derive(Clone, Debug, Default, Serialize, Deserialize)]
 pub struct Chain {
     /// Unconstrained positions, row-major `(n_draws, dim)`.
     pub draws: Vec<f64>,
@@ -197,6 +208,11 @@ impl Chain {
         &self.draws[i * dim..(i + 1) * dim]
     }
 
+    /// Number of divergent draws.
+    pub fn n_divergences(&self) -> usize {
+        self.diverging.iter().filter(|d| **d).count()
+    }
+
     pub(super) fn record(&mut self, position: &[f64], ln_density: f64, transition: &Transition) {
         self.draws.extend_from_slice(position);
         self.ln_density.push(ln_density);
@@ -217,7 +233,8 @@ pub type ChainResult = Result<Chain, ChainError>;
 ///
 /// # Errors
 /// Those of [`Settings::validate`]; [`InferError::NoUnknowns`], [`InferError::StartCount`],
-/// [`InferError::StartLength`] for starts that do not fit; [`InferError::Threads`].
+/// [`InferError::StartLength`], [`InferError::EarlierLength`] for positions that do not fit; [`InferError::Checkpoint`];
+/// [`InferError::Threads`].
 pub fn sample(
     density: &dyn LogDensity,
     starts: &[Vec<f64>],
@@ -225,11 +242,13 @@ pub fn sample(
     progress: &dyn Progress,
 ) -> Result<Vec<ChainResult>, InferError> {
     check_starts(density, starts, settings)?;
-    let run = |(chain, start): (usize, &Vec<f64>)| {
-        let reporter = Reporter::new(chain, settings, progress);
-        Run { chain, settings, progress, reporter }.run(density, start)
+    let kept: Vec<Option<Kept>> = take_chains(progress.checkpoint(), starts.len())?;
+    let learnt = Moments::of(density, &settings.earlier, settings.metric == MetricKind::Dense);
+    let chains: Vec<_> = starts.iter().zip(kept).enumerate().collect();
+    let run = |(chain, (start, kept)): (usize, (&Vec<f64>, Option<Kept>))| {
+        Run::new(chain, settings, progress).run(density, start, &learnt, kept)
     };
-    Ok(thread_pool(settings)?.install(|| starts.par_iter().enumerate().map(run).collect()))
+    Ok(thread_pool(settings)?.install(|| chains.into_par_iter().map(run).collect()))
 }
 
 /// Settings that make sense, and one start of the right length per chain.
@@ -248,6 +267,9 @@ pub(super) fn check_starts(
     }
     if let Some(chain) = starts.iter().position(|start| start.len() != dim) {
         return Err(InferError::StartLength { chain, expected: dim, got: starts[chain].len() });
+    }
+    if let Some(draw) = settings.earlier.iter().find(|draw| draw.len() != dim) {
+        return Err(InferError::EarlierLength { expected: dim, got: draw.len() });
     }
     Ok(())
 }
@@ -274,7 +296,7 @@ pub(super) struct Reporter<'a> {
     settings: &'a Settings,
     progress: &'a dyn Progress,
     /// Divergences in the present phase.
-    divergences: usize,
+    pub(super) divergences: usize,
     reported: Instant,
 }
 
@@ -308,102 +330,6 @@ impl<'a> Reporter<'a> {
                 divergences: self.divergences,
                 step_size,
             });
-        }
-    }
-}
-
-/// One chain under way.
-struct Run<'a> {
-    chain: usize,
-    settings: &'a Settings,
-    progress: &'a dyn Progress,
-    reporter: Reporter<'a>,
-}
-
-impl Run<'_> {
-    fn run(&mut self, density: &dyn LogDensity, start: &[f64]) -> ChainResult {
-        let mut nuts = self.begin(density.evaluator(), density.evaluator(), start);
-        if !is_usable(&nuts) {
-            return Err(self.error(Phase::Warmup, 0, &nuts, ChainFailure::NoSupport));
-        }
-        let (step_size, seconds_warmup) = self.warm_up(&mut nuts)?;
-        let n_grad_warmup = nuts.n_evaluations();
-        let inv_metric = nuts.hamiltonian().metric.inverse_mass(start.len());
-        let chain =
-            Chain { step_size, inv_metric, n_grad_warmup, seconds_warmup, ..Chain::default() };
-        self.draw(&mut nuts, chain)
-    }
-
-    fn begin<'d>(
-        &self,
-        evaluator: Box<dyn Evaluator + 'd>,
-        mut probe: Box<dyn Evaluator + 'd>,
-        start: &[f64],
-    ) -> Nuts<'d> {
-        let scale = conditional_scales(&mut *probe, start, 1.0);
-        let hamiltonian = Hamiltonian::new(evaluator, Metric::Diagonal(scale));
-        let rng = chain_stream(self.settings.seed, self.chain);
-        Nuts::new(hamiltonian, start, self.settings.max_depth, rng)
-    }
-
-    /// Adapts; returns the step size to sample with and the seconds it took.
-    fn warm_up(&mut self, nuts: &mut Nuts) -> Result<(f64, f64), ChainError> {
-        let Settings { warmup, target_accept, metric, .. } = *self.settings;
-        let begun = Instant::now();
-        let Some(mut adapt) = Warmup::begin(nuts, metric, warmup, target_accept) else {
-            return Err(self.error(Phase::Warmup, 0, nuts, ChainFailure::NoStepSize));
-        };
-        for iteration in 0..warmup {
-            self.check_stop(Phase::Warmup, iteration, nuts)?;
-            let transition = nuts.transition(adapt.step_size());
-            adapt.update(iteration, nuts, &transition);
-            self.reporter.report(Phase::Warmup, iteration, &transition, adapt.step_size());
-        }
-        Ok((adapt.final_step_size(), begun.elapsed().as_secs_f64()))
-    }
-
-    fn draw(&mut self, nuts: &mut Nuts, mut chain: Chain) -> ChainResult {
-        let begun = Instant::now();
-        self.reporter.divergences = 0;
-        let mut start = nuts.point.position.clone();
-        for iteration in 0..self.settings.draws {
-            self.check_stop(Phase::Sampling, iteration, nuts)?;
-            start.copy_from_slice(&nuts.point.position);
-            let transition = nuts.transition(chain.step_size);
-            chain.record(&nuts.point.position, nuts.point.ln_density, &transition);
-            if transition.diverging {
-                let end = nuts.divergent_position().to_vec();
-                chain.divergences.push(Divergence { iteration, start: start.clone(), end });
-            }
-            self.reporter.report(Phase::Sampling, iteration, &transition, chain.step_size);
-        }
-        chain.n_grad_sampling = nuts.n_evaluations() - chain.n_grad_warmup;
-        chain.seconds_sampling = begun.elapsed().as_secs_f64();
-        Ok(chain)
-    }
-
-    fn check_stop(&self, phase: Phase, iteration: usize, nuts: &Nuts) -> Result<(), ChainError> {
-        if self.progress.should_stop() {
-            return Err(self.error(phase, iteration, nuts, ChainFailure::Stopped));
-        }
-        Ok(())
-    }
-
-    fn error(
-        &self,
-        phase: Phase,
-        iteration: usize,
-        nuts: &Nuts,
-        failure: ChainFailure,
-    ) -> ChainError {
-        let position = nuts.point.position.clone();
-        ChainError {
-            chain: self.chain,
-            seed: self.settings.seed,
-            phase,
-            iteration,
-            position,
-            failure,
         }
     }
 }

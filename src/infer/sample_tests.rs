@@ -1,3 +1,4 @@
+use super::super::ChainFailure;
 use super::super::test_densities::{FnDensity, funnel, normal};
 use super::*;
 use std::sync::Mutex;

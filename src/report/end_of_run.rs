@@ -21,6 +21,9 @@ pub fn end_of_run(rows: &[Row], record: &RunRecord) -> String {
     if let Some(loo) = &record.loo {
         let _ = writeln!(text, "{}", leave_one_out(loo));
     }
+    for failed in &record.failed_chains {
+        let _ = writeln!(text, "Failed: {failed}");
+    }
     if !record.divergent_at.is_empty() {
         let _ = writeln!(text, "Divergences come from: {}", record.divergent_at.join(", "));
     }
@@ -70,6 +73,8 @@ mod tests {
         record.unphysical = Some(0.071);
         record.divergences = 4;
         record.divergent_at = vec!["s1s2 at site 1 (3)".to_owned()];
+        record.failed_chains =
+            vec!["chain 2 (seed 1), warm-up iteration 0: no step size".to_owned()];
         let reliable = end_of_run(&rows, &record);
         let line = "Leave-one-out elpd -52.2 ± 4.1, p_loo 8.2; Pareto k at most 0.70 at all 20";
         assert!(reliable.contains(line), "{reliable}");

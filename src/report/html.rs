@@ -171,8 +171,8 @@ fn run(record: &RunRecord) -> String {
         (
             "sampler",
             format!(
-                "NUTS, target acceptance {}, {} metric",
-                settings.target_accept, settings.metric
+                "{}, target acceptance {}, {} metric",
+                settings.sampler, settings.target_accept, settings.metric
             ),
         ),
         ("parameters", record.n_params.to_string()),
@@ -187,6 +187,12 @@ fn run(record: &RunRecord) -> String {
             ),
         ),
     ];
+    if !record.divergent_at.is_empty() {
+        terms.push(("divergences come from", record.divergent_at.join(", ")));
+    }
+    for failed in &record.failed_chains {
+        terms.push(("failed", failed.clone()));
+    }
     for (field, rmse) in record.rmse.iter().flatten() {
         terms.push(("RMSE against the truth", format!("{field} {rmse:.2}")));
     }

@@ -33,6 +33,9 @@ pub struct RunRecord {
     pub ns_per_grad: f64,
     /// Wall-clock time of each stage.
     pub seconds: Seconds,
+    /// Chains that ended without their draws, and why; the results are from the others.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub failed_chains: Vec<String>,
     /// Divergent draws after warm-up, all chains.
     pub divergences: usize,
     /// Worst rank-normalised split R̂ of any parameter.

@@ -33,12 +33,13 @@ struct Worst<'a> {
     value: f64,
 }
 
-/// Judges a run by the worst of its rows, its divergences and its energies.
+/// Judges a run by the worst of its rows, its divergences, its energies and the chains that failed.
 ///
 /// A quantity that never varies has neither R̂ nor ESS (NaN) and is passed over; without any other there is
 /// nothing to trust and the run has not converged.
 pub fn verdict(record: &RunRecord, rows: &[Row]) -> Verdict {
-    let n_draws = record.settings.chains * record.settings.draws;
+    let n_failed = record.failed_chains.len();
+    let n_draws = (record.settings.chains - n_failed) * record.settings.draws;
     let share = record.divergences as f64 / (n_draws as f64).max(1.0);
     let (Some(r_hat), Some(ess)) =
         (worst(rows, |row| row.summary.r_hat), worst(rows, |row| -row.ess()))
@@ -53,11 +54,16 @@ pub fn verdict(record: &RunRecord, rows: &[Row]) -> Verdict {
         // Written so that NaN, from a single draw, does not pass.
         (record.e_bfmi >= MIN_E_BFMI, format!("E-BFMI {:.2}", record.e_bfmi)),
     ];
-    let converged = figures.iter().all(|(fine, _)| *fine);
+    let converged = n_failed == 0 && figures.iter().all(|(fine, _)| *fine);
     let shown =
         figures.iter().map(|(fine, text)| if *fine { text.clone() } else { format!("{text} ✗") });
+    let failed = format!("{n_failed} of {} chains failed ✗", record.settings.chains);
+    let shown = (n_failed > 0).then_some(failed).into_iter().chain(shown);
     let shown = shown.collect::<Vec<_>>().join(", ");
-    let advice = advice(figures.each_ref().map(|(fine, _)| *fine), record.divergences);
+    let advice = match advice(figures.each_ref().map(|(fine, _)| *fine), record.divergences) {
+        "" if n_failed > 0 => "; where they failed may be what the others missed",
+        advice => advice,
+    };
     let head = if converged { "Converged" } else { "Not converged" };
     Verdict { converged, sentence: format!("{head}: {shown}{advice}.") }
 }
@@ -117,6 +123,7 @@ mod tests {
     fn each_threshold_turns_the_verdict() {
         let sentences = [
             judged(|_, _| ()),
+            judged(|record, _| record.failed_chains = vec!["chain 2: no step size".to_owned()]),
             judged(|record, _| record.divergences = 3),
             judged(|record, _| record.divergences = 41),
             judged(|_, rows| rows[1].summary.r_hat = 1.021),

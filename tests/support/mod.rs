@@ -28,3 +28,25 @@ pub(crate) fn table(header: &str, rows: &[String]) -> Measurements {
     Measurements::from_cells("test", cells(header), rows.iter().map(|r| cells(r)).collect())
         .unwrap()
 }
+
+/// Fifty rows of every protocol of the model `Mixed`, at as many vertices.
+pub(crate) fn mixed_rows() -> Measurements {
+    let mut rng = rng(3);
+    let protocols = ["warm_up", "s1s2", "open", "direct", "beats"];
+    let row = |i: usize| {
+        let lower = 190.0 + 10.0 * (i % 3) as f64;
+        let value = match i % 5 {
+            0 => 4.0 + (i % 3) as f64,
+            3 => 195.0 + (i % 9) as f64,
+            _ => (i % 11) as f64,
+        };
+        let (force, dose) = (rng.random_range(0.5..3.0), rng.random_range(0.0..2.0));
+        let protocol = protocols[i % 5];
+        format!("{protocol},{},{lower},{},{value},{force},{dose},c{}", 3 * i, lower + 10.0, i % 3)
+    };
+    let lines: Vec<String> = (0..50).map(row).collect();
+    let header = "protocol,vertex,lower,upper,value,force_g,dose,catheter";
+    let mut table = table(header, &lines);
+    table.place_at_indices(200).unwrap();
+    table
+}

@@ -3,10 +3,10 @@
 #![allow(dead_code, reason = "each test uses a part of it")]
 
 use eplat::diagnostics::{Summary, mcse_mean, mcse_sd, summarise};
-use eplat::dsl::{Measurements, Model};
+use eplat::dsl::{Declare, Measurements, Model};
 use eplat::infer::{Chain, ChainResult};
 use eplat::manifold::{Basis, eigenpairs_cached};
-use eplat::mesh::left_atrium;
+use eplat::mesh::{TriMesh, left_atrium};
 use eplat::study::{Design, TRUTH_MODES, experiment};
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
@@ -16,10 +16,18 @@ pub(crate) mod erp;
 
 /// The main job's experiment on the embedded atrium, with this many sites.
 pub(crate) fn erp_experiment(n_sites: usize) -> (Basis, Measurements) {
-    let atrium = left_atrium(1.5);
-    let basis = eigenpairs_cached(&atrium.mesh, TRUTH_MODES).unwrap();
+    experiment_on(&left_atrium(1.5).mesh, &erp::Erp, n_sites)
+}
+
+/// A model's experiment on this surface, with this many sites.
+pub(crate) fn experiment_on(
+    mesh: &TriMesh,
+    model: &dyn Declare,
+    n_sites: usize,
+) -> (Basis, Measurements) {
+    let basis = eigenpairs_cached(mesh, TRUTH_MODES).unwrap();
     let design = Design { n_sites, ..Design::default() };
-    let made = experiment(&erp::Erp, &atrium.mesh, &basis, &design).unwrap();
+    let made = experiment(model, mesh, &basis, &design).unwrap();
     (basis, made.measurements)
 }
 

@@ -63,6 +63,7 @@ impl Builder<'_> {
         let n_modes = terms.iter().map(|t| t.k).max().unwrap_or(0);
         let (frequency, rows, phi0) = self.modes(decl.name, n_modes)?;
         let range = self.model.statements.last().and_then(|s| s.range);
+        let lone_mean = self.lone_mean(hyper, mean_text);
         let collapsed = self.collapse(hyper, mean_text, range, phi0);
         let first = usize::from(collapsed.is_some());
 
@@ -103,7 +104,8 @@ impl Builder<'_> {
         self.names.truncate(hyper_names);
         let mean = mean.0;
         let frequency = frequency[first..].to_vec();
-        let op = Field { mean, terms, collapsed, k, work, theta, probes, stride, frequency };
+        let op =
+            Field { mean, lone_mean, terms, collapsed, k, work, theta, probes, stride, frequency };
         self.names.push((decl.name, Source::Field(self.model.fields.len())));
         self.model.fields.push(FieldEntry {
             name: decl.name,
@@ -132,6 +134,14 @@ impl Builder<'_> {
         Ok((frequency, rows.collect(), constant_mode(basis)))
     }
 
+    /// The value of a mean that is a hyperparameter and nothing else, which nothing else mentions.
+    fn lone_mean(&self, hyper: &[&str], mean: &str) -> Option<usize> {
+        let Source::Scalars(v) = *self.source(hyper.iter().find(|name| **name == mean)?) else {
+            return None;
+        };
+        (self.mentions.get(&v) == Some(&1)).then_some(v)
+    }
+
     /// Whether the mean is a flat hyperparameter that nothing else mentions: see [`super::gp`].
     fn collapse(
         &mut self,
@@ -149,7 +159,7 @@ impl Builder<'_> {
             self.model.start.push((u, 0.5 * (low + high)));
         }
         let phi0 = phi0?;
-        (self.mentions.get(&v) == Some(&1)).then_some(())?;
+        self.lone_mean(hyper, mean)?;
         let field = self.model.fields.len();
         for parameter in &mut self.model.parameters {
             if matches!(parameter.position, Position::Values(at) if at == v) {

@@ -5,14 +5,17 @@ use super::latent::LatentGaussian;
 use super::proposal::Proposal;
 use super::stand_in::{Sample, StandIn};
 use crate::infer::adapt::Warmup;
+use crate::infer::checkpoint::Keeper;
 use crate::infer::hamiltonian::{Hamiltonian, Metric};
-use crate::infer::nuts::{Nuts, Transition};
+use crate::infer::moments::Moments;
+use crate::infer::nuts::{Nuts, NutsState, Transition};
 use crate::infer::sample::{Reporter, chain_stream, is_usable};
 use crate::infer::{
     Chain, ChainError, ChainFailure, ChainResult, Divergence, MetricKind, Phase, Progress, Settings,
 };
 use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
+use serde::{Deserialize, Serialize};
 use std::cell::RefCell;
 use std::rc::Rc;
 use std::time::Instant;
@@ -27,7 +30,7 @@ const SWEEPS: usize = 3;
 const TIME: f64 = 1.6;
 
 /// What a chain takes from one stage to the next.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Serialize, Deserialize)]
 pub(super) struct Link {
     pub(super) outer: Vec<f64>,
     pub(super) block: Vec<f64>,
@@ -41,12 +44,29 @@ pub(super) struct Link {
 }
 
 /// What a stage of warm-up learns from.
-#[derive(Debug, Default)]
+#[derive(Debug, Default, Serialize, Deserialize)]
 pub(super) struct Lesson {
     pub(super) samples: Vec<Sample>,
     /// Hyperparameters.
     pub(super) hyper: Vec<Vec<f64>>,
 }
+
+/// What a chain is between two transitions of a stage.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+pub(super) struct RunState {
+    outer: Vec<f64>,
+    nuts: NutsState,
+    /// Words drawn from the hyperparameters' random stream.
+    word: u128,
+    ln_length: f64,
+    n_trials: u64,
+}
+
+/// How far a chain is in a stage of warm-up: the next iteration, what has been learnt, seconds.
+pub(super) type Learning = (usize, Warmup, Lesson, f64);
+
+/// An interrupted chain: its stage and state, in warm-up how far it is, its draws.
+pub(super) type Kept = (usize, RunState, Option<Learning>, Chain);
 
 /// What all chains share during a stage; nothing here changes while they run.
 #[derive(Clone, Copy)]
@@ -72,6 +92,7 @@ pub(super) struct Run<'a> {
     rng: ChaCha8Rng,
     ln_length: f64,
     reporter: Reporter<'a>,
+    keeper: Keeper<'a>,
     /// Whether the whitened block is all there is to move inside.
     is_standard: bool,
     present: Vec<f64>,
@@ -79,20 +100,29 @@ pub(super) struct Run<'a> {
 }
 
 impl<'a> Run<'a> {
-    /// Takes up `link`.
+    /// Takes up `link`, or what was kept later in the same stage.
     ///
     /// # Errors
     /// [`ChainFailure::NoSupport`].
-    pub(super) fn new(common: Common<'a>, chain: usize, link: &Link) -> Result<Self, ChainError> {
+    pub(super) fn new(
+        common: Common<'a>,
+        chain: usize,
+        link: &Link,
+        kept: Option<RunState>,
+    ) -> Result<Self, ChainError> {
         let Common { density, settings, .. } = common;
         let no_support = || {
             let position = [&link.outer[..], &link.block].concat();
             error(common, chain, Phase::Warmup, common.before, position, ChainFailure::NoSupport)
         };
         let layout = density.layout();
-        let conditional = Conditional::new(density.latent(), layout, common.stand_in, &link.outer);
+        let outer = kept.as_ref().map_or(&link.outer, |kept| &kept.outer);
+        let conditional = Conditional::new(density.latent(), layout, common.stand_in, outer);
         let conditional = conditional.ok_or_else(no_support)?;
-        let position = conditional.position(&link.block);
+        let position = kept.as_ref().map_or_else(
+            || conditional.position(&link.block),
+            |kept| kept.nuts.position().to_vec(),
+        );
         let shared = Rc::new(RefCell::new(conditional));
         let hamiltonian = Hamiltonian::new(
             Box::new(Inner(Rc::clone(&shared))),
@@ -105,7 +135,7 @@ impl<'a> Run<'a> {
         if !is_usable(&nuts) {
             return Err(no_support());
         }
-        Ok(Self {
+        let mut new = Self {
             common,
             chain,
             shared,
@@ -114,9 +144,33 @@ impl<'a> Run<'a> {
             ln_length: link.ln_length,
             is_standard: layout.free().is_empty(),
             reporter: Reporter::new(chain, settings, common.progress),
+            keeper: Keeper::new(common.progress.checkpoint(), chain),
             present: vec![0.0; layout.hyper.len()],
             proposed: vec![0.0; layout.hyper.len()],
-        })
+        };
+        if let Some(kept) = kept {
+            new.restore(kept);
+        }
+        Ok(new)
+    }
+
+    /// All but what [`Run::new`] makes of the outer unknowns.
+    fn restore(&mut self, kept: RunState) {
+        self.nuts.restore(kept.nuts);
+        self.rng.set_word_pos(kept.word);
+        self.ln_length = kept.ln_length;
+        self.shared.borrow_mut().n_trials = kept.n_trials;
+    }
+
+    fn state(&self) -> RunState {
+        let conditional = self.shared.borrow();
+        RunState {
+            outer: conditional.outer.clone(),
+            nuts: self.nuts.state(),
+            word: self.rng.get_word_pos(),
+            ln_length: self.ln_length,
+            n_trials: conditional.n_trials,
+        }
     }
 
     /// A stage of `n` transitions in which step size, metric and the length of hyperparameter steps
@@ -124,16 +178,21 @@ impl<'a> Run<'a> {
     ///
     /// # Errors
     /// [`ChainFailure::NoStepSize`], [`ChainFailure::Stopped`].
-    pub(super) fn learn(mut self, n: usize, link: &Link) -> Result<(Link, Lesson), ChainError> {
-        let begun = Instant::now();
-        let Settings { target_accept, .. } = *self.common.settings;
-        let adapt = Warmup::begin(&mut self.nuts, MetricKind::Diagonal, n, target_accept);
-        let Some(mut adapt) = adapt else {
-            return Err(self.error(Phase::Warmup, 0, ChainFailure::NoStepSize));
+    pub(super) fn learn(
+        mut self,
+        n: usize,
+        link: &Link,
+        kept: Option<Learning>,
+    ) -> Result<(Link, Lesson), ChainError> {
+        let (done, mut adapt, mut lesson, before) = match kept {
+            Some(kept) => kept,
+            None => (0, self.begin_learning(n)?, Lesson::default(), link.seconds),
         };
-        let mut lesson = Lesson::default();
-        for iteration in 0..n {
-            self.check_stop(Phase::Warmup, iteration)?;
+        let begun = Instant::now();
+        let seconds = || before + begun.elapsed().as_secs_f64();
+        for iteration in done..n {
+            let learning = Some((iteration, &adapt, &lesson, seconds()));
+            self.pause(Phase::Warmup, iteration, learning, &Chain::default())?;
             let transition = self.move_inner(adapt.step_size());
             adapt.update(iteration, &mut self.nuts, &transition);
             let accept = self.move_hyper();
@@ -146,10 +205,18 @@ impl<'a> Run<'a> {
             }
             self.report(Phase::Warmup, iteration, &transition, adapt.step_size());
         }
-        Ok((self.link(adapt.final_step_size(), link, begun), lesson))
+        Ok((self.link(adapt.final_step_size(), link.n_grad, seconds()), lesson))
     }
 
-    fn link(&mut self, step_size: f64, before: &Link, begun: Instant) -> Link {
+    fn begin_learning(&mut self, n: usize) -> Result<Warmup, ChainError> {
+        let Settings { target_accept, .. } = *self.common.settings;
+        // whitened coordinates: scales are near 1 before anything is learnt
+        let nothing = Moments::new(self.nuts.point.position.len(), false);
+        Warmup::begin(&mut self.nuts, MetricKind::Diagonal, n, target_accept, &nothing)
+            .ok_or_else(|| self.error(Phase::Warmup, 0, ChainFailure::NoStepSize))
+    }
+
+    fn link(&mut self, step_size: f64, n_grad_before: u64, seconds: f64) -> Link {
         let Metric::Diagonal(scale) = self.nuts.hamiltonian().metric.clone() else {
             unreachable!("the inner metric is diagonal")
         };
@@ -160,34 +227,33 @@ impl<'a> Run<'a> {
             scale,
             step_size,
             ln_length: self.ln_length,
-            n_grad: before.n_grad + self.nuts.n_evaluations() + conditional.n_trials,
-            seconds: before.seconds + begun.elapsed().as_secs_f64(),
+            n_grad: n_grad_before + self.nuts.n_evaluations() + conditional.n_trials,
+            seconds,
         }
     }
 
-    /// The draws.
+    /// The draws, after those that `chain` has already.
     ///
     /// # Errors
     /// [`ChainFailure::Stopped`].
-    pub(super) fn draw(mut self, link: &Link) -> ChainResult {
+    pub(super) fn draw(mut self, link: &Link, mut chain: Chain) -> ChainResult {
         let begun = Instant::now();
-        let mut chain = Chain {
-            step_size: link.step_size,
-            inv_metric: link.scale.iter().map(|s| s * s).collect(),
-            n_grad_warmup: link.n_grad,
-            seconds_warmup: link.seconds,
-            ..Chain::default()
-        };
+        let before = chain.seconds_sampling;
+        chain.step_size = link.step_size;
+        chain.inv_metric = link.scale.iter().map(|s| s * s).collect();
+        chain.n_grad_warmup = link.n_grad;
+        chain.seconds_warmup = link.seconds;
+        self.reporter.divergences = chain.n_divergences();
         let mut position = vec![0.0; self.common.density.dim()];
-        for iteration in 0..self.common.settings.draws {
-            self.check_stop(Phase::Sampling, iteration)?;
+        for iteration in chain.n_draws()..self.common.settings.draws {
+            self.pause(Phase::Sampling, iteration, None, &chain)?;
             let transition = self.sweeps(iteration, link.step_size, &mut chain);
             let ln_density = self.complete(&self.nuts.point.position.clone(), &mut position);
             chain.record(&position, ln_density, &transition);
+            chain.seconds_sampling = before + begun.elapsed().as_secs_f64();
             self.report(Phase::Sampling, iteration, &transition, link.step_size);
         }
         chain.n_grad_sampling = self.nuts.n_evaluations() + self.shared.borrow().n_trials;
-        chain.seconds_sampling = begun.elapsed().as_secs_f64();
         Ok(chain)
     }
 
@@ -283,8 +349,20 @@ impl<'a> Run<'a> {
         self.reporter.report(phase, iteration, transition, step_size);
     }
 
-    fn check_stop(&self, phase: Phase, iteration: usize) -> Result<(), ChainError> {
-        if self.common.progress.should_stop() {
+    /// Between two transitions: keeps the chain now and then, and stops on request.
+    fn pause(
+        &mut self,
+        phase: Phase,
+        iteration: usize,
+        learning: Option<(usize, &Warmup, &Lesson, f64)>,
+        chain: &Chain,
+    ) -> Result<(), ChainError> {
+        let stops = self.common.progress.should_stop();
+        // written as it is read, as `Kept`
+        if self.keeper.is_due(stops) {
+            self.keeper.keep(&(self.common.stage, self.state(), learning, chain));
+        }
+        if stops {
             return Err(self.error(phase, iteration, ChainFailure::Stopped));
         }
         Ok(())

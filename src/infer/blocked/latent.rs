@@ -7,7 +7,7 @@ use rand::Rng;
 /// A density whose unknowns are a block of coefficients w and *outer* unknowns.
 ///
 /// ```text
-/// ln π = ln p(outer) − ½ Σ wᵢ² (no term for a flat mean) + Σ_sites ln L(θ_site, outer)
+/// ln π = ln p(outer) − ½ Σ τᵢ wᵢ² + Σ_sites ln L(θ_site, outer)      τᵢ = 1, of a flat mean 0
 /// θ_f(site) = offset_f + A_f(site, ·) w_f
 /// ```
 /// The design A and the offsets depend on the *hyperparameters*, which are some of the outer
@@ -39,8 +39,8 @@ pub struct Layout {
 pub struct FieldLayout {
     /// Number of standard normal coefficients.
     pub n_coefficients: usize,
-    /// Whether a flat mean follows them: a last column of ones.
-    pub has_flat_mean: bool,
+    /// The prior precision of a mean that follows them, with a last column: 1, or 0 if it is flat.
+    pub mean_precision: Option<f64>,
     /// What is known of the design beforehand.
     pub shape: Shape,
 }
@@ -57,12 +57,12 @@ pub enum Shape {
 impl FieldLayout {
     /// Number of columns.
     pub(super) fn width(&self) -> usize {
-        self.n_coefficients + usize::from(self.has_flat_mean)
+        self.n_coefficients + usize::from(self.mean_precision.is_some())
     }
 }
 
 impl Layout {
-    /// Length of the block: the coefficients of all fields, each followed by its flat mean.
+    /// Length of the block: the coefficients of all fields, each followed by its mean.
     pub fn n_block(&self) -> usize {
         self.fields.iter().map(FieldLayout::width).sum()
     }
@@ -98,19 +98,20 @@ impl Layout {
 pub struct Design {
     /// One number per field, added at every site.
     pub offset: Vec<f64>,
-    /// Per field, row-major `(n_sites, width)`; the column of a flat mean is ones from the start.
+    /// Per field, row-major `(n_sites, width)`; the column of a mean is ones from the start.
     pub rows: Vec<Vec<f64>>,
-    /// Per field `(width)`: what each mode is multiplied by ([`Shape::Scaled`]); 1 for a flat mean.
+    /// Per field `(width)`: what each mode is multiplied by ([`Shape::Scaled`]), and the ones of a
+    /// mean.
     pub scale: Vec<Vec<f64>>,
 }
 
 impl Design {
-    /// For this layout, with the columns of flat means in place.
+    /// For this layout, with columns of ones for the means.
     pub fn new(layout: &Layout) -> Self {
         let rows = |field: &FieldLayout| {
             let width = field.width();
             let mut rows = vec![0.0; layout.n_sites * width];
-            if field.has_flat_mean {
+            if field.mean_precision.is_some() {
                 rows.chunks_exact_mut(width).for_each(|row| row[width - 1] = 1.0);
             }
             rows

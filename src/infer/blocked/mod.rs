@@ -19,9 +19,11 @@ mod whiten;
 
 pub use latent::{Design, FieldLayout, Latent, LatentGaussian, Layout, Shape};
 
+use super::checkpoint::take_chains;
 use super::sample::{check_starts, thread_pool};
-use super::{ChainResult, InferError, Progress, Settings};
-use chain::{Common, Run};
+use super::{ChainResult, Checkpoint, InferError, Progress, Settings};
+use chain::Run;
+use warmup::{Shared, for_each_chain, warm_up};
 
 /// Samples `density` with one blocked chain from each of `starts`, each `(dim)`.
 ///
@@ -38,21 +40,17 @@ pub fn sample_blocked(
     progress: &dyn Progress,
 ) -> Result<Vec<ChainResult>, InferError> {
     check_starts(density, starts, settings)?;
+    let checkpoint = progress.checkpoint();
+    let mut kept = take_chains(checkpoint, starts.len())?;
+    let shared = checkpoint.map_or(Ok(None), Checkpoint::take_common)?;
     Ok(thread_pool(settings)?.install(|| {
-        let warm = warmup::warm_up(density, starts, settings, progress);
-        let common = Common {
-            density,
-            settings,
-            progress,
-            stand_in: &warm.stand_in,
-            proposal: &warm.proposal,
-            stage: warmup::STAGES.len(),
-            before: settings.warmup,
-        };
-        let draw = |(chain, link): (usize, warmup::Chained)| {
-            let link = link?;
-            Run::new(common, chain, &link)?.draw(&link)
-        };
-        warmup::for_each_chain(warm.links, draw)
+        let shared = shared.unwrap_or_else(|| Shared::new(density, starts, settings));
+        let shared = warm_up(density, shared, &mut kept, settings, progress);
+        let common = shared.common(density, settings, progress);
+        for_each_chain(common, &shared.links, &mut kept, |chain, link, kept| {
+            let (state, draws) =
+                kept.map_or_else(Default::default, |(_, state, _, draws)| (Some(state), draws));
+            Run::new(common, chain, link, state)?.draw(link, draws)
+        })
     }))
 }

@@ -3,10 +3,11 @@
 use nalgebra::{Cholesky, DMatrix};
 use rand::{Rng, RngExt as _};
 use rand_distr::StandardNormal;
+use serde::{Deserialize, Serialize};
 
 /// Random-walk steps at several lengths and independent draws, in turn, with the mean and covariance
 /// of the posterior.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Serialize, Deserialize)]
 pub(super) struct Proposal {
     mean: Vec<f64>,
     /// Lower factor of the covariance, row-major.

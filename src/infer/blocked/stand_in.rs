@@ -9,9 +9,10 @@
 
 use super::latent::{Layout, Shape};
 use nalgebra::{Cholesky, DMatrix, DVector};
+use serde::{Deserialize, Serialize};
 
 /// Latent values and the gradient of the log likelihood there.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Serialize, Deserialize)]
 pub(super) struct Sample {
     /// `(field, site)`
     pub(super) theta: Vec<f64>,
@@ -20,7 +21,7 @@ pub(super) struct Sample {
 }
 
 /// W and y of every site.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Serialize, Deserialize)]
 pub(super) struct StandIn {
     n_sites: usize,
     n_fields: usize,

@@ -1,16 +1,17 @@
 //! The warm-up of all chains together: a first stand-in, then stages of adaptation.
 
-use super::chain::{Common, Lesson, Link, Run};
+use super::chain::{Common, Kept, Lesson, Link, Run};
 use super::latent::LatentGaussian;
 use super::proposal::Proposal;
 use super::stand_in::{Sample, StandIn, Trust};
 use super::whiten::Whitening;
 use crate::infer::adapt::conditional_scales;
 use crate::infer::sample::chain_stream;
-use crate::infer::{ChainError, Progress, Settings};
+use crate::infer::{ChainError, ChainFailure, Progress, Settings};
 use rand::RngExt;
 use rand_distr::StandardNormal;
 use rayon::prelude::*;
+use serde::{Deserialize, Serialize};
 
 /// A chain's state, or why it has ended.
 pub(super) type Chained = Result<Link, ChainError>;
@@ -18,66 +19,117 @@ pub(super) type Chained = Result<Link, ChainError>;
 /// Ends of the stages, as shares of the warm-up.
 pub(super) const STAGES: [f64; 3] = [0.25, 0.5, 1.0];
 
-/// What sampling starts from.
-pub(super) struct Warm {
-    pub(super) stand_in: StandIn,
-    pub(super) proposal: Proposal,
+/// What a stage starts from; after the last stage of warm-up, sampling.
+#[derive(Debug, Serialize, Deserialize)]
+pub(super) struct Shared {
+    stage: usize,
+    /// Transitions of earlier stages.
+    before: usize,
+    stand_in: StandIn,
+    proposal: Proposal,
     pub(super) links: Vec<Chained>,
 }
 
-/// Runs `f` for every chain on the threads at hand, results in order.
-pub(super) fn for_each_chain<T: Send>(
-    links: Vec<Chained>,
-    f: impl Fn((usize, Chained)) -> T + Sync + Send,
-) -> Vec<T> {
-    links.into_par_iter().enumerate().map(f).collect()
+impl Shared {
+    /// Draws of an earlier run that can stand for the first stage.
+    const ENOUGH: usize = 80;
+
+    /// At the chains' starts. Draws of an earlier run shape the proposal; the stand-in is of the
+    /// present likelihood, which may have terms where those draws are far off.
+    pub(super) fn new(
+        density: &dyn LatentGaussian,
+        starts: &[Vec<f64>],
+        settings: &Settings,
+    ) -> Self {
+        let links: Vec<Chained> = starts.iter().map(|start| Ok(link(density, start))).collect();
+        let stand_in = first_stand_in(density, &links, settings.seed);
+        let proposal = first_proposal(density, &starts[0]);
+        let mut new = Self { stage: 0, before: 0, stand_in, proposal, links };
+        if settings.earlier.len() >= Self::ENOUGH && !density.layout().hyper.is_empty() {
+            let layout = density.layout();
+            let hyper = |draw: &Vec<f64>| {
+                let outer = layout.outer_of(draw);
+                layout.hyper.iter().map(|i| outer[*i]).collect()
+            };
+            new.proposal.fit(&settings.earlier.iter().map(hyper).collect::<Vec<_>>());
+            new.stage = 1;
+        }
+        new
+    }
+
+    /// What chains need in this stage. From here on an interrupted run goes on from this.
+    pub(super) fn common<'a>(
+        &'a self,
+        density: &'a dyn LatentGaussian,
+        settings: &'a Settings,
+        progress: &'a dyn Progress,
+    ) -> Common<'a> {
+        let stopped = |chained: &Chained| {
+            matches!(chained, Err(ChainError { failure: ChainFailure::Stopped, .. }))
+        };
+        if let Some(checkpoint) = progress.checkpoint()
+            && !self.links.iter().any(stopped)
+        {
+            checkpoint.share(self);
+        }
+        let Self { stage, before, stand_in, proposal, .. } = self;
+        Common { density, settings, progress, stand_in, proposal, stage: *stage, before: *before }
+    }
 }
 
-/// Warms up one chain per start.
+/// Runs `f` for every chain that has come this far on the threads at hand, results in order; it is
+/// given what was kept of the chain in this stage.
+pub(super) fn for_each_chain<T: Send>(
+    common: Common<'_>,
+    links: &[Chained],
+    kept: &mut Vec<Option<Kept>>,
+    f: impl Fn(usize, &Link, Option<Kept>) -> Result<T, ChainError> + Sync + Send,
+) -> Vec<Result<T, ChainError>> {
+    let of_stage = |kept: Option<Kept>| kept.filter(|(stage, ..)| *stage == common.stage);
+    let kept = std::mem::take(kept).into_iter().chain(std::iter::repeat_with(|| None));
+    let chains: Vec<_> = links.iter().zip(kept.map(of_stage)).enumerate().collect();
+    let run = |(chain, (link, kept)): (usize, (&Chained, Option<Kept>))| match link {
+        Ok(link) => f(chain, link, kept),
+        Err(error) => Err(error.clone()),
+    };
+    chains.into_par_iter().map(run).collect()
+}
+
+/// The stages of warm-up that `shared` has before it.
 pub(super) fn warm_up(
     density: &dyn LatentGaussian,
-    starts: &[Vec<f64>],
+    mut shared: Shared,
+    kept: &mut Vec<Option<Kept>>,
     settings: &Settings,
     progress: &dyn Progress,
-) -> Warm {
-    let mut links: Vec<Chained> = starts.iter().map(|start| Ok(link(density, start))).collect();
-    let mut stand_in = first_stand_in(density, &links, settings.seed);
-    let mut proposal = first_proposal(density, &starts[0]);
-    let mut before = 0;
-    for (stage, end) in STAGES.iter().enumerate() {
-        let n = (settings.warmup as f64 * end).round() as usize - before;
-        let common = Common {
-            density,
-            settings,
-            progress,
-            stand_in: &stand_in,
-            proposal: &proposal,
-            stage,
-            before,
+) -> Shared {
+    while let Some(end) = STAGES.get(shared.stage) {
+        let n = (settings.warmup as f64 * end).round() as usize - shared.before;
+        let common = shared.common(density, settings, progress);
+        let learn = |chain: usize, link: &Link, kept: Option<Kept>| {
+            let (state, learning) = kept.map_or((None, None), |(_, state, l, _)| (Some(state), l));
+            Run::new(common, chain, link, state)?.learn(n, link, learning)
         };
-        let learn = |(chain, link): (usize, Chained)| {
-            let link = link?;
-            Run::new(common, chain, &link)?.learn(n, &link)
-        };
-        let ended = for_each_chain(links, learn);
+        let ended = for_each_chain(common, &shared.links, kept, learn);
         let mut lessons = vec![];
-        links = vec![];
+        shared.links = vec![];
         for result in ended {
-            links.push(result.map(|(link, lesson)| {
+            shared.links.push(result.map(|(link, lesson)| {
                 lessons.push(lesson);
                 link
             }));
         }
-        before += n;
-        let is_last = stage + 1 == STAGES.len();
+        shared.before += n;
+        shared.stage += 1;
+        let is_last = shared.stage == STAGES.len();
         if !lessons.is_empty() {
             // the last stage has tuned the step size to the stand-in: it stays
-            let stand_in = (!is_last).then_some(&mut stand_in);
-            fit(density, stand_in, &mut proposal, lessons);
+            let stand_in = (!is_last).then_some(&mut shared.stand_in);
+            fit(density, stand_in, &mut shared.proposal, lessons);
         }
-        agree(&mut links);
+        agree(&mut shared.links);
     }
-    Warm { stand_in, proposal, links }
+    shared
 }
 
 /// A chain at its start.

@@ -1,6 +1,6 @@
 //! Coordinates in which the block is nearly standard normal, at given hyperparameters.
 //!
-//! With the stand-in (W, y) and the design (A, b), I₀ the identity with a zero for each flat mean:
+//! With the stand-in (W, y) and the design (A, b), I₀ the prior precisions, a zero for a flat mean:
 //!
 //! ```text
 //! B = I₀ + AᵀWA = UᵀU     s = U⁻ᵀ AᵀW(y − b)     w = U⁻¹(s + z)     θ = b + A w
@@ -42,8 +42,8 @@ impl Whitening {
         let (n, n_latent, starts) = (layout.n_block(), layout.n_latent(), layout.starts());
         let mut prior_precision = vec![1.0; n];
         for (field, start) in layout.fields.iter().zip(&starts) {
-            if field.has_flat_mean {
-                prior_precision[start + field.n_coefficients] = 0.0;
+            if let Some(precision) = field.mean_precision {
+                prior_precision[start + field.n_coefficients] = precision;
             }
         }
         Self {

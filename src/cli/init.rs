@@ -1,0 +1,150 @@
+//! `--init DIR`: a run that starts from the draws of an earlier one.
+//!
+//! Metric, stand-in and proposals are not carried over but made anew from those draws on the present
+//! measurements, which therefore may be more, or others.
+
+use std::collections::BTreeMap;
+use std::fs;
+use std::path::Path;
+
+use serde::{Deserialize, Serialize};
+
+use crate::atomic::write_file;
+use crate::dsl::Model;
+use crate::error::Failure;
+use crate::infer::{Chain, LogDensity as _, Settings, jittered_starts};
+
+/// The file in an output folder.
+pub(super) const FILE: &str = "warm_start.json";
+/// Draws that are kept, over all chains: scales and correlations are known well enough.
+const KEPT: usize = 200;
+
+/// Draws of a run as its sampler saw them, by the names of its unknowns.
+#[derive(Debug, Serialize, Deserialize)]
+pub(super) struct WarmStart {
+    model: String,
+    unknowns: Vec<String>,
+    /// `(chain, draw, unknown)`, evenly thinned, the last of each chain first.
+    draws: Vec<Vec<Vec<f64>>>,
+}
+
+impl WarmStart {
+    pub(super) fn new(model: &Model, chains: &[Chain]) -> Self {
+        let thinned = |chain: &Chain| {
+            let step = (chain.n_draws() * chains.len()).div_ceil(KEPT);
+            (0..chain.n_draws()).rev().step_by(step).map(|i| chain.draw(i).to_vec()).collect()
+        };
+        Self {
+            model: model.name.into(),
+            unknowns: model.unknown_names(),
+            draws: chains.iter().map(thinned).collect(),
+        }
+    }
+
+    pub(super) fn write(&self, path: &Path) -> Result<(), Failure> {
+        write_file(path, |file| Ok(serde_json::to_writer(file, self)?))
+            .map_err(|error| Failure::io("write", path, &error))
+    }
+
+    fn read(path: &Path) -> Result<Self, Failure> {
+        let text = fs::read_to_string(path).map_err(|error| {
+            Failure::new(format_args!(
+                "--init: cannot read {}: {error}\nhelp: name the --out folder of a finished run",
+                path.display()
+            ))
+        })?;
+        let malformed = |reason: &dyn std::fmt::Display| {
+            Failure::new(format_args!(
+                "--init: {}: {reason}\nhelp: the file was edited or comes from another version; start without --init",
+                path.display()
+            ))
+        };
+        let new: Self = serde_json::from_str(&text).map_err(|error| malformed(&error))?;
+        let n = new.unknowns.len();
+        match new.draws.iter().flatten().find(|draw| draw.len() != n) {
+            Some(draw) => {
+                Err(malformed(&format_args!("a draw of {} numbers, expected {n}", draw.len())))
+            }
+            None if new.draws.iter().any(Vec::is_empty) || new.draws.is_empty() => {
+                Err(malformed(&"a chain without draws"))
+            }
+            None => Ok(new),
+        }
+    }
+
+    /// The draws as unknowns of `model`; what is new there is taken from `usual` starts in turn.
+    fn matched(&self, model: &Model, usual: &[Vec<f64>]) -> Vec<Vec<Vec<f64>>> {
+        let at: BTreeMap<&String, usize> =
+            self.unknowns.iter().enumerate().map(|(i, name)| (name, i)).collect();
+        let from: Vec<Option<usize>> =
+            model.unknown_names().iter().map(|name| at.get(name).copied()).collect();
+        let draw = |draw: &Vec<f64>, usual: &Vec<f64>| {
+            from.iter().zip(usual).map(|(from, usual)| from.map_or(*usual, |i| draw[i])).collect()
+        };
+        let chain = |chain: &Vec<Vec<f64>>| {
+            chain.iter().zip(usual.iter().cycle()).map(|(d, u)| draw(d, u)).collect()
+        };
+        self.draws.iter().map(chain).collect()
+    }
+
+    /// Names that `model` has and the earlier run had not, and the other way round.
+    fn unmatched(&self, model: &Model) -> [Vec<String>; 2] {
+        let here = model.unknown_names();
+        let without = |a: &[String], b: &[String]| {
+            a.iter().filter(|name| !b.contains(name)).cloned().collect()
+        };
+        [without(&here, &self.unknowns), without(&self.unknowns, &here)]
+    }
+}
+
+/// Starting points from the earlier run in `folder`; its draws go into the settings.
+pub(super) fn starts(
+    folder: &Path,
+    model: &Model,
+    settings: &mut Settings,
+) -> Result<Vec<Vec<f64>>, Failure> {
+    let earlier = WarmStart::read(&folder.join(FILE))?;
+    if earlier.model != model.name {
+        return Err(Failure::new(format_args!(
+            "--init: the run in {} is of the model {}, not of {}\nhelp: name a run of this model, or start without --init",
+            folder.display(),
+            earlier.model,
+            model.name
+        )));
+    }
+    let usual = jittered_starts(model, &model.initial(), settings.chains, settings.seed)?;
+    let [new, gone] = earlier.unmatched(model);
+    let n_matched = model.dim() - new.len();
+    if n_matched == 0 {
+        return Err(Failure::new(format_args!(
+            "--init: the run in {} has none of this model's unknowns\nhelp: start without --init",
+            folder.display()
+        )));
+    }
+    eprintln!("init   {}: {n_matched} of {} unknowns", folder.display(), model.dim());
+    for (names, what) in [(new, "new here, started as usual"), (gone, "only there, left out")] {
+        if !names.is_empty() {
+            eprintln!("       {what}: {}", names.join(", "));
+        }
+    }
+    let draws = earlier.matched(model, &usual);
+    let starts =
+        (0..settings.chains).map(|c| start(model, &draws[c % draws.len()], c / draws.len()));
+    let starts: Vec<Option<Vec<f64>>> = starts.collect();
+    for chain in (0..starts.len()).filter(|c| starts[*c].is_none()) {
+        eprintln!("       no support for chain {chain}, started as usual");
+    }
+    settings.earlier = draws.concat();
+    Ok(starts.into_iter().zip(usual).map(|(start, usual)| start.unwrap_or(usual)).collect())
+}
+
+/// The latest draw of a chain, after `skip` others, that the model supports.
+fn start(model: &Model, chain: &[Vec<f64>], skip: usize) -> Option<Vec<f64>> {
+    let mut evaluator = model.evaluator();
+    let mut gradient = vec![0.0; model.dim()];
+    let mut supported = chain.iter().filter(|draw| {
+        evaluator.ln_density(draw, &mut gradient).is_finite()
+            && gradient.iter().all(|g| g.is_finite())
+    });
+    supported.nth(skip).cloned()
+}

@@ -1,0 +1,237 @@
+//! Runs that are interrupted anywhere go on to the same draws, to the bit.
+#![allow(clippy::unwrap_used, reason = "a test")]
+
+#[path = "models/language.rs"]
+#[allow(dead_code, reason = "one of its models is sampled here")]
+mod language;
+#[path = "support/posterior.rs"]
+mod posterior;
+mod support;
+
+use std::collections::BTreeMap;
+use std::fs;
+use std::path::Path;
+use std::sync::atomic::{AtomicUsize, Ordering};
+use std::time::Duration;
+
+use eplat::dsl::{Model, Sampler};
+use eplat::infer::{
+    Chain, ChainFailure, ChainProgress, ChainResult, Checkpoint, CheckpointError, Identity,
+    MetricKind, Progress, Settings, Silent, jittered_starts,
+};
+use posterior::{all, erp, erp_experiment};
+
+fn settings() -> Settings {
+    Settings { chains: 3, warmup: 60, draws: 40, threads: 2, ..Settings::default() }
+}
+
+fn identity() -> Identity {
+    BTreeMap::from([("seed".into(), "1".into())])
+}
+
+/// Stops all chains when a transition has been asked for this many times.
+struct Cut {
+    checkpoint: Checkpoint,
+    left: AtomicUsize,
+}
+
+impl Progress for Cut {
+    fn report(&self, _: &ChainProgress) {}
+    fn should_stop(&self) -> bool {
+        let ask = |n: usize| n.checked_sub(1);
+        self.left.fetch_update(Ordering::Relaxed, Ordering::Relaxed, ask).is_err()
+    }
+    fn checkpoint(&self) -> Option<&Checkpoint> {
+        Some(&self.checkpoint)
+    }
+}
+
+/// Copies the checkpoint at one transition: what a loss of power there leaves.
+struct Loss<'a> {
+    checkpoint: Checkpoint,
+    left: AtomicUsize,
+    from: &'a Path,
+    to: &'a Path,
+}
+
+impl Progress for Loss<'_> {
+    fn report(&self, _: &ChainProgress) {}
+    fn should_stop(&self) -> bool {
+        if self.left.fetch_sub(1, Ordering::Relaxed) == 1 {
+            fs::create_dir_all(self.to).unwrap();
+            for entry in fs::read_dir(self.from).unwrap().flatten() {
+                // a temporary file may be gone by now
+                let _ = fs::copy(entry.path(), self.to.join(entry.file_name()));
+            }
+        }
+        false
+    }
+    fn checkpoint(&self) -> Option<&Checkpoint> {
+        Some(&self.checkpoint)
+    }
+}
+
+/// A model with all that is needed to sample it.
+struct Job {
+    model: Model,
+    sampler: Sampler,
+    starts: Vec<Vec<f64>>,
+    settings: Settings,
+}
+
+impl Job {
+    fn new(model: Model, sampler: Sampler, settings: Settings) -> Self {
+        let Settings { chains, seed, .. } = settings;
+        let starts = jittered_starts(&model, &model.initial(), chains, seed).unwrap();
+        Self { model, sampler, starts, settings }
+    }
+
+    fn sample(&self, progress: &dyn Progress) -> Vec<ChainResult> {
+        self.sampler.sample(&self.model, &self.starts, &self.settings, progress).unwrap()
+    }
+
+    fn whole(&self) -> String {
+        numbers(all(self.sample(&Silent)))
+    }
+
+    /// Stops after so many transitions, goes on, stops again …, until nothing is left to do.
+    fn in_pieces(&self, every: &[usize]) -> String {
+        let place = tempfile::tempdir().unwrap();
+        let folder = place.path().join("checkpoint");
+        let long = Duration::from_secs(3600);
+        let mut checkpoint = Checkpoint::begin(&folder, &identity(), long).unwrap();
+        for transitions in every.iter().cycle() {
+            let cut = Cut { checkpoint, left: (*transitions).into() };
+            let results = self.sample(&cut);
+            let stopped = |r: &ChainResult| {
+                r.as_ref().is_err_and(|error| error.failure == ChainFailure::Stopped)
+            };
+            if !results.iter().any(stopped) {
+                return numbers(all(results));
+            }
+            checkpoint = Checkpoint::resume(&folder, &identity(), long).unwrap();
+            assert!(checkpoint.has_states());
+        }
+        unreachable!()
+    }
+
+    /// Goes on from what was on the disk when a run with frequent savings was this far.
+    fn after_loss(&self, transitions: usize) -> String {
+        let place = tempfile::tempdir().unwrap();
+        let [from, to] = ["checkpoint", "copy"].map(|name| place.path().join(name));
+        let checkpoint = Checkpoint::begin(&from, &identity(), Duration::ZERO).unwrap();
+        let loss = Loss { checkpoint, left: transitions.into(), from: &from, to: &to };
+        self.sample(&loss);
+        let checkpoint = Checkpoint::resume(&to, &identity(), Duration::ZERO).unwrap();
+        numbers(all(self.sample(&Cut { checkpoint, left: usize::MAX.into() })))
+    }
+}
+
+/// Everything about chains but times; floating-point numbers print so that their bits come back.
+fn numbers(chains: Vec<Chain>) -> String {
+    let timeless = |chain| Chain { seconds_warmup: 0.0, seconds_sampling: 0.0, ..chain };
+    format!("{:?}", chains.into_iter().map(timeless).collect::<Vec<_>>())
+}
+
+fn erp_model(n_sites: usize) -> Model {
+    let (basis, measurements) = erp_experiment(n_sites);
+    Model::new(&erp::Erp, Some(&basis), &measurements).unwrap()
+}
+
+fn check(job: &Job) {
+    let whole = job.whole();
+    let every = [37, 1, 5, 111];
+    assert!(job.in_pieces(&every) == whole, "in pieces of {every:?}");
+    for transitions in [20, 130, 190, 299] {
+        assert!(job.after_loss(transitions) == whole, "after a loss at {transitions}");
+    }
+}
+
+#[test]
+fn nuts() {
+    check(&Job::new(erp_model(10), Sampler::Nuts, settings()));
+}
+
+#[test]
+fn nuts_with_a_dense_metric() {
+    let settings = Settings { metric: MetricKind::Dense, warmup: 150, draws: 10, ..settings() };
+    check(&Job::new(erp_model(10), Sampler::Nuts, settings));
+}
+
+#[test]
+fn blocked_with_fewer_sites_than_modes() {
+    check(&Job::new(erp_model(10), Sampler::Blocked, settings()));
+}
+
+#[test]
+fn blocked_with_fewer_modes_than_sites() {
+    check(&Job::new(erp_model(40), Sampler::Blocked, settings()));
+}
+
+#[test]
+fn blocked_with_unknowns_beside_the_fields() {
+    let basis = support::basis(200, 24);
+    let model = Model::new(&language::mixed::Mixed, Some(&basis), &support::mixed_rows()).unwrap();
+    check(&Job::new(model, Sampler::Blocked, settings()));
+}
+
+/// What is read is what the chain goes on from: with another chain's state the draws are others.
+#[test]
+fn a_chain_goes_on_from_its_state() {
+    let job = Job::new(erp_model(10), Sampler::Blocked, settings());
+    let place = tempfile::tempdir().unwrap();
+    let folder = place.path().join("checkpoint");
+    let long = Duration::from_secs(3600);
+    let checkpoint = Checkpoint::begin(&folder, &identity(), long).unwrap();
+    // warm-up takes 180
+    job.sample(&Cut { checkpoint, left: 190.into() });
+    let states = [0, 1, 2].map(|chain| folder.join(format!("chain-{chain}")));
+    fs::copy(&states[1], &states[2]).unwrap();
+    let checkpoint = Checkpoint::resume(&folder, &identity(), long).unwrap();
+    let mixed = numbers(all(job.sample(&Cut { checkpoint, left: usize::MAX.into() })));
+    assert!(mixed != job.whole());
+}
+
+#[test]
+fn what_is_no_state_of_this_run_is_refused() {
+    let job = Job::new(erp_model(10), Sampler::Nuts, settings());
+    let place = tempfile::tempdir().unwrap();
+    let folder = place.path().join("checkpoint");
+    let long = Duration::from_secs(3600);
+    let begin = |identity| Checkpoint::begin(&folder, &identity, long);
+    let resume = |identity| Checkpoint::resume(&folder, &identity, long);
+    let of = |seed: &str| BTreeMap::from([("seed".to_owned(), seed.to_owned())]);
+    assert!(matches!(resume(of("1")), Err(CheckpointError::Nothing { .. })));
+    job.sample(&Cut { checkpoint: begin(of("1")).unwrap(), left: 100.into() });
+
+    assert!(matches!(begin(of("1")), Err(CheckpointError::Occupied { .. })));
+    let Err(CheckpointError::Differs { differences, .. }) = resume(of("2")) else { panic!() };
+    assert_eq!(differences, ["seed is 1 there, 2 here"]);
+
+    let path = folder.join("chain-0");
+    let state = fs::read(&path).unwrap();
+    let refused = |bytes: &[u8]| {
+        fs::write(&path, bytes).unwrap();
+        let error = resume(of("1")).unwrap_err();
+        assert!(matches!(error, CheckpointError::Damaged { .. }), "{error}");
+        error.to_string()
+    };
+    for length in [0, 7, 40, state.len() / 2, state.len() - 1] {
+        assert!(refused(&state[..length]).contains("chain-0: "));
+    }
+    for at in [0, 9, 60, state.len() / 2, state.len() - 1] {
+        let mut flipped = state.clone();
+        flipped[at] ^= 16;
+        refused(&flipped);
+    }
+    fs::write(&path, &state).unwrap();
+    resume(of("1")).unwrap();
+
+    // the whole and sound state of a run with another seed
+    fs::rename(&folder, place.path().join("old")).unwrap();
+    job.sample(&Cut { checkpoint: begin(of("2")).unwrap(), left: 100.into() });
+    let foreign = fs::read(&path).unwrap();
+    fs::remove_dir_all(&folder).unwrap();
+    fs::rename(place.path().join("old"), &folder).unwrap();
+    assert!(refused(&foreign).contains("the state is of another run"));
+}
