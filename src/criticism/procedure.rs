@@ -352,7 +352,9 @@ impl Run<'_> {
                 optimise(&self.engine, &both, &start, Free::Spread, self.step)
             });
             let adds = with_both.map_or(0.0, |(_, both)| both - reference - other.log_bf);
-            let is_rival = best.log_bf - other.log_bf < RIVAL || adds < ADDS;
+            // two causes that both add much with the other in the model are two effects
+            let is_near = best.log_bf - other.log_bf < RIVAL;
+            let is_rival = adds < ADDS || (is_near && adds < CLAIM);
             if is_rival && !pairs.iter().any(|pair| pair[1] == name(other)) {
                 pairs.push([name(best), name(other)]);
             }

@@ -154,7 +154,7 @@ pub fn r_squared_on_fields(engine: &Engine, fit: &Fit, term: usize, step: f64) -
 }
 
 /// Compares measurements by their first finite cell.
-fn order(a: &[f64], b: &[f64]) -> std::cmp::Ordering {
+pub(super) fn order(a: &[f64], b: &[f64]) -> std::cmp::Ordering {
     let key = |x: &[f64]| x.iter().copied().fold(0.0, |sum, x| sum + if x.is_finite() { x } else { x.signum() * 1e9 });
     key(a).total_cmp(&key(b))
 }
