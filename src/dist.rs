@@ -15,8 +15,10 @@ pub enum Support {
     Real,
     /// The positive half-line.
     Positive,
-    /// An open interval.
+    /// An open interval; an end may be infinite.
     Interval(f64, f64),
+    /// An interval whose ends depend on other parameters.
+    Between,
     /// Vectors of positive numbers whose sum is 1.
     Simplex,
     /// Vectors of increasing numbers.
@@ -102,14 +104,18 @@ macro_rules! family {
         $(#[$doc])*
         #[allow(non_snake_case)]
         #[inline]
-        pub fn $T<D: Real>($($a: impl Into<D>),*) -> $T<D> {
-            $T { $($a: $a.into()),* }
+        pub fn $T<D: Real>($($a: impl crate::num::Argument<D>),*) -> $T<D> {
+            $T { $($a: crate::num::Argument::number($a)),* }
         }
     )*};
 }
 
+mod bounded;
 mod sequence;
-pub use sequence::{Dirichlet, Ordered, RealLine, Sequence, Step};
+mod tails;
+pub use bounded::{FlatBetween, FlatPositive, TruncatedNormal};
+pub use sequence::{Concentration, Dirichlet, Ordered, RealLine, Sequence, Step};
+pub use tails::{Cauchy, HalfStudentT, Laplace};
 
 family! {
     /// Normal distribution: `−z²/2 − ln sd − ½ ln 2π`, `z = (x − mu)/sd`.
@@ -397,7 +403,7 @@ mod tests {
     use crate::num::{Dual, derivatives, variable};
 
     /// ∫ p(constrain(u)) |dx/du| du = 1, and the derivative in `u` against a difference.
-    fn check<A: Dist<f64>, B: Dist<Dual<1>>>(name: &str, plain: &A, dual: &B) {
+    pub(super) fn check<A: Dist<f64>, B: Dist<Dual<1>>>(name: &str, plain: &A, dual: &B) {
         let h = 1e-3;
         let ln_p = |u: f64| plain.ln_kernel(u, plain.constrain(u)) + plain.ln_norm();
         let mass: f64 = (-60_000..60_000).map(|i| ln_p(f64::from(i) * h).exp() * h).sum();
@@ -440,6 +446,12 @@ mod tests {
     fn an_improper_prior_and_impossible_parameters_have_no_draws() {
         let mut rng: rand_chacha::ChaCha8Rng = rand::SeedableRng::from_seed([3; 32]);
         assert!(Dist::<f64>::sample(&Flat, &mut rng).is_none());
+        // half of the draws within one scale of the middle, 4.5 standard errors
+        let cauchy = Cauchy::<f64>(1.0, 2.0);
+        let near =
+            (0..DRAWS).filter(|_| (cauchy.sample(&mut rng).unwrap() - 1.0).abs() < 2.0).count();
+        let half = 0.5 * f64::from(DRAWS);
+        assert!((near as f64 - half).abs() < 4.5 * (0.5 * half).sqrt(), "{near}");
         assert!(Gamma::<f64>(-1.0, 1.0).sample(&mut rng).is_none());
     }
 
@@ -462,6 +474,8 @@ mod tests {
         beta: Beta(2.0, 3.5);
         exponential: Exponential(0.5);
         log_normal: LogNormal(0.2, 0.6);
+        half_student_t: HalfStudentT(7.0, 1.2);
+        laplace: Laplace(0.5, 0.8);
     }
 
     #[test]
@@ -470,6 +484,9 @@ mod tests {
         let d = InvGamma::<f64>(1.0, 5.0);
         let ln_p = d.ln_kernel(5f64.ln(), 5.0) + d.ln_norm() - 5f64.ln();
         assert!((ln_p - (0.2f64.ln() - 1.0)).abs() < 1e-14);
+        // Cauchy: 1/(2π scale) one scale from the middle
+        let ln_p = RealLine::ln_density(&Cauchy::<f64>(1.0, 2.0), 3.0);
+        assert!((ln_p + (4.0 * std::f64::consts::PI).ln()).abs() < 1e-14);
         // Γ(1/2) = √π, Γ(5) = 24
         assert!((ln_gamma(0.5f64) - std::f64::consts::PI.sqrt().ln()).abs() < 1e-14);
         assert!((ln_gamma(5.0f64) - 24f64.ln()).abs() < 1e-13);

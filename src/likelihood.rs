@@ -7,7 +7,11 @@ use rand::{Rng, RngExt};
 use rand_distr::StandardNormal;
 
 use crate::dist::{Normal, ln_gamma, ln_logistic, logistic};
-use crate::num::{LN_SQRT_2PI, Real};
+use crate::num::{Argument, LN_SQRT_2PI, Real};
+
+mod counts;
+mod numbers;
+pub use counts::{BinomialLogit, NegBinomialLog, OrderedLogit};
 
 /// How a measurement is read from a row of a table.
 #[diagnostic::on_unimplemented(
@@ -29,7 +33,7 @@ pub trait Observation: Copy + std::fmt::Debug + Send + Sync + 'static {
 /// A likelihood of a measurement of kind `Y`.
 #[diagnostic::on_unimplemented(
     message = "`{Self}` is not a likelihood of a `{Y}`",
-    label = "a Bracket takes TopHat(f) or Interval(f, sigma); a Number takes Normal(mu, sd); a Count takes PoissonLog(eta) or BernoulliLogit(eta)"
+    label = "a Bracket takes TopHat(f) or Interval(f, sigma); a Number takes Normal(mu, sd), StudentT, Cauchy, Laplace, LogNormal, Gamma or Exponential; a Count takes PoissonLog(eta), BernoulliLogit(eta), BinomialLogit(n, eta), NegBinomialLog(eta, phi) or OrderedLogit(eta, cut)"
 )]
 pub trait Likelihood<D: Real, Y: Observation> {
     /// Log likelihood of `y`.
@@ -274,8 +278,8 @@ pub struct Interval<D> {
 /// See the type [`struct@Interval`].
 #[allow(non_snake_case)]
 #[inline]
-pub fn Interval<D: Real>(f: impl Into<D>, sigma: impl Into<D>) -> Interval<D> {
-    Interval { f: f.into(), sigma: sigma.into() }
+pub fn Interval<D: Real>(f: impl Argument<D>, sigma: impl Argument<D>) -> Interval<D> {
+    Interval { f: f.number(), sigma: sigma.number() }
 }
 
 impl<D: Real> Likelihood<D, Bracket> for Interval<D> {
@@ -303,7 +307,7 @@ impl<D: Real> Likelihood<D, Bracket> for Interval<D> {
 
 /// `ln Φ(z)` and its first two derivatives by the ratio `φ/Φ`.
 #[inline]
-fn ln_normal_below<D: Real>(z: D) -> D {
+pub(crate) fn ln_normal_below<D: Real>(z: D) -> D {
     let x = z.re();
     let value = ln_cdf(x);
     let ratio = (-0.5 * x * x - LN_SQRT_2PI - value).exp();
@@ -312,7 +316,7 @@ fn ln_normal_below<D: Real>(z: D) -> D {
 
 /// `ln (Φ(b) − Φ(a))`, a < b, as a function of two numbers with derivatives.
 #[inline]
-fn ln_normal_between<D: Real>(a: D, b: D) -> D {
+pub(crate) fn ln_normal_between<D: Real>(a: D, b: D) -> D {
     let (x, y) = (a.re(), b.re());
     // in the upper tail both probabilities are 1 − tiny: mirror, where they are tiny
     let (low, high) = if x > 0.0 { (ln_cdf(-y), ln_cdf(-x)) } else { (ln_cdf(x), ln_cdf(y)) };

@@ -12,8 +12,12 @@ mod erp;
 mod erp_exact;
 #[path = "../models/erp_multiscale.rs"]
 mod erp_multiscale;
+#[path = "../models/garch.rs"]
+mod garch;
 #[path = "../models/normal.rs"]
 mod normal;
+#[path = "../models/one_compartment.rs"]
+mod one_compartment;
 #[path = "../models/regression.rs"]
 mod regression;
 
@@ -30,7 +34,9 @@ fn main() -> ExitCode {
         shipped!("erp.rs", &erp::Erp),
         shipped!("erp_exact.rs", &erp_exact::ErpExact),
         shipped!("erp_multiscale.rs", &erp_multiscale::ErpMultiscale),
+        shipped!("garch.rs", &garch::Garch),
         shipped!("normal.rs", &normal::MeanAndSpread),
+        shipped!("one_compartment.rs", &one_compartment::OneCompartment),
         shipped!("regression.rs", &regression::Regression),
     ])
 }

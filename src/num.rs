@@ -7,11 +7,76 @@ use num_dual::{Derivative, DualNum, DualSVec64, HyperDual64};
 ///
 /// Arithmetic and elementary functions are num-dual's; a plain `f64` goes to the right of a
 /// generic number (`x * 2.0`).  [`Real::chain`] brings in any other function of one variable.
-pub trait Real: DualNum<Primitive = f64> + Copy + Send + Sync {
+pub trait Real:
+    DualNum<Primitive = f64> + Made<f64> + Made<i32> + Made<Self> + Copy + Send + Sync
+{
     /// `f(self)` from `f`, `f′` and `f″` at the real part.
     #[must_use]
     fn chain(self, f: f64, df: f64, d2f: f64) -> Self;
 }
+
+/// Numbers made from a plain one, with decimals or without, or from one of their own kind. (`From<i32>`
+/// would say so, but cannot be implemented for num-dual's types.)
+pub trait Made<T> {
+    /// The number.
+    fn made(from: T) -> Self;
+}
+
+/// What may stand where a number `D` is expected: `2`, `2.0`, or a `D`.
+#[diagnostic::on_unimplemented(
+    message = "`{Self}` is not a number",
+    label = "expected a number, a parameter, or an expression of these"
+)]
+pub trait Argument<D> {
+    /// As a `D`.
+    fn number(self) -> D;
+}
+
+impl<T, D: Made<T>> Argument<D> for T {
+    #[inline(always)]
+    fn number(self) -> D {
+        D::made(self)
+    }
+}
+
+impl Made<f64> for f64 {
+    #[inline(always)]
+    fn made(from: f64) -> Self {
+        from
+    }
+}
+
+impl Made<i32> for f64 {
+    #[inline(always)]
+    fn made(from: i32) -> Self {
+        from.into()
+    }
+}
+
+macro_rules! made {
+    ($D:ty $(, $W:ident)?) => {
+        impl$(<const $W: usize>)? Made<$D> for $D {
+            #[inline(always)]
+            fn made(from: $D) -> Self {
+                from
+            }
+        }
+        impl$(<const $W: usize>)? Made<f64> for $D {
+            #[inline(always)]
+            fn made(from: f64) -> Self {
+                from.into()
+            }
+        }
+        impl$(<const $W: usize>)? Made<i32> for $D {
+            #[inline(always)]
+            fn made(from: i32) -> Self {
+                f64::from(from).into()
+            }
+        }
+    };
+}
+made!(Dual<W>, W);
+made!(Hyper);
 
 /// A value and `W` first derivatives.
 pub type Dual<const W: usize> = DualSVec64<W>;

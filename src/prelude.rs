@@ -1,12 +1,14 @@
 //! What a model file sees: `use eplat::prelude::*;`.
 
 pub use crate::dist::{
-    Beta, Dirichlet, Dist, Exponential, Flat, Gamma, HalfCauchy, HalfNormal, InvGamma, LogNormal,
-    Normal, Ordered, RealLine, StudentT, Support, Uniform, ln_gamma, ln_logistic, logistic,
+    Beta, Cauchy, Dirichlet, Dist, Exponential, Flat, FlatBetween, FlatPositive, Gamma, HalfCauchy,
+    HalfNormal, HalfStudentT, InvGamma, Laplace, LogNormal, Normal, Ordered, RealLine, StudentT,
+    Support, TruncatedNormal, Uniform, ln_gamma, ln_logistic, logistic,
 };
 pub use crate::field::{Kernel, Matern12, Matern32, Matern52, Rbf, authors};
 pub use crate::likelihood::{
-    BernoulliLogit, Bracket, Count, Interval, Likelihood, Number, Observation, PoissonLog, TopHat,
+    BernoulliLogit, BinomialLogit, Bracket, Count, Interval, Likelihood, NegBinomialLog, Number,
+    Observation, OrderedLogit, PoissonLog, TopHat,
 };
 pub use crate::model;
 pub use crate::num::Real;

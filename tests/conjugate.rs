@@ -7,13 +7,10 @@
 
 mod support;
 
-use eplat::diagnostics::{mcse_sd, summarise};
-use eplat::dsl::{Declare, Measurements, Model};
-use eplat::infer::{Settings, Silent, jittered_starts, sample};
+use eplat::dsl::{Declare, Measurements};
 use eplat::manifold::Basis;
-use eplat::report::{Posterior, Values};
 use nalgebra::{DMatrix, DVector};
-use support::{basis, table};
+use support::{basis, oracle, table};
 
 /// Known measurement error of every model here.
 const SD: f64 = 2.0;
@@ -54,29 +51,7 @@ fn worst_error(
     mean: &[f64],
     sd: &[f64],
 ) -> f64 {
-    let model = Model::new(model, basis, data).unwrap();
-    let settings = Settings { draws: 4000, ..Settings::default() };
-    let starts = jittered_starts(&model, &model.initial(), settings.chains, settings.seed).unwrap();
-    let chains: Vec<_> = sample(&model, &starts, &settings, &Silent).unwrap();
-    let chains: Vec<_> = chains.into_iter().map(Result::unwrap).collect();
-    let posterior = Posterior::new(&model, data, &chains, settings.seed);
-    let n = settings.draws;
-    let mut draws: Vec<Vec<Vec<f64>>> = vec![];
-    for variable in &posterior.posterior.variables {
-        let Values::Float(values) = &variable.values else { continue };
-        let width = values.len() / (settings.chains * n);
-        let of_chain =
-            |c: usize, k: usize| (0..n).map(|i| values[(c * n + i) * width + k]).collect();
-        draws.extend((0..width).map(|k| (0..settings.chains).map(|c| of_chain(c, k)).collect()));
-    }
-    assert_eq!(draws.len(), mean.len());
-    let errors = draws.iter().zip(mean.iter().zip(sd)).map(|(chains, (mean, sd))| {
-        let chains: Vec<&[f64]> = chains.iter().map(Vec::as_slice).collect();
-        let summary = summarise(&chains);
-        let of_mean = (summary.mean - mean).abs() / summary.mcse;
-        of_mean.max((summary.sd - sd).abs() / mcse_sd(&chains))
-    });
-    errors.fold(0.0, f64::max)
+    oracle::worst_error(&oracle::draws(model, basis, data, 4000), mean, sd)
 }
 
 /// Mean and standard deviations of coefficients with prior precision `prior` (diagonal) about

@@ -12,10 +12,16 @@ mod erp;
 mod erp_exact;
 #[path = "../models/erp_multiscale.rs"]
 mod erp_multiscale;
+#[path = "../models/garch.rs"]
+mod garch;
 #[path = "models/language.rs"]
 mod language;
 #[path = "../models/normal.rs"]
 mod normal;
+#[path = "../models/one_compartment.rs"]
+mod one_compartment;
+#[path = "models/posteriors.rs"]
+mod posteriors;
 #[path = "../models/regression.rs"]
 mod regression;
 mod support;
@@ -118,6 +124,30 @@ fn numbers_and_a_line_through_them() {
     let data = table("y,x1,x2,x3", &(0..20).map(&mut line).collect::<Vec<_>>());
     check(&normal::MeanAndSpread, &data);
     check(&regression::Regression, &data);
+}
+
+#[test]
+fn densities_over_the_table() {
+    let line = |i: usize| {
+        let (x, y) = (i as f64, (1.3 * i as f64).sin() + 2.0);
+        format!("{x},{y},{y},{},{y}", x + 1.0)
+    };
+    let data = table("x,y,n,time,concentration", &(0..12).map(line).collect::<Vec<_>>());
+    check(&garch::Garch, &data);
+    check(&one_compartment::OneCompartment, &data);
+    check(&posteriors::autoregression::Autoregression, &data);
+    check(&posteriors::curve::Curve, &data);
+    check(&posteriors::shares::Shares, &data);
+}
+
+#[test]
+fn counts_and_numbers_of_every_kind() {
+    let kinds = ["successes", "events", "delay", "outlier"];
+    let line = |i: usize| format!("{},{},{},{},{}", kinds[i % 4], i % 3, i % 5 + 1, 7, i % 3);
+    let data = table("protocol,x,value,trials,answer", &(0..24).map(line).collect::<Vec<_>>());
+    check(&posteriors::counts::Counts, &data);
+    let lines: Vec<String> = (0..12).map(|i| format!("{},{}", i % 5, i % 3)).collect();
+    check(&posteriors::answers::Answers, &table("x,answer", &lines));
 }
 
 #[test]

@@ -268,7 +268,7 @@ fn a_run_starts_from_an_earlier_one_on_fewer_measurements() {
     let table = place.read("first/measurements.csv");
     let fewer: Vec<&str> = table.lines().take(1 + 16).collect();
     place.file("fewer.csv", fewer.join("\n") + "\n").file("all.csv", &table);
-    for sampler in ["blocked", "nuts"] {
+    for (sampler, bound) in [("blocked", 1.02), ("nuts", 1.1)] {
         let run = |rest: &str| {
             let output = place.eplat(&format!("run erp.rs --sampler {sampler} {rest}"));
             assert!(matches!(output.status.code(), Some(0 | 3)), "{}", text(&output.stderr));
@@ -281,7 +281,7 @@ fn a_run_starts_from_an_earlier_one_on_fewer_measurements() {
         assert!(said.contains("init   earlier: 52 of 52 unknowns\n"), "{said}");
         let (_, cold) = run(&format!("{short} --out cold"));
         let r_hat = |record: &Value| record["max_r_hat"].as_f64().unwrap();
-        assert!(r_hat(&warm) < 1.02, "{sampler}: {}", r_hat(&warm));
+        assert!(r_hat(&warm) < bound, "{sampler}: {}", r_hat(&warm));
         assert!(r_hat(&warm) < r_hat(&cold), "{sampler}: {} {}", r_hat(&warm), r_hat(&cold));
         assert!(warm["hashes"]["init"].is_string());
     }

@@ -6,8 +6,8 @@ use base64::{Engine as _, engine::general_purpose::STANDARD as BASE64};
 use eplat::diagnostics::Summary;
 use eplat::mesh::TriMesh;
 use eplat::report::{
-    Group, Page, PointData, ReportError, Row, RunRecord, Seconds, Settings, Surface, Variable,
-    write_html,
+    Group, LeaveOneOut, LooRecord, LooRow, Page, PointData, ReportError, Row, RunRecord, Seconds,
+    Settings, Surface, Variable, write_html,
 };
 use rand::{RngExt as _, SeedableRng as _};
 use rand_chacha::ChaCha8Rng;
@@ -49,7 +49,23 @@ fn row(name: &str, unit: &str, mean: f64, r_hat: f64) -> Row {
     let sd = 0.1 * mean;
     let (q5, q95) = (mean - 1.6 * sd, mean + 1.6 * sd);
     let (mcse, ess_bulk, ess_tail) = (sd / 40.0, 1600.0, 1512.0);
-    let summary = Summary { mean, sd, mcse, q5, q50: mean, q95, ess_bulk, ess_tail, r_hat };
+    let [mcse_sd, mcse_q50] = [mcse; 2];
+    let [mcse_q5, mcse_q95] = [2.0 * mcse; 2];
+    let summary = Summary {
+        mean,
+        sd,
+        mcse,
+        q5,
+        q50: mean,
+        q95,
+        ess_bulk,
+        ess_tail,
+        r_hat,
+        mcse_sd,
+        mcse_q5,
+        mcse_q50,
+        mcse_q95,
+    };
     Row { name: name.to_owned(), unit: unit.to_owned(), summary }
 }
 
@@ -84,6 +100,7 @@ fn record() -> RunRecord {
         unphysical: None,
         divergent_at: vec![],
         loo: None,
+        laplace: None,
     }
 }
 
@@ -123,6 +140,29 @@ fn arrays(mesh: &TriMesh) -> Vec<(String, Vec<f64>)> {
         .collect()
 }
 
+/// Three measurements, of which the second is hard to predict and the third cannot be judged.
+fn leave_one_out() -> LeaveOneOut {
+    let row = |(site, pareto_k): (usize, f64)| LooRow {
+        measurement: "s1s2".to_owned(),
+        place: format!("at site {site} <roof>"),
+        likelihood: "TopHat".to_owned(),
+        observed: "240 250".to_owned(),
+        elpd: -2.5,
+        pareto_k,
+    };
+    let record = LooRecord {
+        elpd_loo: -7.5,
+        se: 0.5,
+        p_loo: 2.0,
+        n_measurements: 3,
+        k_threshold: 0.7,
+        n_high_k: 2,
+        worst: vec!["s1s2 at site 3 <roof> (inf)".to_owned()],
+    };
+    let rows = [(1, 0.25), (2, 0.81), (3, f64::INFINITY)].map(row).to_vec();
+    LeaveOneOut { record, rows }
+}
+
 fn write(path: &Path, title: &str, arrays: &[(String, Vec<f64>)]) -> Result<(), ReportError> {
     let mesh = mesh();
     let point_data: Vec<PointData<'_>> =
@@ -137,6 +177,7 @@ fn write(path: &Path, title: &str, arrays: &[(String, Vec<f64>)]) -> Result<(), 
         record: &record(),
         rows: &rows,
         posterior: &posterior(),
+        loo: Some(&leave_one_out()),
         surface: Some(Surface { mesh: &mesh, point_data: &point_data, sites: &sites }),
     };
     write_html(path, &page)
@@ -157,6 +198,11 @@ fn the_page_is_whole_and_holds_the_data() {
         assert!(!page.contains(network), "the page has {network}");
     }
     assert_eq!(scripts.matches("</script>").count(), 3);
+    assert!(page.contains("Pareto k is above 0.70 at 2 of 3 measurements"));
+    assert_eq!(page.matches("<circle").count(), 3);
+    let order = ["site 3 &lt;roof&gt;<td>", "site 2 &lt;roof&gt;<td>", "site 1 &lt;roof&gt;<td>"];
+    let places = order.map(|row| page.find(row).unwrap());
+    assert!(places.is_sorted(), "the worst measurement is not the first: {places:?}");
 
     let data = scripts.split_once('>').unwrap().1.split_once("</script>").unwrap().0;
     let data: Value = serde_json::from_str(data).unwrap();
@@ -178,12 +224,14 @@ fn a_page_without_a_surface_has_no_script() {
         record: &record,
         rows: &rows,
         posterior: &posterior,
+        loo: None,
         surface: None,
     };
     write_html(&path, &page).unwrap();
     let html = std::fs::read_to_string(&path).unwrap();
     assert!(
         !html.contains("<script")
+            && !html.contains("<circle")
             && html.contains("class=\"verdict bad\">Not converged: worst R̂ 1.500 (mu)")
     );
 }

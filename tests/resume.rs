@@ -98,7 +98,7 @@ impl Job {
     fn in_pieces(&self, every: &[usize]) -> String {
         let place = tempfile::tempdir().unwrap();
         let folder = place.path().join("checkpoint");
-        let long = Duration::from_secs(3600);
+        let long = Duration::from_hours(1);
         let mut checkpoint = Checkpoint::begin(&folder, &identity(), long).unwrap();
         for transitions in every.iter().cycle() {
             let cut = Cut { checkpoint, left: (*transitions).into() };
@@ -181,7 +181,7 @@ fn a_chain_goes_on_from_its_state() {
     let job = Job::new(erp_model(10), Sampler::Blocked, settings());
     let place = tempfile::tempdir().unwrap();
     let folder = place.path().join("checkpoint");
-    let long = Duration::from_secs(3600);
+    let long = Duration::from_hours(1);
     let checkpoint = Checkpoint::begin(&folder, &identity(), long).unwrap();
     // warm-up takes 180
     job.sample(&Cut { checkpoint, left: 190.into() });
@@ -197,7 +197,7 @@ fn what_is_no_state_of_this_run_is_refused() {
     let job = Job::new(erp_model(10), Sampler::Nuts, settings());
     let place = tempfile::tempdir().unwrap();
     let folder = place.path().join("checkpoint");
-    let long = Duration::from_secs(3600);
+    let long = Duration::from_hours(1);
     let begin = |identity| Checkpoint::begin(&folder, &identity, long);
     let resume = |identity| Checkpoint::resume(&folder, &identity, long);
     let of = |seed: &str| BTreeMap::from([("seed".to_owned(), seed.to_owned())]);

@@ -29,13 +29,16 @@ pub(super) struct Command {
 impl Command {
     pub(super) fn run(&self, compiled: &[Compiled]) -> Result<ExitCode, Failure> {
         let file = ModelFile::read(&self.model)?;
-        let Some(model) = file.find(compiled) else { return run_compiled(&file) };
+        let Some(model) = file.find(compiled)? else { return run_compiled(&file) };
         let inputs = self.input.load(model)?;
         let basis = inputs.surface.as_ref().map(|(_, basis)| basis);
         let model = Model::new(model, basis, &inputs.measurements)?;
         let (position, mut gradient) = (model.initial(), vec![0.0; model.dim()]);
         let mut evaluator = model.evaluator();
         let ln_density = evaluator.ln_density(&position, &mut gradient);
+        if !ln_density.is_finite() || gradient.iter().any(|g| !g.is_finite()) {
+            return Err(no_start(&model, &position, ln_density, &gradient));
+        }
         let begun = Instant::now();
         for _ in 0..EVALUATIONS {
             std::hint::black_box(
@@ -47,6 +50,12 @@ impl Command {
         for observe in &model.observes {
             writeln!(out, "observe {}: {} measurements", observe.name, observe.rows.len())?;
         }
+        for p in model.parameters.iter().filter(|p| !p.labels.is_empty()) {
+            writeln!(out, "param {}: {} labels ({})", p.name, p.len, p.labels.join(", "))?;
+        }
+        for density in model.densities.iter().filter(|d| !d.rows.is_empty()) {
+            writeln!(out, "density {}: {} measurements", density.name, density.rows.len())?;
+        }
         writeln!(out, "{} unknowns", model.dim())?;
         writeln!(
             out,
@@ -54,4 +63,25 @@ impl Command {
         )?;
         Ok(ExitCode::SUCCESS)
     }
+}
+
+/// Where the log density or its gradient is no number: in a measurement, or in an unknown.
+fn no_start(model: &Model, position: &[f64], ln_density: f64, gradient: &[f64]) -> Failure {
+    let (mut tape, mut each) = (model.tape(), vec![]);
+    model.forward(&mut tape, position);
+    model.pointwise(&tape, &mut each);
+    let rows = model.observes.iter().flat_map(|o| o.rows.iter().map(move |row| (o.name, row)));
+    let row = rows.zip(&each).find(|(_, ln_likelihood)| !ln_likelihood.is_finite());
+    let names = model.unknown_names();
+    let unknown = gradient.iter().position(|g| !g.is_finite()).and_then(|i| names.get(i));
+    let place = match (row, unknown) {
+        (Some(((observe, row), ln)), _) => {
+            format!("observe {observe}: the log likelihood of row {} of the table is {ln}", row + 1)
+        }
+        (None, Some(name)) => format!("the derivative of the log density in {name} is no number"),
+        (None, None) => format!("the log density is {ln_density}, through a prior or a `density`"),
+    };
+    Failure::new(format_args!(
+        "at the starting point (priors at typical values, fields in the middle of their ranges) {place}\nhelp: look for a logarithm, root or quotient there that leaves its domain; give the fields a range"
+    ))
 }

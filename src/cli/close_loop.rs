@@ -67,7 +67,7 @@ impl Command {
     pub(super) fn run(&self, compiled: &[Compiled]) -> Result<ExitCode, Failure> {
         let begun = Instant::now();
         let file = ModelFile::read(&self.model)?;
-        let Some(model) = file.find(compiled) else { return run_compiled(&file) };
+        let Some(model) = file.find(compiled)? else { return run_compiled(&file) };
         if !self.input.has_data() {
             return Err(Failure::usage(
                 "eplat loop criticises a model on measurements\nhelp: give them with --data FILE.csv",

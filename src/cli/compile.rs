@@ -14,6 +14,7 @@ use std::time::Instant;
 use include_dir::{Dir, include_dir};
 
 use super::models::ModelFile;
+use super::rustc::{mistakes, rendered};
 use crate::atomic::write_folder;
 use crate::cache;
 use crate::error::Failure;
@@ -83,7 +84,7 @@ fn compiled(file: &ModelFile) -> Result<PathBuf, Failure> {
         ))
     })?;
     if !output.status.success() {
-        return Err(does_not_compile(file, &output));
+        return Err(does_not_compile(file, &path, &output));
     }
     fs::create_dir_all(cache.join("programs"))
         .and_then(|()| fs::rename(&built, &program))
@@ -138,7 +139,7 @@ fn with_rustc(main: &Path, built: &Path, library: &Path) -> std::io::Result<Outp
     let mut eplat = std::ffi::OsString::from("eplat=");
     eplat.push(library);
     Command::new("rustc")
-        .args(["--edition", "2024", "-C", "opt-level=3", "--extern"])
+        .args(["--edition", "2024", "-C", "opt-level=3", "--error-format=json", "--extern"])
         .arg(eplat)
         .arg("-L")
         .arg(dependencies)
@@ -171,7 +172,8 @@ fn with_cargo(cache: &Path, package: &Path, built: &Path) -> std::io::Result<Out
     }
     let target = cache.join("target");
     let output = Command::new("cargo")
-        .args(["build", "--release", "--offline", "--quiet", "--manifest-path"])
+        .args(["build", "--release", "--offline", "--quiet"])
+        .args(["--message-format", "json", "--manifest-path"])
         .arg(package.join("Cargo.toml"))
         .env("CARGO_TARGET_DIR", &target)
         .stdin(Stdio::null())
@@ -193,24 +195,14 @@ fn unpack(folder: &Path) -> std::io::Result<()> {
     fs::write(folder.join("Cargo.lock"), LOCK)
 }
 
-fn does_not_compile(file: &ModelFile, output: &Output) -> Failure {
-    let text = String::from_utf8_lossy(&output.stderr);
-    let is_own = |line: &&str| {
-        !line.starts_with("error: could not compile")
-            && !line.starts_with("error: aborting due to")
-            && !line.starts_with("For more information")
-            && !line.starts_with("Some errors have detailed")
-    };
-    let text = text.lines().filter(is_own).collect::<Vec<_>>().join("\n");
-    let number_on_the_left = text.contains("no implementation for `{float} ");
-    let hint = if number_on_the_left {
-        "\nhelp: a plain number goes on the right: `x * 2.0` for `2.0 * x`, `-x + 1.0` for `1.0 - x`"
-    } else {
-        ""
-    };
-    Failure::new(format_args!(
-        "the model file does not compile\n{}{hint}\nhelp: mend {} at the places above; `eplat show` prints a model's equations once it compiles",
-        text.trim_end(),
-        file.path.display()
-    ))
+/// Every mistake in the words of the model language; what the compiler said where none is understood.
+fn does_not_compile(file: &ModelFile, path: &Path, output: &Output) -> Failure {
+    let text = |bytes| String::from_utf8_lossy(bytes).into_owned();
+    let said = text(&output.stdout) + &text(&output.stderr);
+    let shown: Vec<String> = mistakes(&said, file, path).iter().map(|m| m.show(file)).collect();
+    if shown.is_empty() {
+        let (said, path) = (rendered(&said), file.path.display());
+        return Failure::new(format_args!("{path} does not compile\n{said}\nhelp: mend {path}"));
+    }
+    Failure::new(shown.join("\n\nerror: "))
 }

@@ -72,16 +72,16 @@ impl InputArgs {
         }
         let table = self.data.as_deref().map(Measurements::read).transpose()?;
         if !outline.has_fields() {
-            let needs_data = !outline.observes.is_empty();
+            let readers = outline.readers();
             let measurements = match table {
                 Some(table) => checked(table, &outline)?,
-                None if needs_data => {
+                None if readers.is_empty() => Measurements::default(),
+                None => {
                     return Err(Failure::usage(format_args!(
                         "the model {} observes {}: measurements are needed\nhelp: give them with --data FILE.csv",
-                        outline.name, outline.observes[0].name
+                        outline.name, readers[0]
                     )));
                 }
-                None => Measurements::default(),
             };
             return Ok(Inputs { surface: None, measurements, truth: vec![], hashes });
         }
@@ -163,8 +163,7 @@ impl InputArgs {
 }
 
 fn checked(table: Measurements, outline: &Model) -> Result<Measurements, Failure> {
-    let observes: Vec<&str> = outline.observes.iter().map(|o| o.name).collect();
-    table.check_protocols(&observes)?;
+    table.check_protocols(&outline.readers())?;
     Ok(table)
 }
 

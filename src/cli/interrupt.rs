@@ -25,15 +25,15 @@ pub(super) const INTERRUPTED: u8 = 130;
 pub(super) struct BeginArgs {
     /// Go on with the interrupted run in the output folder, to the same numbers as without the
     /// interruption; nothing is done if that run is complete
-    #[arg(long, conflicts_with_all = ["optimize", "prior"])]
+    #[arg(long, conflicts_with_all = ["optimize", "laplace", "prior"])]
     pub(super) resume: bool,
     /// Start from the results of an earlier run of this model, perhaps on fewer measurements: a
     /// short --warmup is then enough
-    #[arg(long, value_name = "DIR", conflicts_with_all = ["optimize", "prior"])]
+    #[arg(long, value_name = "DIR", conflicts_with_all = ["optimize", "laplace", "prior"])]
     pub(super) init: Option<PathBuf>,
     /// Least time between two savings of what --resume goes on from; they never take more than 1 %
     /// of a run
-    #[arg(long, value_name = "SECONDS", default_value_t = 2.0, conflicts_with_all = ["optimize", "prior"])]
+    #[arg(long, value_name = "SECONDS", default_value_t = 2.0, conflicts_with_all = ["optimize", "laplace", "prior"])]
     checkpoint_every: f64,
 }
 

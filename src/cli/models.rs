@@ -3,7 +3,8 @@
 use std::fs;
 use std::path::{Path, PathBuf};
 
-use crate::dsl::Declare;
+use super::mistake::{self, Mistake};
+use crate::dsl::{Declare, Model};
 use crate::error::Failure;
 
 /// A model that is compiled into this program.
@@ -47,21 +48,48 @@ impl ModelFile {
 
     /// The name in `model NAME;`, which the compiled program must export.
     pub(super) fn model_name(&self) -> Result<&str, Failure> {
-        let text = &self.source;
-        let names: Vec<&str> = text.split("model!").skip(1).filter_map(declared_name).collect();
-        match names[..] {
-            [name] => Ok(name),
-            _ => Err(Failure::new(format_args!(
-                "{}: expected one `model! {{ model NAME; … }}`, found {}\nhelp: put one model in a file",
-                self.path.display(),
-                names.len()
-            ))),
-        }
+        let code = mistake::code(&self.source);
+        let mut models = code.match_indices("model!").map(|(at, word)| at..at + word.len());
+        let mistake = match (models.next(), models.next()) {
+            (None, _) => {
+                return Err(Failure::new(format_args!(
+                    "{}: expected `model! {{ model NAME; … }}`, found none\nhelp: a model file declares one; see models/normal.rs",
+                    self.path.display()
+                )));
+            }
+            (Some(one), None) => match declared_name(&self.source[one.end..]) {
+                Some(name) => return Ok(name),
+                None => Mistake::new(
+                    "a model begins with `model NAME;`",
+                    one,
+                    "name it in the first line: `model Atrium;`",
+                ),
+            },
+            (_, Some(second)) => Mistake::new(
+                "expected one model in a file, found another",
+                second,
+                "put it into a file of its own",
+            ),
+        };
+        Err(Failure::new(mistake.show(self)))
     }
 
     /// The model among those compiled into this program, if its source is the same.
-    pub(super) fn find(&self, compiled: &[Compiled]) -> Option<&'static dyn Declare> {
-        compiled.iter().find(|c| c.source == self.source).map(|c| c.model)
+    ///
+    /// # Errors
+    /// A model that contradicts itself, in its units for instance, with the place in the file.
+    pub(super) fn find(
+        &self,
+        compiled: &[Compiled],
+    ) -> Result<Option<&'static dyn Declare>, Failure> {
+        let Some(found) = compiled.iter().find(|c| c.source == self.source) else {
+            return Ok(None);
+        };
+        Model::outline(found.model).map_err(|error| {
+            let mistake = Mistake::of_model(&error, &self.source);
+            mistake.map_or_else(|| error.into(), |mistake| Failure::new(mistake.show(self)))
+        })?;
+        Ok(Some(found.model))
     }
 }
 
@@ -91,8 +119,11 @@ mod tests {
 
     #[test]
     fn no_model_and_two_models_are_errors() {
-        assert!(file("fn main() {}").model_name().unwrap_err().to_string().contains("found 0"));
-        let two = "model! { model A; } model! { model B; }";
-        assert!(file(two).model_name().unwrap_err().to_string().contains("found 2"));
+        assert!(file("fn main() {}").model_name().unwrap_err().to_string().contains("found none"));
+        let two = "model! { model A; }\nmodel! { model B; }";
+        let said = file(two).model_name().unwrap_err().to_string();
+        assert!(said.contains("found another\n --> m.rs:2:1\n"), "{said}");
+        let one = "// model! in a comment\nmodel! { model A; }";
+        assert_eq!(file(one).model_name().unwrap(), "A");
     }
 }

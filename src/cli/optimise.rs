@@ -12,7 +12,7 @@ use super::output::{OutputFolder, rms_error};
 use crate::atomic::write_file;
 use crate::dsl::{Kind, MapSummary, Maps, Model};
 use crate::error::Failure;
-use crate::infer::{Optimum, OptimumSettings, maximise};
+use crate::infer::{InferError, Optimum, OptimumSettings, maximise};
 use crate::mesh::write_vtp;
 use crate::report::rmse_line;
 
@@ -62,10 +62,15 @@ pub(super) fn optimise(
     Ok(if mode.optimum.converged { ExitCode::SUCCESS } else { ExitCode::from(3) })
 }
 
+/// Climbs from the model's initial point towards its mode.
+pub(super) fn climb(model: &Model) -> Result<Optimum, InferError> {
+    let settings = OptimumSettings { max_iterations: MOST_ITERATIONS, ..Default::default() };
+    maximise(model, &model.initial(), &settings)
+}
+
 impl<'a> Mode<'a> {
     fn find(model: &'a Model, inputs: &'a Inputs) -> Result<Self, Failure> {
-        let settings = OptimumSettings { max_iterations: MOST_ITERATIONS, ..Default::default() };
-        let optimum = maximise(model, &model.initial(), &settings)?;
+        let optimum = climb(model)?;
         let (mut tape, mut values) = (model.tape(), vec![]);
         model.forward(&mut tape, &optimum.position);
         model.report_mode(&tape, &mut values);

@@ -19,8 +19,9 @@ use crate::infer::{Chain, Identity, LogDensity as _};
 use crate::manifold::Basis;
 use crate::mesh::{Surface, write_vtp};
 use crate::report::{
-    self, Group, Page, PointData, Posterior, RunRecord, Seconds, Variable, end_of_run, verdict,
-    write_draws, write_html, write_loo, write_summary_csv, write_summary_json, write_zarr,
+    self, Approximation, Group, Page, PointData, Posterior, RunRecord, Seconds, Variable,
+    end_of_run, verdict, write_draws, write_html, write_loo, write_summary_csv, write_summary_json,
+    write_zarr,
 };
 
 const VERSION: &str = env!("CARGO_PKG_VERSION");
@@ -81,6 +82,8 @@ pub(super) struct Sampled {
     pub(super) seconds: f64,
     /// Of it, before this process: the run was interrupted.
     pub(super) seconds_before: f64,
+    /// How good the draws are, if they are from a normal approximation.
+    pub(super) laplace: Option<Approximation>,
 }
 
 /// What the end of a run shows.
@@ -109,7 +112,12 @@ impl Finished<'_> {
     /// Writes every file; the record last.
     pub(super) fn write(&self, out: &OutputFolder) -> Result<Outcome, Failure> {
         let measurements = &self.inputs.measurements;
-        let posterior = Posterior::new(self.model, measurements, &self.sampled.chains, self.seed);
+        let mut posterior =
+            Posterior::new(self.model, measurements, &self.sampled.chains, self.seed);
+        if matches!(self.settings.sampler.as_str(), "prior" | "laplace") {
+            // Leaving a measurement out is a statement about draws from the posterior.
+            posterior.loo = None;
+        }
         let surface = self.inputs.surface.as_ref();
         let maps = surface.map(|(surface, basis)| self.maps(surface, basis));
         out.make()?;
@@ -223,6 +231,7 @@ impl Finished<'_> {
             record,
             rows: &posterior.rows,
             posterior: &posterior.posterior,
+            loo: posterior.loo.as_ref(),
             surface: surface.map(|s| report::Surface {
                 mesh: &s.mesh,
                 point_data: &data,
@@ -235,7 +244,8 @@ impl Finished<'_> {
     fn record(&self, posterior: &Posterior, maps: Option<&FieldMaps>) -> RunRecord {
         let sum = |of: fn(&Chain) -> f64| self.sampled.chains.iter().map(of).sum::<f64>();
         let (warmup, sampling) = (sum(|c| c.seconds_warmup), sum(|c| c.seconds_sampling));
-        let Sampled { chains, failures, seconds: sampled_in, seconds_before } = &self.sampled;
+        let Sampled { chains, failures, seconds: sampled_in, seconds_before, laplace } =
+            &self.sampled;
         let wall = sampled_in / (warmup + sampling);
         let elapsed = self.begun.elapsed().as_secs_f64() + seconds_before;
         let grad_evals =
@@ -277,6 +287,7 @@ impl Finished<'_> {
             units: maps.map(|m| m.units.clone()).unwrap_or_default(),
             divergent_at: self.suspects(),
             loo: posterior.loo.as_ref().map(|loo| loo.record.clone()),
+            laplace: laplace.clone(),
         }
     }
 
@@ -309,14 +320,12 @@ impl Finished<'_> {
             .collect()
     }
 
-    /// Measurement number `row` over all `observe`s, in words.
+    /// Measurement number `row` of all, in words.
     fn place_of(&self, mut row: usize) -> String {
-        for observe in &self.model.observes {
-            match observe.rows.get(row) {
-                Some(at) => {
-                    return format!("{} {}", observe.name, self.inputs.measurements.place(*at));
-                }
-                None => row -= observe.rows.len(),
+        for (name, rows) in self.model.measured() {
+            match rows.get(row) {
+                Some(at) => return format!("{name} {}", self.inputs.measurements.place(*at)),
+                None => row -= rows.len(),
             }
         }
         String::new()

@@ -1,4 +1,4 @@
-//! Progress of the chains: one line each on a terminal, one line per chain and phase otherwise.
+//! Progress of the chains: a live table on a terminal, one line per chain and phase otherwise.
 
 use std::io::IsTerminal as _;
 use std::sync::Arc;
@@ -25,10 +25,17 @@ impl ChainBars {
         let Settings { chains, warmup, draws, .. } = *settings;
         let total = warmup + draws;
         let all = MultiProgress::new();
-        let template = "chain {prefix} {bar:24} {pos:>5}/{len} {msg} ETA {eta}";
+        let header = format!(
+            "{:>5}  {:24}  {:>13}  {:<8}  {:>11}  {:>9}  {:>5}",
+            "chain", "", "draws", "phase", "divergences", "step size", "ETA"
+        );
+        let template = "{prefix:>5}  {bar:24}  {pos:>6}/{len:<6}  {msg:32}  {eta:>5}";
         let style = ProgressStyle::with_template(template)
             .unwrap_or_else(|_| ProgressStyle::default_bar())
             .progress_chars("━╸─");
+        let title = all.add(ProgressBar::new(0));
+        title.set_style(ProgressStyle::with_template("{msg}").unwrap_or_else(|_| style.clone()));
+        title.abandon_with_message(header);
         let bar = |chain: usize| {
             let bar = all.add(ProgressBar::new(total as u64)).with_style(style.clone());
             bar.set_prefix((chain + 1).to_string());
@@ -49,21 +56,21 @@ impl ChainBars {
 
 impl Progress for ChainBars {
     fn report(&self, p: &ChainProgress) {
-        let state = format!(
-            "{:<8} divergences {:<3} step {:.3}",
-            p.phase.to_string(),
-            p.divergences,
-            p.step_size
-        );
+        let (phase, divergences, step) = (p.phase.to_string(), p.divergences, p.step_size);
         let bar = &self.bars[p.chain];
         bar.set_position(p.iteration as u64);
-        bar.set_message(state.clone());
+        bar.set_message(format!("{phase:<8}  {divergences:>11}  {step:>9.3}"));
         let phase_ends = match p.phase {
             Phase::Warmup => p.iteration == self.warmup,
             Phase::Sampling => p.iteration == p.total,
         };
         if !self.is_terminal && phase_ends {
-            eprintln!("chain {}  {:>5}/{}  {state}", p.chain + 1, p.iteration, p.total);
+            eprintln!(
+                "chain {}  {:>5}/{}  {phase:<8} divergences {divergences:<3} step {step:.3}",
+                p.chain + 1,
+                p.iteration,
+                p.total
+            );
         }
         if let Some(reason) = self.checkpoint.failure() {
             self.warned.call_once(|| {

@@ -11,6 +11,7 @@ use super::compile::{COMPILE_SECONDS, run_compiled};
 use super::init;
 use super::inputs::{InputArgs, Inputs, hash};
 use super::interrupt::{self, BeginArgs, INTERRUPTED};
+use super::laplace::approximate;
 use super::models::{Compiled, ModelFile};
 use super::optimise::optimise;
 use super::output::{Finished, OutputFolder, Sampled};
@@ -27,7 +28,8 @@ pub(super) struct Command {
     model: PathBuf,
     #[command(flatten)]
     input: InputArgs,
-    /// Output folder [default: out/NAME, after the model file's name; with --optimize out/NAME-map]
+    /// Output folder [default: out/NAME, after the model file's name; with --optimize out/NAME-map,
+    /// with --laplace out/NAME-laplace]
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
     #[command(flatten)]
@@ -37,8 +39,11 @@ pub(super) struct Command {
     /// Find the posterior's mode by L-BFGS instead of sampling
     #[arg(long, conflicts_with_all = ["chains", "warmup", "draws", "target_accept", "sampler", "metric"])]
     optimize: bool,
-    /// Draw from the prior instead: the same outputs before the measurements have a say
+    /// Draw from the normal approximation at the mode instead, and say how good it is
     #[arg(long, conflicts_with_all = ["optimize", "warmup", "target_accept", "sampler", "metric"])]
+    laplace: bool,
+    /// Draw from the prior instead: the same outputs before the measurements have a say
+    #[arg(long, conflicts_with_all = ["optimize", "laplace", "warmup", "target_accept", "sampler", "metric"])]
     prior: bool,
     /// Print the summary and the run record as JSON on stdout
     #[arg(long)]
@@ -131,7 +136,7 @@ impl Command {
         let mut settings = self.sampler.settings(self.input.seed)?;
         let every = self.begin.every()?;
         let file = ModelFile::read(&self.model)?;
-        let Some(model) = file.find(compiled) else { return run_compiled(&file) };
+        let Some(model) = file.find(compiled)? else { return run_compiled(&file) };
         let out = OutputFolder::open(&self.folder())?;
         let mut inputs = self.input.load(model)?;
         inputs.hashes.insert("model".into(), hash(&self.model)?);
@@ -143,17 +148,23 @@ impl Command {
             return optimise(&model, &inputs, &out, self.json);
         }
         let sampler = self.sampler.choose(&model)?;
+        let how = match (self.prior, self.laplace) {
+            (true, _) => "prior",
+            (_, true) => "laplace",
+            _ => sampler.name(),
+        };
         let mut finished = Finished {
             model: &model,
             inputs: &inputs,
             sampled: Sampled::default(),
             seed: settings.seed,
-            settings: record_of(&settings, if self.prior { "prior" } else { sampler.name() }),
+            settings: record_of(&settings, how),
             compile_seconds: compile_seconds(),
             begun,
         };
-        if self.prior {
-            finished.sampled = draw_prior(&model, &settings)?;
+        if self.prior || self.laplace {
+            let draw = if self.prior { draw_prior } else { approximate };
+            finished.sampled = draw(&model, &settings)?;
             return self.finish(&finished, &out);
         }
         let starts = match &self.begin.init {
@@ -196,7 +207,11 @@ impl Command {
 
     fn folder(&self) -> PathBuf {
         let name = self.model.file_stem().unwrap_or("model".as_ref()).display().to_string();
-        let name = if self.optimize { name + "-map" } else { name };
+        let name = match (self.optimize, self.laplace) {
+            (true, _) => name + "-map",
+            (_, true) => name + "-laplace",
+            _ => name,
+        };
         self.out.clone().unwrap_or_else(|| Path::new("out").join(name))
     }
 }

@@ -20,7 +20,7 @@ pub(super) struct Command {
 impl Command {
     pub(super) fn run(&self, compiled: &[Compiled]) -> Result<ExitCode, Failure> {
         let file = ModelFile::read(&self.model)?;
-        let Some(model) = file.find(compiled) else { return super::compile::run_compiled(&file) };
+        let Some(model) = file.find(compiled)? else { return super::compile::run_compiled(&file) };
         let text = equations(&Model::outline(model)?);
         write!(std::io::stdout().lock(), "{text}")?;
         Ok(ExitCode::SUCCESS)

@@ -9,6 +9,7 @@
 //! localization: an improved R̂"; conventions as in `ArviZ` 1.3, against which the tests compare.
 
 mod ess;
+mod importance;
 mod loo;
 mod mcse;
 mod psis;
@@ -16,6 +17,7 @@ mod rank;
 mod special;
 
 pub use ess::{ess_bulk, ess_mean, ess_tail};
+pub use importance::{Importance, importance};
 pub use loo::{Loo, LooPoint, loo, relative_efficiency, standard_error};
 pub use mcse::{mcse_mean, mcse_quantile, mcse_sd};
 pub use rank::r_hat;
@@ -44,11 +46,19 @@ pub struct Summary {
     pub ess_tail: f64,
     /// Rank-normalised split R̂.
     pub r_hat: f64,
+    /// Monte Carlo standard error of the standard deviation.
+    pub mcse_sd: f64,
+    /// Monte Carlo standard error of the 5 % quantile.
+    pub mcse_q5: f64,
+    /// Monte Carlo standard error of the median.
+    pub mcse_q50: f64,
+    /// Monte Carlo standard error of the 95 % quantile.
+    pub mcse_q95: f64,
 }
 
 /// Summary of one quantity, one slice of draws per chain.
 ///
-/// A quantity that never varies has NaN for R̂ and both effective sizes (differs from `ArviZ`, which
+/// A quantity that never varies has NaN for R̂, errors and both effective sizes (differs from `ArviZ`, which
 /// reports as many effective draws as there are draws).
 pub fn summarise(chains: &[&[f64]]) -> Summary {
     let (mean, sd) = mean_and_sd(chains);
@@ -70,6 +80,10 @@ pub fn summarise(chains: &[&[f64]]) -> Summary {
         ess_bulk: varying(ess_bulk),
         ess_tail: varying(ess_tail),
         r_hat: varying(r_hat),
+        mcse_sd: varying(mcse_sd),
+        mcse_q5: varying(|chains| mcse_quantile(chains, 0.05)),
+        mcse_q50: varying(|chains| mcse_quantile(chains, 0.5)),
+        mcse_q95: varying(|chains| mcse_quantile(chains, 0.95)),
     }
 }
 

@@ -16,6 +16,8 @@ const SHORTEST_TAIL: usize = 5;
 pub(super) struct Smoothed {
     /// Log weights (S), their exponentials summing to 1.
     pub(super) log_weights: Vec<f64>,
+    /// Log of the sum of the smoothed ratios.
+    pub(super) log_sum: f64,
     /// Shape of the weights' tail; infinite where none can be fitted.
     pub(super) pareto_k: f64,
 }
@@ -30,7 +32,11 @@ pub(super) fn smooth(log_ratios: &[f64], r_eff: f64) -> Smoothed {
     let largest = log_ratios.iter().copied().fold(f64::NEG_INFINITY, f64::max);
     let mut log_weights: Vec<f64> = log_ratios.iter().map(|ratio| ratio - largest).collect();
     if !log_weights.iter().all(|w| w.is_finite()) {
-        return Smoothed { log_weights: vec![f64::NAN; n], pareto_k: f64::INFINITY };
+        return Smoothed {
+            log_weights: vec![f64::NAN; n],
+            log_sum: f64::NAN,
+            pareto_k: f64::INFINITY,
+        };
     }
     let mut order: Vec<usize> = (0..n).collect();
     order.sort_by(|a, b| log_weights[*a].total_cmp(&log_weights[*b]));
@@ -45,7 +51,7 @@ pub(super) fn smooth(log_ratios: &[f64], r_eff: f64) -> Smoothed {
     for weight in &mut log_weights {
         *weight -= norm;
     }
-    Smoothed { log_weights, pareto_k }
+    Smoothed { log_weights, log_sum: largest + norm, pareto_k }
 }
 
 /// `ln Σ exp`.

@@ -5,7 +5,7 @@
 
 use rand::{Rng, RngExt};
 
-use super::{Dist, Normal, StudentT, Support, ln_gamma, ln_logistic, logistic};
+use super::{Cauchy, Dist, Laplace, Normal, StudentT, Support, ln_gamma, ln_logistic, logistic};
 use crate::num::Real;
 
 /// One number of a vector, from its unknown `u` and from what the numbers before it left.
@@ -32,6 +32,10 @@ pub trait Sequence<D: Real> {
     fn n_unknowns(&self, n: usize) -> usize {
         n
     }
+    /// How many numbers it is a prior of, if it says.
+    fn length(&self) -> Option<usize> {
+        None
+    }
     /// What the first number finds.
     fn begin(&self) -> f64 {
         0.0
@@ -48,13 +52,52 @@ pub trait Sequence<D: Real> {
     fn sample(&self, n: usize, rng: &mut dyn Rng) -> Option<Vec<f64>>;
 }
 
-family! {
-    /// Symmetric Dirichlet distribution of proportions: density `Γ(na)/Γ(a)ⁿ Π xᵢ^(a−1)`,
-    /// `a` = concentration; uniform at 1.
-    ///
-    /// Made by breaking a stick: `xᵢ = (1 − Σ_{j<i} xⱼ) zᵢ` with `zᵢ = logistic(uᵢ − ln(n − 1 − i))`,
-    /// so that `u = 0` is the middle of the simplex.
-    Dirichlet(concentration: "concentration, the same for every proportion");
+/// Dirichlet distribution of proportions: density `Γ(Σ aᵢ)/Π Γ(aᵢ) Π xᵢ^(aᵢ−1)`, `a` = concentrations;
+/// uniform where all are 1.
+///
+/// Made by breaking a stick: `xᵢ = (1 − Σ_{j<i} xⱼ) zᵢ` with `zᵢ = logistic(uᵢ − ln(n − 1 − i))`,
+/// so that `u = 0` is the middle of the simplex.
+#[derive(Clone, Copy, Debug)]
+pub struct Dirichlet<D, const N: usize> {
+    /// One concentration for all proportions (N = 1), or one for each.
+    pub concentration: [D; N],
+}
+
+/// `Dirichlet(2.0)`, `Dirichlet([1.0, 2.0, 5.0])`; numbers or earlier parameters.
+#[allow(non_snake_case)]
+pub fn Dirichlet<D: Real, const N: usize, M>(
+    concentration: impl Concentration<D, N, M>,
+) -> Dirichlet<D, N> {
+    Dirichlet { concentration: concentration.each() }
+}
+
+/// What [`fn@Dirichlet`] takes. `M` tells one number from several apart.
+pub trait Concentration<D, const N: usize, M> {
+    /// As N numbers.
+    fn each(self) -> [D; N];
+}
+
+impl<D, T: Into<D>> Concentration<D, 1, ()> for T {
+    fn each(self) -> [D; 1] {
+        [self.into()]
+    }
+}
+
+impl<D, T: Into<D>, const N: usize> Concentration<D, N, [(); N]> for [T; N] {
+    fn each(self) -> [D; N] {
+        self.map(Into::into)
+    }
+}
+
+impl<D: Real, const N: usize> Dirichlet<D, N> {
+    fn at(&self, i: usize) -> D {
+        self.concentration[if N == 1 { 0 } else { i }]
+    }
+
+    /// Σ of the concentrations from number `i` of `n` on.
+    fn from(&self, i: usize, n: usize) -> D {
+        (i..n).fold(D::from(0.0), |sum, i| sum + self.at(i))
+    }
 }
 
 /// How far `u` is shifted so that 0 breaks off an equal share.
@@ -62,7 +105,7 @@ fn equal_share(i: usize, n: usize) -> f64 {
     ((n - 1 - i) as f64).ln()
 }
 
-impl<D: Real> Sequence<D> for Dirichlet<D> {
+impl<D: Real, const N: usize> Sequence<D> for Dirichlet<D, N> {
     fn support(&self) -> Support {
         Support::Simplex
     }
@@ -72,26 +115,27 @@ impl<D: Real> Sequence<D> for Dirichlet<D> {
     fn begin(&self) -> f64 {
         1.0
     }
-    /// `zᵢ ~ Beta(a, (n − 1 − i) a)`, independent of the numbers before.
+    fn length(&self) -> Option<usize> {
+        (N > 1).then_some(N)
+    }
+    /// `zᵢ ~ Beta(aᵢ, Σ_{j>i} aⱼ)`, independent of the numbers before.
     fn step(&self, i: usize, n: usize, u: D, carry: D) -> Step<D> {
         let u = u - equal_share(i, n);
-        let others = (n - 1 - i) as f64;
-        let ln_kernel = (ln_logistic(u) + ln_logistic(-u) * others) * self.concentration;
+        let ln_kernel = ln_logistic(u) * self.at(i) + ln_logistic(-u) * self.from(i + 1, n);
         Step { x: carry * logistic(u), carry: carry * logistic(-u), ln_kernel }
     }
     fn unconstrain(&self, i: usize, n: usize, x: f64, carry: f64) -> f64 {
         (x / (carry - x)).ln() + equal_share(i, n)
     }
     fn ln_norm(&self, n: usize) -> D {
-        let n = n as f64;
-        ln_gamma(self.concentration * n) - ln_gamma(self.concentration) * n
+        (0..n).fold(ln_gamma(self.from(0, n)), |sum, i| sum - ln_gamma(self.at(i)))
     }
     fn initial(&self, _: usize) -> f64 {
         0.0
     }
     fn sample(&self, n: usize, rng: &mut dyn Rng) -> Option<Vec<f64>> {
-        let gamma = rand_distr::Gamma::new(self.concentration.re(), 1.0).ok()?;
-        let shares: Vec<f64> = (0..n).map(|_| rng.sample(gamma)).collect();
+        let share = |i| Some(rng.sample(rand_distr::Gamma::new(self.at(i).re(), 1.0).ok()?));
+        let shares: Vec<f64> = (0..n).map(share).collect::<Option<_>>()?;
         let total: f64 = shares.iter().sum();
         Some(shares.iter().map(|x| x / total).collect())
     }
@@ -100,12 +144,20 @@ impl<D: Real> Sequence<D> for Dirichlet<D> {
 /// A prior with mass on the whole real line, which [`Ordered`] takes.
 #[diagnostic::on_unimplemented(
     message = "`Ordered` takes a prior on the real line, not `{Self}`",
-    label = "expected Normal(mu, sd) or StudentT(nu, mu, sd)"
+    label = "expected Normal(mu, sd), StudentT(nu, mu, sd), Cauchy(mu, scale) or Laplace(mu, scale)"
 )]
-pub trait RealLine {}
+pub trait RealLine<D: Real>: Dist<D> {
+    /// `ln p(x)`, for log densities written by hand.
+    #[inline]
+    fn ln_density(&self, x: D) -> D {
+        self.ln_kernel(x, x) + self.ln_norm()
+    }
+}
 
-impl<D> RealLine for Normal<D> {}
-impl<D> RealLine for StudentT<D> {}
+impl<D: Real> RealLine<D> for Normal<D> {}
+impl<D: Real> RealLine<D> for StudentT<D> {}
+impl<D: Real> RealLine<D> for Cauchy<D> {}
+impl<D: Real> RealLine<D> for Laplace<D> {}
 
 /// Numbers with one prior, in increasing order: density `n! Π p(xᵢ)` where `x₀ < x₁ < …`.
 ///
@@ -116,7 +168,7 @@ pub struct Ordered<T>(
     pub T,
 );
 
-impl<D: Real, T: Dist<D> + RealLine> Sequence<D> for Ordered<T> {
+impl<D: Real, T: RealLine<D>> Sequence<D> for Ordered<T> {
     fn support(&self) -> Support {
         Support::Ordered
     }
@@ -145,6 +197,11 @@ mod tests {
     use super::*;
     use crate::num::{Dual, derivatives, variable};
 
+    /// One concentration for all.
+    fn one(concentration: f64) -> Dirichlet<f64, 1> {
+        Dirichlet(concentration)
+    }
+
     /// The numbers and the log density of their unknowns.
     fn run(prior: &impl Sequence<f64>, n: usize, u: &[f64]) -> (Vec<f64>, f64) {
         let (mut carry, mut x, mut ln_p) = (prior.begin(), vec![], prior.ln_norm(n));
@@ -172,7 +229,7 @@ mod tests {
 
     #[test]
     fn proportions_have_the_dirichlets_mass_and_moments() {
-        let prior = Dirichlet::<f64>(2.5);
+        let prior = one(2.5);
         assert!((integral(&prior, 3, |_| 1.0) - 1.0).abs() < 1e-8);
         // E xᵢ = 1/n, Var xᵢ = (n − 1)/(n² (na + 1)), Cov = −1/(n² (na + 1))
         for i in 0..3 {
@@ -182,6 +239,20 @@ mod tests {
         }
         let product = integral(&prior, 3, |x| x[0] * x[2]) - 1.0 / 9.0;
         assert!((product + 1.0 / (9.0 * 8.5)).abs() < 1e-8, "{product}");
+    }
+
+    #[test]
+    fn proportions_may_each_have_a_concentration() {
+        // E xᵢ = aᵢ/a, Var xᵢ = E xᵢ (1 − E xᵢ)/(a + 1), a = Σ aᵢ
+        let a = [2.0, 4.5, 1.5];
+        let prior: Dirichlet<f64, 3> = Dirichlet(a);
+        assert!((integral(&prior, 3, |_| 1.0) - 1.0).abs() < 1e-8);
+        for i in 0..3 {
+            let mean = a[i] / 8.0;
+            assert!((integral(&prior, 3, |x| x[i]) - mean).abs() < 1e-8, "{i}");
+            let variance = integral(&prior, 3, |x| x[i] * x[i]) - mean * mean;
+            assert!((variance - mean * (1.0 - mean) / 9.0).abs() < 1e-8, "{i}: {variance}");
+        }
     }
 
     #[test]
@@ -210,16 +281,16 @@ mod tests {
                 carry = prior.step(i, n, *u, carry).carry;
             }
         }
-        check(&Dirichlet::<f64>(0.7), &[0.3, -1.2, 2.0], 4);
+        check(&one(0.7), &[0.3, -1.2, 2.0], 4);
         check(&Ordered(StudentT::<f64>(4.0, 1.0, 2.0)), &[0.3, -1.2, 2.0, 0.1], 4);
-        let (x, _) = run(&Dirichlet::<f64>(0.7), 4, &[0.0; 3]);
+        let (x, _) = run(&one(0.7), 4, &[0.0; 3]);
         assert!(x.iter().all(|x| (x - 0.25).abs() < 1e-15), "{x:?}");
     }
 
     #[test]
     fn derivatives_in_the_concentration_match_differences() {
-        let ln_p = |a: f64| run(&Dirichlet::<f64>(a), 3, &[0.4, -0.9]).1;
-        let prior = Dirichlet::<Dual<1>>(variable(1.3, 0));
+        let ln_p = |a: f64| run(&one(a), 3, &[0.4, -0.9]).1;
+        let prior = Dirichlet { concentration: [variable::<1>(1.3, 0)] };
         let mut dual = prior.ln_norm(3);
         let mut carry = Dual::from(1.0);
         for (i, u) in [0.4, -0.9].into_iter().enumerate() {

@@ -54,7 +54,8 @@ impl<'m> Augmented<'m> {
         let decl = |e: &AddedEffect| Decl {
             name: keep(e.name.clone()),
             unit: keep(e.unit.clone()),
-            text: keep(e.prior()),
+            over: "",
+            text: keep(format!("on {} = {} ~ {}", e.on.join(", "), e.form.text(), e.prior())),
             doc: "",
         };
         Self { model, effects: effects.iter().map(|e| (e.clone(), decl(e))).collect() }

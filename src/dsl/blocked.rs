@@ -371,7 +371,7 @@ impl Latent for OnTape<'_> {
         self.set_design(design);
         let (model, t) = (self.blocks.model, &mut self.tape);
         t.lp = 0.0;
-        model.densities.iter().for_each(|density| density.backward(t));
+        model.densities.iter().for_each(|density| density.op.backward(t));
         self.blocks.priors().for_each(|prior| prior.backward(t));
         t.lp
     }
@@ -379,7 +379,9 @@ impl Latent for OnTape<'_> {
     fn ln_likelihood(&mut self, theta: &[f64]) -> f64 {
         self.set_latent(theta);
         self.pointwise.clear();
-        self.blocks.model.pointwise(&self.tape, &mut self.pointwise);
+        for observe in &self.blocks.model.observes {
+            observe.op.pointwise(&self.tape, &mut self.pointwise);
+        }
         self.pointwise.iter().sum()
     }
 
@@ -407,7 +409,7 @@ impl Latent for OnTape<'_> {
         self.tape.gu.fill(0.0);
         self.slope(theta, theta_bar);
         let (model, t) = (self.blocks.model, &mut self.tape);
-        model.densities.iter().for_each(|density| density.backward(t));
+        model.densities.iter().for_each(|density| density.op.backward(t));
         model.linear.iter().rev().for_each(|linear| linear.backward(t));
         self.blocks.priors().rev().for_each(|prior| prior.backward(t));
         for (bar, u) in outer_bar.iter_mut().zip(&self.blocks.layout.outer) {

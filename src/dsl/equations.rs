@@ -22,6 +22,7 @@ pub fn equations(model: &Model) -> String {
             line(out, model, statement);
         }
     };
+    section(&mut out, "Columns of the table", "column");
     section(&mut out, "Parameters", "param");
     section(
         &mut out,
@@ -43,19 +44,26 @@ fn line(out: &mut String, model: &Model, s: &Statement) {
     let text = tidy(s.decl.text);
     let range = s.range.map_or(String::new(), |(a, b)| format!("    expected in {a} to {b}{unit}"));
     let name = s.decl.name;
+    let over = over(s.decl.over);
     match s.keyword {
-        "param" | "effect" => parameter_line(out, model, name, 2),
+        "column" => {
+            let _ = writeln!(out, "  {name}{over}{unit}");
+        }
+        "param" => parameter_line(out, model, name, &over, 2),
+        "effect" => {
+            let _ = writeln!(out, "  {name}{unit} {text}");
+        }
         "observe" => {
             let (kind, likelihood) = text.split_once(" ~ ").unwrap_or(("", &text));
-            let _ = writeln!(out, "  {name}: {kind}{unit} ~ {likelihood}");
+            let _ = writeln!(out, "  {name}{over}: {kind}{unit} ~ {likelihood}");
         }
         "field" => {
-            let _ = writeln!(out, "  {name}(x){unit} = {text}{range}");
+            let _ = writeln!(out, "  {name}{over}{unit} = {text}{range}");
             for p in &model.parameters {
                 if p.name.starts_with(&format!("{name}."))
                     && !p.name.starts_with(&format!("{name}.eta"))
                 {
-                    parameter_line(out, model, &p.name, 6);
+                    parameter_line(out, model, &p.name, "", 6);
                 }
             }
         }
@@ -63,24 +71,28 @@ fn line(out: &mut String, model: &Model, s: &Statement) {
             let _ = writeln!(out, "  ln p += {text}    ({name})");
         }
         _ => {
-            let _ = writeln!(out, "  {name}(x){unit} = {text}{range}");
+            let _ = writeln!(out, "  {name}{over}{unit} = {text}{range}");
         }
     }
 }
 
-fn parameter_line(out: &mut String, model: &Model, name: &str, indent: usize) {
+fn parameter_line(out: &mut String, model: &Model, name: &str, over: &str, indent: usize) {
     let Some(p) = model.parameters.iter().find(|p| p.name == name) else { return };
     let short = name.rsplit('.').next().unwrap_or(name);
-    let length = if p.len > 1 { format!("[{}]", p.len) } else { String::new() };
     let support = match p.support {
         Support::Real => "real".into(),
         Support::Positive => "positive".into(),
         Support::Interval(a, b) => format!("in ({a}, {b})"),
+        Support::Between => "between its bounds".into(),
         Support::Simplex => "positive, sum 1".into(),
         Support::Ordered => "increasing".into(),
     };
-    let head = format!("{short}{length}{}", unit(&p.unit));
-    let _ = writeln!(out, "{:indent$}{head:<14} ~ {:<24} {support}", "", tidy(&p.prior));
+    let head = format!("{short}{over}{}", unit(&p.unit));
+    let _ = writeln!(out, "{:indent$}{head:<16} ~ {:<24} {support}", "", tidy(&p.prior));
+}
+
+fn over(over: &str) -> String {
+    if over.is_empty() { String::new() } else { format!("({over})") }
 }
 
 fn unit(unit: &str) -> String {
@@ -88,11 +100,18 @@ fn unit(unit: &str) -> String {
 }
 
 /// The compiler prints an expression's tokens with blanks where a person would not.
-fn tidy(text: &str) -> String {
+pub(super) fn tidy(text: &str) -> String {
     let mut out = text.split_whitespace().collect::<Vec<_>>().join(" ");
-    for (from, to) in
-        [(" :: ", "::"), (" (", "("), ("( ", "("), (" )", ")"), (" ,", ","), (" . ", ".")]
-    {
+    for (from, to) in [
+        (" :: ", "::"),
+        (" (", "("),
+        ("( ", "("),
+        (" )", ")"),
+        (" ,", ","),
+        (" . ", "."),
+        (" ;", ";"),
+        (")+", ") +"),
+    ] {
         out = out.replace(from, to);
     }
     for operator in ["+", "*", "-", "/", "=", "~"] {

@@ -28,13 +28,15 @@ pub enum ModelError {
         /// The field.
         field: String,
     },
-    /// An `observe` statement without a single row.
+    /// A statement that reads measurements without a single row.
     #[error(
-        "{file}: no measurement for `observe {observe}`\nhelp: rows belong to it by their column `protocol` ({observe}, upper or lower case); remove the statement if it was not measured"
+        "{file}: no measurement for `{keyword} {name}`\nhelp: rows belong to it by their column `protocol` ({name}, upper or lower case); remove the statement if it was not measured"
     )]
     NoRows {
+        /// `observe` or `density`.
+        keyword: &'static str,
         /// The statement.
-        observe: String,
+        name: String,
         /// The table.
         file: String,
     },
@@ -80,6 +82,18 @@ pub enum ModelError {
         /// The statement.
         name: &'static str,
     },
+    /// A density whose terms are not one per row.
+    #[error(
+        "density {density}: {got} terms for {rows} rows\nhelp: give one term per row, or one for each of the last rows (a series whose first values are taken as given); a density that cannot be told apart by rows is one number, a `D`"
+    )]
+    Terms {
+        /// The statement.
+        density: &'static str,
+        /// Terms.
+        got: usize,
+        /// Rows of the table that are its own.
+        rows: usize,
+    },
     /// A vector prior of fewer than two numbers.
     #[error(
         "param {parameter}({len}): proportions and ordered numbers come at least in twos\nhelp: declare `param {parameter}(2) ~ …;` or more"
@@ -90,16 +104,43 @@ pub enum ModelError {
         /// Its length.
         len: usize,
     },
+    /// A vector prior of another length.
+    #[error(
+        "param {parameter}({len}): its prior is of {expected} numbers\nhelp: declare `param {parameter}({expected}) ~ …;`, or give the prior as many arguments as there are numbers"
+    )]
+    Length {
+        /// The parameter.
+        parameter: String,
+        /// Its length.
+        len: usize,
+        /// Its prior's.
+        expected: usize,
+    },
     /// Units that do not agree.
     #[error(
-        "{place}: expected {expected}, got {got}\nhelp: mend the unit in square brackets or the expression"
+        "{statement}: `{expression}`: expected {expected}, got {got}\nhelp: mend the expression or a unit in square brackets; what converts one unit into another is a `param` or a column with a unit of its own"
     )]
     Unit {
-        /// The statement.
-        place: String,
-        /// Expected.
+        /// Keyword and name.
+        statement: String,
+        /// The part of it that does not agree.
+        expression: String,
+        /// Unit, and why.
         expected: String,
-        /// Got.
+        /// Its unit.
         got: String,
     },
+}
+
+impl ModelError {
+    /// Which statement of the model file is wrong (keyword and name), and which expression in it.
+    pub fn place(&self) -> Option<(String, &str)> {
+        match self {
+            Self::Unit { statement, expression, .. } => Some((statement.clone(), expression)),
+            Self::NoTarget { effect, target } => Some((format!("effect {effect}"), target)),
+            Self::Coefficients { name, beta, .. } => Some((format!("let {name}"), beta)),
+            Self::TooShort { parameter, .. } => Some((format!("param {parameter}"), parameter)),
+            _ => None,
+        }
+    }
 }

@@ -43,30 +43,30 @@ macro_rules! statement {
     ($b:ident [$($P:tt)*] $R:tt $L:tt $C:tt $V:tt [$($o:tt)*] $(#[doc = $doc:literal])* param $p:ident $([$($u:tt)+])? ~ $d:expr; $($rest:tt)*) => {
         $crate::statement!{ $b [$($P)* ($p {D} 1)] $R $L $C $V [$($o)* $crate::param!{ $b [$($P)*] $p [$($($u)+)?] [$($doc)*] One, $d }] $($rest)* } };
     ($b:ident [$($P:tt)*] $R:tt $L:tt $C:tt $V:tt [$($o:tt)*] $(#[doc = $doc:literal])* param $p:ident ($n:literal) $([$($u:tt)+])? ~ $d:expr; $($rest:tt)*) => {
-        $crate::statement!{ $b [$($P)* ($p {[D; $n]} $n)] $R $L $C $V [$($o)* $crate::param!{ $b [$($P)*] $p [$($($u)+)?] [$($doc)*] Many($n), $d }] $($rest)* } };
+        $crate::statement!{ $b [$($P)* ($p {[D; $n]} $n)] $R $L $C $V [$($o)* $crate::param!{ $b [$($P)*] $p ($n) [$($($u)+)?] [$($doc)*] Many($n), $d }] $($rest)* } };
     ($b:ident $P:tt [$($R:tt)*] $L:tt $C:tt $V:tt [$($o:tt)*] $(#[doc = $doc:literal])* param $p:ident ($each:ident) $([$($u:tt)+])? ~ $d:expr; $($rest:tt)*) => {
-        $crate::statement!{ $b $P [$($R)* ($p)] $L $C $V [$($o)* $crate::param!{ $b $P $p [$($($u)+)?] [$($doc)*] Each(stringify!($each)), $d }] $($rest)* } };
+        $crate::statement!{ $b $P [$($R)* ($p)] $L $C $V [$($o)* $crate::param!{ $b $P $p ($each) [$($($u)+)?] [$($doc)*] Each(stringify!($each)), $d }] $($rest)* } };
 
     // field tau_out(x) [ms] in 1.0..30.0 = m + alpha * gp(Rbf(rho), K = 24) + … where { m [ms] ~ Flat; … }
     ($b:ident $P:tt [$($R:tt)*] $L:tt $C:tt $V:tt [$($o:tt)*] $(#[doc = $doc:literal])* field $f:ident ($x:ident) $([$($u:tt)+])? $(in $lo:literal..$hi:literal)? = $mean:tt
         $(+ $amp:tt * gp($kernel:expr, K = $K:literal))+ where { $($h:ident $([$($hu:tt)+])? ~ $hd:expr;)* } $($rest:tt)*) => {
         $crate::statement!{ $b $P [$($R)* ($f)] $L $C $V [$($o)*
-            $b.field($crate::decl!($f [$($($u)+)?] [$($doc)*] $mean $(+ $amp * gp($kernel, K = $K))+), $crate::range!($($lo, $hi)?));
+            $b.field($crate::decl!($f ($x) [$($($u)+)?] [$($doc)*] $mean $(+ $amp * gp($kernel, K = $K))+), $crate::range!($($lo, $hi)?));
             $crate::field!{ $b $P [$(($h [$($($hu)+)?] {$hd}))*] [$($h)*] $mean [$(($amp {$kernel} $K))+] }
         ] $($rest)* } };
 
     // let eta(row) = linear(row.a, row.b; beta);
     ($b:ident $P:tt [$($R:tt)*] $L:tt $C:tt $V:tt [$($o:tt)*] $(#[doc = $doc:literal])* let $g:ident ($x:ident) $([$($u:tt)+])? = linear($($r:ident . $c:ident),+ ; $beta:ident); $($rest:tt)*) => {
-        $crate::statement!{ $b $P [$($R)* ($g)] $L $C $V [$($o)* $b.linear($crate::decl!($g [$($($u)+)?] [$($doc)*] linear($($c),+; $beta)), &[$(stringify!($c)),+], stringify!($beta));] $($rest)* } };
+        $crate::statement!{ $b $P [$($R)* ($g)] $L $C $V [$($o)* $b.linear($crate::decl!($g ($x) [$($($u)+)?] [$($doc)*] linear($($r.$c),+; $beta)), &[$(stringify!($c)),+], stringify!($beta));] $($rest)* } };
     // let erp_s2(x) [ms] in 0.0..285.0 = f(tau_out(x), row.force_g);
     ($b:ident $P:tt $R:tt [$($L:tt)*] $C:tt $V:tt [$($o:tt)*] $(#[doc = $doc:literal])* let $g:ident ($x:ident) $([$($u:tt)+])? $(in $lo:literal..$hi:literal)? = $e:expr; $($rest:tt)*) => {
         $crate::statement!{ $b $P $R [$($L)* ($g ($x) {$e})] $C $V [$($o)* $crate::value!{ $b $P $R [$($L)*] $g ($x) [$($($u)+)?] [$($doc)*] [$($lo, $hi)?] $e }] $($rest)* } };
 
     // column force_g [g];   column x(30);
-    ($b:ident $P:tt $R:tt $L:tt [$($C:tt)*] $V:tt $o:tt $(#[doc = $doc:literal])* column $c:ident $([$($u:tt)+])?; $($rest:tt)*) => {
-        $crate::statement!{ $b $P $R $L [$($C)* ($c {f64})] $V $o $($rest)* } };
-    ($b:ident $P:tt $R:tt $L:tt [$($C:tt)*] $V:tt $o:tt $(#[doc = $doc:literal])* column $c:ident ($n:literal) $([$($u:tt)+])?; $($rest:tt)*) => {
-        $crate::statement!{ $b $P $R $L [$($C)* ($c {[f64; $n]})] $V $o $($rest)* } };
+    ($b:ident $P:tt $R:tt $L:tt [$($C:tt)*] $V:tt [$($o:tt)*] $(#[doc = $doc:literal])* column $c:ident $([$($u:tt)+])?; $($rest:tt)*) => {
+        $crate::statement!{ $b $P $R $L [$($C)* ($c {f64})] $V [$($o)* $b.column($crate::decl!($c [$($($u)+)?] [$($doc)*]));] $($rest)* } };
+    ($b:ident $P:tt $R:tt $L:tt [$($C:tt)*] $V:tt [$($o:tt)*] $(#[doc = $doc:literal])* column $c:ident ($n:literal) $([$($u:tt)+])?; $($rest:tt)*) => {
+        $crate::statement!{ $b $P $R $L [$($C)* ($c {[f64; $n]})] $V [$($o)* $b.column($crate::decl!($c ($n) [$($($u)+)?] [$($doc)*]));] $($rest)* } };
 
     // observe s1s2(x): Bracket [ms] ~ TopHat(erp_s2(x));
     ($b:ident $P:tt $R:tt $L:tt $C:tt [$($V:tt)*] $o:tt $(#[doc = $doc:literal])* observe $y:ident ($x:ident) : $Y:ident $([$($u:tt)+])? ~ $lik:expr; $($rest:tt)*) => {
@@ -75,25 +75,31 @@ macro_rules! statement {
     // effect force on erp_s2, erp_s3 [ms] = linear(row.force_g) ~ Normal(0.0, 10.0);
     ($b:ident $P:tt $R:tt $L:tt $C:tt $V:tt [$($o:tt)*] $(#[doc = $doc:literal])* effect $e:ident on $($t:ident),+ $([$($u:tt)+])? = linear($($r:ident . $c:ident),+) ~ $d:expr; $($rest:tt)*) => {
         $crate::statement!{ $b $P $R $L $C $V [$($o)* { $crate::prior!{ $P $d }
-            $b.effect::<Here, { SCOPE.size() }, { SCOPE.width() + 1 }>(Here, $crate::decl!($e [$($($u)+)?] [$($doc)*] $d), &[$(stringify!($t)),+], &[$(stringify!($c)),+], &SCOPE)?; }] $($rest)* } };
+            $b.effect::<Here, { SCOPE.size() }, { SCOPE.width() + 1 }>(Here, $crate::decl!($e [$($($u)+)?] [$($doc)*] on $($t),+ = linear($($r.$c),+) ~ $d), stringify!($d), &[$(stringify!($t)),+], &[$(stringify!($c)),+], &SCOPE)?; }] $($rest)* } };
 
     // effect force on erp_s2 [ms] = scaled(row.force_g, 15.0, 5.0) ~ Normal(0.0, 10.0);   …
     ($b:ident $P:tt $R:tt $L:tt $C:tt $V:tt [$($o:tt)*] $(#[doc = $doc:literal])* effect $e:ident on $($t:ident),+ $([$($u:tt)+])? = $form:ident ($($arg:tt)*) ~ $d:expr; $($rest:tt)*) => {
         $crate::statement!{ $b $P $R $L $C $V [$($o)* { $crate::prior!{ $P $d }
-            $b.formed_effect::<Here, { SCOPE.size() }, { SCOPE.width() + 1 }>(Here, $crate::decl!($e [$($($u)+)?] [$($doc)*] $d), &[$(stringify!($t)),+], $crate::form!($form $($arg)*), &SCOPE)?; }] $($rest)* } };
+            $b.formed_effect::<Here, { SCOPE.size() }, { SCOPE.width() + 1 }>(Here, $crate::decl!($e [$($($u)+)?] [$($doc)*] on $($t),+ = $form($($arg)*) ~ $d), stringify!($d), &[$(stringify!($t)),+], $crate::form!($form $($arg)*), &SCOPE)?; }] $($rest)* } };
 
-    // density banana = my_density(a, b);
-    ($b:ident $P:tt $R:tt $L:tt $C:tt $V:tt [$($o:tt)*] $(#[doc = $doc:literal])* density $n:ident = $e:expr; $($rest:tt)*) => {
-        $crate::statement!{ $b $P $R $L $C $V [$($o)* { $crate::scalar!{ $P $e }
-            $b.density::<Here, { SCOPE.size() }, { SCOPE.width() }>(Here, $crate::decl!($n [] [$($doc)*] $e), &SCOPE); }] $($rest)* } };
+    // density banana = my_density(a, b);   density returns(data) = garch(mu, alpha, data.y);
+    ($b:ident $P:tt $R:tt $L:tt $C:tt $V:tt [$($o:tt)*] $(#[doc = $doc:literal])* density $n:ident $(($data:ident))? = $e:expr; $($rest:tt)*) => {
+        $crate::statement!{ $b $P $R $L $C $V [$($o)* $crate::density!{ $b $P $n [$($data)?] [$($doc)*] $e }] $($rest)* } };
 
     // the end
     ($b:ident [$(($p:ident $pt:tt $pn:tt))*] [$(($r:ident))*] [$(($g:ident $gx:tt $ge:tt))*] [$(($c:ident {$ct:ty}))*] [$($V:tt)*] [$($o:tt)*]) => {
         #[allow(non_camel_case_types)] enum Names { $($p,)* $($r,)* $($g,)* } // a name is declared once
         #[derive(Debug)] pub struct Row { $(pub $c: $ct),* }
+        pub struct Data<'a> { $(pub $c: &'a [$ct],)* rows: std::marker::PhantomData<&'a ()> }
         impl $crate::dsl::expansion::Columns for Row {
+            type Data<'a> = Data<'a>;
+            fn names() -> Vec<(&'static str, Vec<String>)> { vec![$((stringify!($c), <$ct as $crate::dsl::expansion::Column>::names(stringify!($c)))),*] }
             fn read<E>(column: &mut dyn FnMut(&str) -> Result<f64, E>) -> Result<Self, E> {
-                Ok(Row { $($c: $crate::dsl::expansion::Column::read(stringify!($c), column)?),* })
+                Ok(Row { $($c: $crate::dsl::expansion::read_column(stringify!($c), column)?),* })
+            }
+            fn data(cells: &[Vec<f64>]) -> Data<'_> {
+                let mut cells = cells.iter();
+                Data { $($c: cells.next().map_or(&[], |c| $crate::dsl::expansion::Column::rows(c)),)* rows: std::marker::PhantomData }
             }
         }
         $($o)*
@@ -107,7 +113,7 @@ macro_rules! statement {
     ($b:ident $P:tt $R:tt $L:tt $C:tt $V:tt $o:tt $(#[doc = $doc:literal])* column $($t:tt)*) => { $crate::mistake!{ "expected `column NAME [unit];` or `column NAME(3);`" $($t)* } };
     ($b:ident $P:tt $R:tt $L:tt $C:tt $V:tt $o:tt $(#[doc = $doc:literal])* observe $($t:tt)*) => { $crate::mistake!{ "expected `observe NAME(x): Bracket [unit] ~ LIKELIHOOD;`" $($t)* } };
     ($b:ident $P:tt $R:tt $L:tt $C:tt $V:tt $o:tt $(#[doc = $doc:literal])* effect $($t:tt)*) => { $crate::mistake!{ "expected `effect NAME on LET, LET [unit] = linear(row.COLUMN) ~ PRIOR;`, or `scaled`, `smooth`, `above`, `group`, `family`, `all` in place of `linear`" $($t)* } };
-    ($b:ident $P:tt $R:tt $L:tt $C:tt $V:tt $o:tt $(#[doc = $doc:literal])* density $($t:tt)*) => { $crate::mistake!{ "expected `density NAME = EXPRESSION;`" $($t)* } };
+    ($b:ident $P:tt $R:tt $L:tt $C:tt $V:tt $o:tt $(#[doc = $doc:literal])* density $($t:tt)*) => { $crate::mistake!{ "expected `density NAME(data) = f(PARAMETER, data.COLUMN);` or `density NAME = f(PARAMETER);`" $($t)* } };
     ($b:ident $P:tt $R:tt $L:tt $C:tt $V:tt $o:tt $(#[doc = $doc:literal])* $first:tt $($t:tt)*) => { $crate::mistake!{ "a statement begins with `param`, `field`, `let`, `column`, `observe`, `effect` or `density`" $first $($t)* } };
 }
 
@@ -138,11 +144,11 @@ macro_rules! here {
 
 #[macro_export]
 #[doc(hidden)]
-macro_rules! decl { ($name:ident [$($u:tt)*] [$($doc:literal)*] $($text:tt)*) => {
-    $crate::dsl::expansion::Decl { name: stringify!($name), unit: $crate::unit!($($u)*), text: stringify!($($text)*), doc: concat!($($doc),*) }
+macro_rules! decl { ($name:ident $(($over:tt))? [$($u:tt)*] [$($doc:literal)*] $($text:tt)*) => {
+    $crate::dsl::expansion::Decl { name: stringify!($name), over: concat!($(stringify!($over))?), unit: $crate::unit!($($u)*), text: stringify!($($text)*), doc: concat!($($doc, "\n"),*) }
 } }
 
-/// A declared unit; the known ones are listed here.
+/// A declared unit: one of these, or one over another.
 #[macro_export]
 #[doc(hidden)]
 macro_rules! unit {
@@ -150,15 +156,13 @@ macro_rules! unit {
     (1) => { "1" };
     (%) => { "%" };
     (ms) => { "ms" };
+    (ms2) => { "ms2" };
     (s) => { "s" };
     (min) => { "min" };
     (mm) => { "mm" };
+    (mm2) => { "mm2" };
     (cm) => { "cm" };
     (m) => { "m" };
-    (mm/ms) => { "mm/ms" };
-    (m/s) => { "m/s" };
-    (ms/mm) => { "ms/mm" };
-    (mm2/ms) => { "mm2/ms" };
     (Hz) => { "Hz" };
     (mV) => { "mV" };
     (mA) => { "mA" };
@@ -166,7 +170,8 @@ macro_rules! unit {
     (ohm) => { "ohm" };
     (deg) => { "deg" };
     (degC) => { "degC" };
-    ($($other:tt)*) => { { $crate::mistake!{ "unknown unit: expected one of 1, %, ms, s, min, mm, cm, m, mm/ms, m/s, ms/mm, mm2/ms, Hz, mV, mA, g, ohm, deg, degC" $($other)* } "" } };
+    ($a:tt / $b:tt) => { { let _ = ($crate::unit!($a), $crate::unit!($b)); concat!(stringify!($a), "/", stringify!($b)) } };
+    ($($other:tt)*) => { { $crate::mistake!{ "unknown unit: expected one of 1, %, ms, s, min, mm, cm, m, ms2, mm2, Hz, mV, mA, g, ohm, deg, degC, or one over another such as m/s" $($other)* } "" } };
 }
 
 #[macro_export]
@@ -176,7 +181,7 @@ macro_rules! range {
         None
     };
     ($lo:literal, $hi:literal) => {
-        Some(($lo, $hi))
+        Some((f64::from($lo), f64::from($hi))) // `1..30` too
     };
 }
 
@@ -220,9 +225,24 @@ macro_rules! kernel { ([$(($p:ident {$t:ty} $n:expr))*] $e:expr) => {
 
 #[macro_export]
 #[doc(hidden)]
-macro_rules! param { ($b:ident $S:tt $p:ident [$($u:tt)*] [$($doc:literal)*] $len:ident $(($n:expr))?, $d:expr) => { {
+macro_rules! density {
+    ($b:ident $P:tt $n:ident [] [$($doc:literal)*] $e:expr) => { $crate::density!{ @ $b $P $n [data] [$($doc)*] $e; false } };
+    ($b:ident $P:tt $n:ident [$data:ident] [$($doc:literal)*] $e:expr) => { $crate::density!{ @ $b $P $n [$data] [$($doc)*] $e; true } };
+    (@ $b:ident [$(($p:ident {$t:ty} $m:expr))*] $n:ident [$data:ident] [$($doc:literal)*] $e:expr; $reads:literal) => { {
+        $crate::scope!{ [$(($p {$t} $m))*] $e }
+        impl $crate::dsl::expansion::DensityFn for Here {
+            type Columns = Row;
+            #[inline] fn terms<D: $crate::num::Real>(s: &[D], $data: &Data<'_>) -> impl $crate::dsl::expansion::Terms<D> + use<D> { let mut s = s.iter().copied(); $(let $p: $t = $crate::dsl::expansion::Take::take(&mut s);)* $e }
+        }
+        $b.density::<Here, { SCOPE.size() }, { SCOPE.width() }>(Here, $crate::decl!($n [] [$($doc)*] $e), &SCOPE, $reads.then_some(stringify!($data)))?;
+    } };
+}
+
+#[macro_export]
+#[doc(hidden)]
+macro_rules! param { ($b:ident $S:tt $p:ident $(($over:tt))? [$($u:tt)*] [$($doc:literal)*] $len:ident $(($n:expr))?, $d:expr) => { {
     $crate::prior!{ $S $d }
-    $b.param::<Here, { SCOPE.size() }, { SCOPE.width() + 1 }>(Here, $crate::decl!($p [$($u)*] [$($doc)*] $d), $crate::dsl::expansion::Len::$len $(($n))?, &SCOPE)?;
+    $b.param::<Here, { SCOPE.size() }, { SCOPE.width() + 1 }>(Here, $crate::decl!($p $(($over))? [$($u)*] [$($doc)*] $d), $crate::dsl::expansion::Len::$len $(($n))?, &SCOPE)?;
 } } }
 
 #[macro_export]
@@ -232,7 +252,7 @@ macro_rules! sequence { ($b:ident [$(($q:ident {$t:ty} $m:expr))*] $p:ident [$($
     impl $crate::dsl::expansion::SequenceFn for Here {
         #[inline] fn sequence<D: $crate::num::Real>(s: &[D]) -> impl $crate::dist::Sequence<D> + use<D> { let mut s = s.iter().copied(); $(let $q: $t = $crate::dsl::expansion::Take::take(&mut s);)* $d }
     }
-    $b.sequence::<Here, { SCOPE.size() }, { SCOPE.width() + 2 }>(Here, $crate::decl!($p [$($u)*] [$($doc)*] $d), $n, &SCOPE)?;
+    $b.sequence::<Here, { SCOPE.size() }, { SCOPE.width() + 2 }>(Here, $crate::decl!($p ($n) [$($u)*] [$($doc)*] $d), $n, &SCOPE)?;
 } } }
 
 #[macro_export]
@@ -274,7 +294,7 @@ macro_rules! bind { ($s:ident $row:ident [$(($p:ident {$t:ty} $n:expr))*] [$(($r
     let mut s = $s.iter().copied();
     $( let $p: $t = $crate::dsl::expansion::Take::take(&mut s); )*
     $( let $r = { let v: D = $crate::dsl::expansion::Take::take(&mut s); move |_: &Row| v }; )*
-    $( let $g = { let mut v: D = $crate::dsl::expansion::Take::take(&mut s); if const { SCOPE.has(stringify!($g)) } { let $gx = $row; v += $crate::dsl::expansion::lift::<D, _>($e); } move |_: &Row| v }; )*
+    $( let $g = { let mut v: D = $crate::dsl::expansion::Take::take(&mut s); if const { SCOPE.has(stringify!($g)) } { let $gx = $row; v += $crate::dsl::expansion::lift::<D>($e); } move |_: &Row| v }; )*
 } }
 
 #[macro_export]
@@ -289,7 +309,7 @@ macro_rules! value { ($b:ident $P:tt $R:tt $L:tt $g:ident ($x:ident) [$($u:tt)*]
             $crate::dsl::expansion::lift($e)
         }
     }
-    $b.value::<Here, { SCOPE.size() }>(Here, $crate::decl!($g [$($u)*] [$($doc)*] $e), $crate::range!($($lo, $hi)?), &SCOPE, $crate::dsl::expansion::mentions_columns(stringify!($e), stringify!($x)));
+    $b.value::<Here, { SCOPE.size() }>(Here, $crate::decl!($g ($x) [$($u)*] [$($doc)*] $e), $crate::range!($($lo, $hi)?), &SCOPE, $crate::dsl::expansion::mentions_columns(stringify!($e), stringify!($x)));
 } } }
 
 #[macro_export]
@@ -305,5 +325,5 @@ macro_rules! observe { ($b:ident $P:tt $R:tt $L:tt $y:ident ($x:ident) $Y:ident 
             $lik
         }
     }
-    $b.observe::<Here, { SCOPE.size() }, { SCOPE.width() }>(Here, $crate::decl!($y [$($u)*] [$($doc)*] $Y ~ $lik), &SCOPE)?;
+    $b.observe::<Here, { SCOPE.size() }, { SCOPE.width() }>(Here, $crate::decl!($y ($x) [$($u)*] [$($doc)*] $Y ~ $lik), &SCOPE)?;
 } } }

@@ -8,6 +8,7 @@ use rand_distr::StandardNormal;
 
 use super::builder::Builder;
 use super::data::Measurements;
+use super::density::Density;
 use super::error::ModelError;
 use super::gp::Field;
 use super::linear::Linear;
@@ -58,7 +59,7 @@ pub struct Parameter {
     pub labels: Vec<String>,
     /// The prior as written.
     pub prior: String,
-    /// Its support (at unit parameters, where the prior mentions others).
+    /// Its support.
     pub support: Support,
     pub(super) position: Position,
 }
@@ -146,12 +147,13 @@ pub struct Model {
     pub statements: Vec<Statement>,
     /// Measurements in order of declaration.
     pub observes: Vec<Observe>,
+    /// Log densities in order of declaration.
+    pub densities: Vec<Density>,
     pub(super) priors: Vec<Box<dyn Op>>,
     /// One for each of `priors`.
     pub(super) prior_entries: Vec<PriorEntry>,
     pub(super) fields: Vec<FieldEntry>,
     pub(super) linear: Vec<Linear>,
-    pub(super) densities: Vec<Box<dyn Op>>,
     pub(super) maps: Vec<Map>,
     pub(super) offsets: Vec<Range<usize>>,
     /// First offset of (observe, field or let).
@@ -224,9 +226,13 @@ impl Model {
         }
     }
 
-    /// Complains about measurements that a likelihood cannot take.
-    pub(super) fn check(&self, data: &Measurements) -> Result<(), ModelError> {
-        let t = self.tape();
+    /// Complains about measurements that a likelihood cannot take, and about terms without a row.
+    pub(super) fn check(&mut self, data: &Measurements) -> Result<(), ModelError> {
+        let mut t = self.tape();
+        self.forward(&mut t, &self.initial());
+        for density in &mut self.densities {
+            density.settle(&t)?;
+        }
         for observe in &self.observes {
             if let Some((i, why)) = observe.op.objection(&t) {
                 let columns = observe.columns.join(", ");
@@ -298,7 +304,7 @@ impl Model {
             observe.op.backward(t);
         }
         for density in &self.densities {
-            density.backward(t);
+            density.op.backward(t);
         }
         for linear in self.linear.iter().rev() {
             linear.backward(t);
@@ -318,7 +324,7 @@ impl Model {
         t.lp = 0.0;
         t.g.fill(0.0);
         t.gu.fill(0.0);
-        self.densities.iter().for_each(|density| density.backward(t));
+        self.densities.iter().for_each(|density| density.op.backward(t));
         self.fields.iter().rev().for_each(|field| field.op.backward(t));
         self.priors.iter().rev().for_each(|prior| prior.backward(t));
     }
@@ -364,11 +370,32 @@ impl Model {
         }
     }
 
-    /// Log likelihood of every row of every `observe`, in their order, after a forward pass.
+    /// Name and rows of what has a log likelihood per row: `observe`s, then `density`s with a term each.
+    pub fn measured(&self) -> impl Iterator<Item = (&'static str, &[usize])> {
+        let observes = self.observes.iter().map(|o| (o.name, o.rows.as_slice()));
+        observes.chain(self.densities.iter().map(|d| (d.name, d.rows.as_slice())))
+    }
+
+    /// Log likelihood of every row of [`Model::measured`], in their order, after a forward pass.
     pub fn pointwise(&self, t: &Tape, out: &mut Vec<f64>) {
         for observe in &self.observes {
             observe.op.pointwise(t, out);
         }
+        for density in &self.densities {
+            density.pointwise(t, out);
+        }
+    }
+
+    /// What was measured at every row of [`Model::measured`], in their order.
+    pub fn observed(&self) -> impl Iterator<Item = Vec<f64>> {
+        let densities = self.densities.iter().flat_map(Density::observed);
+        self.observes.iter().flat_map(Observe::observed).chain(densities)
+    }
+
+    /// Names of the statements that read measurements.
+    pub fn readers(&self) -> Vec<&'static str> {
+        let densities = self.densities.iter().filter(|d| d.reads_data).map(|d| d.name);
+        self.observes.iter().map(|o| o.name).chain(densities).collect()
     }
 
     /// Names of the unknowns' parameters, one per unknown, for messages.

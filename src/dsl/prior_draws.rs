@@ -21,8 +21,8 @@ impl Model {
     /// # Errors
     /// [`ModelError::NoPriorDraw`], [`ModelError::DensityInPrior`].
     pub fn prior_draws(&self, settings: &Settings) -> Result<Vec<Chain>, ModelError> {
-        if let Some(density) = self.statements.iter().find(|s| s.keyword == "density") {
-            return Err(ModelError::DensityInPrior { name: density.decl.name });
+        if let Some(density) = self.densities.iter().find(|d| !d.reads_data) {
+            return Err(ModelError::DensityInPrior { name: density.name });
         }
         (0..settings.chains).map(|chain| self.prior_chain(settings, chain)).collect()
     }
@@ -32,14 +32,7 @@ impl Model {
         rng.set_stream(STREAM + chain as u64);
         let (n, mut tape, begun) = (settings.draws, self.tape(), Instant::now());
         let mut gradient = vec![0.0; tape.u.len()];
-        let mut out = Chain {
-            accept: vec![1.0; n],
-            depth: vec![0; n],
-            n_leapfrog: vec![0; n],
-            diverging: vec![false; n],
-            n_grad_sampling: n as u64,
-            ..Chain::default()
-        };
+        let mut out = Chain::of_independent_draws(n);
         for _ in 0..n {
             self.draw_prior(&mut tape, &mut rng)?;
             let position = tape.u.clone();

@@ -20,38 +20,57 @@ pub trait RowFn: Send + Sync + std::fmt::Debug {
     ) -> impl Likelihood<D, Self::Y> + use<Self, D>;
 }
 
-/// The numeric columns that a model reads, as a struct that the macro declares.
+/// The numeric columns of one row that a model reads, as a struct that the macro declares.
 pub trait Columns: Send + Sync + Sized + std::fmt::Debug {
+    /// The same columns over many rows, a slice each.
+    type Data<'a>;
+    /// Each column's name, and the table's columns behind it.
+    fn names() -> Vec<(&'static str, Vec<String>)>;
     /// Reads each column by name.
     ///
     /// # Errors
     /// Those of `column`.
     fn read<E>(column: &mut dyn FnMut(&str) -> Result<f64, E>) -> Result<Self, E>;
+    /// Cells of each column, row after row, as slices.
+    fn data(cells: &[Vec<f64>]) -> Self::Data<'_>;
 }
 
 /// A numeric column as it appears in `row`: one number, or the N numbers x1, x2, … xN.
-pub trait Column: Sized {
-    /// Reads it by name.
-    ///
-    /// # Errors
-    /// Those of `column`.
-    fn read<E>(name: &str, column: &mut dyn FnMut(&str) -> Result<f64, E>) -> Result<Self, E>;
+pub trait Column: Copy {
+    /// The table's columns behind it.
+    fn names(name: &str) -> Vec<String>;
+    /// Their cells, row after row, as one value per row.
+    fn rows(cells: &[f64]) -> &[Self];
 }
 
 impl Column for f64 {
-    fn read<E>(name: &str, column: &mut dyn FnMut(&str) -> Result<f64, E>) -> Result<Self, E> {
-        column(name)
+    fn names(name: &str) -> Vec<String> {
+        vec![name.into()]
+    }
+    fn rows(cells: &[f64]) -> &[f64] {
+        cells
     }
 }
 
 impl<const N: usize> Column for [f64; N] {
-    fn read<E>(name: &str, column: &mut dyn FnMut(&str) -> Result<f64, E>) -> Result<Self, E> {
-        let mut values = [0.0; N];
-        for (i, value) in values.iter_mut().enumerate() {
-            *value = column(&format!("{name}{}", i + 1))?;
-        }
-        Ok(values)
+    fn names(name: &str) -> Vec<String> {
+        (1..=N).map(|i| format!("{name}{i}")).collect()
     }
+    fn rows(cells: &[f64]) -> &[[f64; N]] {
+        cells.as_chunks().0
+    }
+}
+
+/// One row of a column, by name.
+///
+/// # Errors
+/// Those of `column`.
+pub fn read_column<C: Column, E>(
+    name: &str,
+    column: &mut dyn FnMut(&str) -> Result<f64, E>,
+) -> Result<C, E> {
+    let cells = C::names(name).iter().map(|n| column(n)).collect::<Result<Vec<_>, E>>()?;
+    Ok(C::rows(&cells)[0])
 }
 
 /// Where the scalars of every row live in `v`.

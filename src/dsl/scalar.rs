@@ -1,11 +1,8 @@
-//! Scalar expressions over parameters: a field's mean and amplitudes, and the escape hatch `density`.
+//! Scalar expressions over parameters: a field's mean and amplitudes.
 
 use std::marker::PhantomData;
 
-use num_dual::DualStruct;
-
 use super::scope::Local;
-use super::tape::{Op, Tape};
 use crate::num::{Dual, Real};
 
 /// A scalar as a function of the names in its scope.
@@ -39,14 +36,5 @@ impl<F: ScalarFn, const N: usize, const W: usize> Scalar for ScalarAt<F, N, W> {
     }
     fn mentions(&self) -> Vec<usize> {
         self.local.mentioned()
-    }
-}
-
-/// `density name = expr;`
-impl<F: ScalarFn, const N: usize, const W: usize> Op for ScalarAt<F, N, W> {
-    fn backward(&self, t: &mut Tape) {
-        let x: Dual<W> = F::value(&self.local.dual(&t.v));
-        t.lp += x.re();
-        self.local.scatter(&x, &mut t.g);
     }
 }

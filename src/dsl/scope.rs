@@ -1,7 +1,7 @@
 //! What an expression of a model file can see, and how it is handed over.
 
 use super::uses::{uses, width};
-use crate::num::{Dual, Real, derivatives, variable};
+use crate::num::{Argument, Dual, Real, derivatives, variable};
 
 /// The names an expression can see, how many scalars are behind each, and which it mentions.
 #[derive(Clone, Copy, Debug)]
@@ -65,8 +65,8 @@ impl<D: Real, const N: usize> Take<D> for [D; N] {
 
 /// A constant or a number with derivatives, as the latter.
 #[inline(always)]
-pub fn lift<D: Real, T: Into<D>>(x: T) -> D {
-    x.into()
+pub fn lift<D: Real>(x: impl Argument<D>) -> D {
+    x.number()
 }
 
 /// One scalar for a name that stands for one.

@@ -57,6 +57,24 @@ pub const fn mentions_columns(text: &str, row: &str) -> bool {
     false
 }
 
+/// Whether `text` reads `column` of the table that it calls `data`: `data.y`, or `data` as a whole.
+pub(super) fn reads(text: &str, data: &str, column: &str) -> bool {
+    let bytes = text.as_bytes();
+    let mut i = 0;
+    while i < bytes.len() {
+        let (start, end) = identifier(bytes, i);
+        if &text[start..end] == data && !is_member(bytes, start) {
+            let Some(member) = text[end..].trim_start().strip_prefix('.') else { return true };
+            let member = member.trim_start();
+            if identifier(member.as_bytes(), 0).1 == column.len() && member.starts_with(column) {
+                return true;
+            }
+        }
+        i = if end > start { end } else { start + 1 };
+    }
+    false
+}
+
 /// Number of scalars behind the names in `mask`.
 pub(super) const fn width(mask: u128, lens: &[usize]) -> usize {
     let (mut n, mut i) = (0, 0);
@@ -125,5 +143,14 @@ mod tests {
         assert!(mentions_columns("x .dose", "x"));
         assert!(!mentions_columns("erp(x) + 2.0", "x"));
         assert!(!mentions_columns("max.dose", "x"));
+    }
+
+    #[test]
+    fn only_the_columns_of_the_table_that_are_read_count() {
+        let text = "garch(mu, data.y, & data . before)";
+        assert!(reads(text, "data", "y") && reads(text, "data", "before"));
+        assert!(!reads(text, "data", "mu") && !reads(text, "data", "bef"));
+        assert!(!reads("row.data.y", "data", "y"));
+        assert!(reads("whole(data)", "data", "y"));
     }
 }

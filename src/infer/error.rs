@@ -91,6 +91,30 @@ pub enum InferError {
         /// The point.
         position: Vec<f64>,
     },
+    /// A climb that ended on no mode.
+    #[error(
+        "no mode reached after {iterations} iterations: the largest gradient entry is {gradient_norm:.1e}; \
+         the density may have no maximum\n\
+         help: sample instead, or use tighter priors: the joint mode of a hierarchical model may not exist"
+    )]
+    NoMode {
+        /// Iterations used.
+        iterations: usize,
+        /// Largest absolute gradient entry.
+        gradient_norm: f64,
+    },
+    /// A mode at which the density does not fall off in every direction.
+    #[error(
+        "no normal approximation at the mode: the log density does not fall off along unknown {unknown} \
+         (curvature {curvature:.2e}, expected below 0)\n\
+         help: sample instead, or use a tighter prior on it"
+    )]
+    NotConcave {
+        /// The unknown that moves most along the worst direction, from 0.
+        unknown: usize,
+        /// Second derivative along that direction; NaN next to a wall.
+        curvature: f64,
+    },
     /// No jittered point with support.
     #[error(
         "starting point of chain {chain} (seed {seed}): no point with a finite log density among \

@@ -1,4 +1,5 @@
-//! Inference on any differentiable log density: NUTS and its warm-up, and an optimiser for its start.
+//! Inference on any differentiable log density: NUTS and its warm-up, an optimiser
+//! for its start, and the normal approximation at a mode.
 //!
 //! Knows nothing of fields, electrophysiology or models: only [`LogDensity`].
 
@@ -8,6 +9,7 @@ mod chain;
 mod checkpoint;
 mod error;
 mod hamiltonian;
+mod laplace;
 mod moments;
 mod nuts;
 mod optimise;
@@ -21,6 +23,7 @@ mod vector;
 pub use blocked::{Design, FieldLayout, Latent, LatentGaussian, Layout, Shape, sample_blocked};
 pub use checkpoint::{Checkpoint, CheckpointError, Identity, differences};
 pub use error::{ChainError, ChainFailure, InferError};
+pub use laplace::{Laplace, LaplaceDraws};
 pub use optimise::{Optimum, OptimumSettings, maximise};
 pub use sample::{
     Chain, ChainProgress, ChainResult, Divergence, MetricKind, Phase, Progress, Settings, Silent,

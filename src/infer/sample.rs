@@ -197,6 +197,18 @@ pub struct Chain {
 }
 
 impl Chain {
+    /// What a sampler would say of `n` independent draws; positions and densities are to be filled in.
+    pub fn of_independent_draws(n: usize) -> Self {
+        Self {
+            accept: vec![1.0; n],
+            depth: vec![0; n],
+            n_leapfrog: vec![0; n],
+            diverging: vec![false; n],
+            n_grad_sampling: n as u64,
+            ..Self::default()
+        }
+    }
+
     /// Number of draws.
     pub fn n_draws(&self) -> usize {
         self.ln_density.len()

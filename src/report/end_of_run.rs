@@ -19,7 +19,7 @@ pub fn end_of_run(rows: &[Row], record: &RunRecord) -> String {
         );
     }
     if let Some(loo) = &record.loo {
-        let _ = writeln!(text, "{}", leave_one_out(loo));
+        let _ = writeln!(text, "{}", leave_one_out_figures(loo));
     }
     for failed in &record.failed_chains {
         let _ = writeln!(text, "Failed: {failed}");
@@ -49,13 +49,14 @@ pub fn rmse_line(rmse: &BTreeMap<String, f64>, units: &BTreeMap<String, String>)
     format!("RMSE against the truth over the surface: {}", list.join(", "))
 }
 
-fn leave_one_out(loo: &LooRecord) -> String {
+/// Leave-one-out totals, and where they cannot be relied on.
+pub(super) fn leave_one_out_figures(loo: &LooRecord) -> String {
     let LooRecord { elpd_loo, se, p_loo, n_measurements: n, k_threshold, n_high_k, worst } = loo;
     let figures = format!("Leave-one-out elpd {elpd_loo:.1} ± {se:.1}, p_loo {p_loo:.1}");
     match n_high_k {
         0 => format!("{figures}; Pareto k at most {k_threshold:.2} at all {n} measurements"),
         high => format!(
-            "{figures}: not reliable, Pareto k is above {k_threshold:.2} at {high} of {n} measurements, worst {}",
+            "{figures}: not reliable, Pareto k is above {k_threshold:.2} at {high} of {n} measurements, worst {}; to know, draw more (--draws), or fit without one of them and predict it",
             worst.join(", ")
         ),
     }

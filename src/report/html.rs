@@ -9,9 +9,10 @@ use std::fmt::Write as _;
 use std::io::Write as _;
 use std::path::Path;
 
-use super::svg::{rank_plot, trace_plot};
+use super::end_of_run::leave_one_out_figures;
+use super::svg::{k_plot, rank_plot, trace_plot};
 use super::table::{HEAVY_TAIL, Line, TITLES, lines};
-use super::{Group, ReportError, Row, RunRecord, Values, verdict};
+use super::{Group, LeaveOneOut, LooRow, ReportError, Row, RunRecord, Settings, Values, verdict};
 use crate::atomic::write_file;
 use crate::mesh::TriMesh;
 
@@ -35,6 +36,8 @@ pub struct Page<'a> {
     pub rows: &'a [Row],
     /// Draws; each variable with the dimensions chain and draw alone gets a trace and a rank plot.
     pub posterior: &'a Group,
+    /// How well each measurement is predicted from the others, if that is known.
+    pub loo: Option<&'a LeaveOneOut>,
     /// The fields, if the model has any.
     pub surface: Option<Surface<'a>>,
 }
@@ -81,6 +84,8 @@ pub fn write_html(path: &Path, page: &Page<'_>) -> Result<(), ReportError> {
         ("summary", table(&lines(page.rows, false))),
         ("every_summary", table(&lines(page.rows, true))),
         ("traces", traces(page.posterior)),
+        ("loo_class", if page.loo.is_some() { "" } else { "absent" }.to_owned()),
+        ("loo", page.loo.map_or(String::new(), leave_one_out)),
         ("run", run(page.record)),
         ("scripts", scripts),
     ];
@@ -154,6 +159,33 @@ fn traces(posterior: &Group) -> String {
     html
 }
 
+/// Pareto k of every measurement as a plot and, the worst first, as a table.
+fn leave_one_out(loo: &LeaveOneOut) -> String {
+    let threshold = loo.record.k_threshold;
+    let points: Vec<(String, f64)> =
+        loo.rows.iter().map(|row| (escape(&row.name()), row.pareto_k)).collect();
+    let mut html = format!(
+        "<p>{}.</p>{}<details><summary>Every measurement</summary><table><thead><tr><th class=\"text\">measurement\
+         <th>observed<th>elpd<th>Pareto k</thead><tbody>",
+        escape(&leave_one_out_figures(&loo.record)),
+        k_plot(&points, threshold)
+    );
+    let mut rows: Vec<&LooRow> = loo.rows.iter().collect();
+    rows.sort_by(|a, b| b.pareto_k.total_cmp(&a.pareto_k));
+    for row in rows {
+        let class = if row.pareto_k > threshold { " class=\"suspect\"" } else { "" };
+        let observed = escape(&row.observed.replace(' ', " … "));
+        let _ = writeln!(
+            html,
+            "<tr{class}><td class=\"text\">{}<td>{observed}<td>{:.2}<td>{:.2}",
+            escape(&row.name()),
+            row.elpd,
+            row.pareto_k
+        );
+    }
+    html + "</tbody></table></details>"
+}
+
 /// The record as a list of terms.
 fn run(record: &RunRecord) -> String {
     let (settings, seconds) = (&record.settings, &record.seconds);
@@ -168,13 +200,7 @@ fn run(record: &RunRecord) -> String {
                 settings.chains, settings.warmup, settings.draws
             ),
         ),
-        (
-            "sampler",
-            format!(
-                "{}, target acceptance {}, {} metric",
-                settings.sampler, settings.target_accept, settings.metric
-            ),
-        ),
+        ("sampler", sampler(settings)),
         ("parameters", record.n_params.to_string()),
         ("gradients", format!("{} at {:.0} ns", record.grad_evals, record.ns_per_grad)),
         ("ESS per second", format!("{:.0}", record.ess_per_second)),
@@ -201,6 +227,17 @@ fn run(record: &RunRecord) -> String {
     }
     let term = |(name, value): &(&str, String)| format!("<dt>{name}<dd>{}", escape(value));
     terms.iter().map(term).collect::<Vec<_>>().join("\n")
+}
+
+/// How the draws were made, with the settings that mattered.
+fn sampler(settings: &Settings) -> String {
+    let target = settings.target_accept;
+    match settings.sampler.as_str() {
+        "nuts" => format!("NUTS, target acceptance {target}, {} metric", settings.metric),
+        "blocked" => format!("blocked, target acceptance {target}"),
+        "laplace" => "none: normal approximation at the mode".to_owned(),
+        other => format!("none: {other}"),
+    }
 }
 
 /// The data of the viewer, three.js and the viewer, as script elements.

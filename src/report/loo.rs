@@ -72,7 +72,7 @@ impl LeaveOneOut {
         ess_mean: &[f64],
         [n_chains, n_draws]: [usize; 2],
     ) -> Option<Self> {
-        let n = model.observes.iter().map(|o| o.rows.len()).sum();
+        let n = model.measured().map(|(_, rows)| rows.len()).sum();
         if n == 0 {
             return None;
         }
@@ -99,31 +99,28 @@ pub fn worst_k(rows: &[LooRow], threshold: f64) -> Vec<String> {
 }
 
 fn rows(model: &Model, data: &Measurements, loo: &Loo) -> Vec<LooRow> {
-    let measured = model.observes.iter().flat_map(|observe| {
-        let likelihood = likelihood_of(model, observe.name);
-        observe.rows.iter().zip(observe.observed()).map(move |(row, cells)| {
-            let cells: Vec<String> = cells.iter().map(f64::to_string).collect();
-            (observe.name, data.place(*row), likelihood, cells.join(" "))
-        })
+    let places = model.measured().flat_map(|(name, rows)| {
+        let likelihood = likelihood_of(model, name);
+        rows.iter().map(move |row| (name, data.place(*row), likelihood))
     });
-    let row = |((name, place, likelihood, observed), point): (_, &crate::diagnostics::LooPoint)| {
-        let (name, likelihood): (&str, &str) = (name, likelihood);
-        LooRow {
-            measurement: name.to_owned(),
-            place,
-            likelihood: likelihood.to_owned(),
-            observed,
-            elpd: point.elpd,
-            pareto_k: point.pareto_k,
-        }
+    let row = |(((name, place, likelihood), observed), point): (
+        ((&str, String, &str), Vec<f64>),
+        &crate::diagnostics::LooPoint,
+    )| LooRow {
+        measurement: name.to_owned(),
+        place,
+        likelihood: likelihood.to_owned(),
+        observed: observed.iter().map(f64::to_string).collect::<Vec<_>>().join(" "),
+        elpd: point.elpd,
+        pareto_k: point.pareto_k,
     };
-    measured.zip(&loo.pointwise).map(row).collect()
+    places.zip(model.observed()).zip(&loo.pointwise).map(row).collect()
 }
 
-/// `TopHat` of `Bracket ~ TopHat(erp_s2(x))`.
-fn likelihood_of(model: &Model, observe: &str) -> &'static str {
-    let mut statements = model.statements.iter().filter(|s| s.keyword == "observe");
-    let text = statements.find(|s| s.decl.name == observe).map_or("", |s| s.decl.text);
+/// `TopHat` of `Bracket ~ TopHat(erp_s2(x))`, `garch` of `garch(mu, alpha, data.y)`.
+fn likelihood_of(model: &Model, name: &str) -> &'static str {
+    let mut statements = model.statements.iter().filter(|s| s.decl.name == name);
+    let text = statements.next_back().map_or("", |s| s.decl.text);
     let likelihood = text.split_once('~').map_or(text, |(_, likelihood)| likelihood);
     likelihood.split('(').next().unwrap_or_default().trim()
 }

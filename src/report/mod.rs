@@ -3,6 +3,7 @@
 //! Knows arrays of draws, summaries, a mesh and a record of the run; nothing of the simulator.
 //! Every file and folder appears whole or not at all.
 
+mod approximation;
 mod dataset;
 mod draws;
 mod end_of_run;
@@ -19,6 +20,7 @@ mod table;
 mod verdict;
 mod zarr;
 
+pub use approximation::Approximation;
 pub use dataset::{Group, Values, Variable};
 pub use draws::write_draws;
 pub use end_of_run::{end_of_run, rmse_line};

@@ -26,7 +26,7 @@ pub struct Posterior {
     /// Log likelihood of each measurement (chain, draw, measurement), of all `observe`s together: one
     /// array, so that `az.loo(run)` needs no name.
     pub log_likelihood: Group,
-    /// A replicate of each measurement (chain, draw, row); of a bracket, its lower end.
+    /// A replicate of each measurement (chain, draw, row), and of all of them together; of a bracket, its lower end.
     pub posterior_predictive: Group,
     /// The measurements (row), and all of them together; of a bracket, its lower end.
     pub observed_data: Group,
@@ -57,15 +57,16 @@ impl Posterior {
         let shape = [chains.len(), chains.first().map_or(0, Chain::n_draws)];
         let posterior = parameters(model, &drawn, shape);
         let rows = rows(model, &posterior, shape);
-        let log_likelihood = log_likelihood(model, data, &drawn, shape);
+        let log_likelihood = log_likelihood(&drawn, &places(model.measured(), data), shape);
+        let places = places(model.observes.iter().map(|o| (o.name, o.rows.as_slice())), data);
         Self {
             posterior,
             loo: leave_one_out(model, data, &log_likelihood, &rows, shape),
             rows,
             sample_stats: sample_stats(chains, shape),
             log_likelihood,
-            posterior_predictive: predictive(model, &drawn, shape),
-            observed_data: observed(model),
+            posterior_predictive: predictive(model, &drawn, &places, shape),
+            observed_data: observed(model, &places),
             constant_data: constant(model, data),
         }
     }
@@ -149,27 +150,32 @@ fn rows(model: &Model, posterior: &Group, [chains, draws]: [usize; 2]) -> Vec<Ro
     jobs.par_iter().map(row).collect()
 }
 
-fn log_likelihood(
-    model: &Model,
+/// Where each measurement of these statements was made, in words.
+fn places<'m>(
+    measured: impl Iterator<Item = (&'static str, &'m [usize])>,
     data: &Measurements,
-    drawn: &[Drawn],
-    [chains, draws]: [usize; 2],
-) -> Group {
-    let places: Vec<String> = model
-        .observes
-        .iter()
-        .flat_map(|o| o.rows.iter().map(|row| format!("{} {}", o.name, data.place(*row))))
-        .collect();
-    let n = places.len();
-    if n == 0 {
-        return Group { name: "log_likelihood".into(), variables: vec![] };
+) -> Vec<String> {
+    measured
+        .flat_map(|(name, rows)| rows.iter().map(move |row| format!("{name} {}", data.place(*row))))
+        .collect()
+}
+
+/// All measurements together, over `dims` and the measurement, with its labels; nothing without measurements.
+fn pooled(values: Vec<f64>, dims: &[(&str, usize)], places: &[String]) -> Vec<Variable> {
+    if places.is_empty() {
+        return vec![];
     }
+    let measurement = [(POOLED_DIM, places.len())];
+    vec![
+        Variable::new(POOLED, "", &[dims, &measurement].concat(), values),
+        Variable::new(POOLED_DIM, "", &measurement, places.to_vec()),
+    ]
+}
+
+fn log_likelihood(drawn: &[Drawn], places: &[String], [chains, draws]: [usize; 2]) -> Group {
+    let n = places.len();
     let values = columns(drawn, |d| &d.log_likelihood, n, 0, n);
-    let dims = [("chain", chains), ("draw", draws), (POOLED_DIM, n)];
-    let variables = vec![
-        Variable::new(POOLED, "", &dims, values),
-        Variable::new(POOLED_DIM, "", &[(POOLED_DIM, n)], places),
-    ];
+    let variables = pooled(values, &[("chain", chains), ("draw", draws)], places);
     Group { name: "log_likelihood".into(), variables }
 }
 
@@ -187,8 +193,13 @@ fn leave_one_out(
     LeaveOneOut::new(model, data, values, &ess_mean, shape)
 }
 
-fn predictive(model: &Model, drawn: &[Drawn], [chains, draws]: [usize; 2]) -> Group {
-    let width = model.observes.iter().map(|o| o.rows.len()).sum();
+fn predictive(
+    model: &Model,
+    drawn: &[Drawn],
+    places: &[String],
+    [chains, draws]: [usize; 2],
+) -> Group {
+    let width = places.len();
     let mut from = 0;
     let variable = |observe: &Observe| {
         let n = observe.rows.len();
@@ -198,7 +209,9 @@ fn predictive(model: &Model, drawn: &[Drawn], [chains, draws]: [usize; 2]) -> Gr
         let dims = [("chain", chains), ("draw", draws), (dim.as_str(), n)];
         Variable::new(observe.name, &observe.unit, &dims, values)
     };
-    let variables = model.observes.iter().map(variable).collect();
+    let mut variables: Vec<Variable> = model.observes.iter().map(variable).collect();
+    let all = columns(drawn, |d| &d.predicted, width, 0, width);
+    variables.extend(pooled(all, &[("chain", chains), ("draw", draws)], places));
     Group { name: "posterior_predictive".into(), variables }
 }
 
@@ -228,7 +241,7 @@ fn sample_stats(chains: &[Chain], [n, draws]: [usize; 2]) -> Group {
     Group { name: "sample_stats".into(), variables }
 }
 
-fn observed(model: &Model) -> Group {
+fn observed(model: &Model, places: &[String]) -> Group {
     let variable = |observe: &Observe| {
         let dim = row_dimension(observe);
         let values: Vec<f64> = observe.observed().iter().map(|cells| cells[0]).collect();
@@ -237,9 +250,7 @@ fn observed(model: &Model) -> Group {
     let mut variables: Vec<Variable> = model.observes.iter().map(variable).collect();
     let all: Vec<f64> =
         model.observes.iter().flat_map(Observe::observed).map(|cells| cells[0]).collect();
-    if !all.is_empty() {
-        variables.push(Variable::new(POOLED, "", &[(POOLED_DIM, all.len())], all));
-    }
+    variables.extend(pooled(all, &[], places));
     Group { name: "observed_data".into(), variables }
 }
 

@@ -6,7 +6,7 @@ use std::fs;
 use std::io::Write as _;
 use std::path::Path;
 
-use super::{LooRecord, ReportError};
+use super::{Approximation, LooRecord, ReportError};
 use crate::atomic::write_file;
 
 /// Everything needed to repeat a run and to judge it at a glance.
@@ -68,12 +68,15 @@ pub struct RunRecord {
     /// Leave-one-out predictive accuracy, for models with measurements.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub loo: Option<LooRecord>,
+    /// Of a normal approximation: how good it is.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub laplace: Option<Approximation>,
 }
 
 /// Sampler settings.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct Settings {
-    /// `blocked`, `nuts`, or `prior` where nothing was sampled.
+    /// `blocked`, `nuts`, or `prior` or `laplace` where nothing was sampled.
     pub sampler: String,
     /// Number of chains.
     pub chains: usize,

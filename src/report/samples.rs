@@ -18,6 +18,10 @@ pub(super) fn row(name: &str, unit: &str, mean: f64) -> Row {
         ess_bulk: 1600.0,
         ess_tail: 1512.7,
         r_hat: 1.0021,
+        mcse_sd: sd / 56.0,
+        mcse_q5: sd / 19.0,
+        mcse_q50: sd / 32.0,
+        mcse_q95: sd / 19.0,
     };
     Row { name: name.to_owned(), unit: unit.to_owned(), summary }
 }
@@ -61,6 +65,7 @@ pub(super) fn record() -> RunRecord {
             n_high_k: 0,
             worst: vec![],
         }),
+        laplace: None,
     }
 }
 

@@ -24,10 +24,18 @@ pub struct Row {
 const COLUMNS: [&str; 9] =
     ["mean", "sd", "mcse", "q5", "q50", "q95", "ess_bulk", "ess_tail", "r_hat"];
 
+/// What `summary.json` holds besides: to how many digits the others are known.
+const ERRORS: [&str; 4] = ["mcse_sd", "mcse_q5", "mcse_q50", "mcse_q95"];
+
 /// The values of [`COLUMNS`].
 fn values(summary: &Summary) -> [f64; 9] {
-    let Summary { mean, sd, mcse, q5, q50, q95, ess_bulk, ess_tail, r_hat } = *summary;
+    let Summary { mean, sd, mcse, q5, q50, q95, ess_bulk, ess_tail, r_hat, .. } = *summary;
     [mean, sd, mcse, q5, q50, q95, ess_bulk, ess_tail, r_hat]
+}
+
+/// The values of [`ERRORS`].
+fn errors(summary: &Summary) -> [f64; 4] {
+    [summary.mcse_sd, summary.mcse_q5, summary.mcse_q50, summary.mcse_q95]
 }
 
 /// Writes the rows as a table with the columns `name, mean, …, r_hat, unit`; a number that is not finite is empty.
@@ -49,13 +57,14 @@ pub fn write_summary_csv(path: &Path, rows: &[Row]) -> Result<(), ReportError> {
     .map_err(ReportError::write(path))
 }
 
-/// Writes the rows as an object by name; a number that is not finite is null.
+/// Writes the rows as an object by name, with the errors of every figure; a number that is not finite is null.
 ///
 /// # Errors
 /// [`ReportError::Write`].
 pub fn write_summary_json(path: &Path, rows: &[Row]) -> Result<(), ReportError> {
     let quantities = rows.iter().map(|row| {
-        let numbers = COLUMNS.into_iter().zip(values(&row.summary));
+        let errors = ERRORS.into_iter().zip(errors(&row.summary));
+        let numbers = COLUMNS.into_iter().zip(values(&row.summary)).chain(errors);
         let mut entry: Map<_, _> = numbers.map(|(key, v)| (key.to_owned(), json!(v))).collect();
         entry.insert("unit".to_owned(), json!(row.unit));
         (row.name.clone(), Value::Object(entry))
@@ -77,7 +86,7 @@ pub fn read_summary_json(path: &Path) -> Result<Vec<Row>, ReportError> {
         let unit = entry["unit"].as_str().map(str::to_owned);
         let unit = unit.ok_or_else(|| malformed(format!("{name} has no unit")))?;
         let summary = read_summary(&entry)
-            .ok_or_else(|| malformed(format!("{name} lacks one of {COLUMNS:?}")))?;
+            .ok_or_else(|| malformed(format!("{name} lacks one of {COLUMNS:?}, {ERRORS:?}")))?;
         Ok(Row { name, unit, summary })
     };
     quantities.into_iter().map(row).collect()
@@ -98,6 +107,10 @@ fn read_summary(entry: &Value) -> Option<Summary> {
         ess_bulk: number("ess_bulk")?,
         ess_tail: number("ess_tail")?,
         r_hat: number("r_hat")?,
+        mcse_sd: number("mcse_sd")?,
+        mcse_q5: number("mcse_q5")?,
+        mcse_q50: number("mcse_q50")?,
+        mcse_q95: number("mcse_q95")?,
     })
 }
 
@@ -107,7 +120,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn both_files_hold_the_same_numbers() {
+    fn both_files_hold_the_same_numbers_and_one_their_errors() {
         let folder = tempfile::tempdir().unwrap();
         let [csv, json] = ["summary.csv", "summary.json"].map(|name| folder.path().join(name));
         let rows =
@@ -131,6 +144,10 @@ mod tests {
             "ess_bulk": 1600.0,
             "ess_tail": 1512.7,
             "r_hat": 1.0021,
+            "mcse_sd": 0.021964285714285717,
+            "mcse_q5": 0.06473684210526316,
+            "mcse_q50": 0.038437500000000006,
+            "mcse_q95": 0.06473684210526316,
             "unit": "ms"
           },
           "b[1, left]": {
@@ -143,6 +160,10 @@ mod tests {
             "ess_bulk": 1600.0,
             "ess_tail": 1512.7,
             "r_hat": 1.0021,
+            "mcse_sd": null,
+            "mcse_q5": null,
+            "mcse_q50": null,
+            "mcse_q95": null,
             "unit": ""
           }
         }

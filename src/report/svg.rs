@@ -1,4 +1,4 @@
-//! Trace and rank plots of one scalar parameter as small inline SVG.
+//! Trace and rank plots of one scalar parameter, and Pareto k of every measurement, as small inline SVG.
 //!
 //! # Source
 //! Rank plots: Vehtari et al. 2021.  Colours: Okabe and Ito, distinguishable without red–green vision.
@@ -11,6 +11,7 @@ const COLOURS: [&str; 8] =
 const HEIGHT: f64 = 96.0;
 const TRACE_WIDTH: f64 = 480.0;
 const RANK_WIDTH: f64 = 190.0;
+const K_WIDTH: f64 = 750.0;
 /// Space left of the plot area for the tick labels.
 const MARGIN: f64 = 58.0;
 /// A trace is drawn as the range of its values in this many bins: a spike of one draw stays visible.
@@ -63,6 +64,32 @@ pub(super) fn rank_plot(chains: &[&[f64]]) -> String {
             [bin, bin + 1].map(|edge| (bin_width * edge as f64, y(count as f64)))
         });
         svg += &line(steps, COLOURS[chain % COLOURS.len()]);
+    }
+    svg + "</svg>"
+}
+
+/// Pareto k of every named measurement in order, with the `threshold` beyond which it says nothing; a k that cannot
+/// be had is at the top.
+pub(super) fn k_plot(points: &[(String, f64)], threshold: f64) -> String {
+    let finite = || points.iter().map(|point| point.1).filter(|k| k.is_finite());
+    let (low, high) = (finite().fold(0.0, f64::min), finite().fold(1.0, f64::max));
+    let y = |k: f64| HEIGHT * (1.0 - (k.min(high) - low) / (high - low));
+    let mut svg = frame("Pareto k", K_WIDTH, [&tick(high), &tick(low)]);
+    let _ = write!(svg, r#"<path class="level" d="M0 {:.1}H{K_WIDTH}"/>"#, y(threshold));
+    let _ = write!(
+        svg,
+        r#"<text class="tick" x="-6" y="{:.1}">{}</text>"#,
+        y(threshold) + 4.0,
+        tick(threshold)
+    );
+    for (i, (name, k)) in points.iter().enumerate() {
+        let x = K_WIDTH * (i as f64 + 0.5) / points.len() as f64;
+        let class = if *k > threshold { r#" class="high""# } else { "" };
+        let _ = write!(
+            svg,
+            r#"<circle{class} cx="{x:.1}" cy="{:.1}" r="3.5"><title>{name}: {k:.2}</title></circle>"#,
+            y(*k)
+        );
     }
     svg + "</svg>"
 }

@@ -18,7 +18,7 @@ const MARKS: usize = 4;
 
 /// Column titles; the third is right-aligned like all after it.
 pub(super) const TITLES: [&str; 7] =
-    ["parameter", "unit", "mean ± sd", "median", "90 % interval", "R̂", "ESS"];
+    ["parameter", "unit", "median", "90 % interval", "mean ± sd", "R̂", "ESS"];
 
 /// One line of the table, as texts.
 #[derive(Debug)]
@@ -34,9 +34,9 @@ pub(super) struct Line {
 pub(super) const HEAVY_TAIL: &str =
     "† heavy tail: mean and sd hang on a few draws; use the median and the interval";
 
-/// Renders the rows: parameter, unit, mean ± sd, median, 90 % interval, R̂ and the smaller of bulk and tail ESS.
+/// Renders the rows: parameter, unit, median, 90 % interval, mean ± sd, R̂ and the smaller of bulk and tail ESS.
 ///
-/// Digits stop where the Monte Carlo error of the mean begins.  A vector of more than ten elements is one line with
+/// The digits of a number stop where its own Monte Carlo error begins.  A vector of more than ten elements is one line with
 /// its worst R̂ and smallest ESS, unless `every` element is asked for.
 pub fn console_table(rows: &[Row], every: bool) -> String {
     let mut lines = lines(rows, every);
@@ -95,16 +95,19 @@ pub(super) fn lines(rows: &[Row], every: bool) -> Vec<Line> {
 
 fn line(row: &Row) -> Line {
     let summary = &row.summary;
-    let decimals = decimals(summary.mcse, summary.sd);
-    let number = |value: f64| rounded(value, decimals);
+    let number = |value: f64, mcse: f64| rounded(value, decimals(mcse, summary.sd));
     // A normal distribution has sd = 0.30 (q95 − q5), an exponential 0.34; at twice that the tail has the word.
     let heavy = summary.sd > 0.6 * (summary.q95 - summary.q5);
     let cells = [
         row.name.clone(),
         row.unit.clone(),
-        format!("{} ± {}", number(summary.mean), number(summary.sd)),
-        number(summary.q50),
-        format!("{} … {}", number(summary.q5), number(summary.q95)),
+        number(summary.q50, summary.mcse_q50),
+        format!(
+            "{} … {}",
+            number(summary.q5, summary.mcse_q5),
+            number(summary.q95, summary.mcse_q95)
+        ),
+        format!("{} ± {}", number(summary.mean, summary.mcse), number(summary.sd, summary.mcse_sd)),
         diagnostic(summary.r_hat, 3),
         diagnostic(row.ess(), 0),
     ];
@@ -135,7 +138,7 @@ fn diagnostic(value: f64, decimals: usize) -> String {
     if value.is_finite() && value < 1e5 { format!("{value:.decimals$}") } else { rounded(value, 0) }
 }
 
-/// Decimals up to the leading digit of the Monte Carlo error, or of a hundredth of the spread where there is none.
+/// Decimals up to the leading digit of a Monte Carlo error, or of a hundredth of the spread where there is none.
 fn decimals(mcse: f64, sd: f64) -> usize {
     let last_digit = [mcse, 0.01 * sd, 0.01].into_iter().find(|x| x.is_finite() && *x > 0.0);
     (-last_digit.unwrap_or(0.01).log10().floor()).clamp(0.0, 300.0) as usize
@@ -189,6 +192,7 @@ mod tests {
         let mut heavy = samples::row("tau_out.alpha", "ms", 5.0);
         heavy.summary.sd = 40.0;
         heavy.summary.mcse = 3.0;
+        heavy.summary.mcse_sd = 20.0;
         let mut stuck = samples::row("apd_max.rho", "mm", 64.25);
         stuck.summary.r_hat = 1.523;
         stuck.summary.ess_tail = 12.3;
@@ -204,14 +208,14 @@ mod tests {
     #[test]
     fn long_vectors_are_one_line() {
         insta::assert_snapshot!(console_table(&rows(), false), @r"
-        parameter       unit           mean ± sd   median       90 % interval      R̂   ESS
-        tau_out.m       ms         −12.34 ± 1.23   −12.34     −14.36 … −10.32  1.002  1513
-        tau_out.alpha   ms                5 ± 40        5               4 … 6  1.002  1513 †
-        apd_max.rho     mm            64.2 ± 6.4     64.2         53.7 … 74.8  1.523    12 ✗
-        fixed                        0.00 ± 0.00     0.00         0.00 … 0.00      –  1513
-        tau_out.eta[…]                 24 values                               1.019  1513
-        b[0]            kg    1.00e−9 ± 1.00e−10  1.00e−9  8.36e−10 … 1.16e−9  1.002  1513
-        b[1]            kg    1.00e−9 ± 1.00e−10  1.00e−9  8.36e−10 … 1.16e−9  1.002  1513
+        parameter       unit     median       90 % interval           mean ± sd      R̂   ESS
+        tau_out.m       ms       −12.34     −14.36 … −10.32       −12.34 ± 1.23  1.002  1513
+        tau_out.alpha   ms         5.00         4.18 … 5.82              5 ± 40  1.002  1513 †
+        apd_max.rho     mm         64.2         53.7 … 74.8          64.2 ± 6.4  1.523    12 ✗
+        fixed                      0.00         0.00 … 0.00         0.00 ± 0.00      –  1513
+        tau_out.eta[…]        24 values                                          1.019  1513
+        b[0]            kg      1.00e−9  8.36e−10 … 1.16e−9  1.00e−9 ± 1.00e−10  1.002  1513
+        b[1]            kg      1.00e−9  8.36e−10 … 1.16e−9  1.00e−9 ± 1.00e−10  1.002  1513
         † heavy tail: mean and sd hang on a few draws; use the median and the interval
         ✗ not to be trusted: R̂ above 1.02 or ESS below 400
         ");
@@ -228,12 +232,17 @@ mod tests {
         let mut row = samples::row(&"x".repeat(60), "mm²/ms per kg", -1.0);
         for value in [9_999_999.4, 1e300, -1.234_567e-200, -99_999.0, f64::INFINITY] {
             let (mean, sd, mcse) = (value, value.abs(), value.abs() * 1e-5);
+            let [mcse_sd, mcse_q5, mcse_q50, mcse_q95] = [mcse; 4];
             row.summary = crate::diagnostics::Summary {
                 sd,
                 mcse,
                 q5: mean,
                 q50: mean,
                 q95: mean,
+                mcse_sd,
+                mcse_q5,
+                mcse_q50,
+                mcse_q95,
                 ..row.summary
             };
             let table = console_table(std::slice::from_ref(&row), false);

@@ -36,10 +36,14 @@ struct Worst<'a> {
 /// Judges a run by the worst of its rows, its divergences, its energies and the chains that failed.
 ///
 /// A quantity that never varies has neither R̂ nor ESS (NaN) and is passed over; without any other there is
-/// nothing to trust and the run has not converged.
+/// nothing to trust and the run has not converged.  Of a normal approximation the importance weights decide alone:
+/// its draws are independent, so that R̂ and ESS say nothing.
 pub fn verdict(record: &RunRecord, rows: &[Row]) -> Verdict {
     let n_failed = record.failed_chains.len();
     let n_draws = (record.settings.chains - n_failed) * record.settings.draws;
+    if let Some(approximation) = &record.laplace {
+        return approximation.verdict(n_draws);
+    }
     let share = record.divergences as f64 / (n_draws as f64).max(1.0);
     let (Some(r_hat), Some(ess)) =
         (worst(rows, |row| row.summary.r_hat), worst(rows, |row| -row.ess()))
@@ -60,10 +64,10 @@ pub fn verdict(record: &RunRecord, rows: &[Row]) -> Verdict {
     let failed = format!("{n_failed} of {} chains failed ✗", record.settings.chains);
     let shown = (n_failed > 0).then_some(failed).into_iter().chain(shown);
     let shown = shown.collect::<Vec<_>>().join(", ");
-    let advice = match advice(figures.each_ref().map(|(fine, _)| *fine), record.divergences) {
-        "" if n_failed > 0 => "; where they failed may be what the others missed",
-        advice => advice,
-    };
+    let mut advice = advice(figures.each_ref().map(|(fine, _)| *fine), record.divergences);
+    if n_failed > 0 {
+        advice += "; where chains failed may be what the others missed";
+    }
     let head = if converged { "Converged" } else { "Not converged" };
     Verdict { converged, sentence: format!("{head}: {shown}{advice}.") }
 }
@@ -90,19 +94,25 @@ fn divergences(n: usize, n_draws: usize) -> String {
     }
 }
 
-fn advice([r_hat, ess, divergent, energy]: [bool; 4], n_divergent: usize) -> &'static str {
-    match (r_hat, ess, divergent, energy) {
-        (false, ..) => {
-            "; do not use these results: sample longer (--warmup, --draws) or simplify the model"
-        }
-        (_, _, false, _) => "; raise --target-accept towards 0.99",
-        (_, false, ..) => "; raise --draws",
-        (.., false) => {
-            "; the tails may be missed: raise --warmup or use tighter priors on the amplitudes"
-        }
-        _ if n_divergent > 0 => "; raise --target-accept to see whether the divergences matter",
-        _ => "",
-    }
+/// What to do about each figure that fails, and about divergences that are few.
+fn advice([r_hat, ess, divergent, energy]: [bool; 4], n_divergent: usize) -> String {
+    let remedies = [
+        (
+            !r_hat,
+            "do not use these results: sample longer (--warmup, --draws) or simplify the model",
+        ),
+        (!divergent, "raise --target-accept towards 0.99"),
+        (r_hat && !ess, "raise --draws"),
+        (
+            !energy,
+            "the tails may be missed: raise --warmup or use tighter priors on the amplitudes",
+        ),
+        (
+            divergent && n_divergent > 0,
+            "raise --target-accept to see whether the divergences matter",
+        ),
+    ];
+    remedies.iter().filter(|(due, _)| *due).map(|(_, remedy)| format!("; {remedy}")).collect()
 }
 
 #[cfg(test)]
@@ -129,16 +139,23 @@ mod tests {
             judged(|_, rows| rows[1].summary.r_hat = 1.021),
             judged(|_, rows| rows[0].summary.ess_tail = 399.0),
             judged(|record, _| record.e_bfmi = f64::NAN),
+            judged(|record, rows| {
+                record.divergences = 41;
+                record.e_bfmi = 0.1;
+                rows[0].summary.ess_tail = 399.0;
+            }),
             judged(|_, rows| rows[0].summary.r_hat = f64::NAN),
             judged(|_, rows| rows.iter_mut().for_each(|row| row.summary.r_hat = f64::NAN)),
         ];
         insta::assert_snapshot!(sentences.join("\n"), @r"
         Converged: worst R̂ 1.002 (tau_out.rho), smallest ESS 1513 (tau_out.rho), no divergence in 4000 draws, E-BFMI 0.83.
+        Not converged: 1 of 4 chains failed ✗, worst R̂ 1.002 (tau_out.rho), smallest ESS 1513 (tau_out.rho), no divergence in 3000 draws, E-BFMI 0.83; where chains failed may be what the others missed.
         Converged: worst R̂ 1.002 (tau_out.rho), smallest ESS 1513 (tau_out.rho), 3 divergences in 4000 draws (0.07 %), E-BFMI 0.83; raise --target-accept to see whether the divergences matter.
         Not converged: worst R̂ 1.002 (tau_out.rho), smallest ESS 1513 (tau_out.rho), 41 divergences in 4000 draws (1.02 %) ✗, E-BFMI 0.83; raise --target-accept towards 0.99.
         Not converged: worst R̂ 1.021 (tau_out.rho) ✗, smallest ESS 1513 (tau_out.rho), no divergence in 4000 draws, E-BFMI 0.83; do not use these results: sample longer (--warmup, --draws) or simplify the model.
         Not converged: worst R̂ 1.002 (tau_out.rho), smallest ESS 399 (tau_out.m) ✗, no divergence in 4000 draws, E-BFMI 0.83; raise --draws.
         Not converged: worst R̂ 1.002 (tau_out.rho), smallest ESS 1513 (tau_out.rho), no divergence in 4000 draws, E-BFMI NaN ✗; the tails may be missed: raise --warmup or use tighter priors on the amplitudes.
+        Not converged: worst R̂ 1.002 (tau_out.rho), smallest ESS 399 (tau_out.m) ✗, 41 divergences in 4000 draws (1.02 %) ✗, E-BFMI 0.10 ✗; raise --target-accept towards 0.99; raise --draws; the tails may be missed: raise --warmup or use tighter priors on the amplitudes.
         Converged: worst R̂ 1.002 (tau_out.rho), smallest ESS 1513 (tau_out.rho), no divergence in 4000 draws, E-BFMI 0.83.
         Not converged: no quantity has an R̂ and an ESS; sample longer (--draws).
         ");

@@ -36,8 +36,8 @@ pub(crate) mod mixed {
         param share ~ Beta(2.0, 3.0);
         param bound [ms] ~ Uniform(1.0, 5.0);
         observe warm_up(row): Number [ms] ~ Normal(noise * row.force_g, 3.0);
-        column force_g [g];
-        column dose;
+        column force_g;
+        column dose [g];
         param scale(3) ~ Normal(1.0, 0.5);
         field erp(x) [ms] in 150.0..300.0 = m + alpha * gp(Rbf(rho), K = 24) + beta * gp(Matern32(ell), K = 16) where {
             tau   [ms] ~ HalfNormal(20.0);

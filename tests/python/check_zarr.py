@@ -7,9 +7,7 @@ Warnings about the file are failures too.  Prints the versions, one line `mean N
 """
 
 import sys
-import tempfile
 import warnings
-from pathlib import Path
 
 import matplotlib
 
@@ -54,10 +52,14 @@ def check_use(run):
         print(f"\nloo {name}\n{estimate}")
         assert np.isfinite(estimate.elpd), f"{name}: elpd {estimate.elpd}"
     scalars = [name for name, v in run["posterior"].data_vars.items() if v.ndim == 2]
-    with tempfile.TemporaryDirectory() as folder:
-        picture = Path(folder) / "trace.png"
-        az.plot_trace(run, var_names=scalars[:4]).savefig(picture)
-        assert picture.stat().st_size > 10_000, "the trace plot is empty"
+    plots = {
+        "trace": lambda: az.plot_trace(run, var_names=scalars[:4]),
+        "trace_dist": lambda: az.plot_trace_dist(run, var_names=scalars[:4]),
+        "ppc_dist": lambda: az.plot_ppc_dist(run),
+    }
+    for name, plot in plots.items():
+        axes = plot().viz["figure"].item().axes
+        assert axes and all(len(ax.lines) > 0 for ax in axes), f"plot_{name} drew nothing"
 
 
 def main(path):

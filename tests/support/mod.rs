@@ -1,6 +1,8 @@
 //! What several tests share: a basis of made-up numbers, tables, random numbers.
 #![allow(dead_code, clippy::unwrap_used, reason = "each test uses a part of it")]
 
+pub(crate) mod oracle;
+
 use eplat::dsl::Measurements;
 use eplat::manifold::Basis;
 use rand::{RngExt, SeedableRng};

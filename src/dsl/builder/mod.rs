@@ -11,9 +11,8 @@ use crate::dsl::linear::Linear;
 use crate::dsl::maps::{LetFn, Map, MapAt, Source as MapSource};
 use crate::dsl::model::{Kind, Model, Parameter, Position, PriorEntry, Statement};
 use crate::dsl::parameter::{NormalOp, ParameterOp, PriorFn, SequenceFn, SequenceOp};
-use crate::dsl::scalar::{ScalarAt, ScalarFn};
 use crate::dsl::scope::{Local, Scope};
-use crate::dsl::units::{Decl, check_units, require, unit_of};
+use crate::dsl::units::{Decl, check_units};
 use crate::manifold::Basis;
 
 mod fields;
@@ -183,7 +182,9 @@ impl<'a> Builder<'a> {
         }
         let ln_norm = if W == 1 { probe.ln_norm() } else { 0.0 };
         let kind = if matches!(len, Len::One) { Kind::Scalar } else { Kind::Vector };
-        self.push_parameter(decl, n, kind, levels, probe.support(), v);
+        let is_fixed = probe.support() == F::dist::<f64>(&[0.5; N]).support();
+        let support = if is_fixed { probe.support() } else { Support::Between };
+        self.push_parameter(decl, n, kind, levels, support, v);
         let source = match len {
             Len::Each(_) => Source::Each { v, index },
             _ => Source::Scalars(v),
@@ -232,7 +233,7 @@ impl<'a> Builder<'a> {
     /// `param name(n) [unit] ~ prior;` of a vector whose numbers constrain each other.
     ///
     /// # Errors
-    /// Fewer than two numbers.
+    /// Fewer than two numbers, or not as many as the prior is of.
     pub fn sequence<F: SequenceFn + 'static, const N: usize, const W: usize>(
         &mut self,
         _: F,
@@ -245,6 +246,9 @@ impl<'a> Builder<'a> {
         }
         let local = self.local::<N, W>(scope);
         let prior = F::sequence::<f64>(&[1.0; N]);
+        if let Some(expected) = prior.length().filter(|expected| *expected != n) {
+            return Err(ModelError::Length { parameter: decl.name.into(), len: n, expected });
+        }
         let n_unknowns = prior.n_unknowns(n);
         let (u, v) = (self.unknowns(n_unknowns), self.values(n));
         let mentions = local.mentioned();
@@ -306,6 +310,11 @@ impl<'a> Builder<'a> {
         }
     }
 
+    /// `column name [unit];`
+    pub fn column(&mut self, decl: Decl) {
+        self.state("column", decl, None);
+    }
+
     /// `let name(row) = linear(row.a, row.b; beta);`
     pub fn linear(&mut self, decl: Decl, columns: &[&'static str], beta: &'static str) {
         self.state("let", decl, None);
@@ -320,12 +329,12 @@ impl<'a> Builder<'a> {
         &mut self,
         f: F,
         decl: Decl,
+        prior: &'static str,
         on: &[&'static str],
         columns: &[&'static str],
         scope: &Scope,
     ) -> Result<(), ModelError> {
-        self.check_effect_units(decl, on)?;
-        self.coefficients::<F, N, W>(f, decl, Len::Many(columns.len()), scope)?;
+        self.coefficients::<F, N, W>(f, decl, prior, columns.len(), scope)?;
         self.push_effect(decl.name, on, EffectDesign::Columns(columns.to_vec()), columns.len());
         Ok(())
     }
@@ -338,13 +347,13 @@ impl<'a> Builder<'a> {
         &mut self,
         f: F,
         decl: Decl,
+        prior: &'static str,
         on: &[&'static str],
         form: Form,
         scope: &Scope,
     ) -> Result<(), ModelError> {
-        self.check_effect_units(decl, on)?;
         let n = self.n_coefficients(decl.name, &form)?;
-        self.coefficients::<F, N, W>(f, decl, Len::Many(n), scope)?;
+        self.coefficients::<F, N, W>(f, decl, prior, n, scope)?;
         self.label_last(&form);
         self.push_effect(decl.name, on, EffectDesign::Form(form), n);
         Ok(())
@@ -363,7 +372,9 @@ impl<'a> Builder<'a> {
     ) -> Result<(), ModelError> {
         let n = self.n_coefficients(decl.name, form)?;
         let (u, v) = (self.unknowns(n), self.values(n));
-        self.push_parameter(decl, n, Kind::Vector, vec![], Support::Real, v);
+        let prior = decl.text.rsplit_once('~').map_or("", |(_, prior)| prior.trim_start());
+        let named = Decl { text: prior, ..decl };
+        self.push_parameter(named, n, Kind::Vector, vec![], Support::Real, v);
         self.state("effect", decl, None);
         self.model.prior_entries.push(PriorEntry { u: u..u + n, v, len: n, mentions: vec![] });
         self.model.priors.push(Box::new(NormalOp { u, v, n, sd }));
@@ -373,25 +384,17 @@ impl<'a> Builder<'a> {
         Ok(())
     }
 
-    fn check_effect_units(&self, decl: Decl, on: &[&'static str]) -> Result<(), ModelError> {
-        for target in on {
-            if let Some(unit) = unit_of(&self.model, target) {
-                require(&format!("effect {} on {target}", decl.name), &unit, decl.unit)?;
-            }
-        }
-        Ok(())
-    }
-
     fn coefficients<F: PriorFn + 'static, const N: usize, const W: usize>(
         &mut self,
         f: F,
         decl: Decl,
-        len: Len,
+        prior: &'static str,
+        n: usize,
         scope: &Scope,
     ) -> Result<(), ModelError> {
-        self.param::<F, N, W>(f, decl, len, scope)?;
+        self.param::<F, N, W>(f, Decl { text: prior, ..decl }, Len::Many(n), scope)?;
         if let Some(statement) = self.model.statements.last_mut() {
-            statement.keyword = "effect";
+            *statement = Statement { keyword: "effect", decl, range: None };
         }
         Ok(())
     }
@@ -414,18 +417,6 @@ impl<'a> Builder<'a> {
         if let (Some(data), Some(parameter)) = (self.data, self.model.parameters.last_mut()) {
             parameter.labels = form.labels(data);
         }
-    }
-
-    /// `density name = expr;`
-    pub fn density<F: ScalarFn + 'static, const N: usize, const W: usize>(
-        &mut self,
-        _: F,
-        decl: Decl,
-        scope: &Scope,
-    ) {
-        self.state("density", decl, None);
-        let local = self.local(scope);
-        self.model.densities.push(Box::new(ScalarAt::<F, N, W> { local, f: PhantomData }));
     }
 
     /// Everything is declared.

@@ -1,13 +1,18 @@
-//! `observe` statements: reads the rows, and finds where in the value vector each row's scalars live.
+//! `observe` and `density` statements: reads the rows, and finds where in the value vector each row's
+//! scalars live.
+
+use std::marker::PhantomData;
 
 use super::{Builder, Source};
 use crate::dsl::data::Measurements;
+use crate::dsl::density::{Density, DensityAt, DensityFn};
 use crate::dsl::error::ModelError;
 use crate::dsl::linear::Linear;
 use crate::dsl::model::Observe;
 use crate::dsl::rows::{Columns, Place, RowFn, Rows};
 use crate::dsl::scope::Scope;
 use crate::dsl::units::Decl;
+use crate::dsl::uses::reads;
 use crate::likelihood::Observation;
 
 impl Builder<'_> {
@@ -41,6 +46,28 @@ impl Builder<'_> {
             rows,
             op: Box::new(Rows::<F, N, W> { columns, y, slot, place }),
         });
+        Ok(())
+    }
+
+    /// `density name = expr;`, or `density name(data) = expr;` with the table's columns under that name.
+    ///
+    /// # Errors
+    /// No row of it, a missing column, a cell that does not fit.
+    pub fn density<F: DensityFn + 'static, const N: usize, const W: usize>(
+        &mut self,
+        _: F,
+        decl: Decl,
+        scope: &Scope,
+        data: Option<&'static str>,
+    ) -> Result<(), ModelError> {
+        self.state("density", decl, None);
+        let local = self.local::<N, W>(scope);
+        let (rows, cells) = match (self.data, data) {
+            (Some(table), Some(data)) => read_columns::<F::Columns>(table, decl, data)?,
+            _ => (vec![], vec![]),
+        };
+        let op = DensityAt::<F, N, W> { local, cells, n_rows: rows.len(), f: PhantomData };
+        self.model.densities.push(Density::new(decl.name, data.is_some(), rows, op));
         Ok(())
     }
 
@@ -208,7 +235,36 @@ fn read_rows<Y: Observation>(
         }
     }
     if rows.is_empty() {
-        return Err(ModelError::NoRows { observe: observe.into(), file: data.file().into() });
+        return Err(no_rows(data, "observe", observe));
     }
     Ok((rows, y))
+}
+
+/// The rows of a `density` statement, and their cells of each column that `text` reads through the name
+/// `data`; nothing of the others.
+fn read_columns<C: Columns>(
+    table: &Measurements,
+    decl: Decl,
+    data: &str,
+) -> Result<(Vec<usize>, Vec<Vec<f64>>), ModelError> {
+    let who = format!("density {}", decl.name);
+    let rows = table.rows_of(decl.name);
+    if rows.is_empty() {
+        return Err(no_rows(table, "density", decl.name));
+    }
+    let mut cells = vec![];
+    for (column, names) in C::names() {
+        let mut of_column = vec![];
+        for &row in rows.iter().filter(|_| reads(decl.text, data, column)) {
+            for name in &names {
+                of_column.push(table.number(row, name, &who)?);
+            }
+        }
+        cells.push(of_column);
+    }
+    Ok((rows, cells))
+}
+
+fn no_rows(data: &Measurements, keyword: &'static str, name: &str) -> ModelError {
+    ModelError::NoRows { keyword, name: name.into(), file: data.file().into() }
 }

@@ -51,7 +51,8 @@ pub(super) struct Lesson {
     pub(super) hyper: Vec<Vec<f64>>,
 }
 
-/// What a chain is between two transitions of a stage.
+/// What a chain is between two transitions of a stage: all that changes there and is not made again
+/// from the outer unknowns.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub(super) struct RunState {
     outer: Vec<f64>,

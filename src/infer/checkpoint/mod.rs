@@ -9,6 +9,9 @@
 //! A state holds every number to the bit, so that the rest of the run is what it would have been.
 //! Knows nothing of what a state consists of.
 
+mod error;
+mod keeper;
+
 use std::collections::BTreeMap;
 use std::fs;
 use std::io::{self, Write};
@@ -23,75 +26,18 @@ use sha2::{Digest as _, Sha256};
 
 use crate::atomic::write_file_durably;
 
+pub use error::{CheckpointError, Identity, differences};
+pub(in crate::infer) use keeper::{Keeper, take_chains};
+
 /// First bytes of every state; the number changes with the layout of what follows.
 const MAGIC: &[u8; 8] = b"eplatCK1";
 const DIGEST: usize = 32;
 const CRC: usize = 4;
 const IDENTITY: &str = "identity.json";
 const COMMON: &str = "common";
-
-/// What is run: every setting and input that the draws depend on, by the name a user knows it by.
-pub type Identity = BTreeMap<String, String>;
-
-/// Why a run cannot be kept or gone on with.
-#[derive(Debug, thiserror::Error)]
-#[non_exhaustive]
-pub enum CheckpointError {
-    /// There is no interrupted run.
-    #[error(
-        "no interrupted run in {}\nhelp: leave out --resume to start one, or name its folder with --out",
-        folder.display()
-    )]
-    Nothing {
-        /// Where it was looked for.
-        folder: PathBuf,
-    },
-    /// The interrupted run is another one.
-    #[error(
-        "the interrupted run in {} is another one: {}\n\
-         help: repeat its command line with --resume, or delete the folder to give it up",
-        folder.display(),
-        differences.join("; ")
-    )]
-    Differs {
-        /// The checkpoint.
-        folder: PathBuf,
-        /// Name, value there, value here.
-        differences: Vec<String>,
-    },
-    /// A new run would destroy an interrupted one.
-    #[error(
-        "{} holds an interrupted run\n\
-         help: go on with it by --resume, write elsewhere with --out DIR, or delete the folder to give it up",
-        folder.display()
-    )]
-    Occupied {
-        /// The checkpoint.
-        folder: PathBuf,
-    },
-    /// A file is not whole, or is not of this run.
-    #[error(
-        "{}: {reason}\nhelp: the run cannot go on from here; delete the folder {} and start anew",
-        path.display(),
-        path.parent().unwrap_or(path).display()
-    )]
-    Damaged {
-        /// The file.
-        path: PathBuf,
-        /// What is wrong with it.
-        reason: String,
-    },
-    /// The operating system said no.
-    #[error("cannot {action} {}: {source}", path.display())]
-    Io {
-        /// `read`, `write` or `remove`.
-        action: &'static str,
-        /// What.
-        path: PathBuf,
-        /// The cause.
-        source: io::Error,
-    },
-}
+const CHAIN: &str = "chain-";
+/// How the names of temporary files begin (`tempfile`'s default).
+const TEMPORARY: &str = ".tmp";
 
 /// Where a run is kept while it samples.
 #[derive(Debug)]
@@ -120,7 +66,7 @@ impl Checkpoint {
         identity: &Identity,
         every: Duration,
     ) -> Result<Self, CheckpointError> {
-        if folder.join(IDENTITY).exists() && files(folder)?.len() > 1 {
+        if folder.join(IDENTITY).exists() && !states(folder)?.is_empty() {
             return Err(CheckpointError::Occupied { folder: folder.to_owned() });
         }
         remove(folder)?;
@@ -151,7 +97,7 @@ impl Checkpoint {
         }
         let mut new = Self::new(folder, identity, every);
         let mut kept = BTreeMap::new();
-        for name in files(folder)?.into_iter().filter(|name| name != IDENTITY) {
+        for name in states(folder)? {
             let (seconds, state) = new.read(&name)?;
             new.seconds_before = new.seconds_before.max(seconds);
             kept.insert(name, state);
@@ -238,7 +184,7 @@ impl Checkpoint {
     ///
     /// # Errors
     /// [`CheckpointError::Damaged`].
-    pub(super) fn take<T: DeserializeOwned>(
+    pub(in crate::infer) fn take<T: DeserializeOwned>(
         &self,
         name: &str,
     ) -> Result<Option<T>, CheckpointError> {
@@ -253,12 +199,14 @@ impl Checkpoint {
     ///
     /// # Errors
     /// [`CheckpointError::Damaged`].
-    pub(super) fn take_common<T: DeserializeOwned>(&self) -> Result<Option<T>, CheckpointError> {
+    pub(in crate::infer) fn take_common<T: DeserializeOwned>(
+        &self,
+    ) -> Result<Option<T>, CheckpointError> {
         self.take(COMMON)
     }
 
     /// What all chains share from here on; written with the first of them, if any is.
-    pub(super) fn share(&self, state: &impl Serialize) {
+    pub(in crate::infer) fn share(&self, state: &impl Serialize) {
         match postcard::to_stdvec(state) {
             Ok(bytes) => *lock(&self.common) = Some(bytes),
             Err(error) => self.fail(&error),
@@ -306,83 +254,40 @@ impl Checkpoint {
     }
 }
 
-/// Keeps one chain now and then: so seldom that keeping costs no more than a hundredth of its time.
-pub(super) struct Keeper<'a> {
-    checkpoint: Option<&'a Checkpoint>,
-    name: String,
-    due: Instant,
+/// Names of the states in a checkpoint, sorted.
+fn states(folder: &Path) -> Result<Vec<String>, CheckpointError> {
+    let is_state = |name: &String| name == COMMON || name.starts_with(CHAIN);
+    Ok(names(folder).map_err(io_error("read", folder))?.into_iter().filter(is_state).collect())
 }
 
-impl<'a> Keeper<'a> {
-    /// Time between two savings, in units of the time that one takes.
-    const COST: u32 = 100;
-
-    pub(super) fn new(checkpoint: Option<&'a Checkpoint>, chain: usize) -> Self {
-        let due = Instant::now() + checkpoint.map_or(Duration::ZERO, |c| c.every);
-        Self { checkpoint, name: name_of(chain), due }
-    }
-
-    /// Between two transitions: whether it is time to keep the chain, or the chain `stops` here.
-    pub(super) fn is_due(&self, stops: bool) -> bool {
-        self.checkpoint.is_some() && (stops || Instant::now() >= self.due)
-    }
-
-    /// Keeps the chain.
-    pub(super) fn keep(&mut self, state: &impl Serialize) {
-        let Some(checkpoint) = self.checkpoint else { return };
-        let begun = Instant::now();
-        checkpoint.keep(&self.name, state);
-        self.due = Instant::now() + checkpoint.every.max(Self::COST * begun.elapsed());
-    }
-}
-
-/// The states of all chains, as far as they were kept.
-///
-/// # Errors
-/// [`CheckpointError::Damaged`].
-pub(super) fn take_chains<T: DeserializeOwned>(
-    checkpoint: Option<&Checkpoint>,
-    chains: usize,
-) -> Result<Vec<Option<T>>, CheckpointError> {
-    let take = |chain| checkpoint.map_or(Ok(None), |c| c.take(&name_of(chain)));
-    (0..chains).map(take).collect()
-}
-
-fn name_of(chain: usize) -> String {
-    format!("chain-{chain}")
-}
-
-/// What differs between two runs, in words.
-pub fn differences(there: &Identity, here: &Identity) -> Vec<String> {
-    let names: std::collections::BTreeSet<&String> = there.keys().chain(here.keys()).collect();
-    let value = |identity: &Identity, name: &String| {
-        identity.get(name).map_or("none".to_owned(), |value| {
-            // of a hash the beginning tells
-            value.chars().take(16).collect::<String>()
-        })
-    };
-    let differ = names.into_iter().filter(|name| there.get(*name) != here.get(*name));
-    differ.map(|n| format!("{n} is {} there, {} here", value(there, n), value(here, n))).collect()
-}
-
-/// Names of the whole files in a checkpoint, sorted.
-fn files(folder: &Path) -> Result<Vec<String>, CheckpointError> {
-    let entries = fs::read_dir(folder).map_err(io_error("read", folder))?;
-    let names = entries.flatten().filter_map(|entry| entry.file_name().into_string().ok());
-    let mut names: Vec<String> = names.filter(|name| !name.starts_with('.')).collect();
+fn names(folder: &Path) -> io::Result<Vec<String>> {
+    let entries = fs::read_dir(folder)?.flatten();
+    let mut names: Vec<String> =
+        entries.filter_map(|entry| entry.file_name().into_string().ok()).collect();
     names.sort();
     Ok(names)
 }
 
-/// The identity first: what is left if this is interrupted counts as nothing.
+/// Removes what a checkpoint consists of, and what a killed process left half-written there; the
+/// identity first: what is left if this is interrupted counts as nothing. The folder goes if nobody
+/// else put anything there.
 fn remove(folder: &Path) -> Result<(), CheckpointError> {
-    let gone = |result: io::Result<()>| match result {
-        Err(error) if error.kind() == io::ErrorKind::NotFound => Ok(()),
-        other => other,
+    let is_ours = |name: &String| {
+        name == IDENTITY || name == COMMON || name.starts_with(CHAIN) || name.starts_with(TEMPORARY)
     };
-    gone(fs::remove_file(folder.join(IDENTITY)))
-        .and_then(|()| gone(fs::remove_dir_all(folder)))
-        .map_err(io_error("remove", folder))
+    let remove = || {
+        if !folder.exists() {
+            return Ok(());
+        }
+        let mut ours: Vec<String> = names(folder)?.into_iter().filter(is_ours).collect();
+        ours.sort_by_key(|name| name != IDENTITY);
+        ours.iter().try_for_each(|name| fs::remove_file(folder.join(name)))?;
+        match fs::remove_dir(folder) {
+            Err(error) if error.kind() == io::ErrorKind::DirectoryNotEmpty => Ok(()),
+            done => done,
+        }
+    };
+    remove().map_err(io_error("remove", folder))
 }
 
 fn io_error(

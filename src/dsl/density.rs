@@ -1,0 +1,154 @@
+//! `density` statements: the way out of the language, to any log density of parameters and columns.
+
+use std::marker::PhantomData;
+
+use num_dual::DualStruct;
+
+use super::error::ModelError;
+use super::rows::Columns;
+use super::scope::Local;
+use super::tape::{Op, Tape};
+use crate::num::{Dual, Real};
+
+/// A log density as a function of the names in its scope and of the table's columns.
+pub trait DensityFn: Send + Sync + std::fmt::Debug {
+    /// The numeric columns that the model reads.
+    type Columns: Columns;
+    /// The log density, or its terms.
+    fn terms<D: Real>(
+        s: &[D],
+        data: &<Self::Columns as Columns>::Data<'_>,
+    ) -> impl Terms<D> + use<Self, D>;
+}
+
+/// What a density gives: a number, or one for each of the table's last rows.
+#[diagnostic::on_unimplemented(
+    message = "a density gives a `D` (all in one) or a `Vec<D>` (a term per row), not `{Self}`",
+    label = "expected a function `fn f<D: Real>(…) -> D` or `-> Vec<D>`"
+)]
+pub trait Terms<D> {
+    /// Whether there is one for each row.
+    const PER_ROW: bool;
+    /// The terms.
+    fn terms(&self) -> &[D];
+}
+
+impl<D: Real> Terms<D> for D {
+    const PER_ROW: bool = false;
+    #[inline]
+    fn terms(&self) -> &[D] {
+        std::slice::from_ref(self)
+    }
+}
+
+impl<D: Real> Terms<D> for Vec<D> {
+    const PER_ROW: bool = true;
+    #[inline]
+    fn terms(&self) -> &[D] {
+        self
+    }
+}
+
+/// What a model can do with a density besides the gradient.
+pub(super) trait LogTerms: Op {
+    /// The terms, after a forward pass.
+    fn terms(&self, t: &Tape) -> Vec<f64>;
+    /// What it reads of its row number `i`.
+    fn observed(&self, i: usize) -> Vec<f64>;
+}
+
+/// A `density` statement on its data.
+#[derive(Debug)]
+pub struct Density {
+    /// The statement's name.
+    pub name: &'static str,
+    /// Whether it reads the table: a likelihood then, otherwise a part of the prior.
+    pub reads_data: bool,
+    /// Rows of the table, from 0, that have a term each; none if the density is one number.
+    pub rows: Vec<usize>,
+    /// Rows that were read before the first that has a term.
+    skipped: usize,
+    pub(super) op: Box<dyn LogTerms>,
+}
+
+impl Density {
+    /// On the `rows` that it reads. One term per row is asked of a density only once there are values
+    /// to evaluate it at: see [`Density::settle`].
+    pub(super) fn new<F: DensityFn + 'static, const N: usize, const W: usize>(
+        name: &'static str,
+        reads_data: bool,
+        rows: Vec<usize>,
+        op: DensityAt<F, N, W>,
+    ) -> Self {
+        let rows = if is_per_row(F::terms::<f64>) { rows } else { vec![] };
+        Self { name, reads_data, rows, skipped: 0, op: Box::new(op) }
+    }
+
+    /// Finds which of its rows have a term: the last ones.
+    ///
+    /// # Errors
+    /// [`ModelError::Terms`].
+    pub(super) fn settle(&mut self, t: &Tape) -> Result<(), ModelError> {
+        if self.rows.is_empty() {
+            return Ok(());
+        }
+        let (got, rows) = (self.op.terms(t).len(), self.rows.len());
+        if got == 0 || got > rows {
+            return Err(ModelError::Terms { density: self.name, got, rows });
+        }
+        self.skipped = rows - got;
+        self.rows.drain(..self.skipped);
+        Ok(())
+    }
+
+    /// Log density of each row that has one, after a forward pass.
+    pub(super) fn pointwise(&self, t: &Tape, out: &mut Vec<f64>) {
+        if !self.rows.is_empty() {
+            out.extend(self.op.terms(t));
+        }
+    }
+
+    /// What it reads of each row that has a term.
+    pub fn observed(&self) -> Vec<Vec<f64>> {
+        (0..self.rows.len()).map(|i| self.op.observed(self.skipped + i)).collect()
+    }
+}
+
+/// Asked of the type alone: without data there is nothing to evaluate.
+fn is_per_row<S, C, T: Terms<f64>>(_: impl Fn(S, C) -> T) -> bool {
+    T::PER_ROW
+}
+
+/// A density at the places of its scalars, with the columns it reads (column, row × its width).
+#[derive(Debug)]
+pub(super) struct DensityAt<F, const N: usize, const W: usize> {
+    pub(super) local: Local<N, W>,
+    pub(super) cells: Vec<Vec<f64>>,
+    pub(super) n_rows: usize,
+    pub(super) f: PhantomData<F>,
+}
+
+impl<F: DensityFn, const N: usize, const W: usize> Op for DensityAt<F, N, W> {
+    fn backward(&self, t: &mut Tape) {
+        let data = F::Columns::data(&self.cells);
+        let terms = F::terms::<Dual<W>>(&self.local.dual(&t.v), &data);
+        let x = terms.terms().iter().fold(Dual::from_re(0.0), |sum, x| sum + x);
+        t.lp += x.re();
+        self.local.scatter(&x, &mut t.g);
+    }
+}
+
+impl<F: DensityFn, const N: usize, const W: usize> LogTerms for DensityAt<F, N, W> {
+    fn terms(&self, t: &Tape) -> Vec<f64> {
+        let data = F::Columns::data(&self.cells);
+        F::terms::<f64>(&self.local.plain(&t.v), &data).terms().to_vec()
+    }
+
+    fn observed(&self, i: usize) -> Vec<f64> {
+        let of_row = |cells: &Vec<f64>| {
+            let width = cells.len() / self.n_rows;
+            cells[i * width..][..width].to_vec()
+        };
+        self.cells.iter().flat_map(of_row).collect()
+    }
+}

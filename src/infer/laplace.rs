@@ -1,0 +1,260 @@
+//! A normal approximation of a log density at its mode, and draws from it.
+//!
+//! ```text
+//! q = Normal(mode, P⁻¹),   P = −∇∇ ln p(mode) = L Lᵀ,   draw = mode + L⁻ᵀ z
+//! ```
+//! # Source
+//! Tierney & Kadane 1986, "Accurate approximations for posterior moments and marginal densities".
+
+use super::adapt::conditional_scales;
+use super::optimise::Optimum;
+use super::sample::{chain_stream, thread_pool};
+use super::{Chain, Evaluator, InferError, LogDensity, Settings};
+use nalgebra::linalg::{Cholesky, SymmetricEigen};
+use nalgebra::{DMatrix, DVector, Dyn};
+use rand::RngExt;
+use rand_chacha::ChaCha8Rng;
+use rand_distr::StandardNormal;
+use rayon::prelude::*;
+use std::f64::consts::TAU;
+use std::time::Instant;
+
+/// Differences span this share of a coordinate's conditional sd: their truncation error is then
+/// near 1e-6 of the curvature, and rounding far below it.
+const STEP: f64 = 1e-3;
+
+/// The normal approximation at a mode, in unconstrained coordinates.
+#[derive(Debug)]
+pub struct Laplace {
+    mode: DVector<f64>,
+    /// Of the precision P.
+    factor: Cholesky<f64, Dyn>,
+}
+
+/// Independent draws from a [`Laplace`] approximation.
+#[derive(Clone, Debug)]
+pub struct LaplaceDraws {
+    /// The draws, with the log density of the model, as if a sampler had made them.
+    pub chain: Chain,
+    /// `ln p − ln q` of each draw: the log of its importance ratio; −∞ out of support.
+    pub log_ratios: Vec<f64>,
+}
+
+impl Laplace {
+    /// Fits the curvature of `density` at `optimum` by central differences of its gradient.
+    ///
+    /// # Errors
+    /// [`InferError::NoMode`] if the climb did not converge; [`InferError::NotConcave`] if the density
+    /// does not fall off in every direction.
+    pub fn at(density: &dyn LogDensity, optimum: &Optimum) -> Result<Self, InferError> {
+        if !optimum.converged {
+            let (iterations, gradient_norm) = (optimum.iterations, optimum.gradient_norm);
+            return Err(InferError::NoMode { iterations, gradient_norm });
+        }
+        let precision = precision(&mut *density.evaluator(), &optimum.position);
+        let Some(factor) = Cholesky::new(precision.clone()) else {
+            return Err(not_concave(&precision));
+        };
+        Ok(Self { mode: DVector::from_column_slice(&optimum.position), factor })
+    }
+
+    /// As many chains and draws as the settings say, from the chains' own random streams.
+    ///
+    /// # Errors
+    /// [`InferError::Threads`].
+    pub fn draws(
+        &self,
+        density: &dyn LogDensity,
+        settings: &Settings,
+    ) -> Result<Vec<LaplaceDraws>, InferError> {
+        let draw = |chain| {
+            let mut rng = chain_stream(settings.seed, chain);
+            self.chain(&mut *density.evaluator(), settings.draws, &mut rng)
+        };
+        let chains = 0..settings.chains;
+        Ok(thread_pool(settings)?.install(|| chains.into_par_iter().map(draw).collect()))
+    }
+
+    fn chain(&self, evaluator: &mut dyn Evaluator, n: usize, rng: &mut ChaCha8Rng) -> LaplaceDraws {
+        let begun = Instant::now();
+        let dim = self.mode.len();
+        let ln_norm = self.factor.ln_determinant() / 2.0 - dim as f64 * TAU.ln() / 2.0;
+        let mut gradient = vec![0.0; dim];
+        let mut chain = Chain::of_independent_draws(n);
+        let mut log_ratios = Vec::with_capacity(n);
+        for _ in 0..n {
+            let z = DVector::from_fn(dim, |_, _| rng.sample::<f64, _>(StandardNormal));
+            let ln_normal = ln_norm - z.norm_squared() / 2.0;
+            let mut position = z;
+            // L has a positive diagonal, so the triangular system always has a solution.
+            let _ = self.factor.l_dirty().tr_solve_lower_triangular_mut(&mut position);
+            position += &self.mode;
+            let ln_density = evaluator.ln_density(position.as_slice(), &mut gradient);
+            chain.draws.extend_from_slice(position.as_slice());
+            chain.ln_density.push(ln_density);
+            chain.energy.push(-ln_density);
+            log_ratios.push(ln_density - ln_normal);
+        }
+        chain.seconds_sampling = begun.elapsed().as_secs_f64();
+        LaplaceDraws { chain, log_ratios }
+    }
+}
+
+impl LaplaceDraws {
+    /// As many draws from what the `weights` (all draws of `drawn`, summing to 1) make of them, by systematic
+    /// resampling: a draw of weight w occurs S w times, rounded up or down.
+    ///
+    /// A draw follows its copies, so that effective sample sizes count it once. The draws are in random order, so
+    /// that a fixed offset serves as well as a random one.
+    pub fn resample(drawn: &[Self], weights: &[f64]) -> Vec<Chain> {
+        let places = drawn.iter().flat_map(|d| (0..d.chain.n_draws()).map(move |i| (&d.chain, i)));
+        let places: Vec<(&Chain, usize)> = places.collect();
+        let (n, mut sum, mut picks) = (places.len(), 0.0, vec![]);
+        for (weight, place) in weights.iter().zip(&places) {
+            sum += weight * n as f64;
+            let copies = (sum.round() as usize).min(n).saturating_sub(picks.len());
+            picks.extend(std::iter::repeat_n(*place, copies));
+        }
+        let fill = |of: &Self| {
+            let n = of.chain.n_draws();
+            let mut chain = Chain {
+                seconds_sampling: of.chain.seconds_sampling,
+                ..Chain::of_independent_draws(n)
+            };
+            for (from, i) in picks.drain(..n) {
+                chain.draws.extend_from_slice(from.draw(i));
+                chain.ln_density.push(from.ln_density[i]);
+                chain.energy.push(from.energy[i]);
+            }
+            chain
+        };
+        drawn.iter().map(fill).collect()
+    }
+}
+
+/// P, made symmetric.
+fn precision(evaluator: &mut dyn Evaluator, mode: &[f64]) -> DMatrix<f64> {
+    let dim = mode.len();
+    let scales = conditional_scales(evaluator, mode, 1.0);
+    let mut moved = mode.to_vec();
+    let mut columns = DMatrix::zeros(dim, dim);
+    for (j, scale) in scales.iter().enumerate() {
+        let step = STEP * scale;
+        for side in [-1.0, 1.0] {
+            let mut gradient = vec![0.0; dim];
+            moved[j] = mode[j] + side * step;
+            let ln_density = evaluator.ln_density(&moved, &mut gradient);
+            let weight = if ln_density.is_finite() { -side / (2.0 * step) } else { f64::NAN };
+            columns.column_mut(j).axpy(weight, &DVector::from_vec(gradient), 1.0);
+        }
+        moved[j] = mode[j];
+    }
+    (&columns + columns.transpose()) / 2.0
+}
+
+/// Names the unknown that moves most along the direction in which the density falls off least.
+fn not_concave(precision: &DMatrix<f64>) -> InferError {
+    if let Some(at) = precision.iter().position(|p| !p.is_finite()) {
+        return InferError::NotConcave { unknown: at / precision.nrows(), curvature: f64::NAN };
+    }
+    let eigen = SymmetricEigen::new(precision.clone());
+    let least = eigen.eigenvalues.imin();
+    let unknown = eigen.eigenvectors.column(least).iamax();
+    InferError::NotConcave { unknown, curvature: -eigen.eigenvalues[least] }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::optimise::{OptimumSettings, maximise};
+    use super::super::test_densities::{FnDensity, funnel};
+    use super::*;
+
+    /// A correlated normal with precision A, up to the constant `ln_scale`.
+    fn correlated(ln_scale: f64) -> (DMatrix<f64>, DVector<f64>, impl LogDensity) {
+        let a = DMatrix::from_row_slice(3, 3, &[400.0, 6.0, 0.0, 6.0, 1.0, 0.02, 0.0, 0.02, 1e-2]);
+        let centre = DVector::from_column_slice(&[0.1, -3.0, 200.0]);
+        let (by, about) = (a.clone(), centre.clone());
+        let f = move |q: &[f64], g: &mut [f64]| {
+            let away = DVector::from_column_slice(q) - &about;
+            let slope = &by * &away;
+            g.copy_from_slice((-&slope).as_slice());
+            ln_scale - 0.5 * away.dot(&slope)
+        };
+        (a, centre, FnDensity { dim: 3, f })
+    }
+
+    fn fitted(density: &dyn LogDensity, start: &[f64]) -> Result<Laplace, InferError> {
+        Laplace::at(density, &maximise(density, start, &OptimumSettings::default()).unwrap())
+    }
+
+    #[test]
+    fn a_normal_is_its_own_approximation() {
+        let (a, centre, density) = correlated(-7.0);
+        let laplace = fitted(&density, &[0.0; 3]).unwrap();
+        let l = laplace.factor.l();
+        assert!((&l * l.transpose() - &a).abs().max() < 1e-5, "{l}");
+        let settings = Settings { chains: 2, draws: 2000, ..Settings::default() };
+        let drawn = laplace.draws(&density, &settings).unwrap();
+        // The ratio is the normaliser of the density, at every draw: e^−7 √((2π)³ / |A|).
+        let exact = -7.0 + 1.5 * TAU.ln() - 0.5 * a.determinant().ln();
+        let ratios = || drawn.iter().flat_map(|d| &d.log_ratios);
+        assert!(ratios().all(|r| (r - exact).abs() < 1e-3), "{exact} {:?}", ratios().next());
+        // Moments of the 4000 independent draws within 4.5 standard errors.
+        let covariance = a.try_inverse().unwrap();
+        for i in 0..3 {
+            let of = |d: &LaplaceDraws| -> Vec<f64> {
+                (0..d.chain.n_draws()).map(|k| d.chain.draw(k)[i] - centre[i]).collect()
+            };
+            let x: Vec<f64> = drawn.iter().flat_map(of).collect();
+            let (n, variance) = (x.len() as f64, covariance[(i, i)]);
+            let mean = x.iter().sum::<f64>() / n;
+            let squares = x.iter().map(|x| x * x).sum::<f64>() / n;
+            assert!(mean.abs() < 4.5 * (variance / n).sqrt(), "{i}: {mean}");
+            assert!((squares / variance - 1.0).abs() < 4.5 * (2.0 / n).sqrt(), "{i}: {squares}");
+        }
+    }
+
+    #[test]
+    fn draws_are_resampled_by_weight_and_followed_by_their_copies() {
+        let (_, _, density) = correlated(0.0);
+        let settings = Settings { chains: 2, draws: 4, ..Settings::default() };
+        let drawn = fitted(&density, &[0.0; 3]).unwrap().draws(&density, &settings).unwrap();
+        let all: Vec<f64> = drawn.iter().flat_map(|d| d.chain.ln_density.clone()).collect();
+        let weights = [0.0, 0.25, 0.05, 0.45, 0.0, 0.125, 0.0, 0.125];
+        let resampled = LaplaceDraws::resample(&drawn, &weights);
+        let found: Vec<f64> = resampled.iter().flat_map(|c| c.ln_density.clone()).collect();
+        assert_eq!(found, [1, 1, 3, 3, 3, 3, 5, 7].map(|i: usize| all[i]));
+        assert_eq!(resampled[1].draw(0), drawn[0].chain.draw(3));
+        let same = LaplaceDraws::resample(&drawn, &[0.125; 8]);
+        assert_eq!(same[1].draws, drawn[1].chain.draws);
+    }
+
+    #[test]
+    fn draws_do_not_depend_on_the_number_of_threads() {
+        let (_, _, density) = correlated(0.0);
+        let laplace = fitted(&density, &[0.0; 3]).unwrap();
+        let [one, two] = [1, 2].map(|threads| {
+            let settings = Settings { threads, draws: 50, ..Settings::default() };
+            format!("{:?}", laplace.draws(&density, &settings).unwrap()[3].chain.draws)
+        });
+        assert_eq!(one, two);
+    }
+
+    #[test]
+    fn without_a_mode_or_downward_curvature_there_is_no_approximation() {
+        let error = fitted(&funnel(20), &[0.5; 20]).unwrap_err();
+        assert!(matches!(error, InferError::NoMode { .. }), "{error}");
+        // A saddle: its origin has no slope, but is a minimum along q₁.
+        let saddle = FnDensity {
+            dim: 2,
+            f: |q: &[f64], g: &mut [f64]| {
+                (g[0], g[1]) = (-q[0], q[1]);
+                0.5 * (q[1] * q[1] - q[0] * q[0])
+            },
+        };
+        insta::assert_snapshot!(fitted(&saddle, &[0.0; 2]).unwrap_err(), @r"
+        no normal approximation at the mode: the log density does not fall off along unknown 1 (curvature 1.00e0, expected below 0)
+        help: sample instead, or use a tighter prior on it
+        ");
+    }
+}

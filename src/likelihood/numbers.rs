@@ -1,0 +1,64 @@
+//! Priors as likelihoods of a number: noise with heavy tails, numbers that are positive.
+
+use rand::Rng;
+
+use super::Likelihood;
+use crate::dist::{Cauchy, Dist, Exponential, Gamma, Laplace, LogNormal, RealLine, StudentT};
+use crate::num::Real;
+
+macro_rules! real {
+    ($($T:ident),*) => {$(
+        impl<D: Real> Likelihood<D, f64> for $T<D> {
+            #[inline]
+            fn ln_likelihood(&self, y: &f64) -> D {
+                self.ln_density(D::from(*y))
+            }
+            fn simulate(&self, _: &f64, rng: &mut dyn Rng) -> f64 {
+                self.sample(rng).unwrap_or(f64::NAN)
+            }
+        }
+    )*};
+}
+
+macro_rules! positive {
+    ($($T:ident),*) => {$(
+        impl<D: Real> Likelihood<D, f64> for $T<D> {
+            #[inline]
+            fn ln_likelihood(&self, y: &f64) -> D {
+                // the prior's kernel is that of u = ln y, Jacobian y included
+                self.ln_kernel(D::from(y.ln()), D::from(*y)) + self.ln_norm() - y.ln()
+            }
+            fn simulate(&self, _: &f64, rng: &mut dyn Rng) -> f64 {
+                self.sample(rng).unwrap_or(f64::NAN)
+            }
+            fn objection(&self, y: &f64) -> Option<&'static str> {
+                (*y <= 0.0).then_some(concat!(stringify!($T), " takes positive numbers"))
+            }
+        }
+    )*};
+}
+
+real! { StudentT, Cauchy, Laplace }
+positive! { LogNormal, Gamma, Exponential }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn densities_integrate_to_one_over_what_is_measured() {
+        fn mass(likelihood: &impl Likelihood<f64, f64>, lower: f64, upper: f64) -> f64 {
+            let h = (upper - lower) / 400_000.0;
+            let at = |i: i32| lower + (f64::from(i) + 0.5) * h;
+            (0..400_000).map(|i| likelihood.ln_likelihood(&at(i)).exp() * h).sum()
+        }
+        assert!((mass(&StudentT(4.0, 1.0, 2.0), -1e3, 1e3) - 1.0).abs() < 1e-6);
+        assert!((mass(&Laplace(1.0, 2.0), -60.0, 60.0) - 1.0).abs() < 1e-6);
+        assert!((mass(&LogNormal(0.3, 0.5), 0.0, 60.0) - 1.0).abs() < 1e-6);
+        assert!((mass(&Gamma(2.0, 0.7), 0.0, 60.0) - 1.0).abs() < 1e-6);
+        assert!((mass(&Exponential(0.7), 0.0, 60.0) - 1.0).abs() < 1e-6);
+        // Cauchy: P(|x − mu| < scale) = ½
+        assert!((mass(&Cauchy(1.0, 2.0), -1.0, 3.0) - 0.5).abs() < 1e-9);
+        assert!(Likelihood::<f64, f64>::objection(&LogNormal::<f64>(0.0, 1.0), &0.0).is_some());
+    }
+}

@@ -1,0 +1,17 @@
+use eplat::prelude::*;
+
+fn refractory(tau: f64) -> f64 {
+    tau * 7.0 + 100.0
+}
+
+model! {
+    model Mistaken;
+
+    field f(x) [ms] in 1.0..30.0 = m + alpha * gp(Rbf(rho), K = 24) where {
+        m     [ms] ~ Flat;
+        alpha [ms] ~ InvGamma(1.0, 5.0);
+        rho   [mm] ~ InvGamma(1.01, 64.0);
+    }
+    let erp(x) [ms] = refractory(f(x));
+    observe s1s2(x): Bracket [ms] ~ TopHat(erp(x));
+}

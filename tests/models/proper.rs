@@ -1,0 +1,78 @@
+//! Models whose priors are proper and usable: draws from them look like measurements could.
+use eplat::prelude::*;
+
+/// The ERP model; its prior sets fields of about ±3 and ±15 ms around means of about 12 and 195 ms.
+pub(crate) mod erp {
+    use super::*;
+    model! {
+        model ErpProper;
+        field tau_out(x) [ms] = m + alpha * gp(authors(Rbf(rho)), K = 24) where {
+            m     [ms] ~ Normal(12.0, 2.0);
+            alpha [ms] ~ LogNormal(0.3, 0.4);
+            rho   [mm] ~ InvGamma(5.0, 150.0);
+        }
+        field apd_max(x) [ms] = m + alpha * gp(authors(Rbf(rho)), K = 24) where {
+            m     [ms] ~ Normal(195.0, 10.0);
+            alpha [ms] ~ LogNormal(1.9, 0.4);
+            rho   [mm] ~ InvGamma(5.0, 150.0);
+        }
+        let erp_s2(x) [ms] = surrogate::erp_s2(tau_out(x), apd_max(x));
+        let erp_s3(x) [ms] = surrogate::erp_s3(tau_out(x), apd_max(x));
+        observe s1s2(x): Bracket [ms] ~ TopHat(erp_s2(x));
+        observe s1s2s3(x): Bracket [ms] ~ TopHat(erp_s3(x));
+    }
+}
+
+/// The broken twin: amplitudes and lengthscales a fifth larger.
+pub(crate) mod erp_larger {
+    use super::*;
+    model! {
+        model ErpLarger;
+        field tau_out(x) [ms] = m + alpha * gp(authors(Rbf(rho)), K = 24) where {
+            m     [ms] ~ Normal(12.0, 2.0);
+            alpha [ms] ~ LogNormal(0.48, 0.4);
+            rho   [mm] ~ InvGamma(5.0, 180.0);
+        }
+        field apd_max(x) [ms] = m + alpha * gp(authors(Rbf(rho)), K = 24) where {
+            m     [ms] ~ Normal(195.0, 10.0);
+            alpha [ms] ~ LogNormal(2.08, 0.4);
+            rho   [mm] ~ InvGamma(5.0, 180.0);
+        }
+        let erp_s2(x) [ms] = surrogate::erp_s2(tau_out(x), apd_max(x));
+        let erp_s3(x) [ms] = surrogate::erp_s3(tau_out(x), apd_max(x));
+        observe s1s2(x): Bracket [ms] ~ TopHat(erp_s2(x));
+        observe s1s2s3(x): Bracket [ms] ~ TopHat(erp_s3(x));
+    }
+}
+
+/// A field seen through noise; small, so that hundreds of fits take seconds.
+pub(crate) mod field {
+    use super::*;
+    model! {
+        model FieldProper;
+        param noise [ms] ~ LogNormal(0.0, 0.4);
+        field f(x) [ms] = m + alpha * gp(Matern52(rho), K = 8) where {
+            m     [ms] ~ Normal(10.0, 3.0);
+            alpha [ms] ~ LogNormal(1.0, 0.4);
+            rho   [mm] ~ InvGamma(5.0, 150.0);
+        }
+        let square(x) = f(x).powi(2);
+        observe y(x): Number [ms] ~ Normal(f(x), noise);
+    }
+}
+
+/// The broken twin: noise a fifth larger.
+pub(crate) mod field_noisier {
+    use super::*;
+    model! {
+        model FieldNoisier;
+        param noise [ms] ~ LogNormal(0.0, 0.4);
+        field f(x) [ms] = m + alpha * gp(Matern52(rho), K = 8) where {
+            m     [ms] ~ Normal(10.0, 3.0);
+            alpha [ms] ~ LogNormal(1.0, 0.4);
+            rho   [mm] ~ InvGamma(5.0, 150.0);
+        }
+        let square(x) = f(x).powi(2);
+        observe y(x): Number [ms] ~ Normal(f(x), noise * 1.2);
+    }
+}

@@ -1,0 +1,258 @@
+//! Simulation-based calibration: parameters drawn from the prior, measurements simulated from them, and fitted. The
+//! ranks of what was drawn among the fit's thinned draws are uniform if the sampler, its warm-up and every map between
+//! unknowns and measurements are right.
+//!
+//! The ERP model with proper priors, 200 fits (`SAMPLER=nuts` for the other sampler, `FITS=…` for more):
+//!
+//! ```text
+//! cargo test --release --test sbc -- --ignored --nocapture
+//! ```
+#![allow(clippy::unwrap_used, clippy::print_stdout, reason = "a test")]
+
+#[path = "support/posterior.rs"]
+mod posterior;
+#[path = "models/proper.rs"]
+mod proper;
+#[path = "support/ranks.rs"]
+mod ranks;
+mod support;
+
+use eplat::dsl::{Declare, Kind, Maps, Measurements, Model, Sampler};
+use eplat::infer::{Settings, Silent, jittered_starts};
+use eplat::manifold::{Basis, eigenpairs_cached, maximin};
+use eplat::mesh::left_atrium;
+use eplat::study::TRUTH_MODES;
+use posterior::all;
+use rand::RngExt;
+use rand_chacha::ChaCha8Rng;
+use ranks::Uniformity;
+use rayon::prelude::*;
+use support::{rng, table};
+
+/// Draws that a truth is ranked among; every tenth of a chain.
+const RANKED: usize = 99;
+const THIN: usize = 10;
+/// Places where fields are compared but not measured.
+const UNSEEN: usize = 3;
+/// Chance of a false alarm over all quantities and both tests.
+const ALPHA: f64 = 0.01;
+
+/// An experiment that is made again and again.
+struct Design<'a> {
+    /// What parameters and measurements are drawn from.
+    truth: &'a dyn Declare,
+    /// What is fitted to them.
+    fitted: &'a dyn Declare,
+    /// At the sites, then at places where nothing is measured.
+    basis: Basis,
+    /// A table of the right shape.
+    blank: Measurements,
+    /// Measurements of a truth at a position of its unknowns.
+    measure: fn(&Design<'_>, &Model, &[f64], &mut ChaCha8Rng) -> Measurements,
+    sampler: Option<Sampler>,
+}
+
+/// Fields and `let`s at every vertex of the basis, by name, at a position of the unknowns.
+fn maps(model: &Model, basis: &Basis, position: &[f64]) -> Vec<(&'static str, Vec<f64>)> {
+    let (maps, _) = Maps::new(model, basis).summarise(&[position]);
+    maps.into_iter().map(|map| (map.name, map.mean)).collect()
+}
+
+/// Everything that is ranked, with its name: parameters, fields and `let`s where nothing was measured, and
+/// the log likelihood.
+fn quantities(model: &Model, design: &Design<'_>, position: &[f64]) -> Vec<(String, f64)> {
+    let mut tape = model.tape();
+    model.forward(&mut tape, position);
+    let (mut values, mut out) = (vec![], vec![]);
+    model.report(&tape, &mut rng(0), &mut values);
+    let mut values = values.into_iter();
+    for p in &model.parameters {
+        let own = values.by_ref().take(p.len).enumerate();
+        let own: Vec<_> = own.map(|(i, x)| (p.element(i), x)).collect();
+        out.extend(own.into_iter().filter(|_| p.kind != Kind::Eta));
+    }
+    for (name, map) in maps(model, &design.basis, position) {
+        let unseen = map.iter().enumerate().skip(design.basis.n_vertices() - UNSEEN);
+        out.extend(unseen.map(|(v, x)| (format!("{name} at {v}"), *x)));
+    }
+    let mut pointwise = vec![];
+    model.pointwise(&tape, &mut pointwise);
+    out.push(("log likelihood".to_owned(), pointwise.iter().sum()));
+    out
+}
+
+impl Design<'_> {
+    /// Ranks of every quantity `(quantity, fit)` with its name.
+    fn ranks(&self, n_fits: usize) -> Vec<(String, Vec<usize>)> {
+        let truth = Model::new(self.truth, Some(&self.basis), &self.blank).unwrap();
+        let settings = Settings { chains: 1, draws: n_fits, ..Settings::default() };
+        let drawn = truth.prior_draws(&settings).unwrap().remove(0);
+        let fits: Vec<Vec<(String, usize)>> = (0..n_fits)
+            .into_par_iter()
+            .map(|fit| self.fit(&truth, drawn.draw(fit), fit as u64))
+            .collect();
+        let names = fits[0].iter().map(|(name, _)| name.clone()).enumerate();
+        names.map(|(i, name)| (name, fits.iter().map(|fit| fit[i].1).collect())).collect()
+    }
+
+    fn fit(&self, truth: &Model, position: &[f64], seed: u64) -> Vec<(String, usize)> {
+        let data = (self.measure)(self, truth, position, &mut rng(1000 + seed));
+        let model = Model::new(self.fitted, Some(&self.basis), &data).unwrap();
+        let settings = Settings {
+            chains: 1,
+            warmup: 500,
+            draws: RANKED * THIN,
+            seed: 1_000_000 + seed,
+            threads: 1,
+            ..Settings::default()
+        };
+        let starts = jittered_starts(&model, &model.initial(), 1, settings.seed).unwrap();
+        let sampler = self.sampler.unwrap_or(Sampler::of(&model));
+        let chain = all(sampler.sample(&model, &starts, &settings, &Silent).unwrap()).remove(0);
+        let exact = quantities(&model, self, position);
+        let mut ranks: Vec<(String, usize)> =
+            exact.iter().map(|(name, _)| (name.clone(), 0)).collect();
+        for i in (THIN - 1..chain.n_draws()).step_by(THIN) {
+            let drawn = quantities(&model, self, chain.draw(i));
+            for ((rank, drawn), exact) in ranks.iter_mut().zip(&drawn).zip(&exact) {
+                rank.1 += usize::from(drawn.1 < exact.1);
+            }
+        }
+        ranks
+    }
+}
+
+/// The least p value of both tests over all quantities times their number, and whose it is.
+fn least_p(ranks: &[(String, Vec<usize>)], n_fits: usize) -> (f64, String) {
+    let tests = Uniformity::new(n_fits, RANKED);
+    let p_values = ranks.iter().flat_map(|(name, ranks)| {
+        let p_values = tests.p_values(&ranks[..n_fits]);
+        ["chi-square", "band"]
+            .into_iter()
+            .zip(p_values)
+            .map(move |(test, p)| (p, format!("{name}, {test}")))
+    });
+    let (p, name) = p_values.min_by(|a, b| a.0.total_cmp(&b.0)).unwrap();
+    (p * 2.0 * ranks.len() as f64, name)
+}
+
+/// The first modes at `n_sites` sites of the embedded atrium and at places between them.
+fn atrium(n_sites: usize, n_modes: usize) -> Basis {
+    let atrium = left_atrium(1.5);
+    let all = eigenpairs_cached(&atrium.mesh, TRUTH_MODES).unwrap();
+    let sites = maximin(&atrium.mesh, n_sites, 6.0, 1).unwrap();
+    let unseen: [usize; UNSEEN] = [500, 2000, 4000];
+    let places = sites.iter().map(|v| *v as usize).chain(unseen);
+    Basis {
+        eigenvalues: all.eigenvalues[..n_modes].to_vec(),
+        eigenfunctions: places.flat_map(|v| all.at(v)[..n_modes].to_vec()).collect(),
+    }
+}
+
+fn placed(header: &str, rows: &[String], basis: &Basis) -> Measurements {
+    let mut data = table(header, rows);
+    data.place_at_indices(basis.n_vertices()).unwrap();
+    data
+}
+
+/// A 10 ms bracket of `erp`, as the likelihood has it: the value is taken for the centre c of a sub-interval of
+/// s = 1 ms with a probability proportional to `exp(−(erp − c)²/2s²)`.
+fn bracket(erp: f64, rng: &mut ChaCha8Rng) -> [f64; 2] {
+    let centres = (-9..=9).map(|i| erp.floor() + f64::from(i) + 0.5);
+    let weights: Vec<(f64, f64)> = centres.map(|c| (c, (-0.5 * (erp - c).powi(2)).exp())).collect();
+    let mut left = rng.random::<f64>() * weights.iter().map(|w| w.1).sum::<f64>();
+    let chosen = weights.iter().find(|(_, weight)| {
+        left -= weight;
+        left < 0.0
+    });
+    let lower = (chosen.unwrap_or(&weights[9]).0 / 10.0).floor() * 10.0;
+    [lower, lower + 10.0]
+}
+
+const BRACKETS: &str = "vertex,protocol,lower,upper";
+
+/// Brackets of both ERPs at the sites.
+fn brackets(
+    design: &Design<'_>,
+    truth: &Model,
+    position: &[f64],
+    rng: &mut ChaCha8Rng,
+) -> Measurements {
+    let at = maps(truth, &design.basis, position);
+    let mut rows = vec![];
+    for (protocol, name) in [("s1s2", "erp_s2"), ("s1s2s3", "erp_s3")] {
+        let (_, erp) = at.iter().find(|(n, _)| *n == name).unwrap();
+        for (v, erp) in erp[..erp.len() - UNSEEN].iter().enumerate() {
+            let [lower, upper] = bracket(*erp, rng);
+            rows.push(format!("{v},{protocol},{lower},{upper}"));
+        }
+    }
+    placed(BRACKETS, &rows, &design.basis)
+}
+
+/// What the model itself simulates at the sites.
+fn numbers(
+    design: &Design<'_>,
+    truth: &Model,
+    position: &[f64],
+    rng: &mut ChaCha8Rng,
+) -> Measurements {
+    let mut tape = truth.tape();
+    truth.forward(&mut tape, position);
+    let simulated = truth.observes[0].simulate(&tape, rng);
+    let rows: Vec<String> =
+        simulated.iter().enumerate().map(|(v, y)| format!("{v},{}", y[0])).collect();
+    placed("vertex,y", &rows, &design.basis)
+}
+
+/// Ranks of the ERP model's fits to what `truth` says.
+fn erp_ranks(truth: &dyn Declare, n_fits: usize) -> Vec<(String, Vec<usize>)> {
+    let basis = atrium(10, 24);
+    let row = |v: usize| ["s1s2", "s1s2s3"].map(|protocol| format!("{v},{protocol},200,210"));
+    let blank = placed(BRACKETS, &(0..10).flat_map(row).collect::<Vec<_>>(), &basis);
+    let sampler = std::env::var("SAMPLER").is_ok_and(|s| s == "nuts").then_some(Sampler::Nuts);
+    let fitted = &proper::erp::ErpProper;
+    Design { truth, fitted, basis, blank, measure: brackets, sampler }.ranks(n_fits)
+}
+
+/// The same of a small field model.
+fn field_ranks(truth: &dyn Declare, sampler: Sampler, n_fits: usize) -> Vec<(String, Vec<usize>)> {
+    let basis = atrium(6, 8);
+    let blank = placed("vertex,y", &(0..6).map(|v| format!("{v},0")).collect::<Vec<_>>(), &basis);
+    let fitted = &proper::field::FieldProper;
+    Design { truth, fitted, basis, blank, measure: numbers, sampler: Some(sampler) }.ranks(n_fits)
+}
+
+#[test]
+#[ignore = "200 fits of the ERP model and of a broken twin, 2 minutes (6 with SAMPLER=nuts)"]
+fn the_erp_model_is_calibrated() {
+    let n_fits = std::env::var("FITS").ok().and_then(|s| s.parse().ok()).unwrap_or(200);
+    let right = erp_ranks(&proper::erp::ErpProper, n_fits);
+    let tests = Uniformity::new(n_fits, RANKED);
+    for (name, ranks) in &right {
+        let [chi_square, band] = tests.p_values(ranks);
+        println!("{name:<16} chi-square p {chi_square:.3}, band p {band:.3}");
+    }
+    let (p, name) = least_p(&right, n_fits);
+    println!("least p times the number of tests: {p:.3} ({name})");
+    let twin = erp_ranks(&proper::erp_larger::ErpLarger, n_fits);
+    for n in (40..=n_fits).step_by(40) {
+        let (p, name) = least_p(&twin, n);
+        println!("amplitudes and lengthscales a fifth larger, {n:>4} fits: p {p:.4} ({name})");
+    }
+    assert!(p > ALPHA, "{name}: p = {p} after Bonferroni");
+    assert!(least_p(&twin, n_fits).0 < ALPHA, "the broken twin goes unseen");
+}
+
+#[test]
+fn a_field_model_is_calibrated_with_either_sampler() {
+    const FITS: usize = 200;
+    for sampler in [Sampler::Blocked, Sampler::Nuts] {
+        let ranks = field_ranks(&proper::field::FieldProper, sampler, FITS);
+        let (p, name) = least_p(&ranks, FITS);
+        assert!(p > ALPHA, "{sampler:?}, {name}: p = {p} after Bonferroni");
+    }
+    let twin = field_ranks(&proper::field_noisier::FieldNoisier, Sampler::Blocked, FITS);
+    let (p, name) = least_p(&twin, FITS);
+    assert!(p < ALPHA, "noise a fifth larger goes unseen: {name}, p = {p}");
+}
