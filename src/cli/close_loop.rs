@@ -89,14 +89,18 @@ impl Command {
         };
         let mut story = Story { outcome: &outcome, effects: &effects, heldout: None };
         if let Some(heldout) = &heldout {
-            story.heldout = Some(self.predict(model, &augmented, &inputs, heldout, &before, after.as_ref())?);
+            story.heldout =
+                Some(self.predict(model, &augmented, &inputs, heldout, &before, after.as_ref())?);
         }
         let finding = story.finding(&inputs.measurements, after.as_ref());
         let mut files = vec![];
         if !plain.is_empty() {
             let name = file_name(&self.model, &plain);
             let text = rewrite(&file.source, &effects).ok_or_else(|| {
-                Failure::new(format_args!("{}: no `model! {{ … }}` to add to", self.model.display()))
+                Failure::new(format_args!(
+                    "{}: no `model! {{ … }}` to add to",
+                    self.model.display()
+                ))
             })?;
             save(&out, &name, &text)?;
             files.push(name);
@@ -112,7 +116,13 @@ impl Command {
             writeln!(stdout, "{finding:#}")?;
         } else {
             let text = story.text(&finding);
-            writeln!(stdout, "\n{text}\nwrote {} to {} in {:.1} s", files.join(", "), out.path().display(), begun.elapsed().as_secs_f64())?;
+            writeln!(
+                stdout,
+                "\n{text}\nwrote {} to {} in {:.1} s",
+                files.join(", "),
+                out.path().display(),
+                begun.elapsed().as_secs_f64()
+            )?;
         }
         let converged = before.converged && after.as_ref().is_none_or(|after| after.converged);
         Ok(if converged { ExitCode::SUCCESS } else { ExitCode::from(3) })
@@ -132,8 +142,10 @@ impl Command {
             ..criticism::Settings::default()
         };
         let bar = ProgressBar::new(self.nulls as u64).with_style(
-            ProgressStyle::with_template("search round {msg} {bar:24} {pos:>3}/{len} simulated, ETA {eta}")
-                .unwrap_or_else(|_| ProgressStyle::default_bar()),
+            ProgressStyle::with_template(
+                "search round {msg} {bar:24} {pos:>3}/{len} simulated, ETA {eta}",
+            )
+            .unwrap_or_else(|_| ProgressStyle::default_bar()),
         );
         let watch = |round: usize, done: usize| {
             bar.set_message((round + 1).to_string());
@@ -165,8 +177,7 @@ impl Command {
             ..infer::Settings::default()
         };
         let sampler = Sampler::of(&model);
-        let starts =
-            jittered_starts(&model, &model.initial(), settings.chains, settings.seed)?;
+        let starts = jittered_starts(&model, &model.initial(), settings.chains, settings.seed)?;
         let folder = OutputFolder::open(&out.file(name))?;
         let mut finished = Finished {
             model: &model,
@@ -226,7 +237,8 @@ impl Command {
         };
         let is_measured = (0..heldout.len()).map(is_measured).collect();
         let cell = |row: usize, name: &str| heldout.cell(row, name).unwrap_or_default().to_owned();
-        let names = (0..heldout.len()).map(|row| [cell(row, "site"), cell(row, "protocol")]).collect();
+        let names =
+            (0..heldout.len()).map(|row| [cell(row, "site"), cell(row, "protocol")]).collect();
         Ok(Heldout { first, before, after, is_measured, names })
     }
 }
@@ -295,7 +307,8 @@ fn added(
             name += "_effect";
         }
         let log_bf = outcome.rounds[round].tried.first().map_or(f64::NAN, |t| t.log_bf);
-        let why = format!("Found by `eplat loop` in {}: log Bayes factor {log_bf:.1}.", table.file());
+        let why =
+            format!("Found by `eplat loop` in {}: log Bayes factor {log_bf:.1}.", table.file());
         let (on, form, sd) = (found.on.clone(), found.form.clone(), found.sd);
         let unit = unit_of(&on[0]);
         effects.push((AddedEffect { name, on, unit, form, sd }, why));
@@ -404,11 +417,8 @@ impl Story<'_> {
                 })
             })
             .collect();
-        let unusable: Vec<Value> = outcome
-            .unusable
-            .iter()
-            .map(|u| json!({ "column": u.column, "why": u.why }))
-            .collect();
+        let unusable: Vec<Value> =
+            outcome.unusable.iter().map(|u| json!({ "column": u.column, "why": u.why })).collect();
         json!({
             "findings": names,
             "ambiguous": outcome.ambiguous,

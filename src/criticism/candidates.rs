@@ -49,7 +49,7 @@ fn finding(column: &str) -> String {
 
 /// What a column holds.
 #[derive(Clone, Debug, PartialEq)]
-pub enum Column {
+pub(super) enum Column {
     /// Numbers: those present, one per row, NaN where empty.
     Numeric(Vec<f64>),
     /// Labels.
@@ -57,7 +57,7 @@ pub enum Column {
 }
 
 /// Reads a column: numbers if every cell that is not empty is one.
-pub fn read_column(table: &Measurements, name: &str) -> Column {
+pub(super) fn read_column(table: &Measurements, name: &str) -> Column {
     let cell = |row: usize| table.cell(row, name).unwrap_or_default();
     let number = |row: usize| {
         let cell = cell(row);
@@ -88,7 +88,7 @@ pub struct Unusable {
 ///
 /// `observables` are what the model's `observe`s compare with their measurements, `step` the width of a
 /// protocol step, `field_sd` the standard deviation of each field over the sites.
-pub fn candidates(
+pub(super) fn candidates(
     model: &Model,
     table: &Measurements,
     observables: &[String],
@@ -106,7 +106,8 @@ pub fn candidates(
         if STRUCTURAL.contains(&name) || own.contains(&name) || name == "resolution" {
             continue;
         }
-        let mut refuse = |why: &str| unusable.push(Unusable { column: name.into(), why: why.into() });
+        let mut refuse =
+            |why: &str| unusable.push(Unusable { column: name.into(), why: why.into() });
         let candidate = |form: Form, level, on: &[String], sd| Candidate {
             name: finding(name),
             on: on.to_vec(),
@@ -125,10 +126,12 @@ pub fn candidates(
                     refuse("it has one value only");
                     continue;
                 }
-                let (low, high) = x.iter().filter(|x| x.is_finite()).fold(
-                    (f64::INFINITY, f64::NEG_INFINITY),
-                    |(low, high), x| (low.min(*x), high.max(*x)),
-                );
+                let (low, high) = x
+                    .iter()
+                    .filter(|x| x.is_finite())
+                    .fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), x| {
+                        (low.min(*x), high.max(*x))
+                    });
                 let scaled = Form::Scaled { column: name.into(), centre: mean, scale: sd };
                 found.push(candidate(scaled, Level::Observable, &on, step));
                 let mut values: Vec<f64> = x.iter().copied().filter(|x| x.is_finite()).collect();

@@ -243,7 +243,9 @@ impl Engine {
             let (dx, dz) = system.step(&point);
             let gain = dx.dot(&point.gradient);
             let next = self.search(&mut t, hidden, outer, &linear, &point, &dx, &dz);
-            let Some(next) = next else { return Some(self.finish(outer, active, linear, point, system)) };
+            let Some(next) = next else {
+                return Some(self.finish(outer, active, linear, point, system));
+            };
             let gained = next.value - point.value;
             point = next;
             if gained < 1e-7 && gain.abs() < 1e-3 {
@@ -266,8 +268,7 @@ impl Engine {
             + system.precision.iter().map(|p| p.ln()).sum::<f64>();
         // the terms' coefficients and the sites' effects are standard normal: their constants cancel
         let n_linear = self.split.linear.len() as f64;
-        let ln_evidence =
-            point.value + 0.5 * n_linear * std::f64::consts::TAU.ln() - 0.5 * ln_det;
+        let ln_evidence = point.value + 0.5 * n_linear * std::f64::consts::TAU.ln() - 0.5 * ln_det;
         Fit {
             outer: outer.clone(),
             active: active.to_vec(),
@@ -373,7 +374,8 @@ impl Engine {
         for _ in 0..12 {
             let x = &point.x + dx * length;
             let z = point.z.iter().zip(dz).map(|(z, d)| z + length * d).collect();
-            if let Some(next) = self.point(t, hidden, outer, linear, x, z).filter(|n| n.value > point.value)
+            if let Some(next) =
+                self.point(t, hidden, outer, linear, x, z).filter(|n| n.value > point.value)
             {
                 return Some(next);
             }
@@ -531,3 +533,7 @@ impl Fit {
         Some(Cavity { rows: rows.to_vec(), mean, covariance })
     }
 }
+
+#[cfg(test)]
+#[path = "engine_tests.rs"]
+mod tests;

@@ -1,13 +1,13 @@
 //! What each `observe` compares with its measurements, and the size of a protocol step.
 
-use super::CriticismError;
+use super::error::CriticismError;
 use crate::dsl::{Model, Observe};
 
 /// For each `observe` of a model, the first field or `let` that its likelihood mentions.
 ///
 /// # Errors
 /// One that mentions parameters alone: there is nothing that an effect could act on.
-pub fn observables(model: &Model) -> Result<Vec<String>, CriticismError> {
+pub(super) fn observables(model: &Model) -> Result<Vec<String>, CriticismError> {
     let is_named = |word: &str| {
         let mut statements = model.statements.iter();
         statements.any(|s| ["field", "let"].contains(&s.keyword) && s.decl.name == word)
@@ -24,7 +24,7 @@ pub fn observables(model: &Model) -> Result<Vec<String>, CriticismError> {
 }
 
 /// The median width of the brackets; for other measurements, their standard deviation over four.
-pub fn step_of(model: &Model) -> f64 {
+pub(super) fn step_of(model: &Model) -> f64 {
     let (mut widths, mut values) = (vec![], vec![]);
     for cells in model.observes.iter().flat_map(Observe::observed) {
         match cells[..] {

@@ -7,7 +7,7 @@ use crate::infer::{Evaluator, LogDensity, OptimumSettings, maximise};
 
 /// Which outer values are free.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Free {
+pub(super) enum Free {
     /// All.
     All,
     /// The sds of sites and of noise.
@@ -31,7 +31,7 @@ const LEAST_SITE: f64 = -3.0;
 const LEAST_NOISE: f64 = -1.6;
 
 /// The fit with the best outer values, and its log posterior there.
-pub fn optimise(
+pub(super) fn optimise(
     engine: &Engine,
     active: &[usize],
     start: &Fit,
@@ -50,7 +50,7 @@ pub fn optimise(
 }
 
 /// The best score without random effects of sites.
-pub fn without_sites(engine: &Engine, active: &[usize], fit: &Fit, step: f64) -> f64 {
+pub(super) fn without_sites(engine: &Engine, active: &[usize], fit: &Fit, step: f64) -> f64 {
     let mut outer = fit.outer.clone();
     outer.ln_site = f64::NEG_INFINITY;
     let mut best = f64::NEG_INFINITY;
@@ -64,7 +64,7 @@ pub fn without_sites(engine: &Engine, active: &[usize], fit: &Fit, step: f64) ->
 }
 
 /// The score of a fit as it is.
-pub fn score(fit: &Fit, step: f64) -> f64 {
+pub(super) fn score(fit: &Fit, step: f64) -> f64 {
     fit.ln_evidence + ln_prior(&fit.outer, step)
 }
 

@@ -6,10 +6,11 @@ use rayon::prelude::*;
 
 use super::candidates::{Candidate, Unusable, candidates};
 use super::engine::{Engine, Fit, Outer, Term};
+use super::error::CriticismError;
+use super::observable::{observables, step_of};
 use super::outer::{Free, optimise, score};
 use super::search::{Left, Tried, field_sd, leave_sites_out, search, simulate};
 use super::units::{LEAST_UNITS, Unit, by_site, unit_of};
-use super::{CriticismError, observables};
 use crate::dsl::{Declare, Measurements, Model};
 use crate::manifold::Basis;
 
@@ -158,7 +159,7 @@ pub fn criticise(
     let outline = Model::outline(case.model)?;
     let on = observables(&outline)?;
     let plain = engine(case, &on, &[])?;
-    let step = super::step_of(&plain.model);
+    let step = step_of(&plain.model);
     let start = base_fit(&plain, step)?;
     let slopes = field_sd(&plain, &start, step);
     let (candidates, unusable) = candidates(&plain.model, case.table, &on, step, &slopes);
@@ -201,7 +202,17 @@ impl Run<'_> {
         }
         let site_log_bf = self.site_evidence(&base, &found);
         let Run { candidates, engine, step, .. } = self;
-        Ok(Outcome { candidates, unusable, engine, rounds, found, ambiguous, site_log_bf, last: base, step })
+        Ok(Outcome {
+            candidates,
+            unusable,
+            engine,
+            rounds,
+            found,
+            ambiguous,
+            site_log_bf,
+            last: base,
+            step,
+        })
     }
 
     fn round(
@@ -223,7 +234,8 @@ impl Run<'_> {
             watch(number, 1 + done.fetch_add(1, std::sync::atomic::Ordering::Relaxed));
             Ok(best)
         };
-        let nulls: Result<Vec<f64>, _> = (0..self.settings.nulls).into_par_iter().map(null).collect();
+        let nulls: Result<Vec<f64>, _> =
+            (0..self.settings.nulls).into_par_iter().map(null).collect();
         let mut nulls = nulls?;
         nulls.sort_by(f64::total_cmp);
         Ok((tried, nulls))
@@ -234,7 +246,13 @@ impl Run<'_> {
     }
 
     /// Best log Bayes factor of a search on data simulated from `base`.
-    fn null(&self, round: usize, k: usize, base: &Fit, found: &[usize]) -> Result<f64, CriticismError> {
+    fn null(
+        &self,
+        round: usize,
+        k: usize,
+        base: &Fit,
+        found: &[usize],
+    ) -> Result<f64, CriticismError> {
         let mut rng = ChaCha8Rng::seed_from_u64(self.settings.seed);
         rng.set_stream((1 << 34) + ((round as u64) << 20) + k as u64);
         let cells = simulate(&self.engine, base, &mut rng);
@@ -270,7 +288,11 @@ impl Run<'_> {
                 p_screen: t.p_screen,
                 log_bf: t.log_bf,
                 p_null: p_null(t.log_bf),
-                verdict: if t.fit.is_some() { "less evidence".into() } else { "screened out".into() },
+                verdict: if t.fit.is_some() {
+                    "less evidence".into()
+                } else {
+                    "screened out".into()
+                },
             })
             .collect();
         let (mut taken, mut rivals) = (None, vec![]);
@@ -296,15 +318,23 @@ impl Run<'_> {
     /// Why the best candidate is no finding, if it is none.
     fn objection(&self, best: &Tried, fit: &Fit, p_null: f64, left: &Left) -> Option<String> {
         if best.log_bf <= CLAIM {
-            return Some(format!("log Bayes factor {:.1}, more than {CLAIM} is asked", best.log_bf));
+            return Some(format!(
+                "log Bayes factor {:.1}, more than {CLAIM} is asked",
+                best.log_bf
+            ));
         }
         if p_null > LEVEL {
-            return Some(format!("{:.0} % of searches on simulated data did as well", 100.0 * p_null));
+            return Some(format!(
+                "{:.0} % of searches on simulated data did as well",
+                100.0 * p_null
+            ));
         }
         let with = leave_sites_out(&self.engine, fit, self.settings.seed);
         let (gain, se) = gain(&left.elpd, &with.elpd);
         if !(gain > se) {
-            return Some(format!("leave-one-site-out gain {gain:.1} is not beyond its error {se:.1}"));
+            return Some(format!(
+                "leave-one-site-out gain {gain:.1} is not beyond its error {se:.1}"
+            ));
         }
         let column = self.candidates[best.candidate].form.column()?;
         let unit = unit_of(self.case.table, column);
@@ -314,8 +344,11 @@ impl Run<'_> {
         if unit == by_site(self.case.table) {
             return None;
         }
-        let gain = self.leave_units_out(&unit, fit)? - self.leave_units_out(&unit, &self.without(fit)?)?;
-        (!(gain > 0.0)).then(|| format!("leaving {}s out as a whole, predictions do not improve ({gain:.1})", unit.name))
+        let gain =
+            self.leave_units_out(&unit, fit)? - self.leave_units_out(&unit, &self.without(fit)?)?;
+        (!(gain > 0.0)).then(|| {
+            format!("leaving {}s out as a whole, predictions do not improve ({gain:.1})", unit.name)
+        })
     }
 
     /// The fit without its last term.
@@ -375,7 +408,7 @@ impl Run<'_> {
 }
 
 /// Sum of the differences of two vectors, and its standard error.
-pub fn gain(before: &[f64], after: &[f64]) -> (f64, f64) {
+pub(super) fn gain(before: &[f64], after: &[f64]) -> (f64, f64) {
     let d: Vec<f64> = after.iter().zip(before).map(|(a, b)| a - b).collect();
     let n = d.len() as f64;
     let mean = d.iter().sum::<f64>() / n;

@@ -18,7 +18,7 @@ const DRAWS: usize = 128;
 
 /// A candidate's evidence.
 #[derive(Clone, Debug)]
-pub struct Tried {
+pub(super) struct Tried {
     /// Number of the candidate.
     pub candidate: usize,
     /// p-value of the screen; 1 for what is not screened.
@@ -44,8 +44,11 @@ pub struct Left {
 /// every fit, so that differences between fits are not noise.
 pub fn leave_sites_out(engine: &Engine, fit: &Fit, seed: u64) -> Left {
     let n = engine.rows.len();
-    let mut left =
-        Left { residual: vec![0.0; n], predicted: vec![f64::NAN; n], elpd: vec![0.0; engine.sites.len()] };
+    let mut left = Left {
+        residual: vec![0.0; n],
+        predicted: vec![f64::NAN; n],
+        elpd: vec![0.0; engine.sites.len()],
+    };
     for (site, rows) in engine.sites.iter().enumerate() {
         if rows.is_empty() {
             continue;
@@ -53,7 +56,8 @@ pub fn leave_sites_out(engine: &Engine, fit: &Fit, seed: u64) -> Left {
         let mut rng = ChaCha8Rng::seed_from_u64(seed);
         rng.set_stream(site as u64);
         if let Some(cavity) = fit.cavity(engine, rows) {
-            left.elpd[site] = predict(engine, fit, &cavity, &mut rng, &mut left.residual, &mut left.predicted);
+            left.elpd[site] =
+                predict(engine, fit, &cavity, &mut rng, &mut left.residual, &mut left.predicted);
         } else {
             left.elpd[site] = f64::NEG_INFINITY;
         }
@@ -111,7 +115,7 @@ fn predict(
 }
 
 /// Log predictive density of rows that a fit has not seen, site by site.
-pub fn ln_predictive(engine: &Engine, fit: &Fit, hidden: &[usize], seed: u64) -> f64 {
+pub(super) fn ln_predictive(engine: &Engine, fit: &Fit, hidden: &[usize], seed: u64) -> f64 {
     let n = engine.rows.len();
     let (mut residual, mut predicted) = (vec![0.0; n], vec![0.0; n]);
     let mut total = 0.0;
@@ -128,13 +132,12 @@ pub fn ln_predictive(engine: &Engine, fit: &Fit, hidden: &[usize], seed: u64) ->
 }
 
 /// Share of a term's variance over the rows that a smooth through the model's fields could take up.
-pub fn r_squared_on_fields(engine: &Engine, fit: &Fit, term: usize, step: f64) -> f64 {
+pub(super) fn r_squared_on_fields(engine: &Engine, fit: &Fit, term: usize, step: f64) -> f64 {
     let n = engine.rows.len();
     let slopes = fit.slopes(engine);
     let Some(slopes) = slopes else { return 0.0 };
     let outer = &fit.outer;
-    let variance =
-        (2.0 * outer.ln_site).exp() + (2.0 * outer.ln_noise).exp() + step * step / 12.0;
+    let variance = (2.0 * outer.ln_site).exp() + (2.0 * outer.ln_noise).exp() + step * step / 12.0;
     // θ = F x, x ~ N(0, I): the smoother is F Fᵀ (F Fᵀ + variance)⁻¹
     let covariance = &slopes * slopes.transpose();
     let noisy = &covariance + DMatrix::identity(n, n) * variance;
@@ -155,7 +158,9 @@ pub fn r_squared_on_fields(engine: &Engine, fit: &Fit, term: usize, step: f64) -
 
 /// Compares measurements by their first finite cell.
 pub(super) fn order(a: &[f64], b: &[f64]) -> std::cmp::Ordering {
-    let key = |x: &[f64]| x.iter().copied().fold(0.0, |sum, x| sum + if x.is_finite() { x } else { x.signum() * 1e9 });
+    let key = |x: &[f64]| {
+        x.iter().copied().fold(0.0, |sum, x| sum + if x.is_finite() { x } else { x.signum() * 1e9 })
+    };
     key(a).total_cmp(&key(b))
 }
 
@@ -167,7 +172,7 @@ fn square_root(covariance: &DMatrix<f64>) -> DMatrix<f64> {
 }
 
 /// p-value of the F-test of site-mean residuals on a design's site means.
-pub fn f_test(engine: &Engine, residual: &[f64], term: usize) -> f64 {
+pub(super) fn f_test(engine: &Engine, residual: &[f64], term: usize) -> f64 {
     let term = &engine.terms[term];
     let sites: Vec<&Vec<usize>> = engine.sites.iter().filter(|rows| !rows.is_empty()).collect();
     let n = sites.len();
@@ -178,9 +183,7 @@ pub fn f_test(engine: &Engine, residual: &[f64], term: usize) -> f64 {
     let mut x = DMatrix::from_element(n, term.n + 1, 1.0);
     for (s, rows) in sites.iter().enumerate() {
         for k in 0..term.n {
-            let z = |r: usize| {
-                term.design[engine.model.table_row(engine.rows[r].id) * term.n + k]
-            };
+            let z = |r: usize| term.design[engine.model.table_row(engine.rows[r].id) * term.n + k];
             x[(s, k + 1)] = mean(&z, rows);
         }
     }
@@ -188,8 +191,8 @@ pub fn f_test(engine: &Engine, residual: &[f64], term: usize) -> f64 {
     let svd = x.svd(true, true);
     let rank = svd.rank(1e-9);
     let Some(u) = &svd.u else { return 1.0 };
-    let explained: f64 = (0..rank).map(|k| u.column(k).dot(&y).powi(2)).sum::<f64>()
-        - n as f64 * y.mean().powi(2);
+    let explained: f64 =
+        (0..rank).map(|k| u.column(k).dot(&y).powi(2)).sum::<f64>() - n as f64 * y.mean().powi(2);
     let (d1, d2) = ((rank - 1) as f64, (n - rank) as f64);
     if d1 < 1.0 || d2 < 1.0 {
         return 1.0;
@@ -199,7 +202,7 @@ pub fn f_test(engine: &Engine, residual: &[f64], term: usize) -> f64 {
 }
 
 /// Scores every candidate against `base`; `accepted` are terms that are in both.
-pub fn search(
+pub(super) fn search(
     engine: &Engine,
     candidates: &[Candidate],
     base: &Fit,
@@ -234,9 +237,10 @@ pub fn search(
 }
 
 /// Another data set from a fit: new random effects and errors, the same everything else.
-pub fn simulate(engine: &Engine, fit: &Fit, rng: &mut ChaCha8Rng) -> Vec<Vec<f64>> {
+pub(super) fn simulate(engine: &Engine, fit: &Fit, rng: &mut ChaCha8Rng) -> Vec<Vec<f64>> {
     let tau = fit.outer.ln_site.exp();
-    let effects: Vec<f64> = engine.sites.iter().map(|_| rng.sample::<f64, _>(StandardNormal)).collect();
+    let effects: Vec<f64> =
+        engine.sites.iter().map(|_| rng.sample::<f64, _>(StandardNormal)).collect();
     let one = |row: &super::engine::RowAt| {
         let mut own = fit.locals[row.first..][..row.n].to_vec();
         own[row.observable] += tau * (effects[row.site] - fit.z[row.site]) + fit.error(rng);
@@ -292,7 +296,7 @@ impl Fit {
 
 /// The change of each field that moves what is observed by one protocol step, from the rms slope over
 /// the rows of a fit; fields that nothing observed depends on are left out.
-pub fn field_sd(engine: &Engine, fit: &Fit, step: f64) -> BTreeMap<String, f64> {
+pub(super) fn field_sd(engine: &Engine, fit: &Fit, step: f64) -> BTreeMap<String, f64> {
     let mut found = BTreeMap::new();
     for field in engine.model.field_names() {
         let (mut squares, mut n) = (0.0, 0.0);

@@ -6,7 +6,7 @@ use crate::dsl::{Measurements, distinct};
 
 /// A partition of a table's rows.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Unit {
+pub(super) struct Unit {
     /// Column that makes it.
     pub name: String,
     /// Group of each row.
@@ -16,14 +16,14 @@ pub struct Unit {
 }
 
 /// Fewer units than this cannot confirm an effect.
-pub const LEAST_UNITS: usize = 5;
+pub(super) const LEAST_UNITS: usize = 5;
 
 /// Words in the names of columns that say which occasion a row belongs to.
 const OCCASIONS: [&str; 10] =
     ["session", "rec", "heart", "patient", "subject", "day", "date", "run", "study", "case"];
 
 /// Rows by site: column `site`, else `vertex`, else each row alone.
-pub fn by_site(table: &Measurements) -> Unit {
+pub(super) fn by_site(table: &Measurements) -> Unit {
     let column = ["site", "vertex"].into_iter().find(|c| table.has(c));
     column.map_or_else(
         || Unit { name: "row".into(), group: (0..table.len()).collect(), n: table.len() },
@@ -43,7 +43,7 @@ fn by_label(table: &Measurements, column: &str) -> Unit {
 }
 
 /// The coarsest occasion within which `column` is constant; the site if there is none.
-pub fn unit_of(table: &Measurements, column: &str) -> Unit {
+pub(super) fn unit_of(table: &Measurements, column: &str) -> Unit {
     let site = by_site(table);
     let is_occasion = |name: &str| {
         let name = name.to_lowercase();
@@ -63,7 +63,7 @@ pub fn unit_of(table: &Measurements, column: &str) -> Unit {
 }
 
 /// Whether `column` has one value for each label of `other`.
-pub fn is_constant_within(table: &Measurements, column: &str, other: &str) -> bool {
+pub(super) fn is_constant_within(table: &Measurements, column: &str, other: &str) -> bool {
     let mut seen: BTreeMap<&str, &str> = BTreeMap::new();
     (0..table.len()).all(|row| {
         let label = table.cell(row, other).unwrap_or_default();

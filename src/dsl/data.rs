@@ -273,7 +273,8 @@ impl Measurements {
         all.vertex.clear();
         for row in 0..other.len() {
             let protocol = other.cell(row, "protocol");
-            let lender = (0..self.len()).find(|r| self.cell(*r, "protocol") == protocol).unwrap_or(0);
+            let lender =
+                (0..self.len()).find(|r| self.cell(*r, "protocol") == protocol).unwrap_or(0);
             let cells = self.header.iter().enumerate().map(|(column, name)| {
                 let own = other.cell(row, name).unwrap_or_default();
                 let is_lent = own.is_empty() && lent.contains(&name.as_str());

@@ -98,7 +98,8 @@ impl Form {
                 (rows.map(z).collect(), 1)
             }
             Self::Above { column, threshold } => {
-                let z = |row| number(row, column).map_or(0.0, |x| f64::from(u8::from(x > *threshold)));
+                let z =
+                    |row| number(row, column).map_or(0.0, |x| f64::from(u8::from(x > *threshold)));
                 (rows.map(z).collect(), 1)
             }
             Self::Smooth { column, low, high, degree } => {
@@ -138,6 +139,7 @@ fn family(label: &str) -> &str {
     label.trim_end_matches(|c: char| c.is_ascii_digit())
 }
 
+/// Labels of a column without their trailing digits, in order of appearance.
 pub fn families(table: &Measurements, column: &str) -> Vec<String> {
     let mut all: Vec<String> = vec![];
     for label in distinct(table, column) {

@@ -438,11 +438,13 @@ impl<'a> Builder<'a> {
             for i in 0..self.model.observes.len() {
                 let (observe, rows) =
                     (self.model.observes[i].name, self.model.observes[i].rows.clone());
-                let on = self.hooks.iter().filter(|((o, target), _)| {
-                    *o == observe && effect.on.iter().any(|on| on == target)
-                });
-                let on = on.inspect(|((_, target), _)| drop(hit.insert(*target)));
-                let out: Vec<usize> = on.map(|(_, at)| *at).collect();
+                let mut out = vec![];
+                for ((_, target), at) in self.hooks.iter().filter(|((o, _), _)| *o == observe) {
+                    if effect.on.iter().any(|on| on == target) {
+                        hit.insert(*target);
+                        out.push(*at);
+                    }
+                }
                 if !out.is_empty() {
                     let linear = self.effect_rows(&effect, &rows, out)?;
                     self.model.linear.push(linear);
