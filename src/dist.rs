@@ -111,9 +111,11 @@ macro_rules! family {
 }
 
 mod bounded;
+mod normal_cdf;
 mod sequence;
 mod tails;
 pub use bounded::{FlatBetween, FlatPositive, TruncatedNormal};
+pub(crate) use normal_cdf::{ln_normal_below, ln_normal_between};
 pub use sequence::{Concentration, Dirichlet, Ordered, RealLine, Sequence, Step};
 pub use tails::{Cauchy, HalfStudentT, Laplace};
 

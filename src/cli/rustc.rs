@@ -76,7 +76,7 @@ pub(super) fn mistakes(output: &str, file: &ModelFile, path: &Path) -> Vec<Mista
         let place = errors.get(i + 1).filter(|next| is_place(next));
         let mistake = match place.and_then(|place| place.at(path)) {
             _ if is_place(error) => continue,
-            Some(at) => of_statement(&error.message, at, &file.source),
+            Some(at) => Some(of_statement(&error.message, at, &file.source)),
             None => explain(error, path, &file.source),
         };
         found.extend(mistake.filter(|m| !found.contains(m)));
@@ -85,13 +85,9 @@ pub(super) fn mistakes(output: &str, file: &ModelFile, path: &Path) -> Vec<Mista
 }
 
 /// A statement that has none of the forms that `model!` knows.
-fn of_statement(expected: &str, at: Range<usize>, source: &str) -> Option<Mistake> {
+fn of_statement(expected: &str, at: Range<usize>, source: &str) -> Mistake {
     if let Some(end) = missing_semicolon(source, at.start) {
-        return Some(Mistake::new(
-            "a `;` is missing",
-            end,
-            "it ends every statement: write it there",
-        ));
+        return Mistake::new("a `;` is missing", end, "it ends every statement: write it there");
     }
     let general = match expected {
         m if m.starts_with("unknown unit") => "write one of these, or leave the unit out",
@@ -99,7 +95,7 @@ fn of_statement(expected: &str, at: Range<usize>, source: &str) -> Option<Mistak
         _ => "write the statement in this form",
     };
     let (at, help) = hint(source, &at).unwrap_or((at, general));
-    Some(Mistake::new(expected, at, help))
+    Mistake::new(expected, at, help)
 }
 
 impl Diagnostic {
@@ -210,7 +206,7 @@ fn reworded(d: &Diagnostic, source: &str, at: &Range<usize>) -> Option<(String, 
     }
     match d.code() {
         "E0425" | "E0412" => Some((format!("unknown name `{name}`"), unknown(d, source, at.start))),
-        "E0609" if d.message.contains("::Row`") => {
+        "E0609" if ["::Row`", "::Data<"].iter().any(|t| d.message.contains(t)) => {
             let note = d.children.iter().find(|c| c.message.starts_with("available field"));
             let known =
                 note.and_then(|c| c.message.split_once(": ")).map_or("none", |(_, names)| names);

@@ -3,8 +3,7 @@
 use rand::{Rng, RngExt};
 use rand_distr::StandardNormal;
 
-use super::{Dist, Support, ln_logistic, logistic};
-use crate::likelihood::{ln_normal_below, ln_normal_between};
+use super::{Dist, Support, ln_logistic, ln_normal_below, ln_normal_between, logistic};
 use crate::num::{LN_SQRT_2PI, Real};
 
 /// The improper constant density on the positive half-line: a Stan parameter with `<lower=0>` and no

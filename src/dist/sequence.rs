@@ -6,7 +6,7 @@
 use rand::{Rng, RngExt};
 
 use super::{Cauchy, Dist, Laplace, Normal, StudentT, Support, ln_gamma, ln_logistic, logistic};
-use crate::num::Real;
+use crate::num::{Argument, Real};
 
 /// One number of a vector, from its unknown `u` and from what the numbers before it left.
 #[derive(Clone, Copy, Debug)]
@@ -77,15 +77,15 @@ pub trait Concentration<D, const N: usize, M> {
     fn each(self) -> [D; N];
 }
 
-impl<D, T: Into<D>> Concentration<D, 1, ()> for T {
+impl<D, T: Argument<D>> Concentration<D, 1, ()> for T {
     fn each(self) -> [D; 1] {
-        [self.into()]
+        [self.number()]
     }
 }
 
-impl<D, T: Into<D>, const N: usize> Concentration<D, N, [(); N]> for [T; N] {
+impl<D, T: Argument<D>, const N: usize> Concentration<D, N, [(); N]> for [T; N] {
     fn each(self) -> [D; N] {
-        self.map(Into::into)
+        self.map(Argument::number)
     }
 }
 

@@ -296,6 +296,27 @@ mod tests {
     }
 
     #[test]
+    fn warm_up_begins_with_the_scales_of_enough_earlier_draws() {
+        let sd = [0.01, 1.0, 30.0];
+        let density = normal(sd.to_vec());
+        let draws: Vec<Vec<f64>> =
+            (0..80).map(|k| sd.iter().map(|s| s * f64::from(k * k % 7)).collect()).collect();
+        let scales = |draws: &[Vec<f64>]| {
+            let mut nuts = nuts(&density);
+            let learnt = Moments::of(&density, draws, false);
+            Warmup::begin(&mut nuts, MetricKind::Diagonal, 100, 0.9, &learnt).unwrap();
+            let Metric::Diagonal(scales) = nuts.hamiltonian().metric.clone() else { panic!() };
+            scales
+        };
+        // for a normal the scales are exact whatever the draws
+        let ratios = scales(&draws).into_iter().zip(sd).map(|(scale, sd)| scale / sd);
+        assert!(ratios.into_iter().all(|ratio| (ratio - 1.0).abs() < 1e-9));
+        assert_eq!(scales(&draws[1..]), [1.0; 3]);
+        let outside = vec![vec![f64::NAN; 3]; 80];
+        assert_eq!(scales(&outside), [1.0; 3]);
+    }
+
+    #[test]
     fn a_coordinate_that_is_all_but_flat_has_a_step_size() {
         // Curvature 1e-150 between two walls, as where every measurement is explained for certain.
         let f = |q: &[f64], g: &mut [f64]| {

@@ -99,22 +99,22 @@ pub fn worst_k(rows: &[LooRow], threshold: f64) -> Vec<String> {
 }
 
 fn rows(model: &Model, data: &Measurements, loo: &Loo) -> Vec<LooRow> {
-    let places = model.measured().flat_map(|(name, rows)| {
+    let mut measured = model.observed().zip(&loo.pointwise);
+    let mut out = vec![];
+    for (name, rows) in model.measured() {
         let likelihood = likelihood_of(model, name);
-        rows.iter().map(move |row| (name, data.place(*row), likelihood))
-    });
-    let row = |(((name, place, likelihood), observed), point): (
-        ((&str, String, &str), Vec<f64>),
-        &crate::diagnostics::LooPoint,
-    )| LooRow {
-        measurement: name.to_owned(),
-        place,
-        likelihood: likelihood.to_owned(),
-        observed: observed.iter().map(f64::to_string).collect::<Vec<_>>().join(" "),
-        elpd: point.elpd,
-        pareto_k: point.pareto_k,
-    };
-    places.zip(model.observed()).zip(&loo.pointwise).map(row).collect()
+        for (row, (observed, point)) in rows.iter().zip(measured.by_ref()) {
+            out.push(LooRow {
+                measurement: name.to_owned(),
+                place: data.place(*row),
+                likelihood: likelihood.to_owned(),
+                observed: observed.iter().map(f64::to_string).collect::<Vec<_>>().join(" "),
+                elpd: point.elpd,
+                pareto_k: point.pareto_k,
+            });
+        }
+    }
+    out
 }
 
 /// `TopHat` of `Bracket ~ TopHat(erp_s2(x))`, `garch` of `garch(mu, alpha, data.y)`.

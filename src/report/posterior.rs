@@ -23,8 +23,8 @@ pub struct Posterior {
     pub posterior: Group,
     /// What the sampler did at each draw (chain, draw).
     pub sample_stats: Group,
-    /// Log likelihood of each measurement (chain, draw, measurement), of all `observe`s together: one
-    /// array, so that `az.loo(run)` needs no name.
+    /// Log likelihood of each measurement (chain, draw, measurement), of all `observe`s and all `density`s
+    /// with a term per row together: one array, so that `az.loo(run)` needs no name.
     pub log_likelihood: Group,
     /// A replicate of each measurement (chain, draw, row), and of all of them together; of a bracket, its lower end.
     pub posterior_predictive: Group,
@@ -57,16 +57,18 @@ impl Posterior {
         let shape = [chains.len(), chains.first().map_or(0, Chain::n_draws)];
         let posterior = parameters(model, &drawn, shape);
         let rows = rows(model, &posterior, shape);
-        let log_likelihood = log_likelihood(&drawn, &places(model.measured(), data), shape);
-        let places = places(model.observes.iter().map(|o| (o.name, o.rows.as_slice())), data);
+        let places = places(model, data);
+        let log_likelihood = log_likelihood(&drawn, &places, shape);
+        // densities come last: nothing is simulated from them
+        let observed_places = &places[..model.observes.iter().map(|o| o.rows.len()).sum()];
         Self {
             posterior,
             loo: leave_one_out(model, data, &log_likelihood, &rows, shape),
             rows,
             sample_stats: sample_stats(chains, shape),
             log_likelihood,
-            posterior_predictive: predictive(model, &drawn, &places, shape),
-            observed_data: observed(model, &places),
+            posterior_predictive: predictive(model, &drawn, observed_places, shape),
+            observed_data: observed(model, observed_places),
             constant_data: constant(model, data),
         }
     }
@@ -150,14 +152,12 @@ fn rows(model: &Model, posterior: &Group, [chains, draws]: [usize; 2]) -> Vec<Ro
     jobs.par_iter().map(row).collect()
 }
 
-/// Where each measurement of these statements was made, in words.
-fn places<'m>(
-    measured: impl Iterator<Item = (&'static str, &'m [usize])>,
-    data: &Measurements,
-) -> Vec<String> {
-    measured
-        .flat_map(|(name, rows)| rows.iter().map(move |row| format!("{name} {}", data.place(*row))))
-        .collect()
+/// Where each measurement was made, in words.
+fn places(model: &Model, data: &Measurements) -> Vec<String> {
+    let of = |(name, rows): (&str, &[usize])| -> Vec<String> {
+        rows.iter().map(|row| format!("{name} {}", data.place(*row))).collect()
+    };
+    model.measured().flat_map(of).collect()
 }
 
 /// All measurements together, over `dims` and the measurement, with its labels; nothing without measurements.

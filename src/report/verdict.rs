@@ -112,7 +112,7 @@ fn advice([r_hat, ess, divergent, energy]: [bool; 4], n_divergent: usize) -> Str
             "raise --target-accept to see whether the divergences matter",
         ),
     ];
-    remedies.iter().filter(|(due, _)| *due).map(|(_, remedy)| format!("; {remedy}")).collect()
+    remedies.iter().filter(|(due, _)| *due).flat_map(|(_, remedy)| ["; ", remedy]).collect()
 }
 
 #[cfg(test)]

@@ -32,8 +32,9 @@ pub(super) struct Wanted {
 #[derive(Debug)]
 pub(super) struct Mismatch {
     pub(super) expression: String,
-    pub(super) got: Unit,
-    pub(super) wanted: Wanted,
+    /// The wanted unit, and why.
+    pub(super) expected: String,
+    pub(super) got: String,
 }
 
 /// Declared units, as far as they are known.
@@ -134,7 +135,8 @@ pub(super) fn check(
     };
     match (known, wanted) {
         (Known::Unit(got), Some(wanted)) if !got.agrees(wanted.unit) => {
-            Err(Mismatch { expression: text(e), got, wanted: wanted.clone() })
+            let expected = format!("{} {}", wanted.unit, wanted.why);
+            Err(Mismatch { expression: text(e), expected, got: got.to_string() })
         }
         _ => Ok(known),
     }
@@ -157,9 +159,10 @@ fn roles(family: &str) -> &'static [Role] {
     use Role::{Inverse, Other, Same};
     match family {
         "HalfNormal" | "HalfCauchy" | "TopHat" | "Ordered" => &[Same],
-        "Normal" | "Uniform" | "Interval" => &[Same, Same],
+        "Normal" | "Cauchy" | "Laplace" | "Uniform" | "FlatBetween" | "Interval" => &[Same; 2],
+        "TruncatedNormal" => &[Same; 4],
         "StudentT" => &[Other, Same, Same],
-        "InvGamma" => &[Other, Same],
+        "InvGamma" | "HalfStudentT" => &[Other, Same],
         "Gamma" => &[Other, Inverse],
         "Exponential" => &[Inverse],
         _ => &[],

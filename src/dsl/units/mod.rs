@@ -38,10 +38,18 @@ pub(super) fn check_units(model: &Model) -> Result<(), ModelError> {
             }
             "observe" => {
                 let likelihood = text.split_once('~').map_or(text, |(_, likelihood)| likelihood);
-                units.check(statement, likelihood, wanted(declared, "like the measurement"))?;
+                units.check(
+                    statement,
+                    likelihood,
+                    wanted(declared, "like the measurement").as_ref(),
+                )?;
             }
             "param" => {
-                units.check(statement, text, wanted(declared, &format!("like `{name}`")))?;
+                units.check(
+                    statement,
+                    text,
+                    wanted(declared, &format!("like `{name}`")).as_ref(),
+                )?;
             }
             "field" => check_field(model, &units, statement, declared)?,
             "effect" => check_effect(&units, statement, declared)?,
@@ -68,13 +76,13 @@ fn check_let(
     let wanted = wanted(declared, "as declared");
     let linear = text.split_once('(').zip(text.split_once(';'));
     let Some((("linear" | "linear ", columns), (_, beta))) = linear else {
-        return units.check(statement, text, wanted);
+        return units.check(statement, text, wanted.as_ref());
     };
     let mut known = Known::Nothing;
     let columns = columns.split(';').next().unwrap_or_default();
     for column in columns.split(',') {
         let product = format!("{} * {column}", beta.trim_end_matches([')', ' ']));
-        known = units.check(statement, &product, wanted.clone())?;
+        known = units.check(statement, &product, wanted.as_ref())?;
     }
     Ok(known)
 }
@@ -88,11 +96,11 @@ fn check_field(
 ) -> Result<(), ModelError> {
     let Decl { name: field, text, .. } = statement.decl;
     let units = Units { field: Some(field), ..units.clone() };
-    units.check(statement, text, wanted(declared, "as declared"))?;
+    units.check(statement, text, wanted(declared, "as declared").as_ref())?;
     for p in &model.parameters {
         if let Some(name) = p.name.strip_prefix(&format!("{field}.")) {
             let unit = Unit::parse(&p.unit);
-            units.check(statement, &p.prior, wanted(unit, &format!("like `{name}`")))?;
+            units.check(statement, &p.prior, wanted(unit, &format!("like `{name}`")).as_ref())?;
         }
     }
     Ok(())
@@ -107,7 +115,7 @@ fn check_effect(
     let Some((on, prior)) = statement.decl.text.split_once('~') else { return Ok(()) };
     let targets = on.split('=').next().unwrap_or_default().trim_start_matches("on ");
     for target in targets.split(',') {
-        units.check(statement, target, wanted(declared, "like the effect"))?;
+        units.check(statement, target, wanted(declared, "like the effect").as_ref())?;
     }
     units.check(statement, prior, None)?;
     Ok(())
@@ -146,14 +154,14 @@ impl<'a> Units<'a> {
         &self,
         statement: &Statement,
         text: &str,
-        wanted: Option<Wanted>,
+        wanted: Option<&Wanted>,
     ) -> Result<Known, ModelError> {
         let Ok(parsed) = syn::parse_str(text) else { return Ok(Known::Nothing) };
-        check(&parsed, wanted.as_ref(), self).map_err(|mismatch| ModelError::Unit {
+        check(&parsed, wanted, self).map_err(|mismatch| ModelError::Unit {
             statement: format!("{} {}", statement.keyword, statement.decl.name),
             expression: mismatch.expression,
-            expected: format!("{} {}", mismatch.wanted.unit, mismatch.wanted.why),
-            got: mismatch.got.to_string(),
+            expected: mismatch.expected,
+            got: mismatch.got,
         })
     }
 }
