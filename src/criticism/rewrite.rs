@@ -1,5 +1,7 @@
 //! The augmented model as a model file: the user's own text with the effects that were found.
 
+use std::fmt::Write as _;
+
 use crate::dsl::AddedEffect;
 
 /// `source` with these effects declared at the end of its model, each under a line that says why;
@@ -10,7 +12,7 @@ pub fn rewrite(source: &str, effects: &[(AddedEffect, String)]) -> Option<String
     let mut text = before.trim_end().to_owned();
     text.push('\n');
     for (effect, why) in effects {
-        text += &format!("\n    /// {why}\n    {}\n", effect.statement());
+        let _ = write!(text, "\n    /// {why}\n    {}\n", effect.statement());
     }
     Some(text + after)
 }

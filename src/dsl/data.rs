@@ -268,6 +268,7 @@ impl Measurements {
 
     /// This table, then the rows of another: columns that it lacks are empty there. Where a column of
     /// `lent` is empty or missing in the other, the first row here of the same protocol lends its cell.
+    #[must_use]
     pub fn followed_by(&self, other: &Self, lent: &[&str]) -> Self {
         let mut all = self.clone();
         all.vertex.clear();
