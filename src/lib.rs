@@ -5,7 +5,7 @@
 //! | layer | modules |
 //! |---|---|
 //! | 6 | [`cli`] |
-//! | 5 | [`report`], [`study`] |
+//! | 5 | [`report`], [`study`], [`criticism`] |
 //! | 4 | `models/*.rs`, through [`prelude`] only |
 //! | 3 | [`dsl`] |
 //! | 2 | [`field`], [`surrogate`], [`infer`], [`diagnostics`] |
@@ -15,6 +15,7 @@
 pub mod atomic;
 pub mod cache;
 pub mod cli;
+pub mod criticism;
 pub mod diagnostics;
 pub mod dist;
 pub mod dsl;

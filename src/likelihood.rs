@@ -52,6 +52,16 @@ pub trait Likelihood<D: Real, Y: Observation> {
     }
     /// A measurement as the protocol behind `like` would give it.
     fn simulate(&self, like: &Y, rng: &mut dyn Rng) -> Y;
+    /// Log likelihood of `y` if the predicted value were spread by a further normal error of this
+    /// variance: what criticism widens a model by. A likelihood that does not say how is not widened.
+    fn ln_widened(&self, y: &Y, variance: f64) -> D {
+        let _ = variance;
+        self.ln_likelihood(y)
+    }
+    /// The predicted value itself, in the unit of the measurement, if the likelihood has one.
+    fn location(&self) -> Option<f64> {
+        None
+    }
     /// Why this likelihood cannot take `y`, if it cannot.
     fn objection(&self, y: &Y) -> Option<&'static str> {
         let _ = y;
@@ -220,6 +230,28 @@ impl TopHat<f64> {
     }
 }
 
+impl TopHat<f64> {
+    /// As [`TopHat::terms`], each normal of the mixture widened: its variance is s² + `variance`.
+    fn wide_terms(f: f64, y: &Bracket, variance: f64) -> (f64, f64, f64) {
+        let s = y.inverse_s.recip();
+        let variance = s * s + variance;
+        let z = |i: f64| f - (y.lower + (i + 0.5) * s);
+        let nearest = z(f64::from((z(-0.5) * y.inverse_s).clamp(0.0, y.last) as u32));
+        let (mut s0, mut s1, mut s2) = (0.0, 0.0, 0.0);
+        for i in 0..=y.last as u32 {
+            let z = z(f64::from(i));
+            let weight = (0.5 * (nearest * nearest - z * z) / variance).exp();
+            s0 += weight;
+            s1 += weight * z;
+            s2 += weight * z * z;
+        }
+        let (mean, square) = (s1 / s0, s2 / s0);
+        let ln_norm = -(y.last + 1.0).ln() - LN_SQRT_2PI - 0.5 * variance.ln();
+        let d2f = ((square - mean * mean) / variance - 1.0) / variance;
+        (s0.ln() - 0.5 * nearest * nearest / variance + ln_norm, -mean / variance, d2f)
+    }
+}
+
 impl<D: Real> Likelihood<D, Bracket> for TopHat<D> {
     #[inline]
     fn ln_likelihood(&self, y: &Bracket) -> D {
@@ -241,6 +273,13 @@ impl<D: Real> Likelihood<D, Bracket> for TopHat<D> {
             out[lane] = rows[lane].0.0.chain(value[lane], slope[lane], curvature[lane]);
         }
         out
+    }
+    fn ln_widened(&self, y: &Bracket, variance: f64) -> D {
+        let (f, df, d2f) = TopHat::wide_terms(self.0.re(), y, variance);
+        self.0.chain(f, df, d2f)
+    }
+    fn location(&self) -> Option<f64> {
+        Some(self.0.re())
     }
     fn simulate(&self, like: &Bracket, _: &mut dyn Rng) -> Bracket {
         like.containing(self.0.re(), OPEN_STEP)
@@ -282,6 +321,13 @@ impl<D: Real> Likelihood<D, Bracket> for Interval<D> {
             (false, _) => ln_normal_below(z(y.upper)),
         }
     }
+    fn ln_widened(&self, y: &Bracket, variance: f64) -> D {
+        let sigma = (self.sigma * self.sigma + variance).sqrt();
+        Interval { f: self.f, sigma }.ln_likelihood(y)
+    }
+    fn location(&self) -> Option<f64> {
+        Some(self.f.re())
+    }
     fn simulate(&self, like: &Bracket, rng: &mut dyn Rng) -> Bracket {
         let noise: f64 = rng.sample(StandardNormal);
         like.containing(self.f.re() + self.sigma.re() * noise, OPEN_STEP)
@@ -293,6 +339,14 @@ impl<D: Real> Likelihood<D, f64> for Normal<D> {
     fn ln_likelihood(&self, y: &f64) -> D {
         let z = (self.mu - *y) / self.sd;
         z * z * -0.5 - self.sd.ln() - LN_SQRT_2PI
+    }
+    fn ln_widened(&self, y: &f64, variance: f64) -> D {
+        let square = self.sd * self.sd + variance;
+        let z = self.mu - *y;
+        z * z / square * -0.5 - square.ln() * 0.5 - LN_SQRT_2PI
+    }
+    fn location(&self) -> Option<f64> {
+        Some(self.mu.re())
     }
     fn simulate(&self, _: &f64, rng: &mut dyn Rng) -> f64 {
         let noise: f64 = rng.sample(StandardNormal);
@@ -311,6 +365,9 @@ impl<D: Real> Likelihood<D, u32> for BernoulliLogit<D> {
     #[inline]
     fn ln_likelihood(&self, y: &u32) -> D {
         ln_logistic(if *y == 0 { -self.0 } else { self.0 })
+    }
+    fn location(&self) -> Option<f64> {
+        Some(logistic(self.0.re()))
     }
     fn simulate(&self, _: &u32, rng: &mut dyn Rng) -> u32 {
         u32::from(rng.random_bool(logistic(self.0.re())))

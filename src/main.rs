@@ -18,6 +18,8 @@ mod garch;
 mod normal;
 #[path = "../models/one_compartment.rs"]
 mod one_compartment;
+#[path = "../models/recovery.rs"]
+mod recovery;
 #[path = "../models/regression.rs"]
 mod regression;
 
@@ -37,6 +39,7 @@ fn main() -> ExitCode {
         shipped!("garch.rs", &garch::Garch),
         shipped!("normal.rs", &normal::MeanAndSpread),
         shipped!("one_compartment.rs", &one_compartment::OneCompartment),
+        shipped!("recovery.rs", &recovery::Recovery),
         shipped!("regression.rs", &regression::Regression),
     ])
 }

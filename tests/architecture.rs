@@ -11,7 +11,7 @@ use std::path::{Path, PathBuf};
 /// Layer of each module of the crate.
 const LAYERS: &[(u32, &[&str])] = &[
     (6, &["main", "cli"]),
-    (5, &["report", "study"]),
+    (5, &["report", "study", "criticism"]),
     (3, &["dsl", "prelude"]),
     (2, &["field", "surrogate", "infer", "diagnostics"]),
     (1, &["dist", "likelihood", "manifold", "ep"]),

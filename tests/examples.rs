@@ -2,6 +2,9 @@
 
 #![allow(clippy::unwrap_used, clippy::expect_used, reason = "tests")]
 
+#[path = "../examples/close_the_loop.rs"]
+#[allow(dead_code, reason = "its main only prints")]
+mod close_the_loop;
 #[path = "../examples/quickstart.rs"]
 #[allow(dead_code, reason = "its main only prints")]
 mod quickstart;
@@ -24,6 +27,17 @@ fn quickstart_recovers_the_field_it_measured() {
     let (error, spread) = (number_after(&text, "RMSE "), number_after(&text, "sd is "));
     // Twenty brackets of 10 ms leave 3 ms at a site and about twice that between sites.
     assert!(error < 0.3 * spread, "{text}");
+}
+
+#[test]
+fn close_the_loop_finds_what_it_hid() {
+    let mut out = vec![];
+    close_the_loop::run(&mut out).unwrap();
+    let text = String::from_utf8(out).unwrap();
+    assert!(text.contains("effect force on erp [ms] = scaled(row.force_g, "), "{text}");
+    assert_eq!(text.matches("effect ").count(), 1, "{text}");
+    let (before, after) = (number_after(&text, "left out: "), number_after(&text, "before, "));
+    assert!(after < 0.8 * before, "{text}");
 }
 
 #[test]

@@ -12,6 +12,8 @@ mod erp;
 mod erp_exact;
 #[path = "../models/erp_multiscale.rs"]
 mod erp_multiscale;
+#[path = "models/forms.rs"]
+mod forms;
 #[path = "../models/garch.rs"]
 mod garch;
 #[path = "models/language.rs"]
@@ -22,6 +24,8 @@ mod normal;
 mod one_compartment;
 #[path = "models/posteriors.rs"]
 mod posteriors;
+#[path = "../models/recovery.rs"]
+mod recovery;
 #[path = "../models/regression.rs"]
 mod regression;
 mod support;
@@ -68,7 +72,7 @@ fn check(model: &dyn Declare, data: &Measurements) {
 /// `n` rows at vertices 3i, protocols in turn, with every column that the test models read.
 fn rows(n: usize, protocols: &[&str]) -> Measurements {
     let mut rng = rng(3);
-    let header = "protocol,vertex,lower,upper,value,force_g,dose,catheter,school,se";
+    let header = "protocol,vertex,lower,upper,value,force_g,dose,catheter,school,se,dist_mm";
     let mut lines = vec![];
     for i in 0..n {
         let protocol = protocols[i % protocols.len()];
@@ -81,10 +85,11 @@ fn rows(n: usize, protocols: &[&str]) -> Measurements {
         let value = if protocol == "event" { i % 2 } else { i % 9 };
         let (force, dose) = (rng.random_range(0.0..3.0), rng.random_range(0.0..2.0));
         lines.push(format!(
-            "{protocol},{},{lower},{upper},{value},{force},{dose},c{},s{i},{}",
+            "{protocol},{},{lower},{upper},{value},{force},{dose},c{},s{i},{},{}",
             3 * i,
             i % 3,
-            8 + i
+            8 + i,
+            i % 25
         ));
     }
     place(table(header, &lines))
@@ -114,6 +119,16 @@ fn erp_with_exact_intervals_and_open_brackets() {
 #[test]
 fn erp_on_two_length_scales() {
     check(&erp_multiscale::ErpMultiscale, &rows(20, &["S1S2", "S1S2S3"]));
+}
+
+#[test]
+fn recovery() {
+    check(&recovery::Recovery, &rows(20, &["S1S2"]));
+}
+
+#[test]
+fn effects_of_every_form() {
+    check(&forms::Plain, &rows(30, &["s1s2", "direct"]));
 }
 
 #[test]

@@ -21,6 +21,8 @@ mod erp_multiscale;
 mod language;
 #[path = "../models/normal.rs"]
 mod normal;
+#[path = "../models/recovery.rs"]
+mod recovery;
 #[path = "../models/regression.rs"]
 mod regression;
 mod support;
@@ -335,6 +337,25 @@ fn erp_exact_recovers_fields_and_noise_with_open_brackets() {
     let good = fit(&erp_exact::ErpExact, Some(&basis), &table.read(), 1000);
     assert_recovered(&good, &truth, Some(&basis));
     let twin = fit(&erp_exact::ErpExact, Some(&basis), &displaced(&table, 15.0).read(), 400);
+    assert_found_out(&twin, &truth, Some(&basis));
+}
+
+#[test]
+fn recovery_recovers_its_field_and_noise() {
+    let basis = basis(VERTICES, 24);
+    let given = [
+        ("recovery.m", 90.0),
+        ("recovery.alpha", 12f64.ln()),
+        ("recovery.rho", 50f64.ln()),
+        ("noise", 3f64.ln()),
+    ];
+    let row = |i: usize| [&(4 * i).to_string(), "s1s2", "80", "90"].map(String::from).to_vec();
+    let rows = (0..45).map(row).collect();
+    let mut table = Table { header: "vertex,protocol,lower,upper", rows };
+    let truth = simulate(&recovery::Recovery, Some(&basis), &mut table, &given, 7);
+    let good = fit(&recovery::Recovery, Some(&basis), &table.read(), 1000);
+    assert_recovered(&good, &truth, Some(&basis));
+    let twin = fit(&recovery::Recovery, Some(&basis), &displaced(&table, 15.0).read(), 400);
     assert_found_out(&twin, &truth, Some(&basis));
 }
 

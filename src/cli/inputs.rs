@@ -51,6 +51,16 @@ pub(super) struct Inputs {
 }
 
 impl InputArgs {
+    /// Whether measurements were given.
+    pub(super) fn has_data(&self) -> bool {
+        self.data.is_some()
+    }
+
+    /// Length in mm of the unit of the mesh file.
+    pub(super) fn scale(&self) -> f64 {
+        self.units.map_or(1.0, Units::in_mm)
+    }
+
     /// Reads or makes everything that `model` needs; says on stderr what it is.
     pub(super) fn load(&self, model: &dyn Declare) -> Result<Inputs, Failure> {
         let outline = Model::outline(model)?;

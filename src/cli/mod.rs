@@ -1,6 +1,7 @@
 //! The command line: one file per command, one enum that is matched once.
 
 mod check;
+mod close_loop;
 mod compare;
 mod compile;
 mod init;
@@ -42,6 +43,8 @@ enum Command {
     Show(show::Command),
     /// Validate a model's input without sampling, and time its gradient
     Check(check::Command),
+    /// Find what a model lacks, add it, and tell the error before and after
+    Loop(close_loop::Command),
     /// Compare two runs by how well they predict the same measurements
     Compare(compare::Command),
     /// Print again what the end of a run said; the exit code is that of the run
@@ -64,6 +67,7 @@ pub fn main(models: &[Compiled]) -> ExitCode {
         Command::Run(command) => command.run(models),
         Command::Show(command) => command.run(models),
         Command::Check(command) => command.run(models),
+        Command::Loop(command) => command.run(models),
         Command::Compare(command) => command.run(),
         Command::Report(command) => command.run(),
         Command::Mesh(command) => done(command.run()),

@@ -238,7 +238,7 @@ fn draw_prior(model: &Model, settings: &infer::Settings) -> Result<Sampled, Fail
 }
 
 /// The settings as the run's record has them.
-fn record_of(settings: &infer::Settings, sampler: &str) -> report::Settings {
+pub(super) fn record_of(settings: &infer::Settings, sampler: &str) -> report::Settings {
     report::Settings {
         sampler: sampler.into(),
         chains: settings.chains,

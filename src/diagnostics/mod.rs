@@ -21,6 +21,7 @@ pub use importance::{Importance, importance};
 pub use loo::{Loo, LooPoint, loo, relative_efficiency, standard_error};
 pub use mcse::{mcse_mean, mcse_quantile, mcse_sd};
 pub use rank::r_hat;
+pub use special::{beta_above, normal_quantile};
 
 use serde::Serialize;
 

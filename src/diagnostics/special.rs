@@ -6,7 +6,7 @@ use libm::lgamma;
 ///
 /// # Source
 /// Wichura 1988, algorithm AS 241 (PPND16).
-pub(super) fn normal_quantile(p: f64) -> f64 {
+pub fn normal_quantile(p: f64) -> f64 {
     let q = p - 0.5;
     if q.abs() <= 0.425 {
         let r = 0.180_625 - q * q;
@@ -107,6 +107,11 @@ pub(super) fn beta_quantile(p: f64, a: f64, b: f64) -> f64 {
         if beta_distribution(middle, a, b) < p { low = middle } else { high = middle }
     }
     0.5 * (low + high)
+}
+
+/// Probability that Beta(a, b) lies above x.
+pub fn beta_above(x: f64, a: f64, b: f64) -> f64 {
+    1.0 - beta_distribution(x, a, b)
 }
 
 /// Distribution function of Beta(a, b), by its continued fraction on the side where that converges.

@@ -261,6 +261,49 @@ impl Measurements {
         self.rows.is_empty()
     }
 
+    /// The header.
+    pub fn columns(&self) -> &[String] {
+        &self.header
+    }
+
+    /// This table, then the rows of another: columns that it lacks are empty there. Where a column of
+    /// `lent` is empty or missing in the other, the first row here of the same protocol lends its cell.
+    #[must_use]
+    pub fn followed_by(&self, other: &Self, lent: &[&str]) -> Self {
+        let mut all = self.clone();
+        all.vertex.clear();
+        for row in 0..other.len() {
+            let protocol = other.cell(row, "protocol");
+            let lender =
+                (0..self.len()).find(|r| self.cell(*r, "protocol") == protocol).unwrap_or(0);
+            let cells = self.header.iter().enumerate().map(|(column, name)| {
+                let own = other.cell(row, name).unwrap_or_default();
+                let is_lent = own.is_empty() && lent.contains(&name.as_str());
+                if is_lent { self.rows[lender].cells[column].clone() } else { own.to_owned() }
+            });
+            all.rows.push(Row { line: other.rows[row].line, cells: cells.collect() });
+        }
+        all
+    }
+
+    /// Complains unless there is such a column (`who` asks for it).
+    ///
+    /// # Errors
+    /// No such column.
+    pub fn require(&self, name: &str, who: &str) -> Result<(), DataError> {
+        self.column(name).map(|_| ()).ok_or_else(|| self.no_column(name, who))
+    }
+
+    /// Line of a row in its file, from 1.
+    pub fn line(&self, row: usize) -> u64 {
+        self.rows[row].line
+    }
+
+    /// A cell as text; `None` if there is no such column.
+    pub fn cell(&self, row: usize, name: &str) -> Option<&str> {
+        self.column(name).map(|column| self.rows[row].cells[column].as_str())
+    }
+
     /// Number of columns.
     pub fn n_columns(&self) -> usize {
         self.header.len()

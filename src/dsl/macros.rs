@@ -77,6 +77,11 @@ macro_rules! statement {
         $crate::statement!{ $b $P $R $L $C $V [$($o)* { $crate::prior!{ $P $d }
             $b.effect::<Here, { SCOPE.size() }, { SCOPE.width() + 1 }>(Here, $crate::decl!($e [$($($u)+)?] [$($doc)*] on $($t),+ = linear($($r.$c),+) ~ $d), stringify!($d), &[$(stringify!($t)),+], &[$(stringify!($c)),+], &SCOPE)?; }] $($rest)* } };
 
+    // effect force on erp_s2 [ms] = scaled(row.force_g, 15.0, 5.0) ~ Normal(0.0, 10.0);   …
+    ($b:ident $P:tt $R:tt $L:tt $C:tt $V:tt [$($o:tt)*] $(#[doc = $doc:literal])* effect $e:ident on $($t:ident),+ $([$($u:tt)+])? = $form:ident ($($arg:tt)*) ~ $d:expr; $($rest:tt)*) => {
+        $crate::statement!{ $b $P $R $L $C $V [$($o)* { $crate::prior!{ $P $d }
+            $b.formed_effect::<Here, { SCOPE.size() }, { SCOPE.width() + 1 }>(Here, $crate::decl!($e [$($($u)+)?] [$($doc)*] on $($t),+ = $form($($arg)*) ~ $d), stringify!($d), &[$(stringify!($t)),+], $crate::form!($form $($arg)*), &SCOPE)?; }] $($rest)* } };
+
     // density banana = my_density(a, b);   density returns(data) = garch(mu, alpha, data.y);
     ($b:ident $P:tt $R:tt $L:tt $C:tt $V:tt [$($o:tt)*] $(#[doc = $doc:literal])* density $n:ident $(($data:ident))? = $e:expr; $($rest:tt)*) => {
         $crate::statement!{ $b $P $R $L $C $V [$($o)* $crate::density!{ $b $P $n [$($data)?] [$($doc)*] $e }] $($rest)* } };
@@ -107,9 +112,22 @@ macro_rules! statement {
     ($b:ident $P:tt $R:tt $L:tt $C:tt $V:tt $o:tt $(#[doc = $doc:literal])* let $($t:tt)*) => { $crate::mistake!{ "expected `let NAME(x) [unit] = EXPRESSION;`" $($t)* } };
     ($b:ident $P:tt $R:tt $L:tt $C:tt $V:tt $o:tt $(#[doc = $doc:literal])* column $($t:tt)*) => { $crate::mistake!{ "expected `column NAME [unit];` or `column NAME(3);`" $($t)* } };
     ($b:ident $P:tt $R:tt $L:tt $C:tt $V:tt $o:tt $(#[doc = $doc:literal])* observe $($t:tt)*) => { $crate::mistake!{ "expected `observe NAME(x): Bracket [unit] ~ LIKELIHOOD;`" $($t)* } };
-    ($b:ident $P:tt $R:tt $L:tt $C:tt $V:tt $o:tt $(#[doc = $doc:literal])* effect $($t:tt)*) => { $crate::mistake!{ "expected `effect NAME on LET, LET [unit] = linear(row.COLUMN) ~ PRIOR;`" $($t)* } };
+    ($b:ident $P:tt $R:tt $L:tt $C:tt $V:tt $o:tt $(#[doc = $doc:literal])* effect $($t:tt)*) => { $crate::mistake!{ "expected `effect NAME on LET, LET [unit] = linear(row.COLUMN) ~ PRIOR;`, or `scaled`, `smooth`, `above`, `group`, `family`, `all` in place of `linear`" $($t)* } };
     ($b:ident $P:tt $R:tt $L:tt $C:tt $V:tt $o:tt $(#[doc = $doc:literal])* density $($t:tt)*) => { $crate::mistake!{ "expected `density NAME(data) = f(PARAMETER, data.COLUMN);` or `density NAME = f(PARAMETER);`" $($t)* } };
     ($b:ident $P:tt $R:tt $L:tt $C:tt $V:tt $o:tt $(#[doc = $doc:literal])* $first:tt $($t:tt)*) => { $crate::mistake!{ "a statement begins with `param`, `field`, `let`, `column`, `observe`, `effect` or `density`" $first $($t)* } };
+}
+
+/// The right-hand side of an effect.
+#[macro_export]
+#[doc(hidden)]
+macro_rules! form {
+    (scaled $r:ident . $c:ident, $centre:expr, $scale:expr) => { $crate::dsl::expansion::Form::Scaled { column: stringify!($c).into(), centre: f64::from($centre), scale: f64::from($scale) } };
+    (smooth $r:ident . $c:ident, $low:expr, $high:expr, $degree:expr) => { $crate::dsl::expansion::Form::Smooth { column: stringify!($c).into(), low: f64::from($low), high: f64::from($high), degree: $degree } };
+    (above $r:ident . $c:ident, $threshold:expr) => { $crate::dsl::expansion::Form::Above { column: stringify!($c).into(), threshold: f64::from($threshold) } };
+    (group $r:ident . $c:ident) => { $crate::dsl::expansion::Form::Group { column: stringify!($c).into() } };
+    (family $r:ident . $c:ident) => { $crate::dsl::expansion::Form::Family { column: stringify!($c).into() } };
+    (all $r:ident) => { $crate::dsl::expansion::Form::All };
+    ($($other:tt)*) => { { $crate::mistake!{ "expected `linear(row.a, row.b)`, `scaled(row.a, CENTRE, SCALE)`, `smooth(row.a, LOW, HIGH, DEGREE)`, `above(row.a, THRESHOLD)`, `group(row.a)`, `family(row.a)` or `all(row)`" $($other)* } $crate::dsl::expansion::Form::All } };
 }
 
 /// A message (its span is the whole `model!`), and an error at the place: `no rules expected` points

@@ -6,14 +6,17 @@
 //! same indices of the adjoint `g`. Everything between parameters and `v` is linear or a kernel's
 //! spectral density, with a hand-written adjoint. Nothing here knows the EP simulator.
 
+mod augmented;
 mod blocked;
 mod builder;
 mod data;
 mod density;
 mod equations;
 mod error;
+mod form;
 mod gp;
 mod linear;
+mod local;
 mod macros;
 mod maps;
 mod model;
@@ -27,19 +30,25 @@ mod tape;
 mod units;
 mod uses;
 
+pub use augmented::{AddedEffect, Augmented};
 pub use blocked::Sampler;
 pub use data::{DataError, Measurements};
 pub use density::Density;
 pub use equations::equations;
 pub use error::ModelError;
+pub use form::{Form, distinct, families};
+pub use local::{RowId, Split};
 pub use maps::{MapName, MapSummary, Maps};
 pub use model::{Declare, Kind, Model, Observe, Parameter, Statement};
+pub use rows::{Curvature, Noise};
+pub use tape::Tape;
 
 /// What the expansion of [`model!`](crate::model) names; not for people.
 #[doc(hidden)]
 pub mod expansion {
     pub use super::builder::{Builder, Len};
     pub use super::density::{DensityFn, Terms};
+    pub use super::form::Form;
     pub use super::gp::KernelFn;
     pub use super::maps::LetFn;
     pub use super::parameter::{PriorFn, SequenceFn};

@@ -1,5 +1,6 @@
 //! A model with its data: a log density over unconstrained unknowns, and what its draws mean.
 
+use std::collections::BTreeMap;
 use std::ops::Range;
 
 use rand::{Rng, RngExt as _};
@@ -155,6 +156,8 @@ pub struct Model {
     pub(super) linear: Vec<Linear>,
     pub(super) maps: Vec<Map>,
     pub(super) offsets: Vec<Range<usize>>,
+    /// First offset of (observe, field or let).
+    pub(super) hooks: BTreeMap<(&'static str, &'static str), usize>,
     /// Unknowns whose starting value is the middle of a declared range.
     pub(super) start: Vec<(usize, f64)>,
     /// Lengths of unknowns, values, work.
@@ -172,6 +175,23 @@ impl Model {
         data: &Measurements,
     ) -> Result<Self, ModelError> {
         let mut b = Builder::new(model.name(), model.doc(), basis, Some(data));
+        model.declare(&mut b)?;
+        b.finish()
+    }
+
+    /// As [`Model::new`], with an offset, zero unless somebody sets it, in every row for each of these
+    /// fields and `let`s that its likelihood depends on: where criticism adds what it tries.
+    ///
+    /// # Errors
+    /// Those of [`Model::new`].
+    pub fn with_offsets(
+        model: &dyn Declare,
+        basis: Option<&Basis>,
+        data: &Measurements,
+        offsets_on: &[String],
+    ) -> Result<Self, ModelError> {
+        let mut b = Builder::new(model.name(), model.doc(), basis, Some(data));
+        b.want_offsets(offsets_on.iter().cloned());
         model.declare(&mut b)?;
         b.finish()
     }
@@ -200,6 +220,7 @@ impl Model {
             densities: vec![],
             maps: vec![],
             offsets: vec![],
+            hooks: BTreeMap::new(),
             start: vec![],
             layout: [0; 3],
         }
@@ -298,6 +319,16 @@ impl Model {
         t.lp
     }
 
+    /// Log density of everything but the measurements, after a forward pass.
+    pub(super) fn backward_without_rows(&self, t: &mut Tape) {
+        t.lp = 0.0;
+        t.g.fill(0.0);
+        t.gu.fill(0.0);
+        self.densities.iter().for_each(|density| density.op.backward(t));
+        self.fields.iter().rev().for_each(|field| field.op.backward(t));
+        self.priors.iter().rev().for_each(|prior| prior.backward(t));
+    }
+
     /// Where a search for a starting point sets out: priors at a typical value, field means in the
     /// middle of their declared range, coefficients zero.
     pub fn initial(&self) -> Vec<f64> {
@@ -380,6 +411,11 @@ impl Model {
 }
 
 impl Observe {
+    /// The measurement of one row.
+    pub fn observed_row(&self, row: usize) -> Vec<f64> {
+        self.op.observed_row(row)
+    }
+
     /// The measurements, one vector of [`Observe::columns`] per row.
     pub fn observed(&self) -> Vec<Vec<f64>> {
         self.op.observed()

@@ -7,8 +7,8 @@ use rand::Rng;
 
 use super::scope::Local;
 use super::tape::{Op, Tape};
-use crate::dist::{Dist, Gaussian, Sequence};
-use crate::num::{Dual, Real, derivatives, variable};
+use crate::dist::{Dist, Gaussian, Normal, Sequence};
+use crate::num::{Dual, LN_SQRT_2PI, Real, derivatives, variable};
 
 /// A prior as a function of the names in its scope.
 pub trait PriorFn: Send + Sync + std::fmt::Debug {
@@ -72,6 +72,46 @@ impl<F: PriorFn, const N: usize, const W: usize> Op for ParameterOp<F, N, W> {
             let e = derivatives(&(l + x * t.g[self.v + i]));
             t.gu[self.u + i] += e[W - 1];
             self.local.scatter_array(&e, &mut t.g);
+        }
+    }
+}
+
+/// `n` coefficients `~ Normal(0, sd)`, the sd known only at run time.
+#[derive(Debug)]
+pub(super) struct NormalOp {
+    /// First unknown.
+    pub(super) u: usize,
+    /// First value.
+    pub(super) v: usize,
+    pub(super) n: usize,
+    pub(super) sd: f64,
+}
+
+impl Op for NormalOp {
+    fn forward(&self, t: &mut Tape) {
+        t.v[self.v..][..self.n].copy_from_slice(&t.u[self.u..][..self.n]);
+    }
+
+    fn initial(&self, t: &mut Tape) {
+        t.u[self.u..][..self.n].fill(0.0);
+        self.forward(t);
+    }
+
+    fn draw(&self, t: &mut Tape, rng: &mut dyn Rng) -> Option<()> {
+        let prior = Normal { mu: 0.0, sd: self.sd };
+        for u in &mut t.u[self.u..][..self.n] {
+            *u = prior.sample(rng)?;
+        }
+        self.forward(t);
+        Some(())
+    }
+
+    fn backward(&self, t: &mut Tape) {
+        t.lp -= (self.sd.ln() + LN_SQRT_2PI) * self.n as f64;
+        for i in 0..self.n {
+            let z = t.u[self.u + i] / self.sd;
+            t.lp -= 0.5 * z * z;
+            t.gu[self.u + i] += t.g[self.v + i] - z / self.sd;
         }
     }
 }

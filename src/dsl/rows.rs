@@ -97,8 +97,43 @@ pub(super) trait Measured: Op {
     fn simulate(&self, t: &Tape, rng: &mut dyn Rng) -> Vec<Vec<f64>>;
     /// The measurements as cells.
     fn observed(&self) -> Vec<Vec<f64>>;
+    /// Where in `v` the scalars of row `i` live: the value, and the offset added to it if an effect
+    /// may act there (`v[0]`, which is zero, if not); then the offsets of its `let`s.
+    fn locals(&self, i: usize) -> Vec<(usize, usize)>;
+    /// Log likelihood of row `i` at these scalars, under `noise`.
+    fn ln_at(&self, i: usize, locals: &[f64], noise: &Noise) -> f64;
+    /// As [`Measured::ln_at`], with gradient and Hessian `(n, n)` in the scalars.
+    fn curvature(&self, i: usize, locals: &[f64], noise: &Noise, out: &mut Curvature);
+    /// A simulated measurement for row `i` at these scalars, as cells, without noise.
+    fn replicate(&self, i: usize, locals: &[f64], rng: &mut dyn Rng) -> Vec<f64>;
+    /// The predicted value of row `i` at these scalars, if the likelihood has one.
+    fn location(&self, i: usize, locals: &[f64]) -> Option<f64>;
+    /// The measurement of row `i` as cells.
+    fn observed_row(&self, i: usize) -> Vec<f64>;
+    /// Puts another measurement in the place of row `i`'s.
+    fn set_observed(&mut self, i: usize, cells: &[f64]);
     /// The first row whose measurement this likelihood cannot take, and why.
     fn objection(&self, t: &Tape) -> Option<(usize, &'static str)>;
+}
+
+/// What spreads a measurement beyond its likelihood, in the unit of the measurement.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Noise {
+    /// Variance of a normal error of every measurement.
+    pub variance: f64,
+    /// Share of outlying measurements, and the variance of their further error.
+    pub outliers: Option<(f64, f64)>,
+}
+
+/// A row's log likelihood, its gradient and its Hessian in the row's scalars.
+#[derive(Clone, Debug, Default)]
+pub struct Curvature {
+    /// Log likelihood.
+    pub value: f64,
+    /// Gradient, `(n)`.
+    pub gradient: Vec<f64>,
+    /// Hessian, row-major `(n, n)`.
+    pub hessian: Vec<f64>,
 }
 
 /// All measurements of one kind.
@@ -197,6 +232,33 @@ impl<F: RowFn, const N: usize, const W: usize> NullaryFnOnce for Backward<'_, F,
     }
 }
 
+impl<F: RowFn, const N: usize, const W: usize> Rows<F, N, W> {
+    /// The scope's scalars from a row's own: `number` makes them of (which, value).
+    fn fill<D: Real>(&self, locals: &[f64], number: impl Fn(usize, f64) -> D) -> [D; N] {
+        let mut s = [D::from(0.0); N];
+        let first_let = N - F::SCOPE.lets;
+        let lets = self.place.lets.iter().enumerate();
+        let lets = lets.filter_map(|(j, at)| at.map(|_| first_let + j));
+        let slots = F::SCOPE.slots::<W>().into_iter().chain(lets);
+        for (j, (slot, x)) in slots.zip(locals).enumerate() {
+            s[slot] = number(j, *x);
+        }
+        s
+    }
+
+    /// Not inlined: criticism is rare, and one copy serves it all.
+    #[inline(never)]
+    fn ln_noisy<D: Real>(&self, s: &[D; N], i: usize, noise: &Noise) -> D {
+        let likelihood = F::likelihood(s, &self.columns[i]);
+        let plain = likelihood.ln_widened(&self.y[i], noise.variance);
+        let Some((share, variance)) = noise.outliers else { return plain };
+        let wide = likelihood.ln_widened(&self.y[i], noise.variance + variance) + share.ln();
+        let plain = plain + (-share).ln_1p();
+        let (low, high) = if plain.re() < wide.re() { (plain, wide) } else { (wide, plain) };
+        high + (low - high).exp().ln_1p()
+    }
+}
+
 impl<F: RowFn, const N: usize, const W: usize> Op for Rows<F, N, W> {
     fn backward(&self, t: &mut Tape) {
         Arch::new().dispatch(Backward(self, t));
@@ -220,6 +282,51 @@ impl<F: RowFn, const N: usize, const W: usize> Measured for Rows<F, N, W> {
 
     fn observed(&self) -> Vec<Vec<f64>> {
         self.y.iter().map(Observation::cells).collect()
+    }
+
+    fn locals(&self, i: usize) -> Vec<(usize, usize)> {
+        let hook = |j: usize| self.place.hook.get(i * W + j).map_or(0, |at| *at as usize);
+        let value = |j: usize| (self.place.index[i * W + j] as usize, hook(j));
+        let lets = self.place.lets.iter().flatten().map(|at| (at + i, 0));
+        (0..W).map(value).chain(lets).collect()
+    }
+
+    fn ln_at(&self, i: usize, locals: &[f64], noise: &Noise) -> f64 {
+        self.ln_noisy(&self.fill(locals, |_, x| x), i, noise)
+    }
+
+    fn curvature(&self, i: usize, locals: &[f64], noise: &Noise, out: &mut Curvature) {
+        let n = locals.len();
+        out.gradient.resize(n, 0.0);
+        out.hessian.resize(n * n, 0.0);
+        let is = |a: usize, j: usize| f64::from(u8::from(a == j));
+        for a in 0..n {
+            for b in a..n {
+                let s = self.fill(locals, |j, x| Hyper::new(x, is(a, j), is(b, j), 0.0));
+                let l = self.ln_noisy(&s, i, noise);
+                (out.value, out.gradient[a], out.gradient[b]) = (l.re, l.eps1, l.eps2);
+                (out.hessian[a * n + b], out.hessian[b * n + a]) = (l.eps1eps2, l.eps1eps2);
+            }
+        }
+    }
+
+    fn replicate(&self, i: usize, locals: &[f64], rng: &mut dyn Rng) -> Vec<f64> {
+        let s = self.fill(locals, |_, x| x);
+        F::likelihood(&s, &self.columns[i]).simulate(&self.y[i], rng).cells()
+    }
+
+    fn location(&self, i: usize, locals: &[f64]) -> Option<f64> {
+        F::likelihood(&self.fill(locals, |_, x| x), &self.columns[i]).location()
+    }
+
+    fn observed_row(&self, i: usize) -> Vec<f64> {
+        self.y[i].cells()
+    }
+
+    fn set_observed(&mut self, i: usize, cells: &[f64]) {
+        if let Ok(Some(y)) = F::Y::read(cells) {
+            self.y[i] = y;
+        }
     }
 
     fn objection(&self, t: &Tape) -> Option<(usize, &'static str)> {

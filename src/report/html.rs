@@ -10,14 +10,14 @@ use std::io::Write as _;
 use std::path::Path;
 
 use super::end_of_run::leave_one_out_figures;
-use super::svg::{k_plot, rank_plot, trace_plot};
+use super::svg::{escape, k_plot, rank_plot, trace_plot};
 use super::table::{HEAVY_TAIL, Line, TITLES, lines};
 use super::{Group, LeaveOneOut, LooRow, ReportError, Row, RunRecord, Settings, Values, verdict};
 use crate::atomic::write_file;
 use crate::mesh::TriMesh;
 
 const PAGE: &str = include_str!("page.html");
-const STYLE: &str = include_str!("page.css");
+pub(super) const STYLE: &str = include_str!("page.css");
 const VIEWER: &str = include_str!("viewer.js");
 const THREE: &str = include_str!("../../assets/three/three.bundle.min.js");
 /// More scalars than this are too many to look at; the page says how many are left out.
@@ -94,7 +94,7 @@ pub fn write_html(path: &Path, page: &Page<'_>) -> Result<(), ReportError> {
 }
 
 /// Replaces each `{{name}}` of the template once; what a slot holds is not searched again.
-fn fill(template: &str, slots: &[(&str, String)]) -> String {
+pub(super) fn fill(template: &str, slots: &[(&str, String)]) -> String {
     let mut parts = template.split("{{");
     let mut filled = parts.next().unwrap_or_default().to_owned();
     for part in parts {
@@ -104,10 +104,6 @@ fn fill(template: &str, slots: &[(&str, String)]) -> String {
         filled += rest;
     }
     filled
-}
-
-fn escape(text: &str) -> String {
-    text.replace('&', "&amp;").replace('<', "&lt;").replace('>', "&gt;").replace('"', "&quot;")
 }
 
 fn table(lines: &[Line]) -> String {

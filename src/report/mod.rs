@@ -10,11 +10,13 @@ mod end_of_run;
 mod error;
 mod html;
 mod loo;
+mod loop_page;
 mod posterior;
 mod run_record;
 #[cfg(test)]
 mod samples;
 mod summary;
+mod surface_map;
 mod svg;
 mod table;
 mod verdict;
@@ -27,6 +29,10 @@ pub use end_of_run::{end_of_run, rmse_line};
 pub use error::ReportError;
 pub use html::{Page, PointData, Surface, write_html};
 pub use loo::{LeaveOneOut, LooRecord, LooRow, read_loo, worst_k, write_loo};
+pub use loop_page::{
+    Against, Comparison, LoopPage, PredictionError, Residuals, SiteResidual, TriedEffect,
+    TriedRound, write_loop_page,
+};
 pub use posterior::Posterior;
 pub use run_record::{RunRecord, Seconds, Settings};
 pub use summary::{Row, read_summary_json, write_summary_csv, write_summary_json};

@@ -1,4 +1,5 @@
-//! Trace and rank plots of one scalar parameter, and Pareto k of every measurement, as small inline SVG.
+//! Trace and rank plots of one scalar parameter, Pareto k of every measurement, evidence against its null
+//! distribution and residuals against a column, as small inline SVG.
 //!
 //! # Source
 //! Rank plots: Vehtari et al. 2021.  Colours: Okabe and Ito, distinguishable without red–green vision.
@@ -14,9 +15,12 @@ const RANK_WIDTH: f64 = 190.0;
 const K_WIDTH: f64 = 750.0;
 /// Space left of the plot area for the tick labels.
 const MARGIN: f64 = 58.0;
+/// Space below it for the labels of an x axis.
+const AXIS: f64 = 18.0;
 /// A trace is drawn as the range of its values in this many bins: a spike of one draw stays visible.
 const TRACE_BINS: usize = 160;
 const RANK_BINS: usize = 20;
+const NULL_BINS: usize = 60;
 
 /// The draws of each chain against their index; logarithmic where a positive quantity spans decades.
 pub(super) fn trace_plot(chains: &[&[f64]]) -> String {
@@ -94,14 +98,119 @@ pub(super) fn k_plot(points: &[(String, f64)], threshold: f64) -> String {
     svg + "</svg>"
 }
 
+/// Candidates (name, log Bayes factor, whether it was taken) over the histogram of what the best of them reached on
+/// data without any effect; dashed is what a claim must exceed.
+pub(super) fn evidence_plot(nulls: &[f64], tried: &[(String, f64, bool)], claim: f64) -> String {
+    let values =
+        || tried.iter().map(|t| t.1).chain(nulls.iter().copied()).filter(|v| v.is_finite());
+    let low = values().fold(-1.0, f64::min).max(-12.0).floor();
+    let high = 1.05 * values().fold(claim + 2.0, f64::max);
+    let x = |v: f64| K_WIDTH * (v.clamp(low, high) - low) / (high - low);
+    let mut counts = [0_usize; NULL_BINS];
+    for null in nulls {
+        counts[((x(*null) / K_WIDTH * NULL_BINS as f64) as usize).min(NULL_BINS - 1)] += 1;
+    }
+    let most = counts.iter().copied().max().unwrap_or(0).max(1);
+    let mut svg = frame_of("evidence", [K_WIDTH, HEIGHT, AXIS], [&most.to_string(), "0"]);
+    let bin = K_WIDTH / NULL_BINS as f64;
+    for (i, count) in counts.iter().enumerate().filter(|(_, count)| **count > 0) {
+        let (left, height) = (bin * i as f64, HEIGHT * 0.75 * *count as f64 / most as f64);
+        let _ = write!(
+            svg,
+            r#"<rect class="null" x="{left:.1}" y="{:.1}" width="{bin:.1}" height="{height:.1}"><title>{count} of {} searches on simulated data</title></rect>"#,
+            HEIGHT - height,
+            nulls.len()
+        );
+    }
+    let _ = write!(svg, r#"<path class="level" d="M{:.1} 0V{HEIGHT}"/>"#, x(claim));
+    for (name, value, is_taken) in tried.iter().filter(|t| t.1.is_finite()) {
+        let class = if *is_taken { r#" class="high""# } else { "" };
+        let _ = write!(
+            svg,
+            r#"<circle{class} cx="{:.1}" cy="24" r="4"><title>{}: {value:.1}</title></circle>"#,
+            x(*value),
+            escape(name)
+        );
+    }
+    if let Some((name, value, _)) = tried.iter().max_by(|a, b| a.1.total_cmp(&b.1)) {
+        let anchor = if x(*value) > 0.5 * K_WIDTH { "end" } else { "start" };
+        let _ = write!(
+            svg,
+            r#"<text class="name" x="{:.1}" y="14" style="text-anchor:{anchor}">{} {value:.1}</text>"#,
+            x(*value),
+            escape(name)
+        );
+    }
+    for (value, word) in [(low, ""), (claim, "asked: "), (high, "log Bayes factor ")] {
+        let anchor = if value > claim { "end" } else { "middle" };
+        let at = x(value);
+        let _ = write!(
+            svg,
+            r#"<text class="tick" x="{at:.1}" y="{}" style="text-anchor:{anchor}">{word}{}</text>"#,
+            HEIGHT + 15.0,
+            tick(value)
+        );
+    }
+    svg + "</svg>"
+}
+
+/// Residuals against a column: before (hollow) and after (full) at each x; `ticks` name places on the x axis.
+pub(super) fn residual_plot(points: &[(f64, f64, f64)], ticks: &[(f64, String)]) -> String {
+    let xs = || points.iter().map(|p| p.0).filter(|x| x.is_finite());
+    let (low, high) = (xs().fold(f64::INFINITY, f64::min), xs().fold(f64::NEG_INFINITY, f64::max));
+    let pad = 0.04 * (high - low).max(f64::MIN_POSITIVE);
+    let x = |v: f64| K_WIDTH * (v - low + pad) / (high - low + 2.0 * pad);
+    let limit = points
+        .iter()
+        .flat_map(|p| [p.1, p.2])
+        .filter(|v| v.is_finite())
+        .fold(f64::MIN_POSITIVE, |limit, v| limit.max(v.abs()));
+    let tall = 1.6 * HEIGHT;
+    let y = |v: f64| tall * (0.5 - 0.48 * v / limit);
+    let mut svg =
+        frame_of("residuals", [K_WIDTH, tall, AXIS], [&tick(limit / 0.96), &tick(-limit / 0.96)]);
+    let _ = write!(
+        svg,
+        r#"<path class="level" d="M0 {0:.1}H{K_WIDTH}"/><text class="tick" x="-6" y="{0:.1}">0</text>"#,
+        y(0.0)
+    );
+    for (at, before, after) in points.iter().filter(|p| p.0.is_finite()) {
+        for (class, value) in [("before", before), ("after", after)] {
+            if value.is_finite() {
+                let _ = write!(
+                    svg,
+                    r#"<circle class="{class}" cx="{:.1}" cy="{:.1}" r="3.5"/>"#,
+                    x(*at),
+                    y(*value)
+                );
+            }
+        }
+    }
+    for (at, name) in ticks {
+        let _ = write!(
+            svg,
+            r#"<text class="tick" x="{:.1}" y="{:.1}" style="text-anchor:middle">{}</text>"#,
+            x(*at),
+            tall + 15.0,
+            escape(name)
+        );
+    }
+    svg + "</svg>"
+}
+
 /// The opening tag, the plot area and the labels of its top and bottom.
-fn frame(label: &str, width: f64, [top, bottom]: [&str; 2]) -> String {
-    let (left, full_width, full_height) = (-MARGIN, MARGIN + width + 2.0, HEIGHT + 8.0);
+fn frame(label: &str, width: f64, labels: [&str; 2]) -> String {
+    frame_of(label, [width, HEIGHT, 0.0], labels)
+}
+
+/// The same of any height, with room below for the labels of an x axis.
+fn frame_of(label: &str, [width, height, below]: [f64; 3], [top, bottom]: [&str; 2]) -> String {
+    let (left, full_width, full_height) = (-MARGIN, MARGIN + width + 2.0, height + below + 8.0);
     format!(
         r#"<svg role="img" aria-label="{label}" viewBox="{left} -4 {full_width} {full_height}">"#
-    ) + &format!(r#"<rect class="area" width="{width}" height="{HEIGHT}"/>"#)
+    ) + &format!(r#"<rect class="area" width="{width}" height="{height}"/>"#)
         + &format!(r#"<text class="tick" x="-6" y="8">{top}</text>"#)
-        + &format!(r#"<text class="tick" x="-6" y="{HEIGHT}">{bottom}</text>"#)
+        + &format!(r#"<text class="tick" x="-6" y="{height}">{bottom}</text>"#)
 }
 
 fn line(points: impl Iterator<Item = (f64, f64)>, colour: &str) -> String {
@@ -129,8 +238,13 @@ fn envelope(draws: &[f64]) -> Vec<(f64, f64)> {
     points
 }
 
+/// Text as it may stand in a page.
+pub(super) fn escape(text: &str) -> String {
+    text.replace('&', "&amp;").replace('<', "&lt;").replace('>', "&gt;").replace('"', "&quot;")
+}
+
 /// Three significant digits.
-fn tick(value: f64) -> String {
+pub(super) fn tick(value: f64) -> String {
     let magnitude = if value == 0.0 { 0.0 } else { value.abs().log10().floor() };
     if (-3.0..5.0).contains(&magnitude) {
         let decimals = (2.0 - magnitude).max(0.0) as usize;

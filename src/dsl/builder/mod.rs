@@ -6,9 +6,11 @@ use std::marker::PhantomData;
 use crate::dist::{Dist, Sequence, Support};
 use crate::dsl::data::Measurements;
 use crate::dsl::error::ModelError;
+use crate::dsl::form::Form;
+use crate::dsl::linear::Linear;
 use crate::dsl::maps::{LetFn, Map, MapAt, Source as MapSource};
 use crate::dsl::model::{Kind, Model, Parameter, Position, PriorEntry, Statement};
-use crate::dsl::parameter::{ParameterOp, PriorFn, SequenceFn, SequenceOp};
+use crate::dsl::parameter::{NormalOp, ParameterOp, PriorFn, SequenceFn, SequenceOp};
 use crate::dsl::scope::{Local, Scope};
 use crate::dsl::units::{Decl, check_units};
 use crate::manifold::Basis;
@@ -38,10 +40,18 @@ enum Source {
 }
 
 struct Effect {
-    name: &'static str,
-    on: Vec<&'static str>,
-    columns: Vec<&'static str>,
+    name: String,
+    on: Vec<String>,
+    design: EffectDesign,
     beta: usize,
+}
+
+/// What an effect multiplies its coefficients by.
+enum EffectDesign {
+    /// `linear(row.a, row.b)`: columns as they are, every cell filled in.
+    Columns(Vec<&'static str>),
+    /// Anything else.
+    Form(Form),
 }
 
 /// Lays a model out on its data.
@@ -51,6 +61,8 @@ pub struct Builder<'a> {
     probes: Vec<u32>,
     names: Vec<(&'static str, Source)>,
     effects: Vec<Effect>,
+    /// Names that offsets are wanted for besides those of effects.
+    offsets_on: Vec<String>,
     /// First offset of (observe, field or let).
     hooks: BTreeMap<(&'static str, &'static str), usize>,
     /// Values whose prior is flat, with their unknown; and values that expressions mention, how often.
@@ -85,6 +97,7 @@ impl<'a> Builder<'a> {
             probes,
             names: vec![],
             effects: vec![],
+            offsets_on: vec![],
             hooks: BTreeMap::new(),
             flat: BTreeMap::new(),
             mentions: BTreeMap::new(),
@@ -94,6 +107,11 @@ impl<'a> Builder<'a> {
             n_work: 0,
             model: Model::empty(name, doc),
         }
+    }
+
+    /// Asks for an offset, zero by itself, wherever a likelihood depends on one of these names.
+    pub(super) fn want_offsets(&mut self, on: impl IntoIterator<Item = String>) {
+        self.offsets_on.extend(on);
     }
 
     fn values(&mut self, n: usize) -> usize {
@@ -318,52 +336,150 @@ impl<'a> Builder<'a> {
         columns: &[&'static str],
         scope: &Scope,
     ) -> Result<(), ModelError> {
-        self.param::<F, N, W>(f, Decl { text: prior, ..decl }, Len::Many(columns.len()), scope)?;
+        self.coefficients::<F, N, W>(f, decl, prior, columns.len(), scope)?;
+        self.push_effect(decl.name, on, EffectDesign::Columns(columns.to_vec()), columns.len());
+        Ok(())
+    }
+
+    /// `effect name on a, b [unit] = scaled(row.c, 1.0, 2.0) ~ prior;`, and the other forms.
+    ///
+    /// # Errors
+    /// Those of [`Builder::param`], and a column that the table lacks.
+    pub fn formed_effect<F: PriorFn + 'static, const N: usize, const W: usize>(
+        &mut self,
+        f: F,
+        decl: Decl,
+        prior: &'static str,
+        on: &[&'static str],
+        form: Form,
+        scope: &Scope,
+    ) -> Result<(), ModelError> {
+        let n = self.n_coefficients(decl.name, &form)?;
+        self.coefficients::<F, N, W>(f, decl, prior, n, scope)?;
+        self.label_last(&form);
+        self.push_effect(decl.name, on, EffectDesign::Form(form), n);
+        Ok(())
+    }
+
+    /// An effect that is in no model file: coefficients `~ Normal(0, sd)`.
+    ///
+    /// # Errors
+    /// A column that the table lacks.
+    pub(super) fn added_effect(
+        &mut self,
+        decl: Decl,
+        on: &[String],
+        form: &Form,
+        sd: f64,
+    ) -> Result<(), ModelError> {
+        let n = self.n_coefficients(decl.name, form)?;
+        let (u, v) = (self.unknowns(n), self.values(n));
+        let prior = decl.text.rsplit_once('~').map_or("", |(_, prior)| prior.trim_start());
+        let named = Decl { text: prior, ..decl };
+        self.push_parameter(named, n, Kind::Vector, vec![], Support::Real, v);
+        self.state("effect", decl, None);
+        self.model.prior_entries.push(PriorEntry { u: u..u + n, v, len: n, mentions: vec![] });
+        self.model.priors.push(Box::new(NormalOp { u, v, n, sd }));
+        self.label_last(form);
+        let on: Vec<&str> = on.iter().map(String::as_str).collect();
+        self.push_effect(decl.name, &on, EffectDesign::Form(form.clone()), n);
+        Ok(())
+    }
+
+    fn coefficients<F: PriorFn + 'static, const N: usize, const W: usize>(
+        &mut self,
+        f: F,
+        decl: Decl,
+        prior: &'static str,
+        n: usize,
+        scope: &Scope,
+    ) -> Result<(), ModelError> {
+        self.param::<F, N, W>(f, Decl { text: prior, ..decl }, Len::Many(n), scope)?;
         if let Some(statement) = self.model.statements.last_mut() {
             *statement = Statement { keyword: "effect", decl, range: None };
         }
-        let beta = self.n_v - columns.len();
-        self.effects.push(Effect {
-            name: decl.name,
-            on: on.to_vec(),
-            columns: columns.to_vec(),
-            beta,
-        });
         Ok(())
+    }
+
+    fn push_effect(&mut self, name: &str, on: &[&str], design: EffectDesign, n: usize) {
+        let on = on.iter().map(ToString::to_string).collect();
+        self.effects.push(Effect { name: name.into(), on, design, beta: self.n_v - n });
+    }
+
+    fn n_coefficients(&self, effect: &str, form: &Form) -> Result<usize, ModelError> {
+        let Some(data) = self.data else { return Ok(1) };
+        if let Some(column) = form.column() {
+            data.require(column, &format!("effect {effect}"))?;
+        }
+        Ok(form.design(data).1)
+    }
+
+    /// Names the last parameter's numbers after the form's labels.
+    fn label_last(&mut self, form: &Form) {
+        if let (Some(data), Some(parameter)) = (self.data, self.model.parameters.last_mut()) {
+            parameter.labels = form.labels(data);
+        }
     }
 
     /// Everything is declared.
     pub(super) fn finish(mut self) -> Result<Model, ModelError> {
-        let mut hit = BTreeSet::new();
-        for effect in std::mem::take(&mut self.effects) {
-            for i in 0..self.model.observes.len() {
-                let (observe, rows) =
-                    (self.model.observes[i].name, self.model.observes[i].rows.clone());
-                let on = effect.on.iter().filter_map(|&on| {
-                    let at = self.hooks.get(&(observe, on)).copied()?;
-                    hit.insert((effect.name, on));
-                    Some(at)
-                });
-                let out: Vec<usize> = on.collect();
-                if !out.is_empty() {
-                    let names: Vec<String> =
-                        effect.columns.iter().map(ToString::to_string).collect();
-                    let linear = self.design(&rows, &names, effect.beta, out, true)?;
-                    self.model.linear.push(linear);
-                }
-            }
-            if let Some(target) = effect.on.iter().find(|on| !hit.contains(&(effect.name, **on))) {
-                return Err(ModelError::NoTarget {
-                    effect: effect.name.into(),
-                    target: (*target).into(),
-                });
-            }
-        }
+        self.apply_effects()?;
         check_units(&self.model)?;
         self.model.layout = [self.n_u, self.n_v, self.n_work];
         if let Some(data) = self.data {
             self.model.check(data)?;
         }
+        self.model.hooks = self.hooks;
         Ok(self.model)
+    }
+
+    /// Makes every effect's design act on the offsets of its targets.
+    fn apply_effects(&mut self) -> Result<(), ModelError> {
+        for effect in std::mem::take(&mut self.effects) {
+            let mut hit = BTreeSet::new();
+            for i in 0..self.model.observes.len() {
+                let (observe, rows) =
+                    (self.model.observes[i].name, self.model.observes[i].rows.clone());
+                let mut out = vec![];
+                for ((_, target), at) in self.hooks.iter().filter(|((o, _), _)| *o == observe) {
+                    if effect.on.iter().any(|on| on == target) {
+                        hit.insert(*target);
+                        out.push(*at);
+                    }
+                }
+                if !out.is_empty() {
+                    let linear = self.effect_rows(&effect, &rows, out)?;
+                    self.model.linear.push(linear);
+                }
+            }
+            if let Some(target) = effect.on.iter().find(|on| !hit.contains(on.as_str())) {
+                let (effect, target) = (effect.name, target.clone());
+                return Err(ModelError::NoTarget { effect, target });
+            }
+        }
+        Ok(())
+    }
+
+    /// An effect's design at the rows of one `observe`.
+    fn effect_rows(
+        &self,
+        effect: &Effect,
+        rows: &[usize],
+        out: Vec<usize>,
+    ) -> Result<Linear, ModelError> {
+        match (&effect.design, self.data) {
+            (EffectDesign::Columns(columns), _) => {
+                let names: Vec<String> = columns.iter().map(ToString::to_string).collect();
+                self.design(rows, &names, effect.beta, out, true)
+            }
+            (EffectDesign::Form(form), Some(data)) => {
+                let (z, n) = form.design(data);
+                let z = rows.iter().flat_map(|row| z[row * n..][..n].iter().copied()).collect();
+                Ok(Linear { beta: effect.beta, n, z, out, rows: rows.len(), add: true })
+            }
+            (EffectDesign::Form(_), None) => {
+                Ok(Linear { beta: effect.beta, n: 1, z: vec![], out, rows: 0, add: true })
+            }
+        }
     }
 }

@@ -96,7 +96,7 @@ impl Builder<'_> {
             for e in 0..scope.lens[i] {
                 let j = used;
                 used += 1;
-                if matches!(source, Source::Field(_)) && self.acts(name) {
+                if matches!(source, Source::Field(_) | Source::Linear { .. }) && self.acts(name) {
                     hooked.push((j, self.hook(observe, name, n)));
                 }
                 for (r, &row) in rows.iter().enumerate() {
@@ -194,7 +194,8 @@ impl Builder<'_> {
     }
 
     fn acts(&self, name: &str) -> bool {
-        self.effects.iter().any(|e| e.on.contains(&name))
+        self.effects.iter().any(|e| e.on.iter().any(|on| on == name))
+            || self.offsets_on.iter().any(|on| on == name)
     }
 
     fn hook(&mut self, observe: &'static str, name: &'static str, n: usize) -> usize {

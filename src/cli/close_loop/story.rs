@@ -1,0 +1,369 @@
+//! What the loop came to: `finding.json`, the lines on stdout and what `report.html` tells.
+
+use std::collections::BTreeMap;
+
+use serde_json::{Value, json};
+
+use super::super::inputs::Inputs;
+use super::predictions::{Heldout, LeftOut, as_json, thinned};
+use super::{Sampling, name_of, site_column};
+use crate::criticism::{Outcome, Round};
+use crate::diagnostics::quantile;
+use crate::dsl::{AddedEffect, Form, equations};
+use crate::error::Failure;
+use crate::report::{
+    Against, Comparison, LoopPage, ReportError, Residuals, SiteResidual, TriedEffect, TriedRound,
+};
+
+/// Log Bayes factor that the page marks: that of a claim.
+const CLAIM: f64 = 3.0;
+
+/// What there is to tell.
+pub(super) struct Story<'a> {
+    pub(super) outcome: &'a Outcome,
+    /// What was found, and why each is there.
+    pub(super) effects: &'a [(AddedEffect, String)],
+    pub(super) inputs: &'a Inputs,
+    pub(super) before: &'a Sampling,
+    pub(super) after: Option<&'a Sampling>,
+    pub(super) heldout: Option<&'a Heldout>,
+    pub(super) left: LeftOut,
+}
+
+impl Story<'_> {
+    pub(super) fn finding(&self) -> Value {
+        let outcome = self.outcome;
+        let names: Vec<&str> =
+            outcome.found.iter().map(|f| outcome.candidates[*f].name.as_str()).collect();
+        let intervals: BTreeMap<&str, [f64; 2]> = names
+            .iter()
+            .zip(self.effects)
+            .filter_map(|(name, (effect, _))| Some((*name, interval(effect, self.after?)?)))
+            .collect();
+        let rounds = outcome.rounds.iter().enumerate();
+        let tried = rounds.flat_map(|(i, round)| self.tried_json(i, round));
+        let unusable: Vec<Value> =
+            outcome.unusable.iter().map(|u| json!({ "column": u.column, "why": u.why })).collect();
+        let heldout = self.heldout.and_then(Heldout::comparison);
+        json!({
+            "findings": names,
+            "ambiguous": outcome.ambiguous,
+            "unexplained": outcome.is_unexplained(),
+            "effect_interval": intervals,
+            "heldout": heldout.as_ref().map_or(Value::Null, as_json),
+            "leave_one_site_out": as_json(&self.left.comparison(outcome)),
+            "data": name_of(&self.inputs.measurements),
+            "nulls": outcome.rounds.iter().map(|r| r.nulls.clone()).collect::<Vec<_>>(),
+            "site_log_bf": outcome.site_log_bf,
+            "not_tried": unusable,
+            "tried": tried.collect::<Vec<_>>(),
+        })
+    }
+
+    fn tried_json(&self, number: usize, round: &Round) -> Vec<Value> {
+        let one = |t: &crate::criticism::Record| {
+            let candidate = &self.outcome.candidates[t.candidate];
+            json!({
+                "round": number + 1,
+                "effect": candidate.name,
+                "on": candidate.on,
+                "form": candidate.form.text(),
+                "p_screen": t.p_screen,
+                "log_bf": t.log_bf.is_finite().then_some(t.log_bf),
+                "p_null": t.p_null,
+                "verdict": t.verdict,
+            })
+        };
+        round.tried.iter().map(one).collect()
+    }
+
+    /// The errors that count: those of held-out measurements, else of sites left out.
+    fn comparisons(&self) -> Vec<Comparison> {
+        let heldout = self.heldout.and_then(Heldout::comparison);
+        heldout.into_iter().chain([self.left.comparison(self.outcome)]).collect()
+    }
+
+    /// The answer in one sentence.
+    fn verdict(&self) -> String {
+        let (outcome, model) = (self.outcome, self.before.model.name);
+        let lacked: Vec<String> = self.effects.iter().map(|(e, _)| in_words(e)).collect();
+        if !lacked.is_empty() {
+            return format!("{model} lacks {}.", lacked.join(" and "));
+        }
+        if let Some([a, b]) = outcome.ambiguous.first() {
+            return format!(
+                "{model} lacks an effect of {a} or of {b}: these data cannot tell which."
+            );
+        }
+        let n = outcome.candidates.len();
+        if outcome.is_unexplained() {
+            return format!("{model} lacks something that none of {n} candidate effects explains.");
+        }
+        format!("Nothing is missing from {model} that these data could show.")
+    }
+
+    /// What no candidate explains.
+    fn unexplained(&self) -> String {
+        let outcome = self.outcome;
+        let mut sentences: Vec<String> = outcome
+            .ambiguous
+            .iter()
+            .map(|[a, b]| {
+                format!("{a} and {b} explain the same: these data cannot tell them apart.")
+            })
+            .collect();
+        let log_bf = outcome.site_log_bf;
+        sentences.push(if outcome.is_unexplained() {
+            format!(
+                "Sites differ by more than the model says (log Bayes factor {log_bf:.1}), for a reason that is not among the columns."
+            )
+        } else {
+            format!(
+                "Sites differ by no more than the model says (log Bayes factor {log_bf:.1} for a further difference)."
+            )
+        });
+        sentences.join(" ")
+    }
+
+    /// The lines on stdout.
+    pub(super) fn text(&self) -> String {
+        let outcome = self.outcome;
+        let mut lines = vec![self.verdict()];
+        lines.extend(
+            self.effects.iter().map(|(effect, _)| format!("found     {}", effect.statement())),
+        );
+        for [a, b] in &outcome.ambiguous {
+            lines.push(format!("ambiguous {a} or {b}: these data cannot tell"));
+        }
+        if outcome.is_unexplained() {
+            lines.push(format!(
+                "remains   sites differ by more than the model says (log Bayes factor {:.1}), for a reason that is not among the columns",
+                outcome.site_log_bf
+            ));
+        }
+        for c in self.comparisons().iter().take(1) {
+            let after = c.after.unwrap_or(c.before);
+            lines.push(format!(
+                "error     rms {:.2} → {:.2}, elpd {:+.1} ± {:.1}, 90 % intervals cover {:.0} → {:.0} % of {} {}",
+                c.before.rmse[0],
+                after.rmse[0],
+                c.elpd_gain[0],
+                c.elpd_gain[1],
+                100.0 * c.before.coverage90[0],
+                100.0 * after.coverage90[0],
+                c.n,
+                c.what
+            ));
+        }
+        lines.extend(outcome.unusable.iter().map(|u| format!("not tried {}: {}", u.column, u.why)));
+        lines.extend(self.doubts().into_iter().map(|doubt| format!("doubt     {doubt}")));
+        lines.join("\n")
+    }
+
+    /// Doubts about the table.
+    fn doubts(&self) -> Vec<String> {
+        let table = &self.inputs.measurements;
+        let mut doubts = vec![];
+        for (effect, _) in self.effects {
+            let Some(column) = effect.form.column() else { continue };
+            if self.heldout.is_some_and(|h| h.missing.iter().any(|c| c == column)) {
+                doubts.push(format!(
+                    "the held-out table has no column {column}: its rows are predicted without the effect"
+                ));
+            }
+            let empty =
+                (0..table.len()).filter(|r| table.cell(*r, column).unwrap_or_default().is_empty());
+            let n = empty.count();
+            if n > 0 {
+                doubts.push(format!(
+                    "{column} is empty in {n} of {} rows: the effect is 0 there",
+                    table.len()
+                ));
+            }
+        }
+        doubts
+    }
+
+    /// Builds the page, and hands it to `write`.
+    pub(super) fn page(
+        &self,
+        files: &[String],
+        write: impl Fn(&LoopPage<'_>) -> Result<(), ReportError>,
+    ) -> Result<(), Failure> {
+        let outcome = self.outcome;
+        let surface = self.inputs.surface.as_ref().map(|(surface, _)| surface);
+        let notes = surface.map_or(&[][..], |s| &s.notes);
+        let warnings: Vec<String> = notes.iter().cloned().chain(self.doubts()).collect();
+        let after = self.after.map(|after| equations(&after.model));
+        let observe = self.before.model.statements.iter().find(|s| s.keyword == "observe");
+        let not_tried: Vec<[String; 2]> =
+            outcome.unusable.iter().map(|u| [u.column.clone(), u.why.clone()]).collect();
+        let rounds = outcome.rounds.iter().enumerate();
+        Ok(write(&LoopPage {
+            model: self.before.model.name,
+            data: &name_of(&self.inputs.measurements),
+            verdict: &self.verdict(),
+            effects: &self.sizes(),
+            before: &equations(&self.before.model),
+            after: after.as_deref(),
+            comparisons: &self.comparisons(),
+            rounds: &rounds.map(|(i, round)| self.tried(i, round)).collect::<Vec<_>>(),
+            claim: CLAIM,
+            residuals: Residuals {
+                unit: observe.map_or("", |o| o.decl.unit),
+                mesh: surface.map(|s| &s.mesh),
+                sites: &self.site_residuals(),
+                against: &self.against(),
+            },
+            unexplained: &self.unexplained(),
+            not_tried: &not_tried,
+            warnings: &warnings,
+            files,
+        })?)
+    }
+
+    /// The size of each effect in words.
+    fn sizes(&self) -> Vec<String> {
+        let size = |(effect, _): &(AddedEffect, String)| {
+            let [low, high] = interval(effect, self.after?)?;
+            let of = match &effect.form {
+                Form::Scaled { column, scale, .. } => format!("per {scale:.3} of {column}"),
+                Form::Group { column } | Form::Family { column } => {
+                    format!("between the labels of {column} that differ most")
+                }
+                Form::Above { column, threshold } => {
+                    format!("where {column} is above {threshold:.3}")
+                }
+                Form::Smooth { column, .. } => {
+                    format!("between the coefficients of the curve in {column} that differ most")
+                }
+                Form::All => "everywhere".into(),
+            };
+            let (on, unit) = (effect.on.join(", "), &effect.unit);
+            Some(format!("{on}: {low:.1} to {high:.1} {unit} {of} (90 % interval)"))
+        };
+        self.effects.iter().filter_map(size).collect()
+    }
+
+    fn tried(&self, number: usize, round: &Round) -> TriedRound {
+        let taken = self.outcome.found.get(number);
+        let one = |t: &crate::criticism::Record| {
+            let candidate = &self.outcome.candidates[t.candidate];
+            TriedEffect {
+                name: candidate.name.clone(),
+                statement: format!("{} on {}", rounded(&candidate.form), candidate.on.join(", ")),
+                p_screen: t.p_screen,
+                log_bf: t.log_bf,
+                p_null: (!round.nulls.is_empty()).then_some(t.p_null),
+                verdict: t.verdict.clone(),
+                is_taken: taken == Some(&t.candidate),
+            }
+        };
+        TriedRound { nulls: round.nulls.clone(), tried: round.tried.iter().map(one).collect() }
+    }
+
+    /// Mean residual of each site, where it is closed.
+    fn site_residuals(&self) -> Vec<SiteResidual> {
+        let (engine, table) = (&self.outcome.engine, &self.inputs.measurements);
+        let residuals = self.left.residuals(self.outcome);
+        let mesh = self.inputs.surface.as_ref().map(|(surface, _)| &surface.mesh);
+        let one = |rows: &Vec<usize>| {
+            let first = engine.model.table_row(engine.rows[*rows.first()?].id);
+            let column = site_column(table);
+            let name = column.and_then(|c| table.cell(first, c)).map_or_else(
+                || format!("line {}", table.line(first)),
+                |cell| format!("{} {cell}", column.unwrap_or_default()),
+            );
+            let mean = |k: usize| {
+                let own = rows.iter().map(|r| residuals[*r][k]).filter(|v| v.is_finite());
+                let own: Vec<f64> = own.collect();
+                own.iter().sum::<f64>() / own.len() as f64
+            };
+            let at = mesh.zip(table.vertex(first)).map(|(m, v)| m.vertices()[v as usize]);
+            Some(SiteResidual { name, at, before: mean(0), after: mean(1) })
+        };
+        engine.sites.iter().filter_map(one).collect()
+    }
+
+    /// Residuals of rows against the column of the first effect; labels stand side by side.
+    fn against(&self) -> Against {
+        let (engine, table) = (&self.outcome.engine, &self.inputs.measurements);
+        let column = self
+            .effects
+            .first()
+            .and_then(|(e, _)| e.form.column())
+            .unwrap_or("protocol")
+            .to_owned();
+        let text = |row: usize| table.cell(row, &column).unwrap_or_default();
+        let cells: Vec<&str> =
+            engine.rows.iter().map(|row| text(engine.model.table_row(row.id))).collect();
+        let is_numeric = cells.iter().all(|c| c.is_empty() || c.parse::<f64>().is_ok());
+        let mut labels = cells.clone();
+        labels.sort_unstable();
+        labels.dedup();
+        let x = |cell: &str| {
+            if is_numeric {
+                return cell.parse().unwrap_or(f64::NAN);
+            }
+            labels.iter().position(|label| *label == cell).unwrap_or_default() as f64
+        };
+        let residuals = self.left.residuals(self.outcome);
+        let rows: Vec<(f64, f64, f64)> =
+            cells.iter().zip(&residuals).map(|(c, [b, a])| (x(c), *b, *a)).collect();
+        let ticks = if is_numeric {
+            let xs = || rows.iter().map(|r| r.0).filter(|x| x.is_finite());
+            let (low, high) =
+                (xs().fold(f64::INFINITY, f64::min), xs().fold(f64::NEG_INFINITY, f64::max));
+            vec![(low, format!("{low}")), (high, format!("{high}"))]
+        } else {
+            labels.iter().enumerate().map(|(i, label)| (i as f64, (*label).to_owned())).collect()
+        };
+        Against { column, rows, ticks }
+    }
+}
+
+/// An effect in words.
+fn in_words(effect: &AddedEffect) -> String {
+    let on = effect.on.join(" and ");
+    match effect.form.column() {
+        Some(column) => format!("an effect of {column} on {on}"),
+        None => format!("an offset of {on}"),
+    }
+}
+
+/// A form with its numbers rounded for reading.
+fn rounded(form: &Form) -> String {
+    match form {
+        Form::Scaled { column, centre, scale } => {
+            format!("scaled({column}, {centre:.3}, {scale:.3})")
+        }
+        Form::Smooth { column, low, high, degree } => {
+            format!("smooth({column}, {low:.3}, {high:.3}, {degree})")
+        }
+        Form::Above { column, threshold } => format!("above({column}, {threshold:.3})"),
+        Form::Group { .. } | Form::Family { .. } | Form::All => form.text().replace("row.", ""),
+    }
+}
+
+/// Central 90 % interval of an effect's coefficient, or of the greatest difference between two of its
+/// coefficients.
+fn interval(effect: &AddedEffect, after: &Sampling) -> Option<[f64; 2]> {
+    let names = after.model.unknown_names();
+    let own: Vec<usize> = (0..names.len())
+        .filter(|i| names[*i].split('[').next() == Some(effect.name.as_str()))
+        .collect();
+    let draws = thinned(&after.chains);
+    let column = |i: usize| -> Vec<f64> { draws.iter().map(|draw| draw[i]).collect() };
+    let mean = |i: usize| column(i).iter().sum::<f64>() / draws.len() as f64;
+    let mut values = match own[..] {
+        [] => return None,
+        [one] => column(one),
+        _ => {
+            let by_mean = |a: &&usize, b: &&usize| mean(**a).total_cmp(&mean(**b));
+            let (low, high) = (own.iter().min_by(by_mean)?, own.iter().max_by(by_mean)?);
+            draws.iter().map(|draw| draw[*high] - draw[*low]).collect()
+        }
+    };
+    values.sort_by(f64::total_cmp);
+    Some([quantile(&values, 0.05), quantile(&values, 0.95)])
+}

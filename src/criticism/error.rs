@@ -1,0 +1,26 @@
+//! Why a model cannot be criticised.
+
+use thiserror::Error;
+
+use crate::dsl::ModelError;
+
+/// Why a model cannot be criticised.
+#[derive(Debug, Error)]
+pub enum CriticismError {
+    /// The model does not fit its data.
+    #[error(transparent)]
+    Model(#[from] ModelError),
+    /// An `observe` of parameters alone.
+    #[error(
+        "observe {observe}: its likelihood mentions no field and no `let`, so that there is nothing an effect could act on\nhelp: name what is predicted, `let mean(row) = …;`, and mention `mean(row)` in the likelihood"
+    )]
+    NoObservable {
+        /// The statement.
+        observe: String,
+    },
+    /// No mode.
+    #[error(
+        "the base model has no Laplace fit: its log density has no maximum near its start\nhelp: check it with `eplat run --optimize` first"
+    )]
+    NoFit,
+}

@@ -1,0 +1,138 @@
+//! Errors on data that played no part: predictions from the draws of a fit on other rows.
+
+use std::collections::BTreeMap;
+
+use rand::{RngExt, SeedableRng};
+use rand_chacha::ChaCha8Rng;
+
+use crate::dsl::{Measurements, Model, Noise, RowId};
+
+/// What a model says of a measurement that it has not seen.
+#[derive(Clone, Debug)]
+pub struct Predicted {
+    /// Row of the table.
+    pub table_row: usize,
+    /// Mean of the predicted value; NaN if the likelihood has none.
+    pub value: f64,
+    /// Middle of what was measured; NaN if it was not, or is open.
+    pub measured: f64,
+    /// Log predictive density.
+    pub ln_density: f64,
+    /// Randomised quantile of the measurement among replicates.
+    pub quantile: f64,
+}
+
+/// A table for predictions: the rows of `train`, then those of `heldout`. Where these hold no
+/// measurement, a row of `train` of the same protocol lends its own: predictions do not depend on it.
+pub fn with_heldout(train: &Measurements, heldout: &Measurements, own: &[&str]) -> Measurements {
+    let mut measured = vec!["lower", "upper", "value"];
+    measured.extend(own);
+    train.followed_by(heldout, &measured)
+}
+
+/// Predicts the rows of `model` from row `first` of its table on, from `draws` of the unknowns of
+/// `fitted`, the same model on fewer rows. Labels that it has not seen have coefficient 0.
+pub fn predict_rows(
+    model: &Model,
+    fitted: &Model,
+    draws: &[&[f64]],
+    first: usize,
+    seed: u64,
+) -> Vec<Predicted> {
+    let ids: Vec<RowId> =
+        model.row_ids().into_iter().filter(|id| model.table_row(*id) >= first).collect();
+    let translate = translation(fitted, model);
+    let mut rng = ChaCha8Rng::seed_from_u64(seed);
+    rng.set_stream(1 << 35);
+    let (mut tape, mut locals) = (model.tape(), vec![]);
+    let mut u = vec![0.0; translate.len()];
+    let mut sums = vec![Sum::default(); ids.len()];
+    for draw in draws {
+        for (to, from) in u.iter_mut().zip(&translate) {
+            *to = from.map_or(0.0, |from| draw[from]);
+        }
+        model.locals_at(&mut tape, &u, &ids, &mut locals);
+        let mut at = 0;
+        for (id, sum) in ids.iter().zip(&mut sums) {
+            let n = model.n_locals(*id);
+            sum.add(model, *id, &locals[at..at + n], &mut rng);
+            at += n;
+        }
+    }
+    ids.iter().zip(sums).map(|(id, sum)| sum.predicted(model, *id, &mut rng)).collect()
+}
+
+/// Which unknown of `from` each unknown of `to` is, by name.
+fn translation(from: &Model, to: &Model) -> Vec<Option<usize>> {
+    let names: BTreeMap<String, usize> =
+        from.unknown_names().into_iter().enumerate().map(|(i, name)| (name, i)).collect();
+    to.unknown_names().iter().map(|name| names.get(name).copied()).collect()
+}
+
+#[derive(Clone, Debug, Default)]
+struct Sum {
+    n: f64,
+    value: f64,
+    below: f64,
+    equal: f64,
+    ln: Vec<f64>,
+}
+
+impl Sum {
+    fn add(&mut self, model: &Model, id: RowId, locals: &[f64], rng: &mut ChaCha8Rng) {
+        self.n += 1.0;
+        self.value += model.row_location(id, locals).unwrap_or(f64::NAN);
+        self.ln.push(model.row_ln(id, locals, &Noise::default()));
+        let replicate = model.row_replicate(id, locals, rng);
+        match super::search::order(&replicate, &model.observes[id.observe].observed_row(id.row)) {
+            std::cmp::Ordering::Less => self.below += 1.0,
+            std::cmp::Ordering::Equal => self.equal += 1.0,
+            std::cmp::Ordering::Greater => {}
+        }
+    }
+
+    fn predicted(&self, model: &Model, id: RowId, rng: &mut ChaCha8Rng) -> Predicted {
+        let cells = model.observes[id.observe].observed_row(id.row);
+        let measured = cells.iter().sum::<f64>() / cells.len() as f64;
+        let most = self.ln.iter().copied().fold(f64::NEG_INFINITY, f64::max);
+        let mean = self.ln.iter().map(|l| (l - most).exp()).sum::<f64>() / self.n;
+        let u: f64 = rng.random();
+        Predicted {
+            table_row: model.table_row(id),
+            value: self.value / self.n,
+            measured: if measured.is_finite() { measured } else { f64::NAN },
+            ln_density: most + mean.ln(),
+            quantile: (self.below + u * (self.equal + 1.0)) / (self.n + 1.0),
+        }
+    }
+}
+
+/// How well measurements were predicted.
+#[derive(Clone, Copy, Debug)]
+pub struct Score {
+    /// Root mean squared error of the middle of what was measured.
+    pub rmse: f64,
+    /// Sum of log predictive densities.
+    pub elpd: f64,
+    /// Share of measurements inside their central 90 % predictive interval.
+    pub coverage90: f64,
+    /// Number of measurements.
+    pub n: usize,
+}
+
+/// The score of predictions whose rows were measured.
+pub fn score_of(predicted: &[Predicted]) -> Score {
+    let n = predicted.len();
+    let errors: Vec<f64> = predicted
+        .iter()
+        .map(|p| (p.value - p.measured).powi(2))
+        .filter(|square| square.is_finite())
+        .collect();
+    let inside = predicted.iter().filter(|p| (0.05..=0.95).contains(&p.quantile)).count();
+    Score {
+        rmse: (errors.iter().sum::<f64>() / errors.len() as f64).sqrt(),
+        elpd: predicted.iter().map(|p| p.ln_density).sum(),
+        coverage90: inside as f64 / n as f64,
+        n,
+    }
+}

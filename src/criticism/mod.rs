@@ -1,0 +1,26 @@
+//! What a model lacks: the loop of residual, missing effect, new model, error before and after.
+//!
+//! A search is made on Laplace fits ([`Engine`]) of the model with an offset on whatever its
+//! likelihoods compare with their measurements: a random effect of each site, a further error of each
+//! row, and the effects that are tried ([`Candidate`]). What is claimed must beat the same search on
+//! data simulated from the model without it ([`criticise`]). Knows nothing of electrophysiology but
+//! the usual names of columns.
+
+mod candidates;
+mod engine;
+mod error;
+mod heldout;
+mod observable;
+mod outer;
+mod procedure;
+mod rewrite;
+mod search;
+mod units;
+
+pub use candidates::{Candidate, Level, Unusable};
+pub use engine::{Cavity, Engine, Fit, Outer, RowAt, Term};
+pub use error::CriticismError;
+pub use heldout::{Predicted, Score, predict_rows, score_of, with_heldout};
+pub use procedure::{Case, Outcome, Record, Round, Settings, criticise};
+pub use rewrite::rewrite;
+pub use search::{Left, leave_sites_out};

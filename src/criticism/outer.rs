@@ -1,0 +1,142 @@
+//! The best outer values of a Laplace fit: hyperparameters, and the sds of sites and noise.
+
+use std::cell::RefCell;
+
+use super::engine::{Engine, Fit, Outer};
+use crate::infer::{Evaluator, LogDensity, OptimumSettings, maximise};
+
+/// Which outer values are free.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Free {
+    /// All.
+    All,
+    /// The sds of sites and of noise.
+    Spread,
+}
+
+/// Log prior of the sds: half-normal, one protocol step wide; softly kept from vanishing, where a
+/// bracket would become a box without curvature.
+fn ln_prior(outer: &Outer, step: f64) -> f64 {
+    one(outer.ln_site, LEAST_SITE, step) + one(outer.ln_noise, LEAST_NOISE, step)
+}
+
+fn one(ln_sd: f64, least: f64, step: f64) -> f64 {
+    let square = ((2.0 * ln_sd).exp() / (step * step)).min(1e6);
+    let below = (least - (ln_sd - step.ln())).max(0.0);
+    -0.5 * square - 0.5 * below * below / 0.09
+}
+
+/// ln of the least sds, in steps.
+const LEAST_SITE: f64 = -3.0;
+const LEAST_NOISE: f64 = -1.6;
+
+/// The fit with the best outer values, and its log posterior there.
+pub(super) fn optimise(
+    engine: &Engine,
+    active: &[usize],
+    start: &Fit,
+    free: Free,
+    step: f64,
+) -> Option<(Fit, f64)> {
+    let density = Climb { engine, active, start, free, step };
+    let position = density.position(&start.outer);
+    let settings =
+        OptimumSettings { max_iterations: 30, gradient_tolerance: 2e-2, least_gain: 2e-3 };
+    let best = maximise(&density, &position, &settings).ok()?;
+    let outer = density.outer(&best.position);
+    let fit = engine.fit(&outer, active, Some(start))?;
+    let score = fit.ln_evidence + ln_prior(&outer, step);
+    Some((fit, score))
+}
+
+/// The best score without random effects of sites.
+pub(super) fn without_sites(engine: &Engine, active: &[usize], fit: &Fit, step: f64) -> f64 {
+    let mut outer = fit.outer.clone();
+    outer.ln_site = f64::NEG_INFINITY;
+    let mut best = f64::NEG_INFINITY;
+    // one number: the noise, on a grid of tenths
+    for k in -20..=20 {
+        outer.ln_noise = fit.outer.ln_noise + 0.1 * f64::from(k);
+        let Some(fit) = engine.fit(&outer, active, Some(fit)) else { continue };
+        best = best.max(fit.ln_evidence + one(outer.ln_noise, LEAST_NOISE, step));
+    }
+    best
+}
+
+/// The score of a fit as it is.
+pub(super) fn score(fit: &Fit, step: f64) -> f64 {
+    fit.ln_evidence + ln_prior(&fit.outer, step)
+}
+
+struct Climb<'a> {
+    engine: &'a Engine,
+    active: &'a [usize],
+    start: &'a Fit,
+    free: Free,
+    step: f64,
+}
+
+impl Climb<'_> {
+    fn position(&self, outer: &Outer) -> Vec<f64> {
+        let mut position = vec![outer.ln_site, outer.ln_noise];
+        if self.free == Free::All {
+            position.extend(&outer.other);
+        }
+        position
+    }
+
+    fn outer(&self, position: &[f64]) -> Outer {
+        let mut outer = self.start.outer.clone();
+        (outer.ln_site, outer.ln_noise) = (position[0], position[1]);
+        if self.free == Free::All {
+            outer.other.copy_from_slice(&position[2..]);
+        }
+        outer
+    }
+}
+
+impl LogDensity for Climb<'_> {
+    fn dim(&self) -> usize {
+        if self.free == Free::All { 2 + self.start.outer.other.len() } else { 2 }
+    }
+    fn evaluator(&self) -> Box<dyn Evaluator + '_> {
+        Box::new(Climber { climb: self, last: RefCell::new(self.start.clone()) })
+    }
+}
+
+struct Climber<'a> {
+    climb: &'a Climb<'a>,
+    /// The last fit, from which the next one sets out.
+    last: RefCell<Fit>,
+}
+
+impl Climber<'_> {
+    fn value(&self, position: &[f64], keep: bool) -> f64 {
+        let Climb { engine, active, step, .. } = *self.climb;
+        let outer = self.climb.outer(position);
+        let Some(fit) = engine.fit(&outer, active, Some(&self.last.borrow())) else {
+            return f64::NEG_INFINITY;
+        };
+        let value = score(&fit, step);
+        if keep {
+            self.last.replace(fit);
+        }
+        value
+    }
+}
+
+impl Evaluator for Climber<'_> {
+    fn ln_density(&mut self, position: &[f64], gradient: &mut [f64]) -> f64 {
+        const STEP: f64 = 0.02;
+        let value = self.value(position, true);
+        let mut moved = position.to_vec();
+        for (i, g) in gradient.iter_mut().enumerate() {
+            moved[i] = position[i] + STEP;
+            let above = self.value(&moved, false);
+            moved[i] = position[i] - STEP;
+            *g = (above - self.value(&moved, false)) / (2.0 * STEP);
+            moved[i] = position[i];
+        }
+        value
+    }
+}

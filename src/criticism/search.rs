@@ -1,0 +1,322 @@
+//! One search: what the base fit leaves over, screened against every covariate, and each candidate's
+//! evidence.
+
+use std::collections::BTreeMap;
+
+use nalgebra::{DMatrix, DVector};
+use rand::{Rng, RngExt, SeedableRng};
+use rand_chacha::ChaCha8Rng;
+use rand_distr::StandardNormal;
+
+use super::candidates::{Candidate, Level};
+use super::engine::{Cavity, Engine, Fit};
+use super::outer::{Free, optimise, score};
+use crate::dsl::Noise;
+
+/// Draws from each cavity.
+const DRAWS: usize = 128;
+
+/// A candidate's evidence.
+#[derive(Clone, Debug)]
+pub(super) struct Tried {
+    /// Number of the candidate.
+    pub candidate: usize,
+    /// p-value of the screen; 1 for what is not screened.
+    pub p_screen: f64,
+    /// Log Bayes factor against the base; −∞ where the screen stopped it.
+    pub log_bf: f64,
+    /// Its fit.
+    pub fit: Option<Fit>,
+}
+
+/// What rows would have been, had their site not been seen.
+#[derive(Clone, Debug)]
+pub struct Left {
+    /// Normal score of each row's randomised leave-one-site-out quantile.
+    pub residual: Vec<f64>,
+    /// Predicted value of each row.
+    pub predicted: Vec<f64>,
+    /// Leave-one-site-out log predictive density of each site.
+    pub elpd: Vec<f64>,
+}
+
+/// Leave-one-site-out predictions from one fit; the same `seed` gives the same random numbers for
+/// every fit, so that differences between fits are not noise.
+pub fn leave_sites_out(engine: &Engine, fit: &Fit, seed: u64) -> Left {
+    let n = engine.rows.len();
+    let mut left = Left {
+        residual: vec![0.0; n],
+        predicted: vec![f64::NAN; n],
+        elpd: vec![0.0; engine.sites.len()],
+    };
+    for (site, rows) in engine.sites.iter().enumerate() {
+        if rows.is_empty() {
+            continue;
+        }
+        let mut rng = ChaCha8Rng::seed_from_u64(seed);
+        rng.set_stream(site as u64);
+        if let Some(cavity) = fit.cavity(engine, rows) {
+            left.elpd[site] =
+                predict(engine, fit, &cavity, &mut rng, &mut left.residual, &mut left.predicted);
+        } else {
+            left.elpd[site] = f64::NEG_INFINITY;
+        }
+    }
+    left
+}
+
+/// Predicts a cavity's rows; returns their joint log predictive density.
+fn predict(
+    engine: &Engine,
+    fit: &Fit,
+    cavity: &Cavity,
+    rng: &mut ChaCha8Rng,
+    residual: &mut [f64],
+    predicted: &mut [f64],
+) -> f64 {
+    let noise = fit.noise();
+    let root = square_root(&cavity.covariance);
+    let rows = &cavity.rows;
+    let mut below = vec![[0.0; 2]; rows.len()];
+    let mut sums = vec![(0.0, 0.0); rows.len()];
+    let mut ln = vec![];
+    for _ in 0..DRAWS {
+        let z = DVector::from_fn(cavity.mean.len(), |_, _| rng.sample::<f64, _>(StandardNormal));
+        let locals = &cavity.mean + &root * z;
+        let (mut at, mut total) = (0, 0.0);
+        for (i, r) in rows.iter().enumerate() {
+            let row = &engine.rows[*r];
+            let own = &mut locals.as_slice()[at..at + row.n].to_vec();
+            at += row.n;
+            total += engine.model.row_ln(row.id, own, &noise);
+            if let Some(location) = engine.model.row_location(row.id, own) {
+                sums[i].0 += location;
+                sums[i].1 += 1.0;
+            }
+            own[row.observable] += fit.error(rng);
+            let cells = engine.model.row_replicate(row.id, own, rng);
+            let observed = &engine.model.observes[row.id.observe].observed_row(row.id.row);
+            match order(&cells, observed) {
+                std::cmp::Ordering::Less => below[i][0] += 1.0,
+                std::cmp::Ordering::Equal => below[i][1] += 1.0,
+                std::cmp::Ordering::Greater => {}
+            }
+        }
+        ln.push(total);
+    }
+    for (i, r) in rows.iter().enumerate() {
+        let u: f64 = rng.random();
+        let rank = (below[i][0] + u * (below[i][1] + 1.0)) / (DRAWS as f64 + 1.0);
+        residual[*r] = crate::diagnostics::normal_quantile(rank);
+        predicted[*r] = sums[i].0 / sums[i].1;
+    }
+    let most = ln.iter().copied().fold(f64::NEG_INFINITY, f64::max);
+    most + (ln.iter().map(|l| (l - most).exp()).sum::<f64>() / DRAWS as f64).ln()
+}
+
+/// Log predictive density of rows that a fit has not seen, site by site.
+pub(super) fn ln_predictive(engine: &Engine, fit: &Fit, hidden: &[usize], seed: u64) -> f64 {
+    let n = engine.rows.len();
+    let (mut residual, mut predicted) = (vec![0.0; n], vec![0.0; n]);
+    let mut total = 0.0;
+    for (site, rows) in engine.sites.iter().enumerate() {
+        let own: Vec<usize> =
+            rows.iter().copied().filter(|r| hidden.binary_search(r).is_ok()).collect();
+        let mut rng = ChaCha8Rng::seed_from_u64(seed);
+        rng.set_stream(site as u64);
+        if let Some(cavity) = fit.cavity(engine, &own) {
+            total += predict(engine, fit, &cavity, &mut rng, &mut residual, &mut predicted);
+        }
+    }
+    total
+}
+
+/// Share of a term's variance over the rows that a smooth through the model's fields could take up.
+pub(super) fn r_squared_on_fields(engine: &Engine, fit: &Fit, term: usize, step: f64) -> f64 {
+    let n = engine.rows.len();
+    let slopes = fit.slopes(engine);
+    let Some(slopes) = slopes else { return 0.0 };
+    let outer = &fit.outer;
+    let variance = (2.0 * outer.ln_site).exp() + (2.0 * outer.ln_noise).exp() + step * step / 12.0;
+    // θ = F x, x ~ N(0, I): the smoother is F Fᵀ (F Fᵀ + variance)⁻¹
+    let covariance = &slopes * slopes.transpose();
+    let noisy = &covariance + DMatrix::identity(n, n) * variance;
+    let Some(factor) = nalgebra::Cholesky::new(noisy) else { return 0.0 };
+    let term = &engine.terms[term];
+    let (mut left, mut total) = (0.0, 0.0);
+    for k in 0..term.n {
+        let z = DVector::from_fn(n, |r, _| {
+            term.design[engine.model.table_row(engine.rows[r].id) * term.n + k]
+        });
+        let z = z.add_scalar(-z.mean());
+        let rest = &z - &covariance * factor.solve(&z);
+        left += rest.norm_squared();
+        total += z.norm_squared();
+    }
+    if total > 0.0 { 1.0 - left / total } else { 0.0 }
+}
+
+/// Compares measurements by their first finite cell.
+pub(super) fn order(a: &[f64], b: &[f64]) -> std::cmp::Ordering {
+    let key = |x: &[f64]| {
+        x.iter().copied().fold(0.0, |sum, x| sum + if x.is_finite() { x } else { x.signum() * 1e9 })
+    };
+    key(a).total_cmp(&key(b))
+}
+
+/// `R Rᵀ = covariance`, also where it is singular.
+fn square_root(covariance: &DMatrix<f64>) -> DMatrix<f64> {
+    let mut eigen = nalgebra::SymmetricEigen::new(covariance.clone());
+    eigen.eigenvalues.apply(|e| *e = e.max(0.0).sqrt());
+    &eigen.eigenvectors * DMatrix::from_diagonal(&eigen.eigenvalues)
+}
+
+/// p-value of the F-test of site-mean residuals on a design's site means.
+pub(super) fn f_test(engine: &Engine, residual: &[f64], term: usize) -> f64 {
+    let term = &engine.terms[term];
+    let sites: Vec<&Vec<usize>> = engine.sites.iter().filter(|rows| !rows.is_empty()).collect();
+    let n = sites.len();
+    let mean = |of: &dyn Fn(usize) -> f64, rows: &[usize]| {
+        rows.iter().map(|r| of(*r)).sum::<f64>() / rows.len() as f64
+    };
+    let y = DVector::from_fn(n, |s, _| mean(&|r| residual[r], sites[s]));
+    let mut x = DMatrix::from_element(n, term.n + 1, 1.0);
+    for (s, rows) in sites.iter().enumerate() {
+        for k in 0..term.n {
+            let z = |r: usize| term.design[engine.model.table_row(engine.rows[r].id) * term.n + k];
+            x[(s, k + 1)] = mean(&z, rows);
+        }
+    }
+    let total = y.add_scalar(-y.mean()).norm_squared();
+    let svd = x.svd(true, true);
+    let rank = svd.rank(1e-9);
+    let Some(u) = &svd.u else { return 1.0 };
+    let explained: f64 =
+        (0..rank).map(|k| u.column(k).dot(&y).powi(2)).sum::<f64>() - n as f64 * y.mean().powi(2);
+    let (d1, d2) = ((rank - 1) as f64, (n - rank) as f64);
+    if d1 < 1.0 || d2 < 1.0 {
+        return 1.0;
+    }
+    // F/(F + d2/d1) is Beta(d1/2, d2/2)
+    crate::diagnostics::beta_above(explained / total, 0.5 * d1, 0.5 * d2)
+}
+
+/// Scores every candidate against `base`; `accepted` are terms that are in both.
+pub(super) fn search(
+    engine: &Engine,
+    candidates: &[Candidate],
+    base: &Fit,
+    accepted: &[usize],
+    gate: f64,
+    step: f64,
+    seed: u64,
+) -> Vec<Tried> {
+    let left = leave_sites_out(engine, base, seed);
+    let reference = score(base, step);
+    let one = |candidate: usize| {
+        let is_screened = candidates[candidate].level == Level::Observable;
+        let p_screen = if is_screened { f_test(engine, &left.residual, candidate) } else { 1.0 };
+        let mut tried = Tried { candidate, p_screen, log_bf: f64::NEG_INFINITY, fit: None };
+        if is_screened && p_screen > gate {
+            return tried;
+        }
+        let active = [accepted, &[candidate]].concat();
+        let Some(fit) = engine.fit(&base.outer, &active, Some(base)) else { return tried };
+        tried.log_bf = score(&fit, step) - reference;
+        tried.fit = Some(fit.clone());
+        if tried.log_bf > 0.0
+            && let Some((best, score)) = optimise(engine, &active, &fit, Free::Spread, step)
+            && score - reference > tried.log_bf
+        {
+            tried.log_bf = score - reference;
+            tried.fit = Some(best);
+        }
+        tried
+    };
+    (0..candidates.len()).filter(|c| !accepted.contains(c)).map(one).collect()
+}
+
+/// Another data set from a fit: new random effects and errors, the same everything else.
+pub(super) fn simulate(engine: &Engine, fit: &Fit, rng: &mut ChaCha8Rng) -> Vec<Vec<f64>> {
+    let tau = fit.outer.ln_site.exp();
+    let effects: Vec<f64> =
+        engine.sites.iter().map(|_| rng.sample::<f64, _>(StandardNormal)).collect();
+    let one = |row: &super::engine::RowAt| {
+        let mut own = fit.locals[row.first..][..row.n].to_vec();
+        own[row.observable] += tau * (effects[row.site] - fit.z[row.site]) + fit.error(rng);
+        engine.model.row_replicate(row.id, &own, rng)
+    };
+    engine.rows.iter().map(one).collect()
+}
+
+impl Fit {
+    /// Slope of every row's predicted value in the standard normal coefficients of the fields,
+    /// (rows, coefficients); `None` for a model without fields.
+    fn slopes(&self, engine: &Engine) -> Option<DMatrix<f64>> {
+        let etas: Vec<usize> =
+            (0..engine.split.is_eta.len()).filter(|k| engine.split.is_eta[*k]).collect();
+        if etas.is_empty() {
+            return None;
+        }
+        let mut slopes = DMatrix::zeros(engine.rows.len(), etas.len());
+        for (r, row) in engine.rows.iter().enumerate() {
+            for l in 0..row.n {
+                let mut own = self.locals[row.first..][..row.n].to_vec();
+                let (centre, h) = (own[l], 1e-4 * own[l].abs().max(1.0));
+                let mut at = |x: f64| {
+                    own[l] = x;
+                    engine.model.row_location(row.id, &own)
+                };
+                let slope = (at(centre + h)? - at(centre - h)?) / (2.0 * h);
+                for (k, eta) in etas.iter().enumerate() {
+                    slopes[(r, k)] += slope * self.design_row(row.first + l)[*eta];
+                }
+            }
+        }
+        Some(slopes)
+    }
+
+    /// The noise of its rows.
+    pub fn noise(&self) -> Noise {
+        self.outer.noise()
+    }
+
+    /// A further error of one row.
+    fn error(&self, rng: &mut dyn Rng) -> f64 {
+        let noise = self.noise();
+        let mut variance = noise.variance;
+        if let Some((share, wide)) = noise.outliers
+            && rng.random::<f64>() < share
+        {
+            variance += wide;
+        }
+        variance.sqrt() * rng.sample::<f64, _>(StandardNormal)
+    }
+}
+
+/// The change of each field that moves what is observed by one protocol step, from the rms slope over
+/// the rows of a fit; fields that nothing observed depends on are left out.
+pub(super) fn field_sd(engine: &Engine, fit: &Fit, step: f64) -> BTreeMap<String, f64> {
+    let mut found = BTreeMap::new();
+    for field in engine.model.field_names() {
+        let (mut squares, mut n) = (0.0, 0.0);
+        for row in &engine.rows {
+            let Some(local) = engine.model.local_of(row.id, field) else { continue };
+            let mut own = fit.locals[row.first..][..row.n].to_vec();
+            let h = 1e-4 * own[local].abs().max(1.0);
+            let centre = own[local];
+            let mut at = |x: f64| {
+                own[local] = x;
+                engine.model.row_location(row.id, &own)
+            };
+            if let (Some(above), Some(below)) = (at(centre + h), at(centre - h)) {
+                squares += ((above - below) / (2.0 * h)).powi(2);
+                n += 1.0;
+            }
+        }
+        if squares > 0.0 {
+            found.insert(field.to_string(), step / (squares / n).sqrt());
+        }
+    }
+    found
+}

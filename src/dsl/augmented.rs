@@ -1,0 +1,80 @@
+//! A model with effects that its file does not declare.
+
+use super::builder::Builder;
+use super::error::ModelError;
+use super::form::Form;
+use super::model::Declare;
+use super::units::Decl;
+
+/// An effect to add to a model: what `effect NAME on ON [unit] = FORM ~ Normal(0.0, SD);` declares.
+#[derive(Clone, Debug, PartialEq)]
+pub struct AddedEffect {
+    /// Name.
+    pub name: String,
+    /// Fields and `let`s that it acts on.
+    pub on: Vec<String>,
+    /// Their unit, empty if none.
+    pub unit: String,
+    /// How it depends on a row.
+    pub form: Form,
+    /// Prior sd of its coefficients, in that unit.
+    pub sd: f64,
+}
+
+impl AddedEffect {
+    /// The statement.
+    pub fn statement(&self) -> String {
+        let unit = if self.unit.is_empty() { String::new() } else { format!(" [{}]", self.unit) };
+        let (on, prior) = (self.on.join(", "), self.prior());
+        format!("effect {} on {on}{unit} = {} ~ {prior};", self.name, self.form.text())
+    }
+
+    fn prior(&self) -> String {
+        format!("Normal(0.0, {:?})", self.sd)
+    }
+}
+
+/// A model with effects added: the same as a file with their statements at its end.
+pub struct Augmented<'m> {
+    model: &'m dyn Declare,
+    effects: Vec<(AddedEffect, Decl)>,
+}
+
+impl std::fmt::Debug for Augmented<'_> {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.debug_struct("Augmented").field("effects", &self.effects).finish_non_exhaustive()
+    }
+}
+
+impl<'m> Augmented<'m> {
+    /// `model` with `effects`. The few words that name them live as long as the program, as those of a
+    /// model file do.
+    pub fn new(model: &'m dyn Declare, effects: &[AddedEffect]) -> Self {
+        let keep = |text: String| -> &'static str { Box::leak(text.into_boxed_str()) };
+        let decl = |e: &AddedEffect| Decl {
+            name: keep(e.name.clone()),
+            unit: keep(e.unit.clone()),
+            over: "",
+            text: keep(format!("on {} = {} ~ {}", e.on.join(", "), e.form.text(), e.prior())),
+            doc: "",
+        };
+        Self { model, effects: effects.iter().map(|e| (e.clone(), decl(e))).collect() }
+    }
+}
+
+impl Declare for Augmented<'_> {
+    fn name(&self) -> &'static str {
+        self.model.name()
+    }
+    fn doc(&self) -> &'static str {
+        self.model.doc()
+    }
+    fn declare(&self, b: &mut Builder<'_>) -> Result<(), ModelError> {
+        b.want_offsets(self.effects.iter().flat_map(|(e, _)| e.on.iter().cloned()));
+        self.model.declare(b)?;
+        for (effect, decl) in &self.effects {
+            b.added_effect(*decl, &effect.on, &effect.form, effect.sd)?;
+        }
+        Ok(())
+    }
+}

@@ -1,0 +1,174 @@
+//! Right-hand sides of `effect` statements: designs from the columns of a table.
+
+use super::data::Measurements;
+
+/// How an effect depends on a row: the right-hand side of an `effect` statement.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Form {
+    /// `scaled(row.c, centre, scale)`: (c − centre)/scale, 0 where the cell is empty.
+    Scaled {
+        /// Column.
+        column: String,
+        /// Subtracted.
+        centre: f64,
+        /// Divided by.
+        scale: f64,
+    },
+    /// `smooth(row.c, low, high, n)`: Legendre polynomials of degree k = 1 to n, each over k, on `[low, high]`.
+    Smooth {
+        /// Column.
+        column: String,
+        /// Where the polynomials' argument is −1.
+        low: f64,
+        /// Where it is 1.
+        high: f64,
+        /// Highest degree.
+        degree: usize,
+    },
+    /// `group(row.c)`: one coefficient per label.
+    Group {
+        /// Column.
+        column: String,
+    },
+    /// `family(row.c)`: one coefficient per label without its trailing digits (PV1, PV2, … are PV).
+    Family {
+        /// Column.
+        column: String,
+    },
+    /// `above(row.c, threshold)`: 1 beyond the threshold.
+    Above {
+        /// Column.
+        column: String,
+        /// Threshold.
+        threshold: f64,
+    },
+    /// `all(row)`: every row.
+    All,
+}
+
+impl Form {
+    /// The column that it reads.
+    pub fn column(&self) -> Option<&str> {
+        match self {
+            Self::Scaled { column, .. }
+            | Self::Smooth { column, .. }
+            | Self::Group { column }
+            | Self::Family { column }
+            | Self::Above { column, .. } => Some(column),
+            Self::All => None,
+        }
+    }
+
+    /// As it is written in a model file, with `row` for the row.
+    pub fn text(&self) -> String {
+        match self {
+            Self::Scaled { column, centre, scale } => {
+                format!("scaled(row.{column}, {centre:?}, {scale:?})")
+            }
+            Self::Smooth { column, low, high, degree } => {
+                format!("smooth(row.{column}, {low:?}, {high:?}, {degree})")
+            }
+            Self::Group { column } => format!("group(row.{column})"),
+            Self::Family { column } => format!("family(row.{column})"),
+            Self::Above { column, threshold } => format!("above(row.{column}, {threshold:?})"),
+            Self::All => "all(row)".into(),
+        }
+    }
+
+    /// The labels behind its coefficients, if these belong to labels.
+    pub fn labels(&self, table: &Measurements) -> Vec<String> {
+        match self {
+            Self::Group { column } => distinct(table, column),
+            Self::Family { column } => families(table, column),
+            _ => vec![],
+        }
+    }
+
+    /// The design, row-major (rows of the table, n), and n. Labels of `Group` are in order of appearance
+    /// in the table; an empty cell contributes nothing.
+    pub fn design(&self, table: &Measurements) -> (Vec<f64>, usize) {
+        let number = |row: usize, column: &str| -> Option<f64> {
+            table.cell(row, column)?.parse::<f64>().ok().filter(|x| x.is_finite())
+        };
+        let rows = 0..table.len();
+        match self {
+            Self::All => (vec![1.0; table.len()], 1),
+            Self::Scaled { column, centre, scale } => {
+                let z = |row| number(row, column).map_or(0.0, |x| (x - centre) / scale);
+                (rows.map(z).collect(), 1)
+            }
+            Self::Above { column, threshold } => {
+                let z =
+                    |row| number(row, column).map_or(0.0, |x| f64::from(u8::from(x > *threshold)));
+                (rows.map(z).collect(), 1)
+            }
+            Self::Smooth { column, low, high, degree } => {
+                let z = |row| match number(row, column) {
+                    Some(x) => legendre((2.0 * x - low - high) / (high - low), *degree),
+                    None => vec![0.0; *degree],
+                };
+                (rows.flat_map(z).collect(), *degree)
+            }
+            Self::Group { column } => one_each(table, &distinct(table, column), |row| {
+                table.cell(row, column).unwrap_or_default()
+            }),
+            Self::Family { column } => one_each(table, &families(table, column), |row| {
+                family(table.cell(row, column).unwrap_or_default())
+            }),
+        }
+    }
+}
+
+/// A column for each label.
+fn one_each<'t>(
+    table: &Measurements,
+    labels: &[String],
+    label: impl Fn(usize) -> &'t str,
+) -> (Vec<f64>, usize) {
+    let mut z = vec![0.0; table.len() * labels.len()];
+    for row in 0..table.len() {
+        if let Some(own) = labels.iter().position(|l| l == label(row)) {
+            z[row * labels.len() + own] = 1.0;
+        }
+    }
+    (z, labels.len())
+}
+
+/// A label without its trailing digits.
+fn family(label: &str) -> &str {
+    label.trim_end_matches(|c: char| c.is_ascii_digit())
+}
+
+/// Labels of a column without their trailing digits, in order of appearance.
+pub fn families(table: &Measurements, column: &str) -> Vec<String> {
+    let mut all: Vec<String> = vec![];
+    for label in distinct(table, column) {
+        if !all.iter().any(|f| f == family(&label)) {
+            all.push(family(&label).into());
+        }
+    }
+    all
+}
+
+/// Legendre polynomials of degree 1 to n, each over its degree.
+fn legendre(x: f64, n: usize) -> Vec<f64> {
+    let mut p = vec![1.0, x];
+    for k in 2..=n {
+        let k1 = k as f64;
+        p.push(((2.0 * k1 - 1.0) * x * p[k - 1] - (k1 - 1.0) * p[k - 2]) / k1);
+    }
+    // higher degrees are worth less: what is smooth is simple
+    (1..=n).map(|k| p[k] / k as f64).collect()
+}
+
+/// Labels of a column in order of appearance, empty cells left out.
+pub fn distinct(table: &Measurements, column: &str) -> Vec<String> {
+    let mut labels: Vec<String> = vec![];
+    for row in 0..table.len() {
+        let cell = table.cell(row, column).unwrap_or_default();
+        if !cell.is_empty() && !labels.iter().any(|l| l == cell) {
+            labels.push(cell.into());
+        }
+    }
+    labels
+}

@@ -1,0 +1,149 @@
+//! A model as criticism sees it: rows that depend on few scalars each, and these scalars linear in
+//! everything that is Gaussian.
+//!
+//! ```text
+//! scalars of a row = constant + J x,   x: unknowns on the whole line (coefficients, means, …)
+//! ```
+//! The constant and J depend on the other unknowns alone (amplitudes, lengthscales, noise: whatever
+//! has a bounded support).
+
+use super::model::{Kind, Model, Position};
+use super::rows::{Curvature, Noise};
+use super::tape::Tape;
+use crate::dist::Support;
+use crate::infer::LogDensity as _;
+use rand::Rng;
+use std::collections::BTreeMap;
+
+/// Which unknowns a row's scalars are linear in, and which they are not.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Split {
+    /// Unknowns on the whole line: coefficients of GP terms, means, coefficients of effects.
+    pub linear: Vec<usize>,
+    /// How many of these, from which position on, are standard normal coefficients of GP terms.
+    pub is_eta: Vec<bool>,
+    /// The others: positive, bounded or constrained.
+    pub other: Vec<usize>,
+}
+
+/// A row: number `row` of number `observe`.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct RowId {
+    /// The `observe` statement.
+    pub observe: usize,
+    /// The row among its own.
+    pub row: usize,
+}
+
+impl Model {
+    /// Tells linear unknowns from others.
+    pub fn split(&self) -> Split {
+        let mut kind: BTreeMap<usize, bool> = BTreeMap::new();
+        for p in &self.parameters {
+            if let Position::Eta { u, first, .. } = p.position {
+                kind.extend((u..u + p.len - first).map(|u| (u, true)));
+            }
+        }
+        let declared = self.parameters.iter().filter(|p| p.kind != Kind::Eta);
+        let scales = self.scales();
+        for (p, entry) in declared.zip(&self.prior_entries) {
+            let is_scale = scales.iter().any(|v| (entry.v..entry.v + entry.len).contains(v));
+            if p.support == Support::Real && !is_scale {
+                kind.extend(entry.u.clone().map(|u| (u, false)));
+            }
+        }
+        let other = (0..self.dim()).filter(|u| !kind.contains_key(u)).collect();
+        let (linear, is_eta) = kind.into_iter().unzip();
+        Split { linear, is_eta, other }
+    }
+
+    /// Values that the coefficients of GP terms are multiplied by.
+    fn scales(&self) -> Vec<usize> {
+        let terms = self.fields.iter().flat_map(|f| &f.op.terms);
+        terms.flat_map(|t| [t.amplitude.mentions(), t.spectrum.mentions()].concat()).collect()
+    }
+
+    /// All rows, in order.
+    pub fn row_ids(&self) -> Vec<RowId> {
+        let rows = |(observe, o): (usize, &super::Observe)| {
+            (0..o.rows.len()).map(move |row| RowId { observe, row })
+        };
+        self.observes.iter().enumerate().flat_map(rows).collect()
+    }
+
+    /// Row of the table behind a row.
+    pub fn table_row(&self, id: RowId) -> usize {
+        self.observes[id.observe].rows[id.row]
+    }
+
+    /// Number of scalars of a row.
+    pub fn n_locals(&self, id: RowId) -> usize {
+        self.observes[id.observe].op.locals(id.row).len()
+    }
+
+    /// Which of a row's scalars an offset on `target` is added to, if any.
+    pub fn local_of(&self, id: RowId, target: &str) -> Option<usize> {
+        let observe = &self.observes[id.observe];
+        let find = |(key, at): (&(&str, &str), &usize)| {
+            (key.0 == observe.name && key.1 == target).then_some(at + id.row)
+        };
+        let at = self.hooks.iter().find_map(find)?;
+        observe.op.locals(id.row).iter().position(|(value, offset)| *value == at || *offset == at)
+    }
+
+    /// The scalars of every row at these unknowns, offsets zero.
+    pub fn locals_at(&self, t: &mut Tape, u: &[f64], ids: &[RowId], out: &mut Vec<f64>) {
+        self.forward(t, u);
+        out.clear();
+        for id in ids {
+            let places = self.observes[id.observe].op.locals(id.row);
+            out.extend(places.iter().map(|(value, offset)| t.v[*value] + t.v[*offset]));
+        }
+    }
+
+    /// Log density of the unknowns without the measurements, and its gradient.
+    pub fn ln_prior(&self, t: &mut Tape, u: &[f64], gradient: &mut [f64]) -> f64 {
+        self.forward(t, u);
+        self.backward_without_rows(t);
+        gradient.copy_from_slice(&t.gu);
+        t.lp
+    }
+
+    /// Log likelihood of a row at these scalars, with gradient and Hessian in them.
+    pub fn row_curvature(&self, id: RowId, locals: &[f64], noise: &Noise, out: &mut Curvature) {
+        self.observes[id.observe].op.curvature(id.row, locals, noise, out);
+    }
+
+    /// Log likelihood of a row at these scalars.
+    pub fn row_ln(&self, id: RowId, locals: &[f64], noise: &Noise) -> f64 {
+        self.observes[id.observe].op.ln_at(id.row, locals, noise)
+    }
+
+    /// A measurement simulated for a row at these scalars.
+    pub fn row_replicate(&self, id: RowId, locals: &[f64], rng: &mut dyn Rng) -> Vec<f64> {
+        self.observes[id.observe].op.replicate(id.row, locals, rng)
+    }
+
+    /// The predicted value of a row at these scalars, in the unit of the measurement.
+    pub fn row_location(&self, id: RowId, locals: &[f64]) -> Option<f64> {
+        self.observes[id.observe].op.location(id.row, locals)
+    }
+
+    /// Names of the fields.
+    pub fn field_names(&self) -> Vec<&'static str> {
+        self.fields.iter().map(|f| f.name).collect()
+    }
+
+    /// Name and values at the probes of every field.
+    pub fn field_values(&self, u: &[f64]) -> Vec<(String, Vec<f64>)> {
+        let mut t = self.tape();
+        self.forward(&mut t, u);
+        let values = |op: &super::gp::Field| t.v[op.theta..][..op.n_probes()].to_vec();
+        self.fields.iter().map(|f| (f.name.to_string(), values(&f.op))).collect()
+    }
+
+    /// Puts another measurement in the place of a row's.
+    pub fn set_observed(&mut self, id: RowId, cells: &[f64]) {
+        self.observes[id.observe].op.set_observed(id.row, cells);
+    }
+}

@@ -1,0 +1,393 @@
+//! `report.html` of the loop: what a model lacks, the evidence for it, and the errors before and after.
+//!
+//! The page is `loop.html` with its slots filled. Its figures are inline SVG: it needs neither network nor script.
+
+use std::fmt::Write as _;
+use std::io::Write as _;
+use std::path::Path;
+
+use super::ReportError;
+use super::html::{STYLE, fill};
+use super::surface_map::{Dot, SurfaceMap, colour_scale};
+use super::svg::{escape, evidence_plot, residual_plot, tick};
+use crate::atomic::write_file;
+use crate::mesh::TriMesh;
+
+const PAGE: &str = include_str!("loop.html");
+
+/// What the page tells.
+#[derive(Debug)]
+pub struct LoopPage<'a> {
+    /// Name of the model.
+    pub model: &'a str,
+    /// File of the measurements.
+    pub data: &'a str,
+    /// The answer, one sentence.
+    pub verdict: &'a str,
+    /// What was found: the effect's size in words, one line each.
+    pub effects: &'a [String],
+    /// The model as equations.
+    pub before: &'a str,
+    /// The model with the effects; `None` if none was found.
+    pub after: Option<&'a str>,
+    /// Errors of predictions; the first counts.
+    pub comparisons: &'a [Comparison],
+    /// What was tried, round by round.
+    pub rounds: &'a [TriedRound],
+    /// Log Bayes factor that a claim must exceed.
+    pub claim: f64,
+    /// What the model leaves over.
+    pub residuals: Residuals<'a>,
+    /// What no candidate explains.
+    pub unexplained: &'a str,
+    /// Columns that could not be tried, and why.
+    pub not_tried: &'a [[String; 2]],
+    /// Doubts about surface and table.
+    pub warnings: &'a [String],
+    /// Files beside the page.
+    pub files: &'a [String],
+}
+
+/// Errors of the same predictions by two models.
+#[derive(Clone, Debug)]
+pub struct Comparison {
+    /// What was predicted, e.g. `held-out measurements`.
+    pub what: String,
+    /// Number of measurements.
+    pub n: usize,
+    /// By the model as declared.
+    pub before: PredictionError,
+    /// By the model with what was found.
+    pub after: Option<PredictionError>,
+    /// Gain in elpd and its standard error.
+    pub elpd_gain: [f64; 2],
+}
+
+/// How well measurements were predicted; each with its standard error.
+#[derive(Clone, Copy, Debug)]
+pub struct PredictionError {
+    /// Root mean squared error, in the measurements' unit.
+    pub rmse: [f64; 2],
+    /// Sum of log predictive densities.
+    pub elpd: [f64; 2],
+    /// Share of measurements inside their central 90 % predictive interval.
+    pub coverage90: [f64; 2],
+}
+
+/// Everything tried in one round.
+#[derive(Clone, Debug)]
+pub struct TriedRound {
+    /// Best log Bayes factor of each search on simulated data.
+    pub nulls: Vec<f64>,
+    /// Candidates, best first.
+    pub tried: Vec<TriedEffect>,
+}
+
+/// A candidate.
+#[derive(Clone, Debug)]
+pub struct TriedEffect {
+    /// Its name in findings.
+    pub name: String,
+    /// What it acts on, and its form.
+    pub statement: String,
+    /// p-value of the screen.
+    pub p_screen: f64,
+    /// Log Bayes factor; not finite if the screen stopped it.
+    pub log_bf: f64,
+    /// Share of null searches that did as well; `None` without null searches.
+    pub p_null: Option<f64>,
+    /// What became of it.
+    pub verdict: String,
+    /// Whether it was taken.
+    pub is_taken: bool,
+}
+
+/// Measured minus predicted from the other sites.
+#[derive(Debug)]
+pub struct Residuals<'a> {
+    /// Unit of the measurements.
+    pub unit: &'a str,
+    /// The surface, if the model has one.
+    pub mesh: Option<&'a TriMesh>,
+    /// Means of sites.
+    pub sites: &'a [SiteResidual],
+    /// Each row's against the column of the first effect found, else against the row's number.
+    pub against: &'a Against,
+}
+
+/// Residual of a site; NaN where only open brackets were measured.
+#[derive(Clone, Debug)]
+pub struct SiteResidual {
+    /// The site in words.
+    pub name: String,
+    /// Where, mm.
+    pub at: Option<[f64; 3]>,
+    /// Of the model as declared.
+    pub before: f64,
+    /// Of the model with what was found; NaN if nothing was.
+    pub after: f64,
+}
+
+/// Residuals of rows against a column.
+#[derive(Clone, Debug)]
+pub struct Against {
+    /// The column.
+    pub column: String,
+    /// Cell, residual before, residual after.
+    pub rows: Vec<(f64, f64, f64)>,
+    /// Names of places on the x axis.
+    pub ticks: Vec<(f64, String)>,
+}
+
+/// Writes the page.
+///
+/// # Errors
+/// [`ReportError::Write`].
+pub fn write_loop_page(path: &Path, page: &LoopPage<'_>) -> Result<(), ReportError> {
+    let absent = |is_absent: bool| if is_absent { "absent" } else { "" }.to_owned();
+    let map = page.residuals.mesh.map(SurfaceMap::new);
+    let residuals = &page.residuals;
+    let slots = [
+        ("model", escape(page.model)),
+        ("data", escape(page.data)),
+        ("style", STYLE.to_owned()),
+        ("verdict", escape(page.verdict)),
+        ("effects", paragraphs("effect", page.effects)),
+        ("tiles", page.comparisons.first().map_or(String::new(), |c| tiles(c, residuals.unit))),
+        ("definitions", map.as_ref().map_or(String::new(), SurfaceMap::definitions)),
+        ("before", escape(page.before)),
+        ("residual_note", residual_note(residuals)),
+        ("residuals_before", residual_figure(residuals, map.as_ref(), false)),
+        (
+            "error_before",
+            page.comparisons.first().map_or(String::new(), |c| error_line(c, residuals.unit)),
+        ),
+        ("tried", page.rounds.iter().enumerate().map(|(i, r)| round(i, r, page.claim)).collect()),
+        ("after_class", absent(page.after.is_none())),
+        ("after", page.after.map_or(String::new(), |after| marked(page.before, after))),
+        (
+            "file",
+            page.files.first().map_or(String::new(), |f| format!("{} runs by itself.", escape(f))),
+        ),
+        ("comparison", page.comparisons.iter().map(|c| comparison(c, residuals.unit)).collect()),
+        ("against", against(residuals, page.after.is_some())),
+        ("residuals_after", residual_figure(residuals, map.as_ref(), true)),
+        ("unexplained_number", if page.after.is_some() { "6" } else { "4" }.to_owned()),
+        ("unexplained", escape(page.unexplained)),
+        ("not_tried", not_tried(page.not_tried)),
+        ("warnings_class", absent(page.warnings.is_empty())),
+        ("warnings", paragraphs("doubt", page.warnings)),
+        ("files", escape(&page.files.join(", "))),
+    ];
+    let html = fill(PAGE, &slots);
+    write_file(path, |file| file.write_all(html.as_bytes())).map_err(ReportError::write(path))
+}
+
+fn paragraphs(class: &str, texts: &[String]) -> String {
+    texts.iter().fold(String::new(), |mut html, text| {
+        let _ = write!(html, "<p class=\"{class}\">{}</p>", escape(text));
+        html
+    })
+}
+
+/// A number with its standard error, as many digits as that allows.
+fn with_error([value, error]: [f64; 2]) -> String {
+    let digits =
+        if error > 0.0 && error < 1e5 { (1.0 - error.log10()).ceil().clamp(0.0, 6.0) } else { 2.0 };
+    let digits = digits as usize;
+    format!("{value:.digits$} ± {error:.digits$}").replace('-', "−")
+}
+
+fn percent([share, error]: [f64; 2]) -> String {
+    format!("{:.0} ± {:.0} %", 100.0 * share, 100.0 * error)
+}
+
+/// The three numbers of the first screen.
+fn tiles(c: &Comparison, unit: &str) -> String {
+    let arrow = |of: &dyn Fn(&PredictionError) -> String| match &c.after {
+        Some(after) => format!("{} → {}", of(&c.before), of(after)),
+        None => of(&c.before),
+    };
+    let (what, unit) = (escape(&c.what), escape(unit));
+    let mut html = format!(
+        "<ul class=\"tiles\"><li><b>{} {unit}</b><span>error (rms) of {} {what}</span>",
+        arrow(&|e| tick(e.rmse[0])),
+        c.n
+    );
+    if c.after.is_some() {
+        let _ = write!(
+            html,
+            "<li><b>{}</b><span>gain in log predictive density (elpd)</span>",
+            with_error(c.elpd_gain)
+        );
+    }
+    let _ = write!(
+        html,
+        "<li><b>{} %</b><span>lie in their 90 % interval</span></ul>",
+        arrow(&|e| format!("{:.0}", 100.0 * e.coverage90[0]))
+    );
+    html
+}
+
+fn error_line(c: &Comparison, unit: &str) -> String {
+    format!(
+        "<p>Error of {} {}: {} {}; elpd {}; {} lie in their 90 % interval.</p>",
+        c.n,
+        escape(&c.what),
+        with_error(c.before.rmse),
+        escape(unit),
+        with_error(c.before.elpd),
+        percent(c.before.coverage90)
+    )
+}
+
+fn comparison(c: &Comparison, unit: &str) -> String {
+    let Some(after) = &c.after else { return String::new() };
+    let line = |name: &str, e: &PredictionError| {
+        let (rmse, elpd) = (with_error(e.rmse), with_error(e.elpd));
+        format!("<tr><td class=\"text\">{name}<td>{rmse}<td>{elpd}<td>{}", percent(e.coverage90))
+    };
+    format!(
+        "<table class=\"summary\"><thead><tr><th class=\"text\">{} {}<th>rms error, {}<th>elpd<th>in 90 % interval</thead>\
+         <tbody>{}{}<tr><td class=\"text\">gain<td><td>{}<td></tbody></table>",
+        c.n,
+        escape(&c.what),
+        escape(unit),
+        line("before", &c.before),
+        line("after", after),
+        with_error(c.elpd_gain)
+    )
+}
+
+fn residual_note(residuals: &Residuals<'_>) -> String {
+    let how = "Measured minus predicted from the other sites, mean of each site";
+    if residuals.mesh.is_none() {
+        return format!("{how}.");
+    }
+    format!(
+        "{how}. Orange: longer than predicted; blue: shorter; faint: behind the surface; hollow: no closed bracket. \
+         Point at a site to read it."
+    )
+}
+
+/// Residuals on the surface; without one, in the order of the table.
+fn residual_figure(residuals: &Residuals<'_>, map: Option<&SurfaceMap>, is_after: bool) -> String {
+    let of = |site: &SiteResidual| if is_after { site.after } else { site.before };
+    let Some(map) = map else {
+        if is_after {
+            return String::new(); // in the plot against the column
+        }
+        let rows = residuals.sites.iter().enumerate();
+        let rows: Vec<(f64, f64, f64)> =
+            rows.map(|(i, site)| (i as f64, f64::NAN, of(site))).collect();
+        let last = residuals.sites.len().saturating_sub(1);
+        let ticks = [0, last].map(|i| (i as f64, residuals.sites[i].name.clone()));
+        return residual_plot(&rows, &ticks);
+    };
+    let both = residuals.sites.iter().flat_map(|s| [s.before, s.after]);
+    let limit = both.filter(|v| v.is_finite()).fold(f64::MIN_POSITIVE, |m, v| m.max(v.abs()));
+    let dot = |site: &SiteResidual| {
+        let value = of(site);
+        let text = if value.is_finite() { tick(value) } else { "open".into() };
+        let title = format!("{}: {text} {}", site.name, residuals.unit);
+        site.at.map(|at| Dot { at, value, title })
+    };
+    let dots: Vec<Dot> = residuals.sites.iter().filter_map(dot).collect();
+    let label = if is_after { "residuals after" } else { "residuals before" };
+    map.draw(label, &dots, limit) + &colour_scale(limit, residuals.unit)
+}
+
+fn against(residuals: &Residuals<'_>, is_found: bool) -> String {
+    if !is_found {
+        return String::new();
+    }
+    let against = residuals.against;
+    format!(
+        "<p class=\"note\">Residual of each measurement ({}) against {}: hollow before, full after.</p>{}",
+        escape(residuals.unit),
+        escape(&against.column),
+        residual_plot(&against.rows, &against.ticks)
+    )
+}
+
+/// A round's evidence as a plot and a table.
+fn round(number: usize, round: &TriedRound, claim: f64) -> String {
+    let marks: Vec<(String, f64, bool)> =
+        round.tried.iter().map(|t| (t.name.clone(), t.log_bf, t.is_taken)).collect();
+    let mut html = match number {
+        0 => String::new(),
+        n => format!("<p><b>Round {}</b>, with what was found before in the model.</p>", n + 1),
+    };
+    html += &evidence_plot(&round.nulls, &marks, claim);
+    let open = if round.tried.len() <= 12 { " open" } else { "" };
+    let _ = write!(
+        html,
+        "<details{open}><summary>All {} candidates</summary><table class=\"tried\"><thead><tr><th class=\"text\">effect\
+         <th class=\"text\">as declared<th>p of the screen<th>log BF<th>p of the search<th class=\"text\">verdict</thead><tbody>",
+        round.tried.len()
+    );
+    for tried in &round.tried {
+        let class = if tried.is_taken { " class=\"taken\"" } else { "" };
+        let log_bf =
+            if tried.log_bf.is_finite() { format!("{:.1}", tried.log_bf) } else { "–".into() };
+        let p_null = tried.p_null.filter(|_| tried.log_bf.is_finite());
+        let _ = writeln!(
+            html,
+            "<tr{class}><td class=\"text\">{}<td class=\"text\">{}<td>{}<td>{}<td>{}<td class=\"text\">{}",
+            escape(&tried.name),
+            escape(&tried.statement),
+            probability(tried.p_screen),
+            log_bf.replace('-', "−"),
+            p_null.map_or("–".into(), probability),
+            escape(&tried.verdict)
+        );
+    }
+    html + "</tbody></table></details>"
+}
+
+fn probability(p: f64) -> String {
+    if p < 0.001 { format!("{p:.0e}").replace('-', "−") } else { format!("{p:.3}") }
+}
+
+/// The lines of `after`, those that are not in `before` marked.
+fn marked(before: &str, after: &str) -> String {
+    let old: Vec<&str> = before.lines().collect();
+    let line = |line: &str| {
+        let text = escape(line);
+        if line.is_empty() || old.contains(&line) { text } else { format!("<mark>{text}</mark>") }
+    };
+    after.lines().map(line).collect::<Vec<_>>().join("\n")
+}
+
+fn not_tried(columns: &[[String; 2]]) -> String {
+    if columns.is_empty() {
+        return "<p>Every column of the table that could be an effect was tried.</p>".into();
+    }
+    let item = |[column, why]: &[String; 2]| format!("<dt>{}<dd>{}", escape(column), escape(why));
+    format!("<dl>{}</dl>", columns.iter().map(item).collect::<String>())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_template_has_no_slot_that_nobody_fills() {
+        let slots = PAGE.split("{{").skip(1).map(|part| part.split_once("}}").unwrap().0);
+        for name in slots {
+            assert!(include_str!("loop_page.rs").contains(&format!("(\"{name}\", ")), "{name}");
+        }
+    }
+
+    #[test]
+    fn new_lines_are_marked_and_escaped() {
+        let text = marked("model\n  a ~ b", "model\n\n  a ~ b\n  c < d");
+        assert_eq!(text, "model\n\n  a ~ b\n<mark>  c &lt; d</mark>");
+    }
+
+    #[test]
+    fn numbers_have_the_digits_that_their_errors_allow() {
+        let all = [[8.731, 0.52], [-120.44, 13.0], [0.5, 0.0]].map(with_error);
+        assert_eq!(all, ["8.73 ± 0.52", "−120 ± 13", "0.50 ± 0.00"]);
+    }
+}

@@ -1,0 +1,95 @@
+//! Effects of every form: declared in a file or added to a model, they are the same; and `rewrite` writes that file.
+
+#![allow(clippy::unwrap_used, reason = "tests")]
+
+#[path = "models/forms.rs"]
+mod forms;
+#[path = "models/plain.rs"]
+mod plain;
+mod support;
+
+use eplat::criticism::rewrite;
+use eplat::dsl::{AddedEffect, Augmented, Declare, Form, Measurements, Model};
+use eplat::infer::LogDensity as _;
+use rand::RngExt as _;
+use support::{basis, rng, table};
+
+/// One effect of each form, on the field, on the `let` and on both.
+fn effects() -> Vec<AddedEffect> {
+    let column = String::from;
+    let forms = [
+        ("force", "erp", Form::Scaled { column: column("force_g"), centre: 1.5, scale: 0.75 }),
+        (
+            "curve",
+            "late",
+            Form::Smooth { column: column("force_g"), low: 0.0, high: 3.0, degree: 3 },
+        ),
+        ("catheter", "erp, late", Form::Group { column: column("catheter") }),
+        ("kind", "late", Form::Family { column: column("catheter") }),
+        ("patch", "erp", Form::Above { column: column("dist_mm"), threshold: 12.0 }),
+        ("shift", "late", Form::All),
+    ];
+    let effect = |(name, on, form): (&str, &str, Form)| AddedEffect {
+        name: name.into(),
+        on: on.split(", ").map(String::from).collect(),
+        unit: "ms".into(),
+        form,
+        sd: 10.0,
+    };
+    forms.into_iter().map(effect).collect()
+}
+
+/// Thirty rows; some cells of each covariate are empty.
+fn rows() -> Measurements {
+    let mut rng = rng(11);
+    let mut line = |i: usize| {
+        let (force, distance) = (rng.random_range(0.0..3.0), rng.random_range(0.0..30.0));
+        let catheter = ["PV1", "PV2", "LAA", ""][i % 4];
+        let force = if i == 5 { String::new() } else { f64::to_string(&force) };
+        let (protocol, value) = [("s1s2", ""), ("direct", "12.5")][i % 2];
+        format!("{protocol},{},200,210,{value},{force},{catheter},{distance}", 4 * i)
+    };
+    let lines: Vec<String> = (0..30).map(&mut line).collect();
+    let header = "protocol,vertex,lower,upper,value,force_g,catheter,dist_mm";
+    let mut data = table(header, &lines);
+    data.place_at_indices(200).unwrap();
+    data
+}
+
+/// Log density and gradient at three points.
+fn densities(declared: &dyn Declare) -> Vec<(f64, Vec<f64>)> {
+    let basis = basis(200, 12);
+    let model = Model::new(declared, Some(&basis), &rows()).unwrap();
+    let (mut evaluator, mut rng) = (model.evaluator(), rng(12));
+    let mut one = |_| {
+        let u: Vec<f64> = model.initial().iter().map(|u| u + rng.random_range(-0.5..0.5)).collect();
+        let mut gradient = vec![0.0; u.len()];
+        (evaluator.ln_density(&u, &mut gradient), gradient)
+    };
+    (0..3).map(&mut one).collect()
+}
+
+#[test]
+fn the_file_that_rewrite_writes_is_the_augmented_model() {
+    let why = |effect| (effect, "Added.".to_owned());
+    let added: Vec<(AddedEffect, String)> = effects().into_iter().map(why).collect();
+    let written = rewrite(include_str!("models/plain.rs"), &added).unwrap();
+    assert_eq!(written, include_str!("models/forms.rs"));
+    let augmented = densities(&Augmented::new(&plain::Plain, &effects()));
+    assert_eq!(augmented, densities(&forms::Plain));
+    assert!(augmented.iter().all(|(ln, _)| ln.is_finite()));
+}
+
+#[test]
+fn every_effect_matters() {
+    let all = densities(&Augmented::new(&plain::Plain, &effects()));
+    for left_out in 0..effects().len() {
+        let mut fewer = effects();
+        fewer.remove(left_out);
+        let fewer = densities(&Augmented::new(&plain::Plain, &fewer));
+        assert!(fewer[0].1.len() < all[0].1.len(), "effect {left_out} has no coefficient");
+    }
+    let mut other = effects();
+    other[0].form = Form::Scaled { column: "force_g".into(), centre: 1.5, scale: 0.76 };
+    assert_ne!(densities(&Augmented::new(&plain::Plain, &other)), all);
+}

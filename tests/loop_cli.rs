@@ -1,0 +1,220 @@
+//! `eplat loop` end to end: what it finds, what it writes, what it refuses.
+//!
+//! The texts are snapshots: `INSTA_UPDATE=always cargo test --release --test loop_cli`, read as a newcomer would.
+
+#![allow(clippy::unwrap_used, reason = "tests")]
+
+#[path = "support/program.rs"]
+mod program;
+
+use std::fmt::Write as _;
+
+use program::{Workplace, text};
+use rand::{RngExt, SeedableRng};
+use rand_chacha::ChaCha8Rng;
+use rand_distr::StandardNormal;
+use serde_json::Value;
+
+/// Vertices along each edge of the sheet, 5 mm apart.
+const SIDE: usize = 9;
+
+/// A flat sheet as legacy VTK.
+fn sheet() -> String {
+    let mut points = String::new();
+    for i in 0..SIDE * SIDE {
+        let _ = writeln!(points, "{} {} 0", 5 * (i % SIDE), 5 * (i / SIDE));
+    }
+    let mut triangles = String::new();
+    for (i, j) in (0..SIDE - 1).flat_map(|i| (0..SIDE - 1).map(move |j| (i, j))) {
+        let v = j * SIDE + i;
+        let _ = writeln!(triangles, "3 {v} {} {}", v + 1, v + SIDE);
+        let _ = writeln!(triangles, "3 {} {} {}", v + 1, v + SIDE + 1, v + SIDE);
+    }
+    let (n, m) = (SIDE * SIDE, 2 * (SIDE - 1) * (SIDE - 1));
+    format!(
+        "# vtk DataFile Version 3.0\nsheet\nASCII\nDATASET POLYDATA\nPOINTS {n} double\n{points}POLYGONS {m} {}\n{triangles}",
+        4 * m
+    )
+}
+
+/// Brackets at every second vertex for training, at others held out: a smooth field and `force` ms per sd of
+/// contact force; columns that do nothing beside it.
+fn tables(force: f64) -> [String; 2] {
+    let mut rng = ChaCha8Rng::seed_from_u64(3);
+    let header = "site,vertex,protocol,lower,upper,force_g,catheter,wall_mm,constant,void\n";
+    let mut tables = [header.to_owned(), header.to_owned()];
+    for vertex in 0..SIDE * SIDE {
+        let mut normal = || rng.sample::<f64, _>(StandardNormal);
+        let (contact, wall, noise) = (normal(), normal(), normal());
+        let catheter = ["A", "B"][usize::from(normal() > 0.0)];
+        let (x, y) = ((vertex % SIDE) as f64, (vertex / SIDE) as f64);
+        let field = 90.0 + 10.0 * (0.5 * x).sin() + 8.0 * (0.4 * y).cos();
+        let lower = 10.0 * ((field + force * contact + 2.0 * noise) / 10.0).floor();
+        let _ = writeln!(
+            tables[usize::from(vertex % 3 == 2)],
+            "{vertex},{vertex},S1S2,{lower},{},{:.2},{catheter},{:.2},4,",
+            lower + 10.0,
+            15.0 + 5.0 * contact,
+            2.0 + 0.5 * wall
+        );
+    }
+    tables
+}
+
+/// A folder with the shipped model, the sheet and both tables.
+fn workplace(force: f64) -> Workplace {
+    let place = Workplace::new();
+    let [train, heldout] = tables(force);
+    place
+        .file("recovery.rs", include_str!("../models/recovery.rs"))
+        .file("sheet.vtk", sheet())
+        .file("data/train.csv", train)
+        .file("heldout.csv", heldout);
+    place
+}
+
+const ON: &str = "--mesh sheet.vtk --units mm --data data/train.csv";
+
+fn finding(place: &Workplace, out: &str) -> Value {
+    serde_json::from_str(&place.read(&format!("{out}/finding.json"))).unwrap()
+}
+
+#[test]
+fn a_hidden_effect_is_found_written_and_told() {
+    let place = workplace(-12.0);
+    let data = place.path("data/train.csv");
+    let arguments = format!(
+        "loop recovery.rs --mesh sheet.vtk --units mm --data {} --heldout heldout.csv --nulls 39 --out loop",
+        data.display()
+    );
+    let output = place.eplat(&arguments);
+    let (stdout, stderr) = (text(&output.stdout), text(&output.stderr));
+    assert!(matches!(output.status.code(), Some(0 | 3)), "{stderr}");
+    assert!(stderr.contains("search round 1: 39 searches on simulated data"), "{stderr}");
+    assert!(stdout.contains("Recovery lacks an effect of force_g on recovery."), "{stdout}");
+    for line in ["not tried constant: it has one value only", "not tried void: every cell is empty"]
+    {
+        assert!(stdout.contains(line), "{stdout}");
+    }
+
+    let finding = finding(&place, "loop");
+    assert_eq!(finding["findings"], serde_json::json!(["force"]));
+    let interval = finding["effect_interval"]["force"].as_array().unwrap();
+    let [low, high] = [0, 1].map(|i| interval[i].as_f64().unwrap());
+    assert!(low < -9.0 && high > -15.0 && high < -6.0, "{low} {high}");
+    for what in ["heldout", "leave_one_site_out"] {
+        let of = |name: &str| finding[what][name].as_f64().unwrap();
+        assert!(of("rmse_after") < of("rmse_before"), "{what}: {}", finding[what]);
+        assert!(of("elpd_gain") > 2.0 * of("elpd_gain_se"), "{what}: {}", finding[what]);
+    }
+    assert_eq!(place.read("loop/heldout_predictions.csv").lines().count(), 1 + SIDE * SIDE / 3);
+
+    // nothing of the folders on this machine in what is passed on
+    let (model, page) = (place.read("loop/recovery_plus_force.rs"), place.read("loop/report.html"));
+    let folder = place.path("data");
+    for told in [&model, &page, &place.read("loop/finding.json")] {
+        assert!(!told.contains(folder.to_str().unwrap()), "{told}");
+    }
+    assert!(model.contains("/// Found by `eplat loop` in train.csv: log Bayes factor "), "{model}");
+    the_page_tells(&page);
+
+    // the file runs by itself, to the same draws
+    let again = place.eplat(&format!("run loop/recovery_plus_force.rs {ON} --out again"));
+    assert_eq!(again.status.code(), output.status.code(), "{}", text(&again.stderr));
+    assert!(place.read("again/draws.csv") == place.read("loop/after/draws.csv"), "other draws");
+}
+
+/// The story in order, the answer first, without anything from elsewhere.
+fn the_page_tells(page: &str) {
+    let story = [
+        "<h1>Recovery lacks an effect of force_g on recovery.</h1>",
+        "90 % interval",
+        "The model as declared",
+        "What it leaves over",
+        "aria-label=\"residuals before\"",
+        "What was tried",
+        "The model with it",
+        "<mark>  force [ms]",
+        "Before and after",
+        "aria-label=\"residuals after\"",
+        "What is still unexplained",
+        "Columns not tried",
+        "<dt>void<dd>every cell is empty",
+        "no left atrium",
+    ];
+    let mut rest = page;
+    for part in &story[..13] {
+        let at = rest.find(part).unwrap_or_else(|| panic!("no `{part}` in its place"));
+        rest = &rest[at..];
+    }
+    assert!(
+        !page.contains("http") && !page.contains("<script"),
+        "it needs something from elsewhere"
+    );
+    assert!(!page.contains("NaN") && !page.contains("{{"), "a hole");
+}
+
+#[test]
+fn where_nothing_is_missing_nothing_is_claimed() {
+    let place = workplace(0.0);
+    let output = place.eplat(&format!("loop recovery.rs {ON} --nulls 19 --json --out loop"));
+    assert!(matches!(output.status.code(), Some(0 | 3)), "{}", text(&output.stderr));
+    let finding = finding(&place, "loop");
+    assert_eq!(finding, serde_json::from_slice::<Value>(&output.stdout).unwrap());
+    assert_eq!(finding["findings"], serde_json::json!([]));
+    assert_eq!(finding["heldout"], Value::Null);
+    let left = &finding["leave_one_site_out"];
+    assert_eq!(left["rmse_before"], left["rmse_after"]);
+    let page = place.read("loop/report.html");
+    assert!(page.contains("<h1>Nothing is missing from Recovery that these data could show.</h1>"));
+    assert!(page.contains("measurements, each site predicted from the others"));
+    let files = ["before", "finding.json", "report.html"];
+    let mut written: Vec<String> = std::fs::read_dir(place.path("loop"))
+        .unwrap()
+        .map(|entry| entry.unwrap().file_name().into_string().unwrap())
+        .collect();
+    written.sort();
+    assert_eq!(written, files);
+}
+
+/// What a command says that is refused before anything is searched.
+fn refused(place: &Workplace, arguments: &str) -> String {
+    let output = place.eplat(arguments);
+    let (code, stderr) = (output.status.code(), text(&output.stderr));
+    assert!(matches!(code, Some(1 | 2)), "{arguments}: {code:?}\n{stderr}");
+    assert!(!stderr.contains("search round") && !stderr.contains("panicked"), "{stderr}");
+    assert!(!place.path("out").exists(), "{arguments} leaves files behind");
+    let error = &stderr[stderr.rfind("error: ").unwrap()..];
+    assert!(error.contains("help: ") || error.contains("'--help'"), "{error}");
+    format!("$ eplat {arguments}\nexit {}\n{error}", code.unwrap())
+}
+
+#[test]
+fn what_cannot_be_criticised_is_refused_at_once() {
+    let place = workplace(0.0);
+    let lines = |of: &str, n: usize| of.lines().take(n).collect::<Vec<_>>().join("\n");
+    let [train, heldout] = tables(0.0);
+    place
+        .file("few.csv", lines(&train, 8))
+        .file("same.csv", lines(&train, 3))
+        .file("other.csv", heldout.replacen("S1S2", "S1S2S3", 3))
+        .file("off.csv", heldout.replacen("2,2,S1S2", "2,9999,S1S2", 1))
+        .file("normal.rs", include_str!("../models/normal.rs"))
+        .file("y.csv", "y\n1\n2\n3\n4\n5\n6\n7\n8\n9\n10\n11\n");
+    let sheet = "--mesh sheet.vtk --units mm";
+    let commands = [
+        "loop recovery.rs".to_owned(),
+        format!("loop recovery.rs {ON} --nulls 5"),
+        format!("loop recovery.rs {ON} --rounds 2"),
+        "loop recovery.rs --mesh sheet.vtk --data data/train.csv".to_owned(),
+        format!("loop recovery.rs {sheet} --data few.csv"),
+        format!("loop recovery.rs {sheet} --data other.csv"),
+        format!("loop recovery.rs {ON} --heldout same.csv"),
+        format!("loop recovery.rs {ON} --heldout other.csv"),
+        format!("loop recovery.rs {ON} --heldout off.csv"),
+        format!("loop recovery.rs {ON} --heldout missing.csv"),
+        "loop normal.rs --data y.csv".to_owned(),
+    ];
+    let said: Vec<String> = commands.iter().map(|c| refused(&place, c)).collect();
+    insta::assert_snapshot!(said.join("\n"));
+}
