@@ -1,6 +1,6 @@
 //! Shows  the loop as a library: measurements depend on contact force, the model does not say so; what it
 //!        leaves over is searched for its cause, and the model with it is written as a model file.
-//! Run    cargo run --release --example close_the_loop
+//! Run    `cargo run --release --example close_the_loop`
 //! Expect an effect of `force_g` (as a line or a curve) and none of `wall_mm`, the error at sites left out
 //!        falling from about 11 ms to about 6, and the effect in a model file, in a few seconds.
 
