@@ -1,8 +1,8 @@
 //! Shows  the loop as a library: measurements depend on contact force, the model does not say so; what it
 //!        leaves over is searched for its cause, and the model with it is written as a model file.
-//! Run    cargo run --release --example close_the_loop
-//! Expect the statement of an effect of `force_g` of about −8 ms per sd on `erp`, the error at sites left
-//!        out falling from about 10 ms to about 5, and the model file, in a few seconds.
+//! Run    `cargo run --release --example close_the_loop`
+//! Expect an effect of `force_g` (as a line or a curve) and none of `wall_mm`, the error at sites left out
+//!        falling from about 11 ms to about 6, and the effect in a model file, in a few seconds.
 
 use std::error::Error;
 use std::io::{Write, stdout};
@@ -54,7 +54,7 @@ pub(crate) fn run(out: &mut dyn Write) -> Result<(), Box<dyn Error>> {
     let outcome = criticise(&case, &settings, &|_, _| {})?;
     for record in &outcome.rounds[0].tried {
         let name = &outcome.candidates[record.candidate].name;
-        writeln!(out, "{name:8} log Bayes factor {:6.1}, {}", record.log_bf, record.verdict)?;
+        writeln!(out, "{name:8} log Bayes factor {:6.1}: {}", record.log_bf, record.verdict)?;
     }
 
     // Before and after: each site predicted from the others.

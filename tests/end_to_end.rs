@@ -266,6 +266,7 @@ fn the_help_of_every_command() {
         "run",
         "show",
         "check",
+        "loop",
         "compare",
         "report",
         "mesh",

@@ -223,17 +223,14 @@ impl Engine {
         let mut t = self.model.tape();
         let linear = self.linear(&mut t, &outer.other, active);
         let (mut x, mut z) = (DVector::zeros(linear.n), vec![0.0; self.sites.len()]);
-        match start {
-            Some(fit) => {
-                let n = fit.x.len().min(linear.n);
-                x.rows_mut(0, n).copy_from(&fit.x.rows(0, n));
-                z.clone_from(&fit.z);
-            }
-            None => {
-                let initial = self.model.initial();
-                for (k, at) in self.split.linear.iter().enumerate() {
-                    x[k] = initial[*at];
-                }
+        if let Some(fit) = start {
+            let n = fit.x.len().min(linear.n);
+            x.rows_mut(0, n).copy_from(&fit.x.rows(0, n));
+            z.clone_from(&fit.z);
+        } else {
+            let initial = self.model.initial();
+            for (k, at) in self.split.linear.iter().enumerate() {
+                x[k] = initial[*at];
             }
         }
         let prior = self.prior_curvature(&mut t, &outer.other, &x);
@@ -360,6 +357,7 @@ impl Engine {
         value.is_finite().then_some(Point { x, z, locals, curvatures, gradient, value })
     }
 
+    #[allow(clippy::too_many_arguments, reason = "the state of one Newton step")]
     fn search(
         &self,
         t: &mut Tape,

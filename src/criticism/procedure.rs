@@ -298,17 +298,16 @@ impl Run<'_> {
         let (mut taken, mut rivals) = (None, vec![]);
         if let Some((best, fit)) = tried.first().and_then(|t| Some((t, t.fit.clone()?))) {
             let p = p_null(best.log_bf);
-            match self.objection(best, &fit, p, &left) {
-                Some(why) => records[0].verdict = why,
-                None => {
-                    rivals = self.rivals(&tried, base, found);
-                    if rivals.is_empty() {
-                        records[0].verdict = "found".into();
-                        taken = Some((best.candidate, fit));
-                    } else {
-                        let names: Vec<&str> = rivals.iter().map(|pair| pair[1].as_str()).collect();
-                        records[0].verdict = format!("not told apart from {}", names.join(", "));
-                    }
+            if let Some(why) = self.objection(best, &fit, p, &left) {
+                records[0].verdict = why;
+            } else {
+                rivals = self.rivals(&tried, base, found);
+                if rivals.is_empty() {
+                    records[0].verdict = "found".into();
+                    taken = Some((best.candidate, fit));
+                } else {
+                    let names: Vec<&str> = rivals.iter().map(|pair| pair[1].as_str()).collect();
+                    records[0].verdict = format!("not told apart from {}", names.join(", "));
                 }
             }
         }

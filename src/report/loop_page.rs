@@ -318,7 +318,11 @@ fn round(number: usize, round: &TriedRound, claim: f64) -> String {
         0 => String::new(),
         n => format!("<p><b>Round {}</b>, with what was found before in the model.</p>", n + 1),
     };
-    html += &evidence_plot(&round.nulls, &marks, claim);
+    html += &if marks.iter().any(|mark| mark.1.is_finite()) {
+        evidence_plot(&round.nulls, &marks, claim)
+    } else {
+        "<p>The screen stopped every candidate.</p>".into()
+    };
     let open = if round.tried.len() <= 12 { " open" } else { "" };
     let _ = write!(
         html,

@@ -115,10 +115,13 @@ impl SurfaceMap {
             shown.sort_by(|a, b| a.0.cmp(&b.0).then(a.1[2].total_cmp(&b.1[2])));
             for (is_before, [x, y, _], dot) in shown {
                 let class = if is_before { "site" } else { "site behind" };
-                let fill = colour(dot.value, limit).unwrap_or_else(|| "none".into());
+                let (r, fill) = match colour(dot.value, limit) {
+                    Some(fill) => (6, fill),
+                    None => (3, "none".into()),
+                };
                 let _ = write!(
                     svg,
-                    r#"<circle class="{class}" cx="{x:.1}" cy="{y:.1}" r="6" style="fill:{fill}"><title>{}</title></circle>"#,
+                    r#"<circle class="{class}" cx="{x:.1}" cy="{y:.1}" r="{r}" style="fill:{fill}"><title>{}</title></circle>"#,
                     escape(&dot.title)
                 );
             }

@@ -132,7 +132,8 @@ pub(super) fn evidence_plot(nulls: &[f64], tried: &[(String, f64, bool)], claim:
             escape(name)
         );
     }
-    if let Some((name, value, _)) = tried.iter().max_by(|a, b| a.1.total_cmp(&b.1)) {
+    let finite = tried.iter().filter(|t| t.1.is_finite());
+    if let Some((name, value, _)) = finite.max_by(|a, b| a.1.total_cmp(&b.1)) {
         let anchor = if x(*value) > 0.5 * K_WIDTH { "end" } else { "start" };
         let _ = write!(
             svg,

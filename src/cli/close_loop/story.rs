@@ -112,7 +112,7 @@ impl Story<'_> {
                 format!("{a} and {b} explain the same: these data cannot tell them apart.")
             })
             .collect();
-        let log_bf = outcome.site_log_bf;
+        let log_bf = (10.0 * outcome.site_log_bf).round() / 10.0 + 0.0; // no −0
         sentences.push(if outcome.is_unexplained() {
             format!(
                 "Sites differ by more than the model says (log Bayes factor {log_bf:.1}), for a reason that is not among the columns."
@@ -225,11 +225,16 @@ impl Story<'_> {
     /// The size of each effect in words.
     fn sizes(&self) -> Vec<String> {
         let size = |(effect, _): &(AddedEffect, String)| {
-            let [low, high] = interval(effect, self.after?)?;
+            let after = self.after?;
+            let [low, high] = interval(effect, after)?;
+            let (on, unit) = (effect.on.join(", "), &effect.unit);
+            let range = format!("{on}: {low:.1} to {high:.1} {unit}").replace('-', "−");
+            let labels = effect.form.labels(&self.inputs.measurements);
+            let (least, most) = extremes(effect, after)?;
             let of = match &effect.form {
                 Form::Scaled { column, scale, .. } => format!("per {scale:.3} of {column}"),
                 Form::Group { column } | Form::Family { column } => {
-                    format!("between the labels of {column} that differ most")
+                    format!("more with {column} {} than with {}", labels[most.1], labels[least.1])
                 }
                 Form::Above { column, threshold } => {
                     format!("where {column} is above {threshold:.3}")
@@ -239,8 +244,7 @@ impl Story<'_> {
                 }
                 Form::All => "everywhere".into(),
             };
-            let (on, unit) = (effect.on.join(", "), &effect.unit);
-            Some(format!("{on}: {low:.1} to {high:.1} {unit} {of} (90 % interval)"))
+            Some(format!("{range} {of} (90 % interval)"))
         };
         self.effects.iter().filter_map(size).collect()
     }
@@ -308,8 +312,14 @@ impl Story<'_> {
             labels.iter().position(|label| *label == cell).unwrap_or_default() as f64
         };
         let residuals = self.left.residuals(self.outcome);
-        let rows: Vec<(f64, f64, f64)> =
-            cells.iter().zip(&residuals).map(|(c, [b, a])| (x(c), *b, *a)).collect();
+        // side by side, where rows share a label
+        let aside = |i: usize| if is_numeric { 0.0 } else { 0.03 * ((i % 11) as f64 - 5.0) };
+        let rows: Vec<(f64, f64, f64)> = cells
+            .iter()
+            .zip(&residuals)
+            .enumerate()
+            .map(|(i, (cell, [before, after]))| (x(cell) + aside(i), *before, *after))
+            .collect();
         let ticks = if is_numeric {
             let xs = || rows.iter().map(|r| r.0).filter(|x| x.is_finite());
             let (low, high) =
@@ -345,25 +355,27 @@ fn rounded(form: &Form) -> String {
     }
 }
 
+/// The coefficients of an effect that are least and greatest on average: unknown, and number among its own.
+fn extremes(effect: &AddedEffect, after: &Sampling) -> Option<((usize, usize), (usize, usize))> {
+    let names = after.model.unknown_names();
+    let own = (0..names.len())
+        .filter(|i| names[*i].split('[').next() == Some(effect.name.as_str()))
+        .enumerate();
+    let draws = thinned(&after.chains);
+    let mean = |i: usize| draws.iter().map(|draw| draw[i]).sum::<f64>() / draws.len() as f64;
+    let means: Vec<(f64, (usize, usize))> = own.map(|(k, i)| (mean(i), (i, k))).collect();
+    let least = means.iter().min_by(|a, b| a.0.total_cmp(&b.0))?;
+    let most = means.iter().max_by(|a, b| a.0.total_cmp(&b.0))?;
+    Some((least.1, most.1))
+}
+
 /// Central 90 % interval of an effect's coefficient, or of the greatest difference between two of its
 /// coefficients.
 fn interval(effect: &AddedEffect, after: &Sampling) -> Option<[f64; 2]> {
-    let names = after.model.unknown_names();
-    let own: Vec<usize> = (0..names.len())
-        .filter(|i| names[*i].split('[').next() == Some(effect.name.as_str()))
-        .collect();
+    let ((low, _), (high, _)) = extremes(effect, after)?;
     let draws = thinned(&after.chains);
-    let column = |i: usize| -> Vec<f64> { draws.iter().map(|draw| draw[i]).collect() };
-    let mean = |i: usize| column(i).iter().sum::<f64>() / draws.len() as f64;
-    let mut values = match own[..] {
-        [] => return None,
-        [one] => column(one),
-        _ => {
-            let by_mean = |a: &&usize, b: &&usize| mean(**a).total_cmp(&mean(**b));
-            let (low, high) = (own.iter().min_by(by_mean)?, own.iter().max_by(by_mean)?);
-            draws.iter().map(|draw| draw[*high] - draw[*low]).collect()
-        }
-    };
+    let value = |draw: &&[f64]| if low == high { draw[low] } else { draw[high] - draw[low] };
+    let mut values: Vec<f64> = draws.iter().map(value).collect();
     values.sort_by(f64::total_cmp);
     Some([quantile(&values, 0.05), quantile(&values, 0.95)])
 }
