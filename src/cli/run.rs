@@ -29,7 +29,7 @@ pub(super) struct Command {
     #[command(flatten)]
     input: InputArgs,
     /// Output folder [default: out/NAME, after the model file's name; with --optimize out/NAME-map,
-    /// with --laplace out/NAME-laplace]
+    /// with --laplace out/NAME-laplace, with --prior out/NAME-prior]
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
     #[command(flatten)]
@@ -214,9 +214,11 @@ impl Command {
 
     fn folder(&self) -> PathBuf {
         let name = self.model.file_stem().unwrap_or("model".as_ref()).display().to_string();
-        let name = match (self.instead.optimize, self.instead.laplace) {
-            (true, _) => name + "-map",
-            (_, true) => name + "-laplace",
+        let instead = &self.instead;
+        let name = match (instead.optimize, instead.laplace, instead.prior) {
+            (true, ..) => name + "-map",
+            (_, true, _) => name + "-laplace",
+            (.., true) => name + "-prior",
             _ => name,
         };
         self.out.clone().unwrap_or_else(|| Path::new("out").join(name))

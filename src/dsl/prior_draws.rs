@@ -11,8 +11,8 @@ use super::model::{Kind, Model};
 use super::tape::Tape;
 use crate::infer::{Chain, Settings};
 
-/// First random stream of these draws, above those of chains and of what is drawn after sampling.
-const STREAM: u64 = 1 << 33;
+/// First random stream of these draws; ARCHITECTURE.md lists the others.
+const STREAM: u64 = 1 << 36;
 
 impl Model {
     /// Independent draws from the prior, as many as the settings say; nothing else of them counts.

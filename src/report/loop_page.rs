@@ -379,7 +379,7 @@ mod tests {
     fn the_template_has_no_slot_that_nobody_fills() {
         let slots = PAGE.split("{{").skip(1).map(|part| part.split_once("}}").unwrap().0);
         for name in slots {
-            assert!(include_str!("loop_page.rs").contains(&format!("(\"{name}\", ")), "{name}");
+            assert!(include_str!("loop_page.rs").contains(&format!("\"{name}\",")), "{name}");
         }
     }
 

@@ -213,7 +213,7 @@ mod tests {
 
     #[test]
     fn each_site_of_a_closed_surface_is_seen_from_one_side() {
-        let mesh = left_atrium(4.0).mesh;
+        let mesh = left_atrium(3.0).mesh;
         let map = SurfaceMap::new(&mesh);
         assert_eq!(map.views.len(), 2);
         let [towards, away] = [0, 1].map(|view: usize| map.views[view].axes[2]);
