@@ -9,7 +9,9 @@
 mod candidates;
 mod engine;
 mod error;
+mod fit;
 mod heldout;
+mod newton;
 mod observable;
 mod outer;
 mod procedure;
@@ -18,9 +20,10 @@ mod search;
 mod units;
 
 pub use candidates::{Candidate, Level, Unusable};
-pub use engine::{Cavity, Engine, Fit, Outer, RowAt, Term};
+pub use engine::{Engine, Outer, RowAt, Term};
+pub use fit::{Cavity, Fit};
 pub use error::CriticismError;
 pub use heldout::{Predicted, Score, predict_rows, score_of, with_heldout};
 pub use procedure::{Case, Outcome, Record, Round, Settings, criticise};
 pub use rewrite::rewrite;
-pub use search::{Left, leave_sites_out};
+pub use search::{Left, leave_out, leave_sites_out};

@@ -5,11 +5,12 @@ use rand_chacha::ChaCha8Rng;
 use rayon::prelude::*;
 
 use super::candidates::{Candidate, Unusable, candidates};
-use super::engine::{Engine, Fit, Outer, Term};
+use super::engine::{Engine, Outer, Term};
 use super::error::CriticismError;
+use super::fit::Fit;
 use super::observable::{observables, step_of};
 use super::outer::{Free, optimise, score};
-use super::search::{Left, Tried, field_sd, leave_sites_out, search, simulate};
+use super::search::{Left, Tried, field_sd, leave_out, leave_sites_out, search, simulate};
 use super::units::{LEAST_UNITS, Unit, by_site, unit_of};
 use crate::dsl::{Declare, Measurements, Model};
 use crate::manifold::Basis;
@@ -366,7 +367,7 @@ impl Run<'_> {
             };
             let hidden: Vec<usize> = (0..self.engine.rows.len()).filter(is_hidden).collect();
             let part = self.engine.fit_without(&hidden, &fit.outer, &fit.active, Some(fit))?;
-            Some(super::search::ln_predictive(&self.engine, &part, &hidden, self.settings.seed))
+            Some(leave_out(&self.engine, &part, &hidden, self.settings.seed).elpd.iter().sum::<f64>())
         };
         (0..folds).map(one).sum()
     }

@@ -9,7 +9,8 @@ use rand_chacha::ChaCha8Rng;
 use rand_distr::StandardNormal;
 
 use super::candidates::{Candidate, Level};
-use super::engine::{Cavity, Engine, Fit};
+use super::engine::Engine;
+use super::fit::{Cavity, Fit};
 use super::outer::{Free, optimise, score};
 use crate::dsl::Noise;
 
@@ -43,6 +44,13 @@ pub struct Left {
 /// Leave-one-site-out predictions from one fit; the same `seed` gives the same random numbers for
 /// every fit, so that differences between fits are not noise.
 pub fn leave_sites_out(engine: &Engine, fit: &Fit, seed: u64) -> Left {
+    let all: Vec<usize> = (0..engine.rows.len()).collect();
+    leave_out(engine, fit, &all, seed)
+}
+
+/// As [`leave_sites_out`], of these rows alone (ascending); where `fit` has not seen them, their
+/// predictions.
+pub fn leave_out(engine: &Engine, fit: &Fit, of: &[usize], seed: u64) -> Left {
     let n = engine.rows.len();
     let mut left = Left {
         residual: vec![0.0; n],
@@ -50,17 +58,16 @@ pub fn leave_sites_out(engine: &Engine, fit: &Fit, seed: u64) -> Left {
         elpd: vec![0.0; engine.sites.len()],
     };
     for (site, rows) in engine.sites.iter().enumerate() {
-        if rows.is_empty() {
+        let own: Vec<usize> =
+            rows.iter().copied().filter(|r| of.binary_search(r).is_ok()).collect();
+        if own.is_empty() {
             continue;
         }
         let mut rng = ChaCha8Rng::seed_from_u64(seed);
         rng.set_stream(site as u64);
-        if let Some(cavity) = fit.cavity(engine, rows) {
-            left.elpd[site] =
-                predict(engine, fit, &cavity, &mut rng, &mut left.residual, &mut left.predicted);
-        } else {
-            left.elpd[site] = f64::NEG_INFINITY;
-        }
+        left.elpd[site] = fit.cavity(engine, &own).map_or(f64::NEG_INFINITY, |cavity| {
+            predict(engine, fit, &cavity, &mut rng, &mut left.residual, &mut left.predicted)
+        });
     }
     left
 }
@@ -112,23 +119,6 @@ fn predict(
     }
     let most = ln.iter().copied().fold(f64::NEG_INFINITY, f64::max);
     most + (ln.iter().map(|l| (l - most).exp()).sum::<f64>() / DRAWS as f64).ln()
-}
-
-/// Log predictive density of rows that a fit has not seen, site by site.
-pub(super) fn ln_predictive(engine: &Engine, fit: &Fit, hidden: &[usize], seed: u64) -> f64 {
-    let n = engine.rows.len();
-    let (mut residual, mut predicted) = (vec![0.0; n], vec![0.0; n]);
-    let mut total = 0.0;
-    for (site, rows) in engine.sites.iter().enumerate() {
-        let own: Vec<usize> =
-            rows.iter().copied().filter(|r| hidden.binary_search(r).is_ok()).collect();
-        let mut rng = ChaCha8Rng::seed_from_u64(seed);
-        rng.set_stream(site as u64);
-        if let Some(cavity) = fit.cavity(engine, &own) {
-            total += predict(engine, fit, &cavity, &mut rng, &mut residual, &mut predicted);
-        }
-    }
-    total
 }
 
 /// Share of a term's variance over the rows that a smooth through the model's fields could take up.
