@@ -66,12 +66,12 @@ pub(crate) fn run(out: &mut dyn Write) -> Result<(), Box<dyn Error>> {
     // The model file with what was found.
     let found = |candidate: &usize| {
         let c = &outcome.candidates[*candidate];
-        let (name, on, form) = (c.name.clone(), c.on.clone(), c.form.clone());
-        (AddedEffect { name, on, unit: "ms".into(), form, sd: c.sd }, "Found.".to_owned())
+        let (name, on, form) = (c.name.clone(), c.on.clone(), c.form.clone()?);
+        Some((AddedEffect { name, on, unit: "ms".into(), form, sd: c.sd }, "Found.".to_owned()))
     };
-    let effects: Vec<(AddedEffect, String)> = outcome.found.iter().map(found).collect();
+    let effects: Vec<(AddedEffect, String)> = outcome.found.iter().filter_map(found).collect();
     let model = "model! {\n    model ErpMap;\n    // … as above …\n}\n";
-    writeln!(out, "{}", rewrite(model, &effects).unwrap_or_default())?;
+    writeln!(out, "{}", rewrite(model, &effects, outcome.last.outer.outliers).unwrap_or_default())?;
     Ok(())
 }
 

@@ -12,7 +12,9 @@ use crate::num::{Argument, LN_SQRT_2PI, Real};
 
 mod counts;
 mod numbers;
+mod outliers;
 pub use counts::{BinomialLogit, NegBinomialLog, OrderedLogit};
+pub use outliers::Outliers;
 
 /// How a measurement is read from a row of a table.
 #[diagnostic::on_unimplemented(
@@ -34,7 +36,7 @@ pub trait Observation: Copy + std::fmt::Debug + Send + Sync + 'static {
 /// A likelihood of a measurement of kind `Y`.
 #[diagnostic::on_unimplemented(
     message = "`{Self}` is not a likelihood of a `{Y}`",
-    label = "a Bracket takes TopHat(f) or Interval(f, sigma); a Number takes Normal(mu, sd), StudentT, Cauchy, Laplace, LogNormal, Gamma or Exponential; a Count takes PoissonLog(eta), BernoulliLogit(eta), BinomialLogit(n, eta), NegBinomialLog(eta, phi) or OrderedLogit(eta, cut)"
+    label = "a Bracket takes TopHat(f) or Interval(f, sigma); a Number takes Normal(mu, sd), StudentT, Cauchy, Laplace, LogNormal, Gamma or Exponential; a Count takes PoissonLog(eta), BernoulliLogit(eta), BinomialLogit(n, eta), NegBinomialLog(eta, phi) or OrderedLogit(eta, cut); any of these as Outliers(likelihood, share, sd)"
 )]
 pub trait Likelihood<D: Real, Y: Observation> {
     /// Log likelihood of `y`.
@@ -52,6 +54,12 @@ pub trait Likelihood<D: Real, Y: Observation> {
     }
     /// A measurement as the protocol behind `like` would give it.
     fn simulate(&self, like: &Y, rng: &mut dyn Rng) -> Y;
+    /// As [`Likelihood::simulate`], if the predicted value were spread by a further normal error of this
+    /// standard deviation; as there where [`Likelihood::ln_widened`] does not say how.
+    fn simulate_widened(&self, like: &Y, sd: f64, rng: &mut dyn Rng) -> Y {
+        let _ = sd;
+        self.simulate(like, rng)
+    }
     /// Log likelihood of `y` if the predicted value were spread by a further normal error of this
     /// variance: what criticism widens a model by. A likelihood that does not say how is not widened.
     fn ln_widened(&self, y: &Y, variance: f64) -> D {
@@ -284,6 +292,10 @@ impl<D: Real> Likelihood<D, Bracket> for TopHat<D> {
     fn simulate(&self, like: &Bracket, _: &mut dyn Rng) -> Bracket {
         like.containing(self.0.re(), OPEN_STEP)
     }
+    fn simulate_widened(&self, like: &Bracket, sd: f64, rng: &mut dyn Rng) -> Bracket {
+        let error: f64 = rng.sample(StandardNormal);
+        like.containing(self.0.re() + sd * error, OPEN_STEP)
+    }
     fn objection(&self, y: &Bracket) -> Option<&'static str> {
         y.is_open()
             .then_some("TopHat needs both ends of a bracket; Interval(f, sigma) takes open ones")
@@ -329,8 +341,11 @@ impl<D: Real> Likelihood<D, Bracket> for Interval<D> {
         Some(self.f.re())
     }
     fn simulate(&self, like: &Bracket, rng: &mut dyn Rng) -> Bracket {
+        self.simulate_widened(like, 0.0, rng)
+    }
+    fn simulate_widened(&self, like: &Bracket, sd: f64, rng: &mut dyn Rng) -> Bracket {
         let noise: f64 = rng.sample(StandardNormal);
-        like.containing(self.f.re() + self.sigma.re() * noise, OPEN_STEP)
+        like.containing(self.f.re() + self.sigma.re().hypot(sd) * noise, OPEN_STEP)
     }
 }
 
@@ -348,9 +363,12 @@ impl<D: Real> Likelihood<D, f64> for Normal<D> {
     fn location(&self) -> Option<f64> {
         Some(self.mu.re())
     }
-    fn simulate(&self, _: &f64, rng: &mut dyn Rng) -> f64 {
+    fn simulate(&self, like: &f64, rng: &mut dyn Rng) -> f64 {
+        self.simulate_widened(like, 0.0, rng)
+    }
+    fn simulate_widened(&self, _: &f64, sd: f64, rng: &mut dyn Rng) -> f64 {
         let noise: f64 = rng.sample(StandardNormal);
-        self.mu.re() + self.sd.re() * noise
+        self.mu.re() + self.sd.re().hypot(sd) * noise
     }
 }
 

@@ -8,7 +8,7 @@ pub use crate::dist::{
 pub use crate::field::{Kernel, Matern12, Matern32, Matern52, Rbf, authors};
 pub use crate::likelihood::{
     BernoulliLogit, BinomialLogit, Bracket, Count, Interval, Likelihood, NegBinomialLog, Number,
-    Observation, OrderedLogit, PoissonLog, TopHat,
+    Observation, OrderedLogit, Outliers, PoissonLog, TopHat,
 };
 pub use crate::model;
 pub use crate::num::Real;

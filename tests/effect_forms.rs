@@ -4,6 +4,8 @@
 
 #[path = "models/forms.rs"]
 mod forms;
+#[path = "models/outlying.rs"]
+mod outlying;
 #[path = "models/plain.rs"]
 mod plain;
 mod support;
@@ -73,10 +75,31 @@ fn densities(declared: &dyn Declare) -> Vec<(f64, Vec<f64>)> {
 fn the_file_that_rewrite_writes_is_the_augmented_model() {
     let why = |effect| (effect, "Added.".to_owned());
     let added: Vec<(AddedEffect, String)> = effects().into_iter().map(why).collect();
-    let written = rewrite(include_str!("models/plain.rs"), &added).unwrap();
+    let written = rewrite(include_str!("models/plain.rs"), &added, None).unwrap();
     assert_eq!(written, include_str!("models/forms.rs"));
-    let augmented = densities(&Augmented::new(&plain::Plain, &effects()));
-    for ((ln, gradient), (ln_file, gradient_file)) in augmented.iter().zip(densities(&forms::Plain))
+    are_equal(&Augmented::new(&plain::Plain, &effects()), &forms::Plain);
+}
+
+#[test]
+fn outliers_that_are_added_are_those_that_rewrite_writes() {
+    let outliers = Some((0.1, 40.0));
+    let written = rewrite(include_str!("models/plain.rs"), &[], outliers).unwrap();
+    assert_eq!(written, include_str!("models/outlying.rs"));
+    let augmented = Augmented::new(&plain::Plain, &[]).with_outliers(outliers);
+    are_equal(&augmented, &outlying::Plain);
+    assert_ne!(densities(&augmented), densities(&plain::Plain));
+    let texts = |declared: &dyn Declare| -> Vec<String> {
+        let model = Model::outline(declared).unwrap();
+        let observes = model.statements.iter().filter(|s| s.keyword == "observe");
+        observes.map(|s| s.decl.text.split_whitespace().collect()).collect()
+    };
+    assert_eq!(texts(&augmented), texts(&outlying::Plain));
+}
+
+/// Two models have the same density and gradient.
+fn are_equal(augmented: &dyn Declare, declared: &dyn Declare) {
+    for ((ln, gradient), (ln_file, gradient_file)) in
+        densities(augmented).iter().zip(densities(declared))
     {
         // a declared effect makes rows wider, and sums are then rounded in another order
         let is_equal = |a: f64, b: f64| (a - b).abs() <= 1e-11 * (1.0 + a.abs());

@@ -5,17 +5,22 @@
 //! ```
 //! `SCENARIO=force,null`, `SEEDS=20` (or `SEEDS=21..60`) and `NULLS=99` run a part of it. A bar fails where the
 //! count has a probability below 5 % under it; the table shows the counts themselves.
-#![allow(clippy::unwrap_used, reason = "for tests")]
+#![allow(clippy::unwrap_used, clippy::print_stdout, reason = "for tests")]
 
 #[path = "../models/erp.rs"]
 mod erp;
 #[path = "support/studies.rs"]
 mod studies;
 
+use std::fmt::Write as _;
 use std::ops::RangeInclusive;
+use std::path::Path;
 
-use eplat::criticism::{Case, Engine, Outcome, Outer, Settings, Term, criticise, leave_out, with_heldout};
-use eplat::dsl::Model;
+use eplat::criticism::{
+    Case, Engine, Outcome, Outer, Settings, Term, criticise, leave_out, with_heldout,
+};
+use eplat::dsl::{Form, Measurements, Model};
+use eplat::manifold::{Basis, eigenpairs_cached};
 use rayon::prelude::*;
 use studies::{ALL, Heart, Scenario, Study, study};
 
@@ -98,15 +103,17 @@ impl Result {
 }
 
 fn searched(heart: &Heart, scenario: Scenario, seed: u64, nulls: usize) -> Result {
-    let study = study(heart, scenario, seed);
-    let basis = heart.basis.truncated(24).unwrap();
-    let case = Case { model: &erp::Erp, basis: Some(&basis), table: &study.train };
+    search_of(&study(heart, scenario, seed), &heart.basis, seed, nulls)
+}
+
+fn search_of(study: &Study, basis: &Basis, seed: u64, nulls: usize) -> Result {
+    let case = Case { model: &erp::Erp, basis: Some(basis), table: &study.train };
     let settings = Settings { nulls, ..Settings::default() };
     let outcome = criticise(&case, &settings, &|_, _| {}).unwrap();
     let name = |f: &usize| outcome.candidates[*f].name.clone();
     let scores = (!outcome.found.is_empty()).then(|| {
         [(&outcome.rounds[0].base.outer, &[][..]), (&outcome.last.outer, &outcome.found[..])]
-            .map(|(outer, found)| heldout(&case, &study, &outcome, outer, found))
+            .map(|(outer, found)| heldout(&case, study, &outcome, outer, found))
     });
     Result {
         seed,
@@ -124,11 +131,12 @@ fn note(outcome: &Outcome) -> String {
     let mut note = format!("site {:.1}", outcome.site_log_bf);
     for round in &outcome.rounds {
         let bar = round.nulls.get((0.95 * round.nulls.len() as f64) as usize);
-        note += &format!(" | null95 {:.1};", bar.copied().unwrap_or(f64::NAN));
+        let _ = write!(note, " | null95 {:.1};", bar.copied().unwrap_or(f64::NAN));
         for t in round.tried.iter().take(3) {
             let c = &outcome.candidates[t.candidate];
-            let form = c.form.text().split('(').next().unwrap_or_default().to_owned();
-            note += &format!(" {} {form} on {} {:.1} ({});", c.name, c.on[0], t.log_bf, t.verdict);
+            let form = c.text().split('(').next().unwrap_or_default().to_owned();
+            let on = c.on.join("+");
+            let _ = write!(note, " {} {form} {on} {:.1} ({});", c.name, t.log_bf, t.verdict);
         }
     }
     note
@@ -151,7 +159,8 @@ fn heldout(
     let model = Model::with_offsets(case.model, case.basis, &joint, &all).unwrap();
     let term = |f: &usize| {
         let c = &outcome.candidates[*f];
-        let (design, n) = c.form.design(&joint);
+        let design = |form: &Form| form.design(&joint);
+        let (design, n) = c.form.as_ref().map_or((vec![], 0), design);
         Term { on: c.on.clone(), design, n, sd: c.sd }
     };
     let first = study.train.len();
@@ -209,9 +218,8 @@ fn row(scenario: Scenario, results: &[Result]) -> (String, Vec<String>) {
     let right = count(&|r| r.is_right(scenario));
     let wrong = count(&|r| r.is_wrong(scenario));
     let claims = results.iter().filter(|r| r.is_right(scenario) && r.rmse.is_some());
-    let (n_claims, better) = claims.fold((0, 0), |(n, better), r| {
-        (n + 1, better + usize::from(r.is_better(scenario)))
-    });
+    let (n_claims, better) =
+        claims.fold((0, 0), |(n, better), r| (n + 1, better + usize::from(r.is_better(scenario))));
     let others = (count(&|r| !r.ambiguous.is_empty()), count(&|r| r.unexplained));
     let line = format!(
         "{:<18} {n:>5} {right:>5} {wrong:>5} {:>9} {:>11} {:>8}",
@@ -246,7 +254,10 @@ fn rates(scenarios: &[Scenario], seeds: RangeInclusive<u64>, nulls: usize) -> Ve
             .collect();
         if std::env::var_os("VERBOSE").is_some() {
             for r in &results {
-                println!("  {} {:?} {:?} {} {:?} {}", r.seed, r.findings, r.ambiguous, r.unexplained, r.rmse, r.note);
+                println!(
+                    "  {} {:?} {:?} {} {:?} {}",
+                    r.seed, r.findings, r.ambiguous, r.unexplained, r.rmse, r.note
+                );
             }
         }
         let (line, own) = row(*scenario, &results);
@@ -258,6 +269,76 @@ fn rates(scenarios: &[Scenario], seeds: RangeInclusive<u64>, nulls: usize) -> Ve
 
 fn variable(name: &str, default: &str) -> String {
     std::env::var(name).unwrap_or_else(|_| default.into())
+}
+
+#[test]
+fn one_study_of_each_kind_is_read_rightly() {
+    let heart = Heart::new();
+    let kinds = [
+        (Scenario::Null, 1),
+        (Scenario::Force, 1),
+        (Scenario::Two, 1),
+        (Scenario::Confounded, 1),
+        (Scenario::Outside, 7),
+    ];
+    kinds.into_par_iter().for_each(|(scenario, seed)| {
+        let result = searched(&heart, scenario, seed, 19);
+        assert!(result.is_right(scenario), "{scenario:?}: {result:?}");
+    });
+}
+
+/// The rows of `heldout` with the brackets of `answers`, whose rows are the same.
+fn answered(heldout: &Measurements, answers: &Measurements) -> Measurements {
+    let text =
+        |table: &Measurements, row: usize, name: &str| table.cell(row, name).unwrap().to_owned();
+    let header = [heldout.columns(), &["lower".into(), "upper".into()]].concat();
+    let cells = (0..heldout.len()).map(|row| {
+        for name in ["site", "protocol"] {
+            assert_eq!(text(heldout, row, name), text(answers, row, name));
+        }
+        let own = heldout.columns().iter().map(|name| text(heldout, row, name));
+        own.chain(["lower", "upper"].map(|name| text(answers, row, name))).collect()
+    });
+    Measurements::from_cells("heldout", header, cells.collect()).unwrap()
+}
+
+/// The sphere and clinical sets of the reference data: another generator, other fields, other surfaces.
+#[test]
+#[ignore = "8 searches, 2 minutes; needs EPLAT_SHARED"]
+fn the_reference_sets_are_read_rightly() {
+    let shared = variable("EPLAT_SHARED", "../shared");
+    let folder = Path::new(&shared).join("data/synthetic");
+    if !folder.exists() {
+        println!("reference data not found: skipped");
+        return;
+    }
+    let sets: [(&str, Scenario); 8] = [
+        ("sphere/null_s101", Scenario::Null),
+        ("sphere/force_s101", Scenario::Force),
+        ("sphere/drift_s101", Scenario::Drift),
+        ("sphere/region_pv_s101", Scenario::Region),
+        ("sphere/two_force_catheter_s101", Scenario::Two),
+        ("sphere/confound_catheter_region_s101", Scenario::ConfoundedRegion),
+        ("clinical/null_s102", Scenario::Null),
+        ("clinical/force_s102", Scenario::Force),
+    ];
+    let nulls = variable("NULLS", "19").parse().unwrap();
+    let read = |(set, scenario): &(&str, Scenario)| {
+        let folder = folder.join(set);
+        let mesh = folder.parent().unwrap().join("mesh.vtk");
+        let surface = eplat::mesh::read(&mesh, eplat::mesh::Units::Mm).unwrap();
+        let basis = eigenpairs_cached(&surface.mesh, 96).unwrap();
+        let read = |file: &str| Measurements::read(&folder.join(file)).unwrap();
+        let mut train = read("train.csv");
+        let mut heldout = answered(&read("heldout.csv"), &read("heldout_answers.csv"));
+        train.place_on(&surface, 1.0).unwrap();
+        heldout.place_on(&surface, 1.0).unwrap();
+        let result = search_of(&Study { train, heldout }, &basis, 1, nulls);
+        println!("{set}: {result:?}");
+        !result.is_wrong(*scenario)
+    };
+    let wrong: Vec<&str> = sets.par_iter().filter(|set| !read(set)).map(|(set, _)| *set).collect();
+    assert!(wrong.is_empty(), "a wrong name in {}", wrong.join(", "));
 }
 
 #[test]

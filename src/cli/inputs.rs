@@ -29,7 +29,7 @@ pub(super) struct InputArgs {
     /// Eigenpairs of the mesh from elsewhere, in its unit: arrays `eigenvalues` (K) and
     /// `eigenfunctions` (vertices, K); `eplat mesh basis` writes the same
     #[arg(long, value_name = "FILE.npz")]
-    basis: Option<PathBuf>,
+    pub(super) basis: Option<PathBuf>,
     /// Table of measurements: vertex or x, y, z; protocol; lower and upper, or value; one row each
     /// [default: a synthetic experiment on the surface]
     #[arg(long, value_name = "FILE.csv")]

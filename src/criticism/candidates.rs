@@ -2,7 +2,14 @@
 
 use std::collections::BTreeMap;
 
-use crate::dsl::{Form, Measurements, Model, distinct, families};
+use crate::dsl::{Form, Measurements, Model, Statement, distinct, families};
+
+impl Candidate {
+    /// As it is written in a model file, with `row` for the row.
+    pub fn text(&self) -> String {
+        self.form.as_ref().map_or("Outliers".into(), Form::text)
+    }
+}
 
 /// Where a candidate acts.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -11,6 +18,8 @@ pub enum Level {
     Observable,
     /// On a field behind it.
     Parameter,
+    /// On how far measurements scatter.
+    Noise,
 }
 
 /// Something that the model may lack.
@@ -22,8 +31,8 @@ pub struct Candidate {
     pub on: Vec<String>,
     /// Observable or parameter.
     pub level: Level,
-    /// How it depends on a row.
-    pub form: Form,
+    /// How it depends on a row; `None` for outliers, which move nothing that is predicted.
+    pub form: Option<Form>,
     /// Prior sd of its coefficients, in the unit of what it acts on.
     pub sd: f64,
 }
@@ -98,7 +107,7 @@ pub(super) fn candidates(
     let mut on: Vec<String> = observables.to_vec();
     on.sort();
     on.dedup();
-    let mut found = vec![];
+    let mut from = Columns { table, on, step, field_sd, found: vec![] };
     let mut unusable = vec![];
     let own: Vec<&str> = model.observes.iter().map(|o| o.name).collect();
     for column in table.columns() {
@@ -106,91 +115,97 @@ pub(super) fn candidates(
         if STRUCTURAL.contains(&name) || own.contains(&name) || name == "resolution" {
             continue;
         }
-        let mut refuse =
-            |why: &str| unusable.push(Unusable { column: name.into(), why: why.into() });
-        let candidate = |form: Form, level, on: &[String], sd| Candidate {
-            name: finding(name),
-            on: on.to_vec(),
-            level,
-            form,
-            sd,
+        let usable = match read_column(table, name) {
+            Column::Numeric(x) => from.numbers(name, &x),
+            Column::Labels(labels) => from.labels(name, &labels),
         };
-        match read_column(table, name) {
-            Column::Numeric(x) => {
-                let (mean, sd) = moments(&x);
-                if x.iter().all(|x| x.is_nan()) {
-                    refuse("every cell is empty");
-                    continue;
-                }
-                if !(sd > 1e-9 * mean.abs().max(1e-9)) {
-                    refuse("it has one value only");
-                    continue;
-                }
-                let (low, high) = x
-                    .iter()
-                    .filter(|x| x.is_finite())
-                    .fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), x| {
-                        (low.min(*x), high.max(*x))
-                    });
-                let scaled = Form::Scaled { column: name.into(), centre: mean, scale: sd };
-                found.push(candidate(scaled, Level::Observable, &on, step));
-                let mut values: Vec<f64> = x.iter().copied().filter(|x| x.is_finite()).collect();
-                values.sort_by(f64::total_cmp);
-                values.dedup();
-                if values.len() >= 4 {
-                    let smooth = Form::Smooth { column: name.into(), low, high, degree: 3 };
-                    found.push(candidate(smooth, Level::Observable, &on, step));
-                }
-                if name.starts_with("dist") {
-                    for share in [0.2, 0.35, 0.5] {
-                        let at = (share * (values.len() - 1) as f64) as usize;
-                        let threshold = 0.5 * (values[at] + values[at + 1]);
-                        for (field, sd) in field_sd {
-                            let form = Form::Above { column: name.into(), threshold };
-                            let mut patch =
-                                candidate(form, Level::Parameter, std::slice::from_ref(field), *sd);
-                            patch.name = "patch".into();
-                            found.push(patch);
-                        }
-                    }
-                }
-            }
-            Column::Labels(labels) => {
-                if labels.len() < 2 {
-                    refuse("it has one value only");
-                    continue;
-                }
-                if labels.len() * 2 > table.len() {
-                    refuse("nearly every row has a label of its own");
-                    continue;
-                }
-                let mut forms = vec![Form::Group { column: name.into() }];
-                if (2..labels.len()).contains(&families(table, name).len()) {
-                    forms.push(Form::Family { column: name.into() });
-                }
-                for form in forms {
-                    if name != "region" {
-                        found.push(candidate(form, Level::Observable, &on, step));
-                        continue;
-                    }
-                    for (field, sd) in field_sd {
-                        let on = std::slice::from_ref(field);
-                        found.push(candidate(form.clone(), Level::Parameter, on, *sd));
-                    }
-                }
-            }
+        if let Err(why) = usable {
+            unusable.push(Unusable { column: name.into(), why: why.into() });
         }
     }
-    if on.len() > 1 {
-        for observable in &on[1..] {
-            found.push(Candidate {
-                name: "protocol".into(),
-                on: vec![observable.clone()],
-                level: Level::Observable,
-                form: Form::All,
-                sd: step,
-            });
+    for observable in from.on.clone().split_off(1.min(from.on.len())) {
+        from.add("protocol", Level::Observable, vec![observable], Some(Form::All), step);
+    }
+    let has_outliers = |s: &Statement| s.keyword == "observe" && s.decl.text.contains("Outliers(");
+    if !model.statements.iter().any(has_outliers) {
+        from.add("outliers", Level::Noise, vec![], None, step);
+    }
+    (from.found, unusable)
+}
+
+/// Candidates under construction.
+struct Columns<'a> {
+    table: &'a Measurements,
+    /// What is observed.
+    on: Vec<String>,
+    step: f64,
+    field_sd: &'a BTreeMap<String, f64>,
+    found: Vec<Candidate>,
+}
+
+impl Columns<'_> {
+    fn add(&mut self, name: &str, level: Level, on: Vec<String>, form: Option<Form>, sd: f64) {
+        self.found.push(Candidate { name: name.into(), on, level, form, sd });
+    }
+
+    fn on_observables(&mut self, column: &str, form: Form) {
+        self.add(&finding(column), Level::Observable, self.on.clone(), Some(form), self.step);
+    }
+
+    fn on_each_field(&mut self, name: &str, form: &Form) {
+        for (field, sd) in self.field_sd {
+            self.add(name, Level::Parameter, vec![field.clone()], Some(form.clone()), *sd);
         }
     }
-    (found, unusable)
+
+    /// # Errors
+    /// Why a column of numbers cannot be tried.
+    fn numbers(&mut self, name: &str, x: &[f64]) -> Result<(), &'static str> {
+        let mut values: Vec<f64> = x.iter().copied().filter(|x| x.is_finite()).collect();
+        values.sort_by(f64::total_cmp);
+        values.dedup();
+        let (Some(&low), Some(&high)) = (values.first(), values.last()) else {
+            return Err("every cell is empty");
+        };
+        let (mean, sd) = moments(x);
+        if !(sd > 1e-9 * mean.abs().max(1e-9)) {
+            return Err("it has one value only");
+        }
+        let column = || name.to_owned();
+        self.on_observables(name, Form::Scaled { column: column(), centre: mean, scale: sd });
+        if values.len() >= 4 {
+            self.on_observables(name, Form::Smooth { column: column(), low, high, degree: 3 });
+        }
+        if name.starts_with("dist") {
+            for share in [0.2, 0.35, 0.5] {
+                let at = (share * (values.len() - 1) as f64) as usize;
+                let threshold = 0.5 * (values[at] + values[at + 1]);
+                self.on_each_field("patch", &Form::Above { column: column(), threshold });
+            }
+        }
+        Ok(())
+    }
+
+    /// # Errors
+    /// Why a column of labels cannot be tried.
+    fn labels(&mut self, name: &str, labels: &[String]) -> Result<(), &'static str> {
+        if labels.len() < 2 {
+            return Err("it has one value only");
+        }
+        if labels.len() * 2 > self.table.len() {
+            return Err("nearly every row has a label of its own");
+        }
+        let mut forms = vec![Form::Group { column: name.into() }];
+        if (2..labels.len()).contains(&families(self.table, name).len()) {
+            forms.push(Form::Family { column: name.into() });
+        }
+        for form in forms {
+            if name == "region" {
+                self.on_each_field("region", &form);
+            } else {
+                self.on_observables(name, form);
+            }
+        }
+        Ok(())
+    }
 }

@@ -9,8 +9,10 @@
 mod candidates;
 mod engine;
 mod error;
+mod fine;
 mod fit;
 mod heldout;
+mod judge;
 mod newton;
 mod observable;
 mod outer;
@@ -21,8 +23,9 @@ mod units;
 
 pub use candidates::{Candidate, Level, Unusable};
 pub use engine::{Engine, Outer, RowAt, Term};
-pub use fit::{Cavity, Fit};
 pub use error::CriticismError;
+pub use fine::FINER;
+pub use fit::{Cavity, Fit};
 pub use heldout::{Predicted, Score, predict_rows, score_of, with_heldout};
 pub use procedure::{Case, Outcome, Record, Round, Settings, criticise};
 pub use rewrite::rewrite;

@@ -41,7 +41,12 @@ pub(super) struct System {
 
 impl Newton<'_> {
     /// The mode from a start, and the system there; `None` where there is none.
-    pub(super) fn climb(&self, t: &mut Tape, x: DVector<f64>, z: Vec<f64>) -> Option<(Point, System)> {
+    pub(super) fn climb(
+        &self,
+        t: &mut Tape,
+        x: DVector<f64>,
+        z: Vec<f64>,
+    ) -> Option<(Point, System)> {
         let mut point = self.point(t, x, z)?;
         for _ in 0..MAX_STEPS {
             let system = self.system(&point)?;

@@ -55,9 +55,9 @@ pub(super) fn without_sites(engine: &Engine, active: &[usize], fit: &Fit, step: 
     let mut outer = fit.outer.clone();
     outer.ln_site = f64::NEG_INFINITY;
     let mut best = f64::NEG_INFINITY;
-    // one number: the noise, on a grid of tenths
-    for k in -20..=20 {
-        outer.ln_noise = fit.outer.ln_noise + 0.1 * f64::from(k);
+    // one number: the noise, on a grid of fifths
+    for k in -10..=10 {
+        outer.ln_noise = fit.outer.ln_noise + 0.2 * f64::from(k);
         let Some(fit) = engine.fit(&outer, active, Some(fit)) else { continue };
         best = best.max(fit.ln_evidence + one(outer.ln_noise, LEAST_NOISE, step));
     }

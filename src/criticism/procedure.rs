@@ -7,26 +7,20 @@ use rayon::prelude::*;
 use super::candidates::{Candidate, Unusable, candidates};
 use super::engine::{Engine, Outer, Term};
 use super::error::CriticismError;
+use super::fine::finer_fields;
 use super::fit::Fit;
+use super::judge::{CLAIM, least_log_bf};
 use super::observable::{observables, step_of};
 use super::outer::{Free, optimise, score};
-use super::search::{Left, Tried, field_sd, leave_out, leave_sites_out, search, simulate};
-use super::units::{LEAST_UNITS, Unit, by_site, unit_of};
-use crate::dsl::{Declare, Measurements, Model};
+use super::search::{Left, Tried, field_sd, search, simulate};
+use super::units::by_site;
+use crate::dsl::{Declare, Form, Measurements, Model};
 use crate::manifold::Basis;
 
-/// Least log Bayes factor of a claim.
-const CLAIM: f64 = 3.0;
-/// A runner-up within this log Bayes factor is a rival.
-const RIVAL: f64 = 2.0;
-/// A winner that adds less than this with its rival in the model is not told apart from it.
-const ADDS: f64 = 1.0;
-/// R² on the fitted fields' span beyond which a covariate could be the fields' own.
-const SPAN: f64 = 0.8;
-/// Share of null searches that the best candidate must beat.
-const LEVEL: f64 = 0.05;
 /// p-value of the screen up to which a candidate is fitted.
 const GATE: f64 = 0.05;
+/// What a form with more coefficients must gain in log Bayes factor.
+const SIMPLER: f64 = 1.0;
 
 /// What is criticised.
 #[derive(Clone, Copy)]
@@ -71,8 +65,8 @@ pub struct Record {
     pub p_screen: f64,
     /// Log Bayes factor; −∞ if the screen stopped it.
     pub log_bf: f64,
-    /// Share of null searches whose best candidate did as well.
-    pub p_null: f64,
+    /// Share of null searches whose best candidate did as well; `None` in a round without them.
+    pub p_null: Option<f64>,
     /// Why it was or was not taken.
     pub verdict: String,
 }
@@ -126,26 +120,31 @@ fn engine(case: &Case<'_>, on: &[String], terms: &[Candidate]) -> Result<Engine,
     let offsets_on: Vec<String> = on.iter().cloned().chain(fields).collect();
     let model = Model::with_offsets(case.model, case.basis, case.table, &offsets_on)?;
     let terms = terms.iter().map(|candidate| {
-        let (design, n) = candidate.form.design(case.table);
+        let design = |form: &Form| form.design(case.table);
+        let (design, n) = candidate.form.as_ref().map_or((vec![], 0), design);
         Term { on: candidate.on.clone(), design, n, sd: candidate.sd }
     });
     let terms = terms.collect();
     Ok(Engine::new(model, on, &by_site(case.table).group, terms))
 }
 
-/// The base fit, before anything is tried: from the model's own start, sites and noise at a third of
-/// a step.
+/// The base fit, before anything is tried: from the model's own start, noise at a third of a step. Sites that
+/// differ can be explained by smooth fields and random effects or by rough fields; the better of both counts.
 fn base_fit(engine: &Engine, step: f64) -> Result<Fit, CriticismError> {
     let initial = engine.model.initial();
-    let third = (step / 3.0).ln();
-    let outer = Outer {
-        other: engine.split.other.iter().map(|u| initial[*u]).collect(),
-        ln_site: third,
-        ln_noise: third,
-        outliers: None,
+    let from = |site: f64| {
+        let outer = Outer {
+            other: engine.split.other.iter().map(|u| initial[*u]).collect(),
+            ln_site: (site * step).ln(),
+            ln_noise: (step / 3.0).ln(),
+            outliers: None,
+        };
+        let start = engine.fit(&outer, &[], None)?;
+        optimise(engine, &[], &start, Free::All, step)
     };
-    let start = engine.fit(&outer, &[], None).ok_or(CriticismError::NoFit)?;
-    optimise(engine, &[], &start, Free::All, step).map(|(fit, _)| fit).ok_or(CriticismError::NoFit)
+    let fits = [1.0 / 3.0, 0.1].into_iter().filter_map(from);
+    let best = fits.max_by(|a, b| a.1.total_cmp(&b.1));
+    best.map(|(fit, _)| fit).ok_or(CriticismError::NoFit)
 }
 
 /// Runs the whole search; `watch` is told (round, null searches done).
@@ -164,18 +163,28 @@ pub fn criticise(
     let start = base_fit(&plain, step)?;
     let slopes = field_sd(&plain, &start, step);
     let (candidates, unusable) = candidates(&plain.model, case.table, &on, step, &slopes);
-    let laid = engine(case, &on, &candidates)?;
-    let run = Run { case, settings, on, candidates, engine: laid, step };
+    let mut laid = engine(case, &on, &candidates)?;
+    let n_sites = laid.sites.len();
+    let mut finer = vec![];
+    for terms in finer_fields(&plain.model, case.basis, case.table, n_sites, &slopes) {
+        let first = laid.terms.len();
+        laid.terms.extend(terms);
+        finer.push((first..laid.terms.len()).collect());
+    }
+    let run = Run { case, settings, on, candidates, engine: laid, finer, step };
     run.rounds(start, unusable, watch)
 }
 
-struct Run<'a> {
-    case: &'a Case<'a>,
-    settings: &'a Settings,
+/// A search under way.
+pub(super) struct Run<'a> {
+    pub(super) case: &'a Case<'a>,
+    pub(super) settings: &'a Settings,
     on: Vec<String>,
-    candidates: Vec<Candidate>,
-    engine: Engine,
-    step: f64,
+    pub(super) candidates: Vec<Candidate>,
+    pub(super) engine: Engine,
+    /// Terms of finer fields, once for each size.
+    pub(super) finer: Vec<Vec<usize>>,
+    pub(super) step: f64,
 }
 
 impl Run<'_> {
@@ -189,8 +198,10 @@ impl Run<'_> {
             (vec![], vec![], vec![]);
         let mut base = start;
         while rounds.len() < self.settings.rounds + 1 {
-            let round = self.round(rounds.len(), &base, &found, watch)?;
-            let (round, taken, rivals) = self.judge(round, &base, &found);
+            let tried;
+            (base, tried) = self.searched(base, &found);
+            let nulls = self.nulls(rounds.len(), &tried, &base, &found, watch)?;
+            let (round, taken, rivals) = self.judge(rounds.len(), (tried, nulls), &base, &found);
             rounds.push(round);
             ambiguous.extend(rivals);
             let Some((taken, fit)) = taken else { break };
@@ -216,18 +227,39 @@ impl Run<'_> {
         })
     }
 
-    fn round(
+    /// Every candidate, best first, and the base that they are compared with: a better one, if a candidate's
+    /// fit leads to it.
+    fn searched(&self, mut base: Fit, found: &[usize]) -> (Fit, Vec<Tried>) {
+        loop {
+            let mut tried = self.search(&self.engine, &base, found);
+            self.refine(&mut tried, &base);
+            self.simplest_first(&mut tried);
+            let Some(better) = self.better_base(&tried, &base, found) else { return (base, tried) };
+            base = better;
+        }
+    }
+
+    /// The base fit from where the best candidate has led, if that is better.
+    fn better_base(&self, tried: &[Tried], base: &Fit, found: &[usize]) -> Option<Fit> {
+        let best = tried.first().filter(|t| t.log_bf > 1.0)?.fit.as_ref()?;
+        let outer = Outer { outliers: base.outer.outliers, ..best.outer.clone() };
+        let start = self.engine.fit(&outer, found, Some(base))?;
+        let (fit, score_there) = optimise(&self.engine, found, &start, Free::All, self.step)?;
+        (score_there > score(base, self.step) + 0.5).then_some(fit)
+    }
+
+    /// Best log Bayes factor of each search on data simulated from `base`, ascending.
+    fn nulls(
         &self,
         number: usize,
+        tried: &[Tried],
         base: &Fit,
         found: &[usize],
         watch: &(dyn Fn(usize, usize) + Sync),
-    ) -> Result<(Vec<Tried>, Vec<f64>), CriticismError> {
-        let mut tried = self.search(&self.engine, base, found);
-        tried.sort_by(|a, b| b.log_bf.total_cmp(&a.log_bf));
+    ) -> Result<Vec<f64>, CriticismError> {
         let best = tried.first().map_or(f64::NEG_INFINITY, |t| t.log_bf);
-        if number > 0 && best <= CLAIM {
-            return Ok((tried, vec![]));
+        if number > 0 && best <= least_log_bf(number) {
+            return Ok(vec![]);
         }
         let done = std::sync::atomic::AtomicUsize::new(0);
         let null = |k: usize| -> Result<f64, CriticismError> {
@@ -239,7 +271,36 @@ impl Run<'_> {
             (0..self.settings.nulls).into_par_iter().map(null).collect();
         let mut nulls = nulls?;
         nulls.sort_by(f64::total_cmp);
-        Ok((tried, nulls))
+        Ok(nulls)
+    }
+
+    /// Fits the best candidates again with the model's own unknowns free, as the base is: its fields have
+    /// taken up what they could of a cause that a candidate may now take over.
+    fn refine(&self, tried: &mut [Tried], base: &Fit) {
+        let best = tried.iter().map(|t| t.log_bf).fold(f64::NEG_INFINITY, f64::max);
+        let reference = score(base, self.step);
+        for t in tried.iter_mut().filter(|t| t.log_bf > 0.0 && t.log_bf > best - CLAIM) {
+            let refined = t
+                .fit
+                .as_ref()
+                .and_then(|fit| optimise(&self.engine, &fit.active, fit, Free::All, self.step));
+            if let Some((fit, score)) = refined.filter(|(_, s)| s - reference > t.log_bf) {
+                (t.log_bf, t.fit) = (score - reference, Some(fit));
+            }
+        }
+    }
+
+    /// Sorts candidates, best first; before the best of all, though, a simpler form of the same cause that
+    /// is hardly worse.
+    fn simplest_first(&self, tried: &mut [Tried]) {
+        tried.sort_by(|a, b| b.log_bf.total_cmp(&a.log_bf));
+        let Some(best) = tried.first().map(|t| (t.candidate, t.log_bf)) else { return };
+        let name = |candidate: usize| &self.candidates[candidate].name;
+        let is_near = |t: &Tried| name(t.candidate) == name(best.0) && t.log_bf > best.1 - SIMPLER;
+        let near = (0..tried.len()).filter(|t| is_near(&tried[*t]));
+        if let Some(simplest) = near.min_by_key(|t| self.engine.terms[tried[*t].candidate].n) {
+            tried[..=simplest].rotate_right(1);
+        }
     }
 
     fn search(&self, engine: &Engine, base: &Fit, found: &[usize]) -> Vec<Tried> {
@@ -268,150 +329,4 @@ impl Run<'_> {
         let tried = self.search(&simulated, &fit, found);
         Ok(tried.iter().map(|t| t.log_bf).fold(f64::NEG_INFINITY, f64::max))
     }
-
-    /// What the round's best candidate is: a finding, ambiguous, or nothing.
-    #[allow(clippy::type_complexity, reason = "what a round comes to, used once")]
-    fn judge(
-        &self,
-        (tried, nulls): (Vec<Tried>, Vec<f64>),
-        base: &Fit,
-        found: &[usize],
-    ) -> (Round, Option<(usize, Fit)>, Vec<[String; 2]>) {
-        let left = leave_sites_out(&self.engine, base, self.settings.seed);
-        let p_null = |log_bf: f64| {
-            let above = nulls.iter().filter(|n| **n >= log_bf).count();
-            (1 + above) as f64 / (1 + nulls.len()) as f64
-        };
-        let mut records: Vec<Record> = tried
-            .iter()
-            .map(|t| Record {
-                candidate: t.candidate,
-                p_screen: t.p_screen,
-                log_bf: t.log_bf,
-                p_null: p_null(t.log_bf),
-                verdict: if t.fit.is_some() {
-                    "less evidence".into()
-                } else {
-                    "screened out".into()
-                },
-            })
-            .collect();
-        let (mut taken, mut rivals) = (None, vec![]);
-        if let Some((best, fit)) = tried.first().and_then(|t| Some((t, t.fit.clone()?))) {
-            let p = p_null(best.log_bf);
-            if let Some(why) = self.objection(best, &fit, p, &left) {
-                records[0].verdict = why;
-            } else {
-                rivals = self.rivals(&tried, base, found);
-                if rivals.is_empty() {
-                    records[0].verdict = "found".into();
-                    taken = Some((best.candidate, fit));
-                } else {
-                    let names: Vec<&str> = rivals.iter().map(|pair| pair[1].as_str()).collect();
-                    records[0].verdict = format!("not told apart from {}", names.join(", "));
-                }
-            }
-        }
-        (Round { tried: records, nulls, base: base.clone(), left }, taken, rivals)
-    }
-
-    /// Why the best candidate is no finding, if it is none.
-    fn objection(&self, best: &Tried, fit: &Fit, p_null: f64, left: &Left) -> Option<String> {
-        if best.log_bf <= CLAIM {
-            return Some(format!(
-                "log Bayes factor {:.1}, more than {CLAIM} is asked",
-                best.log_bf
-            ));
-        }
-        if p_null > LEVEL {
-            return Some(format!(
-                "{:.0} % of searches on simulated data did as well",
-                100.0 * p_null
-            ));
-        }
-        let with = leave_sites_out(&self.engine, fit, self.settings.seed);
-        let (gain, se) = gain(&left.elpd, &with.elpd);
-        if !(gain > se) {
-            return Some(format!(
-                "leave-one-site-out gain {gain:.1} is not beyond its error {se:.1}"
-            ));
-        }
-        let column = self.candidates[best.candidate].form.column()?;
-        let unit = unit_of(self.case.table, column);
-        if unit.n < LEAST_UNITS {
-            return Some(format!("not confirmable: it varies only over {} {}s", unit.n, unit.name));
-        }
-        if unit == by_site(self.case.table) {
-            return None;
-        }
-        let gain =
-            self.leave_units_out(&unit, fit)? - self.leave_units_out(&unit, &self.without(fit)?)?;
-        (!(gain > 0.0)).then(|| {
-            format!("leaving {}s out as a whole, predictions do not improve ({gain:.1})", unit.name)
-        })
-    }
-
-    /// The fit without its last term.
-    fn without(&self, fit: &Fit) -> Option<Fit> {
-        let active = &fit.active[..fit.active.len() - 1];
-        let start = self.engine.fit(&fit.outer, active, Some(fit))?;
-        optimise(&self.engine, active, &start, Free::Spread, self.step).map(|(fit, _)| fit)
-    }
-
-    /// Log predictive density of all rows, each unit predicted from the others; at most 20 folds.
-    fn leave_units_out(&self, unit: &Unit, fit: &Fit) -> Option<f64> {
-        let folds = unit.n.min(20);
-        let one = |fold: usize| -> Option<f64> {
-            let is_hidden = |r: &usize| {
-                unit.group[self.engine.model.table_row(self.engine.rows[*r].id)] % folds == fold
-            };
-            let hidden: Vec<usize> = (0..self.engine.rows.len()).filter(is_hidden).collect();
-            let part = self.engine.fit_without(&hidden, &fit.outer, &fit.active, Some(fit))?;
-            Some(leave_out(&self.engine, &part, &hidden, self.settings.seed).elpd.iter().sum::<f64>())
-        };
-        (0..folds).map(one).sum()
-    }
-
-    /// Causes that the best candidate cannot be told apart from.
-    fn rivals(&self, tried: &[Tried], base: &Fit, found: &[usize]) -> Vec<[String; 2]> {
-        let best = &tried[0];
-        let name = |t: &Tried| self.candidates[t.candidate].name.clone();
-        let mut pairs: Vec<[String; 2]> = vec![];
-        let reference = score(base, self.step);
-        for other in tried[1..].iter().filter(|t| name(t) != name(best) && t.log_bf > ADDS) {
-            let both = [found, &[other.candidate, best.candidate]].concat();
-            let with_both = other.fit.as_ref().and_then(|fit| {
-                let start = self.engine.fit(&fit.outer, &both, Some(fit))?;
-                optimise(&self.engine, &both, &start, Free::Spread, self.step)
-            });
-            let adds = with_both.map_or(0.0, |(_, both)| both - reference - other.log_bf);
-            // two causes that both add much with the other in the model are two effects
-            let is_near = best.log_bf - other.log_bf < RIVAL;
-            let is_rival = adds < ADDS || (is_near && adds < CLAIM);
-            if is_rival && !pairs.iter().any(|pair| pair[1] == name(other)) {
-                pairs.push([name(best), name(other)]);
-            }
-        }
-        let r2 = super::search::r_squared_on_fields(&self.engine, base, best.candidate, self.step);
-        if r2 > SPAN {
-            pairs.push([name(best), "spatial_field".into()]);
-        }
-        pairs
-    }
-
-    /// Log Bayes factor of the sites' random effect.
-    fn site_evidence(&self, fit: &Fit, found: &[usize]) -> f64 {
-        let with = score(fit, self.step);
-        let without = super::outer::without_sites(&self.engine, found, fit, self.step);
-        with - without
-    }
-}
-
-/// Sum of the differences of two vectors, and its standard error.
-pub(super) fn gain(before: &[f64], after: &[f64]) -> (f64, f64) {
-    let d: Vec<f64> = after.iter().zip(before).map(|(a, b)| a - b).collect();
-    let n = d.len() as f64;
-    let mean = d.iter().sum::<f64>() / n;
-    let variance = d.iter().map(|d| (d - mean).powi(2)).sum::<f64>() / (n - 1.0);
-    (n * mean, (n * variance).sqrt())
 }

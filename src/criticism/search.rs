@@ -17,6 +17,12 @@ use crate::dsl::Noise;
 /// Draws from each cavity.
 const DRAWS: usize = 128;
 
+/// Shares of outlying measurements that are tried, and the sds of their further error in steps.
+const OUTLYING_SHARES: [f64; 2] = [0.05, 0.15];
+const OUTLYING_STEPS: [f64; 2] = [2.0, 5.0];
+/// So far below the base, the sds of sites and noise would not bring them above it.
+const HOPELESS: f64 = 5.0;
+
 /// A candidate's evidence.
 #[derive(Clone, Debug)]
 pub(super) struct Tried {
@@ -146,6 +152,26 @@ pub(super) fn r_squared_on_fields(engine: &Engine, fit: &Fit, term: usize, step:
     if total > 0.0 { 1.0 - left / total } else { 0.0 }
 }
 
+/// Share of a term's variance over the rows that the design of another explains.
+pub(super) fn r_squared(engine: &Engine, term: usize, by: usize) -> f64 {
+    if engine.terms[term].n == 0 || engine.terms[by].n == 0 {
+        return 0.0; // outliers have no design
+    }
+    let table_row = |r: usize| engine.model.table_row(engine.rows[r].id);
+    let n = engine.rows.len();
+    let [y, x] = [term, by].map(|t| {
+        let term = &engine.terms[t];
+        let design = DMatrix::from_fn(n, term.n, |r, k| term.design[table_row(r) * term.n + k]);
+        let means = design.row_mean();
+        DMatrix::from_fn(n, term.n, |r, k| design[(r, k)] - means[k])
+    });
+    let svd = x.svd(true, false);
+    let rank = svd.rank(1e-9);
+    let Some(u) = &svd.u else { return 0.0 };
+    let explained = (u.columns(0, rank).transpose() * &y).norm_squared();
+    explained / y.norm_squared()
+}
+
 /// Compares measurements by their first finite cell.
 pub(super) fn order(a: &[f64], b: &[f64]) -> std::cmp::Ordering {
     let key = |x: &[f64]| {
@@ -204,13 +230,20 @@ pub(super) fn search(
     let left = leave_sites_out(engine, base, seed);
     let reference = score(base, step);
     let one = |candidate: usize| {
-        let is_screened = candidates[candidate].level == Level::Observable;
+        let level = candidates[candidate].level;
+        let is_screened = level == Level::Observable;
         let p_screen = if is_screened { f_test(engine, &left.residual, candidate) } else { 1.0 };
         let mut tried = Tried { candidate, p_screen, log_bf: f64::NEG_INFINITY, fit: None };
         if is_screened && p_screen > gate {
             return tried;
         }
         let active = [accepted, &[candidate]].concat();
+        if level == Level::Noise {
+            if let Some((fit, score)) = with_outliers(engine, base, &active, step) {
+                (tried.log_bf, tried.fit) = (score - reference, Some(fit));
+            }
+            return tried;
+        }
         let Some(fit) = engine.fit(&base.outer, &active, Some(base)) else { return tried };
         tried.log_bf = score(&fit, step) - reference;
         tried.fit = Some(fit.clone());
@@ -223,7 +256,31 @@ pub(super) fn search(
         }
         tried
     };
-    (0..candidates.len()).filter(|c| !accepted.contains(c)).map(one).collect()
+    let is_new = |c: &usize| accepted.iter().all(|a| candidates[*a].name != candidates[*c].name);
+    (0..candidates.len()).filter(is_new).map(one).collect()
+}
+
+/// The fit with outliers, and its score averaged over their share and size.
+fn with_outliers(engine: &Engine, base: &Fit, active: &[usize], step: f64) -> Option<(Fit, f64)> {
+    let mut outer = base.outer.clone();
+    // what is outlying has made the others' error look large
+    outer.ln_noise = outer.ln_noise.min((step / 3.0).ln());
+    let mut tried: Vec<(Fit, f64)> = vec![];
+    for share in OUTLYING_SHARES {
+        for size in OUTLYING_STEPS {
+            outer.outliers = Some((share, size * step));
+            let fit = engine.fit(&outer, active, Some(base))?;
+            let score = score(&fit, step);
+            tried.push((fit, score));
+        }
+    }
+    let (best, most) = tried.iter().max_by(|a, b| a.1.total_cmp(&b.1))?;
+    if *most < score(base, step) - HOPELESS {
+        return None;
+    }
+    let average = (tried.iter().map(|t| (t.1 - most).exp()).sum::<f64>() / tried.len() as f64).ln();
+    let (fit, score) = optimise(engine, active, best, Free::Spread, step)?;
+    Some((fit, score + average))
 }
 
 /// Another data set from a fit: new random effects and errors, the same everything else.

@@ -38,11 +38,13 @@ impl AddedEffect {
 pub struct Augmented<'m> {
     model: &'m dyn Declare,
     effects: Vec<(AddedEffect, Decl)>,
+    outliers: Option<(f64, f64)>,
 }
 
 impl std::fmt::Debug for Augmented<'_> {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        f.debug_struct("Augmented").field("effects", &self.effects).finish_non_exhaustive()
+        let mut f = f.debug_struct("Augmented");
+        f.field("effects", &self.effects).field("outliers", &self.outliers).finish_non_exhaustive()
     }
 }
 
@@ -58,7 +60,15 @@ impl<'m> Augmented<'m> {
             text: keep(format!("on {} = {} ~ {}", e.on.join(", "), e.form.text(), e.prior())),
             doc: "",
         };
-        Self { model, effects: effects.iter().map(|e| (e.clone(), decl(e))).collect() }
+        let effects = effects.iter().map(|e| (e.clone(), decl(e))).collect();
+        Self { model, effects, outliers: None }
+    }
+
+    /// Lets `share` of the measurements have a further error of standard deviation `sd`: every likelihood
+    /// within `Outliers(…, share, sd)`.
+    #[must_use]
+    pub fn with_outliers(self, outliers: Option<(f64, f64)>) -> Self {
+        Self { outliers, ..self }
     }
 }
 
@@ -71,6 +81,9 @@ impl Declare for Augmented<'_> {
     }
     fn declare(&self, b: &mut Builder<'_>) -> Result<(), ModelError> {
         b.want_offsets(self.effects.iter().flat_map(|(e, _)| e.on.iter().cloned()));
+        if let Some((share, sd)) = self.outliers {
+            b.add_outliers(share, sd);
+        }
         self.model.declare(b)?;
         for (effect, decl) in &self.effects {
             b.added_effect(*decl, &effect.on, &effect.form, effect.sd)?;

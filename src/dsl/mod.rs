@@ -32,6 +32,7 @@ mod uses;
 
 pub use augmented::{AddedEffect, Augmented};
 pub use blocked::Sampler;
+pub use builder::outlying;
 pub use data::{DataError, Measurements};
 pub use density::Density;
 pub use equations::equations;

@@ -6,7 +6,7 @@ use rand::Rng;
 
 use super::scope::Scope;
 use super::tape::{Op, Tape};
-use crate::likelihood::{Likelihood, Observation};
+use crate::likelihood::{Likelihood, Observation, Outliers};
 use crate::num::lanes::LANES;
 use crate::num::{Dual, Hyper, Real, derivatives, variable};
 
@@ -142,6 +142,9 @@ pub(super) struct Rows<F: RowFn, const N: usize, const W: usize> {
     pub(super) columns: Vec<F::Columns>,
     pub(super) y: Vec<F::Y>,
     pub(super) place: Place,
+    /// Share of outlying measurements and the variance of their further error, where these were added to
+    /// the model.
+    pub(super) outliers: Option<(f64, f64)>,
 }
 
 impl<F: RowFn, const N: usize, const W: usize> Rows<F, N, W> {
@@ -178,7 +181,13 @@ impl<F: RowFn, const N: usize, const W: usize> Rows<F, N, W> {
     fn offset_derivative(&self, v: &[f64], i: usize, a: usize) -> f64 {
         let number = |j: usize, re| Hyper::new(re, f64::from(u8::from(j == W + a)), 0.0, 0.0);
         let s = self.gather(v, i, number);
-        F::likelihood(&s, &self.columns[i]).ln_likelihood(&self.y[i]).eps1
+        self.likelihood(&s, i).ln_likelihood(&self.y[i]).eps1
+    }
+
+    /// The likelihood of row `i`, with the outliers that were added.
+    fn likelihood<D: Real>(&self, s: &[D; N], i: usize) -> impl Likelihood<D, F::Y> {
+        let (share, variance) = self.outliers.unwrap_or_default();
+        Outliers(F::likelihood(s, &self.columns[i]), share, variance.sqrt())
     }
 }
 
@@ -200,6 +209,17 @@ impl<F: RowFn, const N: usize, const W: usize> Rows<F, N, W> {
                 t.lp += value.re();
                 self.scatter(i, &derivatives(&value), t);
             }
+        }
+    }
+
+    /// As [`Self::backward_inlined`], with outliers, a row at a time.
+    #[inline(never)]
+    fn backward_with_outliers(&self, t: &mut Tape) {
+        for i in 0..self.y.len() {
+            let number = |j, x| if j < W { variable(x, j) } else { Dual::from_re(x) };
+            let value = self.likelihood(&self.gather(&t.v, i, number), i).ln_likelihood(&self.y[i]);
+            t.lp += value.re();
+            self.scatter(i, &derivatives(&value), t);
         }
     }
 
@@ -249,34 +269,33 @@ impl<F: RowFn, const N: usize, const W: usize> Rows<F, N, W> {
     /// Not inlined: criticism is rare, and one copy serves it all.
     #[inline(never)]
     fn ln_noisy<D: Real>(&self, s: &[D; N], i: usize, noise: &Noise) -> D {
+        let (share, variance) = noise.outliers.or(self.outliers).unwrap_or_default();
         let likelihood = F::likelihood(s, &self.columns[i]);
-        let plain = likelihood.ln_widened(&self.y[i], noise.variance);
-        let Some((share, variance)) = noise.outliers else { return plain };
-        let wide = likelihood.ln_widened(&self.y[i], noise.variance + variance) + share.ln();
-        let plain = plain + (-share).ln_1p();
-        let (low, high) = if plain.re() < wide.re() { (plain, wide) } else { (wide, plain) };
-        high + (low - high).exp().ln_1p()
+        Outliers(likelihood, share, variance.sqrt()).ln_widened(&self.y[i], noise.variance)
     }
 }
 
 impl<F: RowFn, const N: usize, const W: usize> Op for Rows<F, N, W> {
     fn backward(&self, t: &mut Tape) {
-        Arch::new().dispatch(Backward(self, t));
+        if self.outliers.is_some() {
+            self.backward_with_outliers(t);
+        } else {
+            Arch::new().dispatch(Backward(self, t));
+        }
     }
 }
 
 impl<F: RowFn, const N: usize, const W: usize> Measured for Rows<F, N, W> {
     fn pointwise(&self, t: &Tape, out: &mut Vec<f64>) {
-        out.extend((0..self.y.len()).map(|i| {
-            F::likelihood(&self.plain(&t.v, i), &self.columns[i]).ln_likelihood(&self.y[i])
-        }));
+        out.extend(
+            (0..self.y.len())
+                .map(|i| self.likelihood(&self.plain(&t.v, i), i).ln_likelihood(&self.y[i])),
+        );
     }
 
     fn simulate(&self, t: &Tape, rng: &mut dyn Rng) -> Vec<Vec<f64>> {
-        let one = |i: usize| {
-            let likelihood = F::likelihood(&self.plain(&t.v, i), &self.columns[i]);
-            likelihood.simulate(&self.y[i], rng).cells()
-        };
+        let one =
+            |i: usize| self.likelihood(&self.plain(&t.v, i), i).simulate(&self.y[i], rng).cells();
         (0..self.y.len()).map(one).collect()
     }
 
@@ -312,7 +331,7 @@ impl<F: RowFn, const N: usize, const W: usize> Measured for Rows<F, N, W> {
 
     fn replicate(&self, i: usize, locals: &[f64], rng: &mut dyn Rng) -> Vec<f64> {
         let s = self.fill(locals, |_, x| x);
-        F::likelihood(&s, &self.columns[i]).simulate(&self.y[i], rng).cells()
+        self.likelihood(&s, i).simulate(&self.y[i], rng).cells()
     }
 
     fn location(&self, i: usize, locals: &[f64]) -> Option<f64> {

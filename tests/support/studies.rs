@@ -61,8 +61,25 @@ pub(crate) enum Scenario {
 pub(crate) const ALL: [Scenario; 19] = {
     use Scenario::*;
     [
-        Null, Force, Catheter, Drift, Rate, Output, Wall, Outliers, Region, Patch, Two, Confounded,
-        ConfoundedRegion, Outside, Repeated, Missing, Misscaled, Cancel, Decoys,
+        Null,
+        Force,
+        Catheter,
+        Drift,
+        Rate,
+        Output,
+        Wall,
+        Outliers,
+        Region,
+        Patch,
+        Two,
+        Confounded,
+        ConfoundedRegion,
+        Outside,
+        Repeated,
+        Missing,
+        Misscaled,
+        Cancel,
+        Decoys,
     ]
 };
 
@@ -106,7 +123,7 @@ struct Site {
     impedance: f64,
     temperature: f64,
     s1: f64,
-    /// tau_out and apd_max, ms.
+    /// `tau_out` and `apd_max`, ms.
     parameters: [f64; 2],
     /// What is added to the ERP, ms.
     shift: f64,
@@ -194,7 +211,8 @@ fn rearrange(sites: &mut [Site], scenario: Scenario, rng: &mut ChaCha8Rng) {
             }
             Scenario::Cancel => {
                 let order = site.force + rng.random_range(-2.0..2.0);
-                site.output = [2.0, 3.0, 5.0, 8.0][[8.0, 12.0, 17.0].partition_point(|f| *f < order)];
+                site.output =
+                    [2.0, 3.0, 5.0, 8.0][[8.0, 12.0, 17.0].partition_point(|f| *f < order)];
             }
             Scenario::Decoys => {
                 site.session = (site.minute / 15.0) as usize;
@@ -214,7 +232,13 @@ fn act(sites: &mut [Site], scenario: Scenario, rng: &mut ChaCha8Rng) {
     let catheter = |s: &Site| match s.catheter {
         "A" => 0.0,
         "B" => 1.0,
-        _ => if order { 2.0 } else { -1.0 },
+        _ => {
+            if order {
+                2.0
+            } else {
+                -1.0
+            }
+        }
     };
     let force = |s: &Site| (-s.force / 12.0).exp();
     let output = |s: &Site| -s.output.ln();
@@ -241,7 +265,9 @@ fn act(sites: &mut [Site], scenario: Scenario, rng: &mut ChaCha8Rng) {
         Scenario::Decoys => add(sites, 1.0, |s| labels[s.session]),
         Scenario::Outside => {
             let hidden: Vec<f64> = sites.iter().map(|_| rng.sample(StandardNormal)).collect();
-            sites.iter_mut().zip(hidden).for_each(|(s, h)| s.shift += EFFECT * h);
+            for (site, hidden) in sites.iter_mut().zip(hidden) {
+                site.shift += EFFECT * hidden;
+            }
         }
         Scenario::Region => remodel(sites, |s| f64::from(u8::from(s.is_vein()))),
         Scenario::Patch => remodel(sites, |s| 1.0 / (1.0 + ((s.scar - edge) / 1.5).exp())),
@@ -288,7 +314,8 @@ fn table(sites: &[Site], scenario: Scenario, heart: &Heart, rng: &mut ChaCha8Rng
         let [tau_out, apd_max] = site.parameters;
         let erps = [erp_s2(tau_out, apd_max), erp_s3(tau_out, apd_max)];
         let grid = rng.random_range(0.0..10.0f64).floor();
-        let own: Vec<String> = (0..2).map(|k| row(site, i, k, erps[k], grid, scenario, rng)).collect();
+        let own: Vec<String> =
+            (0..2).map(|k| row(site, i, k, erps[k], grid, scenario, rng)).collect();
         lines.extend(own.iter().cloned());
         if scenario == Scenario::Repeated && i % 2 == 0 {
             lines.extend(own);
@@ -323,7 +350,7 @@ fn row(
         Scenario::Misscaled if site.session == 2 => format!("{:.4}", 9.81 * site.force),
         _ => format!("{:.4}", site.force),
     };
-    let temperature = if is_absent(number % 4 != 0) {
+    let temperature = if is_absent(!number.is_multiple_of(4)) {
         String::new()
     } else {
         format!("{:.3}", site.temperature)
@@ -331,8 +358,15 @@ fn row(
     let wall = site.wall + 0.1 * rng.sample::<f64, _>(StandardNormal);
     let mut line = String::new();
     let (name, s2) = [("S1S2", ""), ("S1S2S3", "300")][protocol];
-    let _ = write!(line, "{number},{},{name},{},{s2},10,{lower},{}", site.vertex, site.s1, lower + 10.0);
-    let _ = write!(line, ",{:.3},{},{},s{}", site.minute, site.catheter, site.operator, site.session);
+    let _ = write!(
+        line,
+        "{number},{},{name},{},{s2},10,{lower},{}",
+        site.vertex,
+        site.s1,
+        lower + 10.0
+    );
+    let _ =
+        write!(line, ",{:.3},{},{},s{}", site.minute, site.catheter, site.operator, site.session);
     let _ = write!(line, ",{},{force},{wall:.3},{:.2}", site.output, site.fibre);
     let _ = write!(line, ",{},{:.3},{:.2},{temperature}", site.region, site.scar, site.impedance);
     line

@@ -1,8 +1,10 @@
 //! `eplat loop MODEL.rs`: what the model lacks, the model with it, and the error before and after.
 
 mod predictions;
+mod sizes;
 mod story;
 
+use std::borrow::Cow;
 use std::collections::BTreeMap;
 use std::io::{IsTerminal as _, Write as _};
 use std::path::{Path, PathBuf};
@@ -26,6 +28,7 @@ use crate::criticism::{self, Case, Outcome, criticise, rewrite};
 use crate::dsl::{AddedEffect, Augmented, Declare, Measurements, Model, Sampler};
 use crate::error::Failure;
 use crate::infer::{self, Chain, jittered_starts};
+use crate::manifold::{Basis, eigenpairs_cached};
 use crate::report::write_loop_page;
 
 /// Fewer sites than this cannot be criticised.
@@ -78,10 +81,11 @@ impl Command {
         let joint = self.joint(model, &inputs)?;
         let outcome = self.search(model, &inputs)?;
         let effects = added(model, &outcome, &inputs.measurements)?;
+        let outliers = outcome.last.outer.outliers;
         let plain: Vec<AddedEffect> = effects.iter().map(|(effect, _)| effect.clone()).collect();
         let before = self.sample(model, &inputs, &out, "before")?;
-        let augmented = Augmented::new(model, &plain);
-        let after = if plain.is_empty() {
+        let augmented = Augmented::new(model, &plain).with_outliers(outliers);
+        let after = if outcome.found.is_empty() {
             None
         } else {
             Some(self.sample(&augmented, &inputs, &out, "after")?)
@@ -158,9 +162,10 @@ impl Command {
         source: &str,
     ) -> Result<Vec<String>, Failure> {
         let mut files = vec![];
-        if !story.effects.is_empty() {
-            let name = file_name(&self.model, story.effects);
-            let text = rewrite(source, story.effects).ok_or_else(|| {
+        if !story.outcome.found.is_empty() {
+            let outliers = story.outcome.last.outer.outliers;
+            let name = file_name(&self.model, story);
+            let text = rewrite(source, story.effects, outliers).ok_or_else(|| {
                 Failure::new(format_args!(
                     "{}: no `model! {{ … }}` to add to",
                     self.model.display()
@@ -190,8 +195,8 @@ impl Command {
     }
 
     fn search(&self, model: &dyn Declare, inputs: &Inputs) -> Result<Outcome, Failure> {
-        let basis = inputs.surface.as_ref().map(|(_, basis)| basis);
-        let case = Case { model, basis, table: &inputs.measurements };
+        let basis = self.finer_basis(inputs)?;
+        let case = Case { model, basis: basis.as_deref(), table: &inputs.measurements };
         let settings = criticism::Settings {
             nulls: self.nulls,
             seed: self.input.seed,
@@ -212,6 +217,17 @@ impl Command {
         let outcome = pool.install(|| criticise(&case, &settings, &watch))?;
         bar.finish_and_clear();
         Ok(outcome)
+    }
+
+    /// More modes than the model has, to tell what these cannot follow from what no field explains; of a
+    /// `--basis` all that are there.
+    fn finer_basis<'i>(&self, inputs: &'i Inputs) -> Result<Option<Cow<'i, Basis>>, Failure> {
+        let Some((surface, basis)) = &inputs.surface else { return Ok(None) };
+        if self.input.basis.is_some() {
+            return Ok(Some(Cow::Borrowed(basis)));
+        }
+        let n_modes = (criticism::FINER * basis.n_modes()).min(surface.mesh.n_vertices() - 1);
+        Ok(Some(Cow::Owned(eigenpairs_cached(&surface.mesh, n_modes)?)))
     }
 
     fn bar(&self) -> ProgressBar {
@@ -324,6 +340,7 @@ fn added(
     let mut effects: Vec<(AddedEffect, String)> = vec![];
     for (round, candidate) in outcome.found.iter().enumerate() {
         let found = &outcome.candidates[*candidate];
+        let Some(form) = found.form.clone() else { continue };
         let is_taken = |name: &str, effects: &[(AddedEffect, String)]| {
             outline.statements.iter().any(|s| s.decl.name == name)
                 || effects.iter().any(|(e, _)| e.name == name)
@@ -335,7 +352,7 @@ fn added(
         let log_bf = outcome.rounds[round].tried.first().map_or(f64::NAN, |t| t.log_bf);
         let data = name_of(table);
         let why = format!("Found by `eplat loop` in {data}: log Bayes factor {log_bf:.1}.");
-        let (on, form, sd) = (found.on.clone(), found.form.clone(), found.sd);
+        let (on, sd) = (found.on.clone(), found.sd);
         let unit = unit_of(&on[0]);
         effects.push((AddedEffect { name, on, unit, form, sd }, why));
     }
@@ -348,9 +365,11 @@ fn name_of(table: &Measurements) -> String {
     path.file_name().unwrap_or(path.as_os_str()).display().to_string()
 }
 
-fn file_name(model: &Path, effects: &[(AddedEffect, String)]) -> String {
+fn file_name(model: &Path, story: &Story<'_>) -> String {
     let stem = model.file_stem().unwrap_or("model".as_ref()).display().to_string();
-    let names: Vec<&str> = effects.iter().map(|(e, _)| e.name.as_str()).collect();
+    let outliers = story.outcome.last.outer.outliers.map(|_| "outliers");
+    let effects = story.effects.iter().map(|(e, _)| e.name.as_str());
+    let names: Vec<&str> = effects.chain(outliers).collect();
     format!("{stem}_plus_{}.rs", names.join("_"))
 }
 

@@ -5,10 +5,10 @@ use std::collections::BTreeMap;
 use serde_json::{Value, json};
 
 use super::super::inputs::Inputs;
-use super::predictions::{Heldout, LeftOut, as_json, thinned};
+use super::predictions::{Heldout, LeftOut, as_json};
+use super::sizes::Size;
 use super::{Sampling, name_of, site_column};
 use crate::criticism::{Outcome, Round};
-use crate::diagnostics::quantile;
 use crate::dsl::{AddedEffect, Form, equations};
 use crate::error::Failure;
 use crate::report::{
@@ -35,11 +35,11 @@ impl Story<'_> {
         let outcome = self.outcome;
         let names: Vec<&str> =
             outcome.found.iter().map(|f| outcome.candidates[*f].name.as_str()).collect();
-        let intervals: BTreeMap<&str, [f64; 2]> = names
-            .iter()
-            .zip(self.effects)
-            .filter_map(|(name, (effect, _))| Some((*name, interval(effect, self.after?)?)))
-            .collect();
+        let sizes = self.sizes();
+        let found = outcome.found.iter().map(|f| &outcome.candidates[*f]);
+        let effects = found.filter(|c| c.form.is_some());
+        let intervals: BTreeMap<&str, [f64; 2]> =
+            effects.zip(&sizes).map(|(c, size)| (c.name.as_str(), size.interval)).collect();
         let rounds = outcome.rounds.iter().enumerate();
         let tried = rounds.flat_map(|(i, round)| self.tried_json(i, round));
         let unusable: Vec<Value> =
@@ -67,7 +67,7 @@ impl Story<'_> {
                 "round": number + 1,
                 "effect": candidate.name,
                 "on": candidate.on,
-                "form": candidate.form.text(),
+                "form": candidate.text(),
                 "p_screen": t.p_screen,
                 "log_bf": t.log_bf.is_finite().then_some(t.log_bf),
                 "p_null": t.p_null,
@@ -83,10 +83,22 @@ impl Story<'_> {
         heldout.into_iter().chain([self.left.comparison(self.outcome)]).collect()
     }
 
+    /// Share and sd of outliers, if these were found.
+    fn outliers(&self) -> Option<(f64, f64)> {
+        self.outcome.last.outer.outliers
+    }
+
     /// The answer in one sentence.
     fn verdict(&self) -> String {
         let (outcome, model) = (self.outcome, self.before.model.name);
-        let lacked: Vec<String> = self.effects.iter().map(|(e, _)| in_words(e)).collect();
+        let outliers = self.outliers().map(|(share, sd)| {
+            format!(
+                "room for outliers ({:.0} % of the measurements, {sd:.0} further off)",
+                100.0 * share
+            )
+        });
+        let effects = self.effects.iter().map(|(e, _)| in_words(e));
+        let lacked: Vec<String> = effects.chain(outliers).collect();
         if !lacked.is_empty() {
             return format!("{model} lacks {}.", lacked.join(" and "));
         }
@@ -203,7 +215,7 @@ impl Story<'_> {
             model: self.before.model.name,
             data: &name_of(&self.inputs.measurements),
             verdict: &self.verdict(),
-            effects: &self.sizes(),
+            effects: &self.in_words(),
             before: &equations(&self.before.model),
             after: after.as_deref(),
             comparisons: &self.comparisons(),
@@ -222,31 +234,15 @@ impl Story<'_> {
         })?)
     }
 
+    fn sizes(&self) -> Vec<Size> {
+        let size = |after| self.effects.iter().map(move |(e, _)| Size::of(e, after, self.inputs));
+        self.after.map_or(vec![], |after| size(after).collect())
+    }
+
     /// The size of each effect in words.
-    fn sizes(&self) -> Vec<String> {
-        let size = |(effect, _): &(AddedEffect, String)| {
-            let after = self.after?;
-            let [low, high] = interval(effect, after)?;
-            let (on, unit) = (effect.on.join(", "), &effect.unit);
-            let range = format!("{on}: {low:.1} to {high:.1} {unit}").replace('-', "−");
-            let labels = effect.form.labels(&self.inputs.measurements);
-            let (least, most) = extremes(effect, after)?;
-            let of = match &effect.form {
-                Form::Scaled { column, scale, .. } => format!("per {scale:.3} of {column}"),
-                Form::Group { column } | Form::Family { column } => {
-                    format!("more with {column} {} than with {}", labels[most.1], labels[least.1])
-                }
-                Form::Above { column, threshold } => {
-                    format!("where {column} is above {threshold:.3}")
-                }
-                Form::Smooth { column, .. } => {
-                    format!("between the coefficients of the curve in {column} that differ most")
-                }
-                Form::All => "everywhere".into(),
-            };
-            Some(format!("{range} {of} (90 % interval)"))
-        };
-        self.effects.iter().filter_map(size).collect()
+    fn in_words(&self) -> Vec<String> {
+        let sizes = self.sizes();
+        self.effects.iter().zip(&sizes).map(|((effect, _), size)| size.in_words(effect)).collect()
     }
 
     fn tried(&self, number: usize, round: &Round) -> TriedRound {
@@ -255,10 +251,12 @@ impl Story<'_> {
             let candidate = &self.outcome.candidates[t.candidate];
             TriedEffect {
                 name: candidate.name.clone(),
-                statement: format!("{} on {}", rounded(&candidate.form), candidate.on.join(", ")),
+                statement: candidate.form.as_ref().map_or("every likelihood".into(), |form| {
+                    format!("{} on {}", rounded(form), candidate.on.join(", "))
+                }),
                 p_screen: t.p_screen,
                 log_bf: t.log_bf,
-                p_null: (!round.nulls.is_empty()).then_some(t.p_null),
+                p_null: t.p_null,
                 verdict: t.verdict.clone(),
                 is_taken: taken == Some(&t.candidate),
             }
@@ -353,29 +351,4 @@ fn rounded(form: &Form) -> String {
         Form::Above { column, threshold } => format!("above({column}, {threshold:.3})"),
         Form::Group { .. } | Form::Family { .. } | Form::All => form.text().replace("row.", ""),
     }
-}
-
-/// The coefficients of an effect that are least and greatest on average: unknown, and number among its own.
-fn extremes(effect: &AddedEffect, after: &Sampling) -> Option<((usize, usize), (usize, usize))> {
-    let names = after.model.unknown_names();
-    let own = (0..names.len())
-        .filter(|i| names[*i].split('[').next() == Some(effect.name.as_str()))
-        .enumerate();
-    let draws = thinned(&after.chains);
-    let mean = |i: usize| draws.iter().map(|draw| draw[i]).sum::<f64>() / draws.len() as f64;
-    let means: Vec<(f64, (usize, usize))> = own.map(|(k, i)| (mean(i), (i, k))).collect();
-    let least = means.iter().min_by(|a, b| a.0.total_cmp(&b.0))?;
-    let most = means.iter().max_by(|a, b| a.0.total_cmp(&b.0))?;
-    Some((least.1, most.1))
-}
-
-/// Central 90 % interval of an effect's coefficient, or of the greatest difference between two of its
-/// coefficients.
-fn interval(effect: &AddedEffect, after: &Sampling) -> Option<[f64; 2]> {
-    let ((low, _), (high, _)) = extremes(effect, after)?;
-    let draws = thinned(&after.chains);
-    let value = |draw: &&[f64]| if low == high { draw[low] } else { draw[high] - draw[low] };
-    let mut values: Vec<f64> = draws.iter().map(value).collect();
-    values.sort_by(f64::total_cmp);
-    Some([quantile(&values, 0.05), quantile(&values, 0.95)])
 }

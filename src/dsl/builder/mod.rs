@@ -17,6 +17,7 @@ use crate::manifold::Basis;
 
 mod fields;
 mod observes;
+pub use observes::outlying;
 
 /// How many numbers a parameter is.
 #[derive(Clone, Copy, Debug)]
@@ -63,6 +64,8 @@ pub struct Builder<'a> {
     effects: Vec<Effect>,
     /// Names that offsets are wanted for besides those of effects.
     offsets_on: Vec<String>,
+    /// Share and sd of outliers that are added to every `observe`.
+    outliers: Option<(f64, f64)>,
     /// First offset of (observe, field or let).
     hooks: BTreeMap<(&'static str, &'static str), usize>,
     /// Values whose prior is flat, with their unknown; and values that expressions mention, how often.
@@ -98,6 +101,7 @@ impl<'a> Builder<'a> {
             names: vec![],
             effects: vec![],
             offsets_on: vec![],
+            outliers: None,
             hooks: BTreeMap::new(),
             flat: BTreeMap::new(),
             mentions: BTreeMap::new(),
@@ -112,6 +116,11 @@ impl<'a> Builder<'a> {
     /// Asks for an offset, zero by itself, wherever a likelihood depends on one of these names.
     pub(super) fn want_offsets(&mut self, on: impl IntoIterator<Item = String>) {
         self.offsets_on.extend(on);
+    }
+
+    /// Lets this share of the measurements of every `observe` to come have a further error of this sd.
+    pub(super) fn add_outliers(&mut self, share: f64, sd: f64) {
+        self.outliers = Some((share, sd));
     }
 
     fn values(&mut self, n: usize) -> usize {

@@ -15,6 +15,11 @@ use crate::dsl::units::Decl;
 use crate::dsl::uses::reads;
 use crate::likelihood::Observation;
 
+/// A likelihood with outliers, as it is written.
+pub fn outlying(likelihood: &str, share: f64, sd: f64) -> String {
+    format!("Outliers({}, {share:?}, {sd:?})", likelihood.trim())
+}
+
 impl Builder<'_> {
     /// `observe name(row): Y [unit] ~ likelihood;`
     ///
@@ -26,7 +31,7 @@ impl Builder<'_> {
         decl: Decl,
         scope: &Scope,
     ) -> Result<(), ModelError> {
-        self.state("observe", decl, None);
+        self.state("observe", self.with_outliers(decl), None);
         let (rows, y) = match self.data {
             Some(data) => read_rows::<F::Y>(data, decl.name)?,
             None => (vec![], vec![]),
@@ -43,9 +48,23 @@ impl Builder<'_> {
             unit: decl.unit.into(),
             columns: F::Y::COLUMNS,
             rows,
-            op: Box::new(Rows::<F, N, W> { columns, y, place }),
+            op: Box::new(Rows::<F, N, W> {
+                columns,
+                y,
+                place,
+                outliers: self.outliers.map(|(share, sd)| (share, sd * sd)),
+            }),
         });
         Ok(())
+    }
+
+    /// An `observe` as it reads with the outliers that are added.
+    fn with_outliers(&self, decl: Decl) -> Decl {
+        let Some((share, sd)) = self.outliers else { return decl };
+        let Some((what, likelihood)) = decl.text.split_once('~') else { return decl };
+        let text = format!("{what}~ {}", outlying(likelihood, share, sd));
+        // as long as the program, as the words of a model file
+        Decl { text: Box::leak(text.into_boxed_str()), ..decl }
     }
 
     /// `density name = expr;`, or `density name(data) = expr;` with the table's columns under that name.

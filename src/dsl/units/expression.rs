@@ -168,6 +168,7 @@ fn roles(family: &str) -> &'static [Role] {
         "Normal" | "Cauchy" | "Laplace" | "Uniform" | "FlatBetween" | "Interval" => &[Same; 2],
         "TruncatedNormal" => &[Same; 4],
         "StudentT" => &[Other, Same, Same],
+        "Outliers" => &[Same, Other, Same],
         "InvGamma" | "HalfStudentT" => &[Other, Same],
         "Gamma" => &[Other, Inverse],
         "Exponential" => &[Inverse],

@@ -1,0 +1,54 @@
+//! What the model's modes leave out: its own fields at a finer resolution.
+//!
+//! Sites may differ by more than the model says because its truncated expansion cannot follow its own fields.
+//! Such differences are alike at neighbouring sites; those of a cause that no column tells are not.
+
+use std::collections::BTreeMap;
+
+use super::engine::Term;
+use crate::dsl::{Measurements, Model};
+use crate::field::{Kernel as _, Matern52};
+use crate::manifold::Basis;
+
+/// Modes that are looked at, in multiples of the model's.
+pub const FINER: usize = 4;
+
+/// Standard deviations that are tried, in protocol steps.
+const SIZES: [f64; 3] = [0.3, 0.6, 1.2];
+
+/// Further modes for every field, once for each of [`SIZES`]; their lengthscale is the distance between
+/// sites. `field_sd` is the change of each field that moves what is observed by one step. None for a model
+/// without fields, or where `basis` has no further modes.
+pub(super) fn finer_fields(
+    model: &Model,
+    basis: Option<&Basis>,
+    table: &Measurements,
+    n_sites: usize,
+    field_sd: &BTreeMap<String, f64>,
+) -> Vec<Vec<Term>> {
+    let Some(basis) = basis else { return vec![] };
+    let (first, n_modes) = (model.n_modes(), basis.n_modes().min(FINER * model.n_modes()));
+    if first >= n_modes {
+        return vec![];
+    }
+    let area = basis.at(0)[0].powi(-2);
+    let kernel = Matern52((area / n_sites as f64).sqrt());
+    let weight = |lambda: &f64| kernel.sqrt_density(lambda.max(0.0).sqrt());
+    let weights: Vec<f64> = basis.eigenvalues[first..n_modes].iter().map(weight).collect();
+    let modes = |row: usize| {
+        let at = basis.at(table.vertex(row).map_or(0, |vertex| vertex as usize));
+        at[first..].iter().zip(&weights).map(|(phi, weight)| phi * weight)
+    };
+    let mut design: Vec<f64> = (0..table.len()).flat_map(modes).collect();
+    let variance = design.iter().map(|z| z * z).sum::<f64>() / table.len() as f64;
+    for z in &mut design {
+        *z /= variance.sqrt();
+    }
+    let term = |size: f64, (field, sd): (&String, &f64)| Term {
+        on: vec![field.clone()],
+        design: design.clone(),
+        n: n_modes - first,
+        sd: size * sd,
+    };
+    SIZES.map(|size| field_sd.iter().map(|field| term(size, field)).collect()).into()
+}

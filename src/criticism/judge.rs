@@ -1,0 +1,212 @@
+//! What the best candidate of a round is: a finding, one of several causes that cannot be told apart, or nothing.
+
+use super::fit::Fit;
+use super::outer::{Free, optimise, score, without_sites};
+use super::procedure::{Record, Round, Run};
+use super::search::{Left, Tried, leave_out, leave_sites_out, r_squared, r_squared_on_fields};
+use super::units::{LEAST_UNITS, Unit, by_site, unit_of};
+
+/// Least log Bayes factor of a claim.
+pub(super) const CLAIM: f64 = 3.0;
+/// A runner-up within this log Bayes factor is a rival.
+const RIVAL: f64 = 2.0;
+/// A winner that adds less than this with its rival in the model is not told apart from it.
+const ADDS: f64 = 1.0;
+/// R² on the fitted fields' span beyond which a covariate could be the fields' own.
+const SPAN: f64 = 0.8;
+/// R² of a covariate on another beyond which they are the same.
+const SAME: f64 = 0.95;
+/// R² of a covariate on another beyond which it must add [`DECISIVE`] with that in the model: how the two are
+/// written down, rather than the data, could prefer one. Of covariates without any relation, with up to five
+/// labels over 40 sites, one in a thousand is above.
+const ALIKE: f64 = 0.4;
+const DECISIVE: f64 = 5.0;
+/// Share of null searches that the best candidate must beat.
+const LEVEL: f64 = 0.05;
+
+impl Run<'_> {
+    /// What the round's best candidate is: a finding, ambiguous, or nothing.
+    #[allow(clippy::type_complexity, reason = "what a round comes to, used once")]
+    pub(super) fn judge(
+        &self,
+        number: usize,
+        (tried, nulls): (Vec<Tried>, Vec<f64>),
+        base: &Fit,
+        found: &[usize],
+    ) -> (Round, Option<(usize, Fit)>, Vec<[String; 2]>) {
+        let left = leave_sites_out(&self.engine, base, self.settings.seed);
+        let p_null = |log_bf: f64| {
+            let above = nulls.iter().filter(|n| **n >= log_bf).count();
+            (!nulls.is_empty()).then(|| (1 + above) as f64 / (1 + nulls.len()) as f64)
+        };
+        let mut records: Vec<Record> = tried
+            .iter()
+            .map(|t| Record {
+                candidate: t.candidate,
+                p_screen: t.p_screen,
+                log_bf: t.log_bf,
+                p_null: p_null(t.log_bf),
+                verdict: if t.fit.is_some() {
+                    "less evidence".into()
+                } else {
+                    "screened out".into()
+                },
+            })
+            .collect();
+        let (mut taken, mut rivals) = (None, vec![]);
+        if let Some((best, fit)) = tried.first().and_then(|t| Some((t, t.fit.clone()?))) {
+            let p = p_null(best.log_bf);
+            if let Some(why) = self.objection(number, best, &fit, p, &left) {
+                records[0].verdict = why;
+            } else {
+                rivals = self.rivals(&tried, base, found);
+                if rivals.is_empty() {
+                    records[0].verdict = "found".into();
+                    taken = Some((best.candidate, fit));
+                } else {
+                    let names: Vec<&str> = rivals.iter().map(|pair| pair[1].as_str()).collect();
+                    records[0].verdict = format!("not told apart from {}", names.join(", "));
+                }
+            }
+        }
+        (Round { tried: records, nulls, base: base.clone(), left }, taken, rivals)
+    }
+
+    /// Why the best candidate is no finding, if it is none.
+    fn objection(
+        &self,
+        number: usize,
+        best: &Tried,
+        fit: &Fit,
+        p_null: Option<f64>,
+        left: &Left,
+    ) -> Option<String> {
+        let least = least_log_bf(number);
+        if best.log_bf <= least {
+            return Some(format!(
+                "log Bayes factor {:.1}, more than {least} is asked",
+                best.log_bf
+            ));
+        }
+        let p_null = p_null.unwrap_or(1.0);
+        if p_null > LEVEL {
+            return Some(format!(
+                "{:.0} % of searches on simulated data did as well",
+                100.0 * p_null
+            ));
+        }
+        let with = leave_sites_out(&self.engine, fit, self.settings.seed);
+        let (gain, se) = gain(&left.elpd, &with.elpd);
+        if !(gain > se) {
+            return Some(format!(
+                "leave-one-site-out gain {gain:.1} is not beyond its error {se:.1}"
+            ));
+        }
+        let column = self.candidates[best.candidate].form.as_ref()?.column()?;
+        let unit = unit_of(self.case.table, column);
+        if unit.n < LEAST_UNITS {
+            return Some(format!("not confirmable: it varies only over {} {}s", unit.n, unit.name));
+        }
+        if unit == by_site(self.case.table) {
+            return None;
+        }
+        let gain =
+            self.leave_units_out(&unit, fit)? - self.leave_units_out(&unit, &self.without(fit)?)?;
+        (!(gain > 0.0)).then(|| {
+            format!("leaving {}s out as a whole, predictions do not improve ({gain:.1})", unit.name)
+        })
+    }
+
+    /// The fit without its last term.
+    fn without(&self, fit: &Fit) -> Option<Fit> {
+        let active = &fit.active[..fit.active.len() - 1];
+        let start = self.engine.fit(&fit.outer, active, Some(fit))?;
+        optimise(&self.engine, active, &start, Free::Spread, self.step).map(|(fit, _)| fit)
+    }
+
+    /// Log predictive density of all rows, each unit predicted from the others; at most 20 folds.
+    fn leave_units_out(&self, unit: &Unit, fit: &Fit) -> Option<f64> {
+        let folds = unit.n.min(20);
+        let one = |fold: usize| -> Option<f64> {
+            let is_hidden = |r: &usize| {
+                unit.group[self.engine.model.table_row(self.engine.rows[*r].id)] % folds == fold
+            };
+            let hidden: Vec<usize> = (0..self.engine.rows.len()).filter(is_hidden).collect();
+            let part = self.engine.fit_without(&hidden, &fit.outer, &fit.active, Some(fit))?;
+            Some(
+                leave_out(&self.engine, &part, &hidden, self.settings.seed)
+                    .elpd
+                    .iter()
+                    .sum::<f64>(),
+            )
+        };
+        (0..folds).map(one).sum()
+    }
+
+    /// Causes that the best candidate cannot be told apart from.
+    fn rivals(&self, tried: &[Tried], base: &Fit, found: &[usize]) -> Vec<[String; 2]> {
+        let best = &tried[0];
+        let name = |t: &Tried| self.candidates[t.candidate].name.clone();
+        let mut pairs: Vec<[String; 2]> = vec![];
+        for other in tried[1..].iter().filter(|t| name(t) != name(best)) {
+            let alike = r_squared(&self.engine, best.candidate, other.candidate);
+            let is_rival = if alike > SAME {
+                true
+            } else if alike > ALIKE || other.log_bf > ADDS {
+                // two causes that both add much with the other in the model are two effects
+                let adds = self.adds(best, other, base, found);
+                let is_near = best.log_bf - other.log_bf < RIVAL;
+                adds < ADDS || (is_near && adds < CLAIM) || (alike > ALIKE && adds < DECISIVE)
+            } else {
+                false
+            };
+            if is_rival && !pairs.iter().any(|pair| pair[1] == name(other)) {
+                pairs.push([name(best), name(other)]);
+            }
+        }
+        let r2 = r_squared_on_fields(&self.engine, base, best.candidate, self.step);
+        if r2 > SPAN {
+            pairs.push([name(best), "spatial_field".into()]);
+        }
+        pairs
+    }
+
+    /// What the best candidate adds to the score with another one in the model.
+    fn adds(&self, best: &Tried, other: &Tried, base: &Fit, found: &[usize]) -> f64 {
+        let both = [found, &[other.candidate, best.candidate]].concat();
+        let with_both = || {
+            let fit = other.fit.as_ref()?;
+            let mut outer = fit.outer.clone();
+            outer.outliers = outer.outliers.or(best.fit.as_ref()?.outer.outliers);
+            let start = self.engine.fit(&outer, &both, Some(fit))?;
+            let (_, both) = optimise(&self.engine, &both, &start, Free::Spread, self.step)?;
+            Some(both - score(base, self.step) - other.log_bf)
+        };
+        // a cause that the screen stopped takes nothing away
+        if other.fit.is_none() { best.log_bf } else { with_both().unwrap_or(0.0) }
+    }
+
+    /// Log Bayes factor of the sites' random effect, against nothing or the model's fields at a finer
+    /// resolution, whichever says more.
+    pub(super) fn site_evidence(&self, fit: &Fit, found: &[usize]) -> f64 {
+        let finer = self.finer.iter().map(|terms| [found, terms].concat());
+        let without = [found.to_vec()].into_iter().chain(finer);
+        let scores = without.map(|active| without_sites(&self.engine, &active, fit, self.step));
+        score(fit, self.step) - scores.fold(f64::NEG_INFINITY, f64::max)
+    }
+}
+
+/// Least log Bayes factor of a claim in round `number`. Every further round is another chance of a wrong
+/// name, and its base is a model that was chosen by the same data.
+pub(super) fn least_log_bf(number: usize) -> f64 {
+    if number == 0 { CLAIM } else { 2.0 * CLAIM }
+}
+
+/// Sum of the differences of two vectors, and its standard error.
+pub(super) fn gain(before: &[f64], after: &[f64]) -> (f64, f64) {
+    let d: Vec<f64> = after.iter().zip(before).map(|(a, b)| a - b).collect();
+    let n = d.len() as f64;
+    let mean = d.iter().sum::<f64>() / n;
+    let variance = d.iter().map(|d| (d - mean).powi(2)).sum::<f64>() / (n - 1.0);
+    (n * mean, (n * variance).sqrt())
+}
