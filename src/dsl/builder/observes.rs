@@ -211,22 +211,11 @@ fn read_rows<Y: Observation>(
     data: &Measurements,
     observe: &str,
 ) -> Result<(Vec<usize>, Vec<Y>), ModelError> {
-    let who = format!("observe {observe}");
-    // a single value may stand in a column of the statement's own name
-    let names: Vec<&str> = match Y::COLUMNS {
-        ["value"] if data.has(observe) => vec![observe],
-        names => names.to_vec(),
-    };
+    let (names, cells) = read_cells(data, observe, Y::COLUMNS)?;
     let (mut rows, mut y) = (vec![], vec![]);
-    for row in data.rows_of(observe) {
-        let mut cells = vec![];
-        for name in &names {
-            cells.push(data.number_or_empty(row, name, &who)?);
-        }
-        let read = Y::read(&cells).map_err(|problem| {
-            data.cell_error(row, &names.join(", "), problem, "mend the row or drop it")
-        })?;
-        if let Some(measurement) = read {
+    for (row, cells) in cells {
+        let wrong = |problem| data.cell_error(row, &names, problem, "mend the row or drop it");
+        if let Some(measurement) = Y::read(&cells).map_err(wrong)? {
             rows.push(row);
             y.push(measurement);
         }
@@ -235,6 +224,29 @@ fn read_rows<Y: Observation>(
         return Err(no_rows(data, "observe", observe));
     }
     Ok((rows, y))
+}
+
+/// A row of the table, and its cells.
+type RowCells = (usize, Vec<f64>);
+
+/// The names of the `columns` of an `observe` statement, and their cells in each of its rows.
+fn read_cells(
+    data: &Measurements,
+    observe: &str,
+    columns: &[&'static str],
+) -> Result<(String, Vec<RowCells>), ModelError> {
+    let who = format!("observe {observe}");
+    // a single value may stand in a column of the statement's own name
+    let names = match columns {
+        ["value"] if data.has(observe) => &[observe],
+        names => names,
+    };
+    let mut cells = vec![];
+    for row in data.rows_of(observe) {
+        let of_row = names.iter().map(|name| data.number_or_empty(row, name, &who));
+        cells.push((row, of_row.collect::<Result<_, _>>()?));
+    }
+    Ok((names.join(", "), cells))
 }
 
 /// The rows of a `density` statement, and their cells of each column that `text` reads through the name
