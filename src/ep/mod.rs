@@ -4,9 +4,11 @@
 
 pub mod cell;
 pub mod protocol;
+mod restitution;
 pub mod strip;
 pub mod table;
 
 pub use cell::{Parameters, Tissue};
 pub use protocol::Protocol;
-pub use strip::{Absence, Beat, Grid, StripOutcome, simulate_strips};
+pub use restitution::Restitution;
+pub use strip::{Absence, Beat, Grid, StripError, StripOutcome, simulate_strips};
