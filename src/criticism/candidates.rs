@@ -2,6 +2,7 @@
 
 use std::collections::BTreeMap;
 
+use super::units::{FOLD, Unit, is_constant_within};
 use crate::dsl::{Form, Measurements, Model, distinct, families};
 
 /// Where a candidate acts.
@@ -26,11 +27,22 @@ pub struct Candidate {
     pub form: Form,
     /// Prior sd of its coefficients, in the unit of what it acts on.
     pub sd: f64,
+    /// Whether residuals of sites decide if it is refitted: not on a parameter, and not over units with a
+    /// random effect of their own, which leaves no such residuals over.
+    pub is_screened: bool,
 }
 
 /// Columns that say where and what was measured, never why it differs.
-const STRUCTURAL: [&str; 9] =
-    ["site", "vertex", "x", "y", "z", "protocol", "lower", "upper", "value"];
+const STRUCTURAL: [&str; 11] =
+    ["site", "vertex", "x", "y", "z", "protocol", "lower", "upper", "value", "resolution", FOLD];
+
+/// The columns of a table that may tell why measurements differ: neither place nor measurement.
+pub(super) fn covariates<'t>(model: &Model, table: &'t Measurements) -> Vec<&'t String> {
+    let is_measured =
+        |name: &String| model.observes.iter().any(|o| o.name == name || o.cells.contains(name));
+    let is_one = |name: &&String| !STRUCTURAL.contains(&name.as_str()) && !is_measured(name);
+    table.columns().iter().filter(is_one).collect()
+}
 
 /// What a column is called in findings.
 fn finding(column: &str) -> String {
@@ -94,26 +106,25 @@ pub(super) fn candidates(
     observables: &[String],
     step: f64,
     field_sd: &BTreeMap<String, f64>,
+    unit: Option<&Unit>,
 ) -> (Vec<Candidate>, Vec<Unusable>) {
     let mut on: Vec<String> = observables.to_vec();
     on.sort();
     on.dedup();
     let mut found = vec![];
     let mut unusable = vec![];
-    let own: Vec<&str> = model.observes.iter().map(|o| o.name).collect();
-    for column in table.columns() {
+    for column in covariates(model, table) {
         let name = column.as_str();
-        if STRUCTURAL.contains(&name) || own.contains(&name) || name == "resolution" {
-            continue;
-        }
         let mut refuse =
             |why: &str| unusable.push(Unusable { column: name.into(), why: why.into() });
+        let is_over_units = unit.is_some_and(|unit| is_constant_within(table, name, &unit.name));
         let candidate = |form: Form, level, on: &[String], sd| Candidate {
             name: finding(name),
             on: on.to_vec(),
             level,
             form,
             sd,
+            is_screened: level == Level::Observable && !is_over_units,
         };
         match read_column(table, name) {
             Column::Numeric(x) => {
@@ -160,6 +171,12 @@ pub(super) fn candidates(
                     refuse("it has one value only");
                     continue;
                 }
+                if unit.is_some_and(|unit| unit.is_the_same_as(table, name)) {
+                    refuse(
+                        "it names the unit over which others vary: its labels have a random effect",
+                    );
+                    continue;
+                }
                 if labels.len() * 2 > table.len() {
                     refuse("nearly every row has a label of its own");
                     continue;
@@ -189,6 +206,7 @@ pub(super) fn candidates(
                 level: Level::Observable,
                 form: Form::All,
                 sd: step,
+                is_screened: true,
             });
         }
     }

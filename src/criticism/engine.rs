@@ -22,8 +22,9 @@ pub struct Term {
     pub design: Vec<f64>,
     /// Number of coefficients.
     pub n: usize,
-    /// What the design is multiplied by.
-    pub sd: f64,
+    /// What the design is multiplied by; `None` for the random effect of a unit, whose sd is one of the
+    /// outer values ([`Outer::ln_unit`]).
+    pub sd: Option<f64>,
 }
 
 /// Everything of a fit that is not integrated out.
@@ -35,6 +36,8 @@ pub struct Outer {
     pub ln_site: f64,
     /// ln sd of the further error of rows.
     pub ln_noise: f64,
+    /// ln sd of the random effect of units (recordings, sessions), where they have one.
+    pub ln_unit: Option<f64>,
     /// Share and sd of outlying rows.
     pub outliers: Option<(f64, f64)>,
 }
@@ -162,11 +165,11 @@ impl Engine {
     }
 
     /// The scalars as a linear map at these other unknowns, terms included.
-    fn linear(&self, t: &mut Tape, other: &[f64], active: &[usize]) -> Linear {
+    fn linear(&self, t: &mut Tape, outer: &Outer, active: &[usize]) -> Linear {
         let ids: Vec<RowId> = self.rows.iter().map(|r| r.id).collect();
         let n_linear = self.split.linear.len();
         let n = n_linear + active.iter().map(|a| self.terms[*a].n).sum::<usize>();
-        let mut u = self.unknowns(other, &DVector::zeros(n));
+        let mut u = self.unknowns(&outer.other, &DVector::zeros(n));
         let (mut constant, mut moved) = (vec![], vec![]);
         self.model.locals_at(t, &u, &ids, &mut constant);
         let mut j = vec![0.0; self.n_locals * n];
@@ -181,11 +184,12 @@ impl Engine {
         let mut column = n_linear;
         for a in active {
             let term = &self.terms[*a];
+            let sd = term.sd.or(outer.ln_unit.map(f64::exp)).unwrap_or_default();
             for row in &self.rows {
                 let z = &term.design[self.model.table_row(row.id) * term.n..][..term.n];
                 for local in term.on.iter().filter_map(|on| self.model.local_of(row.id, on)) {
                     for (k, z) in z.iter().enumerate() {
-                        j[(row.first + local) * n + column + k] += term.sd * z;
+                        j[(row.first + local) * n + column + k] += sd * z;
                     }
                 }
             }
@@ -221,7 +225,7 @@ impl Engine {
         start: Option<&Fit>,
     ) -> Option<Fit> {
         let mut t = self.model.tape();
-        let linear = self.linear(&mut t, &outer.other, active);
+        let linear = self.linear(&mut t, outer, active);
         let (mut x, mut z) = (DVector::zeros(linear.n), vec![0.0; self.sites.len()]);
         if let Some(fit) = start {
             let n = fit.x.len().min(linear.n);

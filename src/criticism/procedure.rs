@@ -4,13 +4,13 @@ use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 use rayon::prelude::*;
 
-use super::candidates::{Candidate, Unusable, candidates};
+use super::candidates::{Candidate, Unusable, candidates, covariates};
 use super::engine::{Engine, Fit, Outer, Term};
 use super::error::CriticismError;
 use super::observable::{observables, step_of};
 use super::outer::{Free, optimise, score};
-use super::search::{Left, Tried, field_sd, leave_sites_out, search, simulate};
-use super::units::{LEAST_UNITS, Unit, by_site, unit_of};
+use super::search::{Left, Tried, field_sd, leave_sites_out, leave_units_out, search, simulate};
+use super::units::{LEAST_UNITS, Unit, by_site, random_unit, unit_of};
 use crate::dsl::{Declare, Measurements, Model};
 use crate::manifold::Basis;
 
@@ -106,6 +106,10 @@ pub struct Outcome {
     pub ambiguous: Vec<[String; 2]>,
     /// Log Bayes factor of the sites' random effect after everything that was found.
     pub site_log_bf: f64,
+    /// That of the units' (recordings, sessions), where they have one, and the column that names them.
+    pub unit_log_bf: Option<(String, f64)>,
+    /// What is left out as a whole, where that is not the site.
+    pub unit: Option<Unit>,
     /// The fit with everything that was found.
     pub last: Fit,
     /// Width of a protocol step, in the unit of the measurement.
@@ -115,36 +119,47 @@ pub struct Outcome {
 impl Outcome {
     /// Whether sites differ by more than the model with its findings says.
     pub fn is_unexplained(&self) -> bool {
-        self.site_log_bf > CLAIM
+        self.site_log_bf > CLAIM || self.unit_log_bf.as_ref().is_some_and(|(_, bf)| *bf > CLAIM)
     }
 }
 
-/// Lays a case out for Laplace fits, with these candidates to try.
-fn engine(case: &Case<'_>, on: &[String], terms: &[Candidate]) -> Result<Engine, CriticismError> {
+/// Lays a case out for Laplace fits, with these candidates to try and, last, the random effect of `unit`.
+fn engine(
+    case: &Case<'_>,
+    on: &[String],
+    terms: &[Candidate],
+    unit: Option<&Unit>,
+) -> Result<Engine, CriticismError> {
     let fields = Model::outline(case.model)?.field_names().into_iter().map(String::from);
     let offsets_on: Vec<String> = on.iter().cloned().chain(fields).collect();
     let model = Model::with_offsets(case.model, case.basis, case.table, &offsets_on)?;
     let terms = terms.iter().map(|candidate| {
         let (design, n) = candidate.form.design(case.table);
-        Term { on: candidate.on.clone(), design, n, sd: candidate.sd }
+        Term { on: candidate.on.clone(), design, n, sd: Some(candidate.sd) }
     });
-    let terms = terms.collect();
+    let unit =
+        unit.map(|unit| Term { on: on.to_vec(), design: unit.design(), n: unit.n, sd: None });
+    let terms = terms.chain(unit).collect();
     Ok(Engine::new(model, on, &by_site(case.table).group, terms))
 }
 
 /// The base fit, before anything is tried: from the model's own start, sites and noise at a third of
 /// a step.
-fn base_fit(engine: &Engine, step: f64) -> Result<Fit, CriticismError> {
+fn base_fit(engine: &Engine, unit: Option<&Unit>, step: f64) -> Result<Fit, CriticismError> {
     let initial = engine.model.initial();
     let third = (step / 3.0).ln();
     let outer = Outer {
         other: engine.split.other.iter().map(|u| initial[*u]).collect(),
         ln_site: third,
         ln_noise: third,
+        ln_unit: unit.map(|_| third),
         outliers: None,
     };
-    let start = engine.fit(&outer, &[], None).ok_or(CriticismError::NoFit)?;
-    optimise(engine, &[], &start, Free::All, step).map(|(fit, _)| fit).ok_or(CriticismError::NoFit)
+    let active: &[usize] = if unit.is_some() { &[0] } else { &[] };
+    let start = engine.fit(&outer, active, None).ok_or(CriticismError::NoFit)?;
+    optimise(engine, active, &start, Free::All, step)
+        .map(|(fit, _)| fit)
+        .ok_or(CriticismError::NoFit)
 }
 
 /// Runs the whole search; `watch` is told (round, null searches done).
@@ -158,13 +173,16 @@ pub fn criticise(
 ) -> Result<Outcome, CriticismError> {
     let outline = Model::outline(case.model)?;
     let on = observables(&outline)?;
-    let plain = engine(case, &on, &[])?;
+    let unit = random_unit(case.table, covariates(&outline, case.table).into_iter());
+    let plain = engine(case, &on, &[], unit.as_ref())?;
     let step = step_of(&plain.model);
-    let start = base_fit(&plain, step)?;
+    let mut start = base_fit(&plain, unit.as_ref(), step)?;
     let slopes = field_sd(&plain, &start, step);
-    let (candidates, unusable) = candidates(&plain.model, case.table, &on, step, &slopes);
-    let laid = engine(case, &on, &candidates)?;
-    let run = Run { case, settings, on, candidates, engine: laid, step };
+    let (candidates, unusable) =
+        candidates(&plain.model, case.table, &on, step, &slopes, unit.as_ref());
+    let laid = engine(case, &on, &candidates, unit.as_ref())?;
+    let run = Run { case, settings, on, candidates, engine: laid, step, unit };
+    start.active = run.active(&[]);
     run.rounds(start, unusable, watch)
 }
 
@@ -175,9 +193,17 @@ struct Run<'a> {
     candidates: Vec<Candidate>,
     engine: Engine,
     step: f64,
+    /// The unit with a random effect.
+    unit: Option<Unit>,
 }
 
 impl Run<'_> {
+    /// The terms of a fit: the random effect of units, which is always there, and these.
+    fn active(&self, candidates: &[usize]) -> Vec<usize> {
+        let unit = self.unit.iter().map(|_| self.candidates.len());
+        unit.chain(candidates.iter().copied()).collect()
+    }
+
     fn rounds(
         self,
         start: Fit,
@@ -194,13 +220,16 @@ impl Run<'_> {
             ambiguous.extend(rivals);
             let Some((taken, fit)) = taken else { break };
             found.push(taken);
-            base = optimise(&self.engine, &found, &fit, Free::All, self.step)
+            base = optimise(&self.engine, &self.active(&found), &fit, Free::All, self.step)
                 .map_or(fit, |(fit, _)| fit);
             if rounds.len() == self.settings.rounds {
                 break;
             }
         }
-        let site_log_bf = self.site_evidence(&base, &found);
+        let site_log_bf = self.site_evidence(&base);
+        let unit_log_bf =
+            self.unit.as_ref().map(|u| (u.name.clone(), self.unit_evidence(&base, &found)));
+        let unit = self.left_out(None);
         let Run { candidates, engine, step, .. } = self;
         Ok(Outcome {
             candidates,
@@ -210,6 +239,8 @@ impl Run<'_> {
             found,
             ambiguous,
             site_log_bf,
+            unit_log_bf,
+            unit,
             last: base,
             step,
         })
@@ -242,7 +273,8 @@ impl Run<'_> {
     }
 
     fn search(&self, engine: &Engine, base: &Fit, found: &[usize]) -> Vec<Tried> {
-        search(engine, &self.candidates, base, found, GATE, self.step, self.settings.seed)
+        let active = self.active(found);
+        search(engine, &self.candidates, base, &active, GATE, self.step, self.settings.seed)
     }
 
     /// Best log Bayes factor of a search on data simulated from `base`.
@@ -256,12 +288,13 @@ impl Run<'_> {
         let mut rng = ChaCha8Rng::seed_from_u64(self.settings.seed);
         rng.set_stream((1 << 34) + ((round as u64) << 20) + k as u64);
         let cells = simulate(&self.engine, base, &mut rng);
-        let mut simulated = engine(self.case, &self.on, &self.candidates)?;
+        let mut simulated = engine(self.case, &self.on, &self.candidates, self.unit.as_ref())?;
         let ids: Vec<_> = simulated.rows.iter().map(|row| row.id).collect();
         for (id, cells) in ids.into_iter().zip(&cells) {
             simulated.model.set_observed(id, cells);
         }
-        let Some((fit, _)) = optimise(&simulated, found, base, Free::Spread, self.step) else {
+        let active = self.active(found);
+        let Some((fit, _)) = optimise(&simulated, &active, base, Free::Spread, self.step) else {
             return Ok(f64::INFINITY); // counts against a claim
         };
         let tried = self.search(&simulated, &fit, found);
@@ -328,26 +361,38 @@ impl Run<'_> {
                 100.0 * p_null
             ));
         }
-        let with = leave_sites_out(&self.engine, fit, self.settings.seed);
-        let (gain, se) = gain(&left.elpd, &with.elpd);
-        if !(gain > se) {
-            return Some(format!(
-                "leave-one-site-out gain {gain:.1} is not beyond its error {se:.1}"
-            ));
+        let column = self.candidates[best.candidate].form.column();
+        let unit = self.left_out(column);
+        if unit.is_none() || unit != self.unit {
+            // what units share is known from a unit's other sites: these tell nothing of what varies over units
+            let with = leave_sites_out(&self.engine, fit, self.settings.seed);
+            let (gain, se) = gain(&left.elpd, &with.elpd);
+            if !(gain > se) {
+                return Some(format!(
+                    "leave-one-site-out gain {gain:.1} is not beyond its error {se:.1}"
+                ));
+            }
         }
-        let column = self.candidates[best.candidate].form.column()?;
-        let unit = unit_of(self.case.table, column);
+        let unit = unit?;
         if unit.n < LEAST_UNITS {
             return Some(format!("not confirmable: it varies only over {} {}s", unit.n, unit.name));
         }
-        if unit == by_site(self.case.table) {
-            return None;
-        }
-        let gain =
-            self.leave_units_out(&unit, fit)? - self.leave_units_out(&unit, &self.without(fit)?)?;
-        (!(gain > 0.0)).then(|| {
-            format!("leaving {}s out as a whole, predictions do not improve ({gain:.1})", unit.name)
+        let left = |fit: &Fit| leave_units_out(&self.engine, fit, &unit, self.settings.seed);
+        let (gain, se) = gain(&left(&self.without(fit)?)?.elpd, &left(fit)?.elpd);
+        let least = if Some(&unit) == self.unit.as_ref() { se } else { 0.0 };
+        (!(gain > least)).then(|| {
+            format!(
+                "leaving {}s out as a whole, predictions do not improve ({gain:.1} ± {se:.1})",
+                unit.name
+            )
         })
+    }
+
+    /// What is left out as a whole to confirm an effect of `column`, or of none; `None` for the site.
+    fn left_out(&self, column: Option<&str>) -> Option<Unit> {
+        let table = self.case.table;
+        let unit = Some(unit_of(table, column)).filter(|unit| *unit != by_site(table));
+        if column.is_some() { unit } else { unit.or_else(|| self.unit.clone()) }
     }
 
     /// The fit without its last term.
@@ -357,20 +402,6 @@ impl Run<'_> {
         optimise(&self.engine, active, &start, Free::Spread, self.step).map(|(fit, _)| fit)
     }
 
-    /// Log predictive density of all rows, each unit predicted from the others; at most 20 folds.
-    fn leave_units_out(&self, unit: &Unit, fit: &Fit) -> Option<f64> {
-        let folds = unit.n.min(20);
-        let one = |fold: usize| -> Option<f64> {
-            let is_hidden = |r: &usize| {
-                unit.group[self.engine.model.table_row(self.engine.rows[*r].id)] % folds == fold
-            };
-            let hidden: Vec<usize> = (0..self.engine.rows.len()).filter(is_hidden).collect();
-            let part = self.engine.fit_without(&hidden, &fit.outer, &fit.active, Some(fit))?;
-            Some(super::search::ln_predictive(&self.engine, &part, &hidden, self.settings.seed))
-        };
-        (0..folds).map(one).sum()
-    }
-
     /// Causes that the best candidate cannot be told apart from.
     fn rivals(&self, tried: &[Tried], base: &Fit, found: &[usize]) -> Vec<[String; 2]> {
         let best = &tried[0];
@@ -378,7 +409,7 @@ impl Run<'_> {
         let mut pairs: Vec<[String; 2]> = vec![];
         let reference = score(base, self.step);
         for other in tried[1..].iter().filter(|t| name(t) != name(best) && t.log_bf > ADDS) {
-            let both = [found, &[other.candidate, best.candidate]].concat();
+            let both = self.active(&[found, &[other.candidate, best.candidate]].concat());
             let with_both = other.fit.as_ref().and_then(|fit| {
                 let start = self.engine.fit(&fit.outer, &both, Some(fit))?;
                 optimise(&self.engine, &both, &start, Free::Spread, self.step)
@@ -399,10 +430,18 @@ impl Run<'_> {
     }
 
     /// Log Bayes factor of the sites' random effect.
-    fn site_evidence(&self, fit: &Fit, found: &[usize]) -> f64 {
-        let with = score(fit, self.step);
-        let without = super::outer::without_sites(&self.engine, found, fit, self.step);
-        with - without
+    fn site_evidence(&self, fit: &Fit) -> f64 {
+        let without = super::outer::without_sites(&self.engine, &fit.active, fit, self.step);
+        score(fit, self.step) - without
+    }
+
+    /// Log Bayes factor of the units' random effect.
+    fn unit_evidence(&self, fit: &Fit, found: &[usize]) -> f64 {
+        let outer = Outer { ln_unit: None, ..fit.outer.clone() };
+        let start = self.engine.fit(&outer, found, None);
+        let without =
+            start.and_then(|start| optimise(&self.engine, found, &start, Free::Spread, self.step));
+        score(fit, self.step) - without.map_or(f64::NEG_INFINITY, |(_, score)| score)
     }
 }
 

@@ -8,9 +8,10 @@ use rand::{Rng, RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use rand_distr::StandardNormal;
 
-use super::candidates::{Candidate, Level};
+use super::candidates::Candidate;
 use super::engine::{Cavity, Engine, Fit};
 use super::outer::{Free, optimise, score};
+use super::units::Unit;
 use crate::dsl::Noise;
 
 /// Draws from each cavity.
@@ -114,21 +115,31 @@ fn predict(
     most + (ln.iter().map(|l| (l - most).exp()).sum::<f64>() / DRAWS as f64).ln()
 }
 
-/// Log predictive density of rows that a fit has not seen, site by site.
-pub(super) fn ln_predictive(engine: &Engine, fit: &Fit, hidden: &[usize], seed: u64) -> f64 {
-    let n = engine.rows.len();
-    let (mut residual, mut predicted) = (vec![0.0; n], vec![0.0; n]);
-    let mut total = 0.0;
-    for (site, rows) in engine.sites.iter().enumerate() {
-        let own: Vec<usize> =
-            rows.iter().copied().filter(|r| hidden.binary_search(r).is_ok()).collect();
-        let mut rng = ChaCha8Rng::seed_from_u64(seed);
-        rng.set_stream(site as u64);
-        if let Some(cavity) = fit.cavity(engine, &own) {
-            total += predict(engine, fit, &cavity, &mut rng, &mut residual, &mut predicted);
+/// Most folds of [`leave_units_out`].
+const FOLDS: usize = 20;
+
+/// As [`leave_sites_out`], each unit predicted from the others by a fit that has not seen it (at most 20
+/// folds); `elpd` is of folds, sites counting as independent given the fit. `None` where a fit fails.
+pub fn leave_units_out(engine: &Engine, fit: &Fit, unit: &Unit, seed: u64) -> Option<Left> {
+    let (n, folds) = (engine.rows.len(), unit.n.min(FOLDS));
+    let mut left =
+        Left { residual: vec![0.0; n], predicted: vec![f64::NAN; n], elpd: vec![0.0; folds] };
+    for fold in 0..folds {
+        let is_hidden =
+            |r: &usize| unit.group[engine.model.table_row(engine.rows[*r].id)] % folds == fold;
+        let hidden: Vec<usize> = (0..n).filter(is_hidden).collect();
+        let part = engine.fit_without(&hidden, &fit.outer, &fit.active, Some(fit))?;
+        for (site, rows) in engine.sites.iter().enumerate() {
+            let own: Vec<usize> = rows.iter().copied().filter(is_hidden).collect();
+            let mut rng = ChaCha8Rng::seed_from_u64(seed);
+            rng.set_stream(site as u64);
+            if let Some(cavity) = part.cavity(engine, &own) {
+                let Left { residual, predicted, elpd } = &mut left;
+                elpd[fold] += predict(engine, &part, &cavity, &mut rng, residual, predicted);
+            }
         }
     }
-    total
+    Some(left)
 }
 
 /// Share of a term's variance over the rows that a smooth through the model's fields could take up.
@@ -214,7 +225,7 @@ pub(super) fn search(
     let left = leave_sites_out(engine, base, seed);
     let reference = score(base, step);
     let one = |candidate: usize| {
-        let is_screened = candidates[candidate].level == Level::Observable;
+        let is_screened = candidates[candidate].is_screened;
         let p_screen = if is_screened { f_test(engine, &left.residual, candidate) } else { 1.0 };
         let mut tried = Tried { candidate, p_screen, log_bf: f64::NEG_INFINITY, fit: None };
         if is_screened && p_screen > gate {
@@ -224,7 +235,8 @@ pub(super) fn search(
         let Some(fit) = engine.fit(&base.outer, &active, Some(base)) else { return tried };
         tried.log_bf = score(&fit, step) - reference;
         tried.fit = Some(fit.clone());
-        if tried.log_bf > 0.0
+        // what varies over units gains only once it has taken the place of their random effect
+        if (tried.log_bf > 0.0 || fit.outer.ln_unit.is_some() && !is_screened)
             && let Some((best, score)) = optimise(engine, &active, &fit, Free::Spread, step)
             && score - reference > tried.log_bf
         {
@@ -241,9 +253,20 @@ pub(super) fn simulate(engine: &Engine, fit: &Fit, rng: &mut ChaCha8Rng) -> Vec<
     let tau = fit.outer.ln_site.exp();
     let effects: Vec<f64> =
         engine.sites.iter().map(|_| rng.sample::<f64, _>(StandardNormal)).collect();
+    // the random effect of units comes first among the terms
+    let unit = fit.active.first().map(|a| &engine.terms[*a]).filter(|term| term.sd.is_none());
+    let unit_sd = fit.outer.ln_unit.map_or(0.0, f64::exp);
+    let (first, n) = (engine.split.linear.len(), unit.map_or(0, |term| term.n));
+    let moved: Vec<f64> = (0..n)
+        .map(|k| unit_sd * (rng.sample::<f64, _>(StandardNormal) - fit.x[first + k]))
+        .collect();
     let one = |row: &super::engine::RowAt| {
         let mut own = fit.locals[row.first..][..row.n].to_vec();
         own[row.observable] += tau * (effects[row.site] - fit.z[row.site]) + fit.error(rng);
+        if let Some(term) = unit {
+            let z = &term.design[engine.model.table_row(row.id) * n..][..n];
+            own[row.observable] += z.iter().zip(&moved).map(|(z, m)| z * m).sum::<f64>();
+        }
         engine.model.row_replicate(row.id, &own, rng)
     };
     engine.rows.iter().map(one).collect()

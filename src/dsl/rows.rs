@@ -18,11 +18,17 @@ pub trait RowFn: Send + Sync + std::fmt::Debug {
     type Y: Observation;
     /// What the likelihood can see.
     const SCOPE: Scope;
+    /// The text of `from (…)`: the measurement is computed from columns of the row.
+    const FROM: Option<&'static str> = None;
     /// The likelihood at the scope's scalars.
     fn likelihood<D: Real>(
         s: &[D],
         row: &Self::Columns,
     ) -> impl Likelihood<D, Self::Y> + use<Self, D>;
+    /// The measurement, where it is computed from the row's columns.
+    fn measured(_: &Self::Columns) -> Option<Self::Y> {
+        None
+    }
 }
 
 /// The numeric columns of one row that a model reads, as a struct that the macro declares.
