@@ -9,7 +9,9 @@
 mod candidates;
 mod engine;
 mod error;
+mod fit;
 mod heldout;
+mod newton;
 mod observable;
 mod outer;
 mod procedure;
@@ -18,10 +20,11 @@ mod search;
 mod units;
 
 pub use candidates::{Candidate, Level, Unusable};
-pub use engine::{Cavity, Engine, Fit, Outer, RowAt, Term};
+pub use engine::{Engine, Outer, RowAt, Term};
 pub use error::CriticismError;
+pub use fit::{Cavity, Fit};
 pub use heldout::{Predicted, Score, predict_rows, score_of, with_heldout};
 pub use procedure::{Case, Outcome, Record, Round, Settings, criticise};
 pub use rewrite::rewrite;
-pub use search::{Left, leave_sites_out, leave_units_out};
+pub use search::{Left, leave_out, leave_sites_out, leave_units_out};
 pub use units::Unit;

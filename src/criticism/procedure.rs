@@ -5,8 +5,9 @@ use rand_chacha::ChaCha8Rng;
 use rayon::prelude::*;
 
 use super::candidates::{Candidate, Unusable, candidates, covariates};
-use super::engine::{Engine, Fit, Outer, Term};
+use super::engine::{Engine, Outer, Term};
 use super::error::CriticismError;
+use super::fit::Fit;
 use super::observable::{observables, step_of};
 use super::outer::{Free, optimise, score};
 use super::search::{Left, Tried, field_sd, leave_sites_out, leave_units_out, search, simulate};

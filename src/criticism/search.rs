@@ -9,7 +9,8 @@ use rand_chacha::ChaCha8Rng;
 use rand_distr::StandardNormal;
 
 use super::candidates::Candidate;
-use super::engine::{Cavity, Engine, Fit};
+use super::engine::Engine;
+use super::fit::{Cavity, Fit};
 use super::outer::{Free, optimise, score};
 use super::units::Unit;
 use crate::dsl::Noise;
@@ -44,6 +45,13 @@ pub struct Left {
 /// Leave-one-site-out predictions from one fit; the same `seed` gives the same random numbers for
 /// every fit, so that differences between fits are not noise.
 pub fn leave_sites_out(engine: &Engine, fit: &Fit, seed: u64) -> Left {
+    let all: Vec<usize> = (0..engine.rows.len()).collect();
+    leave_out(engine, fit, &all, seed)
+}
+
+/// As [`leave_sites_out`], of these rows alone (ascending); where `fit` has not seen them, their
+/// predictions.
+pub fn leave_out(engine: &Engine, fit: &Fit, of: &[usize], seed: u64) -> Left {
     let n = engine.rows.len();
     let mut left = Left {
         residual: vec![0.0; n],
@@ -51,17 +59,16 @@ pub fn leave_sites_out(engine: &Engine, fit: &Fit, seed: u64) -> Left {
         elpd: vec![0.0; engine.sites.len()],
     };
     for (site, rows) in engine.sites.iter().enumerate() {
-        if rows.is_empty() {
+        let own: Vec<usize> =
+            rows.iter().copied().filter(|r| of.binary_search(r).is_ok()).collect();
+        if own.is_empty() {
             continue;
         }
         let mut rng = ChaCha8Rng::seed_from_u64(seed);
         rng.set_stream(site as u64);
-        if let Some(cavity) = fit.cavity(engine, rows) {
-            left.elpd[site] =
-                predict(engine, fit, &cavity, &mut rng, &mut left.residual, &mut left.predicted);
-        } else {
-            left.elpd[site] = f64::NEG_INFINITY;
-        }
+        left.elpd[site] = fit.cavity(engine, &own).map_or(f64::NEG_INFINITY, |cavity| {
+            predict(engine, fit, &cavity, &mut rng, &mut left.residual, &mut left.predicted)
+        });
     }
     left
 }
