@@ -22,6 +22,8 @@ mod one_compartment;
 mod recovery;
 #[path = "../models/regression.rs"]
 mod regression;
+#[path = "../models/restitution.rs"]
+mod restitution;
 
 /// The model in a file of the folder `models`, with its text.
 macro_rules! shipped {
@@ -41,5 +43,6 @@ fn main() -> ExitCode {
         shipped!("one_compartment.rs", &one_compartment::OneCompartment),
         shipped!("recovery.rs", &recovery::Recovery),
         shipped!("regression.rs", &regression::Regression),
+        shipped!("restitution.rs", &restitution::Restitution),
     ])
 }

@@ -4,7 +4,7 @@
 
 use std::path::PathBuf;
 
-use eplat::ep::{Protocol, StripOutcome, Tissue, simulate_strips};
+use eplat::ep::{Grid, Protocol, StripOutcome, Tissue, simulate_strips};
 
 struct Row {
     tissue: Tissue,
@@ -70,7 +70,8 @@ fn rmse(rows: &[Row], outcomes: &[StripOutcome]) -> [f64; 6] {
 fn the_opencarp_table() {
     let Some(rows) = reference() else { return };
     let tissues: Vec<Tissue> = rows.iter().map(|row| row.tissue).collect();
-    let outcomes = simulate_strips(&tissues, &Protocol::default(), &|_| ()).unwrap();
+    let outcomes =
+        simulate_strips(&tissues, &Grid::default(), &Protocol::default(), &|_| ()).unwrap();
     let error = rmse(&rows, &outcomes);
     println!("{} rows, RMSE {error:?}", rows.len());
     assert!(error[0] <= 0.001 && error[3] <= 0.001, "CV, m/s");

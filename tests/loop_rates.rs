@@ -161,7 +161,7 @@ fn heldout(
         let c = &outcome.candidates[*f];
         let design = |form: &Form| form.design(&joint);
         let (design, n) = c.form.as_ref().map_or((vec![], 0), design);
-        Term { on: c.on.clone(), design, n, sd: c.sd }
+        Term { on: c.on.clone(), design, n, sd: Some(c.sd) }
     };
     let first = study.train.len();
     let site = |row: usize| {

@@ -71,13 +71,32 @@ fn bad_input_is_named_and_nothing_is_left_behind() {
 
     let missing = fail(at, "simulate strip --params none.csv --out o.csv");
     assert!(missing.contains("cannot read none.csv") && missing.contains("help:"), "{missing}");
-    let range = fail(at, "simulate strip --params bad.csv --out o.csv");
-    assert!(range.contains("bad.csv, line 2: apd_max = 2000 ms"), "{range}");
+    let width = fail(at, "simulate strip --params good.csv --out o.csv --width 0.5");
+    assert!(width.contains("--width 0.5 is no multiple of the spacing 0.3"), "{width}");
+    let across = fail(at, "simulate strip --params good.csv --out o.csv --width 0.9");
+    assert!(across.contains("a strip of 4 nodes across cannot be simulated"), "{across}");
     let nowhere = fail(at, "simulate strip --params good.csv --out no/such/o.csv");
     assert!(nowhere.contains("cannot write no/such/o.csv"), "{nowhere}");
     let column = fail(at, "surrogate fit --table good.csv --out o.csv");
     assert!(column.contains("good.csv has no column erp_s2_ms"), "{column}");
     assert_eq!(fs::read_dir(at).unwrap().count(), 2, "only the two inputs are there");
+}
+
+#[test]
+fn a_set_out_of_range_is_a_labelled_absence_among_the_others() {
+    let folder = tempfile::tempdir().unwrap();
+    let table = "cv_max_m_per_s,tau_in_ms,tau_out_ms,tau_open_ms,apd_max_ms\n\
+                 0.7,0.05,10,120,2000\n0.7,0.05,10,120,200\n";
+    fs::write(folder.path().join("in.csv"), table).unwrap();
+    let quick = "--beats 1 --cable --restitution curves.csv";
+    succeed(folder.path(), &format!("simulate strip --params in.csv --out o.csv {quick}"));
+    let text = fs::read_to_string(folder.path().join("o.csv")).unwrap();
+    let rows: Vec<&str> = text.lines().collect();
+    let reason = "apd_max = 2000 ms is outside its valid range 120 to 270 ms";
+    assert!(rows[1].ends_with(&format!(",,,,{reason},{reason}")), "{}", rows[1]);
+    assert!(rows[2].ends_with(",,") && !rows[2].contains(",,,"), "{}", rows[2]);
+    let curves = fs::read_to_string(folder.path().join("curves.csv")).unwrap();
+    assert_eq!(curves.lines().filter(|line| line.starts_with("1,")).count(), 21);
 }
 
 #[test]

@@ -20,7 +20,7 @@ const ATRIUM_EDGE: f64 = 1.5;
 /// Options that say what a model is run on.
 #[derive(Debug, Args)]
 pub(super) struct InputArgs {
-    /// Surface mesh, legacy VTK; needs --units [default: the embedded procedural left atrium]
+    /// Surface mesh, VTK; needs --units [default: the embedded procedural left atrium]
     #[arg(long, value_name = "FILE.vtk", requires = "units")]
     mesh: Option<PathBuf>,
     /// Unit of the mesh's coordinates: mm, cm, um or m

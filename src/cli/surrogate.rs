@@ -8,6 +8,7 @@ use clap::{Args, Subcommand};
 
 use super::simulate::simulate_table;
 use crate::ep::table::{ParameterRow, finish_rows, new_file, read_rows, write_text};
+use crate::ep::{Grid, Protocol};
 use crate::error::Failure;
 use crate::surrogate::{CubicFit, DEFAULT_FILTER, ErpRow, design_points, fit_erp};
 
@@ -71,7 +72,10 @@ impl Command {
     pub(super) fn run(self) -> Result<(), Failure> {
         match self {
             Self::Design(args) => design(&args),
-            Self::Run(args) => simulate_table(&args.design, &args.out),
+            Self::Run(args) => {
+                let (grid, protocol) = (Grid::default(), Protocol::default());
+                simulate_table(&args.design, &args.out, &grid, &protocol).map(|_| ())
+            }
             Self::Fit(args) => fit(&args),
         }
     }

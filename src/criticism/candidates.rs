@@ -2,6 +2,7 @@
 
 use std::collections::BTreeMap;
 
+use super::units::{FOLD, Unit, is_constant_within};
 use crate::dsl::{Form, Measurements, Model, Statement, distinct, families};
 
 impl Candidate {
@@ -35,11 +36,22 @@ pub struct Candidate {
     pub form: Option<Form>,
     /// Prior sd of its coefficients, in the unit of what it acts on.
     pub sd: f64,
+    /// Whether residuals of sites decide if it is refitted: not on a parameter, and not over units with a
+    /// random effect of their own, which leaves no such residuals over.
+    pub is_screened: bool,
 }
 
 /// Columns that say where and what was measured, never why it differs.
-const STRUCTURAL: [&str; 9] =
-    ["site", "vertex", "x", "y", "z", "protocol", "lower", "upper", "value"];
+const STRUCTURAL: [&str; 11] =
+    ["site", "vertex", "x", "y", "z", "protocol", "lower", "upper", "value", "resolution", FOLD];
+
+/// The columns of a table that may tell why measurements differ: neither place nor measurement.
+pub(super) fn covariates<'t>(model: &Model, table: &'t Measurements) -> Vec<&'t String> {
+    let is_measured =
+        |name: &String| model.observes.iter().any(|o| o.name == name || o.cells.contains(name));
+    let is_one = |name: &&String| !STRUCTURAL.contains(&name.as_str()) && !is_measured(name);
+    table.columns().iter().filter(is_one).collect()
+}
 
 /// What a column is called in findings.
 fn finding(column: &str) -> String {
@@ -103,18 +115,15 @@ pub(super) fn candidates(
     observables: &[String],
     step: f64,
     field_sd: &BTreeMap<String, f64>,
+    unit: Option<&Unit>,
 ) -> (Vec<Candidate>, Vec<Unusable>) {
     let mut on: Vec<String> = observables.to_vec();
     on.sort();
     on.dedup();
-    let mut from = Columns { table, on, step, field_sd, found: vec![] };
+    let mut from = Columns { table, on, step, field_sd, unit, found: vec![] };
     let mut unusable = vec![];
-    let own: Vec<&str> = model.observes.iter().map(|o| o.name).collect();
-    for column in table.columns() {
+    for column in covariates(model, table) {
         let name = column.as_str();
-        if STRUCTURAL.contains(&name) || own.contains(&name) || name == "resolution" {
-            continue;
-        }
         let usable = match read_column(table, name) {
             Column::Numeric(x) => from.numbers(name, &x),
             Column::Labels(labels) => from.labels(name, &labels),
@@ -140,12 +149,19 @@ struct Columns<'a> {
     on: Vec<String>,
     step: f64,
     field_sd: &'a BTreeMap<String, f64>,
+    /// The unit with a random effect.
+    unit: Option<&'a Unit>,
     found: Vec<Candidate>,
 }
 
 impl Columns<'_> {
     fn add(&mut self, name: &str, level: Level, on: Vec<String>, form: Option<Form>, sd: f64) {
-        self.found.push(Candidate { name: name.into(), on, level, form, sd });
+        let column = form.as_ref().and_then(Form::column);
+        let is_over_units = column
+            .zip(self.unit)
+            .is_some_and(|(column, unit)| is_constant_within(self.table, column, &unit.name));
+        let is_screened = level == Level::Observable && !is_over_units;
+        self.found.push(Candidate { name: name.into(), on, level, form, sd, is_screened });
     }
 
     fn on_observables(&mut self, column: &str, form: Form) {
@@ -191,6 +207,11 @@ impl Columns<'_> {
     fn labels(&mut self, name: &str, labels: &[String]) -> Result<(), &'static str> {
         if labels.len() < 2 {
             return Err("it has one value only");
+        }
+        if self.unit.is_some_and(|unit| unit.is_the_same_as(self.table, name)) {
+            return Err(
+                "it names the unit over which others vary: its labels have a random effect",
+            );
         }
         if labels.len() * 2 > self.table.len() {
             return Err("nearly every row has a label of its own");

@@ -24,8 +24,9 @@ pub struct Term {
     pub design: Vec<f64>,
     /// Number of coefficients.
     pub n: usize,
-    /// What the design is multiplied by.
-    pub sd: f64,
+    /// What the design is multiplied by; `None` for the random effect of a unit, whose sd is one of the
+    /// outer values ([`Outer::ln_unit`]).
+    pub sd: Option<f64>,
 }
 
 /// Everything of a fit that is not integrated out.
@@ -37,6 +38,8 @@ pub struct Outer {
     pub ln_site: f64,
     /// ln sd of the further error of rows.
     pub ln_noise: f64,
+    /// ln sd of the random effect of units (recordings, sessions), where they have one.
+    pub ln_unit: Option<f64>,
     /// Share and sd of outlying rows.
     pub outliers: Option<(f64, f64)>,
 }
@@ -107,11 +110,12 @@ impl Engine {
     fn linear(
         &self,
         t: &mut Tape,
-        other: &[f64],
+        outer: &Outer,
         active: &[usize],
         x: &DVector<f64>,
         last: Option<&Fit>,
     ) -> Linear {
+        let other = &outer.other[..];
         let own = last.filter(|fit| fit.outer.other == other).map(|fit| &fit.linear);
         let (n_linear, n) = (self.split.linear.len(), x.len());
         let mut j = DMatrix::zeros(n, self.n_locals);
@@ -136,19 +140,20 @@ impl Engine {
         };
         let mut first = n_linear;
         for a in active {
-            self.add_term(&self.terms[*a], first, &mut j);
+            let sd = self.terms[*a].sd.or(outer.ln_unit.map(f64::exp)).unwrap_or_default();
+            self.add_term(&self.terms[*a], sd, first, &mut j);
             first += self.terms[*a].n;
         }
         Linear { constant, j, prior: self.prior_curvature(t, other, x) }
     }
 
     /// Writes how scalars depend on a term's coefficients, the first of which is unknown number `first`.
-    fn add_term(&self, term: &Term, first: usize, j: &mut DMatrix<f64>) {
+    fn add_term(&self, term: &Term, sd: f64, first: usize, j: &mut DMatrix<f64>) {
         for row in &self.rows {
             let z = &term.design[self.model.table_row(row.id) * term.n..][..term.n];
             for local in term.on.iter().filter_map(|on| self.model.local_of(row.id, on)) {
                 for (k, z) in z.iter().enumerate() {
-                    j[(first + k, row.first + local)] += term.sd * z;
+                    j[(first + k, row.first + local)] += sd * z;
                 }
             }
         }
@@ -194,7 +199,7 @@ impl Engine {
                 x[k] = initial[*at];
             }
         }
-        let linear = self.linear(&mut t, &outer.other, active, &x, start);
+        let linear = self.linear(&mut t, outer, active, &x, start);
         let newton = Newton { engine: self, outer, linear: &linear, hidden };
         let (point, system) = newton.climb(&mut t, x, z)?;
         Some(self.finish(outer, active, linear, point, system))

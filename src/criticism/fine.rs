@@ -48,7 +48,7 @@ pub(super) fn finer_fields(
         on: vec![field.clone()],
         design: design.clone(),
         n: n_modes - first,
-        sd: size * sd,
+        sd: Some(size * sd),
     };
     SIZES.map(|size| field_sd.iter().map(|field| term(size, field)).collect()).into()
 }

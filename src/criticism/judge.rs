@@ -1,10 +1,15 @@
 //! What the best candidate of a round is: a finding, one of several causes that cannot be told apart, or nothing.
 
+use super::candidates::Level;
+use super::engine::Outer;
 use super::fit::Fit;
 use super::outer::{Free, optimise, score, without_sites};
 use super::procedure::{Record, Round, Run};
-use super::search::{Left, Tried, leave_out, leave_sites_out, r_squared, r_squared_on_fields};
+use super::search::{
+    Left, Tried, leave_sites_out, leave_units_out, r_squared, r_squared_on_fields,
+};
 use super::units::{LEAST_UNITS, Unit, by_site, unit_of};
+use crate::dsl::Form;
 
 /// Least log Bayes factor of a claim.
 pub(super) const CLAIM: f64 = 3.0;
@@ -95,52 +100,53 @@ impl Run<'_> {
                 100.0 * p_null
             ));
         }
-        let with = leave_sites_out(&self.engine, fit, self.settings.seed);
-        let (gain, se) = gain(&left.elpd, &with.elpd);
-        if !(gain > se) {
-            return Some(format!(
-                "leave-one-site-out gain {gain:.1} is not beyond its error {se:.1}"
-            ));
+        self.not_predicting(best, fit, left)
+    }
+
+    /// Why a candidate does not predict what was left out, if it does not.
+    fn not_predicting(&self, best: &Tried, fit: &Fit, left: &Left) -> Option<String> {
+        let column = self.candidates[best.candidate].form.as_ref().and_then(Form::column);
+        let unit = self.left_out(column);
+        if unit.is_none() || unit != self.unit {
+            // what units share is known from a unit's other sites: these tell nothing of what varies over units
+            let with = leave_sites_out(&self.engine, fit, self.settings.seed);
+            let (gain, se) = gain(&left.elpd, &with.elpd);
+            if !(gain > se) {
+                return Some(format!(
+                    "leave-one-site-out gain {gain:.1} is not beyond its error {se:.1}"
+                ));
+            }
         }
-        let column = self.candidates[best.candidate].form.as_ref()?.column()?;
-        let unit = unit_of(self.case.table, column);
+        let unit = unit?;
         if unit.n < LEAST_UNITS {
             return Some(format!("not confirmable: it varies only over {} {}s", unit.n, unit.name));
         }
-        if unit == by_site(self.case.table) {
-            return None;
-        }
-        let gain =
-            self.leave_units_out(&unit, fit)? - self.leave_units_out(&unit, &self.without(fit)?)?;
-        (!(gain > 0.0)).then(|| {
-            format!("leaving {}s out as a whole, predictions do not improve ({gain:.1})", unit.name)
+        let left = |fit: &Fit| leave_units_out(&self.engine, fit, &unit, self.settings.seed);
+        let (gain, se) = gain(&left(&self.without(fit)?)?.elpd, &left(fit)?.elpd);
+        let least = if Some(&unit) == self.unit.as_ref() { se } else { 0.0 };
+        (!(gain > least)).then(|| {
+            format!(
+                "leaving {}s out as a whole, predictions do not improve ({gain:.1} ± {se:.1})",
+                unit.name
+            )
         })
+    }
+
+    /// What is left out as a whole to confirm an effect of `column`, or of none; `None` for the site.
+    pub(super) fn left_out(&self, column: Option<&str>) -> Option<Unit> {
+        let table = self.case.table;
+        let unit = Some(unit_of(table, column)).filter(|unit| *unit != by_site(table));
+        if column.is_some() { unit } else { unit.or_else(|| self.unit.clone()) }
     }
 
     /// The fit without its last term.
     fn without(&self, fit: &Fit) -> Option<Fit> {
-        let active = &fit.active[..fit.active.len() - 1];
-        let start = self.engine.fit(&fit.outer, active, Some(fit))?;
+        let (last, active) = fit.active.split_last()?;
+        let is_noise = self.candidates.get(*last).is_some_and(|c| c.level == Level::Noise);
+        let outliers = fit.outer.outliers.filter(|_| !is_noise);
+        let outer = Outer { outliers, ..fit.outer.clone() };
+        let start = self.engine.fit(&outer, active, Some(fit))?;
         optimise(&self.engine, active, &start, Free::Spread, self.step).map(|(fit, _)| fit)
-    }
-
-    /// Log predictive density of all rows, each unit predicted from the others; at most 20 folds.
-    fn leave_units_out(&self, unit: &Unit, fit: &Fit) -> Option<f64> {
-        let folds = unit.n.min(20);
-        let one = |fold: usize| -> Option<f64> {
-            let is_hidden = |r: &usize| {
-                unit.group[self.engine.model.table_row(self.engine.rows[*r].id)] % folds == fold
-            };
-            let hidden: Vec<usize> = (0..self.engine.rows.len()).filter(is_hidden).collect();
-            let part = self.engine.fit_without(&hidden, &fit.outer, &fit.active, Some(fit))?;
-            Some(
-                leave_out(&self.engine, &part, &hidden, self.settings.seed)
-                    .elpd
-                    .iter()
-                    .sum::<f64>(),
-            )
-        };
-        (0..folds).map(one).sum()
     }
 
     /// Causes that the best candidate cannot be told apart from.
@@ -173,7 +179,7 @@ impl Run<'_> {
 
     /// What the best candidate adds to the score with another one in the model.
     fn adds(&self, best: &Tried, other: &Tried, base: &Fit, found: &[usize]) -> f64 {
-        let both = [found, &[other.candidate, best.candidate]].concat();
+        let both = self.active(&[found, &[other.candidate, best.candidate]].concat());
         let with_both = || {
             let fit = other.fit.as_ref()?;
             let mut outer = fit.outer.clone();
@@ -188,11 +194,20 @@ impl Run<'_> {
 
     /// Log Bayes factor of the sites' random effect, against nothing or the model's fields at a finer
     /// resolution, whichever says more.
-    pub(super) fn site_evidence(&self, fit: &Fit, found: &[usize]) -> f64 {
-        let finer = self.finer.iter().map(|terms| [found, terms].concat());
-        let without = [found.to_vec()].into_iter().chain(finer);
+    pub(super) fn site_evidence(&self, fit: &Fit) -> f64 {
+        let finer = self.finer.iter().map(|terms| [&fit.active[..], terms].concat());
+        let without = [fit.active.clone()].into_iter().chain(finer);
         let scores = without.map(|active| without_sites(&self.engine, &active, fit, self.step));
         score(fit, self.step) - scores.fold(f64::NEG_INFINITY, f64::max)
+    }
+
+    /// Log Bayes factor of the units' random effect.
+    pub(super) fn unit_evidence(&self, fit: &Fit, found: &[usize]) -> f64 {
+        let outer = Outer { ln_unit: None, ..fit.outer.clone() };
+        let start = self.engine.fit(&outer, found, None);
+        let without =
+            start.and_then(|start| optimise(&self.engine, found, &start, Free::Spread, self.step));
+        score(fit, self.step) - without.map_or(f64::NEG_INFINITY, |(_, score)| score)
     }
 }
 

@@ -29,4 +29,5 @@ pub use fit::{Cavity, Fit};
 pub use heldout::{Predicted, Score, predict_rows, score_of, with_heldout};
 pub use procedure::{Case, Outcome, Record, Round, Settings, criticise};
 pub use rewrite::rewrite;
-pub use search::{Left, leave_out, leave_sites_out};
+pub use search::{Left, leave_out, leave_sites_out, leave_units_out};
+pub use units::Unit;

@@ -4,7 +4,7 @@ use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 use rayon::prelude::*;
 
-use super::candidates::{Candidate, Unusable, candidates};
+use super::candidates::{Candidate, Unusable, candidates, covariates};
 use super::engine::{Engine, Outer, Term};
 use super::error::CriticismError;
 use super::fine::finer_fields;
@@ -13,7 +13,7 @@ use super::judge::{CLAIM, least_log_bf};
 use super::observable::{observables, step_of};
 use super::outer::{Free, optimise, score};
 use super::search::{Left, Tried, field_sd, search, simulate};
-use super::units::by_site;
+use super::units::{Unit, by_site, random_unit};
 use crate::dsl::{Declare, Form, Measurements, Model};
 use crate::manifold::Basis;
 
@@ -101,6 +101,10 @@ pub struct Outcome {
     pub ambiguous: Vec<[String; 2]>,
     /// Log Bayes factor of the sites' random effect after everything that was found.
     pub site_log_bf: f64,
+    /// That of the units' (recordings, sessions), where they have one, and the column that names them.
+    pub unit_log_bf: Option<(String, f64)>,
+    /// What is left out as a whole, where that is not the site.
+    pub unit: Option<Unit>,
     /// The fit with everything that was found.
     pub last: Fit,
     /// Width of a protocol step, in the unit of the measurement.
@@ -110,37 +114,47 @@ pub struct Outcome {
 impl Outcome {
     /// Whether sites differ by more than the model with its findings says.
     pub fn is_unexplained(&self) -> bool {
-        self.site_log_bf > CLAIM
+        self.site_log_bf > CLAIM || self.unit_log_bf.as_ref().is_some_and(|(_, bf)| *bf > CLAIM)
     }
 }
 
-/// Lays a case out for Laplace fits, with these candidates to try.
-fn engine(case: &Case<'_>, on: &[String], terms: &[Candidate]) -> Result<Engine, CriticismError> {
+/// Lays a case out for Laplace fits, with these candidates to try and, last, the random effect of `unit`.
+fn engine(
+    case: &Case<'_>,
+    on: &[String],
+    terms: &[Candidate],
+    unit: Option<&Unit>,
+) -> Result<Engine, CriticismError> {
     let fields = Model::outline(case.model)?.field_names().into_iter().map(String::from);
     let offsets_on: Vec<String> = on.iter().cloned().chain(fields).collect();
     let model = Model::with_offsets(case.model, case.basis, case.table, &offsets_on)?;
     let terms = terms.iter().map(|candidate| {
         let design = |form: &Form| form.design(case.table);
         let (design, n) = candidate.form.as_ref().map_or((vec![], 0), design);
-        Term { on: candidate.on.clone(), design, n, sd: candidate.sd }
+        Term { on: candidate.on.clone(), design, n, sd: Some(candidate.sd) }
     });
-    let terms = terms.collect();
+    let unit =
+        unit.map(|unit| Term { on: on.to_vec(), design: unit.design(), n: unit.n, sd: None });
+    let terms = terms.chain(unit).collect();
     Ok(Engine::new(model, on, &by_site(case.table).group, terms))
 }
 
 /// The base fit, before anything is tried: from the model's own start, noise at a third of a step. Sites that
 /// differ can be explained by smooth fields and random effects or by rough fields; the better of both counts.
-fn base_fit(engine: &Engine, step: f64) -> Result<Fit, CriticismError> {
+fn base_fit(engine: &Engine, unit: Option<&Unit>, step: f64) -> Result<Fit, CriticismError> {
     let initial = engine.model.initial();
+    let active: &[usize] = if unit.is_some() { &[0] } else { &[] };
+    let third = (step / 3.0).ln();
     let from = |site: f64| {
         let outer = Outer {
             other: engine.split.other.iter().map(|u| initial[*u]).collect(),
             ln_site: (site * step).ln(),
-            ln_noise: (step / 3.0).ln(),
+            ln_noise: third,
+            ln_unit: unit.map(|_| third),
             outliers: None,
         };
-        let start = engine.fit(&outer, &[], None)?;
-        optimise(engine, &[], &start, Free::All, step)
+        let start = engine.fit(&outer, active, None)?;
+        optimise(engine, active, &start, Free::All, step)
     };
     let fits = [1.0 / 3.0, 0.1].into_iter().filter_map(from);
     let best = fits.max_by(|a, b| a.1.total_cmp(&b.1));
@@ -158,12 +172,14 @@ pub fn criticise(
 ) -> Result<Outcome, CriticismError> {
     let outline = Model::outline(case.model)?;
     let on = observables(&outline)?;
-    let plain = engine(case, &on, &[])?;
+    let unit = random_unit(case.table, covariates(&outline, case.table).into_iter());
+    let plain = engine(case, &on, &[], unit.as_ref())?;
     let step = step_of(&plain.model);
-    let start = base_fit(&plain, step)?;
+    let mut start = base_fit(&plain, unit.as_ref(), step)?;
     let slopes = field_sd(&plain, &start, step);
-    let (candidates, unusable) = candidates(&plain.model, case.table, &on, step, &slopes);
-    let mut laid = engine(case, &on, &candidates)?;
+    let (candidates, unusable) =
+        candidates(&plain.model, case.table, &on, step, &slopes, unit.as_ref());
+    let mut laid = engine(case, &on, &candidates, unit.as_ref())?;
     let n_sites = laid.sites.len();
     let mut finer = vec![];
     for terms in finer_fields(&plain.model, case.basis, case.table, n_sites, &slopes) {
@@ -171,7 +187,8 @@ pub fn criticise(
         laid.terms.extend(terms);
         finer.push((first..laid.terms.len()).collect());
     }
-    let run = Run { case, settings, on, candidates, engine: laid, finer, step };
+    let run = Run { case, settings, on, candidates, engine: laid, finer, step, unit };
+    start.active = run.active(&[]);
     run.rounds(start, unusable, watch)
 }
 
@@ -185,9 +202,17 @@ pub(super) struct Run<'a> {
     /// Terms of finer fields, once for each size.
     pub(super) finer: Vec<Vec<usize>>,
     pub(super) step: f64,
+    /// The unit with a random effect.
+    pub(super) unit: Option<Unit>,
 }
 
 impl Run<'_> {
+    /// The terms of a fit: the random effect of units, which is always there, and these.
+    pub(super) fn active(&self, candidates: &[usize]) -> Vec<usize> {
+        let unit = self.unit.iter().map(|_| self.candidates.len());
+        unit.chain(candidates.iter().copied()).collect()
+    }
+
     fn rounds(
         self,
         start: Fit,
@@ -206,13 +231,16 @@ impl Run<'_> {
             ambiguous.extend(rivals);
             let Some((taken, fit)) = taken else { break };
             found.push(taken);
-            base = optimise(&self.engine, &found, &fit, Free::All, self.step)
+            base = optimise(&self.engine, &self.active(&found), &fit, Free::All, self.step)
                 .map_or(fit, |(fit, _)| fit);
             if rounds.len() == self.settings.rounds {
                 break;
             }
         }
-        let site_log_bf = self.site_evidence(&base, &found);
+        let site_log_bf = self.site_evidence(&base);
+        let unit_log_bf =
+            self.unit.as_ref().map(|u| (u.name.clone(), self.unit_evidence(&base, &found)));
+        let unit = self.left_out(None);
         let Run { candidates, engine, step, .. } = self;
         Ok(Outcome {
             candidates,
@@ -222,6 +250,8 @@ impl Run<'_> {
             found,
             ambiguous,
             site_log_bf,
+            unit_log_bf,
+            unit,
             last: base,
             step,
         })
@@ -243,8 +273,9 @@ impl Run<'_> {
     fn better_base(&self, tried: &[Tried], base: &Fit, found: &[usize]) -> Option<Fit> {
         let best = tried.first().filter(|t| t.log_bf > 1.0)?.fit.as_ref()?;
         let outer = Outer { outliers: base.outer.outliers, ..best.outer.clone() };
-        let start = self.engine.fit(&outer, found, Some(base))?;
-        let (fit, score_there) = optimise(&self.engine, found, &start, Free::All, self.step)?;
+        let active = self.active(found);
+        let start = self.engine.fit(&outer, &active, Some(base))?;
+        let (fit, score_there) = optimise(&self.engine, &active, &start, Free::All, self.step)?;
         (score_there > score(base, self.step) + 0.5).then_some(fit)
     }
 
@@ -304,7 +335,8 @@ impl Run<'_> {
     }
 
     fn search(&self, engine: &Engine, base: &Fit, found: &[usize]) -> Vec<Tried> {
-        search(engine, &self.candidates, base, found, GATE, self.step, self.settings.seed)
+        let active = self.active(found);
+        search(engine, &self.candidates, base, &active, GATE, self.step, self.settings.seed)
     }
 
     /// Best log Bayes factor of a search on data simulated from `base`.
@@ -318,12 +350,13 @@ impl Run<'_> {
         let mut rng = ChaCha8Rng::seed_from_u64(self.settings.seed);
         rng.set_stream((1 << 34) + ((round as u64) << 20) + k as u64);
         let cells = simulate(&self.engine, base, &mut rng);
-        let mut simulated = engine(self.case, &self.on, &self.candidates)?;
+        let mut simulated = engine(self.case, &self.on, &self.candidates, self.unit.as_ref())?;
         let ids: Vec<_> = simulated.rows.iter().map(|row| row.id).collect();
         for (id, cells) in ids.into_iter().zip(&cells) {
             simulated.model.set_observed(id, cells);
         }
-        let Some((fit, _)) = optimise(&simulated, found, base, Free::Spread, self.step) else {
+        let active = self.active(found);
+        let Some((fit, _)) = optimise(&simulated, &active, base, Free::Spread, self.step) else {
             return Ok(f64::INFINITY); // counts against a claim
         };
         let tried = self.search(&simulated, &fit, found);

@@ -12,6 +12,7 @@ use super::candidates::{Candidate, Level};
 use super::engine::Engine;
 use super::fit::{Cavity, Fit};
 use super::outer::{Free, optimise, score};
+use super::units::Unit;
 use crate::dsl::Noise;
 
 /// Draws from each cavity.
@@ -127,6 +128,33 @@ fn predict(
     most + (ln.iter().map(|l| (l - most).exp()).sum::<f64>() / DRAWS as f64).ln()
 }
 
+/// Most folds of [`leave_units_out`].
+const FOLDS: usize = 20;
+
+/// As [`leave_sites_out`], each unit predicted from the others by a fit that has not seen it (at most 20
+/// folds); `elpd` is of folds, sites counting as independent given the fit. `None` where a fit fails.
+pub fn leave_units_out(engine: &Engine, fit: &Fit, unit: &Unit, seed: u64) -> Option<Left> {
+    let (n, folds) = (engine.rows.len(), unit.n.min(FOLDS));
+    let mut left =
+        Left { residual: vec![0.0; n], predicted: vec![f64::NAN; n], elpd: vec![0.0; folds] };
+    for fold in 0..folds {
+        let is_hidden =
+            |r: &usize| unit.group[engine.model.table_row(engine.rows[*r].id)] % folds == fold;
+        let hidden: Vec<usize> = (0..n).filter(is_hidden).collect();
+        let part = engine.fit_without(&hidden, &fit.outer, &fit.active, Some(fit))?;
+        for (site, rows) in engine.sites.iter().enumerate() {
+            let own: Vec<usize> = rows.iter().copied().filter(is_hidden).collect();
+            let mut rng = ChaCha8Rng::seed_from_u64(seed);
+            rng.set_stream(site as u64);
+            if let Some(cavity) = part.cavity(engine, &own) {
+                let Left { residual, predicted, elpd } = &mut left;
+                elpd[fold] += predict(engine, &part, &cavity, &mut rng, residual, predicted);
+            }
+        }
+    }
+    Some(left)
+}
+
 /// Share of a term's variance over the rows that a smooth through the model's fields could take up.
 pub(super) fn r_squared_on_fields(engine: &Engine, fit: &Fit, term: usize, step: f64) -> f64 {
     let n = engine.rows.len();
@@ -230,8 +258,7 @@ pub(super) fn search(
     let left = leave_sites_out(engine, base, seed);
     let reference = score(base, step);
     let one = |candidate: usize| {
-        let level = candidates[candidate].level;
-        let is_screened = level == Level::Observable;
+        let Candidate { level, is_screened, .. } = candidates[candidate];
         let p_screen = if is_screened { f_test(engine, &left.residual, candidate) } else { 1.0 };
         let mut tried = Tried { candidate, p_screen, log_bf: f64::NEG_INFINITY, fit: None };
         if is_screened && p_screen > gate {
@@ -247,7 +274,8 @@ pub(super) fn search(
         let Some(fit) = engine.fit(&base.outer, &active, Some(base)) else { return tried };
         tried.log_bf = score(&fit, step) - reference;
         tried.fit = Some(fit.clone());
-        if tried.log_bf > 0.0
+        // what varies over units gains only once it has taken the place of their random effect
+        if (tried.log_bf > 0.0 || fit.outer.ln_unit.is_some() && !is_screened)
             && let Some((best, score)) = optimise(engine, &active, &fit, Free::Spread, step)
             && score - reference > tried.log_bf
         {
@@ -256,7 +284,10 @@ pub(super) fn search(
         }
         tried
     };
-    let is_new = |c: &usize| accepted.iter().all(|a| candidates[*a].name != candidates[*c].name);
+    let is_new = |c: &usize| {
+        let mut taken = accepted.iter().filter_map(|a| candidates.get(*a));
+        taken.all(|taken| taken.name != candidates[*c].name)
+    };
     (0..candidates.len()).filter(is_new).map(one).collect()
 }
 
@@ -288,9 +319,20 @@ pub(super) fn simulate(engine: &Engine, fit: &Fit, rng: &mut ChaCha8Rng) -> Vec<
     let tau = fit.outer.ln_site.exp();
     let effects: Vec<f64> =
         engine.sites.iter().map(|_| rng.sample::<f64, _>(StandardNormal)).collect();
+    // the random effect of units comes first among the terms
+    let unit = fit.active.first().map(|a| &engine.terms[*a]).filter(|term| term.sd.is_none());
+    let unit_sd = fit.outer.ln_unit.map_or(0.0, f64::exp);
+    let (first, n) = (engine.split.linear.len(), unit.map_or(0, |term| term.n));
+    let moved: Vec<f64> = (0..n)
+        .map(|k| unit_sd * (rng.sample::<f64, _>(StandardNormal) - fit.x[first + k]))
+        .collect();
     let one = |row: &super::engine::RowAt| {
         let mut own = fit.locals[row.first..][..row.n].to_vec();
         own[row.observable] += tau * (effects[row.site] - fit.z[row.site]) + fit.error(rng);
+        if let Some(term) = unit {
+            let z = &term.design[engine.model.table_row(row.id) * n..][..n];
+            own[row.observable] += z.iter().zip(&moved).map(|(z, m)| z * m).sum::<f64>();
+        }
         engine.model.row_replicate(row.id, &own, rng)
     };
     engine.rows.iter().map(one).collect()

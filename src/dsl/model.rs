@@ -129,6 +129,8 @@ pub struct Observe {
     pub unit: String,
     /// Names of the numbers that a measurement consists of.
     pub columns: &'static [&'static str],
+    /// Columns of the table that it is read or computed from.
+    pub cells: Vec<String>,
     /// Rows of the table, from 0.
     pub rows: Vec<usize>,
     pub(super) op: Box<dyn Measured>,
@@ -235,7 +237,7 @@ impl Model {
         }
         for observe in &self.observes {
             if let Some((i, why)) = observe.op.objection(&t) {
-                let columns = observe.columns.join(", ");
+                let columns = observe.cells.join(", ");
                 return Err(data
                     .cell_error(
                         observe.rows[i],
@@ -411,6 +413,14 @@ impl Model {
 }
 
 impl Observe {
+    /// Whether a row of a table with the same columns holds a measurement of this kind: all that it is
+    /// computed from, or an end of a bracket.
+    pub fn is_measured(&self, table: &Measurements, row: usize) -> bool {
+        let has = |column: &String| table.cell(row, column).is_some_and(|cell| !cell.is_empty());
+        let is_computed = self.cells.len() != self.columns.len();
+        if is_computed { self.cells.iter().all(has) } else { self.cells.iter().any(has) }
+    }
+
     /// The measurement of one row.
     pub fn observed_row(&self, row: usize) -> Vec<f64> {
         self.op.observed_row(row)

@@ -1,7 +1,7 @@
 //! Measurements: the rows of an `observe` statement.
 
 use num_dual::DualStruct;
-use pulp::{Arch, NullaryFnOnce};
+use pulp::{Arch, Simd, WithSimd};
 use rand::Rng;
 
 use super::scope::Scope;
@@ -18,11 +18,17 @@ pub trait RowFn: Send + Sync + std::fmt::Debug {
     type Y: Observation;
     /// What the likelihood can see.
     const SCOPE: Scope;
+    /// The text of `from (…)`: the measurement is computed from columns of the row.
+    const FROM: Option<&'static str> = None;
     /// The likelihood at the scope's scalars.
     fn likelihood<D: Real>(
         s: &[D],
         row: &Self::Columns,
     ) -> impl Likelihood<D, Self::Y> + use<Self, D>;
+    /// The measurement, where it is computed from the row's columns.
+    fn measured(_: &Self::Columns) -> Option<Self::Y> {
+        None
+    }
 }
 
 /// The numeric columns of one row that a model reads, as a struct that the macro declares.
@@ -87,6 +93,16 @@ pub(super) struct Place {
     pub(super) hook: Vec<u32>,
     /// First offset of each `let` in sight on which an effect acts.
     pub(super) lets: Vec<Option<usize>>,
+}
+
+impl Place {
+    /// See [`Measured::locals`].
+    fn locals(&self, i: usize, w: usize) -> Vec<(usize, usize)> {
+        let hook = |j: usize| self.hook.get(i * w + j).map_or(0, |at| *at as usize);
+        let value = |j: usize| (self.index[i * w + j] as usize, hook(j));
+        let lets = self.lets.iter().flatten().map(|at| (at + i, 0));
+        (0..w).map(value).chain(lets).collect()
+    }
 }
 
 /// What a model can do with its measurements besides the gradient.
@@ -175,19 +191,28 @@ impl<F: RowFn, const N: usize, const W: usize> Rows<F, N, W> {
         self.gather(v, i, |_, x| x)
     }
 
+    /// The likelihood of row `i`, with the outliers that were added. Not inlined, so that a model's expressions are compiled once for all
+    /// that is not the gradient.
+    #[inline(never)]
+    fn likelihood<D: Real>(
+        &self,
+        s: &[D; N],
+        i: usize,
+    ) -> Outliers<impl Likelihood<D, F::Y> + use<D, F, N, W>> {
+        let (share, variance) = self.outliers.unwrap_or_default();
+        Outliers(F::likelihood(s, &self.columns[i]), share, variance.sqrt())
+    }
+
+    fn likelihood_at(&self, v: &[f64], i: usize) -> impl Likelihood<f64, F::Y> + use<F, N, W> {
+        self.likelihood(&self.plain(v, i), i)
+    }
+
     /// Derivative of row `i`'s log likelihood in the offset of `let` number `a`. Not inlined: offsets
     /// are rare, and one copy serves them all.
     #[inline(never)]
     fn offset_derivative(&self, v: &[f64], i: usize, a: usize) -> f64 {
         let number = |j: usize, re| Hyper::new(re, f64::from(u8::from(j == W + a)), 0.0, 0.0);
-        let s = self.gather(v, i, number);
-        self.likelihood(&s, i).ln_likelihood(&self.y[i]).eps1
-    }
-
-    /// The likelihood of row `i`, with the outliers that were added.
-    fn likelihood<D: Real>(&self, s: &[D; N], i: usize) -> impl Likelihood<D, F::Y> {
-        let (share, variance) = self.outliers.unwrap_or_default();
-        Outliers(F::likelihood(s, &self.columns[i]), share, variance.sqrt())
+        self.likelihood(&self.gather(v, i, number), i).ln_likelihood(&self.y[i]).eps1
     }
 }
 
@@ -199,33 +224,46 @@ impl<F: RowFn, const N: usize, const W: usize> Rows<F, N, W> {
         (F::likelihood(&s, &self.columns[i]), &self.y[i])
     }
 
+    /// Several rows at once.
     #[inline(always)]
-    fn backward_inlined(&self, t: &mut Tape) {
+    fn backward_lanes(&self, t: &mut Tape) {
         let n = self.y.len();
         for first in (0..n).step_by(LANES) {
             let row = |lane: usize| self.dual_row(&t.v, (first + lane).min(n - 1)); // the last fills up
             let values = Likelihood::ln_likelihoods([row(0), row(1), row(2), row(3)]);
             for (i, value) in (first..n).zip(values) {
-                t.lp += value.re();
-                self.scatter(i, &derivatives(&value), t);
+                self.scatter(i, &value, t);
             }
         }
     }
 
-    /// As [`Self::backward_inlined`], with outliers, a row at a time.
+    /// The same bits row by row: less to compile for machines without vector registers.
+    #[inline(always)]
+    fn backward_rows(&self, t: &mut Tape) {
+        for i in 0..self.y.len() {
+            let value = {
+                let (likelihood, y) = self.dual_row(&t.v, i);
+                likelihood.ln_likelihood(y)
+            };
+            self.scatter(i, &value, t);
+        }
+    }
+
+    /// As [`Self::backward_rows`], with the outliers that were added.
     #[inline(never)]
     fn backward_with_outliers(&self, t: &mut Tape) {
         for i in 0..self.y.len() {
             let number = |j, x| if j < W { variable(x, j) } else { Dual::from_re(x) };
             let value = self.likelihood(&self.gather(&t.v, i, number), i).ln_likelihood(&self.y[i]);
-            t.lp += value.re();
-            self.scatter(i, &derivatives(&value), t);
+            self.scatter(i, &value, t);
         }
     }
 
-    /// Adds the derivatives of row `i`'s log likelihood to the adjoint.
+    /// Adds row `i`'s log likelihood to the density, and its derivatives to the adjoint.
     #[inline(always)]
-    fn scatter(&self, i: usize, e: &[f64; W], t: &mut Tape) {
+    fn scatter(&self, i: usize, value: &Dual<W>, t: &mut Tape) {
+        t.lp += value.re();
+        let e = &derivatives(value);
         for (at, e) in self.place.index[i * W..][..W].iter().zip(e) {
             t.g[*at as usize] += e;
         }
@@ -244,11 +282,11 @@ impl<F: RowFn, const N: usize, const W: usize> Rows<F, N, W> {
 
 struct Backward<'a, F: RowFn, const N: usize, const W: usize>(&'a Rows<F, N, W>, &'a mut Tape);
 
-impl<F: RowFn, const N: usize, const W: usize> NullaryFnOnce for Backward<'_, F, N, W> {
+impl<F: RowFn, const N: usize, const W: usize> WithSimd for Backward<'_, F, N, W> {
     type Output = ();
     #[inline(always)]
-    fn call(self) {
-        self.0.backward_inlined(self.1);
+    fn with_simd<S: Simd>(self, _: S) {
+        if S::IS_SCALAR { self.0.backward_rows(self.1) } else { self.0.backward_lanes(self.1) }
     }
 }
 
@@ -269,9 +307,11 @@ impl<F: RowFn, const N: usize, const W: usize> Rows<F, N, W> {
     /// Not inlined: criticism is rare, and one copy serves it all.
     #[inline(never)]
     fn ln_noisy<D: Real>(&self, s: &[D; N], i: usize, noise: &Noise) -> D {
-        let (share, variance) = noise.outliers.or(self.outliers).unwrap_or_default();
-        let likelihood = F::likelihood(s, &self.columns[i]);
-        Outliers(likelihood, share, variance.sqrt()).ln_widened(&self.y[i], noise.variance)
+        let mut likelihood = self.likelihood(s, i);
+        if let Some((share, variance)) = noise.outliers {
+            (likelihood.share, likelihood.sd) = (share, variance.sqrt());
+        }
+        likelihood.ln_widened(&self.y[i], noise.variance)
     }
 }
 
@@ -287,15 +327,12 @@ impl<F: RowFn, const N: usize, const W: usize> Op for Rows<F, N, W> {
 
 impl<F: RowFn, const N: usize, const W: usize> Measured for Rows<F, N, W> {
     fn pointwise(&self, t: &Tape, out: &mut Vec<f64>) {
-        out.extend(
-            (0..self.y.len())
-                .map(|i| self.likelihood(&self.plain(&t.v, i), i).ln_likelihood(&self.y[i])),
-        );
+        let one = |i: usize| self.likelihood_at(&t.v, i).ln_likelihood(&self.y[i]);
+        out.extend((0..self.y.len()).map(one));
     }
 
     fn simulate(&self, t: &Tape, rng: &mut dyn Rng) -> Vec<Vec<f64>> {
-        let one =
-            |i: usize| self.likelihood(&self.plain(&t.v, i), i).simulate(&self.y[i], rng).cells();
+        let one = |i: usize| self.likelihood_at(&t.v, i).simulate(&self.y[i], rng).cells();
         (0..self.y.len()).map(one).collect()
     }
 
@@ -304,10 +341,7 @@ impl<F: RowFn, const N: usize, const W: usize> Measured for Rows<F, N, W> {
     }
 
     fn locals(&self, i: usize) -> Vec<(usize, usize)> {
-        let hook = |j: usize| self.place.hook.get(i * W + j).map_or(0, |at| *at as usize);
-        let value = |j: usize| (self.place.index[i * W + j] as usize, hook(j));
-        let lets = self.place.lets.iter().flatten().map(|at| (at + i, 0));
-        (0..W).map(value).chain(lets).collect()
+        self.place.locals(i, W)
     }
 
     fn ln_at(&self, i: usize, locals: &[f64], noise: &Noise) -> f64 {
@@ -330,12 +364,11 @@ impl<F: RowFn, const N: usize, const W: usize> Measured for Rows<F, N, W> {
     }
 
     fn replicate(&self, i: usize, locals: &[f64], rng: &mut dyn Rng) -> Vec<f64> {
-        let s = self.fill(locals, |_, x| x);
-        self.likelihood(&s, i).simulate(&self.y[i], rng).cells()
+        self.likelihood(&self.fill(locals, |_, x| x), i).simulate(&self.y[i], rng).cells()
     }
 
     fn location(&self, i: usize, locals: &[f64]) -> Option<f64> {
-        F::likelihood(&self.fill(locals, |_, x| x), &self.columns[i]).location()
+        self.likelihood(&self.fill(locals, |_, x| x), i).location()
     }
 
     fn observed_row(&self, i: usize) -> Vec<f64> {
@@ -349,9 +382,7 @@ impl<F: RowFn, const N: usize, const W: usize> Measured for Rows<F, N, W> {
     }
 
     fn objection(&self, t: &Tape) -> Option<(usize, &'static str)> {
-        (0..self.y.len()).find_map(|i| {
-            let likelihood = F::likelihood(&self.plain(&t.v, i), &self.columns[i]);
-            likelihood.objection(&self.y[i]).map(|why| (i, why))
-        })
+        (0..self.y.len())
+            .find_map(|i| self.likelihood_at(&t.v, i).objection(&self.y[i]).map(|why| (i, why)))
     }
 }

@@ -24,6 +24,8 @@ pub struct Protocol {
     pub shortest: u32,
     /// Longest interval that is tried, ms.
     pub longest: u32,
+    /// Intervals of the S2 beats, of conditioning strength, that make a restitution curve, ms.
+    pub restitution: Vec<u32>,
 }
 
 impl Default for Protocol {
@@ -36,20 +38,21 @@ impl Default for Protocol {
             test_strength: 2.0,
             shortest: 50,
             longest: 500,
+            restitution: vec![],
         }
     }
 }
 
 /// A protocol that cannot be paced.
-#[derive(Debug, Clone, PartialEq, Eq, Error)]
+#[derive(Debug, Clone, PartialEq, Error)]
 pub enum ProtocolError {
     /// Without an S1 beat there is nothing to test.
     #[error("the S1 train has no beats\nhelp: give at least one beat; the reference has 8")]
     NoBeats,
-    /// `shortest < s2 < s1` and `shortest < longest < s1` do not hold.
+    /// `0 < shortest < longest` and `0 < s2 < s1` do not hold.
     #[error(
         "the intervals do not nest: search {shortest} to {longest} ms, S2 {s2} ms, S1 {s1} ms\n\
-         help: the search must begin before S2 and end before S1, and S2 must be shorter than S1"
+         help: the search needs a shortest interval above 0 and below its longest, and S2 must be shorter than S1"
     )]
     Intervals {
         /// Shortest interval of the search, ms.
@@ -61,22 +64,36 @@ pub enum ProtocolError {
         /// S1, ms.
         s1: u32,
     },
+    /// A stimulus that is no number, or does nothing.
+    #[error(
+        "a stimulus of {0} per ms excites nothing\nhelp: give strengths above 0; the reference paces with 1 and tests with 2"
+    )]
+    Strength(f64),
 }
 
 impl Protocol {
     /// Checks that the protocol can be paced.
     ///
     /// # Errors
-    /// No beats, or intervals that do not nest.
+    /// No beats, intervals that do not nest, or a stimulus that does nothing.
     pub fn validate(&self) -> Result<(), ProtocolError> {
         let &Self { s1, s2, shortest, longest, .. } = self;
         if self.n_beats == 0 {
             return Err(ProtocolError::NoBeats);
         }
-        if !(0 < shortest && shortest < longest && longest < s1 && shortest < s2 && s2 < s1) {
+        if !(0 < shortest && shortest < longest && 0 < s2 && s2 < s1) {
             return Err(ProtocolError::Intervals { shortest, longest, s2, s1 });
         }
-        Ok(())
+        let strengths = [self.conditioning_strength, self.test_strength];
+        match strengths.into_iter().find(|s| !(s.is_finite() && *s > 0.0)) {
+            Some(strength) => Err(ProtocolError::Strength(strength)),
+            None => Ok(()),
+        }
+    }
+
+    /// The longest interval after a conditioning stimulus at which another may follow, ms.
+    pub(super) fn last_interval(&self) -> u32 {
+        self.restitution.iter().copied().fold(self.longest.max(self.s2), u32::max)
     }
 }
 

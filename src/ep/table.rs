@@ -11,7 +11,8 @@ use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
 use super::cell::{OutOfRange, Parameters};
-use super::strip::StripOutcome;
+use super::restitution::Restitution;
+use super::strip::{Absence, Beat, StripOutcome};
 use crate::atomic::{NewFile, write_file};
 
 /// A table that cannot be read or written.
@@ -60,16 +61,6 @@ pub enum TableError {
         column: Option<String>,
         /// What is wrong.
         problem: String,
-    },
-    /// A parameter outside its valid range.
-    #[error("{}, line {line}: {source}", path.display())]
-    Parameter {
-        /// The file.
-        path: PathBuf,
-        /// Line, from 1.
-        line: u64,
-        /// Which parameter, and its range.
-        source: OutOfRange,
     },
     /// A header but no rows, or nothing at all.
     #[error("{} has no rows\nhelp: give a header line and at least one row under it", path.display())]
@@ -142,11 +133,26 @@ pub struct OutcomeRow {
     pub diffusivity_mm2_per_ms: f64,
     pub tau_close_ms: f64,
     pub cv_s1_m_per_s: Option<f64>,
+    pub apd20_s1_ms: Option<f64>,
+    pub apd30_s1_ms: Option<f64>,
+    pub apd50_s1_ms: Option<f64>,
     pub apd90_s1_ms: Option<f64>,
     pub erp_s2_ms: Option<u32>,
     pub cv_s2_m_per_s: Option<f64>,
+    pub apd20_s2_ms: Option<f64>,
+    pub apd30_s2_ms: Option<f64>,
+    pub apd50_s2_ms: Option<f64>,
     pub apd90_s2_ms: Option<f64>,
     pub erp_s3_ms: Option<u32>,
+    /// Coefficients of CV(S2) and APD90(S2), see [`Restitution`]; empty where no curve was asked for.
+    pub cv_restitution_a: Option<f64>,
+    pub cv_restitution_b: Option<f64>,
+    pub cv_restitution_c: Option<f64>,
+    pub cv_restitution_d: Option<f64>,
+    pub apd_restitution_a: Option<f64>,
+    pub apd_restitution_b: Option<f64>,
+    pub apd_restitution_c: Option<f64>,
+    pub apd_restitution_d: Option<f64>,
     /// Why ERP_S2 (and, for the S1 beat, everything) is absent; empty where it is not.
     pub erp_s2_absence: Option<String>,
     /// Why ERP_S3 is absent; empty where it is not.
@@ -154,11 +160,32 @@ pub struct OutcomeRow {
 }
 
 impl OutcomeRow {
-    /// The table's row number `row` (from 0).
-    pub fn new(row: usize, parameters: Parameters, outcome: &StripOutcome) -> Self {
+    /// The table's row number `row` (from 0): what the strip did, or why it was not simulated.
+    pub fn new(
+        row: usize,
+        parameters: Parameters,
+        outcome: &Result<StripOutcome, OutOfRange>,
+    ) -> Self {
         let ParameterRow { cv_max_m_per_s, tau_in_ms, tau_out_ms, tau_open_ms, apd_max_ms } =
             parameters.into();
         let tissue = parameters.tissue();
+        let done = outcome.as_ref().ok();
+        let (s1, s2) = (done.and_then(|o| o.s1.ok()), done.and_then(|o| o.s2.ok()));
+        let ms = |beat: Option<Beat>, of: fn(&Beat) -> Option<f64>| {
+            beat.and_then(|b| of(&b)).map(|x| rounded(x, 1e3))
+        };
+        let cv = |beat: Option<Beat>| beat.map(|b| rounded(b.cv, 1e5));
+        let curve = |of: fn(&Beat) -> f64| {
+            let fit = done.and_then(|o| Restitution::fit(&o.restitution, of));
+            let value = |value: fn(&Restitution) -> f64| fit.map(|f| rounded(value(&f), 1e5));
+            [value(|f| f.a), value(|f| f.b), value(|f| f.c), value(|f| f.d)]
+        };
+        let [cv_a, cv_b, cv_c, cv_d] = curve(|b| b.cv);
+        let [apd_a, apd_b, apd_c, apd_d] = curve(|b| b.apd90);
+        let absence = |of: fn(&StripOutcome) -> Result<u32, Absence>| match outcome {
+            Ok(outcome) => of(outcome).err().map(|absence| absence.to_string()),
+            Err(out_of_range) => out_of_range.to_string().lines().next().map(String::from),
+        };
         Self {
             row,
             cv_max_m_per_s,
@@ -168,14 +195,62 @@ impl OutcomeRow {
             apd_max_ms,
             diffusivity_mm2_per_ms: rounded(tissue.diffusivity, 1e9),
             tau_close_ms: rounded(tissue.tau_close, 1e6),
-            cv_s1_m_per_s: outcome.s1.ok().map(|beat| rounded(beat.cv, 1e5)),
-            apd90_s1_ms: outcome.s1.ok().map(|beat| rounded(beat.apd90, 1e3)),
-            erp_s2_ms: outcome.erp_s2.ok(),
-            cv_s2_m_per_s: outcome.s2.ok().map(|beat| rounded(beat.cv, 1e5)),
-            apd90_s2_ms: outcome.s2.ok().map(|beat| rounded(beat.apd90, 1e3)),
-            erp_s3_ms: outcome.erp_s3.ok(),
-            erp_s2_absence: outcome.erp_s2.err().map(|absence| absence.to_string()),
-            erp_s3_absence: outcome.erp_s3.err().map(|absence| absence.to_string()),
+            cv_s1_m_per_s: cv(s1),
+            apd20_s1_ms: ms(s1, |b| b.apd20),
+            apd30_s1_ms: ms(s1, |b| b.apd30),
+            apd50_s1_ms: ms(s1, |b| b.apd50),
+            apd90_s1_ms: ms(s1, |b| Some(b.apd90)),
+            erp_s2_ms: done.and_then(|o| o.erp_s2.ok()),
+            cv_s2_m_per_s: cv(s2),
+            apd20_s2_ms: ms(s2, |b| b.apd20),
+            apd30_s2_ms: ms(s2, |b| b.apd30),
+            apd50_s2_ms: ms(s2, |b| b.apd50),
+            apd90_s2_ms: ms(s2, |b| Some(b.apd90)),
+            erp_s3_ms: done.and_then(|o| o.erp_s3.ok()),
+            cv_restitution_a: cv_a,
+            cv_restitution_b: cv_b,
+            cv_restitution_c: cv_c,
+            cv_restitution_d: cv_d,
+            apd_restitution_a: apd_a,
+            apd_restitution_b: apd_b,
+            apd_restitution_c: apd_c,
+            apd_restitution_d: apd_d,
+            erp_s2_absence: absence(|o| o.erp_s2),
+            erp_s3_absence: absence(|o| o.erp_s3),
+        }
+    }
+}
+
+/// One beat of a restitution curve.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+#[allow(missing_docs, reason = "the fields are those of `Beat`, each with its unit")]
+pub struct CurveRow {
+    /// Row of the table of parameters, from 0.
+    pub row: usize,
+    pub s2_ms: u32,
+    pub cv_m_per_s: Option<f64>,
+    pub apd20_ms: Option<f64>,
+    pub apd30_ms: Option<f64>,
+    pub apd50_ms: Option<f64>,
+    pub apd90_ms: Option<f64>,
+    /// Why there is no beat; empty where there is one.
+    pub absence: Option<String>,
+}
+
+impl CurveRow {
+    /// The beat at `s2` of the table's row number `row` (from 0).
+    pub fn new(row: usize, s2: u32, beat: Result<Beat, Absence>) -> Self {
+        let ms =
+            |of: fn(&Beat) -> Option<f64>| beat.ok().and_then(|b| of(&b)).map(|x| rounded(x, 1e3));
+        Self {
+            row,
+            s2_ms: s2,
+            cv_m_per_s: beat.ok().map(|b| rounded(b.cv, 1e5)),
+            apd20_ms: ms(|b| b.apd20),
+            apd30_ms: ms(|b| b.apd30),
+            apd50_ms: ms(|b| b.apd50),
+            apd90_ms: ms(|b| Some(b.apd90)),
+            absence: beat.err().map(|absence| absence.to_string()),
         }
     }
 }
@@ -185,18 +260,13 @@ pub(crate) fn rounded(value: f64, per_unit: f64) -> f64 {
     (value * per_unit).round() / per_unit
 }
 
-/// Reads parameter sets and checks that each is in its valid range.
+/// Reads parameter sets, in their valid ranges or not.
 ///
 /// # Errors
-/// An unreadable file, a missing column, a cell that is no number, a value out of range, no rows.
+/// An unreadable file, a missing column, a cell that is no number, no rows.
 pub fn read_parameters(path: &Path) -> Result<Vec<Parameters>, TableError> {
     let rows = read_rows::<ParameterRow>(path)?;
-    let checked = rows.into_iter().map(|(line, row)| {
-        let parameters = Parameters::from(row);
-        let error = |source| TableError::Parameter { path: path.to_owned(), line, source };
-        parameters.validate().map(|()| parameters).map_err(error)
-    });
-    checked.collect()
+    Ok(rows.into_iter().map(|(_, row)| row.into()).collect())
 }
 
 /// Reads the rows of a table, each with the line it begins on.
@@ -276,8 +346,6 @@ fn failure(path: &Path) -> impl Fn(std::io::Error) -> TableError {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::ep::{Absence, Beat};
-
     const HEADER: &str = "tau_in_ms,cv_max_m_per_s,tau_out_ms,tau_open_ms,apd_max_ms\n";
 
     fn read(text: &str) -> Result<Vec<Parameters>, String> {
@@ -303,8 +371,6 @@ mod tests {
                 .starts_with("FILE, line 3, column tau_out_ms: invalid float literal")
         );
         assert!(message(&format!("{good}0.05,0.7,10\n")).starts_with("FILE, line 3: "));
-        assert!(message("0.05,0.7,10,120,900\n").starts_with("FILE, line 2: apd_max = 900 ms is"));
-        assert!(message("0.05,0.7,NaN,120,200\n").starts_with("FILE, line 2: tau_out = NaN ms is"));
         assert!(message("").starts_with("FILE has no rows"));
         let missing = read("tau_in_ms\n1\n").unwrap_err();
         assert!(
@@ -313,23 +379,55 @@ mod tests {
         );
     }
 
+    fn written(row: OutcomeRow) -> Vec<(String, String)> {
+        let file = tempfile::NamedTempFile::new().unwrap();
+        finish_rows(new_file(file.path()).unwrap(), &[row]).unwrap();
+        let mut reader = csv::Reader::from_path(file.path()).unwrap();
+        let header = reader.headers().unwrap().clone();
+        let cells = reader.records().next().unwrap().unwrap();
+        header.iter().map(String::from).zip(cells.iter().map(String::from)).collect()
+    }
+
     #[test]
     fn absent_values_are_empty_cells_with_a_reason() {
-        let beat = Ok(Beat { cv: 0.712_345_6, apd90: 201.25 });
-        let outcome = StripOutcome {
+        let beat = Ok(Beat {
+            cv: 0.712_345_6,
+            apd20: None,
+            apd30: Some(90.0),
+            apd50: Some(140.0),
+            apd90: 201.25,
+        });
+        let outcome = Ok(StripOutcome {
             s1: beat,
             erp_s2: Ok(310),
             s2: Err(Absence::NoActivation),
             erp_s3: Err(Absence::NoActivation),
-        };
+            restitution: vec![],
+        });
         let parameters = Parameters::from_array([0.7, 0.05, 10.0, 120.0, 200.0]);
-        let row = OutcomeRow::new(3, parameters, &outcome);
-        let file = tempfile::NamedTempFile::new().unwrap();
-        finish_rows(new_file(file.path()).unwrap(), &[row]).unwrap();
-        let text = std::fs::read_to_string(file.path()).unwrap();
-        assert!(
-            text.contains("0.71235,201.25,310,,,,,the conditioning stimulus did not"),
-            "{text}"
+        let cells = written(OutcomeRow::new(3, parameters, &outcome));
+        let cell = |name: &str| cells.iter().find(|(n, _)| n == name).unwrap().1.as_str();
+        assert_eq!(
+            [cell("cv_s1_m_per_s"), cell("apd50_s1_ms"), cell("apd90_s1_ms")],
+            ["0.71235", "140.0", "201.25"]
         );
+        assert_eq!([cell("erp_s2_ms"), cell("erp_s2_absence")], ["310", ""]);
+        assert_eq!([cell("apd90_s2_ms"), cell("erp_s3_ms"), cell("cv_restitution_a")], [""; 3]);
+        assert_eq!(
+            cell("erp_s3_absence"),
+            "the conditioning stimulus did not activate the whole strip"
+        );
+    }
+
+    #[test]
+    fn a_set_out_of_range_is_an_absence() {
+        let parameters = Parameters::from_array([0.7, 0.05, 10.0, 120.0, 900.0]);
+        let out = Err(parameters.validate().unwrap_err());
+        let cells = written(OutcomeRow::new(0, parameters, &out));
+        let reasons = cells.iter().filter(|(_, cell)| {
+            cell == "apd_max = 900 ms is outside its valid range 120 to 270 ms"
+        });
+        assert_eq!(reasons.count(), 2);
+        assert!(cells[8..28].iter().all(|(_, cell)| cell.is_empty()));
     }
 }

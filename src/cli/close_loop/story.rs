@@ -28,6 +28,8 @@ pub(super) struct Story<'a> {
     pub(super) after: Option<&'a Sampling>,
     pub(super) heldout: Option<&'a Heldout>,
     pub(super) left: LeftOut,
+    /// Where something other than the site is left out as a whole.
+    pub(super) left_units: Option<LeftOut>,
 }
 
 impl Story<'_> {
@@ -45,6 +47,11 @@ impl Story<'_> {
         let unusable: Vec<Value> =
             outcome.unusable.iter().map(|u| json!({ "column": u.column, "why": u.why })).collect();
         let heldout = self.heldout.and_then(Heldout::comparison);
+        let units = self.left_units.as_ref().map(|left| {
+            let mut figures = as_json(&left.comparison(outcome));
+            figures["unit"] = json!(left.unit);
+            figures
+        });
         json!({
             "findings": names,
             "ambiguous": outcome.ambiguous,
@@ -52,9 +59,11 @@ impl Story<'_> {
             "effect_interval": intervals,
             "heldout": heldout.as_ref().map_or(Value::Null, as_json),
             "leave_one_site_out": as_json(&self.left.comparison(outcome)),
+            "leave_one_unit_out": units,
             "data": name_of(&self.inputs.measurements),
             "nulls": outcome.rounds.iter().map(|r| r.nulls.clone()).collect::<Vec<_>>(),
             "site_log_bf": outcome.site_log_bf,
+            "unit_log_bf": outcome.unit_log_bf.as_ref().map(|(_, log_bf)| log_bf),
             "not_tried": unusable,
             "tried": tried.collect::<Vec<_>>(),
         })
@@ -77,10 +86,11 @@ impl Story<'_> {
         round.tried.iter().map(one).collect()
     }
 
-    /// The errors that count: those of held-out measurements, else of sites left out.
+    /// The errors that count, first: those of held-out measurements, else of what was left out as a whole.
     fn comparisons(&self) -> Vec<Comparison> {
         let heldout = self.heldout.and_then(Heldout::comparison);
-        heldout.into_iter().chain([self.left.comparison(self.outcome)]).collect()
+        let left = self.left_units.iter().chain([&self.left]);
+        heldout.into_iter().chain(left.map(|left| left.comparison(self.outcome))).collect()
     }
 
     /// Share and sd of outliers, if these were found.
@@ -124,17 +134,26 @@ impl Story<'_> {
                 format!("{a} and {b} explain the same: these data cannot tell them apart.")
             })
             .collect();
-        let log_bf = (10.0 * outcome.site_log_bf).round() / 10.0 + 0.0; // no −0
-        sentences.push(if outcome.is_unexplained() {
-            format!(
-                "Sites differ by more than the model says (log Bayes factor {log_bf:.1}), for a reason that is not among the columns."
-            )
-        } else {
-            format!(
-                "Sites differ by no more than the model says (log Bayes factor {log_bf:.1} for a further difference)."
-            )
-        });
+        for (what, log_bf) in self.differences() {
+            let shown = (10.0 * log_bf).round() / 10.0 + 0.0; // no −0
+            sentences.push(if log_bf > CLAIM {
+                format!(
+                    "{what} differ by more than the model says (log Bayes factor {shown:.1}), for a reason that is not among the columns."
+                )
+            } else {
+                format!(
+                    "{what} differ by no more than the model says (log Bayes factor {shown:.1} for a further difference)."
+                )
+            });
+        }
         sentences.join(" ")
+    }
+
+    /// What may differ by more than the model with its findings says, and the evidence that it does.
+    fn differences(&self) -> Vec<(String, f64)> {
+        let units =
+            self.outcome.unit_log_bf.iter().map(|(name, bf)| (format!("Units of `{name}`"), *bf));
+        [("Sites".to_owned(), self.outcome.site_log_bf)].into_iter().chain(units).collect()
     }
 
     /// The lines on stdout.
@@ -147,10 +166,10 @@ impl Story<'_> {
         for [a, b] in &outcome.ambiguous {
             lines.push(format!("ambiguous {a} or {b}: these data cannot tell"));
         }
-        if outcome.is_unexplained() {
+        for (what, log_bf) in self.differences().into_iter().filter(|(_, bf)| *bf > CLAIM) {
             lines.push(format!(
-                "remains   sites differ by more than the model says (log Bayes factor {:.1}), for a reason that is not among the columns",
-                outcome.site_log_bf
+                "remains   {} differ by more than the model says (log Bayes factor {log_bf:.1}), for a reason that is not among the columns",
+                what.to_lowercase()
             ));
         }
         for c in self.comparisons().iter().take(1) {

@@ -8,7 +8,7 @@ use crate::dsl::data::Measurements;
 use crate::dsl::error::ModelError;
 use crate::dsl::form::Form;
 use crate::dsl::linear::Linear;
-use crate::dsl::maps::{LetFn, Map, MapAt, Source as MapSource};
+use crate::dsl::maps::{LetFn, Map, MapAt, MapFn, Source as MapSource};
 use crate::dsl::model::{Kind, Model, Parameter, Position, PriorEntry, Statement};
 use crate::dsl::parameter::{NormalOp, ParameterOp, PriorFn, SequenceFn, SequenceOp};
 use crate::dsl::scope::{Local, Scope};
@@ -140,6 +140,18 @@ impl<'a> Builder<'a> {
     }
 
     fn local<const N: usize, const W: usize>(&mut self, scope: &Scope) -> Local<N, W> {
+        let (at, slot) = self.scalars(scope);
+        let is_its_own = |i, j| f64::from(u8::from(slot.get(j) == Some(&(i as u32))));
+        Local {
+            at: std::array::from_fn(|i| at[i]),
+            unit: std::array::from_fn(|i| std::array::from_fn(|j| is_its_own(i, j))),
+            slot: std::array::from_fn(|j| slot.get(j).copied().unwrap_or(0)),
+            used: slot.len(),
+        }
+    }
+
+    /// Where a scope's scalars live in `v`, and which of them the expression mentions.
+    fn scalars(&mut self, scope: &Scope) -> (Vec<u32>, Vec<u32>) {
         let (mut at, mut slot) = (vec![], vec![]);
         for (i, name) in scope.names.iter().enumerate() {
             let Source::Scalars(v) = *self.source(name) else {
@@ -153,13 +165,7 @@ impl<'a> Builder<'a> {
                 at.push((v + e) as u32);
             }
         }
-        let is_its_own = |i, j| f64::from(u8::from(slot.get(j) == Some(&(i as u32))));
-        Local {
-            at: std::array::from_fn(|i| at[i]),
-            unit: std::array::from_fn(|i| std::array::from_fn(|j| is_its_own(i, j))),
-            slot: std::array::from_fn(|j| slot.get(j).copied().unwrap_or(0)),
-            used: slot.len(),
-        }
+        (at, slot)
     }
 
     /// `param name(len) [unit] ~ prior;`, or a hyperparameter between `field` and `field_end`.
@@ -174,7 +180,25 @@ impl<'a> Builder<'a> {
         scope: &Scope,
     ) -> Result<(), ModelError> {
         let local = self.local::<N, W>(scope);
-        let mentions = local.mentioned();
+        let probe = F::dist::<f64>(&[1.0; N]);
+        let is_fixed = probe.support() == F::dist::<f64>(&[0.5; N]).support();
+        let support = if is_fixed { probe.support() } else { Support::Between };
+        let ln_norm = if W == 1 { probe.ln_norm() } else { 0.0 };
+        let (u, v, n) = self.lay_out(decl, len, local.mentioned(), support, probe.is_flat())?;
+        let op = ParameterOp::<F, N, W> { local, u, v, n, ln_norm, f: PhantomData };
+        self.model.priors.push(Box::new(op));
+        Ok(())
+    }
+
+    /// First unknown and first value of a parameter, and how many it has.
+    fn lay_out(
+        &mut self,
+        decl: Decl,
+        len: Len,
+        mentions: Vec<usize>,
+        support: Support,
+        is_flat: bool,
+    ) -> Result<(usize, usize, usize), ModelError> {
         let (levels, index) = match (len, self.data) {
             (Len::Each(column), Some(data)) => {
                 data.labels(column, &format!("param {}", decl.name))?
@@ -187,14 +211,10 @@ impl<'a> Builder<'a> {
             Len::Each(_) => levels.len(),
         };
         let (u, v) = (self.unknowns(n), self.values(n));
-        let probe = F::dist::<f64>(&[1.0; N]);
-        if probe.is_flat() {
+        if is_flat {
             self.flat.insert(v, u);
         }
-        let ln_norm = if W == 1 { probe.ln_norm() } else { 0.0 };
         let kind = if matches!(len, Len::One) { Kind::Scalar } else { Kind::Vector };
-        let is_fixed = probe.support() == F::dist::<f64>(&[0.5; N]).support();
-        let support = if is_fixed { probe.support() } else { Support::Between };
         self.push_parameter(decl, n, kind, levels, support, v);
         let source = match len {
             Len::Each(_) => Source::Each { v, index },
@@ -205,15 +225,7 @@ impl<'a> Builder<'a> {
             self.state("param", decl, None);
         }
         self.model.prior_entries.push(PriorEntry { u: u..u + n, v, len: n, mentions });
-        self.model.priors.push(Box::new(ParameterOp::<F, N, W> {
-            local,
-            u,
-            v,
-            n,
-            ln_norm,
-            f: PhantomData,
-        }));
-        Ok(())
+        Ok((u, v, n))
     }
 
     fn push_parameter(
@@ -288,6 +300,18 @@ impl<'a> Builder<'a> {
         scope: &Scope,
         reads_row: bool,
     ) {
+        self.map(decl, range, scope, reads_row, Box::new(MapAt::<F, N>::new()));
+    }
+
+    /// Keeps a `let` that depends on parameters and fields alone as a map over the vertices.
+    fn map(
+        &mut self,
+        decl: Decl,
+        range: Option<(f64, f64)>,
+        scope: &Scope,
+        reads_row: bool,
+        at: Box<dyn MapFn>,
+    ) {
         self.state("let", decl, range);
         self.names.push((decl.name, Source::Let));
         let mut sources = vec![];
@@ -310,14 +334,8 @@ impl<'a> Builder<'a> {
             }
         }
         if is_map {
-            let at = Box::new(MapAt::<F, N>::new());
-            self.model.maps.push(Map {
-                name: decl.name,
-                unit: decl.unit.into(),
-                range,
-                sources,
-                at,
-            });
+            let unit = decl.unit.into();
+            self.model.maps.push(Map { name: decl.name, unit, range, sources, at });
         }
     }
 

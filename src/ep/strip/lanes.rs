@@ -6,7 +6,7 @@
 
 #![allow(clippy::needless_range_loop, reason = "`k` numbers the lanes of several arrays at once")]
 
-use super::fem::{BAND, Matrices};
+use super::fem::{Banded, Matrices};
 
 /// Strips that advance together.
 pub(super) const LANES: usize = 8;
@@ -21,43 +21,55 @@ fn sub_product(acc: &mut Lane, a: &Lane, b: &Lane) {
     }
 }
 
-/// The Crank–Nicolson step `(M + ½ r K) δ = −r K V`, `r = D dt / spacing²` per lane, by a banded
-/// factor `L D Lᵀ`.
+/// Puts `x` first and drops the last.
+#[inline(always)]
+fn push<const B: usize>(recent: &mut [Lane; B], x: Lane) {
+    for o in (1..B).rev() {
+        recent[o] = recent[o - 1];
+    }
+    recent[0] = x;
+}
+
+/// The Crank–Nicolson step `(M + ½ r K) δ = −r K V`, `r = D dt / spacing²` per lane, by a factor
+/// `L D Lᵀ` of half-bandwidth `B`.
 #[derive(Debug)]
-pub(super) struct Diffusion {
-    /// `stiffness[i][o]` = K(i, i + o), the same in every lane.
-    stiffness: Vec<[f64; BAND + 1]>,
+pub(super) struct Diffusion<const B: usize> {
+    /// The same in every lane.
+    stiffness: Banded<B>,
     ratio: Lane,
     /// `lower[i][o]` = L(i + 1 + o, i).
-    lower: Vec<[Lane; BAND]>,
+    lower: Vec<[Lane; B]>,
     inv_pivot: Vec<Lane>,
     work: Vec<Lane>,
 }
 
-impl Diffusion {
-    pub(super) fn new(matrices: &Matrices, ratio: Lane) -> Self {
-        let n = matrices.mass.len();
-        let mut lower = vec![[[0.0; LANES]; BAND]; n];
+impl<const B: usize> Diffusion<B> {
+    pub(super) fn new(matrices: &Matrices<B>, ratio: Lane) -> Self {
+        let Matrices { mass, stiffness } = matrices;
+        let n = mass.diagonal.len();
+        let mut lower = vec![[[0.0; LANES]; B]; n];
         let mut inv_pivot = vec![[0.0; LANES]; n];
         for lane in 0..LANES {
-            let pairs = matrices.mass.iter().zip(&matrices.stiffness);
-            let mut a: Vec<[f64; BAND + 1]> = pairs
-                .map(|(m, k)| std::array::from_fn(|o| m[o] + 0.5 * ratio[lane] * k[o]))
+            let half = 0.5 * ratio[lane];
+            let mut diagonal: Vec<f64> =
+                (0..n).map(|i| mass.diagonal[i] + half * stiffness.diagonal[i]).collect();
+            let mut above: Vec<[f64; B]> = (0..n)
+                .map(|i| std::array::from_fn(|o| mass.above[i][o] + half * stiffness.above[i][o]))
                 .collect();
             for i in 0..n {
-                let pivot = a[i][0];
-                inv_pivot[i][lane] = 1.0 / pivot;
-                for o in 1..=BAND.min(n - 1 - i) {
-                    let factor = a[i][o] / pivot;
-                    lower[i][o - 1][lane] = factor;
-                    for q in o..=BAND.min(n - 1 - i) {
-                        a[i + o][q - o] -= factor * a[i][q];
+                inv_pivot[i][lane] = 1.0 / diagonal[i];
+                for o in 0..B.min(n - 1 - i) {
+                    let factor = above[i][o] / diagonal[i];
+                    lower[i][o][lane] = factor;
+                    diagonal[i + o + 1] -= factor * above[i][o];
+                    for q in o + 1..B.min(n - 1 - i) {
+                        above[i + o + 1][q - o - 1] -= factor * above[i][q];
                     }
                 }
             }
         }
         let work = vec![[0.0; LANES]; n];
-        Self { stiffness: matrices.stiffness.clone(), ratio, lower, inv_pivot, work }
+        Self { stiffness: stiffness.clone(), ratio, lower, inv_pivot, work }
     }
 
     /// Adds δ to `v`.
@@ -71,16 +83,16 @@ impl Diffusion {
     #[inline(always)]
     fn forward(&mut self, v: &[Lane]) {
         let n = v.len();
-        let mut recent = [[0.0; LANES]; BAND];
+        let mut recent = [[0.0; LANES]; B];
         for i in 0..n {
             let mut y = self.negative_stiffness_row(v, i);
             for k in 0..LANES {
                 y[k] *= self.ratio[k];
             }
-            for o in (1..=BAND.min(i)).rev() {
+            for o in (1..=B.min(i)).rev() {
                 sub_product(&mut y, &self.lower[i - o][o - 1], &recent[o - 1]);
             }
-            recent = [y, recent[0], recent[1]];
+            push(&mut recent, y);
             self.work[i] = y;
         }
     }
@@ -90,17 +102,17 @@ impl Diffusion {
     fn negative_stiffness_row(&self, v: &[Lane], i: usize) -> Lane {
         let mut row = [0.0; LANES];
         for k in 0..LANES {
-            row[k] = -self.stiffness[i][0] * v[i][k];
+            row[k] = -self.stiffness.diagonal[i] * v[i][k];
         }
-        for o in 1..=BAND {
+        for o in 1..=B {
             if i + o < v.len() {
-                let entry = self.stiffness[i][o];
+                let entry = self.stiffness.above[i][o - 1];
                 for k in 0..LANES {
                     row[k] -= entry * v[i + o][k];
                 }
             }
             if i >= o {
-                let entry = self.stiffness[i - o][o];
+                let entry = self.stiffness.above[i - o][o - 1];
                 for k in 0..LANES {
                     row[k] -= entry * v[i - o][k];
                 }
@@ -112,16 +124,16 @@ impl Diffusion {
     /// Solves `D Lᵀ δ = y` and adds δ to `v`.
     #[inline(always)]
     fn backward(&mut self, v: &mut [Lane]) {
-        let mut recent = [[0.0; LANES]; BAND];
+        let mut recent = [[0.0; LANES]; B];
         for i in (0..v.len()).rev() {
             let mut x = self.work[i];
             for k in 0..LANES {
                 x[k] *= self.inv_pivot[i][k];
             }
-            for o in (1..=BAND).rev() {
+            for o in (1..=B).rev() {
                 sub_product(&mut x, &self.lower[i][o - 1], &recent[o - 1]);
             }
-            recent = [x, recent[0], recent[1]];
+            push(&mut recent, x);
             for k in 0..LANES {
                 v[i][k] += x[k];
             }
@@ -132,6 +144,7 @@ impl Diffusion {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::ep::strip::Grid;
     use nalgebra::{DMatrix, DVector};
     use std::f64::consts::PI;
 
@@ -150,11 +163,18 @@ mod tests {
 
     #[test]
     fn the_banded_step_equals_a_dense_solve() {
-        let matrices = Matrices::assemble(7);
-        let n = matrices.mass.len();
-        let dense = |banded: &[[f64; BAND + 1]]| {
-            DMatrix::from_fn(n, n, |r, c| {
-                banded[r.min(c)].get(r.abs_diff(c)).copied().unwrap_or_default()
+        banded_equals_dense::<1>(1);
+        banded_equals_dense::<3>(3);
+        banded_equals_dense::<5>(7);
+    }
+
+    fn banded_equals_dense<const B: usize>(n_across: usize) {
+        let matrices = Matrices::<B>::assemble(&Grid { n_along: 7, n_across, ..Grid::default() });
+        let n = matrices.mass.diagonal.len();
+        let dense = |banded: &Banded<B>| {
+            DMatrix::from_fn(n, n, |r, c| match r.abs_diff(c) {
+                0 => banded.diagonal[r],
+                o => banded.above[r.min(c)].get(o - 1).copied().unwrap_or_default(),
             })
         };
         let (mass, stiffness) = (dense(&matrices.mass), dense(&matrices.stiffness));
@@ -175,7 +195,7 @@ mod tests {
     fn the_slowest_mode_decays_as_the_heat_equation_says() {
         let n_steps = 500;
         let mut v = slowest_mode();
-        let mut diffusion = Diffusion::new(&Matrices::assemble(N_ALONG), ratios());
+        let mut diffusion = Diffusion::new(&Matrices::<3>::assemble(&Grid::default()), ratios());
         (0..n_steps).for_each(|_| diffusion.step(&mut v));
         for (k, r) in ratios().into_iter().enumerate() {
             // D t π²/length² with D dt = r spacing²
@@ -188,14 +208,14 @@ mod tests {
 
     #[test]
     fn diffusion_keeps_the_total() {
-        let matrices = Matrices::assemble(N_ALONG);
+        let matrices = Matrices::<3>::assemble(&Grid::default());
         // Row sums of the mass matrix.
         let mut weight = vec![0.0; 2 * N_ALONG];
-        for (i, row) in matrices.mass.iter().enumerate() {
-            weight[i] += row[0];
-            for (o, entry) in row.iter().enumerate().skip(1).filter(|(_, entry)| **entry > 0.0) {
+        for (i, row) in matrices.mass.above.iter().enumerate() {
+            weight[i] += matrices.mass.diagonal[i];
+            for (o, entry) in row.iter().enumerate().filter(|(_, entry)| **entry > 0.0) {
                 weight[i] += entry;
-                weight[i + o] += entry;
+                weight[i + 1 + o] += entry;
             }
         }
         let total = |v: &[Lane]| -> f64 { v.iter().zip(&weight).map(|(v, w)| v[5] * w).sum() };
