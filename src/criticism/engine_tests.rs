@@ -1,6 +1,6 @@
 //! A linear model with normal errors, where Laplace is exact: against the closed form.
 
-use nalgebra::{DMatrix, DVector};
+use nalgebra::{Cholesky, DMatrix, DVector};
 
 use super::*;
 use crate::dsl::Measurements;

@@ -2,7 +2,8 @@
 
 use std::cell::RefCell;
 
-use super::engine::{Engine, Fit, Outer};
+use super::engine::{Engine, Outer};
+use super::fit::Fit;
 use crate::infer::{Evaluator, LogDensity, OptimumSettings, maximise};
 
 /// Which outer values are free.
