@@ -5,7 +5,12 @@
 //! ```
 //! `SCENARIO=force,null`, `SEEDS=20` (or `SEEDS=21..60`) and `NULLS=99` run a part of it. A bar fails where the
 //! count has a probability below 5 % under it; the table shows the counts themselves.
-#![allow(clippy::unwrap_used, reason = "for tests")]
+#![allow(
+    clippy::unwrap_used,
+    clippy::print_stdout,
+    clippy::format_push_string,
+    reason = "for tests"
+)]
 
 #[path = "../models/erp.rs"]
 mod erp;

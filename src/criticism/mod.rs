@@ -7,10 +7,12 @@
 //! the usual names of columns.
 
 mod candidates;
+mod checks;
 mod engine;
 mod error;
 mod fit;
 mod heldout;
+mod judge;
 mod newton;
 mod observable;
 mod outer;
@@ -19,7 +21,8 @@ mod rewrite;
 mod search;
 mod units;
 
-pub use candidates::{Candidate, Level, Unusable};
+pub use candidates::{Candidate, Level, Screen, Unusable};
+pub use checks::Warning;
 pub use engine::{Engine, Outer, RowAt, Term};
 pub use error::CriticismError;
 pub use fit::{Cavity, Fit};

@@ -4,27 +4,19 @@ use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 use rayon::prelude::*;
 
-use super::candidates::{Candidate, Unusable, candidates, covariates};
+use super::candidates::{Candidate, Maker, Unusable, covariates};
+use super::checks::{Warning, check};
 use super::engine::{Engine, Outer, Term};
 use super::error::CriticismError;
 use super::fit::Fit;
+use super::judge::CLAIM;
 use super::observable::{observables, step_of};
-use super::outer::{Free, optimise, score};
-use super::search::{Left, Tried, field_sd, leave_sites_out, leave_units_out, search, simulate};
-use super::units::{LEAST_UNITS, Unit, by_site, random_unit, unit_of};
+use super::outer::{Free, optimise};
+use super::search::{Left, Tried, field_sd, search, simulate};
+use super::units::{Unit, by_site, random_unit};
 use crate::dsl::{Declare, Measurements, Model};
 use crate::manifold::Basis;
 
-/// Least log Bayes factor of a claim.
-const CLAIM: f64 = 3.0;
-/// A runner-up within this log Bayes factor is a rival.
-const RIVAL: f64 = 2.0;
-/// A winner that adds less than this with its rival in the model is not told apart from it.
-const ADDS: f64 = 1.0;
-/// R² on the fitted fields' span beyond which a covariate could be the fields' own.
-const SPAN: f64 = 0.8;
-/// Share of null searches that the best candidate must beat.
-const LEVEL: f64 = 0.05;
 /// p-value of the screen up to which a candidate is fitted.
 const GATE: f64 = 0.05;
 
@@ -97,6 +89,8 @@ pub struct Outcome {
     pub candidates: Vec<Candidate>,
     /// Columns that could not.
     pub unusable: Vec<Unusable>,
+    /// Doubts about the table.
+    pub warnings: Vec<Warning>,
     /// The model laid out with all candidates.
     pub engine: Engine,
     /// The rounds.
@@ -174,33 +168,46 @@ pub fn criticise(
 ) -> Result<Outcome, CriticismError> {
     let outline = Model::outline(case.model)?;
     let on = observables(&outline)?;
-    let unit = random_unit(case.table, covariates(&outline, case.table).into_iter());
-    let plain = engine(case, &on, &[], unit.as_ref())?;
+    let plain = engine(case, &on, &[], None)?;
+    let columns = covariates(&plain.model, case.table);
+    let warnings = check(case.table, &columns);
+    let unit = random_unit(case.table, columns.into_iter());
+    let plain = if unit.is_some() { engine(case, &on, &[], unit.as_ref())? } else { plain };
     let step = step_of(&plain.model);
     let mut start = base_fit(&plain, unit.as_ref(), step)?;
-    let slopes = field_sd(&plain, &start, step);
-    let (candidates, unusable) =
-        candidates(&plain.model, case.table, &on, step, &slopes, unit.as_ref());
+    let mut once = on.clone();
+    once.sort();
+    once.dedup();
+    let maker = Maker {
+        model: &plain.model,
+        table: case.table,
+        on: once,
+        step,
+        field_sd: field_sd(&plain, &start, step),
+        unit: unit.as_ref(),
+    };
+    let (candidates, unusable) = maker.all();
     let laid = engine(case, &on, &candidates, unit.as_ref())?;
     let run = Run { case, settings, on, candidates, engine: laid, step, unit };
     start.active = run.active(&[]);
-    run.rounds(start, unusable, watch)
+    run.rounds(start, (unusable, warnings), watch)
 }
 
-struct Run<'a> {
-    case: &'a Case<'a>,
-    settings: &'a Settings,
+/// A search as it runs.
+pub(super) struct Run<'a> {
+    pub(super) case: &'a Case<'a>,
+    pub(super) settings: &'a Settings,
     on: Vec<String>,
-    candidates: Vec<Candidate>,
-    engine: Engine,
-    step: f64,
+    pub(super) candidates: Vec<Candidate>,
+    pub(super) engine: Engine,
+    pub(super) step: f64,
     /// The unit with a random effect.
-    unit: Option<Unit>,
+    pub(super) unit: Option<Unit>,
 }
 
 impl Run<'_> {
     /// The terms of a fit: the random effect of units, which is always there, and these.
-    fn active(&self, candidates: &[usize]) -> Vec<usize> {
+    pub(super) fn active(&self, candidates: &[usize]) -> Vec<usize> {
         let unit = self.unit.iter().map(|_| self.candidates.len());
         unit.chain(candidates.iter().copied()).collect()
     }
@@ -208,7 +215,7 @@ impl Run<'_> {
     fn rounds(
         self,
         start: Fit,
-        unusable: Vec<Unusable>,
+        (unusable, warnings): (Vec<Unusable>, Vec<Warning>),
         watch: &(dyn Fn(usize, usize) + Sync),
     ) -> Result<Outcome, CriticismError> {
         let (mut rounds, mut found, mut ambiguous): (Vec<Round>, Vec<usize>, Vec<[String; 2]>) =
@@ -235,6 +242,7 @@ impl Run<'_> {
         Ok(Outcome {
             candidates,
             unusable,
+            warnings,
             engine,
             rounds,
             found,
@@ -301,156 +309,4 @@ impl Run<'_> {
         let tried = self.search(&simulated, &fit, found);
         Ok(tried.iter().map(|t| t.log_bf).fold(f64::NEG_INFINITY, f64::max))
     }
-
-    /// What the round's best candidate is: a finding, ambiguous, or nothing.
-    #[allow(clippy::type_complexity, reason = "what a round comes to, used once")]
-    fn judge(
-        &self,
-        (tried, nulls): (Vec<Tried>, Vec<f64>),
-        base: &Fit,
-        found: &[usize],
-    ) -> (Round, Option<(usize, Fit)>, Vec<[String; 2]>) {
-        let left = leave_sites_out(&self.engine, base, self.settings.seed);
-        let p_null = |log_bf: f64| {
-            let above = nulls.iter().filter(|n| **n >= log_bf).count();
-            (1 + above) as f64 / (1 + nulls.len()) as f64
-        };
-        let mut records: Vec<Record> = tried
-            .iter()
-            .map(|t| Record {
-                candidate: t.candidate,
-                p_screen: t.p_screen,
-                log_bf: t.log_bf,
-                p_null: p_null(t.log_bf),
-                verdict: if t.fit.is_some() {
-                    "less evidence".into()
-                } else {
-                    "screened out".into()
-                },
-            })
-            .collect();
-        let (mut taken, mut rivals) = (None, vec![]);
-        if let Some((best, fit)) = tried.first().and_then(|t| Some((t, t.fit.clone()?))) {
-            let p = p_null(best.log_bf);
-            if let Some(why) = self.objection(best, &fit, p, &left) {
-                records[0].verdict = why;
-            } else {
-                rivals = self.rivals(&tried, base, found);
-                if rivals.is_empty() {
-                    records[0].verdict = "found".into();
-                    taken = Some((best.candidate, fit));
-                } else {
-                    let names: Vec<&str> = rivals.iter().map(|pair| pair[1].as_str()).collect();
-                    records[0].verdict = format!("not told apart from {}", names.join(", "));
-                }
-            }
-        }
-        (Round { tried: records, nulls, base: base.clone(), left }, taken, rivals)
-    }
-
-    /// Why the best candidate is no finding, if it is none.
-    fn objection(&self, best: &Tried, fit: &Fit, p_null: f64, left: &Left) -> Option<String> {
-        if best.log_bf <= CLAIM {
-            return Some(format!(
-                "log Bayes factor {:.1}, more than {CLAIM} is asked",
-                best.log_bf
-            ));
-        }
-        if p_null > LEVEL {
-            return Some(format!(
-                "{:.0} % of searches on simulated data did as well",
-                100.0 * p_null
-            ));
-        }
-        let column = self.candidates[best.candidate].form.column();
-        let unit = self.left_out(column);
-        if unit.is_none() || unit != self.unit {
-            // what units share is known from a unit's other sites: these tell nothing of what varies over units
-            let with = leave_sites_out(&self.engine, fit, self.settings.seed);
-            let (gain, se) = gain(&left.elpd, &with.elpd);
-            if !(gain > se) {
-                return Some(format!(
-                    "leave-one-site-out gain {gain:.1} is not beyond its error {se:.1}"
-                ));
-            }
-        }
-        let unit = unit?;
-        if unit.n < LEAST_UNITS {
-            return Some(format!("not confirmable: it varies only over {} {}s", unit.n, unit.name));
-        }
-        let left = |fit: &Fit| leave_units_out(&self.engine, fit, &unit, self.settings.seed);
-        let (gain, se) = gain(&left(&self.without(fit)?)?.elpd, &left(fit)?.elpd);
-        let least = if Some(&unit) == self.unit.as_ref() { se } else { 0.0 };
-        (!(gain > least)).then(|| {
-            format!(
-                "leaving {}s out as a whole, predictions do not improve ({gain:.1} ± {se:.1})",
-                unit.name
-            )
-        })
-    }
-
-    /// What is left out as a whole to confirm an effect of `column`, or of none; `None` for the site.
-    fn left_out(&self, column: Option<&str>) -> Option<Unit> {
-        let table = self.case.table;
-        let unit = Some(unit_of(table, column)).filter(|unit| *unit != by_site(table));
-        if column.is_some() { unit } else { unit.or_else(|| self.unit.clone()) }
-    }
-
-    /// The fit without its last term.
-    fn without(&self, fit: &Fit) -> Option<Fit> {
-        let active = &fit.active[..fit.active.len() - 1];
-        let start = self.engine.fit(&fit.outer, active, Some(fit))?;
-        optimise(&self.engine, active, &start, Free::Spread, self.step).map(|(fit, _)| fit)
-    }
-
-    /// Causes that the best candidate cannot be told apart from.
-    fn rivals(&self, tried: &[Tried], base: &Fit, found: &[usize]) -> Vec<[String; 2]> {
-        let best = &tried[0];
-        let name = |t: &Tried| self.candidates[t.candidate].name.clone();
-        let mut pairs: Vec<[String; 2]> = vec![];
-        let reference = score(base, self.step);
-        for other in tried[1..].iter().filter(|t| name(t) != name(best) && t.log_bf > ADDS) {
-            let both = self.active(&[found, &[other.candidate, best.candidate]].concat());
-            let with_both = other.fit.as_ref().and_then(|fit| {
-                let start = self.engine.fit(&fit.outer, &both, Some(fit))?;
-                optimise(&self.engine, &both, &start, Free::Spread, self.step)
-            });
-            let adds = with_both.map_or(0.0, |(_, both)| both - reference - other.log_bf);
-            // two causes that both add much with the other in the model are two effects
-            let is_near = best.log_bf - other.log_bf < RIVAL;
-            let is_rival = adds < ADDS || (is_near && adds < CLAIM);
-            if is_rival && !pairs.iter().any(|pair| pair[1] == name(other)) {
-                pairs.push([name(best), name(other)]);
-            }
-        }
-        let r2 = super::search::r_squared_on_fields(&self.engine, base, best.candidate, self.step);
-        if r2 > SPAN {
-            pairs.push([name(best), "spatial_field".into()]);
-        }
-        pairs
-    }
-
-    /// Log Bayes factor of the sites' random effect.
-    fn site_evidence(&self, fit: &Fit) -> f64 {
-        let without = super::outer::without_sites(&self.engine, &fit.active, fit, self.step);
-        score(fit, self.step) - without
-    }
-
-    /// Log Bayes factor of the units' random effect.
-    fn unit_evidence(&self, fit: &Fit, found: &[usize]) -> f64 {
-        let outer = Outer { ln_unit: None, ..fit.outer.clone() };
-        let start = self.engine.fit(&outer, found, None);
-        let without =
-            start.and_then(|start| optimise(&self.engine, found, &start, Free::Spread, self.step));
-        score(fit, self.step) - without.map_or(f64::NEG_INFINITY, |(_, score)| score)
-    }
-}
-
-/// Sum of the differences of two vectors, and its standard error.
-pub(super) fn gain(before: &[f64], after: &[f64]) -> (f64, f64) {
-    let d: Vec<f64> = after.iter().zip(before).map(|(a, b)| a - b).collect();
-    let n = d.len() as f64;
-    let mean = d.iter().sum::<f64>() / n;
-    let variance = d.iter().map(|d| (d - mean).powi(2)).sum::<f64>() / (n - 1.0);
-    (n * mean, (n * variance).sqrt())
 }

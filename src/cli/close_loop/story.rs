@@ -9,7 +9,7 @@ use super::predictions::{Heldout, LeftOut, as_json, thinned};
 use super::{Sampling, name_of, site_column};
 use crate::criticism::{Outcome, Round};
 use crate::diagnostics::quantile;
-use crate::dsl::{AddedEffect, Form, equations};
+use crate::dsl::{AddedEffect, Form, Measurements, equations};
 use crate::error::Failure;
 use crate::report::{
     Against, Comparison, LoopPage, ReportError, Residuals, SiteResidual, TriedEffect, TriedRound,
@@ -40,12 +40,19 @@ impl Story<'_> {
         let intervals: BTreeMap<&str, [f64; 2]> = names
             .iter()
             .zip(self.effects)
-            .filter_map(|(name, (effect, _))| Some((*name, interval(effect, self.after?)?)))
+            .filter_map(|(name, (effect, _))| {
+                Some((*name, interval(effect, self.after?, &self.inputs.measurements)?))
+            })
             .collect();
         let rounds = outcome.rounds.iter().enumerate();
         let tried = rounds.flat_map(|(i, round)| self.tried_json(i, round));
         let unusable: Vec<Value> =
             outcome.unusable.iter().map(|u| json!({ "column": u.column, "why": u.why })).collect();
+        let warnings: Vec<Value> = outcome
+            .warnings
+            .iter()
+            .map(|w| json!({ "check": w.check, "column": w.column, "text": w.text }))
+            .collect();
         let heldout = self.heldout.and_then(Heldout::comparison);
         let units = self.left_units.as_ref().map(|left| {
             let mut figures = as_json(&left.comparison(outcome));
@@ -65,6 +72,7 @@ impl Story<'_> {
             "site_log_bf": outcome.site_log_bf,
             "unit_log_bf": outcome.unit_log_bf.as_ref().map(|(_, log_bf)| log_bf),
             "not_tried": unusable,
+            "warnings": warnings,
             "tried": tried.collect::<Vec<_>>(),
         })
     }
@@ -182,7 +190,8 @@ impl Story<'_> {
     /// Doubts about the table.
     fn doubts(&self) -> Vec<String> {
         let table = &self.inputs.measurements;
-        let mut doubts = vec![];
+        let mut doubts: Vec<String> =
+            self.outcome.warnings.iter().map(|warning| warning.text.clone()).collect();
         for (effect, _) in self.effects {
             let Some(column) = effect.form.column() else { continue };
             if self.heldout.is_some_and(|h| h.missing.iter().any(|c| c == column)) {
@@ -245,7 +254,7 @@ impl Story<'_> {
     fn sizes(&self) -> Vec<String> {
         let size = |(effect, _): &(AddedEffect, String)| {
             let after = self.after?;
-            let [low, high] = interval(effect, after)?;
+            let [low, high] = interval(effect, after, &self.inputs.measurements)?;
             let (on, unit) = (effect.on.join(", "), &effect.unit);
             let range = format!("{on}: {low:.1} to {high:.1} {unit}").replace('-', "−");
             let labels = effect.form.labels(&self.inputs.measurements);
@@ -262,6 +271,7 @@ impl Story<'_> {
                     format!("between the coefficients of the curve in {column} that differ most")
                 }
                 Form::All => "everywhere".into(),
+                Form::Surface { .. } | Form::Path { .. } => "sd over the measurements".into(),
             };
             Some(format!("{range} {of} (90 % interval)"))
         };
@@ -354,9 +364,13 @@ impl Story<'_> {
 /// An effect in words.
 fn in_words(effect: &AddedEffect) -> String {
     let on = effect.on.join(" and ");
-    match effect.form.column() {
-        Some(column) => format!("an effect of {column} on {on}"),
-        None => format!("an offset of {on}"),
+    match &effect.form {
+        Form::Surface { .. } => format!("a field over the surface in {on}"),
+        Form::Path { .. } => format!("a slowness that varies along the paths, in {on}"),
+        form => match form.column() {
+            Some(column) => format!("an effect of {column} on {on}"),
+            None => format!("an offset of {on}"),
+        },
     }
 }
 
@@ -370,7 +384,11 @@ fn rounded(form: &Form) -> String {
             format!("smooth({column}, {low:.3}, {high:.3}, {degree})")
         }
         Form::Above { column, threshold } => format!("above({column}, {threshold:.3})"),
-        Form::Group { .. } | Form::Family { .. } | Form::All => form.text().replace("row.", ""),
+        Form::Surface { .. }
+        | Form::Path { .. }
+        | Form::Group { .. }
+        | Form::Family { .. }
+        | Form::All => form.text().replace("row.", ""),
     }
 }
 
@@ -388,13 +406,30 @@ fn extremes(effect: &AddedEffect, after: &Sampling) -> Option<((usize, usize), (
     Some((least.1, most.1))
 }
 
-/// Central 90 % interval of an effect's coefficient, or of the greatest difference between two of its
-/// coefficients.
-fn interval(effect: &AddedEffect, after: &Sampling) -> Option<[f64; 2]> {
+/// Central 90 % interval of an effect's coefficient, of the greatest difference between two of its
+/// coefficients or, of a field, of its sd over the rows.
+fn interval(effect: &AddedEffect, after: &Sampling, table: &Measurements) -> Option<[f64; 2]> {
     let ((low, _), (high, _)) = extremes(effect, after)?;
     let draws = thinned(&after.chains);
-    let value = |draw: &&[f64]| if low == high { draw[low] } else { draw[high] - draw[low] };
+    let (design, n) = effect.form.design(table);
+    let names = after.model.unknown_names();
+    let of_effect = |name: &String| name.split('[').next() == Some(effect.name.as_str());
+    let first = names.iter().position(of_effect)?;
+    let value = |draw: &&[f64]| match effect.form {
+        Form::Surface { .. } | Form::Path { .. } => {
+            let dot = |z: &[f64]| z.iter().zip(&draw[first..]).map(|(z, b)| z * b).sum::<f64>();
+            sd(&design.chunks_exact(n).map(dot).collect::<Vec<f64>>())
+        }
+        _ if low == high => draw[low],
+        _ => draw[high] - draw[low],
+    };
     let mut values: Vec<f64> = draws.iter().map(value).collect();
     values.sort_by(f64::total_cmp);
     Some([quantile(&values, 0.05), quantile(&values, 0.95)])
+}
+
+fn sd(x: &[f64]) -> f64 {
+    let n = x.len() as f64;
+    let mean = x.iter().sum::<f64>() / n;
+    (x.iter().map(|x| (x - mean).powi(2)).sum::<f64>() / n).sqrt()
 }
