@@ -14,6 +14,8 @@ mod erp_exact;
 mod erp_multiscale;
 #[path = "../models/garch.rs"]
 mod garch;
+#[path = "../models/lat.rs"]
+mod lat;
 #[path = "../models/normal.rs"]
 mod normal;
 #[path = "../models/one_compartment.rs"]
@@ -39,6 +41,7 @@ fn main() -> ExitCode {
         shipped!("erp_exact.rs", &erp_exact::ErpExact),
         shipped!("erp_multiscale.rs", &erp_multiscale::ErpMultiscale),
         shipped!("garch.rs", &garch::Garch),
+        shipped!("lat.rs", &lat::Lat),
         shipped!("normal.rs", &normal::MeanAndSpread),
         shipped!("one_compartment.rs", &one_compartment::OneCompartment),
         shipped!("recovery.rs", &recovery::Recovery),

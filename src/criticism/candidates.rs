@@ -3,14 +3,9 @@
 use std::collections::BTreeMap;
 
 use super::units::{FOLD, Unit, is_constant_within};
-use crate::dsl::{Form, Measurements, Model, Statement, distinct, families};
-
-impl Candidate {
-    /// As it is written in a model file, with `row` for the row.
-    pub fn text(&self) -> String {
-        self.form.as_ref().map_or("Outliers".into(), Form::text)
-    }
-}
+use crate::dsl::{
+    FIELD_MODES, Form, Measurements, Model, PATH, SOURCE, Statement, distinct, families,
+};
 
 /// Where a candidate acts.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -21,6 +16,17 @@ pub enum Level {
     Parameter,
     /// On how far measurements scatter.
     Noise,
+}
+
+/// What decides whether a candidate is refitted: an F-test on its design of
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Screen {
+    /// the residuals of sites.
+    Sites,
+    /// the random effects of units, which leave no such residuals over.
+    Units,
+    /// nothing: it always is.
+    None,
 }
 
 /// Something that the model may lack.
@@ -36,14 +42,33 @@ pub struct Candidate {
     pub form: Option<Form>,
     /// Prior sd of its coefficients, in the unit of what it acts on.
     pub sd: f64,
-    /// Whether residuals of sites decide if it is refitted: not on a parameter, and not over units with a
-    /// random effect of their own, which leaves no such residuals over.
-    pub is_screened: bool,
+    /// What decides whether it is refitted.
+    pub screen: Screen,
+}
+
+impl Candidate {
+    /// As it is written in a model file, with `row` for the row.
+    pub fn text(&self) -> String {
+        self.form.as_ref().map_or("Outliers".into(), Form::text)
+    }
 }
 
 /// Columns that say where and what was measured, never why it differs.
-const STRUCTURAL: [&str; 11] =
-    ["site", "vertex", "x", "y", "z", "protocol", "lower", "upper", "value", "resolution", FOLD];
+const STRUCTURAL: [&str; 13] = [
+    SOURCE,
+    PATH,
+    "site",
+    "vertex",
+    "x",
+    "y",
+    "z",
+    "protocol",
+    "lower",
+    "upper",
+    "value",
+    "resolution",
+    FOLD,
+];
 
 /// The columns of a table that may tell why measurements differ: neither place nor measurement.
 pub(super) fn covariates<'t>(model: &Model, table: &'t Measurements) -> Vec<&'t String> {
@@ -105,113 +130,152 @@ pub struct Unusable {
     pub why: String,
 }
 
-/// All candidates that a table's columns give for a model; and the columns that give none.
-///
-/// `observables` are what the model's `observe`s compare with their measurements, `step` the width of a
-/// protocol step, `field_sd` the standard deviation of each field over the sites.
-pub(super) fn candidates(
-    model: &Model,
-    table: &Measurements,
-    observables: &[String],
-    step: f64,
-    field_sd: &BTreeMap<String, f64>,
-    unit: Option<&Unit>,
-) -> (Vec<Candidate>, Vec<Unusable>) {
-    let mut on: Vec<String> = observables.to_vec();
-    on.sort();
-    on.dedup();
-    let mut from = Columns { table, on, step, field_sd, unit, found: vec![] };
-    let mut unusable = vec![];
-    for column in covariates(model, table) {
-        let name = column.as_str();
-        let usable = match read_column(table, name) {
-            Column::Numeric(x) => from.numbers(name, &x),
-            Column::Labels(labels) => from.labels(name, &labels),
-        };
-        if let Err(why) = usable {
-            unusable.push(Unusable { column: name.into(), why: why.into() });
-        }
-    }
-    for observable in from.on.clone().split_off(1.min(from.on.len())) {
-        from.add("protocol", Level::Observable, vec![observable], Some(Form::All), step);
-    }
-    let has_outliers = |s: &Statement| s.keyword == "observe" && s.decl.text.contains("Outliers(");
-    if !model.statements.iter().any(has_outliers) {
-        from.add("outliers", Level::Noise, vec![], None, step);
-    }
-    (from.found, unusable)
-}
-
-/// Candidates under construction.
-struct Columns<'a> {
-    table: &'a Measurements,
-    /// What is observed.
-    on: Vec<String>,
-    step: f64,
-    field_sd: &'a BTreeMap<String, f64>,
+/// What candidates are made of.
+pub(super) struct Maker<'a> {
+    pub(super) model: &'a Model,
+    pub(super) table: &'a Measurements,
+    /// What the model's `observe`s compare with their measurements, each once.
+    pub(super) on: Vec<String>,
+    /// Width of a protocol step.
+    pub(super) step: f64,
+    /// Change of each field that moves what is observed by a step.
+    pub(super) field_sd: BTreeMap<String, f64>,
     /// The unit with a random effect.
-    unit: Option<&'a Unit>,
-    found: Vec<Candidate>,
+    pub(super) unit: Option<&'a Unit>,
 }
 
-impl Columns<'_> {
-    fn add(&mut self, name: &str, level: Level, on: Vec<String>, form: Option<Form>, sd: f64) {
-        let column = form.as_ref().and_then(Form::column);
-        let is_over_units = column
-            .zip(self.unit)
-            .is_some_and(|(column, unit)| is_constant_within(self.table, column, &unit.name));
-        let is_screened = level == Level::Observable && !is_over_units;
-        self.found.push(Candidate { name: name.into(), on, level, form, sd, is_screened });
+impl Maker<'_> {
+    /// All candidates that the table's columns give; and the columns that give none.
+    pub(super) fn all(&self) -> (Vec<Candidate>, Vec<Unusable>) {
+        let (mut found, mut unusable) = (vec![], vec![]);
+        for name in covariates(self.model, self.table) {
+            match self.of_column(name) {
+                Ok(candidates) => found.extend(candidates),
+                Err(why) => unusable.push(Unusable { column: name.into(), why: why.into() }),
+            }
+        }
+        for observable in self.on.iter().skip(1) {
+            let on = std::slice::from_ref(observable);
+            let mut offset = self.candidate("protocol", Form::All, on);
+            offset.screen = Screen::Sites;
+            found.push(offset);
+        }
+        found.extend(self.fields());
+        found.extend(self.outliers());
+        (found, unusable)
     }
 
-    fn on_observables(&mut self, column: &str, form: Form) {
-        self.add(&finding(column), Level::Observable, self.on.clone(), Some(form), self.step);
+    /// Outliers, unless the model knows them.
+    fn outliers(&self) -> Option<Candidate> {
+        let has = |s: &Statement| s.keyword == "observe" && s.decl.text.contains("Outliers(");
+        (!self.model.statements.iter().any(has)).then(|| Candidate {
+            name: "outliers".into(),
+            on: vec![],
+            level: Level::Noise,
+            form: None,
+            sd: self.step,
+            screen: Screen::None,
+        })
     }
 
-    fn on_each_field(&mut self, name: &str, form: &Form) {
-        for (field, sd) in self.field_sd {
-            self.add(name, Level::Parameter, vec![field.clone()], Some(form.clone()), *sd);
+    /// For a model without fields on a surface: a field of what is observed and, where there are paths, one
+    /// along them, each with three lengthscales from what the modes resolve.
+    fn fields(&self) -> Vec<Candidate> {
+        let Some(probes) = self.table.probes().filter(|_| self.model.field_names().is_empty())
+        else {
+            return vec![];
+        };
+        let modes = probes.n_modes().min(FIELD_MODES);
+        let finest = std::f64::consts::FRAC_PI_2 / probes.frequency(modes);
+        let field = |name: &str, form: Form, sd: f64| Candidate {
+            name: name.into(),
+            sd,
+            screen: Screen::None,
+            ..self.candidate(name, form, &self.on)
+        };
+        let mut found = vec![];
+        for lengthscale in [1.0, 2.0, 4.0].map(|times: f64| (times * finest).round()) {
+            found.push(field("spatial_field", Form::Surface { modes, lengthscale }, self.step));
+            if let Some(length) = probes.mean_length() {
+                let form = Form::Path { modes, lengthscale };
+                found.push(field("slowness_field", form, self.step / length));
+            }
+        }
+        found
+    }
+
+    /// The candidates of a column, or why there are none.
+    fn of_column(&self, name: &str) -> Result<Vec<Candidate>, &'static str> {
+        let unit = self.unit.filter(|unit| unit.name == name);
+        match read_column(self.table, name) {
+            _ if unit.is_some() => {
+                Err("it names the units over which others vary: these have a random effect")
+            }
+            Column::Numeric(x) => self.of_numbers(name, &x),
+            Column::Labels(labels) => self.of_labels(name, &labels),
         }
     }
 
-    /// # Errors
-    /// Why a column of numbers cannot be tried.
-    fn numbers(&mut self, name: &str, x: &[f64]) -> Result<(), &'static str> {
+    /// An effect on what is observed.
+    fn candidate(&self, column: &str, form: Form, on: &[String]) -> Candidate {
+        let is_over_units =
+            self.unit.is_some_and(|unit| is_constant_within(self.table, column, &unit.name));
+        Candidate {
+            name: finding(column),
+            on: on.to_vec(),
+            level: Level::Observable,
+            form: Some(form),
+            sd: self.step,
+            screen: if is_over_units { Screen::Units } else { Screen::Sites },
+        }
+    }
+
+    /// The same on each field.
+    fn on_fields(&self, column: &str, form: &Form) -> impl Iterator<Item = Candidate> {
+        self.field_sd.iter().map(move |(field, sd)| Candidate {
+            level: Level::Parameter,
+            sd: *sd,
+            screen: Screen::None,
+            ..self.candidate(column, form.clone(), std::slice::from_ref(field))
+        })
+    }
+
+    fn of_numbers(&self, name: &str, x: &[f64]) -> Result<Vec<Candidate>, &'static str> {
         let mut values: Vec<f64> = x.iter().copied().filter(|x| x.is_finite()).collect();
         values.sort_by(f64::total_cmp);
-        values.dedup();
         let (Some(&low), Some(&high)) = (values.first(), values.last()) else {
             return Err("every cell is empty");
         };
-        let (mean, sd) = moments(x);
-        if !(sd > 1e-9 * mean.abs().max(1e-9)) {
+        let (centre, scale) = moments(x);
+        if !(scale > 1e-9 * centre.abs().max(1e-9)) {
             return Err("it has one value only");
         }
         let column = || name.to_owned();
-        self.on_observables(name, Form::Scaled { column: column(), centre: mean, scale: sd });
+        let mut forms = vec![Form::Scaled { column: column(), centre, scale }];
+        values.dedup();
         if values.len() >= 4 {
-            self.on_observables(name, Form::Smooth { column: column(), low, high, degree: 3 });
+            forms.push(Form::Smooth { column: column(), low, high, degree: 3 });
         }
+        let mut found: Vec<Candidate> =
+            forms.into_iter().map(|form| self.candidate(name, form, &self.on)).collect();
         if name.starts_with("dist") {
             for share in [0.2, 0.35, 0.5] {
                 let at = (share * (values.len() - 1) as f64) as usize;
                 let threshold = 0.5 * (values[at] + values[at + 1]);
-                self.on_each_field("patch", &Form::Above { column: column(), threshold });
+                let form = Form::Above { column: column(), threshold };
+                let named = |patch| Candidate { name: "patch".into(), ..patch };
+                found.extend(self.on_fields(name, &form).map(named));
             }
         }
-        Ok(())
+        Ok(found)
     }
 
-    /// # Errors
-    /// Why a column of labels cannot be tried.
-    fn labels(&mut self, name: &str, labels: &[String]) -> Result<(), &'static str> {
+    fn of_labels(&self, name: &str, labels: &[String]) -> Result<Vec<Candidate>, &'static str> {
         if labels.len() < 2 {
             return Err("it has one value only");
         }
         if self.unit.is_some_and(|unit| unit.is_the_same_as(self.table, name)) {
-            return Err(
-                "it names the unit over which others vary: its labels have a random effect",
-            );
+            return Err("it names the units over which others vary: these have a random effect");
         }
         if labels.len() * 2 > self.table.len() {
             return Err("nearly every row has a label of its own");
@@ -220,13 +284,9 @@ impl Columns<'_> {
         if (2..labels.len()).contains(&families(self.table, name).len()) {
             forms.push(Form::Family { column: name.into() });
         }
-        for form in forms {
-            if name == "region" {
-                self.on_each_field("region", &form);
-            } else {
-                self.on_observables(name, form);
-            }
+        if name == "region" {
+            return Ok(forms.iter().flat_map(|form| self.on_fields(name, form)).collect());
         }
-        Ok(())
+        Ok(forms.into_iter().map(|form| self.candidate(name, form, &self.on)).collect())
     }
 }

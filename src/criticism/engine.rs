@@ -115,8 +115,8 @@ impl Engine {
         x: &DVector<f64>,
         last: Option<&Fit>,
     ) -> Linear {
-        let other = &outer.other[..];
-        let own = last.filter(|fit| fit.outer.other == other).map(|fit| &fit.linear);
+        let other = &outer.other;
+        let own = last.filter(|fit| fit.outer.other == *other).map(|fit| &fit.linear);
         let (n_linear, n) = (self.split.linear.len(), x.len());
         let mut j = DMatrix::zeros(n, self.n_locals);
         let mut of_model = j.rows_mut(0, n_linear);
@@ -140,15 +140,15 @@ impl Engine {
         };
         let mut first = n_linear;
         for a in active {
-            let sd = self.terms[*a].sd.or(outer.ln_unit.map(f64::exp)).unwrap_or_default();
-            self.add_term(&self.terms[*a], sd, first, &mut j);
+            self.add_term(&self.terms[*a], outer, first, &mut j);
             first += self.terms[*a].n;
         }
         Linear { constant, j, prior: self.prior_curvature(t, other, x) }
     }
 
     /// Writes how scalars depend on a term's coefficients, the first of which is unknown number `first`.
-    fn add_term(&self, term: &Term, sd: f64, first: usize, j: &mut DMatrix<f64>) {
+    fn add_term(&self, term: &Term, outer: &Outer, first: usize, j: &mut DMatrix<f64>) {
+        let sd = term.sd.or(outer.ln_unit.map(f64::exp)).unwrap_or_default();
         for row in &self.rows {
             let z = &term.design[self.model.table_row(row.id) * term.n..][..term.n];
             for local in term.on.iter().filter_map(|on| self.model.local_of(row.id, on)) {

@@ -1,4 +1,4 @@
-//! What the best candidate of a round is: a finding, one of several causes that cannot be told apart, or nothing.
+//! What the candidates of a round are: a finding, causes that cannot be told apart, or nothing.
 
 use super::candidates::Level;
 use super::engine::Outer;
@@ -39,6 +39,7 @@ impl Run<'_> {
         base: &Fit,
         found: &[usize],
     ) -> (Round, Option<(usize, Fit)>, Vec<[String; 2]>) {
+        let least = least_log_bf(number);
         let left = leave_sites_out(&self.engine, base, self.settings.seed);
         let p_null = |log_bf: f64| {
             let above = nulls.iter().filter(|n| **n >= log_bf).count();
@@ -51,48 +52,44 @@ impl Run<'_> {
                 p_screen: t.p_screen,
                 log_bf: t.log_bf,
                 p_null: p_null(t.log_bf),
-                verdict: if t.fit.is_some() {
+                verdict: if t.log_bf > least {
                     "less evidence".into()
+                } else if t.fit.is_some() {
+                    format!("log Bayes factor {:.1}, more than {least} is asked", t.log_bf)
                 } else {
                     "screened out".into()
                 },
             })
             .collect();
         let (mut taken, mut rivals) = (None, vec![]);
-        if let Some((best, fit)) = tried.first().and_then(|t| Some((t, t.fit.clone()?))) {
-            let p = p_null(best.log_bf);
-            if let Some(why) = self.objection(number, best, &fit, p, &left) {
-                records[0].verdict = why;
-            } else {
-                rivals = self.rivals(&tried, base, found);
-                if rivals.is_empty() {
-                    records[0].verdict = "found".into();
-                    taken = Some((best.candidate, fit));
-                } else {
-                    let names: Vec<&str> = rivals.iter().map(|pair| pair[1].as_str()).collect();
-                    records[0].verdict = format!("not told apart from {}", names.join(", "));
-                }
+        // the best one that can be confirmed: another may explain more where it was fitted, and predict nothing
+        for (i, best) in tried.iter().enumerate().filter(|(_, t)| t.log_bf > least) {
+            let Some(fit) = best.fit.clone() else { continue };
+            if let Some(why) = self.objection(best, &fit, p_null(best.log_bf), &left) {
+                records[i].verdict = why;
+                continue;
             }
+            rivals = self.rivals(&tried, i, base, &left, found);
+            if rivals.is_empty() {
+                records[i].verdict = "found".into();
+                taken = Some((best.candidate, fit));
+            } else {
+                let names: Vec<&str> = rivals.iter().map(|pair| pair[1].as_str()).collect();
+                records[i].verdict = format!("not told apart from {}", names.join(", "));
+            }
+            break;
         }
         (Round { tried: records, nulls, base: base.clone(), left }, taken, rivals)
     }
 
-    /// Why the best candidate is no finding, if it is none.
+    /// Why a candidate is no finding, if it is none.
     fn objection(
         &self,
-        number: usize,
         best: &Tried,
         fit: &Fit,
         p_null: Option<f64>,
         left: &Left,
     ) -> Option<String> {
-        let least = least_log_bf(number);
-        if best.log_bf <= least {
-            return Some(format!(
-                "log Bayes factor {:.1}, more than {least} is asked",
-                best.log_bf
-            ));
-        }
         let p_null = p_null.unwrap_or(1.0);
         if p_null > LEVEL {
             return Some(format!(
@@ -100,13 +97,17 @@ impl Run<'_> {
                 100.0 * p_null
             ));
         }
-        self.not_predicting(best, fit, left)
+        let unit = self.left_out(self.column(best.candidate));
+        if let Some(unit) = unit.filter(|unit| unit.n < LEAST_UNITS) {
+            return Some(format!("not confirmable: it varies only over {} {}s", unit.n, unit.name));
+        }
+        self.refutation(best.candidate, fit, left)
     }
 
-    /// Why a candidate does not predict what was left out, if it does not.
-    fn not_predicting(&self, best: &Tried, fit: &Fit, left: &Left) -> Option<String> {
-        let column = self.candidates[best.candidate].form.as_ref().and_then(Form::column);
-        let unit = self.left_out(column);
+    /// Why a candidate's predictions of what was left out speak against it, if they do: of sites, and of the
+    /// units over which it varies.
+    fn refutation(&self, candidate: usize, fit: &Fit, left: &Left) -> Option<String> {
+        let unit = self.left_out(self.column(candidate));
         if unit.is_none() || unit != self.unit {
             // what units share is known from a unit's other sites: these tell nothing of what varies over units
             let with = leave_sites_out(&self.engine, fit, self.settings.seed);
@@ -117,19 +118,24 @@ impl Run<'_> {
                 ));
             }
         }
-        let unit = unit?;
-        if unit.n < LEAST_UNITS {
-            return Some(format!("not confirmable: it varies only over {} {}s", unit.n, unit.name));
-        }
-        let left = |fit: &Fit| leave_units_out(&self.engine, fit, &unit, self.settings.seed);
-        let (gain, se) = gain(&left(&self.without(fit)?)?.elpd, &left(fit)?.elpd);
-        let least = if Some(&unit) == self.unit.as_ref() { se } else { 0.0 };
-        (!(gain > least)).then(|| {
+        let unit = unit.filter(|unit| unit.n >= LEAST_UNITS)?;
+        let left = |fit: Fit| leave_units_out(&self.engine, &fit, &unit, self.settings.seed);
+        let both = self.without(fit).and_then(left).zip(left(fit.clone()));
+        let Some((before, after)) = both else {
+            return Some(format!("there is no fit with some {}s left out as a whole", unit.name));
+        };
+        let (gain, se) = gain(&before.elpd, &after.elpd);
+        (!(gain > se)).then(|| {
             format!(
-                "leaving {}s out as a whole, predictions do not improve ({gain:.1} ± {se:.1})",
+                "leaving {}s out as a whole, the gain {gain:.1} is not beyond its error {se:.1}",
                 unit.name
             )
         })
+    }
+
+    /// The column that a candidate reads.
+    fn column(&self, candidate: usize) -> Option<&str> {
+        self.candidates[candidate].form.as_ref().and_then(Form::column)
     }
 
     /// What is left out as a whole to confirm an effect of `column`, or of none; `None` for the site.
@@ -150,11 +156,18 @@ impl Run<'_> {
     }
 
     /// Causes that the best candidate cannot be told apart from.
-    fn rivals(&self, tried: &[Tried], base: &Fit, found: &[usize]) -> Vec<[String; 2]> {
-        let best = &tried[0];
+    fn rivals(
+        &self,
+        tried: &[Tried],
+        best: usize,
+        base: &Fit,
+        left: &Left,
+        found: &[usize],
+    ) -> Vec<[String; 2]> {
+        let best = &tried[best];
         let name = |t: &Tried| self.candidates[t.candidate].name.clone();
         let mut pairs: Vec<[String; 2]> = vec![];
-        for other in tried[1..].iter().filter(|t| name(t) != name(best)) {
+        for other in tried.iter().filter(|t| name(t) != name(best)) {
             let alike = r_squared(&self.engine, best.candidate, other.candidate);
             let is_rival = if alike > SAME {
                 true
@@ -166,7 +179,12 @@ impl Run<'_> {
             } else {
                 false
             };
-            if is_rival && !pairs.iter().any(|pair| pair[1] == name(other)) {
+            // what predicts nothing of what was left out is no rival, unless it goes with the best
+            let predicts = |fit: &Fit| self.refutation(other.candidate, fit, left).is_none();
+            if is_rival
+                && !pairs.iter().any(|pair| pair[1] == name(other))
+                && (alike > ALIKE || other.fit.as_ref().is_some_and(predicts))
+            {
                 pairs.push([name(best), name(other)]);
             }
         }

@@ -7,6 +7,7 @@
 //! the usual names of columns.
 
 mod candidates;
+mod checks;
 mod engine;
 mod error;
 mod fine;
@@ -21,7 +22,8 @@ mod rewrite;
 mod search;
 mod units;
 
-pub use candidates::{Candidate, Level, Unusable};
+pub use candidates::{Candidate, Level, Screen, Unusable};
+pub use checks::Warning;
 pub use engine::{Engine, Outer, RowAt, Term};
 pub use error::CriticismError;
 pub use fine::FINER;

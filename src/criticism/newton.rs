@@ -86,19 +86,22 @@ impl Newton<'_> {
             *local += linear.row(l).iter().zip(x.iter()).map(|(j, x)| j * x).sum::<f64>();
         }
         let mut curvatures = Vec::with_capacity(engine.rows.len());
+        let mut moved = vec![];
         for (r, row) in engine.rows.iter().enumerate() {
             locals[row.first + row.observable] += tau * z[row.site];
-            let mut c = Curvature::default();
             if self.hidden.binary_search(&r).is_ok() {
-                c.gradient = vec![0.0; row.n];
-                c.hessian = vec![0.0; row.n * row.n];
-                curvatures.push(c);
+                let (gradient, hessian) = (vec![0.0; row.n], vec![0.0; row.n * row.n]);
+                curvatures.push(Curvature { value: 0.0, gradient, hessian });
                 continue;
             }
             let own = &locals[row.first..][..row.n];
-            engine.model.row_curvature(row.id, own, &noise, &mut c);
+            // nothing that is integrated moves the others, a noise for instance
+            let is_moved = |l: &usize| linear.row(row.first + l).iter().any(|j| *j != 0.0);
+            moved.clear();
+            moved.extend((0..row.n).filter(|l| *l == row.observable || is_moved(l)));
+            let mut c = engine.model.row_curvature(row.id, own, &moved, &noise);
             value += c.value;
-            clip(&mut c.hessian, row.n);
+            clip(&mut c.hessian, row.n, &moved);
             for (l, g) in c.gradient.iter().enumerate() {
                 for (to, j) in gradient.iter_mut().zip(linear.row(row.first + l)) {
                     *to += g * j;
@@ -172,13 +175,29 @@ impl System {
     }
 }
 
-/// Takes the positive part of a Hessian away: what is left is negative semidefinite.
-fn clip(hessian: &mut [f64], n: usize) {
-    let matrix = DMatrix::from_row_slice(n, n, hessian);
+/// Takes the positive part of a Hessian `(n, n)` in the scalars numbered `of` away: what is left is negative
+/// semidefinite.
+fn clip(hessian: &mut [f64], n: usize, of: &[usize]) {
+    let at = |a: usize, b: usize| of[a] * n + of[b];
+    let is_negative = match of.len() {
+        1 => hessian[at(0, 0)] <= 0.0,
+        2 => {
+            let (a, b, c) = (hessian[at(0, 0)], hessian[at(0, 1)], hessian[at(1, 1)]);
+            a <= 0.0 && c <= 0.0 && a * c >= b * b
+        }
+        _ => false,
+    };
+    if is_negative {
+        return;
+    }
+    let matrix = DMatrix::from_fn(of.len(), of.len(), |a, b| hessian[at(a, b)]);
     let mut eigen = SymmetricEigen::new(matrix);
     if eigen.eigenvalues.iter().all(|e| *e <= 0.0) {
         return;
     }
     eigen.eigenvalues.apply(|e| *e = e.min(0.0));
-    hessian.copy_from_slice(eigen.recompose().as_slice());
+    let clipped = eigen.recompose();
+    for (a, b) in (0..of.len()).flat_map(|a| (0..of.len()).map(move |b| (a, b))) {
+        hessian[at(a, b)] = clipped[(a, b)];
+    }
 }

@@ -4,7 +4,8 @@ use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 use rayon::prelude::*;
 
-use super::candidates::{Candidate, Unusable, candidates, covariates};
+use super::candidates::{Candidate, Maker, Unusable, covariates};
+use super::checks::{Warning, check};
 use super::engine::{Engine, Outer, Term};
 use super::error::CriticismError;
 use super::fine::finer_fields;
@@ -91,6 +92,8 @@ pub struct Outcome {
     pub candidates: Vec<Candidate>,
     /// Columns that could not.
     pub unusable: Vec<Unusable>,
+    /// Doubts about the table.
+    pub warnings: Vec<Warning>,
     /// The model laid out with all candidates.
     pub engine: Engine,
     /// The rounds.
@@ -172,24 +175,36 @@ pub fn criticise(
 ) -> Result<Outcome, CriticismError> {
     let outline = Model::outline(case.model)?;
     let on = observables(&outline)?;
-    let unit = random_unit(case.table, covariates(&outline, case.table).into_iter());
-    let plain = engine(case, &on, &[], unit.as_ref())?;
+    let plain = engine(case, &on, &[], None)?;
+    let columns = covariates(&plain.model, case.table);
+    let warnings = check(case.table, &columns);
+    let unit = random_unit(case.table, columns.into_iter());
+    let plain = if unit.is_some() { engine(case, &on, &[], unit.as_ref())? } else { plain };
     let step = step_of(&plain.model);
     let mut start = base_fit(&plain, unit.as_ref(), step)?;
-    let slopes = field_sd(&plain, &start, step);
-    let (candidates, unusable) =
-        candidates(&plain.model, case.table, &on, step, &slopes, unit.as_ref());
+    let mut once = on.clone();
+    once.sort();
+    once.dedup();
+    let maker = Maker {
+        model: &plain.model,
+        table: case.table,
+        on: once,
+        step,
+        field_sd: field_sd(&plain, &start, step),
+        unit: unit.as_ref(),
+    };
+    let (candidates, unusable) = maker.all();
     let mut laid = engine(case, &on, &candidates, unit.as_ref())?;
     let n_sites = laid.sites.len();
     let mut finer = vec![];
-    for terms in finer_fields(&plain.model, case.basis, case.table, n_sites, &slopes) {
+    for terms in finer_fields(&plain.model, case.basis, case.table, n_sites, &maker.field_sd) {
         let first = laid.terms.len();
         laid.terms.extend(terms);
         finer.push((first..laid.terms.len()).collect());
     }
     let run = Run { case, settings, on, candidates, engine: laid, finer, step, unit };
     start.active = run.active(&[]);
-    run.rounds(start, unusable, watch)
+    run.rounds(start, (unusable, warnings), watch)
 }
 
 /// A search under way.
@@ -216,7 +231,7 @@ impl Run<'_> {
     fn rounds(
         self,
         start: Fit,
-        unusable: Vec<Unusable>,
+        (unusable, warnings): (Vec<Unusable>, Vec<Warning>),
         watch: &(dyn Fn(usize, usize) + Sync),
     ) -> Result<Outcome, CriticismError> {
         let (mut rounds, mut found, mut ambiguous): (Vec<Round>, Vec<usize>, Vec<[String; 2]>) =
@@ -245,6 +260,7 @@ impl Run<'_> {
         Ok(Outcome {
             candidates,
             unusable,
+            warnings,
             engine,
             rounds,
             found,

@@ -8,8 +8,8 @@ use rand::{Rng, RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use rand_distr::StandardNormal;
 
-use super::candidates::{Candidate, Level};
-use super::engine::Engine;
+use super::candidates::{Candidate, Level, Screen};
+use super::engine::{Engine, Term};
 use super::fit::{Cavity, Fit};
 use super::outer::{Free, optimise, score};
 use super::units::Unit;
@@ -79,6 +79,28 @@ pub fn leave_out(engine: &Engine, fit: &Fit, of: &[usize], seed: u64) -> Left {
     left
 }
 
+/// Most folds of [`leave_units_out`].
+const FOLDS: usize = 20;
+
+/// As [`leave_sites_out`], each unit predicted from the others by a fit that has not seen it (at most 20
+/// folds); `elpd` is of folds, sites counting as independent given the fit. `None` where a fit fails.
+pub fn leave_units_out(engine: &Engine, fit: &Fit, unit: &Unit, seed: u64) -> Option<Left> {
+    let (n, folds) = (engine.rows.len(), unit.n.min(FOLDS));
+    let mut all = Left { residual: vec![0.0; n], predicted: vec![f64::NAN; n], elpd: vec![] };
+    for fold in 0..folds {
+        let is_hidden =
+            |r: &usize| unit.group[engine.model.table_row(engine.rows[*r].id)] % folds == fold;
+        let hidden: Vec<usize> = (0..n).filter(is_hidden).collect();
+        let part = engine.fit_without(&hidden, &fit.outer, &fit.active, Some(fit))?;
+        let left = leave_out(engine, &part, &hidden, seed);
+        for r in hidden {
+            (all.residual[r], all.predicted[r]) = (left.residual[r], left.predicted[r]);
+        }
+        all.elpd.push(left.elpd.iter().sum());
+    }
+    Some(all)
+}
+
 /// Predicts a cavity's rows; returns their joint log predictive density.
 fn predict(
     engine: &Engine,
@@ -126,33 +148,6 @@ fn predict(
     }
     let most = ln.iter().copied().fold(f64::NEG_INFINITY, f64::max);
     most + (ln.iter().map(|l| (l - most).exp()).sum::<f64>() / DRAWS as f64).ln()
-}
-
-/// Most folds of [`leave_units_out`].
-const FOLDS: usize = 20;
-
-/// As [`leave_sites_out`], each unit predicted from the others by a fit that has not seen it (at most 20
-/// folds); `elpd` is of folds, sites counting as independent given the fit. `None` where a fit fails.
-pub fn leave_units_out(engine: &Engine, fit: &Fit, unit: &Unit, seed: u64) -> Option<Left> {
-    let (n, folds) = (engine.rows.len(), unit.n.min(FOLDS));
-    let mut left =
-        Left { residual: vec![0.0; n], predicted: vec![f64::NAN; n], elpd: vec![0.0; folds] };
-    for fold in 0..folds {
-        let is_hidden =
-            |r: &usize| unit.group[engine.model.table_row(engine.rows[*r].id)] % folds == fold;
-        let hidden: Vec<usize> = (0..n).filter(is_hidden).collect();
-        let part = engine.fit_without(&hidden, &fit.outer, &fit.active, Some(fit))?;
-        for (site, rows) in engine.sites.iter().enumerate() {
-            let own: Vec<usize> = rows.iter().copied().filter(is_hidden).collect();
-            let mut rng = ChaCha8Rng::seed_from_u64(seed);
-            rng.set_stream(site as u64);
-            if let Some(cavity) = part.cavity(engine, &own) {
-                let Left { residual, predicted, elpd } = &mut left;
-                elpd[fold] += predict(engine, &part, &cavity, &mut rng, residual, predicted);
-            }
-        }
-    }
-    Some(left)
 }
 
 /// Share of a term's variance over the rows that a smooth through the model's fields could take up.
@@ -215,20 +210,17 @@ fn square_root(covariance: &DMatrix<f64>) -> DMatrix<f64> {
     &eigen.eigenvectors * DMatrix::from_diagonal(&eigen.eigenvalues)
 }
 
-/// p-value of the F-test of site-mean residuals on a design's site means.
-pub(super) fn f_test(engine: &Engine, residual: &[f64], term: usize) -> f64 {
+/// p-value of the F-test of values of groups of rows on a design's means over these.
+fn f_test(engine: &Engine, groups: &[(f64, Vec<usize>)], term: usize) -> f64 {
     let term = &engine.terms[term];
-    let sites: Vec<&Vec<usize>> = engine.sites.iter().filter(|rows| !rows.is_empty()).collect();
-    let n = sites.len();
-    let mean = |of: &dyn Fn(usize) -> f64, rows: &[usize]| {
-        rows.iter().map(|r| of(*r)).sum::<f64>() / rows.len() as f64
-    };
-    let y = DVector::from_fn(n, |s, _| mean(&|r| residual[r], sites[s]));
+    let n = groups.len();
+    let y = DVector::from_iterator(n, groups.iter().map(|(value, _)| *value));
     let mut x = DMatrix::from_element(n, term.n + 1, 1.0);
-    for (s, rows) in sites.iter().enumerate() {
+    for (g, (_, rows)) in groups.iter().enumerate() {
         for k in 0..term.n {
-            let z = |r: usize| term.design[engine.model.table_row(engine.rows[r].id) * term.n + k];
-            x[(s, k + 1)] = mean(&z, rows);
+            let z =
+                |r: &usize| term.design[engine.model.table_row(engine.rows[*r].id) * term.n + k];
+            x[(g, k + 1)] = rows.iter().map(z).sum::<f64>() / rows.len() as f64;
         }
     }
     let total = y.add_scalar(-y.mean()).norm_squared();
@@ -245,6 +237,25 @@ pub(super) fn f_test(engine: &Engine, residual: &[f64], term: usize) -> f64 {
     crate::diagnostics::beta_above(explained / total, 0.5 * d1, 0.5 * d2)
 }
 
+/// Mean residual of each site, with its rows.
+fn of_sites(engine: &Engine, residual: &[f64]) -> Vec<(f64, Vec<usize>)> {
+    let mean = |rows: &Vec<usize>| {
+        (rows.iter().map(|r| residual[*r]).sum::<f64>() / rows.len() as f64, rows.clone())
+    };
+    engine.sites.iter().filter(|rows| !rows.is_empty()).map(mean).collect()
+}
+
+/// Random effect of each unit, with its rows.
+fn of_units(engine: &Engine, fit: &Fit) -> Vec<(f64, Vec<usize>)> {
+    let Some(term) = fit.unit_term(engine) else { return vec![] };
+    let own = |k: usize| {
+        let is_own =
+            |r: &usize| term.design[engine.model.table_row(engine.rows[*r].id) * term.n + k] > 0.0;
+        (fit.x[engine.split.linear.len() + k], (0..engine.rows.len()).filter(is_own).collect())
+    };
+    (0..term.n).map(own).filter(|(_, rows): &(f64, Vec<usize>)| !rows.is_empty()).collect()
+}
+
 /// Scores every candidate against `base`; `accepted` are terms that are in both.
 pub(super) fn search(
     engine: &Engine,
@@ -256,12 +267,17 @@ pub(super) fn search(
     seed: u64,
 ) -> Vec<Tried> {
     let left = leave_sites_out(engine, base, seed);
+    let (sites, units) = (of_sites(engine, &left.residual), of_units(engine, base));
     let reference = score(base, step);
     let one = |candidate: usize| {
-        let Candidate { level, is_screened, .. } = candidates[candidate];
-        let p_screen = if is_screened { f_test(engine, &left.residual, candidate) } else { 1.0 };
+        let Candidate { level, screen, .. } = candidates[candidate];
+        let p_screen = match screen {
+            Screen::Sites => f_test(engine, &sites, candidate),
+            Screen::Units => f_test(engine, &units, candidate),
+            Screen::None => 1.0,
+        };
         let mut tried = Tried { candidate, p_screen, log_bf: f64::NEG_INFINITY, fit: None };
-        if is_screened && p_screen > gate {
+        if screen != Screen::None && p_screen > gate {
             return tried;
         }
         let active = [accepted, &[candidate]].concat();
@@ -275,7 +291,7 @@ pub(super) fn search(
         tried.log_bf = score(&fit, step) - reference;
         tried.fit = Some(fit.clone());
         // what varies over units gains only once it has taken the place of their random effect
-        if (tried.log_bf > 0.0 || fit.outer.ln_unit.is_some() && !is_screened)
+        if (tried.log_bf > 0.0 || screen == Screen::Units)
             && let Some((best, score)) = optimise(engine, &active, &fit, Free::Spread, step)
             && score - reference > tried.log_bf
         {
@@ -319,8 +335,7 @@ pub(super) fn simulate(engine: &Engine, fit: &Fit, rng: &mut ChaCha8Rng) -> Vec<
     let tau = fit.outer.ln_site.exp();
     let effects: Vec<f64> =
         engine.sites.iter().map(|_| rng.sample::<f64, _>(StandardNormal)).collect();
-    // the random effect of units comes first among the terms
-    let unit = fit.active.first().map(|a| &engine.terms[*a]).filter(|term| term.sd.is_none());
+    let unit = fit.unit_term(engine);
     let unit_sd = fit.outer.ln_unit.map_or(0.0, f64::exp);
     let (first, n) = (engine.split.linear.len(), unit.map_or(0, |term| term.n));
     let moved: Vec<f64> = (0..n)
@@ -363,6 +378,11 @@ impl Fit {
             }
         }
         Some(slopes)
+    }
+
+    /// The random effect of units, which comes first among the terms, if there is one.
+    fn unit_term<'e>(&self, engine: &'e Engine) -> Option<&'e Term> {
+        self.active.first().map(|a| &engine.terms[*a]).filter(|term| term.sd.is_none())
     }
 
     /// The noise of its rows.

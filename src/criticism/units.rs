@@ -107,7 +107,7 @@ pub(super) fn unit_of(table: &Measurements, column: Option<&str>) -> Unit {
 }
 
 /// The coarsest occasion within which `column` is constant.
-fn occasion_of(table: &Measurements, column: &str, site: &Unit) -> Option<Unit> {
+pub(super) fn occasion_of(table: &Measurements, column: &str, site: &Unit) -> Option<Unit> {
     let mut coarsest: Option<Unit> = None;
     for other in table.columns().iter().filter(|c| *c != column && is_occasion(c)) {
         let n_labels = distinct(table, other).len();

@@ -112,7 +112,7 @@ macro_rules! statement {
     ($b:ident $P:tt $R:tt $L:tt $C:tt $V:tt $o:tt $(#[doc = $doc:literal])* let $($t:tt)*) => { $crate::mistake!{ "expected `let NAME(x) [unit] = EXPRESSION;`" $($t)* } };
     ($b:ident $P:tt $R:tt $L:tt $C:tt $V:tt $o:tt $(#[doc = $doc:literal])* column $($t:tt)*) => { $crate::mistake!{ "expected `column NAME [unit];` or `column NAME(3);`" $($t)* } };
     ($b:ident $P:tt $R:tt $L:tt $C:tt $V:tt $o:tt $(#[doc = $doc:literal])* observe $($t:tt)*) => { $crate::mistake!{ "expected `observe NAME(x): Bracket [unit] ~ LIKELIHOOD;` or `observe NAME(row): Number [unit] from (row.a / row.b) ~ LIKELIHOOD;`" $($t)* } };
-    ($b:ident $P:tt $R:tt $L:tt $C:tt $V:tt $o:tt $(#[doc = $doc:literal])* effect $($t:tt)*) => { $crate::mistake!{ "expected `effect NAME on LET, LET [unit] = linear(row.COLUMN) ~ PRIOR;`, or `scaled`, `smooth`, `above`, `group`, `family`, `all` in place of `linear`" $($t)* } };
+    ($b:ident $P:tt $R:tt $L:tt $C:tt $V:tt $o:tt $(#[doc = $doc:literal])* effect $($t:tt)*) => { $crate::mistake!{ "expected `effect NAME on LET, LET [unit] = linear(row.COLUMN) ~ PRIOR;`, or `scaled`, `smooth`, `above`, `group`, `family`, `all`, `surface`, `path` in place of `linear`" $($t)* } };
     ($b:ident $P:tt $R:tt $L:tt $C:tt $V:tt $o:tt $(#[doc = $doc:literal])* density $($t:tt)*) => { $crate::mistake!{ "expected `density NAME(data) = f(PARAMETER, data.COLUMN);` or `density NAME = f(PARAMETER);`" $($t)* } };
     ($b:ident $P:tt $R:tt $L:tt $C:tt $V:tt $o:tt $(#[doc = $doc:literal])* $first:tt $($t:tt)*) => { $crate::mistake!{ "a statement begins with `param`, `field`, `let`, `column`, `observe`, `effect` or `density`" $first $($t)* } };
 }
@@ -127,7 +127,9 @@ macro_rules! form {
     (group $r:ident . $c:ident) => { $crate::dsl::expansion::Form::Group { column: stringify!($c).into() } };
     (family $r:ident . $c:ident) => { $crate::dsl::expansion::Form::Family { column: stringify!($c).into() } };
     (all $r:ident) => { $crate::dsl::expansion::Form::All };
-    ($($other:tt)*) => { { $crate::mistake!{ "expected `linear(row.a, row.b)`, `scaled(row.a, CENTRE, SCALE)`, `smooth(row.a, LOW, HIGH, DEGREE)`, `above(row.a, THRESHOLD)`, `group(row.a)`, `family(row.a)` or `all(row)`" $($other)* } $crate::dsl::expansion::Form::All } };
+    (surface $r:ident, $modes:literal, $lengthscale:expr) => { $crate::dsl::expansion::Form::Surface { modes: $modes, lengthscale: f64::from($lengthscale) } };
+    (path $r:ident, $modes:literal, $lengthscale:expr) => { $crate::dsl::expansion::Form::Path { modes: $modes, lengthscale: f64::from($lengthscale) } };
+    ($($other:tt)*) => { { $crate::mistake!{ "expected `linear(row.a, row.b)`, `scaled(row.a, CENTRE, SCALE)`, `smooth(row.a, LOW, HIGH, DEGREE)`, `above(row.a, THRESHOLD)`, `group(row.a)`, `family(row.a)`, `all(row)`, `surface(row, MODES, LENGTHSCALE)` or `path(row, MODES, LENGTHSCALE)`" $($other)* } $crate::dsl::expansion::Form::All } };
 }
 
 /// A message (its span is the whole `model!`), and an error at the place: `no rules expected` points

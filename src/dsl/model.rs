@@ -164,6 +164,8 @@ pub struct Model {
     pub(super) start: Vec<(usize, f64)>,
     /// Lengths of unknowns, values, work.
     pub(super) layout: [usize; 3],
+    /// The most modes that an effect asks for.
+    pub(super) effect_modes: usize,
 }
 
 impl Model {
@@ -225,6 +227,7 @@ impl Model {
             hooks: BTreeMap::new(),
             start: vec![],
             layout: [0; 3],
+            effect_modes: 0,
         }
     }
 
@@ -256,9 +259,10 @@ impl Model {
         !self.fields.is_empty()
     }
 
-    /// The most modes that a field asks for.
+    /// The most modes that a field, or an effect that is one, asks for.
     pub fn n_modes(&self) -> usize {
-        self.fields.iter().map(|f| f.op.k + f.first).max().unwrap_or(0)
+        let fields = self.fields.iter().map(|f| f.op.k + f.first);
+        fields.max().unwrap_or(0).max(self.effect_modes)
     }
 
     /// Number of reported numbers: parameters, with the constant modes that are drawn afterwards.

@@ -7,6 +7,7 @@
 //! What acts has a standard deviation of 8 ms over the sites.
 #![allow(clippy::unwrap_used, reason = "for tests")]
 #![allow(dead_code, reason = "each test uses a part of it")]
+#![allow(clippy::doc_markdown, clippy::manual_is_multiple_of, reason = "for tests")]
 
 use std::fmt::Write as _;
 

@@ -46,16 +46,19 @@ impl Joint {
     ) -> Result<Self, Failure> {
         let outline = Model::outline(model)?;
         heldout.check_protocols(&outline.readers())?;
-        if let Some((surface, _)) = &inputs.surface {
-            heldout.clone().place_on(surface, scale)?; // its errors name its own lines
+        let mut heldout = heldout;
+        if let Some((surface, basis)) = &inputs.surface {
+            heldout.place_on(surface, scale)?; // its errors name its own lines
+            heldout.probe(surface, basis)?;
         }
         let basis = inputs.surface.as_ref().map(|(_, basis)| basis);
         let fitted = Model::new(model, basis, &inputs.measurements)?;
         let own: Vec<&str> =
             fitted.observes.iter().flat_map(|o| o.cells.iter().map(String::as_str)).collect();
         let mut table = with_heldout(&inputs.measurements, &heldout, &own);
-        if let Some((surface, _)) = &inputs.surface {
+        if let Some((surface, basis)) = &inputs.surface {
             table.place_on(surface, scale)?;
+            table.probe(surface, basis)?;
         }
         Model::new(model, basis, &table)?;
         Ok(Self { table, heldout, first: inputs.measurements.len() })

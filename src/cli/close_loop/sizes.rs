@@ -8,8 +8,8 @@ use crate::dsl::{AddedEffect, Form};
 
 /// The size of an effect.
 pub(super) struct Size {
-    /// Central 90 % interval of its one coefficient, of the greatest difference between two labels, or of
-    /// the range of its curve over the table.
+    /// Central 90 % interval of its one coefficient, of the greatest difference between two labels, of
+    /// the range of its curve over the table or, of a field, of its sd there.
     pub(super) interval: [f64; 2],
     /// What it is the size of.
     of: String,
@@ -46,6 +46,13 @@ impl Size {
                 draws.iter().map(|draw| draw[0]).collect(),
                 format!("where {column} is above {threshold:.3}"),
             ),
+            Form::Surface { .. } | Form::Path { .. } => {
+                let (design, n) = effect.form.design(&inputs.measurements);
+                let of_rows = |draw: &Vec<f64>| {
+                    sd(&design.chunks_exact(n).map(|z| dot(z, draw)).collect::<Vec<f64>>())
+                };
+                (draws.iter().map(of_rows).collect(), "sd over the measurements".into())
+            }
             Form::All => (draws.iter().map(|draw| draw[0]).collect(), "everywhere".into()),
         };
         values.sort_by(f64::total_cmp);
@@ -75,6 +82,12 @@ fn extremes(draws: &[Vec<f64>]) -> (usize, usize) {
     let mut order: Vec<usize> = (0..n).collect();
     order.sort_by(|a, b| total(*a).total_cmp(&total(*b)));
     (order.first().copied().unwrap_or(0), order.last().copied().unwrap_or(0))
+}
+
+fn sd(x: &[f64]) -> f64 {
+    let n = x.len() as f64;
+    let mean = x.iter().sum::<f64>() / n;
+    (x.iter().map(|x| (x - mean).powi(2)).sum::<f64>() / n).sqrt()
 }
 
 fn dot(a: &[f64], b: &[f64]) -> f64 {

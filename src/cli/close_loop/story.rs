@@ -46,6 +46,11 @@ impl Story<'_> {
         let tried = rounds.flat_map(|(i, round)| self.tried_json(i, round));
         let unusable: Vec<Value> =
             outcome.unusable.iter().map(|u| json!({ "column": u.column, "why": u.why })).collect();
+        let warnings: Vec<Value> = outcome
+            .warnings
+            .iter()
+            .map(|w| json!({ "check": w.check, "column": w.column, "text": w.text }))
+            .collect();
         let heldout = self.heldout.and_then(Heldout::comparison);
         let units = self.left_units.as_ref().map(|left| {
             let mut figures = as_json(&left.comparison(outcome));
@@ -65,6 +70,7 @@ impl Story<'_> {
             "site_log_bf": outcome.site_log_bf,
             "unit_log_bf": outcome.unit_log_bf.as_ref().map(|(_, log_bf)| log_bf),
             "not_tried": unusable,
+            "warnings": warnings,
             "tried": tried.collect::<Vec<_>>(),
         })
     }
@@ -194,7 +200,8 @@ impl Story<'_> {
     /// Doubts about the table.
     fn doubts(&self) -> Vec<String> {
         let table = &self.inputs.measurements;
-        let mut doubts = vec![];
+        let mut doubts: Vec<String> =
+            self.outcome.warnings.iter().map(|warning| warning.text.clone()).collect();
         for (effect, _) in self.effects {
             let Some(column) = effect.form.column() else { continue };
             if self.heldout.is_some_and(|h| h.missing.iter().any(|c| c == column)) {
@@ -352,9 +359,13 @@ impl Story<'_> {
 /// An effect in words.
 fn in_words(effect: &AddedEffect) -> String {
     let on = effect.on.join(" and ");
-    match effect.form.column() {
-        Some(column) => format!("an effect of {column} on {on}"),
-        None => format!("an offset of {on}"),
+    match &effect.form {
+        Form::Surface { .. } => format!("a field over the surface in {on}"),
+        Form::Path { .. } => format!("a slowness that varies along the paths, in {on}"),
+        form => match form.column() {
+            Some(column) => format!("an effect of {column} on {on}"),
+            None => format!("an offset of {on}"),
+        },
     }
 }
 
@@ -368,6 +379,10 @@ fn rounded(form: &Form) -> String {
             format!("smooth({column}, {low:.3}, {high:.3}, {degree})")
         }
         Form::Above { column, threshold } => format!("above({column}, {threshold:.3})"),
-        Form::Group { .. } | Form::Family { .. } | Form::All => form.text().replace("row.", ""),
+        Form::Surface { .. }
+        | Form::Path { .. }
+        | Form::Group { .. }
+        | Form::Family { .. }
+        | Form::All => form.text().replace("row.", ""),
     }
 }

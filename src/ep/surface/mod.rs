@@ -243,6 +243,36 @@ mod tests {
         assert!((apd90 - 0.1 - expected.apd90).abs() < 0.01);
     }
 
+    /// Irregular triangles on a bent sheet, where no two elements are alike.
+    #[test]
+    fn an_irregular_bent_sheet_agrees_with_a_strip_as_fine() {
+        let spacing = 0.2;
+        let flat = rectangle(91, 11, spacing);
+        let bent = |(v, p): (usize, &[f64; 3])| {
+            let at_rim = v % 11 == 0 || v % 11 == 10 || v < 22 || v >= 91 * 11 - 11;
+            let jitter = if at_rim { 0.0 } else { 0.2 * spacing * (7.3 * v as f64).sin() };
+            let (x, radius) = (p[0] + jitter, 20.0);
+            // lengths along a cylinder are those of the sheet
+            [
+                x,
+                radius * ((p[1] + jitter) / radius).sin(),
+                radius * ((p[1] + jitter) / radius).cos(),
+            ]
+        };
+        let vertices = flat.vertices().iter().enumerate().map(bent).collect();
+        let mesh = TriMesh::new(vertices, flat.triangles().to_vec()).unwrap();
+        let [cv, apd90] =
+            middle(&mesh, &beat::<f32>(&mesh, &paced_once((0..33).collect(), 400.0), 0.1));
+        let grid = Grid { n_along: 91, n_across: 3, spacing, dt: 0.1 };
+        let tissue = Parameters::from_array(TYPICAL).tissue();
+        let protocol = Protocol { n_beats: 1, ..Protocol::default() };
+        let strip = simulate_strips(&[tissue], &grid, &protocol, &|_| ()).unwrap();
+        let expected = strip[0].s1.unwrap();
+        println!("CV {cv} {}, APD90 {apd90} {}", expected.cv, expected.apd90 + 0.1);
+        assert!((cv / expected.cv - 1.0).abs() < 0.01);
+        assert!((apd90 - 0.1 - expected.apd90).abs() < 0.2);
+    }
+
     #[test]
     fn single_precision_agrees_with_double_and_threads_change_no_bit() {
         let mesh = rectangle(61, 41, 0.4);
