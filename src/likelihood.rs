@@ -11,8 +11,10 @@ use crate::num::lanes::{self, LANES};
 use crate::num::{Argument, LN_SQRT_2PI, Real};
 
 mod counts;
+mod mixture;
 mod numbers;
 pub use counts::{BinomialLogit, NegBinomialLog, OrderedLogit};
+pub use mixture::Mixture;
 
 /// How a measurement is read from a row of a table.
 #[diagnostic::on_unimplemented(
@@ -34,7 +36,7 @@ pub trait Observation: Copy + std::fmt::Debug + Send + Sync + 'static {
 /// A likelihood of a measurement of kind `Y`.
 #[diagnostic::on_unimplemented(
     message = "`{Self}` is not a likelihood of a `{Y}`",
-    label = "a Bracket takes TopHat(f) or Interval(f, sigma); a Number takes Normal(mu, sd), StudentT, Cauchy, Laplace, LogNormal, Gamma or Exponential; a Count takes PoissonLog(eta), BernoulliLogit(eta), BinomialLogit(n, eta), NegBinomialLog(eta, phi) or OrderedLogit(eta, cut)"
+    label = "a Bracket takes TopHat(f) or Interval(f, sigma); a Number takes Normal(mu, sd), StudentT, Cauchy, Laplace, LogNormal, Gamma or Exponential; a Count takes PoissonLog(eta), BernoulliLogit(eta), BinomialLogit(n, eta), NegBinomialLog(eta, phi) or OrderedLogit(eta, cut); any of them Mixture(share, A, B)"
 )]
 pub trait Likelihood<D: Real, Y: Observation> {
     /// Log likelihood of `y`.

@@ -16,6 +16,7 @@ use crate::dsl::units::{Decl, check_units};
 use crate::manifold::Basis;
 
 mod fields;
+mod lets;
 mod observes;
 
 /// How many numbers a parameter is.
@@ -65,6 +66,11 @@ pub struct Builder<'a> {
     offsets_on: Vec<String>,
     /// First offset of (observe, field or let).
     hooks: BTreeMap<(&'static str, &'static str), usize>,
+    /// First value of (observe, linear predictor).
+    predictors: BTreeMap<(&'static str, &'static str), usize>,
+    /// (`let`, observe that depends on it)
+    seen: BTreeSet<(&'static str, &'static str)>,
+    lets: Vec<lets::Declared>,
     /// Values whose prior is flat, with their unknown; and values that expressions mention, how often.
     flat: BTreeMap<usize, usize>,
     mentions: BTreeMap<usize, usize>,
@@ -99,6 +105,9 @@ impl<'a> Builder<'a> {
             effects: vec![],
             offsets_on: vec![],
             hooks: BTreeMap::new(),
+            predictors: BTreeMap::new(),
+            seen: BTreeSet::new(),
+            lets: vec![],
             flat: BTreeMap::new(),
             mentions: BTreeMap::new(),
             field: None,
@@ -291,20 +300,20 @@ impl<'a> Builder<'a> {
         scope: &Scope,
         reads_row: bool,
     ) {
-        self.map(decl, range, scope, reads_row, Box::new(MapAt::<F, N>::new()));
+        self.map(decl, range, scope, reads_row, || Box::new(MapAt::<F, N>::new()));
     }
 
-    /// Keeps a `let` that depends on parameters and fields alone as a map over the vertices.
+    /// Keeps a `let` for what is reported of it, and as a map over the vertices if it depends on parameters
+    /// and fields alone.
     fn map(
         &mut self,
         decl: Decl,
         range: Option<(f64, f64)>,
         scope: &Scope,
         reads_row: bool,
-        at: Box<dyn MapFn>,
+        make: fn() -> Box<dyn MapFn>,
     ) {
         self.state("let", decl, range);
-        self.names.push((decl.name, Source::Let));
         let mut sources = vec![];
         let mut is_map = !reads_row;
         for (i, name) in scope.names.iter().enumerate() {
@@ -324,8 +333,10 @@ impl<'a> Builder<'a> {
                 });
             }
         }
+        self.declare_let(decl, scope, reads_row, make);
+        self.names.push((decl.name, Source::Let));
         if is_map {
-            let unit = decl.unit.into();
+            let (unit, at) = (decl.unit.into(), make());
             self.model.maps.push(Map { name: decl.name, unit, range, sources, at });
         }
     }
@@ -339,6 +350,7 @@ impl<'a> Builder<'a> {
     pub fn linear(&mut self, decl: Decl, columns: &[&'static str], beta: &'static str) {
         self.state("let", decl, None);
         self.names.push((decl.name, Source::Linear { beta, columns: columns.to_vec() }));
+        self.declare_linear(decl);
     }
 
     /// `effect name on a, b [unit] = linear(row.c) ~ prior;`
@@ -442,6 +454,7 @@ impl<'a> Builder<'a> {
     /// Everything is declared.
     pub(super) fn finish(mut self) -> Result<Model, ModelError> {
         self.apply_effects()?;
+        self.lay_out_lets()?;
         check_units(&self.model)?;
         self.model.layout = [self.n_u, self.n_v, self.n_work];
         if let Some(data) = self.data {
