@@ -14,6 +14,8 @@ mod erp_exact;
 mod erp_multiscale;
 #[path = "../models/garch.rs"]
 mod garch;
+#[path = "../models/lat.rs"]
+mod lat;
 #[path = "../models/normal.rs"]
 mod normal;
 #[path = "../models/one_compartment.rs"]
@@ -22,6 +24,8 @@ mod one_compartment;
 mod recovery;
 #[path = "../models/regression.rs"]
 mod regression;
+#[path = "../models/restitution.rs"]
+mod restitution;
 
 /// The model in a file of the folder `models`, with its text.
 macro_rules! shipped {
@@ -37,9 +41,11 @@ fn main() -> ExitCode {
         shipped!("erp_exact.rs", &erp_exact::ErpExact),
         shipped!("erp_multiscale.rs", &erp_multiscale::ErpMultiscale),
         shipped!("garch.rs", &garch::Garch),
+        shipped!("lat.rs", &lat::Lat),
         shipped!("normal.rs", &normal::MeanAndSpread),
         shipped!("one_compartment.rs", &one_compartment::OneCompartment),
         shipped!("recovery.rs", &recovery::Recovery),
         shipped!("regression.rs", &regression::Regression),
+        shipped!("restitution.rs", &restitution::Restitution),
     ])
 }

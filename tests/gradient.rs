@@ -18,6 +18,8 @@ mod forms;
 mod garch;
 #[path = "models/language.rs"]
 mod language;
+#[path = "../models/lat.rs"]
+mod lat;
 #[path = "../models/normal.rs"]
 mod normal;
 #[path = "../models/one_compartment.rs"]
@@ -28,6 +30,8 @@ mod posteriors;
 mod recovery;
 #[path = "../models/regression.rs"]
 mod regression;
+#[path = "../models/restitution.rs"]
+mod restitution;
 mod support;
 
 use eplat::dsl::{Declare, Measurements, Model};
@@ -124,6 +128,15 @@ fn erp_on_two_length_scales() {
 #[test]
 fn recovery() {
     check(&recovery::Recovery, &rows(20, &["S1S2"]));
+}
+
+#[test]
+fn measured_data_without_fields() {
+    let mut rng = rng(10);
+    let mut line = |_| format!("{},{}", rng.random_range(5.0..90.0), rng.random_range(5.0..90.0));
+    let lines: Vec<String> = (0..20).map(&mut line).collect();
+    check(&restitution::Restitution, &table("amp_s1,amp_s2", &lines));
+    check(&lat::Lat, &table("path_mm,lat", &lines));
 }
 
 #[test]

@@ -19,12 +19,16 @@ mod erp_exact;
 mod erp_multiscale;
 #[path = "models/language.rs"]
 mod language;
+#[path = "../models/lat.rs"]
+mod lat;
 #[path = "../models/normal.rs"]
 mod normal;
 #[path = "../models/recovery.rs"]
 mod recovery;
 #[path = "../models/regression.rs"]
 mod regression;
+#[path = "../models/restitution.rs"]
+mod restitution;
 mod support;
 
 use std::path::Path;
@@ -357,6 +361,57 @@ fn recovery_recovers_its_field_and_noise() {
     assert_recovered(&good, &truth, Some(&basis));
     let twin = fit(&recovery::Recovery, Some(&basis), &displaced(&table, 15.0).read(), 400);
     assert_found_out(&twin, &truth, Some(&basis));
+}
+
+#[test]
+fn restitution_recovers_its_ratio_from_two_amplitudes() {
+    let mut rng = rng(11);
+    let truth = Truth { reported: vec![0.8, 0.07], fields: vec![] };
+    let mut row = |_| {
+        let before = rng.random_range(50.0..300.0);
+        let ratio = truth.reported[0] + truth.reported[1] * rng.sample::<f64, _>(StandardNormal);
+        [before, before * ratio]
+    };
+    let rows: Vec<[f64; 2]> = (0..120).map(&mut row).collect();
+    // amplitudes above a baseline that was not taken away are another ratio
+    let read = |baseline: f64| {
+        let line = |r: &[f64; 2]| format!("{},{}", r[0] + baseline, r[1] + baseline);
+        table("amp_s1,amp_s2", &rows.iter().map(line).collect::<Vec<_>>())
+    };
+    assert_recovered(&fit(&restitution::Restitution, None, &read(0.0), 500), &truth, None);
+    assert_found_out(&fit(&restitution::Restitution, None, &read(40.0), 500), &truth, None);
+}
+
+#[test]
+fn a_measurement_is_computed_from_columns_or_refused() {
+    let new = |rows: &[&str]| {
+        let rows: Vec<String> = rows.iter().map(ToString::to_string).collect();
+        Model::new(&restitution::Restitution, None, &table("amp_s1,amp_s2", &rows))
+    };
+    let model = new(&["100,80", "100,", "50,30"]).unwrap();
+    assert_eq!(model.observes[0].rows, [0, 2], "a row without an amplitude holds no measurement");
+    assert_eq!(model.observes[0].observed(), [[0.8], [0.6]]);
+    let text = new(&["100,80", "0,80"]).unwrap_err().to_string();
+    assert!(text.contains("line 3, column `amp_s1, amp_s2`"), "{text}");
+    assert!(text.contains("row.amp_s2 / row.amp_s1 = inf"), "{text}");
+    let missing = table("amp_s1,amp", &["1,2".into()]);
+    let text = Model::new(&restitution::Restitution, None, &missing).unwrap_err().to_string();
+    assert!(text.contains("no column `amp_s2`, which observe ratio reads"), "{text}");
+}
+
+#[test]
+fn lat_recovers_onset_and_slowness() {
+    let given = [("onset", 20.0), ("slowness", 1.3), ("noise", 6f64.ln())];
+    let mut rng = rng(12);
+    let mut row = |_| vec![rng.random_range(0.0..120.0f64).to_string(), "0".into()];
+    let mut table = Table { header: "path_mm,lat", rows: (0..100).map(&mut row).collect() };
+    let truth = simulate(&lat::Lat, None, &mut table, &given, 13);
+    assert_recovered(&fit(&lat::Lat, None, &table.read(), 500), &truth, None);
+    // straight lines instead of paths are shorter
+    for row in &mut table.rows {
+        row[0] = (0.8 * row[0].parse::<f64>().unwrap()).to_string();
+    }
+    assert_found_out(&fit(&lat::Lat, None, &table.read(), 500), &truth, None);
 }
 
 #[test]

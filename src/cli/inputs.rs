@@ -8,7 +8,7 @@ use std::str::FromStr as _;
 use clap::Args;
 use sha2::{Digest as _, Sha256};
 
-use crate::dsl::{Declare, Measurements, Model};
+use crate::dsl::{Declare, FIELD_MODES, Measurements, Model};
 use crate::error::Failure;
 use crate::manifold::{Basis, eigenpairs_cached};
 use crate::mesh::{self, Surface, Units, left_atrium};
@@ -20,7 +20,7 @@ const ATRIUM_EDGE: f64 = 1.5;
 /// Options that say what a model is run on.
 #[derive(Debug, Args)]
 pub(super) struct InputArgs {
-    /// Surface mesh, legacy VTK; needs --units [default: the embedded procedural left atrium]
+    /// Surface mesh, VTK; needs --units [default: the embedded procedural left atrium]
     #[arg(long, value_name = "FILE.vtk", requires = "units")]
     mesh: Option<PathBuf>,
     /// Unit of the mesh's coordinates: mm, cm, um or m
@@ -71,7 +71,8 @@ impl InputArgs {
             }
         }
         let table = self.data.as_deref().map(Measurements::read).transpose()?;
-        if !outline.has_fields() {
+        let is_on_a_surface = outline.has_fields() || self.mesh.is_some() && table.is_some();
+        if !is_on_a_surface {
             let readers = outline.readers();
             let measurements = match table {
                 Some(table) => checked(table, &outline)?,
@@ -88,7 +89,7 @@ impl InputArgs {
         let surface = self.surface()?;
         let basis = self.eigenpairs(&surface, &outline, table.is_none())?;
         let (measurements, truth) = match table {
-            Some(table) => (self.place(checked(table, &outline)?, &surface)?, vec![]),
+            Some(table) => (self.place(checked(table, &outline)?, &surface, &basis)?, vec![]),
             None => self.synthetic(model, &surface, &basis)?,
         };
         Ok(Inputs { surface: Some((surface, basis)), measurements, truth, hashes })
@@ -115,12 +116,15 @@ impl InputArgs {
         outline: &Model,
         is_synthetic: bool,
     ) -> Result<Basis, Failure> {
-        let needed = outline.n_modes();
+        let most = surface.mesh.n_vertices() - 1;
+        let needed = match outline.n_modes() {
+            0 => FIELD_MODES.min(most), // for fields that `eplat loop` may add
+            needed => needed,
+        };
         let basis = if let Some(path) = &self.basis {
             let scale = self.units.map_or(1.0, Units::in_mm);
             on_kept_vertices(Basis::read_npz(path)?, surface).in_unit_of(scale)
         } else {
-            let most = surface.mesh.n_vertices() - 1;
             let truth = if is_synthetic { TRUTH_MODES.min(most) } else { 0 };
             eigenpairs_cached(&surface.mesh, needed.max(truth))?
         };
@@ -133,8 +137,14 @@ impl InputArgs {
         Ok(basis)
     }
 
-    fn place(&self, mut table: Measurements, surface: &Surface) -> Result<Measurements, Failure> {
-        table.place_on(surface, self.units.map_or(1.0, Units::in_mm))?;
+    fn place(
+        &self,
+        mut table: Measurements,
+        surface: &Surface,
+        basis: &Basis,
+    ) -> Result<Measurements, Failure> {
+        table.place_on(surface, self.scale())?;
+        table.probe(surface, basis)?;
         let sites = table.vertices().len();
         let count = |n: usize, what: &str| format!("{n} {what}{}", if n == 1 { "" } else { "s" });
         let (rows, sites) = (count(table.len(), "row"), count(sites, "site"));

@@ -12,7 +12,7 @@ use std::path::{Path, PathBuf};
 pub(super) enum Command {
     /// Print size, topology and quality of a mesh
     Info {
-        /// Legacy VTK file (.vtk)
+        /// VTK file (.vtk or .vtp)
         file: PathBuf,
         /// Unit of the file's coordinates: mm, cm, um or m
         #[arg(long, default_value = "mm")]
@@ -20,7 +20,7 @@ pub(super) enum Command {
     },
     /// Write the largest piece of a mesh in another format, in mm
     Convert {
-        /// Legacy VTK file (.vtk)
+        /// VTK file (.vtk or .vtp)
         input: PathBuf,
         /// File to write: .vtp or .vtk
         output: PathBuf,
@@ -33,7 +33,7 @@ pub(super) enum Command {
     },
     /// Join equal vertices, drop degenerate and double triangles, orient all alike, keep the largest piece
     Repair {
-        /// Legacy VTK file (.vtk)
+        /// VTK file (.vtk or .vtp)
         input: PathBuf,
         /// File to write: .vtp or .vtk, in mm
         output: PathBuf,
@@ -46,7 +46,7 @@ pub(super) enum Command {
     },
     /// Compute the smallest eigenpairs of the Laplace–Beltrami operator, in the file's unit
     Basis {
-        /// Legacy VTK file (.vtk)
+        /// VTK file (.vtk or .vtp)
         file: PathBuf,
         /// Unit of the file's coordinates: mm, cm, um or m
         #[arg(long, default_value = "mm")]
@@ -60,7 +60,7 @@ pub(super) enum Command {
     },
     /// Choose measurement sites spread over the surface, away from its openings
     Sites {
-        /// Legacy VTK file (.vtk)
+        /// VTK file (.vtk or .vtp)
         file: PathBuf,
         /// Unit of the file's coordinates: mm, cm, um or m
         #[arg(long, default_value = "mm")]

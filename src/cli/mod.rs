@@ -1,5 +1,6 @@
 //! The command line: one file per command, one enum that is matched once.
 
+mod atrium;
 mod check;
 mod close_loop;
 mod compare;

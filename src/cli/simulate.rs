@@ -7,6 +7,7 @@ use std::path::{Path, PathBuf};
 use clap::{Args, Subcommand};
 use indicatif::{ProgressBar, ProgressStyle};
 
+use super::atrium::AtriumArgs;
 use crate::ep::cell::OutOfRange;
 use crate::ep::table::{CurveRow, OutcomeRow, finish_rows, new_file, read_parameters};
 use crate::ep::{Grid, Protocol, StripOutcome, simulate_strips};
@@ -23,6 +24,11 @@ pub(super) enum Command {
     /// the largest whole interval in ms whose stimulus fails.  A set outside the model's valid ranges,
     /// and whatever is not captured or blocked on the way, has empty cells and a reason.
     Strip(StripArgs),
+    /// Pace a whole surface with a parameter set at every vertex, and map activation and recovery
+    ///
+    /// The monodomain equation with the strip's cell at every vertex. `eplat run` leaves fields.vtp
+    /// with the posterior means of its fields.
+    Atrium(AtriumArgs),
 }
 
 #[derive(Debug, Args)]
@@ -117,7 +123,16 @@ impl StripArgs {
 
 impl Command {
     pub(super) fn run(self) -> Result<(), Failure> {
-        let Self::Strip(args) = self;
+        match self {
+            Self::Strip(args) => args.run(),
+            Self::Atrium(args) => args.run(),
+        }
+    }
+}
+
+impl StripArgs {
+    fn run(&self) -> Result<(), Failure> {
+        let args = self;
         let (grid, protocol) = (args.grid()?, args.protocol());
         let curves = args.restitution.as_deref().map(new_file).transpose()?;
         let outcomes = simulate_table(&args.params, &args.out, &grid, &protocol)?;

@@ -2,7 +2,8 @@
 
 use std::collections::BTreeMap;
 
-use crate::dsl::{Form, Measurements, Model, distinct, families};
+use super::units::{FOLD, Unit, is_constant_within};
+use crate::dsl::{FIELD_MODES, Form, Measurements, Model, PATH, SOURCE, distinct, families};
 
 /// Where a candidate acts.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -11,6 +12,17 @@ pub enum Level {
     Observable,
     /// On a field behind it.
     Parameter,
+}
+
+/// What decides whether a candidate is refitted: an F-test on its design of
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Screen {
+    /// the residuals of sites.
+    Sites,
+    /// the random effects of units, which leave no such residuals over.
+    Units,
+    /// nothing: it always is.
+    None,
 }
 
 /// Something that the model may lack.
@@ -26,11 +38,34 @@ pub struct Candidate {
     pub form: Form,
     /// Prior sd of its coefficients, in the unit of what it acts on.
     pub sd: f64,
+    /// What decides whether it is refitted.
+    pub screen: Screen,
 }
 
 /// Columns that say where and what was measured, never why it differs.
-const STRUCTURAL: [&str; 9] =
-    ["site", "vertex", "x", "y", "z", "protocol", "lower", "upper", "value"];
+const STRUCTURAL: [&str; 13] = [
+    SOURCE,
+    PATH,
+    "site",
+    "vertex",
+    "x",
+    "y",
+    "z",
+    "protocol",
+    "lower",
+    "upper",
+    "value",
+    "resolution",
+    FOLD,
+];
+
+/// The columns of a table that may tell why measurements differ: neither place nor measurement.
+pub(super) fn covariates<'t>(model: &Model, table: &'t Measurements) -> Vec<&'t String> {
+    let is_measured =
+        |name: &String| model.observes.iter().any(|o| o.name == name || o.cells.contains(name));
+    let is_one = |name: &&String| !STRUCTURAL.contains(&name.as_str()) && !is_measured(name);
+    table.columns().iter().filter(is_one).collect()
+}
 
 /// What a column is called in findings.
 fn finding(column: &str) -> String {
@@ -84,113 +119,149 @@ pub struct Unusable {
     pub why: String,
 }
 
-/// All candidates that a table's columns give for a model; and the columns that give none.
-///
-/// `observables` are what the model's `observe`s compare with their measurements, `step` the width of a
-/// protocol step, `field_sd` the standard deviation of each field over the sites.
-pub(super) fn candidates(
-    model: &Model,
-    table: &Measurements,
-    observables: &[String],
-    step: f64,
-    field_sd: &BTreeMap<String, f64>,
-) -> (Vec<Candidate>, Vec<Unusable>) {
-    let mut on: Vec<String> = observables.to_vec();
-    on.sort();
-    on.dedup();
-    let mut found = vec![];
-    let mut unusable = vec![];
-    let own: Vec<&str> = model.observes.iter().map(|o| o.name).collect();
-    for column in table.columns() {
-        let name = column.as_str();
-        if STRUCTURAL.contains(&name) || own.contains(&name) || name == "resolution" {
-            continue;
+/// What candidates are made of.
+pub(super) struct Maker<'a> {
+    pub(super) model: &'a Model,
+    pub(super) table: &'a Measurements,
+    /// What the model's `observe`s compare with their measurements, each once.
+    pub(super) on: Vec<String>,
+    /// Width of a protocol step.
+    pub(super) step: f64,
+    /// Change of each field that moves what is observed by a step.
+    pub(super) field_sd: BTreeMap<String, f64>,
+    /// The unit with a random effect.
+    pub(super) unit: Option<&'a Unit>,
+}
+
+impl Maker<'_> {
+    /// All candidates that the table's columns give; and the columns that give none.
+    pub(super) fn all(&self) -> (Vec<Candidate>, Vec<Unusable>) {
+        let (mut found, mut unusable) = (vec![], vec![]);
+        for name in covariates(self.model, self.table) {
+            match self.of_column(name) {
+                Ok(candidates) => found.extend(candidates),
+                Err(why) => unusable.push(Unusable { column: name.into(), why: why.into() }),
+            }
         }
-        let mut refuse =
-            |why: &str| unusable.push(Unusable { column: name.into(), why: why.into() });
-        let candidate = |form: Form, level, on: &[String], sd| Candidate {
-            name: finding(name),
-            on: on.to_vec(),
-            level,
-            form,
-            sd,
+        for observable in self.on.iter().skip(1) {
+            let on = std::slice::from_ref(observable);
+            let mut offset = self.candidate("protocol", Form::All, on);
+            offset.screen = Screen::Sites;
+            found.push(offset);
+        }
+        found.extend(self.fields());
+        (found, unusable)
+    }
+
+    /// For a model without fields on a surface: a field of what is observed and, where there are paths, one
+    /// along them, each with three lengthscales from what the modes resolve.
+    fn fields(&self) -> Vec<Candidate> {
+        let Some(probes) = self.table.probes().filter(|_| self.model.field_names().is_empty())
+        else {
+            return vec![];
         };
-        match read_column(table, name) {
-            Column::Numeric(x) => {
-                let (mean, sd) = moments(&x);
-                if x.iter().all(|x| x.is_nan()) {
-                    refuse("every cell is empty");
-                    continue;
-                }
-                if !(sd > 1e-9 * mean.abs().max(1e-9)) {
-                    refuse("it has one value only");
-                    continue;
-                }
-                let (low, high) = x
-                    .iter()
-                    .filter(|x| x.is_finite())
-                    .fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), x| {
-                        (low.min(*x), high.max(*x))
-                    });
-                let scaled = Form::Scaled { column: name.into(), centre: mean, scale: sd };
-                found.push(candidate(scaled, Level::Observable, &on, step));
-                let mut values: Vec<f64> = x.iter().copied().filter(|x| x.is_finite()).collect();
-                values.sort_by(f64::total_cmp);
-                values.dedup();
-                if values.len() >= 4 {
-                    let smooth = Form::Smooth { column: name.into(), low, high, degree: 3 };
-                    found.push(candidate(smooth, Level::Observable, &on, step));
-                }
-                if name.starts_with("dist") {
-                    for share in [0.2, 0.35, 0.5] {
-                        let at = (share * (values.len() - 1) as f64) as usize;
-                        let threshold = 0.5 * (values[at] + values[at + 1]);
-                        for (field, sd) in field_sd {
-                            let form = Form::Above { column: name.into(), threshold };
-                            let mut patch =
-                                candidate(form, Level::Parameter, std::slice::from_ref(field), *sd);
-                            patch.name = "patch".into();
-                            found.push(patch);
-                        }
-                    }
-                }
-            }
-            Column::Labels(labels) => {
-                if labels.len() < 2 {
-                    refuse("it has one value only");
-                    continue;
-                }
-                if labels.len() * 2 > table.len() {
-                    refuse("nearly every row has a label of its own");
-                    continue;
-                }
-                let mut forms = vec![Form::Group { column: name.into() }];
-                if (2..labels.len()).contains(&families(table, name).len()) {
-                    forms.push(Form::Family { column: name.into() });
-                }
-                for form in forms {
-                    if name != "region" {
-                        found.push(candidate(form, Level::Observable, &on, step));
-                        continue;
-                    }
-                    for (field, sd) in field_sd {
-                        let on = std::slice::from_ref(field);
-                        found.push(candidate(form.clone(), Level::Parameter, on, *sd));
-                    }
-                }
+        let modes = probes.n_modes().min(FIELD_MODES);
+        let finest = std::f64::consts::FRAC_PI_2 / probes.frequency(modes);
+        let field = |name: &str, form: Form, sd: f64| Candidate {
+            name: name.into(),
+            sd,
+            screen: Screen::None,
+            ..self.candidate(name, form, &self.on)
+        };
+        let mut found = vec![];
+        for lengthscale in [1.0, 2.0, 4.0].map(|times: f64| (times * finest).round()) {
+            found.push(field("spatial_field", Form::Surface { modes, lengthscale }, self.step));
+            if let Some(length) = probes.mean_length() {
+                let form = Form::Path { modes, lengthscale };
+                found.push(field("slowness_field", form, self.step / length));
             }
         }
+        found
     }
-    if on.len() > 1 {
-        for observable in &on[1..] {
-            found.push(Candidate {
-                name: "protocol".into(),
-                on: vec![observable.clone()],
-                level: Level::Observable,
-                form: Form::All,
-                sd: step,
-            });
+
+    /// The candidates of a column, or why there are none.
+    fn of_column(&self, name: &str) -> Result<Vec<Candidate>, &'static str> {
+        let unit = self.unit.filter(|unit| unit.name == name);
+        match read_column(self.table, name) {
+            _ if unit.is_some() => {
+                Err("it names the units over which others vary: these have a random effect")
+            }
+            Column::Numeric(x) => self.of_numbers(name, &x),
+            Column::Labels(labels) => self.of_labels(name, &labels),
         }
     }
-    (found, unusable)
+
+    /// An effect on what is observed.
+    fn candidate(&self, column: &str, form: Form, on: &[String]) -> Candidate {
+        let is_over_units =
+            self.unit.is_some_and(|unit| is_constant_within(self.table, column, &unit.name));
+        Candidate {
+            name: finding(column),
+            on: on.to_vec(),
+            level: Level::Observable,
+            form,
+            sd: self.step,
+            screen: if is_over_units { Screen::Units } else { Screen::Sites },
+        }
+    }
+
+    /// The same on each field.
+    fn on_fields(&self, column: &str, form: &Form) -> impl Iterator<Item = Candidate> {
+        self.field_sd.iter().map(move |(field, sd)| Candidate {
+            level: Level::Parameter,
+            sd: *sd,
+            screen: Screen::None,
+            ..self.candidate(column, form.clone(), std::slice::from_ref(field))
+        })
+    }
+
+    fn of_numbers(&self, name: &str, x: &[f64]) -> Result<Vec<Candidate>, &'static str> {
+        let mut values: Vec<f64> = x.iter().copied().filter(|x| x.is_finite()).collect();
+        values.sort_by(f64::total_cmp);
+        let (Some(&low), Some(&high)) = (values.first(), values.last()) else {
+            return Err("every cell is empty");
+        };
+        let (centre, scale) = moments(x);
+        if !(scale > 1e-9 * centre.abs().max(1e-9)) {
+            return Err("it has one value only");
+        }
+        let column = || name.to_owned();
+        let mut forms = vec![Form::Scaled { column: column(), centre, scale }];
+        values.dedup();
+        if values.len() >= 4 {
+            forms.push(Form::Smooth { column: column(), low, high, degree: 3 });
+        }
+        let mut found: Vec<Candidate> =
+            forms.into_iter().map(|form| self.candidate(name, form, &self.on)).collect();
+        if name.starts_with("dist") {
+            for share in [0.2, 0.35, 0.5] {
+                let at = (share * (values.len() - 1) as f64) as usize;
+                let threshold = 0.5 * (values[at] + values[at + 1]);
+                let form = Form::Above { column: column(), threshold };
+                let named = |patch| Candidate { name: "patch".into(), ..patch };
+                found.extend(self.on_fields(name, &form).map(named));
+            }
+        }
+        Ok(found)
+    }
+
+    fn of_labels(&self, name: &str, labels: &[String]) -> Result<Vec<Candidate>, &'static str> {
+        if labels.len() < 2 {
+            return Err("it has one value only");
+        }
+        if self.unit.is_some_and(|unit| unit.is_the_same_as(self.table, name)) {
+            return Err("it names the units over which others vary: these have a random effect");
+        }
+        if labels.len() * 2 > self.table.len() {
+            return Err("nearly every row has a label of its own");
+        }
+        let mut forms = vec![Form::Group { column: name.into() }];
+        if (2..labels.len()).contains(&families(self.table, name).len()) {
+            forms.push(Form::Family { column: name.into() });
+        }
+        if name == "region" {
+            return Ok(forms.iter().flat_map(|form| self.on_fields(name, form)).collect());
+        }
+        Ok(forms.into_iter().map(|form| self.candidate(name, form, &self.on)).collect())
+    }
 }

@@ -1,6 +1,6 @@
 //! A linear model with normal errors, where Laplace is exact: against the closed form.
 
-use nalgebra::{DMatrix, DVector};
+use nalgebra::{Cholesky, DMatrix, DVector};
 
 use super::*;
 use crate::dsl::Measurements;
@@ -24,12 +24,12 @@ fn engine() -> Engine {
     let table = Measurements::from_cells("test", header, cells).unwrap();
     let on = vec!["shown".to_owned()];
     let model = Model::with_offsets(&Level, None, &table, &on).unwrap();
-    let dose = Term { on: on.clone(), design: DOSE.to_vec(), n: 1, sd: 1.5 };
+    let dose = Term { on: on.clone(), design: DOSE.to_vec(), n: 1, sd: Some(1.5) };
     Engine::new(model, &on, &SITE, vec![dose])
 }
 
 fn outer(ln_site: f64) -> Outer {
-    Outer { other: vec![], ln_site, ln_noise: 0.3, outliers: None }
+    Outer { other: vec![], ln_site, ln_noise: 0.3, ln_unit: None, outliers: None }
 }
 
 /// Covariance of the measurements at a site sd, with or without the dose.

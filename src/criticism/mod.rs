@@ -7,9 +7,13 @@
 //! the usual names of columns.
 
 mod candidates;
+mod checks;
 mod engine;
 mod error;
+mod fit;
 mod heldout;
+mod judge;
+mod newton;
 mod observable;
 mod outer;
 mod procedure;
@@ -17,10 +21,13 @@ mod rewrite;
 mod search;
 mod units;
 
-pub use candidates::{Candidate, Level, Unusable};
-pub use engine::{Cavity, Engine, Fit, Outer, RowAt, Term};
+pub use candidates::{Candidate, Level, Screen, Unusable};
+pub use checks::Warning;
+pub use engine::{Engine, Outer, RowAt, Term};
 pub use error::CriticismError;
+pub use fit::{Cavity, Fit};
 pub use heldout::{Predicted, Score, predict_rows, score_of, with_heldout};
 pub use procedure::{Case, Outcome, Record, Round, Settings, criticise};
 pub use rewrite::rewrite;
-pub use search::{Left, leave_sites_out};
+pub use search::{Left, leave_out, leave_sites_out, leave_units_out};
+pub use units::Unit;

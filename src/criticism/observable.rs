@@ -23,7 +23,7 @@ pub(super) fn observables(model: &Model) -> Result<Vec<String>, CriticismError> 
     model.observes.iter().map(one).collect()
 }
 
-/// The median width of the brackets; for other measurements, their standard deviation over four.
+/// The median width of the brackets; for other measurements, half their standard deviation.
 pub(super) fn step_of(model: &Model) -> f64 {
     let (mut widths, mut values) = (vec![], vec![]);
     for cells in model.observes.iter().flat_map(Observe::observed) {
@@ -40,5 +40,5 @@ pub(super) fn step_of(model: &Model) -> f64 {
     let n = values.len() as f64;
     let mean = values.iter().sum::<f64>() / n;
     let sd = (values.iter().map(|v| (v - mean).powi(2)).sum::<f64>() / n).sqrt();
-    if sd > 0.0 { sd / 4.0 } else { 1.0 }
+    if sd > 0.0 { sd / 2.0 } else { 1.0 }
 }

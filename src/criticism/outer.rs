@@ -2,7 +2,8 @@
 
 use std::cell::RefCell;
 
-use super::engine::{Engine, Fit, Outer};
+use super::engine::{Engine, Outer};
+use super::fit::Fit;
 use crate::infer::{Evaluator, LogDensity, OptimumSettings, maximise};
 
 /// Which outer values are free.
@@ -10,14 +11,16 @@ use crate::infer::{Evaluator, LogDensity, OptimumSettings, maximise};
 pub(super) enum Free {
     /// All.
     All,
-    /// The sds of sites and of noise.
+    /// The sds of sites, of noise and of units.
     Spread,
 }
 
 /// Log prior of the sds: half-normal, one protocol step wide; softly kept from vanishing, where a
 /// bracket would become a box without curvature.
 fn ln_prior(outer: &Outer, step: f64) -> f64 {
-    one(outer.ln_site, LEAST_SITE, step) + one(outer.ln_noise, LEAST_NOISE, step)
+    one(outer.ln_site, LEAST_SITE, step)
+        + one(outer.ln_noise, LEAST_NOISE, step)
+        + outer.ln_unit.map_or(0.0, |unit| one(unit, LEAST_SITE, step))
 }
 
 fn one(ln_sd: f64, least: f64, step: f64) -> f64 {
@@ -79,6 +82,7 @@ struct Climb<'a> {
 impl Climb<'_> {
     fn position(&self, outer: &Outer) -> Vec<f64> {
         let mut position = vec![outer.ln_site, outer.ln_noise];
+        position.extend(outer.ln_unit);
         if self.free == Free::All {
             position.extend(&outer.other);
         }
@@ -88,8 +92,12 @@ impl Climb<'_> {
     fn outer(&self, position: &[f64]) -> Outer {
         let mut outer = self.start.outer.clone();
         (outer.ln_site, outer.ln_noise) = (position[0], position[1]);
+        let mut rest = &position[2..];
+        if let (Some(unit), Some((first, others))) = (&mut outer.ln_unit, rest.split_first()) {
+            (*unit, rest) = (*first, others);
+        }
         if self.free == Free::All {
-            outer.other.copy_from_slice(&position[2..]);
+            outer.other.copy_from_slice(rest);
         }
         outer
     }
@@ -97,7 +105,7 @@ impl Climb<'_> {
 
 impl LogDensity for Climb<'_> {
     fn dim(&self) -> usize {
-        if self.free == Free::All { 2 + self.start.outer.other.len() } else { 2 }
+        self.position(&self.start.outer).len()
     }
     fn evaluator(&self) -> Box<dyn Evaluator + '_> {
         Box::new(Climber { climb: self, last: RefCell::new(self.start.clone()) })

@@ -4,26 +4,19 @@ use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 use rayon::prelude::*;
 
-use super::candidates::{Candidate, Unusable, candidates};
-use super::engine::{Engine, Fit, Outer, Term};
+use super::candidates::{Candidate, Maker, Unusable, covariates};
+use super::checks::{Warning, check};
+use super::engine::{Engine, Outer, Term};
 use super::error::CriticismError;
+use super::fit::Fit;
+use super::judge::CLAIM;
 use super::observable::{observables, step_of};
-use super::outer::{Free, optimise, score};
-use super::search::{Left, Tried, field_sd, leave_sites_out, search, simulate};
-use super::units::{LEAST_UNITS, Unit, by_site, unit_of};
+use super::outer::{Free, optimise};
+use super::search::{Left, Tried, field_sd, search, simulate};
+use super::units::{Unit, by_site, random_unit};
 use crate::dsl::{Declare, Measurements, Model};
 use crate::manifold::Basis;
 
-/// Least log Bayes factor of a claim.
-const CLAIM: f64 = 3.0;
-/// A runner-up within this log Bayes factor is a rival.
-const RIVAL: f64 = 2.0;
-/// A winner that adds less than this with its rival in the model is not told apart from it.
-const ADDS: f64 = 1.0;
-/// R² on the fitted fields' span beyond which a covariate could be the fields' own.
-const SPAN: f64 = 0.8;
-/// Share of null searches that the best candidate must beat.
-const LEVEL: f64 = 0.05;
 /// p-value of the screen up to which a candidate is fitted.
 const GATE: f64 = 0.05;
 
@@ -96,6 +89,8 @@ pub struct Outcome {
     pub candidates: Vec<Candidate>,
     /// Columns that could not.
     pub unusable: Vec<Unusable>,
+    /// Doubts about the table.
+    pub warnings: Vec<Warning>,
     /// The model laid out with all candidates.
     pub engine: Engine,
     /// The rounds.
@@ -106,6 +101,10 @@ pub struct Outcome {
     pub ambiguous: Vec<[String; 2]>,
     /// Log Bayes factor of the sites' random effect after everything that was found.
     pub site_log_bf: f64,
+    /// That of the units' (recordings, sessions), where they have one, and the column that names them.
+    pub unit_log_bf: Option<(String, f64)>,
+    /// What is left out as a whole, where that is not the site.
+    pub unit: Option<Unit>,
     /// The fit with everything that was found.
     pub last: Fit,
     /// Width of a protocol step, in the unit of the measurement.
@@ -115,36 +114,47 @@ pub struct Outcome {
 impl Outcome {
     /// Whether sites differ by more than the model with its findings says.
     pub fn is_unexplained(&self) -> bool {
-        self.site_log_bf > CLAIM
+        self.site_log_bf > CLAIM || self.unit_log_bf.as_ref().is_some_and(|(_, bf)| *bf > CLAIM)
     }
 }
 
-/// Lays a case out for Laplace fits, with these candidates to try.
-fn engine(case: &Case<'_>, on: &[String], terms: &[Candidate]) -> Result<Engine, CriticismError> {
+/// Lays a case out for Laplace fits, with these candidates to try and, last, the random effect of `unit`.
+fn engine(
+    case: &Case<'_>,
+    on: &[String],
+    terms: &[Candidate],
+    unit: Option<&Unit>,
+) -> Result<Engine, CriticismError> {
     let fields = Model::outline(case.model)?.field_names().into_iter().map(String::from);
     let offsets_on: Vec<String> = on.iter().cloned().chain(fields).collect();
     let model = Model::with_offsets(case.model, case.basis, case.table, &offsets_on)?;
     let terms = terms.iter().map(|candidate| {
         let (design, n) = candidate.form.design(case.table);
-        Term { on: candidate.on.clone(), design, n, sd: candidate.sd }
+        Term { on: candidate.on.clone(), design, n, sd: Some(candidate.sd) }
     });
-    let terms = terms.collect();
+    let unit =
+        unit.map(|unit| Term { on: on.to_vec(), design: unit.design(), n: unit.n, sd: None });
+    let terms = terms.chain(unit).collect();
     Ok(Engine::new(model, on, &by_site(case.table).group, terms))
 }
 
 /// The base fit, before anything is tried: from the model's own start, sites and noise at a third of
 /// a step.
-fn base_fit(engine: &Engine, step: f64) -> Result<Fit, CriticismError> {
+fn base_fit(engine: &Engine, unit: Option<&Unit>, step: f64) -> Result<Fit, CriticismError> {
     let initial = engine.model.initial();
     let third = (step / 3.0).ln();
     let outer = Outer {
         other: engine.split.other.iter().map(|u| initial[*u]).collect(),
         ln_site: third,
         ln_noise: third,
+        ln_unit: unit.map(|_| third),
         outliers: None,
     };
-    let start = engine.fit(&outer, &[], None).ok_or(CriticismError::NoFit)?;
-    optimise(engine, &[], &start, Free::All, step).map(|(fit, _)| fit).ok_or(CriticismError::NoFit)
+    let active: &[usize] = if unit.is_some() { &[0] } else { &[] };
+    let start = engine.fit(&outer, active, None).ok_or(CriticismError::NoFit)?;
+    optimise(engine, active, &start, Free::All, step)
+        .map(|(fit, _)| fit)
+        .ok_or(CriticismError::NoFit)
 }
 
 /// Runs the whole search; `watch` is told (round, null searches done).
@@ -158,30 +168,54 @@ pub fn criticise(
 ) -> Result<Outcome, CriticismError> {
     let outline = Model::outline(case.model)?;
     let on = observables(&outline)?;
-    let plain = engine(case, &on, &[])?;
+    let plain = engine(case, &on, &[], None)?;
+    let columns = covariates(&plain.model, case.table);
+    let warnings = check(case.table, &columns);
+    let unit = random_unit(case.table, columns.into_iter());
+    let plain = if unit.is_some() { engine(case, &on, &[], unit.as_ref())? } else { plain };
     let step = step_of(&plain.model);
-    let start = base_fit(&plain, step)?;
-    let slopes = field_sd(&plain, &start, step);
-    let (candidates, unusable) = candidates(&plain.model, case.table, &on, step, &slopes);
-    let laid = engine(case, &on, &candidates)?;
-    let run = Run { case, settings, on, candidates, engine: laid, step };
-    run.rounds(start, unusable, watch)
+    let mut start = base_fit(&plain, unit.as_ref(), step)?;
+    let mut once = on.clone();
+    once.sort();
+    once.dedup();
+    let maker = Maker {
+        model: &plain.model,
+        table: case.table,
+        on: once,
+        step,
+        field_sd: field_sd(&plain, &start, step),
+        unit: unit.as_ref(),
+    };
+    let (candidates, unusable) = maker.all();
+    let laid = engine(case, &on, &candidates, unit.as_ref())?;
+    let run = Run { case, settings, on, candidates, engine: laid, step, unit };
+    start.active = run.active(&[]);
+    run.rounds(start, (unusable, warnings), watch)
 }
 
-struct Run<'a> {
-    case: &'a Case<'a>,
-    settings: &'a Settings,
+/// A search as it runs.
+pub(super) struct Run<'a> {
+    pub(super) case: &'a Case<'a>,
+    pub(super) settings: &'a Settings,
     on: Vec<String>,
-    candidates: Vec<Candidate>,
-    engine: Engine,
-    step: f64,
+    pub(super) candidates: Vec<Candidate>,
+    pub(super) engine: Engine,
+    pub(super) step: f64,
+    /// The unit with a random effect.
+    pub(super) unit: Option<Unit>,
 }
 
 impl Run<'_> {
+    /// The terms of a fit: the random effect of units, which is always there, and these.
+    pub(super) fn active(&self, candidates: &[usize]) -> Vec<usize> {
+        let unit = self.unit.iter().map(|_| self.candidates.len());
+        unit.chain(candidates.iter().copied()).collect()
+    }
+
     fn rounds(
         self,
         start: Fit,
-        unusable: Vec<Unusable>,
+        (unusable, warnings): (Vec<Unusable>, Vec<Warning>),
         watch: &(dyn Fn(usize, usize) + Sync),
     ) -> Result<Outcome, CriticismError> {
         let (mut rounds, mut found, mut ambiguous): (Vec<Round>, Vec<usize>, Vec<[String; 2]>) =
@@ -194,22 +228,28 @@ impl Run<'_> {
             ambiguous.extend(rivals);
             let Some((taken, fit)) = taken else { break };
             found.push(taken);
-            base = optimise(&self.engine, &found, &fit, Free::All, self.step)
+            base = optimise(&self.engine, &self.active(&found), &fit, Free::All, self.step)
                 .map_or(fit, |(fit, _)| fit);
             if rounds.len() == self.settings.rounds {
                 break;
             }
         }
-        let site_log_bf = self.site_evidence(&base, &found);
+        let site_log_bf = self.site_evidence(&base);
+        let unit_log_bf =
+            self.unit.as_ref().map(|u| (u.name.clone(), self.unit_evidence(&base, &found)));
+        let unit = self.left_out(None);
         let Run { candidates, engine, step, .. } = self;
         Ok(Outcome {
             candidates,
             unusable,
+            warnings,
             engine,
             rounds,
             found,
             ambiguous,
             site_log_bf,
+            unit_log_bf,
+            unit,
             last: base,
             step,
         })
@@ -242,7 +282,8 @@ impl Run<'_> {
     }
 
     fn search(&self, engine: &Engine, base: &Fit, found: &[usize]) -> Vec<Tried> {
-        search(engine, &self.candidates, base, found, GATE, self.step, self.settings.seed)
+        let active = self.active(found);
+        search(engine, &self.candidates, base, &active, GATE, self.step, self.settings.seed)
     }
 
     /// Best log Bayes factor of a search on data simulated from `base`.
@@ -256,161 +297,16 @@ impl Run<'_> {
         let mut rng = ChaCha8Rng::seed_from_u64(self.settings.seed);
         rng.set_stream((1 << 34) + ((round as u64) << 20) + k as u64);
         let cells = simulate(&self.engine, base, &mut rng);
-        let mut simulated = engine(self.case, &self.on, &self.candidates)?;
+        let mut simulated = engine(self.case, &self.on, &self.candidates, self.unit.as_ref())?;
         let ids: Vec<_> = simulated.rows.iter().map(|row| row.id).collect();
         for (id, cells) in ids.into_iter().zip(&cells) {
             simulated.model.set_observed(id, cells);
         }
-        let Some((fit, _)) = optimise(&simulated, found, base, Free::Spread, self.step) else {
+        let active = self.active(found);
+        let Some((fit, _)) = optimise(&simulated, &active, base, Free::Spread, self.step) else {
             return Ok(f64::INFINITY); // counts against a claim
         };
         let tried = self.search(&simulated, &fit, found);
         Ok(tried.iter().map(|t| t.log_bf).fold(f64::NEG_INFINITY, f64::max))
     }
-
-    /// What the round's best candidate is: a finding, ambiguous, or nothing.
-    #[allow(clippy::type_complexity, reason = "what a round comes to, used once")]
-    fn judge(
-        &self,
-        (tried, nulls): (Vec<Tried>, Vec<f64>),
-        base: &Fit,
-        found: &[usize],
-    ) -> (Round, Option<(usize, Fit)>, Vec<[String; 2]>) {
-        let left = leave_sites_out(&self.engine, base, self.settings.seed);
-        let p_null = |log_bf: f64| {
-            let above = nulls.iter().filter(|n| **n >= log_bf).count();
-            (1 + above) as f64 / (1 + nulls.len()) as f64
-        };
-        let mut records: Vec<Record> = tried
-            .iter()
-            .map(|t| Record {
-                candidate: t.candidate,
-                p_screen: t.p_screen,
-                log_bf: t.log_bf,
-                p_null: p_null(t.log_bf),
-                verdict: if t.fit.is_some() {
-                    "less evidence".into()
-                } else {
-                    "screened out".into()
-                },
-            })
-            .collect();
-        let (mut taken, mut rivals) = (None, vec![]);
-        if let Some((best, fit)) = tried.first().and_then(|t| Some((t, t.fit.clone()?))) {
-            let p = p_null(best.log_bf);
-            if let Some(why) = self.objection(best, &fit, p, &left) {
-                records[0].verdict = why;
-            } else {
-                rivals = self.rivals(&tried, base, found);
-                if rivals.is_empty() {
-                    records[0].verdict = "found".into();
-                    taken = Some((best.candidate, fit));
-                } else {
-                    let names: Vec<&str> = rivals.iter().map(|pair| pair[1].as_str()).collect();
-                    records[0].verdict = format!("not told apart from {}", names.join(", "));
-                }
-            }
-        }
-        (Round { tried: records, nulls, base: base.clone(), left }, taken, rivals)
-    }
-
-    /// Why the best candidate is no finding, if it is none.
-    fn objection(&self, best: &Tried, fit: &Fit, p_null: f64, left: &Left) -> Option<String> {
-        if best.log_bf <= CLAIM {
-            return Some(format!(
-                "log Bayes factor {:.1}, more than {CLAIM} is asked",
-                best.log_bf
-            ));
-        }
-        if p_null > LEVEL {
-            return Some(format!(
-                "{:.0} % of searches on simulated data did as well",
-                100.0 * p_null
-            ));
-        }
-        let with = leave_sites_out(&self.engine, fit, self.settings.seed);
-        let (gain, se) = gain(&left.elpd, &with.elpd);
-        if !(gain > se) {
-            return Some(format!(
-                "leave-one-site-out gain {gain:.1} is not beyond its error {se:.1}"
-            ));
-        }
-        let column = self.candidates[best.candidate].form.column()?;
-        let unit = unit_of(self.case.table, column);
-        if unit.n < LEAST_UNITS {
-            return Some(format!("not confirmable: it varies only over {} {}s", unit.n, unit.name));
-        }
-        if unit == by_site(self.case.table) {
-            return None;
-        }
-        let gain =
-            self.leave_units_out(&unit, fit)? - self.leave_units_out(&unit, &self.without(fit)?)?;
-        (!(gain > 0.0)).then(|| {
-            format!("leaving {}s out as a whole, predictions do not improve ({gain:.1})", unit.name)
-        })
-    }
-
-    /// The fit without its last term.
-    fn without(&self, fit: &Fit) -> Option<Fit> {
-        let active = &fit.active[..fit.active.len() - 1];
-        let start = self.engine.fit(&fit.outer, active, Some(fit))?;
-        optimise(&self.engine, active, &start, Free::Spread, self.step).map(|(fit, _)| fit)
-    }
-
-    /// Log predictive density of all rows, each unit predicted from the others; at most 20 folds.
-    fn leave_units_out(&self, unit: &Unit, fit: &Fit) -> Option<f64> {
-        let folds = unit.n.min(20);
-        let one = |fold: usize| -> Option<f64> {
-            let is_hidden = |r: &usize| {
-                unit.group[self.engine.model.table_row(self.engine.rows[*r].id)] % folds == fold
-            };
-            let hidden: Vec<usize> = (0..self.engine.rows.len()).filter(is_hidden).collect();
-            let part = self.engine.fit_without(&hidden, &fit.outer, &fit.active, Some(fit))?;
-            Some(super::search::ln_predictive(&self.engine, &part, &hidden, self.settings.seed))
-        };
-        (0..folds).map(one).sum()
-    }
-
-    /// Causes that the best candidate cannot be told apart from.
-    fn rivals(&self, tried: &[Tried], base: &Fit, found: &[usize]) -> Vec<[String; 2]> {
-        let best = &tried[0];
-        let name = |t: &Tried| self.candidates[t.candidate].name.clone();
-        let mut pairs: Vec<[String; 2]> = vec![];
-        let reference = score(base, self.step);
-        for other in tried[1..].iter().filter(|t| name(t) != name(best) && t.log_bf > ADDS) {
-            let both = [found, &[other.candidate, best.candidate]].concat();
-            let with_both = other.fit.as_ref().and_then(|fit| {
-                let start = self.engine.fit(&fit.outer, &both, Some(fit))?;
-                optimise(&self.engine, &both, &start, Free::Spread, self.step)
-            });
-            let adds = with_both.map_or(0.0, |(_, both)| both - reference - other.log_bf);
-            // two causes that both add much with the other in the model are two effects
-            let is_near = best.log_bf - other.log_bf < RIVAL;
-            let is_rival = adds < ADDS || (is_near && adds < CLAIM);
-            if is_rival && !pairs.iter().any(|pair| pair[1] == name(other)) {
-                pairs.push([name(best), name(other)]);
-            }
-        }
-        let r2 = super::search::r_squared_on_fields(&self.engine, base, best.candidate, self.step);
-        if r2 > SPAN {
-            pairs.push([name(best), "spatial_field".into()]);
-        }
-        pairs
-    }
-
-    /// Log Bayes factor of the sites' random effect.
-    fn site_evidence(&self, fit: &Fit, found: &[usize]) -> f64 {
-        let with = score(fit, self.step);
-        let without = super::outer::without_sites(&self.engine, found, fit, self.step);
-        with - without
-    }
-}
-
-/// Sum of the differences of two vectors, and its standard error.
-pub(super) fn gain(before: &[f64], after: &[f64]) -> (f64, f64) {
-    let d: Vec<f64> = after.iter().zip(before).map(|(a, b)| a - b).collect();
-    let n = d.len() as f64;
-    let mean = d.iter().sum::<f64>() / n;
-    let variance = d.iter().map(|d| (d - mean).powi(2)).sum::<f64>() / (n - 1.0);
-    (n * mean, (n * variance).sqrt())
 }

@@ -8,9 +8,11 @@ use rand::{Rng, RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use rand_distr::StandardNormal;
 
-use super::candidates::{Candidate, Level};
-use super::engine::{Cavity, Engine, Fit};
+use super::candidates::{Candidate, Screen};
+use super::engine::{Engine, Term};
+use super::fit::{Cavity, Fit};
 use super::outer::{Free, optimise, score};
+use super::units::Unit;
 use crate::dsl::Noise;
 
 /// Draws from each cavity.
@@ -43,6 +45,13 @@ pub struct Left {
 /// Leave-one-site-out predictions from one fit; the same `seed` gives the same random numbers for
 /// every fit, so that differences between fits are not noise.
 pub fn leave_sites_out(engine: &Engine, fit: &Fit, seed: u64) -> Left {
+    let all: Vec<usize> = (0..engine.rows.len()).collect();
+    leave_out(engine, fit, &all, seed)
+}
+
+/// As [`leave_sites_out`], of these rows alone (ascending); where `fit` has not seen them, their
+/// predictions.
+pub fn leave_out(engine: &Engine, fit: &Fit, of: &[usize], seed: u64) -> Left {
     let n = engine.rows.len();
     let mut left = Left {
         residual: vec![0.0; n],
@@ -50,19 +59,40 @@ pub fn leave_sites_out(engine: &Engine, fit: &Fit, seed: u64) -> Left {
         elpd: vec![0.0; engine.sites.len()],
     };
     for (site, rows) in engine.sites.iter().enumerate() {
-        if rows.is_empty() {
+        let own: Vec<usize> =
+            rows.iter().copied().filter(|r| of.binary_search(r).is_ok()).collect();
+        if own.is_empty() {
             continue;
         }
         let mut rng = ChaCha8Rng::seed_from_u64(seed);
         rng.set_stream(site as u64);
-        if let Some(cavity) = fit.cavity(engine, rows) {
-            left.elpd[site] =
-                predict(engine, fit, &cavity, &mut rng, &mut left.residual, &mut left.predicted);
-        } else {
-            left.elpd[site] = f64::NEG_INFINITY;
-        }
+        left.elpd[site] = fit.cavity(engine, &own).map_or(f64::NEG_INFINITY, |cavity| {
+            predict(engine, fit, &cavity, &mut rng, &mut left.residual, &mut left.predicted)
+        });
     }
     left
+}
+
+/// Most folds of [`leave_units_out`].
+const FOLDS: usize = 20;
+
+/// As [`leave_sites_out`], each unit predicted from the others by a fit that has not seen it (at most 20
+/// folds); `elpd` is of folds, sites counting as independent given the fit. `None` where a fit fails.
+pub fn leave_units_out(engine: &Engine, fit: &Fit, unit: &Unit, seed: u64) -> Option<Left> {
+    let (n, folds) = (engine.rows.len(), unit.n.min(FOLDS));
+    let mut all = Left { residual: vec![0.0; n], predicted: vec![f64::NAN; n], elpd: vec![] };
+    for fold in 0..folds {
+        let is_hidden =
+            |r: &usize| unit.group[engine.model.table_row(engine.rows[*r].id)] % folds == fold;
+        let hidden: Vec<usize> = (0..n).filter(is_hidden).collect();
+        let part = engine.fit_without(&hidden, &fit.outer, &fit.active, Some(fit))?;
+        let left = leave_out(engine, &part, &hidden, seed);
+        for r in hidden {
+            (all.residual[r], all.predicted[r]) = (left.residual[r], left.predicted[r]);
+        }
+        all.elpd.push(left.elpd.iter().sum());
+    }
+    Some(all)
 }
 
 /// Predicts a cavity's rows; returns their joint log predictive density.
@@ -114,23 +144,6 @@ fn predict(
     most + (ln.iter().map(|l| (l - most).exp()).sum::<f64>() / DRAWS as f64).ln()
 }
 
-/// Log predictive density of rows that a fit has not seen, site by site.
-pub(super) fn ln_predictive(engine: &Engine, fit: &Fit, hidden: &[usize], seed: u64) -> f64 {
-    let n = engine.rows.len();
-    let (mut residual, mut predicted) = (vec![0.0; n], vec![0.0; n]);
-    let mut total = 0.0;
-    for (site, rows) in engine.sites.iter().enumerate() {
-        let own: Vec<usize> =
-            rows.iter().copied().filter(|r| hidden.binary_search(r).is_ok()).collect();
-        let mut rng = ChaCha8Rng::seed_from_u64(seed);
-        rng.set_stream(site as u64);
-        if let Some(cavity) = fit.cavity(engine, &own) {
-            total += predict(engine, fit, &cavity, &mut rng, &mut residual, &mut predicted);
-        }
-    }
-    total
-}
-
 /// Share of a term's variance over the rows that a smooth through the model's fields could take up.
 pub(super) fn r_squared_on_fields(engine: &Engine, fit: &Fit, term: usize, step: f64) -> f64 {
     let n = engine.rows.len();
@@ -171,20 +184,17 @@ fn square_root(covariance: &DMatrix<f64>) -> DMatrix<f64> {
     &eigen.eigenvectors * DMatrix::from_diagonal(&eigen.eigenvalues)
 }
 
-/// p-value of the F-test of site-mean residuals on a design's site means.
-pub(super) fn f_test(engine: &Engine, residual: &[f64], term: usize) -> f64 {
+/// p-value of the F-test of values of groups of rows on a design's means over these.
+fn f_test(engine: &Engine, groups: &[(f64, Vec<usize>)], term: usize) -> f64 {
     let term = &engine.terms[term];
-    let sites: Vec<&Vec<usize>> = engine.sites.iter().filter(|rows| !rows.is_empty()).collect();
-    let n = sites.len();
-    let mean = |of: &dyn Fn(usize) -> f64, rows: &[usize]| {
-        rows.iter().map(|r| of(*r)).sum::<f64>() / rows.len() as f64
-    };
-    let y = DVector::from_fn(n, |s, _| mean(&|r| residual[r], sites[s]));
+    let n = groups.len();
+    let y = DVector::from_iterator(n, groups.iter().map(|(value, _)| *value));
     let mut x = DMatrix::from_element(n, term.n + 1, 1.0);
-    for (s, rows) in sites.iter().enumerate() {
+    for (g, (_, rows)) in groups.iter().enumerate() {
         for k in 0..term.n {
-            let z = |r: usize| term.design[engine.model.table_row(engine.rows[r].id) * term.n + k];
-            x[(s, k + 1)] = mean(&z, rows);
+            let z =
+                |r: &usize| term.design[engine.model.table_row(engine.rows[*r].id) * term.n + k];
+            x[(g, k + 1)] = rows.iter().map(z).sum::<f64>() / rows.len() as f64;
         }
     }
     let total = y.add_scalar(-y.mean()).norm_squared();
@@ -201,6 +211,25 @@ pub(super) fn f_test(engine: &Engine, residual: &[f64], term: usize) -> f64 {
     crate::diagnostics::beta_above(explained / total, 0.5 * d1, 0.5 * d2)
 }
 
+/// Mean residual of each site, with its rows.
+fn of_sites(engine: &Engine, residual: &[f64]) -> Vec<(f64, Vec<usize>)> {
+    let mean = |rows: &Vec<usize>| {
+        (rows.iter().map(|r| residual[*r]).sum::<f64>() / rows.len() as f64, rows.clone())
+    };
+    engine.sites.iter().filter(|rows| !rows.is_empty()).map(mean).collect()
+}
+
+/// Random effect of each unit, with its rows.
+fn of_units(engine: &Engine, fit: &Fit) -> Vec<(f64, Vec<usize>)> {
+    let Some(term) = fit.unit_term(engine) else { return vec![] };
+    let own = |k: usize| {
+        let is_own =
+            |r: &usize| term.design[engine.model.table_row(engine.rows[*r].id) * term.n + k] > 0.0;
+        (fit.x[engine.split.linear.len() + k], (0..engine.rows.len()).filter(is_own).collect())
+    };
+    (0..term.n).map(own).filter(|(_, rows): &(f64, Vec<usize>)| !rows.is_empty()).collect()
+}
+
 /// Scores every candidate against `base`; `accepted` are terms that are in both.
 pub(super) fn search(
     engine: &Engine,
@@ -212,19 +241,25 @@ pub(super) fn search(
     seed: u64,
 ) -> Vec<Tried> {
     let left = leave_sites_out(engine, base, seed);
+    let (sites, units) = (of_sites(engine, &left.residual), of_units(engine, base));
     let reference = score(base, step);
     let one = |candidate: usize| {
-        let is_screened = candidates[candidate].level == Level::Observable;
-        let p_screen = if is_screened { f_test(engine, &left.residual, candidate) } else { 1.0 };
+        let screen = candidates[candidate].screen;
+        let p_screen = match screen {
+            Screen::Sites => f_test(engine, &sites, candidate),
+            Screen::Units => f_test(engine, &units, candidate),
+            Screen::None => 1.0,
+        };
         let mut tried = Tried { candidate, p_screen, log_bf: f64::NEG_INFINITY, fit: None };
-        if is_screened && p_screen > gate {
+        if screen != Screen::None && p_screen > gate {
             return tried;
         }
         let active = [accepted, &[candidate]].concat();
         let Some(fit) = engine.fit(&base.outer, &active, Some(base)) else { return tried };
         tried.log_bf = score(&fit, step) - reference;
         tried.fit = Some(fit.clone());
-        if tried.log_bf > 0.0
+        // what varies over units gains only once it has taken the place of their random effect
+        if (tried.log_bf > 0.0 || screen == Screen::Units)
             && let Some((best, score)) = optimise(engine, &active, &fit, Free::Spread, step)
             && score - reference > tried.log_bf
         {
@@ -241,9 +276,19 @@ pub(super) fn simulate(engine: &Engine, fit: &Fit, rng: &mut ChaCha8Rng) -> Vec<
     let tau = fit.outer.ln_site.exp();
     let effects: Vec<f64> =
         engine.sites.iter().map(|_| rng.sample::<f64, _>(StandardNormal)).collect();
+    let unit = fit.unit_term(engine);
+    let unit_sd = fit.outer.ln_unit.map_or(0.0, f64::exp);
+    let (first, n) = (engine.split.linear.len(), unit.map_or(0, |term| term.n));
+    let moved: Vec<f64> = (0..n)
+        .map(|k| unit_sd * (rng.sample::<f64, _>(StandardNormal) - fit.x[first + k]))
+        .collect();
     let one = |row: &super::engine::RowAt| {
         let mut own = fit.locals[row.first..][..row.n].to_vec();
         own[row.observable] += tau * (effects[row.site] - fit.z[row.site]) + fit.error(rng);
+        if let Some(term) = unit {
+            let z = &term.design[engine.model.table_row(row.id) * n..][..n];
+            own[row.observable] += z.iter().zip(&moved).map(|(z, m)| z * m).sum::<f64>();
+        }
         engine.model.row_replicate(row.id, &own, rng)
     };
     engine.rows.iter().map(one).collect()
@@ -274,6 +319,11 @@ impl Fit {
             }
         }
         Some(slopes)
+    }
+
+    /// The random effect of units, which comes first among the terms, if there is one.
+    fn unit_term<'e>(&self, engine: &'e Engine) -> Option<&'e Term> {
+        self.active.first().map(|a| &engine.terms[*a]).filter(|term| term.sd.is_none())
     }
 
     /// The noise of its rows.

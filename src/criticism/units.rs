@@ -6,7 +6,7 @@ use crate::dsl::{Measurements, distinct};
 
 /// A partition of a table's rows.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub(super) struct Unit {
+pub struct Unit {
     /// Column that makes it.
     pub name: String,
     /// Group of each row.
@@ -15,12 +15,53 @@ pub(super) struct Unit {
     pub n: usize,
 }
 
+impl Unit {
+    /// One column per group, row-major (rows of the table, groups).
+    pub(super) fn design(&self) -> Vec<f64> {
+        let mut design = vec![0.0; self.group.len() * self.n];
+        for (row, own) in self.group.iter().enumerate() {
+            design[row * self.n + own] = 1.0;
+        }
+        design
+    }
+
+    /// Whether a column's labels make the same groups.
+    pub(super) fn is_the_same_as(&self, table: &Measurements, column: &str) -> bool {
+        column == self.name
+            || is_constant_within(table, column, &self.name)
+                && is_constant_within(table, &self.name, column)
+    }
+}
+
 /// Fewer units than this cannot confirm an effect.
 pub(super) const LEAST_UNITS: usize = 5;
 
-/// Words in the names of columns that say which occasion a row belongs to.
-const OCCASIONS: [&str; 10] =
-    ["session", "rec", "heart", "patient", "subject", "day", "date", "run", "study", "case"];
+/// Names of columns that say which occasion a row belongs to, alone or with `_id` or the like behind them.
+const OCCASIONS: [&str; 13] = [
+    "session",
+    "rec",
+    "recording",
+    "heart",
+    "patient",
+    "subject",
+    "animal",
+    "day",
+    "date",
+    "run",
+    "study",
+    "case",
+    "map",
+];
+
+/// Whether a column says which occasion a row belongs to: `rec`, `session_id`, but not `run_order`.
+fn is_occasion(column: &str) -> bool {
+    let name = column.to_lowercase();
+    let (word, rest) = name.split_once('_').unwrap_or((&name, "id"));
+    OCCASIONS.contains(&word) && ["id", "no", "nr", "name", "label"].contains(&rest)
+}
+
+/// Rows that are left out together: those of one label in column `fold`.
+pub(super) const FOLD: &str = "fold";
 
 /// Rows by site: column `site`, else `vertex`, else each row alone.
 pub(super) fn by_site(table: &Measurements) -> Unit {
@@ -42,13 +83,31 @@ fn by_label(table: &Measurements, column: &str) -> Unit {
     Unit { name: column.into(), group, n: groups.len() }
 }
 
-/// The coarsest occasion within which `column` is constant; the site if there is none.
-pub(super) fn unit_of(table: &Measurements, column: &str) -> Unit {
+/// The unit that has a random effect in every fit, if there is one: the coarsest occasion within which one
+/// of these columns is constant. What varies over a few recordings alone must explain more than
+/// recordings differ by anyway.
+pub(super) fn random_unit<'t>(
+    table: &Measurements,
+    columns: impl Iterator<Item = &'t String>,
+) -> Option<Unit> {
     let site = by_site(table);
-    let is_occasion = |name: &str| {
-        let name = name.to_lowercase();
-        OCCASIONS.iter().any(|word| name.starts_with(word))
-    };
+    let varies = |column: &&String| distinct(table, column).len() > 1 && !is_occasion(column);
+    let units = columns.filter(varies).map(|column| occasion_of(table, column, &site));
+    units.flatten().filter(|unit| unit.n >= LEAST_UNITS).min_by_key(|unit| unit.n)
+}
+
+/// What is left out as a whole to see whether an effect of `column` (or of none) predicts: the folds of
+/// the table, else the coarsest occasion within which it is constant, else the site.
+pub(super) fn unit_of(table: &Measurements, column: Option<&str>) -> Unit {
+    if table.has(FOLD) {
+        return by_label(table, FOLD);
+    }
+    let site = by_site(table);
+    column.and_then(|column| occasion_of(table, column, &site)).unwrap_or(site)
+}
+
+/// The coarsest occasion within which `column` is constant.
+pub(super) fn occasion_of(table: &Measurements, column: &str, site: &Unit) -> Option<Unit> {
     let mut coarsest: Option<Unit> = None;
     for other in table.columns().iter().filter(|c| *c != column && is_occasion(c)) {
         let n_labels = distinct(table, other).len();
@@ -59,7 +118,7 @@ pub(super) fn unit_of(table: &Measurements, column: &str) -> Unit {
             coarsest = Some(by_label(table, other));
         }
     }
-    coarsest.unwrap_or(site)
+    coarsest
 }
 
 /// Whether `column` has one value for each label of `other`.

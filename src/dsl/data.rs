@@ -2,10 +2,13 @@
 
 use std::fmt::Write as _;
 use std::path::Path;
+use std::sync::Arc;
 
 use thiserror::Error;
 
-use crate::manifold::nearest_vertex;
+use super::probes::{PATH, ProbeError, Probes};
+
+use crate::manifold::{Basis, nearest_vertex};
 use crate::mesh::Surface;
 
 /// How far from the surface a measurement given as x, y, z may lie, mm.
@@ -77,6 +80,8 @@ pub struct Measurements {
     rows: Vec<Row>,
     /// Vertex of each row, once placed on a surface.
     vertex: Vec<u32>,
+    /// Modes at the rows, once probed.
+    probes: Option<Arc<Probes>>,
 }
 
 impl Measurements {
@@ -126,7 +131,7 @@ impl Measurements {
         if rows.is_empty() {
             return Err(DataError::Empty { file });
         }
-        Ok(Self { file, header, rows, vertex: vec![] })
+        Ok(Self { file, header, rows, vertex: vec![], probes: None })
     }
 
     /// Finds the vertex of every row: column `vertex` (index in the mesh file), else the vertex nearest
@@ -142,7 +147,7 @@ impl Measurements {
         let mut vertices = Vec::with_capacity(self.rows.len());
         for row in 0..self.rows.len() {
             let vertex = if by_vertex {
-                self.vertex_by_index(row, surface)?
+                self.vertex_by_index(row, "vertex", surface)?
             } else {
                 self.vertex_by_position(row, surface, scale)?
             };
@@ -162,7 +167,7 @@ impl Measurements {
         for row in 0..self.rows.len() {
             let index = self.number(row, "vertex", "the placement on the mesh")?;
             if !(index >= 0.0 && index.fract() == 0.0 && index < n_vertices as f64) {
-                return Err(self.no_such_vertex(row, index, n_vertices));
+                return Err(self.no_such_vertex(row, "vertex", index, n_vertices));
             }
             vertices.push(index as u32);
         }
@@ -170,16 +175,56 @@ impl Measurements {
         Ok(())
     }
 
-    fn no_such_vertex(&self, row: usize, index: f64, n: usize) -> DataError {
-        let problem = format!("expected a vertex of the mesh (0 to {}), got {index}", n - 1);
-        self.cell_error(row, "vertex", problem, "check that the table belongs to this mesh")
+    /// Keeps the modes at the rows of a placed table, for effects that are fields. Where a column `source` says
+    /// at which vertex activation starts, the modes along the paths from there too, and the paths' lengths
+    /// in a column `path_mm`, unless there is one.
+    ///
+    /// # Errors
+    /// A source that is no vertex of the surface.
+    pub fn probe(&mut self, surface: &Surface, basis: &Basis) -> Result<(), ProbeError> {
+        let probes = Probes::new(self, surface, basis)?;
+        if !probes.lengths().is_empty() && !self.has(PATH) {
+            self.header.push(PATH.into());
+            for (row, length) in self.rows.iter_mut().zip(probes.lengths()) {
+                row.cells.push(length.to_string());
+            }
+        }
+        self.probes = Some(Arc::new(probes));
+        Ok(())
     }
 
-    fn vertex_by_index(&self, row: usize, surface: &Surface) -> Result<u32, DataError> {
-        let index = self.number(row, "vertex", "the placement on the mesh")?;
+    /// Modes at the rows, once probed.
+    pub fn probes(&self) -> Option<&Probes> {
+        self.probes.as_deref()
+    }
+
+    /// The vertices of the surface that a column names by their index in the mesh file.
+    ///
+    /// # Errors
+    /// A cell that is none.
+    pub(super) fn vertices_of(
+        &self,
+        column: &str,
+        surface: &Surface,
+    ) -> Result<Vec<u32>, DataError> {
+        (0..self.rows.len()).map(|row| self.vertex_by_index(row, column, surface)).collect()
+    }
+
+    fn no_such_vertex(&self, row: usize, column: &str, index: f64, n: usize) -> DataError {
+        let problem = format!("expected a vertex of the mesh (0 to {}), got {index}", n - 1);
+        self.cell_error(row, column, problem, "check that the table belongs to this mesh")
+    }
+
+    fn vertex_by_index(
+        &self,
+        row: usize,
+        column: &str,
+        surface: &Surface,
+    ) -> Result<u32, DataError> {
+        let index = self.number(row, column, "the placement on the mesh")?;
         let n = surface.n_source_vertices;
         if !(index >= 0.0 && index.fract() == 0.0 && index < n as f64) {
-            return Err(self.no_such_vertex(row, index, n));
+            return Err(self.no_such_vertex(row, column, index, n));
         }
         surface.vertex_of_source(index as usize).ok_or_else(|| {
             let problem = format!(
@@ -187,7 +232,7 @@ impl Measurements {
             );
             self.cell_error(
                 row,
-                "vertex",
+                column,
                 problem,
                 "only the mesh's largest connected piece is used; move the site or mend the mesh",
             )
@@ -272,6 +317,7 @@ impl Measurements {
     pub fn followed_by(&self, other: &Self, lent: &[&str]) -> Self {
         let mut all = self.clone();
         all.vertex.clear();
+        all.probes = None;
         for row in 0..other.len() {
             let protocol = other.cell(row, "protocol");
             let lender =

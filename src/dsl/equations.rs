@@ -55,7 +55,8 @@ fn line(out: &mut String, model: &Model, s: &Statement) {
         }
         "observe" => {
             let (kind, likelihood) = text.split_once(" ~ ").unwrap_or(("", &text));
-            let _ = writeln!(out, "  {name}{over}: {kind}{unit} ~ {likelihood}");
+            let (kind, from) = kind.split_at(kind.find(" from ").unwrap_or(kind.len()));
+            let _ = writeln!(out, "  {name}{over}: {kind}{unit}{from} ~ {likelihood}");
         }
         "field" => {
             let _ = writeln!(out, "  {name}{over}{unit} = {text}{range}");

@@ -44,6 +44,22 @@ pub enum Form {
     },
     /// `all(row)`: every row.
     All,
+    /// `surface(row, n, lengthscale)`: a field at the row's place, Matérn-3/2 of that lengthscale in mm, in the
+    /// surface's first n modes.
+    Surface {
+        /// Number of modes.
+        modes: usize,
+        /// mm
+        lengthscale: f64,
+    },
+    /// `path(row, n, lengthscale)`: the same field's integral along the geodesic path from the vertex in column
+    /// `source`.
+    Path {
+        /// Number of modes.
+        modes: usize,
+        /// mm
+        lengthscale: f64,
+    },
 }
 
 impl Form {
@@ -55,7 +71,15 @@ impl Form {
             | Self::Group { column }
             | Self::Family { column }
             | Self::Above { column, .. } => Some(column),
-            Self::All => None,
+            Self::All | Self::Surface { .. } | Self::Path { .. } => None,
+        }
+    }
+
+    /// The number of modes of the surface that it needs.
+    pub fn n_modes(&self) -> usize {
+        match self {
+            Self::Surface { modes, .. } | Self::Path { modes, .. } => *modes,
+            _ => 0,
         }
     }
 
@@ -72,6 +96,10 @@ impl Form {
             Self::Family { column } => format!("family(row.{column})"),
             Self::Above { column, threshold } => format!("above(row.{column}, {threshold:?})"),
             Self::All => "all(row)".into(),
+            Self::Surface { modes, lengthscale } => {
+                format!("surface(row, {modes}, {lengthscale:?})")
+            }
+            Self::Path { modes, lengthscale } => format!("path(row, {modes}, {lengthscale:?})"),
         }
     }
 
@@ -93,6 +121,11 @@ impl Form {
         let rows = 0..table.len();
         match self {
             Self::All => (vec![1.0; table.len()], 1),
+            Self::Surface { modes, lengthscale } | Self::Path { modes, lengthscale } => {
+                let along = matches!(self, Self::Path { .. });
+                let design = table.probes().map(|p| p.design(*modes, *lengthscale, along));
+                (design.unwrap_or_default(), *modes)
+            }
             Self::Scaled { column, centre, scale } => {
                 let z = |row| number(row, column).map_or(0.0, |x| (x - centre) / scale);
                 (rows.map(z).collect(), 1)

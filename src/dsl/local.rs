@@ -109,9 +109,16 @@ impl Model {
         t.lp
     }
 
-    /// Log likelihood of a row at these scalars, with gradient and Hessian in them.
-    pub fn row_curvature(&self, id: RowId, locals: &[f64], noise: &Noise, out: &mut Curvature) {
-        self.observes[id.observe].op.curvature(id.row, locals, noise, out);
+    /// Log likelihood of a row at these scalars, with gradient and Hessian in those numbered `of`; zero in
+    /// the others.
+    pub fn row_curvature(
+        &self,
+        id: RowId,
+        locals: &[f64],
+        of: &[usize],
+        noise: &Noise,
+    ) -> Curvature {
+        self.observes[id.observe].op.curvature(id.row, locals, of, noise)
     }
 
     /// Log likelihood of a row at these scalars.

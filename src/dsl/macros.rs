@@ -68,9 +68,9 @@ macro_rules! statement {
     ($b:ident $P:tt $R:tt $L:tt [$($C:tt)*] $V:tt [$($o:tt)*] $(#[doc = $doc:literal])* column $c:ident ($n:literal) $([$($u:tt)+])?; $($rest:tt)*) => {
         $crate::statement!{ $b $P $R $L [$($C)* ($c {[f64; $n]})] $V [$($o)* $b.column($crate::decl!($c ($n) [$($($u)+)?] [$($doc)*]));] $($rest)* } };
 
-    // observe s1s2(x): Bracket [ms] ~ TopHat(erp_s2(x));
-    ($b:ident $P:tt $R:tt $L:tt $C:tt [$($V:tt)*] $o:tt $(#[doc = $doc:literal])* observe $y:ident ($x:ident) : $Y:ident $([$($u:tt)+])? ~ $lik:expr; $($rest:tt)*) => {
-        $crate::statement!{ $b $P $R $L $C [$($V)* $crate::observe!{ $b $P $R $L $y ($x) $Y [$($($u)+)?] [$($doc)*] $lik }] $o $($rest)* } };
+    // observe s1s2(x): Bracket [ms] ~ TopHat(erp_s2(x));   observe ratio(row): Number from (row.b / row.a) ~ Normal(mean(row), noise);
+    ($b:ident $P:tt $R:tt $L:tt $C:tt [$($V:tt)*] $o:tt $(#[doc = $doc:literal])* observe $y:ident ($x:ident) : $Y:ident $([$($u:tt)+])? $(from ($from:expr))? ~ $lik:expr; $($rest:tt)*) => {
+        $crate::statement!{ $b $P $R $L $C [$($V)* $crate::observe!{ $b $P $R $L $y ($x) $Y [$($($u)+)?] [$($doc)*] [$($from)?] $lik }] $o $($rest)* } };
 
     // effect force on erp_s2, erp_s3 [ms] = linear(row.force_g) ~ Normal(0.0, 10.0);
     ($b:ident $P:tt $R:tt $L:tt $C:tt $V:tt [$($o:tt)*] $(#[doc = $doc:literal])* effect $e:ident on $($t:ident),+ $([$($u:tt)+])? = linear($($r:ident . $c:ident),+) ~ $d:expr; $($rest:tt)*) => {
@@ -111,8 +111,8 @@ macro_rules! statement {
     ($b:ident $P:tt $R:tt $L:tt $C:tt $V:tt $o:tt $(#[doc = $doc:literal])* field $($t:tt)*) => { $crate::mistake!{ "expected `field NAME(x) [unit] in 1.0..30.0 = m + alpha * gp(Rbf(rho), K = 24) where { m [ms] ~ Flat; … }`" $($t)* } };
     ($b:ident $P:tt $R:tt $L:tt $C:tt $V:tt $o:tt $(#[doc = $doc:literal])* let $($t:tt)*) => { $crate::mistake!{ "expected `let NAME(x) [unit] = EXPRESSION;`" $($t)* } };
     ($b:ident $P:tt $R:tt $L:tt $C:tt $V:tt $o:tt $(#[doc = $doc:literal])* column $($t:tt)*) => { $crate::mistake!{ "expected `column NAME [unit];` or `column NAME(3);`" $($t)* } };
-    ($b:ident $P:tt $R:tt $L:tt $C:tt $V:tt $o:tt $(#[doc = $doc:literal])* observe $($t:tt)*) => { $crate::mistake!{ "expected `observe NAME(x): Bracket [unit] ~ LIKELIHOOD;`" $($t)* } };
-    ($b:ident $P:tt $R:tt $L:tt $C:tt $V:tt $o:tt $(#[doc = $doc:literal])* effect $($t:tt)*) => { $crate::mistake!{ "expected `effect NAME on LET, LET [unit] = linear(row.COLUMN) ~ PRIOR;`, or `scaled`, `smooth`, `above`, `group`, `family`, `all` in place of `linear`" $($t)* } };
+    ($b:ident $P:tt $R:tt $L:tt $C:tt $V:tt $o:tt $(#[doc = $doc:literal])* observe $($t:tt)*) => { $crate::mistake!{ "expected `observe NAME(x): Bracket [unit] ~ LIKELIHOOD;` or `observe NAME(row): Number [unit] from (row.a / row.b) ~ LIKELIHOOD;`" $($t)* } };
+    ($b:ident $P:tt $R:tt $L:tt $C:tt $V:tt $o:tt $(#[doc = $doc:literal])* effect $($t:tt)*) => { $crate::mistake!{ "expected `effect NAME on LET, LET [unit] = linear(row.COLUMN) ~ PRIOR;`, or `scaled`, `smooth`, `above`, `group`, `family`, `all`, `surface`, `path` in place of `linear`" $($t)* } };
     ($b:ident $P:tt $R:tt $L:tt $C:tt $V:tt $o:tt $(#[doc = $doc:literal])* density $($t:tt)*) => { $crate::mistake!{ "expected `density NAME(data) = f(PARAMETER, data.COLUMN);` or `density NAME = f(PARAMETER);`" $($t)* } };
     ($b:ident $P:tt $R:tt $L:tt $C:tt $V:tt $o:tt $(#[doc = $doc:literal])* $first:tt $($t:tt)*) => { $crate::mistake!{ "a statement begins with `param`, `field`, `let`, `column`, `observe`, `effect` or `density`" $first $($t)* } };
 }
@@ -127,7 +127,9 @@ macro_rules! form {
     (group $r:ident . $c:ident) => { $crate::dsl::expansion::Form::Group { column: stringify!($c).into() } };
     (family $r:ident . $c:ident) => { $crate::dsl::expansion::Form::Family { column: stringify!($c).into() } };
     (all $r:ident) => { $crate::dsl::expansion::Form::All };
-    ($($other:tt)*) => { { $crate::mistake!{ "expected `linear(row.a, row.b)`, `scaled(row.a, CENTRE, SCALE)`, `smooth(row.a, LOW, HIGH, DEGREE)`, `above(row.a, THRESHOLD)`, `group(row.a)`, `family(row.a)` or `all(row)`" $($other)* } $crate::dsl::expansion::Form::All } };
+    (surface $r:ident, $modes:literal, $lengthscale:expr) => { $crate::dsl::expansion::Form::Surface { modes: $modes, lengthscale: f64::from($lengthscale) } };
+    (path $r:ident, $modes:literal, $lengthscale:expr) => { $crate::dsl::expansion::Form::Path { modes: $modes, lengthscale: f64::from($lengthscale) } };
+    ($($other:tt)*) => { { $crate::mistake!{ "expected `linear(row.a, row.b)`, `scaled(row.a, CENTRE, SCALE)`, `smooth(row.a, LOW, HIGH, DEGREE)`, `above(row.a, THRESHOLD)`, `group(row.a)`, `family(row.a)`, `all(row)`, `surface(row, MODES, LENGTHSCALE)` or `path(row, MODES, LENGTHSCALE)`" $($other)* } $crate::dsl::expansion::Form::All } };
 }
 
 /// A message (its span is the whole `model!`), and an error at the place: `no rules expected` points
@@ -314,7 +316,7 @@ macro_rules! value { ($b:ident $P:tt $R:tt $L:tt $g:ident ($x:ident) [$($u:tt)*]
 
 #[macro_export]
 #[doc(hidden)]
-macro_rules! observe { ($b:ident $P:tt $R:tt $L:tt $y:ident ($x:ident) $Y:ident [$($u:tt)*] [$($doc:literal)*] $lik:expr) => { {
+macro_rules! observe { ($b:ident $P:tt $R:tt $L:tt $y:ident ($x:ident) $Y:ident [$($u:tt)*] [$($doc:literal)*] [$($from:expr)?] $lik:expr) => { {
     $crate::row_scope!{ $P $R $L stringify!($lik) }
     impl $crate::dsl::expansion::RowFn for Here {
         type Columns = Row;
@@ -325,6 +327,10 @@ macro_rules! observe { ($b:ident $P:tt $R:tt $L:tt $y:ident ($x:ident) $Y:ident 
             let $x = row;
             $lik
         }
+        $(
+        const FROM: Option<&'static str> = Some(stringify!($from));
+        fn measured($x: &Row) -> Option<$Y> { Some($from) }
+        )?
     }
-    $b.observe::<Here, { SCOPE.size() }, { SCOPE.width() }>(Here, $crate::decl!($y ($x) [$($u)*] [$($doc)*] $Y ~ $lik), &SCOPE)?;
+    $b.observe::<Here, { SCOPE.size() }, { SCOPE.width() }>(Here, $crate::decl!($y ($x) [$($u)*] [$($doc)*] $Y $(from ($from))? ~ $lik), &SCOPE)?;
 } } }

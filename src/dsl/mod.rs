@@ -23,6 +23,7 @@ mod maps;
 mod model;
 mod parameter;
 mod prior_draws;
+mod probes;
 mod restore;
 mod rows;
 mod scalar;
@@ -42,6 +43,7 @@ pub use lets::LetValues;
 pub use local::{RowId, Split};
 pub use maps::{MapName, MapSummary, Maps};
 pub use model::{Declare, Kind, Model, Observe, Parameter, Statement};
+pub use probes::{FIELD_MODES, PATH, ProbeError, Probes, SOURCE};
 pub use rows::{Curvature, Noise};
 pub use tape::Tape;
 

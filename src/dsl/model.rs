@@ -130,6 +130,8 @@ pub struct Observe {
     pub unit: String,
     /// Names of the numbers that a measurement consists of.
     pub columns: &'static [&'static str],
+    /// Columns of the table that it is read or computed from.
+    pub cells: Vec<String>,
     /// Rows of the table, from 0.
     pub rows: Vec<usize>,
     pub(super) op: Box<dyn Measured>,
@@ -165,6 +167,8 @@ pub struct Model {
     pub(super) start: Vec<(usize, f64)>,
     /// Lengths of unknowns, values, work.
     pub(super) layout: [usize; 3],
+    /// The most modes that an effect asks for.
+    pub(super) effect_modes: usize,
 }
 
 impl Model {
@@ -227,6 +231,7 @@ impl Model {
             hooks: BTreeMap::new(),
             start: vec![],
             layout: [0; 3],
+            effect_modes: 0,
         }
     }
 
@@ -239,7 +244,7 @@ impl Model {
         }
         for observe in &self.observes {
             if let Some((i, why)) = observe.op.objection(&t) {
-                let columns = observe.columns.join(", ");
+                let columns = observe.cells.join(", ");
                 return Err(data
                     .cell_error(
                         observe.rows[i],
@@ -258,9 +263,10 @@ impl Model {
         !self.fields.is_empty()
     }
 
-    /// The most modes that a field asks for.
+    /// The most modes that a field, or an effect that is one, asks for.
     pub fn n_modes(&self) -> usize {
-        self.fields.iter().map(|f| f.op.k + f.first).max().unwrap_or(0)
+        let fields = self.fields.iter().map(|f| f.op.k + f.first);
+        fields.max().unwrap_or(0).max(self.effect_modes)
     }
 
     /// Number of reported numbers: parameters, with the constant modes that are drawn afterwards.
@@ -420,6 +426,14 @@ impl Model {
 }
 
 impl Observe {
+    /// Whether a row of a table with the same columns holds a measurement of this kind: all that it is
+    /// computed from, or an end of a bracket.
+    pub fn is_measured(&self, table: &Measurements, row: usize) -> bool {
+        let has = |column: &String| table.cell(row, column).is_some_and(|cell| !cell.is_empty());
+        let is_computed = self.cells.len() != self.columns.len();
+        if is_computed { self.cells.iter().all(has) } else { self.cells.iter().any(has) }
+    }
+
     /// The measurement of one row.
     pub fn observed_row(&self, row: usize) -> Vec<f64> {
         self.op.observed_row(row)

@@ -18,11 +18,17 @@ pub trait RowFn: Send + Sync + std::fmt::Debug {
     type Y: Observation;
     /// What the likelihood can see.
     const SCOPE: Scope;
+    /// The text of `from (…)`: the measurement is computed from columns of the row.
+    const FROM: Option<&'static str> = None;
     /// The likelihood at the scope's scalars.
     fn likelihood<D: Real>(
         s: &[D],
         row: &Self::Columns,
     ) -> impl Likelihood<D, Self::Y> + use<Self, D>;
+    /// The measurement, where it is computed from the row's columns.
+    fn measured(_: &Self::Columns) -> Option<Self::Y> {
+        None
+    }
 }
 
 /// The numeric columns of one row that a model reads, as a struct that the macro declares.
@@ -112,8 +118,8 @@ pub(super) trait Measured: Op {
     fn locals(&self, i: usize) -> Vec<(usize, usize)>;
     /// Log likelihood of row `i` at these scalars, under `noise`.
     fn ln_at(&self, i: usize, locals: &[f64], noise: &Noise) -> f64;
-    /// As [`Measured::ln_at`], with gradient and Hessian `(n, n)` in the scalars.
-    fn curvature(&self, i: usize, locals: &[f64], noise: &Noise, out: &mut Curvature);
+    /// As [`Measured::ln_at`], with gradient and Hessian `(n, n)` in the scalars numbered `of`, zero in the others.
+    fn curvature(&self, i: usize, locals: &[f64], of: &[usize], noise: &Noise) -> Curvature;
     /// A simulated measurement for row `i` at these scalars, as cells, without noise.
     fn replicate(&self, i: usize, locals: &[f64], rng: &mut dyn Rng) -> Vec<f64>;
     /// The predicted value of row `i` at these scalars, if the likelihood has one.
@@ -326,19 +332,19 @@ impl<F: RowFn, const N: usize, const W: usize> Measured for Rows<F, N, W> {
         self.ln_noisy(&self.fill(locals, |_, x| x), i, noise)
     }
 
-    fn curvature(&self, i: usize, locals: &[f64], noise: &Noise, out: &mut Curvature) {
+    fn curvature(&self, i: usize, locals: &[f64], of: &[usize], noise: &Noise) -> Curvature {
         let n = locals.len();
-        out.gradient.resize(n, 0.0);
-        out.hessian.resize(n * n, 0.0);
+        let mut out = Curvature { value: 0.0, gradient: vec![0.0; n], hessian: vec![0.0; n * n] };
         let is = |a: usize, j: usize| f64::from(u8::from(a == j));
-        for a in 0..n {
-            for b in a..n {
+        for (k, &a) in of.iter().enumerate() {
+            for &b in &of[k..] {
                 let s = self.fill(locals, |j, x| Hyper::new(x, is(a, j), is(b, j), 0.0));
                 let l = self.ln_noisy(&s, i, noise);
                 (out.value, out.gradient[a], out.gradient[b]) = (l.re, l.eps1, l.eps2);
                 (out.hessian[a * n + b], out.hessian[b * n + a]) = (l.eps1eps2, l.eps1eps2);
             }
         }
+        out
     }
 
     fn replicate(&self, i: usize, locals: &[f64], rng: &mut dyn Rng) -> Vec<f64> {

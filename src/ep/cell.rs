@@ -10,6 +10,7 @@
 //! APD_max = tau_close ln(1 + tau_out (1 − V_gate)²/(4 tau_in))
 //! ```
 
+use super::precision::Precision;
 use thiserror::Error;
 
 /// Excitation threshold of V, and the voltage at which the gate h turns.
@@ -140,20 +141,34 @@ fn log_duration(tau_in: f64, tau_out: f64) -> f64 {
 
 /// One time step over each time constant.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct StepRates {
-    pub(super) excite: f64,
-    pub(super) leak: f64,
-    pub(super) open: f64,
-    pub(super) close: f64,
+pub(super) struct StepRates<F = f64> {
+    pub(super) excite: F,
+    pub(super) leak: F,
+    pub(super) open: F,
+    pub(super) close: F,
+}
+
+impl StepRates {
+    /// The same in another precision.
+    pub(super) fn cast<F: Precision>(self) -> StepRates<F> {
+        let Self { excite, leak, open, close } = self;
+        StepRates {
+            excite: F::of(excite),
+            leak: F::of(leak),
+            open: F::of(open),
+            close: F::of(close),
+        }
+    }
 }
 
 /// V and h after one forward-Euler step without diffusion, both from the old values.
 #[inline(always)]
-pub(super) fn euler_step(v: f64, h: f64, r: StepRates) -> (f64, f64) {
-    let excite = r.excite * h * v * (v - V_GATE) * (1.0 - v);
-    let leak = r.leak * (1.0 - h) * v;
-    let gate = if v <= V_GATE { r.open * (1.0 - h) } else { -r.close * h };
-    (v + (excite - leak), h + gate)
+pub(super) fn euler_step<F: Precision>(v: F, h: F, r: StepRates<F>) -> (F, F) {
+    let (one, gate) = (F::one(), F::of(V_GATE));
+    let excite = r.excite * h * v * (v - gate) * (one - v);
+    let leak = r.leak * (one - h) * v;
+    let turn = if v <= gate { r.open * (one - h) } else { -r.close * h };
+    (v + (excite - leak), h + turn)
 }
 
 #[cfg(test)]

@@ -3,12 +3,15 @@
 //! Knows parameters and what tissue does with them; it knows nothing of probability.
 
 pub mod cell;
+mod precision;
 pub mod protocol;
 mod restitution;
 pub mod strip;
+pub mod surface;
 pub mod table;
 
 pub use cell::{Parameters, Tissue};
+pub use precision::Precision;
 pub use protocol::Protocol;
 pub use restitution::Restitution;
 pub use strip::{Absence, Beat, Grid, StripError, StripOutcome, simulate_strips};

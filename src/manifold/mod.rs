@@ -12,6 +12,7 @@ mod interpolate;
 mod lanczos;
 mod laplacian;
 mod npz;
+mod path;
 mod sites;
 #[cfg(test)]
 mod test_meshes;
@@ -23,4 +24,5 @@ pub use eigen::eigenpairs;
 pub use error::ManifoldError;
 pub use interpolate::interpolate_biharmonic;
 pub use laplacian::{Csr, Laplacian};
+pub use path::integrate_along_paths;
 pub use sites::{maximin, nearest_vertex, random_maximin};

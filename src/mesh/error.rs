@@ -210,7 +210,7 @@ pub enum MeshError {
     },
 }
 
-const PARSE_HELP: &str = "legacy VTK 2.0 to 5.1 is read, ASCII or BINARY, POLYDATA or UNSTRUCTURED_GRID of triangles; \
+const PARSE_HELP: &str = "legacy VTK 2.0 to 5.1 is read, ASCII or BINARY, POLYDATA or UNSTRUCTURED_GRID of triangles, and .vtp with its arrays inline; \
      save the mesh so from ParaView or PyVista";
 
 fn extension(path: &std::path::Path) -> String {

@@ -5,6 +5,7 @@
 
 mod atrium;
 mod error;
+mod refine;
 mod repair;
 mod surface;
 mod topology;

@@ -36,7 +36,7 @@ impl Surface {
     }
 }
 
-/// Reads the surface in the legacy VTK file `path`, whose coordinates are in `units`.
+/// Reads the surface in the VTK file `path` (.vtk or .vtp), whose coordinates are in `units`.
 ///
 /// # Errors
 /// [`MeshError`]: `Extension`, `Read`, `Parse`, `Truncated`, `NotATriangle`, or `Invalid` with
@@ -49,17 +49,18 @@ pub fn read(path: &Path, units: Units) -> Result<Surface, MeshError> {
 
 /// Everything in the file, in mm and not yet validated.
 pub(super) fn read_content(path: &Path, units: Units) -> Result<Content, MeshError> {
-    let is_vtk = path.extension().is_some_and(|e| e.eq_ignore_ascii_case("vtk"));
+    let is = |ending: &str| path.extension().is_some_and(|e| e.eq_ignore_ascii_case(ending));
     let bytes = fs::read(path).map_err(|source| MeshError::Read { path: path.into(), source })?;
-    if !is_vtk {
+    if !is("vtk") && !is("vtp") {
         return Err(MeshError::Extension {
             path: path.into(),
             action: "read",
-            supported: "a legacy VTK file (.vtk)",
+            supported: "a VTK file (.vtk or .vtp)",
             help: "save the mesh as .vtk from ParaView or PyVista (pyvista.read(F).save('mesh.vtk'))",
         });
     }
-    let mut content = vtk::parse(path, &bytes)?;
+    let parse = if is("vtp") { vtk::parse_xml } else { vtk::parse };
+    let mut content = parse(path, &bytes)?;
     for x in content.vertices.iter_mut().flatten() {
         *x *= units.in_mm();
     }

@@ -12,7 +12,7 @@ use std::time::{Duration, Instant};
 use clap::Args;
 use indicatif::{ProgressBar, ProgressStyle};
 
-use self::predictions::{Heldout, Joint, leave_sites_out_twice};
+use self::predictions::{Heldout, Joint, leave_sites_out_twice, leave_units_out_twice};
 use self::story::Story;
 use super::compile::run_compiled;
 use super::inputs::{InputArgs, Inputs, hash};
@@ -99,6 +99,7 @@ impl Command {
             after: after.as_ref(),
             heldout: heldout.as_ref(),
             left: leave_sites_out_twice(&outcome, self.input.seed),
+            left_units: leave_units_out_twice(&outcome, self.input.seed),
         };
         let files = self.write(&story, &out, &file.source)?;
         let mut stdout = std::io::stdout().lock();

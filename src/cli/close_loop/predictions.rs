@@ -7,7 +7,8 @@ use serde_json::{Value, json};
 use super::super::inputs::Inputs;
 use super::Sampling;
 use crate::criticism::{
-    Left, Outcome, Predicted, leave_sites_out, predict_rows, score_of, with_heldout,
+    Left, Outcome, Predicted, leave_sites_out, leave_units_out, predict_rows, score_of,
+    with_heldout,
 };
 use crate::diagnostics::standard_error;
 use crate::dsl::{Declare, Measurements, Model};
@@ -45,15 +46,20 @@ impl Joint {
     ) -> Result<Self, Failure> {
         let outline = Model::outline(model)?;
         heldout.check_protocols(&outline.readers())?;
-        if let Some((surface, _)) = &inputs.surface {
-            heldout.clone().place_on(surface, scale)?; // its errors name its own lines
-        }
-        let own: Vec<&str> = outline.observes.iter().map(|o| o.name).collect();
-        let mut table = with_heldout(&inputs.measurements, &heldout, &own);
-        if let Some((surface, _)) = &inputs.surface {
-            table.place_on(surface, scale)?;
+        let mut heldout = heldout;
+        if let Some((surface, basis)) = &inputs.surface {
+            heldout.place_on(surface, scale)?; // its errors name its own lines
+            heldout.probe(surface, basis)?;
         }
         let basis = inputs.surface.as_ref().map(|(_, basis)| basis);
+        let fitted = Model::new(model, basis, &inputs.measurements)?;
+        let own: Vec<&str> =
+            fitted.observes.iter().flat_map(|o| o.cells.iter().map(String::as_str)).collect();
+        let mut table = with_heldout(&inputs.measurements, &heldout, &own);
+        if let Some((surface, basis)) = &inputs.surface {
+            table.place_on(surface, scale)?;
+            table.probe(surface, basis)?;
+        }
         Model::new(model, basis, &table)?;
         Ok(Self { table, heldout, first: inputs.measurements.len() })
     }
@@ -88,17 +94,16 @@ impl Heldout {
             let all = Model::new(declared, basis, table)?;
             Ok(predict_rows(&all, &fit.model, &thinned(&fit.chains), *first, seed))
         };
-        let own = before.model.observes.iter().map(|o| o.name);
-        let measured: Vec<&str> =
-            ["lower", "upper", "value"].into_iter().chain(own).filter(|c| heldout.has(c)).collect();
         let cell = |row: usize, name: &str| heldout.cell(row, name).unwrap_or_default().to_owned();
+        let is_measured =
+            |row: usize| before.model.observes.iter().any(|o| o.is_measured(heldout, row));
         let rows = || 0..heldout.len();
         let trained = inputs.measurements.columns().iter();
         Ok(Self {
             before: predict(declared[0], before)?,
             after: after.map(|fit| predict(declared[1], fit)).transpose()?,
             first: *first,
-            is_measured: rows().map(|r| measured.iter().any(|c| !cell(r, c).is_empty())).collect(),
+            is_measured: rows().map(is_measured).collect(),
             names: rows().map(|row| [cell(row, "site"), cell(row, "protocol")]).collect(),
             missing: trained.filter(|c| !heldout.has(c)).cloned().collect(),
         })
@@ -132,16 +137,29 @@ impl Heldout {
     }
 }
 
-/// Predictions of each site from the others, before and, if anything was found, after.
+/// Predictions of what was left out from the rest, before and, if anything was found, after.
 pub(super) struct LeftOut {
+    /// What was left out as a whole: `site`, or a column.
+    pub(super) unit: String,
     before: Left,
     after: Option<Left>,
+}
+
+/// Predictions of each of the outcome's units from the others, by the first and the last fit of a search;
+/// `None` where the site is the unit, and where a fit without one of them fails.
+pub(super) fn leave_units_out_twice(outcome: &Outcome, seed: u64) -> Option<LeftOut> {
+    let unit = outcome.unit.as_ref()?;
+    let left = |fit| leave_units_out(&outcome.engine, fit, unit, seed);
+    let before = left(&outcome.rounds[0].base)?;
+    let after = if outcome.found.is_empty() { None } else { Some(left(&outcome.last)?) };
+    Some(LeftOut { unit: unit.name.clone(), before, after })
 }
 
 /// Leave-one-site-out predictions by the first and the last fit of a search.
 pub(super) fn leave_sites_out_twice(outcome: &Outcome, seed: u64) -> LeftOut {
     let is_found = !outcome.found.is_empty();
     LeftOut {
+        unit: "site".into(),
         before: outcome.rounds[0].left.clone(),
         after: is_found.then(|| leave_sites_out(&outcome.engine, &outcome.last, seed)),
     }
@@ -178,8 +196,8 @@ impl LeftOut {
         };
         let after = self.after.as_ref().map(rows);
         let lns = (self.before.elpd.clone(), self.after.as_ref().map(|left| left.elpd.clone()));
-        let what = "measurements, each site predicted from the others";
-        compare(what, &rows(&self.before), after.as_deref(), lns)
+        let what = format!("measurements, each {} predicted from the others", self.unit);
+        compare(&what, &rows(&self.before), after.as_deref(), lns)
     }
 }
 

@@ -9,7 +9,7 @@ use super::predictions::{Heldout, LeftOut, as_json, thinned};
 use super::{Sampling, name_of, site_column};
 use crate::criticism::{Outcome, Round};
 use crate::diagnostics::quantile;
-use crate::dsl::{AddedEffect, Form, equations};
+use crate::dsl::{AddedEffect, Form, Measurements, equations};
 use crate::error::Failure;
 use crate::report::{
     Against, Comparison, LoopPage, ReportError, Residuals, SiteResidual, TriedEffect, TriedRound,
@@ -28,6 +28,8 @@ pub(super) struct Story<'a> {
     pub(super) after: Option<&'a Sampling>,
     pub(super) heldout: Option<&'a Heldout>,
     pub(super) left: LeftOut,
+    /// Where something other than the site is left out as a whole.
+    pub(super) left_units: Option<LeftOut>,
 }
 
 impl Story<'_> {
@@ -38,13 +40,25 @@ impl Story<'_> {
         let intervals: BTreeMap<&str, [f64; 2]> = names
             .iter()
             .zip(self.effects)
-            .filter_map(|(name, (effect, _))| Some((*name, interval(effect, self.after?)?)))
+            .filter_map(|(name, (effect, _))| {
+                Some((*name, interval(effect, self.after?, &self.inputs.measurements)?))
+            })
             .collect();
         let rounds = outcome.rounds.iter().enumerate();
         let tried = rounds.flat_map(|(i, round)| self.tried_json(i, round));
         let unusable: Vec<Value> =
             outcome.unusable.iter().map(|u| json!({ "column": u.column, "why": u.why })).collect();
+        let warnings: Vec<Value> = outcome
+            .warnings
+            .iter()
+            .map(|w| json!({ "check": w.check, "column": w.column, "text": w.text }))
+            .collect();
         let heldout = self.heldout.and_then(Heldout::comparison);
+        let units = self.left_units.as_ref().map(|left| {
+            let mut figures = as_json(&left.comparison(outcome));
+            figures["unit"] = json!(left.unit);
+            figures
+        });
         json!({
             "findings": names,
             "ambiguous": outcome.ambiguous,
@@ -52,10 +66,13 @@ impl Story<'_> {
             "effect_interval": intervals,
             "heldout": heldout.as_ref().map_or(Value::Null, as_json),
             "leave_one_site_out": as_json(&self.left.comparison(outcome)),
+            "leave_one_unit_out": units,
             "data": name_of(&self.inputs.measurements),
             "nulls": outcome.rounds.iter().map(|r| r.nulls.clone()).collect::<Vec<_>>(),
             "site_log_bf": outcome.site_log_bf,
+            "unit_log_bf": outcome.unit_log_bf.as_ref().map(|(_, log_bf)| log_bf),
             "not_tried": unusable,
+            "warnings": warnings,
             "tried": tried.collect::<Vec<_>>(),
         })
     }
@@ -77,10 +94,11 @@ impl Story<'_> {
         round.tried.iter().map(one).collect()
     }
 
-    /// The errors that count: those of held-out measurements, else of sites left out.
+    /// The errors that count, first: those of held-out measurements, else of what was left out as a whole.
     fn comparisons(&self) -> Vec<Comparison> {
         let heldout = self.heldout.and_then(Heldout::comparison);
-        heldout.into_iter().chain([self.left.comparison(self.outcome)]).collect()
+        let left = self.left_units.iter().chain([&self.left]);
+        heldout.into_iter().chain(left.map(|left| left.comparison(self.outcome))).collect()
     }
 
     /// The answer in one sentence.
@@ -112,17 +130,26 @@ impl Story<'_> {
                 format!("{a} and {b} explain the same: these data cannot tell them apart.")
             })
             .collect();
-        let log_bf = (10.0 * outcome.site_log_bf).round() / 10.0 + 0.0; // no −0
-        sentences.push(if outcome.is_unexplained() {
-            format!(
-                "Sites differ by more than the model says (log Bayes factor {log_bf:.1}), for a reason that is not among the columns."
-            )
-        } else {
-            format!(
-                "Sites differ by no more than the model says (log Bayes factor {log_bf:.1} for a further difference)."
-            )
-        });
+        for (what, log_bf) in self.differences() {
+            let shown = (10.0 * log_bf).round() / 10.0 + 0.0; // no −0
+            sentences.push(if log_bf > CLAIM {
+                format!(
+                    "{what} differ by more than the model says (log Bayes factor {shown:.1}), for a reason that is not among the columns."
+                )
+            } else {
+                format!(
+                    "{what} differ by no more than the model says (log Bayes factor {shown:.1} for a further difference)."
+                )
+            });
+        }
         sentences.join(" ")
+    }
+
+    /// What may differ by more than the model with its findings says, and the evidence that it does.
+    fn differences(&self) -> Vec<(String, f64)> {
+        let units =
+            self.outcome.unit_log_bf.iter().map(|(name, bf)| (format!("Units of `{name}`"), *bf));
+        [("Sites".to_owned(), self.outcome.site_log_bf)].into_iter().chain(units).collect()
     }
 
     /// The lines on stdout.
@@ -135,10 +162,10 @@ impl Story<'_> {
         for [a, b] in &outcome.ambiguous {
             lines.push(format!("ambiguous {a} or {b}: these data cannot tell"));
         }
-        if outcome.is_unexplained() {
+        for (what, log_bf) in self.differences().into_iter().filter(|(_, bf)| *bf > CLAIM) {
             lines.push(format!(
-                "remains   sites differ by more than the model says (log Bayes factor {:.1}), for a reason that is not among the columns",
-                outcome.site_log_bf
+                "remains   {} differ by more than the model says (log Bayes factor {log_bf:.1}), for a reason that is not among the columns",
+                what.to_lowercase()
             ));
         }
         for c in self.comparisons().iter().take(1) {
@@ -163,7 +190,8 @@ impl Story<'_> {
     /// Doubts about the table.
     fn doubts(&self) -> Vec<String> {
         let table = &self.inputs.measurements;
-        let mut doubts = vec![];
+        let mut doubts: Vec<String> =
+            self.outcome.warnings.iter().map(|warning| warning.text.clone()).collect();
         for (effect, _) in self.effects {
             let Some(column) = effect.form.column() else { continue };
             if self.heldout.is_some_and(|h| h.missing.iter().any(|c| c == column)) {
@@ -226,7 +254,7 @@ impl Story<'_> {
     fn sizes(&self) -> Vec<String> {
         let size = |(effect, _): &(AddedEffect, String)| {
             let after = self.after?;
-            let [low, high] = interval(effect, after)?;
+            let [low, high] = interval(effect, after, &self.inputs.measurements)?;
             let (on, unit) = (effect.on.join(", "), &effect.unit);
             let range = format!("{on}: {low:.1} to {high:.1} {unit}").replace('-', "−");
             let labels = effect.form.labels(&self.inputs.measurements);
@@ -243,6 +271,7 @@ impl Story<'_> {
                     format!("between the coefficients of the curve in {column} that differ most")
                 }
                 Form::All => "everywhere".into(),
+                Form::Surface { .. } | Form::Path { .. } => "sd over the measurements".into(),
             };
             Some(format!("{range} {of} (90 % interval)"))
         };
@@ -335,9 +364,13 @@ impl Story<'_> {
 /// An effect in words.
 fn in_words(effect: &AddedEffect) -> String {
     let on = effect.on.join(" and ");
-    match effect.form.column() {
-        Some(column) => format!("an effect of {column} on {on}"),
-        None => format!("an offset of {on}"),
+    match &effect.form {
+        Form::Surface { .. } => format!("a field over the surface in {on}"),
+        Form::Path { .. } => format!("a slowness that varies along the paths, in {on}"),
+        form => match form.column() {
+            Some(column) => format!("an effect of {column} on {on}"),
+            None => format!("an offset of {on}"),
+        },
     }
 }
 
@@ -351,7 +384,11 @@ fn rounded(form: &Form) -> String {
             format!("smooth({column}, {low:.3}, {high:.3}, {degree})")
         }
         Form::Above { column, threshold } => format!("above({column}, {threshold:.3})"),
-        Form::Group { .. } | Form::Family { .. } | Form::All => form.text().replace("row.", ""),
+        Form::Surface { .. }
+        | Form::Path { .. }
+        | Form::Group { .. }
+        | Form::Family { .. }
+        | Form::All => form.text().replace("row.", ""),
     }
 }
 
@@ -369,13 +406,30 @@ fn extremes(effect: &AddedEffect, after: &Sampling) -> Option<((usize, usize), (
     Some((least.1, most.1))
 }
 
-/// Central 90 % interval of an effect's coefficient, or of the greatest difference between two of its
-/// coefficients.
-fn interval(effect: &AddedEffect, after: &Sampling) -> Option<[f64; 2]> {
+/// Central 90 % interval of an effect's coefficient, of the greatest difference between two of its
+/// coefficients or, of a field, of its sd over the rows.
+fn interval(effect: &AddedEffect, after: &Sampling, table: &Measurements) -> Option<[f64; 2]> {
     let ((low, _), (high, _)) = extremes(effect, after)?;
     let draws = thinned(&after.chains);
-    let value = |draw: &&[f64]| if low == high { draw[low] } else { draw[high] - draw[low] };
+    let (design, n) = effect.form.design(table);
+    let names = after.model.unknown_names();
+    let of_effect = |name: &String| name.split('[').next() == Some(effect.name.as_str());
+    let first = names.iter().position(of_effect)?;
+    let value = |draw: &&[f64]| match effect.form {
+        Form::Surface { .. } | Form::Path { .. } => {
+            let dot = |z: &[f64]| z.iter().zip(&draw[first..]).map(|(z, b)| z * b).sum::<f64>();
+            sd(&design.chunks_exact(n).map(dot).collect::<Vec<f64>>())
+        }
+        _ if low == high => draw[low],
+        _ => draw[high] - draw[low],
+    };
     let mut values: Vec<f64> = draws.iter().map(value).collect();
     values.sort_by(f64::total_cmp);
     Some([quantile(&values, 0.05), quantile(&values, 0.95)])
+}
+
+fn sd(x: &[f64]) -> f64 {
+    let n = x.len() as f64;
+    let mean = x.iter().sum::<f64>() / n;
+    (x.iter().map(|x| (x - mean).powi(2)).sum::<f64>() / n).sqrt()
 }

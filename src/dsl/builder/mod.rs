@@ -11,6 +11,7 @@ use crate::dsl::linear::Linear;
 use crate::dsl::maps::{LetFn, Map, MapAt, MapFn, Source as MapSource};
 use crate::dsl::model::{Kind, Model, Parameter, Position, PriorEntry, Statement};
 use crate::dsl::parameter::{NormalOp, ParameterOp, PriorFn, SequenceFn, SequenceOp};
+use crate::dsl::probes::SOURCE;
 use crate::dsl::scope::{Local, Scope};
 use crate::dsl::units::{Decl, check_units};
 use crate::manifold::Basis;
@@ -437,7 +438,8 @@ impl<'a> Builder<'a> {
     }
 
     fn n_coefficients(&self, effect: &str, form: &Form) -> Result<usize, ModelError> {
-        let Some(data) = self.data else { return Ok(1) };
+        let Some(data) = self.data else { return Ok(form.n_modes().max(1)) };
+        check_probes(effect, form, data)?;
         if let Some(column) = form.column() {
             data.require(column, &format!("effect {effect}"))?;
         }
@@ -453,6 +455,11 @@ impl<'a> Builder<'a> {
 
     /// Everything is declared.
     pub(super) fn finish(mut self) -> Result<Model, ModelError> {
+        let forms = self.effects.iter().filter_map(|effect| match &effect.design {
+            EffectDesign::Form(form) => Some(form.n_modes()),
+            EffectDesign::Columns(_) => None,
+        });
+        self.model.effect_modes = forms.max().unwrap_or(0);
         self.apply_effects()?;
         self.lay_out_lets()?;
         check_units(&self.model)?;
@@ -513,4 +520,19 @@ impl<'a> Builder<'a> {
             }
         }
     }
+}
+
+/// Complains unless the modes that a form needs are known at the rows.
+fn check_probes(effect: &str, form: &Form, data: &Measurements) -> Result<(), ModelError> {
+    let k = form.n_modes();
+    if k == 0 {
+        return Ok(());
+    }
+    let field = effect.to_owned();
+    let Some(probes) = data.probes() else { return Err(ModelError::NoBasis { field }) };
+    if matches!(form, Form::Path { .. }) {
+        data.require(SOURCE, &format!("effect {effect}"))?;
+    }
+    let available = probes.n_modes();
+    if k > available { Err(ModelError::TooManyModes { field, k, available }) } else { Ok(()) }
 }

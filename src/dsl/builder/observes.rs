@@ -6,6 +6,7 @@ use std::marker::PhantomData;
 use super::{Builder, Source};
 use crate::dsl::data::Measurements;
 use crate::dsl::density::{Density, DensityAt, DensityFn};
+use crate::dsl::equations::tidy;
 use crate::dsl::error::ModelError;
 use crate::dsl::linear::Linear;
 use crate::dsl::model::Observe;
@@ -27,10 +28,12 @@ impl Builder<'_> {
         scope: &Scope,
     ) -> Result<(), ModelError> {
         self.state("observe", decl, None);
-        let (rows, y) = match self.data {
-            Some(data) => read_rows::<F::Y>(data, decl.name)?,
-            None => (vec![], vec![]),
+        let read = match (self.data, F::FROM) {
+            (Some(data), Some(text)) => compute_rows::<F>(data, decl, text)?,
+            (Some(data), None) => read_rows::<F::Y>(data, decl.name)?,
+            (None, _) => Read { rows: vec![], y: vec![], cells: vec![] },
         };
+        let Read { rows, y, cells } = read;
         let who = format!("observe {}", decl.name);
         let mut columns = vec![];
         for &row in &rows {
@@ -42,6 +45,7 @@ impl Builder<'_> {
             name: decl.name,
             unit: decl.unit.into(),
             columns: F::Y::COLUMNS,
+            cells,
             rows,
             op: Box::new(Rows::<F, N, W> { columns, y, place }),
         });
@@ -211,15 +215,20 @@ impl Builder<'_> {
     }
 }
 
-/// The rows of an `observe` statement that hold a measurement, and the measurements.
-fn read_rows<Y: Observation>(
-    data: &Measurements,
-    observe: &str,
-) -> Result<(Vec<usize>, Vec<Y>), ModelError> {
+/// The rows of an `observe` statement that hold a measurement.
+struct Read<Y> {
+    rows: Vec<usize>,
+    y: Vec<Y>,
+    /// Columns of the table that measurements are read or computed from.
+    cells: Vec<String>,
+}
+
+fn read_rows<Y: Observation>(data: &Measurements, observe: &str) -> Result<Read<Y>, ModelError> {
     let (names, cells) = read_cells(data, observe, Y::COLUMNS)?;
     let (mut rows, mut y) = (vec![], vec![]);
     for (row, cells) in cells {
-        let wrong = |problem| data.cell_error(row, &names, problem, "mend the row or drop it");
+        let wrong =
+            |problem| data.cell_error(row, &names.join(", "), problem, "mend the row or drop it");
         if let Some(measurement) = Y::read(&cells).map_err(wrong)? {
             rows.push(row);
             y.push(measurement);
@@ -228,7 +237,43 @@ fn read_rows<Y: Observation>(
     if rows.is_empty() {
         return Err(no_rows(data, "observe", observe));
     }
-    Ok((rows, y))
+    Ok(Read { rows, y, cells: names })
+}
+
+/// As [`read_rows`], each measurement computed by `from (text)`; a row in which one of the columns that it
+/// reads is empty holds none.
+fn compute_rows<F: RowFn>(
+    data: &Measurements,
+    decl: Decl,
+    text: &str,
+) -> Result<Read<F::Y>, ModelError> {
+    let who = format!("observe {}", decl.name);
+    let columns = F::Columns::names().into_iter();
+    let own = columns.filter(|(column, _)| reads(text, decl.over, column));
+    let cells: Vec<String> = own.flat_map(|(_, names)| names).collect();
+    let (mut rows, mut y) = (vec![], vec![]);
+    for row in data.rows_of(decl.name) {
+        let mut is_measured = true;
+        for name in &cells {
+            is_measured &= !data.number_or_empty(row, name, &who)?.is_nan();
+        }
+        if !is_measured {
+            continue;
+        }
+        let row_columns = F::Columns::read(&mut |name| data.number(row, name, &who))?;
+        let Some(measurement) = F::measured(&row_columns) else { continue };
+        if let Some(cell) = measurement.cells().into_iter().find(|cell| !cell.is_finite()) {
+            let problem = format!("expected a finite number, got {} = {cell}", tidy(text));
+            let error = data.cell_error(row, &cells.join(", "), problem, "mend the row or drop it");
+            return Err(error.into());
+        }
+        rows.push(row);
+        y.push(measurement);
+    }
+    if rows.is_empty() {
+        return Err(no_rows(data, "observe", decl.name));
+    }
+    Ok(Read { rows, y, cells })
 }
 
 /// A row of the table, and its cells.
@@ -239,7 +284,7 @@ fn read_cells(
     data: &Measurements,
     observe: &str,
     columns: &[&'static str],
-) -> Result<(String, Vec<RowCells>), ModelError> {
+) -> Result<(Vec<String>, Vec<RowCells>), ModelError> {
     let who = format!("observe {observe}");
     // a single value may stand in a column of the statement's own name
     let names = match columns {
@@ -251,7 +296,7 @@ fn read_cells(
         let of_row = names.iter().map(|name| data.number_or_empty(row, name, &who));
         cells.push((row, of_row.collect::<Result<_, _>>()?));
     }
-    Ok((names.join(", "), cells))
+    Ok((names.iter().map(ToString::to_string).collect(), cells))
 }
 
 /// The rows of a `density` statement, and their cells of each column that `text` reads through the name

@@ -37,7 +37,10 @@ pub(super) fn check_units(model: &Model) -> Result<(), ModelError> {
                 units.names.insert(name.into(), declared.or(known.unit()));
             }
             "observe" => {
-                let likelihood = text.split_once('~').map_or(text, |(_, likelihood)| likelihood);
+                let (kind, likelihood) = text.split_once('~').unwrap_or(("", text));
+                if let Some((_, from)) = kind.split_once("from") {
+                    units.check(statement, from, wanted(declared, "as declared").as_ref())?;
+                }
                 units.check(
                     statement,
                     likelihood,

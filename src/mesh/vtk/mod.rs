@@ -1,4 +1,4 @@
-//! VTK files: the legacy format read and written, the XML format (.vtp) written.
+//! VTK files, legacy (.vtk) and XML (.vtp), read and written.
 //!
 //! Knows lists of points, triangles and arrays; what makes a surface valid is `TriMesh`'s business.
 
@@ -8,6 +8,8 @@ mod legacy;
 mod scanner;
 mod types;
 mod write;
+mod xml;
 
 pub(super) use legacy::{Content, parse};
 pub use write::{Encoding, write_vtk, write_vtp};
+pub(super) use xml::parse_xml;

@@ -1,0 +1,246 @@
+//! What is doubtful about a table before anything is fitted to it: named warnings, never a correction.
+
+use std::collections::BTreeMap;
+
+use super::candidates::{Column, read_column};
+use super::units::{LEAST_UNITS, by_site, occasion_of};
+use crate::dsl::{Measurements, distinct};
+
+/// A doubt about a table.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Warning {
+    /// Name of the check: `repeated_rows`, `not_a_number`, `missing_in_group`, `scale_in_group`, `few_units`.
+    pub check: &'static str,
+    /// The column, if it is about one.
+    pub column: Option<String>,
+    /// What, where, and what to do.
+    pub text: String,
+}
+
+/// Most labels of a column by which others are compared.
+const MOST_GROUPS: usize = 12;
+/// Fewer values than this say nothing of their group.
+const LEAST_VALUES: usize = 3;
+/// Groups whose ranges are apart and whose medians differ by more than this factor hardly share a unit.
+const SCALE: f64 = 5.0;
+
+/// All checks of a table; `covariates` are the columns that may be tried.
+pub(super) fn check(table: &Measurements, covariates: &[&String]) -> Vec<Warning> {
+    let labels: Vec<&String> = covariates
+        .iter()
+        .copied()
+        .filter(|c| matches!(read_column(table, c), Column::Labels(_)))
+        .filter(|c| (2..=MOST_GROUPS).contains(&distinct(table, c).len()))
+        .collect();
+    let measured = ["lower", "upper", "value"].map(String::from);
+    let mut warnings: Vec<Warning> = repeated_rows(table).into_iter().collect();
+    for column in covariates {
+        warnings.extend(not_a_number(table, column));
+        warnings.extend(few_units(table, column));
+    }
+    for column in covariates.iter().copied().chain(measured.iter().filter(|c| table.has(c))) {
+        let Column::Numeric(values) = read_column(table, column) else { continue };
+        for by in &labels {
+            let groups = groups(table, by, &values);
+            warnings.extend(missing_in_group(column, by, &groups));
+            warnings.extend(scale_in_group(column, by, &groups));
+        }
+    }
+    warnings
+}
+
+/// The values of a column by the label of another; NaN where a cell is empty.
+fn groups(table: &Measurements, by: &str, values: &[f64]) -> BTreeMap<String, Vec<f64>> {
+    let mut groups: BTreeMap<String, Vec<f64>> = BTreeMap::new();
+    for (row, value) in values.iter().enumerate() {
+        let label = table.cell(row, by).unwrap_or_default();
+        if !label.is_empty() {
+            groups.entry(label.into()).or_default().push(*value);
+        }
+    }
+    groups
+}
+
+/// Rows that are the same in every column: one measurement that counts twice.
+fn repeated_rows(table: &Measurements) -> Option<Warning> {
+    let mut seen: BTreeMap<Vec<&str>, usize> = BTreeMap::new();
+    let mut repeats = vec![];
+    for row in 0..table.len() {
+        let cells = table.columns().iter().map(|c| table.cell(row, c).unwrap_or_default());
+        if let Some(first) = seen.insert(cells.collect(), row) {
+            repeats.push((first, row));
+        }
+    }
+    let (first, row) = repeats.first()?;
+    let (first, row, n) = (table.line(*first), table.line(*row), repeats.len());
+    let text = format!(
+        "{n} rows repeat another in every column, the first in lines {first} and {row}: each counts as a measurement of its own; drop it if it is none"
+    );
+    Some(Warning { check: "repeated_rows", column: None, text })
+}
+
+/// A column of numbers with some cells that are none, which makes it a column of labels.
+fn not_a_number(table: &Measurements, column: &str) -> Option<Warning> {
+    let cells = (0..table.len()).map(|row| (row, table.cell(row, column).unwrap_or_default()));
+    let filled: Vec<(usize, &str)> = cells.filter(|(_, cell)| !cell.is_empty()).collect();
+    let odd: Vec<&(usize, &str)> =
+        filled.iter().filter(|(_, cell)| cell.parse::<f64>().is_err()).collect();
+    let (row, cell) = odd.first()?;
+    if 2 * odd.len() >= filled.len() {
+        return None;
+    }
+    let text = format!(
+        "{column}: {} of {} cells are no numbers, the first `{cell}` in line {}, so that the column is read as labels; leave a missing value empty",
+        odd.len(),
+        filled.len(),
+        table.line(*row)
+    );
+    Some(Warning { check: "not_a_number", column: Some(column.into()), text })
+}
+
+/// A covariate that varies over too few units to be confirmed.
+fn few_units(table: &Measurements, column: &str) -> Option<Warning> {
+    let unit = occasion_of(table, column, &by_site(table))?;
+    if unit.n >= LEAST_UNITS || distinct(table, column).len() < 2 {
+        return None;
+    }
+    let text = format!(
+        "{column} varies only over {} units of `{}`: at least {LEAST_UNITS} are needed to confirm an effect of it",
+        unit.n, unit.name
+    );
+    Some(Warning { check: "few_units", column: Some(column.into()), text })
+}
+
+/// A column that is empty throughout one group and filled in another.
+fn missing_in_group(
+    column: &str,
+    by: &str,
+    groups: &BTreeMap<String, Vec<f64>>,
+) -> Option<Warning> {
+    let n_filled = |values: &[f64]| values.iter().filter(|v| v.is_finite()).count();
+    if groups.values().all(|values| n_filled(values) == 0) {
+        return None;
+    }
+    let (label, values) =
+        groups.iter().find(|(_, values)| values.len() >= LEAST_VALUES && n_filled(values) == 0)?;
+    let text = format!(
+        "{column} is empty in every row with {by} {label} ({} rows), and filled in with others: an effect of it is 0 there",
+        values.len()
+    );
+    Some(Warning { check: "missing_in_group", column: Some(column.into()), text })
+}
+
+/// A column whose values in two groups are apart by so much that they can hardly share a unit.
+fn scale_in_group(column: &str, by: &str, groups: &BTreeMap<String, Vec<f64>>) -> Option<Warning> {
+    let mut spans: Vec<Span> =
+        groups.iter().filter_map(|(label, values)| Span::of(label, values)).collect();
+    spans.sort_by(|a, b| a.median.total_cmp(&b.median));
+    let mut pairs = spans.iter().zip(spans.iter().skip(1));
+    let (low, high) = pairs.find(|(a, b)| b.least > a.greatest && b.median > SCALE * a.median)?;
+    let text = format!(
+        "{column} is {:.0} times as large with {by} {} (median {}) as with {by} {} (median {}): is it in one unit?",
+        high.median / low.median,
+        high.label,
+        high.median,
+        low.label,
+        low.median
+    );
+    Some(Warning { check: "scale_in_group", column: Some(column.into()), text })
+}
+
+/// Where the values of a group lie.
+struct Span<'a> {
+    label: &'a str,
+    least: f64,
+    median: f64,
+    greatest: f64,
+}
+
+impl<'a> Span<'a> {
+    /// `None` unless they are enough, and positive.
+    fn of(label: &'a str, values: &[f64]) -> Option<Self> {
+        let mut x: Vec<f64> = values.iter().copied().filter(|v| v.is_finite()).collect();
+        x.sort_by(f64::total_cmp);
+        let (least, greatest) = (*x.first()?, *x.last()?);
+        let is_span = x.len() >= LEAST_VALUES && least > 0.0;
+        is_span.then(|| Self { label, least, median: x[x.len() / 2], greatest })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Twelve sites, two catheters, forces about 10 g.
+    fn rows() -> Vec<Vec<String>> {
+        let row = |i: usize| {
+            let force = (8.0 + (i * 7 % 5) as f64).to_string();
+            let catheter = ["A", "B"][i % 2];
+            [&i.to_string(), "200", &force, catheter, ["s1", "s2", "s3"][i / 4]]
+                .map(String::from)
+                .to_vec()
+        };
+        (0..12).map(row).collect()
+    }
+
+    fn warnings(rows: Vec<Vec<String>>) -> Vec<(&'static str, String)> {
+        let header = ["site", "value", "force_g", "catheter", "session"].map(String::from).to_vec();
+        let table = Measurements::from_cells("made", header, rows).unwrap();
+        let covariates: Vec<&String> = table.columns()[2..].iter().collect();
+        check(&table, &covariates).into_iter().map(|w| (w.check, w.text)).collect()
+    }
+
+    #[test]
+    fn a_clean_table_gives_no_warning() {
+        assert_eq!(warnings(rows()), []);
+    }
+
+    #[test]
+    fn every_check_names_what_it_sees_and_where() {
+        let mut repeated = rows();
+        repeated.push(repeated[4].clone());
+        let said = &warnings(repeated)[0];
+        assert_eq!(said.0, "repeated_rows");
+        assert!(said.1.contains("lines 6 and 14"), "{}", said.1);
+
+        let one = |change: &dyn Fn(usize, &mut Vec<String>)| {
+            let mut rows = rows();
+            rows.iter_mut().enumerate().for_each(|(i, row)| change(i, row));
+            let said = warnings(rows);
+            assert_eq!(said.len(), 1, "{said:?}");
+            said[0].clone()
+        };
+        let not = one(&|i, row| {
+            if i == 2 {
+                row[2] = "NA".into();
+            }
+        });
+        assert!(not.0 == "not_a_number" && not.1.contains("`NA` in line 4"), "{not:?}");
+        let missing = one(&|_, row| {
+            if row[3] == "B" {
+                row[2] = String::new();
+            }
+        });
+        assert!(
+            missing.0 == "missing_in_group" && missing.1.contains("catheter B (6 rows)"),
+            "{missing:?}"
+        );
+        let scale = one(&|_, row| {
+            if row[3] == "B" {
+                row[2] += "000";
+            }
+        });
+        assert!(scale.0 == "scale_in_group" && scale.1.contains("catheter B"), "{scale:?}");
+        let unit = one(&|_, row| {
+            if row[3] == "A" {
+                row[1] = "0.2".into();
+            }
+        });
+        assert!(
+            unit.0 == "scale_in_group" && unit.1.starts_with("value is 1000 times"),
+            "{unit:?}"
+        );
+        let few = one(&|i, row| row[2] = (i / 4 + 9).to_string());
+        assert!(few.0 == "few_units" && few.1.contains("3 units of `session`"), "{few:?}");
+    }
+}

@@ -1,0 +1,117 @@
+//! A Laplace fit, and what it says of rows that it had not seen.
+
+use nalgebra::{Cholesky, DMatrix, DVector, Dyn};
+
+use super::engine::{Engine, Outer};
+use crate::dsl::Curvature;
+
+/// A Laplace fit.
+#[derive(Clone, Debug)]
+pub struct Fit {
+    /// What it was made at.
+    pub outer: Outer,
+    /// Terms in it.
+    pub active: Vec<usize>,
+    /// Mode: linear unknowns, then coefficients of the terms.
+    pub x: DVector<f64>,
+    /// Mode of the sites' random effects, in units of their sd.
+    pub z: Vec<f64>,
+    /// Log evidence, up to a constant of the data alone.
+    pub ln_evidence: f64,
+    /// Scalars of all rows at the mode.
+    pub locals: Vec<f64>,
+    pub(super) linear: Linear,
+    pub(super) factor: Cholesky<f64, Dyn>,
+    /// Precision of each site's effect, and its coupling to x.
+    pub(super) precision: Vec<f64>,
+    pub(super) coupling: Vec<DVector<f64>>,
+    pub(super) curvatures: Vec<Curvature>,
+}
+
+/// The scalars of all rows as a linear map, and the curvature of the prior.
+#[derive(Clone, Debug)]
+pub(super) struct Linear {
+    pub(super) constant: Vec<f64>,
+    /// (unknowns, scalars): a scalar's row of J is a column here.
+    pub(super) j: DMatrix<f64>,
+    /// Minus the Hessian of the prior in the model's linear unknowns.
+    pub(super) prior: DMatrix<f64>,
+}
+
+impl Linear {
+    /// Number of unknowns.
+    pub(super) fn n(&self) -> usize {
+        self.j.nrows()
+    }
+
+    /// How a scalar depends on the unknowns.
+    pub(super) fn row(&self, local: usize) -> &[f64] {
+        &self.j.as_slice()[local * self.n()..][..self.n()]
+    }
+}
+
+/// What a site's rows would depend on, had they not been seen: mean and covariance of their scalars.
+#[derive(Clone, Debug)]
+pub struct Cavity {
+    /// The rows.
+    pub rows: Vec<usize>,
+    /// Mean of their scalars, one row after the other.
+    pub mean: DVector<f64>,
+    /// Covariance.
+    pub covariance: DMatrix<f64>,
+}
+
+impl Fit {
+    /// Coefficients of the terms: mean and covariance, in the order of `active`, times nothing.
+    pub fn coefficients(&self, engine: &Engine) -> (DVector<f64>, DMatrix<f64>) {
+        let (first, n) = (engine.split.linear.len(), self.x.len());
+        let mut unit = DMatrix::zeros(n, n - first);
+        for k in first..n {
+            unit[(k, k - first)] = 1.0;
+        }
+        let covariance = self.factor.solve(&unit).rows(first, n - first).into_owned();
+        (self.x.rows(first, n - first).into_owned(), covariance)
+    }
+
+    /// How a scalar depends on the linear unknowns and the terms' coefficients.
+    pub(super) fn design_row(&self, local: usize) -> &[f64] {
+        self.linear.row(local)
+    }
+
+    /// What these rows, all of one site, would depend on, had they not been seen.
+    pub fn cavity(&self, engine: &Engine, rows: &[usize]) -> Option<Cavity> {
+        let site = engine.rows[*rows.first()?].site;
+        let tau = self.outer.ln_site.exp();
+        let total: usize = rows.iter().map(|r| engine.rows[*r].n).sum();
+        let n = self.x.len();
+        let mut g = DMatrix::zeros(total, n);
+        let mut a = DVector::zeros(total);
+        let mut k = DMatrix::zeros(total, total);
+        let (mut mean, mut slope) = (DVector::zeros(total), DVector::zeros(total));
+        let mut at = 0;
+        for r in rows {
+            let row = &engine.rows[*r];
+            let c = &self.curvatures[*r];
+            for l in 0..row.n {
+                for (to, j) in g.row_mut(at + l).iter_mut().zip(self.linear.row(row.first + l)) {
+                    *to = *j;
+                }
+                mean[at + l] = self.locals[row.first + l];
+                slope[at + l] = c.gradient[l];
+                for m in 0..row.n {
+                    k[(at + l, at + m)] = -c.hessian[l * row.n + m];
+                }
+            }
+            a[at + row.observable] = 1.0;
+            at += row.n;
+        }
+        let (d, b) = (self.precision[site], &self.coupling[site]);
+        g.ger(-tau / d, &a, b, 1.0);
+        let mut v = &g * self.factor.solve(&g.transpose());
+        v.ger(tau * tau / d, &a, &a, 1.0);
+        let covariance = (DMatrix::identity(total, total) - &v * k).lu().solve(&v)?;
+        let covariance = 0.5 * (&covariance + covariance.transpose());
+        let mean = mean - &covariance * slope;
+        Some(Cavity { rows: rows.to_vec(), mean, covariance })
+    }
+}

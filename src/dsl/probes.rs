@@ -1,0 +1,112 @@
+//! Modes of the surface at the places of a table's rows, and along the paths to them: what the forms
+//! `surface` and `path` of an effect are made of.
+
+use super::data::{DataError, Measurements};
+use crate::field::{Kernel, Matern32};
+use crate::manifold::{Basis, ManifoldError, integrate_along_paths};
+use crate::mesh::Surface;
+
+/// The column that holds, for each row, the vertex (index in the mesh file) at which activation starts.
+pub const SOURCE: &str = "source";
+/// The column that is then added: length of the geodesic path from there, mm.
+pub const PATH: &str = "path_mm";
+
+/// Number of modes of a field that is tried as an effect.
+pub const FIELD_MODES: usize = 24;
+
+/// Modes at rows.
+#[derive(Clone, Debug, Default)]
+pub struct Probes {
+    /// √λ of each mode, mm⁻¹.
+    frequency: Vec<f64>,
+    /// φ at each row's vertex, (rows, modes), mm⁻¹.
+    at: Vec<f64>,
+    /// ∫ φ ds along the path to each row's vertex, (rows, modes); empty without a column `source`.
+    along: Vec<f64>,
+    /// Lengths of these paths, mm.
+    length: Vec<f64>,
+}
+
+impl Probes {
+    /// Of the rows of a placed table, along paths too if it has a column `source`.
+    ///
+    /// # Errors
+    /// A source that is no vertex of the surface.
+    pub(super) fn new(
+        table: &Measurements,
+        surface: &Surface,
+        basis: &Basis,
+    ) -> Result<Self, ProbeError> {
+        let frequency: Vec<f64> = basis.eigenvalues.iter().map(|l| l.max(0.0).sqrt()).collect();
+        let vertices: Vec<u32> = (0..table.len()).filter_map(|row| table.vertex(row)).collect();
+        let at = vertices.iter().flat_map(|v| basis.at(*v as usize).iter().copied()).collect();
+        if !table.has(SOURCE) {
+            return Ok(Self { frequency, at, ..Self::default() });
+        }
+        let sources = table.vertices_of(SOURCE, surface)?;
+        let n = basis.n_modes();
+        // the modes and 1, whose integral is the length
+        let with_one: Vec<f64> = (0..basis.n_vertices())
+            .flat_map(|v| basis.at(v).iter().copied().chain([1.0]))
+            .collect();
+        let mut along = vec![0.0; vertices.len() * n];
+        let mut length = vec![0.0; vertices.len()];
+        let mut distinct = sources.clone();
+        distinct.sort_unstable();
+        distinct.dedup();
+        for source in distinct {
+            let integral = integrate_along_paths(&surface.mesh, source, &with_one, n + 1)?;
+            for (row, vertex) in
+                vertices.iter().enumerate().filter(|(row, _)| sources[*row] == source)
+            {
+                let own = &integral[*vertex as usize * (n + 1)..][..=n];
+                along[row * n..][..n].copy_from_slice(&own[..n]);
+                length[row] = own[n];
+            }
+        }
+        Ok(Self { frequency, at, along, length })
+    }
+
+    /// Lengths of the paths, mm; none without a column `source`.
+    pub(super) fn lengths(&self) -> &[f64] {
+        &self.length
+    }
+
+    /// Number of modes.
+    pub fn n_modes(&self) -> usize {
+        self.frequency.len()
+    }
+
+    /// √λ of the last mode of `n`, mm⁻¹.
+    pub fn frequency(&self, n: usize) -> f64 {
+        self.frequency.iter().take(n).copied().fold(0.0, f64::max)
+    }
+
+    /// Mean length of the paths, mm, if there are any.
+    pub fn mean_length(&self) -> Option<f64> {
+        (!self.length.is_empty())
+            .then(|| self.length.iter().sum::<f64>() / self.length.len() as f64)
+    }
+
+    /// Design of a field of unit amplitude (Matérn-3/2, lengthscale in mm), row-major (rows, `n`): its value at
+    /// each row or, `along` the paths, its integral.
+    pub(super) fn design(&self, n: usize, lengthscale: f64, along: bool) -> Vec<f64> {
+        let kernel = Matern32(lengthscale);
+        let root: Vec<f64> =
+            self.frequency.iter().take(n).map(|w| kernel.sqrt_density(*w)).collect();
+        let modes = if along { &self.along } else { &self.at };
+        let rows = modes.chunks_exact(self.n_modes().max(1));
+        rows.flat_map(|row| row.iter().zip(&root).map(|(phi, root)| phi * root)).collect()
+    }
+}
+
+/// Why modes cannot be had at rows.
+#[derive(Debug, thiserror::Error)]
+pub enum ProbeError {
+    /// A cell of the table.
+    #[error(transparent)]
+    Data(#[from] DataError),
+    /// The surface.
+    #[error(transparent)]
+    Manifold(#[from] ManifoldError),
+}

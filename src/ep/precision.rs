@@ -1,0 +1,37 @@
+//! Single and double precision.
+
+use num_traits::Float;
+
+/// f32 or f64.
+pub trait Precision: Float + Send + Sync + std::fmt::Debug + 'static {
+    /// Error of V, of order 1, to which a diffusion step is solved: in f32 rounding rules below it.
+    const TOLERANCE: f64;
+    /// The number nearest to `x`.
+    fn of(x: f64) -> Self;
+    /// The same number in double precision.
+    fn f64(self) -> f64;
+}
+
+impl Precision for f32 {
+    const TOLERANCE: f64 = 1e-7;
+    #[inline(always)]
+    fn of(x: f64) -> f32 {
+        x as f32
+    }
+    #[inline(always)]
+    fn f64(self) -> f64 {
+        f64::from(self)
+    }
+}
+
+impl Precision for f64 {
+    const TOLERANCE: f64 = 1e-8;
+    #[inline(always)]
+    fn of(x: f64) -> f64 {
+        x
+    }
+    #[inline(always)]
+    fn f64(self) -> f64 {
+        self
+    }
+}

@@ -1,0 +1,95 @@
+//! When each vertex activates and recovers in one beat.
+
+use rayon::prelude::*;
+
+use super::by_vertex;
+use super::solver::{BLOCK, Solver};
+use crate::ep::precision::Precision;
+
+/// V at which an upstroke counts as activation.
+const ACTIVATION: f64 = 0.7;
+
+/// V at which a downstroke counts as recovery to 20, 30, 50 and 90 %.
+const RECOVERY: [f64; 4] = [0.8, 0.7, 0.5, 0.1];
+
+/// One beat at every vertex, ms; NaN where a vertex does not activate or not recover.
+#[derive(Debug, Clone, PartialEq)]
+pub struct BeatMap {
+    /// Local activation time, since the stimulus.
+    pub lat: Vec<f64>,
+    /// Action potential duration at 20 % recovery.
+    pub apd20: Vec<f64>,
+    /// At 30 %.
+    pub apd30: Vec<f64>,
+    /// At 50 %.
+    pub apd50: Vec<f64>,
+    /// At 90 %.
+    pub apd90: Vec<f64>,
+}
+
+/// The first activation of a vertex and its first recovery after it, ms; NaN before.
+#[derive(Debug, Clone, Copy)]
+struct Crossings {
+    lat: f64,
+    recovery: [f64; 4],
+}
+
+/// Crossings of one beat, by row.
+#[derive(Debug)]
+pub(super) struct Recorder<F> {
+    before: Vec<F>,
+    crossings: Vec<Crossings>,
+}
+
+impl<F: Precision> Recorder<F> {
+    pub(super) fn new(n: usize) -> Self {
+        let none = Crossings { lat: f64::NAN, recovery: [f64::NAN; 4] };
+        Self { before: vec![F::zero(); n], crossings: vec![none; n] }
+    }
+
+    /// Keeps V before a step.
+    pub(super) fn before(&mut self, solver: &Solver<F>) {
+        self.before.copy_from_slice(&solver.v);
+    }
+
+    /// Notes the crossings of the step that began `steps` steps of `dt` ms after the stimulus; linear in
+    /// time within it.
+    pub(super) fn after(&mut self, solver: &Solver<F>, steps: f64, dt: f64) {
+        let blocks = self.before.par_chunks(BLOCK).zip(solver.v.par_chunks(BLOCK));
+        blocks.zip(self.crossings.par_chunks_mut(BLOCK)).for_each(
+            |((before, after), crossings)| {
+                for ((a, b), crossing) in before.iter().zip(after).zip(crossings) {
+                    let (high, low) = (a.max(*b).f64(), a.min(*b).f64());
+                    let crosses = |level: f64| low <= level && high >= level;
+                    if crosses(ACTIVATION) || RECOVERY.into_iter().any(crosses) {
+                        note(a.f64(), b.f64(), crossing, |share| (steps + share) * dt);
+                    }
+                }
+            },
+        );
+    }
+
+    pub(super) fn map(&self, vertex: &[u32]) -> BeatMap {
+        let of = |value: fn(&Crossings) -> f64| by_vertex(vertex, self.crossings.iter().map(value));
+        BeatMap {
+            lat: of(|c| c.lat),
+            apd20: of(|c| c.recovery[0] - c.lat),
+            apd30: of(|c| c.recovery[1] - c.lat),
+            apd50: of(|c| c.recovery[2] - c.lat),
+            apd90: of(|c| c.recovery[3] - c.lat),
+        }
+    }
+}
+
+/// The crossings of one vertex as V goes from `a` to `b`; `time` of the share of the step that is done.
+fn note(a: f64, b: f64, crossing: &mut Crossings, time: impl Fn(f64) -> f64) {
+    let at = |level: f64| time((level - a) / (b - a));
+    if crossing.lat.is_nan() && a < ACTIVATION && b >= ACTIVATION {
+        crossing.lat = at(ACTIVATION);
+    }
+    for (recovery, level) in crossing.recovery.iter_mut().zip(RECOVERY) {
+        if !crossing.lat.is_nan() && recovery.is_nan() && a > level && b <= level {
+            *recovery = at(level);
+        }
+    }
+}

@@ -1,0 +1,139 @@
+//! Integrals along geodesic paths from one vertex to every other.
+//!
+//! A path is never traced: at each vertex the way back to the source leaves through the opposite edge of one
+//! triangle, down the slope of the distance, and the integral is that at the point of the edge, interpolated,
+//! plus the short way there. One pass over the vertices, nearest first, gives all of them.
+
+use super::laplacian::{cross, dot, subtract};
+use super::{Geodesic, ManifoldError};
+use crate::mesh::TriMesh;
+
+/// Integrals of functions along the geodesic from `source` to every vertex, mm × their unit.
+///
+/// `values` are `n` functions at the vertices, row-major `(n_vertices, n)`; so is the result. The integral of 1 is
+/// the path's length.
+///
+/// # Errors
+/// Those of [`Geodesic::new`].
+///
+/// # Panics
+/// When `source` is not a vertex of the mesh, or `values` are not of its vertices.
+pub fn integrate_along_paths(
+    mesh: &TriMesh,
+    source: u32,
+    values: &[f64],
+    n: usize,
+) -> Result<Vec<f64>, ManifoldError> {
+    assert_eq!(values.len(), mesh.n_vertices() * n, "a row of {n} values per vertex");
+    let distance = Geodesic::new(mesh)?.distance(&[source]);
+    let steps = steps_back(mesh, &distance);
+    let mut nearest_first: Vec<u32> = (0..mesh.n_vertices() as u32).collect();
+    nearest_first
+        .sort_by(|a, b| distance[*a as usize].total_cmp(&distance[*b as usize]).then(a.cmp(b)));
+    let mut integral = vec![0.0; values.len()];
+    for vertex in nearest_first {
+        let Some(step) = steps[vertex as usize].as_ref().filter(|_| vertex != source) else {
+            continue;
+        };
+        for k in 0..n {
+            let at = |table: &[f64], v: u32| table[v as usize * n + k];
+            let there = |table: &[f64]| {
+                (1.0 - step.share) * at(table, step.edge[0]) + step.share * at(table, step.edge[1])
+            };
+            let mean = 0.5 * (at(values, vertex) + there(values));
+            integral[vertex as usize * n + k] = there(&integral) + step.length * mean;
+        }
+    }
+    Ok(integral)
+}
+
+/// The way back from a vertex: to the point `(1 − share) edge[0] + share edge[1]`.
+struct Step {
+    edge: [u32; 2],
+    share: f64,
+    length: f64,
+    /// Fall of the distance per mm.
+    slope: f64,
+}
+
+/// For each vertex the steepest way back through a triangle whose other corners are both nearer to the source,
+/// or else along an edge.
+fn steps_back(mesh: &TriMesh, distance: &[f64]) -> Vec<Option<Step>> {
+    let mut steps: Vec<Option<Step>> = (0..mesh.n_vertices()).map(|_| None).collect();
+    for &[a, b, c] in mesh.triangles() {
+        for [v, p, q] in [[a, b, c], [b, c, a], [c, a, b]] {
+            let across = across(mesh, distance, v, [p, q]);
+            let ways = [across, along(mesh, distance, v, p), along(mesh, distance, v, q)];
+            for way in ways.into_iter().flatten() {
+                let best = &mut steps[v as usize];
+                if best.as_ref().is_none_or(|best| way.slope > best.slope) {
+                    *best = Some(way);
+                }
+            }
+        }
+    }
+    steps
+}
+
+fn between(mesh: &TriMesh, from: u32, to: u32) -> [f64; 3] {
+    subtract(mesh.vertices()[to as usize], mesh.vertices()[from as usize])
+}
+
+/// Along an edge, if it leads nearer.
+fn along(mesh: &TriMesh, distance: &[f64], v: u32, to: u32) -> Option<Step> {
+    let fall = distance[v as usize] - distance[to as usize];
+    let way = between(mesh, v, to);
+    let length = dot(way, way).sqrt();
+    (fall > 0.0).then(|| Step { edge: [to, to], share: 0.0, length, slope: fall / length })
+}
+
+/// Down the slope through a triangle, if that crosses its edge `[p, q]` and both corners are nearer.
+fn across(mesh: &TriMesh, distance: &[f64], v: u32, [p, q]: [u32; 2]) -> Option<Step> {
+    let d = |vertex: u32| distance[vertex as usize];
+    if d(p) >= d(v) || d(q) >= d(v) {
+        return None;
+    }
+    let (e, f) = (between(mesh, v, p), between(mesh, v, q));
+    let normal = cross(e, f);
+    // gradient of the linear function with values 0, d(p) − d(v), d(q) − d(v) at the corners
+    let (left, right) = (cross(f, normal), cross(normal, e));
+    let area = dot(normal, normal);
+    let gradient: [f64; 3] =
+        std::array::from_fn(|i| ((d(p) - d(v)) * left[i] + (d(q) - d(v)) * right[i]) / area);
+    let slope = dot(gradient, gradient).sqrt();
+    // −gradient = s e + t f
+    let (s, t) = (-dot(gradient, left) / area, -dot(gradient, right) / area);
+    if !(s >= 0.0 && t >= 0.0 && s + t > 0.0) {
+        return None;
+    }
+    let length = slope / (s + t);
+    Some(Step { edge: [p, q], share: t / (s + t), length, slope })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::manifold::test_meshes::rectangle;
+
+    #[test]
+    fn lengths_and_moments_on_a_flat_sheet_are_those_of_straight_lines() {
+        let mesh = rectangle(40, 40, 0.5);
+        let (corner, origin) = (0, mesh.vertices()[0]);
+        let values: Vec<f64> =
+            mesh.vertices().iter().flat_map(|p| [1.0, p[0] - origin[0]]).collect();
+        let integral = integrate_along_paths(&mesh, corner, &values, 2).unwrap();
+        let mut worst = [0.0_f64; 2];
+        for (v, p) in mesh.vertices().iter().enumerate() {
+            let x = [p[0] - origin[0], p[1] - origin[1]];
+            let length = x[0].hypot(x[1]);
+            if length < 3.0 {
+                continue;
+            }
+            // ∫ x ds along the straight line from the corner is x length / 2
+            worst[0] = worst[0].max((integral[2 * v] / length - 1.0).abs());
+            worst[1] = worst[1]
+                .max((integral[2 * v + 1] - 0.5 * x[0] * length).abs() / (0.5 * length * length));
+        }
+        assert!(worst[0] < 0.03 && worst[1] < 0.06, "{worst:?}");
+    }
+}

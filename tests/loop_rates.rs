@@ -1,0 +1,285 @@
+//! How often `criticise` is right, on studies of known truth.
+//!
+//! ```sh
+//! cargo test --release --test loop_rates -- --ignored --nocapture
+//! ```
+//! `SCENARIO=force,null`, `SEEDS=20` (or `SEEDS=21..60`) and `NULLS=99` run a part of it. A bar fails where the
+//! count has a probability below 5 % under it; the table shows the counts themselves.
+#![allow(
+    clippy::unwrap_used,
+    clippy::print_stdout,
+    clippy::format_push_string,
+    reason = "for tests"
+)]
+
+#[path = "../models/erp.rs"]
+mod erp;
+#[path = "support/studies.rs"]
+mod studies;
+
+use std::ops::RangeInclusive;
+
+use eplat::criticism::{
+    Case, Engine, Outcome, Outer, Settings, Term, criticise, leave_out, with_heldout,
+};
+use eplat::dsl::Model;
+use rayon::prelude::*;
+use studies::{ALL, Heart, Scenario, Study, study};
+
+/// What a search came to.
+#[derive(Clone, Debug, Default)]
+struct Result {
+    seed: u64,
+    findings: Vec<String>,
+    ambiguous: Vec<[String; 2]>,
+    unexplained: bool,
+    /// Held-out root mean squared error and log score, before and after; if anything was found.
+    rmse: Option<[f64; 2]>,
+    elpd: Option<[f64; 2]>,
+    note: String,
+}
+
+/// What is right, and what else is no wrong name.
+fn expected(scenario: Scenario) -> (&'static [&'static str], &'static [&'static str]) {
+    match scenario {
+        Scenario::Force | Scenario::Missing => (&["force"], &[]),
+        Scenario::Catheter => (&["catheter"], &[]),
+        Scenario::Drift => (&["drift"], &[]),
+        Scenario::Rate => (&["rate"], &[]),
+        Scenario::Output => (&["output"], &[]),
+        Scenario::Wall => (&["wall"], &[]),
+        Scenario::Outliers => (&["outliers"], &[]),
+        Scenario::Region => (&["region"], &[]),
+        Scenario::Patch => (&["patch"], &["scar_distance"]),
+        Scenario::Two => (&["force", "catheter"], &[]),
+        Scenario::Cancel => (&[], &["force", "output"]),
+        Scenario::Misscaled => (&[], &["force"]),
+        Scenario::Decoys => (&[], &["session"]),
+        Scenario::Null
+        | Scenario::Confounded
+        | Scenario::ConfoundedRegion
+        | Scenario::Outside
+        | Scenario::Repeated => (&[], &[]),
+    }
+}
+
+/// The causes that cannot be told apart.
+fn pair(scenario: Scenario) -> Option<[&'static str; 2]> {
+    match scenario {
+        Scenario::Confounded => Some(["catheter", "operator"]),
+        Scenario::ConfoundedRegion => Some(["catheter", "region"]),
+        _ => None,
+    }
+}
+
+impl Result {
+    fn is_right(&self, scenario: Scenario) -> bool {
+        if let Some(pair) = pair(scenario) {
+            let names = |p: &[String; 2]| pair.iter().all(|name| p.iter().any(|n| n == name));
+            return self.findings.is_empty() && self.ambiguous.iter().any(names);
+        }
+        match scenario {
+            Scenario::Null | Scenario::Repeated => self.findings.is_empty() && !self.unexplained,
+            Scenario::Outside => self.findings.is_empty() && self.unexplained,
+            Scenario::Two => {
+                expected(scenario).0.iter().all(|name| self.findings.iter().any(|n| n == name))
+            }
+            Scenario::Cancel | Scenario::Misscaled | Scenario::Decoys => !self.is_wrong(scenario),
+            _ => self.findings.first().is_some_and(|name| expected(scenario).0[0] == name),
+        }
+    }
+
+    /// Whether something is claimed that does not act.
+    fn is_wrong(&self, scenario: Scenario) -> bool {
+        let (right, allowed) = expected(scenario);
+        let is_fine = |name: &String| right.iter().chain(allowed).any(|n| n == name);
+        !self.findings.iter().all(is_fine)
+    }
+
+    fn is_better(&self, scenario: Scenario) -> bool {
+        if scenario == Scenario::Outliers {
+            return self.elpd.is_some_and(|[before, after]| after > before);
+        }
+        self.rmse.is_some_and(|[before, after]| after < before)
+    }
+}
+
+fn searched(heart: &Heart, scenario: Scenario, seed: u64, nulls: usize) -> Result {
+    let study = study(heart, scenario, seed);
+    let basis = heart.basis.truncated(24).unwrap();
+    let case = Case { model: &erp::Erp, basis: Some(&basis), table: &study.train };
+    let settings = Settings { nulls, ..Settings::default() };
+    let outcome = criticise(&case, &settings, &|_, _| {}).unwrap();
+    let name = |f: &usize| outcome.candidates[*f].name.clone();
+    let scores = (!outcome.found.is_empty()).then(|| {
+        [(&outcome.rounds[0].base.outer, &[][..]), (&outcome.last.outer, &outcome.found[..])]
+            .map(|(outer, found)| heldout(&case, &study, &outcome, outer, found))
+    });
+    Result {
+        seed,
+        findings: outcome.found.iter().map(name).collect(),
+        ambiguous: outcome.ambiguous.clone(),
+        unexplained: outcome.is_unexplained(),
+        rmse: scores.map(|s| s.map(|[rmse, _]| rmse)),
+        elpd: scores.map(|s| s.map(|[_, elpd]| elpd)),
+        note: note(&outcome),
+    }
+}
+
+/// What stands behind a result, in a line.
+fn note(outcome: &Outcome) -> String {
+    let mut note = format!("site {:.1}", outcome.site_log_bf);
+    for round in &outcome.rounds {
+        let bar = round.nulls.get((0.95 * round.nulls.len() as f64) as usize);
+        note += &format!(" | null95 {:.1};", bar.copied().unwrap_or(f64::NAN));
+        for t in round.tried.iter().take(3) {
+            let c = &outcome.candidates[t.candidate];
+            let form = c.form.text().split('(').next().unwrap_or_default().to_owned();
+            note += &format!(" {} {form} on {} {:.1} ({});", c.name, c.on[0], t.log_bf, t.verdict);
+        }
+    }
+    note
+}
+
+/// Root mean squared error of the bracket's middle and log score of held-out rows, by the Laplace fit of the
+/// training rows.
+fn heldout(
+    case: &Case<'_>,
+    study: &Study,
+    outcome: &Outcome,
+    outer: &Outer,
+    found: &[usize],
+) -> [f64; 2] {
+    let mut joint = with_heldout(&study.train, &study.heldout, &["s1s2", "s1s2s3"]);
+    let basis = case.basis.unwrap();
+    joint.place_at_indices(basis.n_vertices()).unwrap();
+    let on = ["erp_s2", "erp_s3"].map(String::from).to_vec();
+    let all = [on.clone(), vec!["tau_out".into(), "apd_max".into()]].concat();
+    let model = Model::with_offsets(case.model, case.basis, &joint, &all).unwrap();
+    let term = |f: &usize| {
+        let c = &outcome.candidates[*f];
+        let (design, n) = c.form.design(&joint);
+        Term { on: c.on.clone(), design, n, sd: Some(c.sd) }
+    };
+    let first = study.train.len();
+    let site = |row: usize| {
+        let number: usize = joint.cell(row, "site").unwrap().parse().unwrap();
+        number + if row < first { 0 } else { study.train.len() }
+    };
+    let sites: Vec<usize> = (0..joint.len()).map(site).collect();
+    let engine = Engine::new(model, &on, &sites, found.iter().map(term).collect());
+    let hidden: Vec<usize> = (0..engine.rows.len())
+        .filter(|r| engine.model.table_row(engine.rows[*r].id) >= first)
+        .collect();
+    let active: Vec<usize> = (0..found.len()).collect();
+    let fit = engine.fit_without(&hidden, outer, &active, None).unwrap();
+    let left = leave_out(&engine, &fit, &hidden, 1);
+    let mut square = 0.0;
+    for r in &hidden {
+        let id = engine.rows[*r].id;
+        let cells = engine.model.observes[id.observe].observed_row(id.row);
+        square += (left.predicted[*r] - 0.5 * (cells[0] + cells[1])).powi(2);
+    }
+    [(square / hidden.len() as f64).sqrt(), left.elpd.iter().sum()]
+}
+
+/// The lowest count out of `n` that is not below `share` at the level of 5 %.
+fn least(n: usize, share: f64) -> usize {
+    let mut below = 0.0;
+    for k in 0..=n {
+        below += binomial(n, k, share);
+        if below >= 0.05 {
+            return k;
+        }
+    }
+    n
+}
+
+fn binomial(n: usize, k: usize, p: f64) -> f64 {
+    let choose = (0..k).fold(1.0, |c, i| c * (n - i) as f64 / (i + 1) as f64);
+    choose * p.powi(k as i32) * (1.0 - p).powi((n - k) as i32)
+}
+
+/// Share of the seeds in which the answer must be right.
+fn bar(scenario: Scenario) -> f64 {
+    match scenario {
+        Scenario::Null | Scenario::Repeated => 0.95,
+        Scenario::Output | Scenario::Wall => 0.75,
+        Scenario::Region | Scenario::Patch => 0.4,
+        _ => 0.9,
+    }
+}
+
+fn row(scenario: Scenario, results: &[Result]) -> (String, Vec<String>) {
+    let n = results.len();
+    let count = |what: &dyn Fn(&Result) -> bool| results.iter().filter(|r| what(r)).count();
+    let right = count(&|r| r.is_right(scenario));
+    let wrong = count(&|r| r.is_wrong(scenario));
+    let claims = results.iter().filter(|r| r.is_right(scenario) && r.rmse.is_some());
+    let (n_claims, better) =
+        claims.fold((0, 0), |(n, better), r| (n + 1, better + usize::from(r.is_better(scenario))));
+    let others = (count(&|r| !r.ambiguous.is_empty()), count(&|r| r.unexplained));
+    let line = format!(
+        "{:<18} {n:>5} {right:>5} {wrong:>5} {:>9} {:>11} {:>8}",
+        format!("{scenario:?}"),
+        others.0,
+        others.1,
+        format!("{better}/{n_claims}")
+    );
+    let mut failures = vec![];
+    if right < least(n, bar(scenario)) {
+        failures.push(format!("{scenario:?}: right in {right} of {n}, bar {}", bar(scenario)));
+    }
+    if n - wrong < least(n, 0.95) {
+        failures.push(format!("{scenario:?}: a wrong name in {wrong} of {n}"));
+    }
+    if better < least(n_claims, 0.9) {
+        failures.push(format!("{scenario:?}: held-out error lower in {better} of {n_claims}"));
+    }
+    (line, failures)
+}
+
+/// Runs scenarios, prints the table and returns the bars that are not met.
+fn rates(scenarios: &[Scenario], seeds: RangeInclusive<u64>, nulls: usize) -> Vec<String> {
+    let heart = Heart::new();
+    let mut failures = vec![];
+    println!("scenario           seeds right wrong ambiguous unexplained held-out");
+    for scenario in scenarios {
+        let results: Vec<Result> = seeds
+            .clone()
+            .into_par_iter()
+            .map(|seed| searched(&heart, *scenario, seed, nulls))
+            .collect();
+        if std::env::var_os("VERBOSE").is_some() {
+            for r in &results {
+                println!(
+                    "  {} {:?} {:?} {} {:?} {}",
+                    r.seed, r.findings, r.ambiguous, r.unexplained, r.rmse, r.note
+                );
+            }
+        }
+        let (line, own) = row(*scenario, &results);
+        println!("{line}");
+        failures.extend(own);
+    }
+    failures
+}
+
+fn variable(name: &str, default: &str) -> String {
+    std::env::var(name).unwrap_or_else(|_| default.into())
+}
+
+#[test]
+#[ignore = "380 searches, most of an hour"]
+fn the_rates_are_within_their_bars() {
+    let (wanted, seeds) = (variable("SCENARIO", "all").to_lowercase(), variable("SEEDS", "20"));
+    let is_wanted = |s: &&Scenario| {
+        wanted == "all" || wanted.split(',').any(|name| format!("{s:?}").to_lowercase() == name)
+    };
+    let scenarios: Vec<Scenario> = ALL.iter().filter(is_wanted).copied().collect();
+    assert!(!scenarios.is_empty(), "no scenario {wanted} among {ALL:?}");
+    let (first, last) = seeds.split_once("..").unwrap_or(("1", &seeds));
+    let seeds = first.parse().unwrap()..=last.parse().unwrap();
+    let failures = rates(&scenarios, seeds, variable("NULLS", "19").parse().unwrap());
+    assert!(failures.is_empty(), "{}", failures.join("\n"));
+}
