@@ -11,9 +11,11 @@ use crate::num::lanes::{self, LANES};
 use crate::num::{Argument, LN_SQRT_2PI, Real};
 
 mod counts;
+mod mixture;
 mod numbers;
 mod outliers;
 pub use counts::{BinomialLogit, NegBinomialLog, OrderedLogit};
+pub use mixture::Mixture;
 pub use outliers::Outliers;
 
 /// How a measurement is read from a row of a table.
@@ -36,7 +38,7 @@ pub trait Observation: Copy + std::fmt::Debug + Send + Sync + 'static {
 /// A likelihood of a measurement of kind `Y`.
 #[diagnostic::on_unimplemented(
     message = "`{Self}` is not a likelihood of a `{Y}`",
-    label = "a Bracket takes TopHat(f) or Interval(f, sigma); a Number takes Normal(mu, sd), StudentT, Cauchy, Laplace, LogNormal, Gamma or Exponential; a Count takes PoissonLog(eta), BernoulliLogit(eta), BinomialLogit(n, eta), NegBinomialLog(eta, phi) or OrderedLogit(eta, cut); any of these as Outliers(likelihood, share, sd)"
+    label = "a Bracket takes TopHat(f) or Interval(f, sigma); a Number takes Normal(mu, sd), StudentT, Cauchy, Laplace, LogNormal, Gamma or Exponential; a Count takes PoissonLog(eta), BernoulliLogit(eta), BinomialLogit(n, eta), NegBinomialLog(eta, phi) or OrderedLogit(eta, cut); any of these as Outliers(likelihood, share, sd) or Mixture(share, A, B)"
 )]
 pub trait Likelihood<D: Real, Y: Observation> {
     /// Log likelihood of `y`.

@@ -115,6 +115,16 @@ pub fn exp<D: Real>(x: D) -> D {
     x.chain(e, e, e)
 }
 
+/// ln Σ exp(terms), −∞ of none: the way to sum over what is not known (a mixture's kind, a hidden state).
+pub fn ln_sum_exp<D: Real>(terms: &[D]) -> D {
+    let larger = |a: D, b: &D| if b.re() > a.re() { *b } else { a };
+    let top = terms.iter().fold(D::from(f64::NEG_INFINITY), larger);
+    if top.re() == f64::NEG_INFINITY {
+        return top;
+    }
+    terms.iter().fold(D::from(0.0), |sum, term| sum + (*term - top).exp()).ln() + top
+}
+
 /// The number `re` whose derivative `index` is 1.
 #[inline(always)]
 pub fn variable<const W: usize>(re: f64, index: usize) -> Dual<W> {
@@ -139,6 +149,18 @@ pub const LN_SQRT_2PI: f64 = 0.918_938_533_204_672_8;
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn sums_of_exponentials_keep_their_derivatives_and_do_not_overflow() {
+        let terms = [variable::<2>(800.0, 0), variable::<2>(801.0, 1)];
+        let sum = ln_sum_exp(&terms);
+        let share = 1.0 / (1.0 + 1f64.exp());
+        assert!((sum.re - (801.0 + (-1f64).exp().ln_1p())).abs() < 1e-12);
+        let slopes = derivatives(&sum);
+        assert!((slopes[0] - share).abs() < 1e-12 && (slopes[1] - 1.0 + share).abs() < 1e-12);
+        assert!(ln_sum_exp::<f64>(&[]) == f64::NEG_INFINITY);
+        assert!((ln_sum_exp(&[f64::NEG_INFINITY, 2.0]) - 2.0).abs() < 1e-15);
+    }
 
     #[test]
     fn chain_agrees_with_the_crate_for_first_and_second_derivatives() {

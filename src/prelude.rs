@@ -7,11 +7,11 @@ pub use crate::dist::{
 };
 pub use crate::field::{Kernel, Matern12, Matern32, Matern52, Rbf, authors};
 pub use crate::likelihood::{
-    BernoulliLogit, BinomialLogit, Bracket, Count, Interval, Likelihood, NegBinomialLog, Number,
-    Observation, OrderedLogit, Outliers, PoissonLog, TopHat,
+    BernoulliLogit, BinomialLogit, Bracket, Count, Interval, Likelihood, Mixture, NegBinomialLog,
+    Number, Observation, OrderedLogit, Outliers, PoissonLog, TopHat,
 };
 pub use crate::model;
-pub use crate::num::Real;
+pub use crate::num::{Real, ln_sum_exp};
 pub use crate::surrogate;
 pub use rand::{Rng, RngExt};
 pub use rand_distr;

@@ -216,7 +216,7 @@ fn the_chains_that_come_through_are_reported_with_the_one_that_failed() {
     place.file("none.rs", CLIFF.replace("> 1.0", "> -100.0"));
     let output = { none }.output().unwrap();
     assert_eq!(output.status.code(), Some(1));
-    assert!(complaint(&output).starts_with("error: every chain failed; the first:\nchain 0"));
+    assert!(complaint(&output).starts_with("error: every chain failed; the first:\nchain 1"));
     assert!(!place.path("none/checkpoint").exists());
 }
 

@@ -132,7 +132,7 @@ pub(super) fn starts(
         (0..settings.chains).map(|c| start(model, &draws[c % draws.len()], c / draws.len()));
     let starts: Vec<Option<Vec<f64>>> = starts.collect();
     for chain in (0..starts.len()).filter(|c| starts[*c].is_none()) {
-        eprintln!("       no support for chain {chain}, started as usual");
+        eprintln!("       no support for chain {}, started as usual", chain + 1);
     }
     settings.earlier = draws.concat();
     Ok(starts.into_iter().zip(usual).map(|(start, usual)| start.unwrap_or(usual)).collect())

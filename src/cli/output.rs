@@ -286,9 +286,15 @@ impl Finished<'_> {
             unphysical: maps.map(|m| m.unphysical.iter().sum::<f64>() / m.unphysical.len() as f64),
             units: maps.map(|m| m.units.clone()).unwrap_or_default(),
             divergent_at: self.suspects(),
+            not_simulated: self.not_simulated(),
             loo: posterior.loo.as_ref().map(|loo| loo.record.clone()),
             laplace: laplace.clone(),
         }
+    }
+
+    fn not_simulated(&self) -> Vec<String> {
+        let densities = self.model.densities.iter().filter(|density| density.reads_data);
+        densities.map(|density| density.name.to_owned()).collect()
     }
 
     /// The measurements whose log likelihood falls most along divergent transitions.

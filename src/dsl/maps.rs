@@ -2,6 +2,8 @@
 
 use rayon::prelude::*;
 
+use super::error::ModelError;
+use super::lets::ReadCell;
 use super::model::Model;
 use super::rows::Columns;
 use super::tape::{Tape, dot};
@@ -34,11 +36,15 @@ pub(super) enum Source {
 }
 
 pub(super) trait MapFn: Send + Sync + std::fmt::Debug {
-    fn value(&self, s: &[f64]) -> f64;
+    /// Takes the columns of one more row.
+    fn read(&mut self, cell: ReadCell<'_>) -> Result<(), ModelError>;
+    /// The value at these scalars, in one of the rows taken or at a place that is in no table.
+    fn value(&self, s: &[f64], row: Option<usize>) -> f64;
 }
 
 pub(super) struct MapAt<F: LetFn, const N: usize> {
-    columns: F::Columns,
+    nowhere: F::Columns,
+    rows: Vec<F::Columns>,
 }
 
 impl<F: LetFn, const N: usize> std::fmt::Debug for MapAt<F, N> {
@@ -50,14 +56,19 @@ impl<F: LetFn, const N: usize> std::fmt::Debug for MapAt<F, N> {
 impl<F: LetFn, const N: usize> MapAt<F, N> {
     pub(super) fn new() -> Self {
         let absent = F::Columns::read(&mut |_| Ok::<_, std::convert::Infallible>(f64::NAN));
-        let Ok(columns) = absent;
-        Self { columns }
+        let Ok(nowhere) = absent;
+        Self { nowhere, rows: vec![] }
     }
 }
 
 impl<F: LetFn, const N: usize> MapFn for MapAt<F, N> {
-    fn value(&self, s: &[f64]) -> f64 {
-        F::value::<f64>(s, &self.columns)
+    fn read(&mut self, cell: ReadCell<'_>) -> Result<(), ModelError> {
+        self.rows.push(F::Columns::read(cell)?);
+        Ok(())
+    }
+
+    fn value(&self, s: &[f64], row: Option<usize>) -> f64 {
+        F::value::<f64>(s, row.map_or(&self.nowhere, |row| &self.rows[row]))
     }
 }
 
@@ -127,7 +138,7 @@ impl<'m> Maps<'m> {
                 Source::Value(at) => v[at],
                 Source::Field(field) => fields[field],
             }));
-            *out = map.at.value(scratch);
+            *out = map.at.value(scratch, None);
             physical &= within(*out, map.range);
         }
         if !physical {

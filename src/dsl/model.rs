@@ -11,6 +11,7 @@ use super::data::Measurements;
 use super::density::Density;
 use super::error::ModelError;
 use super::gp::Field;
+use super::lets::LetValues;
 use super::linear::Linear;
 use super::maps::Map;
 use super::rows::Measured;
@@ -149,6 +150,8 @@ pub struct Model {
     pub statements: Vec<Statement>,
     /// Measurements in order of declaration.
     pub observes: Vec<Observe>,
+    /// What is reported of `let`s that are no maps, in order of declaration.
+    pub lets: Vec<LetValues>,
     /// Log densities in order of declaration.
     pub densities: Vec<Density>,
     pub(super) priors: Vec<Box<dyn Op>>,
@@ -217,6 +220,7 @@ impl Model {
             parameters: vec![],
             statements: vec![],
             observes: vec![],
+            lets: vec![],
             priors: vec![],
             prior_entries: vec![],
             fields: vec![],
@@ -374,6 +378,11 @@ impl Model {
                 }
             }
         }
+    }
+
+    /// Values of [`Model::lets`] in their order, after a forward pass.
+    pub fn let_values(&self, t: &Tape, out: &mut Vec<f64>) {
+        self.lets.iter().for_each(|values| values.values(t, out));
     }
 
     /// Name and rows of what has a log likelihood per row: `observe`s, then `density`s with a term each.

@@ -57,8 +57,9 @@ pub enum InferError {
     },
     /// A start of the wrong length.
     #[error(
-        "starting point of chain {chain}: expected {expected} coordinates, got {got}\n\
-         help: a start has one unconstrained number per unknown, `LogDensity::dim()` in all"
+        "starting point of chain {}: expected {expected} coordinates, got {got}\n\
+         help: a start has one unconstrained number per unknown, `LogDensity::dim()` in all",
+        .chain + 1
     )]
     StartLength {
         /// The chain, from 0.
@@ -117,9 +118,10 @@ pub enum InferError {
     },
     /// No jittered point with support.
     #[error(
-        "starting point of chain {chain} (seed {seed}): no point with a finite log density among \
+        "starting point of chain {} (seed {seed}): no point with a finite log density among \
          {tried} tried near the optimum\n\
-         help: the optimum lies on the edge of the support; check priors and observations there"
+         help: the optimum lies on the edge of the support; check priors and observations there",
+        .chain + 1
     )]
     NoStart {
         /// The chain, from 0.
@@ -152,9 +154,15 @@ pub enum ChainFailure {
     /// Density or gradient not finite at the start.
     #[error(
         "the log density or its gradient is not finite at the starting point\n\
-         help: start from `jittered_starts`, or check the observations that have no support there"
+         help: check the observations that have no support there; in Rust, start from `jittered_starts`"
     )]
     NoSupport,
+    /// Density or gradient not finite where the chain has come to.
+    #[error(
+        "the chain has run away: the log density or its gradient is not finite where it has come to\n\
+         help: the posterior may be improper; give priors to the unknowns that no measurement holds"
+    )]
+    RanAway,
     /// No step size gives an acceptable leapfrog step.
     #[error(
         "no step size between 1e-30 and 1e30 suits the starting point\n\
@@ -168,7 +176,7 @@ pub enum ChainFailure {
 
 /// A chain that failed, with all that is needed to see it fail again.
 #[derive(Clone, Debug, thiserror::Error, Serialize, Deserialize)]
-#[error("chain {chain} (seed {seed}), {phase} iteration {iteration}: {failure}")]
+#[error("chain {} (seed {seed}), {phase} iteration {iteration}: {failure}", .chain + 1)]
 pub struct ChainError {
     /// The chain, from 0.
     pub chain: usize,

@@ -25,7 +25,7 @@ fn bad_settings_are_named_with_a_remedy() {
     assert!(text(Settings { max_depth: 0, ..base() }, &[]).contains("`max_depth`"));
     assert!(text(base(), &[vec![0.0; 2]]).contains("expected 4"));
     let starts = [vec![0.0; 2], vec![0.0; 2], vec![0.0; 3], vec![0.0; 2]];
-    assert!(text(base(), &starts).contains("chain 2"));
+    assert!(text(base(), &starts).contains("chain 3"));
     let empty = normal(Vec::new());
     let error = sample(&empty, &[], &base(), &Silent).unwrap_err();
     assert!(matches!(error, InferError::NoUnknowns));
@@ -51,7 +51,7 @@ fn one_failing_chain_leaves_the_others() {
     assert!(chains[0].is_ok() && chains[2].is_ok());
     let error = chains[1].as_ref().unwrap_err();
     assert_eq!((error.chain, error.seed, error.failure.clone()), (1, 11, ChainFailure::NoSupport));
-    assert!(error.to_string().starts_with("chain 1 (seed 11), warm-up iteration 0: "));
+    assert!(error.to_string().starts_with("chain 2 (seed 11), warm-up iteration 0: "));
 }
 
 #[test]

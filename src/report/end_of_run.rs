@@ -21,6 +21,13 @@ pub fn end_of_run(rows: &[Row], record: &RunRecord) -> String {
     if let Some(loo) = &record.loo {
         let _ = writeln!(text, "{}", leave_one_out_figures(loo));
     }
+    if !record.not_simulated.is_empty() {
+        let names = record.not_simulated.join(", ");
+        let _ = writeln!(
+            text,
+            "No posterior predictive of density {names}: only an `observe` can be simulated"
+        );
+    }
     for failed in &record.failed_chains {
         let _ = writeln!(text, "Failed: {failed}");
     }
@@ -73,6 +80,7 @@ mod tests {
         let mut record = samples::record();
         record.unphysical = Some(0.071);
         record.divergences = 4;
+        record.not_simulated = vec!["series".to_owned()];
         record.divergent_at = vec!["s1s2 at site 1 (3)".to_owned()];
         record.failed_chains =
             vec!["chain 2 (seed 1), warm-up iteration 0: no step size".to_owned()];

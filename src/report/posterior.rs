@@ -6,7 +6,7 @@ use rayon::prelude::*;
 
 use super::{Group, LeaveOneOut, Row, Values, Variable};
 use crate::diagnostics::summarise;
-use crate::dsl::{Kind, Measurements, Model, Observe};
+use crate::dsl::{Kind, LetValues, Measurements, Model, Observe, Parameter};
 use crate::infer::Chain;
 
 /// First random stream for what is drawn after sampling; chains own the streams from 0 on.
@@ -19,7 +19,7 @@ const POOLED_DIM: &str = "measurement";
 /// Everything the draws of a model say, in the groups that `ArviZ` knows.
 #[derive(Clone, Debug)]
 pub struct Posterior {
-    /// Parameters (chain, draw, …) in their units.
+    /// Parameters, and `let`s that are no maps (chain, draw, …) in their units.
     pub posterior: Group,
     /// What the sampler did at each draw (chain, draw).
     pub sample_stats: Group,
@@ -32,7 +32,7 @@ pub struct Posterior {
     pub observed_data: Group,
     /// All numbers of the measurements, and where they were made.
     pub constant_data: Group,
-    /// Summary of every parameter, element by element.
+    /// Summary of each of these, element by element.
     pub rows: Vec<Row>,
     /// How well each measurement is predicted from the others; absent without measurements.
     pub loo: Option<LeaveOneOut>,
@@ -41,7 +41,7 @@ pub struct Posterior {
 /// One chain's draws.
 #[derive(Default)]
 struct Drawn {
-    /// (draw, reported number)
+    /// (draw, number of all quantities)
     reported: Vec<f64>,
     /// (draw, measurement of all `observe`s)
     log_likelihood: Vec<f64>,
@@ -55,8 +55,9 @@ impl Posterior {
         let drawn: Vec<Drawn> =
             chains.par_iter().enumerate().map(|(i, chain)| drawn(model, chain, seed, i)).collect();
         let shape = [chains.len(), chains.first().map_or(0, Chain::n_draws)];
-        let posterior = parameters(model, &drawn, shape);
-        let rows = rows(model, &posterior, shape);
+        let quantities: Vec<Quantity<'_>> = quantities(model).collect();
+        let posterior = variables(&quantities, &drawn, shape);
+        let rows = rows(&quantities, &posterior, shape);
         let places = places(model, data);
         let log_likelihood = log_likelihood(&drawn, &places, shape);
         // densities come last: nothing is simulated from them
@@ -97,6 +98,7 @@ fn drawn(model: &Model, chain: &Chain, seed: u64, index: usize) -> Drawn {
     for i in 0..chain.n_draws() {
         model.forward(&mut tape, chain.draw(i));
         model.report(&tape, &mut rng, &mut out.reported);
+        model.let_values(&tape, &mut out.reported);
         model.pointwise(&tape, &mut out.log_likelihood);
         for observe in &model.observes {
             let replicate = observe.simulate(&tape, &mut rng);
@@ -118,36 +120,71 @@ fn columns(
     rows.flat_map(|row| &row[from..from + len]).copied().collect()
 }
 
-fn parameters(model: &Model, drawn: &[Drawn], [chains, draws]: [usize; 2]) -> Group {
-    let (width, mut from) = (model.n_reported(), 0);
-    let mut variables = vec![];
-    for p in &model.parameters {
-        let values = columns(drawn, |d| &d.reported, width, from, p.len);
-        from += p.len;
-        let dim = format!("{}_dim", p.name);
-        let mut dims = vec![("chain", chains), ("draw", draws)];
-        if p.kind != Kind::Scalar {
-            dims.push((&dim, p.len));
+/// A parameter, or a `let` that is no map.
+struct Quantity<'m> {
+    name: &'m str,
+    unit: &'m str,
+    len: usize,
+    labels: &'m [String],
+    is_vector: bool,
+}
+
+impl<'m> Quantity<'m> {
+    fn of_parameter(p: &'m Parameter) -> Self {
+        let is_vector = p.kind != Kind::Scalar;
+        Self { name: &p.name, unit: &p.unit, len: p.len, labels: &p.labels, is_vector }
+    }
+
+    fn of_let(l: &'m LetValues) -> Self {
+        let is_vector = !l.labels.is_empty();
+        Self { name: l.name, unit: &l.unit, len: l.len, labels: &l.labels, is_vector }
+    }
+
+    /// Name of its `i`-th number.
+    fn element(&self, i: usize) -> String {
+        match (self.is_vector, self.labels.get(i)) {
+            (false, _) => self.name.to_owned(),
+            (true, Some(label)) => format!("{}[{label}]", self.name),
+            (true, None) => format!("{}[{i}]", self.name),
         }
-        variables.push(Variable::new(&p.name, &p.unit, &dims, values));
-        if !p.labels.is_empty() {
-            variables.push(Variable::new(&dim, "", &[(&dim, p.len)], p.labels.clone()));
+    }
+}
+
+fn quantities(model: &Model) -> impl Iterator<Item = Quantity<'_>> {
+    let parameters = model.parameters.iter().map(Quantity::of_parameter);
+    parameters.chain(model.lets.iter().map(Quantity::of_let))
+}
+
+fn variables(quantities: &[Quantity<'_>], drawn: &[Drawn], [chains, draws]: [usize; 2]) -> Group {
+    let (width, mut from) = (quantities.iter().map(|q| q.len).sum(), 0);
+    let mut variables = vec![];
+    for q in quantities {
+        let values = columns(drawn, |d| &d.reported, width, from, q.len);
+        from += q.len;
+        let dim = format!("{}_dim", q.name);
+        let mut dims = vec![("chain", chains), ("draw", draws)];
+        if q.is_vector {
+            dims.push((&dim, q.len));
+        }
+        variables.push(Variable::new(q.name, q.unit, &dims, values));
+        if !q.labels.is_empty() {
+            variables.push(Variable::new(&dim, "", &[(&dim, q.len)], q.labels.to_vec()));
         }
     }
     Group { name: "posterior".into(), variables }
 }
 
-fn rows(model: &Model, posterior: &Group, [chains, draws]: [usize; 2]) -> Vec<Row> {
+fn rows(quantities: &[Quantity<'_>], posterior: &Group, [chains, draws]: [usize; 2]) -> Vec<Row> {
     let mut jobs = vec![];
-    for p in &model.parameters {
-        let variable = posterior.variables.iter().find(|v| v.name == p.name);
+    for q in quantities {
+        let variable = posterior.variables.iter().find(|v| v.name == q.name);
         let Some(Values::Float(values)) = variable.map(|v| &v.values) else { continue };
-        jobs.extend((0..p.len).map(|i| (p, i, values)));
+        jobs.extend((0..q.len).map(|i| (q, i, values)));
     }
-    let row = |(p, i, values): &(&crate::dsl::Parameter, usize, &Vec<f64>)| {
-        let column: Vec<f64> = values.iter().skip(*i).step_by(p.len).copied().collect();
+    let row = |(q, i, values): &(&Quantity<'_>, usize, &Vec<f64>)| {
+        let column: Vec<f64> = values.iter().skip(*i).step_by(q.len).copied().collect();
         let chains: Vec<&[f64]> = column.chunks_exact(draws.max(1)).take(chains).collect();
-        Row { name: p.element(*i), unit: p.unit.clone(), summary: summarise(&chains) }
+        Row { name: q.element(*i), unit: q.unit.to_owned(), summary: summarise(&chains) }
     };
     jobs.par_iter().map(row).collect()
 }

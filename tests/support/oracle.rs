@@ -6,7 +6,7 @@ use eplat::infer::{Settings, Silent, jittered_starts, sample};
 use eplat::manifold::Basis;
 use eplat::report::{Posterior, Values};
 
-/// Every reported number's draws, chain by chain.
+/// The draws of every number of the parameters, chain by chain.
 pub(crate) fn draws(
     model: &dyn Declare,
     basis: Option<&Basis>,
@@ -20,7 +20,8 @@ pub(crate) fn draws(
     let chains: Vec<_> = chains.into_iter().map(Result::unwrap).collect();
     let posterior = Posterior::new(&model, data, &chains, settings.seed);
     let mut draws: Vec<Vec<Vec<f64>>> = vec![];
-    for variable in &posterior.posterior.variables {
+    let is_parameter = |name: &str| model.parameters.iter().any(|p| p.name == name);
+    for variable in posterior.posterior.variables.iter().filter(|v| is_parameter(&v.name)) {
         let Values::Float(values) = &variable.values else { continue };
         let width = values.len() / (settings.chains * n);
         let of_chain =

@@ -17,6 +17,7 @@ use crate::dsl::units::{Decl, check_units};
 use crate::manifold::Basis;
 
 mod fields;
+mod lets;
 mod observes;
 pub use observes::outlying;
 
@@ -69,6 +70,11 @@ pub struct Builder<'a> {
     outliers: Option<(f64, f64)>,
     /// First offset of (observe, field or let).
     hooks: BTreeMap<(&'static str, &'static str), usize>,
+    /// First value of (observe, linear predictor).
+    predictors: BTreeMap<(&'static str, &'static str), usize>,
+    /// (`let`, observe that depends on it)
+    seen: BTreeSet<(&'static str, &'static str)>,
+    lets: Vec<lets::Declared>,
     /// Values whose prior is flat, with their unknown; and values that expressions mention, how often.
     flat: BTreeMap<usize, usize>,
     mentions: BTreeMap<usize, usize>,
@@ -104,6 +110,9 @@ impl<'a> Builder<'a> {
             offsets_on: vec![],
             outliers: None,
             hooks: BTreeMap::new(),
+            predictors: BTreeMap::new(),
+            seen: BTreeSet::new(),
+            lets: vec![],
             flat: BTreeMap::new(),
             mentions: BTreeMap::new(),
             field: None,
@@ -301,20 +310,20 @@ impl<'a> Builder<'a> {
         scope: &Scope,
         reads_row: bool,
     ) {
-        self.map(decl, range, scope, reads_row, Box::new(MapAt::<F, N>::new()));
+        self.map(decl, range, scope, reads_row, || Box::new(MapAt::<F, N>::new()));
     }
 
-    /// Keeps a `let` that depends on parameters and fields alone as a map over the vertices.
+    /// Keeps a `let` for what is reported of it, and as a map over the vertices if it depends on parameters
+    /// and fields alone.
     fn map(
         &mut self,
         decl: Decl,
         range: Option<(f64, f64)>,
         scope: &Scope,
         reads_row: bool,
-        at: Box<dyn MapFn>,
+        make: fn() -> Box<dyn MapFn>,
     ) {
         self.state("let", decl, range);
-        self.names.push((decl.name, Source::Let));
         let mut sources = vec![];
         let mut is_map = !reads_row;
         for (i, name) in scope.names.iter().enumerate() {
@@ -334,8 +343,10 @@ impl<'a> Builder<'a> {
                 });
             }
         }
+        self.declare_let(decl, scope, reads_row, make);
+        self.names.push((decl.name, Source::Let));
         if is_map {
-            let unit = decl.unit.into();
+            let (unit, at) = (decl.unit.into(), make());
             self.model.maps.push(Map { name: decl.name, unit, range, sources, at });
         }
     }
@@ -349,6 +360,7 @@ impl<'a> Builder<'a> {
     pub fn linear(&mut self, decl: Decl, columns: &[&'static str], beta: &'static str) {
         self.state("let", decl, None);
         self.names.push((decl.name, Source::Linear { beta, columns: columns.to_vec() }));
+        self.declare_linear(decl);
     }
 
     /// `effect name on a, b [unit] = linear(row.c) ~ prior;`
@@ -458,6 +470,7 @@ impl<'a> Builder<'a> {
         });
         self.model.effect_modes = forms.max().unwrap_or(0);
         self.apply_effects()?;
+        self.lay_out_lets()?;
         check_units(&self.model)?;
         self.model.layout = [self.n_u, self.n_v, self.n_work];
         if let Some(data) = self.data {

@@ -109,6 +109,7 @@ impl Builder<'_> {
                 continue;
             }
             if i >= scope.first_let() {
+                self.seen.insert((name, observe));
                 if self.acts(name) {
                     place.lets[i - scope.first_let()] = Some(self.hook(observe, name, n));
                 }
@@ -116,6 +117,10 @@ impl Builder<'_> {
             }
             let source = self.source(name).clone();
             let predictor = self.predictor(name, &source, rows)?;
+            if matches!(source, Source::Linear { .. }) {
+                self.predictors.insert((observe, name), predictor);
+                self.seen.insert((name, observe));
+            }
             for e in 0..scope.lens[i] {
                 let j = used;
                 used += 1;
@@ -146,7 +151,7 @@ impl Builder<'_> {
     }
 
     /// The value of field number `field` at the probe of `row`.
-    fn probe(&self, field: usize, row: usize) -> usize {
+    pub(super) fn probe(&self, field: usize, row: usize) -> usize {
         let vertex = self.data.and_then(|d| d.vertex(row)).unwrap_or(0);
         let probe = self.probes.binary_search(&vertex).unwrap_or(0);
         self.model.fields[field].op.theta + probe
@@ -216,7 +221,7 @@ impl Builder<'_> {
         Ok(Linear { beta, n: names.len(), z, out, rows: rows.len(), add })
     }
 
-    fn acts(&self, name: &str) -> bool {
+    pub(super) fn acts(&self, name: &str) -> bool {
         self.effects.iter().any(|e| e.on.iter().any(|on| on == name))
             || self.offsets_on.iter().any(|on| on == name)
     }

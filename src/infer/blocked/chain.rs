@@ -114,7 +114,9 @@ impl<'a> Run<'a> {
         let Common { density, settings, .. } = common;
         let no_support = || {
             let position = [&link.outer[..], &link.block].concat();
-            error(common, chain, Phase::Warmup, common.before, position, ChainFailure::NoSupport)
+            let failure =
+                if common.stage == 0 { ChainFailure::NoSupport } else { ChainFailure::RanAway };
+            error(common, chain, Phase::Warmup, common.before, position, failure)
         };
         let layout = density.layout();
         let outer = kept.as_ref().map_or(&link.outer, |kept| &kept.outer);
