@@ -46,12 +46,7 @@ fn measured() -> Option<Vec<Site>> {
         });
         own.brackets.insert(row[threshold].into(), [lower, upper].map(|c| row[c].to_string()));
     }
-    // a site whose transients do not recover monotonically has no bracket
-    let end = |cell: &str, open: f64| cell.parse().unwrap_or(open);
-    let is_bracket =
-        |[lower, upper]: &[String; 2]| end(lower, f64::NEG_INFINITY) < end(upper, f64::INFINITY);
-    let both = |site: &Site| site.brackets.len() == 2 && site.brackets.values().all(is_bracket);
-    Some(sites.into_values().filter(both).collect())
+    Some(sites.into_values().collect())
 }
 
 /// Both tables of a split: training and held out. `told` is the column that tells the threshold; without one

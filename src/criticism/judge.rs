@@ -6,9 +6,9 @@ use super::fit::Fit;
 use super::outer::{Free, optimise, score, without_sites};
 use super::procedure::{Record, Round, Run};
 use super::search::{
-    Left, Tried, leave_sites_out, leave_units_out, r_squared, r_squared_on_fields,
+    Left, Tried, leave_sites_out, leave_units_out, r_squared, r_squared_on_fields, squared_errors,
 };
-use super::units::{LEAST_UNITS, Unit, by_site, unit_of};
+use super::units::{FOLD, LEAST_UNITS, Unit, by_site, unit_of};
 use crate::dsl::Form;
 
 /// Least log Bayes factor of a claim.
@@ -61,8 +61,8 @@ impl Run<'_> {
                 },
             })
             .collect();
+        // another may explain more where it was fitted, and predict nothing
         let (mut taken, mut rivals) = (None, vec![]);
-        // the best one that can be confirmed: another may explain more where it was fitted, and predict nothing
         for (i, best) in tried.iter().enumerate().filter(|(_, t)| t.log_bf > least) {
             let Some(fit) = best.fit.clone() else { continue };
             if let Some(why) = self.objection(best, &fit, p_null(best.log_bf), &left) {
@@ -119,15 +119,19 @@ impl Run<'_> {
             }
         }
         let unit = unit.filter(|unit| unit.n >= LEAST_UNITS)?;
-        let left = |fit: Fit| leave_units_out(&self.engine, &fit, &unit, self.settings.seed);
-        let both = self.without(fit).and_then(left).zip(left(fit.clone()));
-        let Some((before, after)) = both else {
+        let without = self.without(fit).and_then(|fit| self.leave_out(&fit, &unit));
+        let Some((before, after)) = without.zip(self.leave_out(fit, &unit)) else {
             return Some(format!("there is no fit with some {}s left out as a whole", unit.name));
         };
-        let (gain, se) = gain(&before.elpd, &after.elpd);
+        let squares = |left: &Left| squared_errors(&self.engine, left, &unit);
+        let (what, (gain, se)) = if unit.name == FOLD {
+            ("squared error", gain(&squares(&after), &squares(&before)))
+        } else {
+            ("log score", gain(&before.elpd, &after.elpd))
+        };
         (!(gain > se)).then(|| {
             format!(
-                "leaving {}s out as a whole, the gain {gain:.1} is not beyond its error {se:.1}",
+                "leaving {}s out as a whole, the gain in {what} {gain:.1} is not beyond its error {se:.1}",
                 unit.name
             )
         })
@@ -136,6 +140,13 @@ impl Run<'_> {
     /// The column that a candidate reads.
     fn column(&self, candidate: usize) -> Option<&str> {
         self.candidates[candidate].form.as_ref().and_then(Form::column)
+    }
+
+    /// Predictions of each unit from the others, everything at its best, as it will be reported.
+    fn leave_out(&self, fit: &Fit, unit: &Unit) -> Option<Left> {
+        let best = optimise(&self.engine, &fit.active, fit, Free::All, self.step);
+        let fit = best.map_or_else(|| fit.clone(), |(fit, _)| fit);
+        leave_units_out(&self.engine, &fit, unit, self.settings.seed)
     }
 
     /// What is left out as a whole to confirm an effect of `column`, or of none; `None` for the site.

@@ -101,6 +101,19 @@ pub fn leave_units_out(engine: &Engine, fit: &Fit, unit: &Unit, seed: u64) -> Op
     Some(all)
 }
 
+/// Sum of squared errors in each fold of [`leave_units_out`]; a row without a middle has none.
+pub(super) fn squared_errors(engine: &Engine, left: &Left, unit: &Unit) -> Vec<f64> {
+    let mut squares = vec![0.0; left.elpd.len()];
+    for (row, predicted) in engine.rows.iter().zip(&left.predicted) {
+        let cells = engine.model.observes[row.id.observe].observed_row(row.id.row);
+        let square = (cells.iter().sum::<f64>() / cells.len() as f64 - predicted).powi(2);
+        if square.is_finite() {
+            squares[unit.group[engine.model.table_row(row.id)] % left.elpd.len()] += square;
+        }
+    }
+    squares
+}
+
 /// Predicts a cavity's rows; returns their joint log predictive density.
 fn predict(
     engine: &Engine,

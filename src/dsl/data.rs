@@ -324,12 +324,19 @@ impl Measurements {
                 (0..self.len()).find(|r| self.cell(*r, "protocol") == protocol).unwrap_or(0);
             let cells = self.header.iter().enumerate().map(|(column, name)| {
                 let own = other.cell(row, name).unwrap_or_default();
-                let is_lent = own.is_empty() && lent.contains(&name.as_str());
+                let is_lent =
+                    own.is_empty() && lent.contains(&name.as_str()) && !other.is_open(row, name);
                 if is_lent { self.rows[lender].cells[column].clone() } else { own.to_owned() }
             });
             all.rows.push(Row { line: other.rows[row].line, cells: cells.collect() });
         }
         all
+    }
+
+    /// Whether an empty cell is the open end of a bracket: the other end is there.
+    fn is_open(&self, row: usize, name: &str) -> bool {
+        let is_there = |end: &str| self.cell(row, end).is_some_and(|cell| !cell.is_empty());
+        ["lower", "upper"].contains(&name) && (is_there("lower") || is_there("upper"))
     }
 
     /// Complains unless there is such a column (`who` asks for it).
@@ -542,6 +549,15 @@ mod tests {
         assert_eq!(t.rows_of("s1s2"), [0, 2]);
         let e = t.check_protocols(&["s1s2"]).unwrap_err().to_string();
         assert!(e.starts_with("t.csv, line 3, column `protocol`: `S1S2S3` is not observed"), "{e}");
+    }
+
+    #[test]
+    fn what_was_not_measured_is_lent_and_an_open_end_stays_open() {
+        let train = table("protocol,lower,upper\nS1S2,70,80\n");
+        let heldout = table("protocol,lower,upper\nS1S2,,\nS1S2,,60\n");
+        let all = train.followed_by(&heldout, &["lower", "upper"]);
+        assert_eq!([1, 2].map(|row| all.cell(row, "lower").unwrap()), ["70", ""]);
+        assert_eq!([1, 2].map(|row| all.cell(row, "upper").unwrap()), ["80", "60"]);
     }
 
     #[test]
