@@ -249,7 +249,7 @@ mod tests {
         let spacing = 0.2;
         let flat = rectangle(91, 11, spacing);
         let bent = |(v, p): (usize, &[f64; 3])| {
-            let at_rim = v % 11 == 0 || v % 11 == 10 || v < 22 || v >= 91 * 11 - 11;
+            let at_rim = v % 11 == 0 || v % 11 == 10 || !(22..90 * 11).contains(&v);
             let jitter = if at_rim { 0.0 } else { 0.2 * spacing * (7.3 * v as f64).sin() };
             let (x, radius) = (p[0] + jitter, 20.0);
             // lengths along a cylinder are those of the sheet
