@@ -36,7 +36,7 @@ fn the_default_experiment_is_recovered() {
     {
         let summary = &result["summary"][quantity];
         let number = |name: &str| summary[name].as_f64().unwrap();
-        let step = round_step(5.0 * number("mcse"));
+        let step = round_step(5.0 * number("mcse_q50"));
         let median = (1e6 * (number("q50") / step).round() * step).round() / 1e6;
         writeln!(lines, "{quantity:<14} median {median} (to {step})").unwrap();
     }

@@ -179,7 +179,13 @@ impl Run<'_> {
         let name = |t: &Tried| self.candidates[t.candidate].name.clone();
         let mut pairs: Vec<[String; 2]> = vec![];
         for other in tried.iter().filter(|t| name(t) != name(best)) {
-            let alike = r_squared(&self.engine, best.candidate, other.candidate);
+            let read = [best, other].map(|t| self.column(t.candidate));
+            // a field can follow another one over the rows without being the same cause
+            let alike = if read.iter().all(Option::is_some) {
+                r_squared(&self.engine, best.candidate, other.candidate)
+            } else {
+                0.0
+            };
             let is_rival = if alike > SAME {
                 true
             } else if alike > ALIKE || other.log_bf > ADDS {
