@@ -1,7 +1,7 @@
 //! Compiles a model file that is not in this program, and hands the command line over to the result.
 //!
 //! What is compiled is eplat again, with this one model in it, so it takes the same command line. In
-//! a checkout the model is compiled against the library that lies beside this program: about a second.
+//! a checkout the model is compiled against the library that lies beside this program: one to two seconds.
 //! An installed program has no library beside it: a generated package then builds one, once, from the
 //! sources embedded here. The result is kept under a hash of model and eplat: an unchanged model
 //! starts at once.
