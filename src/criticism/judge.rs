@@ -12,7 +12,7 @@ use super::units::{FOLD, LEAST_UNITS, Unit, by_site, unit_of};
 use crate::dsl::Form;
 
 /// Least log Bayes factor of a claim.
-pub(super) const CLAIM: f64 = 3.0;
+pub const CLAIM: f64 = 3.0;
 /// A runner-up within this log Bayes factor is a rival.
 const RIVAL: f64 = 2.0;
 /// A winner that adds less than this with its rival in the model is not told apart from it.
@@ -248,7 +248,7 @@ impl Run<'_> {
 
 /// Least log Bayes factor of a claim in round `number`. Every further round is another chance of a wrong
 /// name, and its base is a model that was chosen by the same data.
-pub(super) fn least_log_bf(number: usize) -> f64 {
+pub fn least_log_bf(number: usize) -> f64 {
     if number == 0 { CLAIM } else { 2.0 * CLAIM }
 }
 

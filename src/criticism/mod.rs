@@ -29,6 +29,7 @@ pub use error::CriticismError;
 pub use fine::FINER;
 pub use fit::{Cavity, Fit};
 pub use heldout::{Predicted, Score, predict_rows, score_of, with_heldout};
+pub use judge::{CLAIM, least_log_bf};
 pub use procedure::{Case, Outcome, Record, Round, Settings, criticise};
 pub use rewrite::rewrite;
 pub use search::{Left, leave_out, leave_sites_out, leave_units_out};

@@ -34,8 +34,6 @@ pub struct LoopPage<'a> {
     pub comparisons: &'a [Comparison],
     /// What was tried, round by round.
     pub rounds: &'a [TriedRound],
-    /// Log Bayes factor that a claim must exceed.
-    pub claim: f64,
     /// What the model leaves over.
     pub residuals: Residuals<'a>,
     /// What no candidate explains.
@@ -77,6 +75,8 @@ pub struct PredictionError {
 /// Everything tried in one round.
 #[derive(Clone, Debug)]
 pub struct TriedRound {
+    /// Log Bayes factor that a claim must exceed.
+    pub claim: f64,
     /// Best log Bayes factor of each search on simulated data.
     pub nulls: Vec<f64>,
     /// Candidates, best first.
@@ -162,7 +162,7 @@ pub fn write_loop_page(path: &Path, page: &LoopPage<'_>) -> Result<(), ReportErr
             "error_before",
             page.comparisons.first().map_or(String::new(), |c| error_line(c, residuals.unit)),
         ),
-        ("tried", page.rounds.iter().enumerate().map(|(i, r)| round(i, r, page.claim)).collect()),
+        ("tried", page.rounds.iter().enumerate().map(|(i, r)| round(i, r)).collect()),
         ("after_class", absent(page.after.is_none())),
         ("after", page.after.map_or(String::new(), |after| marked(page.before, after))),
         (
@@ -311,7 +311,7 @@ fn against(residuals: &Residuals<'_>, is_found: bool) -> String {
 }
 
 /// A round's evidence as a plot and a table.
-fn round(number: usize, round: &TriedRound, claim: f64) -> String {
+fn round(number: usize, round: &TriedRound) -> String {
     let marks: Vec<(String, f64, bool)> =
         round.tried.iter().map(|t| (t.name.clone(), t.log_bf, t.is_taken)).collect();
     let mut html = match number {
@@ -319,7 +319,7 @@ fn round(number: usize, round: &TriedRound, claim: f64) -> String {
         n => format!("<p><b>Round {}</b>, with what was found before in the model.</p>", n + 1),
     };
     html += &if marks.iter().any(|mark| mark.1.is_finite()) {
-        evidence_plot(&round.nulls, &marks, claim)
+        evidence_plot(&round.nulls, &marks, round.claim)
     } else {
         "<p>The screen stopped every candidate.</p>".into()
     };

@@ -8,15 +8,12 @@ use super::super::inputs::Inputs;
 use super::predictions::{Heldout, LeftOut, as_json};
 use super::sizes::Size;
 use super::{Sampling, name_of, site_column};
-use crate::criticism::{Outcome, Round};
+use crate::criticism::{CLAIM, Outcome, Round, least_log_bf};
 use crate::dsl::{AddedEffect, Form, equations};
 use crate::error::Failure;
 use crate::report::{
     Against, Comparison, LoopPage, ReportError, Residuals, SiteResidual, TriedEffect, TriedRound,
 };
-
-/// Log Bayes factor that the page marks: that of a claim.
-const CLAIM: f64 = 3.0;
 
 /// What there is to tell.
 pub(super) struct Story<'a> {
@@ -246,7 +243,6 @@ impl Story<'_> {
             after: after.as_deref(),
             comparisons: &self.comparisons(),
             rounds: &rounds.map(|(i, round)| self.tried(i, round)).collect::<Vec<_>>(),
-            claim: CLAIM,
             residuals: Residuals {
                 unit: observe.map_or("", |o| o.decl.unit),
                 mesh: surface.map(|s| &s.mesh),
@@ -287,7 +283,11 @@ impl Story<'_> {
                 is_taken: taken == Some(&t.candidate),
             }
         };
-        TriedRound { nulls: round.nulls.clone(), tried: round.tried.iter().map(one).collect() }
+        TriedRound {
+            claim: least_log_bf(number),
+            nulls: round.nulls.clone(),
+            tried: round.tried.iter().map(one).collect(),
+        }
     }
 
     /// Mean residual of each site, where it is closed.
