@@ -2,7 +2,6 @@
 
 #![allow(clippy::doc_markdown, reason = "help texts are read on the terminal, without backticks")]
 
-use std::collections::BTreeMap;
 use std::io::{self, Write as _};
 use std::path::{Path, PathBuf};
 use std::time::Instant;
@@ -11,12 +10,13 @@ use clap::Args;
 use indicatif::{ProgressBar, ProgressStyle};
 use serde_json::json;
 
+use super::inputs::embedded_atrium;
 use crate::atomic::{write_file, write_folder};
 use crate::ep::cell::RANGES;
 use crate::ep::surface::{BeatMap, Pacing, simulate_surface};
 use crate::ep::{Parameters, Precision, Tissue};
 use crate::error::Failure;
-use crate::mesh::{self, MeshError, Surface, TriMesh, Units, left_atrium, write_vtp};
+use crate::mesh::{self, MeshError, Surface, TriMesh, Units, write_vtp};
 
 /// Edges of the embedded atrium, mm: short enough for a front.
 const EDGE: f64 = 0.4;
@@ -133,7 +133,7 @@ impl AtriumArgs {
     fn setup(&self) -> Result<Setup, Failure> {
         let surface = match &self.fields {
             Some(file) => mesh::read(file, self.units)?,
-            None => embedded(),
+            None => embedded_atrium(EDGE),
         };
         let source =
             u32::try_from(self.pace).ok().filter(|v| (*v as usize) < surface.n_source_vertices);
@@ -256,20 +256,6 @@ impl AtriumArgs {
         let text = serde_json::to_string_pretty(&record)? + "\n";
         write_file(&folder.join("simulation.json"), |file| file.write_all(text.as_bytes()))?;
         Ok(())
-    }
-}
-
-/// The embedded left atrium, without fields.
-fn embedded() -> Surface {
-    let mesh = left_atrium(EDGE).mesh;
-    let n = mesh.n_vertices();
-    Surface {
-        mesh,
-        source_vertex: (0..n as u32).collect(),
-        n_source_vertices: n,
-        dropped: vec![],
-        point_data: BTreeMap::new(),
-        notes: vec![],
     }
 }
 

@@ -97,7 +97,7 @@ impl InputArgs {
 
     fn surface(&self) -> Result<Surface, Failure> {
         let (Some(path), Some(units)) = (&self.mesh, self.units) else {
-            let surface = embedded_atrium();
+            let surface = embedded_atrium(ATRIUM_EDGE);
             let (n, area) = (surface.mesh.n_vertices(), surface.mesh.area() / 100.0);
             eprintln!("mesh   embedded left atrium: {n} vertices, area {area:.0} cm²");
             return Ok(surface);
@@ -177,8 +177,9 @@ fn checked(table: Measurements, outline: &Model) -> Result<Measurements, Failure
     Ok(table)
 }
 
-fn embedded_atrium() -> Surface {
-    let atrium = left_atrium(ATRIUM_EDGE);
+/// The embedded left atrium with edges of about `edge` mm.
+pub(super) fn embedded_atrium(edge: f64) -> Surface {
+    let atrium = left_atrium(edge);
     let n = atrium.mesh.n_vertices();
     let region = atrium.region.iter().map(|r| f64::from(*r)).collect();
     Surface {

@@ -41,7 +41,7 @@ pub(super) struct StripArgs {
     #[arg(long, value_name = "F.csv")]
     out: PathBuf,
     /// CSV to write CV and APD of single S2 beats to, S2 = 200, 220 … 600 ms; their curves
-    /// a − b exp(−(S2 − d)/c) are fitted and go to --out.  Takes about as long again
+    /// a − b exp(−(S2 − d)/c) are fitted and go to --out.  Takes 2.5 times as long
     #[arg(long, value_name = "F.csv")]
     restitution: Option<PathBuf>,
     /// Interval of the S1 train, ms
@@ -77,7 +77,7 @@ pub(super) struct StripArgs {
     /// Time step of diffusion, ms; the cells take five substeps in it
     #[arg(long, value_name = "MS", default_value_t = Grid::default().dt)]
     dt: f64,
-    /// One row of nodes instead of a strip: about twice as fast, with ERP_S2 0.2 and ERP_S3 0.3 ms rms
+    /// One row of nodes instead of a strip: 2.5 times as fast, with ERP_S2 0.2 and ERP_S3 0.3 ms rms
     /// (at most 2 ms) from the strip's and CV 0.002 m/s higher
     #[arg(long, conflicts_with = "width")]
     cable: bool,
@@ -132,10 +132,9 @@ impl Command {
 
 impl StripArgs {
     fn run(&self) -> Result<(), Failure> {
-        let args = self;
-        let (grid, protocol) = (args.grid()?, args.protocol());
-        let curves = args.restitution.as_deref().map(new_file).transpose()?;
-        let outcomes = simulate_table(&args.params, &args.out, &grid, &protocol)?;
+        let (grid, protocol) = (self.grid()?, self.protocol());
+        let curves = self.restitution.as_deref().map(new_file).transpose()?;
+        let outcomes = simulate_table(&self.params, &self.out, &grid, &protocol)?;
         if let Some(file) = curves {
             let rows = outcomes.iter().enumerate().flat_map(|(row, outcome)| {
                 let beats = outcome.iter().flat_map(|o| &o.restitution);

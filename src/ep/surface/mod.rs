@@ -48,6 +48,16 @@ pub enum PacingError {
         /// What to do.
         help: &'static str,
     },
+    /// A step whose diffusion has no solution: V has run away.
+    #[error(
+        "V ran away at {time:.1} ms in steps of {dt} ms\nhelp: give a shorter time step; tau_in asks for the shortest"
+    )]
+    Unstable {
+        /// When, ms.
+        time: f64,
+        /// Time step, ms.
+        dt: f64,
+    },
     /// Not a parameter set for each vertex.
     #[error(
         "the mesh has {vertices} vertices, but there are parameters for {got}\nhelp: give one set for each vertex"
@@ -136,7 +146,7 @@ fn by_vertex(vertex: &[u32], values: impl Iterator<Item = f64>) -> Vec<f64> {
 /// `observe` is told of every step. Bit-identical for any number of threads.
 ///
 /// # Errors
-/// Pacing that makes no sense on this mesh.
+/// Pacing that makes no sense on this mesh, or steps in which V runs away.
 pub fn simulate_surface<F: Precision>(
     mesh: &TriMesh,
     tissue: &[Tissue],
@@ -160,12 +170,15 @@ pub fn simulate_surface<F: Precision>(
     for step in 0..n_steps {
         let is_on = starts.iter().any(|s| (*s..*s + step_of(PULSE)).contains(&step));
         let stimulus = is_on.then_some((F::of(pacing.strength * dt), &rows[..]));
-        if (starts[pacing.measured]..last).contains(&step) {
+        let is_measured = (starts[pacing.measured]..last).contains(&step);
+        if is_measured {
             recorder.before(&solver);
-            solver.step(stimulus);
+        }
+        if !solver.step(stimulus) {
+            return Err(PacingError::Unstable { time: step as f64 * dt, dt });
+        }
+        if is_measured {
             recorder.after(&solver, (step - starts[pacing.measured]) as f64, dt);
-        } else {
-            solver.step(stimulus);
         }
         let time = (step + 1) as f64 * dt;
         observe(&Moment { steps: [step + 1, n_steps], time, solver: &solver });
@@ -289,6 +302,15 @@ mod tests {
             let pool = rayon::ThreadPoolBuilder::new().num_threads(n).build().unwrap();
             assert_eq!(pool.install(|| beat::<f32>(&mesh, &pacing, 0.1)), single);
         }
+    }
+
+    #[test]
+    fn steps_too_long_for_the_cell_are_an_error() {
+        let mesh = rectangle(20, 5, 0.4);
+        let tissue = vec![Parameters::from_array([0.7, 0.01, 10.0, 120.0, 200.0]).tissue(); 100];
+        let pacing = paced_once((0..10).collect(), 50.0);
+        let error = simulate_surface::<f64>(&mesh, &tissue, &pacing, 0.5, &mut |_| ()).unwrap_err();
+        assert!(matches!(error, PacingError::Unstable { .. }), "{error}");
     }
 
     #[test]

@@ -80,7 +80,8 @@ impl<F: Precision> Solver<F> {
     }
 
     /// One time step; `stimulus` is what it adds to V at which rows.
-    pub(super) fn step(&mut self, stimulus: Option<(F, &[u32])>) {
+    #[must_use = "false: the step was not solved"]
+    pub(super) fn step(&mut self, stimulus: Option<(F, &[u32])>) -> bool {
         if let Some((_, rows)) = stimulus {
             for row in rows {
                 self.wake(*row as usize / BLOCK);
@@ -92,9 +93,10 @@ impl<F: Precision> Solver<F> {
                 self.v[*row as usize] = self.v[*row as usize] + amplitude;
             }
         }
-        self.diffuse();
+        let is_solved = self.diffuse();
         let peaks = self.advance();
         self.settle(&peaks);
+        is_solved
     }
 
     /// Brings the gates of a sleeping block up to date.
@@ -130,12 +132,12 @@ impl<F: Precision> Solver<F> {
         );
     }
 
-    /// Solves for the increment by conjugate gradients.
-    fn diffuse(&mut self) {
+    /// Solves for the increment by conjugate gradients; whether that was reached.
+    fn diffuse(&mut self) -> bool {
         let mut rz = self.first_residual();
         for _ in 0..MOST_ITERATIONS {
             if rz <= self.enough {
-                return;
+                return true;
             }
             self.n_iterations += 1;
             let alpha = F::of(rz / self.search_direction_energy());
@@ -143,6 +145,7 @@ impl<F: Precision> Solver<F> {
             self.turn(F::of(next / rz));
             rz = next;
         }
+        false
     }
 
     /// Residual `r`, search direction `p = D⁻¹ r`; `r·D⁻¹ r`.

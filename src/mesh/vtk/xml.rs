@@ -106,6 +106,11 @@ impl<'a> Reader<'a> {
         };
         let bytes =
             STANDARD.decode(text).map_err(|error| self.wrong(node, "base64", error.to_string()))?;
+        let length = bytes.iter().take(header).rev().fold(0, |sum, b| sum << 8 | u64::from(*b));
+        if bytes.len() as u64 != header as u64 + length || length % kind.size() as u64 != 0 {
+            let got = format!("{} bytes", bytes.len().saturating_sub(header));
+            return Err(self.wrong(node, &format!("the {length} bytes that it announces"), got));
+        }
         let numbers = bytes.get(header..).unwrap_or_default().chunks_exact(kind.size());
         let mut big_endian = [0; 8];
         let number = |bytes: &[u8]| {
@@ -128,6 +133,10 @@ impl<'a> Reader<'a> {
             self.array(found.ok_or_else(|| self.wrong(polys, name, "none".into()))?)
         };
         let (connectivity, offsets) = (named("connectivity")?, named("offsets")?);
+        if connectivity.len() != 3 * offsets.len() {
+            let expected = format!("three corners for each of {} triangles", offsets.len());
+            return Err(self.wrong(polys, &expected, format!("{} corners", connectivity.len())));
+        }
         let mut begin = 0.0;
         for (cell, end) in offsets.iter().enumerate() {
             let corners = end - begin;
@@ -186,6 +195,10 @@ mod tests {
         let fails = |from: &str, to: &str| parsed(&TEXT.replace(from, to)).unwrap_err();
         assert!(fails("0 1 2<", "0 1 3<").contains("triangle 0 names vertex 3"));
         assert!(fails(">3<", ">2<").contains("cell 0 is a polygon of 2 vertices"));
+        assert!(
+            fails("0 1 2<", "0 1 2 0<")
+                .contains("expected three corners for each of 1 triangles, got 4")
+        );
         assert!(fails("1 0 0", "1 x 0").contains("f.vtp, line 3: expected a number, got \"x\""));
         assert!(
             fails("format=\"ascii\">1", "format=\"appended\">1")
