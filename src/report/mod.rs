@@ -8,6 +8,7 @@ mod dataset;
 mod draws;
 mod end_of_run;
 mod error;
+pub mod figures;
 mod html;
 mod loo;
 mod loop_page;
