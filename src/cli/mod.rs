@@ -56,7 +56,10 @@ enum Command {
     /// Run the electrophysiology simulator
     #[command(subcommand)]
     Simulate(simulate::Command),
-    /// Design, run and fit the surrogate's training data
+    /// From the simulator to a model: design, run, fit, sensitivity
+    ///
+    /// In this order: `design` chooses parameter sets, `run` simulates them, `fit` makes functions of the outcomes that
+    /// model files can use, `sensitivity` tells which parameters matter (from a design of --vary all --n 500).
     #[command(subcommand)]
     Surrogate(surrogate::Command),
 }
