@@ -83,7 +83,7 @@ impl Whitening {
         Arch::new().dispatch(Prepare { whitening: self, stand_in })
     }
 
-    /// B = I₀ + AᵀWA, with AᵀWd as a further column and dᵀWd at its end.
+    /// `B = I₀ + AᵀWA`, with `AᵀWd` as a further column and `dᵀWd` at its end.
     #[inline(always)]
     fn set_upper(&mut self, stand_in: &StandIn) {
         if self.is_scaled {
@@ -128,7 +128,7 @@ impl Whitening {
         }
     }
 
-    /// As [`Whitening::set_product`] for scaled fields, from products that are known.
+    /// All of it but I₀ for scaled fields, from products that are known.
     #[inline(always)]
     fn set_gram(&mut self, stand_in: &StandIn) {
         for f in 0..self.n_fields() {
@@ -146,14 +146,16 @@ impl Whitening {
         self.set_moment(stand_in);
     }
 
-    /// AᵀWd and dᵀWd.
+    /// `AᵀWd` and `dᵀWd`.
     #[inline(always)]
     fn set_moment(&mut self, stand_in: &StandIn) {
         let n = self.n_sites;
         let (d, product) = self.scratch.split_at_mut(n * self.starts.len());
         d.copy_from_slice(stand_in.centre());
         for (d, offset) in d.chunks_exact_mut(n).zip(&self.design.offset) {
-            d.iter_mut().for_each(|d| *d -= offset);
+            for d in d.iter_mut() {
+                *d -= offset;
+            }
         }
         product.fill(0.0);
         let quadratic = stand_in.add_product(d, product);
