@@ -8,6 +8,7 @@ mod dataset;
 mod draws;
 mod end_of_run;
 mod error;
+mod error_bars;
 mod html;
 mod loo;
 mod loop_page;
@@ -27,6 +28,7 @@ pub use dataset::{Group, Values, Variable};
 pub use draws::write_draws;
 pub use end_of_run::{end_of_run, rmse_line};
 pub use error::ReportError;
+pub use error_bars::{ErrorBars, Panel};
 pub use html::{Page, PointData, Surface, write_html};
 pub use loo::{LeaveOneOut, LooRecord, LooRow, read_loo, worst_k, write_loo};
 pub use loop_page::{
