@@ -249,7 +249,12 @@ fn measure(
     let header: Vec<String> =
         ["site", "vertex", "protocol"].iter().chain(&columns).map(ToString::to_string).collect();
     // What a measurement of every kind looks like before it is made: it fixes the protocol's grid.
-    let blank = |column: &str| if column == "upper" { resolution } else { 0.0 };
+    // One is a value that every likelihood takes.
+    let blank = |column: &str| match column {
+        "lower" => 0.0,
+        "upper" => resolution,
+        _ => 1.0,
+    };
     let mut cells = vec![];
     for (site, vertex) in sites.iter().enumerate() {
         for observe in &outline.observes {
