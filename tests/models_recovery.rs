@@ -537,7 +537,7 @@ fn a_prior_that_cannot_be_drawn_from_is_named() {
 fn voltage_recovers_map_and_noise() {
     let basis = basis(VERTICES, 64);
     let row = |i: usize| vec![(2 * i).to_string(), "bipolar".into(), "1".into()];
-    let mut table = Table { header: "vertex,protocol,value", rows: (0..80).map(row).collect() };
+    let mut table = Table { header: "vertex,protocol,value", rows: (0..100).map(row).collect() };
     let given = [
         ("voltage.m", 3.0),
         ("voltage.alpha", 1.5f64.ln()),

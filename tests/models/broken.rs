@@ -46,6 +46,6 @@ pub(crate) mod voltage {
             rho   [mm] ~ InvGamma(3.0, 60.0);
         }
         param noise [mV] ~ HalfNormal(1.0);
-        observe bipolar(x): Number [mV] ~ Normal(voltage(x), noise * 0.25);
+        observe bipolar(x): Number [mV] ~ Normal(voltage(x), noise * 0.15);
     }
 }
