@@ -31,9 +31,9 @@ mod recovery;
 mod regression;
 #[path = "../models/restitution.rs"]
 mod restitution;
+mod support;
 #[path = "../models/voltage.rs"]
 mod voltage;
-mod support;
 
 use std::path::Path;
 

@@ -26,7 +26,8 @@ fn slurm(place: &Workplace, command: &str) -> Output {
 
 /// The numbers of the jobs in the queue.
 fn queue(place: &Workplace, format: &str) -> Vec<String> {
-    let listed = text(&slurm(place, &format!("squeue --noheader --array --format={format}")).stdout);
+    let listed =
+        text(&slurm(place, &format!("squeue --noheader --array --format={format}")).stdout);
     listed.lines().map(|line| line.trim().to_owned()).collect()
 }
 
