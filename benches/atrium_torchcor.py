@@ -50,7 +50,7 @@ def write_carp(folder, points, triangles):
 
 def cpu_seconds(folder, ms):
     tc.set_device("cpu")
-    cell = ModifiedMS2v(DT, torch.device("cpu"), torch.float32)
+    cell = ModifiedMS2v(DT, None, torch.device("cpu"), torch.float32)
     for name, value in TAU.items():
         setattr(cell, name, value)
     cell.tau_close = 200.0 / np.log1p(10.0 * 0.81 / (4 * 0.05)).item()
