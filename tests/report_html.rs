@@ -99,6 +99,7 @@ fn record() -> RunRecord {
         units: BTreeMap::new(),
         unphysical: None,
         divergent_at: vec![],
+        strays: None,
         not_simulated: vec![],
         loo: None,
         laplace: None,

@@ -22,6 +22,7 @@ mod rustc;
 mod sampling;
 mod show;
 mod simulate;
+mod study;
 mod surrogate;
 
 use std::process::ExitCode;
@@ -57,6 +58,9 @@ enum Command {
     /// Run the electrophysiology simulator
     #[command(subcommand)]
     Simulate(simulate::Command),
+    /// Calibrate many synthetic truths from a plan, here or as a Slurm job array
+    #[command(subcommand)]
+    Study(study::Command),
     /// Design, run and fit the surrogate's training data
     #[command(subcommand)]
     Surrogate(surrogate::Command),
@@ -74,6 +78,7 @@ pub fn main(models: &[Compiled]) -> ExitCode {
         Command::Report(command) => command.run(),
         Command::Mesh(command) => done(command.run()),
         Command::Simulate(command) => command.run(),
+        Command::Study(command) => command.run(models),
         Command::Surrogate(command) => done(command.run()),
     };
     outcome.unwrap_or_else(|failure| {

@@ -309,6 +309,7 @@ impl Finished<'_> {
             unphysical: maps.map(|m| m.unphysical.iter().sum::<f64>() / m.unphysical.len() as f64),
             units: maps.map(|m| m.units.clone()).unwrap_or_default(),
             divergent_at: self.suspects(),
+            strays: posterior.strays.clone(),
             not_simulated: self.not_simulated(),
             loo: posterior.loo.as_ref().map(|loo| loo.record.clone()),
             laplace: laplace.clone(),

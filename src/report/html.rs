@@ -209,6 +209,9 @@ fn run(record: &RunRecord) -> String {
             ),
         ),
     ];
+    if let Some(strays) = &record.strays {
+        terms.push(("chains disagree", strays.clone()));
+    }
     if !record.divergent_at.is_empty() {
         terms.push(("divergences come from", record.divergent_at.join(", ")));
     }

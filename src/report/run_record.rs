@@ -65,6 +65,9 @@ pub struct RunRecord {
     /// The measurements that most divergences come from, with their number, in words.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub divergent_at: Vec<String>,
+    /// Where the chains disagree most, in words, if they do.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub strays: Option<String>,
     /// Statements over the table that measurements cannot be simulated from: those of `density`.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub not_simulated: Vec<String>,

@@ -56,6 +56,7 @@ pub(super) fn record() -> RunRecord {
         units: BTreeMap::from([("tau_out".to_owned(), "ms".to_owned())]),
         unphysical: None,
         divergent_at: vec![],
+        strays: None,
         not_simulated: vec![],
         loo: Some(LooRecord {
             elpd_loo: -52.25,
