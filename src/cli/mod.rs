@@ -1,6 +1,7 @@
 //! The command line: one file per command, one enum that is matched once.
 
 mod atrium;
+mod cell;
 mod check;
 mod close_loop;
 mod compare;
@@ -76,7 +77,7 @@ pub fn main(models: &[Compiled]) -> ExitCode {
         Command::Compare(command) => command.run(),
         Command::Report(command) => command.run(),
         Command::Mesh(command) => done(command.run()),
-        Command::Simulate(command) => done(command.run()),
+        Command::Simulate(command) => command.run(),
         Command::Study(command) => command.run(models),
         Command::Surrogate(command) => done(command.run()),
     };

@@ -19,9 +19,9 @@ use crate::infer::{Chain, Identity, LogDensity as _};
 use crate::manifold::Basis;
 use crate::mesh::{Surface, write_vtp};
 use crate::report::{
-    self, Approximation, Group, Page, PointData, Posterior, RunRecord, Seconds, Variable,
-    end_of_run, verdict, write_draws, write_html, write_loo, write_summary_csv, write_summary_json,
-    write_zarr,
+    self, Approximation, FieldDraws, Group, Page, PointData, Posterior, RunRecord, Seconds,
+    Variable, end_of_run, verdict, write_draws, write_html, write_loo, write_summary_csv,
+    write_summary_json, write_zarr,
 };
 
 const VERSION: &str = env!("CARGO_PKG_VERSION");
@@ -140,6 +140,10 @@ impl Finished<'_> {
             write_vtp(&out.file("fields.vtp"), &surface.mesh, &arrays)?;
             files.push("fields.vtp");
         }
+        if let Some(draws) = surface.and_then(|(_, basis)| self.field_draws(basis)) {
+            draws.write(&out.file(FieldDraws::FILE))?;
+            files.push(FieldDraws::FILE);
+        }
         if !self.inputs.truth.is_empty() {
             let text = self.inputs.measurements.to_csv();
             let path = out.file("measurements.csv");
@@ -158,12 +162,31 @@ impl Finished<'_> {
         Ok(Outcome { rows: posterior.rows, record, files })
     }
 
-    fn maps(&self, surface: &Surface, basis: &Basis) -> FieldMaps {
+    /// Draws that maps are made of.
+    fn thinned(&self) -> Vec<&[f64]> {
         let draws: Vec<&[f64]> =
             self.sampled.chains.iter().flat_map(|c| (0..c.n_draws()).map(|i| c.draw(i))).collect();
         let step = draws.len().div_ceil(MAP_DRAWS);
-        let thinned: Vec<&[f64]> = draws.into_iter().step_by(step).collect();
-        let (summaries, unphysical) = Maps::new(self.model, basis).summarise(&thinned);
+        draws.into_iter().step_by(step).collect()
+    }
+
+    /// The draws of the fields that maps are made of; `None` if the model has no field.
+    fn field_draws(&self, basis: &Basis) -> Option<FieldDraws> {
+        let maps = Maps::new(self.model, basis);
+        if maps.n_fields() == 0 {
+            return None;
+        }
+        let (n_modes, fields) = maps.coefficients(&self.thinned());
+        let rows = (0..basis.n_vertices()).flat_map(|v| &basis.at(v)[..n_modes]);
+        Some(FieldDraws {
+            n_modes,
+            eigenfunctions: rows.copied().collect(),
+            coefficients: fields.into_iter().map(|(name, c)| (name.into(), c)).collect(),
+        })
+    }
+
+    fn maps(&self, surface: &Surface, basis: &Basis) -> FieldMaps {
+        let (summaries, unphysical) = Maps::new(self.model, basis).summarise(&self.thinned());
         let mut arrays: Vec<(String, String, Vec<f64>)> = vec![];
         let mut rmse = BTreeMap::new();
         for map in &summaries {

@@ -193,6 +193,24 @@ impl<'m> Maps<'m> {
         ((0..n).map(summary).collect(), vertices.iter().map(|v| v.1).collect())
     }
 
+    /// For each field and draw of unknowns its mean and the weights of the first `n_modes` eigenfunctions,
+    /// (draw, 1 + n_modes); and `n_modes`, that of the field with most.
+    pub fn coefficients(&self, draws: &[&[f64]]) -> (usize, Vec<(&'static str, Vec<f64>)>) {
+        let draws = self.unpack(draws);
+        let fields = &self.model.fields;
+        let n_modes = fields.iter().map(|f| f.first + f.op.k).max().unwrap_or(0);
+        let of_field = |i: usize| {
+            let mut all = vec![0.0; draws.len() * (1 + n_modes)];
+            for (row, draw) in all.chunks_exact_mut(1 + n_modes).zip(&draws) {
+                let (mean, weights) = &draw.fields[i];
+                row[0] = *mean;
+                row[1 + fields[i].first..][..weights.len()].copy_from_slice(weights);
+            }
+            (fields[i].name, all)
+        };
+        (n_modes, (0..fields.len()).map(of_field).collect())
+    }
+
     /// The rank of `truth` (a map for each field and derived quantity, n_vertices) among draws of
     /// unknowns: the share of physical draws below it, NaN where there is neither.
     pub fn ranks(&self, draws: &[&[f64]], truth: &[&[f64]]) -> Vec<Vec<f64>> {
