@@ -35,7 +35,7 @@ fn beats<F: Precision>(mesh: &TriMesh, end: f64) -> BeatMap {
     let near =
         |p: &[f64; 3]| (0..3).map(|k| (p[k] - mesh.vertices()[0][k]).powi(2)).sum::<f64>() < 9.0;
     let vertices = (0..mesh.n_vertices() as u32).filter(|v| near(&mesh.vertices()[*v as usize]));
-    let times: Vec<f64> = (0..).map(|i| f64::from(i) * S1).take_while(|t| *t < end).collect();
+    let times: Vec<f64> = (0..(end / S1).ceil() as u32).map(|i| f64::from(i) * S1).collect();
     let pacing = Pacing {
         vertices: vertices.collect(),
         measured: (end / S1) as usize - 1,
