@@ -11,7 +11,7 @@ use std::path::Path;
 
 use npyz::WriterBuilder as _;
 use npyz::npz::{NpzArchive, NpzWriter};
-use npyz::zip::{CompressionMethod, write::FileOptions};
+use npyz::zip::{CompressionMethod, DateTime, write::FileOptions};
 
 use super::ReportError;
 use crate::atomic::write_file;
@@ -65,7 +65,9 @@ impl FieldDraws {
         let eigenfunctions = (EIGENFUNCTIONS, self.n_modes, &self.eigenfunctions);
         let fields = self.coefficients.iter().map(|(n, c)| (n.as_str(), 1 + self.n_modes, c));
         for (name, width, values) in std::iter::once(eigenfunctions).chain(fields) {
+            // the same draws are the same bytes at any time of day
             let options = FileOptions::default()
+                .last_modified_time(DateTime::default())
                 .compression_method(CompressionMethod::Stored)
                 .large_file(values.len() > 1 << 28);
             let shape = [(values.len() / width.max(1)) as u64, width as u64];

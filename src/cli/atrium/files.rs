@@ -73,10 +73,14 @@ impl Series {
         every: Option<f64>,
         setup: &Setup,
         out: &OutputFolder,
+        goes_on: bool,
     ) -> Result<Self, Failure> {
         let pacing = &setup.pacing;
         let to = pacing.times.get(pacing.measured + 1).copied().unwrap_or(pacing.end);
         let folder = out.file("checkpoint").join("voltage");
+        if !goes_on && folder.exists() {
+            fs::remove_dir_all(&folder).map_err(|error| Failure::io("remove", &folder, &error))?;
+        }
         if every.is_some() {
             fs::create_dir_all(&folder).map_err(|error| Failure::io("write", &folder, &error))?;
         }

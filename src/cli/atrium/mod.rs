@@ -181,7 +181,7 @@ impl AtriumArgs {
             parameters.validate().map_err(wrong)?;
         }
         let mut simulation = setup.begin::<F>(&parameters)?;
-        let mut series = Series::new(self.snapshots, setup, out)?;
+        let mut series = Series::new(self.snapshots, setup, out, drive.checkpoint.has_states())?;
         let progress = Progress::new(setup.pacing.end)?;
         let mut each = |simulation: &Simulation<F>| {
             progress.at(simulation.time());
