@@ -3,11 +3,11 @@
 use super::candidates::Level;
 use super::engine::Outer;
 use super::fit::Fit;
+use super::leave::{Left, leave_sites_out, leave_units_out, squared_errors};
 use super::outer::{Free, optimise, score, without_sites};
 use super::procedure::{Record, Round, Run};
-use super::search::{
-    Left, Tried, leave_sites_out, leave_units_out, r_squared, r_squared_on_fields, squared_errors,
-};
+use super::screen::{r_squared, r_squared_on_fields};
+use super::search::Tried;
 use super::units::{FOLD, LEAST_UNITS, Unit, by_site, unit_of};
 use crate::dsl::Form;
 
@@ -180,6 +180,9 @@ impl Run<'_> {
         let mut pairs: Vec<[String; 2]> = vec![];
         for other in tried.iter().filter(|t| name(t) != name(best)) {
             let read = [best, other].map(|t| self.column(t.candidate));
+            if read[0].is_some() && read[0] == read[1] {
+                continue; // a threshold and a curve of one column are forms of one cause
+            }
             // a field can follow another one over the rows without being the same cause
             let alike = if read.iter().all(Option::is_some) {
                 r_squared(&self.engine, best.candidate, other.candidate)
@@ -205,7 +208,9 @@ impl Run<'_> {
                 pairs.push([name(best), name(other)]);
             }
         }
-        let r2 = r_squared_on_fields(&self.engine, base, best.candidate, self.step);
+        // the base's fields have bent after the cause that they lack
+        let fit = best.fit.as_ref().unwrap_or(base);
+        let r2 = r_squared_on_fields(&self.engine, fit, best.candidate, self.step);
         if r2 > SPAN {
             pairs.push([name(best), "spatial_field".into()]);
         }
@@ -228,12 +233,17 @@ impl Run<'_> {
     }
 
     /// Log Bayes factor of the sites' random effect, against nothing or the model's fields at a finer
-    /// resolution, whichever says more.
+    /// resolution, whichever says more when fitted as well.
     pub(super) fn site_evidence(&self, fit: &Fit) -> f64 {
         let finer = self.finer.iter().map(|terms| [&fit.active[..], terms].concat());
         let without = [fit.active.clone()].into_iter().chain(finer);
-        let scores = without.map(|active| without_sites(&self.engine, &active, fit, self.step));
-        score(fit, self.step) - scores.fold(f64::NEG_INFINITY, f64::max)
+        let fits =
+            without.filter_map(|active| without_sites(&self.engine, &active, fit, self.step));
+        let Some((best, _)) = fits.max_by(|a, b| a.1.total_cmp(&b.1)) else {
+            return f64::INFINITY;
+        };
+        let best = optimise(&self.engine, &best.active, &best, Free::All, self.step);
+        score(fit, self.step) - best.map_or(f64::NEG_INFINITY, |(_, score)| score)
     }
 
     /// Log Bayes factor of the units' random effect.

@@ -9,6 +9,8 @@ use super::fit::Linear;
 use crate::dsl::{Curvature, Tape};
 
 const MAX_STEPS: usize = 60;
+/// Gradient times step, twice what a step can gain, below which a point is the mode.
+const SMALL: f64 = 1e-7;
 
 /// What is climbed.
 pub(super) struct Newton<'a> {
@@ -51,15 +53,14 @@ impl Newton<'_> {
         for _ in 0..MAX_STEPS {
             let system = self.system(&point)?;
             let (dx, dz) = system.step(&point);
-            let gain = dx.dot(&point.gradient);
+            let slopes = system.slope.iter().zip(&dz).map(|(slope, dz)| slope * dz).sum::<f64>();
+            if dx.dot(&point.gradient) + slopes < SMALL {
+                return Some((point, system));
+            }
             let Some(next) = self.search(t, &point, &dx, &dz) else {
                 return Some((point, system));
             };
-            let gained = next.value - point.value;
             point = next;
-            if gained < 1e-7 && gain.abs() < 1e-3 {
-                break;
-            }
         }
         let system = self.system(&point)?;
         Some((point, system))
@@ -179,22 +180,14 @@ impl System {
 /// semidefinite.
 fn clip(hessian: &mut [f64], n: usize, of: &[usize]) {
     let at = |a: usize, b: usize| of[a] * n + of[b];
-    let is_negative = match of.len() {
-        1 => hessian[at(0, 0)] <= 0.0,
-        2 => {
-            let (a, b, c) = (hessian[at(0, 0)], hessian[at(0, 1)], hessian[at(1, 1)]);
-            a <= 0.0 && c <= 0.0 && a * c >= b * b
-        }
-        _ => false,
-    };
-    if is_negative {
+    if of.len() == 1 && hessian[at(0, 0)] <= 0.0 {
         return;
     }
     let matrix = DMatrix::from_fn(of.len(), of.len(), |a, b| hessian[at(a, b)]);
-    let mut eigen = SymmetricEigen::new(matrix);
-    if eigen.eigenvalues.iter().all(|e| *e <= 0.0) {
+    if Cholesky::new(-&matrix).is_some() {
         return;
     }
+    let mut eigen = SymmetricEigen::new(matrix);
     eigen.eigenvalues.apply(|e| *e = e.min(0.0));
     let clipped = eigen.recompose();
     for (a, b) in (0..of.len()).flat_map(|a| (0..of.len()).map(move |b| (a, b))) {
