@@ -21,6 +21,7 @@ mod observable;
 mod outer;
 mod procedure;
 mod rewrite;
+mod rivals;
 mod screen;
 mod search;
 mod units;

@@ -135,20 +135,28 @@ impl Newton<'_> {
         let mut coupling = vec![DVector::zeros(n); engine.sites.len()];
         let mut slope: Vec<f64> = point.z.iter().map(|z| -z).collect();
         // K J: minus each row's Hessian times its rows of J
-        let mut kj = DMatrix::zeros(n, linear.constant.len());
+        let j = linear.j.select_columns(&linear.used);
+        let mut kj = DMatrix::zeros(n, j.ncols());
+        let mut first = 0;
         for (row, c) in engine.rows.iter().zip(&point.curvatures) {
-            for l in 0..row.n {
-                let mut own = kj.column_mut(row.first + l);
-                for m in 0..row.n {
-                    own.axpy(-c.hessian[l * row.n + m], &linear.j.column(row.first + m), 1.0);
+            let is_own = |l: &&usize| **l < row.first + row.n;
+            let end = first + linear.used[first..].iter().take_while(is_own).count();
+            let hessian = |l: usize, b: usize| c.hessian[l * row.n + linear.used[b] - row.first];
+            for a in first..end {
+                let mut own = kj.column_mut(a);
+                for b in first..end {
+                    own.axpy(-hessian(linear.used[a] - row.first, b), &j.column(b), 1.0);
                 }
             }
             let l = row.observable;
             precision[row.site] -= tau * tau * c.hessian[l * row.n + l];
             slope[row.site] += tau * c.gradient[l];
-            coupling[row.site].axpy(tau, &kj.column(row.first + l), 1.0);
+            for b in first..end {
+                coupling[row.site].axpy(-tau * hessian(l, b), &j.column(b), 1.0);
+            }
+            first = end;
         }
-        let mut s = &linear.j * kj.transpose();
+        let mut s = &j * kj.transpose();
         let n_prior = linear.prior.nrows();
         let mut own = s.view_mut((0, 0), (n_prior, n_prior));
         own += &linear.prior;
