@@ -1,8 +1,9 @@
 //! `eplat design next MODEL.rs`: where to measure next, and what.
 
 use std::collections::BTreeMap;
+use std::fmt::Write as _;
 use std::io::Write as _;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
 use clap::{Args, Subcommand};
@@ -125,7 +126,7 @@ impl NextArgs {
 
     fn write(
         &self,
-        path: &PathBuf,
+        path: &Path,
         ranked: &[(f64, Lesson)],
         mesh: &TriMesh,
         source: impl Fn(u32) -> u32,
@@ -188,7 +189,8 @@ fn text(ranked: &[(f64, Lesson)], source: impl Fn(u32) -> u32) -> String {
             .zip(predicted)
             .map(|(name, (mean, sd))| format!("{name} ({mean:.0} ± {sd:.0})"))
             .collect();
-        text += &format!(
+        let _ = write!(
+            text,
             "\n{:>6}  {:>7.2}%  {minutes:>7}  {:>9.2}%  {}",
             source(*vertex),
             -100.0 * gain,

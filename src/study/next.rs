@@ -117,7 +117,9 @@ impl Predicted {
         let mean: Vec<f64> =
             values.iter().map(|v| v.iter().sum::<f64>() / v.len() as f64).collect();
         for (values, mean) in values.iter_mut().zip(&mean) {
-            values.iter_mut().for_each(|x| *x -= mean);
+            for x in values.iter_mut() {
+                *x -= mean;
+            }
         }
         Ok(Self { centred: values, mean, noise, ids })
     }
