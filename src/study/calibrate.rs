@@ -226,8 +226,7 @@ impl<'a> Study<'a> {
         let truths: Vec<&[f64]> = truth.maps().map(Vec::as_slice).collect();
         let ranks = maps.ranks(&thinned, &truths);
         let errors = summary.iter().zip(&truths).zip(&ranks).map(|((map, truth), ranks)| {
-            let coverage = INTERVALS.map(|level| covered(ranks, level));
-            MapError { rmse: rms_error(&map.mean, truth), coverage: Some(coverage) }
+            MapError { rmse: rms_error(&map.mean, truth), coverage: Some(coverage(ranks)) }
         });
         Ok(Outcome {
             case,
@@ -257,11 +256,13 @@ fn agree(model: &Model, chains: &[Chain]) -> bool {
     })
 }
 
-/// Share of ranks within the central interval of this probability.
-fn covered(ranks: &[f64], level: f64) -> f64 {
-    let known = ranks.iter().filter(|rank| !rank.is_nan());
-    let inside = known.clone().filter(|rank| (*rank - 0.5).abs() <= 0.5 * level).count();
-    inside as f64 / known.count() as f64
+/// Share of ranks within the central interval of each of [`INTERVALS`]; unknown ranks (NaN) do not count.
+pub fn coverage(ranks: &[f64]) -> [f64; 3] {
+    let known = || ranks.iter().filter(|rank| !rank.is_nan());
+    INTERVALS.map(|level| {
+        let inside = known().filter(|rank| (*rank - 0.5).abs() <= 0.5 * level).count();
+        inside as f64 / known().count() as f64
+    })
 }
 
 /// Root mean squared difference over the vertices where both are known.

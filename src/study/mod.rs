@@ -9,7 +9,7 @@ mod next;
 mod plan;
 mod results;
 
-pub use calibrate::{INTERVALS, MapError, Outcome, Study};
+pub use calibrate::{INTERVALS, MapError, Outcome, Study, coverage};
 pub use next::{Lesson, lessons};
 pub use plan::{Block, Case, Choice, Estimate, Plan};
 pub use results::{Group, Results, Table, summarise};
