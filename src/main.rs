@@ -18,6 +18,8 @@ mod erp_emulated;
 mod erp_exact;
 #[path = "../models/erp_multiscale.rs"]
 mod erp_multiscale;
+#[path = "../models/erp_population.rs"]
+mod erp_population;
 #[path = "../models/garch.rs"]
 mod garch;
 #[path = "../models/lat.rs"]
@@ -32,6 +34,8 @@ mod recovery;
 mod regression;
 #[path = "../models/restitution.rs"]
 mod restitution;
+#[path = "../models/voltage.rs"]
+mod voltage;
 
 /// The model in a file of the folder `models`, with its text.
 macro_rules! shipped {
@@ -49,6 +53,7 @@ fn main() -> ExitCode {
         shipped!("erp_emulated.rs", &erp_emulated::ErpEmulated),
         shipped!("erp_exact.rs", &erp_exact::ErpExact),
         shipped!("erp_multiscale.rs", &erp_multiscale::ErpMultiscale),
+        shipped!("erp_population.rs", &erp_population::ErpPopulation),
         shipped!("garch.rs", &garch::Garch),
         shipped!("lat.rs", &lat::Lat),
         shipped!("normal.rs", &normal::MeanAndSpread),
@@ -56,5 +61,6 @@ fn main() -> ExitCode {
         shipped!("recovery.rs", &recovery::Recovery),
         shipped!("regression.rs", &regression::Regression),
         shipped!("restitution.rs", &restitution::Restitution),
+        shipped!("voltage.rs", &voltage::Voltage),
     ])
 }

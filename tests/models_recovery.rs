@@ -23,6 +23,8 @@ mod erp_emulated;
 mod erp_exact;
 #[path = "../models/erp_multiscale.rs"]
 mod erp_multiscale;
+#[path = "../models/erp_population.rs"]
+mod erp_population;
 #[path = "models/language.rs"]
 mod language;
 #[path = "../models/lat.rs"]
@@ -36,6 +38,8 @@ mod regression;
 #[path = "../models/restitution.rs"]
 mod restitution;
 mod support;
+#[path = "../models/voltage.rs"]
+mod voltage;
 
 use std::path::Path;
 
@@ -610,4 +614,60 @@ fn a_prior_that_cannot_be_drawn_from_is_named() {
         text.starts_with("tau_out.m ~ Flat: no draw can be made from this prior\nhelp: "),
         "{text}"
     );
+}
+
+#[test]
+fn voltage_recovers_map_and_noise() {
+    let basis = basis(VERTICES, 64);
+    let row = |i: usize| vec![(2 * i).to_string(), "bipolar".into(), "1".into()];
+    let mut table = Table { header: "vertex,protocol,value", rows: (0..100).map(row).collect() };
+    let given = [
+        ("voltage.m", 3.0),
+        ("voltage.alpha", 1.5f64.ln()),
+        ("voltage.rho", 20f64.ln()),
+        ("noise", 0.4f64.ln()),
+    ];
+    let truth = simulate(&voltage::Voltage, Some(&basis), &mut table, &given, 12);
+    let good = fit(&voltage::Voltage, Some(&basis), &table.read(), 500);
+    assert_recovered(&good, &truth, Some(&basis));
+    let twin = fit(&broken::voltage::Voltage, Some(&basis), &table.read(), 500);
+    assert_found_out(&twin, &truth, Some(&basis));
+}
+
+#[test]
+fn erp_population_recovers_three_patients_and_what_they_share() {
+    let basis = basis(VERTICES, 24);
+    let row = |i: usize| {
+        let protocol = ["a_s1s2", "a_s1s2s3", "b_s1s2", "b_s1s2s3", "c_s1s2", "c_s1s2s3"][i % 6];
+        let vertex = 7 * (i / 6) + i % 6 / 2;
+        vec![vertex.to_string(), protocol.into(), "200".into(), "210".into()]
+    };
+    let mut table =
+        Table { header: "vertex,protocol,lower,upper", rows: (0..6 * 14).map(row).collect() };
+    let given = [
+        ("tau_alpha", 1.2f64.ln()),
+        ("tau_rho", 64f64.ln()),
+        ("tau_mean", 12.0),
+        ("tau_sd", 1f64.ln()),
+        ("apd_alpha", 6f64.ln()),
+        ("apd_rho", 50f64.ln()),
+        ("apd_mean", 195.0),
+        ("apd_sd", 5f64.ln()),
+        ("tau_out_a.m", 11.0),
+        ("tau_out_b.m", 12.0),
+        ("tau_out_c.m", 13.0),
+        ("apd_max_a.m", 190.0),
+        ("apd_max_b.m", 196.0),
+        ("apd_max_c.m", 200.0),
+    ];
+    let truth = simulate(&erp_population::ErpPopulation, Some(&basis), &mut table, &given, 13);
+    let good = fit(&erp_population::ErpPopulation, Some(&basis), &table.read(), 500);
+    assert_recovered(&good, &truth, Some(&basis));
+    // the same truth with one patient's rows taken for another's
+    let mut mistaken = Table { header: table.header, rows: table.rows.clone() };
+    for row in &mut mistaken.rows {
+        row[1] = row[1].replace("a_", "d_").replace("c_", "a_").replace("d_", "c_");
+    }
+    let twin = fit(&erp_population::ErpPopulation, Some(&basis), &mistaken.read(), 500);
+    assert_found_out(&twin, &truth, Some(&basis));
 }

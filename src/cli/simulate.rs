@@ -3,11 +3,13 @@
 #![allow(clippy::doc_markdown, reason = "help texts are read on the terminal, without backticks")]
 
 use std::path::{Path, PathBuf};
+use std::process::ExitCode;
 
 use clap::{Args, Subcommand};
 use indicatif::{ProgressBar, ProgressStyle};
 
 use super::atrium::AtriumArgs;
+use super::cell::CellArgs;
 use crate::atomic::NewFile;
 use crate::ep::cell::OutOfRange;
 use crate::ep::table::{CurveRow, OutcomeRow, finish_rows, new_file, read_parameters};
@@ -25,11 +27,17 @@ pub(super) enum Command {
     /// the largest whole interval in ms whose stimulus fails.  A set outside the model's valid ranges,
     /// and whatever is not captured or blocked on the way, has empty cells and a reason.
     Strip(StripArgs),
+    /// Pace one cell: V and the gate in time, and the APD restitution curve
+    ///
+    /// After a train of S1 beats a single S2 beat, at each of several intervals; its durations are drawn
+    /// over the diastolic interval before it. An S2 that meets a cell above the threshold, or does not
+    /// excite it, has empty cells.
+    Cell(CellArgs),
     /// Pace a whole surface with a parameter set at every vertex, and map activation and recovery
     ///
     /// The monodomain equation with the strip's cell at every vertex. `eplat run` leaves fields.vtp
     /// with the posterior means of its fields.
-    Atrium(AtriumArgs),
+    Atrium(Box<AtriumArgs>),
 }
 
 #[derive(Debug, Args)]
@@ -123,9 +131,10 @@ impl StripArgs {
 }
 
 impl Command {
-    pub(super) fn run(self) -> Result<(), Failure> {
+    pub(super) fn run(self) -> Result<ExitCode, Failure> {
         match self {
-            Self::Strip(args) => args.run(),
+            Self::Strip(args) => args.run().map(|()| ExitCode::SUCCESS),
+            Self::Cell(args) => args.run().map(|()| ExitCode::SUCCESS),
             Self::Atrium(args) => args.run(),
         }
     }
