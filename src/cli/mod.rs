@@ -65,10 +65,7 @@ enum Command {
     /// Calibrate many synthetic truths from a plan, here or as a Slurm job array
     #[command(subcommand)]
     Study(study::Command),
-    /// From the simulator to a model: design, run, fit, sensitivity
-    ///
-    /// In this order: `design` chooses parameter sets, `run` simulates them, `fit` makes functions of the outcomes that
-    /// model files can use, `sensitivity` tells which parameters matter (from a design of --vary all --n 500).
+    /// Make surrogates of the simulator, in this order: design, run, fit; sensitivity tells what matters
     #[command(subcommand)]
     Surrogate(surrogate::Command),
 }
