@@ -31,7 +31,7 @@ fn sheet(edge: f64) -> TriMesh {
     TriMesh::new(vertices.collect(), triangles).unwrap()
 }
 
-/// CV, m/s, of tissue whose continuous CV_max is 0.7 m/s.
+/// CV, m/s, of tissue whose continuous `CV_max` is 0.7 m/s.
 fn cv(edge: f64, dt: f64) -> f64 {
     let mesh = sheet(edge);
     let tissue = Parameters::from_array([0.7, 0.05, 10.0, 120.0, 200.0]).tissue();
@@ -63,7 +63,7 @@ fn the_velocity_converges_in_edges_and_steps() {
     println!("CV, m/s; edge (mm) down, dt (ms) across\n      {steps:?}");
     let row = |edge: &f64| {
         let row: Vec<f64> = steps.iter().map(|dt| cv(*edge, *dt)).collect();
-        println!("{edge:5} {}", row.iter().map(|cv| format!(" {cv:.4}")).collect::<String>());
+        println!("{edge:5} {row:.4?}");
         row
     };
     let table: Vec<Vec<f64>> = edges.iter().map(row).collect();
