@@ -4,14 +4,22 @@ use std::process::ExitCode;
 
 use eplat::cli::Compiled;
 
+#[path = "../models/apd_restitution.rs"]
+mod apd_restitution;
+#[path = "../models/cv_restitution.rs"]
+mod cv_restitution;
 #[path = "../models/eight_schools.rs"]
 mod eight_schools;
 #[path = "../models/erp.rs"]
 mod erp;
+#[path = "../models/erp_emulated.rs"]
+mod erp_emulated;
 #[path = "../models/erp_exact.rs"]
 mod erp_exact;
 #[path = "../models/erp_multiscale.rs"]
 mod erp_multiscale;
+#[path = "../models/erp_population.rs"]
+mod erp_population;
 #[path = "../models/garch.rs"]
 mod garch;
 #[path = "../models/lat.rs"]
@@ -26,6 +34,8 @@ mod recovery;
 mod regression;
 #[path = "../models/restitution.rs"]
 mod restitution;
+#[path = "../models/voltage.rs"]
+mod voltage;
 
 /// The model in a file of the folder `models`, with its text.
 macro_rules! shipped {
@@ -36,10 +46,14 @@ macro_rules! shipped {
 
 fn main() -> ExitCode {
     eplat::cli::main(&[
+        shipped!("apd_restitution.rs", &apd_restitution::ApdRestitution),
+        shipped!("cv_restitution.rs", &cv_restitution::CvRestitution),
         shipped!("eight_schools.rs", &eight_schools::EightSchools),
         shipped!("erp.rs", &erp::Erp),
+        shipped!("erp_emulated.rs", &erp_emulated::ErpEmulated),
         shipped!("erp_exact.rs", &erp_exact::ErpExact),
         shipped!("erp_multiscale.rs", &erp_multiscale::ErpMultiscale),
+        shipped!("erp_population.rs", &erp_population::ErpPopulation),
         shipped!("garch.rs", &garch::Garch),
         shipped!("lat.rs", &lat::Lat),
         shipped!("normal.rs", &normal::MeanAndSpread),
@@ -47,5 +61,6 @@ fn main() -> ExitCode {
         shipped!("recovery.rs", &recovery::Recovery),
         shipped!("regression.rs", &regression::Regression),
         shipped!("restitution.rs", &restitution::Restitution),
+        shipped!("voltage.rs", &voltage::Voltage),
     ])
 }

@@ -1,55 +1,48 @@
-//! `eplat simulate atrium` as a user runs it, on a small sheet.
+//! `eplat simulate atrium` and `cell` as a user runs them, on a small sheet and one cell.
 
 #![allow(clippy::unwrap_used, reason = "helpers of tests")]
 
+#[path = "support/program.rs"]
+mod program;
+#[path = "support/sheet.rs"]
+mod sheet;
+
+use std::collections::BTreeMap;
 use std::fs;
-use std::path::Path;
-use std::process::{Command, Output};
+use std::process::Output;
 
-use eplat::mesh::{self, TriMesh, Units, write_vtp};
-
-fn eplat(folder: &Path, arguments: &str) -> Output {
-    Command::new(env!("CARGO_BIN_EXE_eplat"))
-        .args(arguments.split_whitespace())
-        .current_dir(folder)
-        .output()
-        .unwrap()
-}
+use eplat::mesh::{self, Units};
+use program::Workplace;
 
 fn said(output: &Output) -> String {
     String::from_utf8(output.stderr.clone()).unwrap()
 }
 
-/// A sheet of 12 × 9 mm with 1 mm edges; APD_max rises along it.
-fn sheet(path: &Path) {
-    let node = |i: u32, j: u32| 10 * i + j;
-    let vertices: Vec<[f64; 3]> =
-        (0..130).map(|v| [f64::from(v / 10), f64::from(v % 10), 0.0]).collect();
-    let square = |(i, j): (u32, u32)| {
-        let [a, b, c, d] = [node(i, j), node(i + 1, j), node(i + 1, j + 1), node(i, j + 1)];
-        [[a, b, c], [a, c, d]]
-    };
-    let squares = (0..12).flat_map(|i| (0..9).map(move |j| (i, j)));
-    let mesh = TriMesh::new(vertices, squares.flat_map(square).collect()).unwrap();
-    let apd_max: Vec<f64> = mesh.vertices().iter().map(|p| 150.0 + 5.0 * p[0]).collect();
-    write_vtp(path, &mesh, &[("tau_out_mean", &[8.0; 130]), ("apd_max_mean", &apd_max)]).unwrap();
+fn place() -> Workplace {
+    let place = Workplace::new();
+    sheet::write(&place.path("fields.vtp"));
+    place
+}
+
+fn succeeds(place: &Workplace, arguments: &str) -> String {
+    let output = place.eplat(arguments);
+    assert!(output.status.success(), "{arguments}: {}", said(&output));
+    said(&output)
+}
+
+fn maps(place: &Workplace, folder: &str) -> BTreeMap<String, Vec<f64>> {
+    let file = place.path(folder).join("beat.vtp");
+    mesh::read(&file, Units::Mm).unwrap().point_data
 }
 
 #[test]
 fn a_sheet_is_paced_and_its_maps_read_back() {
-    let folder = tempfile::tempdir().unwrap();
-    let at = folder.path();
-    sheet(&at.join("fields.vtp"));
+    let place = place();
     let arguments = "simulate atrium --fields fields.vtp --refine 2 --pace 0 --radius 1.5 --beats 2 --s1 320 \
                      --last 320 --snapshots 40 --out beat";
-    let output = eplat(at, arguments);
-    assert!(output.status.success(), "{}", said(&output));
-    assert!(
-        said(&output).contains("beat 2 of 2: 1813 of 1813 vertices activated"),
-        "{}",
-        said(&output)
-    );
-    let surface = mesh::read(&at.join("beat/beat.vtp"), Units::Mm).unwrap();
+    let said = succeeds(&place, arguments);
+    assert!(said.contains("beat 2 of 2: 1813 of 1813 vertices activated"), "{said}");
+    let surface = mesh::read(&place.path("beat/beat.vtp"), Units::Mm).unwrap();
     let [lat, apd90] = ["lat", "apd90"].map(|name| &surface.point_data[name]);
     let of = |values: &[f64], x: f64| {
         let near =
@@ -60,28 +53,89 @@ fn a_sheet_is_paced_and_its_maps_read_back() {
     assert!(of(lat, 2.0) < of(lat, 6.0) && of(lat, 6.0) < of(lat, 11.0));
     assert!(of(apd90, 2.0) + 10.0 < of(apd90, 11.0), "longer where APD_max is");
     // V at 0, 40 … 320 ms of the beat, and their list
-    let series = fs::read_to_string(at.join("beat/voltage.pvd")).unwrap();
+    let series = place.read("beat/voltage.pvd");
     assert_eq!(series.matches("<DataSet").count(), 9);
-    assert_eq!(fs::read_dir(at.join("beat")).unwrap().count(), 9 + 3);
+    assert!(series.contains("timestep=\"40.000\" file=\"voltage/0001.vtp\""), "{series}");
+    assert_eq!(fs::read_dir(place.path("beat/voltage")).unwrap().count(), 9);
+    assert_eq!(fs::read_dir(place.path("beat")).unwrap().count(), 4);
     let record: serde_json::Value =
-        serde_json::from_slice(&fs::read(at.join("beat/simulation.json")).unwrap()).unwrap();
+        serde_json::from_str(&place.read("beat/simulation.json")).unwrap();
     assert_eq!(record["activated_vertices"], 1813);
+    // without snapshots the earlier ones go
+    succeeds(&place, "simulate atrium --fields fields.vtp --pace 0 --beats 1 --last 9 --out beat");
+    assert_eq!(fs::read_dir(place.path("beat")).unwrap().count(), 2);
+}
+
+#[test]
+fn pacing_from_several_vertices_and_a_region() {
+    let place = place();
+    let common = "simulate atrium --fields fields.vtp --refine 1 --beats 1 --last 30";
+    succeeds(&place, &format!("{common} --pace 0,129 --radius 1.2 --out two"));
+    let lat = &maps(&place, "two")["lat"];
+    // both corners at once, the middle later
+    assert!((lat[0] - lat[129]).abs() < 1.0 && lat[65] > lat[0] + 4.0, "{} {}", lat[0], lat[65]);
+    let said = succeeds(&place, &format!("{common} --pace-region region=1 --out edge"));
+    // 10 vertices and the 9 between them
+    assert!(said.contains("1 stimuli at 19 vertices"), "{said}");
+    let lat = &maps(&place, "edge")["lat"];
+    assert!((lat[120] - lat[129]).abs() < 1.0 && lat[120] > lat[60] && lat[60] > lat[0]);
+}
+
+#[test]
+fn fibres_slow_what_crosses_them() {
+    let place = place();
+    let common =
+        "simulate atrium --fields fields.vtp --refine 2 --pace-region region=1 --beats 1 --last 60";
+    succeeds(&place, &format!("{common} --out isotropic"));
+    succeeds(&place, &format!("{common} --fibres fib --anisotropy 1 --out one"));
+    succeeds(&place, &format!("{common} --fibres fib --anisotropy 2 --out across"));
+    let lat = |folder: &str| maps(&place, folder)["lat"].clone();
+    let (isotropic, one, across) = (lat("isotropic"), lat("one"), lat("across"));
+    assert_eq!(isotropic, one);
+    // from 4 to 10 mm at half the speed
+    let time = |lat: &[f64]| lat[105] - lat[45];
+    let ratio = time(&across) / time(&isotropic);
+    assert!((1.85..2.25).contains(&ratio), "{ratio}");
+}
+
+#[test]
+fn another_simulation_is_compared_with() {
+    let place = place();
+    let common = "simulate atrium --fields fields.vtp --refine 1 --pace 0 --beats 1 --last 400";
+    succeeds(&place, &format!("{common} --apd-max 180 --out a"));
+    let said = succeeds(&place, &format!("{common} --apd-max 190 --compare a/beat.vtp --out b"));
+    assert!(said.contains("against a/beat.vtp:") && said.contains("apd90  RMSE"), "{said}");
+    let record: serde_json::Value = serde_json::from_str(&place.read("b/simulation.json")).unwrap();
+    let compared = &record["compared"]["apd90"];
+    let [rmse, mean] = ["rmse_ms", "mean_difference_ms"].map(|key| compared[key].as_f64().unwrap());
+    let (a, b) = (maps(&place, "a"), maps(&place, "b"));
+    let differences: Vec<f64> = b["apd90"].iter().zip(&a["apd90"]).map(|(b, a)| b - a).collect();
+    assert_eq!(b["apd90_difference"], differences);
+    assert!((mean - differences.iter().sum::<f64>() / differences.len() as f64).abs() < 1e-9);
+    assert!(mean > 5.0 && rmse >= mean && rmse < 15.0, "{rmse} {mean}");
+    let coarse = common.replace("--refine 1", "--refine 0");
+    let output = place.eplat(&format!("{coarse} --compare a/beat.vtp --out c"));
+    assert!(self::said(&output).contains("it is of another mesh"), "{}", self::said(&output));
 }
 
 #[test]
 fn bad_input_is_named_and_nothing_is_left_behind() {
-    let folder = tempfile::tempdir().unwrap();
-    let at = folder.path();
-    sheet(&at.join("fields.vtp"));
+    let place = place();
     let fails = |more: &str| {
-        let output = eplat(at, &format!("simulate atrium --fields fields.vtp --out beat {more}"));
+        let output = place.eplat(&format!("simulate atrium --fields fields.vtp --out beat {more}"));
         assert_ne!(output.status.code(), Some(0), "{more}");
-        assert!(!at.join("beat").exists());
+        assert!(!place.path("beat").exists());
         said(&output)
     };
     let cases = [
         ("--pace 130", "--pace 130 is no vertex of the surface, which has 130"),
-        ("--pace 0 --apd-max apd", "it has: apd_max_mean, tau_out_mean"),
+        ("--pace 0,130", "--pace 130 is no vertex"),
+        ("--pace-region region=7", "no vertex has this value; the lowest are [0.0, 1.0]"),
+        ("--pace-region rim=1", "no point data rim; it has: apd_max_mean, fib_0"),
+        ("--pace-region region", "expected NAME=VALUE"),
+        ("--pace 0 --pace-region region=1", "cannot be used with"),
+        ("--beats 1", "--pace <VERTEX>"),
+        ("--pace 0 --apd-max apd", "it has: apd_max_mean, fib_0"),
         (
             "--pace 0 --tau-out 50",
             "vertex 0: tau_out = 50 ms is outside its valid range 1 to 30 ms",
@@ -93,9 +147,47 @@ fn bad_input_is_named_and_nothing_is_left_behind() {
         ("--pace 0 --dt 0", "time step"),
         ("--pace 0 --snapshots 0", "--snapshots"),
         ("--pace 0 --units furlong", "unknown unit"),
+        ("--pace 0 --fibres fib", "--anisotropy <R>"),
+        ("--pace 0 --fibres region --anisotropy 2", "has no vectors of this name"),
+        ("--pace 0 --fibres up --anisotropy 2", "leaves the surface at 90°"),
+        ("--pace 0 --fibres fib --anisotropy 0.5", "an anisotropy of 0.5"),
+        ("--pace 0 --compare none.vtp", "none.vtp"),
+        ("--pace 0 --compare fields.vtp", "it has no map lat"),
+        ("--pace 0 --draws 5", "--run <DIR>"),
+        ("--pace 0 --checkpoint-every -1", "--checkpoint-every: expected seconds"),
+        ("--pace 0 --resume", "no interrupted run in beat/checkpoint"),
     ];
     for (more, expected) in cases {
         let said = fails(more);
         assert!(said.contains(expected), "{more}: {said}");
+    }
+}
+
+#[test]
+fn a_cell_leaves_its_trace_and_restitution() {
+    let place = Workplace::new();
+    let said = succeeds(&place, "simulate cell --beats 2 --s2 150,300,450,600 --out cell");
+    assert!(said.contains("2 S1 beats; 3 of 4 S2 beats captured"), "{said}");
+    let trace = place.read("cell/trace.csv");
+    assert_eq!(trace.lines().count(), 1 + 12_001);
+    assert!(trace.starts_with("time_ms,v,h\n0.0,0,1\n"));
+    let table = place.read("cell/restitution.csv");
+    let mut rows = csv::Reader::from_reader(table.as_bytes());
+    let rows: Vec<csv::StringRecord> = rows.records().map(Result::unwrap).collect();
+    assert_eq!([&rows[0][0], &rows[0][5]], ["150", ""], "not captured");
+    let apd90: Vec<f64> = rows[1..].iter().map(|row| row[5].parse().unwrap()).collect();
+    assert!(apd90.is_sorted() && apd90[0] > 120.0 && apd90[2] < 260.0, "{apd90:?}");
+    for svg in ["cell/trace.svg", "cell/restitution.svg"] {
+        assert!(place.read(svg).starts_with("<svg xmlns="));
+    }
+    for (more, expected) in [
+        ("--tau-out 40", "tau_out = 40 ms is outside its valid range"),
+        ("--s2 700", "--s2 700 is not between 1 ms and the S1 interval"),
+        ("--strength 0", "excites nothing"),
+        ("--s1 0", "--s1 0 is no interval"),
+    ] {
+        let output = place.eplat(&format!("simulate cell --out none {more}"));
+        assert!(!output.status.success() && !place.path("none").exists(), "{more}");
+        assert!(self::said(&output).contains(expected), "{more}: {}", self::said(&output));
     }
 }

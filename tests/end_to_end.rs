@@ -16,8 +16,9 @@ use serde_json::Value;
 const SMALL: &str = "--chains 2 --warmup 300 --draws 300";
 
 /// DESIGN.md's list.
-const FILES: [&str; 10] = [
+const FILES: [&str; 11] = [
     "draws.csv",
+    "field_draws.npz",
     "fields.vtp",
     "loo.csv",
     "measurements.csv",
@@ -222,6 +223,10 @@ fn whole(place: &Workplace) {
                 assert_eq!(place.read(&format!("out/{name}")).lines().count(), 21);
             }
             "fields.vtp" => fields(&place.read("out/fields.vtp")),
+            "field_draws.npz" => {
+                let draws = eplat::report::FieldDraws::read(&place.path("out/field_draws.npz"));
+                assert!(draws.unwrap().n_draws() > 0);
+            }
             "report.html" => assert!(place.read("out/report.html").trim_end().ends_with("</html>")),
             "posterior.zarr" => drop(json(&place.read("out/posterior.zarr/zarr.json"))),
             "checkpoint" => {}
@@ -282,6 +287,7 @@ fn the_help_of_every_command() {
         "surrogate design",
         "surrogate run",
         "surrogate fit",
+        "surrogate sensitivity",
     ];
     let help = |command: &&str| {
         let output = place.eplat(&format!("{command} --help"));

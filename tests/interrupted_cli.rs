@@ -270,7 +270,7 @@ fn a_run_starts_from_an_earlier_one_on_fewer_measurements() {
     place.file("fewer.csv", fewer.join("\n") + "\n").file("all.csv", &table);
     let earlier = place.eplat("run erp.rs --data fewer.csv --warmup 500 --draws 500 --out earlier");
     assert!(matches!(earlier.status.code(), Some(0 | 3)), "{}", text(&earlier.stderr));
-    let short = "run erp.rs --data all.csv --warmup 40 --draws 500 --init earlier";
+    let short = "run erp.rs --data all.csv --warmup 100 --draws 500 --init earlier";
     for (sampler, bound) in [("blocked", 1.02), ("nuts", 1.1)] {
         let warm = place.eplat(&format!("{short} --sampler {sampler} --out {sampler}"));
         let said = text(&warm.stderr);

@@ -7,16 +7,24 @@
 
 #![allow(clippy::unwrap_used, clippy::print_stdout, reason = "a test")]
 
+#[path = "../models/apd_restitution.rs"]
+mod apd_restitution;
 #[path = "models/broken.rs"]
 mod broken;
 #[path = "models/custom.rs"]
 mod custom;
+#[path = "../models/cv_restitution.rs"]
+mod cv_restitution;
 #[path = "../models/eight_schools.rs"]
 mod eight_schools;
+#[path = "../models/erp_emulated.rs"]
+mod erp_emulated;
 #[path = "../models/erp_exact.rs"]
 mod erp_exact;
 #[path = "../models/erp_multiscale.rs"]
 mod erp_multiscale;
+#[path = "../models/erp_population.rs"]
+mod erp_population;
 #[path = "models/language.rs"]
 mod language;
 #[path = "../models/lat.rs"]
@@ -30,6 +38,8 @@ mod regression;
 #[path = "../models/restitution.rs"]
 mod restitution;
 mod support;
+#[path = "../models/voltage.rs"]
+mod voltage;
 
 use std::path::Path;
 
@@ -345,6 +355,83 @@ fn erp_exact_recovers_fields_and_noise_with_open_brackets() {
 }
 
 #[test]
+fn erp_emulated_recovers_fields() {
+    let basis = basis(VERTICES, 24);
+    let given = [
+        ("tau_out.m", 12.0),
+        ("tau_out.alpha", 1.2f64.ln()),
+        ("tau_out.rho", 64f64.ln()),
+        ("apd_max.m", 195.0),
+        ("apd_max.alpha", 6f64.ln()),
+        ("apd_max.rho", 50f64.ln()),
+    ];
+    let mut table = sites(40);
+    let model = &erp_emulated::ErpEmulated;
+    let truth = simulate(model, Some(&basis), &mut table, &given, 5);
+    let good = fit(model, Some(&basis), &table.read(), 1000);
+    assert_recovered(&good, &truth, Some(&basis));
+    let twin = fit(model, Some(&basis), &displaced(&table, 20.0).read(), 400);
+    assert_found_out(&twin, &truth, Some(&basis));
+}
+
+/// Four intervals S2 at each of `n` sites.
+fn curves(n: usize) -> Table {
+    let row = |i: usize| [(4 * (i / 4)).to_string(), (300 + 60 * (i % 4)).to_string(), "0".into()];
+    Table { header: "vertex,s2_ms,value", rows: (0..4 * n).map(|i| row(i).to_vec()).collect() }
+}
+
+/// The same table with every S2 said to be 40 ms longer than it was.
+fn late(table: &Table) -> Table {
+    let shift = |row: &Vec<String>| {
+        vec![row[0].clone(), (row[1].parse::<f64>().unwrap() + 40.0).to_string(), row[2].clone()]
+    };
+    Table { header: table.header, rows: table.rows.iter().map(shift).collect() }
+}
+
+#[test]
+fn apd_restitution_recovers_fields_and_noise() {
+    let basis = basis(VERTICES, 24);
+    let given = [
+        ("tau_out.m", 12.0),
+        ("tau_out.alpha", 2f64.ln()),
+        ("tau_out.rho", 64f64.ln()),
+        ("apd_max.m", 180.0),
+        ("apd_max.alpha", 8f64.ln()),
+        ("apd_max.rho", 50f64.ln()),
+        ("noise", 3f64.ln()),
+    ];
+    let mut table = curves(30);
+    let model = &apd_restitution::ApdRestitution;
+    let truth = simulate(model, Some(&basis), &mut table, &given, 15);
+    let good = fit(model, Some(&basis), &table.read(), 800);
+    assert_recovered(&good, &truth, Some(&basis));
+    let twin = fit(model, Some(&basis), &late(&table).read(), 400);
+    assert_found_out(&twin, &truth, Some(&basis));
+}
+
+#[test]
+fn cv_restitution_recovers_fields_and_noise() {
+    let basis = basis(VERTICES, 24);
+    let given = [
+        ("cv_max.m", 0.8),
+        ("cv_max.alpha", 0.08f64.ln()),
+        ("cv_max.rho", 64f64.ln()),
+        ("apd_max.m", 190.0),
+        ("apd_max.alpha", 8f64.ln()),
+        ("apd_max.rho", 50f64.ln()),
+        ("tau_out", ((12.0f64 - 1.0) / (30.0 - 12.0)).ln()),
+        ("noise", 0.01f64.ln()),
+    ];
+    let mut table = curves(30);
+    let model = &cv_restitution::CvRestitution;
+    let truth = simulate(model, Some(&basis), &mut table, &given, 16);
+    let good = fit(model, Some(&basis), &table.read(), 800);
+    assert_recovered(&good, &truth, Some(&basis));
+    let twin = fit(model, Some(&basis), &late(&table).read(), 400);
+    assert_found_out(&twin, &truth, Some(&basis));
+}
+
+#[test]
 fn recovery_recovers_its_field_and_noise() {
     let basis = basis(VERTICES, 24);
     let given = [
@@ -527,4 +614,60 @@ fn a_prior_that_cannot_be_drawn_from_is_named() {
         text.starts_with("tau_out.m ~ Flat: no draw can be made from this prior\nhelp: "),
         "{text}"
     );
+}
+
+#[test]
+fn voltage_recovers_map_and_noise() {
+    let basis = basis(VERTICES, 64);
+    let row = |i: usize| vec![(2 * i).to_string(), "bipolar".into(), "1".into()];
+    let mut table = Table { header: "vertex,protocol,value", rows: (0..100).map(row).collect() };
+    let given = [
+        ("voltage.m", 3.0),
+        ("voltage.alpha", 1.5f64.ln()),
+        ("voltage.rho", 20f64.ln()),
+        ("noise", 0.4f64.ln()),
+    ];
+    let truth = simulate(&voltage::Voltage, Some(&basis), &mut table, &given, 12);
+    let good = fit(&voltage::Voltage, Some(&basis), &table.read(), 500);
+    assert_recovered(&good, &truth, Some(&basis));
+    let twin = fit(&broken::voltage::Voltage, Some(&basis), &table.read(), 500);
+    assert_found_out(&twin, &truth, Some(&basis));
+}
+
+#[test]
+fn erp_population_recovers_three_patients_and_what_they_share() {
+    let basis = basis(VERTICES, 24);
+    let row = |i: usize| {
+        let protocol = ["a_s1s2", "a_s1s2s3", "b_s1s2", "b_s1s2s3", "c_s1s2", "c_s1s2s3"][i % 6];
+        let vertex = 7 * (i / 6) + i % 6 / 2;
+        vec![vertex.to_string(), protocol.into(), "200".into(), "210".into()]
+    };
+    let mut table =
+        Table { header: "vertex,protocol,lower,upper", rows: (0..6 * 14).map(row).collect() };
+    let given = [
+        ("tau_alpha", 1.2f64.ln()),
+        ("tau_rho", 64f64.ln()),
+        ("tau_mean", 12.0),
+        ("tau_sd", 1f64.ln()),
+        ("apd_alpha", 6f64.ln()),
+        ("apd_rho", 50f64.ln()),
+        ("apd_mean", 195.0),
+        ("apd_sd", 5f64.ln()),
+        ("tau_out_a.m", 11.0),
+        ("tau_out_b.m", 12.0),
+        ("tau_out_c.m", 13.0),
+        ("apd_max_a.m", 190.0),
+        ("apd_max_b.m", 196.0),
+        ("apd_max_c.m", 200.0),
+    ];
+    let truth = simulate(&erp_population::ErpPopulation, Some(&basis), &mut table, &given, 13);
+    let good = fit(&erp_population::ErpPopulation, Some(&basis), &table.read(), 500);
+    assert_recovered(&good, &truth, Some(&basis));
+    // the same truth with one patient's rows taken for another's
+    let mut mistaken = Table { header: table.header, rows: table.rows.clone() };
+    for row in &mut mistaken.rows {
+        row[1] = row[1].replace("a_", "d_").replace("c_", "a_").replace("d_", "c_");
+    }
+    let twin = fit(&erp_population::ErpPopulation, Some(&basis), &mistaken.read(), 500);
+    assert_found_out(&twin, &truth, Some(&basis));
 }

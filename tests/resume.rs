@@ -175,6 +175,25 @@ fn blocked_with_unknowns_beside_the_fields() {
     check(&Job::new(model, Sampler::Blocked, settings()));
 }
 
+/// A chain that is through a stage of warm-up when another is stopped in it must not go on into the
+/// next: what it kept there would be taken for real once that stage has come.
+#[test]
+fn chains_stopped_in_a_stage_that_others_are_through_go_on_together() {
+    let job = Job::new(erp_model(10), Sampler::Blocked, Settings { threads: 1, ..settings() });
+    let place = tempfile::tempdir().unwrap();
+    let folder = place.path().join("checkpoint");
+    let long = Duration::from_hours(1);
+    let checkpoint = Checkpoint::begin(&folder, &identity(), long).unwrap();
+    // one chain after the other; the last stage of warm-up is transitions 37 to 60 of each
+    job.sample(&Cut { checkpoint, left: (3 * 36 + 2 * 24 + 10).into() });
+    // then all through that stage, and the first two through their draws, which nothing keeps
+    let checkpoint = Checkpoint::resume(&folder, &identity(), long).unwrap();
+    job.sample(&Cut { checkpoint, left: (2 * 24 + 14 + 2 * 40 + 10).into() });
+    let checkpoint = Checkpoint::resume(&folder, &identity(), long).unwrap();
+    let end = job.sample(&Cut { checkpoint, left: usize::MAX.into() });
+    assert!(numbers(all(end)) == job.whole());
+}
+
 /// What is read is what the chain goes on from: with another chain's state the draws are others.
 #[test]
 fn a_chain_goes_on_from_its_state() {

@@ -1,10 +1,12 @@
 //! The command line: one file per command, one enum that is matched once.
 
 mod atrium;
+mod cell;
 mod check;
 mod close_loop;
 mod compare;
 mod compile;
+mod design;
 mod init;
 mod inputs;
 mod interrupt;
@@ -21,6 +23,7 @@ mod rustc;
 mod sampling;
 mod show;
 mod simulate;
+mod study;
 mod surrogate;
 
 use std::process::ExitCode;
@@ -46,6 +49,9 @@ enum Command {
     Check(check::Command),
     /// Find what a model lacks, add it, and tell the error before and after
     Loop(close_loop::Command),
+    /// Choose where to measure next
+    #[command(subcommand)]
+    Design(design::Command),
     /// Compare two runs by how well they predict the same measurements
     Compare(compare::Command),
     /// Print again what the end of a run said; the exit code is that of the run
@@ -56,7 +62,10 @@ enum Command {
     /// Run the electrophysiology simulator
     #[command(subcommand)]
     Simulate(simulate::Command),
-    /// Design, run and fit the surrogate's training data
+    /// Calibrate many synthetic truths from a plan, here or as a Slurm job array
+    #[command(subcommand)]
+    Study(study::Command),
+    /// Make surrogates of the simulator, in this order: design, run, fit; sensitivity tells what matters
     #[command(subcommand)]
     Surrogate(surrogate::Command),
 }
@@ -72,7 +81,9 @@ pub fn main(models: &[Compiled]) -> ExitCode {
         Command::Compare(command) => command.run(),
         Command::Report(command) => command.run(),
         Command::Mesh(command) => done(command.run()),
-        Command::Simulate(command) => done(command.run()),
+        Command::Simulate(command) => command.run(),
+        Command::Design(command) => command.run(models),
+        Command::Study(command) => command.run(models),
         Command::Surrogate(command) => done(command.run()),
     };
     outcome.unwrap_or_else(|failure| {

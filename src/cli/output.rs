@@ -19,10 +19,11 @@ use crate::infer::{Chain, Identity, LogDensity as _};
 use crate::manifold::Basis;
 use crate::mesh::{Surface, write_vtp};
 use crate::report::{
-    self, Approximation, Group, Page, PointData, Posterior, RunRecord, Seconds, Variable,
-    end_of_run, verdict, write_draws, write_html, write_loo, write_summary_csv, write_summary_json,
-    write_zarr,
+    self, Approximation, FieldDraws, Group, Page, PointData, Posterior, RunRecord, Seconds,
+    Variable, end_of_run, verdict, write_draws, write_html, write_loo, write_summary_csv,
+    write_summary_json, write_zarr,
 };
+use crate::study::coverage;
 
 const VERSION: &str = env!("CARGO_PKG_VERSION");
 /// Most draws that field maps are averaged over; more change nothing that can be seen.
@@ -98,6 +99,8 @@ struct FieldMaps {
     unphysical: Vec<f64>,
     /// Root mean squared error of each map's mean, in its unit.
     rmse: BTreeMap<String, f64>,
+    /// How often each map's intervals have the truth in them.
+    coverage: BTreeMap<String, [f64; 3]>,
     units: BTreeMap<String, String>,
     /// Name, unit, values at the vertices.
     arrays: Vec<(String, String, Vec<f64>)>,
@@ -140,6 +143,10 @@ impl Finished<'_> {
             write_vtp(&out.file("fields.vtp"), &surface.mesh, &arrays)?;
             files.push("fields.vtp");
         }
+        if let Some(draws) = surface.and_then(|(_, basis)| self.field_draws(basis)) {
+            draws.write(&out.file(FieldDraws::FILE))?;
+            files.push(FieldDraws::FILE);
+        }
         if !self.inputs.truth.is_empty() {
             let text = self.inputs.measurements.to_csv();
             let path = out.file("measurements.csv");
@@ -158,12 +165,31 @@ impl Finished<'_> {
         Ok(Outcome { rows: posterior.rows, record, files })
     }
 
-    fn maps(&self, surface: &Surface, basis: &Basis) -> FieldMaps {
+    /// Draws that maps are made of.
+    fn thinned(&self) -> Vec<&[f64]> {
         let draws: Vec<&[f64]> =
             self.sampled.chains.iter().flat_map(|c| (0..c.n_draws()).map(|i| c.draw(i))).collect();
         let step = draws.len().div_ceil(MAP_DRAWS);
-        let thinned: Vec<&[f64]> = draws.into_iter().step_by(step).collect();
-        let (summaries, unphysical) = Maps::new(self.model, basis).summarise(&thinned);
+        draws.into_iter().step_by(step).collect()
+    }
+
+    /// The draws of the fields that maps are made of; `None` if the model has no field.
+    fn field_draws(&self, basis: &Basis) -> Option<FieldDraws> {
+        let maps = Maps::new(self.model, basis);
+        if maps.n_fields() == 0 {
+            return None;
+        }
+        let (n_modes, fields) = maps.coefficients(&self.thinned());
+        let rows = (0..basis.n_vertices()).flat_map(|v| &basis.at(v)[..n_modes]);
+        Some(FieldDraws {
+            n_modes,
+            eigenfunctions: rows.copied().collect(),
+            coefficients: fields.into_iter().map(|(name, c)| (name.into(), c)).collect(),
+        })
+    }
+
+    fn maps(&self, surface: &Surface, basis: &Basis) -> FieldMaps {
+        let (summaries, unphysical) = Maps::new(self.model, basis).summarise(&self.thinned());
         let mut arrays: Vec<(String, String, Vec<f64>)> = vec![];
         let mut rmse = BTreeMap::new();
         for map in &summaries {
@@ -184,7 +210,19 @@ impl Finished<'_> {
         arrays.push(("unphysical".into(), "1".into(), unphysical.clone()));
         arrays
             .extend(surface.point_data.iter().map(|(n, v)| (n.clone(), String::new(), v.clone())));
-        FieldMaps { unphysical, rmse, units, arrays }
+        FieldMaps { unphysical, rmse, coverage: self.coverage(basis), units, arrays }
+    }
+
+    /// How often the truth lies in the intervals of the draws, if it is known.
+    fn coverage(&self, basis: &Basis) -> BTreeMap<String, [f64; 3]> {
+        if self.inputs.truth.is_empty() {
+            return BTreeMap::new();
+        }
+        // in the order of the model's maps
+        let truth: Vec<&[f64]> = self.inputs.truth.iter().map(|(_, map)| map.as_slice()).collect();
+        let ranks = Maps::new(self.model, basis).ranks(&self.thinned(), &truth);
+        let names = self.inputs.truth.iter().map(|(name, _)| (*name).to_owned());
+        names.zip(ranks.iter().map(|ranks| coverage(ranks))).collect()
     }
 
     fn write_zarr(
@@ -283,9 +321,11 @@ impl Finished<'_> {
                 .map(|c| e_bfmi(&c.energy))
                 .fold(f64::INFINITY, f64::min),
             rmse: maps.map(|m| m.rmse.clone()).filter(|rmse| !rmse.is_empty()),
+            coverage: maps.map(|m| m.coverage.clone()).filter(|coverage| !coverage.is_empty()),
             unphysical: maps.map(|m| m.unphysical.iter().sum::<f64>() / m.unphysical.len() as f64),
             units: maps.map(|m| m.units.clone()).unwrap_or_default(),
             divergent_at: self.suspects(),
+            strays: posterior.strays.clone(),
             not_simulated: self.not_simulated(),
             loo: posterior.loo.as_ref().map(|loo| loo.record.clone()),
             laplace: laplace.clone(),

@@ -3,11 +3,14 @@
 #![allow(clippy::doc_markdown, reason = "help texts are read on the terminal, without backticks")]
 
 use std::path::{Path, PathBuf};
+use std::process::ExitCode;
 
 use clap::{Args, Subcommand};
 use indicatif::{ProgressBar, ProgressStyle};
 
 use super::atrium::AtriumArgs;
+use super::cell::CellArgs;
+use crate::atomic::NewFile;
 use crate::ep::cell::OutOfRange;
 use crate::ep::table::{CurveRow, OutcomeRow, finish_rows, new_file, read_parameters};
 use crate::ep::{Grid, Protocol, StripOutcome, simulate_strips};
@@ -24,11 +27,17 @@ pub(super) enum Command {
     /// the largest whole interval in ms whose stimulus fails.  A set outside the model's valid ranges,
     /// and whatever is not captured or blocked on the way, has empty cells and a reason.
     Strip(StripArgs),
+    /// Pace one cell: V and the gate in time, and the APD restitution curve
+    ///
+    /// After a train of S1 beats a single S2 beat, at each of several intervals; its durations are drawn
+    /// over the diastolic interval before it. An S2 that meets a cell above the threshold, or does not
+    /// excite it, has empty cells.
+    Cell(CellArgs),
     /// Pace a whole surface with a parameter set at every vertex, and map activation and recovery
     ///
     /// The monodomain equation with the strip's cell at every vertex. `eplat run` leaves fields.vtp
     /// with the posterior means of its fields.
-    Atrium(AtriumArgs),
+    Atrium(Box<AtriumArgs>),
 }
 
 #[derive(Debug, Args)]
@@ -94,7 +103,7 @@ impl StripArgs {
             shortest: self.shortest,
             longest: self.longest,
             restitution: match self.restitution {
-                Some(_) => (200..=600).step_by(20).collect(),
+                Some(_) => curve_intervals(),
                 None => vec![],
             },
         }
@@ -122,9 +131,10 @@ impl StripArgs {
 }
 
 impl Command {
-    pub(super) fn run(self) -> Result<(), Failure> {
+    pub(super) fn run(self) -> Result<ExitCode, Failure> {
         match self {
-            Self::Strip(args) => args.run(),
+            Self::Strip(args) => args.run().map(|()| ExitCode::SUCCESS),
+            Self::Cell(args) => args.run().map(|()| ExitCode::SUCCESS),
             Self::Atrium(args) => args.run(),
         }
     }
@@ -135,15 +145,25 @@ impl StripArgs {
         let (grid, protocol) = (self.grid()?, self.protocol());
         let curves = self.restitution.as_deref().map(new_file).transpose()?;
         let outcomes = simulate_table(&self.params, &self.out, &grid, &protocol)?;
-        if let Some(file) = curves {
-            let rows = outcomes.iter().enumerate().flat_map(|(row, outcome)| {
-                let beats = outcome.iter().flat_map(|o| &o.restitution);
-                beats.map(move |(s2, beat)| CurveRow::new(row, *s2, *beat))
-            });
-            finish_rows(file, &rows.collect::<Vec<_>>())?;
-        }
-        Ok(())
+        curves.map_or(Ok(()), |file| write_curves(file, &outcomes))
     }
+}
+
+/// S2 of the beats of a restitution curve, ms.
+pub(super) fn curve_intervals() -> Vec<u32> {
+    (200..=600).step_by(20).collect()
+}
+
+/// Writes every beat of every strip's curve.
+pub(super) fn write_curves(
+    file: NewFile,
+    outcomes: &[Result<StripOutcome, OutOfRange>],
+) -> Result<(), Failure> {
+    let rows = outcomes.iter().enumerate().flat_map(|(row, outcome)| {
+        let beats = outcome.iter().flat_map(|o| &o.restitution);
+        beats.map(move |(s2, beat)| CurveRow::new(row, *s2, *beat))
+    });
+    Ok(finish_rows(file, &rows.collect::<Vec<_>>())?)
 }
 
 /// Runs `protocol` on a strip for each row of `params`, and writes the outcomes to `out`; a row out of

@@ -15,6 +15,7 @@ mod mcse;
 mod psis;
 mod rank;
 mod special;
+mod stray;
 
 pub use ess::{ess_bulk, ess_mean, ess_tail};
 pub use importance::{Importance, importance};
@@ -22,6 +23,7 @@ pub use loo::{Loo, LooPoint, loo, relative_efficiency, standard_error};
 pub use mcse::{mcse_mean, mcse_quantile, mcse_sd};
 pub use rank::r_hat;
 pub use special::{beta_above, normal_quantile};
+pub use stray::{Stray, stray};
 
 use serde::Serialize;
 

@@ -193,6 +193,61 @@ impl<'m> Maps<'m> {
         ((0..n).map(summary).collect(), vertices.iter().map(|v| v.1).collect())
     }
 
+    /// For each field and draw of unknowns its mean and the weights of the first `n_modes` eigenfunctions,
+    /// (draw, 1 + n_modes); and `n_modes`, that of the field with most.
+    pub fn coefficients(&self, draws: &[&[f64]]) -> (usize, Vec<(&'static str, Vec<f64>)>) {
+        let draws = self.unpack(draws);
+        let fields = &self.model.fields;
+        let n_modes = fields.iter().map(|f| f.first + f.op.k).max().unwrap_or(0);
+        let of_field = |i: usize| {
+            let mut all = vec![0.0; draws.len() * (1 + n_modes)];
+            for (row, draw) in all.chunks_exact_mut(1 + n_modes).zip(&draws) {
+                let (mean, weights) = &draw.fields[i];
+                row[0] = *mean;
+                row[1 + fields[i].first..][..weights.len()].copy_from_slice(weights);
+            }
+            (fields[i].name, all)
+        };
+        (n_modes, (0..fields.len()).map(of_field).collect())
+    }
+
+    /// All maps at these vertices in every draw of the unknowns, (vertex, map, draw); derived quantities are
+    /// NaN where unphysical.
+    pub fn draws_at(&self, draws: &[&[f64]], vertices: &[usize]) -> Vec<Vec<Vec<f64>>> {
+        let draws: Vec<Draw> = self.unpack(draws);
+        let n = self.n_fields() + self.model.maps.len();
+        let at = |vertex: &usize| {
+            let mut maps = vec![Vec::with_capacity(draws.len()); n];
+            self.each_at(*vertex, &draws, n, |values| {
+                maps.iter_mut().zip(values).for_each(|(map, x)| map.push(*x));
+            });
+            maps
+        };
+        vertices.par_iter().map(at).collect()
+    }
+
+    /// The rank of `truth` (a map for each field and derived quantity, n_vertices) among draws of
+    /// unknowns: the share of physical draws below it, NaN where there is neither.
+    pub fn ranks(&self, draws: &[&[f64]], truth: &[&[f64]]) -> Vec<Vec<f64>> {
+        let draws: Vec<Draw> = self.unpack(draws);
+        let n = truth.len();
+        let vertices: Vec<Vec<f64>> = (0..self.basis.n_vertices())
+            .into_par_iter()
+            .map(|vertex| {
+                let (mut below, mut count) = (vec![0.0; n], vec![0.0; n]);
+                self.each_at(vertex, &draws, n, |values| {
+                    for i in (0..n).filter(|i| !values[*i].is_nan()) {
+                        below[i] += f64::from(u8::from(values[i] < truth[i][vertex]));
+                        count[i] += 1.0;
+                    }
+                });
+                let is_known = |i: usize| !truth[i][vertex].is_nan();
+                (0..n).map(|i| if is_known(i) { below[i] / count[i] } else { f64::NAN }).collect()
+            })
+            .collect();
+        (0..n).map(|i| vertices.iter().map(|v| v[i]).collect()).collect()
+    }
+
     fn unpack(&self, draws: &[&[f64]]) -> Vec<Draw> {
         let mut t = self.model.tape();
         let mut one = |u: &&[f64]| {
@@ -207,11 +262,22 @@ impl<'m> Maps<'m> {
     }
 
     fn at_vertex(&self, vertex: usize, draws: &[Draw], n: usize) -> (Vec<Moments>, f64) {
+        let mut moments = vec![Moments::default(); n];
+        let mut unphysical = 0usize;
+        self.each_at(vertex, draws, n, |values| {
+            unphysical += usize::from(values.get(self.n_fields()).is_some_and(|x| x.is_nan()));
+            for (m, x) in moments.iter_mut().zip(values) {
+                m.add(*x);
+            }
+        });
+        (moments, unphysical as f64 / draws.len() as f64)
+    }
+
+    /// Hands over the values of all maps at a vertex, draw by draw.
+    fn each_at(&self, vertex: usize, draws: &[Draw], n: usize, mut take: impl FnMut(&[f64])) {
         let phi = self.basis.at(vertex);
         let n_fields = self.n_fields();
-        let mut moments = vec![Moments::default(); n];
         let (mut values, mut scratch) = (vec![0.0; n], vec![]);
-        let mut unphysical = 0usize;
         for draw in draws {
             let (fields, lets) = values.split_at_mut(n_fields);
             for ((x, (mean, w)), entry) in
@@ -220,12 +286,8 @@ impl<'m> Maps<'m> {
                 *x = mean + dot(w, &phi[entry.first..entry.first + w.len()]);
             }
             self.derived(&draw.v, fields, &mut scratch, lets);
-            unphysical += usize::from(lets.first().is_some_and(|x| x.is_nan()));
-            for (m, x) in moments.iter_mut().zip(&values) {
-                m.add(*x);
-            }
+            take(&values);
         }
-        (moments, unphysical as f64 / draws.len() as f64)
     }
 }
 

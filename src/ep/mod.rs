@@ -3,6 +3,7 @@
 //! Knows parameters and what tissue does with them; it knows nothing of probability.
 
 pub mod cell;
+pub mod paced_cell;
 mod precision;
 pub mod protocol;
 mod restitution;

@@ -1,9 +1,12 @@
 //! Single and double precision.
 
 use num_traits::Float;
+use serde::{Serialize, de::DeserializeOwned};
 
 /// f32 or f64.
-pub trait Precision: Float + Send + Sync + std::fmt::Debug + 'static {
+pub trait Precision:
+    Float + Send + Sync + std::fmt::Debug + Serialize + DeserializeOwned + 'static
+{
     /// Error of V, of order 1, to which a diffusion step is solved: in f32 rounding rules below it.
     const TOLERANCE: f64;
     /// The number nearest to `x`.
@@ -13,7 +16,7 @@ pub trait Precision: Float + Send + Sync + std::fmt::Debug + 'static {
 }
 
 impl Precision for f32 {
-    const TOLERANCE: f64 = 1e-7;
+    const TOLERANCE: f64 = 3e-7;
     #[inline(always)]
     fn of(x: f64) -> f32 {
         x as f32

@@ -22,6 +22,7 @@ mod vector;
 
 pub use blocked::{Design, FieldLayout, Latent, LatentGaussian, Layout, Shape, sample_blocked};
 pub use checkpoint::{Checkpoint, CheckpointError, Identity, differences};
+pub(crate) use checkpoint::{Keeper, take_chain};
 pub use error::{ChainError, ChainFailure, InferError};
 pub use laplace::{Laplace, LaplaceDraws};
 pub use optimise::{Optimum, OptimumSettings, maximise};

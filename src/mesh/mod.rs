@@ -15,6 +15,7 @@ mod vtk;
 
 pub use atrium::{Atrium, REGION_NAMES, left_atrium};
 pub use error::{MeshError, Place};
+pub use refine::Refined;
 pub use repair::repair;
 pub use surface::{Surface, read};
 pub use tri_mesh::TriMesh;

@@ -3,14 +3,44 @@
 use super::TriMesh;
 use std::collections::BTreeMap;
 
+/// A mesh whose triangles were cut into four, once or several times.
+#[derive(Debug, Clone)]
+pub struct Refined {
+    /// The finer mesh; the vertices of the coarse one come first.
+    pub mesh: TriMesh,
+    /// For each cut the two ends of the edge that each new vertex halves.
+    ends: Vec<Vec<[u32; 2]>>,
+}
+
+impl Refined {
+    /// `coarse`, cut `times` times; 0 leaves it as it is.
+    pub fn new(coarse: TriMesh, times: u32) -> Self {
+        let (mut mesh, mut ends) = (coarse, vec![]);
+        for _ in 0..times {
+            let (finer, halved) = mesh.refined();
+            mesh = finer;
+            ends.push(halved);
+        }
+        Self { mesh, ends }
+    }
+
+    /// Values at the vertices of the coarse mesh carried over: a new vertex has the `mean` of its edge's ends.
+    pub fn carry<T: Copy>(&self, values: Vec<T>, mean: impl Fn(T, T) -> T) -> Vec<T> {
+        let mut values = values;
+        for ends in &self.ends {
+            let new: Vec<T> =
+                ends.iter().map(|[a, b]| mean(values[*a as usize], values[*b as usize])).collect();
+            values.extend(new);
+        }
+        values
+    }
+}
+
 impl TriMesh {
     /// Every triangle cut into four at the middles of its edges; the vertices stay, and for each new one,
     /// which follow, the two ends of its edge.
-    ///
-    /// # Panics
-    /// Never: halves of valid triangles are valid.
     #[allow(clippy::expect_used, reason = "halves of valid triangles are valid")]
-    pub fn refined(&self) -> (TriMesh, Vec<[u32; 2]>) {
+    fn refined(&self) -> (TriMesh, Vec<[u32; 2]>) {
         let n = self.n_vertices() as u32;
         let (mut middle_of, mut ends) = (BTreeMap::new(), vec![]);
         let mut middle = |a: u32, b: u32| {
@@ -37,6 +67,7 @@ impl TriMesh {
 
 #[cfg(test)]
 mod tests {
+    use super::Refined;
     use crate::mesh::left_atrium;
 
     #[test]
@@ -49,5 +80,15 @@ mod tests {
         assert_eq!(fine.boundary_loops().len(), coarse.boundary_loops().len());
         assert_eq!(fine.n_vertices(), coarse.n_vertices() + ends.len());
         assert_eq!(fine.vertices()[..coarse.n_vertices()], *coarse.vertices());
+    }
+
+    #[test]
+    fn what_is_linear_stays_so() {
+        let coarse = left_atrium(3.0).mesh;
+        let x = |p: &[f64; 3]| p[0];
+        let values: Vec<f64> = coarse.vertices().iter().map(x).collect();
+        let twice = Refined::new(coarse, 2);
+        let carried = twice.carry(values, |a, b| 0.5 * (a + b));
+        assert_eq!(carried, twice.mesh.vertices().iter().map(x).collect::<Vec<f64>>());
     }
 }

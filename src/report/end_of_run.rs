@@ -11,6 +11,18 @@ pub fn end_of_run(rows: &[Row], record: &RunRecord) -> String {
     if let Some(rmse) = &record.rmse {
         let _ = writeln!(text, "\n{}", rmse_line(rmse, &record.units));
     }
+    if let Some(coverage) = &record.coverage {
+        let percent = |x: &f64| format!("{:.0}", 100.0 * x);
+        let one = |(name, shares): (&String, &[f64; 3])| {
+            format!("{name} {} %", shares.each_ref().map(percent).join(", "))
+        };
+        let list: Vec<String> = coverage.iter().map(one).collect();
+        let _ = writeln!(
+            text,
+            "Truth within the central 50, 90, 95 % interval, share of the surface: {}",
+            list.join("; ")
+        );
+    }
     if let Some(share) = record.unphysical {
         let _ = writeln!(
             text,
@@ -33,6 +45,13 @@ pub fn end_of_run(rows: &[Row], record: &RunRecord) -> String {
     }
     if !record.divergent_at.is_empty() {
         let _ = writeln!(text, "Divergences come from: {}", record.divergent_at.join(", "));
+    }
+    if let Some(strays) = &record.strays {
+        let _ = writeln!(
+            text,
+            "Chains disagree: {strays}. A chain that stays elsewhere sees another mode, or drifts: draw more, \
+             compare --sampler nuts, or look for what the model lacks (eplat loop)"
+        );
     }
     let _ = writeln!(text, "{}", verdict(record, rows).sentence);
     let seconds = &record.seconds;
@@ -82,6 +101,10 @@ mod tests {
         record.divergences = 4;
         record.not_simulated = vec!["series".to_owned()];
         record.divergent_at = vec!["s1s2 at site 1 (3)".to_owned()];
+        record.strays = Some(
+            "chain 2 in its draws 401 to 600, where tau_out.m is 19.2 ms, elsewhere 12.1 ± 0.9"
+                .to_owned(),
+        );
         record.failed_chains =
             vec!["chain 2 (seed 1), warm-up iteration 0: no step size".to_owned()];
         let reliable = end_of_run(&rows, &record);

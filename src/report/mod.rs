@@ -4,10 +4,14 @@
 //! Every file and folder appears whole or not at all.
 
 mod approximation;
+mod curves;
 mod dataset;
 mod draws;
 mod end_of_run;
 mod error;
+mod error_bars;
+mod field_draws;
+pub mod figures;
 mod html;
 mod loo;
 mod loop_page;
@@ -23,10 +27,13 @@ mod verdict;
 mod zarr;
 
 pub use approximation::Approximation;
+pub use curves::Curves;
 pub use dataset::{Group, Values, Variable};
 pub use draws::write_draws;
 pub use end_of_run::{end_of_run, rmse_line};
 pub use error::ReportError;
+pub use error_bars::{ErrorBars, Panel};
+pub use field_draws::FieldDraws;
 pub use html::{Page, PointData, Surface, write_html};
 pub use loo::{LeaveOneOut, LooRecord, LooRow, read_loo, worst_k, write_loo};
 pub use loop_page::{

@@ -4,8 +4,8 @@ use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 use rayon::prelude::*;
 
-use super::{Group, LeaveOneOut, Row, Values, Variable};
-use crate::diagnostics::summarise;
+use super::{Group, LeaveOneOut, MAX_R_HAT, Row, Values, Variable};
+use crate::diagnostics::{Stray, stray, summarise};
 use crate::dsl::{Kind, LetValues, Measurements, Model, Observe, Parameter};
 use crate::infer::Chain;
 
@@ -34,6 +34,8 @@ pub struct Posterior {
     pub constant_data: Group,
     /// Summary of each of these, element by element.
     pub rows: Vec<Row>,
+    /// Where the chains disagree, in words, if R̂ of a quantity says that they do.
+    pub strays: Option<String>,
     /// How well each measurement is predicted from the others; absent without measurements.
     pub loo: Option<LeaveOneOut>,
 }
@@ -57,7 +59,7 @@ impl Posterior {
         let shape = [chains.len(), chains.first().map_or(0, Chain::n_draws)];
         let quantities: Vec<Quantity<'_>> = quantities(model).collect();
         let posterior = variables(&quantities, &drawn, shape);
-        let rows = rows(&quantities, &posterior, shape);
+        let (rows, strays) = rows(&quantities, &posterior, shape);
         let places = places(model, data);
         let log_likelihood = log_likelihood(&drawn, &places, shape);
         // densities come last: nothing is simulated from them
@@ -66,6 +68,7 @@ impl Posterior {
             posterior,
             loo: leave_one_out(model, data, &log_likelihood, &rows, shape),
             rows,
+            strays,
             sample_stats: sample_stats(chains, shape),
             log_likelihood,
             posterior_predictive: predictive(model, &drawn, observed_places, shape),
@@ -174,7 +177,12 @@ fn variables(quantities: &[Quantity<'_>], drawn: &[Drawn], [chains, draws]: [usi
     Group { name: "posterior".into(), variables }
 }
 
-fn rows(quantities: &[Quantity<'_>], posterior: &Group, [chains, draws]: [usize; 2]) -> Vec<Row> {
+/// All summaries, and where the chains disagree on the worst of them.
+fn rows(
+    quantities: &[Quantity<'_>],
+    posterior: &Group,
+    [chains, draws]: [usize; 2],
+) -> (Vec<Row>, Option<String>) {
     let mut jobs = vec![];
     for q in quantities {
         let variable = posterior.variables.iter().find(|v| v.name == q.name);
@@ -184,9 +192,31 @@ fn rows(quantities: &[Quantity<'_>], posterior: &Group, [chains, draws]: [usize;
     let row = |(q, i, values): &(&Quantity<'_>, usize, &Vec<f64>)| {
         let column: Vec<f64> = values.iter().skip(*i).step_by(q.len).copied().collect();
         let chains: Vec<&[f64]> = column.chunks_exact(draws.max(1)).take(chains).collect();
-        Row { name: q.element(*i), unit: q.unit.to_owned(), summary: summarise(&chains) }
+        let row = Row { name: q.element(*i), unit: q.unit.to_owned(), summary: summarise(&chains) };
+        let strays = (row.summary.r_hat > MAX_R_HAT).then(|| strays(&row, &chains)).flatten();
+        (row, strays)
     };
-    jobs.par_iter().map(row).collect()
+    let (rows, strays): (Vec<Row>, Vec<Option<String>>) = jobs.par_iter().map(row).unzip();
+    let worst = rows.iter().zip(strays).filter(|(row, _)| !row.summary.r_hat.is_nan());
+    let worst = worst.max_by(|(a, _), (b, _)| a.summary.r_hat.total_cmp(&b.summary.r_hat));
+    let strays = worst.and_then(|(_, strays)| strays);
+    (rows, strays)
+}
+
+/// Where the chains disagree on one quantity, in words.
+fn strays(row: &Row, chains: &[&[f64]]) -> Option<String> {
+    let Stray { chain, draws, mean, rest_mean, rest_sd } = stray(chains)?;
+    let unit = match row.unit.as_str() {
+        "" | "1" => String::new(),
+        unit => format!(" {unit}"),
+    };
+    Some(format!(
+        "chain {} in its draws {} to {}, where {} is {mean:.3}{unit}, elsewhere {rest_mean:.3} ± {rest_sd:.3}",
+        chain + 1,
+        draws.start + 1,
+        draws.end,
+        row.name
+    ))
 }
 
 /// Where each measurement was made, in words.

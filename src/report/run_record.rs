@@ -56,6 +56,10 @@ pub struct RunRecord {
     /// With a known truth: root mean squared error over the surface by field, in the field's unit.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub rmse: Option<BTreeMap<String, f64>>,
+    /// With a known truth: share of the surface whose truth lies in the central 50, 90 and 95 % interval, by
+    /// field and derived quantity.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub coverage: Option<BTreeMap<String, [f64; 3]>>,
     /// Units of the fields and derived quantities that have a map.
     #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
     pub units: BTreeMap<String, String>,
@@ -65,6 +69,9 @@ pub struct RunRecord {
     /// The measurements that most divergences come from, with their number, in words.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub divergent_at: Vec<String>,
+    /// Where the chains disagree most, in words, if they do.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub strays: Option<String>,
     /// Statements over the table that measurements cannot be simulated from: those of `density`.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub not_simulated: Vec<String>,

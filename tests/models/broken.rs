@@ -35,3 +35,17 @@ pub(crate) mod eight_schools {
         observe effect_size(row): Number ~ Normal(theta(row), row.se * 0.5);
     }
 }
+
+pub(crate) mod voltage {
+    use super::*;
+    model! {
+        model Voltage;
+        field voltage(x) [mV] in 0.0..10.0 = m + alpha * gp(Matern52(rho), K = 64) where {
+            m     [mV] ~ Normal(3.0, 3.0);
+            alpha [mV] ~ HalfNormal(3.0);
+            rho   [mm] ~ InvGamma(3.0, 60.0);
+        }
+        param noise [mV] ~ HalfNormal(1.0);
+        observe bipolar(x): Number [mV] ~ Normal(voltage(x), noise * 0.15);
+    }
+}

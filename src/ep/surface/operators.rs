@@ -1,130 +1,156 @@
-//! Mass and stiffness of a triangle mesh, rows in patches of neighbours.
+//! The matrices of a time step, laid out for products with vectors: rows in patches of neighbours.
 
-use crate::ep::cell::Tissue;
+use super::Substrate;
+use super::assembly::{Row, patches, rows};
+use super::lanes::BLOCK;
 use crate::ep::precision::Precision;
-use crate::mesh::TriMesh;
-use nalgebra::Vector3;
-use std::collections::BTreeMap;
+use std::ops::Range;
 
 /// `A = M + ½ dt K` and `dt K` by rows: M the consistent mass (mm²), K the stiffness with the diffusivity
-/// in it (mm²/ms).
+/// in it (mm²/ms). Rows beyond the mesh's vertices fill the last block; nothing refers to them.
 #[derive(Debug)]
 pub(super) struct Operators<F> {
     /// The mesh's vertex behind each row.
     pub(super) vertex: Vec<u32>,
-    /// Where each row begins; one more than there are rows.
-    start: Vec<u32>,
+    blocks: Vec<Rows<F>>,
+    /// 1 / A(i, i).
+    pub(super) inverse_diagonal: Vec<[F; BLOCK]>,
+}
+
+/// The rows of a block.
+#[derive(Debug)]
+struct Rows<F> {
+    /// Rows of equally many entries follow each other, so that the processor foresees where they end.
+    runs: Vec<Run>,
     column: Vec<u32>,
     /// Entries of A and of `dt K`.
-    entry: Vec<[F; 2]>,
-    /// 1 / A(i, i).
-    pub(super) inverse_diagonal: Vec<F>,
+    implicit: Vec<F>,
+    stiffness: Vec<F>,
+}
+
+/// Neighbouring rows of `length` entries each.
+#[derive(Debug)]
+struct Run {
+    length: usize,
+    rows: Range<usize>,
+    entries: Range<usize>,
 }
 
 impl<F: Precision> Operators<F> {
-    /// For isotropic diffusion; a triangle has the mean diffusivity of its corners.
-    pub(super) fn assemble(mesh: &TriMesh, tissue: &[Tissue], dt: f64) -> Self {
-        let vertex = patches(mesh);
+    /// Of `substrate`, for steps of `dt` ms.
+    pub(super) fn assemble(substrate: &Substrate<'_>, dt: f64) -> Self {
+        let by_vertex = rows(substrate);
+        let mut vertex = patches(substrate.mesh);
+        for block in vertex.chunks_mut(BLOCK) {
+            block.sort_by_key(|v| by_vertex[*v as usize].len());
+        }
         let mut row_of = vec![0; vertex.len()];
-        for (row, v) in vertex.iter().enumerate() {
-            row_of[*v as usize] = row as u32;
+        for (row, v) in (0..).zip(&vertex) {
+            row_of[*v as usize] = row;
         }
-        let mut rows: Vec<BTreeMap<u32, [f64; 2]>> = vec![BTreeMap::new(); vertex.len()];
-        for corners in mesh.triangles() {
-            let node = corners.map(|v| row_of[v as usize]);
-            let diffusivity =
-                corners.map(|v| tissue[v as usize].diffusivity).iter().sum::<f64>() / 3.0;
-            let (mass, stiffness) = element(corners.map(|v| mesh.vertices()[v as usize]));
-            for k in 0..3 {
-                for l in 0..3 {
-                    let entry = rows[node[k] as usize].entry(node[l]).or_default();
-                    entry[0] += mass[k][l];
-                    entry[1] += diffusivity * stiffness[k][l];
-                }
+        let (mut blocks, mut inverse_diagonal) = (vec![], vec![]);
+        for vertices in vertex.chunks(BLOCK) {
+            let mut rows = Rows::new();
+            let mut inverse = [F::one(); BLOCK];
+            for (v, inverse) in vertices.iter().zip(&mut inverse) {
+                let diagonal = rows.push(&by_vertex[*v as usize], &row_of, row_of[*v as usize], dt);
+                *inverse = F::of(1.0 / diagonal);
             }
+            blocks.push(rows);
+            inverse_diagonal.push(inverse);
         }
-        let (mut start, mut column, mut entry) = (vec![0], vec![], vec![]);
-        let mut inverse_diagonal = vec![];
-        for (i, row) in rows.iter().enumerate() {
-            for (j, [mass, stiffness]) in row {
-                let a = mass + 0.5 * dt * stiffness;
-                column.push(*j);
-                entry.push([F::of(a), F::of(dt * stiffness)]);
-                if *j as usize == i {
-                    inverse_diagonal.push(F::of(1.0 / a));
-                }
-            }
-            start.push(column.len() as u32);
-        }
-        Self { vertex, start, column, entry, inverse_diagonal }
+        Self { vertex, blocks, inverse_diagonal }
     }
 
-    /// Columns and entries of row `i`.
+    /// The rows of `A x` in a block; `x` by row.
     #[inline(always)]
-    fn row(&self, i: usize) -> impl Iterator<Item = (usize, [F; 2])> {
-        let range = self.start[i] as usize..self.start[i + 1] as usize;
-        self.column[range.clone()]
-            .iter()
-            .map(|j| *j as usize)
-            .zip(self.entry[range].iter().copied())
+    pub(super) fn implicit(&self, block: usize, x: &[F], out: &mut [F; BLOCK]) {
+        let rows = &self.blocks[block];
+        rows.multiply(&rows.implicit, x, out);
     }
 
-    /// Row `i` of `A x`.
+    /// The rows of `dt K x` in a block; `x` by row.
     #[inline(always)]
-    pub(super) fn implicit(&self, i: usize, x: &[F]) -> F {
-        self.row(i).fold(F::zero(), |sum, (j, [a, _])| sum + a * x[j])
+    pub(super) fn stiffness(&self, block: usize, x: &[F], out: &mut [F; BLOCK]) {
+        let rows = &self.blocks[block];
+        rows.multiply(&rows.stiffness, x, out);
     }
 
-    /// Row `i` of `−dt K v − A x`.
-    #[inline(always)]
-    pub(super) fn residual(&self, i: usize, v: &[F], x: &[F]) -> F {
-        self.row(i).fold(F::zero(), |sum, (j, [a, k])| sum - (k * v[j] + a * x[j]))
-    }
-
-    /// The blocks of `size` rows that each block's rows refer to.
-    pub(super) fn neighbours(&self, size: usize) -> Vec<Vec<usize>> {
-        let of_block = |rows: &[u32]| {
-            let ends = [rows[0] as usize, rows[rows.len() - 1] as usize];
-            let columns = self.column[ends[0]..ends[1]].iter().map(|j| *j as usize / size);
-            let mut blocks: Vec<usize> = columns.collect();
+    /// The blocks that each block's rows refer to.
+    pub(super) fn neighbours(&self) -> Vec<Vec<usize>> {
+        let of_block = |rows: &Rows<F>| {
+            let mut blocks: Vec<usize> = rows.column.iter().map(|j| *j as usize / BLOCK).collect();
             blocks.sort_unstable();
             blocks.dedup();
             blocks
         };
-        let n = self.vertex.len();
-        (0..n).step_by(size).map(|i| of_block(&self.start[i..=(i + size).min(n)])).collect()
+        self.blocks.iter().map(of_block).collect()
     }
 }
 
-/// Mass and stiffness (of unit diffusivity) of a triangle.
-fn element(corners: [[f64; 3]; 3]) -> ([[f64; 3]; 3], [[f64; 3]; 3]) {
-    let p = corners.map(Vector3::from);
-    let side = [p[2] - p[1], p[0] - p[2], p[1] - p[0]];
-    let area = 0.5 * side[0].cross(&side[1]).norm();
-    let entries = |of: &dyn Fn(usize, usize) -> f64| {
-        std::array::from_fn(|k| std::array::from_fn(|l| of(k, l)))
-    };
-    let mass = entries(&|k, l| area / if k == l { 6.0 } else { 12.0 });
-    // ∇φ_k is the opposite side turned by 90°, over twice the area
-    (mass, entries(&|k, l| side[k].dot(&side[l]) / (4.0 * area)))
+impl<F: Precision> Rows<F> {
+    fn new() -> Self {
+        Self { runs: vec![], column: vec![], implicit: vec![], stiffness: vec![] }
+    }
+
+    /// Adds row `i`; its diagonal entry of A.
+    fn push(&mut self, row: &Row, row_of: &[u32], i: u32, dt: f64) -> f64 {
+        let begin = self.column.len();
+        let mut diagonal = f64::NAN;
+        for (v, [mass, stiffness]) in row {
+            let (j, a) = (row_of[*v as usize], mass + 0.5 * dt * stiffness);
+            self.column.push(j);
+            self.implicit.push(F::of(a));
+            self.stiffness.push(F::of(dt * stiffness));
+            if j == i {
+                diagonal = a;
+            }
+        }
+        let (entries, row) = (begin..self.column.len(), i as usize % BLOCK);
+        match self.runs.last_mut() {
+            Some(run) if run.length == entries.len() => {
+                (run.rows.end, run.entries.end) = (row + 1, entries.end);
+            }
+            _ => self.runs.push(Run { length: entries.len(), rows: row..row + 1, entries }),
+        }
+        diagonal
+    }
+
+    #[inline(always)]
+    fn multiply(&self, entry: &[F], x: &[F], out: &mut [F; BLOCK]) {
+        for Run { length, rows, entries } in &self.runs {
+            let (column, entry) = (&self.column[entries.clone()], &entry[entries.clone()]);
+            let out = &mut out[rows.clone()];
+            match length {
+                4 => products::<F, 4>(column, entry, x, out),
+                5 => products::<F, 5>(column, entry, x, out),
+                6 => products::<F, 6>(column, entry, x, out),
+                7 => products::<F, 7>(column, entry, x, out),
+                8 => products::<F, 8>(column, entry, x, out),
+                9 => products::<F, 9>(column, entry, x, out),
+                _ => {
+                    let rows = column.chunks_exact(*length).zip(entry.chunks_exact(*length));
+                    for ((column, entry), out) in rows.zip(out) {
+                        *out = product(column, entry, x);
+                    }
+                }
+            }
+        }
+    }
 }
 
-/// Vertices along a Z-order curve (Morton 1966): stretches of it are compact patches, so that a front
-/// touches few of them.
-fn patches(mesh: &TriMesh) -> Vec<u32> {
-    let [low, high] = mesh.bounding_box();
-    let extent = (0..3).map(|k| high[k] - low[k]).fold(f64::MIN_POSITIVE, f64::max);
-    let code = |v: &u32| -> u64 {
-        let p = mesh.vertices()[*v as usize];
-        let cell = |k: usize| ((p[k] - low[k]) / extent * 1_048_575.0) as u64;
-        let cells = [cell(0), cell(1), cell(2)];
-        let bit =
-            |b: u32| (0..3).map(move |k| (cells[k as usize] >> b & 1) << (3 * b + k)).sum::<u64>();
-        (0..20).map(bit).sum()
-    };
-    let mut order: Vec<u32> = (0..mesh.n_vertices() as u32).collect();
-    order.sort_by_cached_key(code);
-    order
+/// `x` times rows of N entries each.
+#[inline(always)]
+fn products<F: Precision, const N: usize>(column: &[u32], entry: &[F], x: &[F], out: &mut [F]) {
+    let (columns, entries) = (column.as_chunks::<N>().0, entry.as_chunks::<N>().0);
+    for ((column, entry), out) in columns.iter().zip(entries).zip(out) {
+        *out = product(column, entry, x);
+    }
+}
+
+#[inline(always)]
+fn product<F: Precision>(column: &[u32], entry: &[F], x: &[F]) -> F {
+    column.iter().zip(entry).fold(F::zero(), |sum, (j, a)| sum + *a * x[*j as usize])
 }
 
 #[cfg(test)]
@@ -136,35 +162,21 @@ mod tests {
     #[test]
     fn mass_sums_to_the_area_and_constants_do_not_diffuse() {
         let mesh = left_atrium(3.0).mesh;
-        let tissue = Parameters::from_array([0.7, 0.05, 10.0, 120.0, 200.0]).tissue();
-        let operators = Operators::<f64>::assemble(&mesh, &vec![tissue; mesh.n_vertices()], 0.1);
-        let n = mesh.n_vertices();
-        let (ones, zeros) = (vec![1.0; n], vec![0.0; n]);
-        let total: f64 = (0..n).map(|i| operators.implicit(i, &ones)).sum();
+        let tissue = vec![
+            Parameters::from_array([0.7, 0.05, 10.0, 120.0, 200.0]).tissue();
+            mesh.n_vertices()
+        ];
+        let substrate = Substrate { mesh: &mesh, tissue: &tissue, fibres: None };
+        let operators = Operators::<f64>::assemble(&substrate, 0.1);
+        let n_blocks = mesh.n_vertices().div_ceil(BLOCK);
+        let (ones, mut out) = (vec![1.0; n_blocks * BLOCK], [0.0; BLOCK]);
+        let mut total = 0.0;
+        for block in 0..n_blocks {
+            operators.implicit(block, &ones, &mut out);
+            total += out.iter().sum::<f64>();
+            operators.stiffness(block, &ones, &mut out);
+            assert!(out.iter().all(|x| x.abs() < 1e-12));
+        }
         assert!((total / mesh.area() - 1.0).abs() < 1e-12);
-        assert!((0..n).all(|i| operators.residual(i, &ones, &zeros).abs() < 1e-12));
-    }
-
-    #[test]
-    fn the_order_is_a_permutation_in_compact_patches() {
-        let mesh = left_atrium(1.0).mesh;
-        let order = patches(&mesh);
-        let mut sorted = order.clone();
-        sorted.sort_unstable();
-        assert!(sorted.into_iter().eq(0..mesh.n_vertices() as u32));
-        // a disc of 512 vertices of 1 mm edges has a diameter of some 24 mm
-        let diameter = |patch: &[u32]| {
-            let points = patch.iter().map(|v| mesh.vertices()[*v as usize]);
-            let box_of = |k: usize| {
-                points
-                    .clone()
-                    .map(move |p| p[k])
-                    .fold([f64::MAX, f64::MIN], |b, x| [b[0].min(x), b[1].max(x)])
-            };
-            (0..3).map(|k| box_of(k)[1] - box_of(k)[0]).fold(0.0, f64::max)
-        };
-        let diameters: Vec<f64> = order.chunks(512).map(diameter).collect();
-        let mean = diameters.iter().sum::<f64>() / diameters.len() as f64;
-        assert!(mean < 40.0, "{mean}");
     }
 }

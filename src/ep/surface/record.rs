@@ -1,9 +1,11 @@
 //! When each vertex activates and recovers in one beat.
 
 use rayon::prelude::*;
+use serde::{Deserialize, Serialize};
 
 use super::by_vertex;
-use super::solver::{BLOCK, Solver};
+use super::lanes::BLOCK;
+use super::solver::Solver;
 use crate::ep::precision::Precision;
 
 /// V at which an upstroke counts as activation.
@@ -27,8 +29,19 @@ pub struct BeatMap {
     pub apd90: Vec<f64>,
 }
 
+impl BeatMap {
+    /// Names of the maps, in the order of [`BeatMap::named`].
+    pub const NAMES: [&str; 5] = ["lat", "apd20", "apd30", "apd50", "apd90"];
+
+    /// The maps with their names.
+    pub fn named(self) -> impl Iterator<Item = (&'static str, Vec<f64>)> {
+        let Self { lat, apd20, apd30, apd50, apd90 } = self;
+        Self::NAMES.into_iter().zip([lat, apd20, apd30, apd50, apd90])
+    }
+}
+
 /// The first activation of a vertex and its first recovery after it, ms; NaN before.
-#[derive(Debug, Clone, Copy)]
+#[derive(Debug, Clone, Copy, Serialize, Deserialize)]
 struct Crossings {
     lat: f64,
     recovery: [f64; 4],
@@ -37,14 +50,32 @@ struct Crossings {
 /// Crossings of one beat, by row.
 #[derive(Debug)]
 pub(super) struct Recorder<F> {
-    before: Vec<F>,
+    before: Vec<[F; BLOCK]>,
     crossings: Vec<Crossings>,
 }
 
+/// What has been recorded so far.
+#[derive(Debug, Clone, Serialize, Deserialize)]
+pub(super) struct RecorderState(Vec<Crossings>);
+
 impl<F: Precision> Recorder<F> {
-    pub(super) fn new(n: usize) -> Self {
+    pub(super) fn new(n_blocks: usize) -> Self {
         let none = Crossings { lat: f64::NAN, recovery: [f64::NAN; 4] };
-        Self { before: vec![F::zero(); n], crossings: vec![none; n] }
+        Self { before: vec![[F::zero(); BLOCK]; n_blocks], crossings: vec![none; n_blocks * BLOCK] }
+    }
+
+    pub(super) fn state(&self) -> RecorderState {
+        RecorderState(self.crossings.clone())
+    }
+
+    /// Goes on from `state`; whether it is one of this surface.
+    #[must_use = "false: the state is of another surface"]
+    pub(super) fn restore(&mut self, state: RecorderState) -> bool {
+        let fits = state.0.len() == self.crossings.len();
+        if fits {
+            self.crossings = state.0;
+        }
+        fits
     }
 
     /// Keeps V before a step.
@@ -53,20 +84,17 @@ impl<F: Precision> Recorder<F> {
     }
 
     /// Notes the crossings of the step that began `steps` steps of `dt` ms after the stimulus; linear in
-    /// time within it.
+    /// time within it. Blocks that sleep cross nothing.
     pub(super) fn after(&mut self, solver: &Solver<F>, steps: f64, dt: f64) {
-        let blocks = self.before.par_chunks(BLOCK).zip(solver.v.par_chunks(BLOCK));
-        blocks.zip(self.crossings.par_chunks_mut(BLOCK)).for_each(
-            |((before, after), crossings)| {
-                for ((a, b), crossing) in before.iter().zip(after).zip(crossings) {
-                    let (high, low) = (a.max(*b).f64(), a.min(*b).f64());
-                    let crosses = |level: f64| low <= level && high >= level;
-                    if crosses(ACTIVATION) || RECOVERY.into_iter().any(crosses) {
-                        note(a.f64(), b.f64(), crossing, |share| (steps + share) * dt);
-                    }
-                }
-            },
-        );
+        let blocks = self.before.par_iter().zip(&solver.v).zip(&solver.awake);
+        let blocks = blocks.zip(self.crossings.par_chunks_mut(BLOCK));
+        blocks.filter(|((_, awake), _)| **awake).for_each(|(((before, after), _), crossings)| {
+            let moves = crossed(before, after);
+            for i in (0..BLOCK).filter(|i| moves[*i]) {
+                let (a, b) = (before[i].f64(), after[i].f64());
+                note(a, b, &mut crossings[i], |share| (steps + share) * dt);
+            }
+        });
     }
 
     pub(super) fn map(&self, vertex: &[u32]) -> BeatMap {
@@ -79,6 +107,18 @@ impl<F: Precision> Recorder<F> {
             apd90: of(|c| c.recovery[3] - c.lat),
         }
     }
+}
+
+/// Which rows of a block met a level.
+fn crossed<F: Precision>(before: &[F; BLOCK], after: &[F; BLOCK]) -> [bool; BLOCK] {
+    let mut moves = [false; BLOCK];
+    for level in RECOVERY.into_iter().chain([ACTIVATION]).map(F::of) {
+        for i in 0..BLOCK {
+            let (a, b) = (before[i], after[i]);
+            moves[i] |= a.min(b) <= level && a.max(b) >= level;
+        }
+    }
+    moves
 }
 
 /// The crossings of one vertex as V goes from `a` to `b`; `time` of the share of the step that is done.

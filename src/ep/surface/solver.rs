@@ -5,42 +5,50 @@
 //! extrapolated first guess. Rows are in blocks; a block at rest, and next to no other, sleeps: V stays
 //! 0 there, and its gates are brought up to date when it wakes. Sums go block by block, so that no bit
 //! depends on the number of threads.
+//!
+//! # Source
+//! One meeting of the threads for both scalar products of an iteration: Chronopoulos and Gear 1989.
 
-use pulp::{Arch, NullaryFnOnce};
+use pulp::Arch;
 use rayon::prelude::*;
+use serde::{Deserialize, Serialize};
 
+use super::Substrate;
+use super::lanes::{BLOCK, add_scaled, add_to, dot, peak, product, react};
 use super::operators::Operators;
-use crate::ep::cell::{StepRates, Tissue, euler_step};
+use crate::ep::cell::StepRates;
 use crate::ep::precision::Precision;
-use crate::mesh::TriMesh;
 
 /// Cell substeps in one step.
 const SUBSTEPS: u32 = 5;
 
-/// Rows that sleep and wake together, and that one task works on.
-pub(super) const BLOCK: usize = 512;
-
 /// Below this everywhere, |V| of a block counts as rest, if its neighbours rest too: so nothing above a
-/// thousandth of the threshold is ever nearer to a sleeping block than a block.
+/// hundredth of the threshold is ever nearer to a sleeping block than a block.
 const AT_REST: f64 = 1e-4;
 
 /// More iterations than this a step never needs: the first guess is good to 1 % and A is close to M.
 const MOST_ITERATIONS: usize = 100;
 
+/// A value of every row, by block.
+type Blocks<F> = Vec<[F; BLOCK]>;
+
 /// A surface of tissue; values are by row of the operators.
 #[derive(Debug)]
 pub(super) struct Solver<F> {
     pub(super) operators: Operators<F>,
-    pub(super) v: Vec<F>,
-    h: Vec<F>,
-    rates: Vec<StepRates<F>>,
+    pub(super) v: Blocks<F>,
+    h: Blocks<F>,
+    rates: Vec<StepRates<[F; BLOCK]>>,
     /// The last two increments of V by diffusion, and the one that is sought.
-    last: [Vec<F>; 2],
-    x: Vec<F>,
-    r: Vec<F>,
-    p: Vec<F>,
-    q: Vec<F>,
-    /// `r·D⁻¹ r` at which a step is solved: an error of [`Precision::TOLERANCE`] of V everywhere.
+    last: [Blocks<F>; 2],
+    x: Blocks<F>,
+    /// Residual `r`, `u = D⁻¹ r`, `w = A u`; search direction `p` and `s = A p`.
+    r: Blocks<F>,
+    u: Blocks<F>,
+    w: Blocks<F>,
+    p: Blocks<F>,
+    s: Blocks<F>,
+    /// `r · D⁻¹ r` at which a step is solved: an error of [`Precision::TOLERANCE`] of V everywhere.
     enough: f64,
     neighbours: Vec<Vec<usize>>,
     pub(super) awake: Vec<bool>,
@@ -51,32 +59,78 @@ pub(super) struct Solver<F> {
     arch: Arch,
 }
 
+/// All that the steps to come depend on; the rest follows from the substrate.
+#[derive(Debug, Clone, Serialize, Deserialize)]
+pub(super) struct SolverState<F> {
+    /// V, h and the last two increments.
+    values: [Vec<F>; 4],
+    awake: Vec<bool>,
+    slept: Vec<i32>,
+    n_iterations: u64,
+}
+
 impl<F: Precision> Solver<F> {
-    /// Tissue at rest, V = 0 and h = 1; `tissue` by vertex.
-    pub(super) fn new(mesh: &TriMesh, tissue: &[Tissue], dt: f64) -> Self {
-        let operators = Operators::<F>::assemble(mesh, tissue, dt);
-        let n = mesh.n_vertices();
-        let rates = |v: &u32| tissue[*v as usize].step_rates(dt / f64::from(SUBSTEPS)).cast();
-        let zeros = || vec![F::zero(); n];
-        let n_blocks = n.div_ceil(BLOCK);
+    /// Tissue at rest, V = 0 and h = 1.
+    pub(super) fn new(substrate: &Substrate<'_>, dt: f64) -> Self {
+        let operators = Operators::<F>::assemble(substrate, dt);
+        let n_blocks = operators.inverse_diagonal.len();
+        let all = |value: F| vec![[value; BLOCK]; n_blocks];
+        let diagonal = operators.inverse_diagonal.as_flattened()[..operators.vertex.len()].iter();
+        let substep = dt / f64::from(SUBSTEPS);
+        let mut rates = vec![StepRates::uniform(F::zero()); n_blocks];
+        for (row, v) in operators.vertex.iter().enumerate() {
+            rates[row / BLOCK]
+                .set(row % BLOCK, substrate.tissue[*v as usize].step_rates(substep).cast());
+        }
         Self {
-            rates: operators.vertex.iter().map(rates).collect(),
-            v: zeros(),
-            h: vec![F::one(); n],
-            last: [zeros(), zeros()],
-            x: zeros(),
-            r: zeros(),
-            p: zeros(),
-            q: zeros(),
-            enough: F::TOLERANCE.powi(2)
-                * operators.inverse_diagonal.iter().map(|d: &F| d.f64().recip()).sum::<f64>(),
-            neighbours: operators.neighbours(BLOCK),
+            rates,
+            v: all(F::zero()),
+            h: all(F::one()),
+            last: [all(F::zero()), all(F::zero())],
+            x: all(F::zero()),
+            r: all(F::zero()),
+            u: all(F::zero()),
+            w: all(F::zero()),
+            p: all(F::zero()),
+            s: all(F::zero()),
+            enough: F::TOLERANCE.powi(2) * diagonal.map(|d| d.f64().recip()).sum::<f64>(),
+            neighbours: operators.neighbours(),
             operators,
             awake: vec![false; n_blocks],
             slept: vec![0; n_blocks],
             n_iterations: 0,
             arch: Arch::new(),
         }
+    }
+
+    pub(super) fn state(&self) -> SolverState<F> {
+        let values = [&self.v, &self.h, &self.last[0], &self.last[1]];
+        SolverState {
+            values: values.map(|blocks| blocks.as_flattened().to_vec()),
+            awake: self.awake.clone(),
+            slept: self.slept.clone(),
+            n_iterations: self.n_iterations,
+        }
+    }
+
+    /// Goes on from `state`; whether it is one of this surface.
+    #[must_use = "false: the state is of another surface"]
+    pub(super) fn restore(&mut self, state: &SolverState<F>) -> bool {
+        let n_blocks = self.v.len();
+        let fits = state.values.iter().all(|values| values.len() == n_blocks * BLOCK)
+            && [state.awake.len(), state.slept.len()] == [n_blocks; 2];
+        if fits {
+            let [last, before] = &mut self.last;
+            for (blocks, values) in
+                [&mut self.v, &mut self.h, last, before].into_iter().zip(&state.values)
+            {
+                blocks.as_flattened_mut().copy_from_slice(values);
+            }
+            self.awake.clone_from(&state.awake);
+            self.slept.clone_from(&state.slept);
+            self.n_iterations = state.n_iterations;
+        }
+        fits
     }
 
     /// One time step; `stimulus` is what it adds to V at which rows.
@@ -90,7 +144,8 @@ impl<F: Precision> Solver<F> {
         self.react();
         if let Some((amplitude, rows)) = stimulus {
             for row in rows {
-                self.v[*row as usize] = self.v[*row as usize] + amplitude;
+                let v = &mut self.v.as_flattened_mut()[*row as usize];
+                *v = *v + amplitude;
             }
         }
         let is_solved = self.diffuse();
@@ -104,135 +159,114 @@ impl<F: Precision> Solver<F> {
         if std::mem::replace(&mut self.awake[block], true) {
             return;
         }
-        let n = (SUBSTEPS as i32) * std::mem::take(&mut self.slept[block]);
-        let rows = block * BLOCK..((block + 1) * BLOCK).min(self.h.len());
-        for (h, rates) in self.h[rows.clone()].iter_mut().zip(&self.rates[rows]) {
-            *h = F::one() - (F::one() - *h) * (F::one() - rates.open).powi(n);
+        let n = SUBSTEPS as i32 * std::mem::take(&mut self.slept[block]);
+        for (h, open) in self.h[block].iter_mut().zip(&self.rates[block].open) {
+            *h = F::of(1.0 - (1.0 - h.f64()) * (1.0 - open.f64()).powi(n));
         }
     }
 
     /// The cells' substeps, and the first guess of the increment.
     fn react(&mut self) {
-        let (awake, arch) = (&self.awake, self.arch);
-        let [last, before] = &self.last;
-        let mine = |block: usize, of: &[F]| -> std::ops::Range<usize> {
-            block * BLOCK..((block + 1) * BLOCK).min(of.len())
-        };
-        let blocks = self.v.par_chunks_mut(BLOCK).zip(self.h.par_chunks_mut(BLOCK));
-        let blocks = blocks.zip(self.rates.par_chunks(BLOCK)).zip(self.x.par_chunks_mut(BLOCK));
-        blocks.enumerate().filter(|(block, _)| awake[*block]).for_each(
-            |(block, (((v, h), rates), x))| {
-                arch.dispatch(React { v, h, rates });
-                let rows = mine(block, last);
-                for ((x, last), before) in x.iter_mut().zip(&last[rows.clone()]).zip(&before[rows])
-                {
-                    *x = *last + *last - *before;
-                }
-            },
-        );
+        let Self { awake, arch, v, h, rates, x, last: [last, before], .. } = self;
+        let blocks = v.par_iter_mut().zip(h).zip(rates).zip(x).zip(last).zip(before);
+        let blocks = blocks.zip(awake).filter(|(_, awake)| **awake);
+        blocks.for_each(|((((((v, h), rates), x), last), before), _)| {
+            arch.dispatch(|| {
+                react(v, h, rates, SUBSTEPS);
+                // 2 last − before
+                *x = *last;
+                add_to(-F::one(), before, x);
+                add_to(F::one(), last, x);
+            });
+        });
     }
 
     /// Solves for the increment by conjugate gradients; whether that was reached.
     fn diffuse(&mut self) -> bool {
-        let mut rz = self.first_residual();
+        let mut gamma = self.first_residual();
+        let (mut alpha, mut beta) = (1.0, 0.0);
         for _ in 0..MOST_ITERATIONS {
-            if rz <= self.enough {
+            if gamma <= self.enough {
                 return true;
             }
             self.n_iterations += 1;
-            let alpha = F::of(rz / self.search_direction_energy());
-            let next = self.descend(alpha);
-            self.turn(F::of(next / rz));
-            rz = next;
+            let delta = self.energy();
+            alpha = gamma / (delta - beta * gamma / alpha);
+            let next = self.descend(F::of(alpha), F::of(beta));
+            beta = next / gamma;
+            gamma = next;
         }
         false
     }
 
-    /// Residual `r`, search direction `p = D⁻¹ r`; `r·D⁻¹ r`.
+    /// Residual `r` and `u = D⁻¹ r` of the first guess; `r · u`.
     fn first_residual(&mut self) -> f64 {
-        let Self { operators, awake, v, x, r, p, .. } = self;
-        let blocks = r.par_chunks_mut(BLOCK).zip(p.par_chunks_mut(BLOCK)).enumerate();
-        let of_block = |(block, (r, p)): (usize, (&mut [F], &mut [F]))| {
-            let mut rz = F::zero();
-            for (k, (r, p)) in r.iter_mut().zip(p).enumerate() {
-                let i = block * BLOCK + k;
-                let inverse = operators.inverse_diagonal[i];
-                *r = operators.residual(i, v, x);
-                *p = *r * inverse;
-                rz = rz + *r * *p;
-            }
-            rz.f64()
-        };
-        let blocks = blocks.filter(|(block, _)| awake[*block]);
-        blocks.map(of_block).collect::<Vec<_>>().into_iter().sum()
-    }
-
-    /// `q = A p` and `p·q`.
-    fn search_direction_energy(&mut self) -> f64 {
-        let Self { operators, awake, p, q, .. } = self;
-        let of_block = |(block, q): (usize, &mut [F])| {
-            let mut pq = F::zero();
-            for (k, q) in q.iter_mut().enumerate() {
-                let i = block * BLOCK + k;
-                *q = operators.implicit(i, p);
-                pq = pq + p[i] * *q;
-            }
-            pq.f64()
-        };
-        let blocks = q.par_chunks_mut(BLOCK).enumerate().filter(|(block, _)| awake[*block]);
-        blocks.map(of_block).collect::<Vec<_>>().into_iter().sum()
-    }
-
-    /// Goes `alpha` along p; `r·D⁻¹ r` there.
-    fn descend(&mut self, alpha: F) -> f64 {
-        let Self { operators, awake, p, q, x, r, .. } = self;
-        let of_block = |(block, (x, r)): (usize, (&mut [F], &mut [F]))| {
-            let mut rz = F::zero();
-            for (k, (x, r)) in x.iter_mut().zip(r).enumerate() {
-                let i = block * BLOCK + k;
-                *x = *x + alpha * p[i];
-                *r = *r - alpha * q[i];
-                rz = rz + *r * *r * operators.inverse_diagonal[i];
-            }
-            rz.f64()
-        };
-        let blocks = x.par_chunks_mut(BLOCK).zip(r.par_chunks_mut(BLOCK)).enumerate();
-        let blocks = blocks.filter(|(block, _)| awake[*block]);
-        blocks.map(of_block).collect::<Vec<_>>().into_iter().sum()
-    }
-
-    /// The next search direction, `p = D⁻¹ r + beta p`.
-    fn turn(&mut self, beta: F) {
-        let Self { operators, awake, p, r, .. } = self;
-        let blocks = p.par_chunks_mut(BLOCK).enumerate().filter(|(block, _)| awake[*block]);
-        blocks.for_each(|(block, p)| {
-            for (k, p) in p.iter_mut().enumerate() {
-                let i = block * BLOCK + k;
-                *p = r[i] * operators.inverse_diagonal[i] + beta * *p;
-            }
+        let Self { operators, arch, awake, v, x, r, u, w, .. } = self;
+        let (v, x) = (v.as_flattened(), x.as_flattened());
+        let blocks = r.par_iter_mut().zip(u).zip(w).enumerate().filter(|(block, _)| awake[*block]);
+        let sums = blocks.map(|(block, ((r, u), w))| {
+            arch.dispatch(|| {
+                operators.stiffness(block, v, w);
+                operators.implicit(block, x, r);
+                add_to(F::one(), w, r);
+                for r in r.iter_mut() {
+                    *r = -*r;
+                }
+                product(&operators.inverse_diagonal[block], r, u);
+                dot(r, u)
+            })
         });
+        sums.collect::<Vec<f64>>().into_iter().sum()
+    }
+
+    /// `w = A u` and `u · w`.
+    fn energy(&mut self) -> f64 {
+        let Self { operators, arch, awake, u, w, .. } = self;
+        let all = u.as_flattened();
+        let blocks = w.par_iter_mut().zip(&*u).enumerate().filter(|(block, _)| awake[*block]);
+        let sums = blocks.map(|(block, (w, u))| {
+            arch.dispatch(|| {
+                operators.implicit(block, all, w);
+                dot(u, w)
+            })
+        });
+        sums.collect::<Vec<f64>>().into_iter().sum()
+    }
+
+    /// Goes `alpha` along the next search direction, `p = u + beta p`; `r · u` there.
+    fn descend(&mut self, alpha: F, beta: F) -> f64 {
+        let Self { operators, arch, awake, x, r, u, w, p, s, .. } = self;
+        let blocks = p.par_iter_mut().zip(s).zip(x).zip(r).zip(u).zip(w).enumerate();
+        let blocks = blocks.filter(|(block, _)| awake[*block]);
+        let sums = blocks.map(|(block, (((((p, s), x), r), u), w))| {
+            arch.dispatch(|| {
+                add_scaled(u, beta, p);
+                add_scaled(w, beta, s);
+                add_to(alpha, p, x);
+                add_to(-alpha, s, r);
+                product(&operators.inverse_diagonal[block], r, u);
+                dot(r, u)
+            })
+        });
+        sums.collect::<Vec<f64>>().into_iter().sum()
     }
 
     /// Adds the increment to V and keeps it; the largest |V| of each block.
     fn advance(&mut self) -> Vec<F> {
-        let Self { awake, v, x, last, .. } = self;
-        let [last, before] = last;
-        let blocks = v.par_chunks_mut(BLOCK).zip(x.par_chunks(BLOCK));
-        let blocks = blocks.zip(last.par_chunks_mut(BLOCK)).zip(before.par_chunks_mut(BLOCK));
-        let blocks = blocks.enumerate().map(|(block, (((v, x), last), before))| {
-            if !awake[block] {
+        let Self { awake, arch, v, x, last: [last, before], .. } = self;
+        let blocks = v.par_iter_mut().zip(x).zip(last).zip(before).zip(awake);
+        let peaks = blocks.map(|((((v, x), last), before), awake)| {
+            if !*awake {
                 return F::zero();
             }
-            before.copy_from_slice(last);
-            last.copy_from_slice(x);
-            let mut peak = F::zero();
-            for (v, x) in v.iter_mut().zip(x) {
-                *v = *v + *x;
-                peak = peak.max(v.abs());
-            }
-            peak
+            arch.dispatch(|| {
+                *before = *last;
+                *last = *x;
+                add_to(F::one(), x, v);
+                peak(v)
+            })
         });
-        blocks.collect()
+        peaks.collect()
     }
 
     /// Wakes the neighbours of blocks that are not at rest, and puts to sleep who has no such neighbour.
@@ -251,32 +285,11 @@ impl<F: Precision> Solver<F> {
 
     fn put_to_sleep(&mut self, block: usize) {
         self.awake[block] = false;
-        let rows = block * BLOCK..((block + 1) * BLOCK).min(self.v.len());
         let [last, before] = &mut self.last;
-        for values in
-            [&mut self.v, &mut self.x, &mut self.r, &mut self.p, &mut self.q, last, before]
-        {
-            values[rows.clone()].fill(F::zero());
-        }
-    }
-}
-
-/// The cells' substeps of a block, compiled once for each set of vector instructions.
-struct React<'a, F> {
-    v: &'a mut [F],
-    h: &'a mut [F],
-    rates: &'a [StepRates<F>],
-}
-
-impl<F: Precision> NullaryFnOnce for React<'_, F> {
-    type Output = ();
-
-    #[inline(always)]
-    fn call(self) {
-        for ((v, h), rates) in self.v.iter_mut().zip(self.h).zip(self.rates) {
-            for _ in 0..SUBSTEPS {
-                (*v, *h) = euler_step(*v, *h, *rates);
-            }
+        let (a, b) =
+            ([&mut self.v, &mut self.x, last, before], [&mut self.u, &mut self.p, &mut self.s]);
+        for values in a.into_iter().chain(b) {
+            values[block] = [F::zero(); BLOCK];
         }
     }
 }

@@ -11,6 +11,7 @@
 
 mod chain;
 mod conditional;
+mod factor;
 mod latent;
 mod proposal;
 mod stand_in;

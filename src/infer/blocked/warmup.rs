@@ -7,7 +7,7 @@ use super::stand_in::{Sample, StandIn, Trust};
 use super::whiten::Whitening;
 use crate::infer::adapt::conditional_scales;
 use crate::infer::sample::chain_stream;
-use crate::infer::{ChainError, ChainFailure, Progress, Settings};
+use crate::infer::{ChainError, ChainFailure, Phase, Progress, Settings};
 use rand::RngExt;
 use rand_distr::StandardNormal;
 use rayon::prelude::*;
@@ -65,16 +65,29 @@ impl Shared {
         settings: &'a Settings,
         progress: &'a dyn Progress,
     ) -> Common<'a> {
-        let stopped = |chained: &Chained| {
-            matches!(chained, Err(ChainError { failure: ChainFailure::Stopped, .. }))
-        };
         if let Some(checkpoint) = progress.checkpoint()
-            && !self.links.iter().any(stopped)
+            && !self.links.iter().any(is_stopped)
         {
             checkpoint.share(self);
         }
         let Self { stage, before, stand_in, proposal, .. } = self;
         Common { density, settings, progress, stand_in, proposal, stage: *stage, before: *before }
+    }
+}
+
+fn is_stopped(chained: &Chained) -> bool {
+    matches!(chained, Err(ChainError { failure: ChainFailure::Stopped, .. }))
+}
+
+/// Ends the chains that were through the stage when others were stopped in it: what the next one starts
+/// from is not known, so that a state of it must not be kept. Resumed, they go through the stage again.
+fn stop_all(links: &mut [Chained], settings: &Settings, iteration: usize) {
+    for (chain, link) in links.iter_mut().enumerate() {
+        if let Ok(Link { outer, block, .. }) = link {
+            let (position, seed) = ([&outer[..], block].concat(), settings.seed);
+            let (phase, failure) = (Phase::Warmup, ChainFailure::Stopped);
+            *link = Err(ChainError { chain, seed, phase, iteration, position, failure });
+        }
     }
 }
 
@@ -119,6 +132,10 @@ pub(super) fn warm_up(
                 lessons.push(lesson);
                 link
             }));
+        }
+        if shared.links.iter().any(is_stopped) {
+            stop_all(&mut shared.links, settings, shared.before);
+            return shared;
         }
         shared.before += n;
         shared.stage += 1;

@@ -7,11 +7,14 @@
 //! −½ wᵀI₀w − ln|U| = −½ zᵀz + ½ (θ − y)ᵀW(θ − y) + κ
 //! κ = ½ sᵀs − ½ (y − b)ᵀW(y − b) − ln|U|
 //! ```
-//! an identity, so that the stand-in cancels from the density and exp κ is its evidence.
+//! an identity, so that the stand-in cancels from the density and exp κ is its evidence. With y − b as
+//! a further column of A, one factorisation gives U, s and κ.
 
+use super::factor::{Lanes, Upper, add_lanes, columns, lanes};
 use super::latent::{Design, Layout, Shape};
 use super::stand_in::StandIn;
 use crate::infer::vector::{add_scaled, dot};
+use pulp::{Arch, NullaryFnOnce};
 
 /// The whitening at one value of the hyperparameters.
 #[derive(Clone, Debug)]
@@ -20,13 +23,16 @@ pub(super) struct Whitening {
     n_sites: usize,
     n: usize,
     starts: Vec<usize>,
-    triangular: Vec<bool>,
     /// The diagonal of I₀.
     prior_precision: Vec<f64>,
-    /// U, row-major `(n, n)`; below the diagonal anything.
-    upper: Vec<f64>,
-    /// s
-    shift: Vec<f64>,
+    /// Whether all designs are scaled modes, whose products are known.
+    is_scaled: bool,
+    /// `[A d]` with d = y − b, row after row `(n_latent)`, and W times it.
+    augmented: [Vec<Lanes>; 2],
+    /// The rows of `[A d]` that are not zero in each of its lanes.
+    support: Vec<Vec<usize>>,
+    /// U, and s as its further column.
+    upper: Upper,
     /// κ
     pub(super) ln_evidence: f64,
     /// A U⁻¹, column after column `(n, n_latent)`; see [`Whitening::set_basis`].
@@ -46,19 +52,17 @@ impl Whitening {
                 prior_precision[start + field.n_coefficients] = precision;
             }
         }
+        let rows = vec![Lanes::default(); n_latent * lanes(n)];
         Self {
             design: Design::new(layout),
             n_sites: layout.n_sites,
             n,
-            triangular: layout
-                .fields
-                .iter()
-                .map(|f| matches!(f.shape, Shape::Triangular))
-                .collect(),
             prior_precision,
+            is_scaled: layout.fields.iter().all(|f| matches!(f.shape, Shape::Scaled(_))),
+            augmented: [rows.clone(), rows],
+            support: support(layout, &starts),
             starts,
-            upper: vec![0.0; n * n],
-            shift: vec![0.0; n],
+            upper: Upper::new(n),
             ln_evidence: 0.0,
             basis: vec![0.0; n * n_latent],
             origin: vec![0.0; n_latent],
@@ -76,57 +80,75 @@ impl Whitening {
 
     /// Computes U, s and κ from the design; `false` if B is not positive definite.
     pub(super) fn prepare(&mut self, stand_in: &StandIn) -> bool {
-        self.upper.fill(0.0);
-        for f in 0..self.n_fields() {
-            for g in f..self.n_fields() {
-                if self.triangular[f] || self.triangular[g] {
-                    self.add_products(stand_in, f, g);
-                } else {
-                    self.add_gram(stand_in, f, g);
-                }
-            }
+        Arch::new().dispatch(Prepare { whitening: self, stand_in })
+    }
+
+    /// `B = I₀ + AᵀWA`, with `AᵀWd` as a further column and `dᵀWd` at its end.
+    #[inline(always)]
+    fn set_upper(&mut self, stand_in: &StandIn) {
+        if self.is_scaled {
+            self.set_gram(stand_in);
+        } else {
+            self.set_augmented(stand_in);
+            let [left, right] = &self.augmented;
+            self.upper.set_product(left, right, &self.support);
         }
         for (i, precision) in self.prior_precision.iter().enumerate() {
-            self.upper[i * self.n + i] += precision;
+            self.upper.row_mut(i)[i] += precision;
         }
-        let quadratic = self.set_moment(stand_in);
-        let Some(ln_det) = factorise(&mut self.upper, self.n) else { return false };
-        solve_transposed(&self.upper, &mut self.shift);
-        self.ln_evidence = 0.5 * dot(&self.shift, &self.shift) - quadratic - ln_det;
-        self.ln_evidence.is_finite()
     }
 
-    /// Block (f, g) of `AᵀWA`, site by site; of its diagonal blocks the upper triangle.
-    fn add_products(&mut self, stand_in: &StandIn, f: usize, g: usize) {
-        let (wf, wg) = (self.width(f), self.width(g));
-        let information = stand_in.information(f, g);
-        for (site, w) in information.iter().enumerate() {
-            let left = &self.design.rows[f][site * wf..][..wf];
-            let right = &self.design.rows[g][site * wg..][..wg];
-            for (j, a) in left.iter().enumerate() {
-                if *a != 0.0 {
-                    let from = if f == g { j } else { 0 };
-                    let row = &mut self.upper[(self.starts[f] + j) * self.n + self.starts[g]..];
-                    add_scaled(&mut row[from..wg], w * a, &right[from..]);
+    /// `[A d]` and `W [A d]`.
+    #[inline(always)]
+    fn set_augmented(&mut self, stand_in: &StandIn) {
+        let (n_sites, lanes) = (self.n_sites, lanes(self.n));
+        let [rows, products] = &mut self.augmented;
+        let flat = rows.as_flattened_mut();
+        let stride = flat.len() / stand_in.centre().len();
+        for (f, start) in self.starts.iter().enumerate() {
+            let design = &self.design.rows[f];
+            let offset = self.design.offset[f];
+            let centre = &stand_in.centre()[f * n_sites..][..n_sites];
+            let rows = flat[f * n_sites * stride..].chunks_exact_mut(stride);
+            let width = design.len() / n_sites;
+            for ((row, design), y) in rows.zip(design.chunks_exact(width)).zip(centre) {
+                row[*start..][..width].copy_from_slice(design);
+                row[self.n] = y - offset;
+            }
+        }
+        products.fill(Lanes::default());
+        for f in 0..self.starts.len() {
+            for g in 0..self.starts.len() {
+                for (site, w) in stand_in.information(f, g).iter().enumerate() {
+                    let row = &rows[(g * n_sites + site) * lanes..][..lanes];
+                    let product = &mut products[(f * n_sites + site) * lanes..][..lanes];
+                    product.iter_mut().zip(row).for_each(|(sum, x)| add_lanes(sum, *w, x));
                 }
             }
         }
     }
 
-    /// Block (f, g) of `AᵀWA` of two scaled fields.
-    fn add_gram(&mut self, stand_in: &StandIn, f: usize, g: usize) {
-        let (scale_f, scale_g) = (&self.design.scale[f], &self.design.scale[g]);
-        let gram = stand_in.gram(f, g).chunks_exact(scale_g.len());
-        for ((j, a), gram) in scale_f.iter().enumerate().zip(gram) {
-            let row = &mut self.upper[(self.starts[f] + j) * self.n + self.starts[g]..];
-            for ((entry, gram), b) in row.iter_mut().zip(gram).zip(scale_g) {
-                *entry = a * gram * b;
+    /// All of it but I₀ for scaled fields, from products that are known.
+    #[inline(always)]
+    fn set_gram(&mut self, stand_in: &StandIn) {
+        for f in 0..self.n_fields() {
+            for g in f..self.n_fields() {
+                let (scale_f, scale_g) = (&self.design.scale[f], &self.design.scale[g]);
+                let gram = stand_in.gram(f, g).chunks_exact(scale_g.len());
+                for ((j, a), gram) in scale_f.iter().enumerate().zip(gram) {
+                    let row = &mut self.upper.row_mut(self.starts[f] + j)[self.starts[g]..];
+                    for ((entry, gram), b) in row.iter_mut().zip(gram).zip(scale_g) {
+                        *entry = a * gram * b;
+                    }
+                }
             }
         }
+        self.set_moment(stand_in);
     }
 
-    /// AᵀW(y − b) into the shift; returns ½ (y − b)ᵀW(y − b).
-    fn set_moment(&mut self, stand_in: &StandIn) -> f64 {
+    /// `AᵀWd` and `dᵀWd`.
+    #[inline(always)]
+    fn set_moment(&mut self, stand_in: &StandIn) {
         let n = self.n_sites;
         let (d, product) = self.scratch.split_at_mut(n * self.starts.len());
         d.copy_from_slice(stand_in.centre());
@@ -137,33 +159,33 @@ impl Whitening {
         }
         product.fill(0.0);
         let quadratic = stand_in.add_product(d, product);
-        self.shift.fill(0.0);
+        let moment = &mut self.augmented[0].as_flattened_mut()[..self.n];
+        moment.fill(0.0);
         for (f, product) in product.chunks_exact(n).enumerate() {
             let rows = &self.design.rows[f];
             let width = rows.len() / n;
             for (row, p) in rows.chunks_exact(width).zip(product) {
-                add_scaled(&mut self.shift[self.starts[f]..][..width], *p, row);
+                add_scaled(&mut moment[self.starts[f]..][..width], *p, row);
             }
         }
-        quadratic
+        for (i, m) in moment.iter().enumerate() {
+            self.upper.row_mut(i)[self.n] = *m;
+        }
+        self.upper.row_mut(self.n)[self.n] = 2.0 * quadratic;
     }
 
     /// w = U⁻¹(s + z)
     pub(super) fn block(&self, z: &[f64], w: &mut [f64]) {
-        for ((w, s), z) in w.iter_mut().zip(&self.shift).zip(z) {
-            *w = s + z;
-        }
-        let n = self.n;
-        for i in (0..n).rev() {
-            let row = &self.upper[i * n..][..n];
-            w[i] = (w[i] - dot(&row[i + 1..], &w[i + 1..])) / row[i];
+        for i in (0..self.n).rev() {
+            let row = self.upper.row(i);
+            w[i] = (self.upper.last(i) + z[i] - dot(&row[1..], &w[i + 1..])) / row[0];
         }
     }
 
     /// z = U w − s
     pub(super) fn whitened(&self, w: &[f64], z: &mut [f64]) {
-        for (i, (z, s)) in z.iter_mut().zip(&self.shift).enumerate() {
-            *z = dot(&self.upper[i * self.n..][i..self.n], &w[i..]) - s;
+        for (i, z) in z.iter_mut().enumerate() {
+            *z = dot(self.upper.row(i), &w[i..]) - self.upper.last(i);
         }
     }
 
@@ -194,17 +216,17 @@ impl Whitening {
             }
         }
         for k in 0..n {
-            let row = &self.upper[k * n..][..n];
+            let row = self.upper.row(k);
             let (done, rest) = self.basis.split_at_mut((k + 1) * m);
             let column = &mut done[k * m..];
-            let inverse = 1.0 / row[k];
+            let inverse = 1.0 / row[0];
             for x in column.iter_mut() {
                 *x *= inverse;
             }
-            for (next, u) in rest.chunks_exact_mut(m).zip(&row[k + 1..]) {
+            for (next, u) in rest.chunks_exact_mut(m).zip(&row[1..]) {
                 add_scaled(next, -u, column);
             }
-            add_scaled(&mut self.origin, self.shift[k], column);
+            add_scaled(&mut self.origin, self.upper.last(k), column);
         }
     }
 
@@ -224,37 +246,42 @@ impl Whitening {
     }
 }
 
-/// `B = UᵀU` in place, upper triangle, row-major; ln|U|, or `None` if B is not positive definite.
-fn factorise(upper: &mut [f64], n: usize) -> Option<f64> {
-    let (mut ln_det, mut product) = (0.0, 1.0);
-    for k in 0..n {
-        let (head, rest) = upper.split_at_mut((k + 1) * n);
-        let row = &mut head[k * n + k..];
-        if !(row[0] > 0.0 && row[0] < f64::INFINITY) {
-            return None;
-        }
-        let pivot = row[0].sqrt();
-        row[0] = pivot;
-        product *= pivot;
-        if !(1e-150..1e150).contains(&product) {
-            ln_det += product.ln();
-            product = 1.0;
-        }
-        let inverse = 1.0 / pivot;
-        row[1..].iter_mut().for_each(|x| *x *= inverse);
-        for (i, next) in (k + 1..n).zip(rest.chunks_exact_mut(n)) {
-            add_scaled(&mut next[i..], -row[i - k], &row[i - k..]);
-        }
-    }
-    Some(ln_det + product.ln())
+/// [`Whitening::prepare`], compiled for the machine's vector registers.
+struct Prepare<'a> {
+    whitening: &'a mut Whitening,
+    stand_in: &'a StandIn,
 }
 
-/// x ← U⁻ᵀ x
-fn solve_transposed(upper: &[f64], x: &mut [f64]) {
-    let n = x.len();
-    for (k, row) in upper.chunks_exact(n).enumerate() {
-        let (done, rest) = x.split_at_mut(k + 1);
-        done[k] /= row[k];
-        add_scaled(rest, -done[k], &row[k + 1..]);
+impl NullaryFnOnce for Prepare<'_> {
+    type Output = bool;
+    #[inline(always)]
+    fn call(self) -> bool {
+        let Self { whitening, stand_in } = self;
+        whitening.set_upper(stand_in);
+        let Some((ln_det, left)) = whitening.upper.factorise() else { return false };
+        whitening.ln_evidence = -0.5 * left - ln_det;
+        whitening.ln_evidence.is_finite()
     }
+}
+
+/// For each lane of `[A d]`, the rows `(field, site)` that are not zero there.
+fn support(layout: &Layout, starts: &[usize]) -> Vec<Vec<usize>> {
+    let n = layout.n_block();
+    let is_zero = |row: usize, column: usize| {
+        let (f, site) = (row / layout.n_sites, row % layout.n_sites);
+        let field = &layout.fields[f];
+        match column.checked_sub(starts[f]) {
+            _ if column == n => false,
+            Some(j) if j < field.n_coefficients => {
+                matches!(field.shape, Shape::Triangular) && j > site
+            }
+            j => j.is_none_or(|j| j >= field.width()),
+        }
+    };
+    let of_lane = |lane: std::ops::Range<usize>| {
+        (0..layout.n_latent())
+            .filter(|row| lane.clone().any(|column| !is_zero(*row, column)))
+            .collect()
+    };
+    columns(n).map(of_lane).collect()
 }

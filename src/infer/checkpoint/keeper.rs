@@ -8,7 +8,7 @@ use serde::de::DeserializeOwned;
 use super::{CHAIN, Checkpoint, CheckpointError};
 
 /// Keeps one chain now and then: so seldom that keeping costs no more than a hundredth of its time.
-pub(in crate::infer) struct Keeper<'a> {
+pub(crate) struct Keeper<'a> {
     checkpoint: Option<&'a Checkpoint>,
     name: String,
     due: Instant,
@@ -18,23 +18,34 @@ impl<'a> Keeper<'a> {
     /// Time between two savings, in units of the time that one takes.
     const COST: u32 = 100;
 
-    pub(in crate::infer) fn new(checkpoint: Option<&'a Checkpoint>, chain: usize) -> Self {
+    pub(crate) fn new(checkpoint: Option<&'a Checkpoint>, chain: usize) -> Self {
         let due = Instant::now() + checkpoint.map_or(Duration::ZERO, |c| c.every);
         Self { checkpoint, name: name_of(chain), due }
     }
 
     /// Between two transitions: whether it is time to keep the chain, or the chain `stops` here.
-    pub(in crate::infer) fn is_due(&self, stops: bool) -> bool {
+    pub(crate) fn is_due(&self, stops: bool) -> bool {
         self.checkpoint.is_some() && (stops || Instant::now() >= self.due)
     }
 
     /// Keeps the chain.
-    pub(in crate::infer) fn keep(&mut self, state: &impl Serialize) {
+    pub(crate) fn keep(&mut self, state: &impl Serialize) {
         let Some(checkpoint) = self.checkpoint else { return };
         let begun = Instant::now();
         checkpoint.keep(&self.name, state);
         self.due = Instant::now() + checkpoint.every.max(Self::COST * begun.elapsed());
     }
+}
+
+/// The state of `chain`, if it was kept.
+///
+/// # Errors
+/// [`CheckpointError::Damaged`].
+pub(crate) fn take_chain<T: DeserializeOwned>(
+    checkpoint: &Checkpoint,
+    chain: usize,
+) -> Result<Option<T>, CheckpointError> {
+    checkpoint.take(&name_of(chain))
 }
 
 /// The states of all chains, as far as they were kept.
@@ -45,8 +56,7 @@ pub(in crate::infer) fn take_chains<T: DeserializeOwned>(
     checkpoint: Option<&Checkpoint>,
     chains: usize,
 ) -> Result<Vec<Option<T>>, CheckpointError> {
-    let take = |chain| checkpoint.map_or(Ok(None), |c| c.take(&name_of(chain)));
-    (0..chains).map(take).collect()
+    (0..chains).map(|chain| checkpoint.map_or(Ok(None), |c| take_chain(c, chain))).collect()
 }
 
 fn name_of(chain: usize) -> String {

@@ -27,7 +27,8 @@ use sha2::{Digest as _, Sha256};
 use crate::atomic::write_file_durably;
 
 pub use error::{CheckpointError, Identity, differences};
-pub(in crate::infer) use keeper::{Keeper, take_chains};
+pub(in crate::infer) use keeper::take_chains;
+pub(crate) use keeper::{Keeper, take_chain};
 
 /// First bytes of every state; the number changes with the layout of what follows.
 const MAGIC: &[u8; 8] = b"eplatCK1";

@@ -1,17 +1,34 @@
 //! Experiments on known truth.
 //!
 //! The paper's synthetic experiment for any model whose fields declare a range: ground-truth fields
-//! from a Matérn-5/2 prior, scaled into range and repaired, measured at maximin sites.
+//! from a Matérn-5/2 prior, scaled into range and repaired, measured at maximin sites. And the paper's
+//! validation: a [`Plan`] of many such experiments, block by block.
+
+mod calibrate;
+mod next;
+mod plan;
+mod results;
+
+pub use calibrate::{INTERVALS, MapError, Outcome, Study, coverage};
+pub use next::{Lesson, lessons};
+pub use plan::{Block, Case, Choice, Estimate, Plan};
+pub use results::{Group, Results, Table, summarise};
+
+use std::path::PathBuf;
 
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use rand_distr::StandardNormal;
 use thiserror::Error;
 
-use crate::dsl::{DataError, Declare, MapName, Maps, Measurements, Model, ModelError};
+use crate::dsl::{DataError, Declare, MapName, Maps, Measurements, Model, ModelError, Tape};
 use crate::field::{Matern52, unit_field};
+use crate::infer::InferError;
 use crate::manifold::{Basis, ManifoldError, interpolate_biharmonic, maximin};
 use crate::mesh::TriMesh;
+
+/// What messages call a table that was made here.
+const SYNTHETIC: &str = "the synthetic experiment";
 
 /// Modes of the ground truth.
 pub const TRUTH_MODES: usize = 256;
@@ -81,6 +98,25 @@ pub enum StudyError {
     /// The table cannot be made.
     #[error(transparent)]
     Data(#[from] DataError),
+    /// A calibration cannot begin.
+    #[error(transparent)]
+    Infer(#[from] InferError),
+    /// A plan that cannot be read, or says nothing that can be done.
+    #[error("{}: {why}", path.display())]
+    Plan {
+        /// The file.
+        path: PathBuf,
+        /// What is wrong, and where.
+        why: String,
+    },
+    /// Results that are of another plan, not complete or not readable.
+    #[error("{}: {why}", path.display())]
+    Results {
+        /// The file or folder.
+        path: PathBuf,
+        /// What is wrong.
+        why: String,
+    },
 }
 
 /// Stream `index` of this module: chains own the streams from 0 on, reports those from 2³² on.
@@ -104,39 +140,77 @@ pub fn experiment(
     if !outline.has_fields() {
         return Err(StudyError::NotSynthetic { why: "the model has no field".into() });
     }
-    let maps = Maps::new(&outline, basis);
-    let mut fields = true_fields(&maps, basis, design)?;
-    let mut tape = outline.tape();
-    outline.forward(&mut tape, &outline.initial());
-    let unphysical = |fields: &[Vec<f64>]| -> Vec<bool> {
-        let derived = maps.derived_fields(&tape, fields);
-        (0..basis.n_vertices()).map(|v| derived.iter().any(|d| d[v].is_nan())).collect()
-    };
-    let bad = unphysical(&fields);
-    repair(&mut fields, &bad, basis)?;
-    let derived = maps.derived_fields(&tape, &fields);
-    let repaired = bad.iter().filter(|b| **b).count() as f64 / bad.len() as f64;
-
-    let sites = maximin(mesh, design.n_sites, design.exclude, design.seed)?;
-    let measurements = measure(model, &outline, basis, &fields, &sites, design)?;
-    let names = maps.names().into_iter().map(|n| n.name);
+    let truth = Truth::new(&outline, basis, design.lengthscale, design.seed)?;
+    let Design { resolution, seed, .. } = *design;
+    let sites = maximin(mesh, design.n_sites, design.exclude, seed)?;
+    let measurements = measure(model, &outline, basis, &truth.fields, &sites, resolution, seed)?;
+    let names = Maps::new(&outline, basis).names().into_iter().map(|n| n.name);
+    let Truth { fields, derived, repaired } = truth;
     let truth = names.zip(fields.into_iter().chain(derived)).collect();
     Ok(Experiment { measurements, truth, repaired })
+}
+
+/// Fields that are physical wherever they can be made so, and what follows from them.
+struct Truth {
+    /// Each n_vertices.
+    fields: Vec<Vec<f64>>,
+    /// Derived quantities, each n_vertices; NaN where unphysical even after repair.
+    derived: Vec<Vec<f64>>,
+    /// Share of vertices that were repaired.
+    repaired: f64,
+}
+
+impl Truth {
+    /// Drawn with this lengthscale, mm.
+    fn new(
+        outline: &Model,
+        basis: &Basis,
+        lengthscale: f64,
+        seed: u64,
+    ) -> Result<Self, StudyError> {
+        let maps = Maps::new(outline, basis);
+        let mut tape = outline.tape();
+        outline.forward(&mut tape, &outline.initial());
+        repaired(&maps, &tape, true_fields(&maps, basis, lengthscale, seed)?, basis)
+    }
+
+    /// Fields, then derived quantities.
+    fn maps(&self) -> impl Iterator<Item = &Vec<f64>> {
+        self.fields.iter().chain(&self.derived)
+    }
+}
+
+/// Repairs fields where what follows from them is unphysical, at the parameters of the last forward
+/// pass.
+fn repaired(
+    maps: &Maps<'_>,
+    tape: &Tape,
+    mut fields: Vec<Vec<f64>>,
+    basis: &Basis,
+) -> Result<Truth, StudyError> {
+    let derived = maps.derived_fields(tape, &fields);
+    let bad: Vec<bool> =
+        (0..basis.n_vertices()).map(|v| derived.iter().any(|d| d[v].is_nan())).collect();
+    repair(&mut fields, &bad, basis)?;
+    let derived = maps.derived_fields(tape, &fields);
+    let repaired = bad.iter().filter(|b| **b).count() as f64 / bad.len() as f64;
+    Ok(Truth { fields, derived, repaired })
 }
 
 /// Independent Matérn-5/2 fields, each scaled onto its whole declared range.
 fn true_fields(
     maps: &Maps<'_>,
     basis: &Basis,
-    design: &Design,
+    lengthscale: f64,
+    seed: u64,
 ) -> Result<Vec<Vec<f64>>, StudyError> {
-    let mut rng = stream(design.seed, 0);
+    let mut rng = stream(seed, 0);
     let ranged = maps.names().into_iter().take(maps.n_fields());
     ranged
         .map(|MapName { name: field, range, .. }| {
             let (low, high) = range.ok_or(StudyError::NoRange { field })?;
             let eta: Vec<f64> = (0..basis.n_modes()).map(|_| rng.sample(StandardNormal)).collect();
-            let unit = unit_field(basis, &Matern52(design.lengthscale), &eta);
+            let unit = unit_field(basis, &Matern52(lengthscale), &eta);
             let min = unit.iter().copied().fold(f64::INFINITY, f64::min);
             let max = unit.iter().copied().fold(f64::NEG_INFINITY, f64::max);
             Ok(unit.iter().map(|x| low + (high - low) * (x - min) / (max - min)).collect())
@@ -163,23 +237,32 @@ fn repair(fields: &mut [Vec<f64>], bad: &[bool], basis: &Basis) -> Result<(), St
     Ok(())
 }
 
-/// Every `observe` of the model once per site, as its likelihood simulates it on the true fields.
-fn measure(
-    model: &dyn Declare,
+/// A table before it is measured: header and cells.
+struct Blank {
+    header: Vec<String>,
+    cells: Vec<Vec<String>>,
+    table: Measurements,
+}
+
+/// Every `observe` of the model once per site, with measurements that only fix the protocol's grid.
+fn blank_table(
     outline: &Model,
     basis: &Basis,
-    fields: &[Vec<f64>],
     sites: &[u32],
-    design: &Design,
-) -> Result<Measurements, StudyError> {
+    resolution: f64,
+) -> Result<Blank, StudyError> {
     let mut columns: Vec<&str> = vec![];
     for observe in &outline.observes {
         columns.extend(observe.columns.iter().filter(|c| !columns.contains(c)).collect::<Vec<_>>());
     }
     let header: Vec<String> =
         ["site", "vertex", "protocol"].iter().chain(&columns).map(ToString::to_string).collect();
-    // What a measurement of every kind looks like before it is made: it fixes the protocol's grid.
-    let blank = |column: &str| if column == "upper" { design.resolution } else { 0.0 };
+    // One is a value that every likelihood takes.
+    let blank = |column: &str| match column {
+        "lower" => 0.0,
+        "upper" => resolution,
+        _ => 1.0,
+    };
     let mut cells = vec![];
     for (site, vertex) in sites.iter().enumerate() {
         for observe in &outline.observes {
@@ -190,19 +273,38 @@ fn measure(
             cells.push(row);
         }
     }
-    let name = "the synthetic experiment";
-    let mut table = Measurements::from_cells(name, header.clone(), cells.clone())?;
+    let mut table = Measurements::from_cells(SYNTHETIC, header.clone(), cells.clone())?;
     table.place_at_indices(basis.n_vertices())?;
-    let blank_model = Model::new(model, Some(basis), &table).map_err(|error| match error {
+    Ok(Blank { header, cells, table })
+}
+
+/// The model on a table before it is measured.
+fn on_blank(model: &dyn Declare, basis: &Basis, blank: &Blank) -> Result<Model, StudyError> {
+    Model::new(model, Some(basis), &blank.table).map_err(|error| match error {
         ModelError::Data(DataError::NoColumn { column, .. }) => {
             StudyError::NotSynthetic { why: format!("the model reads the column `{column}`") }
         }
         other => other.into(),
-    })?;
+    })
+}
+
+/// Every `observe` of the model once per site, as its likelihood simulates it on the true fields.
+fn measure(
+    model: &dyn Declare,
+    outline: &Model,
+    basis: &Basis,
+    fields: &[Vec<f64>],
+    sites: &[u32],
+    resolution: f64,
+    seed: u64,
+) -> Result<Measurements, StudyError> {
+    let blank = blank_table(outline, basis, sites, resolution)?;
+    let blank_model = on_blank(model, basis, &blank)?;
+    let Blank { header, mut cells, table } = blank;
     let mut tape = blank_model.tape();
     blank_model.forward(&mut tape, &blank_model.initial());
     Maps::new(&blank_model, basis).set_at_probes(&mut tape, &table.vertices(), fields);
-    let mut rng = stream(design.seed, 1);
+    let mut rng = stream(seed, 1);
     for observe in &blank_model.observes {
         for (row, values) in observe.rows.iter().zip(observe.simulate(&tape, &mut rng)) {
             for (column, value) in observe.columns.iter().zip(values) {
@@ -211,7 +313,7 @@ fn measure(
             }
         }
     }
-    let mut measured = Measurements::from_cells(name, header, cells)?;
+    let mut measured = Measurements::from_cells(SYNTHETIC, header, cells)?;
     measured.place_at_indices(basis.n_vertices())?;
     Ok(measured)
 }

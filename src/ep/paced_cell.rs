@@ -1,0 +1,194 @@
+//! One cell without neighbours, paced: V and h in time, and how a beat's duration depends on the pause
+//! before it.
+//!
+//! The step is that of the tissue without its diffusion: five forward-Euler substeps, then the stimulus.
+
+use super::cell::{StepRates, Tissue, V_GATE, euler_step};
+
+/// Step, ms, and the cell's substeps in it.
+const STEP: f64 = 0.1;
+const SUBSTEPS: u32 = 5;
+
+/// Steps that a stimulus lasts.
+const PULSE: u64 = 9;
+
+/// V at which an upstroke counts as activation, and at which a downstroke counts as recovery to 20, 30,
+/// 50 and 90 %: the tissue's.
+const ACTIVATION: f64 = 0.7;
+const RECOVERY: [f64; 4] = [0.8, 0.7, 0.5, 0.1];
+
+/// A cell at some time.
+#[derive(Debug, Clone)]
+pub struct PacedCell {
+    rates: StepRates,
+    /// What a stimulus adds to V, 1/ms.
+    strength: f64,
+    v: f64,
+    h: f64,
+    step: u64,
+    /// Step at which the last stimulus began.
+    stimulus: Option<u64>,
+}
+
+/// V and the gate h at a time, ms.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Sample {
+    /// Time, ms.
+    pub time: f64,
+    /// V.
+    pub v: f64,
+    /// The gate.
+    pub h: f64,
+}
+
+/// A beat of a cell: times since the stimulus, ms.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct CellBeat {
+    /// Activation.
+    pub lat: f64,
+    /// Action potential durations at 20, 30, 50 and 90 % recovery.
+    pub apd: [f64; 4],
+}
+
+/// One point of a restitution curve.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct RestitutionPoint {
+    /// Interval from the last S1, ms.
+    pub s2: f64,
+    /// Diastolic interval: from the 90 % recovery of the last S1 beat to the stimulus, ms.
+    pub di: f64,
+    /// The beat; `None` if it is not captured.
+    pub beat: Option<CellBeat>,
+}
+
+impl PacedCell {
+    /// At rest, V = 0 and h = 1, with stimuli of `strength` (1/ms).
+    pub fn new(cell: Tissue, strength: f64) -> Self {
+        let rates = cell.step_rates(STEP / f64::from(SUBSTEPS));
+        Self { rates, strength, v: 0.0, h: 1.0, step: 0, stimulus: None }
+    }
+
+    /// Where it is.
+    pub fn sample(&self) -> Sample {
+        Sample { time: self.step as f64 * STEP, v: self.v, h: self.h }
+    }
+
+    /// Begins a stimulus and lets `ms` pass; what it saw of each step goes to `trace`. The beat, if V rose
+    /// to activation from below the threshold and recovered in this time.
+    pub fn beat(&mut self, ms: f64, trace: &mut dyn FnMut(Sample)) -> Option<CellBeat> {
+        let begin = self.step;
+        let was_recovered = self.v < V_GATE;
+        self.stimulus = Some(begin);
+        let (mut lat, mut recovery) = (f64::NAN, [f64::NAN; 4]);
+        while self.step < begin + (ms / STEP).round() as u64 {
+            let before = self.v;
+            let since = |share: f64| ((self.step - begin) as f64 + share) * STEP;
+            let (v, h) = self.next();
+            let at = |level: f64| since((level - before) / (v - before));
+            if lat.is_nan() && before < ACTIVATION && v >= ACTIVATION {
+                lat = at(ACTIVATION);
+            }
+            for (recovery, level) in recovery.iter_mut().zip(RECOVERY) {
+                if !lat.is_nan() && recovery.is_nan() && before > level && v <= level {
+                    *recovery = at(level);
+                }
+            }
+            (self.v, self.h) = (v, h);
+            self.step += 1;
+            trace(self.sample());
+        }
+        let is_beat = was_recovered && recovery.iter().all(|t| t.is_finite());
+        is_beat.then(|| CellBeat { lat, apd: recovery.map(|t| t - lat) })
+    }
+
+    /// V and h after a step.
+    fn next(&self) -> (f64, f64) {
+        let (mut v, mut h) = (self.v, self.h);
+        for _ in 0..SUBSTEPS {
+            (v, h) = euler_step(v, h, self.rates);
+        }
+        let is_on = self.stimulus.is_some_and(|begin| self.step - begin < PULSE);
+        (if is_on { v + STEP * self.strength } else { v }, h)
+    }
+}
+
+/// The S1S2 restitution curve: the last beat of `n_beats` at `s1` ms, and after each of the intervals `s2`
+/// (ms, at most `s1`) a beat of its own.
+pub fn restitution(
+    cell: Tissue,
+    strength: f64,
+    (s1, n_beats): (f64, u32),
+    s2: &[f64],
+) -> Vec<RestitutionPoint> {
+    let mut paced = PacedCell::new(cell, strength);
+    for _ in 1..n_beats {
+        paced.beat(s1, &mut |_| ());
+    }
+    let last = paced.clone().beat(s1, &mut |_| ());
+    let point = |s2: &f64| {
+        let mut paced = paced.clone();
+        paced.beat(*s2, &mut |_| ());
+        let di = last.map_or(f64::NAN, |beat| s2 - beat.lat - beat.apd[3]);
+        RestitutionPoint { s2: *s2, di, beat: paced.beat(s1, &mut |_| ()) }
+    };
+    s2.iter().map(point).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::ep::Parameters;
+
+    fn cell() -> Tissue {
+        Parameters::from_array([0.7, 0.05, 10.0, 120.0, 200.0]).tissue()
+    }
+
+    /// Mitchell and Schaeffer 2003, equation for APD restitution: with fast currents the gate alone
+    /// makes the duration, and opens with `tau_open` in the pause.
+    #[test]
+    fn durations_follow_the_gate_as_the_closed_form_says() {
+        let tissue = Parameters::from_array([0.7, 0.01, 1.0, 120.0, 270.0]).tissue();
+        let h_min = 1.0 / (1.0 + 0.81 * tissue.tau_out / (4.0 * tissue.tau_in));
+        let curve = restitution(tissue, 0.4, (900.0, 4), &[350.0, 450.0, 600.0, 900.0]);
+        for point in curve {
+            let beat = point.beat.unwrap();
+            let h = 1.0 - (1.0 - h_min) * (-point.di / tissue.tau_open).exp();
+            let expected = tissue.tau_close * (h / h_min).ln();
+            println!("DI {:.1}: APD90 {:.2}, closed form {expected:.2}", point.di, beat.apd[3]);
+            assert!((beat.apd[3] / expected - 1.0).abs() < 0.03, "{point:?}");
+        }
+    }
+
+    #[test]
+    fn a_cell_that_has_not_recovered_is_not_captured() {
+        let curve = restitution(cell(), 0.3, (600.0, 3), &[100.0, 180.0, 300.0, 600.0]);
+        let is_captured: Vec<bool> = curve.iter().map(|p| p.beat.is_some()).collect();
+        assert_eq!(is_captured, [false, false, true, true]);
+        assert!(curve[0].di < 0.0 && curve[2].di > 0.0);
+        let apd90 = |k: usize| curve[k].beat.unwrap().apd[3];
+        assert!(apd90(2) + 10.0 < apd90(3), "shorter after a shorter pause");
+    }
+
+    /// `V = V_gate` belongs to the branch in which the gate opens, also in a paced cell.
+    #[test]
+    fn at_the_threshold_itself_the_gate_opens() {
+        let mut paced = PacedCell::new(cell(), 0.3);
+        (paced.v, paced.h) = (V_GATE, 1.0);
+        let rest = paced.next();
+        assert!(rest.0 <= V_GATE && rest.1 >= 1.0, "no current at V_gate with h = 1: {rest:?}");
+        paced.v = V_GATE.next_up();
+        assert!(paced.next().1 < 1.0, "just above, it closes");
+    }
+
+    #[test]
+    fn the_trace_is_of_every_step() {
+        let mut paced = PacedCell::new(cell(), 0.3);
+        let mut trace = vec![];
+        let beat = paced.beat(400.0, &mut |sample| trace.push(sample)).unwrap();
+        assert_eq!(trace.len(), 4000);
+        let peak = trace.iter().map(|s| s.v).fold(0.0, f64::max);
+        assert!(peak > 0.9 && peak < 1.0, "{peak}");
+        assert!(trace.iter().all(|s| (0.0..=1.0).contains(&s.h)));
+        assert!(beat.apd.is_sorted(), "{beat:?}");
+    }
+}

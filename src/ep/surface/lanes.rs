@@ -1,0 +1,77 @@
+//! What is done to the rows of one block: plain loops over fixed arrays, which the compiler turns into
+//! vector instructions. Sums have a fixed order, so that no bit depends on the machine's vector width.
+
+use crate::ep::cell::{StepRates, euler_step};
+use crate::ep::precision::Precision;
+
+/// Rows that sleep and wake together, and that one task works on.
+pub(super) const BLOCK: usize = 128;
+
+/// Partial sums of a block.
+const LANES: usize = 8;
+
+/// `substeps` of the cells.
+#[inline(always)]
+pub(super) fn react<F: Precision>(
+    v: &mut [F; BLOCK],
+    h: &mut [F; BLOCK],
+    rates: &StepRates<[F; BLOCK]>,
+    substeps: u32,
+) {
+    for i in 0..BLOCK {
+        let StepRates { excite, leak, open, close } = rates;
+        let rates = StepRates { excite: excite[i], leak: leak[i], open: open[i], close: close[i] };
+        for _ in 0..substeps {
+            (v[i], h[i]) = euler_step(v[i], h[i], rates);
+        }
+    }
+}
+
+/// `a · b`.
+#[inline(always)]
+pub(super) fn dot<F: Precision>(a: &[F; BLOCK], b: &[F; BLOCK]) -> f64 {
+    let mut lanes = [F::zero(); LANES];
+    for (a, b) in a.as_chunks::<LANES>().0.iter().zip(b.as_chunks::<LANES>().0) {
+        for l in 0..LANES {
+            lanes[l] = lanes[l] + a[l] * b[l];
+        }
+    }
+    lanes.iter().map(|sum| sum.f64()).sum()
+}
+
+/// `a + factor · b` into `b`.
+#[inline(always)]
+pub(super) fn add_scaled<F: Precision>(a: &[F; BLOCK], factor: F, b: &mut [F; BLOCK]) {
+    for (a, b) in a.iter().zip(b) {
+        *b = *a + factor * *b;
+    }
+}
+
+/// Adds `factor · a` to `b`.
+#[inline(always)]
+pub(super) fn add_to<F: Precision>(factor: F, a: &[F; BLOCK], b: &mut [F; BLOCK]) {
+    for (a, b) in a.iter().zip(b) {
+        *b = *b + factor * *a;
+    }
+}
+
+/// `a · b`, row by row, into `out`.
+#[inline(always)]
+pub(super) fn product<F: Precision>(a: &[F; BLOCK], b: &[F; BLOCK], out: &mut [F; BLOCK]) {
+    for i in 0..BLOCK {
+        out[i] = a[i] * b[i];
+    }
+}
+
+/// The largest magnitude; NaN counts as none.
+#[inline(always)]
+pub(super) fn peak<F: Precision>(a: &[F; BLOCK]) -> F {
+    let mut lanes = [F::zero(); LANES];
+    for a in a.as_chunks::<LANES>().0 {
+        for l in 0..LANES {
+            let size = a[l].abs();
+            lanes[l] = if size > lanes[l] { size } else { lanes[l] };
+        }
+    }
+    lanes.into_iter().fold(F::zero(), F::max)
+}

@@ -1,0 +1,156 @@
+//! A simulation from its first step to its last.
+
+use serde::de::DeserializeOwned;
+use serde::{Deserialize, Serialize};
+
+use super::lanes::BLOCK;
+use super::pacing::PULSE;
+use super::record::{Recorder, RecorderState};
+use super::solver::{Solver, SolverState};
+use super::{BeatMap, Pacing, Substrate, SurfaceError, by_vertex};
+use crate::ep::precision::Precision;
+
+/// A surface that is paced, step by step. Bit-identical for any number of threads.
+///
+/// ```text
+/// let mut simulation = Simulation::<f32>::new(&substrate, &pacing, 0.1)?;
+/// while !simulation.is_done() {
+///     simulation.step()?;
+/// }
+/// let beat = simulation.beat();
+/// ```
+#[derive(Debug)]
+pub struct Simulation<F> {
+    solver: Solver<F>,
+    recorder: Recorder<F>,
+    /// Rows that are stimulated, and what a step of it adds to V there.
+    rows: Vec<u32>,
+    amplitude: F,
+    /// Steps at which stimuli begin, and how long they are.
+    starts: Vec<u64>,
+    pulse: u64,
+    /// Steps that are measured.
+    measured: std::ops::Range<u64>,
+    dt: f64,
+    step: u64,
+    n_steps: u64,
+}
+
+/// What a simulation goes on from, to the same bits.
+#[derive(Debug, Clone, Serialize, Deserialize)]
+#[serde(bound(deserialize = "F: DeserializeOwned"))]
+pub struct State<F> {
+    step: u64,
+    solver: SolverState<F>,
+    recorder: RecorderState,
+}
+
+impl<F: Precision> Simulation<F> {
+    /// Tissue at rest, to be paced in steps of `dt` ms.
+    ///
+    /// # Errors
+    /// Pacing that makes no sense on this surface, or not a parameter set for each vertex.
+    pub fn new(substrate: &Substrate<'_>, pacing: &Pacing, dt: f64) -> Result<Self, SurfaceError> {
+        let (vertices, got) = (substrate.mesh.n_vertices(), substrate.tissue.len());
+        pacing.validate(vertices, dt)?;
+        if vertices != got {
+            return Err(SurfaceError::Parameters { vertices, got });
+        }
+        let solver = Solver::<F>::new(substrate, dt);
+        let mut is_paced = vec![false; vertices];
+        for v in &pacing.vertices {
+            is_paced[*v as usize] = true;
+        }
+        let rows = (0..).zip(&solver.operators.vertex).filter(|(_, v)| is_paced[**v as usize]);
+        let rows = rows.map(|(row, _)| row).collect();
+        let step_of = |time: f64| (time / dt).round() as u64;
+        let starts: Vec<u64> = pacing.times.iter().map(|t| step_of(*t)).collect();
+        let n_steps = step_of(pacing.end);
+        let end = starts.get(pacing.measured + 1).copied().unwrap_or(n_steps);
+        Ok(Self {
+            recorder: Recorder::new(vertices.div_ceil(BLOCK)),
+            solver,
+            rows,
+            amplitude: F::of(pacing.strength * dt),
+            measured: starts[pacing.measured]..end,
+            starts,
+            pulse: step_of(PULSE),
+            dt,
+            step: 0,
+            n_steps,
+        })
+    }
+
+    /// Whether the end of the pacing is reached.
+    pub fn is_done(&self) -> bool {
+        self.step >= self.n_steps
+    }
+
+    /// One time step.
+    ///
+    /// # Errors
+    /// [`SurfaceError::Unstable`].
+    pub fn step(&mut self) -> Result<(), SurfaceError> {
+        let step = self.step;
+        let is_on = self.starts.iter().any(|s| (*s..*s + self.pulse).contains(&step));
+        let stimulus = is_on.then_some((self.amplitude, &self.rows[..]));
+        let is_measured = self.measured.contains(&step);
+        if is_measured {
+            self.recorder.before(&self.solver);
+        }
+        // from inside the pool, so that its threads are woken once and not for every loop
+        if !rayon::scope(|_| self.solver.step(stimulus)) {
+            return Err(SurfaceError::Unstable { time: self.time(), dt: self.dt });
+        }
+        if is_measured {
+            self.recorder.after(&self.solver, (step - self.measured.start) as f64, self.dt);
+        }
+        self.step += 1;
+        Ok(())
+    }
+
+    /// Time that has been simulated, ms.
+    pub fn time(&self) -> f64 {
+        self.step as f64 * self.dt
+    }
+
+    /// V at every vertex.
+    pub fn voltage(&self) -> Vec<f64> {
+        let v = self.solver.v.as_flattened();
+        by_vertex(&self.solver.operators.vertex, v.iter().map(|v| v.f64()))
+    }
+
+    /// The measured beat so far.
+    pub fn beat(&self) -> BeatMap {
+        self.recorder.map(&self.solver.operators.vertex)
+    }
+
+    /// Share of the vertices that are not at rest.
+    pub fn awake(&self) -> f64 {
+        let awake = self.solver.awake.iter().filter(|awake| **awake).count();
+        awake as f64 / self.solver.awake.len() as f64
+    }
+
+    /// Iterations of the linear solver so far.
+    pub fn n_iterations(&self) -> u64 {
+        self.solver.n_iterations
+    }
+
+    /// What [`Simulation::restore`] goes on from.
+    pub fn state(&self) -> State<F> {
+        State { step: self.step, solver: self.solver.state(), recorder: self.recorder.state() }
+    }
+
+    /// Goes on from where a simulation of the same substrate and pacing was.
+    ///
+    /// # Errors
+    /// [`SurfaceError::State`] if it was on another surface.
+    pub fn restore(&mut self, state: State<F>) -> Result<(), SurfaceError> {
+        let fits = self.solver.restore(&state.solver) && self.recorder.restore(state.recorder);
+        if !fits || state.step > self.n_steps {
+            return Err(SurfaceError::State);
+        }
+        self.step = state.step;
+        Ok(())
+    }
+}

@@ -1,0 +1,163 @@
+//! `field_draws.npz`: draws of whole fields, a few numbers each.
+//!
+//! ```text
+//! eigenfunctions (vertex, K)      NAME (draw, 1 + K), one for each field
+//! NAME at a vertex = NAME[draw, 0] + eigenfunctions[vertex] · NAME[draw, 1:]
+//! ```
+
+use std::collections::BTreeMap;
+use std::io::{self, Seek, Write};
+use std::path::Path;
+
+use npyz::WriterBuilder as _;
+use npyz::npz::{NpzArchive, NpzWriter};
+use npyz::zip::{CompressionMethod, DateTime, write::FileOptions};
+
+use super::ReportError;
+use crate::atomic::write_file;
+
+const EIGENFUNCTIONS: &str = "eigenfunctions";
+
+/// Draws of every field of a model, on one surface.
+#[derive(Clone, Debug, PartialEq)]
+pub struct FieldDraws {
+    /// Number of modes K.
+    pub n_modes: usize,
+    /// (vertex, K), row-major.
+    pub eigenfunctions: Vec<f64>,
+    /// By field (draw, 1 + K), row-major: mean, and weights of the eigenfunctions.
+    pub coefficients: BTreeMap<String, Vec<f64>>,
+}
+
+impl FieldDraws {
+    /// The file in an output folder.
+    pub const FILE: &str = "field_draws.npz";
+
+    /// Number of vertices.
+    pub fn n_vertices(&self) -> usize {
+        self.eigenfunctions.len() / self.n_modes.max(1)
+    }
+
+    /// Number of draws.
+    pub fn n_draws(&self) -> usize {
+        self.coefficients.values().next().map_or(0, |c| c.len() / (1 + self.n_modes))
+    }
+
+    /// The field `name` at every vertex in one draw; `None` if there is no such field or draw.
+    pub fn at_vertices(&self, name: &str, draw: usize) -> Option<Vec<f64>> {
+        let (mean, weights) =
+            self.coefficients.get(name)?.chunks_exact(1 + self.n_modes).nth(draw)?.split_first()?;
+        let value =
+            |modes: &[f64]| mean + modes.iter().zip(weights).map(|(m, w)| m * w).sum::<f64>();
+        Some(self.eigenfunctions.chunks_exact(self.n_modes.max(1)).map(value).collect())
+    }
+
+    /// Writes the file.
+    ///
+    /// # Errors
+    /// [`ReportError::Write`].
+    pub fn write(&self, path: &Path) -> Result<(), ReportError> {
+        write_file(path, |file| self.write_arrays(file)).map_err(ReportError::write(path))
+    }
+
+    fn write_arrays(&self, writer: impl Write + Seek) -> io::Result<()> {
+        let mut archive = NpzWriter::new(writer);
+        let eigenfunctions = (EIGENFUNCTIONS, self.n_modes, &self.eigenfunctions);
+        let fields = self.coefficients.iter().map(|(n, c)| (n.as_str(), 1 + self.n_modes, c));
+        for (name, width, values) in std::iter::once(eigenfunctions).chain(fields) {
+            // the same draws are the same bytes at any time of day
+            let options = FileOptions::default()
+                .last_modified_time(DateTime::default())
+                .compression_method(CompressionMethod::Stored)
+                .large_file(values.len() > 1 << 28);
+            let shape = [(values.len() / width.max(1)) as u64, width as u64];
+            let mut array =
+                archive.array(name, options)?.default_dtype().shape(&shape).begin_nd()?;
+            array.extend(values.iter().copied())?;
+            array.finish()?;
+        }
+        archive.zip_writer().finish()?.flush()
+    }
+
+    /// Reads what [`FieldDraws::write`] wrote.
+    ///
+    /// # Errors
+    /// [`ReportError::Read`], [`ReportError::Malformed`].
+    pub fn read(path: &Path) -> Result<Self, ReportError> {
+        let mut archive = NpzArchive::open(path).map_err(ReportError::read(path))?;
+        let names: Vec<String> = archive.array_names().map(str::to_owned).collect();
+        let mut matrix = |name: &str| -> io::Result<(usize, Vec<f64>)> {
+            let file = archive.by_name(name)?.ok_or_else(|| io::Error::other("it is absent"))?;
+            let shape = file.shape().to_vec();
+            let values = file.into_vec::<f64>()?;
+            match shape[..] {
+                [_, width] => Ok((width as usize, values)),
+                _ => Err(io::Error::other(format!("expected 2 dimensions, got {shape:?}"))),
+            }
+        };
+        let malformed = |name: &str, reason: &dyn std::fmt::Display| ReportError::Malformed {
+            path: path.to_owned(),
+            reason: format!("array {name}: {reason}"),
+        };
+        let (n_modes, eigenfunctions) =
+            matrix(EIGENFUNCTIONS).map_err(|e| malformed(EIGENFUNCTIONS, &e))?;
+        let mut coefficients: BTreeMap<String, Vec<f64>> = BTreeMap::new();
+        for name in names.into_iter().filter(|name| name != EIGENFUNCTIONS) {
+            let (width, values) = matrix(&name).map_err(|e| malformed(&name, &e))?;
+            let n = coefficients.values().next().map_or(values.len(), Vec::len);
+            if width != 1 + n_modes || values.len() != n {
+                let got = format!("{} values in rows of {width}", values.len());
+                return Err(malformed(
+                    &name,
+                    &format_args!("expected {n} in rows of {}, got {got}", 1 + n_modes),
+                ));
+            }
+            coefficients.insert(name, values);
+        }
+        Ok(Self { n_modes, eigenfunctions, coefficients })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn small() -> FieldDraws {
+        FieldDraws {
+            n_modes: 2,
+            eigenfunctions: vec![1.0, 0.0, 0.5, -1.0, 0.0, 2.0],
+            coefficients: BTreeMap::from([(
+                "tau_out".into(),
+                vec![10.0, 1.0, 2.0, 20.0, 0.0, 0.25],
+            )]),
+        }
+    }
+
+    #[test]
+    fn draws_read_back_the_same_and_make_fields() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("field_draws.npz");
+        small().write(&path).unwrap();
+        let back = FieldDraws::read(&path).unwrap();
+        assert_eq!(back, small());
+        assert_eq!((back.n_vertices(), back.n_draws()), (3, 2));
+        assert_eq!(back.at_vertices("tau_out", 0).unwrap(), [11.0, 8.5, 14.0]);
+        assert_eq!(back.at_vertices("tau_out", 1).unwrap(), [20.0, 19.75, 20.5]);
+        assert!(
+            back.at_vertices("apd_max", 0).is_none() && back.at_vertices("tau_out", 2).is_none()
+        );
+    }
+
+    #[test]
+    fn arrays_that_do_not_fit_are_named() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("field_draws.npz");
+        let mut wrong = small();
+        wrong.coefficients.insert("x".into(), vec![0.0; 3]);
+        wrong.write(&path).unwrap();
+        let said = FieldDraws::read(&path).unwrap_err().to_string();
+        assert!(said.contains("array x: expected 6 in rows of 3, got 3"), "{said}");
+        std::fs::write(&path, b"PK").unwrap();
+        assert!(FieldDraws::read(&path).is_err());
+    }
+}

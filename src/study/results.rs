@@ -1,0 +1,266 @@
+//! Results of a plan: one file per block, that appears when the block is done; then one table of all.
+
+use std::collections::BTreeMap;
+use std::fs;
+use std::path::{Path, PathBuf};
+
+use serde_json::json;
+
+use super::StudyError;
+use super::calibrate::{INTERVALS, Outcome};
+use super::plan::{Block, Estimate, Plan};
+use crate::atomic::write_file;
+
+/// Columns that say which case a row is, and how it went.
+const CASE: [&str; 8] = [
+    "lengthscale_mm",
+    "field",
+    "sites",
+    "design",
+    "resolution",
+    "converged",
+    "truth_repaired",
+    "repaired",
+];
+/// Columns by which cases are put together.
+const GROUP: [&str; 3] = ["lengthscale_mm", "resolution", "sites"];
+
+/// The folder of a plan's results.
+#[derive(Clone, Debug)]
+pub struct Results {
+    folder: PathBuf,
+}
+
+/// Mean and standard deviation of every figure over the cases that differ in truth and design alone.
+#[derive(Clone, Debug)]
+pub struct Group {
+    /// Lengthscale, resolution, number of sites.
+    pub key: [f64; 3],
+    /// Number of cases.
+    pub n: usize,
+    /// Mean and standard deviation by column.
+    pub figures: BTreeMap<String, (f64, f64)>,
+}
+
+impl Results {
+    /// Opens or makes the folder for this plan; `inputs` are the hashes of model and mesh.
+    ///
+    /// # Errors
+    /// [`StudyError::Results`], also for a folder that holds another plan's results.
+    pub fn open(
+        folder: &Path,
+        plan: &Plan,
+        inputs: &BTreeMap<String, String>,
+    ) -> Result<Self, StudyError> {
+        let results = Self { folder: folder.to_owned() };
+        let record =
+            json!({ "plan": plan, "version": env!("CARGO_PKG_VERSION"), "hashes": inputs });
+        let text = format!("{record:#}\n");
+        let path = folder.join("study.json");
+        fs::create_dir_all(folder.join("blocks")).map_err(|e| fault(folder, &e))?;
+        match fs::read_to_string(&path) {
+            Ok(there) if there == text => {}
+            Ok(_) => {
+                let why = "the results there are of another plan, model, mesh or version\n\
+                           help: give another --out, or remove the folder";
+                return Err(StudyError::Results { path, why: why.to_owned() });
+            }
+            Err(_) => {
+                write_file(&path, |file| std::io::Write::write_all(file, text.as_bytes()))
+                    .map_err(|e| fault(&path, &e))?;
+            }
+        }
+        Ok(results)
+    }
+
+    /// Where a block's results are once it is done.
+    pub fn path(&self, block: &Block) -> PathBuf {
+        self.folder.join("blocks").join(format!("{:05}.csv", block.index))
+    }
+
+    /// Writes a block's results, whole or not at all.
+    ///
+    /// # Errors
+    /// [`StudyError::Results`].
+    pub fn write(
+        &self,
+        plan: &Plan,
+        names: &[&str],
+        block: &Block,
+        truth_repaired: f64,
+        outcomes: &[Outcome],
+    ) -> Result<(), StudyError> {
+        let path = self.path(block);
+        write_file(&path, |file| {
+            let mut table = csv::Writer::from_writer(file);
+            table.write_record(header(plan, names))?;
+            for outcome in outcomes {
+                table.write_record(row(block, truth_repaired, outcome))?;
+            }
+            table.flush()
+        })
+        .map_err(|error| fault(&path, &error))
+    }
+
+    /// Puts all blocks into `results.csv`, in the plan's order, and returns the table: columns, rows.
+    ///
+    /// # Errors
+    /// [`StudyError::Results`] for a block that is missing, unless `partial`, or not as the plan has it.
+    pub fn merge(&self, plan: &Plan, partial: bool) -> Result<Table, StudyError> {
+        let blocks = plan.blocks();
+        let missing: Vec<usize> =
+            blocks.iter().filter(|b| !self.path(b).is_file()).map(|b| b.index).collect();
+        if !missing.is_empty() && !partial {
+            let some: Vec<String> = missing.iter().take(5).map(ToString::to_string).collect();
+            let more = if missing.len() > some.len() { ", …" } else { "" };
+            return Err(StudyError::Results {
+                path: self.folder.clone(),
+                why: format!(
+                    "the results of {} of {} truths are missing (numbers {}{more})\n\
+                     help: run the plan again with the same --out, which does what is missing; or merge what is there with --partial",
+                    missing.len(),
+                    blocks.len(),
+                    some.join(", ")
+                ),
+            });
+        }
+        let mut merged = Table::default();
+        for block in blocks.iter().filter(|block| !missing.contains(&block.index)) {
+            merged.append(&self.path(block), plan.cases().len())?;
+        }
+        let path = self.folder.join("results.csv");
+        write_file(&path, |file| {
+            let mut table = csv::Writer::from_writer(file);
+            table.write_record(&merged.header)?;
+            merged.rows.iter().try_for_each(|row| table.write_record(row))?;
+            table.flush()
+        })
+        .map_err(|error| fault(&path, &error))?;
+        Ok(merged)
+    }
+
+    /// A file of the folder.
+    pub fn file(&self, name: &str) -> PathBuf {
+        self.folder.join(name)
+    }
+}
+
+/// Results as text: what is merged is what was written.
+#[derive(Clone, Debug, Default)]
+pub struct Table {
+    /// Names of the columns.
+    pub header: csv::StringRecord,
+    /// One row per case.
+    pub rows: Vec<csv::StringRecord>,
+}
+
+impl Table {
+    /// Reads a table of results.
+    ///
+    /// # Errors
+    /// [`StudyError::Results`].
+    pub fn read(path: &Path) -> Result<Self, StudyError> {
+        let mut reader = csv::Reader::from_path(path).map_err(|error| fault(path, &error))?;
+        let header = reader.headers().map_err(|error| fault(path, &error))?.clone();
+        let rows: Result<_, _> = reader.records().collect();
+        Ok(Self { header, rows: rows.map_err(|error| fault(path, &error))? })
+    }
+
+    fn append(&mut self, path: &Path, n_cases: usize) -> Result<(), StudyError> {
+        let block = Self::read(path)?;
+        let differs = !self.header.is_empty() && self.header != block.header;
+        if differs || block.rows.len() != n_cases {
+            return Err(StudyError::Results {
+                path: path.to_owned(),
+                why: format!(
+                    "{} rows, where the plan has {n_cases}, or other columns\nhelp: remove this file and run the plan again",
+                    block.rows.len()
+                ),
+            });
+        }
+        self.header = block.header;
+        self.rows.extend(block.rows);
+        Ok(())
+    }
+
+    fn number(&self, row: &csv::StringRecord, column: &str) -> f64 {
+        let at = self.header.iter().position(|name| name == column);
+        at.and_then(|at| row[at].parse().ok()).unwrap_or(f64::NAN)
+    }
+}
+
+/// Puts cases together that differ in truth and design alone, in the order of lengthscale, resolution and
+/// sites.
+pub fn summarise(table: &Table) -> Vec<Group> {
+    let figures = table.header.iter().skip(CASE.len() - 3).map(str::to_owned);
+    let figures: Vec<String> = figures.collect();
+    let mut groups: Vec<([f64; 3], Vec<&csv::StringRecord>)> = vec![];
+    for row in &table.rows {
+        let key = GROUP.map(|column| table.number(row, column));
+        match groups.iter_mut().find(|(other, _)| is_same(other, &key)) {
+            Some((_, rows)) => rows.push(row),
+            None => groups.push((key, vec![row])),
+        }
+    }
+    groups.sort_by(|a, b| a.0.partial_cmp(&b.0).unwrap_or(std::cmp::Ordering::Equal));
+    let group = |(key, rows): ([f64; 3], Vec<&csv::StringRecord>)| {
+        let of = |column: &String| {
+            let known = rows.iter().map(|row| table.number(row, column)).filter(|x| x.is_finite());
+            (column.clone(), mean_and_sd(&known.collect::<Vec<_>>()))
+        };
+        Group { key, n: rows.len(), figures: figures.iter().map(of).collect() }
+    };
+    groups.into_iter().map(group).collect()
+}
+
+/// Whether two keys are the same.
+fn is_same(a: &[f64; 3], b: &[f64; 3]) -> bool {
+    a.iter().zip(b).all(|(a, b)| a.total_cmp(b).is_eq())
+}
+
+impl Group {
+    /// Whether this is the group of this key.
+    pub fn is(&self, key: &[f64; 3]) -> bool {
+        is_same(&self.key, key)
+    }
+}
+
+fn mean_and_sd(x: &[f64]) -> (f64, f64) {
+    let n = x.len() as f64;
+    let mean = x.iter().sum::<f64>() / n;
+    let squares: f64 = x.iter().map(|x| (x - mean).powi(2)).sum();
+    (mean, (squares / (n - 1.0)).sqrt())
+}
+
+fn header(plan: &Plan, names: &[&str]) -> Vec<String> {
+    let mut header: Vec<String> = CASE.iter().map(ToString::to_string).collect();
+    header.extend(names.iter().map(|name| format!("rmse_{name}")));
+    if plan.estimate == Estimate::Mean {
+        for name in names {
+            header.extend(INTERVALS.map(|level| format!("coverage{:.0}_{name}", 100.0 * level)));
+        }
+    }
+    header
+}
+
+fn row(block: &Block, truth_repaired: f64, outcome: &Outcome) -> Vec<String> {
+    let Outcome { case, converged, repaired, errors } = outcome;
+    let number = |x: f64| if x.is_finite() { format!("{x:?}") } else { String::new() };
+    let mut row = vec![
+        number(block.lengthscale),
+        block.field.to_string(),
+        case.sites.to_string(),
+        case.design.to_string(),
+        number(case.resolution),
+        u8::from(*converged).to_string(),
+        number(truth_repaired),
+        number(*repaired),
+    ];
+    row.extend(errors.iter().map(|error| number(error.rmse)));
+    row.extend(errors.iter().filter_map(|error| error.coverage).flatten().map(number));
+    row
+}
+
+fn fault(path: &Path, error: &dyn std::fmt::Display) -> StudyError {
+    StudyError::Results { path: path.to_owned(), why: error.to_string() }
+}
