@@ -200,6 +200,13 @@ mod tests {
           "rmse": {
             "tau_out": 2.25
           },
+          "coverage": {
+            "tau_out": [
+              0.48,
+              0.871,
+              0.93
+            ]
+          },
           "units": {
             "tau_out": "ms"
           },
