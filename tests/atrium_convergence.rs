@@ -63,8 +63,7 @@ fn the_velocity_converges_in_edges_and_steps() {
     println!("CV, m/s; edge (mm) down, dt (ms) across\n      {steps:?}");
     let row = |edge: &f64| {
         let row: Vec<f64> = steps.iter().map(|dt| cv(*edge, *dt)).collect();
-        let cells: Vec<String> = row.iter().map(|cv| format!("{cv:.4}")).collect();
-        println!("{edge:5}  {}", cells.join(" "));
+        println!("{edge:5} {row:.4?}");
         row
     };
     let table: Vec<Vec<f64>> = edges.iter().map(row).collect();

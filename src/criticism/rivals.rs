@@ -103,7 +103,8 @@ impl Run<'_> {
     }
 
     /// The fits of two candidates, if both are fields: these follow each other over the rows without being
-    /// the same cause, and differ in what they say of where nothing was measured.
+    /// the same cause. One has more evidence, which is of neighbours too; the other is its rival if it says more
+    /// of where nothing was measured.
     fn fields<'t>(&self, best: &'t Tried, other: &'t Tried) -> Option<[&'t Fit; 2]> {
         let is_field = |t: &Tried| {
             matches!(

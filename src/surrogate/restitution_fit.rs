@@ -218,7 +218,7 @@ mod tests {
         let valid = |beat: &BeatRow, left_out: &mut BeatsLeftOut| {
             ValidBeat::of(&strips[beat.row.min(2)], beat, left_out).is_some()
         };
-        assert_eq!(beats.iter().filter(|beat| valid(*beat, &mut left_out)).count(), 1);
+        assert_eq!(beats.iter().filter(|beat| valid(beat, &mut left_out)).count(), 1);
         // the last beat is of a row that is not in the table, but here of the third strip
         let expected = BeatsLeftOut { strangers: 2, slow: 1, early: 2, siblings: 0 };
         assert_eq!(left_out, expected);

@@ -118,7 +118,7 @@ impl Sums {
 }
 
 /// A posterior to take parameters from.
-struct Posterior<'a> {
+pub(super) struct Posterior<'a> {
     setup: &'a Setup,
     draws: FieldDraws,
     n: usize,
@@ -154,17 +154,13 @@ impl Posterior<'_> {
         };
         (parameters.into_iter().map(nearest).collect(), in_range)
     }
-}
 
-impl AtriumArgs {
-    /// Simulates `n` draws, as many at a time as there are threads; `None` if interrupted.
+    /// Simulates the draws, as many at a time as there are threads; `None` if interrupted.
     pub(super) fn ensemble<F: Precision>(
         &self,
-        setup: &Setup,
         drive: &Drive<'_>,
-        n: usize,
     ) -> Result<Option<Outcome>, Failure> {
-        let posterior = self.posterior(setup, n)?;
+        let (setup, n) = (self.setup, self.n);
         let n_threads = rayon::current_num_threads().min(n);
         let mut sums = take_chain(drive.checkpoint, SUMS)?
             .unwrap_or_else(|| Sums::new(setup.mesh().n_vertices()));
@@ -183,7 +179,7 @@ impl AtriumArgs {
             };
             let one = |(slot, kept): (usize, &mut Option<Kept<F>>)| {
                 let draw = first + slot;
-                let (parameters, in_range) = posterior.parameters(draw);
+                let (parameters, in_range) = self.parameters(draw);
                 let mut simulation = setup.begin::<F>(&parameters)?;
                 let mut each = |s: &Simulation<F>| {
                     told(slot, s.time());
@@ -205,8 +201,15 @@ impl AtriumArgs {
         progress.finish();
         Ok(Some(sums.outcome()))
     }
+}
 
-    fn posterior<'a>(&self, setup: &'a Setup, n: usize) -> Result<Posterior<'a>, Failure> {
+impl AtriumArgs {
+    /// `n` draws of the posterior of --run.
+    pub(super) fn posterior<'a>(
+        &self,
+        setup: &'a Setup,
+        n: usize,
+    ) -> Result<Posterior<'a>, Failure> {
         let folder = self.tissue.run.clone().unwrap_or_default();
         let draws = FieldDraws::read(&folder.join(FieldDraws::FILE))?;
         let has = draws.n_draws();

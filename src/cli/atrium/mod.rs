@@ -27,6 +27,7 @@ use crate::infer::take_chain;
 use crate::mesh::{Refined, TriMesh};
 use compare::Earlier;
 use drive::{Drive, Progress};
+use ensemble::Posterior;
 use files::Series;
 use pacing::PacingArgs;
 use tissue::{Column, TissueArgs};
@@ -95,12 +96,31 @@ impl Setup {
         self.refined.carry(coarse, mean).into_iter().map(Parameters::from_array).collect()
     }
 
+    /// The parameters at every vertex as they are given, checked.
+    fn given(&self) -> Result<Vec<Parameters>, Failure> {
+        let at = |vertex| std::array::from_fn(|k| self.columns[k].at(vertex));
+        let parameters = self.parameters((0..self.n_coarse).map(at).collect());
+        for (vertex, parameters) in parameters.iter().enumerate() {
+            let wrong = |error| Failure::new(format_args!("vertex {vertex}: {error}"));
+            parameters.validate().map_err(wrong)?;
+        }
+        Ok(parameters)
+    }
+
     fn begin<F: Precision>(&self, parameters: &[Parameters]) -> Result<Simulation<F>, Failure> {
         let tissue: Vec<Tissue> = parameters.iter().map(|p| p.tissue()).collect();
         let fibres = self.fibres.as_ref();
         let substrate = Substrate { mesh: self.mesh(), tissue: &tissue, fibres };
         Ok(Simulation::new(&substrate, &self.pacing, self.dt)?)
     }
+}
+
+/// Whose tissue is simulated.
+enum Subject<'a> {
+    /// One set of parameters for each vertex.
+    Parameters(Vec<Parameters>),
+    /// Draws of them.
+    Posterior(Posterior<'a>),
 }
 
 /// What a simulation gave.
@@ -123,6 +143,10 @@ impl AtriumArgs {
             pacing.vertices.len(),
             pacing.end
         );
+        let subject = match self.draws {
+            Some(n) => Subject::Posterior(self.posterior(&setup, n as usize)?),
+            None => Subject::Parameters(setup.given()?),
+        };
         let out = OutputFolder::open(&self.out)?;
         let identity = self.identity()?;
         let Some(checkpoint) = self.open(&out, &identity)? else {
@@ -131,11 +155,11 @@ impl AtriumArgs {
         };
         let begun = Instant::now();
         let drive = Drive::new(&checkpoint, stop_flag()?);
-        let outcome = match (self.draws, self.double) {
-            (Some(n), false) => self.ensemble::<f32>(&setup, &drive, n as usize)?,
-            (Some(n), true) => self.ensemble::<f64>(&setup, &drive, n as usize)?,
-            (None, false) => self.once::<f32>(&setup, &drive, &out)?,
-            (None, true) => self.once::<f64>(&setup, &drive, &out)?,
+        let outcome = match (&subject, self.double) {
+            (Subject::Posterior(posterior), false) => posterior.ensemble::<f32>(&drive)?,
+            (Subject::Posterior(posterior), true) => posterior.ensemble::<f64>(&drive)?,
+            (Subject::Parameters(given), false) => self.once::<f32>(&setup, given, &drive, &out)?,
+            (Subject::Parameters(given), true) => self.once::<f64>(&setup, given, &drive, &out)?,
         };
         drive.warn_of_failure();
         let Some(outcome) = outcome else {
@@ -171,16 +195,11 @@ impl AtriumArgs {
     fn once<F: Precision>(
         &self,
         setup: &Setup,
+        parameters: &[Parameters],
         drive: &Drive<'_>,
         out: &OutputFolder,
     ) -> Result<Option<Outcome>, Failure> {
-        let at = |vertex| std::array::from_fn(|k| setup.columns[k].at(vertex));
-        let parameters = setup.parameters((0..setup.n_coarse).map(at).collect());
-        for (vertex, parameters) in parameters.iter().enumerate() {
-            let wrong = |error| Failure::new(format_args!("vertex {vertex}: {error}"));
-            parameters.validate().map_err(wrong)?;
-        }
-        let mut simulation = setup.begin::<F>(&parameters)?;
+        let mut simulation = setup.begin::<F>(parameters)?;
         let mut series = Series::new(self.snapshots, setup, out, drive.checkpoint.has_states())?;
         let progress = Progress::new(setup.pacing.end)?;
         let mut each = |simulation: &Simulation<F>| {
@@ -195,7 +214,7 @@ impl AtriumArgs {
         }
         let beat = simulation.beat();
         series.finish(out)?;
-        Ok(Some(outcome_of(setup, &parameters, beat)))
+        Ok(Some(outcome_of(setup, parameters, beat)))
     }
 }
 
