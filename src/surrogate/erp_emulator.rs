@@ -8,7 +8,7 @@ use super::Emulator;
 
 /// ERP_S2 (ms) from `tau_out` and `apd_max` (ms).
 ///
-/// 63 points, leave-one-out RMSE 0.534 ms (1.00 predictive sd), nugget sd 0.500 ms, lengthscales [36.697, 356.096]; 6 terms per input, off by at most 0.000 sd in the mean and 1.2 % in the sd.
+/// 63 points, leave-one-out RMSE 0.5340 ms (sd raised 1.00-fold to it), nugget sd 0.500 ms, lengthscales [36.697, 356.096]; 6 terms per input, off by at most 0.000 sd in the mean and 1.2 % in the sd.
 #[rustfmt::skip]
 pub(super) static ERP_S2: Emulator<2> = Emulator {
     ranges: [(1.0, 30.0), (120.0, 270.0)],
@@ -33,7 +33,7 @@ pub(super) static ERP_S2: Emulator<2> = Emulator {
 
 /// ERP_S3 (ms) from `tau_out` and `apd_max` (ms).
 ///
-/// 63 points, leave-one-out RMSE 1.167 ms (1.02 predictive sd), nugget sd 0.937 ms, lengthscales [22.020, 154.964]; 8 terms per input, off by at most 0.001 sd in the mean and 4.9 % in the sd.
+/// 63 points, leave-one-out RMSE 1.1670 ms (sd raised 1.02-fold to it), nugget sd 0.937 ms, lengthscales [22.020, 154.964]; 8 terms per input, off by at most 0.001 sd in the mean and 4.9 % in the sd.
 #[rustfmt::skip]
 pub(super) static ERP_S3: Emulator<2> = Emulator {
     ranges: [(1.0, 30.0), (120.0, 270.0)],
@@ -49,7 +49,7 @@ pub(super) static ERP_S3: Emulator<2> = Emulator {
         -8.867210e-3, 3.267964e-3, 9.896307e-4, -8.576959e-5, -2.281277e-5, 1.111234e-6, 3.169859e-7, -9.607290e-9,
     ]),
     ln_sd: std::borrow::Cow::Borrowed(&[
-        6.893661e-1, 7.323329e-1, 5.158610e-1, -1.890235e-2, 3.999564e-3, -1.805338e-2, 9.343951e-3, 4.558008e-3,
+        7.091687e-1, 7.323329e-1, 5.158610e-1, -1.890235e-2, 3.999564e-3, -1.805338e-2, 9.343951e-3, 4.558008e-3,
         4.523683e-1, 8.646625e-1, 7.752121e-2, -9.970119e-2, -1.181697e-1, 5.361626e-3, 2.568886e-2, -9.436648e-3,
         1.890288e-1, -1.735033e-1, -1.876566e-2, -1.349551e-1, 3.939054e-2, 6.424820e-2, -6.006381e-3, -1.045213e-2,
         -2.448852e-2, -4.094659e-3, -4.271855e-2, 9.307711e-4, 4.473633e-2, 1.004459e-2, -1.421063e-2, -2.452153e-2,

@@ -10,7 +10,7 @@ use serde::Deserialize;
 
 use super::cubic::{CubicFit, FitError, TERMS, fit};
 use super::emulator::Emulator;
-use super::gp::{Gp, GpError, LeftOut};
+use super::gp::{Gp, GpError};
 use super::inputs::{ERP_INPUTS, input_range};
 use crate::ep::table::Columns;
 
@@ -158,8 +158,6 @@ pub struct Emulated<const D: usize> {
     pub emulator: Emulator<D>,
     /// What it was made from, in one line: points, leave-one-out errors, departure from the Gaussian process.
     pub quality: String,
-    /// The points as the others predict them.
-    pub left_out: Vec<LeftOut>,
 }
 
 impl<const D: usize> Emulated<D> {
@@ -177,22 +175,20 @@ impl<const D: usize> Emulated<D> {
         let gp = Gp::fit(&x, &y)?;
         let (emulator, departure) = Emulator::of(&gp, ranges);
         let left_out = gp.leave_one_out();
-        let mean = |of: &dyn Fn(&LeftOut) -> f64| {
-            (left_out.iter().map(of).sum::<f64>() / left_out.len() as f64).sqrt()
-        };
+        let squares: f64 = left_out.iter().map(|l| l.error * l.error).sum();
         let quality = format!(
-            "{} points, leave-one-out RMSE {:.4} {unit} ({:.2} predictive sd), nugget sd {:.4} {unit}, lengthscales {:.3?}; \
+            "{} points, leave-one-out RMSE {:.4} {unit} (sd raised {:.2}-fold to it), nugget sd {:.4} {unit}, lengthscales {:.3?}; \
              {} terms per input, off by at most {:.3} sd in the mean and {:.1} % in the sd",
             gp.n_points(),
-            mean(&|l| l.error.powi(2)),
-            mean(&|l| l.error.powi(2) / l.variance),
+            (squares / left_out.len() as f64).sqrt(),
+            gp.raised(),
             gp.nugget_sd(),
             gp.lengthscales(),
             emulator.n_terms,
             departure.mean,
             100.0 * departure.sd
         );
-        Ok(Self { emulator, quality, left_out })
+        Ok(Self { emulator, quality })
     }
 }
 
