@@ -10,7 +10,7 @@
 use std::time::Instant;
 
 use eplat::ep::{Grid, Parameters, Protocol, Tissue, simulate_strips};
-use eplat::surrogate::design_points;
+use eplat::surrogate::{ERP_INPUTS, design_points};
 
 #[path = "../tests/support/cpu.rs"]
 mod cpu;
@@ -18,7 +18,8 @@ mod cpu;
 use cpu::cpu_seconds;
 
 fn main() {
-    let tissues: Vec<Tissue> = design_points(100, 1).into_iter().map(Parameters::tissue).collect();
+    let tissues: Vec<Tissue> =
+        design_points(100, &ERP_INPUTS, 1).into_iter().map(Parameters::tissue).collect();
     let run = |what: &str, grid: &Grid, protocol: &Protocol| {
         let (wall, cpu) = (Instant::now(), cpu_seconds());
         simulate_strips(&tissues, grid, protocol, &|_| ()).unwrap();

@@ -14,9 +14,11 @@ mod counts;
 mod mixture;
 mod numbers;
 mod outliers;
+mod widened;
 pub use counts::{BinomialLogit, NegBinomialLog, OrderedLogit};
 pub use mixture::Mixture;
 pub use outliers::Outliers;
+pub use widened::Widened;
 
 /// How a measurement is read from a row of a table.
 #[diagnostic::on_unimplemented(
@@ -38,7 +40,7 @@ pub trait Observation: Copy + std::fmt::Debug + Send + Sync + 'static {
 /// A likelihood of a measurement of kind `Y`.
 #[diagnostic::on_unimplemented(
     message = "`{Self}` is not a likelihood of a `{Y}`",
-    label = "a Bracket takes TopHat(f) or Interval(f, sigma); a Number takes Normal(mu, sd), StudentT, Cauchy, Laplace, LogNormal, Gamma or Exponential; a Count takes PoissonLog(eta), BernoulliLogit(eta), BinomialLogit(n, eta), NegBinomialLog(eta, phi) or OrderedLogit(eta, cut); any of these as Outliers(likelihood, share, sd) or Mixture(share, A, B)"
+    label = "a Bracket takes TopHat(f) or Interval(f, sigma); a Number takes Normal(mu, sd), StudentT, Cauchy, Laplace, LogNormal, Gamma or Exponential; a Count takes PoissonLog(eta), BernoulliLogit(eta), BinomialLogit(n, eta), NegBinomialLog(eta, phi) or OrderedLogit(eta, cut); any of these as Outliers(likelihood, share, sd), Mixture(share, A, B) or, of normal errors, Widened(likelihood, sd)"
 )]
 pub trait Likelihood<D: Real, Y: Observation> {
     /// Log likelihood of `y`.
@@ -62,9 +64,12 @@ pub trait Likelihood<D: Real, Y: Observation> {
         let _ = sd;
         self.simulate(like, rng)
     }
+    /// Whether [`Likelihood::ln_widened`] says how this likelihood is widened.
+    const WIDENS: bool = false;
     /// Log likelihood of `y` if the predicted value were spread by a further normal error of this
-    /// variance: what criticism widens a model by. A likelihood that does not say how is not widened.
-    fn ln_widened(&self, y: &Y, variance: f64) -> D {
+    /// variance: what criticism widens a model by, and the error of an emulator. A likelihood that does not
+    /// say how is not widened.
+    fn ln_widened(&self, y: &Y, variance: D) -> D {
         let _ = variance;
         self.ln_likelihood(y)
     }
@@ -246,29 +251,10 @@ impl TopHat<f64> {
     fn terms_of_one(f: f64, y: &Bracket) -> [f64; 3] {
         TopHat::terms(f, y)
     }
-
-    /// As [`TopHat::terms`], each normal of the mixture widened: its variance is s² + `variance`.
-    fn wide_terms(f: f64, y: &Bracket, variance: f64) -> (f64, f64, f64) {
-        let s = y.inverse_s.recip();
-        let variance = s * s + variance;
-        let z = |i: f64| f - (y.lower + (i + 0.5) * s);
-        let nearest = z(f64::from((z(-0.5) * y.inverse_s).clamp(0.0, y.last) as u32));
-        let (mut s0, mut s1, mut s2) = (0.0, 0.0, 0.0);
-        for i in 0..=y.last as u32 {
-            let z = z(f64::from(i));
-            let weight = (0.5 * (nearest * nearest - z * z) / variance).exp();
-            s0 += weight;
-            s1 += weight * z;
-            s2 += weight * z * z;
-        }
-        let (mean, square) = (s1 / s0, s2 / s0);
-        let ln_norm = -(y.last + 1.0).ln() - LN_SQRT_2PI - 0.5 * variance.ln();
-        let d2f = ((square - mean * mean) / variance - 1.0) / variance;
-        (s0.ln() - 0.5 * nearest * nearest / variance + ln_norm, -mean / variance, d2f)
-    }
 }
 
 impl<D: Real> Likelihood<D, Bracket> for TopHat<D> {
+    const WIDENS: bool = true;
     fn ln_likelihood(&self, y: &Bracket) -> D {
         let [f, df, d2f] = TopHat::terms_of_one(self.0.re(), y);
         self.0.chain(f, df, d2f)
@@ -289,9 +275,8 @@ impl<D: Real> Likelihood<D, Bracket> for TopHat<D> {
         }
         out
     }
-    fn ln_widened(&self, y: &Bracket, variance: f64) -> D {
-        let (f, df, d2f) = TopHat::wide_terms(self.0.re(), y, variance);
-        self.0.chain(f, df, d2f)
+    fn ln_widened(&self, y: &Bracket, variance: D) -> D {
+        self.ln_wide(y, variance)
     }
     fn location(&self) -> Option<f64> {
         Some(self.0.re())
@@ -331,6 +316,7 @@ pub fn Interval<D: Real>(f: impl Argument<D>, sigma: impl Argument<D>) -> Interv
 }
 
 impl<D: Real> Likelihood<D, Bracket> for Interval<D> {
+    const WIDENS: bool = true;
     #[inline]
     fn ln_likelihood(&self, y: &Bracket) -> D {
         let z = |end: f64| (-self.f + end) / self.sigma;
@@ -340,7 +326,7 @@ impl<D: Real> Likelihood<D, Bracket> for Interval<D> {
             (false, _) => ln_normal_below(z(y.upper)),
         }
     }
-    fn ln_widened(&self, y: &Bracket, variance: f64) -> D {
+    fn ln_widened(&self, y: &Bracket, variance: D) -> D {
         let sigma = (self.sigma * self.sigma + variance).sqrt();
         Interval { f: self.f, sigma }.ln_likelihood(y)
     }
@@ -357,12 +343,13 @@ impl<D: Real> Likelihood<D, Bracket> for Interval<D> {
 }
 
 impl<D: Real> Likelihood<D, f64> for Normal<D> {
+    const WIDENS: bool = true;
     #[inline]
     fn ln_likelihood(&self, y: &f64) -> D {
         let z = (self.mu - *y) / self.sd;
         z * z * -0.5 - self.sd.ln() - LN_SQRT_2PI
     }
-    fn ln_widened(&self, y: &f64, variance: f64) -> D {
+    fn ln_widened(&self, y: &f64, variance: D) -> D {
         let square = self.sd * self.sd + variance;
         let z = self.mu - *y;
         z * z / square * -0.5 - square.ln() * 0.5 - LN_SQRT_2PI

@@ -4,10 +4,16 @@ use std::process::ExitCode;
 
 use eplat::cli::Compiled;
 
+#[path = "../models/apd_restitution.rs"]
+mod apd_restitution;
+#[path = "../models/cv_restitution.rs"]
+mod cv_restitution;
 #[path = "../models/eight_schools.rs"]
 mod eight_schools;
 #[path = "../models/erp.rs"]
 mod erp;
+#[path = "../models/erp_emulated.rs"]
+mod erp_emulated;
 #[path = "../models/erp_exact.rs"]
 mod erp_exact;
 #[path = "../models/erp_multiscale.rs"]
@@ -40,8 +46,11 @@ macro_rules! shipped {
 
 fn main() -> ExitCode {
     eplat::cli::main(&[
+        shipped!("apd_restitution.rs", &apd_restitution::ApdRestitution),
+        shipped!("cv_restitution.rs", &cv_restitution::CvRestitution),
         shipped!("eight_schools.rs", &eight_schools::EightSchools),
         shipped!("erp.rs", &erp::Erp),
+        shipped!("erp_emulated.rs", &erp_emulated::ErpEmulated),
         shipped!("erp_exact.rs", &erp_exact::ErpExact),
         shipped!("erp_multiscale.rs", &erp_multiscale::ErpMultiscale),
         shipped!("erp_population.rs", &erp_population::ErpPopulation),

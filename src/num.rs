@@ -12,6 +12,8 @@ use num_dual::{Derivative, DualNum, DualSVec64, HyperDual64};
 pub trait Real:
     DualNum<Primitive = f64> + Made<f64> + Made<i32> + Made<Self> + Copy + Send + Sync
 {
+    /// Whether it carries second derivatives.
+    const SECOND: bool = false;
     /// `f(self)` from `f`, `f′` and `f″` at the real part.
     #[must_use]
     fn chain(self, f: f64, df: f64, d2f: f64) -> Self;
@@ -101,6 +103,7 @@ impl<const W: usize> Real for Dual<W> {
 }
 
 impl Real for Hyper {
+    const SECOND: bool = true;
     #[inline(always)]
     fn chain(self, f: f64, df: f64, d2f: f64) -> Self {
         let mixed = self.eps1eps2 * df + self.eps1 * self.eps2 * d2f;

@@ -8,7 +8,7 @@ pub use crate::dist::{
 pub use crate::field::{Kernel, Matern12, Matern32, Matern52, Rbf, authors};
 pub use crate::likelihood::{
     BernoulliLogit, BinomialLogit, Bracket, Count, Interval, Likelihood, Mixture, NegBinomialLog,
-    Number, Observation, OrderedLogit, Outliers, PoissonLog, TopHat,
+    Number, Observation, OrderedLogit, Outliers, PoissonLog, TopHat, Widened,
 };
 pub use crate::model;
 pub use crate::num::{Real, ln_sum_exp};

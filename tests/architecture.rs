@@ -21,6 +21,7 @@ const LAYERS: &[(u32, &[&str])] = &[
 /// Imports within a layer: (who, whom).
 const SAME_LAYER: &[(&str, &str)] = &[
     ("likelihood", "dist"), // a likelihood of a Number is a distribution
+    ("surrogate", "infer"), // a Gaussian process is fitted by the optimiser
     ("mesh", "atomic"),     // files appear whole or not at all
     ("main", "cli"),
 ];

@@ -287,6 +287,7 @@ fn the_help_of_every_command() {
         "surrogate design",
         "surrogate run",
         "surrogate fit",
+        "surrogate sensitivity",
     ];
     let help = |command: &&str| {
         let output = place.eplat(&format!("{command} --help"));

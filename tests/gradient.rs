@@ -2,12 +2,18 @@
 
 #![allow(clippy::unwrap_used, reason = "a test")]
 
+#[path = "../models/apd_restitution.rs"]
+mod apd_restitution;
 #[path = "models/custom.rs"]
 mod custom;
+#[path = "../models/cv_restitution.rs"]
+mod cv_restitution;
 #[path = "../models/eight_schools.rs"]
 mod eight_schools;
 #[path = "../models/erp.rs"]
 mod erp;
+#[path = "../models/erp_emulated.rs"]
+mod erp_emulated;
 #[path = "../models/erp_exact.rs"]
 mod erp_exact;
 #[path = "../models/erp_multiscale.rs"]
@@ -108,6 +114,22 @@ fn place(mut data: Measurements) -> Measurements {
 #[test]
 fn erp() {
     check(&erp::Erp, &rows(20, &["S1S2", "S1S2S3"]));
+}
+
+#[test]
+fn erp_with_emulators_and_their_error() {
+    check(&erp_emulated::ErpEmulated, &rows(20, &["S1S2", "S1S2S3"]));
+}
+
+#[test]
+fn restitution_curves() {
+    let line = |value: fn(usize) -> f64| {
+        let line = |i: usize| format!("{},{},{}", 7 * (i / 4), 240 + 90 * (i % 4), value(i));
+        let lines: Vec<String> = (0..24).map(line).collect();
+        place(table("vertex,s2_ms,value", &lines))
+    };
+    check(&apd_restitution::ApdRestitution, &line(|i| 150.0 + 20.0 * (i % 4) as f64));
+    check(&cv_restitution::CvRestitution, &line(|i| 0.5 + 0.1 * (i % 4) as f64));
 }
 
 #[test]

@@ -37,9 +37,9 @@ fn sheet() -> String {
     )
 }
 
-/// Brackets at every second vertex for training, at others held out: a smooth field and `force` ms per sd of
-/// contact force; columns that do nothing beside it.
-fn tables(force: f64) -> [String; 2] {
+/// Brackets at two of three vertices for training, at the others held out: a smooth field, `force` ms per sd of
+/// contact force, and a further error of 40 ms of each seventh if there are outliers; columns that do nothing beside it.
+fn tables(force: f64, has_outliers: bool) -> [String; 2] {
     let mut rng = ChaCha8Rng::seed_from_u64(3);
     let header = "site,vertex,protocol,lower,upper,force_g,catheter,wall_mm,constant,void\n";
     let mut tables = [header.to_owned(), header.to_owned()];
@@ -49,7 +49,9 @@ fn tables(force: f64) -> [String; 2] {
         let catheter = ["A", "B"][usize::from(normal() > 0.0)];
         let (x, y) = ((vertex % SIDE) as f64, (vertex / SIDE) as f64);
         let field = 90.0 + 10.0 * (0.5 * x).sin() + 8.0 * (0.4 * y).cos();
-        let lower = 10.0 * ((field + force * contact + 2.0 * noise) / 10.0).floor();
+        let further = if has_outliers && vertex % 7 == 3 { 40.0 } else { 0.0 };
+        let error = (2.0 + further) * noise;
+        let lower = 10.0 * ((field + force * contact + error) / 10.0).floor();
         let _ = writeln!(
             tables[usize::from(vertex % 3 == 2)],
             "{vertex},{vertex},S1S2,{lower},{},{:.2},{catheter},{:.2},4,",
@@ -62,9 +64,9 @@ fn tables(force: f64) -> [String; 2] {
 }
 
 /// A folder with the shipped model, the sheet and both tables.
-fn workplace(force: f64) -> Workplace {
+fn workplace(force: f64, has_outliers: bool) -> Workplace {
     let place = Workplace::new();
-    let [train, heldout] = tables(force);
+    let [train, heldout] = tables(force, has_outliers);
     place
         .file("recovery.rs", include_str!("../models/recovery.rs"))
         .file("sheet.vtk", sheet())
@@ -81,7 +83,7 @@ fn finding(place: &Workplace, out: &str) -> Value {
 
 #[test]
 fn a_hidden_effect_is_found_written_and_told() {
-    let place = workplace(-12.0);
+    let place = workplace(-12.0, false);
     let data = place.path("data/train.csv");
     let arguments = format!(
         "loop recovery.rs --mesh sheet.vtk --units mm --data {} --heldout heldout.csv --nulls 39 --out loop",
@@ -129,6 +131,26 @@ fn a_hidden_effect_is_found_written_and_told() {
     assert!(furthest_apart(&before, &again) > 4.5, "another model passes for the same");
 }
 
+#[test]
+fn outliers_are_found_written_and_sampled() {
+    let place = workplace(0.0, true);
+    let output =
+        place.eplat(&format!("loop recovery.rs {ON} --heldout heldout.csv --nulls 19 --out loop"));
+    let (stdout, stderr) = (text(&output.stdout), text(&output.stderr));
+    assert!(matches!(output.status.code(), Some(0 | 3)), "{stderr}");
+    let finding = finding(&place, "loop");
+    assert_eq!(finding["findings"], serde_json::json!(["outliers"]), "{stdout}");
+    assert!(stdout.contains("Recovery lacks room for outliers ("), "{stdout}");
+    let of = |name: &str| finding["heldout"][name].as_f64().unwrap();
+    assert!(of("elpd_gain") > of("elpd_gain_se"), "{}", finding["heldout"]);
+    let model = place.read("loop/recovery_plus_outliers.rs");
+    assert!(model.contains("~ Outliers(Interval(recovery(x), noise), 0."), "{model}");
+    assert!(place.read("loop/report.html").contains("Outliers("));
+    // what was sampled is what the file says
+    let shown = place.eplat("show loop/recovery_plus_outliers.rs");
+    assert!(text(&shown.stdout).contains("Outliers(Interval(recovery(x), noise), 0."));
+}
+
 /// The greatest difference of two fits' means that both report, in Monte Carlo standard errors.
 fn furthest_apart(a: &Value, b: &Value) -> f64 {
     let number = |of: &Value, name: &str| of[name].as_f64().unwrap();
@@ -172,7 +194,7 @@ fn the_page_tells(page: &str) {
 
 #[test]
 fn where_nothing_is_missing_nothing_is_claimed() {
-    let place = workplace(0.0);
+    let place = workplace(0.0, false);
     let output = place.eplat(&format!("loop recovery.rs {ON} --nulls 19 --json --out loop"));
     assert!(matches!(output.status.code(), Some(0 | 3)), "{}", text(&output.stderr));
     let finding = finding(&place, "loop");
@@ -207,9 +229,9 @@ fn refused(place: &Workplace, arguments: &str) -> String {
 
 #[test]
 fn what_cannot_be_criticised_is_refused_at_once() {
-    let place = workplace(0.0);
+    let place = workplace(0.0, false);
     let lines = |of: &str, n: usize| of.lines().take(n).collect::<Vec<_>>().join("\n");
-    let [train, heldout] = tables(0.0);
+    let [train, heldout] = tables(0.0, false);
     place
         .file("few.csv", lines(&train, 8))
         .file("same.csv", lines(&train, 3))

@@ -17,7 +17,7 @@ use std::ops::RangeInclusive;
 use std::path::Path;
 
 use eplat::criticism::{
-    Case, Engine, Outcome, Outer, Settings, Term, criticise, leave_out, with_heldout,
+    CLAIM, Case, Engine, Outcome, Outer, Settings, Term, criticise, leave_out, with_heldout,
 };
 use eplat::dsl::{Form, Measurements, Model};
 use eplat::manifold::{Basis, eigenpairs_cached};
@@ -108,8 +108,14 @@ fn searched(heart: &Heart, scenario: Scenario, seed: u64, nulls: usize) -> Resul
 
 fn search_of(study: &Study, basis: &Basis, seed: u64, nulls: usize) -> Result {
     let case = Case { model: &erp::Erp, basis: Some(basis), table: &study.train };
-    let settings = Settings { nulls, ..Settings::default() };
-    let outcome = criticise(&case, &settings, &|_, _| {}).unwrap();
+    let search = |nulls: usize| {
+        let settings = Settings { nulls, ..Settings::default() };
+        criticise(&case, &settings, &|_, _| {}).unwrap()
+    };
+    // without enough evidence there is no claim, whatever the null searches come to
+    let outcome = Some(search(0))
+        .filter(|quick| quick.rounds[0].tried.iter().all(|t| t.log_bf <= CLAIM))
+        .unwrap_or_else(|| search(nulls));
     let name = |f: &usize| outcome.candidates[*f].name.clone();
     let scores = (!outcome.found.is_empty()).then(|| {
         [(&outcome.rounds[0].base.outer, &[][..]), (&outcome.last.outer, &outcome.found[..])]
@@ -128,7 +134,8 @@ fn search_of(study: &Study, basis: &Basis, seed: u64, nulls: usize) -> Result {
 
 /// What stands behind a result, in a line.
 fn note(outcome: &Outcome) -> String {
-    let mut note = format!("site {:.1}", outcome.site_log_bf);
+    let mut note =
+        format!("site {:.1} of sd {:.1}", outcome.site_log_bf, outcome.last.outer.ln_site.exp());
     for round in &outcome.rounds {
         let bar = round.nulls.get((0.95 * round.nulls.len() as f64) as usize);
         let _ = write!(note, " | null95 {:.1};", bar.copied().unwrap_or(f64::NAN));

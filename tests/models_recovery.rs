@@ -7,12 +7,18 @@
 
 #![allow(clippy::unwrap_used, clippy::print_stdout, reason = "a test")]
 
+#[path = "../models/apd_restitution.rs"]
+mod apd_restitution;
 #[path = "models/broken.rs"]
 mod broken;
 #[path = "models/custom.rs"]
 mod custom;
+#[path = "../models/cv_restitution.rs"]
+mod cv_restitution;
 #[path = "../models/eight_schools.rs"]
 mod eight_schools;
+#[path = "../models/erp_emulated.rs"]
+mod erp_emulated;
 #[path = "../models/erp_exact.rs"]
 mod erp_exact;
 #[path = "../models/erp_multiscale.rs"]
@@ -345,6 +351,83 @@ fn erp_exact_recovers_fields_and_noise_with_open_brackets() {
     let good = fit(&erp_exact::ErpExact, Some(&basis), &table.read(), 1000);
     assert_recovered(&good, &truth, Some(&basis));
     let twin = fit(&erp_exact::ErpExact, Some(&basis), &displaced(&table, 15.0).read(), 400);
+    assert_found_out(&twin, &truth, Some(&basis));
+}
+
+#[test]
+fn erp_emulated_recovers_fields() {
+    let basis = basis(VERTICES, 24);
+    let given = [
+        ("tau_out.m", 12.0),
+        ("tau_out.alpha", 1.2f64.ln()),
+        ("tau_out.rho", 64f64.ln()),
+        ("apd_max.m", 195.0),
+        ("apd_max.alpha", 6f64.ln()),
+        ("apd_max.rho", 50f64.ln()),
+    ];
+    let mut table = sites(40);
+    let model = &erp_emulated::ErpEmulated;
+    let truth = simulate(model, Some(&basis), &mut table, &given, 5);
+    let good = fit(model, Some(&basis), &table.read(), 1000);
+    assert_recovered(&good, &truth, Some(&basis));
+    let twin = fit(model, Some(&basis), &displaced(&table, 20.0).read(), 400);
+    assert_found_out(&twin, &truth, Some(&basis));
+}
+
+/// Four intervals S2 at each of `n` sites.
+fn curves(n: usize) -> Table {
+    let row = |i: usize| [(4 * (i / 4)).to_string(), (300 + 60 * (i % 4)).to_string(), "0".into()];
+    Table { header: "vertex,s2_ms,value", rows: (0..4 * n).map(|i| row(i).to_vec()).collect() }
+}
+
+/// The same table with every S2 said to be 40 ms longer than it was.
+fn late(table: &Table) -> Table {
+    let shift = |row: &Vec<String>| {
+        vec![row[0].clone(), (row[1].parse::<f64>().unwrap() + 40.0).to_string(), row[2].clone()]
+    };
+    Table { header: table.header, rows: table.rows.iter().map(shift).collect() }
+}
+
+#[test]
+fn apd_restitution_recovers_fields_and_noise() {
+    let basis = basis(VERTICES, 24);
+    let given = [
+        ("tau_out.m", 12.0),
+        ("tau_out.alpha", 2f64.ln()),
+        ("tau_out.rho", 64f64.ln()),
+        ("apd_max.m", 180.0),
+        ("apd_max.alpha", 8f64.ln()),
+        ("apd_max.rho", 50f64.ln()),
+        ("noise", 3f64.ln()),
+    ];
+    let mut table = curves(30);
+    let model = &apd_restitution::ApdRestitution;
+    let truth = simulate(model, Some(&basis), &mut table, &given, 15);
+    let good = fit(model, Some(&basis), &table.read(), 800);
+    assert_recovered(&good, &truth, Some(&basis));
+    let twin = fit(model, Some(&basis), &late(&table).read(), 400);
+    assert_found_out(&twin, &truth, Some(&basis));
+}
+
+#[test]
+fn cv_restitution_recovers_fields_and_noise() {
+    let basis = basis(VERTICES, 24);
+    let given = [
+        ("cv_max.m", 0.8),
+        ("cv_max.alpha", 0.08f64.ln()),
+        ("cv_max.rho", 64f64.ln()),
+        ("apd_max.m", 190.0),
+        ("apd_max.alpha", 8f64.ln()),
+        ("apd_max.rho", 50f64.ln()),
+        ("tau_out", ((12.0f64 - 1.0) / (30.0 - 12.0)).ln()),
+        ("noise", 0.01f64.ln()),
+    ];
+    let mut table = curves(30);
+    let model = &cv_restitution::CvRestitution;
+    let truth = simulate(model, Some(&basis), &mut table, &given, 16);
+    let good = fit(model, Some(&basis), &table.read(), 800);
+    assert_recovered(&good, &truth, Some(&basis));
+    let twin = fit(model, Some(&basis), &late(&table).read(), 400);
     assert_found_out(&twin, &truth, Some(&basis));
 }
 

@@ -96,6 +96,7 @@ fn record() -> RunRecord {
         ess_per_second: 355.0,
         e_bfmi: 0.83,
         rmse: Some(BTreeMap::from([("tau_out".to_owned(), 2.25), ("apd_max".to_owned(), 14.5)])),
+        coverage: None,
         units: BTreeMap::new(),
         unphysical: None,
         divergent_at: vec![],

@@ -61,7 +61,13 @@ fn compiled(file: &ModelFile) -> Result<PathBuf, Failure> {
     })?;
     let path = fs::canonicalize(&file.path).map_err(|e| Failure::io("find", &file.path, &e))?;
     let place = path.display().to_string();
-    let key = cache::key(&[file.source.as_bytes(), place.as_bytes(), identity().as_bytes()]);
+    let modules = modules(&file.source, &path)?;
+    let key = cache::key(&[
+        file.source.as_bytes(),
+        modules.as_bytes(),
+        place.as_bytes(),
+        identity().as_bytes(),
+    ]);
     let program = cache.join("programs").join(&key[..32]);
     if program.is_file() {
         return Ok(program);
@@ -90,6 +96,16 @@ fn compiled(file: &ModelFile) -> Result<PathBuf, Failure> {
         .and_then(|()| fs::rename(&built, &program))
         .map_err(|error| Failure::io("write", &program, &error))?;
     Ok(program)
+}
+
+/// The text of the files that the model at `path` has as modules (`mod NAME;`), such as emulators.
+fn modules(source: &str, path: &Path) -> Result<String, Failure> {
+    let names =
+        source.lines().filter_map(|line| line.trim().strip_prefix("mod ")?.strip_suffix(';'));
+    let files = names.map(|name| path.with_file_name(name.trim()).with_extension("rs"));
+    files
+        .map(|file| fs::read_to_string(&file).map_err(|error| Failure::io("read", &file, &error)))
+        .collect()
 }
 
 /// What tells this build of eplat from another.

@@ -6,6 +6,7 @@ mod check;
 mod close_loop;
 mod compare;
 mod compile;
+mod design;
 mod init;
 mod inputs;
 mod interrupt;
@@ -48,6 +49,9 @@ enum Command {
     Check(check::Command),
     /// Find what a model lacks, add it, and tell the error before and after
     Loop(close_loop::Command),
+    /// Choose where to measure next
+    #[command(subcommand)]
+    Design(design::Command),
     /// Compare two runs by how well they predict the same measurements
     Compare(compare::Command),
     /// Print again what the end of a run said; the exit code is that of the run
@@ -61,7 +65,7 @@ enum Command {
     /// Calibrate many synthetic truths from a plan, here or as a Slurm job array
     #[command(subcommand)]
     Study(study::Command),
-    /// Design, run and fit the surrogate's training data
+    /// Make surrogates of the simulator, in this order: design, run, fit; sensitivity tells what matters
     #[command(subcommand)]
     Surrogate(surrogate::Command),
 }
@@ -78,6 +82,7 @@ pub fn main(models: &[Compiled]) -> ExitCode {
         Command::Report(command) => command.run(),
         Command::Mesh(command) => done(command.run()),
         Command::Simulate(command) => command.run(),
+        Command::Design(command) => command.run(models),
         Command::Study(command) => command.run(models),
         Command::Surrogate(command) => done(command.run()),
     };

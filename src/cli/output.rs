@@ -23,6 +23,7 @@ use crate::report::{
     Variable, end_of_run, verdict, write_draws, write_html, write_loo, write_summary_csv,
     write_summary_json, write_zarr,
 };
+use crate::study::coverage;
 
 const VERSION: &str = env!("CARGO_PKG_VERSION");
 /// Most draws that field maps are averaged over; more change nothing that can be seen.
@@ -98,6 +99,8 @@ struct FieldMaps {
     unphysical: Vec<f64>,
     /// Root mean squared error of each map's mean, in its unit.
     rmse: BTreeMap<String, f64>,
+    /// How often each map's intervals have the truth in them.
+    coverage: BTreeMap<String, [f64; 3]>,
     units: BTreeMap<String, String>,
     /// Name, unit, values at the vertices.
     arrays: Vec<(String, String, Vec<f64>)>,
@@ -207,7 +210,19 @@ impl Finished<'_> {
         arrays.push(("unphysical".into(), "1".into(), unphysical.clone()));
         arrays
             .extend(surface.point_data.iter().map(|(n, v)| (n.clone(), String::new(), v.clone())));
-        FieldMaps { unphysical, rmse, units, arrays }
+        FieldMaps { unphysical, rmse, coverage: self.coverage(basis), units, arrays }
+    }
+
+    /// How often the truth lies in the intervals of the draws, if it is known.
+    fn coverage(&self, basis: &Basis) -> BTreeMap<String, [f64; 3]> {
+        if self.inputs.truth.is_empty() {
+            return BTreeMap::new();
+        }
+        // in the order of the model's maps
+        let truth: Vec<&[f64]> = self.inputs.truth.iter().map(|(_, map)| map.as_slice()).collect();
+        let ranks = Maps::new(self.model, basis).ranks(&self.thinned(), &truth);
+        let names = self.inputs.truth.iter().map(|(name, _)| (*name).to_owned());
+        names.zip(ranks.iter().map(|ranks| coverage(ranks))).collect()
     }
 
     fn write_zarr(
@@ -306,6 +321,7 @@ impl Finished<'_> {
                 .map(|c| e_bfmi(&c.energy))
                 .fold(f64::INFINITY, f64::min),
             rmse: maps.map(|m| m.rmse.clone()).filter(|rmse| !rmse.is_empty()),
+            coverage: maps.map(|m| m.coverage.clone()).filter(|coverage| !coverage.is_empty()),
             unphysical: maps.map(|m| m.unphysical.iter().sum::<f64>() / m.unphysical.len() as f64),
             units: maps.map(|m| m.units.clone()).unwrap_or_default(),
             divergent_at: self.suspects(),

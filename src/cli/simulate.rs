@@ -10,6 +10,7 @@ use indicatif::{ProgressBar, ProgressStyle};
 
 use super::atrium::AtriumArgs;
 use super::cell::CellArgs;
+use crate::atomic::NewFile;
 use crate::ep::cell::OutOfRange;
 use crate::ep::table::{CurveRow, OutcomeRow, finish_rows, new_file, read_parameters};
 use crate::ep::{Grid, Protocol, StripOutcome, simulate_strips};
@@ -102,7 +103,7 @@ impl StripArgs {
             shortest: self.shortest,
             longest: self.longest,
             restitution: match self.restitution {
-                Some(_) => (200..=600).step_by(20).collect(),
+                Some(_) => curve_intervals(),
                 None => vec![],
             },
         }
@@ -144,15 +145,25 @@ impl StripArgs {
         let (grid, protocol) = (self.grid()?, self.protocol());
         let curves = self.restitution.as_deref().map(new_file).transpose()?;
         let outcomes = simulate_table(&self.params, &self.out, &grid, &protocol)?;
-        if let Some(file) = curves {
-            let rows = outcomes.iter().enumerate().flat_map(|(row, outcome)| {
-                let beats = outcome.iter().flat_map(|o| &o.restitution);
-                beats.map(move |(s2, beat)| CurveRow::new(row, *s2, *beat))
-            });
-            finish_rows(file, &rows.collect::<Vec<_>>())?;
-        }
-        Ok(())
+        curves.map_or(Ok(()), |file| write_curves(file, &outcomes))
     }
+}
+
+/// S2 of the beats of a restitution curve, ms.
+pub(super) fn curve_intervals() -> Vec<u32> {
+    (200..=600).step_by(20).collect()
+}
+
+/// Writes every beat of every strip's curve.
+pub(super) fn write_curves(
+    file: NewFile,
+    outcomes: &[Result<StripOutcome, OutOfRange>],
+) -> Result<(), Failure> {
+    let rows = outcomes.iter().enumerate().flat_map(|(row, outcome)| {
+        let beats = outcome.iter().flat_map(|o| &o.restitution);
+        beats.map(move |(s2, beat)| CurveRow::new(row, *s2, *beat))
+    });
+    Ok(finish_rows(file, &rows.collect::<Vec<_>>())?)
 }
 
 /// Runs `protocol` on a strip for each row of `params`, and writes the outcomes to `out`; a row out of

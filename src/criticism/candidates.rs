@@ -130,6 +130,13 @@ pub struct Unusable {
     pub why: String,
 }
 
+/// Shares of the table's distances that may be inside a patch.
+const INSIDE: [f64; 6] = [0.15, 0.2, 0.25, 0.3, 0.4, 0.5];
+/// Lengthscales of fields that are tried, in units of the finest that their modes resolve.
+const LENGTHSCALES: [f64; 3] = [1.0, 2.0, 4.0];
+/// Their amplitudes, in protocol steps.
+const AMPLITUDES: [f64; 4] = [0.25, 0.5, 1.0, 2.0];
+
 /// What candidates are made of.
 pub(super) struct Maker<'a> {
     pub(super) model: &'a Model,
@@ -179,7 +186,7 @@ impl Maker<'_> {
     }
 
     /// For a model without fields on a surface: a field of what is observed and, where there are paths, one
-    /// along them, each with three lengthscales from what the modes resolve.
+    /// along them, each with three lengthscales from what the modes resolve and four amplitudes.
     fn fields(&self) -> Vec<Candidate> {
         let Some(probes) = self.table.probes().filter(|_| self.model.field_names().is_empty())
         else {
@@ -187,21 +194,26 @@ impl Maker<'_> {
         };
         let modes = probes.n_modes().min(FIELD_MODES);
         let finest = std::f64::consts::FRAC_PI_2 / probes.frequency(modes);
-        let field = |name: &str, form: Form, sd: f64| Candidate {
-            name: name.into(),
-            sd,
-            screen: Screen::None,
-            ..self.candidate(name, form, &self.on)
-        };
         let mut found = vec![];
-        for lengthscale in [1.0, 2.0, 4.0].map(|times: f64| (times * finest).round()) {
-            found.push(field("spatial_field", Form::Surface { modes, lengthscale }, self.step));
+        for lengthscale in LENGTHSCALES.map(|times| (times * finest).round()) {
+            let surface = Form::Surface { modes, lengthscale };
+            found.extend(self.field("spatial_field", &surface, self.step));
             if let Some(length) = probes.mean_length() {
-                let form = Form::Path { modes, lengthscale };
-                found.push(field("slowness_field", form, self.step / length));
+                let path = Form::Path { modes, lengthscale };
+                found.extend(self.field("slowness_field", &path, self.step / length));
             }
         }
         found
+    }
+
+    /// A field of each of [`AMPLITUDES`] times `sd`.
+    fn field(&self, name: &str, form: &Form, sd: f64) -> impl Iterator<Item = Candidate> {
+        AMPLITUDES.into_iter().map(move |times| Candidate {
+            name: name.into(),
+            sd: times * sd,
+            screen: Screen::None,
+            ..self.candidate(name, form.clone(), &self.on)
+        })
     }
 
     /// The candidates of a column, or why there are none.
@@ -230,14 +242,16 @@ impl Maker<'_> {
         }
     }
 
-    /// The same on each field.
-    fn on_fields(&self, column: &str, form: &Form) -> impl Iterator<Item = Candidate> {
-        self.field_sd.iter().map(move |(field, sd)| Candidate {
+    /// An effect of tissue: on each field, and on what is observed, where several fields change at once.
+    fn everywhere(&self, column: &str, form: &Form) -> impl Iterator<Item = Candidate> {
+        let on_field = move |(field, sd): (&String, &f64)| Candidate {
             level: Level::Parameter,
             sd: *sd,
-            screen: Screen::None,
             ..self.candidate(column, form.clone(), std::slice::from_ref(field))
-        })
+        };
+        let on_observable = self.candidate(column, form.clone(), &self.on);
+        let all = self.field_sd.iter().map(on_field).chain([on_observable]);
+        all.map(|candidate| Candidate { screen: Screen::None, ..candidate })
     }
 
     fn of_numbers(&self, name: &str, x: &[f64]) -> Result<Vec<Candidate>, &'static str> {
@@ -259,12 +273,12 @@ impl Maker<'_> {
         let mut found: Vec<Candidate> =
             forms.into_iter().map(|form| self.candidate(name, form, &self.on)).collect();
         if name.starts_with("dist") {
-            for share in [0.2, 0.35, 0.5] {
+            for share in INSIDE {
                 let at = (share * (values.len() - 1) as f64) as usize;
                 let threshold = 0.5 * (values[at] + values[at + 1]);
                 let form = Form::Above { column: column(), threshold };
-                let named = |patch| Candidate { name: "patch".into(), ..patch };
-                found.extend(self.on_fields(name, &form).map(named));
+                let patches = self.everywhere(name, &form);
+                found.extend(patches.map(|patch| Candidate { name: "patch".into(), ..patch }));
             }
         }
         Ok(found)
@@ -285,7 +299,7 @@ impl Maker<'_> {
             forms.push(Form::Family { column: name.into() });
         }
         if name == "region" {
-            return Ok(forms.iter().flat_map(|form| self.on_fields(name, form)).collect());
+            return Ok(forms.iter().flat_map(|form| self.everywhere(name, form)).collect());
         }
         Ok(forms.into_iter().map(|form| self.candidate(name, form, &self.on)).collect())
     }

@@ -9,7 +9,8 @@ use crate::dsl::{Measurements, distinct};
 /// A doubt about a table.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Warning {
-    /// Name of the check: `repeated_rows`, `not_a_number`, `missing_in_group`, `scale_in_group`, `few_units`.
+    /// Name of the check: `repeated_rows`, `not_a_number`, `missing_in_group`, `scale_in_group`, `few_units`;
+    /// of held-out rows `heldout_label`, `heldout_scale`, `heldout_not_a_number`.
     pub check: &'static str,
     /// The column, if it is about one.
     pub column: Option<String>,
@@ -132,11 +133,8 @@ fn missing_in_group(
 
 /// A column whose values in two groups are apart by so much that they can hardly share a unit.
 fn scale_in_group(column: &str, by: &str, groups: &BTreeMap<String, Vec<f64>>) -> Option<Warning> {
-    let mut spans: Vec<Span> =
-        groups.iter().filter_map(|(label, values)| Span::of(label, values)).collect();
-    spans.sort_by(|a, b| a.median.total_cmp(&b.median));
-    let mut pairs = spans.iter().zip(spans.iter().skip(1));
-    let (low, high) = pairs.find(|(a, b)| b.least > a.greatest && b.median > SCALE * a.median)?;
+    let spans = groups.iter().filter_map(|(label, values)| Span::of(label, values)).collect();
+    let [low, high] = apart(spans)?;
     let text = format!(
         "{column} is {:.0} times as large with {by} {} (median {}) as with {by} {} (median {}): is it in one unit?",
         high.median / low.median,
@@ -148,7 +146,64 @@ fn scale_in_group(column: &str, by: &str, groups: &BTreeMap<String, Vec<f64>>) -
     Some(Warning { check: "scale_in_group", column: Some(column.into()), text })
 }
 
+/// Doubts about these columns of held-out rows, beside those of `train`.
+pub fn check_heldout(
+    train: &Measurements,
+    heldout: &Measurements,
+    columns: &[&str],
+) -> Vec<Warning> {
+    let one = |column: &&str| match (read_column(train, column), read_column(heldout, column)) {
+        (Column::Labels(known), _) => heldout_label(heldout, column, &known),
+        (Column::Numeric(x), Column::Numeric(y)) => heldout_scale(column, &x, &y),
+        (Column::Numeric(_), Column::Labels(_)) => {
+            let text = format!(
+                "{column} is a number in every row trained on, and not in every held-out row: an effect of it is 0 where it is none"
+            );
+            Some(Warning { check: "heldout_not_a_number", column: Some((*column).into()), text })
+        }
+    };
+    columns.iter().filter(|column| heldout.has(column)).filter_map(one).collect()
+}
+
+/// A label of which the rows for training know nothing.
+fn heldout_label(heldout: &Measurements, column: &str, known: &[String]) -> Option<Warning> {
+    let labels = distinct(heldout, column);
+    let label = labels.iter().find(|label| !known.contains(label))?;
+    let is_new =
+        |row: &usize| !known.iter().any(|k| Some(k.as_str()) == heldout.cell(*row, column));
+    let text = format!(
+        "{column} {label} is held out and not trained on: {} held-out rows are predicted without an effect of {column}",
+        (0..heldout.len()).filter(is_new).count()
+    );
+    Some(Warning { check: "heldout_label", column: Some(column.into()), text })
+}
+
+/// Numbers that can hardly be in the unit of those trained on.
+fn heldout_scale(column: &str, train: &[f64], heldout: &[f64]) -> Option<Warning> {
+    let spans = [Span::of("rows trained on", train)?, Span::of("held-out rows", heldout)?];
+    let [low, high] = apart(spans.into())?;
+    let text = format!(
+        "{column} is {:.0} times as large in {} (median {}) as in {} (median {}): is it in one unit?",
+        high.median / low.median,
+        high.label,
+        high.median,
+        low.label,
+        low.median
+    );
+    Some(Warning { check: "heldout_scale", column: Some(column.into()), text })
+}
+
+/// The first two neighbours, by their medians, that can hardly share a unit.
+fn apart(mut spans: Vec<Span<'_>>) -> Option<[Span<'_>; 2]> {
+    spans.sort_by(|a, b| a.median.total_cmp(&b.median));
+    let pair = spans
+        .windows(2)
+        .find(|pair| pair[1].least > pair[0].greatest && pair[1].median > SCALE * pair[0].median)?;
+    Some([pair[0], pair[1]])
+}
+
 /// Where the values of a group lie.
+#[derive(Clone, Copy)]
 struct Span<'a> {
     label: &'a str,
     least: f64,
@@ -242,5 +297,31 @@ mod tests {
         );
         let few = one(&|i, row| row[2] = (i / 4 + 9).to_string());
         assert!(few.0 == "few_units" && few.1.contains("3 units of `session`"), "{few:?}");
+    }
+
+    #[test]
+    fn held_out_rows_are_compared_with_those_trained_on() {
+        let said = |change: &dyn Fn(usize, &mut Vec<String>)| {
+            let mut held = rows();
+            held.iter_mut().enumerate().for_each(|(i, row)| change(i, row));
+            let header = ["site", "value", "force_g", "catheter", "session"].map(String::from);
+            let table = |rows| Measurements::from_cells("made", header.to_vec(), rows).unwrap();
+            let columns = ["force_g", "catheter", "session"];
+            let warnings = check_heldout(&table(rows()), &table(held), &columns);
+            warnings.into_iter().map(|w| (w.check, w.text)).collect::<Vec<_>>()
+        };
+        assert_eq!(said(&|_, _| {}), []);
+        let label = said(&|i, row| row[3] = ["A", "D"][i % 2].into());
+        assert!(label.len() == 1 && label[0].0 == "heldout_label", "{label:?}");
+        assert!(label[0].1.starts_with("catheter D") && label[0].1.contains("6 held-out rows"));
+        let scale = said(&|_, row| row[2] += "0");
+        assert!(scale.len() == 1 && scale[0].0 == "heldout_scale", "{scale:?}");
+        assert!(scale[0].1.starts_with("force_g is 10 times as large"), "{scale:?}");
+        let text = said(&|i, row| {
+            if i == 3 {
+                row[2] = "low".into();
+            }
+        });
+        assert!(text.len() == 1 && text[0].0 == "heldout_not_a_number", "{text:?}");
     }
 }

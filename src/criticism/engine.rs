@@ -143,7 +143,9 @@ impl Engine {
             self.add_term(&self.terms[*a], outer, first, &mut j);
             first += self.terms[*a].n;
         }
-        Linear { constant, j, prior: self.prior_curvature(t, other, x) }
+        let is_used = |l: &usize| j.column(*l).iter().any(|j| *j != 0.0);
+        let used = (0..self.n_locals).filter(is_used).collect();
+        Linear { constant, used, j, prior: self.prior_curvature(t, other, x) }
     }
 
     /// Writes how scalars depend on a term's coefficients, the first of which is unknown number `first`.

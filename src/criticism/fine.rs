@@ -13,8 +13,9 @@ use crate::manifold::Basis;
 /// Modes that are looked at, in multiples of the model's.
 pub const FINER: usize = 4;
 
-/// Standard deviations that are tried, in protocol steps.
-const SIZES: [f64; 3] = [0.3, 0.6, 1.2];
+/// Standard deviations that are tried, in protocol steps. What is larger is no detail of a field but
+/// something that the model lacks.
+const SIZES: [f64; 2] = [0.25, 0.5];
 
 /// Further modes for every field, once for each of [`SIZES`]; their lengthscale is the distance between
 /// sites. `field_sd` is the change of each field that moves what is observed by one step. None for a model

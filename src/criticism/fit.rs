@@ -34,6 +34,8 @@ pub(super) struct Linear {
     pub(super) constant: Vec<f64>,
     /// (unknowns, scalars): a scalar's row of J is a column here.
     pub(super) j: DMatrix<f64>,
+    /// Scalars that any unknown moves, ascending.
+    pub(super) used: Vec<usize>,
     /// Minus the Hessian of the prior in the model's linear unknowns.
     pub(super) prior: DMatrix<f64>,
 }

@@ -84,7 +84,7 @@ impl Sum {
         self.value += model.row_location(id, locals).unwrap_or(f64::NAN);
         self.ln.push(model.row_ln(id, locals, &Noise::default()));
         let replicate = model.row_replicate(id, locals, rng);
-        match super::search::order(&replicate, &model.observes[id.observe].observed_row(id.row)) {
+        match super::leave::order(&replicate, &model.observes[id.observe].observed_row(id.row)) {
             std::cmp::Ordering::Less => self.below += 1.0,
             std::cmp::Ordering::Equal => self.equal += 1.0,
             std::cmp::Ordering::Greater => {}

@@ -3,29 +3,15 @@
 use super::candidates::Level;
 use super::engine::Outer;
 use super::fit::Fit;
+use super::leave::{Left, leave_sites_out, leave_units_out, squared_errors};
 use super::outer::{Free, optimise, score, without_sites};
 use super::procedure::{Record, Round, Run};
-use super::search::{
-    Left, Tried, leave_sites_out, leave_units_out, r_squared, r_squared_on_fields, squared_errors,
-};
+use super::search::Tried;
 use super::units::{FOLD, LEAST_UNITS, Unit, by_site, unit_of};
 use crate::dsl::Form;
 
 /// Least log Bayes factor of a claim.
 pub const CLAIM: f64 = 3.0;
-/// A runner-up within this log Bayes factor is a rival.
-const RIVAL: f64 = 2.0;
-/// A winner that adds less than this with its rival in the model is not told apart from it.
-const ADDS: f64 = 1.0;
-/// R² on the fitted fields' span beyond which a covariate could be the fields' own.
-const SPAN: f64 = 0.8;
-/// R² of a covariate on another beyond which they are the same.
-const SAME: f64 = 0.95;
-/// R² of a covariate on another beyond which it must add [`DECISIVE`] with that in the model: how the two are
-/// written down, rather than the data, could prefer one. Of covariates without any relation, with up to five
-/// labels over 40 sites, one in a thousand is above.
-const ALIKE: f64 = 0.4;
-const DECISIVE: f64 = 5.0;
 /// Share of null searches that the best candidate must beat.
 const LEVEL: f64 = 0.05;
 
@@ -69,7 +55,7 @@ impl Run<'_> {
                 records[i].verdict = why;
                 continue;
             }
-            rivals = self.rivals(&tried, i, base, &left, found);
+            rivals = self.rivals(&tried, best, base, &left, found);
             if rivals.is_empty() {
                 records[i].verdict = "found".into();
                 taken = Some((best.candidate, fit));
@@ -106,7 +92,7 @@ impl Run<'_> {
 
     /// Why a candidate's predictions of what was left out speak against it, if they do: of sites, and of the
     /// units over which it varies.
-    fn refutation(&self, candidate: usize, fit: &Fit, left: &Left) -> Option<String> {
+    pub(super) fn refutation(&self, candidate: usize, fit: &Fit, left: &Left) -> Option<String> {
         let unit = self.left_out(self.column(candidate));
         if unit.is_none() || unit != self.unit {
             // what units share is known from a unit's other sites: these tell nothing of what varies over units
@@ -119,15 +105,9 @@ impl Run<'_> {
             }
         }
         let unit = unit.filter(|unit| unit.n >= LEAST_UNITS)?;
-        let without = self.without(fit).and_then(|fit| self.leave_out(&fit, &unit));
-        let Some((before, after)) = without.zip(self.leave_out(fit, &unit)) else {
+        let gained = self.without(fit).and_then(|without| self.unit_gain(&without, fit, &unit));
+        let Some((what, (gain, se))) = gained else {
             return Some(format!("there is no fit with some {}s left out as a whole", unit.name));
-        };
-        let squares = |left: &Left| squared_errors(&self.engine, left, &unit);
-        let (what, (gain, se)) = if unit.name == FOLD {
-            ("squared error", gain(&squares(&after), &squares(&before)))
-        } else {
-            ("log score", gain(&before.elpd, &after.elpd))
         };
         (!(gain > se)).then(|| {
             format!(
@@ -137,8 +117,34 @@ impl Run<'_> {
         })
     }
 
+    /// What one fit gains on another where units are left out as a whole, with its standard error, and in what.
+    fn unit_gain(
+        &self,
+        before: &Fit,
+        after: &Fit,
+        unit: &Unit,
+    ) -> Option<(&'static str, (f64, f64))> {
+        let [before, after] = [self.leave_out(before, unit)?, self.leave_out(after, unit)?];
+        let squares = |left: &Left| squared_errors(&self.engine, left, unit);
+        Some(if unit.name == FOLD {
+            ("squared error", gain(&squares(&after), &squares(&before)))
+        } else {
+            ("log score", gain(&before.elpd, &after.elpd))
+        })
+    }
+
+    /// Whether a field predicts what was left out better than another field does.
+    pub(super) fn is_better_field(&self, best: &Fit, other: &Fit) -> bool {
+        let sites = |fit: &Fit| leave_sites_out(&self.engine, fit, self.settings.seed).elpd;
+        let gained = match self.left_out(None).filter(|unit| unit.n >= LEAST_UNITS) {
+            Some(unit) => self.unit_gain(other, best, &unit).map(|(_, gained)| gained),
+            None => Some(gain(&sites(other), &sites(best))),
+        };
+        gained.is_some_and(|(gain, _)| gain > 0.0)
+    }
+
     /// The column that a candidate reads.
-    fn column(&self, candidate: usize) -> Option<&str> {
+    pub(super) fn column(&self, candidate: usize) -> Option<&str> {
         self.candidates[candidate].form.as_ref().and_then(Form::column)
     }
 
@@ -166,74 +172,18 @@ impl Run<'_> {
         optimise(&self.engine, active, &start, Free::Spread, self.step).map(|(fit, _)| fit)
     }
 
-    /// Causes that the best candidate cannot be told apart from.
-    fn rivals(
-        &self,
-        tried: &[Tried],
-        best: usize,
-        base: &Fit,
-        left: &Left,
-        found: &[usize],
-    ) -> Vec<[String; 2]> {
-        let best = &tried[best];
-        let name = |t: &Tried| self.candidates[t.candidate].name.clone();
-        let mut pairs: Vec<[String; 2]> = vec![];
-        for other in tried.iter().filter(|t| name(t) != name(best)) {
-            let read = [best, other].map(|t| self.column(t.candidate));
-            // a field can follow another one over the rows without being the same cause
-            let alike = if read.iter().all(Option::is_some) {
-                r_squared(&self.engine, best.candidate, other.candidate)
-            } else {
-                0.0
-            };
-            let is_rival = if alike > SAME {
-                true
-            } else if alike > ALIKE || other.log_bf > ADDS {
-                // two causes that both add much with the other in the model are two effects
-                let adds = self.adds(best, other, base, found);
-                let is_near = best.log_bf - other.log_bf < RIVAL;
-                adds < ADDS || (is_near && adds < CLAIM) || (alike > ALIKE && adds < DECISIVE)
-            } else {
-                false
-            };
-            // what predicts nothing of what was left out is no rival, unless it goes with the best
-            let predicts = |fit: &Fit| self.refutation(other.candidate, fit, left).is_none();
-            if is_rival
-                && !pairs.iter().any(|pair| pair[1] == name(other))
-                && (alike > ALIKE || other.fit.as_ref().is_some_and(predicts))
-            {
-                pairs.push([name(best), name(other)]);
-            }
-        }
-        let r2 = r_squared_on_fields(&self.engine, base, best.candidate, self.step);
-        if r2 > SPAN {
-            pairs.push([name(best), "spatial_field".into()]);
-        }
-        pairs
-    }
-
-    /// What the best candidate adds to the score with another one in the model.
-    fn adds(&self, best: &Tried, other: &Tried, base: &Fit, found: &[usize]) -> f64 {
-        let both = self.active(&[found, &[other.candidate, best.candidate]].concat());
-        let with_both = || {
-            let fit = other.fit.as_ref()?;
-            let mut outer = fit.outer.clone();
-            outer.outliers = outer.outliers.or(best.fit.as_ref()?.outer.outliers);
-            let start = self.engine.fit(&outer, &both, Some(fit))?;
-            let (_, both) = optimise(&self.engine, &both, &start, Free::Spread, self.step)?;
-            Some(both - score(base, self.step) - other.log_bf)
-        };
-        // a cause that the screen stopped takes nothing away
-        if other.fit.is_none() { best.log_bf } else { with_both().unwrap_or(0.0) }
-    }
-
     /// Log Bayes factor of the sites' random effect, against nothing or the model's fields at a finer
-    /// resolution, whichever says more.
+    /// resolution, whichever says more when fitted as well.
     pub(super) fn site_evidence(&self, fit: &Fit) -> f64 {
         let finer = self.finer.iter().map(|terms| [&fit.active[..], terms].concat());
         let without = [fit.active.clone()].into_iter().chain(finer);
-        let scores = without.map(|active| without_sites(&self.engine, &active, fit, self.step));
-        score(fit, self.step) - scores.fold(f64::NEG_INFINITY, f64::max)
+        let fits =
+            without.filter_map(|active| without_sites(&self.engine, &active, fit, self.step));
+        let Some((best, _)) = fits.max_by(|a, b| a.1.total_cmp(&b.1)) else {
+            return f64::INFINITY;
+        };
+        let best = optimise(&self.engine, &best.active, &best, Free::All, self.step);
+        score(fit, self.step) - best.map_or(f64::NEG_INFINITY, |(_, score)| score)
     }
 
     /// Log Bayes factor of the units' random effect.

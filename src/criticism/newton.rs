@@ -9,6 +9,8 @@ use super::fit::Linear;
 use crate::dsl::{Curvature, Tape};
 
 const MAX_STEPS: usize = 60;
+/// Gradient times step, twice what a step can gain, below which a point is the mode.
+const SMALL: f64 = 1e-7;
 
 /// What is climbed.
 pub(super) struct Newton<'a> {
@@ -51,15 +53,14 @@ impl Newton<'_> {
         for _ in 0..MAX_STEPS {
             let system = self.system(&point)?;
             let (dx, dz) = system.step(&point);
-            let gain = dx.dot(&point.gradient);
+            let slopes = system.slope.iter().zip(&dz).map(|(slope, dz)| slope * dz).sum::<f64>();
+            if dx.dot(&point.gradient) + slopes < SMALL {
+                return Some((point, system));
+            }
             let Some(next) = self.search(t, &point, &dx, &dz) else {
                 return Some((point, system));
             };
-            let gained = next.value - point.value;
             point = next;
-            if gained < 1e-7 && gain.abs() < 1e-3 {
-                break;
-            }
         }
         let system = self.system(&point)?;
         Some((point, system))
@@ -134,20 +135,28 @@ impl Newton<'_> {
         let mut coupling = vec![DVector::zeros(n); engine.sites.len()];
         let mut slope: Vec<f64> = point.z.iter().map(|z| -z).collect();
         // K J: minus each row's Hessian times its rows of J
-        let mut kj = DMatrix::zeros(n, linear.constant.len());
+        let j = linear.j.select_columns(&linear.used);
+        let mut kj = DMatrix::zeros(n, j.ncols());
+        let mut first = 0;
         for (row, c) in engine.rows.iter().zip(&point.curvatures) {
-            for l in 0..row.n {
-                let mut own = kj.column_mut(row.first + l);
-                for m in 0..row.n {
-                    own.axpy(-c.hessian[l * row.n + m], &linear.j.column(row.first + m), 1.0);
+            let is_own = |l: &&usize| **l < row.first + row.n;
+            let end = first + linear.used[first..].iter().take_while(is_own).count();
+            let hessian = |l: usize, b: usize| c.hessian[l * row.n + linear.used[b] - row.first];
+            for a in first..end {
+                let mut own = kj.column_mut(a);
+                for b in first..end {
+                    own.axpy(-hessian(linear.used[a] - row.first, b), &j.column(b), 1.0);
                 }
             }
             let l = row.observable;
             precision[row.site] -= tau * tau * c.hessian[l * row.n + l];
             slope[row.site] += tau * c.gradient[l];
-            coupling[row.site].axpy(tau, &kj.column(row.first + l), 1.0);
+            for b in first..end {
+                coupling[row.site].axpy(-tau * hessian(l, b), &j.column(b), 1.0);
+            }
+            first = end;
         }
-        let mut s = &linear.j * kj.transpose();
+        let mut s = &j * kj.transpose();
         let n_prior = linear.prior.nrows();
         let mut own = s.view_mut((0, 0), (n_prior, n_prior));
         own += &linear.prior;
@@ -179,22 +188,14 @@ impl System {
 /// semidefinite.
 fn clip(hessian: &mut [f64], n: usize, of: &[usize]) {
     let at = |a: usize, b: usize| of[a] * n + of[b];
-    let is_negative = match of.len() {
-        1 => hessian[at(0, 0)] <= 0.0,
-        2 => {
-            let (a, b, c) = (hessian[at(0, 0)], hessian[at(0, 1)], hessian[at(1, 1)]);
-            a <= 0.0 && c <= 0.0 && a * c >= b * b
-        }
-        _ => false,
-    };
-    if is_negative {
+    if of.len() == 1 && hessian[at(0, 0)] <= 0.0 {
         return;
     }
     let matrix = DMatrix::from_fn(of.len(), of.len(), |a, b| hessian[at(a, b)]);
-    let mut eigen = SymmetricEigen::new(matrix);
-    if eigen.eigenvalues.iter().all(|e| *e <= 0.0) {
+    if Cholesky::new(-&matrix).is_some() {
         return;
     }
+    let mut eigen = SymmetricEigen::new(matrix);
     eigen.eigenvalues.apply(|e| *e = e.min(0.0));
     let clipped = eigen.recompose();
     for (a, b) in (0..of.len()).flat_map(|a| (0..of.len()).map(move |b| (a, b))) {

@@ -18,8 +18,9 @@ pub(super) enum Free {
 /// Log prior of the sds: half-normal, one protocol step wide; softly kept from vanishing, where a
 /// bracket would become a box without curvature.
 fn ln_prior(outer: &Outer, step: f64) -> f64 {
-    one(outer.ln_site, LEAST_SITE, step)
-        + one(outer.ln_noise, LEAST_NOISE, step)
+    let site = Some(outer.ln_site).filter(|ln| ln.is_finite());
+    one(outer.ln_noise, LEAST_NOISE, step)
+        + site.map_or(0.0, |site| one(site, LEAST_SITE, step))
         + outer.ln_unit.map_or(0.0, |unit| one(unit, LEAST_SITE, step))
 }
 
@@ -43,8 +44,9 @@ pub(super) fn optimise(
 ) -> Option<(Fit, f64)> {
     let density = Climb { engine, active, start, free, step };
     let position = density.position(&start.outer);
+    // a hundredth of a nat decides nothing
     let settings =
-        OptimumSettings { max_iterations: 30, gradient_tolerance: 2e-2, least_gain: 2e-3 };
+        OptimumSettings { max_iterations: 30, gradient_tolerance: 5e-2, least_gain: 1e-2 };
     let best = maximise(&density, &position, &settings).ok()?;
     let outer = density.outer(&best.position);
     let fit = engine.fit(&outer, active, Some(start))?;
@@ -52,18 +54,17 @@ pub(super) fn optimise(
     Some((fit, score))
 }
 
-/// The best score without random effects of sites.
-pub(super) fn without_sites(engine: &Engine, active: &[usize], fit: &Fit, step: f64) -> f64 {
-    let mut outer = fit.outer.clone();
-    outer.ln_site = f64::NEG_INFINITY;
-    let mut best = f64::NEG_INFINITY;
-    // one number: the noise, on a grid of fifths
-    for k in -10..=10 {
-        outer.ln_noise = fit.outer.ln_noise + 0.2 * f64::from(k);
-        let Some(fit) = engine.fit(&outer, active, Some(fit)) else { continue };
-        best = best.max(fit.ln_evidence + one(outer.ln_noise, LEAST_NOISE, step));
-    }
-    best
+/// The best fit without random effects of sites at these hyperparameters, and its score.
+pub(super) fn without_sites(
+    engine: &Engine,
+    active: &[usize],
+    fit: &Fit,
+    step: f64,
+) -> Option<(Fit, f64)> {
+    let ln_noise = fit.outer.ln_noise.max((step / 3.0).ln()); // it must take up what sites differ by
+    let outer = Outer { ln_site: f64::NEG_INFINITY, ln_noise, ..fit.outer.clone() };
+    let start = engine.fit(&outer, active, None)?;
+    optimise(engine, active, &start, Free::Spread, step)
 }
 
 /// The score of a fit as it is.
@@ -81,7 +82,9 @@ struct Climb<'a> {
 
 impl Climb<'_> {
     fn position(&self, outer: &Outer) -> Vec<f64> {
-        let mut position = vec![outer.ln_site, outer.ln_noise];
+        let mut position = vec![outer.ln_noise];
+        // sites without a random effect stay so
+        position.extend(Some(outer.ln_site).filter(|ln| ln.is_finite()));
         position.extend(outer.ln_unit);
         if self.free == Free::All {
             position.extend(&outer.other);
@@ -91,13 +94,13 @@ impl Climb<'_> {
 
     fn outer(&self, position: &[f64]) -> Outer {
         let mut outer = self.start.outer.clone();
-        (outer.ln_site, outer.ln_noise) = (position[0], position[1]);
-        let mut rest = &position[2..];
-        if let (Some(unit), Some((first, others))) = (&mut outer.ln_unit, rest.split_first()) {
-            (*unit, rest) = (*first, others);
+        let mut rest = position.iter().copied();
+        let sds = [Some(&mut outer.ln_noise), Some(&mut outer.ln_site), outer.ln_unit.as_mut()];
+        for sd in sds.into_iter().flatten().filter(|sd| sd.is_finite()) {
+            *sd = rest.next().unwrap_or(*sd);
         }
         if self.free == Free::All {
-            outer.other.copy_from_slice(rest);
+            outer.other = rest.collect();
         }
         outer
     }

@@ -1,19 +1,17 @@
 //! The whole search: base fit, candidates, null searches, what is claimed and what cannot be told.
 
-use rand::SeedableRng;
-use rand_chacha::ChaCha8Rng;
-use rayon::prelude::*;
-
 use super::candidates::{Candidate, Maker, Unusable, covariates};
 use super::checks::{Warning, check};
 use super::engine::{Engine, Outer, Term};
 use super::error::CriticismError;
 use super::fine::finer_fields;
 use super::fit::Fit;
-use super::judge::{CLAIM, least_log_bf};
+use super::judge::CLAIM;
+use super::leave::Left;
 use super::observable::{observables, step_of};
 use super::outer::{Free, optimise, score};
-use super::search::{Left, Tried, field_sd, search, simulate};
+use super::screen::field_sd;
+use super::search::{Tried, search};
 use super::units::{Unit, by_site, random_unit};
 use crate::dsl::{Declare, Form, Measurements, Model};
 use crate::manifold::Basis;
@@ -122,7 +120,7 @@ impl Outcome {
 }
 
 /// Lays a case out for Laplace fits, with these candidates to try and, last, the random effect of `unit`.
-fn engine(
+pub(super) fn engine(
     case: &Case<'_>,
     on: &[String],
     terms: &[Candidate],
@@ -211,7 +209,7 @@ pub fn criticise(
 pub(super) struct Run<'a> {
     pub(super) case: &'a Case<'a>,
     pub(super) settings: &'a Settings,
-    on: Vec<String>,
+    pub(super) on: Vec<String>,
     pub(super) candidates: Vec<Candidate>,
     pub(super) engine: Engine,
     /// Terms of finer fields, once for each size.
@@ -239,7 +237,7 @@ impl Run<'_> {
         let mut base = start;
         while rounds.len() < self.settings.rounds + 1 {
             let tried;
-            (base, tried) = self.searched(base, &found);
+            (base, tried) = self.searched(&self.engine, base, &found);
             let nulls = self.nulls(rounds.len(), &tried, &base, &found, watch)?;
             let (round, taken, rivals) = self.judge(rounds.len(), (tried, nulls), &base, &found);
             rounds.push(round);
@@ -273,64 +271,50 @@ impl Run<'_> {
         })
     }
 
-    /// Every candidate, best first, and the base that they are compared with: a better one, if a candidate's
-    /// fit leads to it.
-    fn searched(&self, mut base: Fit, found: &[usize]) -> (Fit, Vec<Tried>) {
+    /// A search on the rows of `engine`, measured or simulated: every candidate, best first, and the base that
+    /// they are compared with: a better one, if a candidate's fit leads to it.
+    pub(super) fn searched(
+        &self,
+        engine: &Engine,
+        mut base: Fit,
+        found: &[usize],
+    ) -> (Fit, Vec<Tried>) {
+        let (active, seed) = (self.active(found), self.settings.seed);
         loop {
-            let mut tried = self.search(&self.engine, &base, found);
-            self.refine(&mut tried, &base);
+            let mut tried = search(engine, &self.candidates, &base, &active, GATE, self.step, seed);
+            self.refine(engine, &mut tried, &base);
             self.simplest_first(&mut tried);
-            let Some(better) = self.better_base(&tried, &base, found) else { return (base, tried) };
+            let better = self.better_base(engine, &tried, &base, &active);
+            let Some(better) = better else { return (base, tried) };
             base = better;
         }
     }
 
     /// The base fit from where the best candidate has led, if that is better.
-    fn better_base(&self, tried: &[Tried], base: &Fit, found: &[usize]) -> Option<Fit> {
-        let best = tried.first().filter(|t| t.log_bf > 1.0)?.fit.as_ref()?;
-        let outer = Outer { outliers: base.outer.outliers, ..best.outer.clone() };
-        let active = self.active(found);
-        let start = self.engine.fit(&outer, &active, Some(base))?;
-        let (fit, score_there) = optimise(&self.engine, &active, &start, Free::All, self.step)?;
-        (score_there > score(base, self.step) + 0.5).then_some(fit)
-    }
-
-    /// Best log Bayes factor of each search on data simulated from `base`, ascending.
-    fn nulls(
+    fn better_base(
         &self,
-        number: usize,
+        engine: &Engine,
         tried: &[Tried],
         base: &Fit,
-        found: &[usize],
-        watch: &(dyn Fn(usize, usize) + Sync),
-    ) -> Result<Vec<f64>, CriticismError> {
-        let best = tried.first().map_or(f64::NEG_INFINITY, |t| t.log_bf);
-        if number > 0 && best <= least_log_bf(number) {
-            return Ok(vec![]);
-        }
-        let done = std::sync::atomic::AtomicUsize::new(0);
-        let null = |k: usize| -> Result<f64, CriticismError> {
-            let best = self.null(number, k, base, found)?;
-            watch(number, 1 + done.fetch_add(1, std::sync::atomic::Ordering::Relaxed));
-            Ok(best)
-        };
-        let nulls: Result<Vec<f64>, _> =
-            (0..self.settings.nulls).into_par_iter().map(null).collect();
-        let mut nulls = nulls?;
-        nulls.sort_by(f64::total_cmp);
-        Ok(nulls)
+        active: &[usize],
+    ) -> Option<Fit> {
+        let best = tried.first().filter(|t| t.log_bf > 1.0)?.fit.as_ref()?;
+        let outer = Outer { outliers: base.outer.outliers, ..best.outer.clone() };
+        let start = engine.fit(&outer, active, Some(base))?;
+        let (fit, score_there) = optimise(engine, active, &start, Free::All, self.step)?;
+        (score_there > score(base, self.step) + 0.5).then_some(fit)
     }
 
     /// Fits the best candidates again with the model's own unknowns free, as the base is: its fields have
     /// taken up what they could of a cause that a candidate may now take over.
-    fn refine(&self, tried: &mut [Tried], base: &Fit) {
+    fn refine(&self, engine: &Engine, tried: &mut [Tried], base: &Fit) {
         let best = tried.iter().map(|t| t.log_bf).fold(f64::NEG_INFINITY, f64::max);
         let reference = score(base, self.step);
         for t in tried.iter_mut().filter(|t| t.log_bf > 0.0 && t.log_bf > best - CLAIM) {
             let refined = t
                 .fit
                 .as_ref()
-                .and_then(|fit| optimise(&self.engine, &fit.active, fit, Free::All, self.step));
+                .and_then(|fit| optimise(engine, &fit.active, fit, Free::All, self.step));
             if let Some((fit, score)) = refined.filter(|(_, s)| s - reference > t.log_bf) {
                 (t.log_bf, t.fit) = (score - reference, Some(fit));
             }
@@ -348,34 +332,5 @@ impl Run<'_> {
         if let Some(simplest) = near.min_by_key(|t| self.engine.terms[tried[*t].candidate].n) {
             tried[..=simplest].rotate_right(1);
         }
-    }
-
-    fn search(&self, engine: &Engine, base: &Fit, found: &[usize]) -> Vec<Tried> {
-        let active = self.active(found);
-        search(engine, &self.candidates, base, &active, GATE, self.step, self.settings.seed)
-    }
-
-    /// Best log Bayes factor of a search on data simulated from `base`.
-    fn null(
-        &self,
-        round: usize,
-        k: usize,
-        base: &Fit,
-        found: &[usize],
-    ) -> Result<f64, CriticismError> {
-        let mut rng = ChaCha8Rng::seed_from_u64(self.settings.seed);
-        rng.set_stream((1 << 34) + ((round as u64) << 20) + k as u64);
-        let cells = simulate(&self.engine, base, &mut rng);
-        let mut simulated = engine(self.case, &self.on, &self.candidates, self.unit.as_ref())?;
-        let ids: Vec<_> = simulated.rows.iter().map(|row| row.id).collect();
-        for (id, cells) in ids.into_iter().zip(&cells) {
-            simulated.model.set_observed(id, cells);
-        }
-        let active = self.active(found);
-        let Some((fit, _)) = optimise(&simulated, &active, base, Free::Spread, self.step) else {
-            return Ok(f64::INFINITY); // counts against a claim
-        };
-        let tried = self.search(&simulated, &fit, found);
-        Ok(tried.iter().map(|t| t.log_bf).fold(f64::NEG_INFINITY, f64::max))
     }
 }

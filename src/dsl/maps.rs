@@ -211,6 +211,21 @@ impl<'m> Maps<'m> {
         (n_modes, (0..fields.len()).map(of_field).collect())
     }
 
+    /// All maps at these vertices in every draw of the unknowns, (vertex, map, draw); derived quantities are
+    /// NaN where unphysical.
+    pub fn draws_at(&self, draws: &[&[f64]], vertices: &[usize]) -> Vec<Vec<Vec<f64>>> {
+        let draws: Vec<Draw> = self.unpack(draws);
+        let n = self.n_fields() + self.model.maps.len();
+        let at = |vertex: &usize| {
+            let mut maps = vec![Vec::with_capacity(draws.len()); n];
+            self.each_at(*vertex, &draws, n, |values| {
+                maps.iter_mut().zip(values).for_each(|(map, x)| map.push(*x));
+            });
+            maps
+        };
+        vertices.par_iter().map(at).collect()
+    }
+
     /// The rank of `truth` (a map for each field and derived quantity, n_vertices) among draws of
     /// unknowns: the share of physical draws below it, NaN where there is neither.
     pub fn ranks(&self, draws: &[&[f64]], truth: &[&[f64]]) -> Vec<Vec<f64>> {

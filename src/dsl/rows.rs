@@ -311,7 +311,7 @@ impl<F: RowFn, const N: usize, const W: usize> Rows<F, N, W> {
         if let Some((share, variance)) = noise.outliers {
             (likelihood.share, likelihood.sd) = (share, variance.sqrt());
         }
-        likelihood.ln_widened(&self.y[i], noise.variance)
+        likelihood.ln_widened(&self.y[i], D::from(noise.variance))
     }
 }
 

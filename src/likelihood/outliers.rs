@@ -2,7 +2,7 @@
 
 use rand::{Rng, RngExt};
 
-use super::{Likelihood, Observation};
+use super::{Likelihood, Observation, widened::NOT_WIDENED};
 use crate::num::Real;
 
 /// A likelihood under which a share of the measurements has a further normal error.
@@ -37,15 +37,16 @@ impl<L> Outliers<L> {
 }
 
 impl<D: Real, Y: Observation, L: Likelihood<D, Y>> Likelihood<D, Y> for Outliers<L> {
+    const WIDENS: bool = L::WIDENS;
     fn ln_likelihood(&self, y: &Y) -> D {
         let plain = self.inner.ln_likelihood(y);
         if self.share > 0.0 {
-            self.mixed(plain, self.inner.ln_widened(y, self.sd * self.sd))
+            self.mixed(plain, self.inner.ln_widened(y, D::from(self.sd * self.sd)))
         } else {
             plain
         }
     }
-    fn ln_widened(&self, y: &Y, variance: f64) -> D {
+    fn ln_widened(&self, y: &Y, variance: D) -> D {
         let plain = self.inner.ln_widened(y, variance);
         if self.share > 0.0 {
             self.mixed(plain, self.inner.ln_widened(y, variance + self.sd * self.sd))
@@ -70,6 +71,9 @@ impl<D: Real, Y: Observation, L: Likelihood<D, Y>> Likelihood<D, Y> for Outliers
     fn objection(&self, y: &Y) -> Option<&'static str> {
         if !(0.0..1.0).contains(&self.share) || !(self.sd > 0.0 || self.share == 0.0) {
             return Some("Outliers takes a share from 0 to below 1 and a positive sd");
+        }
+        if self.share > 0.0 && !L::WIDENS {
+            return Some(NOT_WIDENED);
         }
         self.inner.objection(y)
     }

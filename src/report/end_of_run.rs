@@ -11,6 +11,18 @@ pub fn end_of_run(rows: &[Row], record: &RunRecord) -> String {
     if let Some(rmse) = &record.rmse {
         let _ = writeln!(text, "\n{}", rmse_line(rmse, &record.units));
     }
+    if let Some(coverage) = &record.coverage {
+        let percent = |x: &f64| format!("{:.0}", 100.0 * x);
+        let one = |(name, shares): (&String, &[f64; 3])| {
+            format!("{name} {} %", shares.each_ref().map(percent).join(", "))
+        };
+        let list: Vec<String> = coverage.iter().map(one).collect();
+        let _ = writeln!(
+            text,
+            "Truth within the central 50, 90, 95 % interval, share of the surface: {}",
+            list.join("; ")
+        );
+    }
     if let Some(share) = record.unphysical {
         let _ = writeln!(
             text,

@@ -85,7 +85,8 @@ impl FieldDraws {
     /// [`ReportError::Read`], [`ReportError::Malformed`].
     pub fn read(path: &Path) -> Result<Self, ReportError> {
         let mut archive = NpzArchive::open(path).map_err(ReportError::read(path))?;
-        let names: Vec<String> = archive.array_names().map(str::to_owned).collect();
+        let mut names: Vec<String> = archive.array_names().map(str::to_owned).collect();
+        names.sort();
         let mut matrix = |name: &str| -> io::Result<(usize, Vec<f64>)> {
             let file = archive.by_name(name)?.ok_or_else(|| io::Error::other("it is absent"))?;
             let shape = file.shape().to_vec();

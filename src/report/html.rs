@@ -221,6 +221,10 @@ fn run(record: &RunRecord) -> String {
     for (field, rmse) in record.rmse.iter().flatten() {
         terms.push(("RMSE against the truth", format!("{field} {rmse:.2}")));
     }
+    for (field, [half, ninety, most]) in record.coverage.iter().flatten() {
+        let shares = [half, ninety, most].map(|x| format!("{:.0}", 100.0 * x)).join(", ");
+        terms.push(("truth within 50, 90, 95 %", format!("{field} {shares} %")));
+    }
     for (input, hash) in &record.hashes {
         terms.push(("SHA-256", format!("{input} {hash}")));
     }

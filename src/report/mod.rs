@@ -11,6 +11,7 @@ mod end_of_run;
 mod error;
 mod error_bars;
 mod field_draws;
+pub mod figures;
 mod html;
 mod loo;
 mod loop_page;

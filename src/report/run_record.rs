@@ -56,6 +56,10 @@ pub struct RunRecord {
     /// With a known truth: root mean squared error over the surface by field, in the field's unit.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub rmse: Option<BTreeMap<String, f64>>,
+    /// With a known truth: share of the surface whose truth lies in the central 50, 90 and 95 % interval, by
+    /// field and derived quantity.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub coverage: Option<BTreeMap<String, [f64; 3]>>,
     /// Units of the fields and derived quantities that have a map.
     #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
     pub units: BTreeMap<String, String>,
@@ -195,6 +199,13 @@ mod tests {
           "e_bfmi": 0.83,
           "rmse": {
             "tau_out": 2.25
+          },
+          "coverage": {
+            "tau_out": [
+              0.48,
+              0.871,
+              0.93
+            ]
           },
           "units": {
             "tau_out": "ms"

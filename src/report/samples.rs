@@ -53,6 +53,7 @@ pub(super) fn record() -> RunRecord {
         ess_per_second: 605.1,
         e_bfmi: 0.83,
         rmse: Some(BTreeMap::from([("tau_out".to_owned(), 2.25)])),
+        coverage: Some(BTreeMap::from([("tau_out".to_owned(), [0.48, 0.871, 0.93])])),
         units: BTreeMap::from([("tau_out".to_owned(), "ms".to_owned())]),
         unphysical: None,
         divergent_at: vec![],

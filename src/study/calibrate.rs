@@ -2,7 +2,8 @@
 
 use std::collections::BTreeMap;
 
-use super::plan::{Block, Case, Estimate, Plan};
+use super::next::lessons;
+use super::plan::{Block, Case, Choice, Estimate, Plan};
 use super::{StudyError, Truth, measure, repaired};
 use crate::diagnostics::r_hat;
 use crate::dsl::{Declare, Maps, Model, Sampler};
@@ -16,6 +17,8 @@ use crate::mesh::TriMesh;
 const MOST_ITERATIONS: usize = 50_000;
 /// Draws that maps are made of.
 const MAP_DRAWS: usize = 400;
+/// Sites that are considered one after the other.
+const CANDIDATES: usize = 150;
 /// Central intervals whose coverage is counted.
 pub const INTERVALS: [f64; 3] = [0.5, 0.9, 0.95];
 
@@ -49,6 +52,8 @@ pub struct Study<'a> {
     outline: Model,
     /// Sites by number of sites and design.
     designs: BTreeMap<(usize, usize), Vec<u32>>,
+    /// Sites that are considered one after the other.
+    candidates: Vec<u32>,
 }
 
 impl std::fmt::Debug for Study<'_> {
@@ -76,7 +81,11 @@ impl<'a> Study<'a> {
                 entry.insert(maximin(mesh, case.sites, plan.exclude, plan.design_seed(&case))?);
             }
         }
-        Ok(Self { plan, model, basis, outline, designs })
+        let candidates = match plan.choice {
+            Choice::Maximin => vec![],
+            Choice::Next => maximin(mesh, CANDIDATES, plan.exclude, plan.seed)?,
+        };
+        Ok(Self { plan, model, basis, outline, designs, candidates })
     }
 
     /// Names of the maps that are judged: fields, then derived quantities.
@@ -95,26 +104,82 @@ impl<'a> Study<'a> {
     ) -> Result<(f64, Vec<Outcome>), StudyError> {
         let seed = self.plan.truth_seed(block);
         let truth = Truth::new(&self.outline, self.basis, block.lengthscale, seed)?;
-        let one = |case: Case| {
-            let outcome = self.case(block, case, &truth)?;
+        let mut outcomes = vec![];
+        let mut grown = BTreeMap::new();
+        for case in self.plan.cases() {
+            let sites = match self.plan.choice {
+                Choice::Maximin => self.designs[&(case.sites, case.design)].clone(),
+                Choice::Next => {
+                    let key = (case.design, case.resolution.to_bits());
+                    let sites = grown.entry(key).or_insert_with(|| self.fewest(&case));
+                    self.grow(sites, block, case, &truth)?;
+                    sites[..case.sites].to_vec()
+                }
+            };
+            let (model, seed) = self.measured(block, case, &truth, &sites)?;
+            outcomes.push(match self.plan.estimate {
+                Estimate::Mode => self.mode(&model, case, &truth)?,
+                Estimate::Mean => self.mean(&model, case, &truth, seed)?,
+            });
             done();
-            Ok(outcome)
-        };
-        let outcomes: Result<_, StudyError> = self.plan.cases().into_iter().map(one).collect();
-        Ok((truth.repaired, outcomes?))
+        }
+        Ok((truth.repaired, outcomes))
     }
 
-    fn case(&self, block: &Block, case: Case, truth: &Truth) -> Result<Outcome, StudyError> {
+    /// The model with what is measured at these sites, and the seed of its calibration.
+    fn measured(
+        &self,
+        block: &Block,
+        case: Case,
+        truth: &Truth,
+        sites: &[u32],
+    ) -> Result<(Model, u64), StudyError> {
         let seed = self.plan.case_seed(block, &case);
-        let sites = &self.designs[&(case.sites, case.design)];
         let (outline, basis) = (&self.outline, self.basis);
         let table =
             measure(self.model, outline, basis, &truth.fields, sites, case.resolution, seed)?;
-        let model = Model::new(self.model, Some(basis), &table)?;
-        match self.plan.estimate {
-            Estimate::Mode => self.mode(&model, case, truth),
-            Estimate::Mean => self.mean(&model, case, truth, seed),
+        Ok((Model::new(self.model, Some(basis), &table)?, seed))
+    }
+
+    /// The plan's smallest design.
+    fn fewest(&self, case: &Case) -> Vec<u32> {
+        let fewest = self.plan.sites.iter().copied().min().unwrap_or(case.sites);
+        self.designs[&(fewest, case.design)].clone()
+    }
+
+    /// Adds site after site where all measurements together teach most, until there are enough.
+    fn grow(
+        &self,
+        sites: &mut Vec<u32>,
+        block: &Block,
+        case: Case,
+        truth: &Truth,
+    ) -> Result<(), StudyError> {
+        while sites.len() < case.sites {
+            let so_far = Case { sites: sites.len(), ..case };
+            let (model, seed) = self.measured(block, so_far, truth, sites)?;
+            let (chains, _) = self.draws(&model, seed)?;
+            let found = lessons(
+                self.model,
+                &model,
+                self.basis,
+                &thinned(&chains),
+                &self.candidates,
+                case.resolution,
+            )?;
+            let everything = found.iter().filter(|l| l.observes.len() == model.observes.len());
+            let best = everything.max_by(|a, b| a.gain.total_cmp(&b.gain));
+            sites.extend(best.map(|lesson| lesson.vertex));
         }
+        Ok(())
+    }
+
+    fn draws(&self, model: &Model, seed: u64) -> Result<(Vec<Chain>, usize), StudyError> {
+        let Plan { chains, warmup, draws, .. } = *self.plan;
+        let settings = Settings { chains, warmup, draws, seed, threads: 1, ..Settings::default() };
+        let starts = jittered_starts(model, &model.initial(), chains, seed)?;
+        let sampled = Sampler::of(model).sample(model, &starts, &settings, &Silent)?;
+        Ok((sampled.into_iter().flatten().collect(), starts.len()))
     }
 
     /// The paper's validation: fields at the mode, unphysical vertices repaired.
@@ -154,30 +219,29 @@ impl<'a> Study<'a> {
         truth: &Truth,
         seed: u64,
     ) -> Result<Outcome, StudyError> {
-        let Plan { chains, warmup, draws, .. } = *self.plan;
-        let settings = Settings { chains, warmup, draws, seed, threads: 1, ..Settings::default() };
-        let starts = jittered_starts(model, &model.initial(), chains, seed)?;
-        let sampled = Sampler::of(model).sample(model, &starts, &settings, &Silent)?;
-        let chains: Vec<_> = sampled.into_iter().flatten().collect();
-        let all: Vec<&[f64]> =
-            chains.iter().flat_map(|c| (0..c.n_draws()).map(|i| c.draw(i))).collect();
-        let thinned: Vec<&[f64]> =
-            all.iter().step_by(all.len().div_ceil(MAP_DRAWS).max(1)).copied().collect();
+        let (chains, asked) = self.draws(model, seed)?;
+        let thinned = thinned(&chains);
         let maps = Maps::new(model, self.basis);
         let (summary, unphysical) = maps.summarise(&thinned);
         let truths: Vec<&[f64]> = truth.maps().map(Vec::as_slice).collect();
         let ranks = maps.ranks(&thinned, &truths);
         let errors = summary.iter().zip(&truths).zip(&ranks).map(|((map, truth), ranks)| {
-            let coverage = INTERVALS.map(|level| covered(ranks, level));
-            MapError { rmse: rms_error(&map.mean, truth), coverage: Some(coverage) }
+            MapError { rmse: rms_error(&map.mean, truth), coverage: Some(coverage(ranks)) }
         });
         Ok(Outcome {
             case,
-            converged: chains.len() == starts.len() && agree(model, &chains),
+            converged: chains.len() == asked && agree(model, &chains),
             repaired: unphysical.iter().sum::<f64>() / unphysical.len() as f64,
             errors: errors.collect(),
         })
     }
+}
+
+/// Some draws of all chains.
+fn thinned(chains: &[Chain]) -> Vec<&[f64]> {
+    let all: Vec<&[f64]> =
+        chains.iter().flat_map(|c| (0..c.n_draws()).map(|i| c.draw(i))).collect();
+    all.iter().step_by(all.len().div_ceil(MAP_DRAWS).max(1)).copied().collect()
 }
 
 /// Whether every unknown has an R̂ that short chains can have.
@@ -192,11 +256,13 @@ fn agree(model: &Model, chains: &[Chain]) -> bool {
     })
 }
 
-/// Share of ranks within the central interval of this probability.
-fn covered(ranks: &[f64], level: f64) -> f64 {
-    let known = ranks.iter().filter(|rank| !rank.is_nan());
-    let inside = known.clone().filter(|rank| (*rank - 0.5).abs() <= 0.5 * level).count();
-    inside as f64 / known.count() as f64
+/// Share of ranks within the central interval of each of [`INTERVALS`]; unknown ranks (NaN) do not count.
+pub fn coverage(ranks: &[f64]) -> [f64; 3] {
+    let known = || ranks.iter().filter(|rank| !rank.is_nan());
+    INTERVALS.map(|level| {
+        let inside = known().filter(|rank| (*rank - 0.5).abs() <= 0.5 * level).count();
+        inside as f64 / known().count() as f64
+    })
 }
 
 /// Root mean squared difference over the vertices where both are known.

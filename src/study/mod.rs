@@ -5,11 +5,13 @@
 //! validation: a [`Plan`] of many such experiments, block by block.
 
 mod calibrate;
+mod next;
 mod plan;
 mod results;
 
-pub use calibrate::{INTERVALS, MapError, Outcome, Study};
-pub use plan::{Block, Case, Estimate, Plan};
+pub use calibrate::{INTERVALS, MapError, Outcome, Study, coverage};
+pub use next::{Lesson, lessons};
+pub use plan::{Block, Case, Choice, Estimate, Plan};
 pub use results::{Group, Results, Table, summarise};
 
 use std::path::PathBuf;
@@ -24,6 +26,9 @@ use crate::field::{Matern52, unit_field};
 use crate::infer::InferError;
 use crate::manifold::{Basis, ManifoldError, interpolate_biharmonic, maximin};
 use crate::mesh::TriMesh;
+
+/// What messages call a table that was made here.
+const SYNTHETIC: &str = "the synthetic experiment";
 
 /// Modes of the ground truth.
 pub const TRUTH_MODES: usize = 256;
@@ -232,23 +237,26 @@ fn repair(fields: &mut [Vec<f64>], bad: &[bool], basis: &Basis) -> Result<(), St
     Ok(())
 }
 
-/// Every `observe` of the model once per site, as its likelihood simulates it on the true fields.
-fn measure(
-    model: &dyn Declare,
+/// A table before it is measured: header and cells.
+struct Blank {
+    header: Vec<String>,
+    cells: Vec<Vec<String>>,
+    table: Measurements,
+}
+
+/// Every `observe` of the model once per site, with measurements that only fix the protocol's grid.
+fn blank_table(
     outline: &Model,
     basis: &Basis,
-    fields: &[Vec<f64>],
     sites: &[u32],
     resolution: f64,
-    seed: u64,
-) -> Result<Measurements, StudyError> {
+) -> Result<Blank, StudyError> {
     let mut columns: Vec<&str> = vec![];
     for observe in &outline.observes {
         columns.extend(observe.columns.iter().filter(|c| !columns.contains(c)).collect::<Vec<_>>());
     }
     let header: Vec<String> =
         ["site", "vertex", "protocol"].iter().chain(&columns).map(ToString::to_string).collect();
-    // What a measurement of every kind looks like before it is made: it fixes the protocol's grid.
     // One is a value that every likelihood takes.
     let blank = |column: &str| match column {
         "lower" => 0.0,
@@ -265,15 +273,34 @@ fn measure(
             cells.push(row);
         }
     }
-    let name = "the synthetic experiment";
-    let mut table = Measurements::from_cells(name, header.clone(), cells.clone())?;
+    let mut table = Measurements::from_cells(SYNTHETIC, header.clone(), cells.clone())?;
     table.place_at_indices(basis.n_vertices())?;
-    let blank_model = Model::new(model, Some(basis), &table).map_err(|error| match error {
+    Ok(Blank { header, cells, table })
+}
+
+/// The model on a table before it is measured.
+fn on_blank(model: &dyn Declare, basis: &Basis, blank: &Blank) -> Result<Model, StudyError> {
+    Model::new(model, Some(basis), &blank.table).map_err(|error| match error {
         ModelError::Data(DataError::NoColumn { column, .. }) => {
             StudyError::NotSynthetic { why: format!("the model reads the column `{column}`") }
         }
         other => other.into(),
-    })?;
+    })
+}
+
+/// Every `observe` of the model once per site, as its likelihood simulates it on the true fields.
+fn measure(
+    model: &dyn Declare,
+    outline: &Model,
+    basis: &Basis,
+    fields: &[Vec<f64>],
+    sites: &[u32],
+    resolution: f64,
+    seed: u64,
+) -> Result<Measurements, StudyError> {
+    let blank = blank_table(outline, basis, sites, resolution)?;
+    let blank_model = on_blank(model, basis, &blank)?;
+    let Blank { header, mut cells, table } = blank;
     let mut tape = blank_model.tape();
     blank_model.forward(&mut tape, &blank_model.initial());
     Maps::new(&blank_model, basis).set_at_probes(&mut tape, &table.vertices(), fields);
@@ -286,7 +313,7 @@ fn measure(
             }
         }
     }
-    let mut measured = Measurements::from_cells(name, header, cells)?;
+    let mut measured = Measurements::from_cells(SYNTHETIC, header, cells)?;
     measured.place_at_indices(basis.n_vertices())?;
     Ok(measured)
 }

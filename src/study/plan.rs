@@ -33,6 +33,9 @@ pub struct Plan {
     /// Distance that sites keep from openings, mm.
     #[serde(default = "six")]
     pub exclude: f64,
+    /// How sites are chosen.
+    #[serde(default)]
+    pub choice: Choice,
     /// What the calibration says: the posterior's mode, or its mean from draws.
     #[serde(default)]
     pub estimate: Estimate,
@@ -56,6 +59,17 @@ pub enum Estimate {
     Mode,
     /// Mean and intervals of posterior draws.
     Mean,
+}
+
+/// How sites are chosen.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize, Serialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Choice {
+    /// All at once, far from each other.
+    #[default]
+    Maximin,
+    /// The fewest so, then one after the other where the draws so far say that it teaches most.
+    Next,
 }
 
 fn one() -> u64 {
@@ -123,6 +137,9 @@ impl Plan {
         }
         if self.exclude.is_nan() || self.exclude < 0.0 {
             return Err(format!("exclude {}: expected a distance in mm", self.exclude));
+        }
+        if self.choice == Choice::Next && self.estimate == Estimate::Mode {
+            return Err("choice = \"next\" needs estimate = \"mean\": it goes by draws".to_owned());
         }
         match (&self.mesh, &self.units) {
             (Some(_), None) => {

@@ -142,7 +142,8 @@ mod tests {
 
     fn sampled(noise: f64) -> Vec<[f64; 3]> {
         let design = latin_hypercube(60, &[(1.0, 30.0), (120.0, 270.0)], 5);
-        let with_output = |(i, [t, a]): (usize, [f64; 2])| {
+        let with_output = |(i, point): (usize, Vec<f64>)| {
+            let [t, a] = [point[0], point[1]];
             [t, a, term_by_term(&KNOWN, t, a) + noise * (i as f64).sin()]
         };
         design.into_iter().enumerate().map(with_output).collect()

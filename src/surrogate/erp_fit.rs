@@ -1,30 +1,24 @@
-//! From strip simulations to the ERP polynomials, and their files.
+//! From strip simulations to the ERP surrogates, and their files.
 //!
 //! Knows the columns of the strip table and which of them are the inputs:
 //! t = `tau_out`, a = `apd_max`.
 
-use std::fmt::Write as _;
+use std::fmt::{self, Write as _};
 use std::ops::Range;
 
 use serde::Deserialize;
 
 use super::cubic::{CubicFit, FitError, TERMS, fit};
-use super::design::latin_hypercube;
-use crate::ep::Parameters;
-use crate::ep::cell::RANGES;
-use crate::ep::table::{Columns, rounded};
+use super::emulator::Emulator;
+use super::gp::{Gp, GpError, LeftOut};
+use super::inputs::{ERP_INPUTS, input_range};
+use crate::ep::table::Columns;
 
 /// Rows with `start < ERP_S2 ≤ end` (ms) are fitted: beyond it ERP_S3 is discontinuous.
 ///
 /// # Source
 /// The upper bound is the paper's (its authors' code has 285), the lower one the authors'.
 pub const DEFAULT_FILTER: Range<f64> = 160.0..280.0;
-
-/// Held fixed over the design, ms.
-const TAU_IN: f64 = 0.05;
-
-/// Held fixed over the design, ms.
-const TAU_OPEN: f64 = 120.0;
 
 /// What a fit needs of a strip table's row; an absent ERP is an empty cell.
 #[derive(Debug, Clone, Copy, PartialEq, Deserialize)]
@@ -41,7 +35,61 @@ impl Columns for ErpRow {
         &["tau_out_ms", "apd_max_ms", "erp_s2_ms", "erp_s3_ms"];
 }
 
-/// The fits of both ERP, with t = `tau_out` and a = `apd_max` in ms.
+/// The valid rows of a table, and how many are not, by reason.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Valid {
+    /// (`tau_out`, `apd_max`, ERP_S2), ms.
+    pub erp_s2: Vec<[f64; 3]>,
+    /// (`tau_out`, `apd_max`, ERP_S3), ms.
+    pub erp_s3: Vec<[f64; 3]>,
+    filter: Range<f64>,
+    n_rows: usize,
+    n_absent: usize,
+    n_below: usize,
+    n_beyond: usize,
+}
+
+impl Valid {
+    /// Of `rows`, those with `filter.start < ERP_S2 ≤ filter.end`.
+    pub fn of(rows: &[ErpRow], filter: &Range<f64>) -> Self {
+        let count = |is: &dyn Fn(f64) -> bool| {
+            rows.iter().filter(|row| row.erp_s2_ms.is_some_and(is)).count()
+        };
+        let is_kept = |erp: f64| filter.start < erp && erp <= filter.end;
+        let points = |erp: fn(&ErpRow) -> Option<f64>| -> Vec<[f64; 3]> {
+            let kept = rows.iter().filter(|row| row.erp_s2_ms.is_some_and(is_kept));
+            kept.filter_map(|row| Some([row.tau_out_ms, row.apd_max_ms, erp(row)?])).collect()
+        };
+        Self {
+            erp_s2: points(|row| row.erp_s2_ms),
+            erp_s3: points(|row| row.erp_s3_ms),
+            filter: filter.clone(),
+            n_rows: rows.len(),
+            n_absent: rows.len() - count(&|_| true),
+            n_below: count(&|erp| erp <= filter.start),
+            n_beyond: count(&|erp| erp > filter.end),
+        }
+    }
+}
+
+impl fmt::Display for Valid {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Range { start, end } = self.filter;
+        write!(
+            f,
+            "of {} rows {} are valid; left out: {} with ERP_S2 up to {start} ms, {} above {end} ms, {} without ERP_S2; \
+             {} of the valid without ERP_S3",
+            self.n_rows,
+            self.erp_s2.len(),
+            self.n_below,
+            self.n_beyond,
+            self.n_absent,
+            self.erp_s2.len() - self.erp_s3.len()
+        )
+    }
+}
+
+/// The cubics of both ERP, with t = `tau_out` and a = `apd_max` in ms.
 #[derive(Debug, Clone, PartialEq)]
 pub struct ErpFit {
     /// ERP_S2, ms.
@@ -50,34 +98,13 @@ pub struct ErpFit {
     pub erp_s3: CubicFit,
 }
 
-/// Parameter sets that vary `cv_max`, `tau_out` and `apd_max` over their valid ranges.
-pub fn design_points(n: usize, seed: u64) -> Vec<Parameters> {
-    let [cv_max, _, tau_out, _, apd_max] = RANGES.map(|(_, _, lower, upper)| (lower, upper));
-    let points = latin_hypercube(n, &[cv_max, tau_out, apd_max], seed);
-    let parameters = |[cv_max, tau_out, apd_max]: [f64; 3]| Parameters {
-        cv_max: rounded(cv_max, 1e6),
-        tau_in: TAU_IN,
-        tau_out: rounded(tau_out, 1e6),
-        tau_open: TAU_OPEN,
-        apd_max: rounded(apd_max, 1e6),
-    };
-    points.into_iter().map(parameters).collect()
-}
-
-/// Fits both ERP to the rows with `filter.start < ERP_S2 ≤ filter.end`.
+/// Fits cubics to both ERP of the rows with `filter.start < ERP_S2 ≤ filter.end`.
 ///
 /// # Errors
 /// Too few rows are left, or their inputs do not vary independently.
 pub fn fit_erp(rows: &[ErpRow], filter: &Range<f64>) -> Result<ErpFit, FitError> {
-    let is_kept = |erp: f64| filter.start < erp && erp <= filter.end;
-    let kept: Vec<&ErpRow> = rows.iter().filter(|row| row.erp_s2_ms.is_some_and(is_kept)).collect();
-    let points = |erp: fn(&ErpRow) -> Option<f64>| -> Vec<[f64; 3]> {
-        kept.iter().filter_map(|row| Some([row.tau_out_ms, row.apd_max_ms, erp(row)?])).collect()
-    };
-    Ok(ErpFit {
-        erp_s2: fit(&points(|row| row.erp_s2_ms))?,
-        erp_s3: fit(&points(|row| row.erp_s3_ms))?,
-    })
+    let valid = Valid::of(rows, filter);
+    Ok(ErpFit { erp_s2: fit(&valid.erp_s2)?, erp_s3: fit(&valid.erp_s3)? })
 }
 
 impl ErpFit {
@@ -93,7 +120,7 @@ impl ErpFit {
 
     /// The coefficients as the Rust source `src/surrogate/erp_cubic.rs`.
     pub fn to_rust(&self) -> String {
-        let mut text = String::from(RUST_HEADER);
+        let mut text = String::from(CUBIC_HEADER);
         for (name, fit) in [("ERP_S2", &self.erp_s2), ("ERP_S3", &self.erp_s3)] {
             let _ = writeln!(
                 text,
@@ -110,7 +137,7 @@ impl ErpFit {
     }
 }
 
-const RUST_HEADER: &str = "\
+const CUBIC_HEADER: &str = "\
 //! Generated: the ERP polynomials that the models use.  Do not edit; make it again with
 //!
 //! ```text
@@ -122,6 +149,87 @@ const RUST_HEADER: &str = "\
 #![allow(clippy::unreadable_literal, reason = \"generated\")]
 
 use super::cubic::Cubic;
+";
+
+/// An emulator and how well it predicts.
+#[derive(Debug, Clone)]
+pub struct Emulated<const D: usize> {
+    /// What a model evaluates.
+    pub emulator: Emulator<D>,
+    /// What it was made from, in one line: points, leave-one-out errors, departure from the Gaussian process.
+    pub quality: String,
+    /// The points as the others predict them.
+    pub left_out: Vec<LeftOut>,
+}
+
+impl<const D: usize> Emulated<D> {
+    /// The emulator of a Gaussian process through `points` (inputs, output) over `ranges`; `unit` is the output's.
+    ///
+    /// # Errors
+    /// [`GpError`]
+    pub fn fit(
+        points: &[([f64; D], f64)],
+        ranges: [(f64, f64); D],
+        unit: &str,
+    ) -> Result<Self, GpError> {
+        let x: Vec<Vec<f64>> = points.iter().map(|point| point.0.to_vec()).collect();
+        let y: Vec<f64> = points.iter().map(|point| point.1).collect();
+        let gp = Gp::fit(&x, &y)?;
+        let (emulator, departure) = Emulator::of(&gp, ranges);
+        let left_out = gp.leave_one_out();
+        let mean = |of: &dyn Fn(&LeftOut) -> f64| {
+            (left_out.iter().map(of).sum::<f64>() / left_out.len() as f64).sqrt()
+        };
+        let quality = format!(
+            "{} points, leave-one-out RMSE {:.4} {unit} ({:.2} predictive sd), nugget sd {:.4} {unit}, lengthscales {:.3?}; \
+             {} terms per input, off by at most {:.3} sd in the mean and {:.1} % in the sd",
+            gp.n_points(),
+            mean(&|l| l.error.powi(2)),
+            mean(&|l| l.error.powi(2) / l.variance),
+            gp.nugget_sd(),
+            gp.lengthscales(),
+            emulator.n_terms,
+            departure.mean,
+            100.0 * departure.sd
+        );
+        Ok(Self { emulator, quality, left_out })
+    }
+}
+
+/// Emulators of ERP_S2 and ERP_S3 over `tau_out` and `apd_max`, from valid rows.
+///
+/// # Errors
+/// [`GpError`]
+pub fn emulate_erp(valid: &Valid) -> Result<[Emulated<2>; 2], GpError> {
+    let ranges = [ERP_INPUTS[1], ERP_INPUTS[2]].map(input_range);
+    let emulate = |points: &[[f64; 3]]| {
+        let points: Vec<_> = points.iter().map(|&[t, a, erp]| ([t, a], erp)).collect();
+        Emulated::fit(&points, ranges, "ms")
+    };
+    Ok([emulate(&valid.erp_s2)?, emulate(&valid.erp_s3)?])
+}
+
+/// Both as Rust source.
+pub fn erp_emulators_to_rust([s2, s3]: &[Emulated<2>; 2]) -> String {
+    let doc = |name: &str, quality: &str| {
+        format!("{name} (ms) from `tau_out` and `apd_max` (ms).\n\n{quality}.")
+    };
+    String::from(EMULATOR_HEADER)
+        + "\n"
+        + &s2.emulator.to_rust("ERP_S2", &doc("ERP_S2", &s2.quality))
+        + "\n"
+        + &s3.emulator.to_rust("ERP_S3", &doc("ERP_S3", &s3.quality))
+}
+
+/// The head of a file of emulators, made by `eplat surrogate fit`.
+pub(super) const EMULATOR_HEADER: &str = "\
+//! Generated by `eplat surrogate fit`: emulators.  Do not edit, make it again.
+//!
+//! In a model file: `use surrogate::Emulator; mod NAME;`, then `NAME::OUTPUT.mean([…])` and `.sd([…])`.
+
+#![allow(clippy::unreadable_literal, reason = \"generated\")]
+
+use super::Emulator;
 ";
 
 #[cfg(test)]
@@ -155,14 +263,8 @@ mod tests {
         let (lowest, highest) = (200.0, 251.0);
         assert!(erps.contains(&lowest) && erps.contains(&highest), "the bounds occur in the table");
         let expected = erps.iter().filter(|&&erp| erp > lowest && erp < highest + 0.5).count();
-        let fit = fit_erp(&rows, &(lowest..highest)).unwrap();
-        assert_eq!(fit.erp_s2.n_points, expected);
-    }
-
-    #[test]
-    fn the_design_lies_in_the_valid_ranges() {
-        for parameters in design_points(50, 4) {
-            assert_eq!(parameters.validate(), Ok(()));
-        }
+        let valid = Valid::of(&rows, &(lowest..highest));
+        assert_eq!(valid.erp_s2.len(), expected);
+        assert_eq!(valid.n_below + valid.n_beyond + valid.n_absent + expected, rows.len());
     }
 }

@@ -5,11 +5,27 @@
 
 pub mod cubic;
 pub mod design;
+pub mod emulated;
+pub mod emulator;
 mod erp_cubic;
 mod erp_fit;
+pub mod gam;
+pub mod gp;
+pub mod inputs;
+pub mod restitution_fit;
+pub mod sensitivity;
+pub mod sobol;
 
 pub use cubic::{Cubic, CubicFit, FitError};
-pub use erp_fit::{DEFAULT_FILTER, ErpFit, ErpRow, design_points, fit_erp};
+pub use emulator::{Departure, Emulator};
+pub use erp_fit::{
+    DEFAULT_FILTER, Emulated, ErpFit, ErpRow, Valid, emulate_erp, erp_emulators_to_rust, fit_erp,
+};
+pub use gam::{Gam, GamError, fit_gam};
+pub use gp::{Gp, GpError, LeftOut};
+pub use inputs::{ERP_INPUTS, design_points};
+pub use sensitivity::{Outcome, Sensitivity, SensitivityError, SensitivityRow, analyse};
+pub use sobol::{Estimate, SobolIndex, sobol};
 
 use crate::num::Real;
 

@@ -92,7 +92,8 @@ impl Command {
         };
         let predict = |joint: &Joint| {
             let declared = [model, &augmented];
-            Heldout::predict(joint, declared, &inputs, &before, after.as_ref(), self.input.seed)
+            let seed = self.input.seed;
+            Heldout::predict(joint, declared, &inputs, &before, after.as_ref(), &outcome, seed)
         };
         let heldout = joint.as_ref().map(predict).transpose()?;
         let story = Story {
@@ -350,7 +351,8 @@ fn added(
         while is_taken(&name, &effects) {
             name += "_effect";
         }
-        let log_bf = outcome.rounds[round].tried.first().map_or(f64::NAN, |t| t.log_bf);
+        let mut tried = outcome.rounds[round].tried.iter();
+        let log_bf = tried.find(|t| t.candidate == *candidate).map_or(f64::NAN, |t| t.log_bf);
         let data = name_of(table);
         let why = format!("Found by `eplat loop` in {data}: log Bayes factor {log_bf:.1}.");
         let (on, sd) = (found.on.clone(), found.sd);

@@ -7,8 +7,8 @@ use serde_json::{Value, json};
 use super::super::inputs::Inputs;
 use super::Sampling;
 use crate::criticism::{
-    Left, Outcome, Predicted, leave_sites_out, leave_units_out, predict_rows, score_of,
-    with_heldout,
+    Left, Outcome, Predicted, Warning, check_heldout, leave_sites_out, leave_units_out,
+    predict_rows, score_of, with_heldout,
 };
 use crate::diagnostics::standard_error;
 use crate::dsl::{Declare, Measurements, Model};
@@ -76,6 +76,8 @@ pub(super) struct Heldout {
     names: Vec<[String; 2]>,
     /// Columns that are not in the held-out table.
     pub(super) missing: Vec<String>,
+    /// Doubts about its other columns.
+    pub(super) doubts: Vec<Warning>,
 }
 
 impl Heldout {
@@ -86,6 +88,7 @@ impl Heldout {
         inputs: &Inputs,
         before: &Sampling,
         after: Option<&Sampling>,
+        outcome: &Outcome,
         seed: u64,
     ) -> Result<Self, Failure> {
         let Joint { table, heldout, first } = joint;
@@ -99,6 +102,9 @@ impl Heldout {
             |row: usize| before.model.observes.iter().any(|o| o.is_measured(heldout, row));
         let rows = || 0..heldout.len();
         let trained = inputs.measurements.columns().iter();
+        let mut columns: Vec<&str> =
+            outcome.candidates.iter().filter_map(|c| c.form.as_ref()?.column()).collect();
+        columns.dedup();
         Ok(Self {
             before: predict(declared[0], before)?,
             after: after.map(|fit| predict(declared[1], fit)).transpose()?,
@@ -106,6 +112,7 @@ impl Heldout {
             is_measured: rows().map(is_measured).collect(),
             names: rows().map(|row| [cell(row, "site"), cell(row, "protocol")]).collect(),
             missing: trained.filter(|c| !heldout.has(c)).cloned().collect(),
+            doubts: check_heldout(&inputs.measurements, heldout, &columns),
         })
     }
 

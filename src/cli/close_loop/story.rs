@@ -8,7 +8,7 @@ use super::super::inputs::Inputs;
 use super::predictions::{Heldout, LeftOut, as_json};
 use super::sizes::Size;
 use super::{Sampling, name_of, site_column};
-use crate::criticism::{CLAIM, Outcome, Round, least_log_bf};
+use crate::criticism::{CLAIM, Outcome, Round, Warning, least_log_bf};
 use crate::dsl::{AddedEffect, Form, equations};
 use crate::error::Failure;
 use crate::report::{
@@ -43,9 +43,8 @@ impl Story<'_> {
         let tried = rounds.flat_map(|(i, round)| self.tried_json(i, round));
         let unusable: Vec<Value> =
             outcome.unusable.iter().map(|u| json!({ "column": u.column, "why": u.why })).collect();
-        let warnings: Vec<Value> = outcome
-            .warnings
-            .iter()
+        let warnings: Vec<Value> = self
+            .warnings()
             .map(|w| json!({ "check": w.check, "column": w.column, "text": w.text }))
             .collect();
         let heldout = self.heldout.and_then(Heldout::comparison);
@@ -194,11 +193,15 @@ impl Story<'_> {
         lines.join("\n")
     }
 
-    /// Doubts about the table.
+    /// What the checks of both tables say.
+    fn warnings(&self) -> impl Iterator<Item = &Warning> {
+        self.outcome.warnings.iter().chain(self.heldout.iter().flat_map(|h| &h.doubts))
+    }
+
+    /// Doubts about the tables.
     fn doubts(&self) -> Vec<String> {
         let table = &self.inputs.measurements;
-        let mut doubts: Vec<String> =
-            self.outcome.warnings.iter().map(|warning| warning.text.clone()).collect();
+        let mut doubts: Vec<String> = self.warnings().map(|warning| warning.text.clone()).collect();
         for (effect, _) in self.effects {
             let Some(column) = effect.form.column() else { continue };
             if self.heldout.is_some_and(|h| h.missing.iter().any(|c| c == column)) {

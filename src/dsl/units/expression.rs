@@ -165,7 +165,9 @@ fn roles(family: &str) -> &'static [Role] {
     use Role::{Inverse, Other, Same};
     match family {
         "HalfNormal" | "HalfCauchy" | "TopHat" | "Ordered" => &[Same],
-        "Normal" | "Cauchy" | "Laplace" | "Uniform" | "FlatBetween" | "Interval" => &[Same; 2],
+        "Normal" | "Cauchy" | "Laplace" | "Uniform" | "FlatBetween" | "Interval" | "Widened" => {
+            &[Same; 2]
+        }
         "TruncatedNormal" => &[Same; 4],
         "StudentT" => &[Other, Same, Same],
         "Outliers" => &[Same, Other, Same],

@@ -1,0 +1,202 @@
+//! `eplat design next MODEL.rs`: where to measure next, and what.
+
+use std::collections::BTreeMap;
+use std::fmt::Write as _;
+use std::io::Write as _;
+use std::path::{Path, PathBuf};
+use std::process::ExitCode;
+
+use clap::{Args, Subcommand};
+
+use super::compile::run_compiled;
+use super::inputs::InputArgs;
+use super::models::{Compiled, ModelFile};
+use crate::atomic::write_file;
+use crate::dsl::{Model, Sampler};
+use crate::error::Failure;
+use crate::infer::{Chain, Settings, Silent, jittered_starts};
+use crate::manifold::maximin;
+use crate::mesh::TriMesh;
+use crate::study::{Lesson, lessons};
+
+/// Choices that are printed.
+const SHOWN: usize = 10;
+/// Draws that covariances are made of.
+const DRAWS: usize = 1000;
+
+/// `eplat design …`
+#[derive(Debug, Subcommand)]
+pub(super) enum Command {
+    /// Rank further measurements by how much they would teach per minute
+    ///
+    /// Fits the model to the measurements made so far, and says for candidate sites and each protocol
+    /// which share of the posterior variance (of the derived quantities, over the surface) a further
+    /// measurement is expected to take away.
+    Next(NextArgs),
+}
+
+#[derive(Debug, Args)]
+pub(super) struct NextArgs {
+    /// Model file (.rs), for instance models/erp.rs
+    model: PathBuf,
+    #[command(flatten)]
+    input: InputArgs,
+    /// Sites that are considered, spread over the surface
+    #[arg(long, value_name = "N", default_value_t = 150)]
+    candidates: usize,
+    /// Distance that sites keep from openings, mm
+    #[arg(long, value_name = "MM", default_value_t = 6.0)]
+    exclude: f64,
+    /// Width of the bracket of a further measurement, in its unit
+    #[arg(long, value_name = "W", default_value_t = 10.0)]
+    resolution: f64,
+    /// Minutes that a measurement takes, by protocol; 1 without it
+    #[arg(long, value_name = "PROTOCOL=MIN", value_delimiter = ',', value_parser = minutes)]
+    minutes: Vec<(String, f64)>,
+    /// Minutes to move to a site
+    #[arg(long, value_name = "MIN", default_value_t = 1.0)]
+    moving: f64,
+    /// CSV to write: every candidate, best first
+    #[arg(long, value_name = "F.csv")]
+    out: Option<PathBuf>,
+}
+
+fn minutes(text: &str) -> Result<(String, f64), String> {
+    let parts = text.split_once('=').and_then(|(name, m)| Some((name, m.parse::<f64>().ok()?)));
+    match parts {
+        Some((name, minutes)) if minutes > 0.0 => Ok((name.to_owned(), minutes)),
+        _ => Err("expected PROTOCOL=MINUTES, such as s1s2=2.5".to_owned()),
+    }
+}
+
+impl Command {
+    pub(super) fn run(&self, compiled: &[Compiled]) -> Result<ExitCode, Failure> {
+        let Self::Next(args) = self;
+        args.run(compiled)
+    }
+}
+
+impl NextArgs {
+    fn run(&self, compiled: &[Compiled]) -> Result<ExitCode, Failure> {
+        let file = ModelFile::read(&self.model)?;
+        let Some(declared) = file.find(compiled)? else { return run_compiled(&file) };
+        let inputs = self.input.load(declared)?;
+        let Some((surface, basis)) = &inputs.surface else {
+            return Err(Failure::usage(
+                "the model has no field: where it is measured makes no difference",
+            ));
+        };
+        let model = Model::new(declared, Some(basis), &inputs.measurements)?;
+        self.check_names(&model)?;
+        let chains = sample(&model, self.input.seed)?;
+        let all: Vec<&[f64]> =
+            chains.iter().flat_map(|c| (0..c.n_draws()).map(|i| c.draw(i))).collect();
+        let thinned: Vec<&[f64]> = all.iter().step_by(all.len().div_ceil(DRAWS)).copied().collect();
+        let mesh = &surface.mesh;
+        let sites = maximin(mesh, self.candidates, self.exclude, self.input.seed)?;
+        let found = lessons(declared, &model, basis, &thinned, &sites, self.resolution)?;
+        let mut ranked: Vec<(f64, Lesson)> =
+            found.into_iter().map(|lesson| (self.minutes_of(&lesson), lesson)).collect();
+        ranked.sort_by(|a, b| (b.1.gain / b.0).total_cmp(&(a.1.gain / a.0)));
+        let mut out = std::io::stdout().lock();
+        writeln!(out, "{}", text(&ranked, |v| surface.source_vertex[v as usize]))?;
+        if let Some(path) = &self.out {
+            self.write(path, &ranked, mesh, |v| surface.source_vertex[v as usize])?;
+        }
+        Ok(ExitCode::SUCCESS)
+    }
+
+    fn check_names(&self, model: &Model) -> Result<(), Failure> {
+        let known: Vec<&str> = model.observes.iter().map(|observe| observe.name).collect();
+        match self.minutes.iter().find(|(name, _)| !known.contains(&name.as_str())) {
+            Some((name, _)) => Err(Failure::usage(format_args!(
+                "--minutes {name}: the model observes {}",
+                known.join(", ")
+            ))),
+            None => Ok(()),
+        }
+    }
+
+    fn minutes_of(&self, lesson: &Lesson) -> f64 {
+        let given: BTreeMap<&str, f64> =
+            self.minutes.iter().map(|(name, minutes)| (name.as_str(), *minutes)).collect();
+        let of = |name: &&str| given.get(*name).copied().unwrap_or(1.0);
+        self.moving + lesson.observes.iter().map(of).sum::<f64>()
+    }
+
+    fn write(
+        &self,
+        path: &Path,
+        ranked: &[(f64, Lesson)],
+        mesh: &TriMesh,
+        source: impl Fn(u32) -> u32,
+    ) -> Result<(), Failure> {
+        let scale = self.input.scale();
+        write_file(path, |file| {
+            let mut table = csv::Writer::from_writer(file);
+            table.write_record([
+                "vertex",
+                "x",
+                "y",
+                "z",
+                "protocols",
+                "variance_share",
+                "minutes",
+            ])?;
+            for (minutes, lesson) in ranked {
+                let point =
+                    mesh.vertices()[lesson.vertex as usize].map(|x| (x / scale).to_string());
+                let [x, y, z] = point;
+                table.write_record([
+                    source(lesson.vertex).to_string(),
+                    x,
+                    y,
+                    z,
+                    lesson.observes.join("+"),
+                    lesson.gain.to_string(),
+                    minutes.to_string(),
+                ])?;
+            }
+            table.flush()
+        })
+        .map_err(|error| Failure::io("write", path, &error))
+    }
+}
+
+/// Chains of the posterior so far; a warning where they disagree.
+fn sample(model: &Model, seed: u64) -> Result<Vec<Chain>, Failure> {
+    let settings = Settings { seed, ..Settings::default() };
+    let starts = jittered_starts(model, &model.initial(), settings.chains, seed)?;
+    let chains = Sampler::of(model).sample(model, &starts, &settings, &Silent)?;
+    let chains: Vec<Chain> = chains.into_iter().flatten().collect();
+    if chains.is_empty() {
+        return Err(Failure::new(
+            "no chain came through\nhelp: `eplat run` with the same model and data says why",
+        ));
+    }
+    if chains.len() < starts.len() {
+        eprintln!("warning: {} of {} chains failed", starts.len() - chains.len(), starts.len());
+    }
+    Ok(chains)
+}
+
+/// The best choices as a table.
+fn text(ranked: &[(f64, Lesson)], source: impl Fn(u32) -> u32) -> String {
+    let mut text = String::from("vertex  variance  minutes  per minute  measure there (predicted)");
+    for (minutes, Lesson { vertex, observes, gain, predicted }) in ranked.iter().take(SHOWN) {
+        let what: Vec<String> = observes
+            .iter()
+            .zip(predicted)
+            .map(|(name, (mean, sd))| format!("{name} ({mean:.0} ± {sd:.0})"))
+            .collect();
+        let _ = write!(
+            text,
+            "\n{:>6}  {:>7.2}%  {minutes:>7}  {:>9.2}%  {}",
+            source(*vertex),
+            -100.0 * gain,
+            -100.0 * gain / minutes,
+            what.join(", ")
+        );
+    }
+    text
+}

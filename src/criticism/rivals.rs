@@ -1,0 +1,134 @@
+//! Causes that the best candidate cannot be told apart from.
+
+use super::fit::Fit;
+use super::judge::CLAIM;
+use super::leave::Left;
+use super::outer::{Free, optimise, score};
+use super::procedure::Run;
+use super::screen::{r_squared, r_squared_on_fields};
+use super::search::Tried;
+use crate::dsl::Form;
+
+/// A runner-up within this log Bayes factor is a rival.
+const RIVAL: f64 = 2.0;
+/// A winner that adds less than this with its rival in the model is not told apart from it.
+const ADDS: f64 = 1.0;
+/// R² on the fitted fields' span beyond which a covariate could be the fields' own.
+const SPAN: f64 = 0.8;
+/// R² of a covariate on another beyond which they are the same.
+const SAME: f64 = 0.95;
+/// R² of a covariate on another beyond which it must add [`DECISIVE`] with that in the model: how the two are
+/// written down, rather than the data, could prefer one. Of covariates without any relation, with up to five
+/// labels over 40 sites, one in a thousand is above.
+const ALIKE: f64 = 0.4;
+const DECISIVE: f64 = 5.0;
+
+/// A winner and what it is compared with.
+struct Duel<'a> {
+    best: &'a Tried,
+    base: &'a Fit,
+    /// What the base leaves over.
+    left: &'a Left,
+    found: &'a [usize],
+}
+
+impl Run<'_> {
+    /// Pairs of the best candidate's name and that of a cause that it cannot be told apart from.
+    pub(super) fn rivals(
+        &self,
+        tried: &[Tried],
+        best: &Tried,
+        base: &Fit,
+        left: &Left,
+        found: &[usize],
+    ) -> Vec<[String; 2]> {
+        let name = |t: &Tried| self.candidates[t.candidate].name.clone();
+        let duel = Duel { best, base, left, found };
+        let mut pairs: Vec<[String; 2]> = vec![];
+        for other in tried.iter().filter(|t| name(t) != name(best)) {
+            if !pairs.iter().any(|pair| pair[1] == name(other)) && self.is_rival(&duel, other) {
+                pairs.push([name(best), name(other)]);
+            }
+        }
+        // the base's fields have bent after the cause that they lack
+        let fit = best.fit.as_ref().unwrap_or(base);
+        let r2 = r_squared_on_fields(&self.engine, fit, best.candidate, self.step);
+        if r2 > SPAN {
+            pairs.push([name(best), "spatial_field".into()]);
+        }
+        if self.adds_to_finer_fields(&duel) < CLAIM {
+            pairs.push([name(best), "short".into()]);
+        }
+        pairs
+    }
+
+    /// What the best candidate adds where the model's fields may have as many modes as they want.
+    fn adds_to_finer_fields(&self, duel: &Duel<'_>) -> f64 {
+        let Some(fit) = &duel.best.fit else { return 0.0 };
+        let best = |fit: &Fit| {
+            let finer = self.finer.iter().filter_map(|terms| {
+                let active = [&fit.active[..], terms].concat();
+                optimise(&self.engine, &active, fit, Free::Spread, self.step)
+            });
+            finer.map(|(_, score)| score).fold(score(fit, self.step), f64::max)
+        };
+        best(fit) - best(duel.base)
+    }
+
+    fn is_rival(&self, duel: &Duel<'_>, other: &Tried) -> bool {
+        let best = duel.best;
+        // what predicts nothing of what was left out is no rival, unless it goes with the best
+        let predicts = |fit: &Fit| self.refutation(other.candidate, fit, duel.left).is_none();
+        let [a, b] = [best, other].map(|t| self.column(t.candidate));
+        if a.is_some() && a == b {
+            return false; // a threshold and a curve of one column are forms of one cause
+        }
+        if let Some([best, other]) = self.fields(best, other) {
+            return predicts(other) && !self.is_better_field(best, other);
+        }
+        let of_columns = a.is_some() && b.is_some();
+        let alike =
+            if of_columns { r_squared(&self.engine, best.candidate, other.candidate) } else { 0.0 };
+        if alike > SAME {
+            return true;
+        }
+        if alike <= ALIKE && other.log_bf <= ADDS {
+            return false;
+        }
+        // two causes that both add much with the other in the model are two effects
+        let adds = self.adds(duel, other);
+        let is_near = best.log_bf - other.log_bf < RIVAL;
+        let is_one = adds < ADDS || (is_near && adds < CLAIM) || (alike > ALIKE && adds < DECISIVE);
+        is_one && (alike > ALIKE || other.fit.as_ref().is_some_and(predicts))
+    }
+
+    /// The fits of two candidates, if both are fields: these follow each other over the rows without being
+    /// the same cause. One has more evidence, which is of neighbours too; the other is its rival if it says more
+    /// of where nothing was measured.
+    fn fields<'t>(&self, best: &'t Tried, other: &'t Tried) -> Option<[&'t Fit; 2]> {
+        let is_field = |t: &Tried| {
+            matches!(
+                self.candidates[t.candidate].form,
+                Some(Form::Surface { .. } | Form::Path { .. })
+            )
+        };
+        let fits = best.fit.as_ref().zip(other.fit.as_ref())?;
+        (is_field(best) && is_field(other)).then_some(fits.into())
+    }
+
+    /// What the best candidate adds to the score with another one in the model.
+    fn adds(&self, duel: &Duel<'_>, other: &Tried) -> f64 {
+        let Duel { best, base, found, .. } = *duel;
+        let both = self.active(&[found, &[other.candidate, best.candidate][..]].concat());
+        let with_both = || {
+            let fit = other.fit.as_ref()?;
+            let mut outer = fit.outer.clone();
+            outer.outliers = outer.outliers.or(best.fit.as_ref()?.outer.outliers);
+            let start = self.engine.fit(&outer, &both, Some(fit))?;
+            let (_, both) = optimise(&self.engine, &both, &start, Free::Spread, self.step)?;
+            Some(both - score(base, self.step) - other.log_bf)
+        };
+        // a cause that the screen stopped takes nothing away
+        if other.fit.is_none() { best.log_bf } else { with_both().unwrap_or(0.0) }
+    }
+}

@@ -1,0 +1,194 @@
+//! Measurements compared with a prediction that is itself uncertain.
+
+use rand::Rng;
+
+use super::{Bracket, Likelihood, Observation, TopHat};
+use crate::num::{Argument, LN_SQRT_2PI, Real};
+
+/// A likelihood whose predicted value has a further normal error, such as that of an emulator.
+///
+/// ```text
+/// of TopHat(f) the variance s² becomes s² + sd²;   of Interval(f, σ) and Normal(f, σ), σ² becomes σ² + sd²
+/// ```
+#[derive(Clone, Copy, Debug)]
+pub struct Widened<D, L> {
+    /// The likelihood if the prediction were exact: `TopHat`, `Interval` or `Normal`.
+    pub inner: L,
+    /// Standard deviation of the prediction, in the unit of the measurement.
+    pub sd: D,
+}
+
+/// See the type [`struct@Widened`].
+#[allow(non_snake_case)]
+#[inline]
+pub fn Widened<D: Real, L>(inner: L, sd: impl Argument<D>) -> Widened<D, L> {
+    Widened { inner, sd: sd.number() }
+}
+
+/// Why a likelihood that cannot be widened is refused.
+pub(super) const NOT_WIDENED: &str =
+    "only a likelihood with a normal error can be widened: TopHat, Interval or Normal";
+
+impl<D: Real, Y: Observation, L: Likelihood<D, Y>> Likelihood<D, Y> for Widened<D, L> {
+    const WIDENS: bool = L::WIDENS;
+
+    fn ln_likelihood(&self, y: &Y) -> D {
+        self.inner.ln_widened(y, self.sd * self.sd)
+    }
+    fn ln_widened(&self, y: &Y, variance: D) -> D {
+        self.inner.ln_widened(y, self.sd * self.sd + variance)
+    }
+    fn location(&self) -> Option<f64> {
+        self.inner.location()
+    }
+    fn simulate(&self, like: &Y, rng: &mut dyn Rng) -> Y {
+        self.inner.simulate_widened(like, self.sd.re(), rng)
+    }
+    fn simulate_widened(&self, like: &Y, sd: f64, rng: &mut dyn Rng) -> Y {
+        self.inner.simulate_widened(like, self.sd.re().hypot(sd), rng)
+    }
+    fn objection(&self, y: &Y) -> Option<&'static str> {
+        if L::WIDENS { self.inner.objection(y) } else { Some(NOT_WIDENED) }
+    }
+}
+
+/// ln p of a widened [`TopHat`], with its derivatives in f and in the further variance v.
+///
+/// ```text
+/// p = (1/N) Σᵢ Normal(f; cᵢ, V),   V = s² + v;   with x = (f − cᵢ)/√V and Hₖ the mean of Heₖ(x) under the terms:
+/// ∂ᵏp/∂fᵏ = (−1)ᵏ Hₖ p/V^(k/2),   ∂p/∂v = ½ ∂²p/∂f²
+/// ```
+struct WideTerms {
+    value: f64,
+    f: f64,
+    v: f64,
+    ff: f64,
+    fv: f64,
+    vv: f64,
+}
+
+impl WideTerms {
+    fn new(f: f64, y: &Bracket, further: f64) -> Self {
+        let s = y.inverse_s.recip();
+        let variance = s * s + further;
+        let sd = variance.sqrt();
+        let x = |i: f64| (f - (y.lower + (i + 0.5) * s)) / sd;
+        let nearest = x(f64::from(((f - y.lower) * y.inverse_s).clamp(0.0, y.last) as u32));
+        let (mut sum, mut hermite) = (0.0, [0.0; 4]);
+        for i in 0..=y.last as u32 {
+            let x = x(f64::from(i));
+            let weight = (0.5 * (nearest * nearest - x * x)).exp();
+            let square = x * x;
+            sum += weight;
+            hermite[0] += weight * x;
+            hermite[1] += weight * (square - 1.0);
+            hermite[2] += weight * x * (square - 3.0);
+            hermite[3] += weight * (square * (square - 6.0) + 3.0);
+        }
+        let [h1, h2, h3, h4] = hermite.map(|h| h / sum);
+        let (f, v) = (-h1 / sd, 0.5 * h2 / variance);
+        let ln_norm = -(y.last + 1.0).ln() - LN_SQRT_2PI - sd.ln();
+        Self {
+            value: sum.ln() - 0.5 * nearest * nearest + ln_norm,
+            f,
+            v,
+            ff: h2 / variance - f * f,
+            fv: -0.5 * h3 / (variance * sd) - f * v,
+            vv: 0.25 * h4 / (variance * variance) - v * v,
+        }
+    }
+}
+
+impl<D: Real> TopHat<D> {
+    /// ln p at numbers that carry derivatives: its Taylor polynomial in what they carry.
+    pub(super) fn ln_wide(&self, y: &Bracket, variance: D) -> D {
+        let WideTerms { value, f, v, ff, fv, vv } = WideTerms::new(self.0.re(), y, variance.re());
+        let (df, dv) = (self.0 - self.0.re(), variance - variance.re());
+        df * (df * (0.5 * ff) + dv * fv + f) + dv * (dv * (0.5 * vv) + v) + value
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::dist::{Normal, StudentT};
+    use crate::likelihood::Interval;
+    use crate::num::{Dual, Hyper, derivatives, variable};
+
+    fn bracket(lower: f64, upper: f64) -> Bracket {
+        Bracket::new(lower, upper).unwrap()
+    }
+
+    #[test]
+    fn of_a_top_hat_it_is_the_papers_sum_with_a_larger_variance() {
+        let y = bracket(200.0, 210.0);
+        for (f, sd) in [(203.2, 0.5), (195.0, 3.0), (230.0, 4.0)] {
+            let variance: f64 = 1.0 + sd * sd;
+            let term = |i: i32| {
+                let z = f - (200.5 + f64::from(i));
+                (-0.5 * z * z / variance).exp() / (std::f64::consts::TAU * variance).sqrt()
+            };
+            let expected = (0.1 * (0..10).map(term).sum::<f64>()).ln();
+            let got: f64 = Widened(TopHat(f), sd).ln_likelihood(&y);
+            assert!((got - expected).abs() < 1e-12 * expected.abs(), "{got} {expected}");
+        }
+        let exact: f64 = TopHat(203.2).ln_likelihood(&y);
+        let none: f64 = Widened(TopHat(203.2), 0.0).ln_likelihood(&y);
+        assert!((exact - none).abs() < 1e-12);
+    }
+
+    #[test]
+    fn derivatives_in_value_and_sd_match_differences() {
+        let y = bracket(200.0, 210.0);
+        let e = 1e-3;
+        for (f, sd) in [(203.2, 0.5), (195.0, 3.0), (230.0, 4.0)] {
+            let at = |f: f64, sd: f64| Widened(TopHat(f), sd).ln_likelihood(&y);
+            let d: Dual<2> =
+                Widened(TopHat(variable(f, 0)), variable::<2>(sd, 1)).ln_likelihood(&y);
+            let by_f = (at(f + e, sd) - at(f - e, sd)) / (2.0 * e);
+            let by_sd = (at(f, sd + e) - at(f, sd - e)) / (2.0 * e);
+            let [df, ds] = derivatives(&d);
+            assert!((df - by_f).abs() < 1e-6 && (ds - by_sd).abs() < 1e-6, "{d:?} {by_f} {by_sd}");
+            // mixed directions reach every second derivative
+            let shifts = [[1.0, 0.0], [0.0, 1.0], [0.7, -0.4]];
+            for ([a, b], [c, d]) in shifts.iter().zip([[1.0, 0.0], [0.0, 1.0], [0.2, 0.9]]) {
+                let point = |i: f64, j: f64| at(f + e * (i * a + j * c), sd + e * (i * b + j * d));
+                let mixed = (point(1.0, 1.0) - point(1.0, -1.0) - point(-1.0, 1.0)
+                    + point(-1.0, -1.0))
+                    / (4.0 * e * e);
+                let h = Widened(TopHat(Hyper::new(f, *a, c, 0.0)), Hyper::new(sd, *b, d, 0.0));
+                let h = h.ln_likelihood(&y).eps1eps2;
+                assert!((h - mixed).abs() < 1e-4 * (1.0 + mixed.abs()), "{f} {sd}: {h} {mixed}");
+            }
+        }
+    }
+
+    #[test]
+    fn of_an_interval_and_a_normal_variances_add_up() {
+        let y = bracket(200.0, 210.0);
+        let got: f64 = Widened(Interval(204.0, 3.0), 4.0).ln_likelihood(&y);
+        let expected: f64 = Interval(204.0, 5.0).ln_likelihood(&y);
+        assert!((got - expected).abs() < 1e-14);
+        let got: f64 = Widened(Normal(204.0, 3.0), 4.0).ln_likelihood(&200.0);
+        let expected: f64 = Normal(204.0, 5.0).ln_likelihood(&200.0);
+        assert!((got - expected).abs() < 1e-14);
+    }
+
+    #[test]
+    fn simulated_measurements_have_the_spread() {
+        let mut rng: rand_chacha::ChaCha8Rng = rand::SeedableRng::from_seed([2; 32]);
+        let likelihood = Widened(Normal(0.0, 3.0), 4.0);
+        let n = 4000;
+        let square = |_: i32| Likelihood::<f64, f64>::simulate(&likelihood, &0.0, &mut rng).powi(2);
+        let variance = (0..n).map(square).sum::<f64>() / f64::from(n);
+        // standard error of a variance 25: 25 √(2/n) = 0.56
+        assert!((variance - 25.0).abs() < 4.5 * 0.56, "{variance}");
+    }
+
+    #[test]
+    fn what_cannot_be_widened_is_refused() {
+        let why = Widened::<f64, _>(StudentT::<f64>(4.0, 0.0, 1.0), 2.0).objection(&0.0);
+        assert_eq!(why, Some(NOT_WIDENED));
+        assert_eq!(Widened::<f64, _>(Normal::<f64>(0.0, 1.0), 2.0).objection(&0.0), None);
+    }
+}

@@ -1,0 +1,408 @@
+//! A Gaussian process over a few inputs, with its own idea of how wrong it is.
+//!
+//! Knows inputs and one output as numbers; it knows nothing of what they mean.
+//!
+//! ```text
+//! y = hᵀβ + f + ε,   h = (1, x),   f ~ GP(0, σ² exp(−½ Σ_d ((x_d − x'_d)/ℓ_d)²)),   ε ~ N(0, σ² g),   β flat
+//! ```
+//! The nugget g stands for everything that the inputs leave open: parameters that vary without being inputs, and
+//! the rounding of the output.  ℓ and g maximise the restricted likelihood (times a weak prior
+//! of ℓ), in which β and σ² have closed forms.
+//! With R the correlations of the points, everything follows from the inverse of one matrix:
+//!
+//! ```text
+//! [R + gI  H]⁻¹   [Q  B]
+//! [Hᵀ      0]   = [Bᵀ C] = M,      σ² = yᵀQy/(n − p),      ln L = −½ ln|det M⁻¹| − ½ (n − p) ln σ²
+//! mean(x) = cᵀ M (y, 0),   variance(x) = σ² (1 + g − cᵀ M c),   c = (r(x), h(x))
+//! left out: yᵢ − mean₋ᵢ(xᵢ) = (Qy)ᵢ/Qᵢᵢ,   variance₋ᵢ(xᵢ) = σ²/Qᵢᵢ
+//! ```
+//!
+//! # Source
+//! Santner, Williams and Notz 2018, "The Design and Analysis of Computer Experiments", 3.3 and 4.1; Dubrule 1983
+//! (points left out).
+
+use faer::linalg::solvers::{DenseSolveCore, Llt};
+use faer::{Mat, Side};
+use thiserror::Error;
+
+use crate::infer::{Evaluator, LogDensity, OptimumSettings, maximise};
+
+/// Smallest g: what keeps R invertible where the output is smooth and exact.
+const LEAST_NUGGET: f64 = 1e-7;
+
+/// Mean of the normal prior of ln ℓ (in half widths of the inputs' ranges), of standard deviation 1: with a much longer
+/// lengthscale the process is a polynomial, and only rounding would tell how long.
+const LN_LENGTHSCALE: f64 = 1.0;
+
+/// ln ℓ (in half widths of the inputs' ranges) and ln g from which the search begins.
+const STARTS: [(f64, f64); 2] = [(0.0, -4.0), (1.2, -8.0)];
+
+/// A Gaussian process given points.
+#[derive(Debug, Clone)]
+pub struct Gp {
+    points: Points,
+    ln_lengthscales: Vec<f64>,
+    system: System,
+}
+
+/// A point that was left out: what the others say of it.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct LeftOut {
+    /// The output less the others' prediction.
+    pub error: f64,
+    /// The others' predictive variance.
+    pub variance: f64,
+}
+
+/// Points that determine no Gaussian process.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Error)]
+pub enum GpError {
+    /// Fewer than the mean and a few lengthscales need.
+    #[error(
+        "a Gaussian process of {n_inputs} inputs needs at least {needed} points, but only {n_points} are left after filtering\n\
+         help: use a larger design (100 points) or a wider filter"
+    )]
+    TooFewPoints {
+        /// Points given.
+        n_points: usize,
+        /// Inputs.
+        n_inputs: usize,
+        /// Points needed.
+        needed: usize,
+    },
+    /// An input, or the output, is the same at all points, or the inputs depend on each other.
+    #[error(
+        "the {n_points} points determine no Gaussian process: an input or the output does not vary\n\
+         help: use a design that varies every input, as `eplat surrogate design` makes"
+    )]
+    Degenerate {
+        /// Points given.
+        n_points: usize,
+    },
+}
+
+/// Inputs scaled to −1..1, and outputs.
+#[derive(Debug, Clone)]
+struct Points {
+    /// Middle and half width of each input.
+    scales: Vec<(f64, f64)>,
+    x: Vec<Vec<f64>>,
+    y: Vec<f64>,
+}
+
+/// M and what else follows from the lengthscales and the nugget.
+#[derive(Debug, Clone)]
+struct System {
+    correlations: Mat<f64>,
+    inverse: Mat<f64>,
+    /// M (y, 0), which is (Qy, β)
+    weights: Vec<f64>,
+    variance: f64,
+    nugget: f64,
+    ln_evidence: f64,
+}
+
+impl Points {
+    fn new(inputs: &[Vec<f64>], outputs: &[f64]) -> Self {
+        let n_inputs = inputs.first().map_or(0, Vec::len);
+        let scale = |d: usize| {
+            let values = || inputs.iter().map(|x| x[d]);
+            let (low, high) = (
+                values().fold(f64::INFINITY, f64::min),
+                values().fold(f64::NEG_INFINITY, f64::max),
+            );
+            (0.5 * (low + high), 0.5 * (high - low))
+        };
+        let scales: Vec<(f64, f64)> = (0..n_inputs).map(scale).collect();
+        let x = inputs.iter().map(|x| scaled(x, &scales)).collect();
+        Self { scales, x, y: outputs.to_vec() }
+    }
+
+    /// Terms of the mean.
+    fn n_terms(&self) -> usize {
+        1 + self.scales.len()
+    }
+
+    /// M⁻¹, inverted; `None` if it is singular.
+    fn system(&self, ln_lengthscales: &[f64], ln_nugget: f64) -> Option<System> {
+        let (n, p) = (self.y.len(), self.n_terms());
+        let nugget = ln_nugget.exp() + LEAST_NUGGET;
+        let shrunk: Vec<Vec<f64>> = self.x.iter().map(|x| shrink(x, ln_lengthscales)).collect();
+        let correlations = Mat::from_fn(n, n, |i, j| correlation(&shrunk[i], &shrunk[j]));
+        let matrix =
+            Mat::from_fn(n, n, |i, j| correlations[(i, j)] + if i == j { nugget } else { 0.0 });
+        let terms = Mat::from_fn(n, p, |i, k| if k == 0 { 1.0 } else { self.x[i][k - 1] });
+        let (factor, ln_determinant) = cholesky(&matrix)?;
+        let alone = factor.inverse();
+        let leaning = &alone * &terms;
+        let (trend, ln_trend_determinant) = cholesky(&(terms.transpose() * &leaning))?;
+        let trend = trend.inverse();
+        let b = &leaning * &trend;
+        let y = Mat::from_fn(n, 1, |i, _| self.y[i]);
+        let beta = b.transpose() * &y;
+        // without the trend first: with it, a long lengthscale would leave differences of large numbers
+        let left = &y - &terms * &beta;
+        let residual = &alone * &left;
+        let square: f64 = (0..n).map(|i| residual[(i, 0)] * left[(i, 0)]).sum();
+        let variance = square / (n - p) as f64;
+        let ln_evidence =
+            -0.5 * (ln_determinant + ln_trend_determinant) - 0.5 * (n - p) as f64 * variance.ln();
+        let q = &alone - &b * leaning.transpose();
+        let inverse = Mat::from_fn(n + p, n + p, |i, j| match (i < n, j < n) {
+            (true, true) => q[(i, j)],
+            (true, false) => b[(i, j - n)],
+            (false, true) => b[(j, i - n)],
+            (false, false) => -trend[(i - n, j - n)],
+        });
+        let weight = |i: usize| if i < n { residual[(i, 0)] } else { beta[(i - n, 0)] };
+        let weights = (0..n + p).map(weight).collect();
+        let is_sound = variance > 0.0 && ln_evidence.is_finite();
+        let system = System { correlations, inverse, weights, variance, nugget, ln_evidence };
+        is_sound.then_some(system)
+    }
+}
+
+/// The factor of a symmetric positive definite matrix, and the logarithm of its determinant.
+fn cholesky(matrix: &Mat<f64>) -> Option<(Llt<f64>, f64)> {
+    let factor = matrix.llt(Side::Lower).ok()?;
+    let diagonal = (0..matrix.nrows()).map(|i| factor.L()[(i, i)].ln());
+    let ln_determinant = 2.0 * diagonal.sum::<f64>();
+    Some((factor, ln_determinant))
+}
+
+fn scaled(x: &[f64], scales: &[(f64, f64)]) -> Vec<f64> {
+    x.iter().zip(scales).map(|(x, (middle, half))| (x - middle) / half).collect()
+}
+
+fn shrink(x: &[f64], ln_lengthscales: &[f64]) -> Vec<f64> {
+    x.iter().zip(ln_lengthscales).map(|(x, l)| x * (-l).exp()).collect()
+}
+
+/// exp(−½ |x − y|²)
+fn correlation(x: &[f64], y: &[f64]) -> f64 {
+    let squared: f64 = x.iter().zip(y).map(|(a, b)| (a - b) * (a - b)).sum();
+    (-0.5 * squared).exp()
+}
+
+/// The restricted likelihood as a function of (ln ℓ, ln g).
+impl LogDensity for Points {
+    fn dim(&self) -> usize {
+        self.scales.len() + 1
+    }
+    fn evaluator(&self) -> Box<dyn Evaluator + '_> {
+        Box::new(Evidence(self))
+    }
+}
+
+struct Evidence<'a>(&'a Points);
+
+impl Evaluator for Evidence<'_> {
+    fn ln_density(&mut self, position: &[f64], gradient: &mut [f64]) -> f64 {
+        let Some((&ln_nugget, ln_lengthscales)) = position.split_last() else {
+            return f64::NEG_INFINITY;
+        };
+        let Some(s) = self.0.system(ln_lengthscales, ln_nugget) else {
+            return f64::NEG_INFINITY;
+        };
+        gradient.fill(0.0);
+        let (n, x) = (self.0.y.len(), &self.0.x);
+        // ½ tr((Qy yᵀQ/σ² − Q) ∂R), an entry at a time
+        let entry = |i: usize, j: usize| {
+            0.5 * (s.weights[i] * s.weights[j] / s.variance - s.inverse[(i, j)])
+        };
+        for i in 0..n {
+            for j in 0..i {
+                let weight = 2.0 * entry(i, j) * s.correlations[(i, j)];
+                for (d, l) in ln_lengthscales.iter().enumerate() {
+                    gradient[d] += weight * ((x[i][d] - x[j][d]) * (-l).exp()).powi(2);
+                }
+            }
+            gradient[ln_lengthscales.len()] += entry(i, i) * ln_nugget.exp();
+        }
+        let mut ln_density = s.ln_evidence;
+        for (slope, l) in gradient.iter_mut().zip(ln_lengthscales) {
+            let off = l - LN_LENGTHSCALE;
+            ln_density -= 0.5 * off * off;
+            *slope -= off;
+        }
+        ln_density
+    }
+}
+
+impl Gp {
+    /// The process given `outputs` `(n)` at `inputs` `(n, n_inputs)`.
+    ///
+    /// # Errors
+    /// [`GpError`]
+    pub fn fit(inputs: &[Vec<f64>], outputs: &[f64]) -> Result<Self, GpError> {
+        let points = Points::new(inputs, outputs);
+        let (n_points, n_inputs) = (outputs.len(), points.scales.len());
+        let needed = points.n_terms() + n_inputs + 3;
+        if n_points < needed {
+            return Err(GpError::TooFewPoints { n_points, n_inputs, needed });
+        }
+        let degenerate = GpError::Degenerate { n_points };
+        let varies = |y: &f64| (y - outputs[0]).abs() > 1e-12 * outputs[0].abs();
+        if !outputs.iter().any(varies) || points.scales.iter().any(|(_, half)| !(*half > 0.0)) {
+            return Err(degenerate);
+        }
+        let settings =
+            OptimumSettings { max_iterations: 100, gradient_tolerance: 1e-3, least_gain: 1e-4 };
+        let climb = |(ln_lengthscale, ln_nugget): (f64, f64)| {
+            let mut start = vec![ln_lengthscale; n_inputs + 1];
+            start[n_inputs] = ln_nugget;
+            maximise(&points, &start, &settings).ok()
+        };
+        let optima = STARTS.into_iter().filter_map(climb);
+        let best = optima.max_by(|a, b| a.ln_density.total_cmp(&b.ln_density));
+        let best = best.ok_or(degenerate)?;
+        let (&ln_nugget, ln_lengthscales) = best.position.split_last().ok_or(degenerate)?;
+        let system = points.system(ln_lengthscales, ln_nugget).ok_or(degenerate)?;
+        Ok(Self { ln_lengthscales: ln_lengthscales.to_vec(), points, system })
+    }
+
+    /// Points given.
+    pub fn n_points(&self) -> usize {
+        self.points.y.len()
+    }
+
+    /// Lengthscale of each input, in its own unit.
+    pub fn lengthscales(&self) -> Vec<f64> {
+        let scales = self.points.scales.iter();
+        scales.zip(&self.ln_lengthscales).map(|((_, half), l)| half * l.exp()).collect()
+    }
+
+    /// Standard deviation of what the inputs leave open, in the unit of the output.
+    pub fn nugget_sd(&self) -> f64 {
+        (self.system.variance * self.system.nugget).sqrt()
+    }
+
+    /// The prediction at `x`, in the unit of the output.
+    pub fn mean(&self, x: &[f64]) -> f64 {
+        self.features(x).iter().zip(&self.system.weights).map(|(c, w)| c * w).sum()
+    }
+
+    /// Variance of an output at `x`, nugget included, in its unit squared.
+    pub fn variance(&self, x: &[f64]) -> f64 {
+        let c = self.features(x);
+        let explained: f64 = c
+            .iter()
+            .enumerate()
+            .map(|(j, cj)| {
+                let column = self.system.inverse.col(j);
+                cj * c.iter().zip(column.iter()).map(|(ci, m)| ci * m).sum::<f64>()
+            })
+            .sum();
+        self.system.variance * (1.0 + self.system.nugget - explained)
+    }
+
+    /// c = (r(x), h(x))
+    fn features(&self, x: &[f64]) -> Vec<f64> {
+        let x = scaled(x, &self.points.scales);
+        let shrunk = shrink(&x, &self.ln_lengthscales);
+        let of = |point: &Vec<f64>| correlation(&shrink(point, &self.ln_lengthscales), &shrunk);
+        let correlations = self.points.x.iter().map(of);
+        correlations.chain([1.0]).chain(x).collect()
+    }
+
+    /// Each point as the others predict it, with the same lengthscales and nugget.
+    pub fn leave_one_out(&self) -> Vec<LeftOut> {
+        let s = &self.system;
+        let one = |(i, weight): (usize, &f64)| {
+            let own = s.inverse[(i, i)];
+            LeftOut { error: weight / own, variance: s.variance / own }
+        };
+        s.weights[..self.n_points()].iter().enumerate().map(one).collect()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::surrogate::design::latin_hypercube;
+
+    fn smooth(x: &[f64]) -> f64 {
+        200.0 + 5.0 * x[0] + 20.0 * (0.02 * x[1]).sin() + 0.02 * x[0] * x[1]
+    }
+
+    fn noise(i: usize) -> f64 {
+        0.5 * (12.9898 * i as f64).sin() * (78.233 * i as f64).cos()
+    }
+
+    fn sampled(n: usize, size: f64) -> (Vec<Vec<f64>>, Vec<f64>) {
+        let x = latin_hypercube(n, &[(1.0, 30.0), (120.0, 270.0)], 3);
+        let y = x.iter().enumerate().map(|(i, x)| smooth(x) + size * noise(i)).collect();
+        (x, y)
+    }
+
+    #[test]
+    fn a_smooth_function_is_learnt_and_its_noise_too() {
+        let (x, y) = sampled(60, 0.0);
+        let exact = Gp::fit(&x, &y).unwrap();
+        let (x, y) = sampled(60, 2.0);
+        let noisy = Gp::fit(&x, &y).unwrap();
+        let mut worst = 0f64;
+        for i in 0..20 {
+            let at = [2.0 + 1.3 * f64::from(i), 130.0 + 6.5 * f64::from((7 * i) % 20)];
+            worst = worst.max((exact.mean(&at) - smooth(&at)).abs());
+            let (error, sd) = (noisy.mean(&at) - smooth(&at), noisy.variance(&at).sqrt());
+            assert!(error.abs() < 4.0 * sd, "{at:?}: {error} {sd}, {:?}", noisy.lengthscales());
+        }
+        assert!(worst < 0.02, "{worst}");
+        let rms = (x.iter().enumerate().map(|(i, _)| (2.0 * noise(i)).powi(2)).sum::<f64>() / 60.0)
+            .sqrt();
+        let sd = noisy.nugget_sd();
+        assert!((sd / rms - 1.0).abs() < 0.2 && exact.nugget_sd() < 0.02, "{sd} {rms}");
+    }
+
+    #[test]
+    fn the_gradient_of_the_evidence_is_that_of_differences() {
+        let (x, y) = sampled(25, 1.0);
+        let points = Points::new(&x, &y);
+        let (at, mut gradient, mut unused) = ([0.3, -0.2, -3.0], [0.0; 3], [0.0; 3]);
+        Evidence(&points).ln_density(&at, &mut gradient);
+        for d in 0..3 {
+            let mut value = |step: f64| {
+                let mut shifted = at;
+                shifted[d] += step;
+                Evidence(&points).ln_density(&shifted, &mut unused)
+            };
+            let difference = (value(1e-4) - value(-1e-4)) / 2e-4;
+            assert!((gradient[d] - difference).abs() < 1e-5, "{d}: {} {difference}", gradient[d]);
+        }
+    }
+
+    /// The closed form against conditioning on the others, at the same lengthscales and nugget.
+    #[test]
+    fn leaving_one_out_is_predicting_from_the_others() {
+        let (x, y) = sampled(20, 1.0);
+        let all = Points::new(&x, &y);
+        let (ln_lengthscales, ln_nugget) = ([0.3, 0.1], -4.0);
+        let system = all.system(&ln_lengthscales, ln_nugget).unwrap();
+        let variance = system.variance;
+        let gp = Gp { points: all.clone(), ln_lengthscales: ln_lengthscales.to_vec(), system };
+        for (i, left_out) in gp.leave_one_out().into_iter().enumerate() {
+            let mut others = all.clone();
+            let (at, y) = (x[i].clone(), others.y.remove(i));
+            others.x.remove(i);
+            let system = others.system(&ln_lengthscales, ln_nugget).unwrap();
+            // σ² as all points have it
+            let system = System { variance, ..system };
+            let without = Gp { points: others, ln_lengthscales: ln_lengthscales.to_vec(), system };
+            assert!((left_out.error - (y - without.mean(&at))).abs() < 1e-6);
+            let ratio = left_out.variance / without.variance(&at);
+            assert!((ratio - 1.0).abs() < 1e-6, "{ratio}");
+        }
+    }
+
+    #[test]
+    fn too_few_points_or_an_input_that_does_not_vary_are_refused() {
+        let (x, y) = sampled(60, 1.0);
+        let few = Gp::fit(&x[..7], &y[..7]).err();
+        assert_eq!(few, Some(GpError::TooFewPoints { n_points: 7, n_inputs: 2, needed: 8 }));
+        let flat: Vec<Vec<f64>> = x.iter().map(|x| vec![x[0], 5.0]).collect();
+        let degenerate = Some(GpError::Degenerate { n_points: 60 });
+        assert_eq!(Gp::fit(&flat, &y).err(), degenerate);
+        assert_eq!(Gp::fit(&x, &[3.0; 60]).err(), degenerate);
+    }
+}
