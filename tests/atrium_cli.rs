@@ -153,8 +153,8 @@ fn bad_input_is_named_and_nothing_is_left_behind() {
         ("--pace 0 --fibres fib --anisotropy 0.5", "an anisotropy of 0.5"),
         ("--pace 0 --compare none.vtp", "none.vtp"),
         ("--pace 0 --compare fields.vtp", "it has no map lat"),
-        ("--pace 0 --draws 5", "--run <DIR>"),
-        ("--pace 0 --checkpoint-every -1", "--checkpoint-every: expected seconds"),
+        ("--pace 0 --draws 5", "cannot be used with"),
+        ("--pace 0 --checkpoint-every nan", "--checkpoint-every: expected seconds"),
         ("--pace 0 --resume", "no interrupted run in beat/checkpoint"),
     ];
     for (more, expected) in cases {

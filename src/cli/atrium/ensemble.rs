@@ -228,7 +228,7 @@ impl AtriumArgs {
             let has: Vec<&str> = posterior.draws.coefficients.keys().map(String::as_str).collect();
             return Err(Failure::new(format_args!(
                 "--draws {n}: no parameter is the mean of a field that was drawn; these were: {}\n\
-                 help: for instance --tau-out {}{MEAN}",
+                 help: give one as {}{MEAN}",
                 has.join(", "),
                 has.first().unwrap_or(&"NAME")
             )));

@@ -51,7 +51,7 @@ pub(super) struct AtriumArgs {
     snapshots: Option<f64>,
     /// Simulate this many draws of the posterior of --run instead, one on each core at a time: every
     /// parameter that is NAME_mean becomes NAME of the draw; mean and sd of LAT and APD go to beat.vtp
-    #[arg(long, value_name = "N", requires = "run", value_parser = clap::value_parser!(u32).range(2..))]
+    #[arg(long, value_name = "N", requires = "run", conflicts_with = "fields", value_parser = clap::value_parser!(u32).range(2..))]
     draws: Option<u32>,
     /// The beat.vtp of another simulation on the same mesh: the differences from it are added to the
     /// maps, and their root mean squares are told
