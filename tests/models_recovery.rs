@@ -389,6 +389,7 @@ fn late(table: &Table) -> Table {
 }
 
 #[test]
+#[ignore = "gradients through emulators are slow, 5 minutes"]
 fn apd_restitution_recovers_fields_and_noise() {
     let basis = basis(VERTICES, 24);
     let given = [
@@ -410,6 +411,7 @@ fn apd_restitution_recovers_fields_and_noise() {
 }
 
 #[test]
+#[ignore = "gradients through emulators are slow, 5 minutes"]
 fn cv_restitution_recovers_fields_and_noise() {
     let basis = basis(VERTICES, 24);
     let given = [

@@ -43,7 +43,7 @@ pub(super) struct AtriumArgs {
     /// Time step, ms
     #[arg(long, value_name = "MS", default_value_t = 0.1)]
     dt: f64,
-    /// Double precision: about half as fast; LAT and APD differ by less than 0.01 ms
+    /// Double precision: about half as fast; LAT and APD90 differ by less than 0.01 ms, APD20 by at most 0.03
     #[arg(long)]
     double: bool,
     /// Write V during the measured beat every so many ms, as a series for ParaView (voltage.pvd)
