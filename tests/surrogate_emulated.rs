@@ -130,9 +130,12 @@ fn what_makes_no_sense_is_refused() {
     let table = concat!(env!("CARGO_MANIFEST_DIR"), "/src/surrogate/erp_design.csv");
     let (done, said) = eplat(at, &format!("surrogate fit --form gp --table {table} --out e.csv"));
     assert!(!done && said.contains("emulators are written as Rust source\nhelp: "), "{said}");
-    let few = format!("surrogate fit --form gp --table {table} --out e.rs --erp-up-to 170");
-    let (done, said) = eplat(at, &few);
-    assert!(!done && said.contains("needs at least 8 points, but only"), "{said}");
+    let up_to =
+        |erp: u32| format!("surrogate fit --form gp --table {table} --out e.rs --erp-up-to {erp}");
+    let (done, said) = eplat(at, &up_to(170));
+    assert!(!done && said.contains("no point is left after filtering"), "{said}");
+    let (done, said) = eplat(at, &up_to(180));
+    assert!(!done && said.contains("needs at least 8 points, but only 5"), "{said}");
     let (done, said) =
         eplat(at, &format!("surrogate sensitivity --table {table} --out s.csv --erp-up-to 170"));
     assert!(

@@ -73,6 +73,11 @@ pub enum GpError {
         /// Points needed.
         needed: usize,
     },
+    /// None.
+    #[error(
+        "no point is left after filtering\nhelp: use a larger design (100 points) or a wider filter"
+    )]
+    NoPoints,
     /// An input, or the output, is the same at all points, or the inputs depend on each other.
     #[error(
         "the {n_points} points determine no Gaussian process: an input or the output does not vary\n\
@@ -238,6 +243,9 @@ impl Gp {
     /// # Errors
     /// [`GpError`]
     pub fn fit(inputs: &[Vec<f64>], outputs: &[f64]) -> Result<Self, GpError> {
+        if outputs.is_empty() {
+            return Err(GpError::NoPoints);
+        }
         let points = Points::new(inputs, outputs);
         let (n_points, n_inputs) = (outputs.len(), points.scales.len());
         let needed = points.n_terms() + n_inputs + 3;
