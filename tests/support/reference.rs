@@ -13,7 +13,7 @@ use eplat::mesh::{self, TriMesh, Units, left_atrium};
 
 use crate::posterior::erp;
 
-#[path = "../../benches/models/erp_32.rs"]
+#[path = "../../examples/validation/erp.rs"]
 mod erp_32;
 
 /// The clinical shell of `$EPLAT_SHARED` (or `../shared` beside the checkout), else the embedded
@@ -31,7 +31,7 @@ pub(crate) fn surface() -> (&'static str, TriMesh) {
 
 /// The model for this many sites.
 pub(crate) fn model(n_sites: usize) -> &'static dyn Declare {
-    if n_sites < 40 { &erp::Erp } else { &erp_32::Erp32 }
+    if n_sites < 40 { &erp::Erp } else { &erp_32::Erp }
 }
 
 /// Brackets of 10 ms at `n_sites` of the vertices, of no experiment: for timing alone.
