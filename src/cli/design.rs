@@ -17,7 +17,7 @@ use crate::error::Failure;
 use crate::infer::{Chain, Settings, Silent, jittered_starts};
 use crate::manifold::maximin;
 use crate::mesh::TriMesh;
-use crate::study::{Lesson, lessons};
+use crate::study::{Lesson, agree, lessons, thinned};
 
 /// Choices that are printed.
 const SHOWN: usize = 10;
@@ -89,9 +89,12 @@ impl NextArgs {
         let model = Model::new(declared, Some(basis), &inputs.measurements)?;
         self.check_names(&model)?;
         let chains = sample(&model, self.input.seed)?;
-        let all: Vec<&[f64]> =
-            chains.iter().flat_map(|c| (0..c.n_draws()).map(|i| c.draw(i))).collect();
-        let thinned: Vec<&[f64]> = all.iter().step_by(all.len().div_ceil(DRAWS)).copied().collect();
+        if !agree(&model, &chains) {
+            eprintln!(
+                "warning: the chains disagree: this ranking is not to be relied on; `eplat run` says where"
+            );
+        }
+        let thinned = thinned(&chains, DRAWS);
         let mesh = &surface.mesh;
         let sites = maximin(mesh, self.candidates, self.exclude, self.input.seed)?;
         let found = lessons(declared, &model, basis, &thinned, &sites, self.resolution)?;
@@ -163,7 +166,7 @@ impl NextArgs {
     }
 }
 
-/// Chains of the posterior so far; a warning where they disagree.
+/// Chains of the posterior so far; a warning if some failed.
 fn sample(model: &Model, seed: u64) -> Result<Vec<Chain>, Failure> {
     let settings = Settings { seed, ..Settings::default() };
     let starts = jittered_starts(model, &model.initial(), settings.chains, seed)?;

@@ -8,13 +8,14 @@ use std::process::ExitCode;
 use serde_json::{Map, Value, json};
 
 use super::inputs::Inputs;
-use super::output::{OutputFolder, rms_error};
+use super::output::OutputFolder;
 use crate::atomic::write_file;
 use crate::dsl::{Kind, MapSummary, Maps, Model};
 use crate::error::Failure;
 use crate::infer::{InferError, Optimum, OptimumSettings, maximise};
 use crate::mesh::write_vtp;
 use crate::report::rmse_line;
+use crate::study::rms_error;
 
 /// What the mode is, so that nobody takes it for the posterior's centre.
 const WHAT_IT_IS: &str = "This is the mode of the density that is sampled: joint, in unconstrained coordinates, Jacobian included. \

@@ -23,7 +23,7 @@ use crate::report::{
     Variable, end_of_run, verdict, write_draws, write_html, write_loo, write_summary_csv,
     write_summary_json, write_zarr,
 };
-use crate::study::coverage;
+use crate::study::{coverage, rms_error, thinned};
 
 const VERSION: &str = env!("CARGO_PKG_VERSION");
 /// Most draws that field maps are averaged over; more change nothing that can be seen.
@@ -167,10 +167,7 @@ impl Finished<'_> {
 
     /// Draws that maps are made of.
     fn thinned(&self) -> Vec<&[f64]> {
-        let draws: Vec<&[f64]> =
-            self.sampled.chains.iter().flat_map(|c| (0..c.n_draws()).map(|i| c.draw(i))).collect();
-        let step = draws.len().div_ceil(MAP_DRAWS);
-        draws.into_iter().step_by(step).collect()
+        thinned(&self.sampled.chains, MAP_DRAWS)
     }
 
     /// The draws of the fields that maps are made of; `None` if the model has no field.
@@ -376,13 +373,6 @@ impl Finished<'_> {
         }
         String::new()
     }
-}
-
-/// Root mean squared error over the vertices that have a value.
-pub(super) fn rms_error(values: &[f64], truth: &[f64]) -> f64 {
-    let squares = values.iter().zip(truth).map(|(value, truth)| (value - truth).powi(2));
-    let squares: Vec<f64> = squares.filter(|square| square.is_finite()).collect();
-    (squares.iter().sum::<f64>() / squares.len() as f64).sqrt()
 }
 
 impl Outcome {

@@ -2,9 +2,8 @@
 
 use std::fmt::Write as _;
 
-/// Okabe and Ito, distinguishable without red–green vision.
-const COLOURS: [&str; 7] =
-    ["#0072b2", "#e69f00", "#009e73", "#cc79a7", "#56b4e9", "#d55e00", "#000000"];
+use super::svg::{COLOURS, escape};
+
 /// Plot area of a panel, SVG units.
 const WIDTH: f64 = 200.0;
 const HEIGHT: f64 = 150.0;
@@ -64,7 +63,8 @@ impl ErrorBars {
             let _ = write!(
                 svg,
                 r#"<path d="M0 {y}h16" stroke="{colour}" stroke-width="2"/><text x="22" y="{}">{line}</text>"#,
-                y + 4.0
+                y + 4.0,
+                line = escape(line)
             );
         }
         svg + "</g></svg>\n"
@@ -79,7 +79,7 @@ impl ErrorBars {
             svg,
             r##"<path d="M0 0V{HEIGHT}H{WIDTH}" fill="none" stroke="#444"/><text x="{}" y="-8" text-anchor="middle">{}</text>"##,
             WIDTH / 2.0,
-            panel.title
+            escape(&panel.title)
         );
         for k in 0..=4 {
             let (y, value) = (HEIGHT * (1.0 - f64::from(k) / 4.0), top * f64::from(k) / 4.0);
@@ -109,7 +109,7 @@ impl ErrorBars {
                 svg,
                 r#"<text transform="translate(-34 {}) rotate(-90)" text-anchor="middle">{}</text>"#,
                 HEIGHT / 2.0,
-                panel.y_label
+                escape(&panel.y_label)
             );
         }
     }
@@ -178,7 +178,7 @@ mod tests {
         let figure = ErrorBars {
             x_label: "sites".into(),
             x: ["5", "10", "20"].map(str::to_owned).into(),
-            lines: vec!["64 mm".into()],
+            lines: vec!["a & b, 64 mm".into()],
             rows: vec![vec![panel]],
         };
         let svg = figure.svg();

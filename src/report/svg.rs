@@ -6,7 +6,7 @@
 
 use std::fmt::Write as _;
 
-const COLOURS: [&str; 8] =
+pub(super) const COLOURS: [&str; 8] =
     ["#0072b2", "#e69f00", "#009e73", "#cc79a7", "#56b4e9", "#d55e00", "#7f6f00", "#000000"];
 /// Plot area, in SVG units (CSS pixels at full size).
 const HEIGHT: f64 = 96.0;

@@ -163,13 +163,15 @@ impl<'a> Study<'a> {
                 self.model,
                 &model,
                 self.basis,
-                &thinned(&chains),
+                &thinned(&chains, MAP_DRAWS),
                 &self.candidates,
                 case.resolution,
             )?;
             let everything = found.iter().filter(|l| l.observes.len() == model.observes.len());
-            let best = everything.max_by(|a, b| a.gain.total_cmp(&b.gain));
-            sites.extend(best.map(|lesson| lesson.vertex));
+            let Some(best) = everything.max_by(|a, b| a.gain.total_cmp(&b.gain)) else {
+                return Err(StudyError::NotSynthetic { why: "there is no further site".into() });
+            };
+            sites.push(best.vertex);
         }
         Ok(())
     }
@@ -220,7 +222,7 @@ impl<'a> Study<'a> {
         seed: u64,
     ) -> Result<Outcome, StudyError> {
         let (chains, asked) = self.draws(model, seed)?;
-        let thinned = thinned(&chains);
+        let thinned = thinned(&chains, MAP_DRAWS);
         let maps = Maps::new(model, self.basis);
         let (summary, unphysical) = maps.summarise(&thinned);
         let truths: Vec<&[f64]> = truth.maps().map(Vec::as_slice).collect();
@@ -237,15 +239,16 @@ impl<'a> Study<'a> {
     }
 }
 
-/// Some draws of all chains.
-fn thinned(chains: &[Chain]) -> Vec<&[f64]> {
+/// At most `most` draws of all chains, evenly spaced.
+pub fn thinned(chains: &[Chain], most: usize) -> Vec<&[f64]> {
     let all: Vec<&[f64]> =
         chains.iter().flat_map(|c| (0..c.n_draws()).map(|i| c.draw(i))).collect();
-    all.iter().step_by(all.len().div_ceil(MAP_DRAWS).max(1)).copied().collect()
+    let step = all.len().div_ceil(most).max(1);
+    all.into_iter().step_by(step).collect()
 }
 
 /// Whether every unknown has an R̂ that short chains can have.
-fn agree(model: &Model, chains: &[Chain]) -> bool {
+pub fn agree(model: &Model, chains: &[Chain]) -> bool {
     const MAX_R_HAT: f64 = 1.05;
     (0..model.dim()).all(|i| {
         let of = |chain: &Chain| (0..chain.n_draws()).map(|k| chain.draw(k)[i]).collect();
@@ -266,7 +269,7 @@ pub fn coverage(ranks: &[f64]) -> [f64; 3] {
 }
 
 /// Root mean squared difference over the vertices where both are known.
-fn rms_error(estimate: &[f64], truth: &[f64]) -> f64 {
+pub fn rms_error(estimate: &[f64], truth: &[f64]) -> f64 {
     let squares = estimate.iter().zip(truth).map(|(e, t)| (e - t) * (e - t));
     let known: Vec<f64> = squares.filter(|square| square.is_finite()).collect();
     (known.iter().sum::<f64>() / known.len() as f64).sqrt()

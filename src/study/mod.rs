@@ -9,7 +9,7 @@ mod next;
 mod plan;
 mod results;
 
-pub use calibrate::{INTERVALS, MapError, Outcome, Study, coverage};
+pub use calibrate::{INTERVALS, MapError, Outcome, Study, agree, coverage, rms_error, thinned};
 pub use next::{Lesson, lessons};
 pub use plan::{Block, Case, Choice, Estimate, Plan};
 pub use results::{Group, Results, Table, summarise};

@@ -10,6 +10,7 @@ use super::StudyError;
 use super::calibrate::{INTERVALS, Outcome};
 use super::plan::{Block, Estimate, Plan};
 use crate::atomic::write_file;
+use crate::diagnostics::mean_and_sd;
 
 /// Columns that say which case a row is, and how it went.
 const CASE: [&str; 8] = [
@@ -206,7 +207,7 @@ pub fn summarise(table: &Table) -> Vec<Group> {
     let group = |(key, rows): ([f64; 3], Vec<&csv::StringRecord>)| {
         let of = |column: &String| {
             let known = rows.iter().map(|row| table.number(row, column)).filter(|x| x.is_finite());
-            (column.clone(), mean_and_sd(&known.collect::<Vec<_>>()))
+            (column.clone(), mean_and_sd(&[&known.collect::<Vec<_>>()]))
         };
         Group { key, n: rows.len(), figures: figures.iter().map(of).collect() }
     };
@@ -223,13 +224,6 @@ impl Group {
     pub fn is(&self, key: &[f64; 3]) -> bool {
         is_same(&self.key, key)
     }
-}
-
-fn mean_and_sd(x: &[f64]) -> (f64, f64) {
-    let n = x.len() as f64;
-    let mean = x.iter().sum::<f64>() / n;
-    let squares: f64 = x.iter().map(|x| (x - mean).powi(2)).sum();
-    (mean, (squares / (n - 1.0)).sqrt())
 }
 
 fn header(plan: &Plan, names: &[&str]) -> Vec<String> {
