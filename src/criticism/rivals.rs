@@ -83,8 +83,9 @@ impl Run<'_> {
         if a.is_some() && a == b {
             return false; // a threshold and a curve of one column are forms of one cause
         }
-        if let Some([best, other]) = self.fields(best, other) {
-            return predicts(other) && !self.is_better_field(best, other);
+        if let Some(fits) = self.fields(best, other) {
+            let is_near = best.log_bf - other.log_bf < RIVAL;
+            return predicts(fits[1]) && (is_near || self.is_better_field(fits[1], fits[0]));
         }
         let of_columns = a.is_some() && b.is_some();
         let alike =
@@ -103,8 +104,8 @@ impl Run<'_> {
     }
 
     /// The fits of two candidates, if both are fields: these follow each other over the rows without being
-    /// the same cause. One has more evidence, which is of neighbours too; the other is its rival if it says more
-    /// of where nothing was measured.
+    /// the same cause. One has more evidence, which is of neighbours too; the other is its rival if it has as
+    /// much, or says more of where nothing was measured.
     fn fields<'t>(&self, best: &'t Tried, other: &'t Tried) -> Option<[&'t Fit; 2]> {
         let is_field = |t: &Tried| {
             matches!(
