@@ -2,6 +2,7 @@
 
 use std::collections::BTreeMap;
 
+use super::observable::readable;
 use super::units::{FOLD, Unit, by_site, is_constant_within};
 use crate::dsl::{
     FIELD_MODES, Form, Measurements, Model, PATH, SOURCE, Statement, distinct, families,
@@ -214,7 +215,7 @@ impl Maker<'_> {
     fn field(&self, name: &str, form: &Form, sd: f64) -> impl Iterator<Item = Candidate> {
         AMPLITUDES.into_iter().map(move |times| Candidate {
             name: name.into(),
-            sd: times * sd,
+            sd: readable(times * sd),
             screen: Screen::None,
             ..self.candidate(name, form.clone(), &self.on)
         })
