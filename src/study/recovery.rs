@@ -74,6 +74,16 @@ struct Tally {
     below: Vec<f64>,
 }
 
+/// Sums over draws of all maps.
+struct Sums<'t> {
+    truth: &'t [(&'static str, Vec<f64>)],
+    tallies: Vec<Tally>,
+    /// Draws in which each vertex was unphysical (n_vertices).
+    unphysical: Vec<f64>,
+    n_draws: usize,
+    n_void: usize,
+}
+
 /// Compares draws with the truth, by name and (n_vertices), of an experiment: at most 400 of the `n_draws`,
 /// evenly spaced; `draw` gives the fields of one, each (n_vertices).
 ///
@@ -92,37 +102,52 @@ pub fn recover(
     let maps = Maps::new(&outline, basis);
     let mut tape = outline.tape();
     outline.forward(&mut tape, &outline.initial());
-    let n = basis.n_vertices();
-    let tally = |_: &_| Tally { moments: Moments::new(n), below: vec![0.0; n] };
-    let mut tallies: Vec<Tally> = truth.iter().map(tally).collect();
-    let (mut unphysical, mut n_used, mut n_void) = (vec![0.0; n], 0, 0);
+    let physical = |i: &usize| match repaired(&maps, &tape, draw(*i), basis) {
+        Err(StudyError::NothingPhysical) => Ok(None),
+        made => made.map(Some),
+    };
+    let mut sums = Sums::new(truth, basis.n_vertices());
     let thinned: Vec<usize> = (0..n_draws).step_by(n_draws.div_ceil(MAP_DRAWS).max(1)).collect();
     for wave in thinned.chunks(WAVE) {
-        let physical = |i: &usize| match repaired(&maps, &tape, draw(*i), basis) {
-            Err(StudyError::NothingPhysical) => Ok(None),
-            made => made.map(Some),
-        };
-        let wave: Vec<Result<Option<Truth>, StudyError>> = wave.par_iter().map(physical).collect();
-        for made in wave {
-            let Some(made) = made? else {
-                n_void += 1;
-                continue;
-            };
-            n_used += 1;
-            for (count, bad) in unphysical.iter_mut().zip(&made.unphysical) {
-                *count += f64::from(u8::from(*bad));
-            }
-            for ((tally, values), (_, truth)) in tallies.iter_mut().zip(made.maps()).zip(truth) {
-                tally.add(values, truth);
-            }
+        let made: Vec<Result<_, StudyError>> = wave.par_iter().map(physical).collect();
+        for made in made {
+            sums.add(made?.as_ref());
         }
     }
-    if n_used == 0 {
-        return Err(StudyError::NothingPhysical);
+    sums.recovery(&maps)
+}
+
+impl<'t> Sums<'t> {
+    fn new(truth: &'t [(&'static str, Vec<f64>)], n_vertices: usize) -> Self {
+        let zeros = || vec![0.0; n_vertices];
+        let tally = |_: &_| Tally { moments: Moments::new(n_vertices), below: zeros() };
+        let tallies = truth.iter().map(tally).collect();
+        Self { truth, tallies, unphysical: zeros(), n_draws: 0, n_void: 0 }
     }
-    let names = maps.names();
-    let recovered =
-        tallies.into_iter().zip(truth).zip(names).map(|((tally, (_, truth)), name)| RecoveredMap {
+
+    /// Takes a draw; `None` if it has no physical vertex.
+    fn add(&mut self, made: Option<&Truth>) {
+        let Some(made) = made else {
+            self.n_void += 1;
+            return;
+        };
+        self.n_draws += 1;
+        for (count, bad) in self.unphysical.iter_mut().zip(&made.unphysical) {
+            *count += f64::from(u8::from(*bad));
+        }
+        for ((tally, values), (_, truth)) in
+            self.tallies.iter_mut().zip(made.maps()).zip(self.truth)
+        {
+            tally.add(values, truth);
+        }
+    }
+
+    fn recovery(self, maps: &Maps<'_>) -> Result<Recovery, StudyError> {
+        if self.n_draws == 0 {
+            return Err(StudyError::NothingPhysical);
+        }
+        let recovered = self.tallies.into_iter().zip(self.truth).zip(maps.names());
+        let recovered = recovered.map(|((tally, (_, truth)), name)| RecoveredMap {
             name: name.name,
             unit: name.unit.into(),
             truth: truth.clone(),
@@ -130,12 +155,14 @@ pub fn recover(
             sd: tally.moments.sds(),
             coverage: coverage(&tally.ranks(truth)),
         });
-    Ok(Recovery {
-        maps: recovered.collect(),
-        repaired: unphysical.iter().map(|count| count / f64::from(n_used)).collect(),
-        n_draws: n_used as usize,
-        n_void,
-    })
+        let n = self.n_draws as f64;
+        Ok(Recovery {
+            maps: recovered.collect(),
+            repaired: self.unphysical.iter().map(|count| count / n).collect(),
+            n_draws: self.n_draws,
+            n_void: self.n_void,
+        })
+    }
 }
 
 impl Tally {

@@ -9,7 +9,7 @@ mod output;
 mod simulation;
 
 use std::collections::BTreeMap;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 use std::str::FromStr as _;
 use std::time::{Duration, Instant};
@@ -31,7 +31,7 @@ use crate::infer::{Checkpoint, Identity, Settings, differences, jittered_starts}
 use crate::manifold::{Basis, eigenpairs_cached};
 use crate::mesh::{Surface, Units};
 use crate::report::{self, FieldDraws, verdict};
-use crate::study::{Design, Recovery, TRUTH_MODES, conduction, experiment, recover};
+use crate::study::{Design, Experiment, Recovery, TRUTH_MODES, conduction, experiment, recover};
 use simulation::SimulationArgs;
 
 /// The model's fields, in its order.
@@ -147,49 +147,58 @@ impl ExperimentArgs {
         let Some(shipped) = compiled.iter().find(|c| c.model.name() == "Erp") else {
             return Err(Failure::new("this program was compiled without the model models/erp.rs"));
         };
-        let file = self.truth.as_deref().or(self.mesh.as_deref());
-        let mut surface = inputs::surface(file.zip(self.units))?;
-        let given = self.given(&surface)?;
+        let declared = shipped.model;
+        let mut surface = inputs::surface(self.file().zip(self.units))?;
+        let fields = self.given(&surface)?;
         // what a file holds besides would stand beside maps of the same names
         surface.point_data.clear();
         let most = surface.mesh.n_vertices() - 1;
-        let modes = Model::outline(shipped.model)?.n_modes().max(TRUTH_MODES);
+        let modes = Model::outline(declared)?.n_modes().max(TRUTH_MODES);
         let basis = eigenpairs_cached(&surface.mesh, modes.min(most))?;
         let design = Design {
             lengthscale: self.lengthscale,
             n_sites: self.sites,
             resolution: self.resolution,
             seed: self.seed,
-            fields: given,
+            fields,
             ..Design::default()
         };
-        let made = experiment(shipped.model, &surface.mesh, &basis, &design)?;
+        let made = experiment(declared, &surface.mesh, &basis, &design)?;
+        let (n, sites, truth_repaired) = (made.measurements.len(), self.sites, made.repaired);
+        let percent = 100.0 * truth_repaired;
         eprintln!(
-            "data   {} brackets at {} sites; {:.1} % of the truth's vertices repaired",
-            made.measurements.len(),
-            self.sites,
-            100.0 * made.repaired
+            "data   {n} brackets at {sites} sites; {percent:.1} % of the truth's vertices repaired"
         );
         let cv_max = conduction(&basis, self.lengthscale, CV_MAX, self.seed);
+        let hashes = self.hashes(shipped, &made)?;
+        let (surface, measurements, truth) =
+            (Some((surface, basis)), made.measurements, made.truth);
+        let inputs = Inputs { surface, measurements, truth, hashes };
+        let model = lay_out(declared, &inputs)?;
+        let sampler = self.sampler.choose(&model)?;
+        Ok(Setup { declared, model, inputs, settings, sampler, truth_repaired, cv_max })
+    }
+
+    /// The surface's file, if it is from one.
+    fn file(&self) -> Option<&Path> {
+        self.truth.as_deref().or(self.mesh.as_deref())
+    }
+
+    /// Of all that is calibrated, by role.
+    fn hashes(
+        &self,
+        shipped: &Compiled,
+        made: &Experiment,
+    ) -> Result<BTreeMap<String, String>, Failure> {
         let sha = |text: &str| format!("{:x}", Sha256::digest(text));
         let mut hashes = BTreeMap::from([
             ("model".to_owned(), sha(shipped.source)),
             ("data".to_owned(), sha(&made.measurements.to_csv())),
         ]);
-        if let Some(file) = file {
+        if let Some(file) = self.file() {
             hashes.insert("mesh".to_owned(), hash(file)?);
         }
-        let inputs = Inputs {
-            surface: Some((surface, basis)),
-            measurements: made.measurements,
-            truth: made.truth,
-            hashes,
-        };
-        let model = lay_out(shipped.model, &inputs)?;
-        let sampler = self.sampler.choose(&model)?;
-        let truth_repaired = made.repaired;
-        let declared = shipped.model;
-        Ok(Setup { declared, model, inputs, settings, sampler, truth_repaired, cv_max })
+        Ok(hashes)
     }
 
     /// The true fields of --truth, in the model's order.
