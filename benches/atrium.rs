@@ -81,7 +81,10 @@ fn main() {
         let apart: Vec<f64> = single.iter().zip(&double).map(|(a, b)| (a - b).abs()).collect();
         let rms = (apart.iter().map(|x| x * x).sum::<f64>() / apart.len() as f64).sqrt();
         let worst = apart.iter().copied().fold(0.0, f64::max);
-        println!("f32 against f64: {name:5} rms {rms:.5} ms, at worst {worst:.4} ms");
+        let far = apart.iter().filter(|x| **x > 0.01).count();
+        println!(
+            "f32 against f64: {name:5} rms {rms:.5} ms, at worst {worst:.4} ms, above 0.01 ms at {far} vertices"
+        );
     }
     if edge < 0.5 {
         beats::<f32>(&mesh, 8.5 * S1);
