@@ -92,7 +92,7 @@ impl Run<'_> {
         let of_columns = a.is_some() && b.is_some();
         let alike =
             if of_columns { r_squared(&self.engine, best.candidate, other.candidate) } else { 0.0 };
-        if alike > SAME {
+        if alike > SAME || self.is_coarser(other, best) {
             return true;
         }
         if alike <= ALIKE && other.log_bf <= ADDS {
@@ -103,6 +103,17 @@ impl Run<'_> {
         let is_near = best.log_bf - other.log_bf < RIVAL;
         let is_one = adds < ADDS || (is_near && adds < CLAIM) || (alike > ALIKE && adds < DECISIVE);
         is_one && (alike > ALIKE || other.fit.as_ref().is_some_and(predicts))
+    }
+
+    /// Whether the labels of one column follow from those of another: no design tells their effects apart.
+    fn is_coarser(&self, other: &Tried, best: &Tried) -> bool {
+        let is_label = |t: &Tried| {
+            let form = &self.candidates[t.candidate].form;
+            matches!(form, Some(Form::Group { .. } | Form::Family { .. }))
+        };
+        is_label(other)
+            && is_label(best)
+            && r_squared(&self.engine, other.candidate, best.candidate) > SAME
     }
 
     /// The fits of two candidates, if both are fields: these follow each other over the rows without being
