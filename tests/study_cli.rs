@@ -1,13 +1,23 @@
-//! `eplat study`: a plan run whole, in tasks and after a loss gives the same files to the bit.
+//! `eplat study`: a plan run whole, in tasks and after a loss gives the same files to the bit; an experiment's
+//! numbers are those of its maps, and its maps those of its draws.
 #![allow(clippy::unwrap_used, reason = "tests")]
 
 #[path = "support/program.rs"]
 mod program;
 
+use std::collections::BTreeMap;
+use std::f64::consts::PI;
 use std::fs;
-use std::process::Output;
+use std::process::{Command, Output, Stdio};
+use std::thread::sleep;
+use std::time::{Duration, Instant};
 
+use eplat::manifold::{biharmonic, eigenpairs};
+use eplat::mesh::{self, Encoding, TriMesh, Units, write_vtk};
+use eplat::report::FieldDraws;
+use eplat::surrogate::{erp_s2, erp_s3};
 use program::{Workplace, text};
+use serde_json::Value;
 
 /// Twelve calibrations on four truths.
 const PLAN: &str = "model = \"erp.rs\"\nlengthscales = [64.0, 128.0]\nsites = [5]\nresolutions = [10.0, 40.0, 20.0]\nfields = 2\ndesigns = 1\n";
@@ -86,4 +96,240 @@ fn the_job_array_runs_the_tasks_and_merges_after_any_of_them() {
     let root = fs::canonicalize(place.path("")).unwrap().display().to_string();
     let said = scripts.replace(&root, "ROOT").replace(env!("CARGO_BIN_EXE_eplat"), "eplat");
     insta::assert_snapshot!(said);
+}
+
+/// A sphere of 8 mm radius: no opening, 482 vertices, an atrium of a second.
+fn sphere() -> TriMesh {
+    const N: u32 = 16;
+    let (around, radius) = (2 * N, 8.0);
+    let mut vertices = vec![[0.0, 0.0, radius]];
+    for ring in 1..N {
+        let polar = PI * f64::from(ring) / f64::from(N);
+        for i in 0..around {
+            let azimuth = 2.0 * PI * f64::from(i) / f64::from(around);
+            let (r, z) = (radius * polar.sin(), radius * polar.cos());
+            vertices.push([r * azimuth.cos(), r * azimuth.sin(), z]);
+        }
+    }
+    vertices.push([0.0, 0.0, -radius]);
+    let at = |ring: u32, i: u32| 1 + (ring - 1) * around + i % around;
+    let south = vertices.len() as u32 - 1;
+    let mut triangles = vec![];
+    for i in 0..around {
+        triangles.push([0, at(1, i), at(1, i + 1)]);
+        triangles.push([south, at(N - 1, i + 1), at(N - 1, i)]);
+        for ring in 1..N - 1 {
+            let [a, b] = [at(ring, i), at(ring, i + 1)];
+            let [c, d] = [at(ring + 1, i), at(ring + 1, i + 1)];
+            triangles.extend([[a, c, b], [b, c, d]]);
+        }
+    }
+    TriMesh::new(vertices, triangles).unwrap()
+}
+
+/// On that sphere, with one beat.
+const EXPERIMENT: &str = "study experiment --mesh sphere.vtk --units mm --lengthscale 12 --sites 5 --chains 2 \
+                          --warmup 300 --draws 500 --beats 1";
+
+impl Workplace {
+    fn with_sphere(self) -> Self {
+        write_vtk(&self.path("sphere.vtk"), &sphere(), &[], Encoding::Binary).unwrap();
+        self
+    }
+
+    fn maps(&self, file: &str) -> BTreeMap<String, Vec<f64>> {
+        mesh::read(&self.path(file), Units::Mm).unwrap().point_data
+    }
+
+    fn json(&self, file: &str) -> Value {
+        serde_json::from_str(&self.read(file)).unwrap()
+    }
+}
+
+/// Exit code 0, or 3 where so few draws do not converge.
+fn ends(output: &Output) {
+    assert!(matches!(output.status.code(), Some(0 | 3)), "{}", text(&output.stderr));
+}
+
+fn mean(values: &[f64]) -> f64 {
+    values.iter().sum::<f64>() / values.len() as f64
+}
+
+fn is_near(a: f64, b: f64) -> bool {
+    (a - b).abs() <= 1e-9 * (1.0 + a.abs())
+}
+
+/// `tau_out`, `apd_max`, ERP_S2, ERP_S3 in every draw and at every vertex, and whether it was repaired there: from
+/// the draws' coefficients, with biharmonic distances one by one.
+fn draws_made_physical(place: &Workplace, folder: &str) -> Vec<Vec<([f64; 4], bool)>> {
+    let mesh = sphere();
+    let basis = eigenpairs(&mesh, 256).unwrap();
+    let n = mesh.n_vertices();
+    let weights: Vec<Vec<f64>> =
+        (0..n).map(|v| biharmonic(&basis, v).iter().map(|d| d.powi(-4)).collect()).collect();
+    let all = FieldDraws::read(&place.path(folder).join("run").join(FieldDraws::FILE)).unwrap();
+    let derived = |[t, a]: [f64; 2]| [t, a, erp_s2(t, a), erp_s3(t, a)];
+    let is_bad = |[t, a, s2, _]: [f64; 4]| {
+        !((1.0..=30.0).contains(&t) && (120.0..=270.0).contains(&a) && (0.0..=280.0).contains(&s2))
+    };
+    let step = all.n_draws().div_ceil(400);
+    let one = |draw: usize| {
+        let [t, a] = ["tau_out", "apd_max"].map(|name| all.at_vertices(name, draw).unwrap());
+        let made: Vec<[f64; 4]> = (0..n).map(|v| derived([t[v], a[v]])).collect();
+        let good: Vec<usize> = (0..n).filter(|v| !is_bad(made[*v])).collect();
+        let mend = |v: usize| {
+            if !is_bad(made[v]) {
+                return (made[v], false);
+            }
+            let total: f64 = good.iter().map(|g| weights[v][*g]).sum();
+            let average =
+                |k: usize| good.iter().map(|g| weights[v][*g] * made[*g][k]).sum::<f64>() / total;
+            (derived([average(0), average(1)]), true)
+        };
+        (0..n).map(mend).collect()
+    };
+    (0..all.n_draws()).step_by(step).map(one).collect()
+}
+
+#[test]
+fn an_experiments_numbers_follow_from_its_draws_and_its_truth() {
+    let place = Workplace::new().with_sphere();
+    let output = place.eplat(&format!("{EXPERIMENT} --out one"));
+    ends(&output);
+    let (maps, found) = (place.maps("one/fields.vtp"), place.json("one/experiment.json"));
+    let draws = draws_made_physical(&place, "one");
+    let n = sphere().n_vertices();
+    assert_eq!(found["draws"], draws.len());
+    let pairs = (draws.len() * n) as f64;
+    let repaired = draws.iter().flatten().filter(|(_, was_bad)| *was_bad).count() as f64 / pairs;
+    assert!(repaired > 0.001, "nothing to repair: {repaired}");
+    assert!(is_near(found["pairs_repaired"].as_f64().unwrap(), repaired));
+    for (k, name) in ["tau_out", "apd_max", "erp_s2", "erp_s3"].into_iter().enumerate() {
+        let map = |part: &str| &maps[&format!("{name}_{part}")];
+        let truth = map("true");
+        let (mut errors, mut inside, mut large) = (vec![], [0.0; 3], 0.0);
+        for v in 0..n {
+            let here: Vec<f64> = draws.iter().map(|draw| draw[v].0[k]).collect();
+            let centre = mean(&here);
+            let squares: f64 = here.iter().map(|x| (x - centre).powi(2)).sum();
+            let sd = (squares / (here.len() as f64 - 1.0)).sqrt();
+            assert!(
+                is_near(map("mean")[v], centre) && (map("sd")[v] - sd).abs() < 1e-7,
+                "{name} {v}"
+            );
+            let ise = (centre - truth[v]).abs() / sd;
+            assert!((map("ise")[v] - ise).abs() < 1e-6 * ise.max(1.0), "{name} {v}");
+            let rank = here.iter().filter(|x| **x < truth[v]).count() as f64 / here.len() as f64;
+            for (inside, level) in inside.iter_mut().zip([0.5, 0.9, 0.95]) {
+                *inside += f64::from(u8::from((rank - 0.5).abs() <= 0.5 * level)) / n as f64;
+            }
+            large += f64::from(u8::from(ise > 3.0)) / n as f64;
+            errors.push(centre - truth[v]);
+        }
+        let said = |key: &str| found["maps"][name][key].as_f64().unwrap();
+        let squared: Vec<f64> = errors.iter().map(|e| e * e).collect();
+        assert!(is_near(said("rmse"), mean(&squared).sqrt()), "{name}");
+        assert!(is_near(said("mean_error"), mean(&errors)), "{name}");
+        assert!(is_near(said("ise_above_3"), large), "{name}");
+        for (level, share) in ["50", "90", "95"].into_iter().zip(inside) {
+            let said = found["maps"][name]["coverage"][level].as_f64().unwrap();
+            assert!(is_near(said, share), "{name} {level}: {said} {share}");
+        }
+    }
+    // the beat's maps are those of the two simulations, at the vertices that both meshes have
+    let [with_truth, with_mean] =
+        ["true", "mean"].map(|which| place.maps(&format!("one/simulation/{which}/beat.vtp")));
+    for name in ["lat", "apd20", "apd90"] {
+        assert_eq!(maps[&format!("{name}_true")], with_truth[name][..n]);
+        assert_eq!(maps[&format!("{name}_mean")], with_mean[name][..n]);
+    }
+    let pairs = with_mean["apd90"].iter().zip(&with_truth["apd90"]);
+    let squared: Vec<f64> = pairs.map(|(mean, truth)| (mean - truth).powi(2)).collect();
+    assert_eq!(squared.len(), 7682, "cut twice");
+    let said = found["simulation"]["mean_against_true"]["apd90"]["rmse_ms"].as_f64().unwrap();
+    assert!(is_near(said, mean(&squared).sqrt()) && said > 0.5 && said < 40.0, "{said}");
+    let page = place.read("one/report.html");
+    assert_eq!(page.matches("<canvas data-array=").count(), 4 * 4 + 2 * 3);
+}
+
+#[test]
+fn an_interrupted_experiment_goes_on_with_the_same_command() {
+    let place = Workplace::new().with_sphere();
+    ends(&place.eplat(&format!("{EXPERIMENT} --out whole")));
+    for stage in ["simulation/true", "simulation/mean"] {
+        let mut command = place.command(&format!("{EXPERIMENT} --out cut"));
+        let mut child = command.stdout(Stdio::null()).stderr(Stdio::piped()).spawn().unwrap();
+        let (checkpoint, begun) =
+            (place.path("cut").join(stage).join("checkpoint"), Instant::now());
+        while !checkpoint.exists() {
+            assert!(begun.elapsed() < Duration::from_mins(2), "{stage} does not begin");
+            assert!(child.try_wait().unwrap().is_none(), "it ended before it was interrupted");
+            sleep(Duration::from_millis(2));
+        }
+        let id = child.id().to_string();
+        assert!(Command::new("kill").args(["-INT", &id]).status().unwrap().success());
+        let output = child.wait_with_output().unwrap();
+        assert_eq!(output.status.code(), Some(130), "{}", text(&output.stderr));
+        assert!(text(&output.stderr).ends_with(
+            "interrupted: what is done is kept in cut\nhelp: go on with the same command line\n"
+        ));
+        assert!(!place.path("cut/experiment.json").exists());
+    }
+    let last = place.eplat(&format!("{EXPERIMENT} --out cut"));
+    ends(&last);
+    let said = text(&last.stderr);
+    assert!(said.contains("resume cut/simulation/mean/checkpoint: "), "{said}");
+    for file in ["fields.vtp", "measurements.csv", "simulation/mean/beat.vtp"] {
+        assert_eq!(
+            place.read(&format!("cut/{file}")),
+            place.read(&format!("whole/{file}")),
+            "{file}"
+        );
+    }
+    let [cut, whole] = ["cut", "whole"].map(|folder| {
+        let mut found = place.json(&format!("{folder}/experiment.json"));
+        found["seconds_of_the_run"].take();
+        found["simulation"]["seconds"].take();
+        found
+    });
+    assert_eq!(cut, whole);
+
+    let other = place.eplat(&format!("{EXPERIMENT} --seed 2 --out cut"));
+    assert_eq!(other.status.code(), Some(1));
+    assert!(
+        text(&other.stderr).contains("error: the experiment in cut is another one: ")
+            && text(&other.stderr).contains("seed is 1 there, 2 here\nhelp: name another folder"),
+        "{}",
+        text(&other.stderr)
+    );
+}
+
+#[test]
+fn a_truth_that_is_given_is_measured() {
+    let place = Workplace::new().with_sphere();
+    let quick = "--sites 5 --chains 2 --warmup 200 --draws 200 --skip-simulation";
+    let drawn = format!("study experiment --mesh sphere.vtk --units mm --lengthscale 12 {quick}");
+    ends(&place.eplat(&format!("{drawn} --out drawn")));
+    let given = format!("study experiment --truth drawn/fields.vtp --units mm {quick}");
+    ends(&place.eplat(&format!("{given} --out given")));
+    assert_eq!(place.read("given/measurements.csv"), place.read("drawn/measurements.csv"));
+    let [drawn, given] =
+        ["drawn", "given"].map(|folder| place.maps(&format!("{folder}/fields.vtp")));
+    assert_eq!(drawn["erp_s3_true"], given["erp_s3_true"]);
+    assert!(!given.contains_key("apd90_true"));
+    let found = place.json("given/experiment.json");
+    assert_eq!(found["truth_repaired"], 0.0, "it was repaired before");
+    assert!(found["simulation"].is_null());
+
+    let refused = |arguments: &str| {
+        let output = place.eplat(&format!("study experiment {arguments} --out none"));
+        assert!(matches!(output.status.code(), Some(1 | 2)) && !place.path("none").exists());
+        text(&output.stderr)
+    };
+    let said = refused("--truth sphere.vtk --units mm");
+    assert!(said.contains("expected point data tau_out_true or tau_out, found none"), "{said}");
+    assert!(refused("--mesh sphere.vtk").contains("--units"));
+    assert!(refused("--sites 0").contains("--sites: expected a positive number, got 0"));
+    let said = refused("--mesh sphere.vtk --units mm --pace 482");
+    assert!(said.contains("--pace 482 is no vertex of the surface, which has 482"), "{said}");
 }

@@ -96,18 +96,7 @@ impl InputArgs {
     }
 
     fn surface(&self) -> Result<Surface, Failure> {
-        let (Some(path), Some(units)) = (&self.mesh, self.units) else {
-            let surface = embedded_atrium(ATRIUM_EDGE);
-            let (n, area) = (surface.mesh.n_vertices(), surface.mesh.area() / 100.0);
-            eprintln!("mesh   embedded left atrium: {n} vertices, area {area:.0} cm²");
-            return Ok(surface);
-        };
-        let surface = mesh::read(path, units)?;
-        eprintln!("mesh   {}: {} vertices", path.display(), surface.mesh.n_vertices());
-        for note in &surface.notes {
-            eprintln!("       {note}");
-        }
-        Ok(surface)
+        surface(self.mesh.as_deref().zip(self.units))
     }
 
     fn eigenpairs(
@@ -170,6 +159,22 @@ impl InputArgs {
         );
         Ok((made.measurements, made.truth))
     }
+}
+
+/// The surface in a file, or the embedded atrium; says on stderr what it is.
+pub(super) fn surface(file: Option<(&Path, Units)>) -> Result<Surface, Failure> {
+    let Some((path, units)) = file else {
+        let surface = embedded_atrium(ATRIUM_EDGE);
+        let (n, area) = (surface.mesh.n_vertices(), surface.mesh.area() / 100.0);
+        eprintln!("mesh   embedded left atrium: {n} vertices, area {area:.0} cm²");
+        return Ok(surface);
+    };
+    let surface = mesh::read(path, units)?;
+    eprintln!("mesh   {}: {} vertices", path.display(), surface.mesh.n_vertices());
+    for note in &surface.notes {
+        eprintln!("       {note}");
+    }
+    Ok(surface)
 }
 
 fn checked(table: Measurements, outline: &Model) -> Result<Measurements, Failure> {

@@ -1,8 +1,8 @@
 //! Runs that are interrupted: what identifies a run, Ctrl-C, and how to go on.
 
 use std::path::PathBuf;
-use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
+use std::sync::{Arc, OnceLock};
 use std::time::Duration;
 
 use clap::Args;
@@ -133,15 +133,20 @@ fn is_same(out: &OutputFolder, record: &RunRecord, here: &Identity) -> Result<()
     )))
 }
 
-/// A flag that the first Ctrl-C or SIGTERM sets; the second ends the program at once.
+/// The flag that the first Ctrl-C or SIGTERM sets; the second ends the program at once. There is one for all
+/// that a command does.
 pub(super) fn stop_flag() -> Result<Arc<AtomicBool>, Failure> {
+    static STOP: OnceLock<Arc<AtomicBool>> = OnceLock::new();
+    if let Some(stop) = STOP.get() {
+        return Ok(Arc::clone(stop));
+    }
     let stop = Arc::new(AtomicBool::new(false));
     for signal in [SIGINT, SIGTERM] {
         flag::register_conditional_shutdown(signal, INTERRUPTED.into(), Arc::clone(&stop))
             .and_then(|_| flag::register(signal, Arc::clone(&stop)))
             .map_err(|error| Failure::new(format_args!("cannot watch for Ctrl-C: {error}")))?;
     }
-    Ok(stop)
+    Ok(Arc::clone(STOP.get_or_init(|| stop)))
 }
 
 /// What the user is told after Ctrl-C.

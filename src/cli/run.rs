@@ -3,7 +3,7 @@
 use std::io::Write as _;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
-use std::time::Instant;
+use std::time::{Duration, Instant};
 
 use clap::{Args, ValueEnum};
 
@@ -14,7 +14,7 @@ use super::interrupt::{self, BeginArgs, INTERRUPTED};
 use super::laplace::approximate;
 use super::models::{Compiled, ModelFile};
 use super::optimise::optimise;
-use super::output::{Finished, OutputFolder, Sampled};
+use super::output::{Finished, Outcome, OutputFolder, Sampled};
 use super::sampling::{Job, every_chain_failed};
 use crate::dsl::{Declare, Model, Sampler};
 use crate::error::Failure;
@@ -59,7 +59,7 @@ struct InsteadArgs {
 
 /// Options of the sampler.
 #[derive(Debug, Args)]
-struct SamplerArgs {
+pub(super) struct SamplerArgs {
     /// Number of chains
     #[arg(long, default_value_t = 4)]
     chains: usize,
@@ -102,7 +102,7 @@ enum MetricArg {
 
 impl SamplerArgs {
     /// What was asked for, else what suits the model.
-    fn choose(&self, model: &Model) -> Result<Sampler, Failure> {
+    pub(super) fn choose(&self, model: &Model) -> Result<Sampler, Failure> {
         match (self.sampler, self.metric, Sampler::of(model)) {
             (Some(SamplerArg::Nuts), ..) | (_, Some(_), _) => Ok(Sampler::Nuts),
             (Some(SamplerArg::Blocked), _, Sampler::Nuts) => Err(Failure::usage(
@@ -113,7 +113,7 @@ impl SamplerArgs {
     }
 
     /// Checked, before anything slow is done.
-    fn settings(&self, seed: u64) -> Result<infer::Settings, Failure> {
+    pub(super) fn settings(&self, seed: u64) -> Result<infer::Settings, Failure> {
         if let (Some(SamplerArg::Blocked), Some(_)) = (self.sampler, self.metric) {
             return Err(Failure::usage(
                 "--sampler blocked has no choice of --metric\nhelp: leave one of them out, or give --sampler nuts",
@@ -178,31 +178,26 @@ impl Command {
             Some(folder) => init::starts(folder, &model, &mut settings)?,
             None => jittered_starts(&model, &model.initial(), settings.chains, settings.seed)?,
         };
-        let identity = finished.identity();
-        let Some(checkpoint) = interrupt::open(&out, identity, &starts, self.begin.resume, every)?
-        else {
-            eprintln!("complete: there is nothing left to do in {}", out.path().display());
-            return Ok(ExitCode::SUCCESS);
-        };
-        let job = Job { model: &model, sampler, settings: &settings, starts: &starts, begun };
-        let (sampled, checkpoint) = job.sample(checkpoint)?;
-        let Some(sampled) = sampled else {
-            interrupt::farewell(&out);
-            return Ok(ExitCode::from(INTERRUPTED));
-        };
-        if sampled.chains.is_empty() {
-            checkpoint.remove()?;
-            return Err(every_chain_failed(&sampled.failures));
+        let begin = Begin { starts: &starts, resume: self.begin.resume, every };
+        match sample_into(&out, &mut finished, sampler, &settings, &begin)? {
+            Ended::Before => {
+                eprintln!("complete: there is nothing left to do in {}", out.path().display());
+                Ok(ExitCode::SUCCESS)
+            }
+            Ended::Interrupted => {
+                interrupt::farewell(&out);
+                Ok(ExitCode::from(INTERRUPTED))
+            }
+            Ended::Now(result) => self.show(&result, &out),
         }
-        finished.sampled = sampled;
-        let code = self.finish(&finished, &out)?;
-        checkpoint.remove()?;
-        Ok(code)
     }
 
     /// Writes the results and shows what they say; the exit code tells whether to rely on them.
     fn finish(&self, finished: &Finished<'_>, out: &OutputFolder) -> Result<ExitCode, Failure> {
-        let result = finished.write(out)?;
+        self.show(&finished.write(out)?, out)
+    }
+
+    fn show(&self, result: &Outcome, out: &OutputFolder) -> Result<ExitCode, Failure> {
         let mut stdout = std::io::stdout().lock();
         if self.json {
             writeln!(stdout, "{}", result.json())?;
@@ -225,8 +220,54 @@ impl Command {
     }
 }
 
+/// From where a run samples.
+pub(super) struct Begin<'a> {
+    /// One per chain.
+    pub(super) starts: &'a [Vec<f64>],
+    /// Goes on with what is in its folder.
+    pub(super) resume: bool,
+    /// Least time between two savings.
+    pub(super) every: Duration,
+}
+
+/// How the sampling of a run ended.
+pub(super) enum Ended {
+    /// The results are written.
+    Now(Box<Outcome>),
+    /// They were there already.
+    Before,
+    /// The run is kept, to go on.
+    Interrupted,
+}
+
+/// Samples, or goes on sampling, and writes the results of what is `finished` then.
+pub(super) fn sample_into(
+    out: &OutputFolder,
+    finished: &mut Finished<'_>,
+    sampler: Sampler,
+    settings: &infer::Settings,
+    begin: &Begin<'_>,
+) -> Result<Ended, Failure> {
+    let Begin { starts, resume, every } = *begin;
+    let Some(checkpoint) = interrupt::open(out, finished.identity(), starts, resume, every)? else {
+        return Ok(Ended::Before);
+    };
+    let (model, begun) = (finished.model, finished.begun);
+    let job = Job { model, sampler, settings, starts, begun };
+    let (sampled, checkpoint) = job.sample(checkpoint)?;
+    let Some(sampled) = sampled else { return Ok(Ended::Interrupted) };
+    if sampled.chains.is_empty() {
+        checkpoint.remove()?;
+        return Err(every_chain_failed(&sampled.failures));
+    }
+    finished.sampled = sampled;
+    let result = finished.write(out)?;
+    checkpoint.remove()?;
+    Ok(Ended::Now(Box::new(result)))
+}
+
 /// Lays the model out on its data.
-fn lay_out(model: &dyn Declare, inputs: &Inputs) -> Result<Model, Failure> {
+pub(super) fn lay_out(model: &dyn Declare, inputs: &Inputs) -> Result<Model, Failure> {
     let basis = inputs.surface.as_ref().map(|(_, basis)| basis);
     Ok(Model::new(model, basis, &inputs.measurements)?)
 }

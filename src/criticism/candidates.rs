@@ -2,7 +2,8 @@
 
 use std::collections::BTreeMap;
 
-use super::units::{FOLD, Unit, is_constant_within};
+use super::observable::readable;
+use super::units::{FOLD, Unit, by_site, is_constant_within};
 use crate::dsl::{
     FIELD_MODES, Form, Measurements, Model, PATH, SOURCE, Statement, distinct, families,
 };
@@ -132,6 +133,9 @@ pub struct Unusable {
 
 /// Shares of the table's distances that may be inside a patch.
 const INSIDE: [f64; 6] = [0.15, 0.2, 0.25, 0.3, 0.4, 0.5];
+/// Sites for each mode of a field that is tried, and its fewest modes.
+const SITES_PER_MODE: usize = 8;
+const LEAST_MODES: usize = 24;
 /// Lengthscales of fields that are tried, in units of the finest that their modes resolve.
 const LENGTHSCALES: [f64; 3] = [1.0, 2.0, 4.0];
 /// Their amplitudes, in protocol steps.
@@ -192,7 +196,8 @@ impl Maker<'_> {
         else {
             return vec![];
         };
-        let modes = probes.n_modes().min(FIELD_MODES);
+        let resolved = by_site(self.table).n / SITES_PER_MODE;
+        let modes = resolved.clamp(LEAST_MODES, FIELD_MODES).min(probes.n_modes());
         let finest = std::f64::consts::FRAC_PI_2 / probes.frequency(modes);
         let mut found = vec![];
         for lengthscale in LENGTHSCALES.map(|times| (times * finest).round()) {
@@ -210,7 +215,7 @@ impl Maker<'_> {
     fn field(&self, name: &str, form: &Form, sd: f64) -> impl Iterator<Item = Candidate> {
         AMPLITUDES.into_iter().map(move |times| Candidate {
             name: name.into(),
-            sd: times * sd,
+            sd: readable(times * sd),
             screen: Screen::None,
             ..self.candidate(name, form.clone(), &self.on)
         })

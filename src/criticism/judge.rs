@@ -133,14 +133,14 @@ impl Run<'_> {
         })
     }
 
-    /// Whether a field predicts what was left out better than another field does.
-    pub(super) fn is_better_field(&self, best: &Fit, other: &Fit) -> bool {
+    /// Whether a field predicts what was left out better than another field does, beyond the error of that.
+    pub(super) fn is_better_field(&self, field: &Fit, than: &Fit) -> bool {
         let sites = |fit: &Fit| leave_sites_out(&self.engine, fit, self.settings.seed).elpd;
         let gained = match self.left_out(None).filter(|unit| unit.n >= LEAST_UNITS) {
-            Some(unit) => self.unit_gain(other, best, &unit).map(|(_, gained)| gained),
-            None => Some(gain(&sites(other), &sites(best))),
+            Some(unit) => self.unit_gain(than, field, &unit).map(|(_, gained)| gained),
+            None => Some(gain(&sites(than), &sites(field))),
         };
-        gained.is_some_and(|(gain, _)| gain > 0.0)
+        gained.is_some_and(|(gain, se)| gain > se)
     }
 
     /// The column that a candidate reads.

@@ -40,5 +40,10 @@ pub(super) fn step_of(model: &Model) -> f64 {
     let n = values.len() as f64;
     let mean = values.iter().sum::<f64>() / n;
     let sd = (values.iter().map(|v| (v - mean).powi(2)).sum::<f64>() / n).sqrt();
-    if sd > 0.0 { sd / 2.0 } else { 1.0 }
+    if sd > 0.0 { readable(sd / 2.0) } else { 1.0 }
+}
+
+/// Three significant digits, for what is written into a model file.
+pub(super) fn readable(x: f64) -> f64 {
+    format!("{x:.2e}").parse().unwrap_or(x)
 }

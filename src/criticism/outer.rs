@@ -137,15 +137,14 @@ impl Climber<'_> {
 }
 
 impl Evaluator for Climber<'_> {
+    /// Differences forward: the optimum is half of one off, which costs some ten thousandths of a nat.
     fn ln_density(&mut self, position: &[f64], gradient: &mut [f64]) -> f64 {
-        const STEP: f64 = 0.02;
+        const STEP: f64 = 0.01;
         let value = self.value(position, true);
         let mut moved = position.to_vec();
         for (i, g) in gradient.iter_mut().enumerate() {
             moved[i] = position[i] + STEP;
-            let above = self.value(&moved, false);
-            moved[i] = position[i] - STEP;
-            *g = (above - self.value(&moved, false)) / (2.0 * STEP);
+            *g = (self.value(&moved, false) - value) / STEP;
             moved[i] = position[i];
         }
         value

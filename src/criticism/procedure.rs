@@ -305,12 +305,20 @@ impl Run<'_> {
         (score_there > score(base, self.step) + 0.5).then_some(fit)
     }
 
-    /// Fits the best candidates again with the model's own unknowns free, as the base is: its fields have
-    /// taken up what they could of a cause that a candidate may now take over.
+    /// Fits the best form of each of the best causes again with the model's own unknowns free, as the base is:
+    /// its fields have taken up what they could of a cause that a candidate may now take over.
     fn refine(&self, engine: &Engine, tried: &mut [Tried], base: &Fit) {
-        let best = tried.iter().map(|t| t.log_bf).fold(f64::NEG_INFINITY, f64::max);
+        tried.sort_by(|a, b| b.log_bf.total_cmp(&a.log_bf));
+        let best = tried.first().map_or(0.0, |t| t.log_bf);
+        let least = (best - CLAIM).min(0.5 * best).max(0.0);
         let reference = score(base, self.step);
-        for t in tried.iter_mut().filter(|t| t.log_bf > 0.0 && t.log_bf > best - CLAIM) {
+        let mut names: Vec<&String> = vec![];
+        for t in tried.iter_mut().take_while(|t| t.log_bf > least) {
+            let name = &self.candidates[t.candidate].name;
+            if names.contains(&name) {
+                continue;
+            }
+            names.push(name);
             let refined = t
                 .fit
                 .as_ref()

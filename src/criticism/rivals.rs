@@ -13,7 +13,8 @@ use crate::dsl::Form;
 const RIVAL: f64 = 2.0;
 /// A winner that adds less than this with its rival in the model is not told apart from it.
 const ADDS: f64 = 1.0;
-/// R² on the fitted fields' span beyond which a covariate could be the fields' own.
+/// R² on the fitted fields' span beyond which a covariate could be the fields' own, unless it adds [`DECISIVE`]
+/// to them.
 const SPAN: f64 = 0.8;
 /// R² of a covariate on another beyond which they are the same.
 const SAME: f64 = 0.95;
@@ -21,6 +22,7 @@ const SAME: f64 = 0.95;
 /// written down, rather than the data, could prefer one. Of covariates without any relation, with up to five
 /// labels over 40 sites, one in a thousand is above.
 const ALIKE: f64 = 0.4;
+/// A log Bayes factor that no way of writing the same thing down makes up for: odds of 150 to 1.
 const DECISIVE: f64 = 5.0;
 
 /// A winner and what it is compared with.
@@ -52,8 +54,8 @@ impl Run<'_> {
         }
         // the base's fields have bent after the cause that they lack
         let fit = best.fit.as_ref().unwrap_or(base);
-        let r2 = r_squared_on_fields(&self.engine, fit, best.candidate, self.step);
-        if r2 > SPAN {
+        let r2 = || r_squared_on_fields(&self.engine, fit, best.candidate, self.step);
+        if best.log_bf < DECISIVE && r2() > SPAN {
             pairs.push([name(best), "spatial_field".into()]);
         }
         if self.adds_to_finer_fields(&duel) < CLAIM {
@@ -83,13 +85,14 @@ impl Run<'_> {
         if a.is_some() && a == b {
             return false; // a threshold and a curve of one column are forms of one cause
         }
-        if let Some([best, other]) = self.fields(best, other) {
-            return predicts(other) && !self.is_better_field(best, other);
+        if let Some(fits) = self.fields(best, other) {
+            let is_near = best.log_bf - other.log_bf < RIVAL;
+            return predicts(fits[1]) && (is_near || self.is_better_field(fits[1], fits[0]));
         }
         let of_columns = a.is_some() && b.is_some();
         let alike =
             if of_columns { r_squared(&self.engine, best.candidate, other.candidate) } else { 0.0 };
-        if alike > SAME {
+        if alike > SAME || self.is_coarser(other, best) {
             return true;
         }
         if alike <= ALIKE && other.log_bf <= ADDS {
@@ -102,9 +105,20 @@ impl Run<'_> {
         is_one && (alike > ALIKE || other.fit.as_ref().is_some_and(predicts))
     }
 
+    /// Whether the labels of one column follow from those of another: no design tells their effects apart.
+    fn is_coarser(&self, other: &Tried, best: &Tried) -> bool {
+        let is_label = |t: &Tried| {
+            let form = &self.candidates[t.candidate].form;
+            matches!(form, Some(Form::Group { .. } | Form::Family { .. }))
+        };
+        is_label(other)
+            && is_label(best)
+            && r_squared(&self.engine, other.candidate, best.candidate) > SAME
+    }
+
     /// The fits of two candidates, if both are fields: these follow each other over the rows without being
-    /// the same cause. One has more evidence, which is of neighbours too; the other is its rival if it says more
-    /// of where nothing was measured.
+    /// the same cause. One has more evidence, which is of neighbours too; the other is its rival if it has as
+    /// much, or says more of where nothing was measured.
     fn fields<'t>(&self, best: &'t Tried, other: &'t Tried) -> Option<[&'t Fit; 2]> {
         let is_field = |t: &Tried| {
             matches!(

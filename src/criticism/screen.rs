@@ -6,6 +6,7 @@ use nalgebra::{DMatrix, DVector};
 
 use super::engine::Engine;
 use super::fit::Fit;
+use super::observable::readable;
 
 /// p-value of the F-test of values of groups of rows on a design's means over these.
 pub(super) fn f_test(engine: &Engine, groups: &[(f64, Vec<usize>)], term: usize) -> f64 {
@@ -147,7 +148,7 @@ pub(super) fn field_sd(engine: &Engine, fit: &Fit, step: f64) -> BTreeMap<String
             }
         }
         if squares > 0.0 {
-            found.insert(field.to_string(), step / (squares / n).sqrt());
+            found.insert(field.to_string(), readable(step / (squares / n).sqrt()));
         }
     }
     found

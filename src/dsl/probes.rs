@@ -11,8 +11,8 @@ pub const SOURCE: &str = "source";
 /// The column that is then added: length of the geodesic path from there, mm.
 pub const PATH: &str = "path_mm";
 
-/// Number of modes of a field that is tried as an effect.
-pub const FIELD_MODES: usize = 24;
+/// Most modes of a field that is tried as an effect.
+pub const FIELD_MODES: usize = 64;
 
 /// Modes at rows.
 #[derive(Clone, Debug, Default)]

@@ -73,8 +73,13 @@ pub fn maximise(
             memory = Memory::default();
             direction = memory.ascent_direction(&point.gradient);
         }
-        let Some(next) = LineSearch { evaluator: &mut *evaluator, from: &point, direction }.run()
-        else {
+        let Some(next) = LineSearch {
+            evaluator: &mut *evaluator,
+            from: &point,
+            direction,
+            least_gain: settings.least_gain,
+        }
+        .run() else {
             if memory.pairs.is_empty() {
                 break;
             }
@@ -175,6 +180,8 @@ struct LineSearch<'a> {
     evaluator: &'a mut dyn Evaluator,
     from: &'a Point,
     direction: Vec<f64>,
+    /// A step so short that it can gain no more than this is not tried.
+    least_gain: f64,
 }
 
 impl LineSearch<'_> {
@@ -192,11 +199,21 @@ impl LineSearch<'_> {
         let (mut low, mut high, mut length) = (0.0, f64::INFINITY, 1.0);
         let mut best: Option<Point> = None;
         for _ in 0..Self::MAX_STEPS {
+            if length * slope < self.least_gain {
+                break;
+            }
             let point = self.at(length);
             let threshold = self.from.ln_density + Self::C1 * length * slope;
             let floor = best.as_ref().map_or(f64::NEG_INFINITY, |best| best.ln_density);
             if !point.is_finite() || point.ln_density < threshold.max(floor) {
                 high = length;
+                if low == 0.0 && point.is_finite() {
+                    // the top of the parabola through both ends with the slope at this one
+                    let gain = point.ln_density - self.from.ln_density;
+                    let top = 0.5 * slope * length / (slope * length - gain);
+                    length *= top.clamp(0.1, 0.5);
+                    continue;
+                }
             } else {
                 let here = dot(&point.gradient, &self.direction);
                 if here.abs() <= Self::C2 * slope {

@@ -244,7 +244,7 @@ fn sampler(settings: &Settings) -> String {
 }
 
 /// The data of the viewer, three.js and the viewer, as script elements.
-fn scripts(surface: &Surface<'_>) -> Result<String, ReportError> {
+pub(super) fn scripts(surface: &Surface<'_>) -> Result<String, ReportError> {
     // `<` cannot end the element early when it is written as an escape, which JSON allows in any text.
     let data = viewer_data(surface)?.to_string().replace('<', "\\u003c");
     Ok(format!(

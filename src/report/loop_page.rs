@@ -111,8 +111,8 @@ pub struct Residuals<'a> {
     pub mesh: Option<&'a TriMesh>,
     /// Means of sites.
     pub sites: &'a [SiteResidual],
-    /// Each row's against the column of the first effect found, else against the row's number.
-    pub against: &'a Against,
+    /// Each row's against the column of the first effect found, if it reads one.
+    pub against: Option<&'a Against>,
 }
 
 /// Residual of a site; NaN where only open brackets were measured.
@@ -298,10 +298,7 @@ fn residual_figure(residuals: &Residuals<'_>, map: Option<&SurfaceMap>, is_after
 }
 
 fn against(residuals: &Residuals<'_>, is_found: bool) -> String {
-    if !is_found {
-        return String::new();
-    }
-    let against = residuals.against;
+    let Some(against) = residuals.against.filter(|_| is_found) else { return String::new() };
     format!(
         "<p class=\"note\">Residual of each measurement ({}) against {}: hollow before, full after.</p>{}",
         escape(residuals.unit),

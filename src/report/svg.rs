@@ -142,9 +142,13 @@ pub(super) fn evidence_plot(nulls: &[f64], tried: &[(String, f64, bool)], claim:
             escape(name)
         );
     }
-    for (value, word) in [(low, ""), (claim, "asked: "), (high, "log Bayes factor ")] {
-        let anchor = if value > claim { "end" } else { "middle" };
-        let at = x(value);
+    // "asked" keeps clear of the labels at the ends
+    let ends = [70.0, K_WIDTH - 170.0];
+    for (value, at, anchor, word) in [
+        (low, 0.0, "start", ""),
+        (claim, x(claim).clamp(ends[0], ends[1]), "middle", "asked: "),
+        (high, K_WIDTH, "end", "log Bayes factor "),
+    ] {
         let _ = write!(
             svg,
             r#"<text class="tick" x="{at:.1}" y="{}" style="text-anchor:{anchor}">{word}{}</text>"#,

@@ -173,46 +173,66 @@
     element("hint").textContent = "This browser has no WebGL: two fixed views, front and back, instead of a model to turn.";
     const canvas = document.createElement("canvas");
     stage.append(canvas);
-    return (array, scale) => {
-      canvas.width = 2 * stage.clientWidth;
-      canvas.height = 2 * stage.clientHeight;
-      const context = canvas.getContext("2d");
-      context.lineWidth = 1;
-      paint(context, array, scale, -1, 0.25 * canvas.width);
-      paint(context, array, scale, 1, 0.75 * canvas.width);
-    };
+    return (array, scale) => paintBoth(canvas, array, scale);
   }
 
-  /** Paints the surface as seen along y: from the front (side −1) or from the back (side 1). */
-  function paint(context, array, scale, side, middle) {
-    const { width, height } = context.canvas;
-    const zoom = Math.min(width / 4, height / 2) / (1.02 * radius);
-    const project = ([x, y, z]) => [
-      middle - side * zoom * (x - centre[0]),
-      height / 2 - zoom * (z - centre[2]),
-      side * zoom * (y - centre[1]),
-    ];
+  /** Paints the surface as seen along y, from the front and from the back, side by side. */
+  function paintBoth(canvas, array, scale) {
+    canvas.width = 2 * canvas.parentElement.clientWidth;
+    canvas.height = 2 * canvas.clientHeight;
+    paint(canvas.getContext("2d"), array, scale, -1, 0.25 * canvas.width);
+    paint(canvas.getContext("2d"), array, scale, 1, 0.75 * canvas.width);
+  }
+
+  /** Triangles and sites as seen from the front (side −1) or from the back (side 1), in mm, from far to near. */
+  function arrange(side) {
+    const project = ([x, y, z]) => [-side * (x - centre[0]), centre[2] - z, side * (y - centre[1])];
     const shapes = data.sites.map((at) => {
       const [x, y, depth] = project(at);
-      return { depth: depth + zoom * SITE_RADIUS, fill: SITE, trace: () => context.arc(x, y, zoom * SITE_RADIUS, 0, 7) };
+      return { depth: depth + SITE_RADIUS, site: [x, y] };
     });
     for (let t = 0; t < triangles.length; t += 3) {
       const indices = triangles.subarray(t, t + 3);
       const corners = [...indices].map((i) => project(vertices.subarray(3 * i, 3 * i + 3)));
-      const value = indices.reduce((sum, i) => sum + array.values[i] / 3, 0);
-      const fill = colour(value, scale).map((c) => Math.round(255 * c * (0.6 + 0.4 * facing(corners))));
-      const trace = () => corners.forEach(([x, y], i) => (i ? context.lineTo(x, y) : context.moveTo(x, y)));
-      shapes.push({ depth: corners.reduce((sum, c) => sum + c[2] / 3, 0), fill: `rgb(${fill.join(" ")})`, trace });
+      const depth = corners.reduce((sum, c) => sum + c[2] / 3, 0);
+      shapes.push({ depth, indices, corners, shade: 0.6 + 0.4 * facing(corners) });
     }
-    shapes.sort((a, b) => a.depth - b.depth);
-    for (const { fill, trace } of shapes) {
-      context.fillStyle = context.strokeStyle = fill;
+    return shapes.sort((a, b) => a.depth - b.depth);
+  }
+  const arranged = new Map();
+
+  /** Paints one of the two views, its middle at the given x. */
+  function paint(context, array, scale, side, middle) {
+    if (!arranged.has(side)) arranged.set(side, arrange(side));
+    const { width, height } = context.canvas;
+    const zoom = Math.min(width / 4, height / 2) / (1.02 * radius);
+    const place = ([x, y]) => [middle + zoom * x, height / 2 + zoom * y];
+    context.lineWidth = 1;
+    for (const { site, indices, corners, shade } of arranged.get(side)) {
+      let fill = SITE;
       context.beginPath();
-      trace();
+      if (site) {
+        context.arc(...place(site), zoom * SITE_RADIUS, 0, 7);
+      } else {
+        const value = indices.reduce((sum, i) => sum + array.values[i] / 3, 0);
+        fill = `rgb(${colour(value, scale).map((c) => Math.round(255 * c * shade)).join(" ")})`;
+        corners.forEach((corner, i) => context[i ? "lineTo" : "moveTo"](...place(corner)));
+      }
+      context.fillStyle = context.strokeStyle = fill;
       context.closePath();
       context.fill();
       context.stroke();
     }
+  }
+
+  // ---- small views --------------------------------------------------------------------------------------------
+  for (const canvas of document.querySelectorAll("canvas[data-array]")) {
+    const array = arrays.find((a) => a.name === canvas.dataset.array);
+    const scale = scaleOf(array);
+    const [from, to] = scale.map((end) => format(end, ""));
+    canvas.nextElementSibling.textContent = `dark ${from} … yellow ${to} ${array.unit}`;
+    // one after the other, so that the page is there meanwhile
+    setTimeout(() => paintBoth(canvas, array, scale));
   }
 
   /** Cosine of the angle between a triangle's normal and the line of sight. */

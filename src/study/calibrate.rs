@@ -4,7 +4,8 @@ use std::collections::BTreeMap;
 
 use super::next::lessons;
 use super::plan::{Block, Case, Choice, Estimate, Plan};
-use super::{StudyError, Truth, measure, repaired};
+use super::truth::{Truth, repaired};
+use super::{StudyError, measure};
 use crate::diagnostics::r_hat;
 use crate::dsl::{Declare, Maps, Model, Sampler};
 use crate::infer::{
@@ -16,7 +17,7 @@ use crate::mesh::TriMesh;
 /// Most iterations on the way to a mode: the ripple of bracket likelihoods needs thousands.
 const MOST_ITERATIONS: usize = 50_000;
 /// Draws that maps are made of.
-const MAP_DRAWS: usize = 400;
+pub(super) const MAP_DRAWS: usize = 400;
 /// Sites that are considered one after the other.
 const CANDIDATES: usize = 150;
 /// Central intervals whose coverage is counted.
@@ -123,7 +124,7 @@ impl<'a> Study<'a> {
             });
             done();
         }
-        Ok((truth.repaired, outcomes))
+        Ok((truth.repaired(), outcomes))
     }
 
     /// The model with what is measured at these sites, and the seed of its calibration.
@@ -197,7 +198,9 @@ impl<'a> Study<'a> {
         let mended = match repaired(&maps, &tape, fields.clone(), self.basis) {
             // nothing to repair from: what follows from such a mode has no error, not a small one
             Err(StudyError::NothingPhysical) => {
-                Truth { derived: maps.derived_fields(&tape, &fields), fields, repaired: 1.0 }
+                let derived = maps.derived_fields(&tape, &fields);
+                let unphysical = vec![true; self.basis.n_vertices()];
+                Truth { fields, derived, unphysical }
             }
             mended => mended?,
         };
@@ -208,7 +211,7 @@ impl<'a> Study<'a> {
         Ok(Outcome {
             case,
             converged: optimum.converged,
-            repaired: mended.repaired,
+            repaired: mended.repaired(),
             errors: errors.collect(),
         })
     }

@@ -7,31 +7,31 @@
 mod calibrate;
 mod next;
 mod plan;
+mod recovery;
 mod results;
+mod truth;
 
 pub use calibrate::{INTERVALS, MapError, Outcome, Study, agree, coverage, rms_error, thinned};
 pub use next::{Lesson, lessons};
 pub use plan::{Block, Case, Choice, Estimate, Plan};
+pub use recovery::{RecoveredMap, Recovery, recover};
 pub use results::{Group, Results, Table, summarise};
+pub use truth::{TRUTH_MODES, conduction};
 
 use std::path::PathBuf;
 
-use rand::{RngExt, SeedableRng};
+use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
-use rand_distr::StandardNormal;
 use thiserror::Error;
 
-use crate::dsl::{DataError, Declare, MapName, Maps, Measurements, Model, ModelError, Tape};
-use crate::field::{Matern52, unit_field};
+use crate::dsl::{DataError, Declare, Maps, Measurements, Model, ModelError};
 use crate::infer::InferError;
-use crate::manifold::{Basis, ManifoldError, interpolate_biharmonic, maximin};
+use crate::manifold::{Basis, ManifoldError, maximin};
 use crate::mesh::TriMesh;
+use truth::Truth;
 
 /// What messages call a table that was made here.
 const SYNTHETIC: &str = "the synthetic experiment";
-
-/// Modes of the ground truth.
-pub const TRUTH_MODES: usize = 256;
 
 /// How the paper's example experiment is made.
 #[derive(Clone, Debug)]
@@ -46,12 +46,21 @@ pub struct Design {
     pub resolution: f64,
     /// Seed of the truth and of the sites.
     pub seed: u64,
+    /// The true fields in the model's order, each (n_vertices), before they are repaired; drawn without them.
+    pub fields: Option<Vec<Vec<f64>>>,
 }
 
 impl Default for Design {
     /// The paper's example: 64 mm, 10 sites, 6 mm, 10 ms.
     fn default() -> Self {
-        Self { lengthscale: 64.0, n_sites: 10, exclude: 6.0, resolution: 10.0, seed: 1 }
+        Self {
+            lengthscale: 64.0,
+            n_sites: 10,
+            exclude: 6.0,
+            resolution: 10.0,
+            seed: 1,
+            fields: None,
+        }
     }
 }
 
@@ -140,101 +149,17 @@ pub fn experiment(
     if !outline.has_fields() {
         return Err(StudyError::NotSynthetic { why: "the model has no field".into() });
     }
-    let truth = Truth::new(&outline, basis, design.lengthscale, design.seed)?;
+    let truth = match &design.fields {
+        Some(fields) => Truth::of(&outline, basis, fields.clone())?,
+        None => Truth::new(&outline, basis, design.lengthscale, design.seed)?,
+    };
     let Design { resolution, seed, .. } = *design;
     let sites = maximin(mesh, design.n_sites, design.exclude, seed)?;
     let measurements = measure(model, &outline, basis, &truth.fields, &sites, resolution, seed)?;
     let names = Maps::new(&outline, basis).names().into_iter().map(|n| n.name);
-    let Truth { fields, derived, repaired } = truth;
-    let truth = names.zip(fields.into_iter().chain(derived)).collect();
+    let repaired = truth.repaired();
+    let truth = names.zip(truth.fields.into_iter().chain(truth.derived)).collect();
     Ok(Experiment { measurements, truth, repaired })
-}
-
-/// Fields that are physical wherever they can be made so, and what follows from them.
-struct Truth {
-    /// Each n_vertices.
-    fields: Vec<Vec<f64>>,
-    /// Derived quantities, each n_vertices; NaN where unphysical even after repair.
-    derived: Vec<Vec<f64>>,
-    /// Share of vertices that were repaired.
-    repaired: f64,
-}
-
-impl Truth {
-    /// Drawn with this lengthscale, mm.
-    fn new(
-        outline: &Model,
-        basis: &Basis,
-        lengthscale: f64,
-        seed: u64,
-    ) -> Result<Self, StudyError> {
-        let maps = Maps::new(outline, basis);
-        let mut tape = outline.tape();
-        outline.forward(&mut tape, &outline.initial());
-        repaired(&maps, &tape, true_fields(&maps, basis, lengthscale, seed)?, basis)
-    }
-
-    /// Fields, then derived quantities.
-    fn maps(&self) -> impl Iterator<Item = &Vec<f64>> {
-        self.fields.iter().chain(&self.derived)
-    }
-}
-
-/// Repairs fields where what follows from them is unphysical, at the parameters of the last forward
-/// pass.
-fn repaired(
-    maps: &Maps<'_>,
-    tape: &Tape,
-    mut fields: Vec<Vec<f64>>,
-    basis: &Basis,
-) -> Result<Truth, StudyError> {
-    let derived = maps.derived_fields(tape, &fields);
-    let bad: Vec<bool> =
-        (0..basis.n_vertices()).map(|v| derived.iter().any(|d| d[v].is_nan())).collect();
-    repair(&mut fields, &bad, basis)?;
-    let derived = maps.derived_fields(tape, &fields);
-    let repaired = bad.iter().filter(|b| **b).count() as f64 / bad.len() as f64;
-    Ok(Truth { fields, derived, repaired })
-}
-
-/// Independent Matérn-5/2 fields, each scaled onto its whole declared range.
-fn true_fields(
-    maps: &Maps<'_>,
-    basis: &Basis,
-    lengthscale: f64,
-    seed: u64,
-) -> Result<Vec<Vec<f64>>, StudyError> {
-    let mut rng = stream(seed, 0);
-    let ranged = maps.names().into_iter().take(maps.n_fields());
-    ranged
-        .map(|MapName { name: field, range, .. }| {
-            let (low, high) = range.ok_or(StudyError::NoRange { field })?;
-            let eta: Vec<f64> = (0..basis.n_modes()).map(|_| rng.sample(StandardNormal)).collect();
-            let unit = unit_field(basis, &Matern52(lengthscale), &eta);
-            let min = unit.iter().copied().fold(f64::INFINITY, f64::min);
-            let max = unit.iter().copied().fold(f64::NEG_INFINITY, f64::max);
-            Ok(unit.iter().map(|x| low + (high - low) * (x - min) / (max - min)).collect())
-        })
-        .collect()
-}
-
-/// Replaces the fields at `bad` vertices by their average over the others, weighted by 1/d⁴ with d
-/// the biharmonic distance.
-///
-/// Differs from the paper's code, which weights by 1/d⁸; this is its text.
-fn repair(fields: &mut [Vec<f64>], bad: &[bool], basis: &Basis) -> Result<(), StudyError> {
-    let good: Vec<usize> = (0..bad.len()).filter(|v| !bad[*v]).collect();
-    if good.is_empty() {
-        return Err(StudyError::NothingPhysical);
-    }
-    let vertices: Vec<usize> = (0..bad.len()).filter(|v| bad[*v]).collect();
-    let averages = interpolate_biharmonic(basis, fields, &good, &vertices);
-    for (vertex, average) in vertices.iter().zip(averages) {
-        for (field, value) in fields.iter_mut().zip(average) {
-            field[*vertex] = value;
-        }
-    }
-    Ok(())
 }
 
 /// A table before it is measured: header and cells.

@@ -14,7 +14,7 @@ use std::path::PathBuf;
 use std::process::ExitCode;
 use std::time::Instant;
 
-use clap::Args;
+use clap::{Args, Parser};
 use serde::Serialize;
 use serde_json::{Value, json};
 
@@ -23,12 +23,12 @@ use super::output::OutputFolder;
 use crate::ep::surface::{BeatMap, Fibres, Pacing, Simulation, Substrate};
 use crate::ep::{Parameters, Precision, Tissue};
 use crate::error::Failure;
-use crate::infer::take_chain;
+use crate::infer::{Checkpoint, take_chain};
 use crate::mesh::{Refined, TriMesh};
 use compare::Earlier;
 use drive::{Drive, Progress};
 use ensemble::Posterior;
-use files::Series;
+use files::{RECORD, Series};
 use pacing::PacingArgs;
 use tissue::{Column, TissueArgs};
 
@@ -131,8 +131,37 @@ struct Outcome {
     record: Vec<(&'static str, Value)>,
 }
 
+/// A command line of `eplat simulate atrium`, without these words.
+#[derive(Debug, Parser)]
+#[command(no_binary_name = true)]
+struct Line {
+    #[command(flatten)]
+    args: AtriumArgs,
+}
+
 impl AtriumArgs {
+    /// What such a command line asks for, its defaults included.
+    pub(super) fn from_line(words: &[String]) -> Result<Self, Failure> {
+        Ok(Line::try_parse_from(words)?.args)
+    }
+
+    /// The same in a folder where it may have been begun.
+    pub(super) fn going_on(mut self) -> Result<Self, Failure> {
+        let has_begun = Checkpoint::identity(&self.out.join("checkpoint"))?.is_some();
+        self.resume = has_begun || self.out.join(RECORD).exists();
+        Ok(self)
+    }
+
     pub(super) fn run(&self) -> Result<ExitCode, Failure> {
+        if self.simulate()? {
+            return Ok(ExitCode::SUCCESS);
+        }
+        farewell(&OutputFolder::open(&self.out)?);
+        Ok(ExitCode::from(INTERRUPTED))
+    }
+
+    /// Whether it came to its end, and was not interrupted.
+    pub(super) fn simulate(&self) -> Result<bool, Failure> {
         let setup = self.setup()?;
         let (mesh, pacing) = (setup.mesh(), &setup.pacing);
         eprintln!(
@@ -151,7 +180,7 @@ impl AtriumArgs {
         let identity = self.identity()?;
         let Some(checkpoint) = self.open(&out, &identity)? else {
             eprintln!("complete: there is nothing left to do in {}", out.path().display());
-            return Ok(ExitCode::SUCCESS);
+            return Ok(true);
         };
         let begun = Instant::now();
         let drive = Drive::new(&checkpoint, stop_flag()?);
@@ -162,15 +191,12 @@ impl AtriumArgs {
             (Subject::Parameters(given), true) => self.once::<f64>(&setup, given, &drive, &out)?,
         };
         drive.warn_of_failure();
-        let Some(outcome) = outcome else {
-            farewell(&out);
-            return Ok(ExitCode::from(INTERRUPTED));
-        };
+        let Some(outcome) = outcome else { return Ok(false) };
         let seconds = checkpoint.seconds_before() + begun.elapsed().as_secs_f64();
         files::write(&out, &setup, outcome, &identity, seconds)?;
         checkpoint.remove()?;
         eprintln!("{seconds:.1} s; written to {}", out.path().display());
-        Ok(ExitCode::SUCCESS)
+        Ok(true)
     }
 
     fn setup(&self) -> Result<Setup, Failure> {

@@ -250,7 +250,7 @@ impl Story<'_> {
                 unit: observe.map_or("", |o| o.decl.unit),
                 mesh: surface.map(|s| &s.mesh),
                 sites: &self.site_residuals(),
-                against: &self.against(),
+                against: self.against().as_ref(),
             },
             unexplained: &self.unexplained(),
             not_tried: &not_tried,
@@ -317,14 +317,13 @@ impl Story<'_> {
     }
 
     /// Residuals of rows against the column of the first effect; labels stand side by side.
-    fn against(&self) -> Against {
+    fn against(&self) -> Option<Against> {
         let (engine, table) = (&self.outcome.engine, &self.inputs.measurements);
-        let column = self
-            .effects
-            .first()
-            .and_then(|(e, _)| e.form.column())
-            .unwrap_or("protocol")
-            .to_owned();
+        let (first, _) = self.effects.first()?;
+        let column = first.form.column().unwrap_or("protocol").to_owned();
+        if !table.has(&column) {
+            return None; // a field
+        }
         let text = |row: usize| table.cell(row, &column).unwrap_or_default();
         let cells: Vec<&str> =
             engine.rows.iter().map(|row| text(engine.model.table_row(row.id))).collect();
@@ -355,7 +354,7 @@ impl Story<'_> {
         } else {
             labels.iter().enumerate().map(|(i, label)| (i as f64, (*label).to_owned())).collect()
         };
-        Against { column, rows, ticks }
+        Some(Against { column, rows, ticks })
     }
 }
 

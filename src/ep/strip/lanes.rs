@@ -89,8 +89,11 @@ impl<const B: usize> Diffusion<B> {
             for k in 0..LANES {
                 y[k] *= self.ratio[k];
             }
-            for o in (1..=B.min(i)).rev() {
-                sub_product(&mut y, &self.lower[i - o][o - 1], &recent[o - 1]);
+            // unrolled, so that what is recent stays in registers
+            for o in (1..=B).rev() {
+                if o <= i {
+                    sub_product(&mut y, &self.lower[i - o][o - 1], &recent[o - 1]);
+                }
             }
             push(&mut recent, y);
             self.work[i] = y;

@@ -2,6 +2,8 @@
 //!
 //! A step is: five forward-Euler substeps of the cells, the stimulus, Crank–Nicolson diffusion.
 
+#![allow(clippy::needless_range_loop, reason = "`k` numbers the lanes of several arrays at once")]
+
 use pulp::{Arch, NullaryFnOnce};
 
 use super::Grid;
@@ -92,12 +94,15 @@ impl<const B: usize> LaneStrip<B> {
     /// A step in which nothing but the gates moves: bit for bit what [`LaneStrip::step_inlined`] does.
     #[inline(always)]
     fn rest(&mut self) {
-        for h in &mut self.state.h {
+        let rates = self.rates;
+        for lane in &mut self.state.h {
+            let mut h = *lane;
             for _ in 0..SUBSTEPS {
-                for (k, h) in h.iter_mut().enumerate() {
-                    *h = euler_step(0.0, *h, self.rates.lane(k)).1;
+                for k in 0..LANES {
+                    h[k] = euler_step(0.0, h[k], rates.lane(k)).1;
                 }
             }
+            *lane = h;
         }
     }
 
@@ -170,16 +175,20 @@ impl LaneRates {
 }
 
 /// The cell substeps of one node.
+///
+/// Copies that stay in registers, and loops over `k` alone: iterators over the lanes were left scalar.
 #[inline(always)]
 fn react(v: &mut Lane, h: &mut Lane, rates: &LaneRates) {
+    let (mut a, mut b) = (*v, *h);
     for _ in 0..SUBSTEPS {
         for k in 0..LANES {
-            (v[k], h[k]) = euler_step(v[k], h[k], rates.lane(k));
+            (a[k], b[k]) = euler_step(a[k], b[k], rates.lane(k));
         }
     }
-    for v in v {
-        *v = if v.abs() < NEGLIGIBLE { 0.0 } else { *v };
+    for k in 0..LANES {
+        a[k] = if a[k].abs() < NEGLIGIBLE { 0.0 } else { a[k] };
     }
+    (*v, *h) = (a, b);
 }
 
 /// A time step, in the form that is compiled once for each set of vector instructions.

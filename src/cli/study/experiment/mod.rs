@@ -1,0 +1,298 @@
+//! `eplat study experiment`: one known truth, calibrated, and the atrium simulated with both.
+//!
+//! Figures 3 to 5 of the paper. Every stage keeps what it has done in the output folder, so that the same
+//! command goes on after an interruption.
+
+#![allow(clippy::doc_markdown, reason = "help texts are read on the terminal, without backticks")]
+
+mod output;
+mod simulation;
+
+use std::collections::BTreeMap;
+use std::path::PathBuf;
+use std::process::ExitCode;
+use std::str::FromStr as _;
+use std::time::{Duration, Instant};
+
+use clap::Args;
+use serde_json::Value;
+use sha2::{Digest as _, Sha256};
+
+use super::super::inputs::{self, Inputs, hash};
+use super::super::interrupt::INTERRUPTED;
+use super::super::models::Compiled;
+use super::super::output::{Finished, OutputFolder, Sampled};
+use super::super::report::read_run;
+use super::super::run::{Begin, Ended, SamplerArgs, lay_out, record_of, sample_into};
+use crate::atomic::write_file;
+use crate::dsl::{Declare, Model, Sampler};
+use crate::error::Failure;
+use crate::infer::{Checkpoint, Identity, Settings, differences, jittered_starts};
+use crate::manifold::{Basis, eigenpairs_cached};
+use crate::mesh::{Surface, Units};
+use crate::report::{self, FieldDraws, verdict};
+use crate::study::{Design, Recovery, TRUTH_MODES, conduction, experiment, recover};
+use simulation::SimulationArgs;
+
+/// The model's fields, in its order.
+const FIELDS: [&str; 2] = ["tau_out", "apd_max"];
+/// Range of `CV_max` over the surface, m/s.
+///
+/// Differs from the paper, whose range is 0.1 to 1.5: at 0.4 mm between vertices, slower fronts block.
+const CV_MAX: (f64, f64) = (0.5, 1.0);
+/// Where the run is, in the output folder.
+const RUN: &str = "run";
+/// What the experiment is, in the output folder.
+const SETTINGS: &str = "settings.json";
+/// Least time between two savings of the run.
+const EVERY: Duration = Duration::from_secs(2);
+
+/// Options of `eplat study experiment`.
+#[derive(Debug, Args)]
+pub(in crate::cli) struct ExperimentArgs {
+    /// Surface mesh, VTK; needs --units [default: the embedded procedural left atrium]
+    #[arg(long, value_name = "FILE.vtk", requires = "units", conflicts_with = "truth")]
+    mesh: Option<PathBuf>,
+    /// Surface with the true fields tau_out and apd_max, or tau_out_true and apd_max_true, as point data;
+    /// needs --units [default: a truth is drawn]
+    #[arg(long, value_name = "FILE.vtp", requires = "units")]
+    truth: Option<PathBuf>,
+    /// Unit of the file's coordinates: mm, cm, um or m
+    #[arg(long, value_name = "UNIT", value_parser = Units::from_str)]
+    units: Option<Units>,
+    /// Seed of every random stream
+    #[arg(long, default_value_t = 1)]
+    seed: u64,
+    /// Lengthscale of the truth that is drawn, mm
+    #[arg(long, value_name = "MM", default_value_t = 64.0)]
+    lengthscale: f64,
+    /// Measurement sites, each with a bracket of ERP_S2 and one of ERP_S3
+    #[arg(long, value_name = "N", default_value_t = 10)]
+    sites: usize,
+    /// Width of a bracket, ms
+    #[arg(long, value_name = "MS", default_value_t = 10.0)]
+    resolution: f64,
+    #[command(flatten)]
+    sampler: SamplerArgs,
+    #[command(flatten)]
+    simulation: SimulationArgs,
+    /// Folder to write: report.html, experiment.json, fields.vtp; in run all that `eplat run` leaves, in
+    /// simulation the two simulations
+    #[arg(long, value_name = "DIR", default_value = "out/experiment")]
+    out: PathBuf,
+}
+
+/// The experiment before it is calibrated.
+struct Setup {
+    declared: &'static dyn Declare,
+    /// On the measurements.
+    model: Model,
+    inputs: Inputs,
+    settings: Settings,
+    sampler: Sampler,
+    /// Share of the truth's vertices that were repaired.
+    truth_repaired: f64,
+    /// m/s (n_vertices).
+    cv_max: Vec<f64>,
+}
+
+impl ExperimentArgs {
+    pub(super) fn run(&self, compiled: &[Compiled]) -> Result<ExitCode, Failure> {
+        let begun = Instant::now();
+        self.check()?;
+        let out = OutputFolder::open(&self.out)?;
+        let setup = self.setup(compiled)?;
+        self.simulation.check(&setup.surface()?.0)?;
+        let identity = self.claim(&out, &setup)?;
+        if !setup.calibrate(&out, begun)? {
+            return Ok(self.interrupted());
+        }
+        let (record, rows) = read_run(&out.file(RUN))?;
+        let recovery = setup.recovery(&out)?;
+        let simulated = if self.simulation.skip_simulation {
+            None
+        } else {
+            match self.simulation.run(&setup, &recovery, &out)? {
+                None => return Ok(self.interrupted()),
+                simulated => simulated,
+            }
+        };
+        let results = output::Results {
+            setup: &setup,
+            identity: &identity,
+            record: &record,
+            verdict: &verdict(&record, &rows),
+            recovery: &recovery,
+            simulated: simulated.as_ref(),
+        };
+        results.write(&out)?;
+        Ok(if results.verdict.converged { ExitCode::SUCCESS } else { ExitCode::from(3) })
+    }
+
+    fn check(&self) -> Result<(), Failure> {
+        let positive = |name: &str, value: f64| {
+            if value > 0.0 && value.is_finite() {
+                return Ok(());
+            }
+            Err(Failure::usage(format_args!("--{name}: expected a positive number, got {value}")))
+        };
+        positive("lengthscale", self.lengthscale)?;
+        positive("resolution", self.resolution)?;
+        positive("sites", self.sites as f64)
+    }
+
+    /// Surface, truth, measurements.
+    fn setup(&self, compiled: &[Compiled]) -> Result<Setup, Failure> {
+        let settings = self.sampler.settings(self.seed)?;
+        let Some(shipped) = compiled.iter().find(|c| c.model.name() == "Erp") else {
+            return Err(Failure::new("this program was compiled without the model models/erp.rs"));
+        };
+        let file = self.truth.as_deref().or(self.mesh.as_deref());
+        let mut surface = inputs::surface(file.zip(self.units))?;
+        let given = self.given(&surface)?;
+        // what a file holds besides would stand beside maps of the same names
+        surface.point_data.clear();
+        let most = surface.mesh.n_vertices() - 1;
+        let modes = Model::outline(shipped.model)?.n_modes().max(TRUTH_MODES);
+        let basis = eigenpairs_cached(&surface.mesh, modes.min(most))?;
+        let design = Design {
+            lengthscale: self.lengthscale,
+            n_sites: self.sites,
+            resolution: self.resolution,
+            seed: self.seed,
+            fields: given,
+            ..Design::default()
+        };
+        let made = experiment(shipped.model, &surface.mesh, &basis, &design)?;
+        eprintln!(
+            "data   {} brackets at {} sites; {:.1} % of the truth's vertices repaired",
+            made.measurements.len(),
+            self.sites,
+            100.0 * made.repaired
+        );
+        let cv_max = conduction(&basis, self.lengthscale, CV_MAX, self.seed);
+        let sha = |text: &str| format!("{:x}", Sha256::digest(text));
+        let mut hashes = BTreeMap::from([
+            ("model".to_owned(), sha(shipped.source)),
+            ("data".to_owned(), sha(&made.measurements.to_csv())),
+        ]);
+        if let Some(file) = file {
+            hashes.insert("mesh".to_owned(), hash(file)?);
+        }
+        let inputs = Inputs {
+            surface: Some((surface, basis)),
+            measurements: made.measurements,
+            truth: made.truth,
+            hashes,
+        };
+        let model = lay_out(shipped.model, &inputs)?;
+        let sampler = self.sampler.choose(&model)?;
+        let truth_repaired = made.repaired;
+        let declared = shipped.model;
+        Ok(Setup { declared, model, inputs, settings, sampler, truth_repaired, cv_max })
+    }
+
+    /// The true fields of --truth, in the model's order.
+    fn given(&self, surface: &Surface) -> Result<Option<Vec<Vec<f64>>>, Failure> {
+        let Some(file) = &self.truth else { return Ok(None) };
+        let data = &surface.point_data;
+        let field = |name: &&str| {
+            let found = data.get(&format!("{name}_true")).or_else(|| data.get(*name));
+            found.cloned().ok_or_else(|| {
+                let has: Vec<&str> = data.keys().map(String::as_str).collect();
+                Failure::new(format_args!(
+                    "--truth {}: expected point data {name}_true or {name}, found {}\n\
+                     help: give a surface with a value of {} at every vertex",
+                    file.display(),
+                    if has.is_empty() { "none".to_owned() } else { has.join(", ") },
+                    FIELDS.join(" and ")
+                ))
+            })
+        };
+        FIELDS.iter().map(field).collect::<Result<Vec<_>, _>>().map(Some)
+    }
+
+    /// Says in the folder what is done there; refuses a folder in which something else is.
+    fn claim(&self, out: &OutputFolder, setup: &Setup) -> Result<Identity, Failure> {
+        let mut identity = Identity::from([
+            ("eplat's version".into(), env!("CARGO_PKG_VERSION").to_owned()),
+            ("seed".into(), self.seed.to_string()),
+            ("lengthscale".into(), self.lengthscale.to_string()),
+            ("sites".into(), self.sites.to_string()),
+            ("resolution".into(), self.resolution.to_string()),
+        ]);
+        if let Value::Object(options) = serde_json::to_value(setup.record())? {
+            let text =
+                |value: Value| value.as_str().map_or_else(|| value.to_string(), str::to_owned);
+            identity.extend(options.into_iter().map(|(name, value)| (name, text(value))));
+        }
+        identity.extend(self.simulation.identity());
+        let hashes = setup.inputs.hashes.iter();
+        identity.extend(hashes.map(|(role, hash)| (format!("hash of the {role}"), hash.clone())));
+        let path = out.file(SETTINGS);
+        if let Ok(text) = std::fs::read(&path) {
+            let differences = differences(&serde_json::from_slice(&text)?, &identity);
+            if !differences.is_empty() {
+                return Err(Failure::new(format_args!(
+                    "the experiment in {} is another one: {}\nhelp: name another folder with --out, or remove this one",
+                    out.path().display(),
+                    differences.join("; ")
+                )));
+            }
+        }
+        out.make()?;
+        let text = serde_json::to_vec_pretty(&identity)?;
+        write_file(&path, |file| std::io::Write::write_all(file, &text))
+            .map_err(|error| Failure::io("write", &path, &error))?;
+        Ok(identity)
+    }
+
+    fn interrupted(&self) -> ExitCode {
+        eprintln!(
+            "interrupted: what is done is kept in {}\nhelp: go on with the same command line",
+            self.out.display()
+        );
+        ExitCode::from(INTERRUPTED)
+    }
+}
+
+impl Setup {
+    fn surface(&self) -> Result<&(Surface, Basis), Failure> {
+        self.inputs.surface.as_ref().ok_or_else(|| Failure::new("the model has no field"))
+    }
+
+    fn record(&self) -> report::Settings {
+        record_of(&self.settings, self.sampler.name())
+    }
+
+    /// Samples the posterior into the folder's run, unless that is done; whether it is now.
+    fn calibrate(&self, out: &OutputFolder, begun: Instant) -> Result<bool, Failure> {
+        let run = OutputFolder::open(&out.file(RUN))?;
+        let Settings { chains, seed, .. } = self.settings;
+        let starts = jittered_starts(&self.model, &self.model.initial(), chains, seed)?;
+        let mut finished = Finished {
+            model: &self.model,
+            inputs: &self.inputs,
+            sampled: Sampled::default(),
+            seed,
+            settings: self.record(),
+            compile_seconds: 0.0,
+            begun,
+        };
+        let has_begun = Checkpoint::identity(&run.file("checkpoint"))?.is_some();
+        let resume = has_begun || run.file("run.json").exists();
+        let begin = Begin { starts: &starts, resume, every: EVERY };
+        let ended = sample_into(&run, &mut finished, self.sampler, &self.settings, &begin)?;
+        Ok(!matches!(ended, Ended::Interrupted))
+    }
+
+    /// What the draws of the folder's run say of the truth.
+    fn recovery(&self, out: &OutputFolder) -> Result<Recovery, Failure> {
+        let draws = FieldDraws::read(&out.file(RUN).join(FieldDraws::FILE))?;
+        let fields = |draw: usize| -> Vec<Vec<f64>> {
+            FIELDS.iter().filter_map(|name| draws.at_vertices(name, draw)).collect()
+        };
+        let (_, basis) = self.surface()?;
+        Ok(recover(self.declared, basis, &self.inputs.truth, draws.n_draws(), &fields)?)
+    }
+}

@@ -1,0 +1,156 @@
+//! What a calibration recovered of a known truth, its draws made physical as the truth was.
+//!
+//! Differs from `eplat run`, whose maps of derived quantities leave unphysical draws out: here each draw
+//! is repaired like a truth, as the paper does, and then counts.
+
+use rayon::prelude::*;
+
+use super::StudyError;
+use super::calibrate::{MAP_DRAWS, coverage, rms_error};
+use super::truth::{Truth, repaired};
+use crate::diagnostics::Moments;
+use crate::dsl::{Declare, Maps, Model};
+use crate::manifold::Basis;
+
+/// Draws that are held in memory at a time.
+const WAVE: usize = 16;
+
+/// One field or derived quantity: its truth and what is known of it.
+#[derive(Clone, Debug)]
+pub struct RecoveredMap {
+    /// Name in the model file.
+    pub name: &'static str,
+    /// Declared unit.
+    pub unit: String,
+    /// Truth (n_vertices).
+    pub truth: Vec<f64>,
+    /// Mean of the draws (n_vertices).
+    pub mean: Vec<f64>,
+    /// Their standard deviation (n_vertices).
+    pub sd: Vec<f64>,
+    /// Share of vertices whose truth lies in each of [`INTERVALS`](super::INTERVALS).
+    pub coverage: [f64; 3],
+}
+
+impl RecoveredMap {
+    /// Independent standard errors, `|mean − truth|/sd`.
+    pub fn ise(&self) -> Vec<f64> {
+        self.errors().zip(&self.sd).map(|(error, sd)| error.abs() / sd).collect()
+    }
+
+    /// Root mean squared error over the vertices.
+    pub fn rmse(&self) -> f64 {
+        rms_error(&self.mean, &self.truth)
+    }
+
+    /// Mean error over the vertices.
+    pub fn bias(&self) -> f64 {
+        let known: Vec<f64> = self.errors().filter(|error| error.is_finite()).collect();
+        known.iter().sum::<f64>() / known.len() as f64
+    }
+
+    fn errors(&self) -> impl Iterator<Item = f64> {
+        self.mean.iter().zip(&self.truth).map(|(mean, truth)| mean - truth)
+    }
+}
+
+/// What draws of whole fields say of a known truth.
+#[derive(Clone, Debug)]
+pub struct Recovery {
+    /// Fields, then derived quantities.
+    pub maps: Vec<RecoveredMap>,
+    /// Share of draws in which each vertex was unphysical and repaired (n_vertices).
+    pub repaired: Vec<f64>,
+    /// Draws that were used.
+    pub n_draws: usize,
+    /// Draws without a physical vertex, from which nothing follows; they are left out.
+    pub n_void: usize,
+}
+
+/// Sums over draws of one map.
+struct Tally {
+    moments: Moments,
+    /// Draws below the truth (n_vertices).
+    below: Vec<f64>,
+}
+
+/// Compares draws with the truth, by name and (n_vertices), of an experiment: at most 400 of the `n_draws`,
+/// evenly spaced; `draw` gives the fields of one, each (n_vertices).
+///
+/// For models whose derived quantities depend on a place through its fields alone.
+///
+/// # Errors
+/// [`StudyError`], [`StudyError::NothingPhysical`] where no draw has a physical vertex.
+pub fn recover(
+    model: &dyn Declare,
+    basis: &Basis,
+    truth: &[(&'static str, Vec<f64>)],
+    n_draws: usize,
+    draw: &(dyn Fn(usize) -> Vec<Vec<f64>> + Sync),
+) -> Result<Recovery, StudyError> {
+    let outline = Model::outline(model)?;
+    let maps = Maps::new(&outline, basis);
+    let mut tape = outline.tape();
+    outline.forward(&mut tape, &outline.initial());
+    let n = basis.n_vertices();
+    let tally = |_: &_| Tally { moments: Moments::new(n), below: vec![0.0; n] };
+    let mut tallies: Vec<Tally> = truth.iter().map(tally).collect();
+    let (mut unphysical, mut n_used, mut n_void) = (vec![0.0; n], 0, 0);
+    let thinned: Vec<usize> = (0..n_draws).step_by(n_draws.div_ceil(MAP_DRAWS).max(1)).collect();
+    for wave in thinned.chunks(WAVE) {
+        let physical = |i: &usize| match repaired(&maps, &tape, draw(*i), basis) {
+            Err(StudyError::NothingPhysical) => Ok(None),
+            made => made.map(Some),
+        };
+        let wave: Vec<Result<Option<Truth>, StudyError>> = wave.par_iter().map(physical).collect();
+        for made in wave {
+            let Some(made) = made? else {
+                n_void += 1;
+                continue;
+            };
+            n_used += 1;
+            for (count, bad) in unphysical.iter_mut().zip(&made.unphysical) {
+                *count += f64::from(u8::from(*bad));
+            }
+            for ((tally, values), (_, truth)) in tallies.iter_mut().zip(made.maps()).zip(truth) {
+                tally.add(values, truth);
+            }
+        }
+    }
+    if n_used == 0 {
+        return Err(StudyError::NothingPhysical);
+    }
+    let names = maps.names();
+    let recovered =
+        tallies.into_iter().zip(truth).zip(names).map(|((tally, (_, truth)), name)| RecoveredMap {
+            name: name.name,
+            unit: name.unit.into(),
+            truth: truth.clone(),
+            mean: tally.moments.means(),
+            sd: tally.moments.sds(),
+            coverage: coverage(&tally.ranks(truth)),
+        });
+    Ok(Recovery {
+        maps: recovered.collect(),
+        repaired: unphysical.iter().map(|count| count / f64::from(n_used)).collect(),
+        n_draws: n_used as usize,
+        n_void,
+    })
+}
+
+impl Tally {
+    fn add(&mut self, values: &[f64], truth: &[f64]) {
+        self.moments.add(values.iter().copied());
+        for ((below, value), truth) in self.below.iter_mut().zip(values).zip(truth) {
+            *below += f64::from(u8::from(value < truth));
+        }
+    }
+
+    /// The share of draws below the truth; NaN where that is unknown.
+    fn ranks(&self, truth: &[f64]) -> Vec<f64> {
+        let known = |((below, n), truth): ((&f64, &f64), &f64)| {
+            if truth.is_nan() { f64::NAN } else { below / n }
+        };
+        self.below.iter().zip(self.moments.counts()).zip(truth).map(known).collect()
+    }
+}
