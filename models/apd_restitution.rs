@@ -4,8 +4,13 @@
 //! `vertex`, `s2_ms` and `value` (ms).
 use eplat::prelude::*;
 
+/// In m/s, and in ms.
+const CV_MAX: f64 = 0.8;
+const TAU_IN: f64 = 0.1;
+
 model! {
-    /// tau_out and APD_max over the atrium, from APD90 at several coupling intervals.
+    /// tau_out, tau_open and APD_max over the atrium, from APD90 at several coupling intervals. CV_max and tau_in, which
+    /// APD hardly shows, are taken as known.
     model ApdRestitution;
 
     /// Coupling interval, at least 50 ms beyond the ERP and up to 600 ms.
@@ -16,6 +21,11 @@ model! {
         alpha [ms] ~ InvGamma(2.0, 5.0);
         rho   [mm] ~ InvGamma(2.0, 64.0);
     }
+    field tau_open(x) [ms] in 65.0..215.0 = m + alpha * gp(Rbf(rho), K = 24) where {
+        m     [ms] ~ Normal(130.0, 30.0);
+        alpha [ms] ~ InvGamma(2.0, 15.0);
+        rho   [mm] ~ InvGamma(2.0, 64.0);
+    }
     field apd_max(x) [ms] in 120.0..270.0 = m + alpha * gp(Rbf(rho), K = 24) where {
         m     [ms] ~ Normal(195.0, 40.0);
         alpha [ms] ~ InvGamma(2.0, 15.0);
@@ -23,8 +33,11 @@ model! {
     }
     param noise [ms] ~ HalfNormal(10.0);
 
-    let apd90(x) [ms] = surrogate::emulated::apd90(tau_out(x), apd_max(x), x.s2_ms);
-    let sd(x)    [ms] = surrogate::emulated::apd90_sd(tau_out(x), apd_max(x), x.s2_ms);
+    let erp(x) [ms] = surrogate::five::erp_s2(CV_MAX.into(), TAU_IN.into(), tau_out(x), tau_open(x), apd_max(x));
+    /// What the gate has not regained at S2.
+    let r(x) [1] = surrogate::five::unrecovered(erp(x), tau_open(x), x.s2_ms);
+    let apd90(x) [ms] = surrogate::five::apd90(CV_MAX.into(), TAU_IN.into(), tau_out(x), apd_max(x), r(x));
+    let sd(x)    [ms] = surrogate::five::apd90_sd(CV_MAX.into(), TAU_IN.into(), tau_out(x), apd_max(x), r(x));
 
     observe apd(x): Number [ms] ~ Widened(Normal(apd90(x), noise), sd(x));
 }

@@ -4,9 +4,14 @@
 //! `vertex`, `s2_ms` and `value` (m/s).
 use eplat::prelude::*;
 
+/// In ms.
+const TAU_OUT: f64 = 12.0;
+const TAU_OPEN: f64 = 120.0;
+
 model! {
-    /// CV_max and APD_max over the atrium, from CV at several coupling intervals: the height of the curve and
-    /// where it falls. tau_out, which CV hardly shows, is the same everywhere.
+    /// CV_max and tau_in over the atrium, from CV at several coupling intervals: the height of the curve and
+    /// how steeply it falls. Where it falls, which APD_max decides, is the same everywhere; tau_out and tau_open, which CV
+    /// cannot tell from it, are taken as known.
     model CvRestitution;
 
     /// Coupling interval, at least 50 ms beyond the ERP and up to 600 ms.
@@ -17,16 +22,21 @@ model! {
         alpha [m/s] ~ InvGamma(2.0, 0.1);
         rho   [mm]  ~ InvGamma(2.0, 64.0);
     }
-    field apd_max(x) [ms] in 120.0..270.0 = m + alpha * gp(Rbf(rho), K = 24) where {
-        m     [ms] ~ Normal(195.0, 40.0);
-        alpha [ms] ~ InvGamma(2.0, 15.0);
+    /// Of tau_in in ms, which ranges from 0.01 to 0.3.
+    field ln_tau_in(x) [1] in -4.6..-1.2 = m + alpha * gp(Rbf(rho), K = 24) where {
+        m     [1]  ~ Normal(-2.5, 0.7);
+        alpha [1]  ~ InvGamma(2.0, 0.3);
         rho   [mm] ~ InvGamma(2.0, 64.0);
     }
-    param tau_out [ms]  ~ TruncatedNormal(15.0, 7.0, 1.0, 30.0);
+    param apd_max [ms]  ~ TruncatedNormal(195.0, 40.0, 120.0, 270.0);
     param noise   [m/s] ~ HalfNormal(0.1);
 
-    let cv(x) [m/s] = surrogate::emulated::cv(cv_max(x), tau_out, apd_max(x), x.s2_ms);
-    let sd(x) [m/s] = surrogate::emulated::cv_sd(cv_max(x), tau_out, apd_max(x), x.s2_ms);
+    let tau_in(x) [ms] = ln_tau_in(x).exp();
+    let erp(x) [ms] = surrogate::five::erp_s2(cv_max(x), tau_in(x), TAU_OUT.into(), TAU_OPEN.into(), apd_max);
+    /// What the gate has not regained at S2.
+    let r(x) [1] = surrogate::five::unrecovered(erp(x), TAU_OPEN.into(), x.s2_ms);
+    let cv(x) [m/s] = surrogate::five::cv(cv_max(x), tau_in(x), TAU_OUT.into(), TAU_OPEN.into(), r(x));
+    let sd(x) [m/s] = surrogate::five::cv_sd(cv_max(x), tau_in(x), TAU_OUT.into(), TAU_OPEN.into(), r(x));
 
     observe speed(x): Number [m/s] ~ Widened(Normal(cv(x), noise), sd(x));
 }

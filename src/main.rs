@@ -22,6 +22,8 @@ mod erp_multiscale;
 mod erp_population;
 #[path = "../models/garch.rs"]
 mod garch;
+#[path = "../models/joint.rs"]
+mod joint;
 #[path = "../models/lat.rs"]
 mod lat;
 #[path = "../models/normal.rs"]
@@ -55,6 +57,7 @@ fn main() -> ExitCode {
         shipped!("erp_multiscale.rs", &erp_multiscale::ErpMultiscale),
         shipped!("erp_population.rs", &erp_population::ErpPopulation),
         shipped!("garch.rs", &garch::Garch),
+        shipped!("joint.rs", &joint::Joint),
         shipped!("lat.rs", &lat::Lat),
         shipped!("normal.rs", &normal::MeanAndSpread),
         shipped!("one_compartment.rs", &one_compartment::OneCompartment),

@@ -22,6 +22,8 @@ mod erp_multiscale;
 mod forms;
 #[path = "../models/garch.rs"]
 mod garch;
+#[path = "../models/joint.rs"]
+mod joint;
 #[path = "models/language.rs"]
 mod language;
 #[path = "../models/lat.rs"]
@@ -130,6 +132,13 @@ fn restitution_curves() {
     };
     check(&apd_restitution::ApdRestitution, &line(|i| 150.0 + 20.0 * (i % 4) as f64));
     check(&cv_restitution::CvRestitution, &line(|i| 0.5 + 0.1 * (i % 4) as f64));
+}
+
+#[test]
+fn erp_apd_and_cv_together() {
+    let kinds = ["s1s2,300,200,210,", "s1s2s3,300,180,190,", "apd,320,,,180", "speed,400,,,0.7"];
+    let lines: Vec<String> = (0..24).map(|i| format!("{},{}", 7 * i, kinds[i % 4])).collect();
+    check(&joint::Joint, &place(table("vertex,protocol,s2_ms,lower,upper,value", &lines)));
 }
 
 #[test]

@@ -25,6 +25,10 @@ mod erp_exact;
 mod erp_multiscale;
 #[path = "../models/erp_population.rs"]
 mod erp_population;
+#[path = "../models/joint.rs"]
+mod joint;
+#[path = "models/joint_parts.rs"]
+mod joint_parts;
 #[path = "models/language.rs"]
 mod language;
 #[path = "../models/lat.rs"]
@@ -388,49 +392,126 @@ fn late(table: &Table) -> Table {
     Table { header: table.header, rows: table.rows.iter().map(shift).collect() }
 }
 
-#[test]
-#[ignore = "gradients through emulators are slow, 5 minutes"]
-fn apd_restitution_recovers_fields_and_noise() {
+/// The unconstrained value of `x` between bounds.
+fn between(x: f64, low: f64, high: f64) -> f64 {
+    ((x - low) / (high - x)).ln()
+}
+
+/// Unknowns of a field of mean `m`, amplitude `alpha` and lengthscale 60 mm.
+fn field(name: &str, m: f64, alpha: f64) -> [(String, f64); 3] {
+    [("m", m), ("alpha", alpha.ln()), ("rho", 60f64.ln())]
+        .map(|(of, value)| (format!("{name}.{of}"), value))
+}
+
+fn restitution_is_recovered(model: &dyn Declare, given: &[(String, f64)], seed: u64) {
     let basis = basis(VERTICES, 24);
-    let given = [
-        ("tau_out.m", 12.0),
-        ("tau_out.alpha", 2f64.ln()),
-        ("tau_out.rho", 64f64.ln()),
-        ("apd_max.m", 180.0),
-        ("apd_max.alpha", 8f64.ln()),
-        ("apd_max.rho", 50f64.ln()),
-        ("noise", 3f64.ln()),
-    ];
-    let mut table = curves(30);
-    let model = &apd_restitution::ApdRestitution;
-    let truth = simulate(model, Some(&basis), &mut table, &given, 15);
-    let good = fit(model, Some(&basis), &table.read(), 800);
+    let given: Vec<(&str, f64)> = given.iter().map(|(name, u)| (name.as_str(), *u)).collect();
+    let mut table = curves(18);
+    let truth = simulate(model, Some(&basis), &mut table, &given, seed);
+    let good = fit(model, Some(&basis), &table.read(), 600);
     assert_recovered(&good, &truth, Some(&basis));
-    let twin = fit(model, Some(&basis), &late(&table).read(), 400);
+    assert!(good.worst_r_hat().0 < 1.02);
+    let twin = fit(model, Some(&basis), &late(&table).read(), 200);
     assert_found_out(&twin, &truth, Some(&basis));
 }
 
 #[test]
-#[ignore = "gradients through emulators are slow, 5 minutes"]
+fn apd_restitution_recovers_fields_and_noise() {
+    let fields =
+        [field("tau_out", 12.0, 2.0), field("tau_open", 120.0, 8.0), field("apd_max", 180.0, 8.0)];
+    let given = [fields.concat(), vec![("noise".into(), 2f64.ln())]].concat();
+    restitution_is_recovered(&apd_restitution::ApdRestitution, &given, 15);
+}
+
+#[test]
 fn cv_restitution_recovers_fields_and_noise() {
-    let basis = basis(VERTICES, 24);
-    let given = [
-        ("cv_max.m", 0.8),
-        ("cv_max.alpha", 0.08f64.ln()),
-        ("cv_max.rho", 64f64.ln()),
-        ("apd_max.m", 190.0),
-        ("apd_max.alpha", 8f64.ln()),
-        ("apd_max.rho", 50f64.ln()),
-        ("tau_out", ((12.0f64 - 1.0) / (30.0 - 12.0)).ln()),
-        ("noise", 0.01f64.ln()),
+    let fields = [field("cv_max", 0.8, 0.08), field("ln_tau_in", -2.5, 0.25)];
+    let others = [("apd_max".into(), between(190.0, 120.0, 270.0)), ("noise".into(), 0.01f64.ln())];
+    let given = [fields.concat(), others.to_vec()].concat();
+    restitution_is_recovered(&cv_restitution::CvRestitution, &given, 16);
+}
+
+/// Both ERP, APD90 and CV at three S2, each at `n` sites of its own.
+fn everything(n: usize) -> Table {
+    let mut rows = vec![];
+    for i in 0..n {
+        let row = |offset: usize, protocol: &str, s2: &str| {
+            let own = [&(9 * i + offset).to_string(), protocol, s2].map(String::from);
+            [&own[..], &["200", "210", "0"].map(String::from)].concat()
+        };
+        rows.extend(["s1s2", "s1s2s3"].map(|protocol| row(0, protocol, "300")));
+        for (offset, protocol) in [(3, "apd"), (6, "speed")] {
+            rows.extend(["300", "380", "500"].map(|s2| row(offset, protocol, s2)));
+        }
+    }
+    Table { header: "vertex,protocol,s2_ms,lower,upper,value", rows }
+}
+
+impl Table {
+    /// The rows of these protocols.
+    fn of(&self, protocols: &[&str]) -> Table {
+        let is_one = |row: &&Vec<String>| protocols.contains(&row[1].as_str());
+        Table { header: self.header, rows: self.rows.iter().filter(is_one).cloned().collect() }
+    }
+}
+
+fn simulate_everything(basis: &Basis) -> (Table, Truth) {
+    let fields = [
+        field("cv_max", 0.8, 0.08),
+        field("ln_tau_in", -2.5, 0.25),
+        field("tau_out", 12.0, 2.0),
+        field("tau_open", 120.0, 8.0),
+        field("apd_max", 180.0, 8.0),
     ];
-    let mut table = curves(30);
-    let model = &cv_restitution::CvRestitution;
-    let truth = simulate(model, Some(&basis), &mut table, &given, 16);
-    let good = fit(model, Some(&basis), &table.read(), 800);
+    let fields = fields.concat();
+    let mut given: Vec<(&str, f64)> = fields.iter().map(|(name, u)| (name.as_str(), *u)).collect();
+    given.extend([("apd_noise", 2f64.ln()), ("cv_noise", 0.01f64.ln())]);
+    let mut table = everything(20);
+    let truth = simulate(&joint::Joint, Some(basis), &mut table, &given, 17);
+    (table, truth)
+}
+
+#[test]
+#[ignore = "gradients through a hundred terms for each of 160 measurements, minutes"]
+fn joint_recovers_all_five_parameters_from_measurements_at_different_sites() {
+    let basis = basis(VERTICES, 16);
+    let (table, truth) = simulate_everything(&basis);
+    let good = fit(&joint::Joint, Some(&basis), &table.read(), 600);
     assert_recovered(&good, &truth, Some(&basis));
-    let twin = fit(model, Some(&basis), &late(&table).read(), 400);
+    assert!(good.worst_r_hat().0 < 1.02);
+    let mut late = table;
+    for row in &mut late.rows {
+        if let Ok(s2) = row[2].parse::<f64>() {
+            row[2] = (s2 + 40.0).to_string();
+        }
+    }
+    let twin = fit(&joint::Joint, Some(&basis), &late.read(), 200);
     assert_found_out(&twin, &truth, Some(&basis));
+}
+
+/// Mean over the vertices of the posterior standard deviation of each field.
+#[test]
+#[ignore = "prints what each kind of measurement adds, minutes"]
+fn what_each_measurement_adds() {
+    let basis = basis(VERTICES, 16);
+    let (table, truth) = simulate_everything(&basis);
+    let erp = ["s1s2", "s1s2s3"];
+    let parts: [(&str, &dyn Declare, Table); 3] = [
+        ("ERP", &joint_parts::Erp, table.of(&erp)),
+        ("ERP and APD", &joint_parts::ErpApd, table.of(&[erp[0], erp[1], "apd"])),
+        ("ERP, APD and CV", &joint::Joint, table),
+    ];
+    println!("cv_max, ln tau_in, tau_out, tau_open, apd_max");
+    for (name, model, table) in parts {
+        let fit = fit(model, Some(&basis), &table.read(), 600);
+        let draws: Vec<&[f64]> =
+            fit.chains.iter().flat_map(|c| (0..c.n_draws()).map(|i| c.draw(i))).collect();
+        let sds = field_moments(&fit.model, &basis, &draws).1;
+        let means: Vec<f64> =
+            sds.iter().map(|sd| sd.iter().sum::<f64>() / VERTICES as f64).collect();
+        println!("{name}: {means:.3?}, R-hat {:?}", fit.worst_r_hat());
+        println!("  worst score {:?} of the limit", worst(&fit, &truth, Some(&basis)));
+    }
 }
 
 #[test]

@@ -7,23 +7,28 @@ use std::path::Path;
 use std::process::Command;
 
 use eplat::ep::{Grid, Parameters, Protocol, StripOutcome, simulate_strips};
-use eplat::surrogate::{DEFAULT_FILTER, ERP_INPUTS, design_points, emulated};
+use eplat::surrogate::{DEFAULT_FILTER, ERP_INPUTS, design_points, emulated, five};
 
 /// A design of another seed than the emulators', and what the strips do.
-fn unseen(n: usize, restitution: &[u32]) -> Vec<(Parameters, StripOutcome)> {
-    let parameters = design_points(n, &ERP_INPUTS, 77);
+fn unseen(n: usize, vary: &[usize], restitution: &[u32]) -> Vec<(Parameters, StripOutcome)> {
+    let parameters = design_points(n, vary, 77);
     let tissues: Vec<_> = parameters.iter().map(|p| p.tissue()).collect();
     let protocol = Protocol { restitution: restitution.to_vec(), ..Protocol::default() };
     let outcomes = simulate_strips(&tissues, &Grid::default(), &protocol, &|_| ()).unwrap();
     parameters.into_iter().zip(outcomes).collect()
 }
 
+/// Errors of predictions, each with its standard deviation.
+type Errors = Vec<(f64, f64)>;
+
 /// Root mean square and largest of errors in predictive standard deviations; the first must be about 1.
-fn assert_honest(name: &str, errors: &[f64]) {
+fn assert_honest(name: &str, errors: &Errors) {
     let n = errors.len() as f64;
-    let rms = (errors.iter().map(|e| e * e).sum::<f64>() / n).sqrt();
-    let largest = errors.iter().fold(0f64, |m, e| e.abs().max(m));
-    println!("{name}: {n} strips, rms {rms:.2} sd, largest {largest:.2} sd");
+    let mean_square = |of: &dyn Fn(&(f64, f64)) -> f64| errors.iter().map(of).sum::<f64>() / n;
+    let rmse = mean_square(&|(error, _)| error * error).sqrt();
+    let rms = mean_square(&|(error, sd)| (error / sd).powi(2)).sqrt();
+    let largest = errors.iter().fold(0f64, |m, (error, sd)| (error / sd).abs().max(m));
+    println!("{name}: {n} outcomes, RMSE {rmse:.4}, rms {rms:.2} sd, largest {largest:.2} sd");
     // an rms of n normal numbers has the standard error 1/√(2n); the errors are not normal, so twice that and 4.5
     assert!(rms < 1.0 + 9.0 / (2.0 * n).sqrt(), "{name}: too sure of itself: {rms}");
     assert!(rms > 1.0 - 4.5 / (2.0 * n).sqrt(), "{name}: too unsure: {rms}");
@@ -31,7 +36,7 @@ fn assert_honest(name: &str, errors: &[f64]) {
 
 #[test]
 fn erp_of_unseen_strips_is_as_far_off_as_the_emulators_say() {
-    let strips = unseen(64, &[]);
+    let strips = unseen(64, &ERP_INPUTS, &[]);
     let valid = |o: &StripOutcome| {
         o.erp_s2.is_ok_and(|erp| {
             f64::from(erp) > DEFAULT_FILTER.start && f64::from(erp) <= DEFAULT_FILTER.end
@@ -41,9 +46,9 @@ fn erp_of_unseen_strips_is_as_far_off_as_the_emulators_say() {
     for (p, o) in strips.iter().filter(|(_, o)| valid(o)) {
         let (t, a) = (p.tau_out, p.apd_max);
         let erp_s2 = f64::from(o.erp_s2.unwrap());
-        s2.push((erp_s2 - emulated::erp_s2(t, a)) / emulated::erp_s2_sd(t, a));
+        s2.push((erp_s2 - emulated::erp_s2(t, a), emulated::erp_s2_sd(t, a)));
         if let Ok(erp) = o.erp_s3 {
-            s3.push((f64::from(erp) - emulated::erp_s3(t, a)) / emulated::erp_s3_sd(t, a));
+            s3.push((f64::from(erp) - emulated::erp_s3(t, a), emulated::erp_s3_sd(t, a)));
         }
     }
     assert!(s2.len() > 30 && s3.len() > 30, "{} {}", s2.len(), s3.len());
@@ -52,24 +57,34 @@ fn erp_of_unseen_strips_is_as_far_off_as_the_emulators_say() {
 }
 
 #[test]
-fn beats_of_unseen_strips_are_as_far_off_as_the_emulators_say() {
-    let strips = unseen(48, &[310, 390, 530]);
-    let (mut apd, mut cv) = (vec![], vec![]);
-    for (p, o) in strips.iter().filter(|(p, _)| p.cv_max >= 0.3) {
-        let (c, t, a) = (p.cv_max, p.tau_out, p.apd_max);
-        for (s2, beat) in &o.restitution {
-            let (Ok(beat), Ok(erp)) = (beat, o.erp_s2) else { continue };
-            if *s2 < erp + 50 {
-                continue;
+fn outcomes_of_all_five_parameters_are_as_far_off_as_the_emulators_say() {
+    let strips = unseen(120, &[0, 1, 2, 3, 4], &[310, 390, 530]);
+    let (mut s2, mut s3, mut apd, mut cv) = (vec![], vec![], vec![], vec![]);
+    for (place, (p, o)) in strips.iter().enumerate() {
+        let [c, i, t, w, a] = p.to_array();
+        let Ok(erp) = o.erp_s2.map(f64::from) else { continue };
+        let predicted = five::erp_s2(c, i, t, w, a);
+        s2.push((erp - predicted, five::erp_s2_sd(c, i, t, w, a)));
+        if let (Ok(erp_s3), true) = (o.erp_s3, erp <= 270.0) {
+            let error = f64::from(erp_s3) - five::erp_s3(c, i, t, w, predicted);
+            s3.push((error, five::erp_s3_sd(c, i, t, w, predicted)));
+        }
+        // one beat of each, since beats of a strip share their errors
+        let beats = o.restitution.iter().cycle().skip(place % 3).take(3);
+        for (interval, beat) in beats {
+            let interval = f64::from(*interval);
+            let Ok(beat) = beat else { continue };
+            if c >= 0.3 && interval >= erp + 50.0 {
+                let r = five::unrecovered(predicted, w, interval);
+                apd.push((beat.apd90 - five::apd90(c, i, t, a, r), five::apd90_sd(c, i, t, a, r)));
+                cv.push((beat.cv - five::cv(c, i, t, w, r), five::cv_sd(c, i, t, w, r)));
+                break;
             }
-            let s2 = f64::from(*s2);
-            if c >= 0.5 {
-                apd.push((beat.apd90 - emulated::apd90(t, a, s2)) / emulated::apd90_sd(t, a, s2));
-            }
-            cv.push((beat.cv - emulated::cv(c, t, a, s2)) / emulated::cv_sd(c, t, a, s2));
         }
     }
-    assert!(apd.len() > 40, "{}", apd.len());
+    assert!(s2.len() > 100 && s3.len() > 40 && apd.len() > 60, "{} {}", s2.len(), s3.len());
+    assert_honest("ERP_S2", &s2);
+    assert_honest("ERP_S3", &s3);
     assert_honest("APD90", &apd);
     assert_honest("CV", &cv);
 }

@@ -174,18 +174,17 @@ impl<const D: usize> Emulated<D> {
         let y: Vec<f64> = points.iter().map(|point| point.1).collect();
         let gp = Gp::fit(&x, &y)?;
         let (emulator, departure) = Emulator::of(&gp, ranges);
-        let left_out = gp.leave_one_out();
-        let squares: f64 = left_out.iter().map(|l| l.error * l.error).sum();
         let quality = format!(
             "{} points, leave-one-out RMSE {:.4} {unit} (sd raised {:.2}-fold to it), nugget sd {:.4} {unit}, lengthscales {:.3?}; \
-             {} terms per input, off by at most {:.3} sd in the mean and {:.1} % in the sd",
+             {} terms of the mean, off by {:.2} sd, and {} of the sd, off by {:.0} %",
             gp.n_points(),
-            (squares / left_out.len() as f64).sqrt(),
+            gp.left_out_rmse(),
             gp.raised(),
             gp.nugget_sd(),
             gp.lengthscales(),
-            emulator.n_terms,
+            emulator.mean.len(),
             departure.mean,
+            emulator.ln_sd.len(),
             100.0 * departure.sd
         );
         Ok(Self { emulator, quality })

@@ -21,12 +21,13 @@
 //!
 //! # Source
 //! Santner, Williams and Notz 2018, "The Design and Analysis of Computer Experiments", 3.3 and 4.1; Dubrule 1983
-//! (points left out).
+//! (points left out); Rasmussen and Williams 2006, 5.4.2 and 5.4.3 (choosing by them, several maxima).
 
 use faer::linalg::solvers::{DenseSolveCore, Llt};
 use faer::{Mat, Side};
 use thiserror::Error;
 
+use super::design::latin_hypercube;
 use crate::infer::{Evaluator, LogDensity, OptimumSettings, maximise};
 
 /// Smallest g: what keeps R invertible where the output is smooth and exact.
@@ -36,8 +37,12 @@ const LEAST_NUGGET: f64 = 1e-7;
 /// lengthscale the process is a polynomial, and only rounding would tell how long.
 const LN_LENGTHSCALE: f64 = 1.0;
 
-/// ln ℓ (in half widths of the inputs' ranges) and ln g from which the search begins.
+/// ln ℓ (in half widths of the inputs' ranges, the same of all) and ln g from which the search begins.
 const STARTS: [(f64, f64); 2] = [(0.0, -4.0), (1.2, -8.0)];
+
+/// Further starts, a Latin hypercube over these ranges of each ln ℓ and of ln g.
+const N_FURTHER: usize = 4;
+const START_RANGES: [(f64, f64); 2] = [(-1.0, 2.5), (-12.0, -1.0)];
 
 /// A Gaussian process given points.
 #[derive(Debug, Clone)]
@@ -178,6 +183,19 @@ fn cholesky(matrix: &Mat<f64>) -> Option<(Llt<f64>, f64)> {
     Some((factor, ln_determinant))
 }
 
+/// ln ℓ of each input and ln g.
+fn starts(n_inputs: usize) -> Vec<Vec<f64>> {
+    let alike = |(ln_lengthscale, ln_nugget)| {
+        let mut start = vec![ln_lengthscale; n_inputs];
+        start.push(ln_nugget);
+        start
+    };
+    let mut ranges = vec![START_RANGES[0]; n_inputs];
+    ranges.push(START_RANGES[1]);
+    let further = latin_hypercube(N_FURTHER, &ranges, 1);
+    STARTS.into_iter().map(alike).chain(further).collect()
+}
+
 fn scaled(x: &[f64], scales: &[(f64, f64)]) -> Vec<f64> {
     x.iter().zip(scales).map(|(x, (middle, half))| (x - middle) / half).collect()
 }
@@ -257,27 +275,32 @@ impl Gp {
         if !outputs.iter().any(varies) || points.scales.iter().any(|(_, half)| !(*half > 0.0)) {
             return Err(degenerate);
         }
+        let fits = starts(n_inputs).into_iter().filter_map(|start| Self::climb(&points, &start));
+        fits.min_by(|a, b| a.left_out_rmse().total_cmp(&b.left_out_rmse())).ok_or(degenerate)
+    }
+
+    /// The process at the maximum above `start`.
+    fn climb(points: &Points, start: &[f64]) -> Option<Self> {
         let settings =
             OptimumSettings { max_iterations: 100, gradient_tolerance: 1e-3, least_gain: 1e-4 };
-        let climb = |(ln_lengthscale, ln_nugget): (f64, f64)| {
-            let mut start = vec![ln_lengthscale; n_inputs + 1];
-            start[n_inputs] = ln_nugget;
-            maximise(&points, &start, &settings).ok()
-        };
-        let optima = STARTS.into_iter().filter_map(climb);
-        let best = optima.max_by(|a, b| a.ln_density.total_cmp(&b.ln_density));
-        let best = best.ok_or(degenerate)?;
-        let (&ln_nugget, ln_lengthscales) = best.position.split_last().ok_or(degenerate)?;
-        let system = points.system(ln_lengthscales, ln_nugget).ok_or(degenerate)?;
-        let ln_lengthscales = ln_lengthscales.to_vec();
+        let optimum = maximise(points, start, &settings).ok()?;
+        let (&ln_nugget, ln_lengthscales) = optimum.position.split_last()?;
+        let system = points.system(ln_lengthscales, ln_nugget)?;
+        let (points, ln_lengthscales) = (points.clone(), ln_lengthscales.to_vec());
         let mut gp = Self { ln_lengthscales, points, system, raised: 1.0 };
         let ratios = gp.leave_one_out().into_iter().map(|l| l.error * l.error / l.variance);
-        let mean = ratios.sum::<f64>() / n_points as f64;
+        let mean = ratios.sum::<f64>() / gp.n_points() as f64;
         if mean > 1.0 {
             gp.system.variance *= mean;
             gp.raised = mean.sqrt();
         }
-        Ok(gp)
+        Some(gp)
+    }
+
+    /// Root mean square error at points left out, in the unit of the output.
+    pub fn left_out_rmse(&self) -> f64 {
+        let squares: f64 = self.leave_one_out().iter().map(|l| l.error * l.error).sum();
+        (squares / self.n_points() as f64).sqrt()
     }
 
     /// By how much the standard deviations were raised to those of the points left out; 1 if not at all.
@@ -426,6 +449,22 @@ mod tests {
             assert!((left_out.error - (y - without.mean(&at))).abs() < 1e-6);
             let ratio = left_out.variance / without.variance(&at);
             assert!((ratio - 1.0).abs() < 1e-6, "{ratio}");
+        }
+    }
+
+    /// A step at the edge that few of the points see: from equal lengthscales the search ends where it is noise.
+    #[test]
+    fn a_start_that_ends_on_a_lower_maximum_is_escaped() {
+        let x = latin_hypercube(60, &[(0.0, 1.0), (0.0, 1.0)], 3);
+        let step = |x: &Vec<f64>| 0.5 * (-x[1] / 0.02).exp() * (1.0 + x[0]);
+        let y: Vec<f64> = x.iter().map(|x| (3.0 * x[0]).sin() + x[1] + step(x)).collect();
+        let points = Points::new(&x, &y);
+        let alike: Vec<Gp> =
+            starts(2)[..2].iter().map(|start| Gp::climb(&points, start).unwrap()).collect();
+        let best = Gp::fit(&x, &y).unwrap();
+        for stuck in alike {
+            assert!(best.system.ln_evidence > stuck.system.ln_evidence + 10.0);
+            assert!(best.left_out_rmse() < 0.7 * stuck.left_out_rmse());
         }
     }
 

@@ -9,12 +9,14 @@ pub mod emulated;
 pub mod emulator;
 mod erp_cubic;
 mod erp_fit;
+pub mod five;
+pub mod five_fit;
 pub mod gam;
 pub mod gp;
 pub mod inputs;
-pub mod restitution_fit;
 pub mod sensitivity;
 pub mod sobol;
+mod sparse;
 
 pub use cubic::{Cubic, CubicFit, FitError};
 pub use emulator::{Departure, Emulator};

@@ -191,8 +191,8 @@ fn process(
 ) -> Result<(Gp, f64), SensitivityError> {
     let (x, y) = points(rows, inputs, output);
     let gp = Gp::fit(&x, &y).map_err(|error| SensitivityError::Gp { output: output.0, error })?;
-    let squares: f64 = gp.leave_one_out().iter().map(|left_out| left_out.error.powi(2)).sum();
-    Ok((gp, (squares / y.len() as f64).sqrt()))
+    let leave_one_out = gp.left_out_rmse();
+    Ok((gp, leave_one_out))
 }
 
 /// The point `u` of the unit cube in `ranges`.

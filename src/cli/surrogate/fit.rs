@@ -9,7 +9,7 @@ use clap::{Args, ValueEnum};
 use crate::ep::table::{read_rows, write_text};
 use crate::error::Failure;
 use crate::report::figures::contours;
-use crate::surrogate::restitution_fit::{BeatRow, StripRow, fit_restitution};
+use crate::surrogate::five_fit::{BeatRow, StripRow, fit_five};
 use crate::surrogate::{
     CubicFit, DEFAULT_FILTER, ErpRow, Valid, emulate_erp, erp_emulators_to_rust, fit_erp,
 };
@@ -34,8 +34,8 @@ pub(in crate::cli) struct FitArgs {
     /// What ERP_S2 and ERP_S3 become
     #[arg(long, value_enum, default_value_t = Form::Cubic)]
     form: Form,
-    /// Curves made by `eplat surrogate run --curves`: emulates, instead of ERP, APD90 (from tau_out, apd_max and
-    /// r) and CV over cv_max (from cv_max, tau_out and r), where r = exp(−(S2 − ERP_S2)/120 ms)
+    /// Curves made by `eplat surrogate run --curves` from a design that varies all five parameters: emulates ERP_S2,
+    /// ERP_S3, APD90 and CV over cv_max as functions of these and of r = exp(−(S2 − ERP_S2)/tau_open)
     #[arg(long, value_name = "F.csv", conflicts_with_all = ["form", "figure", "erp_above", "erp_up_to"])]
     curves: Option<PathBuf>,
     /// Fit only rows with an ERP_S2 above this, ms
@@ -52,7 +52,7 @@ pub(in crate::cli) struct FitArgs {
 impl FitArgs {
     pub(super) fn run(&self) -> Result<(), Failure> {
         if let Some(curves) = &self.curves {
-            return self.restitution(curves);
+            return self.all_five(curves);
         }
         let table = read_rows::<ErpRow>(&self.table)?;
         let rows: Vec<ErpRow> = table.into_iter().map(|(_, row)| row).collect();
@@ -81,16 +81,19 @@ impl FitArgs {
         Ok(())
     }
 
-    fn restitution(&self, curves: &Path) -> Result<(), Failure> {
+    fn all_five(&self, curves: &Path) -> Result<(), Failure> {
         self.require_rust()?;
         let strips: Vec<StripRow> = read_rows(&self.table)?.into_iter().map(|r| r.1).collect();
         let beats: Vec<BeatRow> = read_rows(curves)?.into_iter().map(|r| r.1).collect();
-        let fit = fit_restitution(&strips, &beats)?;
+        let fit = fit_five(&strips, &beats)?;
         write_text(&self.out, &fit.to_rust())?;
         eprintln!(
-            "of {} beats left out: {}\n  APD90: {}\n  CV/cv_max: {}\nwritten to {}",
+            "{} strips, {} beats; {}\n  ERP_S2: {}\n  ERP_S3: {}\n  APD90: {}\n  CV/cv_max: {}\nwritten to {}",
+            strips.len(),
             beats.len(),
             fit.left_out,
+            fit.erp_s2.quality,
+            fit.erp_s3.quality,
             fit.apd90.quality,
             fit.cv_ratio.quality,
             self.out.display()

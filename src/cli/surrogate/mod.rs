@@ -30,7 +30,7 @@ pub(super) enum Command {
     /// Fit surrogates to the simulator's outcomes
     ///
     /// ERP_S2 and ERP_S3 become functions of tau_out and apd_max: cubic polynomials, or (--form gp) emulators
-    /// that know their own error.  With --curves, APD90 and CV of a beat become emulators.  Every fit tells its
+    /// that know their own error.  With --curves, ERP, APD90 and CV become emulators of all five parameters.  Every fit tells its
     /// leave-one-out error, and which rows it left out.  A model file reads an emulator's file as a
     /// module: `use surrogate::Emulator; mod NAME;`.
     Fit(FitArgs),
@@ -49,7 +49,7 @@ pub(super) struct DesignArgs {
     n: u32,
     /// Parameters that vary, between commas, or `all`: cv_max (0.1–1.5 m/s), tau_in (0.01–0.30 ms), tau_out
     /// (1–30 ms), tau_open (65–215 ms), apd_max (120–270 ms).  The others are 0.7 m/s, 0.05, 10, 120
-    /// and 200 ms.  `all` for sensitivity, with --n 500
+    /// and 200 ms.  `all` for sensitivity, with --n 500, and for emulators of all, with --n 600
     #[arg(long, value_name = "NAMES", default_value = "cv_max,tau_out,apd_max")]
     vary: String,
     /// Seed; the same seed gives the same design

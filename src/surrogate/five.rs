@@ -1,0 +1,123 @@
+//! The emulators of all five parameters: ERP, and APD90 and CV of a beat S2 ms after the train.
+//!
+//! What S2 does to a beat goes through what the gate has not regained when it comes,
+//!
+//! ```text
+//! r = exp(−(S2 − ERP_S2)/tau_open),   1 at the ERP and 0 after a long rest
+//! ERP_S2   = e(cv_max, tau_in, tau_out, tau_open, apd_max)
+//! ERP_S3   = f(cv_max, tau_in, tau_out, tau_open, r at the S2 of 300 ms)
+//! APD90    = g(cv_max, tau_in, tau_out, apd_max, r)
+//! CV/cv_max = h(ln(cv_max tau_in), tau_in/tau_out, tau_open, r)
+//! ```
+//! `cv_max tau_in` is a length: that of the upstroke, which the strip's spacing resolves more or less well;
+//! `tau_in/tau_out` is how strongly the tissue is excitable.
+//!
+//! Fitted over the parameters' valid ranges, where there is an ERP_S2; ERP_S3 where this is at most 270 ms; APD90
+//! and CV at `cv_max` from 0.3 m/s and at least 50 ms after ERP_S2.
+
+use super::Emulator;
+use crate::num::{Real, exp};
+
+#[path = "five_emulators.rs"]
+mod emulators;
+
+/// The S2 of the S1S2S3 protocol, ms.
+pub(super) const S2: f64 = 300.0;
+
+/// Below this `cv_max tau_in` (mm) its logarithm goes on straight.
+const SHORTEST: f64 = 0.003;
+
+/// ERP under S1S2 (S1 600 ms), ms; `cv_max` in m/s, the other parameters in ms.
+#[inline]
+pub fn erp_s2<D: Real>(cv_max: D, tau_in: D, tau_out: D, tau_open: D, apd_max: D) -> D {
+    emulators::ERP_S2.mean([cv_max, tau_in, tau_out, tau_open, apd_max])
+}
+
+/// Standard deviation of an [`erp_s2`], ms.
+#[inline]
+pub fn erp_s2_sd<D: Real>(cv_max: D, tau_in: D, tau_out: D, tau_open: D, apd_max: D) -> D {
+    emulators::ERP_S2.sd([cv_max, tau_in, tau_out, tau_open, apd_max])
+}
+
+/// r of a beat `s2` ms after the train, from [`erp_s2`] and `tau_open` in ms.
+#[inline]
+pub fn unrecovered<D: Real>(erp_s2: D, tau_open: D, s2: f64) -> D {
+    exp((erp_s2 - s2) / tau_open)
+}
+
+/// ERP under S1S2S3 (S1 600 ms, S2 300 ms), ms, from [`erp_s2`] in place of `apd_max`; void where this is above 270 ms.
+#[inline]
+pub fn erp_s3<D: Real>(cv_max: D, tau_in: D, tau_out: D, tau_open: D, erp_s2: D) -> D {
+    emulators::ERP_S3.mean([cv_max, tau_in, tau_out, tau_open, unrecovered(erp_s2, tau_open, S2)])
+}
+
+/// Standard deviation of an [`erp_s3`], ms.
+#[inline]
+pub fn erp_s3_sd<D: Real>(cv_max: D, tau_in: D, tau_out: D, tau_open: D, erp_s2: D) -> D {
+    emulators::ERP_S3.sd([cv_max, tau_in, tau_out, tau_open, unrecovered(erp_s2, tau_open, S2)])
+}
+
+/// APD90 of a beat, ms; `cv_max` in m/s, the other parameters in ms, r from [`unrecovered`].
+#[inline]
+pub fn apd90<D: Real>(cv_max: D, tau_in: D, tau_out: D, apd_max: D, r: D) -> D {
+    emulators::APD90.mean([cv_max, tau_in, tau_out, apd_max, r])
+}
+
+/// Standard deviation of an [`apd90`], ms.
+#[inline]
+pub fn apd90_sd<D: Real>(cv_max: D, tau_in: D, tau_out: D, apd_max: D, r: D) -> D {
+    emulators::APD90.sd([cv_max, tau_in, tau_out, apd_max, r])
+}
+
+/// Conduction velocity of a beat, m/s; `cv_max` in m/s, the other parameters in ms, r from [`unrecovered`].
+#[inline]
+pub fn cv<D: Real>(cv_max: D, tau_in: D, tau_out: D, tau_open: D, r: D) -> D {
+    cv_max * emulators::CV_RATIO.mean(cv_inputs(cv_max, tau_in, tau_out, tau_open, r))
+}
+
+/// Standard deviation of a [`cv`], m/s.
+#[inline]
+pub fn cv_sd<D: Real>(cv_max: D, tau_in: D, tau_out: D, tau_open: D, r: D) -> D {
+    cv_max * emulators::CV_RATIO.sd(cv_inputs(cv_max, tau_in, tau_out, tau_open, r))
+}
+
+/// Inputs of CV over `cv_max`.
+#[inline]
+pub(super) fn cv_inputs<D: Real>(cv_max: D, tau_in: D, tau_out: D, tau_open: D, r: D) -> [D; 4] {
+    let length = cv_max * tau_in;
+    let ln_length = if length.re() > SHORTEST {
+        length.ln()
+    } else {
+        length / SHORTEST + (SHORTEST.ln() - 1.0)
+    };
+    [ln_length, tau_in / tau_out, tau_open, r]
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn recovery_runs_from_one_at_the_erp_to_nothing() {
+        assert!((unrecovered(220.0, 120.0, 220.0) - 1.0).abs() < 1e-12);
+        assert!(unrecovered(220.0, 120.0, 600.0) < 0.05);
+    }
+
+    #[test]
+    fn the_logarithm_goes_on_straight() {
+        let ln = |cv_max: f64| cv_inputs(cv_max, 0.01, 10.0, 120.0, 0.1)[0];
+        assert!((ln(0.3 + 1e-9) - ln(0.3 - 1e-9)).abs() < 1e-7);
+        assert!(((ln(0.3) - ln(0.2)) - (ln(0.1) - ln(0.0))).abs() < 1e-12 && ln(-1.0).is_finite());
+    }
+
+    /// Orders of magnitude that physics gives: ERP and APD go with `apd_max`, CV with `cv_max`; what has not recovered is slow and short.
+    #[test]
+    fn emulators_go_the_way_physics_does() {
+        let erp = |apd_max: f64| erp_s2(0.7, 0.05, 10.0, 120.0, apd_max);
+        assert!(erp(220.0) > erp(180.0) + 20.0);
+        let apd = |r: f64| apd90(0.7, 0.05, 10.0, 200.0, r);
+        assert!(apd(0.02) > apd(0.5) + 10.0);
+        let speed = |cv_max: f64, r: f64| cv(cv_max, 0.05, 10.0, 120.0, r);
+        assert!(speed(0.7, 0.02) > speed(0.7, 0.6) && speed(1.0, 0.1) > 1.2 * speed(0.7, 0.1));
+    }
+}
