@@ -161,6 +161,19 @@ fn another_seed_gives_other_draws() {
 }
 
 #[test]
+fn a_run_on_the_surface_that_another_left_has_its_own_maps() {
+    let place = Workplace::new().with_erp();
+    let small = "--chains 2 --warmup 50 --draws 50";
+    sampled(&place, &format!("run erp.rs {small} --out a"));
+    let of_a = "--mesh a/fields.vtp --units mm --data a/measurements.csv";
+    sampled(&place, &format!("run erp.rs {of_a} {small} --seed 2 --out b"));
+    let maps = place.read("b/fields.vtp");
+    for name in ["apd_max_mean", "apd_max_true", "unphysical"] {
+        assert_eq!(maps.matches(&format!("Name=\"{name}\"")).count(), 1, "{name}");
+    }
+}
+
+#[test]
 fn a_clinical_shell_and_tables_of_measurements() {
     let place = Workplace::new().with_erp();
     if let Some(shell) = shared("openep_la/la_lat.vtk") {

@@ -205,8 +205,12 @@ impl Finished<'_> {
         }
         let units = summaries.iter().map(|m| (m.name.to_string(), m.unit.clone())).collect();
         arrays.push(("unphysical".into(), "1".into(), unphysical.clone()));
-        arrays
-            .extend(surface.point_data.iter().map(|(n, v)| (n.clone(), String::new(), v.clone())));
+        // an earlier run's fields.vtp as the mesh has maps of these names already
+        let is_new = |name: &String| arrays.iter().all(|(own, ..)| own != name);
+        let of_mesh = surface.point_data.iter().filter(|(name, _)| is_new(name));
+        let of_mesh: Vec<_> =
+            of_mesh.map(|(name, v)| (name.clone(), String::new(), v.clone())).collect();
+        arrays.extend(of_mesh);
         FieldMaps { unphysical, rmse, coverage: self.coverage(basis), units, arrays }
     }
 
