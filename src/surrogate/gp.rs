@@ -279,6 +279,17 @@ impl Gp {
         fits.min_by(|a, b| a.left_out_rmse().total_cmp(&b.left_out_rmse())).ok_or(degenerate)
     }
 
+    /// As [`Gp::fit`], at the maximum above the first start, the smoothest: what shares of variance are taken from.
+    ///
+    /// # Errors
+    /// Those of [`Gp::fit`].
+    pub fn smooth(inputs: &[Vec<f64>], outputs: &[f64]) -> Result<Self, GpError> {
+        let points = Points::new(inputs, outputs);
+        let first = starts(points.scales.len()).into_iter().next();
+        let smooth = first.and_then(|start| Self::climb(&points, &start));
+        smooth.map_or_else(|| Self::fit(inputs, outputs), Ok)
+    }
+
     /// The process at the maximum above `start`.
     fn climb(points: &Points, start: &[f64]) -> Option<Self> {
         let settings =

@@ -190,7 +190,8 @@ fn process(
     output: Output,
 ) -> Result<(Gp, f64), SensitivityError> {
     let (x, y) = points(rows, inputs, output);
-    let gp = Gp::fit(&x, &y).map_err(|error| SensitivityError::Gp { output: output.0, error })?;
+    let gp =
+        Gp::smooth(&x, &y).map_err(|error| SensitivityError::Gp { output: output.0, error })?;
     let leave_one_out = gp.left_out_rmse();
     Ok((gp, leave_one_out))
 }
