@@ -5,7 +5,7 @@
 use std::io::Write as _;
 use std::path::Path;
 
-use super::html::{STYLE, fill, scripts};
+use super::html::{STYLE, VIEWER, fill, scripts};
 use super::svg::escape;
 use super::{ReportError, Surface, Verdict};
 use crate::atomic::write_file;
@@ -55,6 +55,7 @@ pub fn write_experiment_page(path: &Path, page: &ExperimentPage<'_>) -> Result<(
         ("verdict", escape(&page.verdict.sentence)),
         ("verdict_class", if page.verdict.converged { "good" } else { "bad" }.to_owned()),
         ("tiles", page.tiles.iter().map(tile).collect()),
+        ("viewer", VIEWER.to_owned()),
         ("figures", page.figures.iter().map(figure).collect()),
         ("table", escape(page.table)),
         ("settings", page.settings.iter().map(term).collect()),

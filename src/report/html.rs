@@ -18,7 +18,8 @@ use crate::mesh::TriMesh;
 
 const PAGE: &str = include_str!("page.html");
 pub(super) const STYLE: &str = include_str!("page.css");
-const VIEWER: &str = include_str!("viewer.js");
+pub(super) const VIEWER: &str = include_str!("viewer.html");
+const SCRIPT: &str = include_str!("viewer.js");
 const THREE: &str = include_str!("../../assets/three/three.bundle.min.js");
 /// More scalars than this are too many to look at; the page says how many are left out.
 const MOST_TRACES: usize = 16;
@@ -80,6 +81,7 @@ pub fn write_html(path: &Path, page: &Page<'_>) -> Result<(), ReportError> {
         ("verdict", escape(&verdict.sentence)),
         ("verdict_class", if verdict.converged { "good" } else { "bad" }.to_owned()),
         ("surface_class", surface_class.to_owned()),
+        ("viewer", VIEWER.to_owned()),
         ("equations", escape(page.equations)),
         ("summary", table(&lines(page.rows, false))),
         ("every_summary", table(&lines(page.rows, true))),
@@ -249,7 +251,7 @@ pub(super) fn scripts(surface: &Surface<'_>) -> Result<String, ReportError> {
     let data = viewer_data(surface)?.to_string().replace('<', "\\u003c");
     Ok(format!(
         "<script type=\"application/json\" id=\"data\">{data}</script>\n\
-         <script>{THREE}</script>\n<script>{VIEWER}</script>"
+         <script>{THREE}</script>\n<script>{SCRIPT}</script>"
     ))
 }
 
@@ -294,7 +296,7 @@ mod tests {
     #[test]
     fn the_bundle_exports_what_the_viewer_uses() {
         let exports = include_str!("../../assets/three/entry.js");
-        for part in VIEWER.split("THREE.").skip(1) {
+        for part in SCRIPT.split("THREE.").skip(1) {
             let name: String = part.chars().take_while(char::is_ascii_alphanumeric).collect();
             let listed = exports.contains(&format!("  {name},"))
                 || exports.contains(&format!("{{ {name} }}"));

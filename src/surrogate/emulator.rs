@@ -129,8 +129,12 @@ impl<const D: usize> Emulator<D> {
             ln_sd: ln_sd.into_iter().map(terms).collect(),
         };
         let departure = judged.departure(&emulator);
-        if let Some((_, constant)) = emulator.ln_sd.to_mut().first_mut() {
-            *constant += 0.5 * departure.mean.powi(2).ln_1p();
+        // the constant, if there is one, is first
+        let wider = 0.5 * departure.mean.powi(2).ln_1p();
+        let ln_sd = emulator.ln_sd.to_mut();
+        match ln_sd.first_mut() {
+            Some((of, constant)) if *of == [0; D] => *constant += wider,
+            _ => ln_sd.insert(0, ([0; D], wider)),
         }
         (emulator, departure)
     }

@@ -23,19 +23,14 @@
 //! Santner, Williams and Notz 2018, "The Design and Analysis of Computer Experiments", 3.3 and 4.1; Dubrule 1983
 //! (points left out); Rasmussen and Williams 2006, 5.4.2 and 5.4.3 (choosing by them, several maxima).
 
-use faer::linalg::solvers::{DenseSolveCore, Llt};
-use faer::{Mat, Side};
 use thiserror::Error;
 
+use self::evidence::{Points, System, correlation, scaled, shrink};
 use super::design::latin_hypercube;
-use crate::infer::{Evaluator, LogDensity, OptimumSettings, maximise};
+use crate::infer::{OptimumSettings, maximise};
 
-/// Smallest g: what keeps R invertible where the output is smooth and exact.
-const LEAST_NUGGET: f64 = 1e-7;
-
-/// Mean of the normal prior of ln ℓ (in half widths of the inputs' ranges), of standard deviation 1: with a much longer
-/// lengthscale the process is a polynomial, and only rounding would tell how long.
-const LN_LENGTHSCALE: f64 = 1.0;
+#[path = "gp_evidence.rs"]
+mod evidence;
 
 /// ln ℓ (in half widths of the inputs' ranges, the same of all) and ln g from which the search begins.
 const STARTS: [(f64, f64); 2] = [(0.0, -4.0), (1.2, -8.0)];
@@ -94,95 +89,6 @@ pub enum GpError {
     },
 }
 
-/// Inputs scaled to −1..1, and outputs.
-#[derive(Debug, Clone)]
-struct Points {
-    /// Middle and half width of each input.
-    scales: Vec<(f64, f64)>,
-    x: Vec<Vec<f64>>,
-    y: Vec<f64>,
-}
-
-/// M and what else follows from the lengthscales and the nugget.
-#[derive(Debug, Clone)]
-struct System {
-    correlations: Mat<f64>,
-    inverse: Mat<f64>,
-    /// M (y, 0), which is (Qy, β)
-    weights: Vec<f64>,
-    variance: f64,
-    nugget: f64,
-    ln_evidence: f64,
-}
-
-impl Points {
-    fn new(inputs: &[Vec<f64>], outputs: &[f64]) -> Self {
-        let n_inputs = inputs.first().map_or(0, Vec::len);
-        let scale = |d: usize| {
-            let values = || inputs.iter().map(|x| x[d]);
-            let (low, high) = (
-                values().fold(f64::INFINITY, f64::min),
-                values().fold(f64::NEG_INFINITY, f64::max),
-            );
-            (0.5 * (low + high), 0.5 * (high - low))
-        };
-        let scales: Vec<(f64, f64)> = (0..n_inputs).map(scale).collect();
-        let x = inputs.iter().map(|x| scaled(x, &scales)).collect();
-        Self { scales, x, y: outputs.to_vec() }
-    }
-
-    /// Terms of the mean.
-    fn n_terms(&self) -> usize {
-        1 + self.scales.len()
-    }
-
-    /// M⁻¹, inverted; `None` if it is singular.
-    fn system(&self, ln_lengthscales: &[f64], ln_nugget: f64) -> Option<System> {
-        let (n, p) = (self.y.len(), self.n_terms());
-        let nugget = ln_nugget.exp() + LEAST_NUGGET;
-        let shrunk: Vec<Vec<f64>> = self.x.iter().map(|x| shrink(x, ln_lengthscales)).collect();
-        let correlations = Mat::from_fn(n, n, |i, j| correlation(&shrunk[i], &shrunk[j]));
-        let matrix =
-            Mat::from_fn(n, n, |i, j| correlations[(i, j)] + if i == j { nugget } else { 0.0 });
-        let terms = Mat::from_fn(n, p, |i, k| if k == 0 { 1.0 } else { self.x[i][k - 1] });
-        let (factor, ln_determinant) = cholesky(&matrix)?;
-        let alone = factor.inverse();
-        let leaning = &alone * &terms;
-        let (trend, ln_trend_determinant) = cholesky(&(terms.transpose() * &leaning))?;
-        let trend = trend.inverse();
-        let b = &leaning * &trend;
-        let y = Mat::from_fn(n, 1, |i, _| self.y[i]);
-        let beta = b.transpose() * &y;
-        // without the trend first: with it, a long lengthscale would leave differences of large numbers
-        let left = &y - &terms * &beta;
-        let residual = &alone * &left;
-        let square: f64 = (0..n).map(|i| residual[(i, 0)] * left[(i, 0)]).sum();
-        let variance = square / (n - p) as f64;
-        let ln_evidence =
-            -0.5 * (ln_determinant + ln_trend_determinant) - 0.5 * (n - p) as f64 * variance.ln();
-        let q = &alone - &b * leaning.transpose();
-        let inverse = Mat::from_fn(n + p, n + p, |i, j| match (i < n, j < n) {
-            (true, true) => q[(i, j)],
-            (true, false) => b[(i, j - n)],
-            (false, true) => b[(j, i - n)],
-            (false, false) => -trend[(i - n, j - n)],
-        });
-        let weight = |i: usize| if i < n { residual[(i, 0)] } else { beta[(i - n, 0)] };
-        let weights = (0..n + p).map(weight).collect();
-        let is_sound = variance > 0.0 && ln_evidence.is_finite();
-        let system = System { correlations, inverse, weights, variance, nugget, ln_evidence };
-        is_sound.then_some(system)
-    }
-}
-
-/// The factor of a symmetric positive definite matrix, and the logarithm of its determinant.
-fn cholesky(matrix: &Mat<f64>) -> Option<(Llt<f64>, f64)> {
-    let factor = matrix.llt(Side::Lower).ok()?;
-    let diagonal = (0..matrix.nrows()).map(|i| factor.L()[(i, i)].ln());
-    let ln_determinant = 2.0 * diagonal.sum::<f64>();
-    Some((factor, ln_determinant))
-}
-
 /// ln ℓ of each input and ln g.
 fn starts(n_inputs: usize) -> Vec<Vec<f64>> {
     let alike = |(ln_lengthscale, ln_nugget)| {
@@ -196,71 +102,30 @@ fn starts(n_inputs: usize) -> Vec<Vec<f64>> {
     STARTS.into_iter().map(alike).chain(further).collect()
 }
 
-fn scaled(x: &[f64], scales: &[(f64, f64)]) -> Vec<f64> {
-    x.iter().zip(scales).map(|(x, (middle, half))| (x - middle) / half).collect()
-}
-
-fn shrink(x: &[f64], ln_lengthscales: &[f64]) -> Vec<f64> {
-    x.iter().zip(ln_lengthscales).map(|(x, l)| x * (-l).exp()).collect()
-}
-
-/// exp(−½ |x − y|²)
-fn correlation(x: &[f64], y: &[f64]) -> f64 {
-    let squared: f64 = x.iter().zip(y).map(|(a, b)| (a - b) * (a - b)).sum();
-    (-0.5 * squared).exp()
-}
-
-/// The restricted likelihood as a function of (ln ℓ, ln g).
-impl LogDensity for Points {
-    fn dim(&self) -> usize {
-        self.scales.len() + 1
-    }
-    fn evaluator(&self) -> Box<dyn Evaluator + '_> {
-        Box::new(Evidence(self))
-    }
-}
-
-struct Evidence<'a>(&'a Points);
-
-impl Evaluator for Evidence<'_> {
-    fn ln_density(&mut self, position: &[f64], gradient: &mut [f64]) -> f64 {
-        let Some((&ln_nugget, ln_lengthscales)) = position.split_last() else {
-            return f64::NEG_INFINITY;
-        };
-        let Some(s) = self.0.system(ln_lengthscales, ln_nugget) else {
-            return f64::NEG_INFINITY;
-        };
-        gradient.fill(0.0);
-        let (n, x) = (self.0.y.len(), &self.0.x);
-        // ½ tr((Qy yᵀQ/σ² − Q) ∂R), an entry at a time
-        let entry = |i: usize, j: usize| {
-            0.5 * (s.weights[i] * s.weights[j] / s.variance - s.inverse[(i, j)])
-        };
-        for i in 0..n {
-            for j in 0..i {
-                let weight = 2.0 * entry(i, j) * s.correlations[(i, j)];
-                for (d, l) in ln_lengthscales.iter().enumerate() {
-                    gradient[d] += weight * ((x[i][d] - x[j][d]) * (-l).exp()).powi(2);
-                }
-            }
-            gradient[ln_lengthscales.len()] += entry(i, i) * ln_nugget.exp();
-        }
-        let mut ln_density = s.ln_evidence;
-        for (slope, l) in gradient.iter_mut().zip(ln_lengthscales) {
-            let off = l - LN_LENGTHSCALE;
-            ln_density -= 0.5 * off * off;
-            *slope -= off;
-        }
-        ln_density
-    }
-}
-
 impl Gp {
-    /// The process given `outputs` `(n)` at `inputs` `(n, n_inputs)`.
+    /// The process given `outputs` `(n)` at `inputs` `(n, n_inputs)`: of several maxima the one that predicts points
+    /// left out best.
     ///
     /// # Errors
     /// [`GpError`]
     pub fn fit(inputs: &[Vec<f64>], outputs: &[f64]) -> Result<Self, GpError> {
+        let best = |a: &Self, b: &Self| a.left_out_rmse().total_cmp(&b.left_out_rmse());
+        Self::maxima(inputs, outputs)?
+            .min_by(best)
+            .ok_or(GpError::Degenerate { n_points: outputs.len() })
+    }
+
+    /// As [`Gp::fit`], but the maximum above equal lengthscales, the smoothest: what shares of variance are taken
+    /// from, since a rougher process puts its roughness into interactions.
+    ///
+    /// # Errors
+    /// [`GpError`]
+    pub fn smooth(inputs: &[Vec<f64>], outputs: &[f64]) -> Result<Self, GpError> {
+        Self::maxima(inputs, outputs)?.next().ok_or(GpError::Degenerate { n_points: outputs.len() })
+    }
+
+    /// The processes at the maxima above each start.
+    fn maxima(inputs: &[Vec<f64>], outputs: &[f64]) -> Result<impl Iterator<Item = Self>, GpError> {
         if outputs.is_empty() {
             return Err(GpError::NoPoints);
         }
@@ -270,24 +135,11 @@ impl Gp {
         if n_points < needed {
             return Err(GpError::TooFewPoints { n_points, n_inputs, needed });
         }
-        let degenerate = GpError::Degenerate { n_points };
         let varies = |y: &f64| (y - outputs[0]).abs() > 1e-12 * outputs[0].abs();
         if !outputs.iter().any(varies) || points.scales.iter().any(|(_, half)| !(*half > 0.0)) {
-            return Err(degenerate);
+            return Err(GpError::Degenerate { n_points });
         }
-        let fits = starts(n_inputs).into_iter().filter_map(|start| Self::climb(&points, &start));
-        fits.min_by(|a, b| a.left_out_rmse().total_cmp(&b.left_out_rmse())).ok_or(degenerate)
-    }
-
-    /// As [`Gp::fit`], at the maximum above the first start, the smoothest: what shares of variance are taken from.
-    ///
-    /// # Errors
-    /// Those of [`Gp::fit`].
-    pub fn smooth(inputs: &[Vec<f64>], outputs: &[f64]) -> Result<Self, GpError> {
-        let points = Points::new(inputs, outputs);
-        let first = starts(points.scales.len()).into_iter().next();
-        let smooth = first.and_then(|start| Self::climb(&points, &start));
-        smooth.map_or_else(|| Self::fit(inputs, outputs), Ok)
+        Ok(starts(n_inputs).into_iter().filter_map(move |start| Self::climb(&points, &start)))
     }
 
     /// The process at the maximum above `start`.
@@ -377,7 +229,6 @@ impl Gp {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::surrogate::design::latin_hypercube;
 
     fn smooth(x: &[f64]) -> f64 {
         200.0 + 5.0 * x[0] + 20.0 * (0.02 * x[1]).sin() + 0.02 * x[0] * x[1]
@@ -387,7 +238,7 @@ mod tests {
         0.5 * (12.9898 * i as f64).sin() * (78.233 * i as f64).cos()
     }
 
-    fn sampled(n: usize, size: f64) -> (Vec<Vec<f64>>, Vec<f64>) {
+    pub(super) fn sampled(n: usize, size: f64) -> (Vec<Vec<f64>>, Vec<f64>) {
         let x = latin_hypercube(n, &[(1.0, 30.0), (120.0, 270.0)], 3);
         let y = x.iter().enumerate().map(|(i, x)| smooth(x) + size * noise(i)).collect();
         (x, y)
@@ -411,23 +262,6 @@ mod tests {
             .sqrt();
         let sd = noisy.nugget_sd();
         assert!((sd / rms - 1.0).abs() < 0.2 && exact.nugget_sd() < 0.02, "{sd} {rms}");
-    }
-
-    #[test]
-    fn the_gradient_of_the_evidence_is_that_of_differences() {
-        let (x, y) = sampled(25, 1.0);
-        let points = Points::new(&x, &y);
-        let (at, mut gradient, mut unused) = ([0.3, -0.2, -3.0], [0.0; 3], [0.0; 3]);
-        Evidence(&points).ln_density(&at, &mut gradient);
-        for d in 0..3 {
-            let mut value = |step: f64| {
-                let mut shifted = at;
-                shifted[d] += step;
-                Evidence(&points).ln_density(&shifted, &mut unused)
-            };
-            let difference = (value(1e-4) - value(-1e-4)) / 2e-4;
-            assert!((gradient[d] - difference).abs() < 1e-5, "{d}: {} {difference}", gradient[d]);
-        }
     }
 
     /// The closed form against conditioning on the others, at the same lengthscales and nugget.

@@ -1,7 +1,7 @@
 //! What is done to the rows of one block: plain loops over fixed arrays, which the compiler turns into
 //! vector instructions. Sums have a fixed order, so that no bit depends on the machine's vector width.
 
-use crate::ep::cell::{StepRates, euler_step};
+use crate::ep::cell::{StepRates, gradual_step};
 use crate::ep::precision::Precision;
 
 /// Rows that sleep and wake together, and that one task works on.
@@ -10,19 +10,29 @@ pub(super) const BLOCK: usize = 128;
 /// Partial sums of a block.
 const LANES: usize = 8;
 
-/// `substeps` of the cells.
+/// Least change of V in a step that counts: where V turns at V_gate itself, rounding would say which way.
+const LEAST_CHANGE: f64 = 1e-3;
+
+/// `substeps` of the cells; `before` is V a step ago, and becomes V.
+///
+/// Whether the gate opens or closes is decided by degrees, by how far V is above V_gate in units of its last change:
+/// on average as by V alone, but rounding that puts V on one side or the other does not move APD by a step.
 #[inline(always)]
 pub(super) fn react<F: Precision>(
     v: &mut [F; BLOCK],
     h: &mut [F; BLOCK],
+    before: &mut [F; BLOCK],
     rates: &StepRates<[F; BLOCK]>,
     substeps: u32,
 ) {
+    let least = F::of(LEAST_CHANGE);
     for i in 0..BLOCK {
         let StepRates { excite, leak, open, close } = rates;
         let rates = StepRates { excite: excite[i], leak: leak[i], open: open[i], close: close[i] };
+        let steepness = ((v[i] - before[i]).abs() + least).recip();
+        before[i] = v[i];
         for _ in 0..substeps {
-            (v[i], h[i]) = euler_step(v[i], h[i], rates);
+            (v[i], h[i]) = gradual_step(v[i], h[i], steepness, rates);
         }
     }
 }

@@ -1,7 +1,8 @@
 //! Paced tissue on a triangle mesh: activation, recovery and voltage of a whole atrium.
 //!
 //! The monodomain equation with the modified Mitchell–Schaeffer cell at every vertex, P1 elements with
-//! consistent mass, no-flux boundary, with or without fibres; the same split step as the strip's.
+//! consistent mass, no-flux boundary, with or without fibres; the same split step as the strip's, but that the
+//! gate turns by degrees (`lanes.rs`).
 //!
 //! # Source
 //! Coveney et al. 2022, Methods, "Electrophysiology model"; solver: see `solver.rs`.

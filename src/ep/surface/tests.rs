@@ -59,7 +59,7 @@ fn middle(mesh: &TriMesh, beat: &BeatMap) -> [f64; 2] {
     [(n * xx - x1 * x1) / (n * xt - x1 * t1), apd / n]
 }
 
-/// On the strip's own mesh the two solvers differ by the tolerance of the iterative one.
+/// On the strip's own mesh the two solvers differ by the tolerance of the iterative one, and the gradual gate.
 #[test]
 fn the_strip_solver_is_reproduced_on_its_own_mesh() {
     let mesh = rectangle(81, 3, 0.3);
