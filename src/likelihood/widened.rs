@@ -3,6 +3,7 @@
 use rand::Rng;
 
 use super::{Bracket, Likelihood, Observation, TopHat};
+use crate::num::lanes::exp;
 use crate::num::{Argument, LN_SQRT_2PI, Real};
 
 /// A likelihood whose predicted value has a further normal error, such as that of an emulator.
@@ -58,6 +59,8 @@ impl<D: Real, Y: Observation, L: Likelihood<D, Y>> Likelihood<D, Y> for Widened<
 /// p = (1/N) Σᵢ Normal(f; cᵢ, V),   V = s² + v;   with x = (f − cᵢ)/√V and Hₖ the mean of Heₖ(x) under the terms:
 /// ∂ᵏp/∂fᵏ = (−1)ᵏ Hₖ p/V^(k/2),   ∂p/∂v = ½ ∂²p/∂f²
 /// ```
+/// With z the x of the nearest centre and d = s/√V the m-th beside it has e^(±mzd − m²d²/2) of its weight: a recurrence
+/// outwards, two exponentials in all.
 struct WideTerms {
     value: f64,
     f: f64,
@@ -72,24 +75,32 @@ impl WideTerms {
         let s = y.inverse_s.recip();
         let variance = s * s + further;
         let sd = variance.sqrt();
-        let x = |i: f64| (f - (y.lower + (i + 0.5) * s)) / sd;
-        let nearest = x(f64::from(((f - y.lower) * y.inverse_s).clamp(0.0, y.last) as u32));
+        let nearest = ((f - y.lower) * y.inverse_s).clamp(0.0, y.last).floor();
+        let (z, d) = ((f - (y.lower + (nearest + 0.5) * s)) / sd, s / sd);
+        let (step, gauss) = (exp(z * d), exp(-0.5 * d * d));
         let (mut sum, mut hermite) = (0.0, [0.0; 4]);
-        for i in 0..=y.last as u32 {
-            let x = x(f64::from(i));
-            let weight = (0.5 * (nearest * nearest - x * x)).exp();
+        let mut add = |weight: f64, x: f64| {
             let square = x * x;
             sum += weight;
             hermite[0] += weight * x;
             hermite[1] += weight * (square - 1.0);
             hermite[2] += weight * x * (square - 3.0);
             hermite[3] += weight * (square * (square - 6.0) + 3.0);
+        };
+        add(1.0, z);
+        for (n, step, d) in [(y.last - nearest, step, d), (nearest, step.recip(), -d)] {
+            let (mut weight, mut ratio) = (1.0, step * gauss);
+            for m in 1..=n as u32 {
+                weight *= ratio;
+                ratio *= gauss * gauss;
+                add(weight, z - f64::from(m) * d);
+            }
         }
         let [h1, h2, h3, h4] = hermite.map(|h| h / sum);
         let (f, v) = (-h1 / sd, 0.5 * h2 / variance);
         let ln_norm = -(y.last + 1.0).ln() - LN_SQRT_2PI - sd.ln();
         Self {
-            value: sum.ln() - 0.5 * nearest * nearest + ln_norm,
+            value: sum.ln() - 0.5 * z * z + ln_norm,
             f,
             v,
             ff: h2 / variance - f * f,
