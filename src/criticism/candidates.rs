@@ -132,7 +132,7 @@ pub struct Unusable {
 }
 
 /// Shares of the table's distances that may be inside a patch.
-const INSIDE: [f64; 6] = [0.15, 0.2, 0.25, 0.3, 0.4, 0.5];
+const INSIDE: [f64; 12] = [0.1, 0.125, 0.15, 0.175, 0.2, 0.225, 0.25, 0.275, 0.3, 0.35, 0.4, 0.5];
 /// Sites for each mode of a field that is tried, and its fewest modes.
 const SITES_PER_MODE: usize = 8;
 const LEAST_MODES: usize = 24;
