@@ -11,7 +11,9 @@ mod recovery;
 mod results;
 mod truth;
 
-pub use calibrate::{INTERVALS, MapError, Outcome, Study, agree, coverage, rms_error, thinned};
+pub use calibrate::{
+    INTERVALS, MapError, Outcome, Study, Time, agree, coverage, rms_error, thinned,
+};
 pub use next::{Lesson, Minutes, lessons};
 pub use plan::{Block, Case, Choice, Estimate, Plan};
 pub use recovery::{RecoveredMap, Recovery, recover};
