@@ -87,6 +87,87 @@ fn results_of_another_plan_are_not_mixed_in() {
     assert_eq!(fs::read_dir(place.path("one/blocks")).unwrap().count(), 1);
 }
 
+/// Four sites with both protocols, then what is learnt in the time of a fifth.
+const MINUTES: &str = "model = \"erp.rs\"\nchoice = \"next\"\nestimate = \"mean\"\nlengthscales = [64.0]\nsites = [4, 5]\nresolutions = [10.0]\nfields = 2\ndesigns = 1\nchains = 2\nwarmup = 100\ndraws = 100\n";
+
+#[test]
+fn what_is_learnt_next_is_weighed_by_its_minutes() {
+    let place = Workplace::new().with_erp();
+    let run = |out: &str, minutes: &str| {
+        place.file("plan.toml", format!("{MINUTES}minutes = {{ {minutes} }}\n"));
+        succeeds(&place.eplat(&format!("study run plan.toml --out {out}")));
+        let table = place.read(&format!("{out}/results.csv"));
+        let last_three = |line: &str| {
+            let cells: Vec<String> = line.rsplit(',').take(3).map(str::to_owned).collect();
+            cells.into_iter().rev().collect::<Vec<_>>()
+        };
+        let lines: Vec<Vec<String>> = table.lines().map(last_three).collect();
+        assert_eq!(lines[0], ["minutes", "measured_s1s2", "measured_s1s2s3"]);
+        lines
+    };
+    // what takes a quarter of the other's time is measured instead of it, whichever it is
+    let short = run("one", "moving = 1.0, s1s2 = 1.5, s1s2s3 = 6.0");
+    for truth in short[1..].chunks(2) {
+        assert_eq!(truth, [["34.0", "4", "4"], ["41.5", "7", "4"]]);
+    }
+    let other = run("other", "moving = 1.0, s1s2 = 6.0, s1s2s3 = 1.5");
+    assert_eq!(other[2], ["41.5", "4", "7"]);
+
+    let whole = place.read("other/results.csv");
+    fs::remove_file(place.path("other/blocks/00001.csv")).unwrap();
+    succeeds(&place.eplat("study run plan.toml --out other --threads 1"));
+    assert_eq!(place.read("other/results.csv"), whole);
+}
+
+#[test]
+fn minutes_that_make_no_sense_are_refused_and_leave_no_folder() {
+    let place = Workplace::new().with_erp();
+    let refused = |plan: &str| {
+        place.file("plan.toml", plan);
+        let output = place.eplat("study run plan.toml --out none");
+        assert!(output.status.code() == Some(1) && !place.path("none").exists());
+        text(&output.stderr)
+    };
+    let said = [
+        "{ moving = 1.0, s1s2 = 2.0, s1s4 = 3.0 }",
+        "{ moving = 1.0 }",
+        "{ s1s2 = 2.0, s1s2s3 = 3.0 }",
+        "{ moving = 1.0, s1s2 = 0.0, s1s2s3 = 3.0 }",
+        "2.0",
+    ]
+    .map(|minutes| refused(&format!("{MINUTES}minutes = {minutes}\n")));
+    insta::assert_snapshot!(said.join("\n"), @r"
+    error: plan.toml: minutes of s1s2, s1s4, where the model observes s1s2, s1s2s3
+    help: minutes = { moving = 1.0, s1s2 = 2.0, s1s2s3 = 2.0 }
+
+    error: plan.toml: minutes of no protocol, where the model observes s1s2, s1s2s3
+    help: minutes = { moving = 1.0, s1s2 = 2.0, s1s2s3 = 2.0 }
+
+    error: plan.toml: 
+    TOML parse error at line 12, column 11
+       |
+    12 | minutes = { s1s2 = 2.0, s1s2s3 = 3.0 }
+       |           ^^^^^^^^^^^^^^^^^^^^^^^^^^^^
+    expected moving = 0 or more: the minutes to move to a site
+
+    error: plan.toml: 
+    TOML parse error at line 12, column 11
+       |
+    12 | minutes = { moving = 1.0, s1s2 = 0.0, s1s2s3 = 3.0 }
+       |           ^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^
+    s1s2 = 0: expected a positive number of minutes
+
+    error: plan.toml: 
+    TOML parse error at line 12, column 11
+       |
+    12 | minutes = 2.0
+       |           ^^^
+    invalid type: floating point `2.0`, expected a map
+    ");
+    let said = refused(&format!("{PLAN}minutes = {{ moving = 1.0, s1s2 = 2.0, s1s2s3 = 3.0 }}\n"));
+    assert!(said.contains("minutes without choice = \"next\""), "{said}");
+}
+
 #[test]
 fn the_job_array_runs_the_tasks_and_merges_after_any_of_them() {
     let place = Workplace::new().with_plan();

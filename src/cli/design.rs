@@ -1,6 +1,5 @@
 //! `eplat design next MODEL.rs`: where to measure next, and what.
 
-use std::collections::BTreeMap;
 use std::fmt::Write as _;
 use std::io::Write as _;
 use std::path::{Path, PathBuf};
@@ -17,7 +16,7 @@ use crate::error::Failure;
 use crate::infer::{Chain, Settings, Silent, jittered_starts};
 use crate::manifold::maximin;
 use crate::mesh::TriMesh;
-use crate::study::{Lesson, agree, lessons, thinned};
+use crate::study::{Lesson, Minutes, agree, lessons, thinned};
 
 /// Choices that are printed.
 const SHOWN: usize = 10;
@@ -87,7 +86,7 @@ impl NextArgs {
             ));
         };
         let model = Model::new(declared, Some(basis), &inputs.measurements)?;
-        self.check_names(&model)?;
+        let minutes = self.minutes(&model)?;
         let chains = sample(&model, self.input.seed)?;
         if !agree(&model, &chains) {
             eprintln!(
@@ -98,8 +97,10 @@ impl NextArgs {
         let mesh = &surface.mesh;
         let sites = maximin(mesh, self.candidates, self.exclude, self.input.seed)?;
         let found = lessons(declared, &model, basis, &thinned, &sites, self.resolution)?;
-        let mut ranked: Vec<(f64, Lesson)> =
-            found.into_iter().map(|lesson| (self.minutes_of(&lesson), lesson)).collect();
+        let mut ranked: Vec<(f64, Lesson)> = found
+            .into_iter()
+            .map(|lesson| (minutes.moving + minutes.measuring(&lesson.observes), lesson))
+            .collect();
         ranked.sort_by(|a, b| (b.1.gain / b.0).total_cmp(&(a.1.gain / a.0)));
         let mut out = std::io::stdout().lock();
         writeln!(out, "{}", text(&ranked, |v| surface.source_vertex[v as usize]))?;
@@ -109,22 +110,19 @@ impl NextArgs {
         Ok(ExitCode::SUCCESS)
     }
 
-    fn check_names(&self, model: &Model) -> Result<(), Failure> {
+    /// How long everything takes that the model observes.
+    fn minutes(&self, model: &Model) -> Result<Minutes, Failure> {
         let known: Vec<&str> = model.observes.iter().map(|observe| observe.name).collect();
-        match self.minutes.iter().find(|(name, _)| !known.contains(&name.as_str())) {
-            Some((name, _)) => Err(Failure::usage(format_args!(
+        if let Some((name, _)) =
+            self.minutes.iter().find(|(name, _)| !known.contains(&name.as_str()))
+        {
+            return Err(Failure::usage(format_args!(
                 "--minutes {name}: the model observes {}",
                 known.join(", ")
-            ))),
-            None => Ok(()),
+            )));
         }
-    }
-
-    fn minutes_of(&self, lesson: &Lesson) -> f64 {
-        let given: BTreeMap<&str, f64> =
-            self.minutes.iter().map(|(name, minutes)| (name.as_str(), *minutes)).collect();
-        let of = |name: &&str| given.get(*name).copied().unwrap_or(1.0);
-        self.moving + lesson.observes.iter().map(of).sum::<f64>()
+        let one = known.into_iter().map(|name| (name.to_owned(), 1.0));
+        Ok(Minutes { moving: self.moving, protocols: one.chain(self.minutes.clone()).collect() })
     }
 
     fn write(

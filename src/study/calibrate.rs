@@ -2,10 +2,10 @@
 
 use std::collections::BTreeMap;
 
-use super::next::lessons;
+use super::next::{Lesson, Minutes, lessons};
 use super::plan::{Block, Case, Choice, Estimate, Plan};
 use super::truth::{Truth, repaired};
-use super::{StudyError, measure};
+use super::{StudyError, Visit, measure, visits};
 use crate::diagnostics::r_hat;
 use crate::dsl::{Declare, Maps, Model, Sampler};
 use crate::infer::{
@@ -34,6 +34,17 @@ pub struct Outcome {
     pub repaired: f64,
     /// By field and derived quantity, in the order of [`Study::names`].
     pub errors: Vec<MapError>,
+    /// What was done, if the plan says how long it takes.
+    pub time: Option<Time>,
+}
+
+/// How the time of a case was spent.
+#[derive(Clone, Debug)]
+pub struct Time {
+    /// Minutes in all.
+    pub minutes: f64,
+    /// How often each `observe` was measured.
+    pub measured: Vec<(&'static str, usize)>,
 }
 
 /// How far an estimate is from the truth over the surface.
@@ -51,8 +62,10 @@ pub struct Study<'a> {
     model: &'a dyn Declare,
     basis: &'a Basis,
     outline: Model,
-    /// Sites by number of sites and design.
-    designs: BTreeMap<(usize, usize), Vec<u32>>,
+    /// How long measurements take.
+    minutes: Minutes,
+    /// Visits by number of sites and design.
+    designs: BTreeMap<(usize, usize), Vec<Visit>>,
     /// Sites that are considered one after the other.
     candidates: Vec<u32>,
 }
@@ -75,18 +88,26 @@ impl<'a> Study<'a> {
         basis: &'a Basis,
     ) -> Result<Self, StudyError> {
         let outline = Model::outline(model)?;
+        if let Some(minutes) = &plan.minutes {
+            let known: Vec<&str> = outline.observes.iter().map(|o| o.name).collect();
+            minutes.check_names(&known).map_err(|why| plan.fault(why))?;
+        }
+        // otherwise a site is a site, whatever is measured there
+        let site_by_site = || Minutes { moving: 1.0, protocols: BTreeMap::new() };
+        let minutes = plan.minutes.clone().unwrap_or_else(site_by_site);
         let mut designs = BTreeMap::new();
         for case in plan.cases() {
             let key = (case.sites, case.design);
             if let std::collections::btree_map::Entry::Vacant(entry) = designs.entry(key) {
-                entry.insert(maximin(mesh, case.sites, plan.exclude, plan.design_seed(&case))?);
+                let sites = maximin(mesh, case.sites, plan.exclude, plan.design_seed(&case))?;
+                entry.insert(visits(&outline, &sites));
             }
         }
         let candidates = match plan.choice {
             Choice::Maximin => vec![],
             Choice::Next => maximin(mesh, CANDIDATES, plan.exclude, plan.seed)?,
         };
-        Ok(Self { plan, model, basis, outline, designs, candidates })
+        Ok(Self { plan, model, basis, outline, minutes, designs, candidates })
     }
 
     /// Names of the maps that are judged: fields, then derived quantities.
@@ -108,57 +129,59 @@ impl<'a> Study<'a> {
         let mut outcomes = vec![];
         let mut grown = BTreeMap::new();
         for case in self.plan.cases() {
-            let sites = match self.plan.choice {
+            let visits = match self.plan.choice {
                 Choice::Maximin => self.designs[&(case.sites, case.design)].clone(),
                 Choice::Next => {
                     let key = (case.design, case.resolution.to_bits());
-                    let sites = grown.entry(key).or_insert_with(|| self.fewest(&case));
-                    self.grow(sites, block, case, &truth)?;
-                    sites[..case.sites].to_vec()
+                    let visits = grown.entry(key).or_insert_with(|| self.fewest(&case));
+                    self.grow(visits, block, case, &truth)?;
+                    self.in_time(visits, &case).to_vec()
                 }
             };
-            let (model, seed) = self.measured(block, case, &truth, &sites)?;
-            outcomes.push(match self.plan.estimate {
+            let (model, seed) = self.measured(block, case, &truth, &visits)?;
+            let outcome = match self.plan.estimate {
                 Estimate::Mode => self.mode(&model, case, &truth)?,
                 Estimate::Mean => self.mean(&model, case, &truth, seed)?,
-            });
+            };
+            let time = self.plan.minutes.is_some().then(|| self.time(&visits));
+            outcomes.push(Outcome { time, ..outcome });
             done();
         }
         Ok((truth.repaired(), outcomes))
     }
 
-    /// The model with what is measured at these sites, and the seed of its calibration.
+    /// The model with what is measured on these visits, and the seed of its calibration.
     fn measured(
         &self,
         block: &Block,
         case: Case,
         truth: &Truth,
-        sites: &[u32],
+        visits: &[Visit],
     ) -> Result<(Model, u64), StudyError> {
         let seed = self.plan.case_seed(block, &case);
         let (outline, basis) = (&self.outline, self.basis);
         let table =
-            measure(self.model, outline, basis, &truth.fields, sites, case.resolution, seed)?;
+            measure(self.model, outline, basis, &truth.fields, visits, case.resolution, seed)?;
         Ok((Model::new(self.model, Some(basis), &table)?, seed))
     }
 
     /// The plan's smallest design.
-    fn fewest(&self, case: &Case) -> Vec<u32> {
+    fn fewest(&self, case: &Case) -> Vec<Visit> {
         let fewest = self.plan.sites.iter().copied().min().unwrap_or(case.sites);
         self.designs[&(fewest, case.design)].clone()
     }
 
-    /// Adds site after site where all measurements together teach most, until there are enough.
+    /// Adds visit after visit where most is learnt per minute, until the time of this case is over.
     fn grow(
         &self,
-        sites: &mut Vec<u32>,
+        visits: &mut Vec<Visit>,
         block: &Block,
         case: Case,
         truth: &Truth,
     ) -> Result<(), StudyError> {
-        while sites.len() < case.sites {
-            let so_far = Case { sites: sites.len(), ..case };
-            let (model, seed) = self.measured(block, so_far, truth, sites)?;
+        while self.seconds(visits) < self.most_seconds(&case) {
+            let so_far = Case { sites: visits.len(), ..case };
+            let (model, seed) = self.measured(block, so_far, truth, visits)?;
             let (chains, _) = self.draws(&model, seed)?;
             let found = lessons(
                 self.model,
@@ -168,13 +191,55 @@ impl<'a> Study<'a> {
                 &self.candidates,
                 case.resolution,
             )?;
-            let everything = found.iter().filter(|l| l.observes.len() == model.observes.len());
-            let Some(best) = everything.max_by(|a, b| a.gain.total_cmp(&b.gain)) else {
+            let is_known = |lesson: &Lesson| {
+                let here = visits.iter().filter(|visit| visit.vertex == lesson.vertex);
+                here.flat_map(|visit| &visit.observes).any(|o| lesson.observes.contains(o))
+            };
+            let per_minute = |Lesson { vertex, observes, gain, .. }: &Lesson| {
+                gain / self.minutes_of(visits.last().map(|v| v.vertex), *vertex, observes)
+            };
+            let new = found.into_iter().filter(|lesson| !is_known(lesson));
+            let best = new.max_by(|a, b| per_minute(a).total_cmp(&per_minute(b)));
+            let Some(Lesson { vertex, observes, .. }) = best else {
                 return Err(StudyError::NotSynthetic { why: "there is no further site".into() });
             };
-            sites.push(best.vertex);
+            visits.push(Visit { vertex, observes });
         }
         Ok(())
+    }
+
+    /// Minutes to measure these at `vertex`, coming from the vertex `at`.
+    fn minutes_of(&self, at: Option<u32>, vertex: u32, observes: &[&str]) -> f64 {
+        let moving = if at == Some(vertex) { 0.0 } else { self.minutes.moving };
+        moving + self.minutes.measuring(observes)
+    }
+
+    /// Length of these visits, each in whole seconds, so that sums in another order are equal.
+    fn seconds(&self, visits: &[Visit]) -> f64 {
+        let (mut at, mut seconds) = (None, 0.0);
+        for Visit { vertex, observes } in visits {
+            seconds += (60.0 * self.minutes_of(at, *vertex, observes)).round();
+            at = Some(*vertex);
+        }
+        seconds
+    }
+
+    /// As long as the sites of this case take with everything measured at each.
+    fn most_seconds(&self, case: &Case) -> f64 {
+        self.seconds(&self.designs[&(case.sites, case.design)])
+    }
+
+    /// The visits that are over in the time of this case.
+    fn in_time<'v>(&self, visits: &'v [Visit], case: &Case) -> &'v [Visit] {
+        let most = self.most_seconds(case);
+        let n = (0..=visits.len()).rfind(|n| self.seconds(&visits[..*n]) <= most);
+        &visits[..n.unwrap_or(0)]
+    }
+
+    fn time(&self, visits: &[Visit]) -> Time {
+        let times = |name| visits.iter().filter(|visit| visit.observes.contains(&name)).count();
+        let measured = self.outline.observes.iter().map(|o| (o.name, times(o.name))).collect();
+        Time { minutes: self.seconds(visits) / 60.0, measured }
     }
 
     fn draws(&self, model: &Model, seed: u64) -> Result<(Vec<Chain>, usize), StudyError> {
@@ -213,6 +278,7 @@ impl<'a> Study<'a> {
             converged: optimum.converged,
             repaired: mended.repaired(),
             errors: errors.collect(),
+            time: None,
         })
     }
 
@@ -238,6 +304,7 @@ impl<'a> Study<'a> {
             converged: chains.len() == asked && agree(model, &chains),
             repaired: unphysical.iter().sum::<f64>() / unphysical.len() as f64,
             errors: errors.collect(),
+            time: None,
         })
     }
 }

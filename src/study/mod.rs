@@ -11,8 +11,10 @@ mod recovery;
 mod results;
 mod truth;
 
-pub use calibrate::{INTERVALS, MapError, Outcome, Study, agree, coverage, rms_error, thinned};
-pub use next::{Lesson, lessons};
+pub use calibrate::{
+    INTERVALS, MapError, Outcome, Study, Time, agree, coverage, rms_error, thinned,
+};
+pub use next::{Lesson, Minutes, lessons};
 pub use plan::{Block, Case, Choice, Estimate, Plan};
 pub use recovery::{RecoveredMap, Recovery, recover};
 pub use results::{Group, Results, Table, summarise};
@@ -154,12 +156,26 @@ pub fn experiment(
         None => Truth::new(&outline, basis, design.lengthscale, design.seed)?,
     };
     let Design { resolution, seed, .. } = *design;
-    let sites = maximin(mesh, design.n_sites, design.exclude, seed)?;
-    let measurements = measure(model, &outline, basis, &truth.fields, &sites, resolution, seed)?;
+    let visits = visits(&outline, &maximin(mesh, design.n_sites, design.exclude, seed)?);
+    let measurements = measure(model, &outline, basis, &truth.fields, &visits, resolution, seed)?;
     let names = Maps::new(&outline, basis).names().into_iter().map(|n| n.name);
     let repaired = truth.repaired();
     let truth = names.zip(truth.fields.into_iter().chain(truth.derived)).collect();
     Ok(Experiment { measurements, truth, repaired })
+}
+
+/// Where something is measured, and what.
+#[derive(Clone, Debug)]
+struct Visit {
+    vertex: u32,
+    /// Names of `observe`s.
+    observes: Vec<&'static str>,
+}
+
+/// Everything at every site.
+fn visits(outline: &Model, sites: &[u32]) -> Vec<Visit> {
+    let observes: Vec<&str> = outline.observes.iter().map(|observe| observe.name).collect();
+    sites.iter().map(|&vertex| Visit { vertex, observes: observes.clone() }).collect()
 }
 
 /// A table before it is measured: header and cells.
@@ -169,11 +185,11 @@ struct Blank {
     table: Measurements,
 }
 
-/// Every `observe` of the model once per site, with measurements that only fix the protocol's grid.
+/// A row for every measurement of these visits, with values that only fix the protocol's grid.
 fn blank_table(
     outline: &Model,
     basis: &Basis,
-    sites: &[u32],
+    visits: &[Visit],
     resolution: f64,
 ) -> Result<Blank, StudyError> {
     let mut columns: Vec<&str> = vec![];
@@ -189,8 +205,8 @@ fn blank_table(
         _ => 1.0,
     };
     let mut cells = vec![];
-    for (site, vertex) in sites.iter().enumerate() {
-        for observe in &outline.observes {
+    for (site, Visit { vertex, observes }) in visits.iter().enumerate() {
+        for observe in outline.observes.iter().filter(|o| observes.contains(&o.name)) {
             let mut row = vec![site.to_string(), vertex.to_string(), observe.name.to_string()];
             row.extend(columns.iter().map(|c| {
                 if observe.columns.contains(c) { blank(c).to_string() } else { String::new() }
@@ -213,17 +229,17 @@ fn on_blank(model: &dyn Declare, basis: &Basis, blank: &Blank) -> Result<Model, 
     })
 }
 
-/// Every `observe` of the model once per site, as its likelihood simulates it on the true fields.
+/// Every measurement of these visits, as its likelihood simulates it on the true fields.
 fn measure(
     model: &dyn Declare,
     outline: &Model,
     basis: &Basis,
     fields: &[Vec<f64>],
-    sites: &[u32],
+    visits: &[Visit],
     resolution: f64,
     seed: u64,
 ) -> Result<Measurements, StudyError> {
-    let blank = blank_table(outline, basis, sites, resolution)?;
+    let blank = blank_table(outline, basis, visits, resolution)?;
     let blank_model = on_blank(model, basis, &blank)?;
     let Blank { header, mut cells, table } = blank;
     let mut tape = blank_model.tape();

@@ -10,10 +10,13 @@
 //! # Source
 //! Cohn 1996, "Neural network exploration using optimal experiment design".
 
+use std::collections::BTreeMap;
+
 use nalgebra::{Cholesky, DMatrix};
 use rayon::prelude::*;
+use serde::{Deserialize, Serialize};
 
-use super::{StudyError, blank_table};
+use super::{StudyError, blank_table, visits};
 use crate::dsl::{Declare, Maps, Model, RowId};
 use crate::infer::LogDensity as _;
 use crate::manifold::Basis;
@@ -37,6 +40,55 @@ pub struct Lesson {
     pub predicted: Vec<(f64, f64)>,
 }
 
+/// How long it takes to measure, in minutes.
+#[derive(Clone, Debug, Deserialize, Serialize)]
+#[serde(try_from = "BTreeMap<String, f64>")]
+pub struct Minutes {
+    /// To move to a site.
+    pub moving: f64,
+    /// To measure there, by protocol: the name of an `observe`.
+    #[serde(flatten)]
+    pub protocols: BTreeMap<String, f64>,
+}
+
+impl TryFrom<BTreeMap<String, f64>> for Minutes {
+    type Error = String;
+    fn try_from(mut given: BTreeMap<String, f64>) -> Result<Self, String> {
+        let moving = given.remove("moving").unwrap_or(f64::NAN);
+        if !(moving >= 0.0 && moving.is_finite()) {
+            return Err("expected moving = 0 or more: the minutes to move to a site".to_owned());
+        }
+        match given.iter().find(|(_, minutes)| !(**minutes > 0.0 && minutes.is_finite())) {
+            Some((name, minutes)) => {
+                Err(format!("{name} = {minutes}: expected a positive number of minutes"))
+            }
+            None => Ok(Self { moving, protocols: given }),
+        }
+    }
+}
+
+impl Minutes {
+    /// All of these at one place. A protocol that is not named takes no time.
+    pub fn measuring(&self, observes: &[&str]) -> f64 {
+        observes.iter().filter_map(|name| self.protocols.get(*name)).sum()
+    }
+
+    /// Whether these are the protocols of a model that observes `known`.
+    pub(super) fn check_names(&self, known: &[&str]) -> Result<(), String> {
+        let named: Vec<&str> = self.protocols.keys().map(String::as_str).collect();
+        if named.len() == known.len() && known.iter().all(|name| named.contains(name)) {
+            return Ok(());
+        }
+        let example: Vec<String> = known.iter().map(|name| format!("{name} = 2.0")).collect();
+        Err(format!(
+            "minutes of {}, where the model observes {}\nhelp: minutes = {{ moving = 1.0, {} }}",
+            if named.is_empty() { "no protocol".to_owned() } else { named.join(", ") },
+            known.join(", "),
+            example.join(", "),
+        ))
+    }
+}
+
 /// What each of `sites` would teach, after `draws` of the unknowns of `fitted`: each measurement of its
 /// own and then all together, site by site. `resolution` is the width of a bracket.
 ///
@@ -52,7 +104,7 @@ pub fn lessons(
     resolution: f64,
 ) -> Result<Vec<Lesson>, StudyError> {
     let outline = Model::outline(model)?;
-    let table = blank_table(&outline, basis, sites, resolution)?;
+    let table = blank_table(&outline, basis, &visits(&outline, sites), resolution)?;
     let blank = super::on_blank(model, basis, &table)?;
     let f = Predicted::new(&blank, fitted, draws)?;
     let covariance = f.with_surface(fitted, basis, draws);

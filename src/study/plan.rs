@@ -6,11 +6,15 @@ use serde::{Deserialize, Serialize};
 use sha2::{Digest as _, Sha256};
 
 use super::StudyError;
+use super::next::Minutes;
 
 /// What is calibrated how often. Every case is one value of each list, one truth and one design.
 #[derive(Clone, Debug, Deserialize, Serialize)]
 #[serde(deny_unknown_fields)]
 pub struct Plan {
+    /// The file.
+    #[serde(skip)]
+    path: PathBuf,
     /// Model file, relative to the plan.
     pub model: PathBuf,
     /// Surface mesh, relative to the plan; the embedded left atrium without it.
@@ -22,7 +26,7 @@ pub struct Plan {
     pub seed: u64,
     /// Lengthscales of the true fields, mm.
     pub lengthscales: Vec<f64>,
-    /// Numbers of measurement sites.
+    /// Numbers of measurement sites; with `minutes`, as long a time as these take.
     pub sites: Vec<usize>,
     /// Widths of a bracket, in the unit of the measurement.
     pub resolutions: Vec<f64>,
@@ -36,6 +40,10 @@ pub struct Plan {
     /// How sites are chosen.
     #[serde(default)]
     pub choice: Choice,
+    /// How long measurements take: [`Choice::Next`] goes by what is learnt per minute, and may measure
+    /// one protocol alone.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub minutes: Option<Minutes>,
     /// What the calibration says: the posterior's mode, or its mean from draws.
     #[serde(default)]
     pub estimate: Estimate,
@@ -68,7 +76,8 @@ pub enum Choice {
     /// All at once, far from each other.
     #[default]
     Maximin,
-    /// The fewest so, then one after the other where the draws so far say that it teaches most.
+    /// The fewest so, then one after the other where the draws so far say that it teaches most (per
+    /// minute, if it is said what takes how long).
     Next,
 }
 
@@ -118,7 +127,12 @@ impl Plan {
         let plan: Self = toml::from_str(&text)
             .map_err(|error| fault(format!("\n{}", error.to_string().trim_end())))?;
         plan.check().map_err(fault)?;
-        Ok(plan)
+        Ok(Self { path: path.to_owned(), ..plan })
+    }
+
+    /// The error that this plan is wrong.
+    pub(super) fn fault(&self, why: String) -> StudyError {
+        StudyError::Plan { path: self.path.clone(), why }
     }
 
     fn check(&self) -> Result<(), String> {
@@ -140,6 +154,12 @@ impl Plan {
         }
         if self.choice == Choice::Next && self.estimate == Estimate::Mode {
             return Err("choice = \"next\" needs estimate = \"mean\": it goes by draws".to_owned());
+        }
+        if self.minutes.is_some() && self.choice == Choice::Maximin {
+            return Err(
+                "minutes without choice = \"next\": sites chosen at once are measured whole"
+                    .to_owned(),
+            );
         }
         match (&self.mesh, &self.units) {
             (Some(_), None) => {

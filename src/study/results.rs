@@ -94,7 +94,7 @@ impl Results {
         let path = self.path(block);
         write_file(&path, |file| {
             let mut table = csv::Writer::from_writer(file);
-            table.write_record(header(plan, names))?;
+            table.write_record(header(plan, names, outcomes))?;
             for outcome in outcomes {
                 table.write_record(row(block, truth_repaired, outcome))?;
             }
@@ -226,7 +226,7 @@ impl Group {
     }
 }
 
-fn header(plan: &Plan, names: &[&str]) -> Vec<String> {
+fn header(plan: &Plan, names: &[&str], outcomes: &[Outcome]) -> Vec<String> {
     let mut header: Vec<String> = CASE.iter().map(ToString::to_string).collect();
     header.extend(names.iter().map(|name| format!("rmse_{name}")));
     if plan.estimate == Estimate::Mean {
@@ -234,11 +234,15 @@ fn header(plan: &Plan, names: &[&str]) -> Vec<String> {
             header.extend(INTERVALS.map(|level| format!("coverage{:.0}_{name}", 100.0 * level)));
         }
     }
+    if let Some(time) = outcomes.first().and_then(|outcome| outcome.time.as_ref()) {
+        header.push("minutes".to_owned());
+        header.extend(time.measured.iter().map(|(name, _)| format!("measured_{name}")));
+    }
     header
 }
 
 fn row(block: &Block, truth_repaired: f64, outcome: &Outcome) -> Vec<String> {
-    let Outcome { case, converged, repaired, errors } = outcome;
+    let Outcome { case, converged, repaired, errors, time } = outcome;
     let number = |x: f64| if x.is_finite() { format!("{x:?}") } else { String::new() };
     let mut row = vec![
         number(block.lengthscale),
@@ -252,6 +256,10 @@ fn row(block: &Block, truth_repaired: f64, outcome: &Outcome) -> Vec<String> {
     ];
     row.extend(errors.iter().map(|error| number(error.rmse)));
     row.extend(errors.iter().filter_map(|error| error.coverage).flatten().map(number));
+    if let Some(time) = time {
+        row.push(number(time.minutes));
+        row.extend(time.measured.iter().map(|(_, times)| times.to_string()));
+    }
     row
 }
 

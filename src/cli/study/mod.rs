@@ -35,8 +35,9 @@ pub(super) enum Command {
     ///
     /// A plan is a TOML file: model, lengthscales (mm), sites, resolutions, fields, designs, and if they
     /// differ from their defaults mesh and units, seed, exclude (mm), estimate ("mode" or "mean"), chains,
-    /// warmup, draws.  Each truth is a block, whose results appear when all of its cases are done: an
-    /// interrupted study goes on with the same command.
+    /// warmup, draws, choice of sites ("maximin", or "next": one after the other) and, for "next", minutes
+    /// (per move and protocol).  Each truth is a block, whose results appear when all of its cases are done:
+    /// an interrupted study goes on with the same command.
     Run(RunArgs),
     /// Put the results of all blocks into one table, its summary and its figure
     Merge(MergeArgs),
@@ -130,12 +131,16 @@ impl Command {
 impl PlanArgs {
     fn read(&self) -> Result<(Plan, Results), Failure> {
         let plan = Plan::read(&self.plan)?;
+        let results = self.results(&plan)?;
+        Ok((plan, results))
+    }
+
+    fn results(&self, plan: &Plan) -> Result<Results, Failure> {
         let mut hashes = BTreeMap::from([("model".to_owned(), hash(&self.beside(&plan.model))?)]);
         if let Some(mesh) = &plan.mesh {
             hashes.insert("mesh".to_owned(), hash(&self.beside(mesh))?);
         }
-        let results = Results::open(&self.folder(), &plan, &hashes)?;
-        Ok((plan, results))
+        Ok(Results::open(&self.folder(), plan, &hashes)?)
     }
 
     /// A path of the plan, relative to its folder.
@@ -160,13 +165,15 @@ impl PlanArgs {
 
 impl RunArgs {
     fn run(&self, compiled: &[Compiled]) -> Result<ExitCode, Failure> {
-        let (plan, results) = self.plan.read()?;
+        let plan = Plan::read(&self.plan.plan)?;
         let file = ModelFile::read(&self.plan.beside(&plan.model))?;
         let Some(model) = file.find(compiled)? else { return run_compiled(&file) };
         let surface = self.plan.surface(&plan)?;
         let modes = Model::outline(model)?.n_modes().max(TRUTH_MODES);
         let basis = eigenpairs_cached(&surface.mesh, modes.min(surface.mesh.n_vertices() - 1))?;
         let study = Study::new(&plan, model, &surface.mesh, &basis)?;
+        // a plan that cannot be done leaves no folder
+        let results = self.plan.results(&plan)?;
         let mine = |block: &Block| self.task.is_none_or(|task| block.index % task.of == task.task);
         let blocks: Vec<Block> = plan.blocks().into_iter().filter(mine).collect();
         let left: Vec<&Block> = blocks.iter().filter(|b| !results.path(b).is_file()).collect();
