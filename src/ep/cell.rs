@@ -182,7 +182,7 @@ pub(super) fn euler_step<F: Precision>(v: F, h: F, r: StepRates<F>) -> (F, F) {
     (v + current(v, h, r), h + turn)
 }
 
-/// As [`euler_step`], but around V_gate the gate turns by degrees, over a width 1/`steepness` of V.
+/// As [`euler_step`], but around `V_gate` the gate turns by degrees, over a width 1/`steepness` of V.
 #[inline(always)]
 pub(super) fn gradual_step<F: Precision>(v: F, h: F, steepness: F, r: StepRates<F>) -> (F, F) {
     let (zero, one) = (F::zero(), F::one());
@@ -209,7 +209,7 @@ mod tests {
     const TYPICAL: Parameters =
         Parameters { cv_max: 0.7, tau_in: 0.05, tau_out: 10.0, tau_open: 120.0, apd_max: 200.0 };
 
-    /// V that passes V_gate at any time within a step: the gate turns as late as by V alone, on average, but without
+    /// V that passes `V_gate` at any time within a step: the gate turns as late as by V alone, on average, but without
     /// the jump by a step from one such time to the next.
     #[test]
     fn a_gradual_gate_is_as_late_on_average_and_does_not_jump() {

@@ -10,12 +10,12 @@ pub(super) const BLOCK: usize = 128;
 /// Partial sums of a block.
 const LANES: usize = 8;
 
-/// Least change of V in a step that counts: where V turns at V_gate itself, rounding would say which way.
+/// Least change of V in a step that counts: where V turns at `V_gate` itself, rounding would say which way.
 const LEAST_CHANGE: f64 = 1e-3;
 
 /// `substeps` of the cells; `before` is V a step ago, and becomes V.
 ///
-/// Whether the gate opens or closes is decided by degrees, by how far V is above V_gate in units of its last change:
+/// Whether the gate opens or closes is decided by degrees, by how far V is above `V_gate` in units of its last change:
 /// on average as by V alone, but rounding that puts V on one side or the other does not move APD by a step.
 #[inline(always)]
 pub(super) fn react<F: Precision>(
