@@ -5,7 +5,7 @@
 mod program;
 mod support;
 
-use eplat::dsl::{Maps, Measurements, Model, Sampler};
+use eplat::dsl::{Declare, Maps, Measurements, Model, Sampler};
 use eplat::infer::{Chain, Settings, Silent, jittered_starts};
 use eplat::manifold::Basis;
 use eplat::study::lessons;
@@ -26,6 +26,26 @@ mod gaussian {
         observe point(x): Number [mV] ~ Normal(v(x), 0.5);
     }
 }
+
+/// The same with two maps, the second in units of which `$n` are one of the first's.
+macro_rules! two_maps {
+    ($($module:ident $n:literal),*) => { $( mod $module {
+        use eplat::prelude::*;
+
+        model! {
+            model TwoMaps;
+            field v(x) [mV] in -10.0..10.0 = m + alpha * gp(Rbf(rho), K = 16) where {
+                m     [mV] ~ Normal(0.0, 2.0);
+                alpha [mV] ~ LogNormal(0.7, 0.0001);
+                rho   [mm] ~ LogNormal(3.0, 0.0001);
+            }
+            let level(x) [mV] = v(x);
+            let size(x) [1] = (v(x) / 2.0).exp() * $n;
+            observe point(x): Number [mV] ~ Normal(v(x), 0.5);
+        }
+    } )* };
+}
+two_maps!(whole 1.0, thousandths 1000.0);
 
 const VERTICES: usize = 200;
 
@@ -76,6 +96,23 @@ fn the_expected_gain_is_the_gain_that_comes() {
     }
     // where it is measured already there is little to learn: equal gains for all would not pass
     assert!(gains[0] < 0.3 * gains[1], "{gains:?}");
+}
+
+#[test]
+fn a_map_in_smaller_units_counts_no_more() {
+    let basis = basis(VERTICES, 16);
+    let table = measured(&[3, 60, 110]);
+    let gains = |declared: &dyn Declare| -> Vec<f64> {
+        let model = Model::new(declared, Some(&basis), &table).unwrap();
+        let chains = draws(&model);
+        let first: Vec<&[f64]> = (0..500).map(|i| chains[0].draw(i)).collect();
+        let found = lessons(declared, &model, &basis, &first, &[4, 85, 199], 10.0).unwrap();
+        found.into_iter().map(|lesson| lesson.gain).collect()
+    };
+    let [whole, thousandths] = [gains(&whole::TwoMaps), gains(&thousandths::TwoMaps)];
+    for (a, b) in whole.iter().zip(&thousandths) {
+        assert!((a - b).abs() < 1e-9, "{whole:?} {thousandths:?}");
+    }
 }
 
 #[test]

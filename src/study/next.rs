@@ -33,8 +33,8 @@ pub struct Lesson {
     pub vertex: u32,
     /// What would be measured there: one `observe`, or all of them.
     pub observes: Vec<&'static str>,
-    /// Share of the posterior variance, mean over the surface and over the derived quantities (the fields,
-    /// if there are none), that it is expected to take away.
+    /// Share of the posterior variance over the surface that it is expected to take away, mean over the derived
+    /// quantities (the fields, if there are none).
     pub gain: f64,
     /// Predicted measurement, mean and standard deviation, of each of `observes`.
     pub predicted: Vec<(f64, f64)>,
@@ -205,17 +205,24 @@ impl Predicted {
         };
         let pairs: Vec<&Vec<f64>> =
             values.iter().flat_map(|maps| maps[targets.clone()].iter()).collect();
-        let (variance, covariance): (Vec<f64>, Vec<Vec<f64>>) =
+        let (variance, mut covariance): (Vec<f64>, Vec<Vec<f64>>) =
             pairs.par_iter().map(|map| of(map)).unzip();
-        Surface { variance: variance.iter().sum(), covariance }
+        let n_maps = targets.len();
+        let total = |map: usize| variance.iter().skip(map).step_by(n_maps).sum::<f64>();
+        let totals: Vec<f64> = (0..n_maps).map(total).collect();
+        for (i, covariance) in covariance.iter_mut().enumerate() {
+            let total = totals[i % n_maps];
+            let scale = if total > 0.0 { (total * n_maps as f64).sqrt().recip() } else { 0.0 };
+            covariance.iter_mut().for_each(|c| *c *= scale);
+        }
+        Surface { covariance }
     }
 }
 
 /// What is known of the maps over the surface.
 struct Surface {
-    /// Sum of all variances.
-    variance: f64,
-    /// (map at a vertex, candidate)
+    /// Of a map at a vertex with what a candidate would see, (map at a vertex, candidate); each map in units in which
+    /// its variances sum up to its share of 1.
     covariance: Vec<Vec<f64>>,
 }
 
@@ -233,7 +240,7 @@ impl Surface {
             let c = nalgebra::DVector::from_fn(n, |i, _| covariance[rows[i]]);
             (c.transpose() * &inverse * c)[(0, 0)]
         };
-        self.covariance.iter().map(one).sum::<f64>() / self.variance
+        self.covariance.iter().map(one).sum()
     }
 }
 
