@@ -213,7 +213,9 @@ impl Predicted {
         for (i, covariance) in covariance.iter_mut().enumerate() {
             let total = totals[i % n_maps];
             let scale = if total > 0.0 { (total * n_maps as f64).sqrt().recip() } else { 0.0 };
-            covariance.iter_mut().for_each(|c| *c *= scale);
+            for c in covariance {
+                *c *= scale;
+            }
         }
         Surface { covariance }
     }

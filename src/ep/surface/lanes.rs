@@ -13,24 +13,25 @@ const LANES: usize = 8;
 /// Least change of V in a step that counts: where V turns at `V_gate` itself, rounding would say which way.
 const LEAST_CHANGE: f64 = 1e-3;
 
-/// `substeps` of the cells; `before` is V a step ago, and becomes V.
+/// `substeps` of the cells; `diffused` is what diffusion added to V in the last step.
 ///
-/// Whether the gate opens or closes is decided by degrees, by how far V is above `V_gate` in units of its last change:
-/// on average as by V alone, but rounding that puts V on one side or the other does not move APD by a step.
+/// Whether the gate opens or closes is decided by degrees, by how far V is above `V_gate` in units of its change in a
+/// step: on average as by V alone, but rounding that puts V on one side or the other does not move APD by a step.
+/// Around `V_gate` the inward current is none: V changes by diffusion and the outward current.
 #[inline(always)]
 pub(super) fn react<F: Precision>(
     v: &mut [F; BLOCK],
     h: &mut [F; BLOCK],
-    before: &mut [F; BLOCK],
+    diffused: &[F; BLOCK],
     rates: &StepRates<[F; BLOCK]>,
     substeps: u32,
 ) {
-    let least = F::of(LEAST_CHANGE);
+    let (n, least) = (F::of(f64::from(substeps)), F::of(LEAST_CHANGE));
     for i in 0..BLOCK {
         let StepRates { excite, leak, open, close } = rates;
         let rates = StepRates { excite: excite[i], leak: leak[i], open: open[i], close: close[i] };
-        let steepness = ((v[i] - before[i]).abs() + least).recip();
-        before[i] = v[i];
+        let change = diffused[i] - n * rates.leak * (F::one() - h[i]) * v[i];
+        let steepness = (change.abs() + least).recip();
         for _ in 0..substeps {
             (v[i], h[i]) = gradual_step(v[i], h[i], steepness, rates);
         }

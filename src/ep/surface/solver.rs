@@ -1,10 +1,10 @@
 //! The monodomain equation on a triangle mesh: one time step.
 //!
-//! Split as on the strip: five forward-Euler substeps of the cells (their gates by degrees), the stimulus, then Crank–Nicolson in
-//! increments, `(M + ½ dt K) δ = −dt K V`, by conjugate gradients with a Jacobi preconditioner from an
-//! extrapolated first guess. Rows are in blocks; a block at rest, and next to no other, sleeps: V stays
-//! 0 there, and its gates are brought up to date when it wakes. Sums go block by block, so that no bit
-//! depends on the number of threads.
+//! Split as on the strip: five forward-Euler substeps of the cells (their gates by degrees), the stimulus,
+//! then Crank–Nicolson in increments, `(M + ½ dt K) δ = −dt K V`, by conjugate gradients with a Jacobi
+//! preconditioner from an extrapolated first guess. Rows are in blocks; a block at rest, and next to no other,
+//! sleeps: V stays 0 there, and its gates are brought up to date when it wakes. Sums go block by block, so that no
+//! bit depends on the number of threads.
 //!
 //! # Source
 //! One meeting of the threads for both scalar products of an iteration: Chronopoulos and Gear 1989.
@@ -37,8 +37,6 @@ type Blocks<F> = Vec<[F; BLOCK]>;
 pub(super) struct Solver<F> {
     pub(super) operators: Operators<F>,
     pub(super) v: Blocks<F>,
-    /// V a step ago.
-    v_before: Blocks<F>,
     h: Blocks<F>,
     rates: Vec<StepRates<[F; BLOCK]>>,
     /// The last two increments of V by diffusion, and the one that is sought.
@@ -64,8 +62,8 @@ pub(super) struct Solver<F> {
 /// All that the steps to come depend on; the rest follows from the substrate.
 #[derive(Debug, Clone, Serialize, Deserialize)]
 pub(super) struct SolverState<F> {
-    /// V, V a step ago, h and the last two increments.
-    values: [Vec<F>; 5],
+    /// V, h and the last two increments.
+    values: [Vec<F>; 4],
     awake: Vec<bool>,
     slept: Vec<i32>,
     n_iterations: u64,
@@ -87,7 +85,6 @@ impl<F: Precision> Solver<F> {
         Self {
             rates,
             v: all(F::zero()),
-            v_before: all(F::zero()),
             h: all(F::one()),
             last: [all(F::zero()), all(F::zero())],
             x: all(F::zero()),
@@ -107,7 +104,7 @@ impl<F: Precision> Solver<F> {
     }
 
     pub(super) fn state(&self) -> SolverState<F> {
-        let values = [&self.v, &self.v_before, &self.h, &self.last[0], &self.last[1]];
+        let values = [&self.v, &self.h, &self.last[0], &self.last[1]];
         SolverState {
             values: values.map(|blocks| blocks.as_flattened().to_vec()),
             awake: self.awake.clone(),
@@ -124,8 +121,9 @@ impl<F: Precision> Solver<F> {
             && [state.awake.len(), state.slept.len()] == [n_blocks; 2];
         if fits {
             let [last, before] = &mut self.last;
-            let own = [&mut self.v, &mut self.v_before, &mut self.h, last, before];
-            for (blocks, values) in own.into_iter().zip(&state.values) {
+            for (blocks, values) in
+                [&mut self.v, &mut self.h, last, before].into_iter().zip(&state.values)
+            {
                 blocks.as_flattened_mut().copy_from_slice(values);
             }
             self.awake.clone_from(&state.awake);
@@ -169,12 +167,12 @@ impl<F: Precision> Solver<F> {
 
     /// The cells' substeps, and the first guess of the increment.
     fn react(&mut self) {
-        let Self { awake, arch, v, v_before, h, rates, x, last: [last, before], .. } = self;
-        let cells = v.par_iter_mut().zip(h).zip(v_before).zip(rates);
-        let blocks = cells.zip(x).zip(last).zip(before).zip(awake).filter(|(_, awake)| **awake);
-        blocks.for_each(|(((((((v, h), v_before), rates), x), last), before), _)| {
+        let Self { awake, arch, v, h, rates, x, last: [last, before], .. } = self;
+        let blocks = v.par_iter_mut().zip(h).zip(rates).zip(x).zip(last).zip(before);
+        let blocks = blocks.zip(awake).filter(|(_, awake)| **awake);
+        blocks.for_each(|((((((v, h), rates), x), last), before), _)| {
             arch.dispatch(|| {
-                react(v, h, v_before, rates, SUBSTEPS);
+                react(v, h, last, rates, SUBSTEPS);
                 // 2 last − before
                 *x = *last;
                 add_to(-F::one(), before, x);
@@ -288,8 +286,8 @@ impl<F: Precision> Solver<F> {
     fn put_to_sleep(&mut self, block: usize) {
         self.awake[block] = false;
         let [last, before] = &mut self.last;
-        let a = [&mut self.v, &mut self.v_before, &mut self.x, last, before];
-        let b = [&mut self.u, &mut self.p, &mut self.s];
+        let (a, b) =
+            ([&mut self.v, &mut self.x, last, before], [&mut self.u, &mut self.p, &mut self.s]);
         for values in a.into_iter().chain(b) {
             values[block] = [F::zero(); BLOCK];
         }
