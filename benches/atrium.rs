@@ -46,10 +46,12 @@ fn beats<F: Precision>(mesh: &TriMesh, end: f64) -> BeatMap {
     let substrate = Substrate { mesh, tissue: &tissue, fibres: None };
     let (wall, cpu, mut awake) = (Instant::now(), cpu_seconds(), 0.0);
     let mut simulation = Simulation::<F>::new(&substrate, &pacing, 0.1).unwrap();
-    while !simulation.is_done() {
-        simulation.step().unwrap();
-        awake += simulation.awake();
-    }
+    rayon::scope(|_| {
+        while !simulation.is_done() {
+            simulation.step().unwrap();
+            awake += simulation.awake();
+        }
+    });
     let (wall, cpu) = (wall.elapsed().as_secs_f64(), cpu_seconds() - cpu);
     let steps = end / 0.1;
     println!(

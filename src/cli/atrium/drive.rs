@@ -32,24 +32,26 @@ impl<'a> Drive<'a> {
         (slot, draw): (usize, u32),
         simulation: &mut Simulation<F>,
         kept: Option<Kept<F>>,
-        each: &mut dyn FnMut(&Simulation<F>) -> Result<(), Failure>,
+        each: &mut (dyn FnMut(&Simulation<F>) -> Result<(), Failure> + Send),
     ) -> Result<bool, Failure> {
         if let Some((_, state)) = kept.filter(|kept| kept.0 == draw) {
             simulation.restore(state)?;
         }
         let mut keeper = Keeper::new(Some(self.checkpoint), slot);
-        while !simulation.is_done() {
-            let stops = self.stop.load(Ordering::Relaxed);
-            if keeper.is_due(stops) {
-                keeper.keep(&(draw, simulation.state()));
+        rayon::scope(|_| {
+            while !simulation.is_done() {
+                let stops = self.stop.load(Ordering::Relaxed);
+                if keeper.is_due(stops) {
+                    keeper.keep(&(draw, simulation.state()));
+                }
+                if stops {
+                    return Ok(false);
+                }
+                simulation.step()?;
+                each(simulation)?;
             }
-            if stops {
-                return Ok(false);
-            }
-            simulation.step()?;
-            each(simulation)?;
-        }
-        Ok(true)
+            Ok(true)
+        })
     }
 
     /// Says so if what --resume needs could not be written.

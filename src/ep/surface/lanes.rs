@@ -13,7 +13,7 @@ const LANES: usize = 8;
 /// Least change of V in a step that counts: where V turns at `V_gate` itself, rounding would say which way.
 const LEAST_CHANGE: f64 = 1e-3;
 
-/// `substeps` of the cells; `diffused` is what diffusion added to V in the last step.
+/// `substeps` of the cells; `scale · diffused` is what diffusion added to V in the last step.
 ///
 /// Whether the gate opens or closes is decided by degrees, by how far V is above `V_gate` in units of its change in a
 /// step: on average as by V alone, but rounding that puts V on one side or the other does not move APD by a step.
@@ -23,6 +23,7 @@ pub(super) fn react<F: Precision>(
     v: &mut [F; BLOCK],
     h: &mut [F; BLOCK],
     diffused: &[F; BLOCK],
+    scale: &[F; BLOCK],
     rates: &StepRates<[F; BLOCK]>,
     substeps: u32,
 ) {
@@ -30,7 +31,7 @@ pub(super) fn react<F: Precision>(
     for i in 0..BLOCK {
         let StepRates { excite, leak, open, close } = rates;
         let rates = StepRates { excite: excite[i], leak: leak[i], open: open[i], close: close[i] };
-        let change = diffused[i] - n * rates.leak * (F::one() - h[i]) * v[i];
+        let change = scale[i] * diffused[i] - n * rates.leak * (F::one() - h[i]) * v[i];
         let steepness = (change.abs() + least).recip();
         for _ in 0..substeps {
             (v[i], h[i]) = gradual_step(v[i], h[i], steepness, rates);
@@ -66,11 +67,19 @@ pub(super) fn add_to<F: Precision>(factor: F, a: &[F; BLOCK], b: &mut [F; BLOCK]
     }
 }
 
-/// `a · b`, row by row, into `out`.
+/// Adds `a · b`, row by row, to `out`.
 #[inline(always)]
-pub(super) fn product<F: Precision>(a: &[F; BLOCK], b: &[F; BLOCK], out: &mut [F; BLOCK]) {
+pub(super) fn add_product<F: Precision>(a: &[F; BLOCK], b: &[F; BLOCK], out: &mut [F; BLOCK]) {
     for i in 0..BLOCK {
-        out[i] = a[i] * b[i];
+        out[i] = out[i] + a[i] * b[i];
+    }
+}
+
+/// What follows `last` in a straight line from `before`, into `before`.
+#[inline(always)]
+pub(super) fn extrapolate<F: Precision>(last: &[F; BLOCK], before: &mut [F; BLOCK]) {
+    for (last, before) in last.iter().zip(before) {
+        *before = *last + (*last - *before);
     }
 }
 
@@ -85,4 +94,16 @@ pub(super) fn peak<F: Precision>(a: &[F; BLOCK]) -> F {
         }
     }
     lanes.into_iter().fold(F::zero(), F::max)
+}
+
+/// Which rows meet one of `levels` on the way from `a` to `b`.
+#[inline(always)]
+pub(super) fn meets<F: Precision>(levels: &[F], a: &[F; BLOCK], b: &[F; BLOCK]) -> [bool; BLOCK] {
+    let mut meets = [false; BLOCK];
+    for level in levels {
+        for i in 0..BLOCK {
+            meets[i] |= (a[i] <= *level) & (b[i] >= *level) | (a[i] >= *level) & (b[i] <= *level);
+        }
+    }
+    meets
 }

@@ -6,24 +6,25 @@ use super::lanes::BLOCK;
 use crate::ep::precision::Precision;
 use std::ops::Range;
 
-/// `A = M + ½ dt K` and `dt K` by rows: M the consistent mass (mm²), K the stiffness with the diffusivity
-/// in it (mm²/ms). Rows beyond the mesh's vertices fill the last block; nothing refers to them.
+/// `S A S` and `S dt K` by rows: `A = M + ½ dt K`, M the consistent mass (mm²), K the stiffness with the diffusivity
+/// in it (mm²/ms), and the scale S such that `S A S` has a unit diagonal. Rows beyond the mesh's vertices fill the
+/// last block; nothing refers to them.
 #[derive(Debug)]
 pub(super) struct Operators<F> {
     /// The mesh's vertex behind each row.
     pub(super) vertex: Vec<u32>,
     blocks: Vec<Rows<F>>,
-    /// 1 / A(i, i).
-    pub(super) inverse_diagonal: Vec<[F; BLOCK]>,
+    /// S, 1/mm: V is S times what `S A S` is applied to.
+    pub(super) scale: Vec<[F; BLOCK]>,
 }
 
-/// The rows of a block.
+/// The rows of a block, without their diagonal: it is 1 in `S A S`, and rows of K sum to none.
 #[derive(Debug)]
 struct Rows<F> {
     /// Rows of equally many entries follow each other, so that the processor foresees where they end.
     runs: Vec<Run>,
     column: Vec<u32>,
-    /// Entries of A and of `dt K`.
+    /// Entries of `S A S` and of `S dt K`.
     implicit: Vec<F>,
     stiffness: Vec<F>,
 }
@@ -48,32 +49,56 @@ impl<F: Precision> Operators<F> {
         for (row, v) in (0..).zip(&vertex) {
             row_of[*v as usize] = row;
         }
-        let (mut blocks, mut inverse_diagonal) = (vec![], vec![]);
-        for vertices in vertex.chunks(BLOCK) {
-            let mut rows = Rows::new();
-            let mut inverse = [F::one(); BLOCK];
-            for (v, inverse) in vertices.iter().zip(&mut inverse) {
-                let diagonal = rows.push(&by_vertex[*v as usize], &row_of, row_of[*v as usize], dt);
-                *inverse = F::of(1.0 / diagonal);
+        let implicit = |[mass, stiffness]: [f64; 2]| mass + 0.5 * dt * stiffness;
+        let diagonal = |(v, row): (u32, &Row)| {
+            row.iter().find(|(j, _)| *j == v).map(|(_, entry)| implicit(*entry))
+        };
+        let scale: Vec<f64> =
+            (0..).zip(&by_vertex).filter_map(diagonal).map(|a| a.sqrt().recip()).collect();
+        let block = |vertices: &[u32]| {
+            let mut rows =
+                Rows { runs: vec![], column: vec![], implicit: vec![], stiffness: vec![] };
+            for v in vertices {
+                let of_v = scale[*v as usize];
+                let others = by_vertex[*v as usize].iter().filter(|(j, _)| j != v);
+                rows.push(others.map(|(j, entry)| {
+                    let j = *j as usize;
+                    (row_of[j], of_v * implicit(*entry) * scale[j], of_v * dt * entry[1])
+                }));
             }
-            blocks.push(rows);
-            inverse_diagonal.push(inverse);
+            rows
+        };
+        let blocks = vertex.chunks(BLOCK).map(block).collect();
+        let mut by_row = vec![[F::one(); BLOCK]; vertex.len().div_ceil(BLOCK)];
+        for (s, v) in by_row.as_flattened_mut().iter_mut().zip(&vertex) {
+            *s = F::of(scale[*v as usize]);
         }
-        Self { vertex, blocks, inverse_diagonal }
+        Self { vertex, blocks, scale: by_row }
     }
 
-    /// The rows of `A x` in a block; `x` by row.
+    /// The rows of `S A S x` in a block; `x` by row.
     #[inline(always)]
     pub(super) fn implicit(&self, block: usize, x: &[F], out: &mut [F; BLOCK]) {
         let rows = &self.blocks[block];
-        rows.multiply(&rows.implicit, x, out);
+        out.copy_from_slice(&x[block * BLOCK..][..BLOCK]);
+        rows.each(out, |column, implicit, _, out| {
+            *out = *out + product(column, implicit, |j| x[j]);
+        });
     }
 
-    /// The rows of `dt K x` in a block; `x` by row.
+    /// The rows of `−S dt K v − S A S x` in a block; `v` and `x` by row.
     #[inline(always)]
-    pub(super) fn stiffness(&self, block: usize, x: &[F], out: &mut [F; BLOCK]) {
-        let rows = &self.blocks[block];
-        rows.multiply(&rows.stiffness, x, out);
+    pub(super) fn residual(&self, block: usize, v: &[F], x: &[F], out: &mut [F; BLOCK]) {
+        let own = block * BLOCK..(block + 1) * BLOCK;
+        out.copy_from_slice(&v[own.clone()]);
+        self.blocks[block].each(out, |column, implicit, stiffness, out| {
+            let here = *out;
+            *out =
+                product(column, stiffness, |j| here - v[j]) - product(column, implicit, |j| x[j]);
+        });
+        for (out, x) in out.iter_mut().zip(&x[own]) {
+            *out = *out - *x;
+        }
     }
 
     /// The blocks that each block's rows refer to.
@@ -89,49 +114,49 @@ impl<F: Precision> Operators<F> {
 }
 
 impl<F: Precision> Rows<F> {
-    fn new() -> Self {
-        Self { runs: vec![], column: vec![], implicit: vec![], stiffness: vec![] }
-    }
-
-    /// Adds row `i`; its diagonal entry of A.
-    fn push(&mut self, row: &Row, row_of: &[u32], i: u32, dt: f64) -> f64 {
+    /// Adds a row: columns and entries.
+    fn push(&mut self, row: impl Iterator<Item = (u32, f64, f64)>) {
         let begin = self.column.len();
-        let mut diagonal = f64::NAN;
-        for (v, [mass, stiffness]) in row {
-            let (j, a) = (row_of[*v as usize], mass + 0.5 * dt * stiffness);
+        for (j, implicit, stiffness) in row {
             self.column.push(j);
-            self.implicit.push(F::of(a));
-            self.stiffness.push(F::of(dt * stiffness));
-            if j == i {
-                diagonal = a;
-            }
+            self.implicit.push(F::of(implicit));
+            self.stiffness.push(F::of(stiffness));
         }
-        let (entries, row) = (begin..self.column.len(), i as usize % BLOCK);
+        let entries = begin..self.column.len();
+        let at = self.runs.last().map_or(0, |run| run.rows.end);
         match self.runs.last_mut() {
             Some(run) if run.length == entries.len() => {
-                (run.rows.end, run.entries.end) = (row + 1, entries.end);
+                (run.rows.end, run.entries.end) = (at + 1, entries.end);
             }
-            _ => self.runs.push(Run { length: entries.len(), rows: row..row + 1, entries }),
+            _ => self.runs.push(Run { length: entries.len(), rows: at..at + 1, entries }),
         }
-        diagonal
     }
 
+    /// Calls `row` with the columns and entries of each row, and its place in `out`.
     #[inline(always)]
-    fn multiply(&self, entry: &[F], x: &[F], out: &mut [F; BLOCK]) {
+    fn each(&self, out: &mut [F; BLOCK], row: impl Fn(&[u32], &[F], &[F], &mut F)) {
         for Run { length, rows, entries } in &self.runs {
-            let (column, entry) = (&self.column[entries.clone()], &entry[entries.clone()]);
+            let entries = entries.clone();
+            let of_run = (
+                &self.column[entries.clone()],
+                &self.implicit[entries.clone()],
+                &self.stiffness[entries],
+            );
             let out = &mut out[rows.clone()];
             match length {
-                4 => products::<F, 4>(column, entry, x, out),
-                5 => products::<F, 5>(column, entry, x, out),
-                6 => products::<F, 6>(column, entry, x, out),
-                7 => products::<F, 7>(column, entry, x, out),
-                8 => products::<F, 8>(column, entry, x, out),
-                9 => products::<F, 9>(column, entry, x, out),
+                3 => each_of::<F, 3>(of_run, out, &row),
+                4 => each_of::<F, 4>(of_run, out, &row),
+                5 => each_of::<F, 5>(of_run, out, &row),
+                6 => each_of::<F, 6>(of_run, out, &row),
+                7 => each_of::<F, 7>(of_run, out, &row),
+                8 => each_of::<F, 8>(of_run, out, &row),
                 _ => {
-                    let rows = column.chunks_exact(*length).zip(entry.chunks_exact(*length));
-                    for ((column, entry), out) in rows.zip(out) {
-                        *out = product(column, entry, x);
+                    let (column, a, k) = of_run;
+                    let entries = a.chunks_exact(*length).zip(k.chunks_exact(*length));
+                    for ((column, (a, k)), out) in
+                        column.chunks_exact(*length).zip(entries).zip(out)
+                    {
+                        row(column, a, k, out);
                     }
                 }
             }
@@ -139,18 +164,22 @@ impl<F: Precision> Rows<F> {
     }
 }
 
-/// `x` times rows of N entries each.
+/// As [`Rows::each`], of rows of N entries each.
 #[inline(always)]
-fn products<F: Precision, const N: usize>(column: &[u32], entry: &[F], x: &[F], out: &mut [F]) {
-    let (columns, entries) = (column.as_chunks::<N>().0, entry.as_chunks::<N>().0);
-    for ((column, entry), out) in columns.iter().zip(entries).zip(out) {
-        *out = product(column, entry, x);
+fn each_of<F, const N: usize>(
+    (column, implicit, stiffness): (&[u32], &[F], &[F]),
+    out: &mut [F],
+    row: impl Fn(&[u32], &[F], &[F], &mut F),
+) {
+    let entries = implicit.as_chunks::<N>().0.iter().zip(stiffness.as_chunks::<N>().0);
+    for ((column, (a, k)), out) in column.as_chunks::<N>().0.iter().zip(entries).zip(out) {
+        row(column, a, k, out);
     }
 }
 
 #[inline(always)]
-fn product<F: Precision>(column: &[u32], entry: &[F], x: &[F]) -> F {
-    column.iter().zip(entry).fold(F::zero(), |sum, (j, a)| sum + *a * x[*j as usize])
+fn product<F: Precision>(column: &[u32], entry: &[F], x: impl Fn(usize) -> F) -> F {
+    column.iter().zip(entry).fold(F::zero(), |sum, (j, a)| sum + *a * x(*j as usize))
 }
 
 #[cfg(test)]
@@ -169,13 +198,17 @@ mod tests {
         let substrate = Substrate { mesh: &mesh, tissue: &tissue, fibres: None };
         let operators = Operators::<f64>::assemble(&substrate, 0.1);
         let n_blocks = mesh.n_vertices().div_ceil(BLOCK);
-        let (ones, mut out) = (vec![1.0; n_blocks * BLOCK], [0.0; BLOCK]);
-        let mut total = 0.0;
+        let (ones, zeros) = (vec![1.0; n_blocks * BLOCK], vec![0.0; n_blocks * BLOCK]);
+        let scale = operators.scale.as_flattened();
+        let unscaled: Vec<f64> = scale.iter().map(|s| s.recip()).collect();
+        let (mut out, mut total) = ([0.0; BLOCK], 0.0);
         for block in 0..n_blocks {
-            operators.implicit(block, &ones, &mut out);
-            total += out.iter().sum::<f64>();
-            operators.stiffness(block, &ones, &mut out);
-            assert!(out.iter().all(|x| x.abs() < 1e-12));
+            let n_rows = BLOCK.min(mesh.n_vertices() - block * BLOCK);
+            operators.implicit(block, &unscaled, &mut out);
+            let rows = &unscaled[block * BLOCK..];
+            total += out[..n_rows].iter().zip(rows).map(|(a, s)| a * s).sum::<f64>();
+            operators.residual(block, &ones, &zeros, &mut out);
+            assert!(out[..n_rows].iter().all(|x| x.abs() < 1e-12));
         }
         assert!((total / mesh.area() - 1.0).abs() < 1e-12);
     }

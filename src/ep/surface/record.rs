@@ -4,12 +4,12 @@ use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
 use super::by_vertex;
-use super::lanes::BLOCK;
+use super::lanes::{BLOCK, meets};
 use super::solver::Solver;
 use crate::ep::precision::Precision;
 
-/// V at which an upstroke counts as activation.
-const ACTIVATION: f64 = 0.7;
+/// V at which an upstroke counts as activation; one of the levels of [`RECOVERY`].
+const ACTIVATION: f64 = RECOVERY[1];
 
 /// V at which a downstroke counts as recovery to 20, 30, 50 and 90 %.
 const RECOVERY: [f64; 4] = [0.8, 0.7, 0.5, 0.1];
@@ -80,17 +80,18 @@ impl<F: Precision> Recorder<F> {
 
     /// Keeps V before a step.
     pub(super) fn before(&mut self, solver: &Solver<F>) {
-        self.before.copy_from_slice(&solver.v);
+        self.before.par_iter_mut().zip(&solver.v).for_each(|(before, v)| *before = *v);
     }
 
     /// Notes the crossings of the step that began `steps` steps of `dt` ms after the stimulus; linear in
     /// time within it. Blocks that sleep cross nothing.
     pub(super) fn after(&mut self, solver: &Solver<F>, steps: f64, dt: f64) {
+        let (arch, levels) = (solver.arch, RECOVERY.map(F::of));
         let blocks = self.before.par_iter().zip(&solver.v).zip(&solver.awake);
         let blocks = blocks.zip(self.crossings.par_chunks_mut(BLOCK));
         blocks.filter(|((_, awake), _)| **awake).for_each(|(((before, after), _), crossings)| {
-            let moves = crossed(before, after);
-            for i in (0..BLOCK).filter(|i| moves[*i]) {
+            let meets = arch.dispatch(|| meets(&levels, before, after));
+            for i in (0..BLOCK).filter(|i| meets[*i]) {
                 let (a, b) = (before[i].f64(), after[i].f64());
                 note(a, b, &mut crossings[i], |share| (steps + share) * dt);
             }
@@ -107,18 +108,6 @@ impl<F: Precision> Recorder<F> {
             apd90: of(|c| c.recovery[3] - c.lat),
         }
     }
-}
-
-/// Which rows of a block met a level.
-fn crossed<F: Precision>(before: &[F; BLOCK], after: &[F; BLOCK]) -> [bool; BLOCK] {
-    let mut moves = [false; BLOCK];
-    for level in RECOVERY.into_iter().chain([ACTIVATION]).map(F::of) {
-        for i in 0..BLOCK {
-            let (a, b) = (before[i], after[i]);
-            moves[i] |= a.min(b) <= level && a.max(b) >= level;
-        }
-    }
-    moves
 }
 
 /// The crossings of one vertex as V goes from `a` to `b`; `time` of the share of the step that is done.

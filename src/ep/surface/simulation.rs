@@ -14,11 +14,14 @@ use crate::ep::precision::Precision;
 ///
 /// ```text
 /// let mut simulation = Simulation::<f32>::new(&substrate, &pacing, 0.1)?;
-/// while !simulation.is_done() {
-///     simulation.step()?;
-/// }
-/// let beat = simulation.beat();
+/// rayon::scope(|_| {
+///     while !simulation.is_done() {
+///         simulation.step()?;
+///     }
+///     Ok(simulation.beat())
+/// })
 /// ```
+/// From inside rayon's pool, as here, its threads are woken once and not in every step.
 #[derive(Debug)]
 pub struct Simulation<F> {
     solver: Solver<F>,
@@ -95,15 +98,20 @@ impl<F: Precision> Simulation<F> {
         let is_on = self.starts.iter().any(|s| (*s..*s + self.pulse).contains(&step));
         let stimulus = is_on.then_some((self.amplitude, &self.rows[..]));
         let is_measured = self.measured.contains(&step);
-        if is_measured {
-            self.recorder.before(&self.solver);
-        }
-        // from inside the pool, so that its threads are woken once and not for every loop
-        if !rayon::scope(|_| self.solver.step(stimulus)) {
+        let Self { solver, recorder, .. } = self;
+        // so that threads are woken once, and not for every loop
+        let is_solved = rayon::scope(|_| {
+            if is_measured {
+                recorder.before(solver);
+            }
+            let is_solved = solver.step(stimulus);
+            if is_measured {
+                recorder.after(solver, (step - self.measured.start) as f64, self.dt);
+            }
+            is_solved
+        });
+        if !is_solved {
             return Err(SurfaceError::Unstable { time: self.time(), dt: self.dt });
-        }
-        if is_measured {
-            self.recorder.after(&self.solver, (step - self.measured.start) as f64, self.dt);
         }
         self.step += 1;
         Ok(())

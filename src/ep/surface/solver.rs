@@ -1,8 +1,8 @@
 //! The monodomain equation on a triangle mesh: one time step.
 //!
 //! Split as on the strip: five forward-Euler substeps of the cells (their gates by degrees), the stimulus,
-//! then Crank–Nicolson in increments, `(M + ½ dt K) δ = −dt K V`, by conjugate gradients with a Jacobi
-//! preconditioner from an extrapolated first guess. Rows are in blocks; a block at rest, and next to no other,
+//! then Crank–Nicolson in increments, `(M + ½ dt K) δ = −dt K V`, scaled to a unit diagonal (which is the Jacobi
+//! preconditioner), by conjugate gradients from an extrapolated first guess. Rows are in blocks; a block at rest, and next to no other,
 //! sleeps: V stays 0 there, and its gates are brought up to date when it wakes. Sums go block by block, so that no
 //! bit depends on the number of threads.
 //!
@@ -14,7 +14,7 @@ use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
 use super::Substrate;
-use super::lanes::{BLOCK, add_scaled, add_to, dot, peak, product, react};
+use super::lanes::{BLOCK, add_product, add_scaled, add_to, dot, extrapolate, peak, react};
 use super::operators::Operators;
 use crate::ep::cell::StepRates;
 use crate::ep::precision::Precision;
@@ -39,16 +39,15 @@ pub(super) struct Solver<F> {
     pub(super) v: Blocks<F>,
     h: Blocks<F>,
     rates: Vec<StepRates<[F; BLOCK]>>,
-    /// The last two increments of V by diffusion, and the one that is sought.
-    last: [Blocks<F>; 2],
+    /// The last increment of V by diffusion, scaled, and the one that is sought: before that, the one before the last.
+    last: Blocks<F>,
     x: Blocks<F>,
-    /// Residual `r`, `u = D⁻¹ r`, `w = A u`; search direction `p` and `s = A p`.
+    /// Residual `r`, `w = A r`; search direction `p` and `s = A p`.
     r: Blocks<F>,
-    u: Blocks<F>,
     w: Blocks<F>,
     p: Blocks<F>,
     s: Blocks<F>,
-    /// `r · D⁻¹ r` at which a step is solved: an error of [`Precision::TOLERANCE`] of V everywhere.
+    /// `r · r` at which a step is solved: an error of [`Precision::TOLERANCE`] of V everywhere.
     enough: f64,
     neighbours: Vec<Vec<usize>>,
     pub(super) awake: Vec<bool>,
@@ -56,7 +55,7 @@ pub(super) struct Solver<F> {
     slept: Vec<i32>,
     /// Iterations of conjugate gradients so far.
     pub(super) n_iterations: u64,
-    arch: Arch,
+    pub(super) arch: Arch,
 }
 
 /// All that the steps to come depend on; the rest follows from the substrate.
@@ -73,9 +72,9 @@ impl<F: Precision> Solver<F> {
     /// Tissue at rest, V = 0 and h = 1.
     pub(super) fn new(substrate: &Substrate<'_>, dt: f64) -> Self {
         let operators = Operators::<F>::assemble(substrate, dt);
-        let n_blocks = operators.inverse_diagonal.len();
+        let n_blocks = operators.scale.len();
         let all = |value: F| vec![[value; BLOCK]; n_blocks];
-        let diagonal = operators.inverse_diagonal.as_flattened()[..operators.vertex.len()].iter();
+        let scale = operators.scale.as_flattened()[..operators.vertex.len()].iter();
         let substep = dt / f64::from(SUBSTEPS);
         let mut rates = vec![StepRates::uniform(F::zero()); n_blocks];
         for (row, v) in operators.vertex.iter().enumerate() {
@@ -86,14 +85,13 @@ impl<F: Precision> Solver<F> {
             rates,
             v: all(F::zero()),
             h: all(F::one()),
-            last: [all(F::zero()), all(F::zero())],
+            last: all(F::zero()),
             x: all(F::zero()),
             r: all(F::zero()),
-            u: all(F::zero()),
             w: all(F::zero()),
             p: all(F::zero()),
             s: all(F::zero()),
-            enough: F::TOLERANCE.powi(2) * diagonal.map(|d| d.f64().recip()).sum::<f64>(),
+            enough: F::TOLERANCE.powi(2) * scale.map(|s| s.f64().powi(-2)).sum::<f64>(),
             neighbours: operators.neighbours(),
             operators,
             awake: vec![false; n_blocks],
@@ -104,7 +102,7 @@ impl<F: Precision> Solver<F> {
     }
 
     pub(super) fn state(&self) -> SolverState<F> {
-        let values = [&self.v, &self.h, &self.last[0], &self.last[1]];
+        let values = [&self.v, &self.h, &self.last, &self.x];
         SolverState {
             values: values.map(|blocks| blocks.as_flattened().to_vec()),
             awake: self.awake.clone(),
@@ -120,10 +118,8 @@ impl<F: Precision> Solver<F> {
         let fits = state.values.iter().all(|values| values.len() == n_blocks * BLOCK)
             && [state.awake.len(), state.slept.len()] == [n_blocks; 2];
         if fits {
-            let [last, before] = &mut self.last;
-            for (blocks, values) in
-                [&mut self.v, &mut self.h, last, before].into_iter().zip(&state.values)
-            {
+            let blocks = [&mut self.v, &mut self.h, &mut self.last, &mut self.x];
+            for (blocks, values) in blocks.into_iter().zip(&state.values) {
                 blocks.as_flattened_mut().copy_from_slice(values);
             }
             self.awake.clone_from(&state.awake);
@@ -167,16 +163,13 @@ impl<F: Precision> Solver<F> {
 
     /// The cells' substeps, and the first guess of the increment.
     fn react(&mut self) {
-        let Self { awake, arch, v, h, rates, x, last: [last, before], .. } = self;
-        let blocks = v.par_iter_mut().zip(h).zip(rates).zip(x).zip(last).zip(before);
+        let Self { operators, awake, arch, v, h, rates, x, last, .. } = self;
+        let blocks = v.par_iter_mut().zip(h).zip(rates).zip(x).zip(last).zip(&operators.scale);
         let blocks = blocks.zip(awake).filter(|(_, awake)| **awake);
-        blocks.for_each(|((((((v, h), rates), x), last), before), _)| {
+        blocks.for_each(|((((((v, h), rates), x), last), scale), _)| {
             arch.dispatch(|| {
-                react(v, h, last, rates, SUBSTEPS);
-                // 2 last − before
-                *x = *last;
-                add_to(-F::one(), before, x);
-                add_to(F::one(), last, x);
+                react(v, h, last, scale, rates, SUBSTEPS);
+                extrapolate(last, x);
             });
         });
     }
@@ -199,53 +192,46 @@ impl<F: Precision> Solver<F> {
         false
     }
 
-    /// Residual `r` and `u = D⁻¹ r` of the first guess; `r · u`.
+    /// Residual `r` of the first guess; `r · r`.
     fn first_residual(&mut self) -> f64 {
-        let Self { operators, arch, awake, v, x, r, u, w, .. } = self;
+        let Self { operators, arch, awake, v, x, r, .. } = self;
         let (v, x) = (v.as_flattened(), x.as_flattened());
-        let blocks = r.par_iter_mut().zip(u).zip(w).enumerate().filter(|(block, _)| awake[*block]);
-        let sums = blocks.map(|(block, ((r, u), w))| {
+        let blocks = r.par_iter_mut().enumerate().filter(|(block, _)| awake[*block]);
+        let sums = blocks.map(|(block, r)| {
             arch.dispatch(|| {
-                operators.stiffness(block, v, w);
-                operators.implicit(block, x, r);
-                add_to(F::one(), w, r);
-                for r in r.iter_mut() {
-                    *r = -*r;
-                }
-                product(&operators.inverse_diagonal[block], r, u);
-                dot(r, u)
+                operators.residual(block, v, x, r);
+                dot(r, r)
             })
         });
         sums.collect::<Vec<f64>>().into_iter().sum()
     }
 
-    /// `w = A u` and `u · w`.
+    /// `w = A r` and `r · w`.
     fn energy(&mut self) -> f64 {
-        let Self { operators, arch, awake, u, w, .. } = self;
-        let all = u.as_flattened();
-        let blocks = w.par_iter_mut().zip(&*u).enumerate().filter(|(block, _)| awake[*block]);
-        let sums = blocks.map(|(block, (w, u))| {
+        let Self { operators, arch, awake, r, w, .. } = self;
+        let all = r.as_flattened();
+        let blocks = w.par_iter_mut().zip(&*r).enumerate().filter(|(block, _)| awake[*block]);
+        let sums = blocks.map(|(block, (w, r))| {
             arch.dispatch(|| {
                 operators.implicit(block, all, w);
-                dot(u, w)
+                dot(r, w)
             })
         });
         sums.collect::<Vec<f64>>().into_iter().sum()
     }
 
-    /// Goes `alpha` along the next search direction, `p = u + beta p`; `r · u` there.
+    /// Goes `alpha` along the next search direction, `p = r + beta p`; `r · r` there.
     fn descend(&mut self, alpha: F, beta: F) -> f64 {
-        let Self { operators, arch, awake, x, r, u, w, p, s, .. } = self;
-        let blocks = p.par_iter_mut().zip(s).zip(x).zip(r).zip(u).zip(w).enumerate();
-        let blocks = blocks.filter(|(block, _)| awake[*block]);
-        let sums = blocks.map(|(block, (((((p, s), x), r), u), w))| {
+        let Self { arch, awake, x, r, w, p, s, .. } = self;
+        let blocks = p.par_iter_mut().zip(s).zip(x).zip(r).zip(w).zip(awake);
+        let blocks = blocks.filter(|(_, awake)| **awake);
+        let sums = blocks.map(|(((((p, s), x), r), w), _)| {
             arch.dispatch(|| {
-                add_scaled(u, beta, p);
+                add_scaled(r, beta, p);
                 add_scaled(w, beta, s);
                 add_to(alpha, p, x);
                 add_to(-alpha, s, r);
-                product(&operators.inverse_diagonal[block], r, u);
-                dot(r, u)
+                dot(r, r)
             })
         });
         sums.collect::<Vec<f64>>().into_iter().sum()
@@ -253,16 +239,15 @@ impl<F: Precision> Solver<F> {
 
     /// Adds the increment to V and keeps it; the largest |V| of each block.
     fn advance(&mut self) -> Vec<F> {
-        let Self { awake, arch, v, x, last: [last, before], .. } = self;
-        let blocks = v.par_iter_mut().zip(x).zip(last).zip(before).zip(awake);
-        let peaks = blocks.map(|((((v, x), last), before), awake)| {
+        let Self { operators, awake, arch, v, x, last, .. } = self;
+        std::mem::swap(last, x);
+        let blocks = v.par_iter_mut().zip(last).zip(&operators.scale).zip(awake);
+        let peaks = blocks.map(|(((v, last), scale), awake)| {
             if !*awake {
                 return F::zero();
             }
             arch.dispatch(|| {
-                *before = *last;
-                *last = *x;
-                add_to(F::one(), x, v);
+                add_product(scale, last, v);
                 peak(v)
             })
         });
@@ -285,10 +270,8 @@ impl<F: Precision> Solver<F> {
 
     fn put_to_sleep(&mut self, block: usize) {
         self.awake[block] = false;
-        let [last, before] = &mut self.last;
-        let (a, b) =
-            ([&mut self.v, &mut self.x, last, before], [&mut self.u, &mut self.p, &mut self.s]);
-        for values in a.into_iter().chain(b) {
+        let Self { v, x, last, r, p, s, .. } = self;
+        for values in [v, x, last, r, p, s] {
             values[block] = [F::zero(); BLOCK];
         }
     }
