@@ -29,6 +29,9 @@ const AT_REST: f64 = 1e-4;
 /// More iterations than this a step never needs: the first guess is good to 1 % and A is close to M.
 const MOST_ITERATIONS: usize = 100;
 
+/// At most so many blocks, asleep or awake, are one thread's before another may take its share of the rest.
+const TASK: usize = 32;
+
 /// A value of every row, by block.
 type Blocks<F> = Vec<[F; BLOCK]>;
 
@@ -164,7 +167,14 @@ impl<F: Precision> Solver<F> {
     /// The cells' substeps, and the first guess of the increment.
     fn react(&mut self) {
         let Self { operators, awake, arch, v, h, rates, x, last, .. } = self;
-        let blocks = v.par_iter_mut().zip(h).zip(rates).zip(x).zip(last).zip(&operators.scale);
+        let blocks = v
+            .par_iter_mut()
+            .with_max_len(TASK)
+            .zip(h)
+            .zip(rates)
+            .zip(x)
+            .zip(last)
+            .zip(&operators.scale);
         let blocks = blocks.zip(awake).filter(|(_, awake)| **awake);
         blocks.for_each(|((((((v, h), rates), x), last), scale), _)| {
             arch.dispatch(|| {
@@ -196,7 +206,8 @@ impl<F: Precision> Solver<F> {
     fn first_residual(&mut self) -> f64 {
         let Self { operators, arch, awake, v, x, r, .. } = self;
         let (v, x) = (v.as_flattened(), x.as_flattened());
-        let blocks = r.par_iter_mut().enumerate().filter(|(block, _)| awake[*block]);
+        let blocks =
+            r.par_iter_mut().with_max_len(TASK).enumerate().filter(|(block, _)| awake[*block]);
         let sums = blocks.map(|(block, r)| {
             arch.dispatch(|| {
                 operators.residual(block, v, x, r);
@@ -210,7 +221,12 @@ impl<F: Precision> Solver<F> {
     fn energy(&mut self) -> f64 {
         let Self { operators, arch, awake, r, w, .. } = self;
         let all = r.as_flattened();
-        let blocks = w.par_iter_mut().zip(&*r).enumerate().filter(|(block, _)| awake[*block]);
+        let blocks = w
+            .par_iter_mut()
+            .with_max_len(TASK)
+            .zip(&*r)
+            .enumerate()
+            .filter(|(block, _)| awake[*block]);
         let sums = blocks.map(|(block, (w, r))| {
             arch.dispatch(|| {
                 operators.implicit(block, all, w);
@@ -223,7 +239,7 @@ impl<F: Precision> Solver<F> {
     /// Goes `alpha` along the next search direction, `p = r + beta p`; `r · r` there.
     fn descend(&mut self, alpha: F, beta: F) -> f64 {
         let Self { arch, awake, x, r, w, p, s, .. } = self;
-        let blocks = p.par_iter_mut().zip(s).zip(x).zip(r).zip(w).zip(awake);
+        let blocks = p.par_iter_mut().with_max_len(TASK).zip(s).zip(x).zip(r).zip(w).zip(awake);
         let blocks = blocks.filter(|(_, awake)| **awake);
         let sums = blocks.map(|(((((p, s), x), r), w), _)| {
             arch.dispatch(|| {
@@ -241,7 +257,7 @@ impl<F: Precision> Solver<F> {
     fn advance(&mut self) -> Vec<F> {
         let Self { operators, awake, arch, v, x, last, .. } = self;
         std::mem::swap(last, x);
-        let blocks = v.par_iter_mut().zip(last).zip(&operators.scale).zip(awake);
+        let blocks = v.par_iter_mut().with_max_len(TASK).zip(last).zip(&operators.scale).zip(awake);
         let peaks = blocks.map(|(((v, last), scale), awake)| {
             if !*awake {
                 return F::zero();
