@@ -29,6 +29,7 @@ fn effects() -> Vec<AddedEffect> {
         ("catheter", "erp, late", Form::Group { column: column("catheter") }),
         ("kind", "late", Form::Family { column: column("catheter") }),
         ("patch", "erp", Form::Above { column: column("dist_mm"), threshold: 12.0 }),
+        ("edge", "erp", Form::Logistic { column: column("dist_mm"), centre: 15.0, scale: 2.5 }),
         ("shift", "late", Form::All),
     ];
     let effect = |(name, on, form): (&str, &str, Form)| AddedEffect {

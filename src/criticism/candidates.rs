@@ -52,6 +52,19 @@ impl Candidate {
     pub fn text(&self) -> String {
         self.form.as_ref().map_or("Outliers".into(), Form::text)
     }
+
+    /// What to predict with, of a patch: a soft edge where a sharp one was found. A sharp one is easier to find, but
+    /// which sites are just inside is chosen to fit them; between them nothing tells where the edge is.
+    pub(super) fn with_soft_edge(&self, table: &Measurements) -> Option<Self> {
+        let Some(Form::Above { column, threshold }) = &self.form else { return None };
+        let Column::Numeric(x) = read_column(table, column) else { return None };
+        let form = Form::Logistic {
+            column: column.clone(),
+            centre: *threshold,
+            scale: readable(EDGE * moments(&x).1),
+        };
+        Some(Self { form: Some(form), ..self.clone() })
+    }
 }
 
 /// Columns that say where and what was measured, never why it differs.
@@ -133,6 +146,8 @@ pub struct Unusable {
 
 /// Shares of the table's distances that may be inside a patch.
 const INSIDE: [f64; 12] = [0.1, 0.125, 0.15, 0.175, 0.2, 0.225, 0.25, 0.275, 0.3, 0.35, 0.4, 0.5];
+/// Scale of the edge of a patch that is found, in standard deviations of the distances.
+const EDGE: f64 = 0.2;
 /// Sites for each mode of a field that is tried, and its fewest modes.
 const SITES_PER_MODE: usize = 8;
 const LEAST_MODES: usize = 24;

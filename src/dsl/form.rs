@@ -42,6 +42,15 @@ pub enum Form {
         /// Threshold.
         threshold: f64,
     },
+    /// `logistic(row.c, centre, scale)`: from 0 to 1 around the centre, 1/(1 + exp(−(c − centre)/scale)).
+    Logistic {
+        /// Column.
+        column: String,
+        /// Where it is ½.
+        centre: f64,
+        /// Greater than 0; it is 0.12 and 0.88 two scales from the centre.
+        scale: f64,
+    },
     /// `all(row)`: every row.
     All,
     /// `surface(row, n, lengthscale)`: a field at the row's place, Matérn-3/2 of that lengthscale in mm, in the
@@ -70,7 +79,8 @@ impl Form {
             | Self::Smooth { column, .. }
             | Self::Group { column }
             | Self::Family { column }
-            | Self::Above { column, .. } => Some(column),
+            | Self::Above { column, .. }
+            | Self::Logistic { column, .. } => Some(column),
             Self::All | Self::Surface { .. } | Self::Path { .. } => None,
         }
     }
@@ -95,6 +105,9 @@ impl Form {
             Self::Group { column } => format!("group(row.{column})"),
             Self::Family { column } => format!("family(row.{column})"),
             Self::Above { column, threshold } => format!("above(row.{column}, {threshold:?})"),
+            Self::Logistic { column, centre, scale } => {
+                format!("logistic(row.{column}, {centre:?}, {scale:?})")
+            }
             Self::All => "all(row)".into(),
             Self::Surface { modes, lengthscale } => {
                 format!("surface(row, {modes}, {lengthscale:?})")
@@ -134,6 +147,10 @@ impl Form {
                 let z =
                     |row| number(row, column).map_or(0.0, |x| f64::from(u8::from(x > *threshold)));
                 (rows.map(z).collect(), 1)
+            }
+            Self::Logistic { column, centre, scale } => {
+                let z = |x: f64| 1.0 / (1.0 + (-(x - centre) / scale).exp());
+                (rows.map(|row| number(row, column).map_or(0.0, z)).collect(), 1)
             }
             Self::Smooth { column, low, high, degree } => {
                 let z = |row| match number(row, column) {

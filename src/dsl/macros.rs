@@ -112,7 +112,7 @@ macro_rules! statement {
     ($b:ident $P:tt $R:tt $L:tt $C:tt $V:tt $o:tt $(#[doc = $doc:literal])* let $($t:tt)*) => { $crate::mistake!{ "expected `let NAME(x) [unit] = EXPRESSION;`" $($t)* } };
     ($b:ident $P:tt $R:tt $L:tt $C:tt $V:tt $o:tt $(#[doc = $doc:literal])* column $($t:tt)*) => { $crate::mistake!{ "expected `column NAME [unit];` or `column NAME(3);`" $($t)* } };
     ($b:ident $P:tt $R:tt $L:tt $C:tt $V:tt $o:tt $(#[doc = $doc:literal])* observe $($t:tt)*) => { $crate::mistake!{ "expected `observe NAME(x): Bracket [unit] ~ LIKELIHOOD;` or `observe NAME(row): Number [unit] from (row.a / row.b) ~ LIKELIHOOD;`" $($t)* } };
-    ($b:ident $P:tt $R:tt $L:tt $C:tt $V:tt $o:tt $(#[doc = $doc:literal])* effect $($t:tt)*) => { $crate::mistake!{ "expected `effect NAME on LET, LET [unit] = linear(row.COLUMN) ~ PRIOR;`, or `scaled`, `smooth`, `above`, `group`, `family`, `all`, `surface`, `path` in place of `linear`" $($t)* } };
+    ($b:ident $P:tt $R:tt $L:tt $C:tt $V:tt $o:tt $(#[doc = $doc:literal])* effect $($t:tt)*) => { $crate::mistake!{ "expected `effect NAME on LET, LET [unit] = linear(row.COLUMN) ~ PRIOR;`, or `scaled`, `smooth`, `above`, `logistic`, `group`, `family`, `all`, `surface`, `path` in place of `linear`" $($t)* } };
     ($b:ident $P:tt $R:tt $L:tt $C:tt $V:tt $o:tt $(#[doc = $doc:literal])* density $($t:tt)*) => { $crate::mistake!{ "expected `density NAME(data) = f(PARAMETER, data.COLUMN);` or `density NAME = f(PARAMETER);`" $($t)* } };
     ($b:ident $P:tt $R:tt $L:tt $C:tt $V:tt $o:tt $(#[doc = $doc:literal])* $first:tt $($t:tt)*) => { $crate::mistake!{ "a statement begins with `param`, `field`, `let`, `column`, `observe`, `effect` or `density`" $first $($t)* } };
 }
@@ -124,12 +124,13 @@ macro_rules! form {
     (scaled $r:ident . $c:ident, $centre:expr, $scale:expr) => { $crate::dsl::expansion::Form::Scaled { column: stringify!($c).into(), centre: f64::from($centre), scale: f64::from($scale) } };
     (smooth $r:ident . $c:ident, $low:expr, $high:expr, $degree:expr) => { $crate::dsl::expansion::Form::Smooth { column: stringify!($c).into(), low: f64::from($low), high: f64::from($high), degree: $degree } };
     (above $r:ident . $c:ident, $threshold:expr) => { $crate::dsl::expansion::Form::Above { column: stringify!($c).into(), threshold: f64::from($threshold) } };
+    (logistic $r:ident . $c:ident, $centre:expr, $scale:expr) => { $crate::dsl::expansion::Form::Logistic { column: stringify!($c).into(), centre: f64::from($centre), scale: f64::from($scale) } };
     (group $r:ident . $c:ident) => { $crate::dsl::expansion::Form::Group { column: stringify!($c).into() } };
     (family $r:ident . $c:ident) => { $crate::dsl::expansion::Form::Family { column: stringify!($c).into() } };
     (all $r:ident) => { $crate::dsl::expansion::Form::All };
     (surface $r:ident, $modes:literal, $lengthscale:expr) => { $crate::dsl::expansion::Form::Surface { modes: $modes, lengthscale: f64::from($lengthscale) } };
     (path $r:ident, $modes:literal, $lengthscale:expr) => { $crate::dsl::expansion::Form::Path { modes: $modes, lengthscale: f64::from($lengthscale) } };
-    ($($other:tt)*) => { { $crate::mistake!{ "expected `linear(row.a, row.b)`, `scaled(row.a, CENTRE, SCALE)`, `smooth(row.a, LOW, HIGH, DEGREE)`, `above(row.a, THRESHOLD)`, `group(row.a)`, `family(row.a)`, `all(row)`, `surface(row, MODES, LENGTHSCALE)` or `path(row, MODES, LENGTHSCALE)`" $($other)* } $crate::dsl::expansion::Form::All } };
+    ($($other:tt)*) => { { $crate::mistake!{ "expected `linear(row.a, row.b)`, `scaled(row.a, CENTRE, SCALE)`, `smooth(row.a, LOW, HIGH, DEGREE)`, `above(row.a, THRESHOLD)`, `logistic(row.a, CENTRE, SCALE)`, `group(row.a)`, `family(row.a)`, `all(row)`, `surface(row, MODES, LENGTHSCALE)` or `path(row, MODES, LENGTHSCALE)`" $($other)* } $crate::dsl::expansion::Form::All } };
 }
 
 /// A message (its span is the whole `model!`), and an error at the place: `no rules expected` points

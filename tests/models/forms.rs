@@ -30,5 +30,8 @@ model! {
     effect patch on erp [ms] = above(row.dist_mm, 12.0) ~ Normal(0.0, 10.0);
 
     /// Added.
+    effect edge on erp [ms] = logistic(row.dist_mm, 15.0, 2.5) ~ Normal(0.0, 10.0);
+
+    /// Added.
     effect shift on late [ms] = all(row) ~ Normal(0.0, 10.0);
 }

@@ -46,6 +46,10 @@ impl Size {
                 draws.iter().map(|draw| draw[0]).collect(),
                 format!("where {column} is above {threshold:.3}"),
             ),
+            Form::Logistic { column, centre, .. } => (
+                draws.iter().map(|draw| draw[0]).collect(),
+                format!("well above {centre:.3} of {column}, more than well below"),
+            ),
             Form::Surface { .. } | Form::Path { .. } => {
                 let (design, n) = effect.form.design(&inputs.measurements);
                 let of_rows = |draw: &Vec<f64>| {

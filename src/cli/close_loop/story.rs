@@ -381,6 +381,9 @@ fn rounded(form: &Form) -> String {
             format!("smooth({column}, {low:.3}, {high:.3}, {degree})")
         }
         Form::Above { column, threshold } => format!("above({column}, {threshold:.3})"),
+        Form::Logistic { column, centre, scale } => {
+            format!("logistic({column}, {centre:.3}, {scale:.3})")
+        }
         Form::Surface { .. }
         | Form::Path { .. }
         | Form::Group { .. }
