@@ -294,6 +294,15 @@ fn one_study_of_each_kind_is_read_rightly() {
     });
 }
 
+/// A sharp edge would have left the error of sites that played no part higher here than without the patch.
+#[test]
+fn a_patch_is_claimed_with_a_soft_edge() {
+    let result = searched(&Heart::new(), Scenario::Patch, 217, 19);
+    assert_eq!(result.findings, ["patch"], "{result:?}");
+    assert!(result.note.contains("patch logistic"), "{result:?}");
+    assert!(result.is_better(Scenario::Patch), "{result:?}");
+}
+
 /// The rows of `heldout` with the brackets of `answers`, whose rows are the same.
 fn answered(heldout: &Measurements, answers: &Measurements) -> Measurements {
     let text =

@@ -55,7 +55,8 @@ impl Candidate {
 
     /// What to predict with, of a patch: a soft edge where a sharp one was found. A sharp one is easier to find, but
     /// which sites are just inside is chosen to fit them; between them nothing tells where the edge is.
-    pub(super) fn with_soft_edge(&self, table: &Measurements) -> Option<Self> {
+    /// With its design.
+    pub(super) fn with_soft_edge(&self, table: &Measurements) -> Option<(Self, Vec<f64>)> {
         let Some(Form::Above { column, threshold }) = &self.form else { return None };
         let Column::Numeric(x) = read_column(table, column) else { return None };
         let form = Form::Logistic {
@@ -63,7 +64,8 @@ impl Candidate {
             centre: *threshold,
             scale: readable(EDGE * moments(&x).1),
         };
-        Some(Self { form: Some(form), ..self.clone() })
+        let (design, _) = form.design(table);
+        Some((Self { form: Some(form), ..self.clone() }, design))
     }
 }
 

@@ -19,7 +19,7 @@ impl Run<'_> {
     /// What the round's best candidate is: a finding, ambiguous, or nothing.
     #[allow(clippy::type_complexity, reason = "what a round comes to, used once")]
     pub(super) fn judge(
-        &self,
+        &mut self,
         number: usize,
         (tried, nulls): (Vec<Tried>, Vec<f64>),
         base: &Fit,
@@ -57,8 +57,16 @@ impl Run<'_> {
             }
             rivals = self.rivals(&tried, best, base, &left, found);
             if rivals.is_empty() {
-                records[i].verdict = "found".into();
-                taken = Some((best.candidate, fit));
+                match self.soften(best.candidate, fit, &left) {
+                    Ok((fit, verdict)) => {
+                        records[i].verdict = verdict;
+                        taken = Some((best.candidate, fit));
+                    }
+                    Err(why) => {
+                        records[i].verdict = why;
+                        continue;
+                    }
+                }
             } else {
                 let names: Vec<&str> = rivals.iter().map(|pair| pair[1].as_str()).collect();
                 records[i].verdict = format!("not told apart from {}", names.join(", "));
@@ -66,6 +74,31 @@ impl Run<'_> {
             break;
         }
         (Round { tried: records, nulls, base: base.clone(), left }, taken, rivals)
+    }
+
+    /// A finding as it will predict: a patch gets a soft edge, which must predict what was left out too. Its fit and
+    /// what to say, or why it is no finding after all.
+    fn soften(&mut self, taken: usize, fit: Fit, left: &Left) -> Result<(Fit, String), String> {
+        let table = self.case.table;
+        let sharp = self.candidates[taken].clone();
+        let Some((soft, design)) = sharp.with_soft_edge(table) else {
+            return Ok((fit, "found".into()));
+        };
+        self.candidates[taken] = soft;
+        let design = std::mem::replace(&mut self.engine.terms[taken].design, design);
+        let start = self.engine.fit(&fit.outer, &fit.active, Some(&fit));
+        let fit = start
+            .and_then(|fit| optimise(&self.engine, &fit.active, &fit, Free::All, self.step))
+            .ok_or_else(|| "there is no fit with a soft edge".to_owned())
+            .and_then(|(fit, _)| match self.refutation(taken, &fit, left) {
+                Some(why) => Err(format!("with a soft edge: {why}")),
+                None => Ok((fit, format!("found as {}", sharp.text()))),
+            });
+        if fit.is_err() {
+            self.candidates[taken] = sharp;
+            self.engine.terms[taken].design = design;
+        }
+        fit
     }
 
     /// Why a candidate is no finding, if it is none.

@@ -244,7 +244,6 @@ impl Run<'_> {
             ambiguous.extend(rivals);
             let Some((taken, fit)) = taken else { break };
             found.push(taken);
-            let fit = self.soften(taken, fit)?;
             base = optimise(&self.engine, &self.active(&found), &fit, Free::All, self.step)
                 .map_or(fit, |(fit, _)| fit);
             if rounds.len() == self.settings.rounds {
@@ -270,19 +269,6 @@ impl Run<'_> {
             last: base,
             step,
         })
-    }
-
-    /// Gives a patch that was taken a soft edge, and fits again.
-    fn soften(&mut self, taken: usize, fit: Fit) -> Result<Fit, CriticismError> {
-        let Some(soft) = self.candidates[taken].with_soft_edge(self.case.table) else {
-            return Ok(fit);
-        };
-        if let Some(form) = &soft.form {
-            self.engine.terms[taken].design = form.design(self.case.table).0;
-        }
-        self.candidates[taken] = soft;
-        let fit = self.engine.fit(&fit.outer, &fit.active, Some(&fit));
-        fit.ok_or(CriticismError::NoFit)
     }
 
     /// A search on the rows of `engine`, measured or simulated: every candidate, best first, and the base that
