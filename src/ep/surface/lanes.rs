@@ -102,7 +102,8 @@ pub(super) fn meets<F: Precision>(levels: &[F], a: &[F; BLOCK], b: &[F; BLOCK]) 
     let mut meets = [false; BLOCK];
     for level in levels {
         for i in 0..BLOCK {
-            meets[i] |= (a[i] <= *level) & (b[i] >= *level) | (a[i] >= *level) & (b[i] <= *level);
+            meets[i] |= (a[i] > *level) != (b[i] > *level);
+            meets[i] |= (a[i] < *level) != (b[i] < *level);
         }
     }
     meets
