@@ -50,7 +50,7 @@ pub(super) struct Solver<F> {
     w: Blocks<F>,
     p: Blocks<F>,
     s: Blocks<F>,
-    /// `r · r` at which a step is solved: an error of [`Precision::TOLERANCE`] of V everywhere.
+    /// `r · r` at which a step is solved: an error of [`Precision::TOLERANCE`] of V, rms.
     enough: f64,
     neighbours: Vec<Vec<usize>>,
     pub(super) awake: Vec<bool>,
