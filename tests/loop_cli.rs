@@ -6,6 +6,8 @@
 
 #[path = "support/program.rs"]
 mod program;
+#[path = "support/studies.rs"]
+mod studies;
 
 use std::fmt::Write as _;
 
@@ -129,6 +131,44 @@ fn a_hidden_effect_is_found_written_and_told() {
     assert!(furthest < 4.5, "{furthest} standard errors apart");
     let before = summary("loop/before/summary.json");
     assert!(furthest_apart(&before, &again) > 4.5, "another model passes for the same");
+}
+
+/// Different tissue differs in every field: one finding, an effect on each.
+#[test]
+fn a_patch_is_written_with_an_effect_on_every_field() {
+    let study = studies::study(&studies::Heart::new(), studies::Scenario::Patch, 111);
+    let place = Workplace::new();
+    place
+        .file("erp.rs", include_str!("../models/erp.rs"))
+        .file("train.csv", study.train.to_csv())
+        .file("heldout.csv", study.heldout.to_csv());
+    place.eplat("mesh atrium --edge 2 --out atrium.vtk");
+    let on = "--mesh atrium.vtk --units mm --data train.csv";
+    let output =
+        place.eplat(&format!("loop erp.rs {on} --heldout heldout.csv --nulls 19 --out loop"));
+    let (stdout, stderr) = (text(&output.stdout), text(&output.stderr));
+    assert!(matches!(output.status.code(), Some(0 | 3)), "{stderr}");
+    let lacks = "Erp lacks an effect of dist_scar_mm on apd_max and tau_out.";
+    assert!(stdout.contains(lacks), "{stdout}");
+    let finding = finding(&place, "loop");
+    assert_eq!(finding["findings"], serde_json::json!(["patch"]));
+    let names: Vec<&String> = finding["effect_interval"].as_object().unwrap().keys().collect();
+    assert_eq!(names, ["patch", "patch_tau_out"]);
+    let of = |name: &str| finding["heldout"][name].as_f64().unwrap();
+    assert!(of("rmse_after") < of("rmse_before"), "{}", finding["heldout"]);
+    // as it was tried, and as it is claimed
+    let tried = finding["tried"].as_array().unwrap();
+    let taken = tried.iter().find(|t| t["verdict"] == "found").unwrap();
+    assert!(taken["form"].as_str().unwrap().starts_with("above(row.dist_scar_mm, "), "{taken}");
+    let shown = text(&place.eplat("show loop/erp_plus_patch.rs").stdout);
+    for effect in ["patch on apd_max", "patch_tau_out on tau_out"] {
+        let statement = format!("effect {effect} [ms] = logistic(row.dist_scar_mm, ");
+        assert!(place.read("loop/erp_plus_patch.rs").contains(&statement), "{statement}");
+        assert!(shown.contains(effect.split(' ').next().unwrap()), "{shown}");
+    }
+    let page = place.read("loop/report.html");
+    assert!(page.contains(&format!("<h1>{lacks}</h1>")));
+    assert!(page.contains("above(dist_scar_mm, "), "the form that was tried");
 }
 
 #[test]

@@ -134,7 +134,7 @@ fn searched(lat: &dyn Fn(u32, f64) -> f64) -> (Vec<String>, Outcome) {
     let case = Case { model: &lat::Lat, basis: Some(&basis), table: &table };
     let settings = Settings { nulls: 19, ..Settings::default() };
     let outcome = criticise(&case, &settings, &|_, _| {}).unwrap();
-    let names = outcome.found.iter().map(|f| outcome.candidates[*f].name.clone()).collect();
+    let names = outcome.findings().into_iter().map(String::from).collect();
     (names, outcome)
 }
 

@@ -116,14 +116,13 @@ fn search_of(study: &Study, basis: &Basis, seed: u64, nulls: usize) -> Result {
     let outcome = Some(search(0))
         .filter(|quick| quick.rounds[0].tried.iter().all(|t| t.log_bf <= CLAIM))
         .unwrap_or_else(|| search(nulls));
-    let name = |f: &usize| outcome.candidates[*f].name.clone();
     let scores = (!outcome.found.is_empty()).then(|| {
         [(&outcome.rounds[0].base.outer, &[][..]), (&outcome.last.outer, &outcome.found[..])]
             .map(|(outer, found)| heldout(&case, study, &outcome, outer, found))
     });
     Result {
         seed,
-        findings: outcome.found.iter().map(name).collect(),
+        findings: outcome.findings().into_iter().map(String::from).collect(),
         ambiguous: outcome.ambiguous.clone(),
         unexplained: outcome.is_unexplained(),
         rmse: scores.map(|s| s.map(|[rmse, _]| rmse)),
@@ -134,14 +133,19 @@ fn search_of(study: &Study, basis: &Basis, seed: u64, nulls: usize) -> Result {
 
 /// What stands behind a result, in a line.
 fn note(outcome: &Outcome) -> String {
+    let text = |form: Option<&Form>| form.map_or("outliers".into(), Form::text);
     let mut note =
         format!("site {:.1} of sd {:.1}", outcome.site_log_bf, outcome.last.outer.ln_site.exp());
     for round in &outcome.rounds {
+        for c in round.claimed.iter().map(|c| &outcome.candidates[*c]) {
+            let _ = write!(note, " [{} on {}]", text(c.form.as_ref()), c.on.join("+"));
+        }
         let bar = round.nulls.get((0.95 * round.nulls.len() as f64) as usize);
         let _ = write!(note, " | null95 {:.1};", bar.copied().unwrap_or(f64::NAN));
         for t in round.tried.iter().take(3) {
             let c = &outcome.candidates[t.candidate];
-            let form = c.text().split('(').next().unwrap_or_default().to_owned();
+            let form = text(t.form.as_ref());
+            let form = form.split('(').next().unwrap_or_default();
             let on = c.on.join("+");
             let _ = write!(note, " {} {form} {on} {:.1} ({});", c.name, t.log_bf, t.verdict);
         }
@@ -294,13 +298,14 @@ fn one_study_of_each_kind_is_read_rightly() {
     });
 }
 
-/// A sharp edge would have left the error of sites that played no part higher here than without the patch.
+/// As it is found, with a sharp edge on one field, it takes 8 % off the error of sites that played no part.
 #[test]
-fn a_patch_is_claimed_with_a_soft_edge() {
-    let result = searched(&Heart::new(), Scenario::Patch, 217, 19);
+fn a_patch_is_claimed_on_every_field_with_a_soft_edge() {
+    let result = searched(&Heart::new(), Scenario::Patch, 111, 19);
     assert_eq!(result.findings, ["patch"], "{result:?}");
-    assert!(result.note.contains("patch logistic"), "{result:?}");
-    assert!(result.is_better(Scenario::Patch), "{result:?}");
+    assert_eq!(result.note.matches("[logistic(").count(), 2, "{result:?}");
+    let [before, after] = result.rmse.unwrap();
+    assert!(after < 0.8 * before, "{result:?}");
 }
 
 /// The rows of `heldout` with the brackets of `answers`, whose rows are the same.
@@ -357,9 +362,27 @@ fn the_reference_sets_are_read_rightly() {
     assert!(wrong.is_empty(), "a wrong name in {}", wrong.join(", "));
 }
 
+/// The tables of studies as `eplat loop` reads them, in `FOLDER/SCENARIO_SEED`.
 #[test]
-#[ignore = "380 searches, most of an hour"]
-fn the_rates_are_within_their_bars() {
+#[ignore = "writes files: SCENARIO=patch SEEDS=101..120 FOLDER=studies"]
+fn studies_as_files() {
+    let heart = Heart::new();
+    let (scenarios, seeds) = wanted();
+    for scenario in scenarios {
+        for seed in seeds.clone() {
+            let name = format!("{scenario:?}_{seed}").to_lowercase();
+            let folder = Path::new(&variable("FOLDER", "target/studies")).join(name);
+            std::fs::create_dir_all(&folder).unwrap();
+            let Study { train, heldout } = study(&heart, scenario, seed);
+            for (file, table) in [("train.csv", train), ("heldout.csv", heldout)] {
+                std::fs::write(folder.join(file), table.to_csv()).unwrap();
+            }
+        }
+    }
+}
+
+/// Scenarios and seeds that the environment names.
+fn wanted() -> (Vec<Scenario>, RangeInclusive<u64>) {
     let (wanted, seeds) = (variable("SCENARIO", "all").to_lowercase(), variable("SEEDS", "20"));
     let is_wanted = |s: &&Scenario| {
         wanted == "all" || wanted.split(',').any(|name| format!("{s:?}").to_lowercase() == name)
@@ -367,7 +390,13 @@ fn the_rates_are_within_their_bars() {
     let scenarios: Vec<Scenario> = ALL.iter().filter(is_wanted).copied().collect();
     assert!(!scenarios.is_empty(), "no scenario {wanted} among {ALL:?}");
     let (first, last) = seeds.split_once("..").unwrap_or(("1", &seeds));
-    let seeds = first.parse().unwrap()..=last.parse().unwrap();
+    (scenarios, first.parse().unwrap()..=last.parse().unwrap())
+}
+
+#[test]
+#[ignore = "380 searches, most of an hour"]
+fn the_rates_are_within_their_bars() {
+    let (scenarios, seeds) = wanted();
     let failures = rates(&scenarios, seeds, variable("NULLS", "19").parse().unwrap());
     assert!(failures.is_empty(), "{}", failures.join("\n"));
 }

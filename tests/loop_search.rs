@@ -67,7 +67,7 @@ fn searched(truth: Truth, seed: u64) -> (Vec<String>, Outcome) {
     let case = Case { model: &level::Level, basis: None, table: &table };
     let settings = Settings { nulls: 39, ..Settings::default() };
     let outcome = criticise(&case, &settings, &|_, _| {}).unwrap();
-    let names = outcome.found.iter().map(|f| outcome.candidates[*f].name.clone()).collect();
+    let names = outcome.findings().into_iter().map(String::from).collect();
     (names, outcome)
 }
 

@@ -47,28 +47,6 @@ pub struct Candidate {
     pub screen: Screen,
 }
 
-impl Candidate {
-    /// As it is written in a model file, with `row` for the row.
-    pub fn text(&self) -> String {
-        self.form.as_ref().map_or("Outliers".into(), Form::text)
-    }
-
-    /// What to predict with, of a patch: a soft edge where a sharp one was found. A sharp one is easier to find, but
-    /// which sites are just inside is chosen to fit them; between them nothing tells where the edge is.
-    /// With its design.
-    pub(super) fn with_soft_edge(&self, table: &Measurements) -> Option<(Self, Vec<f64>)> {
-        let Some(Form::Above { column, threshold }) = &self.form else { return None };
-        let Column::Numeric(x) = read_column(table, column) else { return None };
-        let form = Form::Logistic {
-            column: column.clone(),
-            centre: *threshold,
-            scale: readable(EDGE * moments(&x).1),
-        };
-        let (design, _) = form.design(table);
-        Some((Self { form: Some(form), ..self.clone() }, design))
-    }
-}
-
 /// Columns that say where and what was measured, never why it differs.
 const STRUCTURAL: [&str; 13] = [
     SOURCE,
@@ -130,7 +108,7 @@ pub(super) fn read_column(table: &Measurements, name: &str) -> Column {
 }
 
 /// Mean and standard deviation of the numbers that are there.
-fn moments(x: &[f64]) -> (f64, f64) {
+pub(super) fn moments(x: &[f64]) -> (f64, f64) {
     let present: Vec<f64> = x.iter().copied().filter(|x| x.is_finite()).collect();
     let n = present.len() as f64;
     let mean = present.iter().sum::<f64>() / n;
@@ -148,8 +126,6 @@ pub struct Unusable {
 
 /// Shares of the table's distances that may be inside a patch.
 const INSIDE: [f64; 12] = [0.1, 0.125, 0.15, 0.175, 0.2, 0.225, 0.25, 0.275, 0.3, 0.35, 0.4, 0.5];
-/// Scale of the edge of a patch that is found, in standard deviations of the distances.
-const EDGE: f64 = 0.2;
 /// Sites for each mode of a field that is tried, and its fewest modes.
 const SITES_PER_MODE: usize = 8;
 const LEAST_MODES: usize = 24;

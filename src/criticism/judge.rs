@@ -1,6 +1,7 @@
 //! What the candidates of a round are: a finding, causes that cannot be told apart, or nothing.
 
 use super::candidates::Level;
+use super::claim::Claim;
 use super::engine::Outer;
 use super::fit::Fit;
 use super::leave::{Left, leave_sites_out, leave_units_out, squared_errors};
@@ -17,14 +18,13 @@ const LEVEL: f64 = 0.05;
 
 impl Run<'_> {
     /// What the round's best candidate is: a finding, ambiguous, or nothing.
-    #[allow(clippy::type_complexity, reason = "what a round comes to, used once")]
     pub(super) fn judge(
         &mut self,
         number: usize,
         (tried, nulls): (Vec<Tried>, Vec<f64>),
         base: &Fit,
         found: &[usize],
-    ) -> (Round, Option<(usize, Fit)>, Vec<[String; 2]>) {
+    ) -> (Round, Option<Claim>, Vec<[String; 2]>) {
         let least = least_log_bf(number);
         let left = leave_sites_out(&self.engine, base, self.settings.seed);
         let p_null = |log_bf: f64| {
@@ -35,6 +35,7 @@ impl Run<'_> {
             .iter()
             .map(|t| Record {
                 candidate: t.candidate,
+                form: self.candidates[t.candidate].form.clone(),
                 p_screen: t.p_screen,
                 log_bf: t.log_bf,
                 p_null: p_null(t.log_bf),
@@ -48,7 +49,7 @@ impl Run<'_> {
             })
             .collect();
         // another may explain more where it was fitted, and predict nothing
-        let (mut taken, mut rivals) = (None, vec![]);
+        let (mut claim, mut rivals) = (None, vec![]);
         for (i, best) in tried.iter().enumerate().filter(|(_, t)| t.log_bf > least) {
             let Some(fit) = best.fit.clone() else { continue };
             if let Some(why) = self.objection(best, &fit, p_null(best.log_bf), &left) {
@@ -57,10 +58,10 @@ impl Run<'_> {
             }
             rivals = self.rivals(&tried, best, base, &left, found);
             if rivals.is_empty() {
-                match self.soften(best.candidate, fit, &left) {
-                    Ok((fit, verdict)) => {
-                        records[i].verdict = verdict;
-                        taken = Some((best.candidate, fit));
+                match self.claim(best.candidate, fit, &left) {
+                    Ok(own) => {
+                        records[i].verdict = "found".into();
+                        claim = Some((i, own));
                     }
                     Err(why) => {
                         records[i].verdict = why;
@@ -73,32 +74,10 @@ impl Run<'_> {
             }
             break;
         }
-        (Round { tried: records, nulls, base: base.clone(), left }, taken, rivals)
-    }
-
-    /// A finding as it will predict: a patch gets a soft edge, which must predict what was left out too. Its fit and
-    /// what to say, or why it is no finding after all.
-    fn soften(&mut self, taken: usize, fit: Fit, left: &Left) -> Result<(Fit, String), String> {
-        let table = self.case.table;
-        let sharp = self.candidates[taken].clone();
-        let Some((soft, design)) = sharp.with_soft_edge(table) else {
-            return Ok((fit, "found".into()));
-        };
-        self.candidates[taken] = soft;
-        let design = std::mem::replace(&mut self.engine.terms[taken].design, design);
-        let start = self.engine.fit(&fit.outer, &fit.active, Some(&fit));
-        let fit = start
-            .and_then(|fit| optimise(&self.engine, &fit.active, &fit, Free::All, self.step))
-            .ok_or_else(|| "there is no fit with a soft edge".to_owned())
-            .and_then(|(fit, _)| match self.refutation(taken, &fit, left) {
-                Some(why) => Err(format!("with a soft edge: {why}")),
-                None => Ok((fit, format!("found as {}", sharp.text()))),
-            });
-        if fit.is_err() {
-            self.candidates[taken] = sharp;
-            self.engine.terms[taken].design = design;
-        }
-        fit
+        let (taken, claim) = claim.unzip();
+        let claimed = claim.as_ref().map_or(vec![], |claim: &Claim| claim.effects.clone());
+        let round = Round { tried: records, nulls, base: base.clone(), left, taken, claimed };
+        (round, claim, rivals)
     }
 
     /// Why a candidate is no finding, if it is none.
@@ -120,13 +99,13 @@ impl Run<'_> {
         if let Some(unit) = unit.filter(|unit| unit.n < LEAST_UNITS) {
             return Some(format!("not confirmable: it varies only over {} {}s", unit.n, unit.name));
         }
-        self.refutation(best.candidate, fit, left)
+        self.refutation(&[best.candidate], fit, left)
     }
 
-    /// Why a candidate's predictions of what was left out speak against it, if they do: of sites, and of the
-    /// units over which it varies.
-    pub(super) fn refutation(&self, candidate: usize, fit: &Fit, left: &Left) -> Option<String> {
-        let unit = self.left_out(self.column(candidate));
+    /// Why predictions of what was left out speak against a cause's effects, the last terms of `fit`, if they do:
+    /// of sites, and of the units over which the cause varies.
+    pub(super) fn refutation(&self, effects: &[usize], fit: &Fit, left: &Left) -> Option<String> {
+        let unit = self.left_out(self.column(*effects.first()?));
         if unit.is_none() || unit != self.unit {
             // what units share is known from a unit's other sites: these tell nothing of what varies over units
             let with = leave_sites_out(&self.engine, fit, self.settings.seed);
@@ -138,7 +117,8 @@ impl Run<'_> {
             }
         }
         let unit = unit.filter(|unit| unit.n >= LEAST_UNITS)?;
-        let gained = self.without(fit).and_then(|without| self.unit_gain(&without, fit, &unit));
+        let gained =
+            self.without(effects, fit).and_then(|without| self.unit_gain(&without, fit, &unit));
         let Some((what, (gain, se))) = gained else {
             return Some(format!("there is no fit with some {}s left out as a whole", unit.name));
         };
@@ -195,10 +175,10 @@ impl Run<'_> {
         if column.is_some() { unit } else { unit.or_else(|| self.unit.clone()) }
     }
 
-    /// The fit without its last term.
-    fn without(&self, fit: &Fit) -> Option<Fit> {
-        let (last, active) = fit.active.split_last()?;
-        let is_noise = self.candidates.get(*last).is_some_and(|c| c.level == Level::Noise);
+    /// The fit without its last terms.
+    fn without(&self, last: &[usize], fit: &Fit) -> Option<Fit> {
+        let active = fit.active.strip_suffix(last)?;
+        let is_noise = last.iter().any(|c| self.candidates[*c].level == Level::Noise);
         let outliers = fit.outer.outliers.filter(|_| !is_noise);
         let outer = Outer { outliers, ..fit.outer.clone() };
         let start = self.engine.fit(&outer, active, Some(fit))?;

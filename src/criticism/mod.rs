@@ -8,6 +8,7 @@
 
 mod candidates;
 mod checks;
+mod claim;
 mod engine;
 mod error;
 mod fine;

@@ -2,6 +2,7 @@
 
 use super::candidates::{Candidate, Maker, Unusable, covariates};
 use super::checks::{Warning, check};
+use super::claim::Claim;
 use super::engine::{Engine, Outer, Term};
 use super::error::CriticismError;
 use super::fine::finer_fields;
@@ -60,6 +61,8 @@ impl Default for Settings {
 pub struct Record {
     /// Number of the candidate.
     pub candidate: usize,
+    /// Its form when it was tried.
+    pub form: Option<Form>,
     /// p-value of the screen.
     pub p_screen: f64,
     /// Log Bayes factor; −∞ if the screen stopped it.
@@ -81,6 +84,10 @@ pub struct Round {
     pub base: Fit,
     /// What it leaves over.
     pub left: Left,
+    /// Place in `tried` of what is claimed.
+    pub taken: Option<usize>,
+    /// Its effects: candidates, as they are claimed.
+    pub claimed: Vec<usize>,
 }
 
 /// What the search came to.
@@ -113,6 +120,14 @@ pub struct Outcome {
 }
 
 impl Outcome {
+    /// What is claimed, in order: names of causes, of which one may have several effects.
+    pub fn findings(&self) -> Vec<&str> {
+        let mut names: Vec<&str> =
+            self.found.iter().map(|f| self.candidates[*f].name.as_str()).collect();
+        names.dedup();
+        names
+    }
+
     /// Whether sites differ by more than the model with its findings says.
     pub fn is_unexplained(&self) -> bool {
         self.site_log_bf > CLAIM || self.unit_log_bf.as_ref().is_some_and(|(_, bf)| *bf > CLAIM)
@@ -242,8 +257,8 @@ impl Run<'_> {
             let (round, taken, rivals) = self.judge(rounds.len(), (tried, nulls), &base, &found);
             rounds.push(round);
             ambiguous.extend(rivals);
-            let Some((taken, fit)) = taken else { break };
-            found.push(taken);
+            let Some(Claim { effects, fit }) = taken else { break };
+            found.extend(effects);
             base = optimise(&self.engine, &self.active(&found), &fit, Free::All, self.step)
                 .map_or(fit, |(fit, _)| fit);
             if rounds.len() == self.settings.rounds {

@@ -80,7 +80,7 @@ impl Run<'_> {
     fn is_rival(&self, duel: &Duel<'_>, other: &Tried) -> bool {
         let best = duel.best;
         // what predicts nothing of what was left out is no rival, unless it goes with the best
-        let predicts = |fit: &Fit| self.refutation(other.candidate, fit, duel.left).is_none();
+        let predicts = |fit: &Fit| self.refutation(&[other.candidate], fit, duel.left).is_none();
         let [a, b] = [best, other].map(|t| self.column(t.candidate));
         if a.is_some() && a == b {
             return false; // a threshold and a curve of one column are forms of one cause

@@ -340,24 +340,28 @@ fn added(
         statement.map(|s| s.decl.unit.to_owned()).unwrap_or_default()
     };
     let mut effects: Vec<(AddedEffect, String)> = vec![];
-    for (round, candidate) in outcome.found.iter().enumerate() {
-        let found = &outcome.candidates[*candidate];
-        let Some(form) = found.form.clone() else { continue };
-        let is_taken = |name: &str, effects: &[(AddedEffect, String)]| {
-            outline.statements.iter().any(|s| s.decl.name == name)
-                || effects.iter().any(|(e, _)| e.name == name)
-        };
-        let mut name = found.name.clone();
-        while is_taken(&name, &effects) {
-            name += "_effect";
+    let is_taken = |name: &str, effects: &[(AddedEffect, String)]| {
+        outline.statements.iter().any(|s| s.decl.name == name)
+            || effects.iter().any(|(e, _)| e.name == name)
+    };
+    for round in &outcome.rounds {
+        let log_bf = round.taken.map_or(f64::NAN, |taken| round.tried[taken].log_bf);
+        for (k, candidate) in round.claimed.iter().enumerate() {
+            let found = &outcome.candidates[*candidate];
+            let Some(form) = found.form.clone() else { continue };
+            let (on, sd) = (found.on.clone(), found.sd);
+            let mut name = found.name.clone();
+            if k > 0 {
+                name = format!("{name}_{}", on.join("_"));
+            }
+            while is_taken(&name, &effects) {
+                name += "_effect";
+            }
+            let data = name_of(table);
+            let why = format!("Found by `eplat loop` in {data}: log Bayes factor {log_bf:.1}.");
+            let unit = unit_of(&on[0]);
+            effects.push((AddedEffect { name, on, unit, form, sd }, why));
         }
-        let mut tried = outcome.rounds[round].tried.iter();
-        let log_bf = tried.find(|t| t.candidate == *candidate).map_or(f64::NAN, |t| t.log_bf);
-        let data = name_of(table);
-        let why = format!("Found by `eplat loop` in {data}: log Bayes factor {log_bf:.1}.");
-        let (on, sd) = (found.on.clone(), found.sd);
-        let unit = unit_of(&on[0]);
-        effects.push((AddedEffect { name, on, unit, form, sd }, why));
     }
     Ok(effects)
 }
@@ -370,10 +374,7 @@ fn name_of(table: &Measurements) -> String {
 
 fn file_name(model: &Path, story: &Story<'_>) -> String {
     let stem = model.file_stem().unwrap_or("model".as_ref()).display().to_string();
-    let outliers = story.outcome.last.outer.outliers.map(|_| "outliers");
-    let effects = story.effects.iter().map(|(e, _)| e.name.as_str());
-    let names: Vec<&str> = effects.chain(outliers).collect();
-    format!("{stem}_plus_{}.rs", names.join("_"))
+    format!("{stem}_plus_{}.rs", story.outcome.findings().join("_"))
 }
 
 fn save(out: &OutputFolder, name: &str, text: &str) -> Result<(), Failure> {

@@ -48,7 +48,7 @@ impl Size {
             ),
             Form::Logistic { column, centre, .. } => (
                 draws.iter().map(|draw| draw[0]).collect(),
-                format!("well above {centre:.3} of {column}, more than well below"),
+                format!("well above {centre} of {column}, more than well below"),
             ),
             Form::Surface { .. } | Form::Path { .. } => {
                 let (design, n) = effect.form.design(&inputs.measurements);

@@ -32,13 +32,6 @@ pub(super) struct Story<'a> {
 impl Story<'_> {
     pub(super) fn finding(&self) -> Value {
         let outcome = self.outcome;
-        let names: Vec<&str> =
-            outcome.found.iter().map(|f| outcome.candidates[*f].name.as_str()).collect();
-        let sizes = self.sizes();
-        let found = outcome.found.iter().map(|f| &outcome.candidates[*f]);
-        let effects = found.filter(|c| c.form.is_some());
-        let intervals: BTreeMap<&str, [f64; 2]> =
-            effects.zip(&sizes).map(|(c, size)| (c.name.as_str(), size.interval)).collect();
         let rounds = outcome.rounds.iter().enumerate();
         let tried = rounds.flat_map(|(i, round)| self.tried_json(i, round));
         let unusable: Vec<Value> =
@@ -54,10 +47,10 @@ impl Story<'_> {
             figures
         });
         json!({
-            "findings": names,
+            "findings": outcome.findings(),
             "ambiguous": outcome.ambiguous,
             "unexplained": outcome.is_unexplained(),
-            "effect_interval": intervals,
+            "effect_interval": self.intervals(),
             "heldout": heldout.as_ref().map_or(Value::Null, as_json),
             "leave_one_site_out": as_json(&self.left.comparison(outcome)),
             "leave_one_unit_out": units,
@@ -71,6 +64,18 @@ impl Story<'_> {
         })
     }
 
+    /// The interval of each effect: by the finding's name, of its further effects by their own.
+    fn intervals(&self) -> BTreeMap<&str, [f64; 2]> {
+        let found = self.outcome.found.iter().map(|f| &self.outcome.candidates[*f]);
+        let mut intervals = BTreeMap::new();
+        let effects = self.effects.iter().zip(found.filter(|c| c.form.is_some()));
+        for (((effect, _), c), size) in effects.zip(&self.sizes()) {
+            let is_first = !intervals.contains_key(c.name.as_str());
+            intervals.insert(if is_first { &c.name[..] } else { &effect.name }, size.interval);
+        }
+        intervals
+    }
+
     fn tried_json(&self, number: usize, round: &Round) -> Vec<Value> {
         let one = |t: &crate::criticism::Record| {
             let candidate = &self.outcome.candidates[t.candidate];
@@ -78,7 +83,7 @@ impl Story<'_> {
                 "round": number + 1,
                 "effect": candidate.name,
                 "on": candidate.on,
-                "form": candidate.text(),
+                "form": t.form.as_ref().map_or("Outliers".into(), Form::text),
                 "p_screen": t.p_screen,
                 "log_bf": t.log_bf.is_finite().then_some(t.log_bf),
                 "p_null": t.p_null,
@@ -109,7 +114,9 @@ impl Story<'_> {
                 100.0 * share
             )
         });
-        let effects = self.effects.iter().map(|(e, _)| in_words(e));
+        let of_one_cause =
+            |a: &(AddedEffect, String), b: &(AddedEffect, String)| a.0.form == b.0.form;
+        let effects = self.effects.chunk_by(of_one_cause).map(in_words);
         let lacked: Vec<String> = effects.chain(outliers).collect();
         if !lacked.is_empty() {
             return format!("{model} lacks {}.", lacked.join(" and "));
@@ -202,8 +209,10 @@ impl Story<'_> {
     fn doubts(&self) -> Vec<String> {
         let table = &self.inputs.measurements;
         let mut doubts: Vec<String> = self.warnings().map(|warning| warning.text.clone()).collect();
-        for (effect, _) in self.effects {
-            let Some(column) = effect.form.column() else { continue };
+        let mut columns: Vec<&str> =
+            self.effects.iter().filter_map(|(effect, _)| effect.form.column()).collect();
+        columns.dedup();
+        for column in columns {
             if self.heldout.is_some_and(|h| h.missing.iter().any(|c| c == column)) {
                 doubts.push(format!(
                     "the held-out table has no column {column}: its rows are predicted without the effect"
@@ -271,25 +280,24 @@ impl Story<'_> {
     }
 
     fn tried(&self, number: usize, round: &Round) -> TriedRound {
-        let taken = self.outcome.found.get(number);
-        let one = |t: &crate::criticism::Record| {
+        let one = |(i, t): (usize, &crate::criticism::Record)| {
             let candidate = &self.outcome.candidates[t.candidate];
             TriedEffect {
                 name: candidate.name.clone(),
-                statement: candidate.form.as_ref().map_or("every likelihood".into(), |form| {
+                statement: t.form.as_ref().map_or("every likelihood".into(), |form| {
                     format!("{} on {}", rounded(form), candidate.on.join(", "))
                 }),
                 p_screen: t.p_screen,
                 log_bf: t.log_bf,
                 p_null: t.p_null,
                 verdict: t.verdict.clone(),
-                is_taken: taken == Some(&t.candidate),
+                is_taken: round.taken == Some(i),
             }
         };
         TriedRound {
             claim: least_log_bf(number),
             nulls: round.nulls.clone(),
-            tried: round.tried.iter().map(one).collect(),
+            tried: round.tried.iter().enumerate().map(one).collect(),
         }
     }
 
@@ -358,10 +366,11 @@ impl Story<'_> {
     }
 }
 
-/// An effect in words.
-fn in_words(effect: &AddedEffect) -> String {
-    let on = effect.on.join(" and ");
-    match &effect.form {
+/// The effects of one cause in words.
+fn in_words(effects: &[(AddedEffect, String)]) -> String {
+    let on: Vec<&str> = effects.iter().flat_map(|(e, _)| &e.on).map(String::as_str).collect();
+    let on = on.join(" and ");
+    match &effects[0].0.form {
         Form::Surface { .. } => format!("a field over the surface in {on}"),
         Form::Path { .. } => format!("a slowness that varies along the paths, in {on}"),
         form => match form.column() {
