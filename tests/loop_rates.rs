@@ -180,7 +180,7 @@ fn heldout(
         number + if row < first { 0 } else { study.train.len() }
     };
     let sites: Vec<usize> = (0..joint.len()).map(site).collect();
-    let engine = Engine::new(model, &on, &sites, found.iter().map(term).collect());
+    let engine = Engine::new(model, &on, &sites, &[], found.iter().map(term).collect());
     let hidden: Vec<usize> = (0..engine.rows.len())
         .filter(|r| engine.model.table_row(engine.rows[*r].id) >= first)
         .collect();

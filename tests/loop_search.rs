@@ -113,3 +113,35 @@ fn what_no_column_tells_remains_unexplained() {
     let (_, nothing) = searched(Truth::default(), 4);
     assert!(!nothing.is_unexplained(), "log Bayes factor {}", nothing.site_log_bf);
 }
+
+/// Rows of `table` and, of every second site, the same rows again.
+fn with_copies(table: &Measurements) -> Measurements {
+    let row = |row: usize| -> Vec<String> {
+        table.columns().iter().map(|c| table.cell(row, c).unwrap().to_owned()).collect()
+    };
+    let copied = (0..table.len()).filter(|row| row / 2 % 2 == 0);
+    let rows = (0..table.len()).chain(copied).map(row).collect();
+    Measurements::from_cells("made", table.columns().to_vec(), rows).unwrap()
+}
+
+#[test]
+fn copies_count_once_and_replicates_as_often_as_they_were_made() {
+    let evidence = |table: &Measurements| {
+        let case = Case { model: &level::Level, basis: None, table };
+        criticise(&case, &Settings { nulls: 0, ..Settings::default() }, &|_, _| {}).unwrap()
+    };
+    // one row a site: all that is there twice is a copy
+    let both = table(Truth { hidden: 8.0, ..Truth::default() }, 4);
+    let row = |row: usize| -> Vec<String> {
+        both.columns().iter().map(|c| both.cell(row, c).unwrap().to_owned()).collect()
+    };
+    let rows = (0..both.len()).step_by(2).map(row).collect();
+    let single = Measurements::from_cells("made", both.columns().to_vec(), rows).unwrap();
+    let [plain, copied] = [&single, &with_copies(&single)].map(|table| evidence(table).site_log_bf);
+    assert!((plain - copied).abs() < 1e-9, "{plain} {copied}");
+    // two measurements a site, of which some came out the same: they tell how far these scatter
+    let same = (0..both.len()).step_by(2).filter(|first| row(*first) == row(first + 1)).count();
+    let outcome = evidence(&both);
+    assert!((5..35).contains(&same), "{same}");
+    assert_eq!(outcome.engine.rows.len(), both.len());
+}

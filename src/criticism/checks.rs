@@ -1,9 +1,9 @@
 //! What is doubtful about a table before anything is fitted to it: named warnings, never a correction.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 
 use super::candidates::{Column, read_column};
-use super::units::{LEAST_UNITS, by_site, occasion_of};
+use super::units::{LEAST_UNITS, by_site, occasion_of, site_column};
 use crate::dsl::{Measurements, distinct};
 
 /// A doubt about a table.
@@ -62,20 +62,45 @@ fn groups(table: &Measurements, by: &str, values: &[f64]) -> BTreeMap<String, Ve
     groups
 }
 
-/// Rows that are the same in every column: one measurement that counts twice.
-fn repeated_rows(table: &Measurements) -> Option<Warning> {
+/// Rows that repeat an earlier one in every column, with that.
+fn repeats(table: &Measurements) -> Vec<(usize, usize)> {
     let mut seen: BTreeMap<Vec<&str>, usize> = BTreeMap::new();
-    let mut repeats = vec![];
-    for row in 0..table.len() {
-        let cells = table.columns().iter().map(|c| table.cell(row, c).unwrap_or_default());
-        if let Some(first) = seen.insert(cells.collect(), row) {
-            repeats.push((first, row));
-        }
+    let first = |row| *seen.entry(cells(table, row, &[])).or_insert(row);
+    let firsts: Vec<usize> = (0..table.len()).map(first).collect();
+    firsts.into_iter().zip(0..table.len()).filter(|(first, row)| first != row).collect()
+}
+
+/// Rows that are copies of others: they repeat them in every column, at sites that have names, and no measurement
+/// was repeated with another result.
+pub(super) fn copies(table: &Measurements) -> Vec<usize> {
+    let distinct_rows = |but: &[&str]| -> BTreeSet<Vec<&str>> {
+        (0..table.len()).map(|row| cells(table, row, but)).collect()
+    };
+    let is_replicated =
+        distinct_rows(&["lower", "upper", "value"]).len() < distinct_rows(&[]).len();
+    if is_replicated || site_column(table).is_none() {
+        return vec![];
     }
+    repeats(table).into_iter().map(|(_, row)| row).collect()
+}
+
+/// The cells of a row in all columns but these.
+fn cells<'t>(table: &'t Measurements, row: usize, but: &[&str]) -> Vec<&'t str> {
+    let columns = table.columns().iter().filter(|column| !but.contains(&column.as_str()));
+    columns.map(|column| table.cell(row, column).unwrap_or_default()).collect()
+}
+
+fn repeated_rows(table: &Measurements) -> Option<Warning> {
+    let repeats = repeats(table);
     let (first, row) = repeats.first()?;
     let (first, row, n) = (table.line(*first), table.line(*row), repeats.len());
+    let count = if copies(table).is_empty() {
+        "each counts as a measurement of its own; drop it if it is none"
+    } else {
+        "the search counts each once, the fits before and after count all; drop the copies"
+    };
     let text = format!(
-        "{n} rows repeat another in every column, the first in lines {first} and {row}: each counts as a measurement of its own; drop it if it is none"
+        "{n} rows repeat another in every column, the first in lines {first} and {row}: {count}"
     );
     Some(Warning { check: "repeated_rows", column: None, text })
 }

@@ -86,12 +86,19 @@ pub struct Engine {
 
 impl Engine {
     /// Lays `model` out; `observable[o]` is what site effects act on in the rows of `observe` number o,
-    /// `site_of` gives the site of each row of the table.
-    pub fn new(model: Model, observable: &[String], site_of: &[usize], terms: Vec<Term>) -> Self {
+    /// `site_of` gives the site of each row of the table, of which those in `unused` are left aside.
+    pub fn new(
+        model: Model,
+        observable: &[String],
+        site_of: &[usize],
+        unused: &[usize],
+        terms: Vec<Term>,
+    ) -> Self {
         let split = model.split();
         let mut rows = vec![];
         let mut first = 0;
-        for id in model.row_ids() {
+        let is_used = |id: &RowId| !unused.contains(&model.table_row(*id));
+        for id in model.row_ids().into_iter().filter(is_used) {
             let n = model.n_locals(id);
             let on = model.local_of(id, &observable[id.observe]).unwrap_or(0);
             rows.push(RowAt { id, site: site_of[model.table_row(id)], first, n, observable: on });

@@ -25,7 +25,7 @@ fn engine() -> Engine {
     let on = vec!["shown".to_owned()];
     let model = Model::with_offsets(&Level, None, &table, &on).unwrap();
     let dose = Term { on: on.clone(), design: DOSE.to_vec(), n: 1, sd: Some(1.5) };
-    Engine::new(model, &on, &SITE, vec![dose])
+    Engine::new(model, &on, &SITE, &[], vec![dose])
 }
 
 fn outer(ln_site: f64) -> Outer {

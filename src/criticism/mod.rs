@@ -38,4 +38,4 @@ pub use judge::{CLAIM, least_log_bf};
 pub use leave::{Left, leave_out, leave_sites_out, leave_units_out};
 pub use procedure::{Case, Outcome, Record, Round, Settings, criticise};
 pub use rewrite::rewrite;
-pub use units::Unit;
+pub use units::{Unit, site_column};

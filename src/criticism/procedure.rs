@@ -1,7 +1,7 @@
 //! The whole search: base fit, candidates, null searches, what is claimed and what cannot be told.
 
 use super::candidates::{Candidate, Maker, Unusable, covariates};
-use super::checks::{Warning, check};
+use super::checks::{Warning, check, copies};
 use super::claim::Claim;
 use super::engine::{Engine, Outer, Term};
 use super::error::CriticismError;
@@ -152,7 +152,8 @@ pub(super) fn engine(
     let unit =
         unit.map(|unit| Term { on: on.to_vec(), design: unit.design(), n: unit.n, sd: None });
     let terms = terms.chain(unit).collect();
-    Ok(Engine::new(model, on, &by_site(case.table).group, terms))
+    // copies make errors look small, so that whatever sites differ by looks like a cause
+    Ok(Engine::new(model, on, &by_site(case.table).group, &copies(case.table), terms))
 }
 
 /// The base fit, before anything is tried: from the model's own start, noise at a third of a step. Sites that

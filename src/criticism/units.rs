@@ -63,10 +63,14 @@ fn is_occasion(column: &str) -> bool {
 /// Rows that are left out together: those of one label in column `fold`.
 pub(super) const FOLD: &str = "fold";
 
+/// The column that names sites; without one each row is a site.
+pub fn site_column(table: &Measurements) -> Option<&'static str> {
+    ["site", "vertex"].into_iter().find(|column| table.has(column))
+}
+
 /// Rows by site: column `site`, else `vertex`, else each row alone.
 pub(super) fn by_site(table: &Measurements) -> Unit {
-    let column = ["site", "vertex"].into_iter().find(|c| table.has(c));
-    column.map_or_else(
+    site_column(table).map_or_else(
         || Unit { name: "row".into(), group: (0..table.len()).collect(), n: table.len() },
         |column| by_label(table, column),
     )

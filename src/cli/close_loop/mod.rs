@@ -24,7 +24,7 @@ use super::output::{Finished, OutputFolder, Sampled};
 use super::run::record_of;
 use super::sampling::{Job, every_chain_failed};
 use crate::atomic::write_file;
-use crate::criticism::{self, Case, Outcome, criticise, rewrite};
+use crate::criticism::{self, Case, Outcome, criticise, rewrite, site_column};
 use crate::dsl::{AddedEffect, Augmented, Declare, Measurements, Model, Sampler};
 use crate::error::Failure;
 use crate::infer::{self, Chain, jittered_starts};
@@ -293,11 +293,6 @@ fn sites(table: &Measurements, column: Option<&str>) -> BTreeMap<String, usize> 
         None => row.to_string(),
     };
     (0..table.len()).map(|row| (site(row), row)).collect()
-}
-
-/// The column that names sites; without one each row is a site.
-fn site_column(table: &Measurements) -> Option<&'static str> {
-    ["site", "vertex"].into_iter().find(|column| table.has(column))
 }
 
 /// Complains about too few sites.

@@ -7,8 +7,8 @@ use serde_json::{Value, json};
 use super::super::inputs::Inputs;
 use super::predictions::{Heldout, LeftOut, as_json};
 use super::sizes::Size;
-use super::{Sampling, name_of, site_column};
-use crate::criticism::{CLAIM, Outcome, Round, Warning, least_log_bf};
+use super::{Sampling, name_of};
+use crate::criticism::{CLAIM, Outcome, Round, Warning, least_log_bf, site_column};
 use crate::dsl::{AddedEffect, Form, equations};
 use crate::error::Failure;
 use crate::report::{
@@ -110,7 +110,7 @@ impl Story<'_> {
         let (outcome, model) = (self.outcome, self.before.model.name);
         let outliers = self.outliers().map(|(share, sd)| {
             format!(
-                "room for outliers ({:.0} % of the measurements, {sd:.0} further off)",
+                "room for outliers ({:.0} % of the measurements, {sd:.2} further off)",
                 100.0 * share
             )
         });
