@@ -90,6 +90,7 @@ fn cells<'t>(table: &'t Measurements, row: usize, but: &[&str]) -> Vec<&'t str> 
     columns.map(|column| table.cell(row, column).unwrap_or_default()).collect()
 }
 
+/// Rows that are the same in every column, and how often they count.
 fn repeated_rows(table: &Measurements) -> Option<Warning> {
     let repeats = repeats(table);
     let (first, row) = repeats.first()?;

@@ -49,7 +49,7 @@ impl Run<'_> {
     }
 
     /// The candidates of the same patch on fields, the one that was found first; on what is observed, where there is
-    /// no field.
+    /// no field; none of what is no patch.
     fn fields_of_patch(&self, taken: usize) -> Vec<usize> {
         let found = &self.candidates[taken];
         if !matches!(found.form, Some(Form::Above { .. })) {
