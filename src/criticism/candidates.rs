@@ -48,7 +48,7 @@ pub struct Candidate {
 }
 
 /// Columns that say where and what was measured, never why it differs.
-const STRUCTURAL: [&str; 13] = [
+pub(super) const STRUCTURAL: [&str; 13] = [
     SOURCE,
     PATH,
     "site",

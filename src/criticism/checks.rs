@@ -1,8 +1,8 @@
-//! What is doubtful about a table before anything is fitted to it: named warnings, never a correction.
+//! What is doubtful about a table before anything is fitted to it: named warnings, and rows that are copies.
 
 use std::collections::{BTreeMap, BTreeSet};
 
-use super::candidates::{Column, read_column};
+use super::candidates::{Column, STRUCTURAL, read_column};
 use super::units::{LEAST_UNITS, by_site, occasion_of, site_column};
 use crate::dsl::{Measurements, distinct};
 
@@ -25,6 +25,9 @@ const LEAST_VALUES: usize = 3;
 /// Groups whose ranges are apart and whose medians differ by more than this factor hardly share a unit.
 const SCALE: f64 = 5.0;
 
+/// Columns that hold what was measured, whatever the model.
+const MEASURED: [&str; 3] = ["lower", "upper", "value"];
+
 /// All checks of a table; `covariates` are the columns that may be tried.
 pub(super) fn check(table: &Measurements, covariates: &[&String]) -> Vec<Warning> {
     let labels: Vec<&String> = covariates
@@ -33,8 +36,8 @@ pub(super) fn check(table: &Measurements, covariates: &[&String]) -> Vec<Warning
         .filter(|c| matches!(read_column(table, c), Column::Labels(_)))
         .filter(|c| (2..=MOST_GROUPS).contains(&distinct(table, c).len()))
         .collect();
-    let measured = ["lower", "upper", "value"].map(String::from);
-    let mut warnings: Vec<Warning> = repeated_rows(table).into_iter().collect();
+    let measured = MEASURED.map(String::from);
+    let mut warnings: Vec<Warning> = repeated_rows(table, covariates).into_iter().collect();
     for column in covariates {
         warnings.extend(not_a_number(table, column));
         warnings.extend(few_units(table, column));
@@ -65,37 +68,41 @@ fn groups(table: &Measurements, by: &str, values: &[f64]) -> BTreeMap<String, Ve
 /// Rows that repeat an earlier one in every column, with that.
 fn repeats(table: &Measurements) -> Vec<(usize, usize)> {
     let mut seen: BTreeMap<Vec<&str>, usize> = BTreeMap::new();
-    let first = |row| *seen.entry(cells(table, row, &[])).or_insert(row);
+    let first = |row| *seen.entry(cells(table, row, |_| true)).or_insert(row);
     let firsts: Vec<usize> = (0..table.len()).map(first).collect();
     firsts.into_iter().zip(0..table.len()).filter(|(first, row)| first != row).collect()
 }
 
 /// Rows that are copies of others: they repeat them in every column, at sites that have names, and no measurement
-/// was repeated with another result.
-pub(super) fn copies(table: &Measurements) -> Vec<usize> {
-    let distinct_rows = |but: &[&str]| -> BTreeSet<Vec<&str>> {
-        (0..table.len()).map(|row| cells(table, row, but)).collect()
+/// was repeated with another result. What is neither `covariates` nor says where and how it was measured is a result.
+pub(super) fn copies(table: &Measurements, covariates: &[&String]) -> Vec<usize> {
+    let is_result = |column: &String| {
+        MEASURED.contains(&column.as_str())
+            || !(covariates.contains(&column) || STRUCTURAL.contains(&column.as_str()))
     };
-    let is_replicated =
-        distinct_rows(&["lower", "upper", "value"]).len() < distinct_rows(&[]).len();
+    let n = |of: &dyn Fn(&String) -> bool| {
+        let rows = (0..table.len()).map(|row| cells(table, row, of));
+        rows.collect::<BTreeSet<_>>().len()
+    };
+    let is_replicated = n(&|column| !is_result(column)) < n(&|_| true);
     if is_replicated || site_column(table).is_none() {
         return vec![];
     }
     repeats(table).into_iter().map(|(_, row)| row).collect()
 }
 
-/// The cells of a row in all columns but these.
-fn cells<'t>(table: &'t Measurements, row: usize, but: &[&str]) -> Vec<&'t str> {
-    let columns = table.columns().iter().filter(|column| !but.contains(&column.as_str()));
+/// The cells of a row in some columns.
+fn cells(table: &Measurements, row: usize, of: impl Fn(&String) -> bool) -> Vec<&str> {
+    let columns = table.columns().iter().filter(|column| of(column));
     columns.map(|column| table.cell(row, column).unwrap_or_default()).collect()
 }
 
 /// Rows that are the same in every column, and how often they count.
-fn repeated_rows(table: &Measurements) -> Option<Warning> {
+fn repeated_rows(table: &Measurements, covariates: &[&String]) -> Option<Warning> {
     let repeats = repeats(table);
     let (first, row) = repeats.first()?;
     let (first, row, n) = (table.line(*first), table.line(*row), repeats.len());
-    let count = if copies(table).is_empty() {
+    let count = if copies(table, covariates).is_empty() {
         "each counts as a measurement of its own; drop it if it is none"
     } else {
         "the search counts each once, the fits before and after count all; drop the copies"
@@ -274,6 +281,19 @@ mod tests {
     #[test]
     fn a_clean_table_gives_no_warning() {
         assert_eq!(warnings(rows()), []);
+    }
+
+    /// Shocks that captured out of ten, a column of its own: two sets gave the same, a third another result.
+    #[test]
+    fn replicates_are_no_copies_whatever_column_holds_the_result() {
+        let table = |captured: &[&str]| {
+            let header = ["site", "force_g", "captured"].map(String::from).to_vec();
+            let row = |captured: &&str| ["7", "12", captured].map(String::from).to_vec();
+            Measurements::from_cells("made", header, captured.iter().map(row).collect()).unwrap()
+        };
+        let force = "force_g".to_owned();
+        assert_eq!(copies(&table(&["3", "3"]), &[&force]), [1]);
+        assert!(copies(&table(&["3", "3", "4"]), &[&force]).is_empty());
     }
 
     #[test]

@@ -153,7 +153,8 @@ pub(super) fn engine(
         unit.map(|unit| Term { on: on.to_vec(), design: unit.design(), n: unit.n, sd: None });
     let terms = terms.chain(unit).collect();
     // copies make errors look small, so that whatever sites differ by looks like a cause
-    Ok(Engine::new(model, on, &by_site(case.table).group, &copies(case.table), terms))
+    let copies = copies(case.table, &covariates(&model, case.table));
+    Ok(Engine::new(model, on, &by_site(case.table).group, &copies, terms))
 }
 
 /// The base fit, before anything is tried: from the model's own start, noise at a third of a step. Sites that
