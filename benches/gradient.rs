@@ -10,10 +10,11 @@
 use std::hint::black_box;
 use std::time::Instant;
 
-use eplat::dsl::{Declare, Measurements, Model};
 use eplat::infer::{LogDensity as _, jittered_starts};
 use eplat::manifold::{Basis, eigenpairs_cached};
+use eplat::model::{Declare, Model};
 use eplat::surrogate::{Cubic, cubic, erp_s2, erp_s3};
+use eplat::table::Measurements;
 
 #[path = "support/by_hand.rs"]
 mod by_hand;

@@ -11,8 +11,8 @@
 use std::collections::HashMap;
 use std::convert::Infallible;
 
-use eplat::dsl::{Model, Sampler};
 use eplat::infer::{Chain, Evaluator, LogDensity as _, Settings, Silent, jittered_starts};
+use eplat::model::{Model, Sampler};
 use nuts_rs::Settings as _;
 use nuts_rs::{
     Chain as _, CpuLogpFunc, CpuMath, CpuMathError, DiagNutsSettings, HasDims, LogpError,

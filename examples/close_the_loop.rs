@@ -8,11 +8,12 @@ use std::error::Error;
 use std::io::{Write, stdout};
 
 use eplat::criticism::{Case, Left, Outcome, Settings, criticise, leave_sites_out, rewrite};
-use eplat::dsl::{AddedEffect, Measurements};
 use eplat::manifold::eigenpairs;
 use eplat::mesh::left_atrium;
+use eplat::model::AddedEffect;
 use eplat::prelude::*;
 use eplat::study::{Design, experiment};
+use eplat::table::Measurements;
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use rand_distr::StandardNormal;

@@ -7,10 +7,10 @@
 use std::error::Error;
 use std::io::{Write, stdout};
 
-use eplat::dsl::{Maps, Model};
 use eplat::infer::{self, Chain, Settings, Silent, jittered_starts};
 use eplat::manifold::eigenpairs;
 use eplat::mesh::left_atrium;
+use eplat::model::{Maps, Model};
 use eplat::prelude::*;
 use eplat::report::{Posterior, console_table};
 use eplat::study::{Design, experiment};

@@ -7,18 +7,15 @@
 //! | 6 | [`cli`] |
 //! | 5 | [`report`], [`study`], [`criticism`] |
 //! | 4 | `models/*.rs`, through [`prelude`] only |
-//! | 3 | [`dsl`] |
-//! | 2 | [`field`], [`surrogate`], [`infer`], [`diagnostics`] |
+//! | 3 | [`model`](mod@model) |
+//! | 2 | [`table`], [`field`], [`surrogate`], [`infer`], [`diagnostics`] |
 //! | 1 | [`dist`], [`likelihood`], [`manifold`], [`ep`] |
-//! | 0 | [`mesh`], [`num`], [`error`], [`cache`], [`atomic`] |
+//! | 0 | [`mesh`], [`num`], [`error`], [`store`] |
 
-pub mod atomic;
-pub mod cache;
 pub mod cli;
 pub mod criticism;
 pub mod diagnostics;
 pub mod dist;
-pub mod dsl;
 pub mod ep;
 pub mod error;
 pub mod field;
@@ -26,8 +23,11 @@ pub mod infer;
 pub mod likelihood;
 pub mod manifold;
 pub mod mesh;
+pub mod model;
 pub mod num;
 pub mod prelude;
 pub mod report;
+pub mod store;
 pub mod study;
 pub mod surrogate;
+pub mod table;

@@ -9,8 +9,8 @@ mod posterior;
 mod support;
 
 use eplat::diagnostics::{mcse_mean, mcse_quantile, mcse_sd, mean_and_sd, quantile};
-use eplat::dsl::{Model, Sampler};
 use eplat::infer::{Settings, Silent, jittered_starts};
+use eplat::model::{Model, Sampler};
 use posterior::{Column, all, columns, erp, erp_experiment, largest_z};
 
 /// Two-sided 0.1 % over the hundred or so comparisons of two posteriors.

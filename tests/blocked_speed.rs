@@ -23,10 +23,11 @@ mod speed;
 use std::env::var;
 use std::path::Path;
 
-use eplat::dsl::{Declare, Measurements, Model, Sampler};
 use eplat::infer::{Settings, Silent, jittered_starts};
 use eplat::manifold::{Basis, eigenpairs_cached};
 use eplat::mesh::{self, Units};
+use eplat::model::{Declare, Model, Sampler};
+use eplat::table::Measurements;
 use posterior::{all, erp, experiment_on};
 use speed::{Figures, conclude, cpu_seconds};
 

@@ -7,8 +7,9 @@
 
 mod support;
 
-use eplat::dsl::{Declare, Measurements};
 use eplat::manifold::Basis;
+use eplat::model::Declare;
+use eplat::table::Measurements;
 use nalgebra::{DMatrix, DVector};
 use support::{basis, oracle, table};
 

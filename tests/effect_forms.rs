@@ -11,8 +11,9 @@ mod plain;
 mod support;
 
 use eplat::criticism::rewrite;
-use eplat::dsl::{AddedEffect, Augmented, Declare, Form, Measurements, Model};
 use eplat::infer::LogDensity as _;
+use eplat::model::{AddedEffect, Augmented, Declare, Form, Model};
+use eplat::table::Measurements;
 use rand::RngExt as _;
 use support::{basis, rng, table};
 

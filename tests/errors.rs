@@ -15,7 +15,7 @@ mod support;
 
 use std::fmt::Write as _;
 
-use eplat::dsl::Model;
+use eplat::model::Model;
 use program::{Workplace, text};
 
 /// A flat sheet of 7 × 7 vertices 10 mm apart, and a small piece of three vertices (49, 50, 51) aside.

@@ -42,8 +42,9 @@ mod regression;
 mod restitution;
 mod support;
 
-use eplat::dsl::{Declare, Measurements, Model};
 use eplat::infer::LogDensity;
+use eplat::model::{Declare, Model};
+use eplat::table::Measurements;
 use rand::RngExt;
 use support::{basis, rng, table};
 

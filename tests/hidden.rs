@@ -23,7 +23,7 @@ fn assert_agrees(draws: &[Vec<Vec<f64>>], (mean, sd): (Vec<f64>, Vec<f64>)) {
     assert!(broken > LIMIT, "deviations wrong by a tenth go unseen: {broken}");
 }
 
-fn column(y: &[f64]) -> eplat::dsl::Measurements {
+fn column(y: &[f64]) -> eplat::table::Measurements {
     table("y", &y.iter().map(f64::to_string).collect::<Vec<_>>())
 }
 

@@ -10,8 +10,8 @@ mod support;
 use std::fmt::Write as _;
 
 use eplat::diagnostics::importance;
-use eplat::dsl::Model;
 use eplat::infer::{Laplace, OptimumSettings, Settings, maximise};
+use eplat::model::Model;
 use nalgebra::{DMatrix, DVector};
 use program::{Workplace, text};
 use rand::RngExt;

@@ -8,10 +8,11 @@ mod eight_schools;
 mod language;
 mod support;
 
-use eplat::dsl::{Declare, Measurements, Model};
 use eplat::infer::{Settings, Silent, jittered_starts, sample};
 use eplat::manifold::Basis;
+use eplat::model::{Declare, Model};
 use eplat::report::{Group, Posterior, Values};
+use eplat::table::Measurements;
 use support::table;
 
 fn posterior(model: &dyn Declare, basis: Option<&Basis>, data: &Measurements) -> Posterior {

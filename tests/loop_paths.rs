@@ -9,10 +9,11 @@ mod support;
 use std::collections::BTreeMap;
 
 use eplat::criticism::{Case, Outcome, Settings, criticise};
-use eplat::dsl::{AddedEffect, Augmented, Form, Measurements, Model};
 use eplat::infer::LogDensity as _;
 use eplat::manifold::{Basis, eigenpairs, integrate_along_paths};
 use eplat::mesh::{Surface, left_atrium};
+use eplat::model::{AddedEffect, Augmented, Form, Model};
+use eplat::table::Measurements;
 use rand::RngExt as _;
 use rand_distr::StandardNormal;
 use support::rng;

@@ -19,8 +19,9 @@ use std::path::Path;
 use eplat::criticism::{
     CLAIM, Case, Engine, Outcome, Outer, Settings, Term, criticise, leave_out, with_heldout,
 };
-use eplat::dsl::{Form, Measurements, Model};
 use eplat::manifold::{Basis, eigenpairs_cached};
+use eplat::model::{Form, Model};
+use eplat::table::Measurements;
 use rayon::prelude::*;
 use studies::{ALL, Heart, Scenario, Study, study};
 

@@ -2,7 +2,7 @@
 #![allow(clippy::unwrap_used, reason = "for tests")]
 
 use eplat::criticism::{Case, Outcome, Settings, criticise};
-use eplat::dsl::Measurements;
+use eplat::table::Measurements;
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use rand_distr::StandardNormal;

@@ -48,9 +48,10 @@ mod voltage;
 use std::path::Path;
 
 use eplat::diagnostics::{Summary, summarise};
-use eplat::dsl::{Declare, Kind, Maps, Measurements, Model, Sampler};
 use eplat::infer::{Chain, Settings, Silent, jittered_starts};
 use eplat::manifold::Basis;
+use eplat::model::{Declare, Kind, Maps, Model, Sampler};
+use eplat::table::Measurements;
 use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
 use rand_distr::StandardNormal;

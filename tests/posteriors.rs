@@ -13,7 +13,8 @@ mod models;
 mod one_compartment;
 mod support;
 
-use eplat::dsl::{Declare, Measurements, Model};
+use eplat::model::{Declare, Model};
+use eplat::table::Measurements;
 use nalgebra::{DMatrix, DVector};
 use rand::RngExt;
 use rand_distr::StandardNormal;

@@ -14,11 +14,12 @@ use std::path::Path;
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::time::Duration;
 
-use eplat::dsl::{Model, Sampler};
 use eplat::infer::{
-    Chain, ChainFailure, ChainProgress, ChainResult, Checkpoint, CheckpointError, Identity,
-    MetricKind, Progress, Settings, Silent, jittered_starts,
+    Chain, ChainFailure, ChainProgress, ChainResult, MetricKind, Progress, Settings, Silent,
+    jittered_starts,
 };
+use eplat::model::{Model, Sampler};
+use eplat::store::{Checkpoint, CheckpointError, Identity};
 use posterior::{all, erp, erp_experiment};
 
 fn settings() -> Settings {

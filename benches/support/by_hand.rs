@@ -4,10 +4,10 @@
 //! Up to a constant, and over the same unknowns as the declared model: per field m, ln alpha, ln rho,
 //! and η without its constant mode.
 
-use eplat::dsl::Measurements;
 use eplat::field::{Kernel as _, Rbf, authors};
 use eplat::manifold::Basis;
 use eplat::surrogate::cubic::Cubic;
+use eplat::table::Measurements;
 
 /// Lower ends of the brackets and the surrogate behind them.
 type Protocol = (Vec<f64>, Cubic);

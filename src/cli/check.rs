@@ -10,9 +10,9 @@ use clap::Args;
 use super::compile::run_compiled;
 use super::inputs::InputArgs;
 use super::models::{Compiled, ModelFile};
-use crate::dsl::Model;
 use crate::error::Failure;
 use crate::infer::LogDensity as _;
+use crate::model::Model;
 
 /// Evaluations that the gradient is timed over.
 const EVALUATIONS: u32 = 20_000;

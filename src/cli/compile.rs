@@ -15,9 +15,9 @@ use include_dir::{Dir, include_dir};
 
 use super::models::ModelFile;
 use super::rustc::{mistakes, rendered};
-use crate::atomic::write_folder;
-use crate::cache;
 use crate::error::Failure;
+use crate::store::cache;
+use crate::store::write_folder;
 
 static SOURCES: Dir<'_> = include_dir!("$CARGO_MANIFEST_DIR/src");
 static ASSETS: Dir<'_> = include_dir!("$CARGO_MANIFEST_DIR/assets");

@@ -10,12 +10,12 @@ use clap::{Args, Subcommand};
 use super::compile::run_compiled;
 use super::inputs::InputArgs;
 use super::models::{Compiled, ModelFile};
-use crate::atomic::write_file;
-use crate::dsl::{Model, Sampler};
 use crate::error::Failure;
 use crate::infer::{Chain, Settings, Silent, jittered_starts};
 use crate::manifold::maximin;
 use crate::mesh::TriMesh;
+use crate::model::{Model, Sampler};
+use crate::store::write_file;
 use crate::study::{Lesson, Minutes, agree, lessons, thinned};
 
 /// Choices that are printed.

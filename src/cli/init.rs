@@ -9,10 +9,10 @@ use std::path::Path;
 
 use serde::{Deserialize, Serialize};
 
-use crate::atomic::write_file;
-use crate::dsl::Model;
 use crate::error::Failure;
 use crate::infer::{Chain, LogDensity as _, Settings, jittered_starts};
+use crate::model::Model;
+use crate::store::write_file;
 
 /// The file in an output folder.
 pub(super) const FILE: &str = "warm_start.json";

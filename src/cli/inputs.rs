@@ -8,11 +8,12 @@ use std::str::FromStr as _;
 use clap::Args;
 use sha2::{Digest as _, Sha256};
 
-use crate::dsl::{Declare, FIELD_MODES, Measurements, Model};
 use crate::error::Failure;
 use crate::manifold::{Basis, eigenpairs_cached};
 use crate::mesh::{self, Surface, Units, left_atrium};
+use crate::model::{Declare, Model};
 use crate::study::{Design, TRUTH_MODES, experiment};
+use crate::table::{FIELD_MODES, Measurements};
 
 /// Edge length of the embedded atrium, mm: about 5,000 vertices.
 const ATRIUM_EDGE: f64 = 1.5;

@@ -12,8 +12,8 @@ use signal_hook::flag;
 
 use super::output::OutputFolder;
 use crate::error::Failure;
-use crate::infer::{Checkpoint, Identity, differences};
 use crate::report::{RunRecord, Settings};
+use crate::store::{Checkpoint, Identity, differences};
 
 /// Part of a run's identity.
 const STARTS: &str = "hash of the starting points";

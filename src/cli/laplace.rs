@@ -5,9 +5,9 @@ use std::time::Instant;
 use super::optimise::climb;
 use super::output::Sampled;
 use crate::diagnostics::importance;
-use crate::dsl::Model;
 use crate::error::Failure;
 use crate::infer::{InferError, Laplace, LaplaceDraws, Settings};
+use crate::model::Model;
 use crate::report::Approximation;
 
 /// Draws as many chains as the settings say, corrected by their importance weights where these can be

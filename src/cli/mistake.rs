@@ -4,7 +4,7 @@ use std::fmt::Write as _;
 use std::ops::Range;
 
 use super::models::ModelFile;
-use crate::dsl::ModelError;
+use crate::model::ModelError;
 
 /// One mistake.
 #[derive(Debug, PartialEq)]

@@ -4,8 +4,8 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 use super::mistake::{self, Mistake};
-use crate::dsl::{Declare, Model};
 use crate::error::Failure;
+use crate::model::{Declare, Model};
 
 /// A model that is compiled into this program.
 #[derive(Clone, Copy)]

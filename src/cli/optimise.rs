@@ -9,12 +9,12 @@ use serde_json::{Map, Value, json};
 
 use super::inputs::Inputs;
 use super::output::OutputFolder;
-use crate::atomic::write_file;
-use crate::dsl::{Kind, MapSummary, Maps, Model};
 use crate::error::Failure;
 use crate::infer::{InferError, Optimum, OptimumSettings, maximise};
 use crate::mesh::write_vtp;
+use crate::model::{Kind, MapSummary, Maps, Model};
 use crate::report::rmse_line;
+use crate::store::write_file;
 use crate::study::rms_error;
 
 /// What the mode is, so that nobody takes it for the posterior's centre.
@@ -219,7 +219,7 @@ fn significant(value: f64) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::dsl::Measurements;
+    use crate::table::Measurements;
 
     mod conjugate {
         use crate::prelude::*;

@@ -11,18 +11,19 @@ use serde_json::{Map, Value, json};
 use super::init::{self, WarmStart};
 use super::inputs::Inputs;
 use super::interrupt::identity;
-use crate::atomic::write_file;
 use crate::diagnostics::e_bfmi;
-use crate::dsl::{Maps, Model, equations};
 use crate::error::Failure;
-use crate::infer::{Chain, Identity, LogDensity as _};
+use crate::infer::{Chain, LogDensity as _};
 use crate::manifold::Basis;
 use crate::mesh::{Surface, write_vtp};
+use crate::model::{Maps, Model, equations};
 use crate::report::{
     self, Approximation, FieldDraws, Group, Page, PointData, Posterior, RunRecord, Seconds,
     Variable, end_of_run, verdict, write_draws, write_html, write_loo, write_summary_csv,
     write_summary_json, write_zarr,
 };
+use crate::store::Identity;
+use crate::store::write_file;
 use crate::study::{coverage, rms_error, thinned};
 
 const VERSION: &str = env!("CARGO_PKG_VERSION");

@@ -7,7 +7,8 @@ use std::sync::atomic::{AtomicBool, Ordering};
 
 use indicatif::{MultiProgress, ProgressBar, ProgressStyle};
 
-use crate::infer::{ChainProgress, Checkpoint, Phase, Progress, Settings};
+use crate::infer::{ChainProgress, Phase, Progress, Settings};
+use crate::store::Checkpoint;
 
 /// Shows where every chain stands, on stderr; keeps the run, and ends it on request.
 pub(super) struct ChainBars {

@@ -16,9 +16,9 @@ use super::models::{Compiled, ModelFile};
 use super::optimise::optimise;
 use super::output::{Finished, Outcome, OutputFolder, Sampled};
 use super::sampling::{Job, every_chain_failed};
-use crate::dsl::{Declare, Model, Sampler};
 use crate::error::Failure;
 use crate::infer::{self, MetricKind, jittered_starts};
+use crate::model::{Declare, Model, Sampler};
 use crate::report;
 
 /// `eplat run MODEL.rs`

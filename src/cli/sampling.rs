@@ -5,9 +5,10 @@ use std::time::Instant;
 use super::interrupt::stop_flag;
 use super::output::Sampled;
 use super::progress::ChainBars;
-use crate::dsl::{Model, Sampler};
 use crate::error::Failure;
-use crate::infer::{ChainError, ChainFailure, Checkpoint, LogDensity as _, Settings};
+use crate::infer::{ChainError, ChainFailure, LogDensity as _, Settings};
+use crate::model::{Model, Sampler};
+use crate::store::Checkpoint;
 
 /// What is sampled, and how.
 pub(super) struct Job<'a> {

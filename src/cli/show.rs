@@ -7,8 +7,8 @@ use std::process::ExitCode;
 use clap::Args;
 
 use super::models::{Compiled, ModelFile};
-use crate::dsl::{Model, equations};
 use crate::error::Failure;
+use crate::model::{Model, equations};
 
 /// `eplat show MODEL.rs`
 #[derive(Debug, Args)]

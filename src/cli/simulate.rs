@@ -10,11 +10,11 @@ use indicatif::{ProgressBar, ProgressStyle};
 
 use super::atrium::AtriumArgs;
 use super::cell::CellArgs;
-use crate::atomic::NewFile;
 use crate::ep::cell::OutOfRange;
 use crate::ep::table::{CurveRow, OutcomeRow, finish_rows, new_file, read_parameters};
 use crate::ep::{Grid, Protocol, StripOutcome, simulate_strips};
 use crate::error::Failure;
+use crate::store::NewFile;
 
 /// `eplat simulate …`
 #[derive(Debug, Subcommand)]

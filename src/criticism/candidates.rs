@@ -4,9 +4,8 @@ use std::collections::BTreeMap;
 
 use super::observable::readable;
 use super::units::{FOLD, Unit, by_site, is_constant_within};
-use crate::dsl::{
-    FIELD_MODES, Form, Measurements, Model, PATH, SOURCE, Statement, distinct, families,
-};
+use crate::model::{Form, Model, Statement, distinct, families};
+use crate::table::{FIELD_MODES, Measurements, PATH, SOURCE};
 
 /// Where a candidate acts.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

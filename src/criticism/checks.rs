@@ -4,7 +4,8 @@ use std::collections::{BTreeMap, BTreeSet};
 
 use super::candidates::{Column, STRUCTURAL, read_column};
 use super::units::{LEAST_UNITS, by_site, occasion_of, site_column};
-use crate::dsl::{Measurements, distinct};
+use crate::model::distinct;
+use crate::table::Measurements;
 
 /// A doubt about a table.
 #[derive(Clone, Debug, PartialEq, Eq)]

@@ -6,7 +6,7 @@ use super::leave::Left;
 use super::observable::readable;
 use super::outer::{Free, optimise};
 use super::procedure::Run;
-use crate::dsl::Form;
+use crate::model::Form;
 
 /// Least scale of the edge of a patch, in standard deviations of the distances.
 const LEAST_SCALE: f64 = 0.1;

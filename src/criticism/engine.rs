@@ -13,7 +13,7 @@ use nalgebra::{DMatrix, DVector};
 
 use super::fit::{Fit, Linear};
 use super::newton::{Newton, Point, System};
-use crate::dsl::{Model, Noise, RowId, Split, Tape};
+use crate::model::{Model, Noise, RowId, Split, Tape};
 
 /// An effect in its tried form: `sd Z β` on the named quantities, β ~ N(0, 1).
 #[derive(Clone, Debug)]

@@ -3,8 +3,8 @@
 use nalgebra::{Cholesky, DMatrix, DVector};
 
 use super::*;
-use crate::dsl::Measurements;
 use crate::prelude::*;
+use crate::table::Measurements;
 
 model! {
     /// A level, seen with a known error.

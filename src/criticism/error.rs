@@ -2,7 +2,7 @@
 
 use thiserror::Error;
 
-use crate::dsl::ModelError;
+use crate::model::ModelError;
 
 /// Why a model cannot be criticised.
 #[derive(Debug, Error)]

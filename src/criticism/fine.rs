@@ -6,9 +6,10 @@
 use std::collections::BTreeMap;
 
 use super::engine::Term;
-use crate::dsl::{Measurements, Model};
 use crate::field::{Kernel as _, Matern52};
 use crate::manifold::Basis;
+use crate::model::Model;
+use crate::table::Measurements;
 
 /// Modes that are looked at, in multiples of the model's.
 pub const FINER: usize = 4;

@@ -3,7 +3,7 @@
 use nalgebra::{Cholesky, DMatrix, DVector, Dyn};
 
 use super::engine::{Engine, Outer};
-use crate::dsl::Curvature;
+use crate::model::Curvature;
 
 /// A Laplace fit.
 #[derive(Clone, Debug)]

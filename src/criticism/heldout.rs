@@ -5,7 +5,8 @@ use std::collections::BTreeMap;
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
-use crate::dsl::{Measurements, Model, Noise, RowId};
+use crate::model::{Model, Noise, RowId};
+use crate::table::Measurements;
 
 /// What a model says of a measurement that it has not seen.
 #[derive(Clone, Debug)]

@@ -9,7 +9,7 @@ use super::outer::{Free, optimise, score, without_sites};
 use super::procedure::{Record, Round, Run};
 use super::search::Tried;
 use super::units::{FOLD, LEAST_UNITS, Unit, by_site, unit_of};
-use crate::dsl::Form;
+use crate::model::Form;
 
 /// Least log Bayes factor of a claim.
 pub const CLAIM: f64 = 3.0;

@@ -6,7 +6,7 @@ use nalgebra::{Cholesky, DMatrix, DVector, Dyn, SymmetricEigen};
 
 use super::engine::{Engine, Outer};
 use super::fit::Linear;
-use crate::dsl::{Curvature, Tape};
+use crate::model::{Curvature, Tape};
 
 const MAX_STEPS: usize = 60;
 /// Gradient times step, twice what a step can gain, below which a point is the mode.

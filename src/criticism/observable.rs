@@ -1,7 +1,7 @@
 //! What each `observe` compares with its measurements, and the size of a protocol step.
 
 use super::error::CriticismError;
-use crate::dsl::{Model, Observe};
+use crate::model::{Model, Observe};
 
 /// For each `observe` of a model, the first field or `let` that its likelihood mentions.
 ///

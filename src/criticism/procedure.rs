@@ -14,8 +14,9 @@ use super::outer::{Free, optimise, score};
 use super::screen::field_sd;
 use super::search::{Tried, search};
 use super::units::{Unit, by_site, random_unit};
-use crate::dsl::{Declare, Form, Measurements, Model};
 use crate::manifold::Basis;
+use crate::model::{Declare, Form, Model};
+use crate::table::Measurements;
 
 /// p-value of the screen up to which a candidate is fitted.
 const GATE: f64 = 0.05;

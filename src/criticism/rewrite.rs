@@ -2,7 +2,7 @@
 
 use std::fmt::Write as _;
 
-use crate::dsl::{AddedEffect, outlying};
+use crate::model::{AddedEffect, outlying};
 
 /// `source` with these effects declared at the end of its model, each under a line that says why, and its
 /// likelihoods within `Outliers(…, share, sd)` if there are outliers; `None` if no `model! { … }` is found in it.
@@ -98,7 +98,7 @@ fn end_of_string(bytes: &[u8], start: usize) -> usize {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::dsl::Form;
+    use crate::model::Form;
 
     fn force() -> AddedEffect {
         AddedEffect {

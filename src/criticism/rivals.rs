@@ -7,7 +7,7 @@ use super::outer::{Free, optimise, score};
 use super::procedure::Run;
 use super::screen::{r_squared, r_squared_on_fields};
 use super::search::Tried;
-use crate::dsl::Form;
+use crate::model::Form;
 
 /// A runner-up within this log Bayes factor is a rival.
 const RIVAL: f64 = 2.0;

@@ -7,7 +7,7 @@ use super::fit::Fit;
 use super::leave::residuals;
 use super::outer::{Free, optimise, score};
 use super::screen::{f_test, of_sites, of_units};
-use crate::dsl::Noise;
+use crate::model::Noise;
 
 /// Shares of outlying measurements that are tried, and the sds of their further error in steps.
 const OUTLYING_SHARES: [f64; 2] = [0.05, 0.15];

@@ -2,7 +2,8 @@
 
 use std::collections::BTreeMap;
 
-use crate::dsl::{Measurements, distinct};
+use crate::model::distinct;
+use crate::table::Measurements;
 
 /// A partition of a table's rows.
 #[derive(Clone, Debug, PartialEq, Eq)]

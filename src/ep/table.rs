@@ -13,7 +13,7 @@ use thiserror::Error;
 use super::cell::{OutOfRange, Parameters};
 use super::restitution::Restitution;
 use super::strip::{Absence, Beat, StripOutcome};
-use crate::atomic::{NewFile, write_file};
+use crate::store::{NewFile, write_file};
 
 /// A table that cannot be read or written.
 #[derive(Debug, Error)]

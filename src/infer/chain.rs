@@ -1,7 +1,6 @@
 //! One NUTS chain: its warm-up and its draws, from a start or from where it was interrupted.
 
 use super::adapt::{Warmup, conditional_scales};
-use super::checkpoint::Keeper;
 use super::hamiltonian::{Hamiltonian, Metric};
 use super::moments::Moments;
 use super::nuts::{Nuts, NutsState};
@@ -9,6 +8,7 @@ use super::sample::{Reporter, chain_stream, is_usable};
 use super::{
     Chain, ChainError, ChainFailure, ChainResult, Divergence, LogDensity, Phase, Progress, Settings,
 };
+use crate::store::Keeper;
 use std::time::Instant;
 
 /// An interrupted chain: its point, in warm-up the next iteration with what it has learnt, its draws.

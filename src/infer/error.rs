@@ -1,7 +1,7 @@
 //! What can go wrong in inference, as texts a person can act on.
 
-use super::checkpoint::CheckpointError;
 use super::sample::Phase;
+use crate::store::CheckpointError;
 use serde::{Deserialize, Serialize};
 
 /// Input that cannot be sampled, found before any chain starts.

@@ -6,7 +6,6 @@
 mod adapt;
 mod blocked;
 mod chain;
-mod checkpoint;
 mod error;
 mod hamiltonian;
 mod laplace;
@@ -21,8 +20,6 @@ mod tree;
 mod vector;
 
 pub use blocked::{Design, FieldLayout, Latent, LatentGaussian, Layout, Shape, sample_blocked};
-pub use checkpoint::{Checkpoint, CheckpointError, Identity, differences};
-pub(crate) use checkpoint::{Keeper, take_chain};
 pub use error::{ChainError, ChainFailure, InferError};
 pub use laplace::{Laplace, LaplaceDraws};
 pub use optimise::{Optimum, OptimumSettings, maximise};

@@ -4,10 +4,10 @@
 
 use super::LogDensity;
 use super::chain::{Kept, Run};
-use super::checkpoint::{Checkpoint, take_chains};
 use super::error::{ChainError, InferError};
 use super::moments::Moments;
 use super::nuts::{Nuts, Transition};
+use crate::store::{Checkpoint, take_chains};
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 use rayon::prelude::*;

@@ -1,8 +1,8 @@
 //! Eigenpairs kept between runs, named by the content they were computed from.
 
 use super::{Basis, ManifoldError, eigenpairs};
-use crate::cache;
 use crate::mesh::TriMesh;
+use crate::store::cache;
 use std::fs;
 use std::path::{Path, PathBuf};
 

@@ -3,7 +3,7 @@
 //! Knows nothing of meshes.
 
 use super::{Basis, ManifoldError};
-use crate::atomic::write_file;
+use crate::store::write_file;
 use npyz::npz::{NpzArchive, NpzWriter, file_name_from_array_name};
 use npyz::zip::{CompressionMethod, write::FileOptions};
 use npyz::{DType, NpyFile, Order, TypeChar, WriterBuilder};

@@ -5,7 +5,7 @@ use std::path::Path;
 
 use super::ReportError;
 use super::svg::{escape, tick};
-use crate::atomic::write_file;
+use crate::store::write_file;
 
 /// Okabe and Ito, distinguishable without red–green vision.
 const COLOURS: [&str; 5] = ["#0072b2", "#d55e00", "#009e73", "#cc79a7", "#000000"];

@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use super::{Group, ReportError, Values, Variable};
-use crate::atomic::write_file;
+use crate::store::write_file;
 
 /// Writes the `posterior` group as a table with the columns `chain`, `draw` and one per scalar.
 ///

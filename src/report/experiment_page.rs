@@ -8,7 +8,7 @@ use std::path::Path;
 use super::html::{STYLE, VIEWER, fill, scripts};
 use super::svg::escape;
 use super::{ReportError, Surface, Verdict};
-use crate::atomic::write_file;
+use crate::store::write_file;
 
 const PAGE: &str = include_str!("experiment.html");
 

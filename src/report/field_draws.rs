@@ -14,7 +14,7 @@ use npyz::npz::{NpzArchive, NpzWriter};
 use npyz::zip::{CompressionMethod, DateTime, write::FileOptions};
 
 use super::ReportError;
-use crate::atomic::write_file;
+use crate::store::write_file;
 
 const EIGENFUNCTIONS: &str = "eigenfunctions";
 

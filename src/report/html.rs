@@ -13,8 +13,8 @@ use super::end_of_run::leave_one_out_figures;
 use super::svg::{escape, k_plot, rank_plot, trace_plot};
 use super::table::{HEAVY_TAIL, Line, TITLES, lines};
 use super::{Group, LeaveOneOut, LooRow, ReportError, Row, RunRecord, Settings, Values, verdict};
-use crate::atomic::write_file;
 use crate::mesh::TriMesh;
+use crate::store::write_file;
 
 const PAGE: &str = include_str!("page.html");
 pub(super) const STYLE: &str = include_str!("page.css");

@@ -6,9 +6,10 @@ use serde::{Deserialize, Serialize};
 
 use super::ReportError;
 use super::run_record::nan_if_null;
-use crate::atomic::write_file;
 use crate::diagnostics::{Loo, loo, relative_efficiency};
-use crate::dsl::{Measurements, Model};
+use crate::model::Model;
+use crate::store::write_file;
+use crate::table::Measurements;
 
 /// Most measurements that are named for their Pareto k.
 const MOST_NAMED: usize = 3;

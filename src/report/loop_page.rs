@@ -10,8 +10,8 @@ use super::ReportError;
 use super::html::{STYLE, fill};
 use super::surface_map::{Dot, SurfaceMap, colour_scale};
 use super::svg::{escape, evidence_plot, residual_plot, tick};
-use crate::atomic::write_file;
 use crate::mesh::TriMesh;
+use crate::store::write_file;
 
 const PAGE: &str = include_str!("loop.html");
 

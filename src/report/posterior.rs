@@ -6,8 +6,9 @@ use rayon::prelude::*;
 
 use super::{Group, LeaveOneOut, MAX_R_HAT, Row, Values, Variable};
 use crate::diagnostics::{Stray, stray, summarise};
-use crate::dsl::{Kind, LetValues, Measurements, Model, Observe, Parameter};
 use crate::infer::Chain;
+use crate::model::{Kind, LetValues, Model, Observe, Parameter};
+use crate::table::Measurements;
 
 /// First random stream for what is drawn after sampling; chains own the streams from 0 on.
 const STREAM: u64 = 1 << 32;

@@ -7,7 +7,7 @@ use std::io::Write as _;
 use std::path::Path;
 
 use super::{Approximation, LooRecord, ReportError};
-use crate::atomic::write_file;
+use crate::store::write_file;
 
 /// Everything needed to repeat a run and to judge it at a glance.
 ///

@@ -6,8 +6,8 @@ use std::io::Write as _;
 use std::path::Path;
 
 use super::ReportError;
-use crate::atomic::write_file;
 use crate::diagnostics::Summary;
+use crate::store::write_file;
 
 /// The posterior summary of one scalar quantity, with its name and unit.
 #[derive(Clone, Debug)]

@@ -15,7 +15,7 @@ use std::io::{self, Write as _};
 use std::path::Path;
 
 use super::{Group, ReportError, Values, Variable};
-use crate::atomic::write_folder;
+use crate::store::write_folder;
 
 /// Metadata of every group and array by its path below the root, in the order written.
 type Nodes = Map<String, Value>;

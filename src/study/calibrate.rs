@@ -7,12 +7,12 @@ use super::plan::{Block, Case, Choice, Estimate, Plan};
 use super::truth::{Truth, repaired};
 use super::{StudyError, Visit, measure, visits};
 use crate::diagnostics::r_hat;
-use crate::dsl::{Declare, Maps, Model, Sampler};
 use crate::infer::{
     Chain, LogDensity as _, OptimumSettings, Settings, Silent, jittered_starts, maximise,
 };
 use crate::manifold::{Basis, maximin};
 use crate::mesh::TriMesh;
+use crate::model::{Declare, Maps, Model, Sampler};
 
 /// Most iterations on the way to a mode: the ripple of bracket likelihoods needs thousands.
 const MOST_ITERATIONS: usize = 50_000;

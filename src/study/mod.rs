@@ -26,10 +26,11 @@ use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 use thiserror::Error;
 
-use crate::dsl::{DataError, Declare, Maps, Measurements, Model, ModelError};
 use crate::infer::InferError;
 use crate::manifold::{Basis, ManifoldError, maximin};
 use crate::mesh::TriMesh;
+use crate::model::{Declare, Maps, Model, ModelError};
+use crate::table::{DataError, Measurements};
 use truth::Truth;
 
 /// What messages call a table that was made here.

@@ -17,9 +17,9 @@ use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
 use super::{StudyError, blank_table, visits};
-use crate::dsl::{Declare, Maps, Model, RowId};
 use crate::infer::LogDensity as _;
 use crate::manifold::Basis;
+use crate::model::{Declare, Maps, Model, RowId};
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 

@@ -9,8 +9,8 @@ use super::StudyError;
 use super::calibrate::{MAP_DRAWS, coverage, rms_error};
 use super::truth::{Truth, repaired};
 use crate::diagnostics::Moments;
-use crate::dsl::{Declare, Maps, Model};
 use crate::manifold::Basis;
+use crate::model::{Declare, Maps, Model};
 
 /// Draws that are held in memory at a time.
 const WAVE: usize = 16;

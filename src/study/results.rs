@@ -9,8 +9,8 @@ use serde_json::json;
 use super::StudyError;
 use super::calibrate::{INTERVALS, Outcome};
 use super::plan::{Block, Estimate, Plan};
-use crate::atomic::write_file;
 use crate::diagnostics::mean_and_sd;
+use crate::store::write_file;
 
 /// Columns that say which case a row is, and how it went.
 const CASE: [&str; 8] = [

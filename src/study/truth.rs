@@ -5,9 +5,9 @@ use rand_chacha::ChaCha8Rng;
 use rand_distr::StandardNormal;
 
 use super::{StudyError, stream};
-use crate::dsl::{MapName, Maps, Model, Tape};
 use crate::field::{Matern52, unit_field};
 use crate::manifold::{Basis, interpolate_biharmonic};
+use crate::model::{MapName, Maps, Model, Tape};
 
 /// Modes of the ground truth.
 pub const TRUTH_MODES: usize = 256;

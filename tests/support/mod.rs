@@ -3,8 +3,8 @@
 
 pub(crate) mod oracle;
 
-use eplat::dsl::Measurements;
 use eplat::manifold::Basis;
+use eplat::table::Measurements;
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 

@@ -1,10 +1,11 @@
 //! Draws of a model against moments known from elsewhere.
 
 use eplat::diagnostics::{mcse_sd, summarise};
-use eplat::dsl::{Declare, Measurements, Model};
 use eplat::infer::{Settings, Silent, jittered_starts, sample};
 use eplat::manifold::Basis;
+use eplat::model::{Declare, Model};
 use eplat::report::{Posterior, Values};
+use eplat::table::Measurements;
 
 /// The draws of every number of the parameters, chain by chain.
 pub(crate) fn draws(

@@ -8,8 +8,9 @@
 
 use std::path::{Path, PathBuf};
 
-use eplat::dsl::{Declare, Measurements};
 use eplat::mesh::{self, TriMesh, Units, left_atrium};
+use eplat::model::Declare;
+use eplat::table::Measurements;
 
 use crate::posterior::erp;
 

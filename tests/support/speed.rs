@@ -4,8 +4,8 @@
 
 use std::fmt;
 
-use eplat::dsl::Model;
 use eplat::infer::Chain;
+use eplat::model::Model;
 
 use crate::posterior::columns;
 

@@ -11,11 +11,11 @@
 
 use std::fmt::Write as _;
 
-use eplat::dsl::Measurements;
 use eplat::field::{Matern52, unit_field};
 use eplat::manifold::{Basis, Geodesic, eigenpairs_cached, maximin};
 use eplat::mesh::{Atrium, left_atrium};
 use eplat::surrogate::{erp_s2, erp_s3};
+use eplat::table::Measurements;
 use rand::seq::SliceRandom as _;
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;

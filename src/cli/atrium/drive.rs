@@ -9,7 +9,7 @@ use indicatif::{ProgressBar, ProgressStyle};
 use crate::ep::Precision;
 use crate::ep::surface::{Simulation, State};
 use crate::error::Failure;
-use crate::infer::{Checkpoint, Keeper};
+use crate::store::{Checkpoint, Keeper};
 
 /// A state, and which draw of the posterior it belongs to.
 pub(super) type Kept<F> = (u32, State<F>);

@@ -14,8 +14,8 @@ use crate::ep::cell::RANGES;
 use crate::ep::surface::{BeatMap, Simulation};
 use crate::ep::{Parameters, Precision};
 use crate::error::Failure;
-use crate::infer::{Keeper, take_chain};
 use crate::report::FieldDraws;
+use crate::store::{Keeper, take_chain};
 
 /// Suffix of the fields in fields.vtp that a draw takes the place of.
 const MEAN: &str = "_mean";

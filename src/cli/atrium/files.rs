@@ -8,12 +8,12 @@ use serde_json::{Map, Value, json};
 
 use super::super::output::OutputFolder;
 use super::{Outcome, Setup};
-use crate::atomic::write_file;
 use crate::ep::Precision;
 use crate::ep::surface::Simulation;
 use crate::error::Failure;
-use crate::infer::Identity;
 use crate::mesh::write_vtp;
+use crate::store::Identity;
+use crate::store::write_file;
 
 /// The file that says what was simulated; without it there is no result.
 pub(super) const RECORD: &str = "simulation.json";

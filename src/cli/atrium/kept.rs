@@ -10,8 +10,8 @@ use super::super::output::OutputFolder;
 use super::AtriumArgs;
 use super::files::RECORD;
 use crate::error::Failure;
-use crate::infer::{Checkpoint, Identity, differences};
 use crate::report::FieldDraws;
+use crate::store::{Checkpoint, Identity, differences};
 
 impl AtriumArgs {
     /// All that the results depend on: every option, by its name, and the files that are read.

@@ -23,13 +23,14 @@ use super::models::{Compiled, ModelFile};
 use super::output::{Finished, OutputFolder, Sampled};
 use super::run::record_of;
 use super::sampling::{Job, every_chain_failed};
-use crate::atomic::write_file;
 use crate::criticism::{self, Case, Outcome, criticise, rewrite, site_column};
-use crate::dsl::{AddedEffect, Augmented, Declare, Measurements, Model, Sampler};
 use crate::error::Failure;
 use crate::infer::{self, Chain, jittered_starts};
 use crate::manifold::{Basis, eigenpairs_cached};
+use crate::model::{AddedEffect, Augmented, Declare, Model, Sampler};
 use crate::report::write_loop_page;
+use crate::store::write_file;
+use crate::table::Measurements;
 
 /// Fewer sites than this cannot be criticised.
 const LEAST_SITES: usize = 10;

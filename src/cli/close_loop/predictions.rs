@@ -11,10 +11,11 @@ use crate::criticism::{
     predict_rows, score_of, with_heldout,
 };
 use crate::diagnostics::standard_error;
-use crate::dsl::{Declare, Measurements, Model};
 use crate::error::Failure;
 use crate::infer::Chain;
+use crate::model::{Declare, Model};
 use crate::report::{Comparison, PredictionError};
+use crate::table::Measurements;
 
 /// Most draws that predictions are averaged over.
 const PREDICTION_DRAWS: usize = 1000;

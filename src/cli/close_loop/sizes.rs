@@ -4,7 +4,7 @@ use super::super::inputs::Inputs;
 use super::Sampling;
 use super::predictions::thinned;
 use crate::diagnostics::quantile;
-use crate::dsl::{AddedEffect, Form};
+use crate::model::{AddedEffect, Form};
 
 /// The size of an effect.
 pub(super) struct Size {

@@ -9,8 +9,8 @@ use super::predictions::{Heldout, LeftOut, as_json};
 use super::sizes::Size;
 use super::{Sampling, name_of};
 use crate::criticism::{CLAIM, Outcome, Round, Warning, least_log_bf, site_column};
-use crate::dsl::{AddedEffect, Form, equations};
 use crate::error::Failure;
+use crate::model::{AddedEffect, Form, equations};
 use crate::report::{
     Against, Comparison, LoopPage, ReportError, Residuals, SiteResidual, TriedEffect, TriedRound,
 };

@@ -4,9 +4,9 @@ use std::collections::BTreeSet;
 use std::fmt::Write as _;
 use std::path::Path;
 
-use crate::atomic::write_file;
 use crate::error::Failure;
 use crate::report::{ErrorBars, Panel};
+use crate::store::write_file;
 use crate::study::Group;
 
 /// Figures that are errors of maps.

@@ -19,10 +19,10 @@ use rayon::prelude::*;
 use super::compile::run_compiled;
 use super::inputs::{embedded_atrium, hash};
 use super::models::{Compiled, ModelFile};
-use crate::dsl::Model;
 use crate::error::Failure;
 use crate::manifold::eigenpairs_cached;
 use crate::mesh::{self, Surface, Units};
+use crate::model::Model;
 use crate::study::{Block, Plan, Results, Study, TRUTH_MODES, Table, summarise};
 
 /// Edge length of the embedded atrium, mm.

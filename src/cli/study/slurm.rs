@@ -7,8 +7,8 @@ use std::process::ExitCode;
 use clap::Args;
 
 use super::PlanArgs;
-use crate::atomic::write_file;
 use crate::error::Failure;
+use crate::store::write_file;
 
 #[derive(Debug, Args)]
 pub(in crate::cli) struct SlurmArgs {

@@ -5,7 +5,6 @@ use super::latent::LatentGaussian;
 use super::proposal::Proposal;
 use super::stand_in::{Sample, StandIn};
 use crate::infer::adapt::Warmup;
-use crate::infer::checkpoint::Keeper;
 use crate::infer::hamiltonian::{Hamiltonian, Metric};
 use crate::infer::moments::Moments;
 use crate::infer::nuts::{Nuts, NutsState, Transition};
@@ -13,6 +12,7 @@ use crate::infer::sample::{Reporter, chain_stream, is_usable};
 use crate::infer::{
     Chain, ChainError, ChainFailure, ChainResult, Divergence, MetricKind, Phase, Progress, Settings,
 };
+use crate::store::Keeper;
 use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
 use serde::{Deserialize, Serialize};

@@ -20,9 +20,10 @@ mod whiten;
 
 pub use latent::{Design, FieldLayout, Latent, LatentGaussian, Layout, Shape};
 
-use super::checkpoint::take_chains;
 use super::sample::{check_starts, thread_pool};
-use super::{ChainResult, Checkpoint, InferError, Progress, Settings};
+use super::{ChainResult, InferError, Progress, Settings};
+use crate::store::Checkpoint;
+use crate::store::take_chains;
 use chain::Run;
 use warmup::{Shared, for_each_chain, warm_up};
 

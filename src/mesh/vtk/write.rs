@@ -3,7 +3,7 @@
 //! A file appears under its name only when it is whole.
 
 use super::super::{MeshError, TriMesh};
-use crate::atomic::write_file;
+use crate::store::write_file;
 use base64::Engine;
 use base64::engine::general_purpose::STANDARD;
 use std::fmt::Write as _;

@@ -24,13 +24,14 @@ use super::super::models::Compiled;
 use super::super::output::{Finished, OutputFolder, Sampled};
 use super::super::report::read_run;
 use super::super::run::{Begin, Ended, SamplerArgs, lay_out, record_of, sample_into};
-use crate::atomic::write_file;
-use crate::dsl::{Declare, Model, Sampler};
 use crate::error::Failure;
-use crate::infer::{Checkpoint, Identity, Settings, differences, jittered_starts};
+use crate::infer::{Settings, jittered_starts};
 use crate::manifold::{Basis, eigenpairs_cached};
 use crate::mesh::{Surface, Units};
+use crate::model::{Declare, Model, Sampler};
 use crate::report::{self, FieldDraws, verdict};
+use crate::store::write_file;
+use crate::store::{Checkpoint, Identity, differences};
 use crate::study::{Design, Experiment, Recovery, TRUTH_MODES, conduction, experiment, recover};
 use simulation::SimulationArgs;
 

@@ -8,14 +8,14 @@ use serde_json::{Map, Value, json};
 use super::super::super::output::OutputFolder;
 use super::simulation::Simulated;
 use super::{RUN, Setup};
-use crate::atomic::write_file;
 use crate::ep::surface::BeatMap;
 use crate::error::Failure;
-use crate::infer::Identity;
 use crate::mesh::write_vtp;
 use crate::report::{
     ExperimentPage, Figure, PointData, RunRecord, Surface, Verdict, write_experiment_page,
 };
+use crate::store::Identity;
+use crate::store::write_file;
 use crate::study::{INTERVALS, RecoveredMap, Recovery};
 
 /// An error of so many standard deviations is a large one.

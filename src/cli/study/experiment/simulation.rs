@@ -10,8 +10,8 @@ use super::super::super::output::OutputFolder;
 use super::Setup;
 use crate::ep::surface::BeatMap;
 use crate::error::Failure;
-use crate::infer::Identity;
 use crate::mesh::{self, Surface, TriMesh, Units, write_vtp};
+use crate::store::Identity;
 use crate::study::Recovery;
 
 /// Fronts need vertices no farther apart than this, mm.

@@ -4,17 +4,17 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::marker::PhantomData;
 
 use crate::dist::{Dist, Sequence, Support};
-use crate::dsl::data::Measurements;
-use crate::dsl::error::ModelError;
-use crate::dsl::form::Form;
-use crate::dsl::linear::Linear;
-use crate::dsl::maps::{LetFn, Map, MapAt, MapFn, Source as MapSource};
-use crate::dsl::model::{Kind, Model, Parameter, Position, PriorEntry, Statement};
-use crate::dsl::parameter::{NormalOp, ParameterOp, PriorFn, SequenceFn, SequenceOp};
-use crate::dsl::probes::SOURCE;
-use crate::dsl::scope::{Local, Scope};
-use crate::dsl::units::{Decl, check_units};
 use crate::manifold::Basis;
+use crate::model::error::ModelError;
+use crate::model::form::Form;
+use crate::model::linear::Linear;
+use crate::model::maps::{LetFn, Map, MapAt, MapFn, Source as MapSource};
+use crate::model::model::{Kind, Model, Parameter, Position, PriorEntry, Statement};
+use crate::model::parameter::{NormalOp, ParameterOp, PriorFn, SequenceFn, SequenceOp};
+use crate::model::scope::{Local, Scope};
+use crate::model::units::{Decl, check_units};
+use crate::table::Measurements;
+use crate::table::SOURCE;
 
 mod fields;
 mod lets;

@@ -8,7 +8,7 @@ use quote::ToTokens;
 use syn::{BinOp, Expr, Lit, Member, UnOp};
 
 use super::unit::Unit;
-use crate::dsl::equations::tidy;
+use crate::model::equations::tidy;
 
 /// What is known of an expression's unit.
 #[derive(Clone, Copy, Debug)]

@@ -4,13 +4,13 @@ use std::marker::PhantomData;
 
 use super::{Builder, Source};
 use crate::dist::Support;
-use crate::dsl::error::ModelError;
-use crate::dsl::gp::{Collapsed, Field, KernelFn, SpectrumAt, Term, padded};
-use crate::dsl::model::{FieldEntry, Kind, Parameter, Position};
-use crate::dsl::scalar::{Scalar, ScalarAt, ScalarFn};
-use crate::dsl::scope::Scope;
-use crate::dsl::units::Decl;
 use crate::manifold::Basis;
+use crate::model::error::ModelError;
+use crate::model::gp::{Collapsed, Field, KernelFn, SpectrumAt, Term, padded};
+use crate::model::model::{FieldEntry, Kind, Parameter, Position};
+use crate::model::scalar::{Scalar, ScalarAt, ScalarFn};
+use crate::model::scope::Scope;
+use crate::model::units::Decl;
 
 /// √λ of the first modes, the probes' rows of them, and the constant mode's value if it is constant.
 type Modes = (Vec<f64>, Vec<f64>, Option<f64>);

@@ -52,7 +52,7 @@ pub(crate) fn take_chain<T: DeserializeOwned>(
 ///
 /// # Errors
 /// [`CheckpointError::Damaged`].
-pub(in crate::infer) fn take_chains<T: DeserializeOwned>(
+pub(crate) fn take_chains<T: DeserializeOwned>(
     checkpoint: Option<&Checkpoint>,
     chains: usize,
 ) -> Result<Vec<Option<T>>, CheckpointError> {

@@ -7,7 +7,6 @@ use rand::{Rng, RngExt as _};
 use rand_distr::StandardNormal;
 
 use super::builder::Builder;
-use super::data::Measurements;
 use super::density::Density;
 use super::error::ModelError;
 use super::gp::Field;
@@ -20,6 +19,7 @@ use super::units::Decl;
 use crate::dist::Support;
 use crate::infer::{Evaluator, LogDensity};
 use crate::manifold::Basis;
+use crate::table::Measurements;
 
 /// Implemented by [`model!`](crate::model): a model as declared, without data.
 pub trait Declare: Sync {

@@ -1,12 +1,14 @@
 //! A table of measurements: one row each, columns by name, kept as text until a model asks for them.
 
+mod probes;
+
 use std::fmt::Write as _;
 use std::path::Path;
 use std::sync::Arc;
 
 use thiserror::Error;
 
-use super::probes::{PATH, ProbeError, Probes};
+pub use probes::{FIELD_MODES, PATH, ProbeError, Probes, SOURCE};
 
 use crate::manifold::{Basis, nearest_vertex};
 use crate::mesh::Surface;
@@ -462,7 +464,7 @@ impl Measurements {
     }
 
     /// An error at a cell.
-    pub(super) fn cell_error(
+    pub(crate) fn cell_error(
         &self,
         row: usize,
         column: &str,

@@ -18,11 +18,11 @@
 macro_rules! model {
     ($(#[doc = $doc:literal])* model $M:ident; $($rest:tt)*) => {
         $(#[doc = $doc])* #[derive(Clone, Copy, Debug)] #[allow(unreachable_pub, missing_docs)] pub struct $M;
-        impl $crate::dsl::Declare for $M {
+        impl $crate::model::Declare for $M {
             fn name(&self) -> &'static str { stringify!($M) }
             fn doc(&self) -> &'static str { concat!($($doc, "\n"),*) }
             #[allow(unused, unreachable_pub, non_snake_case, clippy::all, clippy::pedantic)]
-            fn declare(&self, b: &mut $crate::dsl::expansion::Builder<'_>) -> Result<(), $crate::dsl::ModelError> {
+            fn declare(&self, b: &mut $crate::model::expansion::Builder<'_>) -> Result<(), $crate::model::ModelError> {
                 $crate::statement!{ b [] [] [] [] [] [] $($rest)* }
                 Ok(())
             }
@@ -91,15 +91,15 @@ macro_rules! statement {
         #[allow(non_camel_case_types)] enum Names { $($p,)* $($r,)* $($g,)* } // a name is declared once
         #[derive(Debug)] pub struct Row { $(pub $c: $ct),* }
         pub struct Data<'a> { $(pub $c: &'a [$ct],)* rows: std::marker::PhantomData<&'a ()> }
-        impl $crate::dsl::expansion::Columns for Row {
+        impl $crate::model::expansion::Columns for Row {
             type Data<'a> = Data<'a>;
-            fn names() -> Vec<(&'static str, Vec<String>)> { vec![$((stringify!($c), <$ct as $crate::dsl::expansion::Column>::names(stringify!($c)))),*] }
+            fn names() -> Vec<(&'static str, Vec<String>)> { vec![$((stringify!($c), <$ct as $crate::model::expansion::Column>::names(stringify!($c)))),*] }
             fn read<E>(column: &mut dyn FnMut(&str) -> Result<f64, E>) -> Result<Self, E> {
-                Ok(Row { $($c: $crate::dsl::expansion::read_column(stringify!($c), column)?),* })
+                Ok(Row { $($c: $crate::model::expansion::read_column(stringify!($c), column)?),* })
             }
             fn data(cells: &[Vec<f64>]) -> Data<'_> {
                 let mut cells = cells.iter();
-                Data { $($c: cells.next().map_or(&[], |c| $crate::dsl::expansion::Column::rows(c)),)* rows: std::marker::PhantomData }
+                Data { $($c: cells.next().map_or(&[], |c| $crate::model::expansion::Column::rows(c)),)* rows: std::marker::PhantomData }
             }
         }
         $($o)*
@@ -121,16 +121,16 @@ macro_rules! statement {
 #[macro_export]
 #[doc(hidden)]
 macro_rules! form {
-    (scaled $r:ident . $c:ident, $centre:expr, $scale:expr) => { $crate::dsl::expansion::Form::Scaled { column: stringify!($c).into(), centre: f64::from($centre), scale: f64::from($scale) } };
-    (smooth $r:ident . $c:ident, $low:expr, $high:expr, $degree:expr) => { $crate::dsl::expansion::Form::Smooth { column: stringify!($c).into(), low: f64::from($low), high: f64::from($high), degree: $degree } };
-    (above $r:ident . $c:ident, $threshold:expr) => { $crate::dsl::expansion::Form::Above { column: stringify!($c).into(), threshold: f64::from($threshold) } };
-    (logistic $r:ident . $c:ident, $centre:expr, $scale:expr) => { $crate::dsl::expansion::Form::Logistic { column: stringify!($c).into(), centre: f64::from($centre), scale: f64::from($scale) } };
-    (group $r:ident . $c:ident) => { $crate::dsl::expansion::Form::Group { column: stringify!($c).into() } };
-    (family $r:ident . $c:ident) => { $crate::dsl::expansion::Form::Family { column: stringify!($c).into() } };
-    (all $r:ident) => { $crate::dsl::expansion::Form::All };
-    (surface $r:ident, $modes:literal, $lengthscale:expr) => { $crate::dsl::expansion::Form::Surface { modes: $modes, lengthscale: f64::from($lengthscale) } };
-    (path $r:ident, $modes:literal, $lengthscale:expr) => { $crate::dsl::expansion::Form::Path { modes: $modes, lengthscale: f64::from($lengthscale) } };
-    ($($other:tt)*) => { { $crate::mistake!{ "expected `linear(row.a, row.b)`, `scaled(row.a, CENTRE, SCALE)`, `smooth(row.a, LOW, HIGH, DEGREE)`, `above(row.a, THRESHOLD)`, `logistic(row.a, CENTRE, SCALE)`, `group(row.a)`, `family(row.a)`, `all(row)`, `surface(row, MODES, LENGTHSCALE)` or `path(row, MODES, LENGTHSCALE)`" $($other)* } $crate::dsl::expansion::Form::All } };
+    (scaled $r:ident . $c:ident, $centre:expr, $scale:expr) => { $crate::model::expansion::Form::Scaled { column: stringify!($c).into(), centre: f64::from($centre), scale: f64::from($scale) } };
+    (smooth $r:ident . $c:ident, $low:expr, $high:expr, $degree:expr) => { $crate::model::expansion::Form::Smooth { column: stringify!($c).into(), low: f64::from($low), high: f64::from($high), degree: $degree } };
+    (above $r:ident . $c:ident, $threshold:expr) => { $crate::model::expansion::Form::Above { column: stringify!($c).into(), threshold: f64::from($threshold) } };
+    (logistic $r:ident . $c:ident, $centre:expr, $scale:expr) => { $crate::model::expansion::Form::Logistic { column: stringify!($c).into(), centre: f64::from($centre), scale: f64::from($scale) } };
+    (group $r:ident . $c:ident) => { $crate::model::expansion::Form::Group { column: stringify!($c).into() } };
+    (family $r:ident . $c:ident) => { $crate::model::expansion::Form::Family { column: stringify!($c).into() } };
+    (all $r:ident) => { $crate::model::expansion::Form::All };
+    (surface $r:ident, $modes:literal, $lengthscale:expr) => { $crate::model::expansion::Form::Surface { modes: $modes, lengthscale: f64::from($lengthscale) } };
+    (path $r:ident, $modes:literal, $lengthscale:expr) => { $crate::model::expansion::Form::Path { modes: $modes, lengthscale: f64::from($lengthscale) } };
+    ($($other:tt)*) => { { $crate::mistake!{ "expected `linear(row.a, row.b)`, `scaled(row.a, CENTRE, SCALE)`, `smooth(row.a, LOW, HIGH, DEGREE)`, `above(row.a, THRESHOLD)`, `logistic(row.a, CENTRE, SCALE)`, `group(row.a)`, `family(row.a)`, `all(row)`, `surface(row, MODES, LENGTHSCALE)` or `path(row, MODES, LENGTHSCALE)`" $($other)* } $crate::model::expansion::Form::All } };
 }
 
 /// A message (its span is the whole `model!`), and an error at the place: `no rules expected` points
@@ -148,7 +148,7 @@ macro_rules! here {
 #[macro_export]
 #[doc(hidden)]
 macro_rules! decl { ($name:ident $(($over:tt))? [$($u:tt)*] [$($doc:literal)*] $($text:tt)*) => {
-    $crate::dsl::expansion::Decl { name: stringify!($name), over: concat!($(stringify!($over))?), unit: $crate::unit!($($u)*), text: stringify!($($text)*), doc: concat!($($doc, "\n"),*) }
+    $crate::model::expansion::Decl { name: stringify!($name), over: concat!($(stringify!($over))?), unit: $crate::unit!($($u)*), text: stringify!($($text)*), doc: concat!($($doc, "\n"),*) }
 } }
 
 /// A declared unit: one of these, or one over another.
@@ -193,9 +193,9 @@ macro_rules! range {
 #[doc(hidden)]
 macro_rules! scope { ([$(($p:ident {$t:ty} $n:expr))*] $e:expr) => {
     #[derive(Clone, Copy, Debug)] struct Here;
-    const SCOPE: $crate::dsl::expansion::Scope = $crate::dsl::expansion::Scope {
+    const SCOPE: $crate::model::expansion::Scope = $crate::model::expansion::Scope {
         names: &[$(stringify!($p)),*], lens: &[$($n),*], lets: 0,
-        mask: $crate::dsl::expansion::uses(stringify!($e), &[$(stringify!($p)),*]),
+        mask: $crate::model::expansion::uses(stringify!($e), &[$(stringify!($p)),*]),
     };
 } }
 
@@ -203,8 +203,8 @@ macro_rules! scope { ([$(($p:ident {$t:ty} $n:expr))*] $e:expr) => {
 #[doc(hidden)]
 macro_rules! prior { ([$(($p:ident {$t:ty} $n:expr))*] $d:expr) => {
     $crate::scope!{ [$(($p {$t} $n))*] $d }
-    impl $crate::dsl::expansion::PriorFn for Here {
-        #[inline] fn dist<D: $crate::num::Real>(s: &[D]) -> impl $crate::dist::Dist<D> + use<D> { let mut s = s.iter().copied(); $(let $p: $t = $crate::dsl::expansion::Take::take(&mut s);)* $d }
+    impl $crate::model::expansion::PriorFn for Here {
+        #[inline] fn dist<D: $crate::num::Real>(s: &[D]) -> impl $crate::dist::Dist<D> + use<D> { let mut s = s.iter().copied(); $(let $p: $t = $crate::model::expansion::Take::take(&mut s);)* $d }
     }
 } }
 
@@ -212,8 +212,8 @@ macro_rules! prior { ([$(($p:ident {$t:ty} $n:expr))*] $d:expr) => {
 #[doc(hidden)]
 macro_rules! scalar { ([$(($p:ident {$t:ty} $n:expr))*] $e:expr) => {
     $crate::scope!{ [$(($p {$t} $n))*] $e }
-    impl $crate::dsl::expansion::ScalarFn for Here {
-        #[inline] fn value<D: $crate::num::Real>(s: &[D]) -> D { let mut s = s.iter().copied(); $(let $p: $t = $crate::dsl::expansion::Take::take(&mut s);)* $crate::dsl::expansion::lift($e) }
+    impl $crate::model::expansion::ScalarFn for Here {
+        #[inline] fn value<D: $crate::num::Real>(s: &[D]) -> D { let mut s = s.iter().copied(); $(let $p: $t = $crate::model::expansion::Take::take(&mut s);)* $crate::model::expansion::lift($e) }
     }
 } }
 
@@ -221,8 +221,8 @@ macro_rules! scalar { ([$(($p:ident {$t:ty} $n:expr))*] $e:expr) => {
 #[doc(hidden)]
 macro_rules! kernel { ([$(($p:ident {$t:ty} $n:expr))*] $e:expr) => {
     $crate::scope!{ [$(($p {$t} $n))*] $e }
-    impl $crate::dsl::expansion::KernelFn for Here {
-        #[inline(always)] fn kernel<D: $crate::num::Real>(s: &[D]) -> impl $crate::field::Kernel<D> + use<D> { let mut s = s.iter().copied(); $(let $p: $t = $crate::dsl::expansion::Take::take(&mut s);)* $e }
+    impl $crate::model::expansion::KernelFn for Here {
+        #[inline(always)] fn kernel<D: $crate::num::Real>(s: &[D]) -> impl $crate::field::Kernel<D> + use<D> { let mut s = s.iter().copied(); $(let $p: $t = $crate::model::expansion::Take::take(&mut s);)* $e }
     }
 } }
 
@@ -233,9 +233,9 @@ macro_rules! density {
     ($b:ident $P:tt $n:ident [$data:ident] [$($doc:literal)*] $e:expr) => { $crate::density!{ @ $b $P $n [$data] [$($doc)*] $e; true } };
     (@ $b:ident [$(($p:ident {$t:ty} $m:expr))*] $n:ident [$data:ident] [$($doc:literal)*] $e:expr; $reads:literal) => { {
         $crate::scope!{ [$(($p {$t} $m))*] $e }
-        impl $crate::dsl::expansion::DensityFn for Here {
+        impl $crate::model::expansion::DensityFn for Here {
             type Columns = Row;
-            #[inline] fn terms<D: $crate::num::Real>(s: &[D], $data: &Data<'_>) -> impl $crate::dsl::expansion::Terms<D> + use<D> { let mut s = s.iter().copied(); $(let $p: $t = $crate::dsl::expansion::Take::take(&mut s);)* $e }
+            #[inline] fn terms<D: $crate::num::Real>(s: &[D], $data: &Data<'_>) -> impl $crate::model::expansion::Terms<D> + use<D> { let mut s = s.iter().copied(); $(let $p: $t = $crate::model::expansion::Take::take(&mut s);)* $e }
         }
         $b.density::<Here, { SCOPE.size() }, { SCOPE.width() }>(Here, $crate::decl!($n [] [$($doc)*] $e), &SCOPE, $reads.then_some(stringify!($data)))?;
     } };
@@ -245,15 +245,15 @@ macro_rules! density {
 #[doc(hidden)]
 macro_rules! param { ($b:ident $S:tt $p:ident $(($over:tt))? [$($u:tt)*] [$($doc:literal)*] $len:ident $(($n:expr))?, $d:expr) => { {
     $crate::prior!{ $S $d }
-    $b.param::<Here, { SCOPE.size() }, { SCOPE.width() + 1 }>(Here, $crate::decl!($p $(($over))? [$($u)*] [$($doc)*] $d), $crate::dsl::expansion::Len::$len $(($n))?, &SCOPE)?;
+    $b.param::<Here, { SCOPE.size() }, { SCOPE.width() + 1 }>(Here, $crate::decl!($p $(($over))? [$($u)*] [$($doc)*] $d), $crate::model::expansion::Len::$len $(($n))?, &SCOPE)?;
 } } }
 
 #[macro_export]
 #[doc(hidden)]
 macro_rules! sequence { ($b:ident [$(($q:ident {$t:ty} $m:expr))*] $p:ident [$($u:tt)*] [$($doc:literal)*] $n:literal, $d:expr) => { {
     $crate::scope!{ [$(($q {$t} $m))*] $d }
-    impl $crate::dsl::expansion::SequenceFn for Here {
-        #[inline] fn sequence<D: $crate::num::Real>(s: &[D]) -> impl $crate::dist::Sequence<D> + use<D> { let mut s = s.iter().copied(); $(let $q: $t = $crate::dsl::expansion::Take::take(&mut s);)* $d }
+    impl $crate::model::expansion::SequenceFn for Here {
+        #[inline] fn sequence<D: $crate::num::Real>(s: &[D]) -> impl $crate::dist::Sequence<D> + use<D> { let mut s = s.iter().copied(); $(let $q: $t = $crate::model::expansion::Take::take(&mut s);)* $d }
     }
     $b.sequence::<Here, { SCOPE.size() }, { SCOPE.width() + 2 }>(Here, $crate::decl!($p ($n) [$($u)*] [$($doc)*] $d), $n, &SCOPE)?;
 } } }
@@ -283,9 +283,9 @@ macro_rules! field {
 macro_rules! row_scope { ([$(($p:ident {$t:ty} $n:expr))*] [$(($r:ident))*] [$(($g:ident $gx:tt {$e:expr}))*] $text:expr) => {
     const NAMES: &[&str] = &[$(stringify!($p),)* $(stringify!($r),)* $(stringify!($g),)*];
     const LETS: &[&str] = &[$(stringify!($e)),*];
-    const SCOPE: $crate::dsl::expansion::Scope = $crate::dsl::expansion::Scope {
-        names: NAMES, lens: &[$($n,)* $($crate::dsl::expansion::one(stringify!($r)),)* $($crate::dsl::expansion::one(stringify!($g)),)*], lets: LETS.len(),
-        mask: $crate::dsl::expansion::uses_through($text, NAMES, NAMES.len() - LETS.len(), LETS),
+    const SCOPE: $crate::model::expansion::Scope = $crate::model::expansion::Scope {
+        names: NAMES, lens: &[$($n,)* $($crate::model::expansion::one(stringify!($r)),)* $($crate::model::expansion::one(stringify!($g)),)*], lets: LETS.len(),
+        mask: $crate::model::expansion::uses_through($text, NAMES, NAMES.len() - LETS.len(), LETS),
     };
     #[derive(Debug)] struct Here;
 } }
@@ -295,34 +295,34 @@ macro_rules! row_scope { ([$(($p:ident {$t:ty} $n:expr))*] [$(($r:ident))*] [$((
 #[doc(hidden)]
 macro_rules! bind { ($s:ident $row:ident [$(($p:ident {$t:ty} $n:expr))*] [$(($r:ident))*] [$(($g:ident ($gx:ident) {$e:expr}))*]) => {
     let mut s = $s.iter().copied();
-    $( let $p: $t = $crate::dsl::expansion::Take::take(&mut s); )*
-    $( let $r = { let v: D = $crate::dsl::expansion::Take::take(&mut s); move |_: &Row| v }; )*
-    $( let $g = { let mut v: D = $crate::dsl::expansion::Take::take(&mut s); if const { SCOPE.has(stringify!($g)) } { let $gx = $row; v += $crate::dsl::expansion::lift::<D>($e); } move |_: &Row| v }; )*
+    $( let $p: $t = $crate::model::expansion::Take::take(&mut s); )*
+    $( let $r = { let v: D = $crate::model::expansion::Take::take(&mut s); move |_: &Row| v }; )*
+    $( let $g = { let mut v: D = $crate::model::expansion::Take::take(&mut s); if const { SCOPE.has(stringify!($g)) } { let $gx = $row; v += $crate::model::expansion::lift::<D>($e); } move |_: &Row| v }; )*
 } }
 
 #[macro_export]
 #[doc(hidden)]
 macro_rules! value { ($b:ident $P:tt $R:tt $L:tt $g:ident ($x:ident) [$($u:tt)*] [$($doc:literal)*] [$($lo:literal, $hi:literal)?] $e:expr) => { {
     $crate::row_scope!{ $P $R $L stringify!($e) }
-    impl $crate::dsl::expansion::LetFn for Here {
+    impl $crate::model::expansion::LetFn for Here {
         type Columns = Row;
         #[inline] fn value<D: $crate::num::Real>(s: &[D], row: &Row) -> D {
             $crate::bind!{ s row $P $R $L }
             let $x = row;
-            $crate::dsl::expansion::lift($e)
+            $crate::model::expansion::lift($e)
         }
     }
-    $b.value::<Here, { SCOPE.size() }>(Here, $crate::decl!($g ($x) [$($u)*] [$($doc)*] $e), $crate::range!($($lo, $hi)?), &SCOPE, $crate::dsl::expansion::mentions_columns(stringify!($e), stringify!($x)));
+    $b.value::<Here, { SCOPE.size() }>(Here, $crate::decl!($g ($x) [$($u)*] [$($doc)*] $e), $crate::range!($($lo, $hi)?), &SCOPE, $crate::model::expansion::mentions_columns(stringify!($e), stringify!($x)));
 } } }
 
 #[macro_export]
 #[doc(hidden)]
 macro_rules! observe { ($b:ident $P:tt $R:tt $L:tt $y:ident ($x:ident) $Y:ident [$($u:tt)*] [$($doc:literal)*] [$($from:expr)?] $lik:expr) => { {
     $crate::row_scope!{ $P $R $L stringify!($lik) }
-    impl $crate::dsl::expansion::RowFn for Here {
+    impl $crate::model::expansion::RowFn for Here {
         type Columns = Row;
         type Y = $Y;
-        const SCOPE: $crate::dsl::expansion::Scope = SCOPE;
+        const SCOPE: $crate::model::expansion::Scope = SCOPE;
         #[inline(always)] fn likelihood<D: $crate::num::Real>(s: &[D], row: &Row) -> impl $crate::likelihood::Likelihood<D, $Y> + use<D> {
             $crate::bind!{ s row $P $R $L }
             let $x = row;

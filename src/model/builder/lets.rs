@@ -3,12 +3,12 @@
 use std::collections::BTreeSet;
 
 use super::{Builder, Source};
-use crate::dsl::data::Measurements;
-use crate::dsl::error::ModelError;
-use crate::dsl::lets::{LetValues, Local, Values};
-use crate::dsl::maps::MapFn;
-use crate::dsl::scope::Scope;
-use crate::dsl::units::Decl;
+use crate::model::error::ModelError;
+use crate::model::lets::{LetValues, Local, Values};
+use crate::model::maps::MapFn;
+use crate::model::scope::Scope;
+use crate::model::units::Decl;
+use crate::table::Measurements;
 
 /// A `let` as declared.
 pub(super) struct Declared {

@@ -1,7 +1,7 @@
 //! Modes of the surface at the places of a table's rows, and along the paths to them: what the forms
 //! `surface` and `path` of an effect are made of.
 
-use super::data::{DataError, Measurements};
+use super::{DataError, Measurements};
 use crate::field::{Kernel, Matern32};
 use crate::manifold::{Basis, ManifoldError, integrate_along_paths};
 use crate::mesh::Surface;
@@ -90,7 +90,7 @@ impl Probes {
 
     /// Design of a field of unit amplitude (Matérn-3/2, lengthscale in mm), row-major (rows, `n`): its value at
     /// each row or, `along` the paths, its integral.
-    pub(super) fn design(&self, n: usize, lengthscale: f64, along: bool) -> Vec<f64> {
+    pub(crate) fn design(&self, n: usize, lengthscale: f64, along: bool) -> Vec<f64> {
         let kernel = Matern32(lengthscale);
         let root: Vec<f64> =
             self.frequency.iter().take(n).map(|w| kernel.sqrt_density(*w)).collect();

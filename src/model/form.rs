@@ -1,6 +1,6 @@
 //! Right-hand sides of `effect` statements: designs from the columns of a table.
 
-use super::data::Measurements;
+use crate::table::Measurements;
 
 /// How an effect depends on a row: the right-hand side of an `effect` statement.
 #[derive(Clone, Debug, PartialEq)]

@@ -24,10 +24,10 @@ use serde::Serialize;
 use serde::de::DeserializeOwned;
 use sha2::{Digest as _, Sha256};
 
-use crate::atomic::write_file_durably;
+use crate::store::write_file_durably;
 
 pub use error::{CheckpointError, Identity, differences};
-pub(in crate::infer) use keeper::take_chains;
+pub(crate) use keeper::take_chains;
 pub(crate) use keeper::{Keeper, take_chain};
 
 /// First bytes of every state; the number changes with the layout of what follows.
@@ -185,7 +185,7 @@ impl Checkpoint {
     ///
     /// # Errors
     /// [`CheckpointError::Damaged`].
-    pub(in crate::infer) fn take<T: DeserializeOwned>(
+    pub(crate) fn take<T: DeserializeOwned>(
         &self,
         name: &str,
     ) -> Result<Option<T>, CheckpointError> {
@@ -200,14 +200,12 @@ impl Checkpoint {
     ///
     /// # Errors
     /// [`CheckpointError::Damaged`].
-    pub(in crate::infer) fn take_common<T: DeserializeOwned>(
-        &self,
-    ) -> Result<Option<T>, CheckpointError> {
+    pub(crate) fn take_common<T: DeserializeOwned>(&self) -> Result<Option<T>, CheckpointError> {
         self.take(COMMON)
     }
 
     /// What all chains share from here on; written with the first of them, if any is.
-    pub(in crate::infer) fn share(&self, state: &impl Serialize) {
+    pub(crate) fn share(&self, state: &impl Serialize) {
         match postcard::to_stdvec(state) {
             Ok(bytes) => *lock(&self.common) = Some(bytes),
             Err(error) => self.fail(&error),

@@ -2,7 +2,7 @@
 
 use thiserror::Error;
 
-use super::data::DataError;
+use crate::table::DataError;
 
 /// Why a model cannot be built on its data.
 #[derive(Debug, Error)]

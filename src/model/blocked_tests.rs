@@ -1,9 +1,10 @@
 use super::*;
 use crate::diagnostics::{mcse_mean, mcse_sd, mean_and_sd};
-use crate::dsl::{Declare, Measurements};
 use crate::infer::{Chain, ChainError, Silent, jittered_starts};
 use crate::manifold::Basis;
+use crate::model::Declare;
 use crate::prelude::*;
+use crate::table::Measurements;
 use nalgebra::{DMatrix, DVector};
 use rand::{RngExt as _, SeedableRng as _};
 use rand_chacha::ChaCha8Rng;

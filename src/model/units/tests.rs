@@ -1,7 +1,7 @@
 //! Mistakes of units and, as many, what is none.
 
 use super::Unit;
-use crate::dsl::{Declare, Model};
+use crate::model::{Declare, Model};
 use crate::prelude::*;
 
 /// A model of these statements, and what is said about its units; empty if nothing.

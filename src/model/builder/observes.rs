@@ -4,17 +4,17 @@
 use std::marker::PhantomData;
 
 use super::{Builder, Source};
-use crate::dsl::data::Measurements;
-use crate::dsl::density::{Density, DensityAt, DensityFn};
-use crate::dsl::equations::tidy;
-use crate::dsl::error::ModelError;
-use crate::dsl::linear::Linear;
-use crate::dsl::model::Observe;
-use crate::dsl::rows::{Columns, Place, RowFn, Rows};
-use crate::dsl::scope::Scope;
-use crate::dsl::units::Decl;
-use crate::dsl::uses::reads;
 use crate::likelihood::Observation;
+use crate::model::density::{Density, DensityAt, DensityFn};
+use crate::model::equations::tidy;
+use crate::model::error::ModelError;
+use crate::model::linear::Linear;
+use crate::model::model::Observe;
+use crate::model::rows::{Columns, Place, RowFn, Rows};
+use crate::model::scope::Scope;
+use crate::model::units::Decl;
+use crate::model::uses::reads;
+use crate::table::Measurements;
 
 /// A likelihood with outliers, as it is written.
 pub fn outlying(likelihood: &str, share: f64, sd: f64) -> String {

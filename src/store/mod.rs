@@ -1,0 +1,12 @@
+//! What is kept on disk: files that appear whole or not at all, the cache, and the checkpoints of
+//! long work.
+//!
+//! Knows nothing of what is stored.
+
+mod atomic;
+pub mod cache;
+mod checkpoint;
+
+pub use atomic::{NewFile, write_file, write_file_durably, write_folder};
+pub use checkpoint::{Checkpoint, CheckpointError, Identity, differences};
+pub(crate) use checkpoint::{Keeper, take_chain, take_chains};
