@@ -1,0 +1,20 @@
+//! The model language of eplat, as text: one grammar, read once.
+//!
+//! [`parse`] turns the tokens of a `model! { … }` into one typed tree, [`syntax::Model`];
+//! [`File::read`] finds the `model! { … }` of a model file first. [`check`] resolves the names of the
+//! tree and compares its units. What else is asked of a model's text is answered from the tree:
+//! what an expression mentions ([`names`]), the model as equations ([`equations`]), and the same file with
+//! an effect added ([`edit`]).
+//!
+//! Knows no numbers, no files and no data: everything here is tested on text alone.
+
+mod file;
+mod grammar;
+mod mistake;
+pub mod names;
+pub mod syntax;
+pub mod vocabulary;
+
+pub use file::File;
+pub use grammar::parse;
+pub use mistake::Mistake;
