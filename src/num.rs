@@ -2,6 +2,9 @@
 //! entry of a Hessian), all from num-dual.
 
 pub mod lanes;
+mod number;
+
+pub use number::Num;
 
 use num_dual::{Derivative, DualNum, DualSVec64, HyperDual64};
 

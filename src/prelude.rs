@@ -10,8 +10,8 @@ pub use crate::likelihood::{
     BernoulliLogit, BinomialLogit, Bracket, Count, Interval, Likelihood, Mixture, NegBinomialLog,
     Number, Observation, OrderedLogit, Outliers, PoissonLog, TopHat, Widened,
 };
-pub use crate::model;
-pub use crate::num::{Real, ln_sum_exp};
+pub use eplat_macros::model;
+pub use crate::num::{Num, Real, ln_sum_exp};
 pub use crate::surrogate;
 pub use rand::{Rng, RngExt};
 pub use rand_distr;

@@ -12,6 +12,7 @@ mod file;
 mod grammar;
 mod mistake;
 pub mod names;
+pub mod print;
 pub mod syntax;
 pub mod vocabulary;
 
