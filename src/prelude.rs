@@ -1,9 +1,10 @@
 //! What a model file sees: `use eplat::prelude::*;`.
 
 pub use crate::dist::{
-    Beta, Cauchy, Dirichlet, Dist, Exponential, Flat, FlatBetween, FlatPositive, Gamma, HalfCauchy,
-    HalfNormal, HalfStudentT, InvGamma, Laplace, LogNormal, Normal, Ordered, RealLine, StudentT,
-    Support, TruncatedNormal, Uniform, ln_gamma, ln_logistic, logistic,
+    Beta, Cauchy, CholeskyFactor, Dirichlet, Dist, Exponential, Flat, FlatBetween, FlatPositive,
+    Gamma, HalfCauchy, HalfNormal, HalfStudentT, InvGamma, Laplace, LkjCholesky, LogNormal,
+    MultivariateNormal, Normal, Ordered, RealLine, Sequence, Step, StudentT, SumToZero, Support,
+    TruncatedNormal, Uniform, cholesky, correlation_cholesky, ln_gamma, ln_logistic, logistic,
 };
 pub use crate::field::{Kernel, Matern12, Matern32, Matern52, Rbf, authors};
 pub use crate::likelihood::{

@@ -22,6 +22,8 @@ pub enum Support {
     Simplex,
     /// Vectors of increasing numbers.
     Ordered,
+    /// Other vectors, in a few words.
+    Described(&'static str),
 }
 
 /// A prior: its support's transform and its density in the unconstrained coordinate `u`.
@@ -125,6 +127,10 @@ pub use interval::{Beta, Uniform};
 pub(crate) use normal_cdf::{ln_normal_below, ln_normal_between};
 pub use positive::{Exponential, Gamma, HalfCauchy, HalfNormal, InvGamma, LogNormal};
 pub use real::{Flat, Normal, StudentT};
-pub use sequence::{Concentration, Dirichlet, Ordered, RealLine, Sequence, Step};
+pub use sequence::{
+    CholeskyFactor, CorrelationRows, Covariance, Dirichlet, LkjCholesky, MultivariateNormal,
+    OfNumbers, OfVector, OneOrEach, Ordered, RealLine, Sequence, Step, SumToZero, Vector,
+    VectorPrior, cholesky, correlation_cholesky, vector,
+};
 pub use special::{ln_gamma, ln_logistic, logistic};
 pub use tails::{Cauchy, HalfStudentT, Laplace};

@@ -19,7 +19,8 @@ pub struct Bracket {
 }
 
 impl Bracket {
-    /// The bracket `[lower, upper]`, in sub-intervals as near to 1 as fit (for [`TopHat`](super::TopHat)).
+    /// The bracket `[lower, upper]`. [`TopHat`](super::TopHat) cuts it into sub-intervals, each as near
+    /// to 1 unit wide as fits.
     ///
     /// # Errors
     /// `upper ≤ lower`, or both ends open.
@@ -38,8 +39,8 @@ impl Bracket {
 
     /// The bracket that contains `value` on the grid of a protocol that gave `self`.
     ///
-    /// An open bracket says where the protocol ended: values on its open side stay in it, others get
-    /// a bracket of width `OPEN_STEP` counted from its closed end.
+    /// The grid has the width of `self`. An open bracket has none, so that a grid of [`OPEN_STEP`] is
+    /// counted from its closed end.
     pub(super) fn containing(&self, value: f64) -> Self {
         let width =
             if (self.upper - self.lower).is_finite() { self.upper - self.lower } else { OPEN_STEP };

@@ -87,6 +87,7 @@ fn parameter_line(out: &mut String, model: &Model, name: &str, over: &str, inden
         Support::Between => "between its bounds".into(),
         Support::Simplex => "positive, sum 1".into(),
         Support::Ordered => "increasing".into(),
+        Support::Described(words) => words.into(),
     };
     let head = format!("{short}{over}{}", unit(&p.unit));
     let _ = writeln!(out, "{:indent$}{head:<16} ~ {:<24} {support}", "", tidy(&p.prior));

@@ -34,16 +34,11 @@ macro_rules! model {
 #[macro_export]
 #[doc(hidden)]
 macro_rules! statement {
-    // param share(4) ~ Dirichlet(2.0);   param cut(3) [ms] ~ Ordered(Normal(0.0, 2.0));
-    ($b:ident [$($P:tt)*] $R:tt $L:tt $C:tt $V:tt [$($o:tt)*] $(#[doc = $doc:literal])* param $p:ident ($n:literal) $([$($u:tt)+])? ~ Dirichlet $a:tt; $($rest:tt)*) => {
-        $crate::statement!{ $b [$($P)* ($p {[D; $n]} $n)] $R $L $C $V [$($o)* $crate::sequence!{ $b [$($P)*] $p [$($($u)+)?] [$($doc)*] $n, Dirichlet $a }] $($rest)* } };
-    ($b:ident [$($P:tt)*] $R:tt $L:tt $C:tt $V:tt [$($o:tt)*] $(#[doc = $doc:literal])* param $p:ident ($n:literal) $([$($u:tt)+])? ~ Ordered $a:tt; $($rest:tt)*) => {
-        $crate::statement!{ $b [$($P)* ($p {[D; $n]} $n)] $R $L $C $V [$($o)* $crate::sequence!{ $b [$($P)*] $p [$($($u)+)?] [$($doc)*] $n, Ordered $a }] $($rest)* } };
     // param sigma [ms] ~ HalfNormal(5.0);   param w(3) ~ Normal(0.0, 1.0);   param b(group) [ms] ~ Normal(0.0, tau);
     ($b:ident [$($P:tt)*] $R:tt $L:tt $C:tt $V:tt [$($o:tt)*] $(#[doc = $doc:literal])* param $p:ident $([$($u:tt)+])? ~ $d:expr; $($rest:tt)*) => {
         $crate::statement!{ $b [$($P)* ($p {D} 1)] $R $L $C $V [$($o)* $crate::param!{ $b [$($P)*] $p [$($($u)+)?] [$($doc)*] One, $d }] $($rest)* } };
     ($b:ident [$($P:tt)*] $R:tt $L:tt $C:tt $V:tt [$($o:tt)*] $(#[doc = $doc:literal])* param $p:ident ($n:literal) $([$($u:tt)+])? ~ $d:expr; $($rest:tt)*) => {
-        $crate::statement!{ $b [$($P)* ($p {[D; $n]} $n)] $R $L $C $V [$($o)* $crate::param!{ $b [$($P)*] $p ($n) [$($($u)+)?] [$($doc)*] Many($n), $d }] $($rest)* } };
+        $crate::statement!{ $b [$($P)* ($p {[D; $n]} $n)] $R $L $C $V [$($o)* $crate::vector!{ $b [$($P)*] $p [$($($u)+)?] [$($doc)*] $n, $d }] $($rest)* } };
     ($b:ident $P:tt [$($R:tt)*] $L:tt $C:tt $V:tt [$($o:tt)*] $(#[doc = $doc:literal])* param $p:ident ($each:ident) $([$($u:tt)+])? ~ $d:expr; $($rest:tt)*) => {
         $crate::statement!{ $b $P [$($R)* ($p)] $L $C $V [$($o)* $crate::param!{ $b $P $p ($each) [$($($u)+)?] [$($doc)*] Each(stringify!($each)), $d }] $($rest)* } };
 
@@ -250,12 +245,12 @@ macro_rules! param { ($b:ident $S:tt $p:ident $(($over:tt))? [$($u:tt)*] [$($doc
 
 #[macro_export]
 #[doc(hidden)]
-macro_rules! sequence { ($b:ident [$(($q:ident {$t:ty} $m:expr))*] $p:ident [$($u:tt)*] [$($doc:literal)*] $n:literal, $d:expr) => { {
+macro_rules! vector { ($b:ident [$(($q:ident {$t:ty} $m:expr))*] $p:ident [$($u:tt)*] [$($doc:literal)*] $n:literal, $d:expr) => { {
     $crate::scope!{ [$(($q {$t} $m))*] $d }
-    impl $crate::model::expansion::SequenceFn for Here {
-        #[inline] fn sequence<D: $crate::num::Real>(s: &[D]) -> impl $crate::dist::Sequence<D> + use<D> { let mut s = s.iter().copied(); $(let $q: $t = $crate::model::expansion::Take::take(&mut s);)* $d }
+    impl $crate::model::expansion::VectorFn for Here {
+        #[inline] fn prior<D: $crate::num::Real>(s: &[D]) -> impl $crate::dist::Vector<D> + use<D> { let mut s = s.iter().copied(); $(let $q: $t = $crate::model::expansion::Take::take(&mut s);)* $crate::dist::vector::<D, _, _>($d) }
     }
-    $b.sequence::<Here, { SCOPE.size() }, { SCOPE.width() + 2 }>(Here, $crate::decl!($p ($n) [$($u)*] [$($doc)*] $d), $n, &SCOPE)?;
+    $b.vector::<Here, { SCOPE.size() }, { SCOPE.width() + 1 }, { SCOPE.width() + 2 }>(Here, $crate::decl!($p ($n) [$($u)*] [$($doc)*] $d), $n, &SCOPE)?;
 } } }
 
 #[macro_export]

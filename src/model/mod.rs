@@ -52,7 +52,7 @@ pub mod expansion {
     pub use super::form::Form;
     pub use super::gp::KernelFn;
     pub use super::maps::LetFn;
-    pub use super::parameter::{PriorFn, SequenceFn};
+    pub use super::parameter::{PriorFn, VectorFn};
     pub use super::rows::{Column, Columns, RowFn, read_column};
     pub use super::scalar::ScalarFn;
     pub use super::scope::{Scope, Take, lift, one};

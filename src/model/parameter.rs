@@ -7,7 +7,7 @@ use rand::Rng;
 
 use super::scope::Local;
 use super::tape::{Op, Tape};
-use crate::dist::{Dist, Gaussian, Normal, Sequence};
+use crate::dist::{Dist, Gaussian, Normal, Sequence, Vector};
 use crate::num::{Dual, LN_SQRT_2PI, Real, derivatives, variable};
 
 /// A prior as a function of the names in its scope.
@@ -116,14 +116,44 @@ impl Op for NormalOp {
     }
 }
 
-/// A vector's prior as a function of the names in its scope.
-pub trait SequenceFn: Send + Sync + std::fmt::Debug {
+/// A prior of a whole vector as a function of the names in its scope.
+pub(super) trait SequenceFn: Send + Sync + std::fmt::Debug {
     /// The prior at the scope's scalars.
     fn sequence<D: Real>(s: &[D]) -> impl Sequence<D> + use<Self, D>;
 }
 
-/// A vector of `n` numbers that constrain each other; of the W derivatives the last is a number's
-/// own unknown, the one before it what the numbers before left.
+/// A vector's prior, of each number or of the whole, as a function of the names in its scope.
+pub trait VectorFn: Send + Sync + std::fmt::Debug {
+    /// The prior at the scope's scalars.
+    fn prior<D: Real>(s: &[D]) -> impl Vector<D> + use<Self, D>;
+}
+
+/// A [`VectorFn`] as what its prior turns out to be.
+#[derive(Debug)]
+pub(super) struct Known<F>(PhantomData<F>);
+
+impl<F> Known<F> {
+    pub(super) fn new() -> Self {
+        Self(PhantomData)
+    }
+}
+
+impl<F: VectorFn> PriorFn for Known<F> {
+    #[inline]
+    fn dist<D: Real>(s: &[D]) -> impl Dist<D> + use<F, D> {
+        F::prior(s).of_numbers()
+    }
+}
+
+impl<F: VectorFn> SequenceFn for Known<F> {
+    #[inline]
+    fn sequence<D: Real>(s: &[D]) -> impl Sequence<D> + use<F, D> {
+        F::prior(s).of_vector()
+    }
+}
+
+/// A vector of `n` numbers that depend on each other; of the W derivatives the last is a number's
+/// own unknown, the one before it a number of the carry.
 #[derive(Debug)]
 pub(super) struct SequenceOp<F, const N: usize, const W: usize> {
     pub(super) local: Local<N, W>,
@@ -131,24 +161,67 @@ pub(super) struct SequenceOp<F, const N: usize, const W: usize> {
     pub(super) u: usize,
     /// First value.
     pub(super) v: usize,
-    /// Where what each number finds is kept.
+    /// Where the carry that each number finds is kept.
     pub(super) work: usize,
     pub(super) n: usize,
+    pub(super) n_carry: usize,
     pub(super) f: PhantomData<F>,
+}
+
+impl<F: SequenceFn, const N: usize, const W: usize> SequenceOp<F, N, W> {
+    /// The carry that number `i` finds, in `work`.
+    fn found(&self, i: usize) -> std::ops::Range<usize> {
+        self.work + i * self.n_carry..self.work + (i + 1) * self.n_carry
+    }
+
+    /// Carries the adjoint of number `i` and of the carry that it leaves back to its unknown, to the
+    /// prior's parameters and to the carry that it finds; adds its part of the log density.
+    ///
+    /// Each number of the carry takes an evaluation of its own.
+    fn step_back(
+        &self,
+        i: usize,
+        prior: &impl Sequence<Dual<W>>,
+        t: &mut Tape,
+        bar: &mut [f64],
+        carry: &mut [Dual<W>],
+        found_bar: &mut [f64],
+    ) {
+        let u = variable::<W>(t.u[self.u + i], W - 1);
+        let found = self.found(i);
+        for c in 0..self.n_carry {
+            for (carry, x) in carry.iter_mut().zip(&t.work[found.clone()]) {
+                *carry = Dual::from(*x);
+            }
+            carry[c] = variable::<W>(t.work[found.start + c], W - 2);
+            let step = prior.step(i, self.n, u, carry);
+            let made = step.ln_kernel + step.x * t.g[self.v + i];
+            let sum = carry.iter().zip(&*bar).fold(made, |sum, (carry, bar)| sum + *carry * *bar);
+            let e = derivatives(&sum);
+            found_bar[c] = e[W - 2];
+            if c == 0 {
+                t.lp += step.ln_kernel.re();
+                t.gu[self.u + i] += e[W - 1];
+                self.local.scatter_array(&e, &mut t.g);
+            }
+        }
+        bar.copy_from_slice(found_bar);
+    }
 }
 
 impl<F: SequenceFn, const N: usize, const W: usize> Op for SequenceOp<F, N, W> {
     fn forward(&self, t: &mut Tape) {
         let prior = F::sequence::<f64>(&self.local.plain(&t.v));
         let free = prior.n_unknowns(self.n);
-        let mut carry = prior.begin();
+        t.work[self.found(0)].fill(prior.begin());
         for i in 0..free {
-            t.work[self.work + i] = carry;
-            let step = prior.step(i, self.n, t.u[self.u + i], carry);
-            t.v[self.v + i] = step.x;
-            carry = step.carry;
+            let found = self.found(i);
+            t.work.copy_within(found.clone(), found.end);
+            let carry = &mut t.work[self.found(i + 1)];
+            t.v[self.v + i] = prior.step(i, self.n, t.u[self.u + i], carry).x;
         }
-        t.v[self.v + free..self.v + self.n].fill(carry);
+        let left = t.work[self.found(free).start];
+        t.v[self.v + free..self.v + self.n].fill(left);
     }
 
     fn initial(&self, t: &mut Tape) {
@@ -162,11 +235,11 @@ impl<F: SequenceFn, const N: usize, const W: usize> Op for SequenceOp<F, N, W> {
     fn draw(&self, t: &mut Tape, rng: &mut dyn Rng) -> Option<()> {
         let prior = F::sequence::<f64>(&self.local.plain(&t.v));
         let x = prior.sample(self.n, rng)?;
-        let mut carry = prior.begin();
+        let mut carry = vec![prior.begin(); self.n_carry];
         for (i, x) in x.iter().enumerate().take(prior.n_unknowns(self.n)) {
-            let u = prior.unconstrain(i, self.n, *x, carry);
+            let u = prior.unconstrain(i, self.n, *x, &carry);
             t.u[self.u + i] = u;
-            carry = prior.step(i, self.n, u, carry).carry;
+            prior.step(i, self.n, u, &mut carry);
         }
         self.forward(t);
         Some(())
@@ -178,17 +251,21 @@ impl<F: SequenceFn, const N: usize, const W: usize> Op for SequenceOp<F, N, W> {
         t.lp += ln_norm.re();
         self.local.scatter(&ln_norm, &mut t.g);
         let free = prior.n_unknowns(self.n);
-        let mut carry_bar: f64 = t.g[self.v + free..self.v + self.n].iter().sum();
+        let left: f64 = t.g[self.v + free..self.v + self.n].iter().sum();
+        // most priors carry one number: no memory is asked for
+        let (mut one, mut few) = ([0.0; 2], vec![]);
+        let (mut one_carry, mut few_carry) = ([Dual::from(0.0)], vec![]);
+        let (bars, carry) = if self.n_carry == 1 {
+            (&mut one[..], &mut one_carry[..])
+        } else {
+            few.resize(2 * self.n_carry, 0.0);
+            few_carry.resize(self.n_carry, Dual::from(0.0));
+            (&mut few[..], &mut few_carry[..])
+        };
+        let (bar, found_bar) = bars.split_at_mut(self.n_carry);
+        bar[0] = left;
         for i in (0..free).rev() {
-            let u = variable::<W>(t.u[self.u + i], W - 1);
-            let carry = variable::<W>(t.work[self.work + i], W - 2);
-            let step = prior.step(i, self.n, u, carry);
-            t.lp += step.ln_kernel.re();
-            let bar = step.ln_kernel + step.x * t.g[self.v + i] + step.carry * carry_bar;
-            let e = derivatives(&bar);
-            t.gu[self.u + i] += e[W - 1];
-            carry_bar = e[W - 2];
-            self.local.scatter_array(&e, &mut t.g);
+            self.step_back(i, &prior, t, bar, carry, found_bar);
         }
     }
 }

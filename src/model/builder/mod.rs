@@ -3,14 +3,16 @@
 use std::collections::{BTreeMap, BTreeSet};
 use std::marker::PhantomData;
 
-use crate::dist::{Dist, Sequence, Support};
+use crate::dist::{Dist, Sequence, Support, Vector};
 use crate::manifold::Basis;
 use crate::model::error::ModelError;
 use crate::model::form::Form;
 use crate::model::linear::Linear;
 use crate::model::maps::{LetFn, Map, MapAt, MapFn, Source as MapSource};
 use crate::model::model::{Kind, Model, Parameter, Position, PriorEntry, Statement};
-use crate::model::parameter::{NormalOp, ParameterOp, PriorFn, SequenceFn, SequenceOp};
+use crate::model::parameter::{
+    Known, NormalOp, ParameterOp, PriorFn, SequenceFn, SequenceOp, VectorFn,
+};
 use crate::model::scope::{Local, Scope};
 use crate::model::units::{Decl, check_units};
 use crate::table::Measurements;
@@ -263,36 +265,54 @@ impl<'a> Builder<'a> {
         });
     }
 
-    /// `param name(n) [unit] ~ prior;` of a vector whose numbers constrain each other.
+    /// `param name(n) [unit] ~ prior;`, W1 derivatives for a prior of each number, W2 for one of all.
     ///
     /// # Errors
-    /// Fewer than two numbers, or not as many as the prior is of.
-    pub fn sequence<F: SequenceFn + 'static, const N: usize, const W: usize>(
+    /// A prior of all that is of another length or no density.
+    pub fn vector<F: VectorFn + 'static, const N: usize, const W1: usize, const W2: usize>(
         &mut self,
         _: F,
         decl: Decl,
         n: usize,
         scope: &Scope,
     ) -> Result<(), ModelError> {
-        if n < 2 {
-            return Err(ModelError::TooShort { parameter: decl.name.into(), len: n });
+        if is_whole(&F::prior::<f64>(&[1.0; N])) {
+            self.sequence::<Known<F>, N, W2>(decl, n, scope)
+        } else {
+            self.param::<Known<F>, N, W1>(Known::new(), decl, Len::Many(n), scope)
         }
+    }
+
+    /// A vector with a prior of all of its numbers.
+    fn sequence<F: SequenceFn + 'static, const N: usize, const W: usize>(
+        &mut self,
+        decl: Decl,
+        n: usize,
+        scope: &Scope,
+    ) -> Result<(), ModelError> {
         let local = self.local::<N, W>(scope);
         let prior = F::sequence::<f64>(&[1.0; N]);
-        if let Some(expected) = prior.length().filter(|expected| *expected != n) {
-            return Err(ModelError::Length { parameter: decl.name.into(), len: n, expected });
+        let (parameter, expected) = (decl.name.into(), prior.length(n));
+        if n < expected && expected == 2 {
+            return Err(ModelError::TooShort { parameter, len: n });
         }
-        let n_unknowns = prior.n_unknowns(n);
+        if n != expected {
+            return Err(ModelError::Length { parameter, len: n, expected });
+        }
+        if local.used == 0 && !prior.ln_norm(n).is_finite() {
+            return Err(ModelError::NoDensity { parameter, prior: decl.text.into() });
+        }
+        let (n_unknowns, n_carry) = (prior.n_unknowns(n), prior.n_carry(n).max(1));
         let (u, v) = (self.unknowns(n_unknowns), self.values(n));
         let mentions = local.mentioned();
         let entry = PriorEntry { u: u..u + n_unknowns, v, len: n, mentions };
         self.model.prior_entries.push(entry);
         let work = self.n_work;
-        self.n_work += n;
+        self.n_work += (n + 1) * n_carry;
         self.push_parameter(decl, n, Kind::Vector, vec![], prior.support(), v);
         self.names.push((decl.name, Source::Scalars(v)));
         self.state("param", decl, None);
-        let op = SequenceOp::<F, N, W> { local, u, v, work, n, f: PhantomData };
+        let op = SequenceOp::<F, N, W> { local, u, v, work, n, n_carry, f: PhantomData };
         self.model.priors.push(Box::new(op));
         Ok(())
     }
@@ -529,6 +549,11 @@ impl<'a> Builder<'a> {
             }
         }
     }
+}
+
+/// Whether a prior is one of the whole vector.
+fn is_whole<T: Vector<f64>>(_: &T) -> bool {
+    T::IS_WHOLE
 }
 
 /// Complains unless the modes that a form needs are known at the rows.
