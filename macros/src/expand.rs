@@ -60,8 +60,9 @@ pub(crate) fn model(model: &Model, source: &str) -> TokenStream {
                 b: &mut ::eplat::model::expansion::Builder<'_>,
             ) -> Result<(), ::eplat::model::ModelError> {
                 use ::eplat::model::expansion::{
-                    self, Column, Columns, Computed, Decl, Dist, DensityFn, Form, JointFn, Kernel, KernelFn, Len,
-                    LetFn, Likelihood, Num, Place, PriorFn, Real, RowFn, ScalarFn, Sequence, Terms,
+                    self, Column, Columns, Computed, Decl, Dist, DensityFn, Form, Kernel, KernelFn, Len,
+                    LetFn, Likelihood, Num, Place, PriorFn, Real, RowFn, ScalarFn, Terms, Vector,
+                    VectorFn,
                 };
                 #row
                 #body
@@ -143,13 +144,13 @@ impl<'m> State<'m> {
     fn param(&self, param: &Param, scope: &Scope) -> TokenStream {
         let decl = decl(&param.name, param.unit.as_ref(), &text(&param.prior.expr));
         let (prior, n, names) = prior(&param.prior, scope);
-        if let (Over::Many(len), true) = (&param.over, param.prior.is_joint) {
-            let m = n + 2;
-            return quote!({ #prior b.joint::<Prior, #n, #m>(#decl, #len, #names)?; });
+        if let Over::Many(len) = &param.over {
+            let (prior, n, names) = vector_prior(&param.prior, scope);
+            let (m1, m2) = (n + 1, n + 2);
+            return quote!({ #prior b.vector::<Prior, #n, #m1, #m2>(#decl, #len, #names)?; });
         }
         let len = match &param.over {
-            Over::One => quote!(Len::One),
-            Over::Many(len) => quote!(Len::Many(#len)),
+            Over::One | Over::Many(_) => quote!(Len::One),
             Over::Each(column) => {
                 let column = column.to_string();
                 quote!(Len::Each(#column))
@@ -223,7 +224,8 @@ impl<'m> State<'m> {
                 Some(amplitude) => scalar(amplitude, &scope),
                 None => scalar(&syn::parse_quote!(1.0), &scope),
             };
-            let (mentioned, kernel, modes) = (scope.mentioned(&term.kernel), &term.kernel, term.modes);
+            let (mentioned, kernel, modes) =
+                (scope.mentioned(&term.kernel), &term.kernel, term.modes);
             let (n, names) = (mentioned.width(), mentioned.full_names());
             let (pattern, vectors) = mentioned.pattern();
             quote! {{
@@ -302,9 +304,10 @@ impl<'m> State<'m> {
         let lets = mentioned.values(&self.scope);
         let plain = self.scope.plain(likelihood, row);
         let bind = bind_row(&plain, row);
-        let measured = observe.from.as_ref().map(|from| {
-            quote!(fn measured(#row: &Row) -> Option<#kind> { Some(#from) })
-        });
+        let measured = observe
+            .from
+            .as_ref()
+            .map(|from| quote!(fn measured(#row: &Row) -> Option<#kind> { Some(#from) }));
         let from = match &observe.from {
             None => quote!(None),
             Some(from) => {
@@ -408,19 +411,34 @@ fn prior(prior: &Prior, scope: &Scope) -> (TokenStream, usize, TokenStream) {
     let (n, names) = (mentioned.width(), mentioned.full_names());
     let (pattern, vectors) = mentioned.pattern();
     let e = &prior.expr;
-    let (function, distribution) = if prior.is_joint {
-        (quote!(JointFn), quote!(Sequence))
-    } else {
-        (quote!(PriorFn), quote!(Dist))
-    };
     let tokens = quote! {
         #[derive(Debug)]
         struct Prior;
-        impl #function<#n> for Prior {
+        impl PriorFn<#n> for Prior {
             #[inline]
-            fn prior<T: Real>(#pattern: [Num<T>; #n]) -> impl #distribution<Num<T>> + use<T> {
+            fn prior<T: Real>(#pattern: [Num<T>; #n]) -> impl Dist<Num<T>> + use<T> {
                 #vectors
                 #e
+            }
+        }
+    };
+    (tokens, n, names)
+}
+
+/// As [`prior`], of a vector: of each number, or of the whole.
+fn vector_prior(prior: &Prior, scope: &Scope) -> (TokenStream, usize, TokenStream) {
+    let mentioned = scope.mentioned(&prior.expr);
+    let (n, names) = (mentioned.width(), mentioned.full_names());
+    let (pattern, vectors) = mentioned.pattern();
+    let e = &prior.expr;
+    let tokens = quote! {
+        #[derive(Debug)]
+        struct Prior;
+        impl VectorFn<#n> for Prior {
+            #[inline]
+            fn prior<T: Real>(#pattern: [Num<T>; #n]) -> impl Vector<Num<T>> + use<T> {
+                #vectors
+                expansion::vector::<Num<T>, _, _>(#e)
             }
         }
     };

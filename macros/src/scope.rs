@@ -105,9 +105,8 @@ impl Scope {
 
     /// Whether `e` reads a column of the row that is no imputed one.
     pub(crate) fn reads_row(&self, e: &Expr, row: &Ident) -> bool {
-        let is_cell = |m: &Ident| {
-            self.names.iter().any(|n| *m == n.word && matches!(n.kind, Kind::Cells))
-        };
+        let is_cell =
+            |m: &Ident| self.names.iter().any(|n| *m == n.word && matches!(n.kind, Kind::Cells));
         mentions(e).iter().any(|m| m.name == *row && m.member.as_ref().is_some_and(|c| !is_cell(c)))
     }
 }
@@ -151,7 +150,8 @@ impl Mentioned<'_> {
     pub(crate) fn values(&self, scope: &Scope) -> TokenStream {
         let one = |name: &&Name| {
             let Kind::Let { row, value } = &name.kind else { return TokenStream::new() };
-            let (word, offset) = (format_ident!("{}", name.word), format_ident!("{}_offset", name.word));
+            let (word, offset) =
+                (format_ident!("{}", name.word), format_ident!("{}_offset", name.word));
             let plain = scope.plain(value, row);
             let bind = bind_row(&plain, row);
             if bind.is_empty() {

@@ -46,7 +46,7 @@ pub(super) struct Inputs {
     pub(super) surface: Option<(Surface, Basis)>,
     pub(super) measurements: Measurements,
     /// True fields and derived quantities, for a synthetic experiment.
-    pub(super) truth: Vec<(&'static str, Vec<f64>)>,
+    pub(super) truth: Vec<(String, Vec<f64>)>,
     /// SHA-256 of the files read, by role.
     pub(super) hashes: BTreeMap<String, String>,
 }
@@ -148,7 +148,7 @@ impl InputArgs {
         model: &dyn Declare,
         surface: &Surface,
         basis: &Basis,
-    ) -> Result<(Measurements, Vec<(&'static str, Vec<f64>)>), Failure> {
+    ) -> Result<(Measurements, Vec<(String, Vec<f64>)>), Failure> {
         let design = Design { seed: self.seed, ..Design::default() };
         let made = experiment(model, &surface.mesh, basis, &design)?;
         eprintln!(

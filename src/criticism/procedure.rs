@@ -142,7 +142,8 @@ pub(super) fn engine(
     terms: &[Candidate],
     unit: Option<&Unit>,
 ) -> Result<Engine, CriticismError> {
-    let fields = Model::outline(case.model)?.field_names().into_iter().map(String::from);
+    let outline = Model::outline(case.model)?;
+    let fields = outline.field_names().into_iter().map(String::from);
     let offsets_on: Vec<String> = on.iter().cloned().chain(fields).collect();
     let model = Model::with_offsets(case.model, case.basis, case.table, &offsets_on)?;
     let terms = terms.iter().map(|candidate| {

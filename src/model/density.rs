@@ -41,7 +41,7 @@ impl Density {
         rows: Vec<usize>,
         op: DensityAt<F, N>,
     ) -> Self {
-        let rows = if is_per_row(F::terms::<f64>) { rows } else { vec![] };
+        let rows = if is_per_row::<_, _, Num<f64>, _>(F::terms::<f64>) { rows } else { vec![] };
         Self { name, reads_data, rows, skipped: 0, op: Box::new(op) }
     }
 
@@ -76,7 +76,7 @@ impl Density {
 }
 
 /// Asked of the type alone: without data there is nothing to evaluate.
-fn is_per_row<S, C, T: Terms<f64>>(_: impl Fn(S, C) -> T) -> bool {
+fn is_per_row<S, C, D, T: Terms<D>>(_: impl Fn(S, C) -> T) -> bool {
     T::PER_ROW
 }
 

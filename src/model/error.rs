@@ -124,6 +124,16 @@ pub enum ModelError {
         /// Its prior's.
         expected: usize,
     },
+    /// A vector prior that is no density at its constants.
+    #[error(
+        "param {parameter}: `{prior}` is no density\nhelp: scales and shapes must be positive, and a covariance matrix symmetric and positive definite"
+    )]
+    NoDensity {
+        /// The parameter.
+        parameter: String,
+        /// Its prior.
+        prior: String,
+    },
     /// Units that do not agree.
     #[error(
         "{statement}: `{expression}`: expected {expected}, got {got}\nhelp: mend the expression or a unit in square brackets; what converts one unit into another is a `param` or a column with a unit of its own"

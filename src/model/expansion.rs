@@ -9,7 +9,7 @@ use std::borrow::Cow;
 
 pub use super::builder::{Builder, Computed, Len, Place};
 pub use super::form::Form;
-pub use crate::dist::{Dist, Sequence};
+pub use crate::dist::{Dist, Vector, vector};
 pub use crate::field::Kernel;
 pub use crate::likelihood::Likelihood;
 use crate::likelihood::Observation;
@@ -40,10 +40,10 @@ pub trait PriorFn<const N: usize>: Send + Sync + std::fmt::Debug + 'static {
     fn prior<T: Real>(s: [Num<T>; N]) -> impl Dist<Num<T>> + use<Self, T, N>;
 }
 
-/// The prior of a whole vector as a function of the N numbers that it mentions.
-pub trait JointFn<const N: usize>: Send + Sync + std::fmt::Debug + 'static {
+/// The prior of a vector, of each number or of the whole, as a function of the N numbers that it mentions.
+pub trait VectorFn<const N: usize>: Send + Sync + std::fmt::Debug + 'static {
     /// The prior.
-    fn prior<T: Real>(s: [Num<T>; N]) -> impl Sequence<Num<T>> + use<Self, T, N>;
+    fn prior<T: Real>(s: [Num<T>; N]) -> impl Vector<Num<T>> + use<Self, T, N>;
 }
 
 /// A field's mean or amplitude as a function of the N numbers that it mentions.

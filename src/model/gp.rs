@@ -101,7 +101,7 @@ impl<F: KernelFn<N>, const N: usize> NullaryFnOnce for Push<'_, F, N> {
 
 /// One `amplitude * gp(kernel, K = …)`.
 #[derive(Debug)]
-pub struct Term {
+pub(super) struct Term {
     pub(super) amplitude: Box<dyn Scalar>,
     pub(super) spectrum: Box<dyn Spectrum>,
     /// Number of sampled modes: K, or K − 1 where the constant mode is collapsed.

@@ -137,8 +137,8 @@ impl Model {
     }
 
     /// Names of the fields.
-    pub fn field_names(&self) -> Vec<&'static str> {
-        self.fields.iter().map(|f| f.name).collect()
+    pub fn field_names(&self) -> Vec<&str> {
+        self.fields.iter().map(|f| f.name.as_str()).collect()
     }
 
     /// Name and values at the probes of every field.

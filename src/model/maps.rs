@@ -122,7 +122,8 @@ impl<'m> Maps<'m> {
     /// Name, unit and declared range of each.
     pub fn names(&self) -> Vec<MapName<'m>> {
         let name = |name, unit, range| MapName { name, unit, range };
-        let fields = self.model.fields.iter().map(|f| name(f.name.as_str(), f.unit.as_str(), f.range));
+        let fields =
+            self.model.fields.iter().map(|f| name(f.name.as_str(), f.unit.as_str(), f.range));
         let lets = self.model.maps.iter().map(|m| name(m.name.as_str(), m.unit.as_str(), m.range));
         fields.chain(lets).collect()
     }

@@ -425,11 +425,13 @@ impl Model {
 
     /// Names of the unknowns' parameters, one per unknown, for messages.
     pub fn unknown_names(&self) -> Vec<String> {
-        let mut names = vec![];
+        let (mut names, mut priors) = (vec![], self.prior_entries.iter());
         for p in &self.parameters {
-            let first = if let Position::Eta { first, .. } = p.position { first } else { 0 };
-            let determined = usize::from(p.support == Support::Simplex); // by the other proportions
-            names.extend((first..p.len - determined).map(|i| p.element(i)));
+            let unknown = match p.position {
+                Position::Eta { first, .. } => first..p.len,
+                _ => 0..priors.next().map_or(p.len, |entry| entry.u.len()),
+            };
+            names.extend(unknown.map(|i| p.element(i)));
         }
         names
     }

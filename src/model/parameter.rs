@@ -5,11 +5,11 @@ use std::marker::PhantomData;
 use num_dual::DualStruct;
 use rand::Rng;
 
-use super::expansion::{JointFn, PriorFn};
+use super::expansion::{PriorFn, VectorFn};
 use super::scope::Local;
 use super::tape::{Op, Tape};
-use crate::dist::{Dist, Gaussian, Normal, Sequence};
-use crate::num::{Dual, LN_SQRT_2PI, Num, derivatives, variable};
+use crate::dist::{Dist, Gaussian, Normal, Sequence, Vector as _};
+use crate::num::{Dual, LN_SQRT_2PI, Num, Real, derivatives, variable};
 
 /// One parameter, or `n` with the same prior; the last of the W derivatives is the parameter's own.
 #[derive(Debug)]
@@ -173,8 +173,34 @@ impl Op for NormalOp {
     }
 }
 
-/// A vector of `n` numbers that constrain each other; of the W derivatives the last is a number's
-/// own unknown, the one before it what the numbers before left.
+/// A prior of a whole vector as a function of the N numbers that it mentions.
+pub(super) trait SequenceFn<const N: usize>:
+    Send + Sync + std::fmt::Debug + 'static
+{
+    /// The prior.
+    fn sequence<T: Real>(s: [Num<T>; N]) -> impl Sequence<Num<T>> + use<Self, T, N>;
+}
+
+/// A [`VectorFn`] as what its prior turns out to be.
+#[derive(Debug)]
+pub(super) struct Known<F>(PhantomData<F>);
+
+impl<F: VectorFn<N>, const N: usize> PriorFn<N> for Known<F> {
+    #[inline]
+    fn prior<T: Real>(s: [Num<T>; N]) -> impl Dist<Num<T>> + use<F, T, N> {
+        F::prior(s).of_numbers()
+    }
+}
+
+impl<F: VectorFn<N>, const N: usize> SequenceFn<N> for Known<F> {
+    #[inline]
+    fn sequence<T: Real>(s: [Num<T>; N]) -> impl Sequence<Num<T>> + use<F, T, N> {
+        F::prior(s).of_vector()
+    }
+}
+
+/// A vector of `n` numbers that depend on each other; of the W derivatives the last is a number's
+/// own unknown, the one before it a number of the carry.
 #[derive(Debug)]
 pub(super) struct SequenceOp<F, const N: usize, const W: usize> {
     pub(super) local: Local<N>,
@@ -182,28 +208,84 @@ pub(super) struct SequenceOp<F, const N: usize, const W: usize> {
     pub(super) u: usize,
     /// First value.
     pub(super) v: usize,
-    /// Where what each number finds is kept.
+    /// Where the carry that each number finds is kept.
     pub(super) work: usize,
     pub(super) n: usize,
+    pub(super) n_carry: usize,
     pub(super) f: PhantomData<F>,
 }
 
-impl<F: JointFn<N>, const N: usize, const W: usize> Op for SequenceOp<F, N, W> {
-    fn forward(&self, t: &mut Tape) {
-        let prior = F::prior(self.local.plain(&t.v));
-        let free = prior.n_unknowns(self.n);
-        let mut carry = prior.begin();
-        for i in 0..free {
-            t.work[self.work + i] = carry.0;
-            let step = prior.step(i, self.n, Num(t.u[self.u + i]), carry);
-            t.v[self.v + i] = step.x.0;
-            carry = step.carry;
+impl<F: SequenceFn<N>, const N: usize, const W: usize> SequenceOp<F, N, W> {
+    /// The carry that number `i` finds, in `work`.
+    fn found(&self, i: usize) -> std::ops::Range<usize> {
+        self.work + i * self.n_carry..self.work + (i + 1) * self.n_carry
+    }
+
+    /// Carries the adjoint of number `i` and of the carry that it leaves back to its unknown, to the
+    /// prior's parameters and to the carry that it finds; adds its part of the log density.
+    ///
+    /// Each number of the carry takes an evaluation of its own.
+    fn step_back(
+        &self,
+        i: usize,
+        prior: &impl Sequence<Num<Dual<W>>>,
+        t: &mut Tape,
+        bar: &mut [f64],
+        carry: &mut [Num<Dual<W>>],
+        found_bar: &mut [f64],
+    ) {
+        let u = Num(variable::<W>(t.u[self.u + i], W - 1));
+        let found = self.found(i);
+        for c in 0..self.n_carry {
+            for (carry, x) in carry.iter_mut().zip(&t.work[found.clone()]) {
+                *carry = Num::from(*x);
+            }
+            carry[c] = Num(variable::<W>(t.work[found.start + c], W - 2));
+            let step = prior.step(i, self.n, u, carry);
+            let made = step.ln_kernel + step.x * t.g[self.v + i];
+            let sum = carry.iter().zip(&*bar).fold(made, |sum, (carry, bar)| sum + *carry * *bar);
+            let e = derivatives(&sum.0);
+            found_bar[c] = e[W - 2];
+            if c == 0 {
+                t.lp += step.ln_kernel.re();
+                t.gu[self.u + i] += e[W - 1];
+                self.local.scatter_array(&e, &mut t.g);
+            }
         }
-        t.v[self.v + free..self.v + self.n].fill(carry.0);
+        bar.copy_from_slice(found_bar);
+    }
+}
+
+impl<F: SequenceFn<N>, const N: usize, const W: usize> Op for SequenceOp<F, N, W> {
+    fn forward(&self, t: &mut Tape) {
+        let prior = F::sequence(self.local.plain(&t.v));
+        let free = prior.n_unknowns(self.n);
+        t.work[self.found(0)].fill(prior.begin());
+        // most priors carry one number: no memory is asked for
+        let (mut one, mut few) = ([Num(0.0)], vec![]);
+        let carry = if self.n_carry == 1 {
+            &mut one[..]
+        } else {
+            few.resize(self.n_carry, Num(0.0));
+            &mut few[..]
+        };
+        for i in 0..free {
+            let found = self.found(i);
+            let carry = &mut carry[..];
+            for (carry, x) in carry.iter_mut().zip(&t.work[found.clone()]) {
+                *carry = Num(*x);
+            }
+            t.v[self.v + i] = prior.step(i, self.n, Num(t.u[self.u + i]), carry).x.0;
+            for (kept, x) in t.work[found.end..].iter_mut().zip(&*carry) {
+                *kept = x.0;
+            }
+        }
+        let left = t.work[self.found(free).start];
+        t.v[self.v + free..self.v + self.n].fill(left);
     }
 
     fn initial(&self, t: &mut Tape) {
-        let prior = F::prior(self.local.plain(&t.v));
+        let prior = F::sequence(self.local.plain(&t.v));
         for i in 0..prior.n_unknowns(self.n) {
             t.u[self.u + i] = prior.initial(i);
         }
@@ -211,35 +293,40 @@ impl<F: JointFn<N>, const N: usize, const W: usize> Op for SequenceOp<F, N, W> {
     }
 
     fn draw(&self, t: &mut Tape, rng: &mut dyn Rng) -> Option<()> {
-        let prior = F::prior(self.local.plain(&t.v));
+        let prior = F::sequence(self.local.plain(&t.v));
         let x = prior.sample(self.n, rng)?;
-        let mut carry = prior.begin();
+        let mut carry = vec![Num(prior.begin()); self.n_carry];
         for (i, x) in x.iter().enumerate().take(prior.n_unknowns(self.n)) {
-            let u = prior.unconstrain(i, self.n, *x, carry.0);
+            let found: Vec<f64> = carry.iter().map(|carry| carry.0).collect();
+            let u = prior.unconstrain(i, self.n, *x, &found);
             t.u[self.u + i] = u;
-            carry = prior.step(i, self.n, Num(u), carry).carry;
+            prior.step(i, self.n, Num(u), &mut carry);
         }
         self.forward(t);
         Some(())
     }
 
     fn backward(&self, t: &mut Tape) {
-        let prior = F::prior::<Dual<W>>(self.local.dual(&t.v));
+        let prior = F::sequence::<Dual<W>>(self.local.dual(&t.v));
         let ln_norm = prior.ln_norm(self.n);
         t.lp += ln_norm.re();
         self.local.scatter(&ln_norm, &mut t.g);
         let free = prior.n_unknowns(self.n);
-        let mut carry_bar: f64 = t.g[self.v + free..self.v + self.n].iter().sum();
+        let left: f64 = t.g[self.v + free..self.v + self.n].iter().sum();
+        // most priors carry one number: no memory is asked for
+        let (mut one, mut few) = ([0.0; 2], vec![]);
+        let (mut one_carry, mut few_carry) = ([Num::from(0.0)], vec![]);
+        let (bars, carry) = if self.n_carry == 1 {
+            (&mut one[..], &mut one_carry[..])
+        } else {
+            few.resize(2 * self.n_carry, 0.0);
+            few_carry.resize(self.n_carry, Num::from(0.0));
+            (&mut few[..], &mut few_carry[..])
+        };
+        let (bar, found_bar) = bars.split_at_mut(self.n_carry);
+        bar[0] = left;
         for i in (0..free).rev() {
-            let u = Num(variable::<W>(t.u[self.u + i], W - 1));
-            let carry = Num(variable::<W>(t.work[self.work + i], W - 2));
-            let step = prior.step(i, self.n, u, carry);
-            t.lp += step.ln_kernel.re();
-            let bar = step.ln_kernel + step.x * t.g[self.v + i] + step.carry * carry_bar;
-            let e = derivatives(&bar.0);
-            t.gu[self.u + i] += e[W - 1];
-            carry_bar = e[W - 2];
-            self.local.scatter_array(&e, &mut t.g);
+            self.step_back(i, &prior, t, bar, carry, found_bar);
         }
     }
 }

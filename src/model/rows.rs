@@ -94,7 +94,12 @@ impl<F: RowFn<N>, const N: usize, const W: usize> Rows<F, N, W> {
     /// The numbers of row `i`; `number` makes them of (which, value), offsets of `let`s being number W and up. An
     /// offset that nobody sets is a constant, which the compiler sees.
     #[inline(always)]
-    fn gather<D: Real>(&self, v: &[f64], i: usize, number: impl Fn(usize, f64) -> D) -> [Num<D>; N] {
+    fn gather<D: Real>(
+        &self,
+        v: &[f64],
+        i: usize,
+        number: impl Fn(usize, f64) -> D,
+    ) -> [Num<D>; N] {
         let mut s = [Num(D::from(0.0)); N];
         let index = &self.place.index[i * W..][..W];
         for j in 0..W {

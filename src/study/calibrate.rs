@@ -111,8 +111,8 @@ impl<'a> Study<'a> {
     }
 
     /// Names of the maps that are judged: fields, then derived quantities.
-    pub fn names(&self) -> Vec<&'static str> {
-        Maps::new(&self.outline, self.basis).names().into_iter().map(|map| map.name).collect()
+    pub fn names(&self) -> Vec<String> {
+        Maps::new(&self.outline, self.basis).names().iter().map(|map| map.name.into()).collect()
     }
 
     /// All cases of a block, each reported to `done`, and the share of the truth that was repaired.

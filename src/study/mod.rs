@@ -74,7 +74,7 @@ pub struct Experiment {
     pub measurements: Measurements,
     /// Names and values (n_vertices) of the true fields and derived quantities; NaN where the truth
     /// is unphysical even after repair.
-    pub truth: Vec<(&'static str, Vec<f64>)>,
+    pub truth: Vec<(String, Vec<f64>)>,
     /// Share of vertices that were repaired.
     pub repaired: f64,
 }
@@ -88,7 +88,7 @@ pub enum StudyError {
     )]
     NoRange {
         /// The field.
-        field: &'static str,
+        field: String,
     },
     /// A model without fields, or one that reads columns.
     #[error("no synthetic experiment: {why}\nhelp: give measurements (--data FILE.csv)")]
@@ -159,9 +159,13 @@ pub fn experiment(
     let Design { resolution, seed, .. } = *design;
     let visits = visits(&outline, &maximin(mesh, design.n_sites, design.exclude, seed)?);
     let measurements = measure(model, &outline, basis, &truth.fields, &visits, resolution, seed)?;
-    let names = Maps::new(&outline, basis).names().into_iter().map(|n| n.name);
+    let names = Maps::new(&outline, basis)
+        .names()
+        .into_iter()
+        .map(|n| n.name.to_owned())
+        .collect::<Vec<_>>();
     let repaired = truth.repaired();
-    let truth = names.zip(truth.fields.into_iter().chain(truth.derived)).collect();
+    let truth = names.into_iter().zip(truth.fields.into_iter().chain(truth.derived)).collect();
     Ok(Experiment { measurements, truth, repaired })
 }
 

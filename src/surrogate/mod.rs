@@ -29,7 +29,7 @@ pub use inputs::{ERP_INPUTS, design_points};
 pub use sensitivity::{Outcome, Sensitivity, SensitivityError, SensitivityRow, analyse};
 pub use sobol::{Estimate, SobolIndex, sobol};
 
-use crate::num::Real;
+use crate::num::{Common, Together};
 
 /// ERP_S2 (ms) above which the ERP_S3 surrogate is void: the S2 at 300 ms fails or nearly does.
 pub const ERP_S3_VOID_ABOVE: f64 = 285.0;
@@ -38,7 +38,11 @@ pub const ERP_S3_VOID_ABOVE: f64 = 285.0;
 ///
 /// Fitted to strip simulations with 160 < ERP_S2 ≤ 280 ms; outside it extrapolates.
 #[inline(always)]
-pub fn erp_s2<D: Real>(tau_out: D, apd_max: D) -> D {
+pub fn erp_s2<A, B>(tau_out: A, apd_max: B) -> Common<(A, B), 2>
+where
+    (A, B): Together<2>,
+{
+    let [tau_out, apd_max] = (tau_out, apd_max).together();
     erp_cubic::ERP_S2.eval(tau_out, apd_max)
 }
 
@@ -47,7 +51,11 @@ pub fn erp_s2<D: Real>(tau_out: D, apd_max: D) -> D {
 /// A smooth polynomial everywhere, for use inside a model; where [`erp_s2`] is above
 /// [`ERP_S3_VOID_ABOVE`] it means nothing, and [`erp_s3_or_void`] says so.
 #[inline(always)]
-pub fn erp_s3<D: Real>(tau_out: D, apd_max: D) -> D {
+pub fn erp_s3<A, B>(tau_out: A, apd_max: B) -> Common<(A, B), 2>
+where
+    (A, B): Together<2>,
+{
+    let [tau_out, apd_max] = (tau_out, apd_max).together();
     erp_cubic::ERP_S3.eval(tau_out, apd_max)
 }
 

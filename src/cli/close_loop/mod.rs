@@ -333,7 +333,7 @@ fn added(
     let outline = Model::outline(model)?;
     let unit_of = |name: &str| {
         let statement = outline.statements.iter().find(|s| s.decl.name == name);
-        statement.map(|s| s.decl.unit.to_owned()).unwrap_or_default()
+        statement.map(|s| s.decl.unit.to_string()).unwrap_or_default()
     };
     let mut effects: Vec<(AddedEffect, String)> = vec![];
     let is_taken = |name: &str, effects: &[(AddedEffect, String)]| {

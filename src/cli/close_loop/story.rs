@@ -256,7 +256,7 @@ impl Story<'_> {
             comparisons: &self.comparisons(),
             rounds: &rounds.map(|(i, round)| self.tried(i, round)).collect::<Vec<_>>(),
             residuals: Residuals {
-                unit: observe.map_or("", |o| o.decl.unit),
+                unit: observe.map_or("", |o| o.decl.unit.as_ref()),
                 mesh: surface.map(|s| &s.mesh),
                 sites: &self.site_residuals(),
                 against: self.against().as_ref(),

@@ -189,6 +189,7 @@ impl RunArgs {
             ProgressStyle::with_template("{bar:30} {pos}/{len} calibrations, {eta} left")?,
         );
         let names = study.names();
+        let names: Vec<&str> = names.iter().map(String::as_str).collect();
         let threads = rayon::ThreadPoolBuilder::new().num_threads(self.threads).build();
         threads.map_err(|error| Failure::new(format_args!("no threads: {error}")))?.install(
             || {

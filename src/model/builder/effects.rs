@@ -14,7 +14,7 @@ use crate::table::{Measurements, SOURCE};
 
 pub(super) struct Effect {
     name: String,
-    on: Vec<String>,
+    pub(super) on: Vec<String>,
     design: Design,
     beta: usize,
 }

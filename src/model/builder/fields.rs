@@ -79,10 +79,11 @@ impl Builder<'_> {
 
     /// A field's mean or amplitude.
     pub fn scalar<F: ScalarFn<N>, const N: usize>(&mut self, mentions: &[&str]) -> Scalars {
+        let n_fields = self.n_fields();
         let one = |label| -> Box<dyn Scalar> {
             Box::new(ScalarAt::<F, N> { local: self.local(mentions, label), f: PhantomData })
         };
-        Scalars((0..self.field.as_ref().map_or(1, Declared::n_fields)).map(one).collect())
+        Scalars((0..n_fields).map(one).collect())
     }
 
     /// One `amplitude * gp(kernel, K = k)`.

@@ -208,10 +208,11 @@ impl Builder<'_> {
         let Declared { name, unit, mentions, differs, make } = declared;
         let who = format!("let {name}");
         let is_one = differs == Differs::Not && rows.len() == 1;
-        let labels =
-            if is_one { vec![] } else { self.labels_of(mentions.numbers, rows, data) };
+        let labels = if is_one { vec![] } else { self.labels_of(mentions.numbers, rows, data) };
         let of = match make {
-            None => Values::Linear(rows.iter().flat_map(|row| self.scalars_of(name, *row)).collect()),
+            None => {
+                Values::Linear(rows.iter().flat_map(|row| self.scalars_of(name, *row)).collect())
+            }
             Some(make) => {
                 let mut at = make();
                 let (mut scalars, mut offset) = (vec![], vec![]);
@@ -248,12 +249,7 @@ impl Builder<'_> {
     }
 
     /// Labels of a parameter that the `let` mentions, if they tell the rows apart; else their lines.
-    fn labels_of(
-        &self,
-        names: &[&'static str],
-        rows: &[Row],
-        data: &Measurements,
-    ) -> Vec<String> {
+    fn labels_of(&self, names: &[&'static str], rows: &[Row], data: &Measurements) -> Vec<String> {
         for name in names {
             let Source::Each { labels, .. } = self.source(name) else { continue };
             let distinct: BTreeSet<usize> = rows.iter().map(|row| labels.of_row[row.2]).collect();

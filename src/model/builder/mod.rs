@@ -4,13 +4,13 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::marker::PhantomData;
 use std::sync::Arc;
 
-use super::error::ModelError;
-use super::expansion::{Decl, JointFn, PriorFn};
-use super::model::{Kind, Model, Parameter, Position, PriorEntry, Statement};
-use super::parameter::{ImputedOp, ParameterOp, SequenceOp};
-use super::scope::Local;
-use crate::dist::{Dist, Sequence, Support};
+use crate::dist::{Dist, Sequence, Support, Vector};
 use crate::manifold::Basis;
+use crate::model::error::ModelError;
+use crate::model::expansion::{Decl, PriorFn, VectorFn};
+use crate::model::model::{Kind, Model, Parameter, Position, PriorEntry, Statement};
+use crate::model::parameter::{ImputedOp, Known, ParameterOp, SequenceFn, SequenceOp};
+use crate::model::scope::Local;
 use crate::num::Num;
 use crate::table::Measurements;
 
@@ -64,15 +64,29 @@ pub(super) struct Labels {
 #[derive(Clone, Debug)]
 enum Source {
     /// So many numbers from `v` on.
-    Scalars { v: usize, len: usize },
+    Scalars {
+        v: usize,
+        len: usize,
+    },
     /// A number for each label.
-    Each { v: usize, labels: Arc<Labels> },
+    Each {
+        v: usize,
+        labels: Arc<Labels>,
+    },
     /// The cells of a column with a prior: a number for each row of the table.
-    Cells { v: usize },
+    Cells {
+        v: usize,
+    },
     /// A linear predictor.
-    Linear { beta: &'static str, columns: Vec<&'static str> },
+    Linear {
+        beta: &'static str,
+        columns: Vec<&'static str>,
+    },
     /// A field, or the first of one for each label.
-    Field { field: usize, labels: Option<Arc<Labels>> },
+    Field {
+        field: usize,
+        labels: Option<Arc<Labels>>,
+    },
     Let,
 }
 
@@ -298,25 +312,43 @@ impl<'a> Builder<'a> {
         });
     }
 
-    /// `param name(n) [unit] ~ prior;` of a vector whose numbers constrain each other. M is N + 2.
+    /// `param name(n) [unit] ~ prior;`, the prior one of each number or of the whole. M1 is N + 1, M2 is N + 2.
     ///
     /// # Errors
-    /// Fewer than two numbers, or not as many as the prior is of.
-    pub fn joint<F: JointFn<N>, const N: usize, const M: usize>(
+    /// A prior of the whole that is of another length or no density.
+    pub fn vector<F: VectorFn<N>, const N: usize, const M1: usize, const M2: usize>(
         &mut self,
         decl: Decl,
         n: usize,
         mentions: &[&str],
     ) -> Result<(), ModelError> {
-        if n < 2 {
-            return Err(ModelError::TooShort { parameter: decl.name.into(), len: n });
+        if is_whole(&F::prior([Num(1.0); N])) {
+            self.sequence::<Known<F>, N, M2>(decl, n, mentions)
+        } else {
+            self.param::<Known<F>, N, M1>(decl, Len::Many(n), mentions)
         }
+    }
+
+    /// A vector with a prior of all of its numbers.
+    fn sequence<F: SequenceFn<N>, const N: usize, const M: usize>(
+        &mut self,
+        decl: Decl,
+        n: usize,
+        mentions: &[&str],
+    ) -> Result<(), ModelError> {
         let local = self.local::<N>(mentions, 0);
-        let prior = F::prior([Num(1.0); N]);
-        if let Some(expected) = prior.length().filter(|expected| *expected != n) {
-            return Err(ModelError::Length { parameter: decl.name.into(), len: n, expected });
+        let prior = F::sequence([Num(1.0); N]);
+        let (parameter, expected) = (decl.name.clone().into(), prior.length(n));
+        if n < expected && expected == 2 {
+            return Err(ModelError::TooShort { parameter, len: n });
         }
-        let n_unknowns = prior.n_unknowns(n);
+        if n != expected {
+            return Err(ModelError::Length { parameter, len: n, expected });
+        }
+        if N == 0 && !prior.ln_norm(n).0.is_finite() {
+            return Err(ModelError::NoDensity { parameter, prior: decl.text.into() });
+        }
+        let (n_unknowns, n_carry) = (prior.n_unknowns(n), prior.n_carry(n).max(1));
         let support = prior.support();
         drop(prior);
         let (u, v) = (self.unknowns(n_unknowns), self.values(n));
@@ -324,11 +356,11 @@ impl<'a> Builder<'a> {
         let entry = PriorEntry { u: u..u + n_unknowns, v, len: n, mentions };
         self.model.prior_entries.push(entry);
         let work = self.n_work;
-        self.n_work += n;
+        self.n_work += (n + 1) * n_carry;
         self.push_parameter(&decl, n, Kind::Vector, vec![], support, v);
         self.names.push((decl.name.clone().into(), Source::Scalars { v, len: n }));
         self.state("param", decl);
-        let op = SequenceOp::<F, N, M> { local, u, v, work, n, f: PhantomData };
+        let op = SequenceOp::<F, N, M> { local, u, v, work, n, n_carry, f: PhantomData };
         self.model.priors.push(Box::new(op));
         Ok(())
     }
@@ -388,6 +420,11 @@ impl<'a> Builder<'a> {
         self.model.hooks = self.hooks;
         Ok(self.model)
     }
+}
+
+/// Whether a prior is one of the whole vector.
+fn is_whole<T: Vector<Num<f64>>>(_: &T) -> bool {
+    T::IS_WHOLE
 }
 
 /// The support of a prior; that of one whose bounds move with what it mentions is only known while it runs.

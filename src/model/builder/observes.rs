@@ -97,7 +97,8 @@ impl Builder<'_> {
                 self.seen.insert((name, observe));
             }
             for e in 0..if let Source::Scalars { len, .. } = source { len } else { 1 } {
-                if matches!(source, Source::Field { .. } | Source::Linear { .. }) && self.acts(name) {
+                if matches!(source, Source::Field { .. } | Source::Linear { .. }) && self.acts(name)
+                {
                     hooked.push((j, self.hook(observe, name, n)));
                 }
                 for (r, &row) in rows.iter().enumerate() {
