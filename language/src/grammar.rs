@@ -387,7 +387,11 @@ fn term(e: &Expr) -> Result<Option<Term>> {
 /// `K = 24`
 fn n_modes(e: &Expr) -> Option<usize> {
     let Expr::Assign(assign) = e else { return None };
-    let Expr::Lit(literal) = &*assign.right else { return None };
+    let mut value = &*assign.right;
+    while let Expr::Group(inner) = value {
+        value = &inner.expr; // a `$K` of a macro around the model
+    }
+    let Expr::Lit(literal) = value else { return None };
     match (&literal.lit, assign.left.to_token_stream().to_string().as_str()) {
         (Lit::Int(n), "K") => n.base10_parse().ok(),
         _ => None,
