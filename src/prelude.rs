@@ -6,13 +6,13 @@ pub use crate::dist::{
     MultivariateNormal, Normal, Ordered, RealLine, Sequence, Step, StudentT, SumToZero, Support,
     TruncatedNormal, Uniform, cholesky, correlation_cholesky, ln_gamma, ln_logistic, logistic,
 };
-pub use crate::field::{Kernel, Matern12, Matern32, Matern52, Rbf, authors};
+pub use crate::field::{Covariance, Kernel, Matern12, Matern32, Matern52, Rbf, authors};
 pub use crate::likelihood::{
     BernoulliLogit, BinomialLogit, Bracket, Count, Interval, Likelihood, Mixture, NegBinomialLog,
     Number, Observation, OrderedLogit, Outliers, PoissonLog, TopHat, Widened,
 };
 pub use crate::model;
-pub use crate::num::{Real, ln_sum_exp};
+pub use crate::num::{Argument, Real, ln_sum_exp};
 pub use crate::surrogate;
 pub use rand::{Rng, RngExt};
 pub use rand_distr;
