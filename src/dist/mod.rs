@@ -128,7 +128,7 @@ pub(crate) use normal_cdf::{ln_normal_below, ln_normal_between};
 pub use positive::{Exponential, Gamma, HalfCauchy, HalfNormal, InvGamma, LogNormal};
 pub use real::{Flat, Normal, StudentT};
 pub use sequence::{
-    CholeskyFactor, CorrelationRows, Covariance, Dirichlet, LkjCholesky, MultivariateNormal,
+    CholeskyFactor, CorrelationRows, CovarianceMatrix, Dirichlet, LkjCholesky, MultivariateNormal,
     OfNumbers, OfVector, OneOrEach, Ordered, RealLine, Sequence, Step, SumToZero, Vector,
     VectorPrior, cholesky, correlation_cholesky, vector,
 };

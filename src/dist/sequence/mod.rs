@@ -21,7 +21,7 @@ mod vector;
 pub use cholesky::{CholeskyFactor, CorrelationRows, cholesky, correlation_cholesky};
 pub use dirichlet::Dirichlet;
 pub use lkj::LkjCholesky;
-pub use multivariate_normal::{Covariance, MultivariateNormal};
+pub use multivariate_normal::{CovarianceMatrix, MultivariateNormal};
 pub use ordered::{Ordered, RealLine};
 pub use sum_to_zero::SumToZero;
 pub use vector::{OfNumbers, OfVector, Vector, VectorPrior, vector};
@@ -51,14 +51,21 @@ pub struct Step<D> {
 ///
 /// /// A random walk: each number is normal about the one before, the first about zero.
 /// #[derive(Debug)]
-/// struct Walk<D>(D);
+/// struct Walk<D> {
+///     step: D,
+/// }
+///
+/// #[allow(non_snake_case)]
+/// fn Walk<D: Real>(step: impl Argument<D>) -> Walk<D> {
+///     Walk { step: step.number() }
+/// }
 ///
 /// impl<D: Real> Sequence<D> for Walk<D> {
 ///     fn support(&self) -> Support {
 ///         Support::Real
 ///     }
 ///     fn step(&self, _: usize, _: usize, u: D, carry: &mut [D]) -> Step<D> {
-///         let z = (u - carry[0]) / self.0;
+///         let z = (u - carry[0]) / self.step;
 ///         carry[0] = u;
 ///         Step { x: u, ln_kernel: z * z * -0.5 }
 ///     }
@@ -66,7 +73,7 @@ pub struct Step<D> {
 ///         x
 ///     }
 ///     fn ln_norm(&self, n: usize) -> D {
-///         (self.0.ln() + 0.5 * std::f64::consts::TAU.ln()) * -(n as f64)
+///         (self.step.ln() + 0.5 * std::f64::consts::TAU.ln()) * -(n as f64)
 ///     }
 /// }
 ///

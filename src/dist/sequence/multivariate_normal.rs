@@ -27,7 +27,7 @@ pub struct MultivariateNormal<D, const N: usize, const M: usize> {
 #[allow(non_snake_case)]
 pub fn MultivariateNormal<D: Real, const N: usize, const M: usize, K>(
     mean: impl OneOrEach<D, M, K>,
-    covariance: impl Covariance<D, N>,
+    covariance: impl CovarianceMatrix<D, N>,
 ) -> MultivariateNormal<D, N, M> {
     const { assert!(M == 1 || M == N, "one mean, or as many as the covariance has rows") };
     MultivariateNormal { mean: mean.each(), factor: covariance.factor() }
@@ -38,18 +38,18 @@ pub fn MultivariateNormal<D: Real, const N: usize, const M: usize, K>(
     message = "`{Self}` is not a covariance of {N} numbers",
     label = "expected a matrix [[4.0, 1.0], [1.0, 2.0]] or correlation_cholesky(l).scaled(sd)"
 )]
-pub trait Covariance<D, const N: usize> {
+pub trait CovarianceMatrix<D, const N: usize> {
     /// Its Cholesky factor.
     fn factor(self) -> CholeskyFactor<D, N>;
 }
 
-impl<D, const N: usize> Covariance<D, N> for CholeskyFactor<D, N> {
+impl<D, const N: usize> CovarianceMatrix<D, N> for CholeskyFactor<D, N> {
     fn factor(self) -> Self {
         self
     }
 }
 
-impl<D: Real, T: Argument<D>, const N: usize> Covariance<D, N> for [[T; N]; N] {
+impl<D: Real, T: Argument<D>, const N: usize> CovarianceMatrix<D, N> for [[T; N]; N] {
     fn factor(self) -> CholeskyFactor<D, N> {
         cholesky(self)
     }
