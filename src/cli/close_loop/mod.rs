@@ -7,6 +7,7 @@ mod story;
 use std::borrow::Cow;
 use std::collections::BTreeMap;
 use std::io::{IsTerminal as _, Write as _};
+use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 use std::time::{Duration, Instant};
@@ -23,14 +24,14 @@ use super::models::{Compiled, ModelFile};
 use super::output::{Finished, OutputFolder, Sampled};
 use super::run::record_of;
 use super::sampling::{Job, every_chain_failed};
-use crate::criticism::{self, Case, Outcome, criticise, rewrite, site_column};
+use crate::criticism::{self, Criticism, SearchProgress, Subject, criticise, rewrite, site_column};
 use crate::error::Failure;
 use crate::infer::{self, Chain, jittered_starts};
 use crate::manifold::{Basis, eigenpairs_cached};
 use crate::model::{AddedEffect, Augmented, Declare, Model, Sampler};
 use crate::report::write_loop_page;
 use crate::store::write_file;
-use crate::table::Measurements;
+use crate::table::{Columns, Measurements, Role};
 
 /// Fewer sites than this cannot be criticised.
 const LEAST_SITES: usize = 10;
@@ -54,6 +55,10 @@ pub(super) struct Command {
     /// Searches on data simulated from the base fit, at least 19: what a claim must beat
     #[arg(long, default_value_t = 99)]
     nulls: usize,
+    /// What a column of the table means, where its name does not tell: distance, time, region, unit,
+    /// fold, structural or covariate; may be repeated
+    #[arg(long = "column", value_name = "NAME=ROLE", value_parser = named_role)]
+    columns: Vec<(String, Role)>,
     /// Threads; 0 means one per core. Changes no number
     #[arg(long, default_value_t = 0)]
     threads: usize,
@@ -78,6 +83,9 @@ impl Command {
         let out = OutputFolder::open(&self.folder())?;
         let mut inputs = self.input.load(model)?;
         inputs.hashes.insert("model".into(), hash(&self.model)?);
+        let roles = self.columns.iter();
+        let roles = roles.fold(Columns::default(), |all, (name, role)| all.with(name, *role));
+        inputs.measurements.set_roles(roles)?;
         check_sites(&inputs.measurements)?;
         let joint = self.joint(model, &inputs)?;
         let outcome = self.search(model, &inputs)?;
@@ -86,7 +94,7 @@ impl Command {
         let plain: Vec<AddedEffect> = effects.iter().map(|(effect, _)| effect.clone()).collect();
         let before = self.sample(model, &inputs, &out, "before")?;
         let augmented = Augmented::new(model, &plain).with_outliers(outliers);
-        let after = if outcome.found.is_empty() {
+        let after = if outcome.found().is_empty() {
             None
         } else {
             Some(self.sample(&augmented, &inputs, &out, "after")?)
@@ -165,7 +173,7 @@ impl Command {
         source: &str,
     ) -> Result<Vec<String>, Failure> {
         let mut files = vec![];
-        if !story.outcome.found.is_empty() {
+        if !story.outcome.found().is_empty() {
             let outliers = story.outcome.last.outer.outliers;
             let name = file_name(&self.model, story);
             let text = rewrite(source, story.effects, outliers).ok_or_else(|| {
@@ -197,21 +205,22 @@ impl Command {
         self.out.clone().unwrap_or_else(|| Path::new("out").join(format!("{stem}-loop")))
     }
 
-    fn search(&self, model: &dyn Declare, inputs: &Inputs) -> Result<Outcome, Failure> {
+    fn search(&self, model: &dyn Declare, inputs: &Inputs) -> Result<Criticism, Failure> {
         let basis = self.finer_basis(inputs)?;
-        let case = Case { model, basis: basis.as_deref(), table: &inputs.measurements };
-        let settings = criticism::Settings {
+        let case = Subject { model, basis: basis.as_deref(), table: &inputs.measurements };
+        let settings = criticism::SearchSettings {
             nulls: self.nulls,
             seed: self.input.seed,
-            ..criticism::Settings::default()
+            ..criticism::SearchSettings::default()
         };
         let (bar, is_terminal) = (self.bar(), std::io::stderr().is_terminal());
-        let watch = |round: usize, done: usize| {
+        let watch = |SearchProgress { round, done, .. }: SearchProgress| {
             bar.set_message((round + 1).to_string());
             bar.set_position(done as u64);
             if !is_terminal && done == self.nulls {
                 eprintln!("search round {}: {done} searches on simulated data", round + 1);
             }
+            ControlFlow::Continue(())
         };
         let pool = rayon::ThreadPoolBuilder::new()
             .num_threads(self.threads)
@@ -287,6 +296,12 @@ impl Command {
     }
 }
 
+/// `NAME=ROLE`.
+fn named_role(text: &str) -> Result<(String, Role), String> {
+    let (name, role) = text.split_once('=').ok_or("expected NAME=ROLE, for instance age=unit")?;
+    Ok((name.to_owned(), role.parse()?))
+}
+
 /// The sites of a table by name, each with a row; `column` names them.
 fn sites(table: &Measurements, column: Option<&str>) -> BTreeMap<String, usize> {
     let site = |row: usize| match column {
@@ -327,7 +342,7 @@ fn check_apart(train: &Measurements, heldout: &Measurements) -> Result<(), Failu
 /// What was found as effects with names of their own, and why each is there.
 fn added(
     model: &dyn Declare,
-    outcome: &Outcome,
+    outcome: &Criticism,
     table: &Measurements,
 ) -> Result<Vec<(AddedEffect, String)>, Failure> {
     let outline = Model::outline(model)?;
@@ -341,12 +356,12 @@ fn added(
             || effects.iter().any(|(e, _)| e.name == name)
     };
     for round in &outcome.rounds {
-        let log_bf = round.taken.map_or(f64::NAN, |taken| round.tried[taken].log_bf);
+        let log_bf = round.taken().map_or(f64::NAN, |taken| taken.log_bf);
         for (k, candidate) in round.claimed.iter().enumerate() {
             let found = &outcome.candidates[*candidate];
             let Some(form) = found.form.clone() else { continue };
             let (on, sd) = (found.on.clone(), found.sd);
-            let mut name = found.name.clone();
+            let mut name = found.cause.to_string();
             if k > 0 {
                 name = format!("{name}_{}", on.join("_"));
             }
@@ -370,7 +385,10 @@ fn name_of(table: &Measurements) -> String {
 
 fn file_name(model: &Path, story: &Story<'_>) -> String {
     let stem = model.file_stem().unwrap_or("model".as_ref()).display().to_string();
-    format!("{stem}_plus_{}.rs", story.outcome.findings().join("_"))
+    format!(
+        "{stem}_plus_{}.rs",
+        story.outcome.findings().iter().map(ToString::to_string).collect::<Vec<_>>().join("_")
+    )
 }
 
 fn save(out: &OutputFolder, name: &str, text: &str) -> Result<(), Failure> {

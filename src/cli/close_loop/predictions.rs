@@ -7,8 +7,8 @@ use serde_json::{Value, json};
 use super::super::inputs::Inputs;
 use super::Sampling;
 use crate::criticism::{
-    Left, Outcome, Predicted, Warning, check_heldout, leave_sites_out, leave_units_out,
-    predict_rows, score_of, with_heldout,
+    Candidate, Criticism, Left, Predicted, Warning, check_heldout, leave_sites_out,
+    leave_units_out, predict_rows, score_of, with_heldout,
 };
 use crate::diagnostics::standard_error;
 use crate::error::Failure;
@@ -89,7 +89,7 @@ impl Heldout {
         inputs: &Inputs,
         before: &Sampling,
         after: Option<&Sampling>,
-        outcome: &Outcome,
+        outcome: &Criticism,
         seed: u64,
     ) -> Result<Self, Failure> {
         let Joint { table, heldout, first } = joint;
@@ -104,7 +104,7 @@ impl Heldout {
         let rows = || 0..heldout.len();
         let trained = inputs.measurements.columns().iter();
         let mut columns: Vec<&str> =
-            outcome.candidates.iter().filter_map(|c| c.form.as_ref()?.column()).collect();
+            outcome.candidates.iter().filter_map(Candidate::column).collect();
         columns.dedup();
         Ok(Self {
             before: predict(declared[0], before)?,
@@ -155,17 +155,17 @@ pub(super) struct LeftOut {
 
 /// Predictions of each of the outcome's units from the others, by the first and the last fit of a search;
 /// `None` where the site is the unit, and where a fit without one of them fails.
-pub(super) fn leave_units_out_twice(outcome: &Outcome, seed: u64) -> Option<LeftOut> {
+pub(super) fn leave_units_out_twice(outcome: &Criticism, seed: u64) -> Option<LeftOut> {
     let unit = outcome.unit.as_ref()?;
     let left = |fit| leave_units_out(&outcome.engine, fit, unit, seed);
     let before = left(&outcome.rounds[0].base)?;
-    let after = if outcome.found.is_empty() { None } else { Some(left(&outcome.last)?) };
+    let after = if outcome.found().is_empty() { None } else { Some(left(&outcome.last)?) };
     Some(LeftOut { unit: unit.name.clone(), before, after })
 }
 
 /// Leave-one-site-out predictions by the first and the last fit of a search.
-pub(super) fn leave_sites_out_twice(outcome: &Outcome, seed: u64) -> LeftOut {
-    let is_found = !outcome.found.is_empty();
+pub(super) fn leave_sites_out_twice(outcome: &Criticism, seed: u64) -> LeftOut {
+    let is_found = !outcome.found().is_empty();
     LeftOut {
         unit: "site".into(),
         before: outcome.rounds[0].left.clone(),
@@ -173,30 +173,23 @@ pub(super) fn leave_sites_out_twice(outcome: &Outcome, seed: u64) -> LeftOut {
     }
 }
 
-/// What was measured in a row of the engine: its cell, or the middle of its bracket; NaN if that is open.
-fn measured(outcome: &Outcome, row: usize) -> f64 {
-    let id = outcome.engine.rows[row].id;
-    let cells = outcome.engine.model.observes[id.observe].observed_row(id.row);
-    let middle = cells.iter().sum::<f64>() / cells.len() as f64;
-    if middle.is_finite() { middle } else { f64::NAN }
-}
-
 impl LeftOut {
     /// Residual of each row of the engine before and after (NaN if nothing was found).
-    pub(super) fn residuals(&self, outcome: &Outcome) -> Vec<[f64; 2]> {
+    pub(super) fn residuals(&self, outcome: &Criticism) -> Vec<[f64; 2]> {
         let one = |row: usize| {
             let after = self.after.as_ref().map_or(f64::NAN, |left| left.predicted[row]);
-            [self.before.predicted[row], after].map(|predicted| measured(outcome, row) - predicted)
+            [self.before.predicted[row], after]
+                .map(|predicted| outcome.engine.middle(row) - predicted)
         };
         (0..outcome.engine.rows.len()).map(one).collect()
     }
 
-    pub(super) fn comparison(&self, outcome: &Outcome) -> Comparison {
+    pub(super) fn comparison(&self, outcome: &Criticism) -> Comparison {
         let rows = |left: &Left| -> Vec<Predicted> {
             let one = |row: usize| Predicted {
-                table_row: outcome.engine.model.table_row(outcome.engine.rows[row].id),
+                table_row: outcome.engine.table_row(row),
                 value: left.predicted[row],
-                measured: measured(outcome, row),
+                measured: outcome.engine.middle(row),
                 ln_density: f64::NAN, // known for sites, not for rows
                 quantile: 0.5 * libm::erfc(-left.residual[row] * std::f64::consts::FRAC_1_SQRT_2),
             };

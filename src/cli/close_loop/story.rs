@@ -8,7 +8,7 @@ use super::super::inputs::Inputs;
 use super::predictions::{Heldout, LeftOut, as_json};
 use super::sizes::Size;
 use super::{Sampling, name_of};
-use crate::criticism::{CLAIM, Outcome, Round, Warning, least_log_bf, site_column};
+use crate::criticism::{CLAIM, Criticism, Judgement, Round, Warning, least_log_bf, site_column};
 use crate::error::Failure;
 use crate::model::{AddedEffect, Form, equations};
 use crate::report::{
@@ -17,7 +17,7 @@ use crate::report::{
 
 /// What there is to tell.
 pub(super) struct Story<'a> {
-    pub(super) outcome: &'a Outcome,
+    pub(super) outcome: &'a Criticism,
     /// What was found, and why each is there.
     pub(super) effects: &'a [(AddedEffect, String)],
     pub(super) inputs: &'a Inputs,
@@ -47,8 +47,8 @@ impl Story<'_> {
             figures
         });
         json!({
-            "findings": outcome.findings(),
-            "ambiguous": outcome.ambiguous,
+            "findings": outcome.findings().iter().map(ToString::to_string).collect::<Vec<_>>(),
+            "ambiguous": outcome.ambiguous().iter().map(|pair| pair.map(ToString::to_string)).collect::<Vec<_>>(),
             "unexplained": outcome.is_unexplained(),
             "effect_interval": self.intervals(),
             "heldout": heldout.as_ref().map_or(Value::Null, as_json),
@@ -65,13 +65,15 @@ impl Story<'_> {
     }
 
     /// The interval of each effect: by the finding's name, of its further effects by their own.
-    fn intervals(&self) -> BTreeMap<&str, [f64; 2]> {
-        let found = self.outcome.found.iter().map(|f| &self.outcome.candidates[*f]);
+    fn intervals(&self) -> BTreeMap<String, [f64; 2]> {
+        let found = self.outcome.found();
+        let found = found.iter().map(|f| &self.outcome.candidates[*f]);
         let mut intervals = BTreeMap::new();
         let effects = self.effects.iter().zip(found.filter(|c| c.form.is_some()));
         for (((effect, _), c), size) in effects.zip(&self.sizes()) {
-            let is_first = !intervals.contains_key(c.name.as_str());
-            intervals.insert(if is_first { &c.name[..] } else { &effect.name }, size.interval);
+            let cause = c.cause.to_string();
+            let is_first = !intervals.contains_key(&cause);
+            intervals.insert(if is_first { cause } else { effect.name.clone() }, size.interval);
         }
         intervals
     }
@@ -81,13 +83,13 @@ impl Story<'_> {
             let candidate = &self.outcome.candidates[t.candidate];
             json!({
                 "round": number + 1,
-                "effect": candidate.name,
+                "effect": candidate.cause.to_string(),
                 "on": candidate.on,
                 "form": t.form.as_ref().map_or("Outliers".into(), Form::text),
                 "p_screen": t.p_screen,
                 "log_bf": t.log_bf.is_finite().then_some(t.log_bf),
                 "p_null": t.p_null,
-                "verdict": t.verdict,
+                "verdict": t.judgement.to_string(),
             })
         };
         round.tried.iter().map(one).collect()
@@ -121,7 +123,7 @@ impl Story<'_> {
         if !lacked.is_empty() {
             return format!("{model} lacks {}.", lacked.join(" and "));
         }
-        if let Some([a, b]) = outcome.ambiguous.first() {
+        if let Some([a, b]) = outcome.ambiguous().first() {
             return format!(
                 "{model} lacks an effect of {a} or of {b}: these data cannot tell which."
             );
@@ -137,7 +139,7 @@ impl Story<'_> {
     fn unexplained(&self) -> String {
         let outcome = self.outcome;
         let mut sentences: Vec<String> = outcome
-            .ambiguous
+            .ambiguous()
             .iter()
             .map(|[a, b]| {
                 format!("{a} and {b} explain the same: these data cannot tell them apart.")
@@ -172,7 +174,7 @@ impl Story<'_> {
         lines.extend(
             self.effects.iter().map(|(effect, _)| format!("found     {}", effect.statement())),
         );
-        for [a, b] in &outcome.ambiguous {
+        for [a, b] in outcome.ambiguous() {
             lines.push(format!("ambiguous {a} or {b}: these data cannot tell"));
         }
         for (what, log_bf) in self.differences().into_iter().filter(|(_, bf)| *bf > CLAIM) {
@@ -280,24 +282,24 @@ impl Story<'_> {
     }
 
     fn tried(&self, number: usize, round: &Round) -> TriedRound {
-        let one = |(i, t): (usize, &crate::criticism::Record)| {
+        let one = |t: &crate::criticism::Record| {
             let candidate = &self.outcome.candidates[t.candidate];
             TriedEffect {
-                name: candidate.name.clone(),
+                name: candidate.cause.to_string(),
                 statement: t.form.as_ref().map_or("every likelihood".into(), |form| {
                     format!("{} on {}", rounded(form), candidate.on.join(", "))
                 }),
                 p_screen: t.p_screen,
                 log_bf: t.log_bf,
                 p_null: t.p_null,
-                verdict: t.verdict.clone(),
-                is_taken: round.taken == Some(i),
+                verdict: t.judgement.to_string(),
+                is_taken: t.judgement == Judgement::Found,
             }
         };
         TriedRound {
             claim: least_log_bf(number),
             nulls: round.nulls.clone(),
-            tried: round.tried.iter().enumerate().map(one).collect(),
+            tried: round.tried.iter().map(one).collect(),
         }
     }
 
