@@ -5,12 +5,12 @@
 //! | layer | modules |
 //! |---|---|
 //! | 6 | [`cli`] |
-//! | 5 | [`report`], [`study`], [`criticism`] |
+//! | 5 | [`run`], [`report`], [`study`], [`criticism`] |
 //! | 4 | `models/*.rs`, through [`prelude`] only |
 //! | 3 | [`model`](mod@model) |
 //! | 2 | [`table`], [`field`], [`surrogate`], [`infer`], [`diagnostics`] |
 //! | 1 | [`dist`], [`likelihood`], [`manifold`], [`ep`] |
-//! | 0 | [`mesh`], [`num`], [`error`], [`store`] |
+//! | 0 | [`mesh`], [`num`], [`random`], [`error`], [`store`] |
 
 pub mod cli;
 pub mod criticism;
@@ -26,7 +26,9 @@ pub mod mesh;
 pub mod model;
 pub mod num;
 pub mod prelude;
+pub mod random;
 pub mod report;
+pub mod run;
 pub mod store;
 pub mod study;
 pub mod surrogate;

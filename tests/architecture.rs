@@ -11,11 +11,11 @@ use std::path::{Path, PathBuf};
 /// Layer of each module of the crate.
 const LAYERS: &[(u32, &[&str])] = &[
     (6, &["main", "cli"]),
-    (5, &["report", "study", "criticism"]),
+    (5, &["run", "report", "study", "criticism"]),
     (3, &["model", "prelude"]),
     (2, &["table", "field", "surrogate", "infer", "diagnostics"]),
     (1, &["dist", "likelihood", "manifold", "ep"]),
-    (0, &["mesh", "num", "error", "store"]),
+    (0, &["mesh", "num", "random", "error", "store"]),
 ];
 
 /// Imports within a layer: (who, whom).
@@ -23,6 +23,8 @@ const SAME_LAYER: &[(&str, &str)] = &[
     ("likelihood", "dist"), // a likelihood of a Number is a distribution
     ("surrogate", "infer"), // a Gaussian process is fitted by the optimiser
     ("mesh", "store"),      // files appear whole or not at all
+    ("run", "report"),      // a run is written by what renders it
+    ("run", "study"),       // TODO
     ("main", "cli"),
 ];
 

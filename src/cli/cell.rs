@@ -6,12 +6,12 @@ use std::path::PathBuf;
 
 use clap::Args;
 
-use super::output::OutputFolder;
 use crate::ep::Parameters;
 use crate::ep::cell::RANGES;
 use crate::ep::paced_cell::{PacedCell, RestitutionPoint, Sample, restitution};
 use crate::error::Failure;
 use crate::report::Curves;
+use crate::run::OutputFolder;
 use crate::store::write_file;
 
 /// Names of the durations, in the order of `CellBeat::apd`.

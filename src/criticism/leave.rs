@@ -3,7 +3,7 @@
 use std::cmp::Ordering;
 
 use nalgebra::{DMatrix, DVector};
-use rand::{RngExt, SeedableRng};
+use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
 use rand_distr::StandardNormal;
 
@@ -11,6 +11,7 @@ use super::engine::Engine;
 use super::fit::{Cavity, LaplaceFit};
 use super::units::Unit;
 use crate::diagnostics::normal_quantile;
+use crate::random::Stream;
 
 /// Draws from each cavity. The log of an average over them is off by a tenth of a nat or two, and there is one
 /// for every site: too few would drown what an effect gains.
@@ -63,8 +64,7 @@ fn leave(engine: &Engine, fit: &LaplaceFit, of: &[usize], seed: u64, draws: usiz
         if own.is_empty() {
             continue;
         }
-        let mut rng = ChaCha8Rng::seed_from_u64(seed);
-        rng.set_stream(site as u64);
+        let mut rng = Stream::LeftOut { site }.rng(seed);
         left.elpd[site] = fit.cavity(engine, &own).map_or(f64::NEG_INFINITY, |cavity| {
             let predicted = predict(engine, fit, &cavity, draws, &mut rng);
             for (r, (residual, value)) in cavity.rows.iter().zip(predicted.rows) {

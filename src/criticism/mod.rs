@@ -15,12 +15,14 @@
 //! | fits | `engine`, `fit`, `newton`, `laplace`, `outer`, `leave`, `screen`, `fine` |
 //! | a round | `bench`, `search`, `nulls`, `refute`, `rivals`, `claim`, `judge`, `remainder` |
 //! | all | `procedure`; `heldout` and `rewrite` for what follows it |
+//! | with both fits | `close`, which calls [`run`](crate::run) and is what `eplat loop` does |
 
 mod bench;
 mod candidate;
 mod cause;
 mod checks;
 mod claim;
+mod close;
 mod engine;
 mod error;
 mod fine;
@@ -49,6 +51,10 @@ pub use bench::Subject;
 pub use candidate::{Candidate, Level, Screen, Unusable};
 pub use cause::Cause;
 pub use checks::{Warning, check_heldout};
+pub use close::{
+    FoundEffect, HeldOut, LeftOut, Loop, LoopError, LoopEvent, LoopSettings, LoopWatch, Size,
+    Story, Told,
+};
 pub use engine::{Engine, Outer, RowAt, TriedTerm};
 pub use error::CriticismError;
 pub use fine::FINER;

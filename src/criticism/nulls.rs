@@ -3,7 +3,7 @@
 use std::sync::atomic::{AtomicUsize, Ordering};
 
 use nalgebra::DVector;
-use rand::{RngExt, SeedableRng};
+use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
 use rand_distr::StandardNormal;
 use rayon::prelude::*;
@@ -15,6 +15,7 @@ use super::fit::LaplaceFit;
 use super::outer::{Free, optimise};
 use super::progress::{SearchProgress, Watch};
 use super::search::search;
+use crate::random::Stream;
 
 /// The searches of a round.
 pub(super) struct Nulls<'a> {
@@ -52,8 +53,7 @@ impl Nulls<'_> {
     /// the measured data: what is done to one but not to the other would favour one of them.
     fn best(&self, k: usize) -> f64 {
         let Self { bench, base, found, .. } = *self;
-        let mut rng = ChaCha8Rng::seed_from_u64(bench.seed);
-        rng.set_stream((1 << 34) + ((self.round as u64) << 20) + k as u64);
+        let mut rng = Stream::Null { round: self.round, search: k }.rng(bench.seed);
         let simulated = bench.engine.measuring(simulate(&bench.engine, base, &mut rng));
         let fit = optimise(&simulated, &bench.active(found), base, Free::All, bench.step);
         let Some((fit, _)) = fit else {

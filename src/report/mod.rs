@@ -39,11 +39,11 @@ pub use field_draws::FieldDraws;
 pub use html::{Page, PointData, Surface, write_html};
 pub use loo::{LeaveOneOut, LooRecord, LooRow, read_loo, worst_k, write_loo};
 pub use loop_page::{
-    Against, Comparison, LoopPage, PredictionError, Residuals, SiteResidual, TriedEffect,
-    TriedRound, write_loop_page,
+    Against, ErrorChange, LoopPage, PredictionError, Residuals, SiteResidual, TriedEffect,
+    TriedRound, loop_page,
 };
 pub use posterior::Posterior;
-pub use run_record::{RunRecord, Seconds, Settings};
+pub use run_record::{RunRecord, Seconds, SettingsRecord};
 pub use summary::{Row, read_summary_json, write_summary_csv, write_summary_json};
 pub use table::{WIDTH, console_table};
 pub use verdict::{MAX_DIVERGENT, MAX_R_HAT, MIN_E_BFMI, MIN_ESS, Verdict, verdict};

@@ -22,14 +22,13 @@ pub use truth::{TRUTH_MODES, conduction};
 
 use std::path::PathBuf;
 
-use rand::SeedableRng;
-use rand_chacha::ChaCha8Rng;
 use thiserror::Error;
 
 use crate::infer::InferError;
 use crate::manifold::{Basis, ManifoldError, maximin};
 use crate::mesh::TriMesh;
 use crate::model::{Declare, Maps, Model, ModelError};
+use crate::random::Stream;
 use crate::table::{DataError, Measurements};
 use truth::Truth;
 
@@ -129,13 +128,6 @@ pub enum StudyError {
         /// What is wrong.
         why: String,
     },
-}
-
-/// Stream `index` of this module: chains own the streams from 0 on, reports those from 2³² on.
-fn stream(seed: u64, index: u64) -> ChaCha8Rng {
-    let mut rng = ChaCha8Rng::seed_from_u64(seed);
-    rng.set_stream((1 << 33) + index);
-    rng
 }
 
 /// Makes the experiment. `basis` should have [`TRUTH_MODES`] modes; all it has are used.
@@ -246,7 +238,7 @@ fn measure(
     let mut tape = blank_model.tape();
     blank_model.forward(&mut tape, &blank_model.initial());
     Maps::new(&blank_model, basis).set_at_probes(&mut tape, &table.vertices(), fields);
-    let mut rng = stream(seed, 1);
+    let mut rng = Stream::Noise.rng(seed);
     for observe in &blank_model.observes {
         for (row, values) in observe.rows.iter().zip(observe.simulate(&tape, &mut rng)) {
             for (column, value) in observe.columns.iter().zip(values) {

@@ -6,12 +6,12 @@ use std::path::PathBuf;
 
 use serde_json::{Map, Value, json};
 
-use super::super::output::OutputFolder;
 use super::{Outcome, Setup};
 use crate::ep::Precision;
 use crate::ep::surface::Simulation;
 use crate::error::Failure;
 use crate::mesh::write_vtp;
+use crate::run::OutputFolder;
 use crate::store::Identity;
 use crate::store::write_file;
 

@@ -5,12 +5,12 @@ use std::time::Duration;
 
 use serde_json::Value;
 
-use super::super::inputs::hash;
-use super::super::output::OutputFolder;
 use super::AtriumArgs;
 use super::files::RECORD;
 use crate::error::Failure;
 use crate::report::FieldDraws;
+use crate::run::OutputFolder;
+use crate::run::hash_file as hash;
 use crate::store::{Checkpoint, Identity, differences};
 
 impl AtriumArgs {

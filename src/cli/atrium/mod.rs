@@ -19,11 +19,11 @@ use serde::Serialize;
 use serde_json::{Value, json};
 
 use super::interrupt::{INTERRUPTED, farewell, stop_flag};
-use super::output::OutputFolder;
 use crate::ep::surface::{BeatMap, Fibres, Pacing, Simulation, Substrate};
 use crate::ep::{Parameters, Precision, Tissue};
 use crate::error::Failure;
 use crate::mesh::{Refined, TriMesh};
+use crate::run::OutputFolder;
 use crate::store::{Checkpoint, take_chain};
 use compare::Earlier;
 use drive::{Drive, Progress};

@@ -5,11 +5,11 @@ use std::path::PathBuf;
 use clap::Args;
 use serde::Serialize;
 
-use super::super::inputs::embedded_atrium;
 use crate::ep::cell::RANGES;
 use crate::ep::surface::{Fibres, halfway};
 use crate::error::Failure;
 use crate::mesh::{self, Refined, Surface, TriMesh, Units};
+use crate::run::embedded_atrium;
 
 /// Edges of the embedded atrium, mm: short enough for a front.
 const EDGE: f64 = 0.4;

@@ -6,11 +6,11 @@ use clap::Args;
 use serde_json::Value;
 
 use super::super::super::atrium::AtriumArgs;
-use super::super::super::output::OutputFolder;
 use super::Setup;
 use crate::ep::surface::BeatMap;
 use crate::error::Failure;
 use crate::mesh::{self, Surface, TriMesh, Units, write_vtp};
+use crate::run::OutputFolder;
 use crate::store::Identity;
 use crate::study::Recovery;
 
@@ -68,7 +68,7 @@ impl SimulationArgs {
     ) -> Result<Option<Simulated>, Failure> {
         let folder = OutputFolder::open(&out.file("simulation"))?;
         folder.make()?;
-        let (surface, _) = setup.surface()?;
+        let surface = &setup.domain()?.surface;
         let tissue = folder.file("tissue.vtp");
         write_tissue(&tissue, &surface.mesh, setup, recovery)?;
         let beats = ["true", "mean"].map(|which| folder.file(which));
