@@ -42,12 +42,19 @@ pub(super) trait Measured: Op {
     /// Where in `v` the scalars of row `i` live: the value, and the offset added to it if an effect
     /// may act there (`v[0]`, which is zero, if not); then the offsets of its `let`s.
     fn locals(&self, i: usize) -> Vec<(usize, usize)>;
-    /// Log likelihood of row `i` at these scalars, under `noise`.
-    fn ln_at(&self, i: usize, locals: &[f64], noise: &Noise) -> f64;
+    /// Log likelihood of row `i` at these scalars, under `noise`, had `cells` been measured.
+    fn ln_at(&self, i: usize, cells: &[f64], locals: &[f64], noise: &Noise) -> f64;
     /// As [`Measured::ln_at`], with gradient and Hessian `(n, n)` in the scalars numbered `of`, zero in the others.
-    fn curvature(&self, i: usize, locals: &[f64], of: &[usize], noise: &Noise) -> Curvature;
-    /// A simulated measurement for row `i` at these scalars, as cells, without noise.
-    fn replicate(&self, i: usize, locals: &[f64], rng: &mut dyn Rng) -> Vec<f64>;
+    fn curvature(
+        &self,
+        i: usize,
+        cells: &[f64],
+        locals: &[f64],
+        of: &[usize],
+        noise: &Noise,
+    ) -> Curvature;
+    /// A simulated measurement for row `i` at these scalars, as cells, without noise, made as `cells` were.
+    fn replicate(&self, i: usize, cells: &[f64], locals: &[f64], rng: &mut dyn Rng) -> Vec<f64>;
     /// The predicted value of row `i` at these scalars, if the likelihood has one.
     fn location(&self, i: usize, locals: &[f64]) -> Option<f64>;
     /// The measurement of row `i` as cells.
@@ -232,14 +239,19 @@ impl<F: RowFn<N>, const N: usize, const W: usize> Rows<F, N, W> {
         s
     }
 
+    /// A measurement of row `i` from its cells; the row's own where these hold none.
+    fn measurement(&self, i: usize, cells: &[f64]) -> F::Y {
+        F::Y::read(cells).ok().flatten().unwrap_or(self.y[i])
+    }
+
     /// Not inlined: criticism is rare, and one copy serves it all.
     #[inline(never)]
-    fn ln_noisy<D: Real>(&self, s: [Num<D>; N], i: usize, noise: &Noise) -> D {
+    fn ln_noisy<D: Real>(&self, s: [Num<D>; N], i: usize, y: &F::Y, noise: &Noise) -> D {
         let mut likelihood = self.likelihood(s, i);
         if let Some((share, variance)) = noise.outliers {
             (likelihood.share, likelihood.sd) = (share, variance.sqrt());
         }
-        likelihood.ln_widened(&self.y[i], Num::from(noise.variance)).0
+        likelihood.ln_widened(y, Num::from(noise.variance)).0
     }
 }
 
@@ -272,18 +284,25 @@ impl<F: RowFn<N>, const N: usize, const W: usize> Measured for Rows<F, N, W> {
         self.place.locals(i, W)
     }
 
-    fn ln_at(&self, i: usize, locals: &[f64], noise: &Noise) -> f64 {
-        self.ln_noisy(self.fill(locals, |_, x| x), i, noise)
+    fn ln_at(&self, i: usize, cells: &[f64], locals: &[f64], noise: &Noise) -> f64 {
+        self.ln_noisy(self.fill(locals, |_, x| x), i, &self.measurement(i, cells), noise)
     }
 
-    fn curvature(&self, i: usize, locals: &[f64], of: &[usize], noise: &Noise) -> Curvature {
-        let n = locals.len();
+    fn curvature(
+        &self,
+        i: usize,
+        cells: &[f64],
+        locals: &[f64],
+        of: &[usize],
+        noise: &Noise,
+    ) -> Curvature {
+        let (n, y) = (locals.len(), self.measurement(i, cells));
         let mut out = Curvature { value: 0.0, gradient: vec![0.0; n], hessian: vec![0.0; n * n] };
         let is = |a: usize, j: usize| f64::from(u8::from(a == j));
         for (k, &a) in of.iter().enumerate() {
             for &b in &of[k..] {
                 let s = self.fill(locals, |j, x| Hyper::new(x, is(a, j), is(b, j), 0.0));
-                let l = self.ln_noisy(s, i, noise);
+                let l = self.ln_noisy(s, i, &y, noise);
                 (out.value, out.gradient[a], out.gradient[b]) = (l.re, l.eps1, l.eps2);
                 (out.hessian[a * n + b], out.hessian[b * n + a]) = (l.eps1eps2, l.eps1eps2);
             }
@@ -291,8 +310,9 @@ impl<F: RowFn<N>, const N: usize, const W: usize> Measured for Rows<F, N, W> {
         out
     }
 
-    fn replicate(&self, i: usize, locals: &[f64], rng: &mut dyn Rng) -> Vec<f64> {
-        self.likelihood(self.fill(locals, |_, x| x), i).simulate(&self.y[i], rng).cells()
+    fn replicate(&self, i: usize, cells: &[f64], locals: &[f64], rng: &mut dyn Rng) -> Vec<f64> {
+        let like = self.measurement(i, cells);
+        self.likelihood(self.fill(locals, |_, x| x), i).simulate(&like, rng).cells()
     }
 
     fn location(&self, i: usize, locals: &[f64]) -> Option<f64> {

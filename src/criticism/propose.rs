@@ -1,126 +1,28 @@
-//! What a model may lack: candidate effects from the columns of a table.
+//! Which effects are tried: candidates from the columns of a table.
 
 use std::collections::BTreeMap;
 
+use super::candidate::{Candidate, Level, Screen, Unusable};
+use super::cause::Cause;
 use super::observable::readable;
-use super::units::{FOLD, Unit, by_site, is_constant_within};
-use crate::model::{Form, Model, Statement, distinct, families};
-use crate::table::{FIELD_MODES, Measurements, PATH, SOURCE};
-
-/// Where a candidate acts.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Level {
-    /// On what is observed.
-    Observable,
-    /// On a field behind it.
-    Parameter,
-    /// On how far measurements scatter.
-    Noise,
-}
-
-/// What decides whether a candidate is refitted: an F-test on its design of
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Screen {
-    /// the residuals of sites.
-    Sites,
-    /// the random effects of units, which leave no such residuals over.
-    Units,
-    /// nothing: it always is.
-    None,
-}
-
-/// Something that the model may lack.
-#[derive(Clone, Debug)]
-pub struct Candidate {
-    /// What it is called in findings: `force`, `drift`, …
-    pub name: String,
-    /// Fields and `let`s that it acts on.
-    pub on: Vec<String>,
-    /// Observable or parameter.
-    pub level: Level,
-    /// How it depends on a row; `None` for outliers, which move nothing that is predicted.
-    pub form: Option<Form>,
-    /// Prior sd of its coefficients, in the unit of what it acts on.
-    pub sd: f64,
-    /// What decides whether it is refitted.
-    pub screen: Screen,
-}
-
-/// Columns that say where and what was measured, never why it differs.
-pub(super) const STRUCTURAL: [&str; 13] = [
-    SOURCE,
-    PATH,
-    "site",
-    "vertex",
-    "x",
-    "y",
-    "z",
-    "protocol",
-    "lower",
-    "upper",
-    "value",
-    "resolution",
-    FOLD,
-];
+use super::units::{Unit, by_site, is_constant_within};
+use crate::model::{Form, Model, Statement, families};
+use crate::table::{FIELD_MODES, Measurements, Role, TypedColumn};
 
 /// The columns of a table that may tell why measurements differ: neither place nor measurement.
 pub(super) fn covariates<'t>(model: &Model, table: &'t Measurements) -> Vec<&'t String> {
     let is_measured =
         |name: &String| model.observes.iter().any(|o| o.name == name || o.cells.contains(name));
-    let is_one = |name: &&String| !STRUCTURAL.contains(&name.as_str()) && !is_measured(name);
+    let is_one = |name: &&String| table.role(name).is_cause() && !is_measured(name);
     table.columns().iter().filter(is_one).collect()
 }
 
-/// What a column is called in findings.
-fn finding(column: &str) -> String {
-    let known = [
-        ("force_g", "force"),
-        ("output_mA", "output"),
-        ("t_min", "drift"),
-        ("S1", "rate"),
-        ("wall_mm", "wall"),
-        ("dist_scar_mm", "scar_distance"),
-        ("impedance_ohm", "impedance"),
-        ("temperature_C", "temperature"),
-    ];
-    known.iter().find(|(c, _)| *c == column).map_or(column, |(_, name)| name).into()
-}
-
-/// What a column holds.
-#[derive(Clone, Debug, PartialEq)]
-pub(super) enum Column {
-    /// Numbers: those present, one per row, NaN where empty.
-    Numeric(Vec<f64>),
-    /// Labels.
-    Labels(Vec<String>),
-}
-
-/// Reads a column: numbers if every cell that is not empty is one.
-pub(super) fn read_column(table: &Measurements, name: &str) -> Column {
-    let cell = |row: usize| table.cell(row, name).unwrap_or_default();
-    let number = |row: usize| {
-        let cell = cell(row);
-        if cell.is_empty() { Some(f64::NAN) } else { cell.parse().ok() }
-    };
-    let numbers: Option<Vec<f64>> = (0..table.len()).map(number).collect();
-    numbers.map_or_else(|| Column::Labels(distinct(table, name)), Column::Numeric)
-}
-
 /// Mean and standard deviation of the numbers that are there.
-pub(super) fn moments(x: &[f64]) -> (f64, f64) {
+pub(super) fn mean_and_sd(x: &[f64]) -> (f64, f64) {
     let present: Vec<f64> = x.iter().copied().filter(|x| x.is_finite()).collect();
     let n = present.len() as f64;
     let mean = present.iter().sum::<f64>() / n;
     (mean, (present.iter().map(|x| (x - mean).powi(2)).sum::<f64>() / n).sqrt())
-}
-
-/// A covariate that cannot be tried, and why.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Unusable {
-    /// The column.
-    pub column: String,
-    /// Why.
-    pub why: String,
 }
 
 /// Shares of the table's distances that may be inside a patch.
@@ -151,17 +53,18 @@ impl Maker<'_> {
     /// All candidates that the table's columns give; and the columns that give none.
     pub(super) fn all(&self) -> (Vec<Candidate>, Vec<Unusable>) {
         let (mut found, mut unusable) = (vec![], vec![]);
-        for name in covariates(self.model, self.table) {
-            match self.of_column(name) {
+        let columns = covariates(self.model, self.table);
+        for column in columns.into_iter().filter_map(|name| self.table.column(name)) {
+            match self.of_column(column) {
                 Ok(candidates) => found.extend(candidates),
-                Err(why) => unusable.push(Unusable { column: name.into(), why: why.into() }),
+                Err(why) => {
+                    unusable.push(Unusable { column: column.name().into(), why: why.into() });
+                }
             }
         }
         for observable in self.on.iter().skip(1) {
             let on = std::slice::from_ref(observable);
-            let mut offset = self.candidate("protocol", Form::All, on);
-            offset.screen = Screen::Sites;
-            found.push(offset);
+            found.push(self.candidate(Cause::Protocol, Form::All, on));
         }
         found.extend(self.fields());
         found.extend(self.outliers());
@@ -170,9 +73,8 @@ impl Maker<'_> {
 
     /// Outliers, unless the model knows them.
     fn outliers(&self) -> Option<Candidate> {
-        let has = |s: &Statement| s.keyword == "observe" && s.decl.text.contains("Outliers(");
-        (!self.model.statements.iter().any(has)).then(|| Candidate {
-            name: "outliers".into(),
+        (!knows_outliers(self.model)).then(|| Candidate {
+            cause: Cause::Outliers,
             on: vec![],
             level: Level::Noise,
             form: None,
@@ -194,43 +96,43 @@ impl Maker<'_> {
         let mut found = vec![];
         for lengthscale in LENGTHSCALES.map(|times| (times * finest).round()) {
             let surface = Form::Surface { modes, lengthscale };
-            found.extend(self.field("spatial_field", &surface, self.step));
+            found.extend(self.field(&Cause::SpatialField, &surface, self.step));
             if let Some(length) = probes.mean_length() {
                 let path = Form::Path { modes, lengthscale };
-                found.extend(self.field("slowness_field", &path, self.step / length));
+                found.extend(self.field(&Cause::SlownessField, &path, self.step / length));
             }
         }
         found
     }
 
     /// A field of each of [`AMPLITUDES`] times `sd`.
-    fn field(&self, name: &str, form: &Form, sd: f64) -> impl Iterator<Item = Candidate> {
+    fn field(&self, cause: &Cause, form: &Form, sd: f64) -> impl Iterator<Item = Candidate> {
         AMPLITUDES.into_iter().map(move |times| Candidate {
-            name: name.into(),
             sd: readable(times * sd),
             screen: Screen::None,
-            ..self.candidate(name, form.clone(), &self.on)
+            ..self.candidate(cause.clone(), form.clone(), &self.on)
         })
     }
 
     /// The candidates of a column, or why there are none.
-    fn of_column(&self, name: &str) -> Result<Vec<Candidate>, &'static str> {
-        let unit = self.unit.filter(|unit| unit.name == name);
-        match read_column(self.table, name) {
-            _ if unit.is_some() => {
-                Err("it names the units over which others vary: these have a random effect")
-            }
-            Column::Numeric(x) => self.of_numbers(name, &x),
-            Column::Labels(labels) => self.of_labels(name, &labels),
+    fn of_column(&self, column: &TypedColumn) -> Result<Vec<Candidate>, &'static str> {
+        if self.unit.is_some_and(|unit| unit.name == column.name()) {
+            return Err("it names the units over which others vary: these have a random effect");
+        }
+        match column.numbers() {
+            Some(x) => self.of_numbers(column.name(), x),
+            None => self.of_labels(column.name(), &column.labels()),
         }
     }
 
     /// An effect on what is observed.
-    fn candidate(&self, column: &str, form: Form, on: &[String]) -> Candidate {
-        let is_over_units =
-            self.unit.is_some_and(|unit| is_constant_within(self.table, column, &unit.name));
+    fn candidate(&self, cause: Cause, form: Form, on: &[String]) -> Candidate {
+        let is_over = |unit: &Unit| {
+            form.column().is_some_and(|column| is_constant_within(self.table, column, &unit.name))
+        };
+        let is_over_units = self.unit.is_some_and(is_over);
         Candidate {
-            name: finding(column),
+            cause,
             on: on.to_vec(),
             level: Level::Observable,
             form: Some(form),
@@ -240,14 +142,15 @@ impl Maker<'_> {
     }
 
     /// An effect of tissue: on each field, and on what is observed, where several fields change at once.
-    fn everywhere(&self, column: &str, form: &Form) -> impl Iterator<Item = Candidate> {
-        let on_field = move |(field, sd): (&String, &f64)| Candidate {
+    fn everywhere(&self, cause: &Cause, form: &Form) -> impl Iterator<Item = Candidate> {
+        let candidate = |on: &[String]| self.candidate(cause.clone(), form.clone(), on);
+        let on_field = |(field, sd): (&String, &f64)| Candidate {
             level: Level::Parameter,
             sd: *sd,
-            ..self.candidate(column, form.clone(), std::slice::from_ref(field))
+            ..candidate(std::slice::from_ref(field))
         };
-        let on_observable = self.candidate(column, form.clone(), &self.on);
-        let all = self.field_sd.iter().map(on_field).chain([on_observable]);
+        let on_fields: Vec<Candidate> = self.field_sd.iter().map(on_field).collect();
+        let all = on_fields.into_iter().chain([candidate(&self.on)]);
         all.map(|candidate| Candidate { screen: Screen::None, ..candidate })
     }
 
@@ -257,7 +160,7 @@ impl Maker<'_> {
         let (Some(&low), Some(&high)) = (values.first(), values.last()) else {
             return Err("every cell is empty");
         };
-        let (centre, scale) = moments(x);
+        let (centre, scale) = mean_and_sd(x);
         if !(scale > 1e-9 * centre.abs().max(1e-9)) {
             return Err("it has one value only");
         }
@@ -267,18 +170,22 @@ impl Maker<'_> {
         if values.len() >= 4 {
             forms.push(Form::Smooth { column: column(), low, high, degree: 3 });
         }
-        let mut found: Vec<Candidate> =
-            forms.into_iter().map(|form| self.candidate(name, form, &self.on)).collect();
-        if name.starts_with("dist") {
+        let mut found = self.on_observable(name, forms);
+        if self.table.role(name) == Role::Distance {
             for share in INSIDE {
                 let at = (share * (values.len() - 1) as f64) as usize;
                 let threshold = 0.5 * (values[at] + values[at + 1]);
                 let form = Form::Above { column: column(), threshold };
-                let patches = self.everywhere(name, &form);
-                found.extend(patches.map(|patch| Candidate { name: "patch".into(), ..patch }));
+                found.extend(self.everywhere(&Cause::Patch, &form));
             }
         }
         Ok(found)
+    }
+
+    /// Effects of a column on what is observed.
+    fn on_observable(&self, name: &str, forms: Vec<Form>) -> Vec<Candidate> {
+        let cause = || Cause::Column(name.to_owned());
+        forms.into_iter().map(|form| self.candidate(cause(), form, &self.on)).collect()
     }
 
     fn of_labels(&self, name: &str, labels: &[String]) -> Result<Vec<Candidate>, &'static str> {
@@ -295,9 +202,16 @@ impl Maker<'_> {
         if (2..labels.len()).contains(&families(self.table, name).len()) {
             forms.push(Form::Family { column: name.into() });
         }
-        if name == "region" {
-            return Ok(forms.iter().flat_map(|form| self.everywhere(name, form)).collect());
+        if self.table.role(name) == Role::Region {
+            let cause = Cause::Column(name.to_owned());
+            return Ok(forms.iter().flat_map(|form| self.everywhere(&cause, form)).collect());
         }
-        Ok(forms.into_iter().map(|form| self.candidate(name, form, &self.on)).collect())
+        Ok(self.on_observable(name, forms))
     }
+}
+
+/// Whether a likelihood of the model has outliers already.
+fn knows_outliers(model: &Model) -> bool {
+    let has = |s: &Statement| s.keyword == "observe" && s.decl.text.contains("Outliers(");
+    model.statements.iter().any(has)
 }

@@ -3,6 +3,7 @@
 use nalgebra::{Cholesky, DMatrix, DVector};
 
 use super::*;
+use crate::model::Model;
 use crate::prelude::*;
 use crate::table::Measurements;
 
@@ -24,7 +25,7 @@ fn engine() -> Engine {
     let table = Measurements::from_cells("test", header, cells).unwrap();
     let on = vec!["shown".to_owned()];
     let model = Model::with_offsets(&Level, None, &table, &on).unwrap();
-    let dose = Term { on: on.clone(), design: DOSE.to_vec(), n: 1, sd: Some(1.5) };
+    let dose = TriedTerm { on: on.clone(), design: DOSE.to_vec(), n: 1, sd: Some(1.5) };
     Engine::new(model, &on, &SITE, &[], vec![dose])
 }
 

@@ -1,68 +1,59 @@
 //! How large an effect is, in the unit of what it acts on.
 
-use super::Sampling;
-use super::predictions::thinned;
+use super::held_out::PREDICTION_DRAWS;
 use crate::diagnostics::quantile;
 use crate::model::{AddedEffect, Form};
-use crate::run::Loaded;
+use crate::run::Fit;
+use crate::table::Measurements;
 
 /// The size of an effect.
-pub(super) struct Size {
+#[derive(Clone, Debug)]
+pub struct Size {
     /// Central 90 % interval of its one coefficient, of the greatest difference between two labels, of
     /// the range of its curve over the table or, of a field, of its sd there.
-    pub(super) interval: [f64; 2],
-    /// What it is the size of.
-    of: String,
+    pub interval: [f64; 2],
+    /// What it is the size of, in words.
+    pub of: String,
 }
 
 impl Size {
-    pub(super) fn of(effect: &AddedEffect, after: &Sampling<'_>, inputs: &Loaded) -> Self {
+    pub(super) fn of(effect: &AddedEffect, after: &Fit<'_>, table: &Measurements) -> Self {
         let draws = coefficients(effect, after);
-        let labels = effect.form.labels(&inputs.measurements);
+        let first = || draws.iter().map(|draw| draw[0]).collect();
+        let over_rows = |of: &dyn Fn(&[f64]) -> f64| {
+            let (design, n) = effect.form.design(table);
+            let rows = |draw: &Vec<f64>| -> Vec<f64> {
+                design.chunks_exact(n).map(|z| dot(z, draw)).collect()
+            };
+            draws.iter().map(|draw| of(&rows(draw))).collect()
+        };
         let (mut values, of): (Vec<f64>, String) = match &effect.form {
             Form::Smooth { column, .. } => {
-                let (design, n) = effect.form.design(&inputs.measurements);
-                let range = |draw: &Vec<f64>| {
-                    let curve = design.chunks_exact(n).map(|z| dot(z, draw));
-                    let ends = curve.fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), y| {
-                        (low.min(y), high.max(y))
-                    });
-                    ends.1 - ends.0
-                };
-                (
-                    draws.iter().map(range).collect(),
-                    format!("from end to end of its curve in {column}"),
-                )
+                (over_rows(&range), format!("from end to end of its curve in {column}"))
             }
             Form::Group { column } | Form::Family { column } => {
+                let labels = effect.form.labels(table);
                 let (least, most) = extremes(&draws);
                 let of = format!("more with {column} {} than with {}", labels[most], labels[least]);
                 (draws.iter().map(|draw| draw[most] - draw[least]).collect(), of)
             }
-            Form::Scaled { column, scale, .. } => {
-                (draws.iter().map(|draw| draw[0]).collect(), format!("per {scale:.3} of {column}"))
+            Form::Scaled { column, scale, .. } => (first(), format!("per {scale:.3} of {column}")),
+            Form::Above { column, threshold } => {
+                (first(), format!("where {column} is above {threshold:.3}"))
             }
-            Form::Above { column, threshold } => (
-                draws.iter().map(|draw| draw[0]).collect(),
-                format!("where {column} is above {threshold:.3}"),
-            ),
-            Form::Logistic { column, centre, .. } => (
-                draws.iter().map(|draw| draw[0]).collect(),
-                format!("well above {centre} of {column}, more than well below"),
-            ),
+            Form::Logistic { column, centre, .. } => {
+                (first(), format!("well above {centre} of {column}, more than well below"))
+            }
             Form::Surface { .. } | Form::Path { .. } => {
-                let (design, n) = effect.form.design(&inputs.measurements);
-                let of_rows = |draw: &Vec<f64>| {
-                    sd(&design.chunks_exact(n).map(|z| dot(z, draw)).collect::<Vec<f64>>())
-                };
-                (draws.iter().map(of_rows).collect(), "sd over the measurements".into())
+                (over_rows(&sd), "sd over the measurements".into())
             }
-            Form::All => (draws.iter().map(|draw| draw[0]).collect(), "everywhere".into()),
+            Form::All => (first(), "everywhere".into()),
         };
         values.sort_by(f64::total_cmp);
         Self { interval: [quantile(&values, 0.05), quantile(&values, 0.95)], of }
     }
 
+    /// With the quantities that it acts on.
     pub(super) fn in_words(&self, effect: &AddedEffect) -> String {
         let ([low, high], on, unit) = (self.interval, effect.on.join(", "), &effect.unit);
         let range = format!("{on}: {low:.1} to {high:.1} {unit}").replace('-', "−");
@@ -71,11 +62,11 @@ impl Size {
 }
 
 /// Draws of an effect's coefficients.
-fn coefficients(effect: &AddedEffect, after: &Sampling<'_>) -> Vec<Vec<f64>> {
-    let names = after.fit.model().unknown_names();
+fn coefficients(effect: &AddedEffect, after: &Fit<'_>) -> Vec<Vec<f64>> {
+    let names = after.model().unknown_names();
     let is_own = |i: &usize| names[*i].split('[').next() == Some(effect.name.as_str());
     let own: Vec<usize> = (0..names.len()).filter(is_own).collect();
-    let draws = thinned(after.fit.chains()).into_iter();
+    let draws = after.thinned(PREDICTION_DRAWS).into_iter();
     draws.map(|draw| own.iter().map(|i| draw[*i]).collect()).collect()
 }
 
@@ -86,6 +77,11 @@ fn extremes(draws: &[Vec<f64>]) -> (usize, usize) {
     let mut order: Vec<usize> = (0..n).collect();
     order.sort_by(|a, b| total(*a).total_cmp(&total(*b)));
     (order.first().copied().unwrap_or(0), order.last().copied().unwrap_or(0))
+}
+
+fn range(x: &[f64]) -> f64 {
+    let most = x.iter().copied().fold(f64::NEG_INFINITY, f64::max);
+    most - x.iter().copied().fold(f64::INFINITY, f64::min)
 }
 
 fn sd(x: &[f64]) -> f64 {
