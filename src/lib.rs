@@ -5,7 +5,7 @@
 //! | layer | modules |
 //! |---|---|
 //! | 6 | [`cli`] |
-//! | 5 | [`report`], [`study`], [`criticism`] |
+//! | 5 | [`report`], [`run`], [`study`], [`criticism`] |
 //! | 4 | `models/*.rs`, through [`prelude`] only |
 //! | 3 | [`model`](mod@model) |
 //! | 2 | [`table`], [`field`], [`surrogate`], [`infer`], [`diagnostics`] |
@@ -27,6 +27,7 @@ pub mod model;
 pub mod num;
 pub mod prelude;
 pub mod report;
+pub mod run;
 pub mod store;
 pub mod study;
 pub mod surrogate;

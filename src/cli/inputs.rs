@@ -10,7 +10,7 @@ use sha2::{Digest as _, Sha256};
 
 use crate::error::Failure;
 use crate::manifold::{Basis, eigenpairs_cached};
-use crate::mesh::{self, Surface, Units, left_atrium};
+use crate::mesh::{self, Surface, Units};
 use crate::model::{Declare, Model};
 use crate::study::{Design, TRUTH_MODES, experiment};
 use crate::table::{FIELD_MODES, Measurements};
@@ -165,7 +165,7 @@ impl InputArgs {
 /// The surface in a file, or the embedded atrium; says on stderr what it is.
 pub(super) fn surface(file: Option<(&Path, Units)>) -> Result<Surface, Failure> {
     let Some((path, units)) = file else {
-        let surface = embedded_atrium(ATRIUM_EDGE);
+        let surface = Surface::left_atrium(ATRIUM_EDGE);
         let (n, area) = (surface.mesh.n_vertices(), surface.mesh.area() / 100.0);
         eprintln!("mesh   embedded left atrium: {n} vertices, area {area:.0} cm²");
         return Ok(surface);
@@ -181,21 +181,6 @@ pub(super) fn surface(file: Option<(&Path, Units)>) -> Result<Surface, Failure> 
 fn checked(table: Measurements, outline: &Model) -> Result<Measurements, Failure> {
     table.check_protocols(&outline.readers())?;
     Ok(table)
-}
-
-/// The embedded left atrium with edges of about `edge` mm.
-pub(super) fn embedded_atrium(edge: f64) -> Surface {
-    let atrium = left_atrium(edge);
-    let n = atrium.mesh.n_vertices();
-    let region = atrium.region.iter().map(|r| f64::from(*r)).collect();
-    Surface {
-        mesh: atrium.mesh,
-        source_vertex: (0..n as u32).collect(),
-        n_source_vertices: n,
-        dropped: vec![],
-        point_data: BTreeMap::from([("region".into(), region)]),
-        notes: vec![],
-    }
 }
 
 /// A basis given for every vertex of the file, at the vertices that were kept.

@@ -5,6 +5,7 @@
 //! validation: a [`Plan`] of many such experiments, block by block.
 
 mod calibrate;
+mod experiment;
 mod next;
 mod plan;
 mod recovery;
@@ -14,6 +15,7 @@ mod truth;
 pub use calibrate::{
     INTERVALS, MapError, Outcome, Study, Time, agree, coverage, rms_error, thinned,
 };
+pub use experiment::{Listener, Simulated, SimulationEvent, SimulationPlan};
 pub use next::{Lesson, Minutes, lessons};
 pub use plan::{Block, Case, Choice, Estimate, Plan};
 pub use recovery::{RecoveredMap, Recovery, recover};

@@ -17,7 +17,7 @@ use indicatif::{ProgressBar, ProgressStyle};
 use rayon::prelude::*;
 
 use super::compile::run_compiled;
-use super::inputs::{embedded_atrium, hash};
+use super::inputs::hash;
 use super::models::{Compiled, ModelFile};
 use crate::error::Failure;
 use crate::manifold::eigenpairs_cached;
@@ -155,7 +155,7 @@ impl PlanArgs {
 
     fn surface(&self, plan: &Plan) -> Result<Surface, Failure> {
         let (Some(path), Some(units)) = (&plan.mesh, &plan.units) else {
-            return Ok(embedded_atrium(ATRIUM_EDGE));
+            return Ok(Surface::left_atrium(ATRIUM_EDGE));
         };
         let units = Units::from_str(units)
             .map_err(|why| Failure::new(format_args!("{}: units: {why}", self.plan.display())))?;

@@ -19,7 +19,7 @@ use serde_json::Value;
 use sha2::{Digest as _, Sha256};
 
 use super::super::inputs::{self, Inputs, hash};
-use super::super::interrupt::INTERRUPTED;
+use super::super::interrupt::{INTERRUPTED, stop_flag};
 use super::super::models::Compiled;
 use super::super::output::{Finished, OutputFolder, Sampled};
 use super::super::report::read_run;
@@ -32,8 +32,10 @@ use crate::model::{Declare, Model, Sampler};
 use crate::report::{self, FieldDraws, verdict};
 use crate::store::write_file;
 use crate::store::{Checkpoint, Identity, differences};
-use crate::study::{Design, Experiment, Recovery, TRUTH_MODES, conduction, experiment, recover};
-use simulation::SimulationArgs;
+use crate::study::{
+    Design, Experiment, Listener, Recovery, TRUTH_MODES, conduction, experiment, recover,
+};
+use simulation::{SimulationArgs, Teller};
 
 /// The model's fields, in its order.
 const FIELDS: [&str; 2] = ["tau_out", "apd_max"];
@@ -103,7 +105,7 @@ impl ExperimentArgs {
         self.check()?;
         let out = OutputFolder::open(&self.out)?;
         let setup = self.setup(compiled)?;
-        self.simulation.check(&setup.surface()?.0)?;
+        self.simulation.plan().vertex(&setup.surface()?.0)?;
         let identity = self.claim(&out, &setup)?;
         if !setup.calibrate(&out, begun)? {
             return Ok(self.interrupted());
@@ -113,7 +115,10 @@ impl ExperimentArgs {
         let simulated = if self.simulation.skip_simulation {
             None
         } else {
-            match self.simulation.run(&setup, &recovery, &out)? {
+            let (plan, teller, stop) = (self.simulation.plan(), Teller::default(), stop_flag()?);
+            let listener = Listener { stop: &stop, on: &|event| teller.tell(event) };
+            let fields = (setup.cv_max.as_slice(), &recovery);
+            match plan.simulate(&setup.surface()?.0, fields, &out.file("simulation"), listener)? {
                 None => return Ok(self.interrupted()),
                 simulated => simulated,
             }
@@ -236,7 +241,7 @@ impl ExperimentArgs {
                 |value: Value| value.as_str().map_or_else(|| value.to_string(), str::to_owned);
             identity.extend(options.into_iter().map(|(name, value)| (name, text(value))));
         }
-        identity.extend(self.simulation.identity());
+        identity.extend(self.simulation.plan().identity());
         let hashes = setup.inputs.hashes.iter();
         identity.extend(hashes.map(|(role, hash)| (format!("hash of the {role}"), hash.clone())));
         let path = out.file(SETTINGS);

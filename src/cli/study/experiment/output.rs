@@ -6,17 +6,16 @@ use std::io::Write as _;
 use serde_json::{Map, Value, json};
 
 use super::super::super::output::OutputFolder;
-use super::simulation::Simulated;
 use super::{RUN, Setup};
-use crate::ep::surface::BeatMap;
 use crate::error::Failure;
 use crate::mesh::write_vtp;
 use crate::report::{
     ExperimentPage, Figure, PointData, RunRecord, Surface, Verdict, write_experiment_page,
 };
+use crate::run::atrium::{AtriumRecord, MapDifference, Summary};
 use crate::store::Identity;
 use crate::store::write_file;
-use crate::study::{INTERVALS, RecoveredMap, Recovery};
+use crate::study::{INTERVALS, RecoveredMap, Recovery, Simulated};
 
 /// An error of so many standard deviations is a large one.
 const LARGE: f64 = 3.0;
@@ -88,13 +87,18 @@ impl Results<'_> {
         let vertices = self.setup.inputs.measurements.vertices();
         let simulation = self.simulated.map(|simulated| {
             let [truth, mean] = &simulated.records;
+            let compared: Map<String, Value> = mean
+                .compared
+                .iter()
+                .map(|(name, difference)| (name.clone(), json!(difference)))
+                .collect();
             json!({
-                "vertices": truth["vertices"],
-                "mean_edge_mm": truth["mean_edge_mm"],
-                "stimuli_ms": truth["stimuli_ms"],
-                "activated_vertices": { "true": truth["activated_vertices"], "mean": mean["activated_vertices"] },
-                "seconds": { "true": truth["seconds"], "mean": mean["seconds"] },
-                "mean_against_true": mean["compared"],
+                "vertices": truth.vertices,
+                "mean_edge_mm": truth.mean_edge_mm,
+                "stimuli_ms": truth.stimuli_ms,
+                "activated_vertices": { "true": activated(truth), "mean": activated(mean) },
+                "seconds": { "true": truth.seconds, "mean": mean.seconds },
+                "mean_against_true": compared,
             })
         });
         json!({
@@ -134,13 +138,10 @@ impl Results<'_> {
             );
         }
         for (name, compared) in self.compared() {
-            let number = |key: &str| compared[key].as_f64().unwrap_or(f64::NAN);
             let _ = writeln!(
                 text,
                 "{name:<8} {:>7} {:>7.2} {:>+8.2}   of the last beat, mean fields against true ones",
-                "ms",
-                number("rmse_ms"),
-                number("mean_difference_ms")
+                "ms", compared.rmse_ms, compared.mean_difference_ms
             );
         }
         let _ = write!(
@@ -153,10 +154,9 @@ impl Results<'_> {
         text
     }
 
-    /// The beat's maps and how the two simulations differ in them.
-    fn compared(&self) -> impl Iterator<Item = (&'static str, &Value)> {
-        let compared = self.simulated.map(|simulated| &simulated.records[1]["compared"]);
-        BeatMap::NAMES.into_iter().filter_map(move |name| Some((name, compared?.get(name)?)))
+    /// How the two simulations differ in the beat's maps.
+    fn compared(&self) -> &[(String, MapDifference)] {
+        self.simulated.map_or(&[], |simulated| &simulated.records[1].compared)
     }
 
     fn write_page(&self, out: &OutputFolder, maps: &[NamedMap]) -> Result<(), Failure> {
@@ -186,8 +186,10 @@ impl Results<'_> {
         let mut tiles: Vec<(String, String)> = errors
             .map(|map| (format!("{:.1} {}", map.rmse(), map.unit), format!("RMSE of {}", map.name)))
             .collect();
-        for (name, compared) in self.compared().filter(|(name, _)| DRAWN.contains(name)) {
-            let rmse = compared["rmse_ms"].as_f64().unwrap_or(f64::NAN);
+        for (name, compared) in
+            self.compared().iter().filter(|(name, _)| DRAWN.contains(&name.as_str()))
+        {
+            let rmse = compared.rmse_ms;
             tiles.push((format!("{rmse:.1} ms"), format!("RMSE of simulated {name}")));
         }
         let percent = |share: f64| format!("{:.1} %", 100.0 * share);
@@ -225,6 +227,13 @@ impl Results<'_> {
             });
         }
         figures
+    }
+}
+
+fn activated(record: &AtriumRecord) -> Option<usize> {
+    match record.summary {
+        Summary::One { activated_vertices, .. } => Some(activated_vertices),
+        Summary::Many { .. } => None,
     }
 }
 

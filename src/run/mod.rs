@@ -1,0 +1,3 @@
+//! What the program does, for programs.
+
+pub mod atrium;
