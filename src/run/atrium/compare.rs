@@ -1,7 +1,7 @@
 //! A simulation beside an earlier one on the same mesh.
 
 use std::collections::BTreeMap;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 use serde::{Deserialize, Deserializer, Serialize};
 
@@ -15,7 +15,6 @@ const SAME: f64 = 1e-6;
 /// The maps of an earlier simulation.
 #[derive(Debug)]
 pub(super) struct Earlier {
-    pub(super) file: PathBuf,
     maps: BTreeMap<String, Vec<f64>>,
 }
 
@@ -46,7 +45,7 @@ impl Earlier {
         let maps = surface.point_data;
         match BeatMap::NAMES.into_iter().find(|name| of(&maps, name).is_none()) {
             Some(name) => Err(AtriumError::NoMap { file, name }),
-            None => Ok(Self { file, maps }),
+            None => Ok(Self { maps }),
         }
     }
 
