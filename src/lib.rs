@@ -5,7 +5,7 @@
 //! | layer | modules |
 //! |---|---|
 //! | 6 | [`cli`] |
-//! | 5 | [`report`], [`run`], [`study`], [`criticism`] |
+//! | 5 | [`run`], [`report`], [`study`], [`criticism`] |
 //! | 4 | `models/*.rs`, through [`prelude`] only |
 //! | 3 | [`model`](mod@model) |
 //! | 2 | [`table`], [`field`], [`surrogate`], [`infer`], [`diagnostics`] |

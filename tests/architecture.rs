@@ -11,7 +11,7 @@ use std::path::{Path, PathBuf};
 /// Layer of each module of the crate.
 const LAYERS: &[(u32, &[&str])] = &[
     (6, &["main", "cli"]),
-    (5, &["report", "study", "criticism"]),
+    (5, &["run", "report", "study", "criticism"]),
     (3, &["model", "prelude"]),
     (2, &["table", "field", "surrogate", "infer", "diagnostics"]),
     (1, &["dist", "likelihood", "manifold", "ep"]),
@@ -24,6 +24,8 @@ const SAME_LAYER: &[(&str, &str)] = &[
     ("surrogate", "infer"), // a Gaussian process is fitted by the optimiser
     ("mesh", "store"),      // files appear whole or not at all
     ("table", "field"),     // modes at rows
+    ("run", "report"),      // a run is written by what renders it
+    ("run", "study"),       // TODO
     ("main", "cli"),
 ];
 

@@ -7,7 +7,7 @@ use eplat::diagnostics::Summary;
 use eplat::mesh::TriMesh;
 use eplat::report::{
     Group, LeaveOneOut, LooRecord, LooRow, Page, PointData, ReportError, Row, RunRecord, Seconds,
-    Settings, Surface, Variable, write_html,
+    SettingsRecord, Surface, Variable, write_html,
 };
 use rand::{RngExt as _, SeedableRng as _};
 use rand_chacha::ChaCha8Rng;
@@ -75,7 +75,7 @@ fn record() -> RunRecord {
         model: "Erp".to_owned(),
         version: "0.1.0".to_owned(),
         seed: 1,
-        settings: Settings {
+        settings: SettingsRecord {
             sampler,
             chains: 4,
             warmup: 1000,

@@ -11,9 +11,9 @@ use clap::Args;
 use indicatif::{ProgressBar, ProgressStyle};
 
 use super::interrupt::{INTERRUPTED, farewell, stop_flag};
-use super::output::OutputFolder;
 use crate::error::Failure;
 use crate::mesh::Units;
+use crate::run::OutputFolder;
 use crate::run::atrium::{
     Atrium, AtriumError, AtriumSettings, Beat, Begin, Ended, Event, Ground, Numerics,
     PacingSettings, Resume, Source, Summary, TissueSettings, Warning, Watch,

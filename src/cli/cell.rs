@@ -6,12 +6,12 @@ use std::path::PathBuf;
 
 use clap::Args;
 
-use super::output::OutputFolder;
 use crate::ep::Parameters;
 use crate::ep::cell::{OutOfRange, RANGES};
 use crate::ep::paced_cell::CellProtocol;
 use crate::error::Failure;
 use crate::report::{write_restitution, write_trace};
+use crate::run::OutputFolder;
 
 #[derive(Debug, Args)]
 pub(super) struct CellArgs {

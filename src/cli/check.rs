@@ -30,9 +30,8 @@ impl Command {
     pub(super) fn run(&self, compiled: &[Compiled]) -> Result<ExitCode, Failure> {
         let file = ModelFile::read(&self.model)?;
         let Some(model) = file.find(compiled)? else { return run_compiled(&file) };
-        let inputs = self.input.load(model)?;
-        let basis = inputs.surface.as_ref().map(|(_, basis)| basis);
-        let model = Model::new(model, basis, &inputs.measurements)?;
+        let loaded = self.input.load(&self.model, model)?;
+        let model = Model::new(model, loaded.basis(), &loaded.measurements)?;
         let (position, mut gradient) = (model.initial(), vec![0.0; model.dim()]);
         let mut evaluator = model.evaluator();
         let ln_density = evaluator.ln_density(&position, &mut gradient);

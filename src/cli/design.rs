@@ -8,13 +8,14 @@ use std::process::ExitCode;
 use clap::{Args, Subcommand};
 
 use super::compile::run_compiled;
-use super::inputs::InputArgs;
+use super::inputs::{InputArgs, usage};
 use super::models::{Compiled, ModelFile};
 use crate::error::Failure;
 use crate::infer::{Chain, Settings, Silent, jittered_starts};
 use crate::manifold::maximin;
 use crate::mesh::TriMesh;
 use crate::model::{Model, Sampler};
+use crate::run::RunError;
 use crate::store::write_file;
 use crate::study::{Lesson, Minutes, agree, lessons, thinned};
 
@@ -79,13 +80,12 @@ impl NextArgs {
     fn run(&self, compiled: &[Compiled]) -> Result<ExitCode, Failure> {
         let file = ModelFile::read(&self.model)?;
         let Some(declared) = file.find(compiled)? else { return run_compiled(&file) };
-        let inputs = self.input.load(declared)?;
-        let Some((surface, basis)) = &inputs.surface else {
-            return Err(Failure::usage(
-                "the model has no field: where it is measured makes no difference",
-            ));
+        let loaded = self.input.load(&self.model, declared)?;
+        let Some(domain) = &loaded.domain else {
+            return Err(usage(RunError::NoField));
         };
-        let model = Model::new(declared, Some(basis), &inputs.measurements)?;
+        let (surface, basis) = (&domain.surface, &domain.basis);
+        let model = Model::new(declared, Some(basis), &loaded.measurements)?;
         let minutes = self.minutes(&model)?;
         let chains = sample(&model, self.input.seed)?;
         if !agree(&model, &chains) {

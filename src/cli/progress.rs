@@ -1,28 +1,69 @@
-//! Progress of the chains: a live table on a terminal, one line per chain and phase otherwise.
+//! What a run tells, on stderr: lines, and a live table of the chains on a terminal.
 
 use std::io::IsTerminal as _;
-use std::sync::Arc;
-use std::sync::Once;
-use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::atomic::AtomicBool;
+use std::sync::{Arc, Mutex, PoisonError};
 
 use indicatif::{MultiProgress, ProgressBar, ProgressStyle};
 
-use crate::infer::{ChainProgress, Phase, Progress, Settings};
-use crate::store::Checkpoint;
+use super::interrupt::stop_flag;
+use crate::error::Failure;
+use crate::infer::{ChainProgress, Phase, Settings};
+use crate::run::{Event, Watch};
 
-/// Shows where every chain stands, on stderr; keeps the run, and ends it on request.
-pub(super) struct ChainBars {
+/// Prints what a run tells, and ends it on Ctrl-C.
+pub(super) struct Console {
+    stop: Arc<AtomicBool>,
+    /// Of the run that is sampling.
+    bars: Mutex<Option<ChainBars>>,
+}
+
+impl Console {
+    pub(super) fn new() -> Result<Self, Failure> {
+        Ok(Self { stop: stop_flag()?, bars: Mutex::default() })
+    }
+
+    /// Hands a watcher to `run`, which is told about and may be stopped.
+    pub(super) fn watching<T>(&self, run: impl FnOnce(Watch<'_>) -> T) -> T {
+        let result = run(Watch { on_event: &|event| self.print(event), stop: &self.stop });
+        self.finish();
+        result
+    }
+
+    fn print(&self, event: &Event<'_>) {
+        if let Event::Progress(progress) = event {
+            if let Some(bars) = &*self.bars.lock().unwrap_or_else(PoisonError::into_inner) {
+                bars.show(progress, event);
+            }
+            return;
+        }
+        if let Event::ChainFailed(_) = event {
+            self.finish();
+        }
+        eprintln!("{event}");
+        if let Event::Sampling { settings, .. } = event {
+            *self.bars.lock().unwrap_or_else(PoisonError::into_inner) =
+                Some(ChainBars::new(settings));
+        }
+    }
+
+    /// Leaves the lines of the chains as they are.
+    fn finish(&self) {
+        let bars = self.bars.lock().unwrap_or_else(PoisonError::into_inner).take();
+        bars.iter().flat_map(|bars| &bars.bars).for_each(ProgressBar::abandon);
+    }
+}
+
+/// Where every chain stands.
+struct ChainBars {
     bars: Vec<ProgressBar>,
     is_terminal: bool,
     warmup: usize,
-    checkpoint: Checkpoint,
-    stop: Arc<AtomicBool>,
-    warned: Once,
 }
 
 impl ChainBars {
-    /// For the chains of `settings`, kept in `checkpoint`, until `stop` is set.
-    pub(super) fn new(settings: &Settings, checkpoint: Checkpoint, stop: Arc<AtomicBool>) -> Self {
+    /// For the chains of `settings`.
+    fn new(settings: &Settings) -> Self {
         let Settings { chains, warmup, draws, .. } = *settings;
         let total = warmup + draws;
         let all = MultiProgress::new();
@@ -44,19 +85,11 @@ impl ChainBars {
             bar
         };
         let bars = (0..chains).map(bar).collect();
-        let is_terminal = std::io::stderr().is_terminal();
-        Self { bars, is_terminal, warmup, checkpoint, stop, warned: Once::new() }
+        Self { bars, is_terminal: std::io::stderr().is_terminal(), warmup }
     }
 
-    /// Leaves the lines as they are.
-    pub(super) fn finish(self) -> Checkpoint {
-        self.bars.iter().for_each(ProgressBar::abandon);
-        self.checkpoint
-    }
-}
-
-impl Progress for ChainBars {
-    fn report(&self, p: &ChainProgress) {
+    /// The chain's bar; without a terminal a line at the end of each phase.
+    fn show(&self, p: &ChainProgress, event: &Event<'_>) {
         let (phase, divergences, step) = (p.phase.to_string(), p.divergences, p.step_size);
         let bar = &self.bars[p.chain];
         bar.set_position(p.iteration as u64);
@@ -66,27 +99,7 @@ impl Progress for ChainBars {
             Phase::Sampling => p.iteration == p.total,
         };
         if !self.is_terminal && phase_ends {
-            eprintln!(
-                "chain {}  {:>5}/{}  {phase:<8} divergences {divergences:<3} step {step:.3}",
-                p.chain + 1,
-                p.iteration,
-                p.total
-            );
+            eprintln!("{event}");
         }
-        if let Some(reason) = self.checkpoint.failure() {
-            self.warned.call_once(|| {
-                eprintln!(
-                    "warning: the run goes on, but cannot be resumed if interrupted: {reason}"
-                );
-            });
-        }
-    }
-
-    fn should_stop(&self) -> bool {
-        self.stop.load(Ordering::Relaxed)
-    }
-
-    fn checkpoint(&self) -> Option<&Checkpoint> {
-        Some(&self.checkpoint)
     }
 }

@@ -7,7 +7,7 @@ use std::process::ExitCode;
 use clap::Args;
 
 use crate::error::Failure;
-use crate::report::{Row, RunRecord, end_of_run, read_summary_json, verdict};
+use crate::run::Results;
 
 /// `eplat report DIR`
 #[derive(Debug, Args)]
@@ -19,24 +19,16 @@ pub(super) struct Command {
 impl Command {
     /// The exit code is that of the run: 3 if its diagnostics failed.
     pub(super) fn run(&self) -> Result<ExitCode, Failure> {
-        let (record, rows) = read_run(&self.folder)?;
-        let said = end_of_run(&rows, &record);
-        writeln!(std::io::stdout().lock(), "{said}\n{}", where_is_the_page(&self.folder))?;
-        Ok(if verdict(&record, &rows).converged { ExitCode::SUCCESS } else { ExitCode::from(3) })
+        let results = Results::read(&self.folder)?;
+        let page = where_is_the_page(&self.folder);
+        writeln!(std::io::stdout().lock(), "{}\n{page}", results.text())?;
+        Ok(exit_code(results.converged()))
     }
 }
 
-/// What a finished run left: its record and its summary.
-pub(super) fn read_run(folder: &Path) -> Result<(RunRecord, Vec<Row>), Failure> {
-    if !folder.is_dir() {
-        return Err(Failure::new(format_args!(
-            "no folder {}\nhelp: name the --out folder of a finished run; the default is out/NAME after the model file's name",
-            folder.display()
-        )));
-    }
-    let record = RunRecord::read(&folder.join("run.json"))?;
-    let rows = read_summary_json(&folder.join("summary.json"))?;
-    Ok((record, rows))
+/// Whether to rely on the results.
+pub(super) fn exit_code(converged: bool) -> ExitCode {
+    if converged { ExitCode::SUCCESS } else { ExitCode::from(3) }
 }
 
 fn where_is_the_page(folder: &Path) -> String {

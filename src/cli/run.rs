@@ -3,23 +3,19 @@
 use std::io::Write as _;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
-use std::time::{Duration, Instant};
 
 use clap::{Args, ValueEnum};
 
 use super::compile::{COMPILE_SECONDS, run_compiled};
-use super::init;
-use super::inputs::{InputArgs, Inputs, hash};
+use super::inputs::{InputArgs, usage};
 use super::interrupt::{self, BeginArgs, INTERRUPTED};
-use super::laplace::approximate;
 use super::models::{Compiled, ModelFile};
-use super::optimise::optimise;
-use super::output::{Finished, Outcome, OutputFolder, Sampled};
-use super::sampling::{Job, every_chain_failed};
+use super::progress::Console;
+use super::report::exit_code;
 use crate::error::Failure;
-use crate::infer::{self, MetricKind, jittered_starts};
+use crate::infer::{MetricKind, Settings};
 use crate::model::{Declare, Model, Sampler};
-use crate::report;
+use crate::run::{Ended, Options, OutputFolder, Problem, Results, Watch};
 
 /// `eplat run MODEL.rs`
 #[derive(Debug, Args)]
@@ -113,13 +109,13 @@ impl SamplerArgs {
     }
 
     /// Checked, before anything slow is done.
-    pub(super) fn settings(&self, seed: u64) -> Result<infer::Settings, Failure> {
+    pub(super) fn settings(&self, seed: u64) -> Result<Settings, Failure> {
         if let (Some(SamplerArg::Blocked), Some(_)) = (self.sampler, self.metric) {
             return Err(Failure::usage(
                 "--sampler blocked has no choice of --metric\nhelp: leave one of them out, or give --sampler nuts",
             ));
         }
-        let settings = infer::Settings {
+        let settings = Settings {
             chains: self.chains,
             warmup: self.warmup,
             draws: self.draws,
@@ -139,72 +135,75 @@ impl SamplerArgs {
 
 impl Command {
     pub(super) fn run(&self, compiled: &[Compiled]) -> Result<ExitCode, Failure> {
-        let begun = Instant::now();
-        let mut settings = self.sampler.settings(self.input.seed)?;
-        let every = self.begin.every()?;
+        let settings = self.sampler.settings(self.input.seed)?;
+        self.begin.keep()?;
         let file = ModelFile::read(&self.model)?;
         let Some(model) = file.find(compiled)? else { return run_compiled(&file) };
-        let out = OutputFolder::open(&self.folder())?;
-        let mut inputs = self.input.load(model)?;
-        inputs.hashes.insert("model".into(), hash(&self.model)?);
-        if let Some(folder) = &self.begin.init {
-            inputs.hashes.insert("init".into(), hash(&folder.join(init::FILE))?);
-        }
-        let model = lay_out(model, &inputs)?;
+        let out = OutputFolder::open(self.folder())?;
+        Console::new()?.watching(|watch| self.fit(model, &settings, &out, watch))
+    }
+
+    fn fit(
+        &self,
+        model: &dyn Declare,
+        settings: &Settings,
+        out: &OutputFolder,
+        watch: Watch<'_>,
+    ) -> Result<ExitCode, Failure> {
+        let inputs = self.input.inputs(&self.model)?;
+        let problem = Problem::load_watched(model, &inputs, &watch).map_err(usage)?;
         if self.instead.optimize {
-            return optimise(&model, &inputs, &out, self.json);
+            return self.optimise(&problem, out);
         }
-        let sampler = self.sampler.choose(&model)?;
-        let how = match (self.instead.prior, self.instead.laplace) {
-            (true, _) => "prior",
-            (_, true) => "laplace",
-            _ => sampler.name(),
-        };
-        let mut finished = Finished {
-            model: &model,
-            inputs: &inputs,
-            sampled: Sampled::default(),
-            seed: settings.seed,
-            settings: record_of(&settings, how),
+        let options = Options {
+            sampler: Some(self.sampler.choose(problem.model())?),
+            warm_start: self.begin.init.as_deref(),
+            watch,
             compile_seconds: compile_seconds(),
-            begun,
         };
-        if self.instead.prior || self.instead.laplace {
-            let draw = if self.instead.prior { draw_prior } else { approximate };
-            finished.sampled = draw(&model, &settings)?;
-            return self.finish(&finished, &out);
+        if self.instead.prior {
+            return self.show(&problem.prior(settings, &options)?.write_into(out)?);
         }
-        let starts = match &self.begin.init {
-            Some(folder) => init::starts(folder, &model, &mut settings)?,
-            None => jittered_starts(&model, &model.initial(), settings.chains, settings.seed)?,
-        };
-        let begin = Begin { starts: &starts, resume: self.begin.resume, every };
-        match sample_into(&out, &mut finished, sampler, &settings, &begin)? {
+        if self.instead.laplace {
+            return self.show(&problem.laplace(settings, &options)?.write_into(out)?);
+        }
+        match problem.run_into(out, settings, &options, &self.begin.keep()?)? {
             Ended::Before => {
                 eprintln!("complete: there is nothing left to do in {}", out.path().display());
                 Ok(ExitCode::SUCCESS)
             }
-            Ended::Interrupted => {
-                interrupt::farewell(&out);
+            Ended::Stopped => {
+                interrupt::farewell(out);
                 Ok(ExitCode::from(INTERRUPTED))
             }
-            Ended::Now(result) => self.show(&result, &out),
+            Ended::Now(_, results) => self.show(&results),
         }
     }
 
-    /// Writes the results and shows what they say; the exit code tells whether to rely on them.
-    fn finish(&self, finished: &Finished<'_>, out: &OutputFolder) -> Result<ExitCode, Failure> {
-        self.show(&finished.write(out)?, out)
-    }
-
-    fn show(&self, result: &Outcome, out: &OutputFolder) -> Result<ExitCode, Failure> {
+    /// Shows what the results say; the exit code tells whether to rely on them.
+    fn show(&self, results: &Results) -> Result<ExitCode, Failure> {
         let mut stdout = std::io::stdout().lock();
         if self.json {
-            writeln!(stdout, "{}", result.json())?;
+            writeln!(stdout, "{}", results.json())?;
         } else {
-            writeln!(stdout, "\n{}", result.text(out))?;
+            let (text, folder) = (results.text(), results.folder.display());
+            writeln!(stdout, "\n{text}\nFiles in {folder}: {}", results.files.join(", "))?;
         }
-        Ok(if result.converged() { ExitCode::SUCCESS } else { ExitCode::from(3) })
+        Ok(exit_code(results.converged()))
+    }
+
+    /// The mode instead; exit code 3 if the climb did not reach one.
+    fn optimise(&self, problem: &Problem<'_>, out: &OutputFolder) -> Result<ExitCode, Failure> {
+        let mode = problem.mode()?;
+        let files = mode.write(out.path())?.join(", ");
+        let mut stdout = std::io::stdout().lock();
+        if self.json {
+            writeln!(stdout, "{}", mode.json())?;
+        } else {
+            let folder = out.path().display();
+            writeln!(stdout, "\n{}\nFiles in {folder}: {files}", mode.text())?;
+        }
+        Ok(exit_code(mode.converged()))
     }
 
     fn folder(&self) -> PathBuf {
@@ -217,81 +216,6 @@ impl Command {
             _ => name,
         };
         self.out.clone().unwrap_or_else(|| Path::new("out").join(name))
-    }
-}
-
-/// From where a run samples.
-pub(super) struct Begin<'a> {
-    /// One per chain.
-    pub(super) starts: &'a [Vec<f64>],
-    /// Goes on with what is in its folder.
-    pub(super) resume: bool,
-    /// Least time between two savings.
-    pub(super) every: Duration,
-}
-
-/// How the sampling of a run ended.
-pub(super) enum Ended {
-    /// The results are written.
-    Now(Box<Outcome>),
-    /// They were there already.
-    Before,
-    /// The run is kept, to go on.
-    Interrupted,
-}
-
-/// Samples, or goes on sampling, and writes the results of what is `finished` then.
-pub(super) fn sample_into(
-    out: &OutputFolder,
-    finished: &mut Finished<'_>,
-    sampler: Sampler,
-    settings: &infer::Settings,
-    begin: &Begin<'_>,
-) -> Result<Ended, Failure> {
-    let Begin { starts, resume, every } = *begin;
-    let Some(checkpoint) = interrupt::open(out, finished.identity(), starts, resume, every)? else {
-        return Ok(Ended::Before);
-    };
-    let (model, begun) = (finished.model, finished.begun);
-    let job = Job { model, sampler, settings, starts, begun };
-    let (sampled, checkpoint) = job.sample(checkpoint)?;
-    let Some(sampled) = sampled else { return Ok(Ended::Interrupted) };
-    if sampled.chains.is_empty() {
-        checkpoint.remove()?;
-        return Err(every_chain_failed(&sampled.failures));
-    }
-    finished.sampled = sampled;
-    let result = finished.write(out)?;
-    checkpoint.remove()?;
-    Ok(Ended::Now(Box::new(result)))
-}
-
-/// Lays the model out on its data.
-pub(super) fn lay_out(model: &dyn Declare, inputs: &Inputs) -> Result<Model, Failure> {
-    let basis = inputs.surface.as_ref().map(|(_, basis)| basis);
-    Ok(Model::new(model, basis, &inputs.measurements)?)
-}
-
-/// Draws from the prior.
-fn draw_prior(model: &Model, settings: &infer::Settings) -> Result<Sampled, Failure> {
-    let sampling = Instant::now();
-    let chains = model.prior_draws(settings)?;
-    eprintln!("model  {}: draws from its prior, not from its posterior", model.name);
-    Ok(Sampled { chains, seconds: sampling.elapsed().as_secs_f64(), ..Sampled::default() })
-}
-
-/// The settings as the run's record has them.
-pub(super) fn record_of(settings: &infer::Settings, sampler: &str) -> report::Settings {
-    report::Settings {
-        sampler: sampler.into(),
-        chains: settings.chains,
-        warmup: settings.warmup,
-        draws: settings.draws,
-        target_accept: settings.target_accept,
-        metric: match settings.metric {
-            MetricKind::Diagonal => "diag".into(),
-            MetricKind::Dense => "dense".into(),
-        },
     }
 }
 

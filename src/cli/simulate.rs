@@ -153,8 +153,7 @@ impl StripFiles<'_> {
         let bar = ProgressBar::new(in_range as u64)
             .with_style(ProgressStyle::with_template("{bar:30} {pos}/{len} strips, {eta} left")?);
         bar.tick();
-        let table =
-            StripTable::simulate(&parameters, grid, &protocol, &|n| bar.inc(n as u64))?;
+        let table = StripTable::simulate(&parameters, grid, &protocol, &|n| bar.inc(n as u64))?;
         bar.finish_and_clear();
         finish_rows(file, &table.rows)?;
         let (n, absent) = (table.rows.len(), table.n_without_erp_s3());

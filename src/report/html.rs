@@ -12,7 +12,9 @@ use std::path::Path;
 use super::end_of_run::leave_one_out_figures;
 use super::svg::{escape, k_plot, rank_plot, trace_plot};
 use super::table::{HEAVY_TAIL, Line, TITLES, lines};
-use super::{Group, LeaveOneOut, LooRow, ReportError, Row, RunRecord, Settings, Values, verdict};
+use super::{
+    Group, LeaveOneOut, LooRow, ReportError, Row, RunRecord, SettingsRecord, Values, verdict,
+};
 use crate::mesh::TriMesh;
 use crate::store::write_file;
 
@@ -235,7 +237,7 @@ fn run(record: &RunRecord) -> String {
 }
 
 /// How the draws were made, with the settings that mattered.
-fn sampler(settings: &Settings) -> String {
+fn sampler(settings: &SettingsRecord) -> String {
     let target = settings.target_accept;
     match settings.sampler.as_str() {
         "nuts" => format!("NUTS, target acceptance {target}, {} metric", settings.metric),

@@ -21,7 +21,7 @@ pub struct RunRecord {
     /// Seed of all random streams.
     pub seed: u64,
     /// Sampler settings.
-    pub settings: Settings,
+    pub settings: SettingsRecord,
     /// SHA-256 of each input in hexadecimal, by role, e.g. `mesh`, `data`, `model`.
     pub hashes: BTreeMap<String, String>,
     /// Number of unconstrained parameters.
@@ -85,7 +85,7 @@ pub struct RunRecord {
 
 /// Sampler settings.
 #[derive(Clone, Debug, Serialize, Deserialize)]
-pub struct Settings {
+pub struct SettingsRecord {
     /// `blocked`, `nuts`, or `prior` or `laplace` where nothing was sampled.
     pub sampler: String,
     /// Number of chains.

@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 
-use super::{LooRecord, LooRow, Row, RunRecord, Seconds, Settings};
+use super::{LooRecord, LooRow, Row, RunRecord, Seconds, SettingsRecord};
 use crate::diagnostics::Summary;
 
 /// A well-behaved quantity with this mean and a tenth of it as standard deviation.
@@ -32,7 +32,7 @@ pub(super) fn record() -> RunRecord {
         model: "Erp".to_owned(),
         version: "0.1.0".to_owned(),
         seed: 1,
-        settings: Settings {
+        settings: SettingsRecord {
             chains: 4,
             warmup: 1000,
             draws: 1000,

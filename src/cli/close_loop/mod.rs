@@ -9,7 +9,7 @@ use std::collections::BTreeMap;
 use std::io::{IsTerminal as _, Write as _};
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
-use std::time::{Duration, Instant};
+use std::time::Instant;
 
 use clap::Args;
 use indicatif::{ProgressBar, ProgressStyle};
@@ -17,18 +17,16 @@ use indicatif::{ProgressBar, ProgressStyle};
 use self::predictions::{Heldout, Joint, leave_sites_out_twice, leave_units_out_twice};
 use self::story::Story;
 use super::compile::run_compiled;
-use super::inputs::{InputArgs, Inputs, hash};
-use super::interrupt;
+use super::inputs::InputArgs;
 use super::models::{Compiled, ModelFile};
-use super::output::{Finished, OutputFolder, Sampled};
-use super::run::record_of;
-use super::sampling::{Job, every_chain_failed};
+use super::progress::Console;
 use crate::criticism::{self, Case, Outcome, criticise, rewrite, site_column};
 use crate::error::Failure;
-use crate::infer::{self, Chain, jittered_starts};
+use crate::infer;
 use crate::manifold::{Basis, eigenpairs_cached};
-use crate::model::{AddedEffect, Augmented, Declare, Model, Sampler};
+use crate::model::{AddedEffect, Augmented, Declare, Model};
 use crate::report::write_loop_page;
+use crate::run::{Ended, Fit, Keep, Loaded, Options, OutputFolder, Problem};
 use crate::store::write_file;
 use crate::table::Measurements;
 
@@ -63,9 +61,8 @@ pub(super) struct Command {
 }
 
 /// A model that was sampled.
-struct Sampling {
-    model: Model,
-    chains: Vec<Chain>,
+struct Sampling<'m> {
+    fit: Box<Fit<'m>>,
     converged: bool,
 }
 
@@ -75,9 +72,8 @@ impl Command {
         let file = ModelFile::read(&self.model)?;
         let Some(model) = file.find(compiled)? else { return run_compiled(&file) };
         self.check_options(model)?;
-        let out = OutputFolder::open(&self.folder())?;
-        let mut inputs = self.input.load(model)?;
-        inputs.hashes.insert("model".into(), hash(&self.model)?);
+        let out = OutputFolder::open(self.folder())?;
+        let inputs = self.input.load(&self.model, model)?;
         check_sites(&inputs.measurements)?;
         let joint = self.joint(model, &inputs)?;
         let outcome = self.search(model, &inputs)?;
@@ -150,7 +146,7 @@ impl Command {
     }
 
     /// The held-out rows behind those of the table, checked before anything slow is done.
-    fn joint(&self, model: &dyn Declare, inputs: &Inputs) -> Result<Option<Joint>, Failure> {
+    fn joint(&self, model: &dyn Declare, inputs: &Loaded) -> Result<Option<Joint>, Failure> {
         let Some(path) = &self.heldout else { return Ok(None) };
         let heldout = Measurements::read(path)?;
         check_apart(&inputs.measurements, &heldout)?;
@@ -197,7 +193,7 @@ impl Command {
         self.out.clone().unwrap_or_else(|| Path::new("out").join(format!("{stem}-loop")))
     }
 
-    fn search(&self, model: &dyn Declare, inputs: &Inputs) -> Result<Outcome, Failure> {
+    fn search(&self, model: &dyn Declare, inputs: &Loaded) -> Result<Outcome, Failure> {
         let basis = self.finer_basis(inputs)?;
         let case = Case { model, basis: basis.as_deref(), table: &inputs.measurements };
         let settings = criticism::Settings {
@@ -224,8 +220,9 @@ impl Command {
 
     /// More modes than the model has, to tell what these cannot follow from what no field explains; of a
     /// `--basis` all that are there.
-    fn finer_basis<'i>(&self, inputs: &'i Inputs) -> Result<Option<Cow<'i, Basis>>, Failure> {
-        let Some((surface, basis)) = &inputs.surface else { return Ok(None) };
+    fn finer_basis<'i>(&self, inputs: &'i Loaded) -> Result<Option<Cow<'i, Basis>>, Failure> {
+        let Some(domain) = &inputs.domain else { return Ok(None) };
+        let (surface, basis) = (&domain.surface, &domain.basis);
         if self.input.basis.is_some() {
             return Ok(Some(Cow::Borrowed(basis)));
         }
@@ -241,49 +238,29 @@ impl Command {
     }
 
     /// Samples a model into its own folder.
-    fn sample(
+    fn sample<'m>(
         &self,
-        declared: &dyn Declare,
-        inputs: &Inputs,
+        declared: &'m dyn Declare,
+        inputs: &Loaded,
         out: &OutputFolder,
         name: &str,
-    ) -> Result<Sampling, Failure> {
-        let begun = Instant::now();
+    ) -> Result<Sampling<'m>, Failure> {
         eprintln!("sample the model {name}");
-        let basis = inputs.surface.as_ref().map(|(_, basis)| basis);
-        let model = Model::new(declared, basis, &inputs.measurements)?;
+        let problem = Problem::new(declared, inputs.clone())?;
         let settings = infer::Settings {
             seed: self.input.seed,
             threads: self.threads,
             ..infer::Settings::default()
         };
-        let sampler = Sampler::of(&model);
-        let starts = jittered_starts(&model, &model.initial(), settings.chains, settings.seed)?;
-        let folder = OutputFolder::open(&out.file(name))?;
-        let mut finished = Finished {
-            model: &model,
-            inputs,
-            sampled: Sampled::default(),
-            seed: settings.seed,
-            settings: record_of(&settings, sampler.name()),
-            compile_seconds: 0.0,
-            begun,
-        };
-        let every = Duration::from_secs(2);
-        let opened = interrupt::open(&folder, finished.identity(), &starts, false, every)?;
-        let Some(checkpoint) = opened else { unreachable!("a run that begins is not complete") };
-        let job = Job { model: &model, sampler, settings: &settings, starts: &starts, begun };
-        let (sampled, checkpoint) = job.sample(checkpoint)?;
-        checkpoint.remove()?;
-        let sampled = sampled.ok_or_else(|| Failure::new("interrupted"))?;
-        if sampled.chains.is_empty() {
-            return Err(every_chain_failed(&sampled.failures));
+        let folder = OutputFolder::open(out.file(name))?;
+        let ended = Console::new()?.watching(|watch| {
+            let options = Options { watch, ..Options::default() };
+            problem.run_into(&folder, &settings, &options, &Keep::default())
+        })?;
+        match ended {
+            Ended::Now(fit, results) => Ok(Sampling { converged: results.converged(), fit }),
+            Ended::Before | Ended::Stopped => Err(Failure::new("interrupted")),
         }
-        finished.sampled = sampled;
-        let converged = finished.write(&folder)?.converged();
-        let chains = std::mem::take(&mut finished.sampled.chains);
-        drop(finished);
-        Ok(Sampling { model, chains, converged })
     }
 }
 

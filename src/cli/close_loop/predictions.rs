@@ -4,7 +4,6 @@ use std::collections::BTreeMap;
 
 use serde_json::{Value, json};
 
-use super::super::inputs::Inputs;
 use super::Sampling;
 use crate::criticism::{
     Left, Outcome, Predicted, Warning, check_heldout, leave_sites_out, leave_units_out,
@@ -15,6 +14,7 @@ use crate::error::Failure;
 use crate::infer::Chain;
 use crate::model::{Declare, Model};
 use crate::report::{Comparison, PredictionError};
+use crate::run::Loaded;
 use crate::table::Measurements;
 
 /// Most draws that predictions are averaged over.
@@ -41,23 +41,24 @@ impl Joint {
     /// What does not fit between `model` and the held-out rows.
     pub(super) fn new(
         model: &dyn Declare,
-        inputs: &Inputs,
+        inputs: &Loaded,
         heldout: Measurements,
         scale: f64,
     ) -> Result<Self, Failure> {
         let outline = Model::outline(model)?;
         heldout.check_protocols(&outline.readers())?;
         let mut heldout = heldout;
-        if let Some((surface, basis)) = &inputs.surface {
+        let on = inputs.domain.as_ref().map(|domain| (&domain.surface, &domain.basis));
+        if let Some((surface, basis)) = on {
             heldout.place_on(surface, scale)?; // its errors name its own lines
             heldout.probe(surface, basis)?;
         }
-        let basis = inputs.surface.as_ref().map(|(_, basis)| basis);
+        let basis = inputs.basis();
         let fitted = Model::new(model, basis, &inputs.measurements)?;
         let own: Vec<&str> =
             fitted.observes.iter().flat_map(|o| o.cells.iter().map(String::as_str)).collect();
         let mut table = with_heldout(&inputs.measurements, &heldout, &own);
-        if let Some((surface, basis)) = &inputs.surface {
+        if let Some((surface, basis)) = on {
             table.place_on(surface, scale)?;
             table.probe(surface, basis)?;
         }
@@ -86,21 +87,22 @@ impl Heldout {
     pub(super) fn predict(
         joint: &Joint,
         declared: [&dyn Declare; 2],
-        inputs: &Inputs,
-        before: &Sampling,
-        after: Option<&Sampling>,
+        inputs: &Loaded,
+        before: &Sampling<'_>,
+        after: Option<&Sampling<'_>>,
         outcome: &Outcome,
         seed: u64,
     ) -> Result<Self, Failure> {
         let Joint { table, heldout, first } = joint;
-        let basis = inputs.surface.as_ref().map(|(_, basis)| basis);
-        let predict = |declared: &dyn Declare, fit: &Sampling| -> Result<Vec<Predicted>, Failure> {
-            let all = Model::new(declared, basis, table)?;
-            Ok(predict_rows(&all, &fit.model, &thinned(&fit.chains), *first, seed))
-        };
+        let basis = inputs.basis();
+        let predict =
+            |declared: &dyn Declare, fit: &Sampling<'_>| -> Result<Vec<Predicted>, Failure> {
+                let all = Model::new(declared, basis, table)?;
+                Ok(predict_rows(&all, fit.fit.model(), &thinned(fit.fit.chains()), *first, seed))
+            };
         let cell = |row: usize, name: &str| heldout.cell(row, name).unwrap_or_default().to_owned();
         let is_measured =
-            |row: usize| before.model.observes.iter().any(|o| o.is_measured(heldout, row));
+            |row: usize| before.fit.model().observes.iter().any(|o| o.is_measured(heldout, row));
         let rows = || 0..heldout.len();
         let trained = inputs.measurements.columns().iter();
         let mut columns: Vec<&str> =

@@ -1,10 +1,10 @@
 //! How large an effect is, in the unit of what it acts on.
 
-use super::super::inputs::Inputs;
 use super::Sampling;
 use super::predictions::thinned;
 use crate::diagnostics::quantile;
 use crate::model::{AddedEffect, Form};
+use crate::run::Loaded;
 
 /// The size of an effect.
 pub(super) struct Size {
@@ -16,7 +16,7 @@ pub(super) struct Size {
 }
 
 impl Size {
-    pub(super) fn of(effect: &AddedEffect, after: &Sampling, inputs: &Inputs) -> Self {
+    pub(super) fn of(effect: &AddedEffect, after: &Sampling<'_>, inputs: &Loaded) -> Self {
         let draws = coefficients(effect, after);
         let labels = effect.form.labels(&inputs.measurements);
         let (mut values, of): (Vec<f64>, String) = match &effect.form {
@@ -71,11 +71,11 @@ impl Size {
 }
 
 /// Draws of an effect's coefficients.
-fn coefficients(effect: &AddedEffect, after: &Sampling) -> Vec<Vec<f64>> {
-    let names = after.model.unknown_names();
+fn coefficients(effect: &AddedEffect, after: &Sampling<'_>) -> Vec<Vec<f64>> {
+    let names = after.fit.model().unknown_names();
     let is_own = |i: &usize| names[*i].split('[').next() == Some(effect.name.as_str());
     let own: Vec<usize> = (0..names.len()).filter(is_own).collect();
-    let draws = thinned(&after.chains).into_iter();
+    let draws = thinned(after.fit.chains()).into_iter();
     draws.map(|draw| own.iter().map(|i| draw[*i]).collect()).collect()
 }
 

@@ -4,7 +4,6 @@ use std::collections::BTreeMap;
 
 use serde_json::{Value, json};
 
-use super::super::inputs::Inputs;
 use super::predictions::{Heldout, LeftOut, as_json};
 use super::sizes::Size;
 use super::{Sampling, name_of};
@@ -20,9 +19,9 @@ pub(super) struct Story<'a> {
     pub(super) outcome: &'a Outcome,
     /// What was found, and why each is there.
     pub(super) effects: &'a [(AddedEffect, String)],
-    pub(super) inputs: &'a Inputs,
-    pub(super) before: &'a Sampling,
-    pub(super) after: Option<&'a Sampling>,
+    pub(super) inputs: &'a crate::run::Loaded,
+    pub(super) before: &'a Sampling<'a>,
+    pub(super) after: Option<&'a Sampling<'a>>,
     pub(super) heldout: Option<&'a Heldout>,
     pub(super) left: LeftOut,
     /// Where something other than the site is left out as a whole.
@@ -107,7 +106,7 @@ impl Story<'_> {
 
     /// The answer in one sentence.
     fn verdict(&self) -> String {
-        let (outcome, model) = (self.outcome, self.before.model.name);
+        let (outcome, model) = (self.outcome, self.before.fit.model().name);
         let outliers = self.outliers().map(|(share, sd)| {
             format!(
                 "room for outliers ({:.0} % of the measurements, {sd:.2} further off)",
@@ -238,20 +237,20 @@ impl Story<'_> {
         write: impl Fn(&LoopPage<'_>) -> Result<(), ReportError>,
     ) -> Result<(), Failure> {
         let outcome = self.outcome;
-        let surface = self.inputs.surface.as_ref().map(|(surface, _)| surface);
+        let surface = self.inputs.surface();
         let notes = surface.map_or(&[][..], |s| &s.notes);
         let warnings: Vec<String> = notes.iter().cloned().chain(self.doubts()).collect();
-        let after = self.after.map(|after| equations(&after.model));
-        let observe = self.before.model.statements.iter().find(|s| s.keyword == "observe");
+        let after = self.after.map(|after| equations(after.fit.model()));
+        let observe = self.before.fit.model().statements.iter().find(|s| s.keyword == "observe");
         let not_tried: Vec<[String; 2]> =
             outcome.unusable.iter().map(|u| [u.column.clone(), u.why.clone()]).collect();
         let rounds = outcome.rounds.iter().enumerate();
         Ok(write(&LoopPage {
-            model: self.before.model.name,
+            model: self.before.fit.model().name,
             data: &name_of(&self.inputs.measurements),
             verdict: &self.verdict(),
             effects: &self.in_words(),
-            before: &equations(&self.before.model),
+            before: &equations(self.before.fit.model()),
             after: after.as_deref(),
             comparisons: &self.comparisons(),
             rounds: &rounds.map(|(i, round)| self.tried(i, round)).collect::<Vec<_>>(),
@@ -305,7 +304,7 @@ impl Story<'_> {
     fn site_residuals(&self) -> Vec<SiteResidual> {
         let (engine, table) = (&self.outcome.engine, &self.inputs.measurements);
         let residuals = self.left.residuals(self.outcome);
-        let mesh = self.inputs.surface.as_ref().map(|(surface, _)| &surface.mesh);
+        let mesh = self.inputs.surface().map(|surface| &surface.mesh);
         let one = |rows: &Vec<usize>| {
             let first = engine.model.table_row(engine.rows[*rows.first()?].id);
             let column = site_column(table);

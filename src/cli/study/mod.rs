@@ -17,12 +17,12 @@ use indicatif::{ProgressBar, ProgressStyle};
 use rayon::prelude::*;
 
 use super::compile::run_compiled;
-use super::inputs::hash;
 use super::models::{Compiled, ModelFile};
 use crate::error::Failure;
 use crate::manifold::eigenpairs_cached;
 use crate::mesh::{self, Surface, Units};
 use crate::model::Model;
+use crate::run::hash_file as hash;
 use crate::study::{Block, Plan, Results, Study, TRUTH_MODES, Table, summarise};
 
 /// Edge length of the embedded atrium, mm.

@@ -112,10 +112,7 @@ fn design(args: &DesignArgs) -> Result<(), Failure> {
 }
 
 fn run(args: &RunArgs) -> Result<(), Failure> {
-    let files = StripFiles {
-        parameters: &args.design,
-        out: &args.out,
-        curves: args.curves.as_deref(),
-    };
+    let files =
+        StripFiles { parameters: &args.design, out: &args.out, curves: args.curves.as_deref() };
     files.simulate(&Grid::default(), Protocol::default())
 }

@@ -124,7 +124,12 @@ impl Grid {
             }
             Ok(n.round() as usize + 1)
         };
-        Ok(Self { n_along: nodes("length", length)?, n_across: nodes("width", width)?, spacing, dt })
+        Ok(Self {
+            n_along: nodes("length", length)?,
+            n_across: nodes("width", width)?,
+            spacing,
+            dt,
+        })
     }
 
     /// Length of the strip, mm.

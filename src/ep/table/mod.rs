@@ -9,9 +9,7 @@ mod rows;
 mod strips;
 
 pub use error::TableError;
-pub use files::{
-    Columns, finish_rows, new_file, read_parameters, read_rows, write_text,
-};
+pub use files::{Columns, finish_rows, new_file, read_parameters, read_rows, write_text};
 pub(crate) use rows::rounded;
 pub use rows::{CurveRow, OutcomeRow, ParameterRow};
 pub use strips::{StripTable, curve_intervals};
@@ -21,8 +19,8 @@ mod tests {
     use std::io::Write as _;
 
     use super::*;
-    use crate::ep::strip::{Absence, Beat, StripOutcome};
     use crate::ep::Parameters;
+    use crate::ep::strip::{Absence, Beat, StripOutcome};
 
     const HEADER: &str = "tau_in_ms,cv_max_m_per_s,tau_out_ms,tau_open_ms,apd_max_ms\n";
 

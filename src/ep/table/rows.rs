@@ -188,8 +188,7 @@ pub struct CurveRow {
 impl CurveRow {
     /// The beat at `s2` of the table's row number `row` (from 0).
     pub fn new(row: usize, s2: u32, beat: Result<Beat, Absence>) -> Self {
-        let [apd20_ms, apd30_ms, apd50_ms, apd90_ms] =
-            beat.as_ref().map_or([None; 4], durations);
+        let [apd20_ms, apd30_ms, apd50_ms, apd90_ms] = beat.as_ref().map_or([None; 4], durations);
         Self {
             row,
             s2_ms: s2,

@@ -12,26 +12,28 @@ use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 use std::str::FromStr as _;
-use std::time::{Duration, Instant};
+use std::sync::Arc;
 
 use clap::Args;
 use serde_json::Value;
 use sha2::{Digest as _, Sha256};
 
-use super::super::inputs::{self, Inputs, hash};
+use super::super::inputs::{source, telling};
 use super::super::interrupt::{INTERRUPTED, stop_flag};
 use super::super::models::Compiled;
-use super::super::output::{Finished, OutputFolder, Sampled};
-use super::super::report::read_run;
-use super::super::run::{Begin, Ended, SamplerArgs, lay_out, record_of, sample_into};
+use super::super::progress::Console;
+use super::super::run::SamplerArgs;
 use crate::error::Failure;
-use crate::infer::{Settings, jittered_starts};
-use crate::manifold::{Basis, eigenpairs_cached};
+use crate::infer::Settings;
+use crate::manifold::eigenpairs_cached;
 use crate::mesh::{Surface, Units};
-use crate::model::{Declare, Model, Sampler};
-use crate::report::{self, FieldDraws, verdict};
+use crate::model::{Model, Sampler};
+use crate::report::{FieldDraws, SettingsRecord};
+use crate::run::{
+    self, Domain, Ended, Keep, Loaded, Method, Options, OutputFolder, Problem, hash_file,
+};
 use crate::store::write_file;
-use crate::store::{Checkpoint, Identity, differences};
+use crate::store::{Identity, differences};
 use crate::study::{
     Design, Experiment, Listener, Recovery, TRUTH_MODES, conduction, experiment, recover,
 };
@@ -47,8 +49,6 @@ const CV_MAX: (f64, f64) = (0.5, 1.0);
 const RUN: &str = "run";
 /// What the experiment is, in the output folder.
 const SETTINGS: &str = "settings.json";
-/// Least time between two savings of the run.
-const EVERY: Duration = Duration::from_secs(2);
 
 /// Options of `eplat study experiment`.
 #[derive(Debug, Args)]
@@ -87,10 +87,7 @@ pub(in crate::cli) struct ExperimentArgs {
 
 /// The experiment before it is calibrated.
 struct Setup {
-    declared: &'static dyn Declare,
-    /// On the measurements.
-    model: Model,
-    inputs: Inputs,
+    problem: Problem<'static>,
     settings: Settings,
     sampler: Sampler,
     /// Share of the truth's vertices that were repaired.
@@ -101,16 +98,15 @@ struct Setup {
 
 impl ExperimentArgs {
     pub(super) fn run(&self, compiled: &[Compiled]) -> Result<ExitCode, Failure> {
-        let begun = Instant::now();
         self.check()?;
         let out = OutputFolder::open(&self.out)?;
         let setup = self.setup(compiled)?;
-        self.simulation.plan().vertex(&setup.surface()?.0)?;
+        self.simulation.plan().vertex(&setup.domain()?.surface)?;
         let identity = self.claim(&out, &setup)?;
-        if !setup.calibrate(&out, begun)? {
+        if !setup.calibrate(&out)? {
             return Ok(self.interrupted());
         }
-        let (record, rows) = read_run(&out.file(RUN))?;
+        let run = run::Results::read(out.file(RUN))?;
         let recovery = setup.recovery(&out)?;
         let simulated = if self.simulation.skip_simulation {
             None
@@ -118,7 +114,8 @@ impl ExperimentArgs {
             let (plan, teller, stop) = (self.simulation.plan(), Teller::default(), stop_flag()?);
             let listener = Listener { stop: &stop, on: &|event| teller.tell(event) };
             let fields = (setup.cv_max.as_slice(), &recovery);
-            match plan.simulate(&setup.surface()?.0, fields, &out.file("simulation"), listener)? {
+            let surface = &setup.domain()?.surface;
+            match plan.simulate(surface, fields, &out.file("simulation"), listener)? {
                 None => return Ok(self.interrupted()),
                 simulated => simulated,
             }
@@ -126,8 +123,8 @@ impl ExperimentArgs {
         let results = output::Results {
             setup: &setup,
             identity: &identity,
-            record: &record,
-            verdict: &verdict(&record, &rows),
+            record: &run.record,
+            verdict: &run.verdict(),
             recovery: &recovery,
             simulated: simulated.as_ref(),
         };
@@ -154,7 +151,7 @@ impl ExperimentArgs {
             return Err(Failure::new("this program was compiled without the model models/erp.rs"));
         };
         let declared = shipped.model;
-        let mut surface = inputs::surface(self.file().zip(self.units))?;
+        let mut surface = run::surface(&source(self.file().zip(self.units)), &telling())?;
         let fields = self.given(&surface)?;
         // what a file holds besides would stand beside maps of the same names
         surface.point_data.clear();
@@ -177,12 +174,12 @@ impl ExperimentArgs {
         );
         let cv_max = conduction(&basis, self.lengthscale, CV_MAX, self.seed);
         let hashes = self.hashes(shipped, &made)?;
-        let (surface, measurements, truth) =
-            (Some((surface, basis)), made.measurements, made.truth);
-        let inputs = Inputs { surface, measurements, truth, hashes };
-        let model = lay_out(declared, &inputs)?;
-        let sampler = self.sampler.choose(&model)?;
-        Ok(Setup { declared, model, inputs, settings, sampler, truth_repaired, cv_max })
+        let domain = Some(Arc::new(Domain { surface, basis, scale: 1.0 }));
+        let (measurements, truth) = (made.measurements, made.truth);
+        let loaded = Loaded { domain, measurements, truth, hashes };
+        let problem = Problem::new(declared, loaded)?;
+        let sampler = self.sampler.choose(problem.model())?;
+        Ok(Setup { problem, settings, sampler, truth_repaired, cv_max })
     }
 
     /// The surface's file, if it is from one.
@@ -202,7 +199,7 @@ impl ExperimentArgs {
             ("data".to_owned(), sha(&made.measurements.to_csv())),
         ]);
         if let Some(file) = self.file() {
-            hashes.insert("mesh".to_owned(), hash(file)?);
+            hashes.insert("mesh".to_owned(), hash_file(file)?);
         }
         Ok(hashes)
     }
@@ -242,7 +239,7 @@ impl ExperimentArgs {
             identity.extend(options.into_iter().map(|(name, value)| (name, text(value))));
         }
         identity.extend(self.simulation.plan().identity());
-        let hashes = setup.inputs.hashes.iter();
+        let hashes = setup.problem.loaded().hashes.iter();
         identity.extend(hashes.map(|(role, hash)| (format!("hash of the {role}"), hash.clone())));
         let path = out.file(SETTINGS);
         if let Ok(text) = std::fs::read(&path) {
@@ -272,33 +269,24 @@ impl ExperimentArgs {
 }
 
 impl Setup {
-    fn surface(&self) -> Result<&(Surface, Basis), Failure> {
-        self.inputs.surface.as_ref().ok_or_else(|| Failure::new("the model has no field"))
+    fn domain(&self) -> Result<&Domain, Failure> {
+        let domain = self.problem.loaded().domain.as_deref();
+        domain.ok_or_else(|| Failure::new("the model has no field"))
     }
 
-    fn record(&self) -> report::Settings {
-        record_of(&self.settings, self.sampler.name())
+    fn record(&self) -> SettingsRecord {
+        Method::Sampled(self.sampler).record(&self.settings)
     }
 
     /// Samples the posterior into the folder's run, unless that is done; whether it is now.
-    fn calibrate(&self, out: &OutputFolder, begun: Instant) -> Result<bool, Failure> {
-        let run = OutputFolder::open(&out.file(RUN))?;
-        let Settings { chains, seed, .. } = self.settings;
-        let starts = jittered_starts(&self.model, &self.model.initial(), chains, seed)?;
-        let mut finished = Finished {
-            model: &self.model,
-            inputs: &self.inputs,
-            sampled: Sampled::default(),
-            seed,
-            settings: self.record(),
-            compile_seconds: 0.0,
-            begun,
-        };
-        let has_begun = Checkpoint::identity(&run.file("checkpoint"))?.is_some();
-        let resume = has_begun || run.file("run.json").exists();
-        let begin = Begin { starts: &starts, resume, every: EVERY };
-        let ended = sample_into(&run, &mut finished, self.sampler, &self.settings, &begin)?;
-        Ok(!matches!(ended, Ended::Interrupted))
+    fn calibrate(&self, out: &OutputFolder) -> Result<bool, Failure> {
+        let run = OutputFolder::open(out.file(RUN))?;
+        let keep = Keep::going_on(&run)?;
+        let ended = Console::new()?.watching(|watch| {
+            let options = Options { sampler: Some(self.sampler), watch, ..Options::default() };
+            self.problem.run_into(&run, &self.settings, &options, &keep)
+        })?;
+        Ok(!matches!(ended, Ended::Stopped))
     }
 
     /// What the draws of the folder's run say of the truth.
@@ -307,7 +295,8 @@ impl Setup {
         let fields = |draw: usize| -> Vec<Vec<f64>> {
             FIELDS.iter().filter_map(|name| draws.at_vertices(name, draw)).collect()
         };
-        let (_, basis) = self.surface()?;
-        Ok(recover(self.declared, basis, &self.inputs.truth, draws.n_draws(), &fields)?)
+        let (problem, basis) = (&self.problem, &self.domain()?.basis);
+        let truth = &problem.loaded().truth;
+        Ok(recover(problem.declared(), basis, truth, draws.n_draws(), &fields)?)
     }
 }

@@ -5,13 +5,13 @@ use std::io::Write as _;
 
 use serde_json::{Map, Value, json};
 
-use super::super::super::output::OutputFolder;
 use super::{RUN, Setup};
 use crate::error::Failure;
 use crate::mesh::write_vtp;
 use crate::report::{
     ExperimentPage, Figure, PointData, RunRecord, Surface, Verdict, write_experiment_page,
 };
+use crate::run::OutputFolder;
 use crate::run::atrium::{AtriumRecord, MapDifference, Summary};
 use crate::store::Identity;
 use crate::store::write_file;
@@ -39,11 +39,11 @@ impl Results<'_> {
     /// Writes every file, and says on stdout what was found.
     pub(super) fn write(&self, out: &OutputFolder) -> Result<(), Failure> {
         let maps = self.maps();
-        let (surface, _) = self.setup.surface()?;
+        let surface = &self.setup.domain()?.surface;
         let data: Vec<(&str, &[f64])> =
             maps.iter().map(|(name, _, values)| (name.as_str(), values.as_slice())).collect();
         write_vtp(&out.file("fields.vtp"), &surface.mesh, &data)?;
-        write_text(out, "measurements.csv", &self.setup.inputs.measurements.to_csv())?;
+        write_text(out, "measurements.csv", &self.setup.problem.measurements().to_csv())?;
         self.write_page(out, &maps)?;
         write_text(out, "experiment.json", &format!("{:#}\n", self.json()))?;
         let mut stdout = std::io::stdout().lock();
@@ -84,7 +84,7 @@ impl Results<'_> {
     fn json(&self) -> Value {
         let maps: Map<String, Value> =
             self.recovery.maps.iter().map(|map| (map.name.to_owned(), of_map(map))).collect();
-        let vertices = self.setup.inputs.measurements.vertices();
+        let vertices = self.setup.problem.measurements().vertices();
         let simulation = self.simulated.map(|simulated| {
             let [truth, mean] = &simulated.records;
             let compared: Map<String, Value> = mean
@@ -105,7 +105,7 @@ impl Results<'_> {
             "version": env!("CARGO_PKG_VERSION"),
             "settings": self.identity,
             "sites": vertices,
-            "measurements": self.setup.inputs.measurements.len(),
+            "measurements": self.setup.problem.measurements().len(),
             "truth_repaired": self.setup.truth_repaired,
             "draws": self.recovery.n_draws,
             "draws_without_a_physical_vertex": self.recovery.n_void,
@@ -160,8 +160,8 @@ impl Results<'_> {
     }
 
     fn write_page(&self, out: &OutputFolder, maps: &[NamedMap]) -> Result<(), Failure> {
-        let (surface, _) = self.setup.surface()?;
-        let vertices = self.setup.inputs.measurements.vertices();
+        let surface = &self.setup.domain()?.surface;
+        let vertices = self.setup.problem.measurements().vertices();
         let sites: Vec<[f64; 3]> =
             vertices.iter().map(|v| surface.mesh.vertices()[*v as usize]).collect();
         let data: Vec<PointData<'_>> =

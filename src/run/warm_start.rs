@@ -1,15 +1,16 @@
-//! `--init DIR`: a run that starts from the draws of an earlier one.
+//! A run that starts from the draws of an earlier one.
 //!
 //! Metric, stand-in and proposals are not carried over but made anew from those draws on the present
 //! measurements, which therefore may be more, or others.
 
 use std::collections::BTreeMap;
-use std::fs;
-use std::path::Path;
+use std::io;
+use std::path::{Path, PathBuf};
 
 use serde::{Deserialize, Serialize};
+use thiserror::Error;
 
-use crate::error::Failure;
+use super::{Event, RunError, Watch};
 use crate::infer::{Chain, LogDensity as _, Settings, jittered_starts};
 use crate::model::Model;
 use crate::store::write_file;
@@ -18,6 +19,45 @@ use crate::store::write_file;
 pub(super) const FILE: &str = "warm_start.json";
 /// Draws that are kept, over all chains: scales and correlations are known well enough.
 const KEPT: usize = 200;
+
+/// Why a run cannot start from an earlier one.
+#[derive(Debug, Error)]
+#[non_exhaustive]
+pub enum WarmStartError {
+    /// The file is not what an earlier run wrote.
+    #[error(
+        "--init: {}: {reason}\nhelp: the file was edited or comes from another version; start without --init",
+        path.display()
+    )]
+    Malformed {
+        /// The file.
+        path: PathBuf,
+        /// What is wrong with it.
+        reason: String,
+    },
+    /// The earlier run is of another model.
+    #[error(
+        "--init: the run in {} is of the model {theirs}, not of {ours}\nhelp: name a run of this model, or start without --init",
+        folder.display()
+    )]
+    AnotherModel {
+        /// The earlier run.
+        folder: PathBuf,
+        /// Its model.
+        theirs: String,
+        /// The model that is to be sampled.
+        ours: &'static str,
+    },
+    /// The earlier run has no unknown in common with the model.
+    #[error(
+        "--init: the run in {} has none of this model's unknowns\nhelp: start without --init",
+        folder.display()
+    )]
+    NothingInCommon {
+        /// The earlier run.
+        folder: PathBuf,
+    },
+}
 
 /// Draws of a run as its sampler saw them, by the names of its unknowns.
 #[derive(Debug, Serialize, Deserialize)]
@@ -41,32 +81,23 @@ impl WarmStart {
         }
     }
 
-    pub(super) fn write(&self, path: &Path) -> Result<(), Failure> {
-        write_file(path, |file| Ok(serde_json::to_writer(file, self)?))
-            .map_err(|error| Failure::io("write", path, &error))
+    pub(super) fn write(&self, path: &Path) -> Result<(), RunError> {
+        let written =
+            write_file(path, |file| serde_json::to_writer(file, self).map_err(io::Error::from));
+        written.map_err(RunError::write(path))
     }
 
-    fn read(path: &Path) -> Result<Self, Failure> {
-        let text = fs::read_to_string(path).map_err(|error| {
-            Failure::new(format_args!(
-                "--init: cannot read {}: {error}\nhelp: name the --out folder of a finished run",
-                path.display()
-            ))
-        })?;
-        let malformed = |reason: &dyn std::fmt::Display| {
-            Failure::new(format_args!(
-                "--init: {}: {reason}\nhelp: the file was edited or comes from another version; start without --init",
-                path.display()
-            ))
-        };
-        let new: Self = serde_json::from_str(&text).map_err(|error| malformed(&error))?;
+    fn read(path: &Path) -> Result<Self, RunError> {
+        let text = std::fs::read(path).map_err(RunError::read(path))?;
+        let malformed =
+            |reason: String| WarmStartError::Malformed { path: path.to_owned(), reason }.into();
+        let new: Self =
+            serde_json::from_slice(&text).map_err(|error| malformed(error.to_string()))?;
         let n = new.unknowns.len();
         match new.draws.iter().flatten().find(|draw| draw.len() != n) {
-            Some(draw) => {
-                Err(malformed(&format_args!("a draw of {} numbers, expected {n}", draw.len())))
-            }
+            Some(draw) => Err(malformed(format!("a draw of {} numbers, expected {n}", draw.len()))),
             None if new.draws.iter().any(Vec::is_empty) || new.draws.is_empty() => {
-                Err(malformed(&"a chain without draws"))
+                Err(malformed("a chain without draws".to_owned()))
             }
             None => Ok(new),
         }
@@ -102,38 +133,26 @@ pub(super) fn starts(
     folder: &Path,
     model: &Model,
     settings: &mut Settings,
-) -> Result<Vec<Vec<f64>>, Failure> {
+    watch: &Watch<'_>,
+) -> Result<Vec<Vec<f64>>, RunError> {
     let earlier = WarmStart::read(&folder.join(FILE))?;
     if earlier.model != model.name {
-        return Err(Failure::new(format_args!(
-            "--init: the run in {} is of the model {}, not of {}\nhelp: name a run of this model, or start without --init",
-            folder.display(),
-            earlier.model,
-            model.name
-        )));
+        let (folder, theirs, ours) = (folder.to_owned(), earlier.model, model.name);
+        return Err(WarmStartError::AnotherModel { folder, theirs, ours }.into());
     }
     let usual = jittered_starts(model, &model.initial(), settings.chains, settings.seed)?;
     let [new, gone] = earlier.unmatched(model);
-    let n_matched = model.dim() - new.len();
+    let (n_unknowns, n_matched) = (model.dim(), model.dim() - new.len());
     if n_matched == 0 {
-        return Err(Failure::new(format_args!(
-            "--init: the run in {} has none of this model's unknowns\nhelp: start without --init",
-            folder.display()
-        )));
-    }
-    eprintln!("init   {}: {n_matched} of {} unknowns", folder.display(), model.dim());
-    for (names, what) in [(new, "new here, started as usual"), (gone, "only there, left out")] {
-        if !names.is_empty() {
-            eprintln!("       {what}: {}", names.join(", "));
-        }
+        return Err(WarmStartError::NothingInCommon { folder: folder.to_owned() }.into());
     }
     let draws = earlier.matched(model, &usual);
     let starts =
         (0..settings.chains).map(|c| start(model, &draws[c % draws.len()], c / draws.len()));
     let starts: Vec<Option<Vec<f64>>> = starts.collect();
-    for chain in (0..starts.len()).filter(|c| starts[*c].is_none()) {
-        eprintln!("       no support for chain {}, started as usual", chain + 1);
-    }
+    let unsupported: Vec<usize> = (0..starts.len()).filter(|c| starts[*c].is_none()).collect();
+    let (new, gone, unsupported) = (&new, &gone, &unsupported);
+    watch.tell(&Event::WarmStart { folder, n_matched, n_unknowns, new, gone, unsupported });
     settings.earlier = draws.concat();
     Ok(starts.into_iter().zip(usual).map(|(start, usual)| start.unwrap_or(usual)).collect())
 }

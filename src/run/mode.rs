@@ -1,15 +1,14 @@
-//! `eplat run MODEL.rs --optimize`: the mode of the posterior instead of draws from it.
+//! The mode of the posterior instead of draws from it.
 
 use std::collections::BTreeMap;
 use std::fmt::Write as _;
 use std::io::Write as _;
-use std::process::ExitCode;
+use std::path::Path;
 
 use serde_json::{Map, Value, json};
 
-use super::inputs::Inputs;
-use super::output::OutputFolder;
-use crate::error::Failure;
+use super::results::VERSION;
+use super::{OutputFolder, Problem, RunError};
 use crate::infer::{InferError, Optimum, OptimumSettings, maximise};
 use crate::mesh::write_vtp;
 use crate::model::{Kind, MapSummary, Maps, Model};
@@ -28,39 +27,14 @@ const DIGITS: usize = 5;
 const LONGEST_VECTOR: usize = 10;
 
 /// A mode and what it means.
-struct Mode<'a> {
-    model: &'a Model,
-    inputs: &'a Inputs,
+#[derive(Debug)]
+pub struct Mode<'m> {
+    problem: Problem<'m>,
     optimum: Optimum,
     /// Every reported number, in the order of the model's parameters.
     values: Vec<f64>,
     /// Fields and derived quantities at every vertex.
     maps: Vec<MapSummary>,
-}
-
-/// Climbs from the model's initial point and writes `map.csv`, `fields.vtp` and `map.json`; exit code 3
-/// if the climb did not reach a mode.
-pub(super) fn optimise(
-    model: &Model,
-    inputs: &Inputs,
-    out: &OutputFolder,
-    json: bool,
-) -> Result<ExitCode, Failure> {
-    let mode = Mode::find(model, inputs)?;
-    let files = mode.write(out)?;
-    let mut stdout = std::io::stdout().lock();
-    if json {
-        writeln!(stdout, "{}", mode.json())?;
-    } else {
-        writeln!(
-            stdout,
-            "\n{}\nFiles in {}: {}",
-            mode.text(),
-            out.path().display(),
-            files.join(", ")
-        )?;
-    }
-    Ok(if mode.optimum.converged { ExitCode::SUCCESS } else { ExitCode::from(3) })
 }
 
 /// Climbs from the model's initial point towards its mode.
@@ -69,28 +43,52 @@ pub(super) fn climb(model: &Model) -> Result<Optimum, InferError> {
     maximise(model, &model.initial(), &settings)
 }
 
-impl<'a> Mode<'a> {
-    fn find(model: &'a Model, inputs: &'a Inputs) -> Result<Self, Failure> {
+impl<'m> Problem<'m> {
+    /// Climbs from the model's initial point to the mode of its posterior.
+    ///
+    /// # Errors
+    /// [`RunError::Infer`] where the climb cannot begin. A climb that reaches no mode is told by
+    /// [`Mode::converged`].
+    pub fn mode(&self) -> Result<Mode<'m>, RunError> {
+        let model = self.model();
         let optimum = climb(model)?;
         let (mut tape, mut values) = (model.tape(), vec![]);
         model.forward(&mut tape, &optimum.position);
         model.report_mode(&tape, &mut values);
-        let maps = inputs.surface.as_ref().map_or(vec![], |(_, basis)| {
+        let maps = self.loaded().basis().map_or(vec![], |basis| {
             let (maps, _) = Maps::new(model, basis).summarise(&[&optimum.position]);
             maps
         });
-        Ok(Self { model, inputs, optimum, values, maps })
+        Ok(Mode { problem: self.clone(), optimum, values, maps })
+    }
+}
+
+impl Mode<'_> {
+    /// Whether the climb reached a mode.
+    pub fn converged(&self) -> bool {
+        self.optimum.converged
+    }
+
+    /// Where it ended, in the unknowns.
+    pub fn optimum(&self) -> &Optimum {
+        &self.optimum
+    }
+
+    /// Fields and derived quantities at every vertex, their sd 0; empty for a model without a surface.
+    pub fn maps(&self) -> &[MapSummary] {
+        &self.maps
     }
 
     /// Name, value and unit of every reported number.
-    fn parameters(&self) -> Vec<(String, f64, &str)> {
-        let elements = self.model.parameters.iter().flat_map(|p| (0..p.len).map(move |i| (p, i)));
+    pub fn parameters(&self) -> Vec<(String, f64, &str)> {
+        let elements =
+            self.problem.model().parameters.iter().flat_map(|p| (0..p.len).map(move |i| (p, i)));
         elements.zip(&self.values).map(|((p, i), x)| (p.element(i), *x, p.unit.as_str())).collect()
     }
 
     /// The true map of this name, if it is known.
     fn truth(&self, name: &str) -> Option<&[f64]> {
-        let mut known = self.inputs.truth.iter();
+        let mut known = self.problem.loaded().truth.iter();
         known.find(|(of, _)| *of == name).map(|(_, truth)| truth.as_slice())
     }
 
@@ -102,8 +100,12 @@ impl<'a> Mode<'a> {
         self.maps.iter().filter_map(error).collect()
     }
 
-    /// Writes every file, the record last; returns their names.
-    fn write(&self, out: &OutputFolder) -> Result<Vec<&'static str>, Failure> {
+    /// Writes `map.csv`, `fields.vtp` and `map.json`, the record last; returns their names.
+    ///
+    /// # Errors
+    /// [`RunError::Unwritable`], [`RunError::Write`], [`RunError::Mesh`].
+    pub fn write(&self, folder: impl AsRef<Path>) -> Result<Vec<&'static str>, RunError> {
+        let out = OutputFolder::open(folder)?;
         out.make()?;
         let mut files = vec!["map.csv"];
         let path = out.file("map.csv");
@@ -115,8 +117,8 @@ impl<'a> Mode<'a> {
             }
             table.flush()
         })
-        .map_err(|error| Failure::io("write", &path, &error))?;
-        if let Some((surface, _)) = &self.inputs.surface {
+        .map_err(RunError::write(&path))?;
+        if let Some(surface) = self.problem.loaded().surface() {
             let mut arrays: Vec<(String, &[f64])> = vec![];
             for map in &self.maps {
                 arrays.push((map.name.to_owned(), &map.mean));
@@ -130,20 +132,21 @@ impl<'a> Mode<'a> {
         }
         let path = out.file("map.json");
         write_file(&path, |file| writeln!(file, "{:#}", self.json()))
-            .map_err(|error| Failure::io("write", &path, &error))?;
+            .map_err(RunError::write(&path))?;
         files.push("map.json");
         Ok(files)
     }
 
-    fn json(&self) -> Value {
+    /// The record, `map.json`.
+    pub fn json(&self) -> Value {
         let parameters = self.parameters().into_iter();
         let parameters: Map<String, Value> = parameters
             .map(|(name, value, unit)| (name, json!({ "value": value, "unit": unit })))
             .collect();
         json!({
-            "model": self.model.name,
-            "version": env!("CARGO_PKG_VERSION"),
-            "hashes": self.inputs.hashes,
+            "model": self.problem.model().name,
+            "version": VERSION,
+            "hashes": self.problem.loaded().hashes,
             "converged": self.optimum.converged,
             "iterations": self.optimum.iterations,
             "gradient_norm": self.optimum.gradient_norm,
@@ -153,7 +156,8 @@ impl<'a> Mode<'a> {
         })
     }
 
-    fn text(&self) -> String {
+    /// The parameters as a table, and how the climb ended.
+    pub fn text(&self) -> String {
         let mut text = table(&self.lines());
         let errors = self.errors();
         if !errors.is_empty() {
@@ -177,7 +181,7 @@ impl<'a> Mode<'a> {
     /// Name, value and unit of each line of the table; long vectors are one line.
     fn lines(&self) -> Vec<[String; 3]> {
         let mut values = self.values.iter();
-        let lines = self.model.parameters.iter().flat_map(|p| {
+        let lines = self.problem.model().parameters.iter().flat_map(|p| {
             let own: Vec<f64> = values.by_ref().take(p.len).copied().collect();
             if p.kind != Kind::Scalar && p.len > LONGEST_VECTOR {
                 let name = format!("{}[…]", p.name);
@@ -218,6 +222,7 @@ fn significant(value: f64) -> String {
 
 #[cfg(test)]
 mod tests {
+    use super::super::Loaded;
     use super::*;
     use crate::table::Measurements;
 
@@ -230,20 +235,15 @@ mod tests {
         }
     }
 
-    fn inputs() -> Inputs {
-        let cells = ["12.0", "13.5", "11.25"].map(|y| vec![y.to_owned()]).to_vec();
-        let measurements = Measurements::from_cells("test", vec!["y".into()], cells).unwrap();
-        Inputs { surface: None, measurements, truth: vec![], hashes: BTreeMap::new() }
-    }
-
     #[test]
     fn the_mode_of_a_conjugate_normal_is_exact() {
-        let inputs = inputs();
-        let model = Model::new(&conjugate::Conjugate, None, &inputs.measurements).unwrap();
+        let cells = ["12.0", "13.5", "11.25"].map(|y| vec![y.to_owned()]).to_vec();
+        let measurements = Measurements::from_cells("test", vec!["y".into()], cells).unwrap();
+        let loaded = Loaded { measurements, ..Loaded::default() };
+        let problem = Problem::new(&conjugate::Conjugate, loaded).unwrap();
         let folder = tempfile::tempdir().unwrap();
-        let out = OutputFolder::open(folder.path()).unwrap();
-        let mode = Mode::find(&model, &inputs).unwrap();
-        assert_eq!(mode.write(&out).unwrap(), ["map.csv", "map.json"]);
+        let mode = problem.mode().unwrap();
+        assert_eq!(mode.write(folder.path()).unwrap(), ["map.csv", "map.json"]);
         // Precisions 1/4 and 3 · 1.
         let exact = (10.0 / 4.0 + 12.0 + 13.5 + 11.25) / 3.25;
         let text = std::fs::read_to_string(folder.path().join("map.json")).unwrap();

@@ -1,0 +1,163 @@
+//! Why there is no fit, or no file of it.
+
+use std::io;
+use std::path::{Path, PathBuf};
+
+use thiserror::Error;
+
+use super::compare::CompareError;
+use super::warm_start::WarmStartError;
+use crate::infer::{ChainError, InferError};
+use crate::manifold::ManifoldError;
+use crate::mesh::MeshError;
+use crate::model::ModelError;
+use crate::report::ReportError;
+use crate::store::CheckpointError;
+use crate::study::StudyError;
+use crate::table::{DataError, ProbeError};
+
+/// Why there is no fit, or no file of it.
+#[derive(Debug, Error)]
+#[non_exhaustive]
+pub enum RunError {
+    /// A model without a field observes something, and there is no table.
+    #[error(
+        "the model {model} observes {observe}: measurements are needed\nhelp: give them with --data FILE.csv"
+    )]
+    NoMeasurements {
+        /// The model.
+        model: &'static str,
+        /// The first statement that reads measurements.
+        observe: &'static str,
+    },
+    /// The model has no field, and only a model with one makes sense here.
+    #[error("the model has no field: where it is measured makes no difference")]
+    NoField,
+    /// A file that cannot be read.
+    #[error(
+        "cannot read {}: {source}\nhelp: check the path; it is relative to the folder you are in",
+        path.display()
+    )]
+    Read {
+        /// The file.
+        path: PathBuf,
+        /// The cause.
+        source: io::Error,
+    },
+    /// A file that cannot be written.
+    #[error("cannot write {}: {source}", path.display())]
+    Write {
+        /// The file.
+        path: PathBuf,
+        /// The cause.
+        source: io::Error,
+    },
+    /// The output folder cannot be written to.
+    #[error(
+        "cannot write to the output folder {}: {source}\nhelp: name another with --out DIR",
+        folder.display()
+    )]
+    Unwritable {
+        /// The folder.
+        folder: PathBuf,
+        /// The cause.
+        source: io::Error,
+    },
+    /// There is no such folder of a run.
+    #[error(
+        "no folder {}\nhelp: name the --out folder of a finished run; the default is out/NAME after the model file's name",
+        folder.display()
+    )]
+    NoRun {
+        /// The folder.
+        folder: PathBuf,
+    },
+    /// The run in the folder is complete and is not the one that was to go on.
+    #[error(
+        "the run in {} is complete, and another one: {}\nhelp: leave out --resume to replace it, or name another folder with --out",
+        folder.display(),
+        differences.join("; ")
+    )]
+    AnotherRun {
+        /// The folder.
+        folder: PathBuf,
+        /// Name, value there, value here.
+        differences: Vec<String>,
+    },
+    /// No chain came through.
+    #[error("every chain failed; the first:\n{}", failures.first().map_or(String::new(), ToString::to_string))]
+    EveryChainFailed {
+        /// One for each chain.
+        failures: Vec<ChainError>,
+    },
+    /// The log density has no maximum at the point that was found.
+    #[error("{}", with_name(source, unknown))]
+    NotConcave {
+        /// The unknown that moves most along the worst direction, by its name.
+        unknown: String,
+        /// The cause, which knows the unknown's number.
+        source: InferError,
+    },
+    /// It was stopped on request.
+    #[error("interrupted")]
+    Stopped,
+    /// The earlier run cannot be started from.
+    #[error(transparent)]
+    WarmStart(#[from] WarmStartError),
+    /// The two runs cannot be compared.
+    #[error(transparent)]
+    Compare(#[from] CompareError),
+    /// The surface.
+    #[error(transparent)]
+    Mesh(#[from] MeshError),
+    /// Its eigenfunctions, or sites on it.
+    #[error(transparent)]
+    Manifold(#[from] ManifoldError),
+    /// The table.
+    #[error(transparent)]
+    Data(#[from] DataError),
+    /// The modes at the table's rows.
+    #[error(transparent)]
+    Probe(#[from] ProbeError),
+    /// The model does not fit the data.
+    #[error(transparent)]
+    Model(#[from] ModelError),
+    /// There can be no synthetic experiment, or no further measurement.
+    #[error(transparent)]
+    Experiment(#[from] StudyError),
+    /// The sampler's settings or starting points.
+    #[error(transparent)]
+    Infer(#[from] InferError),
+    /// The kept run.
+    #[error(transparent)]
+    Checkpoint(#[from] CheckpointError),
+    /// A file of results.
+    #[error(transparent)]
+    Report(#[from] ReportError),
+}
+
+impl RunError {
+    /// For `map_err` on reading `path`.
+    pub(super) fn read(path: &Path) -> impl FnOnce(io::Error) -> Self + use<'_> {
+        move |source| Self::Read { path: path.to_owned(), source }
+    }
+
+    /// For `map_err` on writing `path`.
+    pub(super) fn write(path: &Path) -> impl FnOnce(io::Error) -> Self + use<'_> {
+        move |source| Self::Write { path: path.to_owned(), source }
+    }
+
+    /// For `map_err` on writing to `folder`.
+    pub(super) fn unwritable(folder: &Path) -> impl FnOnce(io::Error) -> Self + use<'_> {
+        move |source| Self::Unwritable { folder: folder.to_owned(), source }
+    }
+}
+
+/// The error with the unknown's name in place of its number.
+fn with_name(error: &InferError, name: &str) -> String {
+    let text = error.to_string();
+    match error {
+        InferError::NotConcave { unknown, .. } => text.replace(&format!("unknown {unknown}"), name),
+        _ => text,
+    }
+}

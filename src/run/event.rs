@@ -1,0 +1,223 @@
+//! What a run tells while it goes on, and how it is stopped.
+
+use std::fmt;
+use std::path::Path;
+use std::sync::atomic::{AtomicBool, Ordering};
+
+use crate::infer::{ChainError, ChainProgress, Settings};
+use crate::model::Sampler;
+
+/// Something that a run tells while it goes on. Its `Display` is what the program prints.
+#[derive(Debug)]
+#[non_exhaustive]
+pub enum Event<'a> {
+    /// The surface is there.
+    Surface {
+        /// Its file; `None` for the embedded left atrium or a surface made in memory.
+        file: Option<&'a Path>,
+        /// Number of vertices.
+        n_vertices: usize,
+        /// Area, mm².
+        area: f64,
+        /// What was dropped of the file, and doubts about its unit.
+        notes: &'a [String],
+    },
+    /// The eigenfunctions are there.
+    Basis {
+        /// How many of them the model uses.
+        n_modes: usize,
+        /// Wavelength of the last of these, mm.
+        wavelength: f64,
+    },
+    /// The measurements are there, and have their place on the surface.
+    Measurements {
+        /// Their file, or the name of the table.
+        file: &'a str,
+        /// Number of rows.
+        n_rows: usize,
+        /// Number of vertices at which something was measured.
+        n_sites: usize,
+    },
+    /// A synthetic experiment was made, as no measurements were given.
+    Experiment {
+        /// Number of measurements.
+        n_measurements: usize,
+        /// Number of sites.
+        n_sites: usize,
+        /// Lengthscale of the truth, mm.
+        lengthscale: f64,
+        /// Share of the truth's vertices that were repaired.
+        repaired: f64,
+    },
+    /// The run starts from the draws of an earlier one.
+    WarmStart {
+        /// The folder of the earlier run.
+        folder: &'a Path,
+        /// How many unknowns start from a draw.
+        n_matched: usize,
+        /// Number of unknowns.
+        n_unknowns: usize,
+        /// Unknowns that the earlier run did not have; they start as usual.
+        new: &'a [String],
+        /// Unknowns that only the earlier run had; they are left out.
+        gone: &'a [String],
+        /// Chains, from 0, without a draw that the model supports; they start as usual.
+        unsupported: &'a [usize],
+    },
+    /// The run goes on where it was interrupted.
+    Resumed {
+        /// Where it was kept.
+        folder: &'a Path,
+        /// Seconds of sampling that are done.
+        seconds: f64,
+    },
+    /// Sampling begins.
+    Sampling {
+        /// The model's name.
+        model: &'a str,
+        /// Number of unknowns.
+        n_unknowns: usize,
+        /// The sampler.
+        sampler: Sampler,
+        /// Its settings.
+        settings: &'a Settings,
+        /// Seconds since the run began.
+        seconds: f64,
+    },
+    /// Draws are made from the prior.
+    Prior {
+        /// The model's name.
+        model: &'a str,
+    },
+    /// Draws are made from the normal approximation at the mode.
+    Laplace {
+        /// The model's name.
+        model: &'a str,
+    },
+    /// Where one chain stands: about four times per second and chain, and at the end of each phase.
+    Progress(&'a ChainProgress),
+    /// The run goes on, but it can no longer be kept.
+    NotKept {
+        /// The file and the cause.
+        reason: &'a str,
+    },
+    /// A chain ended without its draws; the others go on.
+    ChainFailed(&'a ChainError),
+    /// The chains that the next measurement is chosen from disagree.
+    ChainsDisagree,
+}
+
+impl fmt::Display for Event<'_> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Surface { file, n_vertices, area, notes } => {
+                match file {
+                    None => {
+                        let area = area / 100.0;
+                        write!(
+                            f,
+                            "mesh   embedded left atrium: {n_vertices} vertices, area {area:.0} cm²"
+                        )?;
+                    }
+                    Some(path) => write!(f, "mesh   {}: {n_vertices} vertices", path.display())?,
+                }
+                notes.iter().try_for_each(|note| write!(f, "\n       {note}"))
+            }
+            Self::Basis { n_modes, wavelength } => {
+                write!(f, "basis  {n_modes} modes, down to a wavelength of {wavelength:.0} mm")
+            }
+            Self::Measurements { file, n_rows, n_sites } => {
+                let (rows, sites) = (count(*n_rows, "row"), count(*n_sites, "site"));
+                write!(f, "data   {file}: {rows} at {sites}")
+            }
+            Self::Experiment { n_measurements, n_sites, lengthscale, repaired } => write!(
+                f,
+                "data   synthetic experiment: {n_measurements} measurements at {n_sites} sites, truth with lengthscale {lengthscale} mm, {:.1} % of vertices repaired",
+                100.0 * repaired
+            ),
+            Self::WarmStart { folder, n_matched, n_unknowns, new, gone, unsupported } => {
+                write!(f, "init   {}: {n_matched} of {n_unknowns} unknowns", folder.display())?;
+                for (names, what) in
+                    [(new, "new here, started as usual"), (gone, "only there, left out")]
+                {
+                    if !names.is_empty() {
+                        write!(f, "\n       {what}: {}", names.join(", "))?;
+                    }
+                }
+                unsupported.iter().try_for_each(|chain| {
+                    write!(f, "\n       no support for chain {}, started as usual", chain + 1)
+                })
+            }
+            Self::Resumed { folder, seconds } => {
+                write!(f, "resume {}: {seconds:.1} s of sampling are done", folder.display())
+            }
+            Self::Sampling { model, n_unknowns, sampler, seconds, .. } => write!(
+                f,
+                "model  {model}: {n_unknowns} unknowns, sampler {}, ready in {seconds:.1} s",
+                sampler.name()
+            ),
+            Self::Prior { model } => {
+                write!(f, "model  {model}: draws from its prior, not from its posterior")
+            }
+            Self::Laplace { model } => {
+                write!(f, "model  {model}: normal approximation at its mode, not sampled")
+            }
+            Self::Progress(p) => write!(
+                f,
+                "chain {}  {:>5}/{}  {:<8} divergences {:<3} step {:.3}",
+                p.chain + 1,
+                p.iteration,
+                p.total,
+                p.phase.to_string(),
+                p.divergences,
+                p.step_size
+            ),
+            Self::NotKept { reason } => write!(
+                f,
+                "warning: the run goes on, but cannot be resumed if interrupted: {reason}"
+            ),
+            Self::ChainFailed(error) => write!(f, "warning: {error}"),
+            Self::ChainsDisagree => f.write_str(
+                "warning: the chains disagree: this ranking is not to be relied on; `eplat run` says where",
+            ),
+        }
+    }
+}
+
+fn count(n: usize, what: &str) -> String {
+    format!("{n} {what}{}", if n == 1 { "" } else { "s" })
+}
+
+/// Who is told of events, and may stop the run. The default is told nothing and never stops.
+#[derive(Clone, Copy)]
+pub struct Watch<'a> {
+    /// Called for every event, from any thread.
+    pub on_event: &'a (dyn Fn(&Event<'_>) + Sync),
+    /// Once this is true, chains end before their next transition.
+    pub stop: &'a AtomicBool,
+}
+
+impl Watch<'_> {
+    pub(super) fn tell(&self, event: &Event<'_>) {
+        (self.on_event)(event);
+    }
+
+    pub(super) fn should_stop(&self) -> bool {
+        self.stop.load(Ordering::Relaxed)
+    }
+}
+
+/// The flag of those who never stop.
+static NEVER: AtomicBool = AtomicBool::new(false);
+
+impl Default for Watch<'_> {
+    fn default() -> Self {
+        Self { on_event: &|_| (), stop: &NEVER }
+    }
+}
+
+impl fmt::Debug for Watch<'_> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.debug_struct("Watch").field("stop", self.stop).finish_non_exhaustive()
+    }
+}

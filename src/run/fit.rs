@@ -1,0 +1,217 @@
+//! Draws from a problem's posterior, and what they say.
+
+use std::collections::BTreeMap;
+use std::path::Path;
+use std::sync::OnceLock;
+
+use super::maps::{FittedMap, SurfaceMaps};
+use super::{Problem, Watch};
+use crate::infer::{Chain, ChainError, MetricKind, Settings};
+use crate::model::{Model, Sampler};
+use crate::report::{
+    Approximation, LeaveOneOut, Posterior, Row, RunRecord, SettingsRecord, Verdict, verdict,
+};
+use crate::study::thinned;
+
+/// Most draws that field maps are averaged over; more change nothing that can be seen.
+const MAP_DRAWS: usize = 1000;
+
+/// How a problem is fitted, besides the sampler's settings.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Options<'a> {
+    /// The sampler; without one, that which suits the model.
+    pub sampler: Option<Sampler>,
+    /// Output folder of an earlier run of this model, perhaps on fewer measurements, whose draws the
+    /// chains start from: a short warm-up is then enough.
+    pub warm_start: Option<&'a Path>,
+    /// Who is told how it goes on, and may stop it.
+    pub watch: Watch<'a>,
+    /// Time that the model's compilation took, s, for the run's record.
+    pub compile_seconds: f64,
+}
+
+/// How draws were made.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Method {
+    /// Sampled from the posterior.
+    Sampled(Sampler),
+    /// From the normal approximation at the mode.
+    Laplace,
+    /// From the prior.
+    Prior,
+}
+
+impl Method {
+    /// Its name in the run's record.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Sampled(sampler) => sampler.name(),
+            Self::Laplace => "laplace",
+            Self::Prior => "prior",
+        }
+    }
+
+    /// The settings as a run's record has them.
+    pub fn record(self, settings: &Settings) -> SettingsRecord {
+        SettingsRecord {
+            sampler: self.name().into(),
+            chains: settings.chains,
+            warmup: settings.warmup,
+            draws: settings.draws,
+            target_accept: settings.target_accept,
+            metric: match settings.metric {
+                MetricKind::Diagonal => "diag".into(),
+                MetricKind::Dense => "dense".into(),
+            },
+        }
+    }
+}
+
+/// Draws as they were made.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Drawn {
+    /// The chains that came through.
+    pub(super) chains: Vec<Chain>,
+    /// Why the others did not.
+    pub(super) failures: Vec<ChainError>,
+    /// Wall time of drawing, s.
+    pub(super) seconds: f64,
+    /// Of it, before this process: the run was interrupted.
+    pub(super) seconds_before: f64,
+    /// How good the draws are, if they are from a normal approximation.
+    pub(super) approximation: Option<Approximation>,
+}
+
+/// Draws from a problem's posterior (or its approximation, or its prior), and what they say.
+pub struct Fit<'m> {
+    pub(super) problem: Problem<'m>,
+    pub(super) method: Method,
+    pub(super) settings: Settings,
+    /// SHA-256 of all that was read, by role.
+    pub(super) hashes: BTreeMap<String, String>,
+    pub(super) drawn: Drawn,
+    /// Time of the compilation, s.
+    pub(super) compile_seconds: f64,
+    /// Time from the beginning to the last draw in this process, s.
+    pub(super) seconds: f64,
+    posterior: OnceLock<Posterior>,
+    maps: OnceLock<Option<SurfaceMaps>>,
+}
+
+impl<'m> Fit<'m> {
+    pub(super) fn new(
+        problem: &Problem<'m>,
+        method: Method,
+        settings: Settings,
+        drawn: Drawn,
+    ) -> Self {
+        Self {
+            problem: problem.clone(),
+            method,
+            settings,
+            hashes: problem.loaded().hashes.clone(),
+            drawn,
+            compile_seconds: 0.0,
+            seconds: 0.0,
+            posterior: OnceLock::new(),
+            maps: OnceLock::new(),
+        }
+    }
+
+    /// What was fitted.
+    pub fn problem(&self) -> &Problem<'m> {
+        &self.problem
+    }
+
+    /// The model on its data.
+    pub fn model(&self) -> &Model {
+        self.problem.model()
+    }
+
+    /// How the draws were made.
+    pub fn method(&self) -> Method {
+        self.method
+    }
+
+    /// The chains that came through, as draws of the model's unknowns.
+    pub fn chains(&self) -> &[Chain] {
+        &self.drawn.chains
+    }
+
+    /// Why the other chains did not come through.
+    pub fn failures(&self) -> &[ChainError] {
+        &self.drawn.failures
+    }
+
+    /// At most `most` draws of the unknowns, evenly spaced over all chains.
+    pub fn thinned(&self, most: usize) -> Vec<&[f64]> {
+        thinned(&self.drawn.chains, most)
+    }
+
+    /// Mean, sd, quantiles and diagnostics of every parameter, element by element, in its unit.
+    pub fn summary(&self) -> &[Row] {
+        &self.posterior().rows
+    }
+
+    /// Everything that the draws say, in the groups that `ArviZ` knows.
+    pub fn posterior(&self) -> &Posterior {
+        self.posterior.get_or_init(|| {
+            let (measurements, seed) = (self.problem.measurements(), self.settings.seed);
+            let mut posterior = Posterior::new(self.model(), measurements, self.chains(), seed);
+            if !matches!(self.method, Method::Sampled(_)) {
+                // Leaving a measurement out is a statement about draws from the posterior.
+                posterior.loo = None;
+            }
+            posterior
+        })
+    }
+
+    /// How well each measurement is predicted from the others; `None` without measurements, and for
+    /// draws that are not from the posterior.
+    pub fn loo(&self) -> Option<&LeaveOneOut> {
+        self.posterior().loo.as_ref()
+    }
+
+    /// Every field and derived quantity over the surface; empty for a model without a surface.
+    pub fn maps(&self) -> &[FittedMap] {
+        self.surface_maps().map_or(&[], |maps| &maps.maps)
+    }
+
+    /// Share of draws at each vertex in which something is outside its declared range; derived
+    /// quantities leave these draws out. `None` for a model without a surface.
+    pub fn unphysical(&self) -> Option<&[f64]> {
+        self.surface_maps().map(|maps| maps.unphysical.as_slice())
+    }
+
+    pub(super) fn surface_maps(&self) -> Option<&SurfaceMaps> {
+        let made = self.maps.get_or_init(|| {
+            let basis = self.problem.loaded().basis()?;
+            let truth = &self.problem.loaded().truth;
+            Some(SurfaceMaps::new(self.model(), basis, &self.map_draws(), truth))
+        });
+        made.as_ref()
+    }
+
+    /// Draws that maps are made of.
+    pub(super) fn map_draws(&self) -> Vec<&[f64]> {
+        self.thinned(MAP_DRAWS)
+    }
+
+    /// Whether the draws can be relied on, and why.
+    pub fn verdict(&self) -> Verdict {
+        verdict(&self.record(), self.summary())
+    }
+
+    /// Everything needed to repeat the run and to judge it at a glance: `run.json`.
+    pub fn record(&self) -> RunRecord {
+        self.record_after(0.0)
+    }
+}
+
+impl std::fmt::Debug for Fit<'_> {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        let mut debug = f.debug_struct("Fit");
+        debug.field("model", &self.model().name).field("method", &self.method);
+        debug.finish_non_exhaustive()
+    }
+}

@@ -1,0 +1,46 @@
+//! A folder for results, tried before anything slow is done.
+
+use std::fs;
+use std::path::{Path, PathBuf};
+
+use super::RunError;
+
+/// An output folder that can be written to; it is made when there are results.
+#[derive(Clone, Debug)]
+pub struct OutputFolder(PathBuf);
+
+impl OutputFolder {
+    /// Tries the folder, or the nearest one above it that exists.
+    ///
+    /// # Errors
+    /// [`RunError::Unwritable`].
+    pub fn open(path: impl AsRef<Path>) -> Result<Self, RunError> {
+        let path = path.as_ref();
+        let existing = path.ancestors().find(|p| p.exists()).unwrap_or(Path::new("."));
+        tempfile::tempfile_in(existing).map_err(RunError::unwritable(path))?;
+        Ok(Self(path.to_owned()))
+    }
+
+    /// Makes the folder, once there is something to put in it.
+    ///
+    /// # Errors
+    /// [`RunError::Unwritable`].
+    pub fn make(&self) -> Result<(), RunError> {
+        fs::create_dir_all(&self.0).map_err(RunError::unwritable(&self.0))
+    }
+
+    /// Its path.
+    pub fn path(&self) -> &Path {
+        &self.0
+    }
+
+    /// The path of a file in it.
+    pub fn file(&self, name: &str) -> PathBuf {
+        self.0.join(name)
+    }
+
+    /// Where it holds an unfinished run.
+    pub fn checkpoint(&self) -> PathBuf {
+        self.file("checkpoint")
+    }
+}

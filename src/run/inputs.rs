@@ -1,0 +1,150 @@
+//! Where a problem's surface and measurements come from.
+
+use std::collections::BTreeMap;
+use std::fs;
+use std::path::{Path, PathBuf};
+
+use sha2::{Digest as _, Sha256};
+
+use super::RunError;
+use crate::mesh::{Surface, Units};
+use crate::study::Design;
+use crate::table::Measurements;
+
+/// Edge length of the embedded atrium, mm: about 5,000 vertices.
+const ATRIUM_EDGE: f64 = 1.5;
+
+/// Where a problem's surface and measurements come from. The default is the paper's synthetic
+/// experiment on the embedded left atrium.
+#[derive(Clone, Debug, Default)]
+pub struct Inputs {
+    /// The surface.
+    pub mesh: MeshSource,
+    /// Eigenpairs of the mesh from elsewhere, an NPZ file in the mesh's unit; else they are computed.
+    pub basis: Option<PathBuf>,
+    /// The measurements.
+    pub data: DataSource,
+    /// SHA-256 of what else the draws depend on, by role: of the model's file, for instance. It is kept
+    /// in the run's record, and a run goes on only with the same.
+    pub hashes: BTreeMap<String, String>,
+}
+
+/// Where the surface comes from.
+#[derive(Clone, Debug)]
+pub enum MeshSource {
+    /// The embedded procedural left atrium.
+    Embedded {
+        /// Length of its edges, mm.
+        edge: f64,
+    },
+    /// A VTK file.
+    File {
+        /// The file.
+        path: PathBuf,
+        /// Unit of its coordinates.
+        units: Units,
+    },
+    /// A surface in memory, mm.
+    Surface(Box<Surface>),
+}
+
+impl Default for MeshSource {
+    fn default() -> Self {
+        Self::Embedded { edge: ATRIUM_EDGE }
+    }
+}
+
+impl From<Surface> for MeshSource {
+    fn from(surface: Surface) -> Self {
+        Self::Surface(Box::new(surface))
+    }
+}
+
+impl MeshSource {
+    /// Length in mm of the unit of the mesh's file.
+    pub fn scale(&self) -> f64 {
+        match self {
+            Self::File { units, .. } => units.in_mm(),
+            Self::Embedded { .. } | Self::Surface(_) => 1.0,
+        }
+    }
+}
+
+/// Where the measurements come from.
+#[derive(Clone, Debug)]
+pub enum DataSource {
+    /// They are made on a known truth: the paper's experiment.
+    Synthetic(Design),
+    /// A CSV file.
+    File(PathBuf),
+    /// A table in memory.
+    Table(Measurements),
+}
+
+impl Default for DataSource {
+    fn default() -> Self {
+        Self::Synthetic(Design::default())
+    }
+}
+
+impl From<Measurements> for DataSource {
+    fn from(table: Measurements) -> Self {
+        Self::Table(table)
+    }
+}
+
+impl From<&Path> for DataSource {
+    fn from(path: &Path) -> Self {
+        Self::File(path.to_owned())
+    }
+}
+
+impl Inputs {
+    /// SHA-256 of the files, of a table in memory, and what was given, by role.
+    pub(super) fn hashed(&self) -> Result<BTreeMap<String, String>, RunError> {
+        let mut hashes = BTreeMap::new();
+        if let MeshSource::File { path, .. } = &self.mesh {
+            hashes.insert("mesh".into(), hash_file(path)?);
+        }
+        if let MeshSource::Surface(surface) = &self.mesh {
+            hashes.insert("mesh".into(), hash_surface(surface));
+        }
+        if let Some(path) = &self.basis {
+            hashes.insert("basis".into(), hash_file(path)?);
+        }
+        match &self.data {
+            DataSource::Synthetic(_) => None,
+            DataSource::File(path) => hashes.insert("data".into(), hash_file(path)?),
+            DataSource::Table(table) => {
+                hashes.insert("data".into(), hash(table.to_csv().as_bytes()))
+            }
+        };
+        hashes.extend(self.hashes.clone());
+        Ok(hashes)
+    }
+}
+
+/// SHA-256, hexadecimal.
+pub fn hash(bytes: &[u8]) -> String {
+    format!("{:x}", Sha256::digest(bytes))
+}
+
+/// SHA-256 of a file, hexadecimal.
+///
+/// # Errors
+/// [`RunError::Read`].
+pub fn hash_file(path: &Path) -> Result<String, RunError> {
+    Ok(hash(&fs::read(path).map_err(RunError::read(path))?))
+}
+
+/// SHA-256 of a surface in memory.
+fn hash_surface(surface: &Surface) -> String {
+    let mut hasher = Sha256::new();
+    for x in surface.mesh.vertices().iter().flatten() {
+        hasher.update(x.to_le_bytes());
+    }
+    for vertex in surface.mesh.triangles().iter().flatten() {
+        hasher.update(vertex.to_le_bytes());
+    }
+    format!("{:x}", hasher.finalize())
+}

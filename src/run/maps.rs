@@ -1,0 +1,116 @@
+//! Fields and derived quantities over the surface, with the truth beside them where it is known.
+
+use crate::manifold::Basis;
+use crate::mesh::Surface;
+use crate::model::{MapSummary, Maps, Model};
+use crate::report::FieldDraws;
+use crate::study::{coverage, rms_error};
+
+/// A field or derived quantity at every vertex.
+#[derive(Clone, Debug)]
+pub struct FittedMap {
+    /// Name in the model file.
+    pub name: &'static str,
+    /// Declared unit.
+    pub unit: String,
+    /// Mean over the draws (n_vertices); NaN where no draw is physical.
+    pub mean: Vec<f64>,
+    /// Standard deviation over the draws (n_vertices).
+    pub sd: Vec<f64>,
+    /// The truth (n_vertices), where it is known.
+    pub truth: Option<Vec<f64>>,
+    /// How much of the surface has its truth in the central 50, 90 and 95 % interval of the draws.
+    pub coverage: Option<[f64; 3]>,
+}
+
+impl FittedMap {
+    /// Root mean squared error of the mean over the surface, in the map's unit.
+    pub fn rmse(&self) -> Option<f64> {
+        self.truth.as_ref().map(|truth| rms_error(&self.mean, truth))
+    }
+
+    /// Independent standard errors, `|mean − truth| / sd` (n_vertices).
+    pub fn ise(&self) -> Option<Vec<f64>> {
+        let truth = self.truth.as_ref()?;
+        let errors = self.mean.iter().zip(truth).map(|(m, t)| m - t);
+        Some(errors.zip(&self.sd).map(|(e, sd)| e.abs() / sd).collect())
+    }
+}
+
+/// All maps of a fit.
+#[derive(Clone, Debug)]
+pub(super) struct SurfaceMaps {
+    pub(super) maps: Vec<FittedMap>,
+    /// Share of unphysical draws (n_vertices).
+    pub(super) unphysical: Vec<f64>,
+}
+
+/// Values at the vertices, with their name and unit.
+pub(super) struct VertexArray {
+    pub(super) name: String,
+    pub(super) unit: String,
+    pub(super) values: Vec<f64>,
+}
+
+impl SurfaceMaps {
+    pub(super) fn new(
+        model: &Model,
+        basis: &Basis,
+        draws: &[&[f64]],
+        truth: &[(&'static str, Vec<f64>)],
+    ) -> Self {
+        let maps = Maps::new(model, basis);
+        let (summaries, unphysical) = maps.summarise(draws);
+        // the truth is in the order of the model's maps
+        let values: Vec<&[f64]> = truth.iter().map(|(_, map)| map.as_slice()).collect();
+        let ranks = if truth.is_empty() { vec![] } else { maps.ranks(draws, &values) };
+        let fitted = |MapSummary { name, unit, mean, sd }| {
+            let known = truth.iter().position(|(of, _)| *of == name);
+            let coverage = known.map(|i| coverage(&ranks[i]));
+            FittedMap { name, unit, mean, sd, truth: known.map(|i| truth[i].1.clone()), coverage }
+        };
+        Self { maps: summaries.into_iter().map(fitted).collect(), unphysical }
+    }
+
+    /// All that `fields.vtp` and the page show: the maps, then what the mesh's file brought along.
+    pub(super) fn arrays(&self, surface: &Surface) -> Vec<VertexArray> {
+        let mut arrays: Vec<VertexArray> = vec![];
+        let mut push = |name: String, unit: &str, values: Vec<f64>| {
+            arrays.push(VertexArray { name, unit: unit.to_owned(), values });
+        };
+        for map in &self.maps {
+            let named = |suffix: &str| format!("{}_{suffix}", map.name);
+            push(named("mean"), &map.unit, map.mean.clone());
+            push(named("sd"), &map.unit, map.sd.clone());
+            if let (Some(truth), Some(ise)) = (&map.truth, map.ise()) {
+                push(named("true"), &map.unit, truth.clone());
+                push(named("ise"), "", ise);
+            }
+        }
+        push("unphysical".to_owned(), "1", self.unphysical.clone());
+        // an earlier run's fields.vtp as the mesh has maps of these names already
+        let n_own = arrays.len();
+        for (name, values) in &surface.point_data {
+            if arrays[..n_own].iter().all(|own| own.name != *name) {
+                let (name, unit, values) = (name.clone(), String::new(), values.clone());
+                arrays.push(VertexArray { name, unit, values });
+            }
+        }
+        arrays
+    }
+}
+
+/// The draws of the fields; `None` if the model has no field.
+pub(super) fn field_draws(model: &Model, basis: &Basis, draws: &[&[f64]]) -> Option<FieldDraws> {
+    let maps = Maps::new(model, basis);
+    if maps.n_fields() == 0 {
+        return None;
+    }
+    let (n_modes, fields) = maps.coefficients(draws);
+    let rows = (0..basis.n_vertices()).flat_map(|v| &basis.at(v)[..n_modes]);
+    Some(FieldDraws {
+        n_modes,
+        eigenfunctions: rows.copied().collect(),
+        coefficients: fields.into_iter().map(|(name, c)| (name.into(), c)).collect(),
+    })
+}

@@ -1,0 +1,271 @@
+//! A model laid out on its surface and measurements: what is fitted.
+
+use std::collections::BTreeMap;
+use std::f64::consts::PI;
+use std::sync::Arc;
+use std::time::Instant;
+
+use super::inputs::{DataSource, Inputs, MeshSource};
+use super::{Event, RunError, Watch};
+use crate::manifold::{Basis, eigenpairs_cached};
+use crate::mesh::{self, Surface};
+use crate::model::{Declare, Model};
+use crate::study::{Design, TRUTH_MODES, experiment};
+use crate::table::{FIELD_MODES, Measurements};
+
+/// A surface with what fields on it are made of.
+#[derive(Clone, Debug)]
+pub struct Domain {
+    /// The surface, mm.
+    pub surface: Surface,
+    /// Its eigenfunctions: those that the model needs, or more.
+    pub basis: Basis,
+    /// Length in mm of the unit of the surface's file, and of places in tables.
+    pub scale: f64,
+}
+
+/// Everything that a model is laid out on.
+#[derive(Clone, Debug, Default)]
+pub struct Loaded {
+    /// Absent for models without fields.
+    pub domain: Option<Arc<Domain>>,
+    /// The measurements, with their places on the surface.
+    pub measurements: Measurements,
+    /// True fields and derived quantities (n_vertices) in the model's order, by name; empty unless the
+    /// measurements are synthetic.
+    pub truth: Vec<(&'static str, Vec<f64>)>,
+    /// SHA-256 of all that was read, by role.
+    pub hashes: BTreeMap<String, String>,
+}
+
+impl Loaded {
+    /// Reads or makes everything that `model` needs; `watch` is told what it is.
+    ///
+    /// # Errors
+    /// [`RunError::NoMeasurements`], [`RunError::Read`]; what is wrong with the mesh, the basis or the
+    /// table, or does not fit between them.
+    pub fn new(model: &dyn Declare, inputs: &Inputs, watch: &Watch<'_>) -> Result<Self, RunError> {
+        let outline = Model::outline(model)?;
+        let hashes = inputs.hashed()?;
+        let table = match &inputs.data {
+            DataSource::Synthetic(_) => None,
+            DataSource::File(path) => Some(Measurements::read(path)?),
+            DataSource::Table(table) => Some(table.clone()),
+        };
+        let is_own_surface = !matches!(inputs.mesh, MeshSource::Embedded { .. });
+        let is_on_a_surface = outline.has_fields() || is_own_surface && table.is_some();
+        if !is_on_a_surface {
+            let measurements = without_a_surface(table, &outline)?;
+            return Ok(Self { measurements, hashes, ..Self::default() });
+        }
+        let surface = surface(&inputs.mesh, watch)?;
+        let basis = eigenpairs(inputs, &surface, &outline, watch)?;
+        let domain = Domain { surface, basis, scale: inputs.mesh.scale() };
+        let (measurements, truth) = match (table, &inputs.data) {
+            (Some(table), _) => (domain.place(checked(table, &outline)?, watch)?, vec![]),
+            (None, DataSource::Synthetic(design)) => domain.measure(model, design, watch)?,
+            (None, _) => (Measurements::default(), vec![]),
+        };
+        Ok(Self { domain: Some(Arc::new(domain)), measurements, truth, hashes })
+    }
+
+    /// The surface, if the model is on one.
+    pub fn surface(&self) -> Option<&Surface> {
+        self.domain.as_ref().map(|domain| &domain.surface)
+    }
+
+    /// Its eigenfunctions.
+    pub fn basis(&self) -> Option<&Basis> {
+        self.domain.as_ref().map(|domain| &domain.basis)
+    }
+}
+
+/// A model laid out on its surface and measurements. Copies share everything.
+#[derive(Clone)]
+pub struct Problem<'m>(Arc<Parts<'m>>);
+
+struct Parts<'m> {
+    declared: &'m dyn Declare,
+    model: Model,
+    loaded: Loaded,
+    /// What it took to load, s.
+    seconds: f64,
+}
+
+impl<'m> Problem<'m> {
+    /// Loads what `inputs` name and lays `model` out on it.
+    ///
+    /// # Errors
+    /// Those of [`Loaded::new`], and what does not fit between the model and its data.
+    pub fn load(model: &'m dyn Declare, inputs: &Inputs) -> Result<Self, RunError> {
+        Self::load_watched(model, inputs, &Watch::default())
+    }
+
+    /// As [`Problem::load`], telling `watch` what is loaded.
+    ///
+    /// # Errors
+    /// Those of [`Problem::load`].
+    pub fn load_watched(
+        model: &'m dyn Declare,
+        inputs: &Inputs,
+        watch: &Watch<'_>,
+    ) -> Result<Self, RunError> {
+        let begun = Instant::now();
+        Self::laid_out(model, Loaded::new(model, inputs, watch)?, begun)
+    }
+
+    /// Lays `model` out on what is in memory.
+    ///
+    /// # Errors
+    /// What does not fit between them.
+    pub fn new(model: &'m dyn Declare, loaded: Loaded) -> Result<Self, RunError> {
+        Self::laid_out(model, loaded, Instant::now())
+    }
+
+    fn laid_out(
+        declared: &'m dyn Declare,
+        loaded: Loaded,
+        begun: Instant,
+    ) -> Result<Self, RunError> {
+        let model = Model::new(declared, loaded.basis(), &loaded.measurements)?;
+        let seconds = begun.elapsed().as_secs_f64();
+        Ok(Self(Arc::new(Parts { declared, model, loaded, seconds })))
+    }
+
+    /// The model as declared, without data.
+    pub fn declared(&self) -> &'m dyn Declare {
+        self.0.declared
+    }
+
+    /// The model on its data: a log density.
+    pub fn model(&self) -> &Model {
+        &self.0.model
+    }
+
+    /// What it is laid out on.
+    pub fn loaded(&self) -> &Loaded {
+        &self.0.loaded
+    }
+
+    /// Its measurements.
+    pub fn measurements(&self) -> &Measurements {
+        &self.0.loaded.measurements
+    }
+
+    /// What it took to load, s.
+    pub(super) fn seconds(&self) -> f64 {
+        self.0.seconds
+    }
+}
+
+impl std::fmt::Debug for Problem<'_> {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.debug_struct("Problem").field("model", &self.model().name).finish_non_exhaustive()
+    }
+}
+
+fn without_a_surface(
+    table: Option<Measurements>,
+    outline: &Model,
+) -> Result<Measurements, RunError> {
+    match (table, outline.readers().first()) {
+        (Some(table), _) => checked(table, outline),
+        (None, None) => Ok(Measurements::default()),
+        (None, Some(observe)) => Err(RunError::NoMeasurements { model: outline.name, observe }),
+    }
+}
+
+fn checked(table: Measurements, outline: &Model) -> Result<Measurements, RunError> {
+    table.check_protocols(&outline.readers())?;
+    Ok(table)
+}
+
+/// The surface that is named; `watch` is told what it is.
+///
+/// # Errors
+/// [`RunError::Mesh`].
+pub fn surface(mesh: &MeshSource, watch: &Watch<'_>) -> Result<Surface, RunError> {
+    let (file, surface) = match mesh {
+        MeshSource::Embedded { edge } => (None, Surface::left_atrium(*edge)),
+        MeshSource::File { path, units } => (Some(path.as_path()), mesh::read(path, *units)?),
+        MeshSource::Surface(surface) => return Ok((**surface).clone()),
+    };
+    watch.tell(&Event::Surface {
+        file,
+        n_vertices: surface.mesh.n_vertices(),
+        area: surface.mesh.area(),
+        notes: &surface.notes,
+    });
+    Ok(surface)
+}
+
+/// The eigenpairs that are given, or as many as the model and the truth need.
+fn eigenpairs(
+    inputs: &Inputs,
+    surface: &Surface,
+    outline: &Model,
+    watch: &Watch<'_>,
+) -> Result<Basis, RunError> {
+    let most = surface.mesh.n_vertices() - 1;
+    let needed = match outline.n_modes() {
+        0 => FIELD_MODES.min(most), // for fields that `eplat loop` may add
+        needed => needed,
+    };
+    let basis = if let Some(path) = &inputs.basis {
+        on_kept_vertices(Basis::read_npz(path)?, surface).in_unit_of(inputs.mesh.scale())
+    } else {
+        let is_synthetic = matches!(inputs.data, DataSource::Synthetic(_));
+        let truth = if is_synthetic { TRUTH_MODES.min(most) } else { 0 };
+        eigenpairs_cached(&surface.mesh, needed.max(truth))?
+    };
+    basis.require_fit(&surface.mesh)?;
+    let n_modes = needed.min(basis.n_modes());
+    let last = basis.eigenvalues[n_modes.saturating_sub(1)];
+    watch.tell(&Event::Basis { n_modes, wavelength: 2.0 * PI / last.max(0.0).sqrt() });
+    Ok(basis)
+}
+
+/// A basis given for every vertex of the file, at the vertices that were kept.
+fn on_kept_vertices(basis: Basis, surface: &Surface) -> Basis {
+    if basis.n_vertices() != surface.n_source_vertices {
+        return basis;
+    }
+    let rows = surface.source_vertex.iter().flat_map(|v| basis.at(*v as usize).to_vec());
+    Basis { eigenfunctions: rows.collect(), eigenvalues: basis.eigenvalues.clone() }
+}
+
+/// Measurements and the truth they were made on.
+type Measured = (Measurements, Vec<(&'static str, Vec<f64>)>);
+
+impl Domain {
+    /// A table with its rows placed on the surface, and the modes there.
+    pub(super) fn placed(&self, mut table: Measurements) -> Result<Measurements, RunError> {
+        table.place_on(&self.surface, self.scale)?;
+        table.probe(&self.surface, &self.basis)?;
+        Ok(table)
+    }
+
+    fn place(&self, table: Measurements, watch: &Watch<'_>) -> Result<Measurements, RunError> {
+        let table = self.placed(table)?;
+        let (file, n_rows, n_sites) = (table.file(), table.len(), table.vertices().len());
+        watch.tell(&Event::Measurements { file, n_rows, n_sites });
+        Ok(table)
+    }
+
+    /// A synthetic experiment.
+    fn measure(
+        &self,
+        model: &dyn Declare,
+        design: &Design,
+        watch: &Watch<'_>,
+    ) -> Result<Measured, RunError> {
+        let made = experiment(model, &self.surface.mesh, &self.basis, design)?;
+        watch.tell(&Event::Experiment {
+            n_measurements: made.measurements.len(),
+            n_sites: design.n_sites,
+            lengthscale: design.lengthscale,
+            repaired: made.repaired,
+        });
+        Ok((made.measurements, made.truth))
+    }
+}

@@ -1,0 +1,137 @@
+//! The record of a fit: `run.json`.
+
+use std::collections::BTreeMap;
+
+use super::fit::{Drawn, Fit};
+use super::results::VERSION;
+use crate::diagnostics::e_bfmi;
+use crate::infer::{Chain, LogDensity as _};
+use crate::report::{Row, RunRecord, Seconds};
+
+/// Most measurements that divergences are told to come from.
+const MOST_SUSPECTS: usize = 3;
+
+impl Fit<'_> {
+    /// The record, if writing the results took `writing` s so far.
+    pub(super) fn record_after(&self, writing: f64) -> RunRecord {
+        let posterior = self.posterior();
+        let Drawn { chains, failures, seconds_before, approximation, .. } = &self.drawn;
+        let spent = Spent::of(chains, self.drawn.seconds);
+        let least =
+            |of: fn(&Row) -> f64| posterior.rows.iter().map(of).fold(f64::INFINITY, f64::min);
+        let min_ess_bulk = least(|r| r.summary.ess_bulk);
+        let maps = self.maps();
+        RunRecord {
+            model: self.model().name.into(),
+            version: VERSION.into(),
+            seed: self.settings.seed,
+            settings: self.method.record(&self.settings),
+            hashes: self.hashes.clone(),
+            n_params: self.model().dim(),
+            grad_evals: spent.gradients,
+            ns_per_grad: spent.ns_per_gradient,
+            seconds: self.seconds_of(&spent, self.seconds + writing + seconds_before),
+            divergences: chains.iter().map(Chain::n_divergences).sum(),
+            failed_chains: failures.iter().map(ToString::to_string).collect(),
+            max_r_hat: -least(|r| -r.summary.r_hat),
+            min_ess_bulk,
+            min_ess_tail: least(|r| r.summary.ess_tail),
+            ess_per_second: min_ess_bulk / self.drawn.seconds,
+            e_bfmi: chains.iter().map(|c| e_bfmi(&c.energy)).fold(f64::INFINITY, f64::min),
+            rmse: some(maps.iter().filter_map(|m| Some((m.name.into(), m.rmse()?))).collect()),
+            coverage: some(
+                maps.iter().filter_map(|m| Some((m.name.into(), m.coverage?))).collect(),
+            ),
+            unphysical: self.unphysical().map(|all| all.iter().sum::<f64>() / all.len() as f64),
+            units: maps.iter().map(|m| (m.name.into(), m.unit.clone())).collect(),
+            divergent_at: self.suspects(),
+            strays: posterior.strays.clone(),
+            not_simulated: self.not_simulated(),
+            loo: posterior.loo.as_ref().map(|loo| loo.record.clone()),
+            laplace: approximation.clone(),
+        }
+    }
+
+    fn seconds_of(&self, spent: &Spent, elapsed: f64) -> Seconds {
+        Seconds {
+            compile: self.compile_seconds,
+            setup: elapsed - self.drawn.seconds,
+            warmup: spent.warmup,
+            sampling: spent.sampling,
+            total: elapsed + self.compile_seconds,
+        }
+    }
+
+    /// Statements over the table that measurements cannot be simulated from.
+    fn not_simulated(&self) -> Vec<String> {
+        let densities = self.model().densities.iter().filter(|density| density.reads_data);
+        densities.map(|density| density.name.to_owned()).collect()
+    }
+
+    /// The measurements whose log likelihood falls most along divergent transitions.
+    fn suspects(&self) -> Vec<String> {
+        let mut blamed: BTreeMap<usize, usize> = BTreeMap::new();
+        let (model, mut tape) = (self.model(), self.model().tape());
+        let mut pointwise = |u: &[f64]| {
+            let mut out = vec![];
+            model.forward(&mut tape, u);
+            model.pointwise(&tape, &mut out);
+            out
+        };
+        for divergence in self.chains().iter().flat_map(|c| &c.divergences) {
+            let (start, end) = (pointwise(&divergence.start), pointwise(&divergence.end));
+            let falls = end.iter().zip(&start).map(|(e, s)| e - s).enumerate();
+            let worst = falls.min_by(|a, b| a.1.total_cmp(&b.1));
+            if let Some((row, fall)) = worst
+                && fall < 0.0
+            {
+                *blamed.entry(row).or_default() += 1;
+            }
+        }
+        let mut blamed: Vec<(usize, usize)> = blamed.into_iter().collect();
+        blamed.sort_by_key(|(_, count)| std::cmp::Reverse(*count));
+        let words = |(row, count): &(usize, usize)| format!("{} ({count})", self.place_of(*row));
+        blamed.iter().take(MOST_SUSPECTS).map(words).collect()
+    }
+
+    /// Measurement number `row` of all, in words.
+    fn place_of(&self, mut row: usize) -> String {
+        for (name, rows) in self.model().measured() {
+            match rows.get(row) {
+                Some(at) => return format!("{name} {}", self.problem.measurements().place(*at)),
+                None => row -= rows.len(),
+            }
+        }
+        String::new()
+    }
+}
+
+/// The map, unless there is nothing in it.
+fn some<T>(map: BTreeMap<String, T>) -> Option<BTreeMap<String, T>> {
+    Some(map).filter(|map| !map.is_empty())
+}
+
+/// What the draws cost.
+struct Spent {
+    gradients: u64,
+    ns_per_gradient: f64,
+    /// Wall time of each phase, s, as if the chains had been in step.
+    warmup: f64,
+    sampling: f64,
+}
+
+impl Spent {
+    /// `seconds` of wall time in all.
+    fn of(chains: &[Chain], seconds: f64) -> Self {
+        let sum = |of: fn(&Chain) -> f64| chains.iter().map(of).sum::<f64>();
+        let (warmup, sampling) = (sum(|c| c.seconds_warmup), sum(|c| c.seconds_sampling));
+        let gradients = chains.iter().map(|c| c.n_grad_warmup + c.n_grad_sampling).sum::<u64>();
+        let wall = seconds / (warmup + sampling);
+        Self {
+            gradients,
+            ns_per_gradient: 1e9 * (warmup + sampling) / gradients as f64,
+            warmup: warmup * wall,
+            sampling: sampling * wall,
+        }
+    }
+}

@@ -1,0 +1,141 @@
+//! The files of a fit.
+
+use std::io::Write as _;
+use std::path::Path;
+use std::time::Instant;
+
+use serde_json::{Map, json};
+
+use super::fit::{Fit, Method};
+use super::maps::{VertexArray, field_draws};
+use super::results::{Results, VERSION};
+use super::warm_start::{self, WarmStart};
+use super::{OutputFolder, RunError};
+use crate::mesh::write_vtp;
+use crate::model::equations;
+use crate::report::{
+    self, FieldDraws, Group, Page, PointData, RunRecord, Variable, write_draws, write_html,
+    write_loo, write_summary_csv, write_summary_json, write_zarr,
+};
+use crate::store::write_file;
+
+impl Fit<'_> {
+    /// Writes all that `eplat run` leaves into a folder.
+    ///
+    /// ```text
+    /// summary.csv summary.json draws.csv posterior.zarr loo.csv fields.vtp field_draws
+    /// measurements.csv warm_start.json report.html run.json
+    /// ```
+    /// Every file appears whole or not at all, the record last.
+    ///
+    /// # Errors
+    /// [`RunError::Unwritable`], [`RunError::Write`], [`RunError::Report`], [`RunError::Mesh`].
+    pub fn write(&self, folder: impl AsRef<Path>) -> Result<Results, RunError> {
+        self.write_into(&OutputFolder::open(folder)?)
+    }
+
+    /// As [`Fit::write`], into a folder that was tried before.
+    ///
+    /// # Errors
+    /// Those of [`Fit::write`].
+    pub fn write_into(&self, out: &OutputFolder) -> Result<Results, RunError> {
+        let begun = Instant::now();
+        let posterior = self.posterior();
+        let surface = self.problem.loaded().surface();
+        let arrays = surface.zip(self.surface_maps()).map(|(surface, maps)| maps.arrays(surface));
+        let arrays = arrays.unwrap_or_default();
+        out.make()?;
+        let mut files = vec!["summary.csv", "summary.json", "draws.csv"];
+        write_summary_csv(&out.file("summary.csv"), &posterior.rows)?;
+        write_summary_json(&out.file("summary.json"), &posterior.rows)?;
+        write_draws(&out.file("draws.csv"), &posterior.posterior)?;
+        self.write_zarr(out, &arrays)?;
+        files.push("posterior.zarr");
+        if let Some(loo) = &posterior.loo {
+            write_loo(&out.file("loo.csv"), &loo.rows)?;
+            files.push("loo.csv");
+        }
+        files.extend(self.write_surface(out, &arrays)?);
+        if !self.problem.loaded().truth.is_empty() {
+            let text = self.problem.measurements().to_csv();
+            let path = out.file("measurements.csv");
+            write_file(&path, |file| file.write_all(text.as_bytes()))
+                .map_err(RunError::write(&path))?;
+            files.push("measurements.csv");
+        }
+        if self.method != Method::Prior {
+            WarmStart::new(self.model(), self.chains()).write(&out.file(warm_start::FILE))?;
+            files.push(warm_start::FILE);
+        }
+        let record = self.record_after(begun.elapsed().as_secs_f64());
+        self.write_page(out, &record, &arrays)?;
+        record.write(&out.file("run.json"))?;
+        files.extend(["report.html", "run.json"]);
+        Ok(Results { folder: out.path().to_owned(), record, rows: posterior.rows.clone(), files })
+    }
+
+    /// Maps and draws of the fields; the names of the files.
+    fn write_surface(
+        &self,
+        out: &OutputFolder,
+        arrays: &[VertexArray],
+    ) -> Result<Vec<&'static str>, RunError> {
+        let Some(domain) = &self.problem.loaded().domain else { return Ok(vec![]) };
+        let named: Vec<(&str, &[f64])> =
+            arrays.iter().map(|array| (array.name.as_str(), array.values.as_slice())).collect();
+        write_vtp(&out.file("fields.vtp"), &domain.surface.mesh, &named)?;
+        let mut files = vec!["fields.vtp"];
+        if let Some(draws) = field_draws(self.model(), &domain.basis, &self.map_draws()) {
+            draws.write(&out.file(FieldDraws::FILE))?;
+            files.push(FieldDraws::FILE);
+        }
+        Ok(files)
+    }
+
+    fn write_zarr(&self, out: &OutputFolder, arrays: &[VertexArray]) -> Result<(), RunError> {
+        let mut groups = self.posterior().groups();
+        if self.problem.loaded().domain.is_some() {
+            let variable = |VertexArray { name, unit, values }: &VertexArray| {
+                Variable::new(name, unit, &[("vertex", values.len())], values.clone())
+            };
+            let variables = arrays.iter().map(variable).collect();
+            groups.push(Group { name: "fields".into(), variables });
+        }
+        let mut attributes = Map::new();
+        attributes.insert("model".into(), json!(self.model().name));
+        attributes.insert("eplat_version".into(), json!(VERSION));
+        Ok(write_zarr(&out.file("posterior.zarr"), &groups, &attributes)?)
+    }
+
+    fn write_page(
+        &self,
+        out: &OutputFolder,
+        record: &RunRecord,
+        arrays: &[VertexArray],
+    ) -> Result<(), RunError> {
+        let surface = self.problem.loaded().surface();
+        let sites: Vec<[f64; 3]> = surface.map_or(vec![], |s| {
+            let vertices = self.problem.measurements().vertices();
+            vertices.iter().map(|v| s.mesh.vertices()[*v as usize]).collect()
+        });
+        let data: Vec<PointData<'_>> = arrays
+            .iter()
+            .map(|VertexArray { name, unit, values }| PointData { name, unit, values })
+            .collect();
+        let posterior = self.posterior();
+        let page = Page {
+            title: self.model().name,
+            equations: &equations(self.model()),
+            record,
+            rows: &posterior.rows,
+            posterior: &posterior.posterior,
+            loo: posterior.loo.as_ref(),
+            surface: surface.map(|s| report::Surface {
+                mesh: &s.mesh,
+                point_data: &data,
+                sites: &sites,
+            }),
+        };
+        Ok(write_html(&out.file("report.html"), &page)?)
+    }
+}
