@@ -8,7 +8,7 @@ use sha2::{Digest as _, Sha256};
 
 use super::RunError;
 use crate::mesh::{Surface, Units};
-use crate::study::Design;
+use crate::experiment::Design;
 use crate::table::Measurements;
 
 /// Edge length of the embedded atrium, mm: about 5,000 vertices.

@@ -19,7 +19,7 @@ mod warm_start;
 mod write;
 
 pub use crate::infer::Settings;
-pub use crate::study::Design;
+pub use crate::experiment::Design;
 pub use compare::{CompareError, Comparison};
 pub use error::RunError;
 pub use event::{Event, Watch};

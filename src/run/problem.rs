@@ -10,7 +10,7 @@ use super::{Event, RunError, Watch};
 use crate::manifold::{Basis, eigenpairs_cached};
 use crate::mesh::{self, Surface};
 use crate::model::{Declare, Model};
-use crate::study::{Design, TRUTH_MODES, experiment};
+use crate::experiment::{Design, TRUTH_MODES, experiment};
 use crate::table::{FIELD_MODES, Measurements};
 
 /// A surface with what fields on it are made of.

@@ -23,7 +23,8 @@ use crate::manifold::eigenpairs_cached;
 use crate::mesh::{self, Surface, Units};
 use crate::model::Model;
 use crate::run::hash_file as hash;
-use crate::study::{Block, Plan, Results, Study, TRUTH_MODES, Table, summarise};
+use crate::experiment::TRUTH_MODES;
+use crate::study::{Block, Plan, Results, Study, Table, summarise};
 
 /// Edge length of the embedded atrium, mm.
 const ATRIUM_EDGE: f64 = 1.5;

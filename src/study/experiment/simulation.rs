@@ -3,9 +3,9 @@
 use std::collections::BTreeMap;
 use std::fs;
 use std::path::Path;
-use std::sync::atomic::AtomicBool;
 use std::time::Duration;
 
+use super::ExperimentWatch;
 use crate::ep::surface::BeatMap;
 use crate::mesh::{Surface, write_vtp};
 use crate::run::atrium::{
@@ -57,24 +57,9 @@ pub enum SimulationEvent<'a> {
     Ends(&'a Atrium, &'a Beat, &'a Path),
 }
 
-/// What hears of the two simulations and may stop them.
-#[derive(Clone, Copy)]
-pub struct Listener<'a> {
-    /// Once this is set, they return.
-    pub stop: &'a AtomicBool,
-    /// Told what happens.
-    pub on: &'a (dyn Fn(SimulationEvent<'_>) + Sync),
-}
-
-impl std::fmt::Debug for Listener<'_> {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        f.debug_struct("Listener").field("stop", self.stop).finish_non_exhaustive()
-    }
-}
-
 impl SimulationPlan {
     /// What the results depend on.
-    pub fn identity(&self) -> Identity {
+    pub(super) fn identity(&self) -> Identity {
         let text = |value: Option<String>| value.unwrap_or_else(|| "default".to_owned());
         Identity::from([
             ("beats".to_owned(), self.beats.to_string()),
@@ -87,7 +72,7 @@ impl SimulationPlan {
     ///
     /// # Errors
     /// [`AtriumError::NoVertex`].
-    pub fn vertex(&self, surface: &Surface) -> Result<u32, AtriumError> {
+    pub(super) fn vertex(&self, surface: &Surface) -> Result<u32, AtriumError> {
         let Some(vertex) = self.pace else {
             let loops = surface.mesh.boundary_loops();
             let widest = loops.iter().max_by_key(|rim| rim.len());
@@ -123,12 +108,12 @@ impl SimulationPlan {
     ///
     /// # Errors
     /// [`AtriumError`].
-    pub fn simulate(
+    pub(super) fn simulate(
         &self,
         surface: &Surface,
         fields: (&[f64], &Recovery),
         folder: &Path,
-        listener: Listener<'_>,
+        watch: ExperimentWatch<'_>,
     ) -> Result<Option<Simulated>, AtriumError> {
         fs::create_dir_all(folder).map_err(AtriumError::io("write", folder))?;
         let ground = ground(surface, fields, &folder.join("tissue.vtp"))?;
@@ -138,18 +123,18 @@ impl SimulationPlan {
             let mut settings = self.settings(which, surface)?;
             settings.compare = (which == "mean").then(|| folders[0].join("beat.vtp"));
             let atrium = Atrium::new(ground.clone(), &settings)?;
-            (listener.on)(SimulationEvent::Begins(which, &atrium));
-            let goes = |event: Event<'_>| (listener.on)(SimulationEvent::Goes(event));
-            let watch = Watch { stop: listener.stop, on_event: &goes };
+            (watch.on_simulation)(SimulationEvent::Begins(which, &atrium));
+            let goes = |event: Event<'_>| (watch.on_simulation)(SimulationEvent::Goes(event));
+            let control = Watch { stop: watch.run.stop, on_event: &goes };
             let begin = Begin { resume: Resume::IfBegun, every: EVERY };
-            beats.push(match atrium.simulate_into(to, begin, watch)? {
+            beats.push(match atrium.simulate_into(to, begin, control)? {
                 Ended::Interrupted => return Ok(None),
                 Ended::Before => {
-                    (listener.on)(SimulationEvent::WasComplete(to));
+                    (watch.on_simulation)(SimulationEvent::WasComplete(to));
                     Beat::read(to)?
                 }
                 Ended::Now(beat) => {
-                    (listener.on)(SimulationEvent::Ends(&atrium, &beat, to));
+                    (watch.on_simulation)(SimulationEvent::Ends(&atrium, &beat, to));
                     *beat
                 }
             });
