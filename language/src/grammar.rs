@@ -183,7 +183,8 @@ fn unit(input: ParseStream<'_>) -> Result<Option<Unit>> {
             _ => String::new(),
         };
         let help = format!(
-            "{help}Units are {}, or one over another such as m/s; a unit may be left out",
+            "{help}{} are {}, or one over another such as m/s; a unit may be left out",
+            if help.is_empty() { "units" } else { "Units" },
             names.join(", ")
         );
         return Err(wrong(span, format!("unknown unit `{unknown}`"), help));
@@ -548,8 +549,10 @@ fn form(input: ParseStream<'_>) -> Result<Form> {
             }
             number => numbers.push(number),
         }
-        if content.peek(Token![,]) {
-            content.parse::<Token![,]>()?;
+        if !content.is_empty() {
+            content.parse::<Token![,]>().map_err(|_| {
+                wrong(content.span(), "expected a comma between the arguments", EFFECT)
+            })?;
         }
     }
     Ok(Form { name, row, columns, numbers })
