@@ -35,6 +35,10 @@ fn the_mistakes_of_the_program_are_told_from_the_text() {
             continue;
         }
         let snapshot = package.join(format!("tests/snapshots/mistakes__{name}.snap"));
+        if std::env::var_os("UPDATE").is_some() {
+            let head = "---\nsource: tests/mistakes.rs\nexpression: said\n---\nerror: ";
+            fs::write(&snapshot, format!("{head}{}\n", said.join("\n\nerror: "))).unwrap();
+        }
         let snapshot = fs::read_to_string(snapshot).unwrap();
         let (_, expected) = snapshot.split_once("error: ").unwrap();
         if said.join("\n\nerror: ") != expected.trim_end() {

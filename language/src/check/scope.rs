@@ -53,7 +53,20 @@ impl<'a> Scope<'a> {
     /// The mistakes in the names that `e` mentions.
     pub(super) fn read(&self, e: &Expr, place: Place<'_>, locals: &[Local<'_>]) -> Vec<Mistake> {
         let reading = Reading { place, locals, bound: bound(e) };
-        mentions(e).iter().filter_map(|mention| self.mention(mention, &reading)).collect()
+        let (mut mistakes, mut judged) = (vec![], 0);
+        for (i, mention) in mentions(e).iter().enumerate() {
+            let Some(mistake) = (i >= judged).then(|| self.mention(mention, &reading)).flatten()
+            else {
+                continue;
+            };
+            mistakes.push(mistake);
+            // what stands between its brackets is wrong there too
+            let within = mention.arguments.as_ref().map(proc_macro2::Group::stream);
+            if self.declared(&mention.name).is_some() {
+                judged = i + 1 + within.map_or(0, |within| mentions(&within).len());
+            }
+        }
+        mistakes
     }
 
     /// One mention: a row's column, a declared name in its right form, or one known to the file.
