@@ -5,6 +5,7 @@ use std::str::FromStr as _;
 
 use proc_macro2::{Delimiter, Group, Span, TokenStream, TokenTree};
 
+use crate::brackets;
 use crate::grammar::parse;
 use crate::mistake::Mistake;
 use crate::syntax::Model;
@@ -15,6 +16,8 @@ pub struct File {
     pub model: Model,
     /// The tokens of the whole file.
     pub tokens: TokenStream,
+    /// The word `model` before its brackets.
+    pub word: Span,
     /// Bytes of the brackets of `model! { … }`, these included.
     pub brackets: Range<usize>,
 }
@@ -34,7 +37,7 @@ impl File {
         let tokens = tokens(source)?;
         let (word, group) = the_model(&tokens)?;
         let model = parse(group.stream()).map_err(|mistake| located(mistake, word))?;
-        Ok(Self { model, tokens, brackets: group.span().byte_range() })
+        Ok(Self { model, tokens, word, brackets: group.span().byte_range() })
     }
 }
 
@@ -46,7 +49,9 @@ fn located(mistake: Mistake, word: Span) -> Mistake {
 /// The tokens of a text.
 fn tokens(source: &str) -> Result<TokenStream, Mistake> {
     TokenStream::from_str(source).map_err(|error| {
-        Mistake::at(error.span(), "this bracket is not closed", "close it, or take it out")
+        let help = "a quotation mark that is not closed, or a sign that Rust does not know";
+        let other = || Mistake::at(error.span(), "the text cannot be read from here on", help);
+        brackets::mistake(source).unwrap_or_else(other)
     })
 }
 

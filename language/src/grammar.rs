@@ -36,6 +36,14 @@ pub fn parse(tokens: TokenStream) -> std::result::Result<Model, Mistake> {
     model.parse2(tokens).map_err(Mistake::from)
 }
 
+/// Reads the text between the brackets of `model! { … }`.
+///
+/// # Errors
+/// The first mistake.
+pub fn parse_text(text: &str) -> std::result::Result<Model, Mistake> {
+    model.parse_str(text).map_err(Mistake::from)
+}
+
 /// Between message, help and place in an error on its way through syn.
 const BETWEEN: char = '\u{1}';
 
@@ -183,7 +191,8 @@ fn unit(input: ParseStream<'_>) -> Result<Option<Unit>> {
             _ => String::new(),
         };
         let help = format!(
-            "{help}Units are {}, or one over another such as m/s; a unit may be left out",
+            "{help}{} are {}, or one over another such as m/s; a unit may be left out",
+            if help.is_empty() { "units" } else { "Units" },
             names.join(", ")
         );
         return Err(wrong(span, format!("unknown unit `{unknown}`"), help));
@@ -552,8 +561,10 @@ fn form(input: ParseStream<'_>) -> Result<Form> {
             }
             number => numbers.push(number),
         }
-        if content.peek(Token![,]) {
-            content.parse::<Token![,]>()?;
+        if !content.is_empty() {
+            content.parse::<Token![,]>().map_err(|_| {
+                wrong(content.span(), "expected a comma between the arguments", EFFECT)
+            })?;
         }
     }
     Ok(Form { name, row, columns, numbers })

@@ -4,6 +4,7 @@ use std::fmt::Write as _;
 use std::ops::Range;
 
 use proc_macro2::Span;
+use quote::ToTokens;
 
 /// A mistake in a model's text.
 #[derive(Clone, Debug)]
@@ -64,4 +65,12 @@ impl Mistake {
         );
         out
     }
+}
+
+/// The place of all tokens of `e`; in a macro, where places cannot be joined, that of the first.
+pub(crate) fn span_of(e: &impl ToTokens) -> Span {
+    let mut tokens = e.to_token_stream().into_iter();
+    let Some(first) = tokens.next() else { return Span::call_site() };
+    let last = tokens.last().map_or(first.span(), |token| token.span());
+    first.span().join(last).unwrap_or(first.span())
 }

@@ -238,6 +238,31 @@ pub struct Density {
     pub expr: Expr,
 }
 
+impl Model {
+    /// The block of hyperparameters of this name.
+    pub fn hyper(&self, name: &Ident) -> Option<&Hyper> {
+        self.statements.iter().find_map(|statement| match &statement.item {
+            Item::Hyper(hyper) if hyper.name == *name => Some(hyper),
+            _ => None,
+        })
+    }
+
+    /// The `observe` statements, in order.
+    pub fn observes(&self) -> impl Iterator<Item = &Observe> {
+        self.statements.iter().filter_map(|statement| match &statement.item {
+            Item::Observe(observe) => Some(observe),
+            _ => None,
+        })
+    }
+
+    /// The statement that declares a field or a `let` of this name.
+    pub fn value(&self, name: &Ident) -> Option<&Item> {
+        let is_value = |item: &&Item| matches!(item, Item::Field(_) | Item::Let(_));
+        let mut items = self.statements.iter().map(|statement| &statement.item).filter(is_value);
+        items.find(|item| item.name() == name)
+    }
+}
+
 impl Item {
     /// The word that begins such a statement.
     pub fn keyword(&self) -> &'static str {

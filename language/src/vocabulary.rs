@@ -106,10 +106,91 @@ pub const WORDS: &[Word] = &[
     word("BinomialLogit", COUNT, &[("n", Other), ("eta", Other)]),
     word("NegBinomialLog", COUNT, &[("eta", Other), ("phi", Other)]),
     word("OrderedLogit", COUNT, &[("eta", Other), ("cut", Other)]),
-    word("Outliers", NORMAL_ERRORS, &[("likelihood", Inner), ("share", Other), ("sd", Same)]),
+    word("Outliers", ANY, &[("likelihood", Inner), ("share", Other), ("sd", Same)]),
     word("Widened", NORMAL_ERRORS, &[("likelihood", Inner), ("sd", Same)]),
     word("Mixture", ANY, &[("share", Other), ("a", Inner), ("b", Inner)]),
 ];
+
+/// What else a model file sees by `use eplat::prelude::*;`.
+pub const PRELUDE: &[&str] = &[
+    "Bracket",
+    "Number",
+    "Count",
+    "Dist",
+    "Kernel",
+    "Likelihood",
+    "Observation",
+    "RealLine",
+    "Support",
+    "Real",
+    "Rng",
+    "RngExt",
+    "ln_gamma",
+    "ln_logistic",
+    "ln_sum_exp",
+    "logistic",
+    "model",
+    "rand_distr",
+    "surrogate",
+];
+
+/// What is observed, unless it is a type of the user's.
+pub(crate) const KINDS: &[&str] = &["Bracket", "Number", "Count"];
+
+/// What every Rust file sees.
+pub(crate) const RUST: &[&str] = &[
+    "bool", "char", "f32", "f64", "i8", "i16", "i32", "i64", "i128", "isize", "str", "u8", "u16",
+    "u32", "u64", "u128", "usize", "Box", "Clone", "Copy", "Default", "Err", "Fn", "From", "Into",
+    "Iterator", "None", "Ok", "Option", "Result", "Self", "Some", "String", "Vec", "drop", "core",
+    "std", "eplat", "D", "_", "as", "break", "const", "continue", "crate", "dyn", "else", "false",
+    "fn", "for", "if", "impl", "in", "let", "loop", "match", "move", "mut", "ref", "return",
+    "self", "static", "super", "true", "type", "unsafe", "use", "where", "while",
+];
+
+/// The right-hand side of an effect.
+#[derive(Clone, Copy, Debug)]
+pub struct Shape {
+    /// Its name.
+    pub name: &'static str,
+    /// How many columns it takes; `None` for one or more.
+    pub columns: Option<usize>,
+    /// How many numbers stand behind them.
+    pub numbers: usize,
+    /// How it is written.
+    pub written: &'static str,
+}
+
+const fn shape(
+    name: &'static str,
+    columns: Option<usize>,
+    numbers: usize,
+    written: &'static str,
+) -> Shape {
+    Shape { name, columns, numbers, written }
+}
+
+/// The forms of effects that ship.
+pub const FORMS: &[Shape] = &[
+    shape("linear", None, 0, "linear(row.a, row.b)"),
+    shape("scaled", Some(1), 2, "scaled(row.a, CENTRE, SCALE)"),
+    shape("smooth", Some(1), 3, "smooth(row.a, LOW, HIGH, DEGREE)"),
+    shape("above", Some(1), 1, "above(row.a, THRESHOLD)"),
+    shape("logistic", Some(1), 2, "logistic(row.a, CENTRE, SCALE)"),
+    shape("group", Some(1), 0, "group(row.a)"),
+    shape("family", Some(1), 0, "family(row.a)"),
+    shape("all", Some(0), 0, "all(row)"),
+    shape("surface", Some(0), 2, "surface(row, MODES, LENGTHSCALE)"),
+    shape("path", Some(0), 2, "path(row, MODES, LENGTHSCALE)"),
+];
+
+/// The words of which this holds, as a list to read.
+pub(crate) fn listed(is_one: impl Fn(&Word) -> bool) -> String {
+    let names: Vec<&str> = WORDS.iter().filter(|word| is_one(word)).map(|word| word.name).collect();
+    match &names[..] {
+        [all @ .., last] if !all.is_empty() => format!("{} or {last}", all.join(", ")),
+        names => names.join(""),
+    }
+}
 
 /// The word of this name.
 pub fn find(name: &str) -> Option<&'static Word> {

@@ -2,7 +2,7 @@
 //! implementation of a trait of one function and a call of the builder.
 
 use eplat_language::names::columns_of;
-use eplat_language::print::text;
+use eplat_language::print as text;
 use eplat_language::syntax::{
     Column, Density, Effect, Expr, Field, Hyper, Ident, Item, Let, Model, Observe, Over, Param,
     Prior, Range, Unit, Value,

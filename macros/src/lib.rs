@@ -12,7 +12,14 @@ pub fn model(input: TokenStream) -> TokenStream {
     let input = proc_macro2::TokenStream::from(input);
     let source = input.to_string();
     let expanded = match eplat_language::parse(input) {
-        Ok(model) => expand::model(&model, &source),
+        Ok(model) => {
+            let mistakes = eplat_language::check(&model);
+            if mistakes.is_empty() {
+                expand::model(&model, &source)
+            } else {
+                mistakes.iter().map(error).collect()
+            }
+        }
         Err(mistake) => error(&mistake),
     };
     expanded.into()

@@ -16,7 +16,6 @@ pub use next::{Lesson, Minutes, lessons};
 pub use score::{INTERVALS, agree, coverage, rms_error, thinned};
 pub use truth::{TRUTH_MODES, Truth, conduction, repaired};
 
-
 use crate::manifold::{Basis, maximin};
 use crate::mesh::TriMesh;
 use crate::model::Declare;

@@ -1,8 +1,42 @@
 //! A model as equations: what `eplat show` prints and the report's first page holds.
 
 use super::model::Model;
+use crate::dist::Support;
+
+impl Model {
+    /// The syntax tree of the model, with what was added to it.
+    ///
+    /// # Errors
+    /// A text that is no model; that of [`Model::source`] was compiled.
+    pub fn syntax(&self) -> Result<eplat_language::syntax::Model, eplat_language::Mistake> {
+        let mut tree = eplat_language::parse_text(&self.source)?;
+        if let Some((share, sd)) = self.outliers {
+            tree.add_outliers(share, sd);
+        }
+        Ok(tree)
+    }
+}
 
 /// The model as equations, with parameters, units and supports.
 pub fn equations(model: &Model) -> String {
-    model.source.clone()
+    let support = |name: &str| {
+        let parameter = model.parameters.iter().find(|p| p.name == name)?;
+        Some(words(parameter.support))
+    };
+    match model.syntax() {
+        Ok(tree) => eplat_language::equations(&tree, &support),
+        Err(mistake) => mistake.message,
+    }
+}
+
+fn words(support: Support) -> String {
+    match support {
+        Support::Real => "real".into(),
+        Support::Positive => "positive".into(),
+        Support::Interval(a, b) => format!("in ({a}, {b})"),
+        Support::Between => "between its bounds".into(),
+        Support::Simplex => "positive, sum 1".into(),
+        Support::Ordered => "increasing".into(),
+        Support::Described(words) => words.into(),
+    }
 }

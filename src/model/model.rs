@@ -165,6 +165,8 @@ pub struct Model {
     pub(super) offsets: Vec<Range<usize>>,
     /// First offset of (observe, field or let).
     pub(super) hooks: BTreeMap<(&'static str, &'static str), usize>,
+    /// Share and sd of outliers that were added to every `observe`.
+    pub(super) outliers: Option<(f64, f64)>,
     /// Values that are known: the filled cells of columns with a prior.
     pub(super) constants: Vec<(usize, f64)>,
     /// Unknowns whose starting value is the middle of a declared range.
@@ -234,6 +236,7 @@ impl Model {
             offsets: vec![],
             hooks: BTreeMap::new(),
             constants: vec![],
+            outliers: None,
             start: vec![],
             layout: [0; 3],
             effect_modes: 0,

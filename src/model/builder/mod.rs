@@ -166,6 +166,7 @@ impl<'a> Builder<'a> {
     /// Lets this share of the measurements of every `observe` to come have a further error of this sd.
     pub(super) fn add_outliers(&mut self, share: f64, sd: f64) {
         self.outliers = Some((share, sd));
+        self.model.outliers = self.outliers;
     }
 
     fn values(&mut self, n: usize) -> usize {
