@@ -19,7 +19,7 @@ mod test_densities;
 mod tree;
 mod vector;
 
-pub use blocked::{Design, FieldLayout, Latent, LatentGaussian, Layout, Shape, sample_blocked};
+pub use blocked::{BlockLayout, Design, Latent, LatentGaussian, Layout, Shape, sample_blocked};
 pub use error::{ChainError, ChainFailure, InferError};
 pub use laplace::{Laplace, LaplaceDraws};
 pub use optimise::{Optimum, OptimumSettings, maximise};

@@ -103,8 +103,8 @@ impl LatentGaussian for Twin<'_> {
 }
 
 impl Latent for TwinLatent<'_> {
-    fn block(&mut self, position: &[f64], block: &mut [f64]) {
-        self.0.block(position, block);
+    fn coefficients(&mut self, position: &[f64], out: &mut [f64]) {
+        self.0.coefficients(position, out);
     }
     fn join(&mut self, outer: &[f64], block: &[f64], rng: &mut dyn Rng, at: &mut [f64]) -> f64 {
         let mut same = ChaCha8Rng::seed_from_u64(1);

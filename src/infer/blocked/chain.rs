@@ -27,14 +27,14 @@ const STEPS_EACH: usize = 2;
 /// Times both moves are made between two kept draws: hyperparameters are known by slow random steps,
 /// and a sweep costs less than keeping a draw is worth.
 const SWEEPS: usize = 3;
-/// Mean length of a trajectory of the whitened block alone, in units of its standard deviation.
+/// Mean length of a trajectory of the whitened coefficients alone, in units of its standard deviation.
 const TIME: f64 = 1.6;
 
 /// What a chain takes from one stage to the next.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub(super) struct Link {
     pub(super) outer: Vec<f64>,
-    pub(super) block: Vec<f64>,
+    pub(super) coefficients: Vec<f64>,
     /// Scale of each inner coordinate.
     pub(super) scale: Vec<f64>,
     pub(super) step_size: f64,
@@ -95,7 +95,7 @@ pub(super) struct Run<'a> {
     ln_length: f64,
     reporter: Reporter<'a>,
     keeper: Keeper<'a>,
-    /// Whether the whitened block is all there is to move inside.
+    /// Whether the whitened coefficients is all there is to move inside.
     is_standard: bool,
     present: Vec<f64>,
     proposed: Vec<f64>,
@@ -114,7 +114,7 @@ impl<'a> Run<'a> {
     ) -> Result<Self, ChainError> {
         let Common { density, settings, .. } = common;
         let no_support = || {
-            let position = [&link.outer[..], &link.block].concat();
+            let position = [&link.outer[..], &link.coefficients].concat();
             let failure =
                 if common.stage == 0 { ChainFailure::NoSupport } else { ChainFailure::RanAway };
             error(common, chain, Phase::Warmup, common.before, position, failure)
@@ -124,7 +124,7 @@ impl<'a> Run<'a> {
         let conditional = Conditional::new(density.latent(), layout, common.stand_in, outer);
         let conditional = conditional.ok_or_else(no_support)?;
         let position = kept.as_ref().map_or_else(
-            || conditional.position(&link.block),
+            || conditional.position(&link.coefficients),
             |kept| kept.nuts.position().to_vec(),
         );
         let shared = Rc::new(RefCell::new(conditional));
@@ -224,7 +224,7 @@ impl<'a> Run<'a> {
         };
         let mut conditional = self.shared.borrow_mut();
         Link {
-            block: conditional.block(&self.nuts.point.position).to_vec(),
+            coefficients: conditional.coefficients(&self.nuts.point.position).to_vec(),
             outer: conditional.outer.clone(),
             scale,
             step_size,
@@ -297,7 +297,7 @@ impl<'a> Run<'a> {
         }
     }
 
-    /// The whitened block alone is nearly standard normal: a quarter of a period is a fresh draw, at
+    /// The whitened coefficients alone is nearly standard normal: a quarter of a period is a fresh draw, at
     /// half the price of the period that NUTS needs to see a U-turn.
     fn move_inner(&mut self, step_size: f64) -> Transition {
         if self.is_standard {

@@ -1,6 +1,6 @@
 //! The two conditionals that the sampler alternates between, at one state of a chain.
 //!
-//! *Inner*: whitened block z and free outer unknowns given the hyperparameters, a density for NUTS
+//! *Inner*: whitened coefficients z and free outer unknowns given the hyperparameters, a density for NUTS
 //! whose U is fixed, so that no derivative goes through the Cholesky factor. *Hyper*: the
 //! hyperparameters given z and the rest, one factor and one likelihood per value.
 
@@ -57,7 +57,7 @@ impl<'d> Conditional<'d> {
             ln_prior: 0.0,
             trial_outer: outer.to_vec(),
             n_trials: 0,
-            w: vec![0.0; layout.n_block()],
+            w: vec![0.0; layout.n_coefficients()],
             theta: vec![0.0; n_latent],
             slope: vec![0.0; n_latent],
             outer_bar: vec![0.0; outer.len()],
@@ -72,16 +72,16 @@ impl<'d> Conditional<'d> {
     }
 
     /// The inner position of these coefficients at the present outer unknowns.
-    pub(super) fn position(&self, block: &[f64]) -> Vec<f64> {
-        let mut z = vec![0.0; block.len()];
-        self.whitening.whitened(block, &mut z);
+    pub(super) fn position(&self, coefficients: &[f64]) -> Vec<f64> {
+        let mut z = vec![0.0; coefficients.len()];
+        self.whitening.whitened(coefficients, &mut z);
         z.extend(self.free.iter().map(|i| self.outer[*i]));
         z
     }
 
     /// The coefficients at an inner position.
-    pub(super) fn block(&mut self, position: &[f64]) -> &[f64] {
-        self.whitening.block(&position[..self.w.len()], &mut self.w);
+    pub(super) fn coefficients(&mut self, position: &[f64]) -> &[f64] {
+        self.whitening.coefficients(&position[..self.w.len()], &mut self.w);
         &self.w
     }
 
@@ -130,7 +130,7 @@ impl<'d> Conditional<'d> {
         if !ln_prior.is_finite() || !self.trial.prepare(self.stand_in) {
             return None;
         }
-        self.trial.block(z, &mut self.w);
+        self.trial.coefficients(z, &mut self.w);
         self.trial.latent(&self.w, &mut self.theta);
         let likelihood = self.latent.ln_likelihood(&self.theta);
         let value = ln_prior + likelihood + self.stand_in_quadratic() + self.trial.ln_evidence
@@ -165,7 +165,7 @@ impl<'d> Conditional<'d> {
     /// The density's own position for an inner one, and its log density there.
     pub(super) fn join(&mut self, position: &[f64], rng: &mut dyn Rng, out: &mut [f64]) -> f64 {
         let n = self.w.len();
-        self.whitening.block(&position[..n], &mut self.w);
+        self.whitening.coefficients(&position[..n], &mut self.w);
         self.trial_outer.copy_from_slice(&self.outer);
         for (i, x) in self.free.iter().zip(&position[n..]) {
             self.trial_outer[*i] = *x;

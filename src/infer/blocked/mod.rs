@@ -1,13 +1,14 @@
-//! The blocked sampler: for densities with a block of Gaussian coefficients seen through few values.
+//! The blocked sampler: for densities with many Gaussian coefficients that the likelihood sees
+//! through few values.
 //!
-//! Two alternating moves, both exact for any stand-in ([`whiten`]): the whitened block and the free
+//! Two alternating moves, both exact for any stand-in ([`whiten`]): the whitened coefficients and the free
 //! unknowns by NUTS given the hyperparameters; the hyperparameters by Metropolis given the whitened
-//! block. The funnel between a field's amplitude or lengthscale and its coefficients is gone,
-//! because the whitened block hardly depends on them.
+//! coefficients. The funnel between the hyperparameters of a block and its coefficients is gone,
+//! because the whitened coefficients hardly depend on them.
 //!
 //! Warm-up has stages. At the end of each but the last, the stand-in and the hyperparameters'
 //! proposal are fitted anew to the draws of all chains; while sampling, nothing changes.
-//! Knows nothing of fields' kernels, meshes or models: only [`LatentGaussian`].
+//! Knows nothing of fields, kernels, meshes or models: only [`LatentGaussian`].
 
 mod chain;
 mod conditional;
@@ -18,7 +19,7 @@ mod stand_in;
 mod warmup;
 mod whiten;
 
-pub use latent::{Design, FieldLayout, Latent, LatentGaussian, Layout, Shape};
+pub use latent::{BlockLayout, Design, Latent, LatentGaussian, Layout, Shape};
 
 use super::sample::{check_starts, thread_pool};
 use super::{ChainResult, InferError, Progress, Settings};

@@ -83,8 +83,8 @@ fn is_stopped(chained: &Chained) -> bool {
 /// from is not known, so that a state of it must not be kept. Resumed, they go through the stage again.
 fn stop_all(links: &mut [Chained], settings: &Settings, iteration: usize) {
     for (chain, link) in links.iter_mut().enumerate() {
-        if let Ok(Link { outer, block, .. }) = link {
-            let (position, seed) = ([&outer[..], block].concat(), settings.seed);
+        if let Ok(Link { outer, coefficients, .. }) = link {
+            let (position, seed) = ([&outer[..], coefficients].concat(), settings.seed);
             let (phase, failure) = (Phase::Warmup, ChainFailure::Stopped);
             *link = Err(ChainError { chain, seed, phase, iteration, position, failure });
         }
@@ -155,14 +155,14 @@ fn link(density: &dyn LatentGaussian, start: &[f64]) -> Link {
     let layout = density.layout();
     let mut link = Link {
         outer: layout.outer_of(start),
-        block: vec![0.0; layout.n_block()],
-        scale: vec![1.0; layout.n_block() + layout.free().len()],
+        coefficients: vec![0.0; layout.n_coefficients()],
+        scale: vec![1.0; layout.n_coefficients() + layout.free().len()],
         step_size: 1.0,
         ln_length: 0.0,
         n_grad: 0,
         seconds: 0.0,
     };
-    density.latent().block(start, &mut link.block);
+    density.latent().coefficients(start, &mut link.coefficients);
     link
 }
 
@@ -176,7 +176,7 @@ fn first_stand_in(density: &dyn LatentGaussian, links: &[Chained], seed: u64) ->
     let mut latent = density.latent();
     let mut stand_in = StandIn::new(layout);
     let mut whitening = Whitening::new(layout);
-    let (mut z, mut w) = (vec![0.0; layout.n_block()], vec![0.0; layout.n_block()]);
+    let (mut z, mut w) = (vec![0.0; layout.n_coefficients()], vec![0.0; layout.n_coefficients()]);
     for pass in 0..PASSES {
         let mut samples = vec![];
         for link in links.iter().flatten() {
@@ -187,9 +187,9 @@ fn first_stand_in(density: &dyn LatentGaussian, links: &[Chained], seed: u64) ->
             for _ in 0..PER_CHAIN {
                 z.fill_with(|| rng.sample(StandardNormal));
                 if pass == 0 {
-                    spread(&link.block, &z, &mut w);
+                    spread(&link.coefficients, &z, &mut w);
                 } else {
-                    whitening.block(&z, &mut w);
+                    whitening.coefficients(&z, &mut w);
                 }
                 let mut theta = vec![0.0; layout.n_latent()];
                 let mut slope = theta.clone();
@@ -206,8 +206,8 @@ fn first_stand_in(density: &dyn LatentGaussian, links: &[Chained], seed: u64) ->
 }
 
 /// Coefficients near a start, a twentieth of a prior standard deviation about it.
-fn spread(block: &[f64], z: &[f64], w: &mut [f64]) {
-    for ((w, z), start) in w.iter_mut().zip(z).zip(block) {
+fn spread(coefficients: &[f64], z: &[f64], w: &mut [f64]) {
+    for ((w, z), start) in w.iter_mut().zip(z).zip(coefficients) {
         *w = start + z / 20.0;
     }
 }
