@@ -9,7 +9,7 @@
 //!
 //! Knows nothing of trees or of adaptation.
 
-use super::Evaluator;
+use super::density::Evaluator;
 use super::vector::{add_scaled, dot};
 use serde::{Deserialize, Serialize};
 
@@ -109,15 +109,15 @@ impl PhasePoint {
 }
 
 /// A density's evaluator with a metric: what moves a [`PhasePoint`].
-pub(super) struct Hamiltonian<'a> {
-    evaluator: Box<dyn Evaluator + 'a>,
+pub(super) struct Hamiltonian<E> {
+    pub(super) evaluator: E,
     pub(super) metric: Metric,
     /// Density evaluations so far.
     pub(super) n_evaluations: u64,
 }
 
-impl<'a> Hamiltonian<'a> {
-    pub(super) fn new(evaluator: Box<dyn Evaluator + 'a>, metric: Metric) -> Self {
+impl<E: Evaluator> Hamiltonian<E> {
+    pub(super) fn new(evaluator: E, metric: Metric) -> Self {
         Self { evaluator, metric, n_evaluations: 0 }
     }
 
@@ -144,7 +144,7 @@ impl<'a> Hamiltonian<'a> {
 
 #[cfg(test)]
 mod tests {
-    use super::super::LogDensity;
+    use super::super::density::LogDensity;
     use super::super::test_densities::{FnDensity, banana};
     use super::*;
 
@@ -152,7 +152,7 @@ mod tests {
         [Metric::Diagonal(vec![0.7, 1.9]), Metric::Dense(vec![0.7, 0.0, -0.4, 1.9])]
     }
 
-    fn start(hamiltonian: &mut Hamiltonian) -> PhasePoint {
+    fn start(hamiltonian: &mut Hamiltonian<impl Evaluator>) -> PhasePoint {
         let mut point = PhasePoint::new(2);
         point.position = vec![0.3, -0.8];
         point.momentum = vec![0.9, -1.3];

@@ -6,10 +6,13 @@
 //! # Source
 //! Tierney & Kadane 1986, "Accurate approximations for posterior moments and marginal densities".
 
-use super::adapt::conditional_scales;
+use super::curvature::conditional_scales;
+use super::density::{Evaluator, LogDensity};
+use super::draws::Chain;
+use super::error::InferError;
 use super::optimise::Optimum;
 use super::sample::thread_pool;
-use super::{Chain, Evaluator, InferError, LogDensity, Settings};
+use super::settings::Settings;
 use crate::random::Stream;
 use nalgebra::linalg::{Cholesky, SymmetricEigen};
 use nalgebra::{DMatrix, DVector, Dyn};

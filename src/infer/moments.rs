@@ -1,12 +1,12 @@
 //! Running moments of draws and gradients, and the metrics made from them.
 
-use super::LogDensity;
+use super::density::LogDensity;
 use faer::{Mat, Side};
 use serde::{Deserialize, Serialize};
 
 /// Running means and second moments of positions and gradients (Welford).
 #[derive(Clone, Debug, Serialize, Deserialize)]
-pub(super) struct Moments {
+pub(super) struct DrawMoments {
     n: usize,
     position: Welford,
     gradient: Welford,
@@ -14,7 +14,7 @@ pub(super) struct Moments {
     products: Option<Vec<f64>>,
 }
 
-impl Moments {
+impl DrawMoments {
     pub(super) fn new(dim: usize, dense: bool) -> Self {
         let products = dense.then(|| vec![0.0; dim * dim]);
         Self { n: 0, position: Welford::new(dim), gradient: Welford::new(dim), products }
@@ -129,7 +129,7 @@ mod tests {
     fn fisher_scales_of_normal_draws_are_exact_whatever_the_draws() {
         // For a normal the gradient is −q/sd², so any set of draws gives sd exactly.
         let sd = [1e-3, 1.0, 250.0];
-        let mut moments = Moments::new(3, false);
+        let mut moments = DrawMoments::new(3, false);
         for k in 0..5 {
             let q: Vec<f64> = sd.iter().map(|s| s * f64::from(k * k % 7)).collect();
             let g: Vec<f64> = q.iter().zip(&sd).map(|(q, s)| -q / (s * s)).collect();
@@ -142,7 +142,7 @@ mod tests {
 
     #[test]
     fn equal_draws_leave_the_scale_alone() {
-        let mut moments = Moments::new(1, false);
+        let mut moments = DrawMoments::new(1, false);
         (0..4).for_each(|_| moments.add(&[2.0], &[1.0]));
         let mut scale = vec![9.0];
         moments.fisher_scales(&mut scale);
@@ -151,7 +151,7 @@ mod tests {
 
     #[test]
     fn covariance_factor_matches_a_hand_computed_one() {
-        let mut moments = Moments::new(2, true);
+        let mut moments = DrawMoments::new(2, true);
         for q in [[0.0, 0.0], [2.0, 1.0], [4.0, 5.0]] {
             moments.add(&q, &[0.0, 0.0]);
         }

@@ -5,8 +5,9 @@
 //! # Source
 //! Nocedal & Wright 2006, algorithms 7.4 (two-loop recursion), 3.5 and 3.6 (line search).
 
+use super::density::{Evaluator, LogDensity};
+use super::error::InferError;
 use super::vector::{add_scaled, dot};
-use super::{Evaluator, InferError, LogDensity};
 use std::collections::VecDeque;
 
 /// When to stop climbing.

@@ -5,20 +5,20 @@
 //! hyperparameters given z and the rest, one factor and one likelihood per value.
 
 use super::latent::{Latent, Layout};
-use super::stand_in::{Sample, StandIn};
+use super::meeting::Shared;
+use super::stand_in::Sample;
 use super::whiten::Whitening;
-use crate::infer::Evaluator;
+use crate::infer::density::Evaluator;
 use crate::infer::vector::dot;
 use rand::Rng;
-use std::cell::RefCell;
 use std::mem;
-use std::rc::Rc;
+use std::sync::Arc;
 
 /// A chain's state with the memory to evaluate both conditionals.
 pub(super) struct Conditional<'d> {
     latent: Box<dyn Latent + 'd>,
     layout: &'d Layout,
-    stand_in: &'d StandIn,
+    shared: Arc<Shared>,
     /// Outer unknowns that are no hyperparameters.
     free: Vec<usize>,
     pub(super) outer: Vec<f64>,
@@ -41,7 +41,7 @@ impl<'d> Conditional<'d> {
     pub(super) fn new(
         latent: Box<dyn Latent + 'd>,
         layout: &'d Layout,
-        stand_in: &'d StandIn,
+        shared: Arc<Shared>,
         outer: &[f64],
     ) -> Option<Self> {
         let whitening = Whitening::new(layout);
@@ -49,7 +49,7 @@ impl<'d> Conditional<'d> {
         let mut new = Self {
             latent,
             layout,
-            stand_in,
+            shared,
             free: layout.free(),
             outer: outer.to_vec(),
             trial: whitening.clone(),
@@ -64,7 +64,7 @@ impl<'d> Conditional<'d> {
             scratch: vec![0.0; n_latent],
         };
         new.ln_prior = new.latent.set_outer(&new.outer, &mut new.whitening.design);
-        if !new.ln_prior.is_finite() || !new.whitening.prepare(stand_in) {
+        if !new.ln_prior.is_finite() || !new.whitening.prepare(&new.shared.stand_in) {
             return None;
         }
         new.whitening.set_basis();
@@ -83,6 +83,11 @@ impl<'d> Conditional<'d> {
     pub(super) fn coefficients(&mut self, position: &[f64]) -> &[f64] {
         self.whitening.coefficients(&position[..self.w.len()], &mut self.w);
         &self.w
+    }
+
+    /// Whether the whitened coefficients are all there is to move inside.
+    pub(super) fn is_standard(&self) -> bool {
+        self.free.is_empty()
     }
 
     /// Whether there are hyperparameters to move.
@@ -127,7 +132,7 @@ impl<'d> Conditional<'d> {
     fn try_outer(&mut self, z: &[f64]) -> Option<(f64, f64)> {
         let ln_prior = self.latent.set_outer(&self.trial_outer, &mut self.trial.design);
         self.n_trials += 1;
-        if !ln_prior.is_finite() || !self.trial.prepare(self.stand_in) {
+        if !ln_prior.is_finite() || !self.trial.prepare(&self.shared.stand_in) {
             return None;
         }
         self.trial.coefficients(z, &mut self.w);
@@ -140,11 +145,12 @@ impl<'d> Conditional<'d> {
 
     /// ½ (θ − y)ᵀW(θ − y), and adds W(θ − y) to the slope.
     fn stand_in_quadratic(&mut self) -> f64 {
-        for ((d, theta), y) in self.scratch.iter_mut().zip(&self.theta).zip(self.stand_in.centre())
+        for ((d, theta), y) in
+            self.scratch.iter_mut().zip(&self.theta).zip(self.shared.stand_in.centre())
         {
             *d = theta - y;
         }
-        self.stand_in.add_product(&self.scratch, &mut self.slope)
+        self.shared.stand_in.add_product(&self.scratch, &mut self.slope)
     }
 
     /// After hyperparameter moves and before the next inner one.
@@ -206,11 +212,9 @@ impl<'d> Conditional<'d> {
     }
 }
 
-/// The inner conditional as NUTS sees it, sharing its state with the chain that moves the rest.
-pub(super) struct Inner<'d>(pub(super) Rc<RefCell<Conditional<'d>>>);
-
-impl Evaluator for Inner<'_> {
+impl Evaluator for Conditional<'_> {
+    /// The inner conditional.
     fn ln_density(&mut self, position: &[f64], gradient: &mut [f64]) -> f64 {
-        self.0.borrow_mut().inner(position, gradient)
+        self.inner(position, gradient)
     }
 }

@@ -1,7 +1,7 @@
 //! What the blocked sampler asks of a density: blocks of correlated Gaussian latent values, made
 //! from coefficients that the likelihood sees through these values alone.
 
-use crate::infer::LogDensity;
+use crate::infer::density::LogDensity;
 use rand::Rng;
 
 /// A density whose unknowns are the coefficients w of some blocks, and *outer* unknowns.
@@ -128,7 +128,7 @@ impl Design {
 }
 
 /// Evaluates a [`LatentGaussian`]; holds scratch memory.
-pub trait Latent {
+pub trait Latent: Send {
     /// Writes the coefficients of all blocks at a position `(dim)`.
     fn coefficients(&mut self, position: &[f64], coefficients: &mut [f64]);
 
