@@ -8,7 +8,7 @@ use super::density::Evaluator;
 use super::draws::Transition;
 use super::hamiltonian::{Hamiltonian, Metric, PhasePoint};
 use super::tree::{self, Direction, Stop, Subtree, Trajectory, Workspace};
-use super::vector::{add_scaled, dots_with_sum};
+use crate::num::vector::{axpy, dots_with_sum};
 use rand::{Rng, RngExt};
 use rand_chacha::ChaCha8Rng;
 use rand_distr::StandardNormal;
@@ -322,7 +322,7 @@ impl<E: Evaluator> Trajectory for Flow<E> {
         let turning = turns(&span.first, &next.last, &span.sum, &next.sum)
             || turns(&span.first, &next.first, &span.sum, &next.first)
             || turns(&span.last, &next.last, &span.last, &next.sum);
-        add_scaled(&mut span.sum, 1.0, &next.sum);
+        axpy(1.0, &next.sum, &mut span.sum);
         span.last.copy_from_slice(&next.last);
         turning
     }

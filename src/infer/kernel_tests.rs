@@ -36,7 +36,7 @@ impl Trajectory for Twin<'_> {
                 undone.copy_from(edge);
                 let sign = if direction == Direction::Forward { -0.5 } else { 0.5 };
                 // Metrics here are the identity: the force is the gradient.
-                add_scaled(&mut edge.momentum, sign * self.0.step_size, &undone.gradient);
+                axpy(sign * self.0.step_size, &undone.gradient, &mut edge.momentum);
                 Some(self.0.energy - edge.energy())
             }
             Fault::NoPotential => Some(ln_weight - edge.ln_density + before),

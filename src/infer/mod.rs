@@ -63,7 +63,6 @@ mod start;
 #[cfg(test)]
 mod test_densities;
 mod tree;
-mod vector;
 mod warmup;
 
 pub use blocked::{

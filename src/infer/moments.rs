@@ -1,15 +1,16 @@
 //! Running moments of draws and gradients, and the metrics made from them.
 
 use super::density::LogDensity;
+use crate::num::Moments;
 use faer::{Mat, Side};
 use serde::{Deserialize, Serialize};
 
-/// Running means and second moments of positions and gradients (Welford).
+/// Running means and second moments of positions and gradients.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub(super) struct DrawMoments {
     n: usize,
-    position: Welford,
-    gradient: Welford,
+    position: Moments,
+    gradient: Moments,
     /// Σ (q − mean)(q − mean)ᵀ, row-major, if a dense metric is wanted.
     products: Option<Vec<f64>>,
 }
@@ -17,7 +18,7 @@ pub(super) struct DrawMoments {
 impl DrawMoments {
     pub(super) fn new(dim: usize, dense: bool) -> Self {
         let products = dense.then(|| vec![0.0; dim * dim]);
-        Self { n: 0, position: Welford::new(dim), gradient: Welford::new(dim), products }
+        Self { n: 0, position: Moments::new(dim), gradient: Moments::new(dim), products }
     }
 
     /// Of these draws, each `(dim)`, as far as `density` supports them.
@@ -50,16 +51,21 @@ impl DrawMoments {
         let n = self.n as f64;
         if let Some(products) = &mut self.products {
             let dim = position.len();
-            let change: Vec<f64> =
-                position.iter().zip(&self.position.mean).map(|(q, mean)| q - mean).collect();
+            // of the draws before, the first of which changes nothing
+            let mean = self.position.means();
+            let change: Vec<f64> = position
+                .iter()
+                .zip(mean)
+                .map(|(q, mean)| if n > 1.0 { q - mean } else { 0.0 })
+                .collect();
             for (row, a) in products.chunks_exact_mut(dim).zip(&change) {
                 for (sum, b) in row.iter_mut().zip(&change) {
                     *sum += a * b * (n - 1.0) / n;
                 }
             }
         }
-        self.position.add(position, n);
-        self.gradient.add(gradient, n);
+        self.position.add(position.iter().copied());
+        self.gradient.add(gradient.iter().copied());
     }
 
     /// Writes scale = (var q / var ∇)^¼ per coordinate: for a normal, its standard deviation.
@@ -67,7 +73,7 @@ impl DrawMoments {
     /// The minimiser of the Fisher divergence over diagonal metrics.  A coordinate whose variances
     /// are not usable (all draws equal, overflow) keeps its scale.
     pub(super) fn fisher_scales(&self, scale: &mut [f64]) {
-        let variances = self.position.squares.iter().zip(&self.gradient.squares);
+        let variances = self.position.squares().iter().zip(self.gradient.squares());
         for (scale, (position, gradient)) in scale.iter_mut().zip(variances) {
             let fisher = (position / gradient).sqrt().sqrt();
             if fisher.is_finite() && (1e-10..1e10).contains(&fisher) {
@@ -80,7 +86,7 @@ impl DrawMoments {
     /// `None` if it is not positive definite or was not asked for.
     pub(super) fn shrunk_covariance_factor(&self) -> Option<Vec<f64>> {
         let products = self.products.as_ref()?;
-        let dim = self.position.mean.len();
+        let dim = self.position.counts().len();
         let n = self.n as f64;
         let keep = n / (n + dim as f64);
         let covariance = Mat::from_fn(dim, dim, |i, j| {
@@ -92,32 +98,6 @@ impl DrawMoments {
         let entry = |k: usize| if k % dim <= k / dim { lower[(k / dim, k % dim)] } else { 0.0 };
         let entries: Vec<f64> = (0..dim * dim).map(entry).collect();
         entries.iter().all(|x| x.is_finite()).then_some(entries)
-    }
-}
-
-/// Mean and sum of squared deviations of each coordinate.
-#[derive(Clone, Debug, Serialize, Deserialize)]
-struct Welford {
-    mean: Vec<f64>,
-    squares: Vec<f64>,
-}
-
-impl Welford {
-    fn new(dim: usize) -> Self {
-        Self { mean: vec![0.0; dim], squares: vec![0.0; dim] }
-    }
-
-    fn clear(&mut self) {
-        self.mean.fill(0.0);
-        self.squares.fill(0.0);
-    }
-
-    fn add(&mut self, x: &[f64], n: f64) {
-        for ((x, mean), squares) in x.iter().zip(&mut self.mean).zip(&mut self.squares) {
-            let change = x - *mean;
-            *mean += change / n;
-            *squares += change * (x - *mean);
-        }
     }
 }
 

@@ -1,6 +1,6 @@
 use super::super::progress::{ChainProgress, Phase, Silent};
-use super::super::{ChainFailure, MarkovChain, Stage};
 use super::super::test_densities::{FnDensity, funnel, normal};
+use super::super::{ChainFailure, MarkovChain, Stage};
 use super::*;
 use std::sync::Mutex;
 

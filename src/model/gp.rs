@@ -16,8 +16,9 @@ use pulp::{Arch, NullaryFnOnce};
 
 use super::scalar::Scalar;
 use super::scope::Local;
-use super::tape::{Op, Tape, add_rows, dot, sum};
+use super::tape::{Op, Tape, add_rows, sum};
 use crate::field::Kernel;
+use crate::num::vector::dot;
 use crate::num::{Dual, LN_SQRT_2PI, Real, derivatives};
 
 /// A kernel as a function of the names in its scope.
@@ -58,7 +59,7 @@ impl<F: KernelFn, const N: usize, const W: usize> Spectrum for SpectrumAt<F, N, 
     }
 
     fn pull(&self, bar: &[f64], dc: &[f64], g: &mut [f64]) {
-        let e = std::array::from_fn(|j| dot(bar, &dc[j * bar.len()..][..bar.len()]));
+        let e = std::array::from_fn(|j| dot::<8>(bar, &dc[j * bar.len()..][..bar.len()]));
         self.local.scatter_array(&e, g);
     }
 

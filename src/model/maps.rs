@@ -6,9 +6,10 @@ use super::error::ModelError;
 use super::lets::ReadCell;
 use super::model::Model;
 use super::rows::Columns;
-use super::tape::{Tape, dot};
+use super::tape::Tape;
 use crate::manifold::Basis;
 use crate::num::Real;
+use crate::num::vector::dot;
 
 /// A `let` as a function of a row's scalars and columns.
 pub trait LetFn: Send + Sync + std::fmt::Debug {
@@ -283,7 +284,7 @@ impl<'m> Maps<'m> {
             for ((x, (mean, w)), entry) in
                 fields.iter_mut().zip(&draw.fields).zip(&self.model.fields)
             {
-                *x = mean + dot(w, &phi[entry.first..entry.first + w.len()]);
+                *x = mean + dot::<8>(w, &phi[entry.first..entry.first + w.len()]);
             }
             self.derived(&draw.v, fields, &mut scratch, lets);
             take(&values);

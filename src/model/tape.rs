@@ -4,6 +4,7 @@ use pulp::{Arch, NullaryFnOnce};
 use rand::Rng;
 
 use crate::dist::Gaussian;
+use crate::num::vector::axpy;
 
 /// The memory of one evaluation; one per thread.
 #[derive(Clone, Debug)]
@@ -42,21 +43,6 @@ pub(super) trait Op: Send + Sync + std::fmt::Debug {
     fn backward(&self, t: &mut Tape);
 }
 
-/// Eight partial sums, so that the compiler may use vector registers.
-#[inline]
-pub(super) fn dot(a: &[f64], b: &[f64]) -> f64 {
-    let (a8, a_rest) = a.as_chunks::<8>();
-    let (b8, b_rest) = b.as_chunks::<8>();
-    let mut s = [0.0; 8];
-    for (a, b) in a8.iter().zip(b8) {
-        for i in 0..8 {
-            s[i] += a[i] * b[i];
-        }
-    }
-    let rest: f64 = a_rest.iter().zip(b_rest).map(|(a, b)| a * b).sum();
-    ((s[0] + s[4]) + (s[1] + s[5])) + ((s[2] + s[6]) + (s[3] + s[7])) + rest
-}
-
 /// In four partial sums.
 #[inline]
 pub(super) fn sum(a: &[f64]) -> f64 {
@@ -68,14 +54,6 @@ pub(super) fn sum(a: &[f64]) -> f64 {
         }
     }
     (s[0] + s[1]) + (s[2] + s[3]) + rest.iter().sum::<f64>()
-}
-
-/// `y += a x`
-#[inline(always)]
-pub(super) fn axpy(a: f64, x: &[f64], y: &mut [f64]) {
-    for (y, x) in y.iter_mut().zip(x) {
-        *y += a * x;
-    }
 }
 
 /// `y += Σ_i x_i row_i` over the rows of a matrix, each as long as `y`.

@@ -5,6 +5,7 @@ use super::Sampling;
 use super::predictions::thinned;
 use crate::diagnostics::quantile;
 use crate::model::{AddedEffect, Form};
+use crate::num::vector::dot;
 
 /// The size of an effect.
 pub(super) struct Size {
@@ -23,7 +24,7 @@ impl Size {
             Form::Smooth { column, .. } => {
                 let (design, n) = effect.form.design(&inputs.measurements);
                 let range = |draw: &Vec<f64>| {
-                    let curve = design.chunks_exact(n).map(|z| dot(z, draw));
+                    let curve = design.chunks_exact(n).map(|z| dot::<1>(z, draw));
                     let ends = curve.fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), y| {
                         (low.min(y), high.max(y))
                     });
@@ -53,7 +54,7 @@ impl Size {
             Form::Surface { .. } | Form::Path { .. } => {
                 let (design, n) = effect.form.design(&inputs.measurements);
                 let of_rows = |draw: &Vec<f64>| {
-                    sd(&design.chunks_exact(n).map(|z| dot(z, draw)).collect::<Vec<f64>>())
+                    sd(&design.chunks_exact(n).map(|z| dot::<1>(z, draw)).collect::<Vec<f64>>())
                 };
                 (draws.iter().map(of_rows).collect(), "sd over the measurements".into())
             }
@@ -92,8 +93,4 @@ fn sd(x: &[f64]) -> f64 {
     let n = x.len() as f64;
     let mean = x.iter().sum::<f64>() / n;
     (x.iter().map(|x| (x - mean).powi(2)).sum::<f64>() / n).sqrt()
-}
-
-fn dot(a: &[f64], b: &[f64]) -> f64 {
-    a.iter().zip(b).map(|(a, b)| a * b).sum()
 }

@@ -9,7 +9,7 @@ use super::meeting::Shared;
 use super::stand_in::Sample;
 use super::whiten::Whitening;
 use crate::infer::density::Evaluator;
-use crate::infer::vector::dot;
+use crate::num::vector::dot;
 use rand::Rng;
 use std::mem;
 use std::sync::Arc;
@@ -139,7 +139,7 @@ impl<'d> Conditional<'d> {
         self.trial.latent(&self.w, &mut self.theta);
         let likelihood = self.latent.ln_likelihood(&self.theta);
         let value = ln_prior + likelihood + self.stand_in_quadratic() + self.trial.ln_evidence
-            - 0.5 * dot(z, z);
+            - 0.5 * dot::<4>(z, z);
         (!value.is_nan()).then_some((value, ln_prior))
     }
 
@@ -208,7 +208,7 @@ impl<'d> Conditional<'d> {
         let quadratic = self.stand_in_quadratic();
         self.whitening.pull(&self.slope, z_bar);
         z_bar.iter_mut().zip(z).for_each(|(bar, z)| *bar -= z);
-        value + quadratic + self.whitening.ln_evidence - 0.5 * dot(z, z)
+        value + quadratic + self.whitening.ln_evidence - 0.5 * dot::<4>(z, z)
     }
 }
 

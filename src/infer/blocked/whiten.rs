@@ -13,7 +13,7 @@
 use super::factor::{Lanes, Upper, add_lanes, columns, lanes};
 use super::latent::{Design, Layout, Shape};
 use super::stand_in::StandIn;
-use crate::infer::vector::{add_scaled, dot};
+use crate::num::vector::{axpy, dot};
 use pulp::{Arch, NullaryFnOnce};
 
 /// The whitening at one value of the hyperparameters.
@@ -165,7 +165,7 @@ impl Whitening {
             let rows = &self.design.rows[f];
             let width = rows.len() / n;
             for (row, p) in rows.chunks_exact(width).zip(product) {
-                add_scaled(&mut moment[self.starts[f]..][..width], *p, row);
+                axpy(*p, row, &mut moment[self.starts[f]..][..width]);
             }
         }
         for (i, m) in moment.iter().enumerate() {
@@ -178,14 +178,14 @@ impl Whitening {
     pub(super) fn coefficients(&self, z: &[f64], w: &mut [f64]) {
         for i in (0..self.n).rev() {
             let row = self.upper.row(i);
-            w[i] = (self.upper.last(i) + z[i] - dot(&row[1..], &w[i + 1..])) / row[0];
+            w[i] = (self.upper.last(i) + z[i] - dot::<4>(&row[1..], &w[i + 1..])) / row[0];
         }
     }
 
     /// z = U w − s
     pub(super) fn whitened(&self, w: &[f64], z: &mut [f64]) {
         for (i, z) in z.iter_mut().enumerate() {
-            *z = dot(self.upper.row(i), &w[i..]) - self.upper.last(i);
+            *z = dot::<4>(self.upper.row(i), &w[i..]) - self.upper.last(i);
         }
     }
 
@@ -196,7 +196,7 @@ impl Whitening {
             let w = &w[self.starts[f]..][..width];
             let theta = &mut theta[f * self.n_seen..][..self.n_seen];
             for (theta, row) in theta.iter_mut().zip(self.design.rows[f].chunks_exact(width)) {
-                *theta = self.design.offset[f] + dot(row, w);
+                *theta = self.design.offset[f] + dot::<4>(row, w);
             }
         }
     }
@@ -224,9 +224,9 @@ impl Whitening {
                 *x *= inverse;
             }
             for (next, u) in rest.chunks_exact_mut(m).zip(&row[1..]) {
-                add_scaled(next, -u, column);
+                axpy(-u, column, next);
             }
-            add_scaled(&mut self.origin, self.upper.last(k), column);
+            axpy(self.upper.last(k), column, &mut self.origin);
         }
     }
 
@@ -234,14 +234,14 @@ impl Whitening {
     pub(super) fn latent_at(&self, z: &[f64], theta: &mut [f64]) {
         theta.copy_from_slice(&self.origin);
         for (z, column) in z.iter().zip(self.basis.chunks_exact(theta.len())) {
-            add_scaled(theta, *z, column);
+            axpy(*z, column, theta);
         }
     }
 
     /// The gradient in z of a function with this gradient in θ.
     pub(super) fn pull(&self, theta_bar: &[f64], z_bar: &mut [f64]) {
         for (z_bar, column) in z_bar.iter_mut().zip(self.basis.chunks_exact(theta_bar.len())) {
-            *z_bar = dot(column, theta_bar);
+            *z_bar = dot::<4>(column, theta_bar);
         }
     }
 }

@@ -2,6 +2,10 @@
 //! entry of a Hessian), all from num-dual.
 
 pub mod lanes;
+mod moments;
+pub mod vector;
+
+pub use moments::Moments;
 
 use num_dual::{Derivative, DualNum, DualSVec64, HyperDual64};
 
