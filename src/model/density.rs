@@ -7,7 +7,7 @@ use num_dual::DualStruct;
 use super::error::ModelError;
 use super::rows::Columns;
 use super::scope::Local;
-use super::tape::{Op, Tape};
+use super::tape::{Curved, Op, Tape};
 use crate::num::{Dual, Real};
 
 /// A log density as a function of the names in its scope and of the table's columns.
@@ -50,7 +50,7 @@ impl<D: Real> Terms<D> for Vec<D> {
 }
 
 /// What a model can do with a density besides the gradient.
-pub(super) trait LogTerms: Op {
+pub(super) trait LogTerms: Op + Curved {
     /// The terms, after a forward pass.
     fn terms(&self, t: &Tape) -> Vec<f64>;
     /// What it reads of its row number `i`.

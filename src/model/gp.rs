@@ -16,7 +16,7 @@ use pulp::{Arch, NullaryFnOnce};
 
 use super::scalar::Scalar;
 use super::scope::Local;
-use super::tape::{Op, Tape, add_rows, sum};
+use super::tape::{Bent, Op, Tape, add_rows, sum};
 use crate::field::Kernel;
 use crate::num::vector::dot;
 use crate::num::{Dual, LN_SQRT_2PI, Real, derivatives};
@@ -28,7 +28,7 @@ pub trait KernelFn: Send + Sync + std::fmt::Debug {
 }
 
 /// √S at the basis's frequencies, and its derivatives.
-pub(super) trait Spectrum: Send + Sync + std::fmt::Debug {
+pub(super) trait Spectrum: Bent + Send + Sync + std::fmt::Debug {
     /// Number of derivatives.
     fn width(&self) -> usize;
     /// `c_k = √S(w_k)`, and `dc` its derivatives, (width, modes).

@@ -26,6 +26,7 @@ mod restore;
 mod rows;
 mod scalar;
 mod scope;
+mod second;
 mod tape;
 mod units;
 mod uses;

@@ -5,7 +5,7 @@ use pulp::{Arch, Simd, WithSimd};
 use rand::Rng;
 
 use super::scope::Scope;
-use super::tape::{Op, Tape};
+use super::tape::{Curved, Op, Tape};
 use crate::likelihood::{Likelihood, Observation, Outliers};
 use crate::num::lanes::LANES;
 use crate::num::{Dual, Hyper, Real, derivatives, variable};
@@ -106,7 +106,7 @@ impl Place {
 }
 
 /// What a model can do with its measurements besides the gradient.
-pub(super) trait Measured: Op {
+pub(super) trait Measured: Op + Curved {
     /// Log likelihood of each row, after a forward pass.
     fn pointwise(&self, t: &Tape, out: &mut Vec<f64>);
     /// A simulated measurement for each row, as cells (see [`Observation::cells`]).
@@ -194,7 +194,7 @@ impl<F: RowFn, const N: usize, const W: usize> Rows<F, N, W> {
     /// The likelihood of row `i`, with the outliers that were added. Not inlined, so that a model's expressions are compiled once for all
     /// that is not the gradient.
     #[inline(never)]
-    fn likelihood<D: Real>(
+    pub(super) fn likelihood<D: Real>(
         &self,
         s: &[D; N],
         i: usize,
@@ -292,7 +292,7 @@ impl<F: RowFn, const N: usize, const W: usize> WithSimd for Backward<'_, F, N, W
 
 impl<F: RowFn, const N: usize, const W: usize> Rows<F, N, W> {
     /// The scope's scalars from a row's own: `number` makes them of (which, value).
-    fn fill<D: Real>(&self, locals: &[f64], number: impl Fn(usize, f64) -> D) -> [D; N] {
+    pub(super) fn fill<D: Real>(&self, locals: &[f64], number: impl Fn(usize, f64) -> D) -> [D; N] {
         let mut s = [D::from(0.0); N];
         let first_let = N - F::SCOPE.lets;
         let lets = self.place.lets.iter().enumerate();

@@ -3,6 +3,7 @@
 use std::marker::PhantomData;
 
 use super::scope::Local;
+use super::tape::Bent;
 use crate::num::{Dual, Real};
 
 /// A scalar as a function of the names in its scope.
@@ -12,7 +13,7 @@ pub trait ScalarFn: Send + Sync + std::fmt::Debug {
 }
 
 /// A scalar of the value vector.
-pub(super) trait Scalar: Send + Sync + std::fmt::Debug {
+pub(super) trait Scalar: Bent + Send + Sync + std::fmt::Debug {
     fn value(&self, v: &[f64]) -> f64;
     /// Carries the adjoint `bar` of the value on.
     fn pull(&self, v: &[f64], bar: f64, g: &mut [f64]);

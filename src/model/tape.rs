@@ -24,7 +24,7 @@ pub struct Tape {
 }
 
 /// One step between unknowns and log density.
-pub(super) trait Op: Send + Sync + std::fmt::Debug {
+pub(super) trait Op: Second + Send + Sync + std::fmt::Debug {
     /// Computes values from unknowns and earlier values.
     fn forward(&self, _: &mut Tape) {}
     /// Sets unknowns to a typical value, and computes values from them.
@@ -41,6 +41,61 @@ pub(super) trait Op: Send + Sync + std::fmt::Debug {
     }
     /// Adds this operation's log density, and carries adjoints from its values to what they came from.
     fn backward(&self, t: &mut Tape);
+}
+
+/// How an operation changes along a direction. `t` holds a point after a backward pass, `d` the
+/// change of each of its numbers.
+pub(super) trait Second {
+    /// Writes the change of its values from that of unknowns and of earlier values.
+    fn push(&self, _t: &Tape, _d: &mut Tape) {}
+    /// Adds the change of the adjoints that its backward pass adds.
+    fn pull(&self, _t: &Tape, _d: &mut Tape) {}
+}
+
+/// Terms of the log density that depend on a few scalars each.
+pub(super) trait Curved {
+    /// Their Hessians in their scalars.
+    fn curvatures(&self, t: &Tape) -> Vec<LocalHessian>;
+}
+
+/// A Hessian in a few scalars.
+#[derive(Debug)]
+pub(super) struct LocalHessian {
+    /// Where in `v` each scalar lives, and the offset added to it (`v[0]`, which is zero, if none).
+    places: Vec<(usize, usize)>,
+    /// `(n, n)`
+    hessian: Vec<f64>,
+}
+
+impl LocalHessian {
+    /// From `entry(a, b)`, which is symmetric.
+    pub(super) fn new(places: Vec<(usize, usize)>, entry: impl Fn(usize, usize) -> f64) -> Self {
+        let n = places.len();
+        let mut hessian = vec![0.0; n * n];
+        for (a, b) in (0..n).flat_map(|a| (a..n).map(move |b| (a, b))) {
+            hessian[a * n + b] = entry(a, b);
+            hessian[b * n + a] = hessian[a * n + b];
+        }
+        Self { places, hessian }
+    }
+
+    pub(super) fn pull(&self, d: &mut Tape) {
+        let rows = self.hessian.chunks_exact(self.places.len().max(1));
+        for ((value, offset), row) in self.places.iter().zip(rows) {
+            let change = |((v, o), h): (&(usize, usize), &f64)| h * (d.v[*v] + d.v[*o]);
+            let bar: f64 = self.places.iter().zip(row).map(change).sum();
+            d.g[*value] += bar;
+            if *offset > 0 {
+                d.g[*offset] += bar;
+            }
+        }
+    }
+}
+
+/// What a scalar or a spectrum adds to the change of the adjoints by its own curvature.
+pub(super) trait Bent {
+    /// Adds Σ bars · ∂²value/∂s∂s · ṡ for its values, at each of `frequency` if it is a spectrum.
+    fn bend(&self, t: &Tape, bars: &[f64], frequency: &[f64], d: &mut Tape);
 }
 
 /// In four partial sums.
