@@ -4,8 +4,9 @@
 //!
 //! | layer | modules |
 //! |---|---|
-//! | 6 | [`cli`] |
-//! | 5 | [`run`], [`report`], [`study`], [`criticism`] |
+//! | 7 | [`cli`] |
+//! | 6 | [`criticism`] |
+//! | 5 | [`run`], [`report`], [`study`] |
 //! | 4 | `models/*.rs`, through [`prelude`] only |
 //! | 3 | [`model`](mod@model) |
 //! | 2 | [`table`], [`field`], [`surrogate`], [`infer`], [`diagnostics`] |

@@ -10,8 +10,9 @@ use std::path::{Path, PathBuf};
 
 /// Layer of each module of the crate.
 const LAYERS: &[(u32, &[&str])] = &[
-    (6, &["main", "cli"]),
-    (5, &["run", "report", "study", "criticism"]),
+    (7, &["main", "cli"]),
+    (6, &["criticism"]),
+    (5, &["run", "report", "study"]),
     (3, &["model", "prelude"]),
     (2, &["table", "field", "surrogate", "infer", "diagnostics"]),
     (1, &["dist", "likelihood", "manifold", "ep"]),

@@ -2,6 +2,19 @@
 //!
 //! [`Loop::close`] gives a [`Story`], which is data: what was found, with its evidence, and how well each
 //! model predicts what it has not seen. `eplat loop` prints it; [`Story::write`] writes its files.
+//!
+//! ```no_run
+//! use eplat::criticism::{Loop, LoopSettings, LoopWatch};
+//! use eplat::run::{Inputs, Loaded, Watch};
+//! # fn close(model: &dyn eplat::model::Declare) -> Result<(), Box<dyn std::error::Error>> {
+//! let inputs = Inputs { data: std::path::Path::new("train.csv").into(), ..Inputs::default() };
+//! let loaded = Loaded::new(model, &inputs, &Watch::default())?;
+//! let story = Loop::new(model, loaded, None, LoopSettings::default())?
+//!     .close(None, &LoopWatch::default())?;
+//! assert_eq!(story.verdict(), "Erp lacks an effect of force_g on erp_s2 and erp_s3.");
+//! # Ok(())
+//! # }
+//! ```
 
 mod effects;
 mod error;
