@@ -128,10 +128,10 @@ impl<'m> Loop<'m> {
         let held_out = self
             .joint
             .as_ref()
-            .map(|joint| joint.predict(&self.loaded, &criticism, &before, after.as_ref(), seed));
-        let told = after.as_ref().map(Told::of);
+            .map(|joint| joint.predict(&self.loaded, &criticism, &before, after.as_deref(), seed));
+        let told = after.as_deref().map(Told::of);
         let effects = effects.into_iter().filter_map(|(effect, cause, why)| {
-            let size = Size::of(&effect, after.as_ref()?, &self.loaded.measurements);
+            let size = Size::of(&effect, after.as_deref()?, &self.loaded.measurements);
             Some(FoundEffect { cause, effect, why, size })
         });
         Ok(Story {
