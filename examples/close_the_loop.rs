@@ -12,11 +12,11 @@ use std::ops::ControlFlow;
 use eplat::criticism::{
     Criticism, Left, SearchSettings, Subject, criticise, leave_sites_out, rewrite,
 };
+use eplat::experiment::{Design, experiment};
 use eplat::manifold::eigenpairs;
 use eplat::mesh::left_atrium;
 use eplat::model::AddedEffect;
 use eplat::prelude::*;
-use eplat::study::{Design, experiment};
 use eplat::table::Measurements;
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;

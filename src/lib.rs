@@ -13,12 +13,16 @@
 //! | 1 | [`dist`], [`likelihood`], [`manifold`], [`ep`] |
 //! | 0 | [`mesh`], [`num`], [`random`], [`error`], [`store`] |
 
+// `model!` names this crate as its users do
+extern crate self as eplat;
+
 pub mod cli;
 pub mod criticism;
 pub mod diagnostics;
 pub mod dist;
 pub mod ep;
 pub mod error;
+pub mod experiment;
 pub mod field;
 pub mod infer;
 pub mod likelihood;

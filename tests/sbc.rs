@@ -17,11 +17,11 @@ mod proper;
 mod ranks;
 mod support;
 
+use eplat::experiment::TRUTH_MODES;
 use eplat::infer::{Settings, Silent, jittered_starts};
 use eplat::manifold::{Basis, eigenpairs_cached, maximin};
 use eplat::mesh::left_atrium;
 use eplat::model::{Declare, Kind, Maps, Model, Sampler};
-use eplat::study::TRUTH_MODES;
 use eplat::table::Measurements;
 use posterior::all;
 use rand::RngExt;
@@ -54,7 +54,7 @@ struct Design<'a> {
 }
 
 /// Fields and `let`s at every vertex of the basis, by name, at a position of the unknowns.
-fn maps(model: &Model, basis: &Basis, position: &[f64]) -> Vec<(&'static str, Vec<f64>)> {
+fn maps(model: &Model, basis: &Basis, position: &[f64]) -> Vec<(String, Vec<f64>)> {
     let (maps, _) = Maps::new(model, basis).summarise(&[position]);
     maps.into_iter().map(|map| (map.name, map.mean)).collect()
 }

@@ -136,7 +136,8 @@ impl Bench<'_> {
 /// make errors look small, so that whatever sites differ by would look like a cause.
 fn laid_out(subject: &Subject<'_>, on: &[String]) -> Result<Engine, CriticismError> {
     let Subject { model, basis, table } = *subject;
-    let fields = Model::outline(model)?.field_names().into_iter().map(String::from);
+    let outline = Model::outline(model)?;
+    let fields = outline.field_names().into_iter().map(String::from);
     let offsets_on: Vec<String> = on.iter().cloned().chain(fields).collect();
     let model = Model::with_offsets(model, basis, table, &offsets_on)?;
     let copies = copies(table, &covariates(&model, table));

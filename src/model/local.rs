@@ -144,8 +144,8 @@ impl Model {
     }
 
     /// Names of the fields.
-    pub fn field_names(&self) -> Vec<&'static str> {
-        self.fields.iter().map(|f| f.name).collect()
+    pub fn field_names(&self) -> Vec<&str> {
+        self.fields.iter().map(|f| f.name.as_str()).collect()
     }
 
     /// The measurement of a row, as cells.

@@ -1,16 +1,16 @@
 //! Fields and derived quantities over the surface, with the truth beside them where it is known.
 
+use crate::experiment::{coverage, rms_error};
 use crate::manifold::Basis;
 use crate::mesh::Surface;
 use crate::model::{MapSummary, Maps, Model};
 use crate::report::FieldDraws;
-use crate::study::{coverage, rms_error};
 
 /// A field or derived quantity at every vertex.
 #[derive(Clone, Debug)]
 pub struct FittedMap {
     /// Name in the model file.
-    pub name: &'static str,
+    pub name: String,
     /// Declared unit.
     pub unit: String,
     /// Mean over the draws (n_vertices); NaN where no draw is physical.
@@ -57,7 +57,7 @@ impl SurfaceMaps {
         model: &Model,
         basis: &Basis,
         draws: &[&[f64]],
-        truth: &[(&'static str, Vec<f64>)],
+        truth: &[(String, Vec<f64>)],
     ) -> Self {
         let maps = Maps::new(model, basis);
         let (summaries, unphysical) = maps.summarise(draws);

@@ -19,11 +19,12 @@ use rayon::prelude::*;
 use super::compile::run_compiled;
 use super::models::{Compiled, ModelFile};
 use crate::error::Failure;
+use crate::experiment::TRUTH_MODES;
 use crate::manifold::eigenpairs_cached;
 use crate::mesh::{self, Surface, Units};
 use crate::model::Model;
-use crate::run::{embedded_atrium, hash_file as hash};
-use crate::study::{Block, Plan, Results, Study, TRUTH_MODES, Table, summarise};
+use crate::run::hash_file as hash;
+use crate::study::{Block, Plan, Results, Study, Table, summarise};
 
 /// Edge length of the embedded atrium, mm.
 const ATRIUM_EDGE: f64 = 1.5;
@@ -155,7 +156,7 @@ impl PlanArgs {
 
     fn surface(&self, plan: &Plan) -> Result<Surface, Failure> {
         let (Some(path), Some(units)) = (&plan.mesh, &plan.units) else {
-            return Ok(embedded_atrium(ATRIUM_EDGE));
+            return Ok(Surface::left_atrium(ATRIUM_EDGE));
         };
         let units = Units::from_str(units)
             .map_err(|why| Failure::new(format_args!("{}: units: {why}", self.plan.display())))?;
@@ -189,6 +190,7 @@ impl RunArgs {
             ProgressStyle::with_template("{bar:30} {pos}/{len} calibrations, {eta} left")?,
         );
         let names = study.names();
+        let names: Vec<&str> = names.iter().map(String::as_str).collect();
         let threads = rayon::ThreadPoolBuilder::new().num_threads(self.threads).build();
         threads.map_err(|error| Failure::new(format_args!("no threads: {error}")))?.install(
             || {

@@ -48,7 +48,7 @@ pub(super) fn found(
             }
             let data = table.file_name();
             let why = format!("Found by `eplat loop` in {data}: log Bayes factor {log_bf:.1}.");
-            let unit = unit_of(&on[0]);
+            let unit = unit_of(&on[0]).to_string();
             let effect = AddedEffect { name, on, unit, form, sd };
             effects.push((effect, found.cause.clone(), why));
         }

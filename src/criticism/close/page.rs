@@ -28,7 +28,7 @@ impl Story {
             comparisons: &self.comparisons(),
             rounds: &rounds.map(|(i, round)| self.tried(i, round)).collect::<Vec<_>>(),
             residuals: Residuals {
-                unit: self.before.unit,
+                unit: &self.before.unit,
                 mesh: surface.map(|s| &s.mesh),
                 sites: &self.site_residuals(),
                 against: self.against().as_ref(),

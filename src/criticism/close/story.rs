@@ -35,7 +35,7 @@ pub struct Told {
     /// The model as equations.
     pub equations: String,
     /// Unit of what its first `observe` measures, empty if none is declared.
-    pub unit: &'static str,
+    pub unit: String,
     /// Whether every diagnostic is fine.
     pub converged: bool,
 }
@@ -47,7 +47,7 @@ impl Told {
         Self {
             model: model.name,
             equations: equations(model),
-            unit: observe.map_or("", |o| o.decl.unit),
+            unit: observe.map_or_else(String::new, |o| o.decl.unit.to_string()),
             converged: fit.verdict().converged,
         }
     }
