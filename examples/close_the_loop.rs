@@ -8,11 +8,11 @@ use std::error::Error;
 use std::io::{Write, stdout};
 
 use eplat::criticism::{Case, Left, Outcome, Settings, criticise, leave_sites_out, rewrite};
+use eplat::experiment::{Design, experiment};
 use eplat::manifold::eigenpairs;
 use eplat::mesh::left_atrium;
 use eplat::model::AddedEffect;
 use eplat::prelude::*;
-use eplat::experiment::{Design, experiment};
 use eplat::table::Measurements;
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;

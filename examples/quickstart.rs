@@ -7,13 +7,13 @@
 use std::error::Error;
 use std::io::{Write, stdout};
 
+use eplat::experiment::{Design, experiment};
 use eplat::infer::{self, Chain, Settings, Silent, jittered_starts};
 use eplat::manifold::eigenpairs;
 use eplat::mesh::left_atrium;
 use eplat::model::{Maps, Model};
 use eplat::prelude::*;
 use eplat::report::{Posterior, console_table};
-use eplat::experiment::{Design, experiment};
 
 model! {
     /// The refractory period itself as one field, without cell parameters behind it.

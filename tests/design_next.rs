@@ -5,10 +5,10 @@
 mod program;
 mod support;
 
+use eplat::experiment::lessons;
 use eplat::infer::{Chain, Settings, Silent, jittered_starts};
 use eplat::manifold::Basis;
 use eplat::model::{Declare, Maps, Model, Sampler};
-use eplat::experiment::lessons;
 use eplat::table::Measurements;
 use program::{Workplace, text};
 use support::{basis, table};

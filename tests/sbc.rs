@@ -17,11 +17,11 @@ mod proper;
 mod ranks;
 mod support;
 
+use eplat::experiment::TRUTH_MODES;
 use eplat::infer::{Settings, Silent, jittered_starts};
 use eplat::manifold::{Basis, eigenpairs_cached, maximin};
 use eplat::mesh::left_atrium;
 use eplat::model::{Declare, Kind, Maps, Model, Sampler};
-use eplat::experiment::TRUTH_MODES;
 use eplat::table::Measurements;
 use posterior::all;
 use rand::RngExt;

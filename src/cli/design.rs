@@ -11,13 +11,13 @@ use super::compile::run_compiled;
 use super::inputs::{InputArgs, usage};
 use super::models::{Compiled, ModelFile};
 use crate::error::Failure;
+use crate::experiment::{Lesson, Minutes, agree, lessons, thinned};
 use crate::infer::{Chain, Settings, Silent, jittered_starts};
 use crate::manifold::maximin;
 use crate::mesh::TriMesh;
 use crate::model::{Model, Sampler};
 use crate::run::RunError;
 use crate::store::write_file;
-use crate::experiment::{Lesson, Minutes, agree, lessons, thinned};
 
 /// Choices that are printed.
 const SHOWN: usize = 10;

@@ -7,13 +7,13 @@ use thiserror::Error;
 
 use super::compare::CompareError;
 use super::warm_start::WarmStartError;
+use crate::experiment::ExperimentError;
 use crate::infer::{ChainError, InferError};
 use crate::manifold::ManifoldError;
 use crate::mesh::MeshError;
 use crate::model::ModelError;
 use crate::report::ReportError;
 use crate::store::CheckpointError;
-use crate::experiment::ExperimentError;
 use crate::table::{DataError, ProbeError};
 
 /// Why there is no fit, or no file of it.

@@ -6,12 +6,12 @@ use std::sync::OnceLock;
 
 use super::maps::{FittedMap, SurfaceMaps};
 use super::{Problem, Watch};
+use crate::experiment::thinned;
 use crate::infer::{Chain, ChainError, MetricKind, Settings};
 use crate::model::{Model, Sampler};
 use crate::report::{
     Approximation, LeaveOneOut, Posterior, Row, RunRecord, SettingsRecord, Verdict, verdict,
 };
-use crate::experiment::thinned;
 
 /// Most draws that field maps are averaged over; more change nothing that can be seen.
 const MAP_DRAWS: usize = 1000;

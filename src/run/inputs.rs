@@ -7,8 +7,8 @@ use std::path::{Path, PathBuf};
 use sha2::{Digest as _, Sha256};
 
 use super::RunError;
-use crate::mesh::{Surface, Units};
 use crate::experiment::Design;
+use crate::mesh::{Surface, Units};
 use crate::table::Measurements;
 
 /// Edge length of the embedded atrium, mm: about 5,000 vertices.

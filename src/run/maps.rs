@@ -1,10 +1,10 @@
 //! Fields and derived quantities over the surface, with the truth beside them where it is known.
 
+use crate::experiment::{coverage, rms_error};
 use crate::manifold::Basis;
 use crate::mesh::Surface;
 use crate::model::{MapSummary, Maps, Model};
 use crate::report::FieldDraws;
-use crate::experiment::{coverage, rms_error};
 
 /// A field or derived quantity at every vertex.
 #[derive(Clone, Debug)]

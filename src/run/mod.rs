@@ -18,8 +18,8 @@ mod sample;
 mod warm_start;
 mod write;
 
-pub use crate::infer::Settings;
 pub use crate::experiment::Design;
+pub use crate::infer::Settings;
 pub use compare::{CompareError, Comparison};
 pub use error::RunError;
 pub use event::{Event, Watch};

@@ -7,10 +7,10 @@ use std::time::Instant;
 
 use super::inputs::{DataSource, Inputs, MeshSource};
 use super::{Event, RunError, Watch};
+use crate::experiment::{Design, TRUTH_MODES, experiment};
 use crate::manifold::{Basis, eigenpairs_cached};
 use crate::mesh::{self, Surface};
 use crate::model::{Declare, Model};
-use crate::experiment::{Design, TRUTH_MODES, experiment};
 use crate::table::{FIELD_MODES, Measurements};
 
 /// A surface with what fields on it are made of.

@@ -1,15 +1,18 @@
 //! The cases of a plan: truth, measurements, calibration, error.
 
 use std::collections::BTreeMap;
+use std::sync::atomic::{AtomicBool, Ordering};
 
-use super::StudyError;
+use rayon::prelude::*;
+
 use super::plan::{Block, Case, Choice, Estimate, Plan};
+use super::{Results, StudyError};
 use crate::experiment::{
-    ExperimentError, Laboratory, Lesson, Minutes, Truth, Visit, agree, coverage, lessons, repaired,
-    rms_error, thinned,
+    ExperimentError, Laboratory, Lesson, Minutes, TRUTH_MODES, Truth, Visit, agree, coverage,
+    lessons, repaired, rms_error, thinned,
 };
 use crate::infer::{Chain, OptimumSettings, Settings, Silent, jittered_starts, maximise};
-use crate::manifold::{Basis, maximin};
+use crate::manifold::{Basis, eigenpairs_cached, maximin};
 use crate::mesh::TriMesh;
 use crate::model::{Declare, Maps, Model, Sampler};
 
@@ -106,9 +109,47 @@ impl<'a> Study<'a> {
         Ok(Self { plan, laboratory, minutes, designs, candidates })
     }
 
+    /// The eigenpairs that a study of `model` on `mesh` needs, from the cache if they are there.
+    ///
+    /// # Errors
+    /// [`StudyError::Model`], [`StudyError::Sites`].
+    pub fn basis(model: &dyn Declare, mesh: &TriMesh) -> Result<Basis, StudyError> {
+        let modes = Model::outline(model)?.n_modes().max(TRUTH_MODES);
+        Ok(eigenpairs_cached(mesh, modes.min(mesh.n_vertices() - 1))?)
+    }
+
     /// Names of the maps that are judged: fields, then derived quantities.
     pub fn names(&self) -> Vec<&'static str> {
         self.laboratory.map_names()
+    }
+
+    /// Calibrates all cases of those of `blocks` whose results are missing, and writes each block's results
+    /// when they are done; every case is reported to `done`. On so many `threads`, 0 for one per core;
+    /// they change no number. Whether it came to its end: not once `stop` is set.
+    ///
+    /// # Errors
+    /// [`StudyError`].
+    pub fn complete(
+        &self,
+        results: &Results,
+        blocks: &[Block],
+        threads: usize,
+        stop: &AtomicBool,
+        done: &(dyn Fn() + Sync),
+    ) -> Result<bool, StudyError> {
+        let names = self.names();
+        let missing: Vec<&Block> = results.missing(blocks);
+        let one = |block: &&Block| -> Result<bool, StudyError> {
+            if stop.load(Ordering::Relaxed) {
+                return Ok(false);
+            }
+            let (repaired, outcomes) = self.run(block, done)?;
+            results.write(self.plan, &names, block, repaired, &outcomes)?;
+            Ok(true)
+        };
+        let threads = rayon::ThreadPoolBuilder::new().num_threads(threads).build()?;
+        let all: Result<Vec<bool>, _> = threads.install(|| missing.par_iter().map(one).collect());
+        Ok(all?.into_iter().all(|is_done| is_done))
     }
 
     /// All cases of a block, each reported to `done`, and the share of the truth that was repaired.
@@ -234,7 +275,8 @@ impl<'a> Study<'a> {
 
     fn time(&self, visits: &[Visit]) -> Time {
         let times = |name| visits.iter().filter(|visit| visit.observes.contains(&name)).count();
-        let measured = self.laboratory.outline().observes.iter().map(|o| (o.name, times(o.name))).collect();
+        let measured =
+            self.laboratory.outline().observes.iter().map(|o| (o.name, times(o.name))).collect();
         Time { minutes: self.seconds(visits) / 60.0, measured }
     }
 

@@ -3,18 +3,22 @@
 
 mod calibrate;
 mod experiment;
+mod figure;
 mod plan;
 mod recovery;
 mod results;
+mod slurm;
 
 pub use calibrate::{MapError, Outcome, Study, Time};
 pub use experiment::{
     ExperimentSettings, ExperimentWatch, Findings, KnownTruth, Simulated, SimulationEvent,
     SimulationPlan,
 };
-pub use plan::{Block, Case, Choice, Estimate, Plan};
+pub use figure::{table_text, write_figure, write_summary};
+pub use plan::{Block, Case, Choice, Estimate, Plan, Task};
 pub use recovery::{RecoveredMap, Recovery, recover};
 pub use results::{Group, Results, Table, summarise};
+pub use slurm::JobArray;
 
 use std::io;
 use std::path::{Path, PathBuf};
@@ -104,6 +108,9 @@ pub enum StudyError {
         /// The cause.
         source: io::Error,
     },
+    /// Threads that the system does not give.
+    #[error("no threads: {0}")]
+    Threads(#[from] rayon::ThreadPoolBuildError),
     /// A calibration.
     #[error(transparent)]
     Run(#[from] RunError),

@@ -3,11 +3,11 @@
 #![allow(dead_code, reason = "each test uses a part of it")]
 
 use eplat::diagnostics::{Summary, mcse_mean, mcse_sd, summarise};
+use eplat::experiment::{Design, TRUTH_MODES, experiment};
 use eplat::infer::{Chain, ChainResult};
 use eplat::manifold::{Basis, eigenpairs_cached};
 use eplat::mesh::{TriMesh, left_atrium};
 use eplat::model::{Declare, Model};
-use eplat::experiment::{Design, TRUTH_MODES, experiment};
 use eplat::table::Measurements;
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;

@@ -9,11 +9,9 @@ use super::simulation::Simulated;
 use super::{FIELDS, KnownTruth, RUN};
 use crate::experiment::INTERVALS;
 use crate::mesh::write_vtp;
-use crate::report::{
-    ExperimentPage, Figure, PointData, Surface, Verdict, write_experiment_page,
-};
-use crate::run::{OutputFolder, Results};
+use crate::report::{ExperimentPage, Figure, PointData, Surface, Verdict, write_experiment_page};
 use crate::run::atrium::{AtriumRecord, MapDifference, Summary};
+use crate::run::{OutputFolder, Results};
 use crate::store::{Identity, write_file};
 use crate::study::{RecoveredMap, Recovery, StudyError};
 
@@ -39,7 +37,7 @@ pub struct Findings<'t> {
 }
 
 /// A map at the vertices, with its name and unit.
-pub type NamedMap = (String, String, Vec<f64>);
+type NamedMap = (String, String, Vec<f64>);
 
 impl Findings<'_> {
     /// Writes every file, the numbers last.
@@ -55,7 +53,7 @@ impl Findings<'_> {
     }
 
     /// All maps, in the order of the figures: name, unit and values (n_vertices).
-    pub fn maps(&self) -> Vec<NamedMap> {
+    pub fn maps(&self) -> Vec<(String, String, Vec<f64>)> {
         let mut maps: Vec<NamedMap> = vec![];
         for map in &self.recovery.maps {
             let parts = [("true", &map.truth), ("mean", &map.mean), ("sd", &map.sd)];
@@ -237,8 +235,7 @@ fn activated(record: &AtriumRecord) -> Option<usize> {
 
 fn write_text(out: &OutputFolder, name: &str, text: &str) -> Result<(), StudyError> {
     let path = out.file(name);
-    write_file(&path, |file| file.write_all(text.as_bytes()))
-        .map_err(StudyError::io(&path))
+    write_file(&path, |file| file.write_all(text.as_bytes())).map_err(StudyError::io(&path))
 }
 
 fn of_map(map: &RecoveredMap) -> Value {

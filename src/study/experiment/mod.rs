@@ -214,8 +214,7 @@ impl<'m> KnownTruth<'m> {
     ) -> Result<Option<Findings<'_>>, StudyError> {
         let identity = self.claim(out, settings, sampler)?;
         let folder = OutputFolder::open(out.file(RUN))?;
-        let options =
-            Options { sampler: Some(sampler), watch: watch.run, ..Options::default() };
+        let options = Options { sampler: Some(sampler), watch: watch.run, ..Options::default() };
         let keep = Keep::going_on(&folder)?;
         if let Ended::Stopped = self.problem.run_into(&folder, settings, &options, &keep)? {
             return Ok(None);
@@ -225,7 +224,8 @@ impl<'m> KnownTruth<'m> {
         let mut simulated = None;
         if !self.settings.skip_simulation {
             let (plan, to) = (&self.settings.simulation, out.file("simulation"));
-            simulated = plan.simulate(&self.domain.surface, (&self.cv_max, &recovery), &to, watch)?;
+            simulated =
+                plan.simulate(&self.domain.surface, (&self.cv_max, &recovery), &to, watch)?;
             if simulated.is_none() {
                 return Ok(None);
             }
