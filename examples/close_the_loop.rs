@@ -12,7 +12,7 @@ use eplat::manifold::eigenpairs;
 use eplat::mesh::left_atrium;
 use eplat::model::AddedEffect;
 use eplat::prelude::*;
-use eplat::study::{Design, experiment};
+use eplat::experiment::{Design, experiment};
 use eplat::table::Measurements;
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;

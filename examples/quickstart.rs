@@ -13,7 +13,7 @@ use eplat::mesh::left_atrium;
 use eplat::model::{Maps, Model};
 use eplat::prelude::*;
 use eplat::report::{Posterior, console_table};
-use eplat::study::{Design, experiment};
+use eplat::experiment::{Design, experiment};
 
 model! {
     /// The refractory period itself as one field, without cell parameters behind it.

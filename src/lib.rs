@@ -18,6 +18,7 @@ pub mod diagnostics;
 pub mod dist;
 pub mod ep;
 pub mod error;
+pub mod experiment;
 pub mod field;
 pub mod infer;
 pub mod likelihood;

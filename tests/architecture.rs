@@ -23,7 +23,6 @@ const SAME_LAYER: &[(&str, &str)] = &[
     ("likelihood", "dist"), // a likelihood of a Number is a distribution
     ("surrogate", "infer"), // a Gaussian process is fitted by the optimiser
     ("mesh", "store"),      // files appear whole or not at all
-    ("table", "field"),     // modes at rows
     ("run", "report"),      // a run is written by what renders it
     ("run", "study"),       // TODO
     ("main", "cli"),

@@ -8,7 +8,7 @@ mod support;
 use eplat::infer::{Chain, Settings, Silent, jittered_starts};
 use eplat::manifold::Basis;
 use eplat::model::{Declare, Maps, Model, Sampler};
-use eplat::study::lessons;
+use eplat::experiment::lessons;
 use eplat::table::Measurements;
 use program::{Workplace, text};
 use support::{basis, table};

@@ -21,7 +21,7 @@ use eplat::infer::{Settings, Silent, jittered_starts};
 use eplat::manifold::{Basis, eigenpairs_cached, maximin};
 use eplat::mesh::left_atrium;
 use eplat::model::{Declare, Kind, Maps, Model, Sampler};
-use eplat::study::TRUTH_MODES;
+use eplat::experiment::TRUTH_MODES;
 use eplat::table::Measurements;
 use posterior::all;
 use rand::RngExt;

@@ -17,7 +17,7 @@ use crate::mesh::TriMesh;
 use crate::model::{Model, Sampler};
 use crate::run::RunError;
 use crate::store::write_file;
-use crate::study::{Lesson, Minutes, agree, lessons, thinned};
+use crate::experiment::{Lesson, Minutes, agree, lessons, thinned};
 
 /// Choices that are printed.
 const SHOWN: usize = 10;

@@ -2,7 +2,7 @@
 
 use crate::error::Failure;
 use crate::manifold::{eigenpairs, maximin, random_maximin};
-use crate::mesh::{self, Atrium, Encoding, MeshError, REGION_NAMES, Surface, TriMesh, Units};
+use crate::mesh::{self, Atrium, Encoding, Format, REGION_NAMES, Surface, Units};
 use clap::Subcommand;
 use std::io::{self, Write};
 use std::path::{Path, PathBuf};
@@ -175,25 +175,8 @@ fn print_notes(surface: &Surface) {
 
 fn write_surface(path: &Path, surface: &Surface, encoding: Encoding) -> Result<(), Failure> {
     print_notes(surface);
-    let data: Vec<(&str, &[f64])> = surface
-        .point_data
-        .iter()
-        .map(|(name, values)| (name.as_str(), values.as_slice()))
-        .collect();
-    write(path, &surface.mesh, &data, encoding)
-}
-
-fn write(
-    path: &Path,
-    mesh: &TriMesh,
-    data: &[(&str, &[f64])],
-    encoding: Encoding,
-) -> Result<(), Failure> {
-    match Format::of(path)? {
-        Format::Vtp => mesh::write_vtp(path, mesh, data)?,
-        Format::Vtk => mesh::write_vtk(path, mesh, data, encoding)?,
-    }
-    eprintln!("wrote {} ({} vertices, mm)", path.display(), mesh.n_vertices());
+    surface.write(path, encoding)?;
+    eprintln!("wrote {} ({} vertices, mm)", path.display(), surface.mesh.n_vertices());
     Ok(())
 }
 
@@ -207,33 +190,12 @@ fn atrium(edge: f64, out: &Path) -> Result<(), Failure> {
             range.end()
         )));
     }
-    let atrium = mesh::left_atrium(edge);
-    let region: Vec<f64> = atrium.region.iter().map(|&region| f64::from(region)).collect();
-    write(out, &atrium.mesh, &[("region", &region)], Encoding::Binary)?;
-    for (region, name) in REGION_NAMES.iter().enumerate() {
-        let n = atrium.region.iter().filter(|&&r| usize::from(r) == region).count();
+    let surface = Surface::left_atrium(edge);
+    write_surface(out, &surface, Encoding::Binary)?;
+    let regions = &surface.point_data["region"];
+    for (region, name) in (0_u8..).zip(REGION_NAMES) {
+        let n = regions.iter().filter(|r| r.total_cmp(&f64::from(region)).is_eq()).count();
         eprintln!("region {region}: {name}, {n} vertices");
     }
     Ok(())
-}
-
-/// What to write, by the file name's extension.
-enum Format {
-    Vtp,
-    Vtk,
-}
-
-impl Format {
-    fn of(path: &Path) -> Result<Self, MeshError> {
-        match path.extension().and_then(|e| e.to_str()).map(str::to_ascii_lowercase).as_deref() {
-            Some("vtp") => Ok(Self::Vtp),
-            Some("vtk") => Ok(Self::Vtk),
-            _ => Err(MeshError::Extension {
-                path: path.into(),
-                action: "write",
-                supported: ".vtp or .vtk",
-                help: "give the output file one of these extensions",
-            }),
-        }
-    }
 }

@@ -10,11 +10,9 @@ use indicatif::{ProgressBar, ProgressStyle};
 
 use super::atrium::AtriumArgs;
 use super::cell::CellArgs;
-use crate::ep::cell::OutOfRange;
-use crate::ep::table::{CurveRow, OutcomeRow, finish_rows, new_file, read_parameters};
-use crate::ep::{Grid, Protocol, StripOutcome, simulate_strips};
+use crate::ep::table::{StripTable, curve_intervals, finish_rows, new_file, read_parameters};
+use crate::ep::{Grid, GridError, Protocol};
 use crate::error::Failure;
-use crate::store::NewFile;
 
 /// `eplat simulate …`
 #[derive(Debug, Subcommand)]
@@ -102,31 +100,13 @@ impl StripArgs {
             test_strength: self.test_strength,
             shortest: self.shortest,
             longest: self.longest,
-            restitution: match self.restitution {
-                Some(_) => curve_intervals(),
-                None => vec![],
-            },
+            restitution: vec![],
         }
     }
 
-    fn grid(&self) -> Result<Grid, Failure> {
-        let nodes = |name, extent: f64| {
-            let n = extent / self.spacing;
-            if !(n >= 0.0 && (n - n.round()).abs() < 1e-6) {
-                return Err(Failure::new(format_args!(
-                    "--{name} {extent} is no multiple of the spacing {}\n\
-                     help: nodes lie a spacing apart; give a multiple, or another --spacing",
-                    self.spacing
-                )));
-            }
-            Ok(n.round() as usize + 1)
-        };
-        Ok(Grid {
-            n_along: nodes("length", self.length)?,
-            n_across: if self.cable { 1 } else { nodes("width", self.width)? },
-            spacing: self.spacing,
-            dt: self.dt,
-        })
+    fn grid(&self) -> Result<Grid, GridError> {
+        let width = if self.cable { 0.0 } else { self.width };
+        Grid::of_size([self.length, width], self.spacing, self.dt)
     }
 }
 
@@ -142,65 +122,48 @@ impl Command {
 
 impl StripArgs {
     fn run(&self) -> Result<(), Failure> {
-        let (grid, protocol) = (self.grid()?, self.protocol());
-        let curves = self.restitution.as_deref().map(new_file).transpose()?;
-        let outcomes = simulate_table(&self.params, &self.out, &grid, &protocol)?;
-        curves.map_or(Ok(()), |file| write_curves(file, &outcomes))
+        let grid = self.grid()?;
+        let files = StripFiles {
+            parameters: &self.params,
+            out: &self.out,
+            curves: self.restitution.as_deref(),
+        };
+        files.simulate(&grid, self.protocol())
     }
 }
 
-/// S2 of the beats of a restitution curve, ms.
-pub(super) fn curve_intervals() -> Vec<u32> {
-    (200..=600).step_by(20).collect()
+/// Files of a table of strips.
+pub(super) struct StripFiles<'a> {
+    pub(super) parameters: &'a Path,
+    pub(super) out: &'a Path,
+    /// For every beat of every strip's restitution curve.
+    pub(super) curves: Option<&'a Path>,
 }
 
-/// Writes every beat of every strip's curve.
-pub(super) fn write_curves(
-    file: NewFile,
-    outcomes: &[Result<StripOutcome, OutOfRange>],
-) -> Result<(), Failure> {
-    let rows = outcomes.iter().enumerate().flat_map(|(row, outcome)| {
-        let beats = outcome.iter().flat_map(|o| &o.restitution);
-        beats.map(move |(s2, beat)| CurveRow::new(row, *s2, *beat))
-    });
-    Ok(finish_rows(file, &rows.collect::<Vec<_>>())?)
-}
-
-/// Runs `protocol` on a strip for each row of `params`, and writes the outcomes to `out`; a row out of
-/// range has none.
-pub(super) fn simulate_table(
-    params: &Path,
-    out: &Path,
-    grid: &Grid,
-    protocol: &Protocol,
-) -> Result<Vec<Result<StripOutcome, OutOfRange>>, Failure> {
-    let parameters = read_parameters(params)?;
-    let file = new_file(out)?;
-    let checked: Vec<_> = parameters.iter().map(|p| p.validate().map(|()| p.tissue())).collect();
-    let tissues: Vec<_> = checked.iter().flatten().copied().collect();
-    let bar = ProgressBar::new(tissues.len() as u64)
-        .with_style(ProgressStyle::with_template("{bar:30} {pos}/{len} strips, {eta} left")?);
-    bar.tick();
-    let mut simulated =
-        simulate_strips(&tissues, grid, protocol, &|n| bar.inc(n as u64))?.into_iter();
-    bar.finish_and_clear();
-    let outcomes: Vec<_> = checked
-        .into_iter()
-        .map_while(|tissue| match tissue {
-            Ok(_) => simulated.next().map(Ok),
-            Err(out_of_range) => Some(Err(out_of_range)),
-        })
-        .collect();
-    let numbered = parameters.into_iter().zip(&outcomes).enumerate();
-    let rows: Vec<_> = numbered.map(|(i, (p, outcome))| OutcomeRow::new(i, p, outcome)).collect();
-    finish_rows(file, &rows)?;
-    let absent = rows.iter().filter(|row| row.erp_s3_ms.is_none()).count();
-    eprintln!("{} strips, {absent} without ERP_S3, written to {}", rows.len(), out.display());
-    let refused = outcomes.iter().filter(|outcome| outcome.is_err()).count();
-    if refused > 0 {
-        eprintln!(
-            "{refused} of them outside the valid ranges: not simulated, the reason is in the last columns"
-        );
+impl StripFiles<'_> {
+    /// Runs `protocol`, with beats of a restitution curve if their file is asked for, on a strip for each
+    /// row of parameters.
+    pub(super) fn simulate(&self, grid: &Grid, protocol: Protocol) -> Result<(), Failure> {
+        let restitution = self.curves.map_or(vec![], |_| curve_intervals());
+        let protocol = Protocol { restitution, ..protocol };
+        let curves = self.curves.map(new_file).transpose()?;
+        let parameters = read_parameters(self.parameters)?;
+        let file = new_file(self.out)?;
+        let in_range = parameters.iter().filter(|p| p.validate().is_ok()).count();
+        let bar = ProgressBar::new(in_range as u64)
+            .with_style(ProgressStyle::with_template("{bar:30} {pos}/{len} strips, {eta} left")?);
+        bar.tick();
+        let table = StripTable::simulate(&parameters, grid, &protocol, &|n| bar.inc(n as u64))?;
+        bar.finish_and_clear();
+        finish_rows(file, &table.rows)?;
+        let (n, absent) = (table.rows.len(), table.n_without_erp_s3());
+        eprintln!("{n} strips, {absent} without ERP_S3, written to {}", self.out.display());
+        if table.n_refused > 0 {
+            eprintln!(
+                "{} of them outside the valid ranges: not simulated, the reason is in the last columns",
+                table.n_refused
+            );
+        }
+        Ok(curves.map_or(Ok(()), |file| finish_rows(file, &table.curves))?)
     }
-    Ok(outcomes)
 }

@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 
 use super::observable::readable;
 use super::units::{FOLD, Unit, by_site, is_constant_within};
-use crate::model::{Form, Model, Statement, distinct, families};
+use crate::model::{Form, Model, Statement, families};
 use crate::table::{FIELD_MODES, Measurements, PATH, SOURCE};
 
 /// Where a candidate acts.
@@ -103,7 +103,7 @@ pub(super) fn read_column(table: &Measurements, name: &str) -> Column {
         if cell.is_empty() { Some(f64::NAN) } else { cell.parse().ok() }
     };
     let numbers: Option<Vec<f64>> = (0..table.len()).map(number).collect();
-    numbers.map_or_else(|| Column::Labels(distinct(table, name)), Column::Numeric)
+    numbers.map_or_else(|| Column::Labels(table.distinct(name)), Column::Numeric)
 }
 
 /// Mean and standard deviation of the numbers that are there.

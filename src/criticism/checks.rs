@@ -4,7 +4,6 @@ use std::collections::{BTreeMap, BTreeSet};
 
 use super::candidates::{Column, STRUCTURAL, read_column};
 use super::units::{LEAST_UNITS, by_site, occasion_of, site_column};
-use crate::model::distinct;
 use crate::table::Measurements;
 
 /// A doubt about a table.
@@ -35,7 +34,7 @@ pub(super) fn check(table: &Measurements, covariates: &[&String]) -> Vec<Warning
         .iter()
         .copied()
         .filter(|c| matches!(read_column(table, c), Column::Labels(_)))
-        .filter(|c| (2..=MOST_GROUPS).contains(&distinct(table, c).len()))
+        .filter(|c| (2..=MOST_GROUPS).contains(&table.distinct(c).len()))
         .collect();
     let measured = MEASURED.map(String::from);
     let mut warnings: Vec<Warning> = repeated_rows(table, covariates).into_iter().collect();
@@ -136,7 +135,7 @@ fn not_a_number(table: &Measurements, column: &str) -> Option<Warning> {
 /// A covariate that varies over too few units to be confirmed.
 fn few_units(table: &Measurements, column: &str) -> Option<Warning> {
     let unit = occasion_of(table, column, &by_site(table))?;
-    if unit.n >= LEAST_UNITS || distinct(table, column).len() < 2 {
+    if unit.n >= LEAST_UNITS || table.distinct(column).len() < 2 {
         return None;
     }
     let text = format!(
@@ -201,7 +200,7 @@ pub fn check_heldout(
 
 /// A label of which the rows for training know nothing.
 fn heldout_label(heldout: &Measurements, column: &str, known: &[String]) -> Option<Warning> {
-    let labels = distinct(heldout, column);
+    let labels = heldout.distinct(column);
     let label = labels.iter().find(|label| !known.contains(label))?;
     let is_new =
         |row: &usize| !known.iter().any(|k| Some(k.as_str()) == heldout.cell(*row, column));

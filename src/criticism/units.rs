@@ -2,7 +2,6 @@
 
 use std::collections::BTreeMap;
 
-use crate::model::distinct;
 use crate::table::Measurements;
 
 /// A partition of a table's rows.
@@ -96,7 +95,7 @@ pub(super) fn random_unit<'t>(
     columns: impl Iterator<Item = &'t String>,
 ) -> Option<Unit> {
     let site = by_site(table);
-    let varies = |column: &&String| distinct(table, column).len() > 1 && !is_occasion(column);
+    let varies = |column: &&String| table.distinct(column).len() > 1 && !is_occasion(column);
     let units = columns.filter(varies).map(|column| occasion_of(table, column, &site));
     units.flatten().filter(|unit| unit.n >= LEAST_UNITS).min_by_key(|unit| unit.n)
 }
@@ -115,7 +114,7 @@ pub(super) fn unit_of(table: &Measurements, column: Option<&str>) -> Unit {
 pub(super) fn occasion_of(table: &Measurements, column: &str, site: &Unit) -> Option<Unit> {
     let mut coarsest: Option<Unit> = None;
     for other in table.columns().iter().filter(|c| *c != column && is_occasion(c)) {
-        let n_labels = distinct(table, other).len();
+        let n_labels = table.distinct(other).len();
         if n_labels < 2 || n_labels >= site.n || !is_constant_within(table, column, other) {
             continue;
         }

@@ -15,4 +15,4 @@ pub use cell::{Parameters, Tissue};
 pub use precision::Precision;
 pub use protocol::Protocol;
 pub use restitution::Restitution;
-pub use strip::{Absence, Beat, Grid, StripError, StripOutcome, simulate_strips};
+pub use strip::{Absence, Beat, Grid, GridError, StripError, StripOutcome, simulate_strips};

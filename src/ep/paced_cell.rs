@@ -3,6 +3,8 @@
 //!
 //! The step is that of the tissue without its diffusion: five forward-Euler substeps, then the stimulus.
 
+use thiserror::Error;
+
 use super::cell::{StepRates, Tissue, V_GATE, euler_step};
 
 /// Step, ms, and the cell's substeps in it.
@@ -112,26 +114,92 @@ impl PacedCell {
     }
 }
 
-/// The S1S2 restitution curve: the last beat of `n_beats` at `s1` ms, and after each of the intervals `s2`
-/// (ms, at most `s1`) a beat of its own.
-pub fn restitution(
-    cell: Tissue,
-    strength: f64,
-    (s1, n_beats): (f64, u32),
-    s2: &[f64],
-) -> Vec<RestitutionPoint> {
-    let mut paced = PacedCell::new(cell, strength);
-    for _ in 1..n_beats {
-        paced.beat(s1, &mut |_| ());
+/// How a cell is paced: an S1 train, and after its last beat, in turn, each of several S2 beats.
+#[derive(Debug, Clone, PartialEq)]
+pub struct CellProtocol {
+    /// Strength of the stimuli, 1/ms: one cell alone needs little.
+    pub strength: f64,
+    /// Interval of the S1 train, ms.
+    pub s1: f64,
+    /// Beats of the S1 train.
+    pub beats: u32,
+    /// Intervals of the S2 beats, ms, none longer than `s1`.
+    pub s2: Vec<f64>,
+}
+
+impl Default for CellProtocol {
+    /// Eight beats, 600 ms apart, and S2 from 150 to 600 ms in steps of 10.
+    fn default() -> Self {
+        let s2 = (15..=60).map(|k| 10.0 * f64::from(k)).collect();
+        Self { strength: 0.3, s1: 600.0, beats: 8, s2 }
     }
-    let last = paced.clone().beat(s1, &mut |_| ());
-    let point = |s2: &f64| {
-        let mut paced = paced.clone();
-        paced.beat(*s2, &mut |_| ());
-        let di = last.map_or(f64::NAN, |beat| s2 - beat.lat - beat.apd[3]);
-        RestitutionPoint { s2: *s2, di, beat: paced.beat(s1, &mut |_| ()) }
-    };
-    s2.iter().map(point).collect()
+}
+
+/// A cell that cannot be paced so.
+#[derive(Debug, Clone, Copy, PartialEq, Error)]
+pub enum CellProtocolError {
+    /// A strength that is none.
+    #[error("a stimulus of {0} per ms excites nothing\nhelp: give a strength above 0")]
+    Strength(f64),
+    /// An S1 interval that is none.
+    #[error("--s1 {0} is no interval\nhelp: give ms, 1 or more")]
+    S1(f64),
+    /// An S2 that comes after the next S1, or at once.
+    #[error(
+        "--s2 {s2} is not between 1 ms and the S1 interval of {s1} ms\nhelp: an S2 comes earlier than the next S1 would"
+    )]
+    S2 {
+        /// Interval of the S2 beat, ms.
+        s2: f64,
+        /// That of the train, ms.
+        s1: f64,
+    },
+}
+
+impl CellProtocol {
+    /// Checks that a cell can be paced so.
+    ///
+    /// # Errors
+    /// What makes no sense.
+    pub fn validate(&self) -> Result<(), CellProtocolError> {
+        let Self { strength, s1, .. } = *self;
+        if !(strength.is_finite() && strength > 0.0) {
+            return Err(CellProtocolError::Strength(strength));
+        }
+        if !(1.0..=1e5).contains(&s1) {
+            return Err(CellProtocolError::S1(s1));
+        }
+        match self.s2.iter().find(|s2| !(1.0..=s1).contains(*s2)) {
+            Some(&s2) => Err(CellProtocolError::S2 { s2, s1 }),
+            None => Ok(()),
+        }
+    }
+
+    /// V and h of `cell` through the S1 train, from rest on.
+    pub fn trace(&self, cell: Tissue) -> Vec<Sample> {
+        let mut paced = PacedCell::new(cell, self.strength);
+        let mut trace = vec![paced.sample()];
+        for _ in 0..self.beats {
+            paced.beat(self.s1, &mut |sample| trace.push(sample));
+        }
+        trace
+    }
+
+    /// The S1S2 restitution curve of `cell`: a point for each S2.
+    pub fn restitution(&self, cell: Tissue) -> Vec<RestitutionPoint> {
+        let mut paced = PacedCell::new(cell, self.strength);
+        for _ in 1..self.beats {
+            paced.beat(self.s1, &mut |_| ());
+        }
+        let last = paced.clone().beat(self.s1, &mut |_| ());
+        let point = |s2: &f64| {
+            let mut paced = paced.clone();
+            paced.beat(*s2, &mut |_| ());
+            let di = last.map_or(f64::NAN, |beat| s2 - beat.lat - beat.apd[3]);
+            RestitutionPoint { s2: *s2, di, beat: paced.beat(self.s1, &mut |_| ()) }
+        };
+        self.s2.iter().map(point).collect()
+    }
 }
 
 #[cfg(test)]
@@ -143,13 +211,17 @@ mod tests {
         Parameters::from_array([0.7, 0.05, 10.0, 120.0, 200.0]).tissue()
     }
 
+    fn restitution(cell: Tissue, strength: f64, s1: f64, s2: &[f64]) -> Vec<RestitutionPoint> {
+        CellProtocol { strength, s1, beats: 4, s2: s2.to_vec() }.restitution(cell)
+    }
+
     /// Mitchell and Schaeffer 2003, equation for APD restitution: with fast currents the gate alone
     /// makes the duration, and opens with `tau_open` in the pause.
     #[test]
     fn durations_follow_the_gate_as_the_closed_form_says() {
         let tissue = Parameters::from_array([0.7, 0.01, 1.0, 120.0, 270.0]).tissue();
         let h_min = 1.0 / (1.0 + 0.81 * tissue.tau_out / (4.0 * tissue.tau_in));
-        let curve = restitution(tissue, 0.4, (900.0, 4), &[350.0, 450.0, 600.0, 900.0]);
+        let curve = restitution(tissue, 0.4, 900.0, &[350.0, 450.0, 600.0, 900.0]);
         let tails = curve.iter().map(|point| {
             let h = 1.0 - (1.0 - h_min) * (-point.di / tissue.tau_open).exp();
             let plateau = tissue.tau_close * (h / h_min).ln();
@@ -165,7 +237,7 @@ mod tests {
 
     #[test]
     fn a_cell_that_has_not_recovered_is_not_captured() {
-        let curve = restitution(cell(), 0.3, (600.0, 3), &[100.0, 180.0, 300.0, 600.0]);
+        let curve = restitution(cell(), 0.3, 600.0, &[100.0, 180.0, 300.0, 600.0]);
         let is_captured: Vec<bool> = curve.iter().map(|p| p.beat.is_some()).collect();
         assert_eq!(is_captured, [false, false, true, true]);
         assert!(curve[0].di < 0.0 && curve[2].di > 0.0);

@@ -5,6 +5,7 @@
 
 mod atrium;
 mod error;
+mod format;
 mod refine;
 mod repair;
 mod surface;
@@ -15,6 +16,7 @@ mod vtk;
 
 pub use atrium::{Atrium, REGION_NAMES, left_atrium};
 pub use error::{MeshError, Place};
+pub use format::{Format, write};
 pub use refine::Refined;
 pub use repair::repair;
 pub use surface::{Surface, read};

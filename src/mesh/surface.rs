@@ -28,6 +28,30 @@ pub struct Surface {
 }
 
 impl Surface {
+    /// A surface that is in no file, all of whose vertices are kept; `point_data` by name
+    /// (n_vertices).
+    pub fn new(mesh: TriMesh, point_data: BTreeMap<String, Vec<f64>>) -> Self {
+        let n = mesh.n_vertices();
+        Self {
+            mesh,
+            source_vertex: (0..n as u32).collect(),
+            n_source_vertices: n,
+            dropped: vec![],
+            point_data,
+            notes: vec![],
+        }
+    }
+
+    /// The procedural left atrium with edges of about `edge` mm and its regions as point data.
+    ///
+    /// # Panics
+    /// As [`left_atrium`](super::left_atrium).
+    pub fn left_atrium(edge: f64) -> Self {
+        let atrium = super::left_atrium(edge);
+        let region = atrium.region.iter().map(|region| f64::from(*region)).collect();
+        Self::new(atrium.mesh, BTreeMap::from([("region".into(), region)]))
+    }
+
     /// The vertex of `mesh` that is vertex `source` of the file; `None` if it was dropped.
     pub fn vertex_of_source(&self, source: usize) -> Option<u32> {
         let source = u32::try_from(source).ok()?;

@@ -1,6 +1,7 @@
 //! Right-hand sides of `effect` statements: designs from the columns of a table.
 
-use crate::table::Measurements;
+use crate::field::{Kernel as _, Matern32};
+use crate::table::{Measurements, Probes};
 
 /// How an effect depends on a row: the right-hand side of an `effect` statement.
 #[derive(Clone, Debug, PartialEq)]
@@ -119,7 +120,7 @@ impl Form {
     /// The labels behind its coefficients, if these belong to labels.
     pub fn labels(&self, table: &Measurements) -> Vec<String> {
         match self {
-            Self::Group { column } => distinct(table, column),
+            Self::Group { column } => table.distinct(column),
             Self::Family { column } => families(table, column),
             _ => vec![],
         }
@@ -129,14 +130,14 @@ impl Form {
     /// in the table; an empty cell contributes nothing.
     pub fn design(&self, table: &Measurements) -> (Vec<f64>, usize) {
         let number = |row: usize, column: &str| -> Option<f64> {
-            table.cell(row, column)?.parse::<f64>().ok().filter(|x| x.is_finite())
+            table.column(column)?.number(row).filter(|x| x.is_finite())
         };
         let rows = 0..table.len();
         match self {
             Self::All => (vec![1.0; table.len()], 1),
             Self::Surface { modes, lengthscale } | Self::Path { modes, lengthscale } => {
                 let along = matches!(self, Self::Path { .. });
-                let design = table.probes().map(|p| p.design(*modes, *lengthscale, along));
+                let design = table.probes().map(|p| of_modes(p, *modes, *lengthscale, along));
                 (design.unwrap_or_default(), *modes)
             }
             Self::Scaled { column, centre, scale } => {
@@ -159,7 +160,7 @@ impl Form {
                 };
                 (rows.flat_map(z).collect(), *degree)
             }
-            Self::Group { column } => one_each(table, &distinct(table, column), |row| {
+            Self::Group { column } => one_each(table, &table.distinct(column), |row| {
                 table.cell(row, column).unwrap_or_default()
             }),
             Self::Family { column } => one_each(table, &families(table, column), |row| {
@@ -167,6 +168,16 @@ impl Form {
             }),
         }
     }
+}
+
+/// Design of a field of unit amplitude (Matérn-3/2, lengthscale in mm), row-major (rows, `n`): its value at
+/// each row or, `along` the paths, its integral.
+fn of_modes(probes: &Probes, n: usize, lengthscale: f64, along: bool) -> Vec<f64> {
+    let kernel = Matern32(lengthscale);
+    let root: Vec<f64> =
+        probes.frequencies().iter().take(n).map(|w| kernel.sqrt_density(*w)).collect();
+    let rows = probes.modes(along).chunks_exact(probes.n_modes().max(1));
+    rows.flat_map(|row| row.iter().zip(&root).map(|(phi, root)| phi * root)).collect()
 }
 
 /// A column for each label.
@@ -192,7 +203,7 @@ fn family(label: &str) -> &str {
 /// Labels of a column without their trailing digits, in order of appearance.
 pub fn families(table: &Measurements, column: &str) -> Vec<String> {
     let mut all: Vec<String> = vec![];
-    for label in distinct(table, column) {
+    for label in table.distinct(column) {
         if !all.iter().any(|f| f == family(&label)) {
             all.push(family(&label).into());
         }
@@ -209,16 +220,4 @@ fn legendre(x: f64, n: usize) -> Vec<f64> {
     }
     // higher degrees are worth less: what is smooth is simple
     (1..=n).map(|k| p[k] / k as f64).collect()
-}
-
-/// Labels of a column in order of appearance, empty cells left out.
-pub fn distinct(table: &Measurements, column: &str) -> Vec<String> {
-    let mut labels: Vec<String> = vec![];
-    for row in 0..table.len() {
-        let cell = table.cell(row, column).unwrap_or_default();
-        if !cell.is_empty() && !labels.iter().any(|l| l == cell) {
-            labels.push(cell.into());
-        }
-    }
-    labels
 }

@@ -36,7 +36,7 @@ pub use builder::outlying;
 pub use density::Density;
 pub use equations::equations;
 pub use error::ModelError;
-pub use form::{Form, distinct, families};
+pub use form::{Form, families};
 pub use lets::LetValues;
 pub use local::{RowId, Split};
 pub use maps::{MapName, MapSummary, Maps};

@@ -4,6 +4,7 @@
 //! Every file and folder appears whole or not at all.
 
 mod approximation;
+mod cell;
 mod curves;
 mod dataset;
 mod draws;
@@ -28,6 +29,7 @@ mod verdict;
 mod zarr;
 
 pub use approximation::Approximation;
+pub use cell::{write_restitution, write_trace};
 pub use curves::Curves;
 pub use dataset::{Group, Values, Variable};
 pub use draws::write_draws;

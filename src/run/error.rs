@@ -13,7 +13,7 @@ use crate::mesh::MeshError;
 use crate::model::ModelError;
 use crate::report::ReportError;
 use crate::store::CheckpointError;
-use crate::study::StudyError;
+use crate::experiment::ExperimentError;
 use crate::table::{DataError, ProbeError};
 
 /// Why there is no fit, or no file of it.
@@ -124,7 +124,7 @@ pub enum RunError {
     Model(#[from] ModelError),
     /// There can be no synthetic experiment, or no further measurement.
     #[error(transparent)]
-    Experiment(#[from] StudyError),
+    Experiment(#[from] ExperimentError),
     /// The sampler's settings or starting points.
     #[error(transparent)]
     Infer(#[from] InferError),

@@ -11,7 +11,7 @@ use crate::model::{Model, Sampler};
 use crate::report::{
     Approximation, LeaveOneOut, Posterior, Row, RunRecord, SettingsRecord, Verdict, verdict,
 };
-use crate::study::thinned;
+use crate::experiment::thinned;
 
 /// Most draws that field maps are averaged over; more change nothing that can be seen.
 const MAP_DRAWS: usize = 1000;

@@ -7,8 +7,8 @@ use std::path::{Path, PathBuf};
 use sha2::{Digest as _, Sha256};
 
 use super::RunError;
-use crate::mesh::{Surface, Units, left_atrium};
-use crate::study::Design;
+use crate::mesh::{Surface, Units};
+use crate::experiment::Design;
 use crate::table::Measurements;
 
 /// Edge length of the embedded atrium, mm: about 5,000 vertices.
@@ -147,19 +147,4 @@ fn hash_surface(surface: &Surface) -> String {
         hasher.update(vertex.to_le_bytes());
     }
     format!("{:x}", hasher.finalize())
-}
-
-/// The embedded left atrium with edges of about `edge` mm.
-pub fn embedded_atrium(edge: f64) -> Surface {
-    let atrium = left_atrium(edge);
-    let n = atrium.mesh.n_vertices();
-    let region = atrium.region.iter().map(|r| f64::from(*r)).collect();
-    Surface {
-        mesh: atrium.mesh,
-        source_vertex: (0..n as u32).collect(),
-        n_source_vertices: n,
-        dropped: vec![],
-        point_data: BTreeMap::from([("region".into(), region)]),
-        notes: vec![],
-    }
 }

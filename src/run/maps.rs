@@ -4,7 +4,7 @@ use crate::manifold::Basis;
 use crate::mesh::Surface;
 use crate::model::{MapSummary, Maps, Model};
 use crate::report::FieldDraws;
-use crate::study::{coverage, rms_error};
+use crate::experiment::{coverage, rms_error};
 
 /// A field or derived quantity at every vertex.
 #[derive(Clone, Debug)]

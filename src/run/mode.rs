@@ -14,7 +14,7 @@ use crate::mesh::write_vtp;
 use crate::model::{Kind, MapSummary, Maps, Model};
 use crate::report::rmse_line;
 use crate::store::write_file;
-use crate::study::rms_error;
+use crate::experiment::rms_error;
 
 /// What the mode is, so that nobody takes it for the posterior's centre.
 const WHAT_IT_IS: &str = "This is the mode of the density that is sampled: joint, in unconstrained coordinates, Jacobian included. \

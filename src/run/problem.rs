@@ -5,12 +5,12 @@ use std::f64::consts::PI;
 use std::sync::Arc;
 use std::time::Instant;
 
-use super::inputs::{DataSource, Inputs, MeshSource, embedded_atrium};
+use super::inputs::{DataSource, Inputs, MeshSource};
 use super::{Event, RunError, Watch};
 use crate::manifold::{Basis, eigenpairs_cached};
 use crate::mesh::{self, Surface};
 use crate::model::{Declare, Model};
-use crate::study::{Design, TRUTH_MODES, experiment};
+use crate::experiment::{Design, TRUTH_MODES, experiment};
 use crate::table::{FIELD_MODES, Measurements};
 
 /// A surface with what fields on it are made of.
@@ -186,7 +186,7 @@ fn checked(table: Measurements, outline: &Model) -> Result<Measurements, RunErro
 /// [`RunError::Mesh`].
 pub fn surface(mesh: &MeshSource, watch: &Watch<'_>) -> Result<Surface, RunError> {
     let (file, surface) = match mesh {
-        MeshSource::Embedded { edge } => (None, embedded_atrium(*edge)),
+        MeshSource::Embedded { edge } => (None, Surface::left_atrium(*edge)),
         MeshSource::File { path, units } => (Some(path.as_path()), mesh::read(path, *units)?),
         MeshSource::Surface(surface) => return Ok((**surface).clone()),
     };

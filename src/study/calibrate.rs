@@ -2,14 +2,13 @@
 
 use std::collections::BTreeMap;
 
-use super::next::{Lesson, Minutes, lessons};
+use super::StudyError;
 use super::plan::{Block, Case, Choice, Estimate, Plan};
-use super::truth::{Truth, repaired};
-use super::{StudyError, Visit, measure, visits};
-use crate::diagnostics::r_hat;
-use crate::infer::{
-    Chain, LogDensity as _, OptimumSettings, Settings, Silent, jittered_starts, maximise,
+use crate::experiment::{
+    ExperimentError, Laboratory, Lesson, Minutes, Truth, Visit, agree, coverage, lessons, repaired,
+    rms_error, thinned,
 };
+use crate::infer::{Chain, OptimumSettings, Settings, Silent, jittered_starts, maximise};
 use crate::manifold::{Basis, maximin};
 use crate::mesh::TriMesh;
 use crate::model::{Declare, Maps, Model, Sampler};
@@ -20,8 +19,6 @@ const MOST_ITERATIONS: usize = 50_000;
 pub(super) const MAP_DRAWS: usize = 400;
 /// Sites that are considered one after the other.
 const CANDIDATES: usize = 150;
-/// Central intervals whose coverage is counted.
-pub const INTERVALS: [f64; 3] = [0.5, 0.9, 0.95];
 
 /// What came of one case.
 #[derive(Clone, Debug)]
@@ -52,16 +49,14 @@ pub struct Time {
 pub struct MapError {
     /// Root mean squared error over all vertices, in the map's unit.
     pub rmse: f64,
-    /// Share of vertices whose truth lies in each of [`INTERVALS`]; only from draws.
+    /// Share of vertices whose truth lies in each of [`INTERVALS`](crate::experiment::INTERVALS); only from draws.
     pub coverage: Option<[f64; 3]>,
 }
 
 /// A plan on its surface, with the designs that its blocks share.
 pub struct Study<'a> {
     plan: &'a Plan,
-    model: &'a dyn Declare,
-    basis: &'a Basis,
-    outline: Model,
+    laboratory: Laboratory<'a>,
     /// How long measurements take.
     minutes: Minutes,
     /// Visits by number of sites and design.
@@ -87,9 +82,10 @@ impl<'a> Study<'a> {
         mesh: &TriMesh,
         basis: &'a Basis,
     ) -> Result<Self, StudyError> {
-        let outline = Model::outline(model)?;
+        let laboratory = Laboratory::new(model, basis)?;
         if let Some(minutes) = &plan.minutes {
-            let known: Vec<&str> = outline.observes.iter().map(|o| o.name).collect();
+            let observes = &laboratory.outline().observes;
+            let known: Vec<&str> = observes.iter().map(|o| o.name).collect();
             minutes.check_names(&known).map_err(|why| plan.fault(why))?;
         }
         // otherwise a site is a site, whatever is measured there
@@ -100,19 +96,19 @@ impl<'a> Study<'a> {
             let key = (case.sites, case.design);
             if let std::collections::btree_map::Entry::Vacant(entry) = designs.entry(key) {
                 let sites = maximin(mesh, case.sites, plan.exclude, plan.design_seed(&case))?;
-                entry.insert(visits(&outline, &sites));
+                entry.insert(laboratory.visits(&sites));
             }
         }
         let candidates = match plan.choice {
             Choice::Maximin => vec![],
             Choice::Next => maximin(mesh, CANDIDATES, plan.exclude, plan.seed)?,
         };
-        Ok(Self { plan, model, basis, outline, minutes, designs, candidates })
+        Ok(Self { plan, laboratory, minutes, designs, candidates })
     }
 
     /// Names of the maps that are judged: fields, then derived quantities.
     pub fn names(&self) -> Vec<&'static str> {
-        Maps::new(&self.outline, self.basis).names().into_iter().map(|map| map.name).collect()
+        self.laboratory.map_names()
     }
 
     /// All cases of a block, each reported to `done`, and the share of the truth that was repaired.
@@ -125,7 +121,7 @@ impl<'a> Study<'a> {
         done: &(dyn Fn() + Sync),
     ) -> Result<(f64, Vec<Outcome>), StudyError> {
         let seed = self.plan.truth_seed(block);
-        let truth = Truth::new(&self.outline, self.basis, block.lengthscale, seed)?;
+        let truth = self.laboratory.truth(block.lengthscale, seed)?;
         let mut outcomes = vec![];
         let mut grown = BTreeMap::new();
         for case in self.plan.cases() {
@@ -159,10 +155,9 @@ impl<'a> Study<'a> {
         visits: &[Visit],
     ) -> Result<(Model, u64), StudyError> {
         let seed = self.plan.case_seed(block, &case);
-        let (outline, basis) = (&self.outline, self.basis);
-        let table =
-            measure(self.model, outline, basis, &truth.fields, visits, case.resolution, seed)?;
-        Ok((Model::new(self.model, Some(basis), &table)?, seed))
+        let laboratory = &self.laboratory;
+        let table = laboratory.measure(&truth.fields, visits, case.resolution, seed)?;
+        Ok((Model::new(laboratory.declared(), Some(laboratory.basis()), &table)?, seed))
     }
 
     /// The plan's smallest design.
@@ -184,9 +179,9 @@ impl<'a> Study<'a> {
             let (model, seed) = self.measured(block, so_far, truth, visits)?;
             let (chains, _) = self.draws(&model, seed)?;
             let found = lessons(
-                self.model,
+                self.laboratory.declared(),
                 &model,
-                self.basis,
+                self.laboratory.basis(),
                 &thinned(&chains, MAP_DRAWS),
                 &self.candidates,
                 case.resolution,
@@ -201,7 +196,8 @@ impl<'a> Study<'a> {
             let new = found.into_iter().filter(|lesson| !is_known(lesson));
             let best = new.max_by(|a, b| per_minute(a).total_cmp(&per_minute(b)));
             let Some(Lesson { vertex, observes, .. }) = best else {
-                return Err(StudyError::NotSynthetic { why: "there is no further site".into() });
+                let why = "there is no further site".into();
+                return Err(ExperimentError::NotSynthetic { why }.into());
             };
             visits.push(Visit { vertex, observes });
         }
@@ -238,7 +234,7 @@ impl<'a> Study<'a> {
 
     fn time(&self, visits: &[Visit]) -> Time {
         let times = |name| visits.iter().filter(|visit| visit.observes.contains(&name)).count();
-        let measured = self.outline.observes.iter().map(|o| (o.name, times(o.name))).collect();
+        let measured = self.laboratory.outline().observes.iter().map(|o| (o.name, times(o.name))).collect();
         Time { minutes: self.seconds(visits) / 60.0, measured }
     }
 
@@ -254,17 +250,17 @@ impl<'a> Study<'a> {
     fn mode(&self, model: &Model, case: Case, truth: &Truth) -> Result<Outcome, StudyError> {
         let settings = OptimumSettings { max_iterations: MOST_ITERATIONS, ..Default::default() };
         let optimum = maximise(model, &model.initial(), &settings)?;
-        let maps = Maps::new(model, self.basis);
+        let maps = Maps::new(model, self.laboratory.basis());
         let (summary, _) = maps.summarise(&[&optimum.position]);
         let fields: Vec<Vec<f64>> =
             summary.into_iter().take(maps.n_fields()).map(|map| map.mean).collect();
         let mut tape = model.tape();
         model.forward(&mut tape, &optimum.position);
-        let mended = match repaired(&maps, &tape, fields.clone(), self.basis) {
+        let mended = match repaired(&maps, &tape, fields.clone(), self.laboratory.basis()) {
             // nothing to repair from: what follows from such a mode has no error, not a small one
-            Err(StudyError::NothingPhysical) => {
+            Err(ExperimentError::NothingPhysical) => {
                 let derived = maps.derived_fields(&tape, &fields);
-                let unphysical = vec![true; self.basis.n_vertices()];
+                let unphysical = vec![true; self.laboratory.basis().n_vertices()];
                 Truth { fields, derived, unphysical }
             }
             mended => mended?,
@@ -292,7 +288,7 @@ impl<'a> Study<'a> {
     ) -> Result<Outcome, StudyError> {
         let (chains, asked) = self.draws(model, seed)?;
         let thinned = thinned(&chains, MAP_DRAWS);
-        let maps = Maps::new(model, self.basis);
+        let maps = Maps::new(model, self.laboratory.basis());
         let (summary, unphysical) = maps.summarise(&thinned);
         let truths: Vec<&[f64]> = truth.maps().map(Vec::as_slice).collect();
         let ranks = maps.ranks(&thinned, &truths);
@@ -307,40 +303,4 @@ impl<'a> Study<'a> {
             time: None,
         })
     }
-}
-
-/// At most `most` draws of all chains, evenly spaced.
-pub fn thinned(chains: &[Chain], most: usize) -> Vec<&[f64]> {
-    let all: Vec<&[f64]> =
-        chains.iter().flat_map(|c| (0..c.n_draws()).map(|i| c.draw(i))).collect();
-    let step = all.len().div_ceil(most).max(1);
-    all.into_iter().step_by(step).collect()
-}
-
-/// Whether every unknown has an R̂ that short chains can have.
-pub fn agree(model: &Model, chains: &[Chain]) -> bool {
-    const MAX_R_HAT: f64 = 1.05;
-    (0..model.dim()).all(|i| {
-        let of = |chain: &Chain| (0..chain.n_draws()).map(|k| chain.draw(k)[i]).collect();
-        let columns: Vec<Vec<f64>> = chains.iter().map(of).collect();
-        let slices: Vec<&[f64]> = columns.iter().map(Vec::as_slice).collect();
-        let r_hat = r_hat(&slices);
-        r_hat.is_nan() || r_hat <= MAX_R_HAT
-    })
-}
-
-/// Share of ranks within the central interval of each of [`INTERVALS`]; unknown ranks (NaN) do not count.
-pub fn coverage(ranks: &[f64]) -> [f64; 3] {
-    let known = || ranks.iter().filter(|rank| !rank.is_nan());
-    INTERVALS.map(|level| {
-        let inside = known().filter(|rank| (*rank - 0.5).abs() <= 0.5 * level).count();
-        inside as f64 / known().count() as f64
-    })
-}
-
-/// Root mean squared difference over the vertices where both are known.
-pub fn rms_error(estimate: &[f64], truth: &[f64]) -> f64 {
-    let squares = estimate.iter().zip(truth).map(|(e, t)| (e - t) * (e - t));
-    let known: Vec<f64> = squares.filter(|square| square.is_finite()).collect();
-    (known.iter().sum::<f64>() / known.len() as f64).sqrt()
 }

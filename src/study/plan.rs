@@ -6,7 +6,7 @@ use serde::{Deserialize, Serialize};
 use sha2::{Digest as _, Sha256};
 
 use super::StudyError;
-use super::next::Minutes;
+use crate::experiment::Minutes;
 
 /// What is calibrated how often. Every case is one value of each list, one truth and one design.
 #[derive(Clone, Debug, Deserialize, Serialize)]

@@ -5,10 +5,9 @@
 
 use rayon::prelude::*;
 
-use super::StudyError;
-use super::calibrate::{MAP_DRAWS, coverage, rms_error};
-use super::truth::{Truth, repaired};
+use super::calibrate::MAP_DRAWS;
 use crate::diagnostics::Moments;
+use crate::experiment::{ExperimentError, Truth, coverage, repaired, rms_error};
 use crate::manifold::Basis;
 use crate::model::{Declare, Maps, Model};
 
@@ -28,7 +27,7 @@ pub struct RecoveredMap {
     pub mean: Vec<f64>,
     /// Their standard deviation (n_vertices).
     pub sd: Vec<f64>,
-    /// Share of vertices whose truth lies in each of [`INTERVALS`](super::INTERVALS).
+    /// Share of vertices whose truth lies in each of [`INTERVALS`](crate::experiment::INTERVALS).
     pub coverage: [f64; 3],
 }
 
@@ -90,26 +89,26 @@ struct Sums<'t> {
 /// For models whose derived quantities depend on a place through its fields alone.
 ///
 /// # Errors
-/// [`StudyError`], [`StudyError::NothingPhysical`] where no draw has a physical vertex.
+/// [`ExperimentError::NothingPhysical`] where no draw has a physical vertex.
 pub fn recover(
     model: &dyn Declare,
     basis: &Basis,
     truth: &[(&'static str, Vec<f64>)],
     n_draws: usize,
     draw: &(dyn Fn(usize) -> Vec<Vec<f64>> + Sync),
-) -> Result<Recovery, StudyError> {
+) -> Result<Recovery, ExperimentError> {
     let outline = Model::outline(model)?;
     let maps = Maps::new(&outline, basis);
     let mut tape = outline.tape();
     outline.forward(&mut tape, &outline.initial());
     let physical = |i: &usize| match repaired(&maps, &tape, draw(*i), basis) {
-        Err(StudyError::NothingPhysical) => Ok(None),
+        Err(ExperimentError::NothingPhysical) => Ok(None),
         made => made.map(Some),
     };
     let mut sums = Sums::new(truth, basis.n_vertices());
     let thinned: Vec<usize> = (0..n_draws).step_by(n_draws.div_ceil(MAP_DRAWS).max(1)).collect();
     for wave in thinned.chunks(WAVE) {
-        let made: Vec<Result<_, StudyError>> = wave.par_iter().map(physical).collect();
+        let made: Vec<Result<_, ExperimentError>> = wave.par_iter().map(physical).collect();
         for made in made {
             sums.add(made?.as_ref());
         }
@@ -142,9 +141,9 @@ impl<'t> Sums<'t> {
         }
     }
 
-    fn recovery(self, maps: &Maps<'_>) -> Result<Recovery, StudyError> {
+    fn recovery(self, maps: &Maps<'_>) -> Result<Recovery, ExperimentError> {
         if self.n_draws == 0 {
-            return Err(StudyError::NothingPhysical);
+            return Err(ExperimentError::NothingPhysical);
         }
         let recovered = self.tallies.into_iter().zip(self.truth).zip(maps.names());
         let recovered = recovered.map(|((tally, (_, truth)), name)| RecoveredMap {

@@ -7,9 +7,10 @@ use std::path::{Path, PathBuf};
 use serde_json::json;
 
 use super::StudyError;
-use super::calibrate::{INTERVALS, Outcome};
+use super::calibrate::Outcome;
 use super::plan::{Block, Estimate, Plan};
 use crate::diagnostics::mean_and_sd;
+use crate::experiment::INTERVALS;
 use crate::store::write_file;
 
 /// Columns that say which case a row is, and how it went.

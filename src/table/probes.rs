@@ -1,15 +1,9 @@
 //! Modes of the surface at the places of a table's rows, and along the paths to them: what the forms
 //! `surface` and `path` of an effect are made of.
 
-use super::{DataError, Measurements};
-use crate::field::{Kernel, Matern32};
+use super::{DataError, Placement, SOURCE, Table};
 use crate::manifold::{Basis, ManifoldError, integrate_along_paths};
 use crate::mesh::Surface;
-
-/// The column that holds, for each row, the vertex (index in the mesh file) at which activation starts.
-pub const SOURCE: &str = "source";
-/// The column that is then added: length of the geodesic path from there, mm.
-pub const PATH: &str = "path_mm";
 
 /// Most modes of a field that is tried as an effect.
 pub const FIELD_MODES: usize = 64;
@@ -33,17 +27,18 @@ impl Probes {
     /// # Errors
     /// A source that is no vertex of the surface.
     pub(super) fn new(
-        table: &Measurements,
+        table: &Table,
+        placement: &Placement,
         surface: &Surface,
         basis: &Basis,
     ) -> Result<Self, ProbeError> {
         let frequency: Vec<f64> = basis.eigenvalues.iter().map(|l| l.max(0.0).sqrt()).collect();
-        let vertices: Vec<u32> = (0..table.len()).filter_map(|row| table.vertex(row)).collect();
+        let vertices = placement.of_rows();
         let at = vertices.iter().flat_map(|v| basis.at(*v as usize).iter().copied()).collect();
         if !table.has(SOURCE) {
             return Ok(Self { frequency, at, ..Self::default() });
         }
-        let sources = table.vertices_of(SOURCE, surface)?;
+        let sources = Placement::by_column(table, SOURCE, surface)?;
         let n = basis.n_modes();
         // the modes and 1, whose integral is the length
         let with_one: Vec<f64> = (0..basis.n_vertices())
@@ -88,15 +83,14 @@ impl Probes {
             .then(|| self.length.iter().sum::<f64>() / self.length.len() as f64)
     }
 
-    /// Design of a field of unit amplitude (Matérn-3/2, lengthscale in mm), row-major (rows, `n`): its value at
-    /// each row or, `along` the paths, its integral.
-    pub(crate) fn design(&self, n: usize, lengthscale: f64, along: bool) -> Vec<f64> {
-        let kernel = Matern32(lengthscale);
-        let root: Vec<f64> =
-            self.frequency.iter().take(n).map(|w| kernel.sqrt_density(*w)).collect();
-        let modes = if along { &self.along } else { &self.at };
-        let rows = modes.chunks_exact(self.n_modes().max(1));
-        rows.flat_map(|row| row.iter().zip(&root).map(|(phi, root)| phi * root)).collect()
+    /// √λ of each mode, mm⁻¹.
+    pub fn frequencies(&self) -> &[f64] {
+        &self.frequency
+    }
+
+    /// The modes, row-major (rows, modes): φ at each row's place in mm⁻¹ or, `along` the paths, ∫ φ ds.
+    pub fn modes(&self, along: bool) -> &[f64] {
+        if along { &self.along } else { &self.at }
     }
 }
 

@@ -7,7 +7,7 @@ use eplat::infer::{Chain, ChainResult};
 use eplat::manifold::{Basis, eigenpairs_cached};
 use eplat::mesh::{TriMesh, left_atrium};
 use eplat::model::{Declare, Model};
-use eplat::study::{Design, TRUTH_MODES, experiment};
+use eplat::experiment::{Design, TRUTH_MODES, experiment};
 use eplat::table::Measurements;
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;

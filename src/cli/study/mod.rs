@@ -22,8 +22,9 @@ use crate::error::Failure;
 use crate::manifold::eigenpairs_cached;
 use crate::mesh::{self, Surface, Units};
 use crate::model::Model;
-use crate::run::{embedded_atrium, hash_file as hash};
-use crate::study::{Block, Plan, Results, Study, TRUTH_MODES, Table, summarise};
+use crate::run::hash_file as hash;
+use crate::experiment::TRUTH_MODES;
+use crate::study::{Block, Plan, Results, Study, Table, summarise};
 
 /// Edge length of the embedded atrium, mm.
 const ATRIUM_EDGE: f64 = 1.5;
@@ -155,7 +156,7 @@ impl PlanArgs {
 
     fn surface(&self, plan: &Plan) -> Result<Surface, Failure> {
         let (Some(path), Some(units)) = (&plan.mesh, &plan.units) else {
-            return Ok(embedded_atrium(ATRIUM_EDGE));
+            return Ok(Surface::left_atrium(ATRIUM_EDGE));
         };
         let units = Units::from_str(units)
             .map_err(|why| Failure::new(format_args!("{}: units: {why}", self.plan.display())))?;

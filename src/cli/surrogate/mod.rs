@@ -9,7 +9,7 @@ use std::path::PathBuf;
 
 use clap::{Args, Subcommand};
 
-use super::simulate::{curve_intervals, simulate_table, write_curves};
+use super::simulate::StripFiles;
 use crate::ep::table::{ParameterRow, finish_rows, new_file};
 use crate::ep::{Grid, Protocol};
 use crate::error::Failure;
@@ -112,9 +112,7 @@ fn design(args: &DesignArgs) -> Result<(), Failure> {
 }
 
 fn run(args: &RunArgs) -> Result<(), Failure> {
-    let restitution = args.curves.as_ref().map_or(vec![], |_| curve_intervals());
-    let protocol = Protocol { restitution, ..Protocol::default() };
-    let curves = args.curves.as_deref().map(new_file).transpose()?;
-    let outcomes = simulate_table(&args.design, &args.out, &Grid::default(), &protocol)?;
-    curves.map_or(Ok(()), |file| write_curves(file, &outcomes))
+    let files =
+        StripFiles { parameters: &args.design, out: &args.out, curves: args.curves.as_deref() };
+    files.simulate(&Grid::default(), Protocol::default())
 }

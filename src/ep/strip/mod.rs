@@ -66,6 +66,19 @@ pub enum GridError {
         /// Length, mm.
         length: f64,
     },
+    /// A length or width that is no whole number of spacings.
+    #[error(
+        "--{name} {extent} is no multiple of the spacing {spacing}\n\
+         help: nodes lie a spacing apart; give a multiple, or another --spacing"
+    )]
+    Extent {
+        /// `length` or `width`.
+        name: &'static str,
+        /// What it was to be, mm.
+        extent: f64,
+        /// Spacing, mm.
+        spacing: f64,
+    },
     /// A time step of which no whole number makes 1 ms, or spacing that is no positive number.
     #[error(
         "a spacing of {spacing} mm with time steps of {dt} ms cannot be simulated\n\
@@ -99,6 +112,26 @@ const STIMULATED: f64 = 0.3;
 const PULSE: f64 = 0.9;
 
 impl Grid {
+    /// A strip of this length and width (mm; a width of 0 makes a cable).
+    ///
+    /// # Errors
+    /// [`GridError::Extent`]. What else may be wrong is found by [`Grid::validate`].
+    pub fn of_size([length, width]: [f64; 2], spacing: f64, dt: f64) -> Result<Self, GridError> {
+        let nodes = |name, extent: f64| {
+            let n = extent / spacing;
+            if !(n >= 0.0 && (n - n.round()).abs() < 1e-6) {
+                return Err(GridError::Extent { name, extent, spacing });
+            }
+            Ok(n.round() as usize + 1)
+        };
+        Ok(Self {
+            n_along: nodes("length", length)?,
+            n_across: nodes("width", width)?,
+            spacing,
+            dt,
+        })
+    }
+
     /// Length of the strip, mm.
     pub fn length(&self) -> f64 {
         (self.n_along - 1) as f64 * self.spacing

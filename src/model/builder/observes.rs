@@ -193,7 +193,7 @@ impl Builder<'_> {
         match self.data {
             Some(data) if data.has(name) => vec![name.into()],
             Some(data) if data.has(&format!("{name}1")) => {
-                numbers(data.n_columns()).take_while(|n| data.has(n)).collect()
+                numbers(data.columns().len()).take_while(|n| data.has(n)).collect()
             }
             _ if expected > 1 => numbers(expected).collect(),
             _ => vec![name.into()],

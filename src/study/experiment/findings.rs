@@ -6,60 +6,56 @@ use std::io::Write as _;
 use serde_json::{Map, Value, json};
 
 use super::simulation::Simulated;
-use super::{RUN, Setup};
-use crate::ep::surface::BeatMap;
-use crate::error::Failure;
+use super::{FIELDS, KnownTruth, RUN};
+use crate::experiment::INTERVALS;
 use crate::mesh::write_vtp;
 use crate::report::{
-    ExperimentPage, Figure, PointData, RunRecord, Surface, Verdict, write_experiment_page,
+    ExperimentPage, Figure, PointData, Surface, Verdict, write_experiment_page,
 };
-use crate::run::OutputFolder;
-use crate::store::Identity;
-use crate::store::write_file;
-use crate::study::{INTERVALS, RecoveredMap, Recovery};
+use crate::run::{OutputFolder, Results};
+use crate::run::atrium::{AtriumRecord, MapDifference, Summary};
+use crate::store::{Identity, write_file};
+use crate::study::{RecoveredMap, Recovery, StudyError};
 
 /// An error of so many standard deviations is a large one.
 const LARGE: f64 = 3.0;
 /// Maps of the beat that are drawn.
 const DRAWN: [&str; 2] = ["apd20", "apd90"];
 
-/// All that is known at the end.
-pub(super) struct Results<'a> {
-    pub(super) setup: &'a Setup,
-    pub(super) identity: &'a Identity,
-    pub(super) record: &'a RunRecord,
-    pub(super) verdict: &'a Verdict,
-    pub(super) recovery: &'a Recovery,
-    pub(super) simulated: Option<&'a Simulated>,
+/// All that is known at the end of an experiment.
+#[derive(Debug)]
+pub struct Findings<'t> {
+    pub(super) truth: &'t KnownTruth<'t>,
+    /// All that the results depend on.
+    pub identity: Identity,
+    /// The calibration.
+    pub run: Results,
+    /// Whether it can be relied on.
+    pub verdict: Verdict,
+    /// What it recovered.
+    pub recovery: Recovery,
+    /// The two simulations, if they were not left out.
+    pub simulated: Option<Simulated>,
 }
 
-/// A map at the vertices, with its unit.
-type NamedMap = (String, String, Vec<f64>);
+/// A map at the vertices, with its name and unit.
+pub type NamedMap = (String, String, Vec<f64>);
 
-impl Results<'_> {
-    /// Writes every file, and says on stdout what was found.
-    pub(super) fn write(&self, out: &OutputFolder) -> Result<(), Failure> {
+impl Findings<'_> {
+    /// Writes every file, the numbers last.
+    pub(super) fn write(&self, out: &OutputFolder) -> Result<(), StudyError> {
         let maps = self.maps();
-        let surface = &self.setup.domain()?.surface;
+        let surface = &self.truth.domain.surface;
         let data: Vec<(&str, &[f64])> =
             maps.iter().map(|(name, _, values)| (name.as_str(), values.as_slice())).collect();
         write_vtp(&out.file("fields.vtp"), &surface.mesh, &data)?;
-        write_text(out, "measurements.csv", &self.setup.problem.measurements().to_csv())?;
+        write_text(out, "measurements.csv", &self.truth.problem.measurements().to_csv())?;
         self.write_page(out, &maps)?;
-        write_text(out, "experiment.json", &format!("{:#}\n", self.json()))?;
-        let mut stdout = std::io::stdout().lock();
-        writeln!(stdout, "{}\n{}", self.text(), self.verdict.sentence)?;
-        writeln!(
-            stdout,
-            "Files in {}: report.html, experiment.json, fields.vtp, measurements.csv; the run in {}",
-            out.path().display(),
-            out.file(RUN).display()
-        )?;
-        Ok(())
+        write_text(out, "experiment.json", &format!("{:#}\n", self.json()))
     }
 
-    /// All maps, in the order of the figures.
-    fn maps(&self) -> Vec<NamedMap> {
+    /// All maps, in the order of the figures: name, unit and values (n_vertices).
+    pub fn maps(&self) -> Vec<NamedMap> {
         let mut maps: Vec<NamedMap> = vec![];
         for map in &self.recovery.maps {
             let parts = [("true", &map.truth), ("mean", &map.mean), ("sd", &map.sd)];
@@ -72,7 +68,7 @@ impl Results<'_> {
             maps.push((name.clone(), "ms".to_owned(), values.clone()));
         }
         maps.push(("repaired".to_owned(), "1".to_owned(), self.recovery.repaired.clone()));
-        maps.push(("cv_max".to_owned(), "m/s".to_owned(), self.setup.cv_max.clone()));
+        maps.push(("cv_max".to_owned(), "m/s".to_owned(), self.truth.cv_max.clone()));
         maps
     }
 
@@ -82,40 +78,46 @@ impl Results<'_> {
         shares.iter().sum::<f64>() / shares.len() as f64
     }
 
-    fn json(&self) -> Value {
+    /// All numbers as one object: what `experiment.json` holds.
+    pub fn json(&self) -> Value {
         let maps: Map<String, Value> =
             self.recovery.maps.iter().map(|map| (map.name.to_owned(), of_map(map))).collect();
-        let vertices = self.setup.problem.measurements().vertices();
-        let simulation = self.simulated.map(|simulated| {
+        let vertices = self.truth.problem.measurements().vertices();
+        let simulation = self.simulated.as_ref().map(|simulated| {
             let [truth, mean] = &simulated.records;
+            let compared: Map<String, Value> = mean
+                .compared
+                .iter()
+                .map(|(name, difference)| (name.clone(), json!(difference)))
+                .collect();
             json!({
-                "vertices": truth["vertices"],
-                "mean_edge_mm": truth["mean_edge_mm"],
-                "stimuli_ms": truth["stimuli_ms"],
-                "activated_vertices": { "true": truth["activated_vertices"], "mean": mean["activated_vertices"] },
-                "seconds": { "true": truth["seconds"], "mean": mean["seconds"] },
-                "mean_against_true": mean["compared"],
+                "vertices": truth.vertices,
+                "mean_edge_mm": truth.mean_edge_mm,
+                "stimuli_ms": truth.stimuli_ms,
+                "activated_vertices": { "true": activated(truth), "mean": activated(mean) },
+                "seconds": { "true": truth.seconds, "mean": mean.seconds },
+                "mean_against_true": compared,
             })
         });
         json!({
             "version": env!("CARGO_PKG_VERSION"),
             "settings": self.identity,
             "sites": vertices,
-            "measurements": self.setup.problem.measurements().len(),
-            "truth_repaired": self.setup.truth_repaired,
+            "measurements": self.truth.problem.measurements().len(),
+            "truth_repaired": self.truth.repaired,
             "draws": self.recovery.n_draws,
             "draws_without_a_physical_vertex": self.recovery.n_void,
             "pairs_repaired": self.repaired(),
             "maps": maps,
             "converged": self.verdict.converged,
             "verdict": self.verdict.sentence,
-            "seconds_of_the_run": self.record.seconds.total,
+            "seconds_of_the_run": self.run.record.seconds.total,
             "simulation": simulation,
         })
     }
 
-    /// The same in lines.
-    fn text(&self) -> String {
+    /// Errors, coverage and differences as lines of text.
+    pub fn text(&self) -> String {
         let mut text = format!(
             "{:<8} {:>7} {:>7} {:>8} {:>8} {:>8}   truth in 50, 90, 95 %\n",
             "map", "unit", "RMSE", "error", "mean sd", "ISE > 3"
@@ -134,34 +136,30 @@ impl Results<'_> {
             );
         }
         for (name, compared) in self.compared() {
-            let number = |key: &str| compared[key].as_f64().unwrap_or(f64::NAN);
             let _ = writeln!(
                 text,
                 "{name:<8} {:>7} {:>7.2} {:>+8.2}   of the last beat, mean fields against true ones",
-                "ms",
-                number("rmse_ms"),
-                number("mean_difference_ms")
+                "ms", compared.rmse_ms, compared.mean_difference_ms
             );
         }
         let _ = write!(
             text,
             "Repaired: {:.1} % of the truth's vertices, {:.1} % of (vertex, draw) pairs of {} draws",
-            100.0 * self.setup.truth_repaired,
+            100.0 * self.truth.repaired,
             100.0 * self.repaired(),
             self.recovery.n_draws
         );
         text
     }
 
-    /// The beat's maps and how the two simulations differ in them.
-    fn compared(&self) -> impl Iterator<Item = (&'static str, &Value)> {
-        let compared = self.simulated.map(|simulated| &simulated.records[1]["compared"]);
-        BeatMap::NAMES.into_iter().filter_map(move |name| Some((name, compared?.get(name)?)))
+    /// How the two simulations differ in the beat's maps.
+    fn compared(&self) -> &[(String, MapDifference)] {
+        self.simulated.as_ref().map_or(&[], |simulated| &simulated.records[1].compared)
     }
 
-    fn write_page(&self, out: &OutputFolder, maps: &[NamedMap]) -> Result<(), Failure> {
-        let surface = &self.setup.domain()?.surface;
-        let vertices = self.setup.problem.measurements().vertices();
+    fn write_page(&self, out: &OutputFolder, maps: &[NamedMap]) -> Result<(), StudyError> {
+        let surface = &self.truth.domain.surface;
+        let vertices = self.truth.problem.measurements().vertices();
         let sites: Vec<[f64; 3]> =
             vertices.iter().map(|v| surface.mesh.vertices()[*v as usize]).collect();
         let data: Vec<PointData<'_>> =
@@ -170,7 +168,7 @@ impl Results<'_> {
             self.identity.iter().map(|(name, value)| (name.clone(), value.clone())).collect();
         settings.push(("whole run".to_owned(), format!("{RUN}/report.html")));
         let page = ExperimentPage {
-            verdict: self.verdict,
+            verdict: &self.verdict,
             tiles: &self.tiles(),
             figures: &self.figures(),
             table: &self.text(),
@@ -186,18 +184,20 @@ impl Results<'_> {
         let mut tiles: Vec<(String, String)> = errors
             .map(|map| (format!("{:.1} {}", map.rmse(), map.unit), format!("RMSE of {}", map.name)))
             .collect();
-        for (name, compared) in self.compared().filter(|(name, _)| DRAWN.contains(name)) {
-            let rmse = compared["rmse_ms"].as_f64().unwrap_or(f64::NAN);
+        for (name, compared) in
+            self.compared().iter().filter(|(name, _)| DRAWN.contains(&name.as_str()))
+        {
+            let rmse = compared.rmse_ms;
             tiles.push((format!("{rmse:.1} ms"), format!("RMSE of simulated {name}")));
         }
         let percent = |share: f64| format!("{:.1} %", 100.0 * share);
-        tiles.push((percent(self.setup.truth_repaired), "of the truth repaired".to_owned()));
+        tiles.push((percent(self.truth.repaired), "of the truth repaired".to_owned()));
         tiles.push((percent(self.repaired()), "of the draws' vertices repaired".to_owned()));
         tiles
     }
 
     fn figures(&self) -> Vec<Figure> {
-        let n_fields = super::FIELDS.len();
+        let n_fields = FIELDS.len();
         let recovered = |maps: &[RecoveredMap]| -> Vec<Vec<String>> {
             let parts = ["true", "mean", "sd", "ise"];
             maps.iter().map(|map| parts.map(|part| format!("{}_{part}", map.name)).into()).collect()
@@ -228,10 +228,17 @@ impl Results<'_> {
     }
 }
 
-fn write_text(out: &OutputFolder, name: &str, text: &str) -> Result<(), Failure> {
+fn activated(record: &AtriumRecord) -> Option<usize> {
+    match record.summary {
+        Summary::One { activated_vertices, .. } => Some(activated_vertices),
+        Summary::Many { .. } => None,
+    }
+}
+
+fn write_text(out: &OutputFolder, name: &str, text: &str) -> Result<(), StudyError> {
     let path = out.file(name);
     write_file(&path, |file| file.write_all(text.as_bytes()))
-        .map_err(|error| Failure::io("write", &path, &error))
+        .map_err(StudyError::io(&path))
 }
 
 fn of_map(map: &RecoveredMap) -> Value {

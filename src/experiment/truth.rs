@@ -4,7 +4,7 @@ use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
 use rand_distr::StandardNormal;
 
-use super::StudyError;
+use super::ExperimentError;
 use crate::field::{Matern52, unit_field};
 use crate::manifold::{Basis, interpolate_biharmonic};
 use crate::model::{MapName, Maps, Model, Tape};
@@ -14,13 +14,14 @@ use crate::random::Stream;
 pub const TRUTH_MODES: usize = 256;
 
 /// Fields that are physical wherever they can be made so, and what follows from them.
-pub(super) struct Truth {
+#[derive(Clone, Debug)]
+pub struct Truth {
     /// Each n_vertices.
-    pub(super) fields: Vec<Vec<f64>>,
+    pub fields: Vec<Vec<f64>>,
     /// Derived quantities, each n_vertices; NaN where unphysical even after repair.
-    pub(super) derived: Vec<Vec<f64>>,
+    pub derived: Vec<Vec<f64>>,
     /// Vertices that were repaired.
-    pub(super) unphysical: Vec<bool>,
+    pub unphysical: Vec<bool>,
 }
 
 impl Truth {
@@ -30,7 +31,7 @@ impl Truth {
         basis: &Basis,
         lengthscale: f64,
         seed: u64,
-    ) -> Result<Self, StudyError> {
+    ) -> Result<Self, ExperimentError> {
         let fields = true_fields(&Maps::new(outline, basis), basis, lengthscale, seed)?;
         Self::of(outline, basis, fields)
     }
@@ -40,31 +41,34 @@ impl Truth {
         outline: &Model,
         basis: &Basis,
         fields: Vec<Vec<f64>>,
-    ) -> Result<Self, StudyError> {
+    ) -> Result<Self, ExperimentError> {
         let mut tape = outline.tape();
         outline.forward(&mut tape, &outline.initial());
         repaired(&Maps::new(outline, basis), &tape, fields, basis)
     }
 
     /// Share of vertices that were repaired.
-    pub(super) fn repaired(&self) -> f64 {
+    pub fn repaired(&self) -> f64 {
         self.unphysical.iter().filter(|bad| **bad).count() as f64 / self.unphysical.len() as f64
     }
 
     /// Fields, then derived quantities.
-    pub(super) fn maps(&self) -> impl Iterator<Item = &Vec<f64>> {
+    pub fn maps(&self) -> impl Iterator<Item = &Vec<f64>> {
         self.fields.iter().chain(&self.derived)
     }
 }
 
 /// Repairs fields where what follows from them is unphysical, at the parameters of the last forward
 /// pass.
-pub(super) fn repaired(
+///
+/// # Errors
+/// [`ExperimentError::NothingPhysical`].
+pub fn repaired(
     maps: &Maps<'_>,
     tape: &Tape,
     mut fields: Vec<Vec<f64>>,
     basis: &Basis,
-) -> Result<Truth, StudyError> {
+) -> Result<Truth, ExperimentError> {
     let derived = maps.derived_fields(tape, &fields);
     let unphysical: Vec<bool> =
         (0..basis.n_vertices()).map(|v| derived.iter().any(|d| d[v].is_nan())).collect();
@@ -79,12 +83,12 @@ fn true_fields(
     basis: &Basis,
     lengthscale: f64,
     seed: u64,
-) -> Result<Vec<Vec<f64>>, StudyError> {
+) -> Result<Vec<Vec<f64>>, ExperimentError> {
     let mut rng = Stream::Truth.rng(seed);
     let ranged = maps.names().into_iter().take(maps.n_fields());
     ranged
         .map(|MapName { name: field, range, .. }| {
-            let range = range.ok_or(StudyError::NoRange { field })?;
+            let range = range.ok_or(ExperimentError::NoRange { field })?;
             Ok(ranged_field(basis, lengthscale, range, &mut rng))
         })
         .collect()
@@ -113,10 +117,10 @@ fn ranged_field(
 /// the biharmonic distance.
 ///
 /// Differs from the paper's code, which weights by 1/d⁸; this is its text.
-fn repair(fields: &mut [Vec<f64>], bad: &[bool], basis: &Basis) -> Result<(), StudyError> {
+fn repair(fields: &mut [Vec<f64>], bad: &[bool], basis: &Basis) -> Result<(), ExperimentError> {
     let good: Vec<usize> = (0..bad.len()).filter(|v| !bad[*v]).collect();
     if good.is_empty() {
-        return Err(StudyError::NothingPhysical);
+        return Err(ExperimentError::NothingPhysical);
     }
     let vertices: Vec<usize> = (0..bad.len()).filter(|v| bad[*v]).collect();
     let averages = interpolate_biharmonic(basis, fields, &good, &vertices);

@@ -16,12 +16,11 @@ use nalgebra::{Cholesky, DMatrix};
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
-use super::{StudyError, blank_table, visits};
+use super::{ExperimentError, Laboratory};
 use crate::infer::LogDensity as _;
 use crate::manifold::Basis;
 use crate::model::{Declare, Maps, Model, RowId};
-use rand::SeedableRng;
-use rand_chacha::ChaCha8Rng;
+use crate::random::procedure;
 
 /// Vertices that stand for the surface.
 const VERTICES: usize = 1500;
@@ -74,7 +73,10 @@ impl Minutes {
     }
 
     /// Whether these are the protocols of a model that observes `known`.
-    pub(super) fn check_names(&self, known: &[&str]) -> Result<(), String> {
+    ///
+    /// # Errors
+    /// What there is and what is observed, in words.
+    pub fn check_names(&self, known: &[&str]) -> Result<(), String> {
         let named: Vec<&str> = self.protocols.keys().map(String::as_str).collect();
         if named.len() == known.len() && known.iter().all(|name| named.contains(name)) {
             return Ok(());
@@ -93,7 +95,7 @@ impl Minutes {
 /// own and then all together, site by site. `resolution` is the width of a bracket.
 ///
 /// # Errors
-/// [`StudyError`] for a model whose measurements cannot be made at a place alone, or do not predict one
+/// [`ExperimentError`] for a model whose measurements cannot be made at a place alone, or do not predict one
 /// value.
 pub fn lessons(
     model: &dyn Declare,
@@ -102,10 +104,10 @@ pub fn lessons(
     draws: &[&[f64]],
     sites: &[u32],
     resolution: f64,
-) -> Result<Vec<Lesson>, StudyError> {
-    let outline = Model::outline(model)?;
-    let table = blank_table(&outline, basis, &visits(&outline, sites), resolution)?;
-    let blank = super::on_blank(model, basis, &table)?;
+) -> Result<Vec<Lesson>, ExperimentError> {
+    let laboratory = Laboratory::new(model, basis)?;
+    let outline = laboratory.outline();
+    let (_, blank) = laboratory.blank(&laboratory.visits(sites), resolution)?;
     let f = Predicted::new(&blank, fitted, draws)?;
     let covariance = f.with_surface(fitted, basis, draws);
     let n = outline.observes.len();
@@ -140,14 +142,14 @@ struct Predicted {
 }
 
 impl Predicted {
-    fn new(blank: &Model, fitted: &Model, draws: &[&[f64]]) -> Result<Self, StudyError> {
+    fn new(blank: &Model, fitted: &Model, draws: &[&[f64]]) -> Result<Self, ExperimentError> {
         let ids = blank.row_ids();
         if blank.dim() != fitted.dim() {
             let why = "its unknowns depend on the table".to_owned();
-            return Err(StudyError::NotSynthetic { why });
+            return Err(ExperimentError::NotSynthetic { why });
         }
         let (mut tape, mut locals) = (blank.tape(), vec![]);
-        let mut rng = ChaCha8Rng::seed_from_u64(1);
+        let mut rng = procedure(1);
         let mut values = vec![Vec::with_capacity(draws.len()); ids.len()];
         let mut noise = vec![0.0; ids.len()];
         for draw in draws {
@@ -158,7 +160,7 @@ impl Predicted {
                 at += own.len();
                 let Some(location) = blank.row_location(*id, own) else {
                     let why = format!("{} predicts no one value", blank.observes[id.observe].name);
-                    return Err(StudyError::NotSynthetic { why });
+                    return Err(ExperimentError::NotSynthetic { why });
                 };
                 let cells = blank.row_replicate(*id, own, &mut rng);
                 let measured = cells.iter().sum::<f64>() / cells.len() as f64;

@@ -1,0 +1,123 @@
+//! A simulation with an output folder: its checkpoint, its files, and how it is gone on with.
+
+use std::path::Path;
+use std::time::{Duration, Instant};
+
+use super::drive::{Drive, Event, Watch};
+use super::{Atrium, AtriumError, AtriumRecord, Beat};
+use crate::mesh::{self, Units, write_vtp};
+use crate::store::{Checkpoint, differences};
+
+/// Where a simulation is kept while it runs, in its output folder.
+const CHECKPOINT: &str = "checkpoint";
+/// The maps, in the output folder.
+const BEAT: &str = "beat.vtp";
+
+/// How a simulation begins.
+#[derive(Clone, Copy, Debug)]
+pub struct Begin {
+    /// Whether it goes on with one that was interrupted.
+    pub resume: Resume,
+    /// Least time between two savings of its state. They never take more than 1 % of the time.
+    pub every: Duration,
+}
+
+/// Whether a simulation goes on with one that was interrupted in its output folder.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Resume {
+    /// It begins anew; one that was interrupted there is an error.
+    Never,
+    /// It goes on; nothing to go on with is an error.
+    Always,
+    /// It goes on if there is something to go on with.
+    IfBegun,
+}
+
+/// How a simulation ended.
+#[derive(Debug)]
+pub enum Ended {
+    /// It was complete before.
+    Before,
+    /// It came to its end now.
+    Now(Box<Beat>),
+    /// It was stopped; the folder holds what it goes on from.
+    Interrupted,
+}
+
+impl Atrium {
+    /// Simulates and writes `beat.vtp`, the series of V if it is asked for, and `simulation.json`, which
+    /// comes last. A simulation that is stopped or killed goes on from its checkpoint in `folder`.
+    ///
+    /// # Errors
+    /// [`AtriumError`]; [`AtriumError::Other`] and [`AtriumError::Checkpoint`] for a folder that holds
+    /// another simulation.
+    pub fn simulate_into(
+        &self,
+        folder: &Path,
+        begin: Begin,
+        watch: Watch<'_>,
+    ) -> Result<Ended, AtriumError> {
+        let Some(checkpoint) = self.open(folder, begin, watch)? else {
+            return Ok(Ended::Before);
+        };
+        let begun = Instant::now();
+        let drive = Drive { checkpoint: Some(&checkpoint), watch };
+        let found = self.found(&drive, Some(folder))?;
+        if let Some(reason) = checkpoint.failure() {
+            (watch.on_event)(Event::NotKept(reason));
+        }
+        let Some((maps, summary)) = found else { return Ok(Ended::Interrupted) };
+        let seconds = checkpoint.seconds_before() + begun.elapsed().as_secs_f64();
+        let beat = self.beat(maps, summary, seconds);
+        let data: Vec<(&str, &[f64])> =
+            beat.maps.iter().map(|(name, values)| (name.as_str(), &values[..])).collect();
+        write_vtp(&folder.join(BEAT), self.mesh(), &data)?;
+        beat.record.write(folder)?;
+        checkpoint.remove()?;
+        Ok(Ended::Now(Box::new(beat)))
+    }
+
+    /// The checkpoint of a simulation that begins or goes on; `None` if it is complete.
+    fn open(
+        &self,
+        folder: &Path,
+        begin: Begin,
+        watch: Watch<'_>,
+    ) -> Result<Option<Checkpoint>, AtriumError> {
+        let (path, every) = (folder.join(CHECKPOINT), begin.every);
+        let is_interrupted = Checkpoint::identity(&path)?.is_some();
+        let is_complete = folder.join(AtriumRecord::FILE).exists();
+        let resumes = match begin.resume {
+            Resume::Never => false,
+            Resume::Always => true,
+            Resume::IfBegun => is_interrupted || is_complete,
+        };
+        if !resumes {
+            return Ok(Some(Checkpoint::begin(&path, &self.identity, every)?));
+        }
+        if !is_interrupted && is_complete {
+            let differences = differences(&AtriumRecord::read(folder)?.settings, &self.identity);
+            return if differences.is_empty() {
+                Ok(None)
+            } else {
+                Err(AtriumError::Other { folder: folder.to_owned(), differences })
+            };
+        }
+        let checkpoint = Checkpoint::resume(&path, &self.identity, every)?;
+        let seconds = checkpoint.seconds_before();
+        (watch.on_event)(Event::Resumed { folder: &path, seconds });
+        Ok(Some(checkpoint))
+    }
+}
+
+impl Beat {
+    /// Reads what a simulation left in its output folder; the maps in the order of their names.
+    ///
+    /// # Errors
+    /// [`AtriumError::Mesh`], [`AtriumError::Io`], [`AtriumError::Record`].
+    pub fn read(folder: &Path) -> Result<Self, AtriumError> {
+        let record = AtriumRecord::read(folder)?;
+        let surface = mesh::read(&folder.join(BEAT), Units::Mm)?;
+        Ok(Self { maps: surface.point_data.into_iter().collect(), record })
+    }
+}

@@ -1,0 +1,72 @@
+//! The surface that is simulated, with the fields on it and perhaps the draws of them.
+
+use std::collections::BTreeMap;
+use std::fs;
+use std::path::Path;
+
+use sha2::{Digest as _, Sha256};
+
+use super::AtriumError;
+use crate::mesh::{self, Surface, Units};
+use crate::report::FieldDraws;
+use crate::store::Identity;
+
+/// Edges of the embedded atrium, mm: short enough for a front.
+const EDGE: f64 = 0.4;
+
+/// A surface with parameter fields as point data.
+#[derive(Clone, Debug)]
+pub struct Ground {
+    /// The surface, before it is refined.
+    pub surface: Surface,
+    /// Draws of whole fields of a posterior, on the same vertices.
+    pub draws: Option<FieldDraws>,
+    /// Hashes of the files that were read, by what they are: part of what a checkpoint is known by.
+    pub hashes: Identity,
+}
+
+impl Ground {
+    /// The embedded left atrium with edges of 0.4 mm. It has no parameter fields.
+    pub fn embedded() -> Self {
+        Self::of(Surface::left_atrium(EDGE))
+    }
+
+    /// A surface that is in memory.
+    pub fn of(surface: Surface) -> Self {
+        Self { surface, draws: None, hashes: BTreeMap::new() }
+    }
+
+    /// The surface in a file, .vtp or .vtk, whose coordinates are in `units`.
+    ///
+    /// # Errors
+    /// [`AtriumError::Mesh`], [`AtriumError::Io`].
+    pub fn read(file: &Path, units: Units) -> Result<Self, AtriumError> {
+        let surface = mesh::read(file, units)?;
+        Self::of(surface).with_hash("hash of the surface", file)
+    }
+
+    /// Adds the draws of fields that a run left in its output folder.
+    ///
+    /// # Errors
+    /// [`AtriumError::FieldDraws`], [`AtriumError::Io`].
+    pub fn with_draws_of(self, run: &Path) -> Result<Self, AtriumError> {
+        let file = run.join(FieldDraws::FILE);
+        let draws = Some(FieldDraws::read(&file)?);
+        Self { draws, ..self }.with_hash("hash of the draws", &file)
+    }
+
+    /// Adds the SHA-256 of a file to what a checkpoint is known by.
+    ///
+    /// # Errors
+    /// [`AtriumError::Io`].
+    pub fn with_hash(mut self, name: &str, file: &Path) -> Result<Self, AtriumError> {
+        let bytes = fs::read(file).map_err(AtriumError::io("read", file))?;
+        self.hashes.insert(name.to_owned(), format!("{:x}", Sha256::digest(&bytes)));
+        Ok(self)
+    }
+
+    /// Names of the point data.
+    pub(super) fn names(&self) -> Vec<String> {
+        self.surface.point_data.keys().cloned().collect()
+    }
+}

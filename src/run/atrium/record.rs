@@ -1,0 +1,104 @@
+//! `simulation.json`: what was simulated, and what came of it in a few numbers.
+
+use std::fs;
+use std::io::Write as _;
+use std::path::Path;
+
+use serde::{Deserialize, Deserializer, Serialize, Serializer};
+
+use super::compare::MapDifference;
+use super::{Atrium, AtriumError, Summary};
+use crate::store::{Identity, write_file};
+
+/// The record of a simulation. It is written last: without it there is no result.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+pub struct AtriumRecord {
+    /// Vertices of the refined mesh.
+    pub vertices: usize,
+    /// Mean length of its edges, mm.
+    pub mean_edge_mm: f64,
+    /// When stimuli begin, ms.
+    pub stimuli_ms: Vec<f64>,
+    /// Vertices that are stimulated.
+    pub stimulated_vertices: usize,
+    /// When the simulation ends, ms.
+    pub end_ms: f64,
+    /// The beat that is measured, from 1.
+    pub measured_beat: usize,
+    /// Wall time, s, that before interruptions included.
+    pub seconds: f64,
+    /// All that the results depend on.
+    pub settings: Identity,
+    /// How far the activation came.
+    #[serde(flatten)]
+    pub summary: Summary,
+    /// Differences from an earlier simulation by map, if one was named.
+    #[serde(default, skip_serializing_if = "Vec::is_empty", with = "by_name")]
+    pub compared: Vec<(String, MapDifference)>,
+}
+
+impl AtriumRecord {
+    /// Its file in the output folder.
+    pub const FILE: &str = "simulation.json";
+
+    pub(super) fn new(atrium: &Atrium, summary: Summary, seconds: f64) -> Self {
+        let (mesh, pacing) = (atrium.mesh(), &atrium.pacing);
+        Self {
+            vertices: mesh.n_vertices(),
+            mean_edge_mm: mesh.mean_edge_length(),
+            stimuli_ms: pacing.times.clone(),
+            stimulated_vertices: pacing.vertices.len(),
+            end_ms: pacing.end,
+            measured_beat: pacing.measured + 1,
+            seconds,
+            settings: atrium.identity.clone(),
+            summary,
+            compared: vec![],
+        }
+    }
+
+    /// Reads the record in an output folder.
+    ///
+    /// # Errors
+    /// [`AtriumError::Io`], [`AtriumError::Record`].
+    pub fn read(folder: &Path) -> Result<Self, AtriumError> {
+        let path = folder.join(Self::FILE);
+        let bytes = fs::read(&path).map_err(AtriumError::io("read", &path))?;
+        Ok(serde_json::from_slice(&bytes)?)
+    }
+
+    pub(super) fn write(&self, folder: &Path) -> Result<(), AtriumError> {
+        let text = serde_json::to_string_pretty(self)? + "\n";
+        let path = folder.join(Self::FILE);
+        write_file(&path, |file| file.write_all(text.as_bytes()))
+            .map_err(AtriumError::io("write", &path))
+    }
+}
+
+/// Pairs as an object, in their order.
+mod by_name {
+    use serde::de::Error as _;
+    use serde::ser::SerializeMap as _;
+
+    use super::{Deserialize, Deserializer, MapDifference, Serializer};
+
+    pub(super) fn serialize<S: Serializer>(
+        pairs: &[(String, MapDifference)],
+        serializer: S,
+    ) -> Result<S::Ok, S::Error> {
+        let mut map = serializer.serialize_map(Some(pairs.len()))?;
+        for (name, difference) in pairs {
+            map.serialize_entry(name, difference)?;
+        }
+        map.end()
+    }
+
+    pub(super) fn deserialize<'de, D: Deserializer<'de>>(
+        deserializer: D,
+    ) -> Result<Vec<(String, MapDifference)>, D::Error> {
+        let map = serde_json::Map::deserialize(deserializer)?;
+        let pair =
+            |(name, value)| Ok((name, serde_json::from_value(value).map_err(D::Error::custom)?));
+        map.into_iter().map(pair).collect()
+    }
+}

@@ -1,0 +1,125 @@
+//! Where the rows of a table lie on a surface.
+
+use super::{DataError, Table, VERTEX};
+use crate::manifold::nearest_vertex;
+use crate::mesh::Surface;
+
+/// How far from the surface a measurement given as x, y, z may lie, mm.
+const MAX_DISTANCE: f64 = 5.0;
+/// Who asks for the columns.
+const WHO: &str = "the placement on the mesh";
+
+/// The vertex of each row.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Placement(Vec<u32>);
+
+impl Placement {
+    /// By column `vertex` (index in the mesh file), else the vertices nearest to columns `x`, `y`, `z` (in
+    /// the mesh file's unit, `scale` mm each).
+    ///
+    /// # Errors
+    /// Neither is there, or a row lies off the surface.
+    pub fn on_surface(table: &Table, surface: &Surface, scale: f64) -> Result<Self, DataError> {
+        let by_vertex = table.has(VERTEX);
+        if !by_vertex && ["x", "y", "z"].iter().all(|name| !table.has(name)) {
+            return Err(no_place(table));
+        }
+        let vertex = |row: usize| {
+            if by_vertex {
+                by_index(table, row, VERTEX, surface)
+            } else {
+                by_position(table, row, surface, scale)
+            }
+        };
+        (0..table.len()).map(vertex).collect::<Result<_, _>>().map(Self)
+    }
+
+    /// Column `vertex` as it is, on a surface known only by its number of vertices.
+    ///
+    /// # Errors
+    /// No such column, or a vertex out of range.
+    pub fn at_indices(table: &Table, n_vertices: usize) -> Result<Self, DataError> {
+        let vertex = |row: usize| Ok(index(table, row, VERTEX, n_vertices)? as u32);
+        (0..table.len()).map(vertex).collect::<Result<_, _>>().map(Self)
+    }
+
+    /// By a column of indices in the mesh file, whatever its name.
+    ///
+    /// # Errors
+    /// A cell that is no vertex of the surface.
+    pub(super) fn by_column(
+        table: &Table,
+        column: &str,
+        surface: &Surface,
+    ) -> Result<Vec<u32>, DataError> {
+        (0..table.len()).map(|row| by_index(table, row, column, surface)).collect()
+    }
+
+    /// Vertex of a row.
+    pub fn vertex(&self, row: usize) -> Option<u32> {
+        self.0.get(row).copied()
+    }
+
+    /// Vertex of each row.
+    pub fn of_rows(&self) -> &[u32] {
+        &self.0
+    }
+
+    /// All vertices, ascending, each once.
+    pub fn vertices(&self) -> Vec<u32> {
+        let mut all = self.0.clone();
+        all.sort_unstable();
+        all.dedup();
+        all
+    }
+}
+
+/// A whole number below `n`.
+fn index(table: &Table, row: usize, column: &str, n: usize) -> Result<usize, DataError> {
+    let index = table.number(row, column, WHO)?;
+    if index >= 0.0 && index.fract() == 0.0 && index < n as f64 {
+        return Ok(index as usize);
+    }
+    let problem = format!("expected a vertex of the mesh (0 to {}), got {index}", n - 1);
+    Err(table.cell_error(row, column, problem, "check that the table belongs to this mesh"))
+}
+
+fn by_index(table: &Table, row: usize, column: &str, surface: &Surface) -> Result<u32, DataError> {
+    let index = index(table, row, column, surface.n_source_vertices)?;
+    surface.vertex_of_source(index).ok_or_else(|| {
+        let problem =
+            format!("vertex {index} is not on the surface: it belongs to a piece that was dropped");
+        let help =
+            "only the mesh's largest connected piece is used; move the site or mend the mesh";
+        table.cell_error(row, column, problem, help)
+    })
+}
+
+fn by_position(table: &Table, row: usize, surface: &Surface, scale: f64) -> Result<u32, DataError> {
+    let who = "the placement on the mesh (as there is no column `vertex`)";
+    let mut point = [0.0; 3];
+    for (p, name) in point.iter_mut().zip(["x", "y", "z"]) {
+        *p = scale * table.number(row, name, who)?;
+    }
+    let (vertex, distance) = nearest_vertex(&surface.mesh, point);
+    if distance <= MAX_DISTANCE {
+        return Ok(vertex);
+    }
+    let problem = format!(
+        "the site at ({:.1}, {:.1}, {:.1}) mm is {distance:.1} mm from the surface, at most {MAX_DISTANCE} mm is expected",
+        point[0], point[1], point[2]
+    );
+    let help = "check that the table and the mesh share one frame and one unit (--units)";
+    Err(table.cell_error(row, "x, y, z", problem, help))
+}
+
+/// Neither `vertex` nor any of `x`, `y`, `z`.
+fn no_place(table: &Table) -> DataError {
+    match table.no_column(VERTEX, WHO) {
+        DataError::NoColumn { file, column, who, available, guess } if guess.contains("add") => {
+            let guess = "\nhelp: add a column `vertex` (index in the mesh file), or columns `x`, `y`, `z` (in the mesh's unit)".into();
+            DataError::NoColumn { file, column, who, available, guess }
+        }
+        near_miss => near_miss,
+    }
+}

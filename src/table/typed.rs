@@ -1,0 +1,264 @@
+//! A table of typed columns.
+
+use super::column::TypedColumn;
+use super::columns::{Columns, PROTOCOL, Role, SITE};
+use super::error::{DataError, edit_distance};
+
+/// A table: one row per measurement, columns by name, each parsed once.
+#[derive(Clone, Debug, Default)]
+pub struct Table {
+    file: String,
+    /// Line of each row in the file, from 1.
+    lines: Vec<u64>,
+    columns: Vec<TypedColumn>,
+    /// The columns' names, in order.
+    header: Vec<String>,
+    roles: Columns,
+}
+
+impl Table {
+    /// From the texts of the cells, (rows, columns); `lines` are where the rows stand in `file`.
+    ///
+    /// # Errors
+    /// No rows.
+    pub(super) fn new(
+        file: String,
+        header: &[String],
+        lines: Vec<u64>,
+        cells: &[Vec<String>],
+    ) -> Result<Self, DataError> {
+        if cells.is_empty() {
+            return Err(DataError::Empty { file });
+        }
+        let column = |(k, name): (usize, &String)| {
+            TypedColumn::parse(name, cells.iter().map(|row| row[k].as_str()))
+        };
+        let columns = header.iter().enumerate().map(column).collect();
+        Ok(Self { file, lines, columns, header: header.to_vec(), roles: Columns::default() })
+    }
+
+    /// Number of rows.
+    pub fn len(&self) -> usize {
+        self.lines.len()
+    }
+
+    /// Whether there are no rows.
+    pub fn is_empty(&self) -> bool {
+        self.lines.is_empty()
+    }
+
+    /// File name, for messages.
+    pub fn file(&self) -> &str {
+        &self.file
+    }
+
+    /// Line of a row in its file, from 1.
+    pub fn line(&self, row: usize) -> u64 {
+        self.lines[row]
+    }
+
+    /// The names of the columns, in order.
+    pub fn columns(&self) -> &[String] {
+        &self.header
+    }
+
+    /// A column by its name.
+    pub fn column(&self, name: &str) -> Option<&TypedColumn> {
+        self.columns.iter().find(|column| column.name() == name)
+    }
+
+    /// Whether the table has this column.
+    pub fn has(&self, name: &str) -> bool {
+        self.column(name).is_some()
+    }
+
+    /// A cell as text; `None` if there is no such column.
+    pub fn cell(&self, row: usize, name: &str) -> Option<&str> {
+        self.column(name).map(|column| column.text(row))
+    }
+
+    /// The texts of a row, in the order of the columns.
+    pub fn cells(&self, row: usize) -> Vec<&str> {
+        self.columns.iter().map(|column| column.text(row)).collect()
+    }
+
+    /// The distinct labels of a column in order of appearance, empty cells left out; none if there is no
+    /// such column.
+    pub fn distinct(&self, name: &str) -> Vec<String> {
+        self.column(name).map(TypedColumn::labels).unwrap_or_default()
+    }
+
+    /// What a column means.
+    pub fn role(&self, name: &str) -> Role {
+        self.roles.role(name)
+    }
+
+    /// Says what the columns mean.
+    ///
+    /// # Errors
+    /// A role for a column that the table lacks.
+    pub fn set_roles(&mut self, roles: Columns) -> Result<(), DataError> {
+        for name in roles.given() {
+            self.require(name, "the option that says what it means")?;
+        }
+        self.roles = roles;
+        Ok(())
+    }
+
+    /// Puts numbers in the place of a column, NaN for an empty cell, or adds the column: how simulated
+    /// measurements take the place of those that were made.
+    pub fn set_numbers(&mut self, name: &str, values: &[f64]) {
+        let column = TypedColumn::of_numbers(name, values);
+        match self.columns.iter_mut().find(|own| own.name() == name) {
+            Some(own) => *own = column,
+            None => {
+                self.header.push(name.into());
+                self.columns.push(column);
+            }
+        }
+    }
+
+    /// Rows that an `observe` statement takes: those whose `protocol` is its name, upper and lower case
+    /// alike, or all of them if there is no such column.
+    pub fn rows_of(&self, observe: &str) -> Vec<usize> {
+        let Some(protocol) = self.column(PROTOCOL) else { return (0..self.len()).collect() };
+        (0..self.len()).filter(|&row| protocol.text(row).eq_ignore_ascii_case(observe)).collect()
+    }
+
+    /// Complains about the first row whose `protocol` is none of `observes`.
+    ///
+    /// # Errors
+    /// That row.
+    pub fn check_protocols(&self, observes: &[&str]) -> Result<(), DataError> {
+        let Some(protocol) = self.column(PROTOCOL) else { return Ok(()) };
+        let known = |cell: &str| observes.iter().any(|o| o.eq_ignore_ascii_case(cell));
+        let Some(row) = (0..self.len()).find(|&row| !known(protocol.text(row))) else {
+            return Ok(());
+        };
+        let problem = format!("`{}` is not observed by the model", protocol.text(row));
+        let help = format!(
+            "the model observes {}; drop these rows or add an `observe` statement",
+            observes.join(", ")
+        );
+        Err(self.cell_error(row, PROTOCOL, problem, &help))
+    }
+
+    /// A row in words: its site, if there is such a column, else its line.
+    pub fn place(&self, row: usize) -> String {
+        match self.column(SITE) {
+            Some(column) => format!("at site {}", column.text(row)),
+            None => format!("in line {}", self.lines[row]),
+        }
+    }
+
+    /// Complains unless there is such a column (`who` asks for it).
+    ///
+    /// # Errors
+    /// No such column.
+    pub fn require(&self, name: &str, who: &str) -> Result<&TypedColumn, DataError> {
+        self.column(name).ok_or_else(|| self.no_column(name, who))
+    }
+
+    /// A cell as a number; NaN if it is empty.
+    ///
+    /// # Errors
+    /// No such column (`who` asks for it), or not a number.
+    pub fn number_or_empty(&self, row: usize, name: &str, who: &str) -> Result<f64, DataError> {
+        let column = self.require(name, who)?;
+        column.number(row).ok_or_else(|| {
+            let problem = format!("expected a number, got `{}`", column.text(row));
+            let help = "numbers are written 12.5 or 1.25e1; leave a missing value empty";
+            self.cell_error(row, name, problem, help)
+        })
+    }
+
+    /// A cell as a number that must be there.
+    ///
+    /// # Errors
+    /// No such column, not a number, or empty.
+    pub fn number(&self, row: usize, name: &str, who: &str) -> Result<f64, DataError> {
+        let x = self.number_or_empty(row, name, who)?;
+        if x.is_nan() {
+            let problem = format!("expected a number, which {who} needs, got an empty cell");
+            return Err(self.cell_error(row, name, problem, "fill in the value or drop the row"));
+        }
+        Ok(x)
+    }
+
+    /// A column as labels: the distinct ones in order of appearance, and each row's index among them.
+    ///
+    /// # Errors
+    /// No such column, or an empty cell.
+    pub fn labels(&self, name: &str, who: &str) -> Result<(Vec<String>, Vec<usize>), DataError> {
+        let column = self.require(name, who)?;
+        if let Some(row) = column.first_empty() {
+            let problem = format!("expected a label, which {who} needs, got an empty cell");
+            return Err(self.cell_error(row, name, problem, "fill in the label or drop the row"));
+        }
+        Ok((column.labels(), column.groups().collect()))
+    }
+
+    /// An error at a cell.
+    pub(crate) fn cell_error(
+        &self,
+        row: usize,
+        column: &str,
+        problem: String,
+        help: &str,
+    ) -> DataError {
+        DataError::Cell {
+            file: self.file.clone(),
+            line: self.lines[row],
+            column: column.into(),
+            problem,
+            help: help.into(),
+        }
+    }
+
+    /// The error of a column that is not there, with its nearest neighbour.
+    pub(super) fn no_column(&self, column: &str, who: &str) -> DataError {
+        let near = self.header.iter().map(|h| (edit_distance(h, column), h)).min();
+        let guess = match near {
+            Some((d, h)) if d <= 2 => format!("\nhelp: rename `{h}` to `{column}`?"),
+            _ => format!("\nhelp: add a column `{column}` to the header and to every row"),
+        };
+        DataError::NoColumn {
+            file: self.file.clone(),
+            column: column.into(),
+            who: who.into(),
+            available: self.header.join(", "),
+            guess,
+        }
+    }
+
+    /// This table, then the rows of another: columns that it lacks are empty there. Where a column of
+    /// `lent` is empty or missing in the other, the first row here of the same protocol lends its cell.
+    pub(super) fn followed_by(&self, other: &Self, lent: &[&str]) -> Self {
+        let lender = |row: usize| {
+            let protocol = other.cell(row, PROTOCOL);
+            (0..self.len()).find(|r| self.cell(*r, PROTOCOL) == protocol).unwrap_or(0)
+        };
+        let lenders: Vec<usize> = (0..other.len()).map(lender).collect();
+        let column = |column: &TypedColumn| {
+            let name = column.name();
+            let appended = lenders.iter().enumerate().map(|(row, lender)| {
+                let own = other.cell(row, name).unwrap_or_default();
+                let is_lent = own.is_empty() && lent.contains(&name) && !other.is_open(row, name);
+                if is_lent { column.text(*lender) } else { own }
+            });
+            let own = (0..self.len()).map(|row| column.text(row));
+            TypedColumn::parse(name, own.chain(appended))
+        };
+        Self {
+            lines: [&self.lines[..], &other.lines].concat(),
+            columns: self.columns.iter().map(column).collect(),
+            ..self.clone()
+        }
+    }
+
+    /// Whether an empty cell is the open end of a bracket: the other end is there.
+    fn is_open(&self, row: usize, name: &str) -> bool {
+        let is_there = |end: &str| self.cell(row, end).is_some_and(|cell| !cell.is_empty());
+        ["lower", "upper"].contains(&name) && (is_there("lower") || is_there("upper"))
+    }
+}
