@@ -10,7 +10,7 @@
 //! | 3 | [`model`](mod@model) |
 //! | 2 | [`table`], [`field`], [`surrogate`], [`infer`], [`diagnostics`] |
 //! | 1 | [`dist`], [`likelihood`], [`manifold`], [`ep`] |
-//! | 0 | [`mesh`], [`num`], [`error`], [`store`] |
+//! | 0 | [`mesh`], [`num`], [`random`], [`error`], [`store`] |
 
 pub mod cli;
 pub mod criticism;
@@ -27,6 +27,7 @@ pub mod mesh;
 pub mod model;
 pub mod num;
 pub mod prelude;
+pub mod random;
 pub mod report;
 pub mod run;
 pub mod store;

@@ -15,7 +15,7 @@ const LAYERS: &[(u32, &[&str])] = &[
     (3, &["model", "prelude"]),
     (2, &["table", "field", "surrogate", "infer", "diagnostics"]),
     (1, &["dist", "likelihood", "manifold", "ep"]),
-    (0, &["mesh", "num", "error", "store"]),
+    (0, &["mesh", "num", "random", "error", "store"]),
 ];
 
 /// Imports within a layer: (who, whom).

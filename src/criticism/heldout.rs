@@ -2,10 +2,11 @@
 
 use std::collections::BTreeMap;
 
-use rand::{RngExt, SeedableRng};
+use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
 
 use crate::model::{Model, Noise, RowId};
+use crate::random::Stream;
 use crate::table::Measurements;
 
 /// What a model says of a measurement that it has not seen.
@@ -43,8 +44,7 @@ pub fn predict_rows(
     let ids: Vec<RowId> =
         model.row_ids().into_iter().filter(|id| model.table_row(*id) >= first).collect();
     let translate = translation(fitted, model);
-    let mut rng = ChaCha8Rng::seed_from_u64(seed);
-    rng.set_stream(1 << 35);
+    let mut rng = Stream::HeldOut.rng(seed);
     let (mut tape, mut locals) = (model.tape(), vec![]);
     let mut u = vec![0.0; translate.len()];
     let mut sums = vec![Sum::default(); ids.len()];

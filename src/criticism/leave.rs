@@ -1,13 +1,14 @@
 //! Predictions of what a Laplace fit has not seen: each site from the others, or units left out as a whole.
 
 use nalgebra::{DMatrix, DVector};
-use rand::{RngExt, SeedableRng};
+use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
 use rand_distr::StandardNormal;
 
 use super::engine::Engine;
 use super::fit::{Cavity, Fit};
 use super::units::Unit;
+use crate::random::Stream;
 
 /// Draws from each cavity. The log of an average over them is off by a tenth of a nat or two, and there is one
 /// for every site: too few would drown what an effect gains.
@@ -60,8 +61,7 @@ fn leave(engine: &Engine, fit: &Fit, of: &[usize], seed: u64, draws: usize) -> L
         if own.is_empty() {
             continue;
         }
-        let mut rng = ChaCha8Rng::seed_from_u64(seed);
-        rng.set_stream(site as u64);
+        let mut rng = Stream::LeftOut { site }.rng(seed);
         left.elpd[site] = fit.cavity(engine, &own).map_or(f64::NEG_INFINITY, |cavity| {
             predict(engine, fit, &cavity, &mut left, (&mut rng, draws))
         });

@@ -3,7 +3,7 @@
 use std::sync::atomic::{AtomicUsize, Ordering};
 
 use nalgebra::DVector;
-use rand::{Rng, RngExt, SeedableRng};
+use rand::{Rng, RngExt};
 use rand_chacha::ChaCha8Rng;
 use rand_distr::StandardNormal;
 use rayon::prelude::*;
@@ -15,6 +15,7 @@ use super::judge::least_log_bf;
 use super::outer::{Free, optimise};
 use super::procedure::{Run, engine};
 use super::search::Tried;
+use crate::random::Stream;
 
 impl Run<'_> {
     /// Best log Bayes factor of each search on data simulated from `base`, ascending.
@@ -52,8 +53,7 @@ impl Run<'_> {
         base: &Fit,
         found: &[usize],
     ) -> Result<f64, CriticismError> {
-        let mut rng = ChaCha8Rng::seed_from_u64(self.settings.seed);
-        rng.set_stream((1 << 34) + ((round as u64) << 20) + k as u64);
+        let mut rng = Stream::Null { round, search: k }.rng(self.settings.seed);
         let cells = simulate(&self.engine, base, &mut rng);
         let mut simulated = engine(self.case, &self.on, &self.candidates, self.unit.as_ref())?;
         let ids: Vec<_> = simulated.rows.iter().map(|row| row.id).collect();

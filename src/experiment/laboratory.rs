@@ -1,8 +1,9 @@
 //! Where truths are made and measured: a model on a surface.
 
-use super::{ExperimentError, Truth, stream};
+use super::{ExperimentError, Truth};
 use crate::manifold::Basis;
 use crate::model::{Declare, Maps, Model, ModelError};
+use crate::random::Stream;
 use crate::table::{DataError, Measurements};
 
 /// What messages call a table that was made here.
@@ -97,7 +98,7 @@ impl<'a> Laboratory<'a> {
         let mut tape = blank.tape();
         blank.forward(&mut tape, &blank.initial());
         Maps::new(&blank, self.basis).set_at_probes(&mut tape, &table.vertices(), fields);
-        let mut rng = stream(seed, 1);
+        let mut rng = Stream::Noise.rng(seed);
         let mut columns = value_columns(&self.outline, table.len());
         for observe in &blank.observes {
             for (row, values) in observe.rows.iter().zip(observe.simulate(&tape, &mut rng)) {

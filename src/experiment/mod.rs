@@ -16,9 +16,6 @@ pub use next::{Lesson, Minutes, lessons};
 pub use score::{INTERVALS, agree, coverage, rms_error, thinned};
 pub use truth::{TRUTH_MODES, Truth, conduction, repaired};
 
-use rand::SeedableRng;
-use rand_chacha::ChaCha8Rng;
-
 use crate::manifold::{Basis, maximin};
 use crate::mesh::TriMesh;
 use crate::model::Declare;
@@ -65,13 +62,6 @@ pub struct Experiment {
     pub truth: Vec<(&'static str, Vec<f64>)>,
     /// Share of vertices that were repaired.
     pub repaired: f64,
-}
-
-/// Stream `index` of this module: chains own the streams from 0 on, reports those from 2³² on.
-fn stream(seed: u64, index: u64) -> ChaCha8Rng {
-    let mut rng = ChaCha8Rng::seed_from_u64(seed);
-    rng.set_stream((1 << 33) + index);
-    rng
 }
 
 /// Makes the experiment. `basis` should have [`TRUTH_MODES`] modes; all it has are used.

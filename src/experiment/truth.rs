@@ -4,10 +4,11 @@ use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
 use rand_distr::StandardNormal;
 
-use super::{ExperimentError, stream};
+use super::ExperimentError;
 use crate::field::{Matern52, unit_field};
 use crate::manifold::{Basis, interpolate_biharmonic};
 use crate::model::{MapName, Maps, Model, Tape};
+use crate::random::Stream;
 
 /// Modes of the ground truth.
 pub const TRUTH_MODES: usize = 256;
@@ -83,7 +84,7 @@ fn true_fields(
     lengthscale: f64,
     seed: u64,
 ) -> Result<Vec<Vec<f64>>, ExperimentError> {
-    let mut rng = stream(seed, 0);
+    let mut rng = Stream::Truth.rng(seed);
     let ranged = maps.names().into_iter().take(maps.n_fields());
     ranged
         .map(|MapName { name: field, range, .. }| {
@@ -96,7 +97,7 @@ fn true_fields(
 /// A field of `CV_max` (n_vertices) for simulations: Matérn-5/2, scaled onto `range`, independent of the
 /// fields that [`experiment`](super::experiment) draws from this seed.
 pub fn conduction(basis: &Basis, lengthscale: f64, range: (f64, f64), seed: u64) -> Vec<f64> {
-    ranged_field(basis, lengthscale, range, &mut stream(seed, 2))
+    ranged_field(basis, lengthscale, range, &mut Stream::Conduction.rng(seed))
 }
 
 fn ranged_field(

@@ -4,10 +4,11 @@ use super::adapt::{Warmup, conditional_scales};
 use super::hamiltonian::{Hamiltonian, Metric};
 use super::moments::Moments;
 use super::nuts::{Nuts, NutsState};
-use super::sample::{Reporter, chain_stream, is_usable};
+use super::sample::{Reporter, is_usable};
 use super::{
     Chain, ChainError, ChainFailure, ChainResult, Divergence, LogDensity, Phase, Progress, Settings,
 };
+use crate::random::Stream;
 use crate::store::Keeper;
 use std::time::Instant;
 
@@ -58,7 +59,7 @@ impl<'a> Run<'a> {
     fn begin<'d>(&self, density: &'d dyn LogDensity, start: &[f64]) -> Nuts<'d> {
         let scale = conditional_scales(&mut *density.evaluator(), start, 1.0);
         let hamiltonian = Hamiltonian::new(density.evaluator(), Metric::Diagonal(scale));
-        let rng = chain_stream(self.settings.seed, self.chain);
+        let rng = Stream::Chain(self.chain).rng(self.settings.seed);
         Nuts::new(hamiltonian, start, self.settings.max_depth, rng)
     }
 

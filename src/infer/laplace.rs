@@ -8,8 +8,9 @@
 
 use super::adapt::conditional_scales;
 use super::optimise::Optimum;
-use super::sample::{chain_stream, thread_pool};
+use super::sample::thread_pool;
 use super::{Chain, Evaluator, InferError, LogDensity, Settings};
+use crate::random::Stream;
 use nalgebra::linalg::{Cholesky, SymmetricEigen};
 use nalgebra::{DMatrix, DVector, Dyn};
 use rand::RngExt;
@@ -68,7 +69,7 @@ impl Laplace {
         settings: &Settings,
     ) -> Result<Vec<LaplaceDraws>, InferError> {
         let draw = |chain| {
-            let mut rng = chain_stream(settings.seed, chain);
+            let mut rng = Stream::Chain(chain).rng(settings.seed);
             self.chain(&mut *density.evaluator(), settings.draws, &mut rng)
         };
         let chains = 0..settings.chains;

@@ -8,8 +8,6 @@ use super::error::{ChainError, InferError};
 use super::moments::Moments;
 use super::nuts::{Nuts, Transition};
 use crate::store::{Checkpoint, take_chains};
-use rand::SeedableRng;
-use rand_chacha::ChaCha8Rng;
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 use std::fmt;
@@ -293,13 +291,6 @@ pub(super) fn thread_pool(settings: &Settings) -> Result<rayon::ThreadPool, Infe
         .num_threads(threads)
         .build()
         .map_err(|error| InferError::Threads { threads, reason: error.to_string() })
-}
-
-/// Stream of a chain: streams 0.. belong to chains, see [`super::start`] for the others.
-pub(super) fn chain_stream(seed: u64, chain: usize) -> ChaCha8Rng {
-    let mut rng = ChaCha8Rng::seed_from_u64(seed);
-    rng.set_stream(chain as u64);
-    rng
 }
 
 /// Tells the watcher of a run where one chain stands, now and then.

@@ -3,8 +3,8 @@
 use super::adapt::conditional_scales;
 use super::optimise::{Optimum, OptimumSettings, maximise};
 use super::{Evaluator, InferError, LogDensity};
-use rand::{RngExt, SeedableRng};
-use rand_chacha::ChaCha8Rng;
+use crate::random::Stream;
+use rand::RngExt;
 use rand_distr::StandardNormal;
 
 /// Largest jitter per coordinate: where the density is flatter than this the sampler explores.
@@ -48,9 +48,7 @@ fn jitter(
     seed: u64,
 ) -> Result<Vec<f64>, InferError> {
     const TRIES: usize = 100;
-    let mut rng = ChaCha8Rng::seed_from_u64(seed);
-    // Counted from the top, so that no chain samples with the stream of its start.
-    rng.set_stream(u64::MAX - chain as u64);
+    let mut rng = Stream::Start(chain).rng(seed);
     let mut gradient = vec![0.0; optimum.position.len()];
     let floor = optimum.ln_density - optimum.position.len() as f64 - 10.0;
     for attempt in 0..TRIES {

@@ -9,12 +9,12 @@
 //! Knows nothing of surfaces.
 
 use super::ManifoldError;
+use crate::random::procedure;
 use faer::linalg::matmul::matmul;
 use faer::linalg::triangular_solve::solve_lower_triangular_in_place;
 use faer::prelude::{IntoConst, ReborrowMut};
 use faer::{Accum, Mat, MatMut, MatRef, Par, Side};
-use rand::{RngExt, SeedableRng};
-use rand_chacha::ChaCha8Rng;
+use rand::RngExt;
 
 /// Columns per block.
 pub(super) const BLOCK: usize = 8;
@@ -88,7 +88,7 @@ struct Ritz {
 impl Krylov {
     /// A random orthonormal block, the same in every run.
     fn start(n: usize, capacity: usize) -> Result<Self, ManifoldError> {
-        let mut random = ChaCha8Rng::seed_from_u64(0);
+        let mut random = procedure(0);
         let mut vectors = Mat::zeros(n, capacity + BLOCK);
         for column in 0..BLOCK {
             for row in 0..n {

@@ -5,8 +5,8 @@
 use super::laplacian::{dot, subtract};
 use super::{Geodesic, ManifoldError};
 use crate::mesh::TriMesh;
-use rand::{RngExt, SeedableRng, seq::index};
-use rand_chacha::ChaCha8Rng;
+use crate::random::procedure;
+use rand::{RngExt, seq::index};
 
 /// Sweeps of the exchange before it is stopped; a few are usual.
 const MAX_SWEEPS: usize = 50;
@@ -34,7 +34,7 @@ pub fn maximin(
     if n_sites == 0 {
         return Ok(vec![]);
     }
-    let first = eligible[ChaCha8Rng::seed_from_u64(seed).random_range(0..eligible.len())];
+    let first = eligible[procedure(seed).random_range(0..eligible.len())];
     let mut design =
         Design { geodesic: &geodesic, eligible: &eligible, sites: vec![], fields: vec![] };
     design.push(first);
@@ -69,7 +69,7 @@ pub fn random_maximin(
 ) -> Result<Vec<u32>, ManifoldError> {
     let eligible = eligible(mesh, n_sites, exclude_mm)?;
     let places: Vec<[f64; 3]> = eligible.iter().map(|&v| mesh.vertices()[v as usize]).collect();
-    let mut random = ChaCha8Rng::seed_from_u64(seed);
+    let mut random = procedure(seed);
     let (mut best, mut best_squared) = (vec![], -1.0);
     for _ in 0..DRAWS {
         let draw = index::sample(&mut random, eligible.len(), n_sites).into_vec();

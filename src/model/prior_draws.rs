@@ -2,7 +2,7 @@
 
 use std::time::Instant;
 
-use rand::{Rng, RngExt, SeedableRng};
+use rand::{Rng, RngExt};
 use rand_chacha::ChaCha8Rng;
 use rand_distr::StandardNormal;
 
@@ -10,9 +10,7 @@ use super::error::ModelError;
 use super::model::{Kind, Model};
 use super::tape::Tape;
 use crate::infer::{Chain, Settings};
-
-/// First random stream of these draws; ARCHITECTURE.md lists the others.
-const STREAM: u64 = 1 << 36;
+use crate::random::Stream;
 
 impl Model {
     /// Independent draws from the prior, as many as the settings say; nothing else of them counts.
@@ -28,8 +26,7 @@ impl Model {
     }
 
     fn prior_chain(&self, settings: &Settings, chain: usize) -> Result<Chain, ModelError> {
-        let mut rng = ChaCha8Rng::seed_from_u64(settings.seed);
-        rng.set_stream(STREAM + chain as u64);
+        let mut rng = Stream::Prior(chain).rng(settings.seed);
         let (n, mut tape, begun) = (settings.draws, self.tape(), Instant::now());
         let mut gradient = vec![0.0; tape.u.len()];
         let mut out = Chain::of_independent_draws(n);

@@ -1,17 +1,13 @@
 //! Draws of unknowns as what they mean: parameters, log likelihoods, replicated measurements.
 
-use rand::SeedableRng;
-use rand_chacha::ChaCha8Rng;
 use rayon::prelude::*;
 
 use super::{Group, LeaveOneOut, MAX_R_HAT, Row, Values, Variable};
 use crate::diagnostics::{Stray, stray, summarise};
 use crate::infer::Chain;
 use crate::model::{Kind, LetValues, Model, Observe, Parameter};
+use crate::random::Stream;
 use crate::table::Measurements;
-
-/// First random stream for what is drawn after sampling; chains own the streams from 0 on.
-const STREAM: u64 = 1 << 32;
 
 /// All measurements together, and their dimension.
 const POOLED: &str = "measurements";
@@ -96,8 +92,7 @@ impl Posterior {
 }
 
 fn drawn(model: &Model, chain: &Chain, seed: u64, index: usize) -> Drawn {
-    let mut rng = ChaCha8Rng::seed_from_u64(seed);
-    rng.set_stream(STREAM + index as u64);
+    let mut rng = Stream::AfterSampling(index).rng(seed);
     let (mut tape, mut out) = (model.tape(), Drawn::default());
     for i in 0..chain.n_draws() {
         model.forward(&mut tape, chain.draw(i));

@@ -2,7 +2,8 @@
 //!
 //! Knows ranges and numbers; it knows nothing of what the columns mean.
 
-use rand::{RngExt, SeedableRng};
+use crate::random::procedure;
+use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
 
 /// Proposed swaps per point of the design.
@@ -20,7 +21,7 @@ const EXPONENT: i32 = 15;
 /// # Source
 /// Morris and Mitchell 1995, "Exploratory designs for computational experiments".
 pub fn latin_hypercube(n: usize, ranges: &[(f64, f64)], seed: u64) -> Vec<Vec<f64>> {
-    let mut rng = ChaCha8Rng::seed_from_u64(seed);
+    let mut rng = procedure(seed);
     let mut unit = random_hypercube(n, ranges.len(), &mut rng);
     if n > 1 {
         for _ in 0..SWAPS_PER_POINT * n {
@@ -113,7 +114,7 @@ mod tests {
     #[test]
     fn swapping_spreads_the_points() {
         let random = |seed| {
-            let mut points = random_hypercube(100, 3, &mut ChaCha8Rng::seed_from_u64(seed));
+            let mut points = random_hypercube(100, 3, &mut procedure(seed));
             for point in &mut points {
                 for (u, (lower, upper)) in point.iter_mut().zip(RANGES) {
                     *u = lower + *u * (upper - lower);

@@ -13,8 +13,7 @@
 use std::borrow::Cow;
 use std::fmt::Write as _;
 
-use rand::SeedableRng;
-use rand_chacha::ChaCha8Rng;
+use crate::random::procedure;
 
 use super::design::random_hypercube;
 use super::gp::Gp;
@@ -173,7 +172,7 @@ struct Sampled<const D: usize> {
 
 impl<const D: usize> Sampled<D> {
     fn of(gp: &Gp, ranges: &[(f64, f64); D], seed: u64) -> Self {
-        let unit = random_hypercube(N_POINTS, D, &mut ChaCha8Rng::seed_from_u64(seed));
+        let unit = random_hypercube(N_POINTS, D, &mut procedure(seed));
         let place = |u: &Vec<f64>, d: usize| ranges[d].0 + u[d] * (ranges[d].1 - ranges[d].0);
         let x: Vec<[f64; D]> = unit.iter().map(|u| std::array::from_fn(|d| place(u, d))).collect();
         let mean = x.iter().map(|x| gp.mean(x)).collect();

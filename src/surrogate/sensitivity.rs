@@ -4,8 +4,7 @@
 
 use std::fmt::Write as _;
 
-use rand::SeedableRng;
-use rand_chacha::ChaCha8Rng;
+use crate::random::procedure;
 use serde::Deserialize;
 use thiserror::Error;
 
@@ -209,7 +208,7 @@ fn valid_box(
 ) -> Result<Vec<(f64, f64)>, SensitivityError> {
     let (erp_s2, _) = process(rows, inputs, OUTPUTS[0])?;
     let mut ranges: Vec<(f64, f64)> = inputs.iter().map(|&d| input_range(d)).collect();
-    let probes = random_hypercube(N_PROBES, inputs.len(), &mut ChaCha8Rng::seed_from_u64(1));
+    let probes = random_hypercube(N_PROBES, inputs.len(), &mut procedure(1));
     let is_void = |ranges: &[(f64, f64)]| {
         let void = probes.iter().filter(|u| erp_s2.mean(&within(u, ranges)) > limit).count();
         void as f64 > VOID_SHARE * N_PROBES as f64

@@ -11,8 +11,8 @@
 //! # Source
 //! Jansen 1999, "Analysis of variance designs for model output"; Saltelli et al. 2010.
 
-use rand::{RngExt, SeedableRng};
-use rand_chacha::ChaCha8Rng;
+use crate::random::procedure;
+use rand::RngExt;
 
 /// Pairs of points A, B.
 const N_PAIRS: usize = 1 << 14;
@@ -47,7 +47,7 @@ struct Pair {
 
 /// The indices of each of `f`'s `n_inputs` inputs, which are independent and uniform on 0..1.
 pub fn sobol(f: impl Fn(&[f64]) -> f64, n_inputs: usize, seed: u64) -> Vec<SobolIndex> {
-    let mut rng = ChaCha8Rng::seed_from_u64(seed);
+    let mut rng = procedure(seed);
     let mut point = || (0..n_inputs).map(|_| rng.random::<f64>()).collect::<Vec<f64>>();
     let pairs: Vec<Pair> = (0..N_PAIRS)
         .map(|_| {

@@ -8,10 +8,11 @@ use crate::infer::adapt::Warmup;
 use crate::infer::hamiltonian::{Hamiltonian, Metric};
 use crate::infer::moments::Moments;
 use crate::infer::nuts::{Nuts, NutsState, Transition};
-use crate::infer::sample::{Reporter, chain_stream, is_usable};
+use crate::infer::sample::{Reporter, is_usable};
 use crate::infer::{
     Chain, ChainError, ChainFailure, ChainResult, Divergence, MetricKind, Phase, Progress, Settings,
 };
+use crate::random::{Part, Stream};
 use crate::store::Keeper;
 use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
@@ -131,10 +132,8 @@ impl<'a> Run<'a> {
             Box::new(Inner(Rc::clone(&shared))),
             Metric::Diagonal(link.scale.clone()),
         );
-        let stream = |kind: usize| {
-            chain_stream(settings.seed, ((2 * common.stage + kind + 1) << 32) + chain)
-        };
-        let nuts = Nuts::new(hamiltonian, &position, settings.max_depth, stream(0));
+        let stream = |part| Stream::Blocked { part, round: common.stage, chain }.rng(settings.seed);
+        let nuts = Nuts::new(hamiltonian, &position, settings.max_depth, stream(Part::Inner));
         if !is_usable(&nuts) {
             return Err(no_support());
         }
@@ -143,7 +142,7 @@ impl<'a> Run<'a> {
             chain,
             shared,
             nuts,
-            rng: stream(1),
+            rng: stream(Part::Hyper),
             ln_length: link.ln_length,
             is_standard: layout.free().is_empty(),
             reporter: Reporter::new(chain, settings, common.progress),

@@ -6,8 +6,8 @@ use super::proposal::Proposal;
 use super::stand_in::{Sample, StandIn, Trust};
 use super::whiten::Whitening;
 use crate::infer::adapt::conditional_scales;
-use crate::infer::sample::chain_stream;
 use crate::infer::{ChainError, ChainFailure, Phase, Progress, Settings};
+use crate::random::Stream;
 use rand::RngExt;
 use rand_distr::StandardNormal;
 use rayon::prelude::*;
@@ -172,7 +172,7 @@ fn first_stand_in(density: &dyn LatentGaussian, links: &[Chained], seed: u64) ->
     const PASSES: usize = 12;
     const PER_CHAIN: usize = 16;
     let layout = density.layout();
-    let mut rng = chain_stream(seed, 1 << 31);
+    let mut rng = Stream::StandIn.rng(seed);
     let mut latent = density.latent();
     let mut stand_in = StandIn::new(layout);
     let mut whitening = Whitening::new(layout);
