@@ -4,9 +4,10 @@
 //!
 //! | layer | modules |
 //! |---|---|
-//! | 6 | [`cli`] |
-//! | 5 | [`run`], [`report`], [`study`], [`criticism`] |
-//! | 4 | `models/*.rs`, through [`prelude`] only |
+//! | 7 | [`cli`] |
+//! | 6 | [`criticism`], [`study`] |
+//! | 5 | [`run`], [`report`] |
+//! | 4 | [`experiment`]; `models/*.rs`, through [`prelude`] only |
 //! | 3 | [`model`](mod@model) |
 //! | 2 | [`table`], [`field`], [`surrogate`], [`infer`], [`diagnostics`] |
 //! | 1 | [`dist`], [`likelihood`], [`manifold`], [`ep`] |

@@ -10,8 +10,10 @@ use std::path::{Path, PathBuf};
 
 /// Layer of each module of the crate.
 const LAYERS: &[(u32, &[&str])] = &[
-    (6, &["main", "cli"]),
-    (5, &["run", "report", "study", "criticism"]),
+    (7, &["main", "cli"]),
+    (6, &["criticism", "study"]),
+    (5, &["run", "report"]),
+    (4, &["experiment"]),
     (3, &["model", "prelude"]),
     (2, &["table", "field", "surrogate", "infer", "diagnostics"]),
     (1, &["dist", "likelihood", "manifold", "ep"]),
@@ -24,7 +26,6 @@ const SAME_LAYER: &[(&str, &str)] = &[
     ("surrogate", "infer"), // a Gaussian process is fitted by the optimiser
     ("mesh", "store"),      // files appear whole or not at all
     ("run", "report"),      // a run is written by what renders it
-    ("run", "study"),       // TODO
     ("main", "cli"),
 ];
 

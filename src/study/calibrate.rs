@@ -5,6 +5,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 
 use rayon::prelude::*;
 
+use super::outcome::{MapError, Outcome, Time};
 use super::plan::{Block, Case, Choice, Estimate, Plan};
 use super::{Results, StudyError};
 use crate::experiment::{
@@ -22,39 +23,6 @@ const MOST_ITERATIONS: usize = 50_000;
 pub(super) const MAP_DRAWS: usize = 400;
 /// Sites that are considered one after the other.
 const CANDIDATES: usize = 150;
-
-/// What came of one case.
-#[derive(Clone, Debug)]
-pub struct Outcome {
-    /// The case.
-    pub case: Case,
-    /// Whether the mode was reached, or the draws can be used.
-    pub converged: bool,
-    /// Share of vertices whose estimate was unphysical and repaired.
-    pub repaired: f64,
-    /// By field and derived quantity, in the order of [`Study::names`].
-    pub errors: Vec<MapError>,
-    /// What was done, if the plan says how long it takes.
-    pub time: Option<Time>,
-}
-
-/// How the time of a case was spent.
-#[derive(Clone, Debug)]
-pub struct Time {
-    /// Minutes in all.
-    pub minutes: f64,
-    /// How often each `observe` was measured.
-    pub measured: Vec<(&'static str, usize)>,
-}
-
-/// How far an estimate is from the truth over the surface.
-#[derive(Clone, Debug)]
-pub struct MapError {
-    /// Root mean squared error over all vertices, in the map's unit.
-    pub rmse: f64,
-    /// Share of vertices whose truth lies in each of [`INTERVALS`](crate::experiment::INTERVALS); only from draws.
-    pub coverage: Option<[f64; 3]>,
-}
 
 /// A plan on its surface, with the designs that its blocks share.
 pub struct Study<'a> {

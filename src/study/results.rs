@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 use serde_json::json;
 
 use super::StudyError;
-use super::calibrate::Outcome;
+use super::outcome::Outcome;
 use super::plan::{Block, Estimate, Plan};
 use crate::diagnostics::mean_and_sd;
 use crate::experiment::INTERVALS;

@@ -6,7 +6,8 @@ use std::io::Write as _;
 use serde_json::{Map, Value, json};
 
 use super::simulation::Simulated;
-use super::{FIELDS, KnownTruth, RUN};
+use super::KnownTruth;
+use super::settings::FIELDS;
 use crate::experiment::INTERVALS;
 use crate::mesh::write_vtp;
 use crate::report::{ExperimentPage, Figure, PointData, Surface, Verdict, write_experiment_page};
@@ -164,7 +165,8 @@ impl Findings<'_> {
             maps.iter().map(|(name, unit, values)| PointData { name, unit, values }).collect();
         let mut settings: Vec<(String, String)> =
             self.identity.iter().map(|(name, value)| (name.clone(), value.clone())).collect();
-        settings.push(("whole run".to_owned(), format!("{RUN}/report.html")));
+        let run = self.run.folder.file_name().unwrap_or_default().display();
+        settings.push(("whole run".to_owned(), format!("{run}/report.html")));
         let page = ExperimentPage {
             verdict: &self.verdict,
             tiles: &self.tiles(),
