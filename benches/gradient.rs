@@ -71,7 +71,7 @@ fn nanoseconds(points: &[Vec<f64>], mut f: impl FnMut(&[f64], &mut [f64]) -> f64
 /// The polynomials behind the model's surrogates, from their own values.
 fn cubics() -> [Cubic; 2] {
     let grid = || (0..25).map(|i| (2.0 + 5.0 * f64::from(i % 5), 120.0 + 30.0 * f64::from(i / 5)));
-    [erp_s2::<f64>, erp_s3::<f64>].map(|f| {
+    [erp_s2::<f64, f64>, erp_s3::<f64, f64>].map(|f| {
         cubic::fit(&grid().map(|(t, a)| [t, a, f(t, a)]).collect::<Vec<_>>()).unwrap().cubic
     })
 }

@@ -7,7 +7,11 @@
 use std::error::Error;
 use std::io::{Write, stdout};
 
-use eplat::criticism::{Case, Left, Outcome, Settings, criticise, leave_sites_out, rewrite};
+use std::ops::ControlFlow;
+
+use eplat::criticism::{
+    Criticism, Left, SearchSettings, Subject, criticise, leave_sites_out, rewrite,
+};
 use eplat::experiment::{Design, experiment};
 use eplat::manifold::eigenpairs;
 use eplat::mesh::left_atrium;
@@ -50,12 +54,12 @@ pub(crate) fn run(out: &mut dyn Write) -> Result<(), Box<dyn Error>> {
     table.place_at_indices(mesh.n_vertices())?;
 
     // The search: every column of the table, against the same search on data simulated without effects.
-    let case = Case { model: &ErpMap, basis: Some(&basis), table: &table };
-    let settings = Settings { nulls: 39, ..Settings::default() };
-    let outcome = criticise(&case, &settings, &|_, _| {})?;
+    let case = Subject { model: &ErpMap, basis: Some(&basis), table: &table };
+    let settings = SearchSettings { nulls: 39, ..SearchSettings::default() };
+    let outcome = criticise(&case, &settings, &|_| ControlFlow::Continue(()))?;
     for record in &outcome.rounds[0].tried {
-        let name = &outcome.candidates[record.candidate].name;
-        writeln!(out, "{name:8} log Bayes factor {:6.1}: {}", record.log_bf, record.verdict)?;
+        let name = outcome.candidates[record.candidate].cause.to_string();
+        writeln!(out, "{name:8} log Bayes factor {:6.1}: {}", record.log_bf, record.judgement)?;
     }
 
     // Before and after: each site predicted from the others.
@@ -67,10 +71,10 @@ pub(crate) fn run(out: &mut dyn Write) -> Result<(), Box<dyn Error>> {
     // The model file with what was found.
     let found = |candidate: &usize| {
         let c = &outcome.candidates[*candidate];
-        let (name, on, form) = (c.name.clone(), c.on.clone(), c.form.clone()?);
+        let (name, on, form) = (c.cause.to_string(), c.on.clone(), c.form.clone()?);
         Some((AddedEffect { name, on, unit: "ms".into(), form, sd: c.sd }, "Found.".to_owned()))
     };
-    let effects: Vec<(AddedEffect, String)> = outcome.found.iter().filter_map(found).collect();
+    let effects: Vec<(AddedEffect, String)> = outcome.found().iter().filter_map(found).collect();
     let model = "model! {\n    model ErpMap;\n    // … as above …\n}\n";
     writeln!(out, "{}", rewrite(model, &effects, outcome.last.outer.outliers).unwrap_or_default())?;
     Ok(())
@@ -94,13 +98,8 @@ fn with_force(table: &Measurements) -> Result<Measurements, Box<dyn Error>> {
 }
 
 /// Root mean squared difference of the middle of each bracket and what the other sites predict, ms.
-fn rms_error(outcome: &Outcome, left: &Left) -> f64 {
-    let engine = &outcome.engine;
-    let error = |(row, predicted): (usize, &f64)| {
-        let id = engine.rows[row].id;
-        let bracket = engine.model.observes[id.observe].observed_row(id.row);
-        (0.5 * (bracket[0] + bracket[1]) - predicted).powi(2)
-    };
+fn rms_error(outcome: &Criticism, left: &Left) -> f64 {
+    let error = |(row, predicted): (usize, &f64)| (outcome.engine.middle(row) - predicted).powi(2);
     let squares = left.predicted.iter().enumerate().map(error);
     (squares.sum::<f64>() / left.predicted.len() as f64).sqrt()
 }

@@ -33,11 +33,11 @@ model! {
     }
     param noise [ms] ~ HalfNormal(10.0);
 
-    let erp(x) [ms] = surrogate::five::erp_s2(CV_MAX.into(), TAU_IN.into(), tau_out(x), tau_open(x), apd_max(x));
+    let erp(x) [ms] = surrogate::five::erp_s2(CV_MAX, TAU_IN, tau_out(x), tau_open(x), apd_max(x));
     /// What the gate has not regained at S2.
     let r(x) [1] = surrogate::five::unrecovered(erp(x), tau_open(x), x.s2_ms);
-    let apd90(x) [ms] = surrogate::five::apd90(CV_MAX.into(), TAU_IN.into(), tau_out(x), apd_max(x), r(x));
-    let sd(x)    [ms] = surrogate::five::apd90_sd(CV_MAX.into(), TAU_IN.into(), tau_out(x), apd_max(x), r(x));
+    let apd90(x) [ms] = surrogate::five::apd90(CV_MAX, TAU_IN, tau_out(x), apd_max(x), r(x));
+    let sd(x)    [ms] = surrogate::five::apd90_sd(CV_MAX, TAU_IN, tau_out(x), apd_max(x), r(x));
 
     observe apd(x): Number [ms] ~ Widened(Normal(apd90(x), noise), sd(x));
 }

@@ -32,11 +32,11 @@ model! {
     param noise   [m/s] ~ HalfNormal(0.1);
 
     let tau_in(x) [ms] = ln_tau_in(x).exp();
-    let erp(x) [ms] = surrogate::five::erp_s2(cv_max(x), tau_in(x), TAU_OUT.into(), TAU_OPEN.into(), apd_max);
+    let erp(x) [ms] = surrogate::five::erp_s2(cv_max(x), tau_in(x), TAU_OUT, TAU_OPEN, apd_max);
     /// What the gate has not regained at S2.
-    let r(x) [1] = surrogate::five::unrecovered(erp(x), TAU_OPEN.into(), x.s2_ms);
-    let cv(x) [m/s] = surrogate::five::cv(cv_max(x), tau_in(x), TAU_OUT.into(), TAU_OPEN.into(), r(x));
-    let sd(x) [m/s] = surrogate::five::cv_sd(cv_max(x), tau_in(x), TAU_OUT.into(), TAU_OPEN.into(), r(x));
+    let r(x) [1] = surrogate::five::unrecovered(erp(x), TAU_OPEN, x.s2_ms);
+    let cv(x) [m/s] = surrogate::five::cv(cv_max(x), tau_in(x), TAU_OUT, TAU_OPEN, r(x));
+    let sd(x) [m/s] = surrogate::five::cv_sd(cv_max(x), tau_in(x), TAU_OUT, TAU_OPEN, r(x));
 
     observe speed(x): Number [m/s] ~ Widened(Normal(cv(x), noise), sd(x));
 }

@@ -13,6 +13,9 @@
 //! | 1 | [`dist`], [`likelihood`], [`manifold`], [`ep`] |
 //! | 0 | [`mesh`], [`num`], [`random`], [`error`], [`store`] |
 
+// `model!` names this crate as its users do
+extern crate self as eplat;
+
 pub mod cli;
 pub mod criticism;
 pub mod diagnostics;

@@ -2,6 +2,11 @@
 //! entry of a Hessian), all from num-dual.
 
 pub mod lanes;
+mod number;
+mod together;
+
+pub use number::Num;
+pub use together::{Common, Join, Together};
 
 use num_dual::{Derivative, DualNum, DualSVec64, HyperDual64};
 
@@ -10,7 +15,16 @@ use num_dual::{Derivative, DualNum, DualSVec64, HyperDual64};
 /// Arithmetic and elementary functions are num-dual's; a plain `f64` goes to the right of a
 /// generic number (`x * 2.0`).  [`Real::chain`] brings in any other function of one variable.
 pub trait Real:
-    DualNum<Primitive = f64> + Made<f64> + Made<i32> + Made<Self> + Copy + Send + Sync
+    DualNum<Primitive = f64>
+    + Made<f64>
+    + Made<i32>
+    + Made<Self>
+    + Join<f64, Output = Self>
+    + Join<i32, Output = Self>
+    + Join<Self, Output = Self>
+    + Copy
+    + Send
+    + Sync
 {
     /// Whether it carries second derivatives.
     const SECOND: bool = false;

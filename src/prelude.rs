@@ -1,17 +1,20 @@
 //! What a model file sees: `use eplat::prelude::*;`.
 
 pub use crate::dist::{
-    Beta, Cauchy, Dirichlet, Dist, Exponential, Flat, FlatBetween, FlatPositive, Gamma, HalfCauchy,
-    HalfNormal, HalfStudentT, InvGamma, Laplace, LogNormal, Normal, Ordered, RealLine, StudentT,
-    Support, TruncatedNormal, Uniform, ln_gamma, ln_logistic, logistic,
+    Beta, Cauchy, CholeskyFactor, Dirichlet, Dist, Exponential, Flat, FlatBetween, FlatPositive,
+    Gamma, HalfCauchy, HalfNormal, HalfStudentT, InvGamma, Laplace, LkjCholesky, LogNormal,
+    MultivariateNormal, Normal, Ordered, RealLine, Sequence, Step, StudentT, SumToZero, Support,
+    TruncatedNormal, Uniform, cholesky, correlation_cholesky, ln_gamma, ln_logistic, logistic,
 };
-pub use crate::field::{Kernel, Matern12, Matern32, Matern52, Rbf, authors};
+pub use crate::field::{Covariance, Kernel, Matern12, Matern32, Matern52, Rbf, authors};
 pub use crate::likelihood::{
     BernoulliLogit, BinomialLogit, Bracket, Count, Interval, Likelihood, Mixture, NegBinomialLog,
     Number, Observation, OrderedLogit, Outliers, PoissonLog, TopHat, Widened,
 };
-pub use crate::model;
-pub use crate::num::{Real, ln_sum_exp};
+pub use crate::num::{Argument, Num, Real, ln_sum_exp};
 pub use crate::surrogate;
+pub use eplat_macros::model;
+pub use num_dual::DualNum as _;
+pub use num_traits::Signed as _;
 pub use rand::{Rng, RngExt};
 pub use rand_distr;

@@ -39,7 +39,7 @@ mod field {
     use eplat::prelude::*;
     model! {
         model KnownField;
-        field f(x) = m + 3.0 * gp(Rbf(D::from(20.0)), K = 6) where { m ~ Flat; }
+        field f(x) = m + 3.0 * gp(Rbf(Num::from(20.0)), K = 6) where { m ~ Flat; }
         observe y(x): Number ~ Normal(f(x), 2.0);
     }
 }

@@ -41,6 +41,9 @@ mod regression;
 #[path = "../models/restitution.rs"]
 mod restitution;
 mod support;
+#[allow(dead_code, reason = "another test uses the rest")]
+#[path = "models/vector_priors.rs"]
+mod vector_priors;
 
 use eplat::infer::LogDensity;
 use eplat::model::{Declare, Model};
@@ -237,6 +240,7 @@ fn everything_mixed() {
 #[test]
 fn vectors_with_constraints() {
     check(&language::vectors::Vectors, &rows(12, &["y"]));
+    check(&vector_priors::nested::Nested, &rows(12, &["y"]));
 }
 
 #[test]

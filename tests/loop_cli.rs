@@ -102,8 +102,8 @@ fn a_hidden_effect_is_found_written_and_told() {
     }
 
     let finding = finding(&place, "loop");
-    assert_eq!(finding["findings"], serde_json::json!(["force"]));
-    let interval = finding["effect_interval"]["force"].as_array().unwrap();
+    assert_eq!(finding["findings"], serde_json::json!(["force_g"]));
+    let interval = finding["effect_interval"]["force_g"].as_array().unwrap();
     let [low, high] = [0, 1].map(|i| interval[i].as_f64().unwrap());
     assert!(low < -9.0 && high > -15.0 && high < -6.0, "{low} {high}");
     for what in ["heldout", "leave_one_site_out"] {
@@ -114,7 +114,8 @@ fn a_hidden_effect_is_found_written_and_told() {
     assert_eq!(place.read("loop/heldout_predictions.csv").lines().count(), 1 + SIDE * SIDE / 3);
 
     // nothing of the folders on this machine in what is passed on
-    let (model, page) = (place.read("loop/recovery_plus_force.rs"), place.read("loop/report.html"));
+    let (model, page) =
+        (place.read("loop/recovery_plus_force_g.rs"), place.read("loop/report.html"));
     let folder = place.path("data");
     for told in [&model, &page, &place.read("loop/finding.json")] {
         assert!(!told.contains(folder.to_str().unwrap()), "{told}");
@@ -123,7 +124,7 @@ fn a_hidden_effect_is_found_written_and_told() {
     the_page_tells(&page);
 
     // the file runs by itself, to the same fit
-    let again = place.eplat(&format!("run loop/recovery_plus_force.rs {ON} --out again"));
+    let again = place.eplat(&format!("run loop/recovery_plus_force_g.rs {ON} --out again"));
     assert!(matches!(again.status.code(), Some(0 | 3)), "{}", text(&again.stderr));
     let summary = |file: &str| -> Value { serde_json::from_str(&place.read(file)).unwrap() };
     let (after, again) = (summary("loop/after/summary.json"), summary("again/summary.json"));
@@ -212,7 +213,7 @@ fn the_page_tells(page: &str) {
         "aria-label=\"residuals before\"",
         "What was tried",
         "The model with it",
-        "<mark>  force [ms]",
+        "<mark>  force_g [ms]",
         "Before and after",
         "aria-label=\"residuals after\"",
         "What is still unexplained",

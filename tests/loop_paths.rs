@@ -8,7 +8,9 @@ mod support;
 
 use std::collections::BTreeMap;
 
-use eplat::criticism::{Case, Outcome, Settings, criticise};
+use std::ops::ControlFlow;
+
+use eplat::criticism::{Criticism, SearchSettings, Subject, criticise};
 use eplat::infer::LogDensity as _;
 use eplat::manifold::{Basis, eigenpairs, integrate_along_paths};
 use eplat::mesh::{Surface, left_atrium};
@@ -129,20 +131,20 @@ fn a_field_needs_a_surface_and_a_path_a_source() {
     assert!(text.contains("delay") && text.contains("--mesh"), "{text}");
 }
 
-fn searched(lat: &dyn Fn(u32, f64) -> f64) -> (Vec<String>, Outcome) {
+fn searched(lat: &dyn Fn(u32, f64) -> f64) -> (Vec<String>, Criticism) {
     let (surface, basis) = surface();
     let table = table(&surface, &basis, 150, lat);
-    let case = Case { model: &lat::Lat, basis: Some(&basis), table: &table };
-    let settings = Settings { nulls: 19, ..Settings::default() };
-    let outcome = criticise(&case, &settings, &|_, _| {}).unwrap();
-    let names = outcome.findings().into_iter().map(String::from).collect();
+    let case = Subject { model: &lat::Lat, basis: Some(&basis), table: &table };
+    let settings = SearchSettings { nulls: 19, ..SearchSettings::default() };
+    let outcome = criticise(&case, &settings, &|_| ControlFlow::Continue(())).unwrap();
+    let names = outcome.findings().into_iter().map(ToString::to_string).collect();
     (names, outcome)
 }
 
 #[test]
 fn one_velocity_is_enough_where_there_is_one() {
     let (names, outcome) = searched(&|_, length| 10.0 + 1.2 * length);
-    assert!(names.is_empty() && outcome.ambiguous.is_empty(), "{names:?}");
+    assert!(names.is_empty() && outcome.ambiguous().is_empty(), "{names:?}");
 }
 
 #[test]

@@ -13,11 +13,13 @@ mod erp;
 mod studies;
 
 use std::fmt::Write as _;
+use std::ops::ControlFlow;
 use std::ops::RangeInclusive;
 use std::path::Path;
 
 use eplat::criticism::{
-    CLAIM, Case, Engine, Outcome, Outer, Settings, Term, criticise, leave_out, with_heldout,
+    CLAIM, Criticism, Engine, Outer, SearchSettings, Subject, TriedTerm, criticise, leave_out,
+    with_heldout,
 };
 use eplat::manifold::{Basis, eigenpairs_cached};
 use eplat::model::{Form, Model};
@@ -41,18 +43,18 @@ struct Result {
 /// What is right, and what else is no wrong name.
 fn expected(scenario: Scenario) -> (&'static [&'static str], &'static [&'static str]) {
     match scenario {
-        Scenario::Force | Scenario::Missing => (&["force"], &[]),
+        Scenario::Force | Scenario::Missing => (&["force_g"], &[]),
         Scenario::Catheter => (&["catheter"], &[]),
-        Scenario::Drift => (&["drift"], &[]),
-        Scenario::Rate => (&["rate"], &[]),
-        Scenario::Output => (&["output"], &[]),
-        Scenario::Wall => (&["wall"], &[]),
+        Scenario::Drift => (&["t_min"], &[]),
+        Scenario::Rate => (&["S1"], &[]),
+        Scenario::Output => (&["output_mA"], &[]),
+        Scenario::Wall => (&["wall_mm"], &[]),
         Scenario::Outliers => (&["outliers"], &[]),
         Scenario::Region => (&["region"], &[]),
-        Scenario::Patch => (&["patch"], &["scar_distance"]),
-        Scenario::Two => (&["force", "catheter"], &[]),
-        Scenario::Cancel => (&[], &["force", "output"]),
-        Scenario::Misscaled => (&[], &["force"]),
+        Scenario::Patch => (&["patch"], &["dist_scar_mm"]),
+        Scenario::Two => (&["force_g", "catheter"], &[]),
+        Scenario::Cancel => (&[], &["force_g", "output_mA"]),
+        Scenario::Misscaled => (&[], &["force_g"]),
         Scenario::Decoys => (&[], &["session"]),
         Scenario::Null
         | Scenario::Confounded
@@ -108,23 +110,23 @@ fn searched(heart: &Heart, scenario: Scenario, seed: u64, nulls: usize) -> Resul
 }
 
 fn search_of(study: &Study, basis: &Basis, seed: u64, nulls: usize) -> Result {
-    let case = Case { model: &erp::Erp, basis: Some(basis), table: &study.train };
+    let case = Subject { model: &erp::Erp, basis: Some(basis), table: &study.train };
     let search = |nulls: usize| {
-        let settings = Settings { nulls, ..Settings::default() };
-        criticise(&case, &settings, &|_, _| {}).unwrap()
+        let settings = SearchSettings { nulls, ..SearchSettings::default() };
+        criticise(&case, &settings, &|_| ControlFlow::Continue(())).unwrap()
     };
     // without enough evidence there is no claim, whatever the null searches come to
     let outcome = Some(search(0))
         .filter(|quick| quick.rounds[0].tried.iter().all(|t| t.log_bf <= CLAIM))
         .unwrap_or_else(|| search(nulls));
-    let scores = (!outcome.found.is_empty()).then(|| {
-        [(&outcome.rounds[0].base.outer, &[][..]), (&outcome.last.outer, &outcome.found[..])]
+    let scores = (!outcome.found().is_empty()).then(|| {
+        [(&outcome.rounds[0].base.outer, &[][..]), (&outcome.last.outer, &outcome.found()[..])]
             .map(|(outer, found)| heldout(&case, study, &outcome, outer, found))
     });
     Result {
         seed,
-        findings: outcome.findings().into_iter().map(String::from).collect(),
-        ambiguous: outcome.ambiguous.clone(),
+        findings: outcome.findings().into_iter().map(ToString::to_string).collect(),
+        ambiguous: outcome.ambiguous().into_iter().map(|p| p.map(ToString::to_string)).collect(),
         unexplained: outcome.is_unexplained(),
         rmse: scores.map(|s| s.map(|[rmse, _]| rmse)),
         elpd: scores.map(|s| s.map(|[_, elpd]| elpd)),
@@ -133,7 +135,7 @@ fn search_of(study: &Study, basis: &Basis, seed: u64, nulls: usize) -> Result {
 }
 
 /// What stands behind a result, in a line.
-fn note(outcome: &Outcome) -> String {
+fn note(outcome: &Criticism) -> String {
     let text = |form: Option<&Form>| form.map_or("outliers".into(), Form::text);
     let mut note =
         format!("site {:.1} of sd {:.1}", outcome.site_log_bf, outcome.last.outer.ln_site.exp());
@@ -148,7 +150,7 @@ fn note(outcome: &Outcome) -> String {
             let form = text(t.form.as_ref());
             let form = form.split('(').next().unwrap_or_default();
             let on = c.on.join("+");
-            let _ = write!(note, " {} {form} {on} {:.1} ({});", c.name, t.log_bf, t.verdict);
+            let _ = write!(note, " {} {form} {on} {:.1} ({});", c.cause, t.log_bf, t.judgement);
         }
     }
     note
@@ -157,9 +159,9 @@ fn note(outcome: &Outcome) -> String {
 /// Root mean squared error of the bracket's middle and log score of held-out rows, by the Laplace fit of the
 /// training rows.
 fn heldout(
-    case: &Case<'_>,
+    case: &Subject<'_>,
     study: &Study,
-    outcome: &Outcome,
+    outcome: &Criticism,
     outer: &Outer,
     found: &[usize],
 ) -> [f64; 2] {
@@ -173,7 +175,7 @@ fn heldout(
         let c = &outcome.candidates[*f];
         let design = |form: &Form| form.design(&joint);
         let (design, n) = c.form.as_ref().map_or((vec![], 0), design);
-        Term { on: c.on.clone(), design, n, sd: Some(c.sd) }
+        TriedTerm { on: c.on.clone(), design, n, sd: Some(c.sd) }
     };
     let first = study.train.len();
     let site = |row: usize| {
@@ -182,17 +184,14 @@ fn heldout(
     };
     let sites: Vec<usize> = (0..joint.len()).map(site).collect();
     let engine = Engine::new(model, &on, &sites, &[], found.iter().map(term).collect());
-    let hidden: Vec<usize> = (0..engine.rows.len())
-        .filter(|r| engine.model.table_row(engine.rows[*r].id) >= first)
-        .collect();
+    let hidden: Vec<usize> =
+        (0..engine.rows.len()).filter(|r| engine.table_row(*r) >= first).collect();
     let active: Vec<usize> = (0..found.len()).collect();
     let fit = engine.fit_without(&hidden, outer, &active, None).unwrap();
     let left = leave_out(&engine, &fit, &hidden, 1);
     let mut square = 0.0;
     for r in &hidden {
-        let id = engine.rows[*r].id;
-        let cells = engine.model.observes[id.observe].observed_row(id.row);
-        square += (left.predicted[*r] - 0.5 * (cells[0] + cells[1])).powi(2);
+        square += (left.predicted[*r] - engine.middle(*r)).powi(2);
     }
     [(square / hidden.len() as f64).sqrt(), left.elpd.iter().sum()]
 }

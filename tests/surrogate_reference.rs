@@ -56,8 +56,8 @@ fn difference(
 #[test]
 fn the_projects_own_surrogates_are_near_the_authors() {
     let Some([s2, s3]) = authors() else { return };
-    let d2 = difference(&s2, |t, a| s2.eval(t, a), erp_s2::<f64>);
-    let d3 = difference(&s2, |t, a| s3.eval(t, a), erp_s3::<f64>);
+    let d2 = difference(&s2, |t, a| s2.eval(t, a), erp_s2::<f64, f64>);
+    let d3 = difference(&s2, |t, a| s3.eval(t, a), erp_s3::<f64, f64>);
     println!("rms difference: ERP_S2 {d2:.3} ms, ERP_S3 {d3:.3} ms");
     // Two designs of 100 points differ by about this much (seeds 1 to 3: 0.23–0.34 and 0.63–1.04):
     // a cubic leaves 0.5 and 1.3 ms unexplained, and where that shows depends on the design.

@@ -2,9 +2,8 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
-use super::candidates::{Column, STRUCTURAL, read_column};
 use super::units::{LEAST_UNITS, by_site, occasion_of, site_column};
-use crate::table::Measurements;
+use crate::table::{Content, MEASURED, Measurements, TypedColumn};
 
 /// A doubt about a table.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -25,15 +24,12 @@ const LEAST_VALUES: usize = 3;
 /// Groups whose ranges are apart and whose medians differ by more than this factor hardly share a unit.
 const SCALE: f64 = 5.0;
 
-/// Columns that hold what was measured, whatever the model.
-const MEASURED: [&str; 3] = ["lower", "upper", "value"];
-
 /// All checks of a table; `covariates` are the columns that may be tried.
 pub(super) fn check(table: &Measurements, covariates: &[&String]) -> Vec<Warning> {
     let labels: Vec<&String> = covariates
         .iter()
         .copied()
-        .filter(|c| matches!(read_column(table, c), Column::Labels(_)))
+        .filter(|c| numbers(table, c).is_none())
         .filter(|c| (2..=MOST_GROUPS).contains(&table.distinct(c).len()))
         .collect();
     let measured = MEASURED.map(String::from);
@@ -43,14 +39,19 @@ pub(super) fn check(table: &Measurements, covariates: &[&String]) -> Vec<Warning
         warnings.extend(few_units(table, column));
     }
     for column in covariates.iter().copied().chain(measured.iter().filter(|c| table.has(c))) {
-        let Column::Numeric(values) = read_column(table, column) else { continue };
+        let Some(values) = numbers(table, column) else { continue };
         for by in &labels {
-            let groups = groups(table, by, &values);
+            let groups = groups(table, by, values);
             warnings.extend(missing_in_group(column, by, &groups));
             warnings.extend(scale_in_group(column, by, &groups));
         }
     }
     warnings
+}
+
+/// The values of a column of numbers.
+fn numbers<'t>(table: &'t Measurements, column: &str) -> Option<&'t [f64]> {
+    table.column(column).and_then(TypedColumn::numbers)
 }
 
 /// The values of a column by the label of another; NaN where a cell is empty.
@@ -65,36 +66,33 @@ fn groups(table: &Measurements, by: &str, values: &[f64]) -> BTreeMap<String, Ve
     groups
 }
 
-/// Rows that repeat an earlier one in every column, with that.
+/// Rows that repeat an earlier one in every column, each with that one.
 fn repeats(table: &Measurements) -> Vec<(usize, usize)> {
     let mut seen: BTreeMap<Vec<&str>, usize> = BTreeMap::new();
-    let first = |row| *seen.entry(cells(table, row, |_| true)).or_insert(row);
+    let first = |row| *seen.entry(table.cells(row)).or_insert(row);
     let firsts: Vec<usize> = (0..table.len()).map(first).collect();
     firsts.into_iter().zip(0..table.len()).filter(|(first, row)| first != row).collect()
 }
 
 /// Rows that are copies of others: they repeat them in every column, at sites that have names, and no measurement
 /// was repeated with another result. What is neither `covariates` nor says where and how it was measured is a result.
-pub(super) fn copies(table: &Measurements, covariates: &[&String]) -> Vec<usize> {
+pub(super) fn copies<'t>(table: &'t Measurements, covariates: &[&String]) -> Vec<usize> {
     let is_result = |column: &String| {
         MEASURED.contains(&column.as_str())
-            || !(covariates.contains(&column) || STRUCTURAL.contains(&column.as_str()))
+            || table.role(column).is_cause() && !covariates.contains(&column)
     };
-    let n = |of: &dyn Fn(&String) -> bool| {
-        let rows = (0..table.len()).map(|row| cells(table, row, of));
-        rows.collect::<BTreeSet<_>>().len()
+    let settings: Vec<&String> = table.columns().iter().filter(|c| !is_result(c)).collect();
+    let setting = |row| -> Vec<&str> {
+        settings.iter().map(|column| table.cell(row, column).unwrap_or_default()).collect()
     };
-    let is_replicated = n(&|column| !is_result(column)) < n(&|_| true);
+    let distinct = |of: &dyn Fn(usize) -> Vec<&'t str>| {
+        (0..table.len()).map(of).collect::<BTreeSet<_>>().len()
+    };
+    let is_replicated = distinct(&setting) < distinct(&|row| table.cells(row));
     if is_replicated || site_column(table).is_none() {
         return vec![];
     }
     repeats(table).into_iter().map(|(_, row)| row).collect()
-}
-
-/// The cells of a row in some columns.
-fn cells(table: &Measurements, row: usize, of: impl Fn(&String) -> bool) -> Vec<&str> {
-    let columns = table.columns().iter().filter(|column| of(column));
-    columns.map(|column| table.cell(row, column).unwrap_or_default()).collect()
 }
 
 /// Rows that are the same in every column, and how often they count.
@@ -115,19 +113,17 @@ fn repeated_rows(table: &Measurements, covariates: &[&String]) -> Option<Warning
 
 /// A column of numbers with some cells that are none, which makes it a column of labels.
 fn not_a_number(table: &Measurements, column: &str) -> Option<Warning> {
-    let cells = (0..table.len()).map(|row| (row, table.cell(row, column).unwrap_or_default()));
-    let filled: Vec<(usize, &str)> = cells.filter(|(_, cell)| !cell.is_empty()).collect();
-    let odd: Vec<&(usize, &str)> =
-        filled.iter().filter(|(_, cell)| cell.parse::<f64>().is_err()).collect();
-    let (row, cell) = odd.first()?;
-    if 2 * odd.len() >= filled.len() {
+    let own = table.column(column)?;
+    let Content::Mixed { numbers, first } = own.content() else { return None };
+    let filled = (0..table.len()).filter(|row| !own.text(*row).is_empty()).count();
+    let odd = numbers.iter().filter(|number| number.is_none()).count();
+    if 2 * odd >= filled {
         return None;
     }
     let text = format!(
-        "{column}: {} of {} cells are no numbers, the first `{cell}` in line {}, so that the column is read as labels; leave a missing value empty",
-        odd.len(),
-        filled.len(),
-        table.line(*row)
+        "{column}: {odd} of {filled} cells are no numbers, the first `{}` in line {}, so that the column is read as labels; leave a missing value empty",
+        own.text(*first),
+        table.line(*first)
     );
     Some(Warning { check: "not_a_number", column: Some(column.into()), text })
 }
@@ -185,10 +181,10 @@ pub fn check_heldout(
     heldout: &Measurements,
     columns: &[&str],
 ) -> Vec<Warning> {
-    let one = |column: &&str| match (read_column(train, column), read_column(heldout, column)) {
-        (Column::Labels(known), _) => heldout_label(heldout, column, &known),
-        (Column::Numeric(x), Column::Numeric(y)) => heldout_scale(column, &x, &y),
-        (Column::Numeric(_), Column::Labels(_)) => {
+    let one = |column: &&str| match (numbers(train, column), numbers(heldout, column)) {
+        (None, _) => heldout_label(heldout, column, &train.distinct(column)),
+        (Some(x), Some(y)) => heldout_scale(column, x, y),
+        (Some(_), None) => {
             let text = format!(
                 "{column} is a number in every row trained on, and not in every held-out row: an effect of it is 0 where it is none"
             );

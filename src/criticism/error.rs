@@ -23,4 +23,7 @@ pub enum CriticismError {
         "the base model has no Laplace fit: its log density has no maximum near its start\nhelp: check it with `eplat run --optimize` first"
     )]
     NoFit,
+    /// The caller said to stop.
+    #[error("stopped")]
+    Cancelled,
 }

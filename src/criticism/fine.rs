@@ -5,7 +5,7 @@
 
 use std::collections::BTreeMap;
 
-use super::engine::Term;
+use super::engine::TriedTerm;
 use crate::field::{Kernel as _, Matern52};
 use crate::manifold::Basis;
 use crate::model::Model;
@@ -27,7 +27,7 @@ pub(super) fn finer_fields(
     table: &Measurements,
     n_sites: usize,
     field_sd: &BTreeMap<String, f64>,
-) -> Vec<Vec<Term>> {
+) -> Vec<Vec<TriedTerm>> {
     let Some(basis) = basis else { return vec![] };
     let (first, n_modes) = (model.n_modes(), basis.n_modes().min(FINER * model.n_modes()));
     if first >= n_modes {
@@ -46,7 +46,7 @@ pub(super) fn finer_fields(
     for z in &mut design {
         *z /= variance.sqrt();
     }
-    let term = |size: f64, (field, sd): (&String, &f64)| Term {
+    let term = |size: f64, (field, sd): (&String, &f64)| TriedTerm {
         on: vec![field.clone()],
         design: design.clone(),
         n: n_modes - first,

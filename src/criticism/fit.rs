@@ -2,12 +2,15 @@
 
 use nalgebra::{Cholesky, DMatrix, DVector, Dyn};
 
-use super::engine::{Engine, Outer};
-use crate::model::Curvature;
+use rand::{Rng, RngExt};
+use rand_distr::StandardNormal;
+
+use super::engine::{Engine, Outer, TriedTerm};
+use crate::model::{Curvature, Noise};
 
 /// A Laplace fit.
 #[derive(Clone, Debug)]
-pub struct Fit {
+pub struct LaplaceFit {
     /// What it was made at.
     pub outer: Outer,
     /// Terms in it.
@@ -63,8 +66,9 @@ pub struct Cavity {
     pub covariance: DMatrix<f64>,
 }
 
-impl Fit {
-    /// Coefficients of the terms: mean and covariance, in the order of `active`, times nothing.
+impl LaplaceFit {
+    /// Mean and covariance of the coefficients of all active terms, in the order of `active`. They are
+    /// standard normal a priori: a term's effect is its sd times its design times them.
     pub fn coefficients(&self, engine: &Engine) -> (DVector<f64>, DMatrix<f64>) {
         let (first, n) = (engine.split.linear.len(), self.x.len());
         let mut unit = DMatrix::zeros(n, n - first);
@@ -73,6 +77,28 @@ impl Fit {
         }
         let covariance = self.factor.solve(&unit).rows(first, n - first).into_owned();
         (self.x.rows(first, n - first).into_owned(), covariance)
+    }
+
+    /// The random effect of units, which comes first among the terms, if there is one.
+    pub(super) fn unit_term<'e>(&self, engine: &'e Engine) -> Option<&'e TriedTerm> {
+        self.active.first().map(|a| &*engine.terms[*a]).filter(|term| term.sd.is_none())
+    }
+
+    /// What spreads its rows beyond their likelihood.
+    pub fn noise(&self) -> Noise {
+        self.outer.noise()
+    }
+
+    /// A further error of one row.
+    pub(super) fn error(&self, rng: &mut dyn Rng) -> f64 {
+        let noise = self.noise();
+        let mut variance = noise.variance;
+        if let Some((share, wide)) = noise.outliers
+            && rng.random::<f64>() < share
+        {
+            variance += wide;
+        }
+        variance.sqrt() * rng.sample::<f64, _>(StandardNormal)
     }
 
     /// How a scalar depends on the linear unknowns and the terms' coefficients.

@@ -1,13 +1,15 @@
 //! Errors on data that played no part: predictions from the draws of a fit on other rows.
 
+use std::cmp::Ordering;
 use std::collections::BTreeMap;
 
 use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
 
+use super::leave::order;
 use crate::model::{Model, Noise, RowId};
 use crate::random::Stream;
-use crate::table::Measurements;
+use crate::table::{MEASURED, Measurements};
 
 /// What a model says of a measurement that it has not seen.
 #[derive(Clone, Debug)]
@@ -27,7 +29,7 @@ pub struct Predicted {
 /// A table for predictions: the rows of `train`, then those of `heldout`. Where these hold no
 /// measurement, a row of `train` of the same protocol lends its own: predictions do not depend on it.
 pub fn with_heldout(train: &Measurements, heldout: &Measurements, own: &[&str]) -> Measurements {
-    let mut measured = vec!["lower", "upper", "value"];
+    let mut measured = MEASURED.to_vec();
     measured.extend(own);
     train.followed_by(heldout, &measured)
 }
@@ -83,17 +85,17 @@ impl Sum {
     fn add(&mut self, model: &Model, id: RowId, locals: &[f64], rng: &mut ChaCha8Rng) {
         self.n += 1.0;
         self.value += model.row_location(id, locals).unwrap_or(f64::NAN);
-        self.ln.push(model.row_ln(id, locals, &Noise::default()));
-        let replicate = model.row_replicate(id, locals, rng);
-        match super::leave::order(&replicate, &model.observes[id.observe].observed_row(id.row)) {
-            std::cmp::Ordering::Less => self.below += 1.0,
-            std::cmp::Ordering::Equal => self.equal += 1.0,
-            std::cmp::Ordering::Greater => {}
+        let measured = model.measured_row(id);
+        self.ln.push(model.row_ln(id, &measured, locals, &Noise::default()));
+        match order(&model.row_replicate(id, &measured, locals, rng), &measured) {
+            Ordering::Less => self.below += 1.0,
+            Ordering::Equal => self.equal += 1.0,
+            Ordering::Greater => {}
         }
     }
 
     fn predicted(&self, model: &Model, id: RowId, rng: &mut ChaCha8Rng) -> Predicted {
-        let cells = model.observes[id.observe].observed_row(id.row);
+        let cells = model.measured_row(id);
         let measured = cells.iter().sum::<f64>() / cells.len() as f64;
         let most = self.ln.iter().copied().fold(f64::NEG_INFINITY, f64::max);
         let mean = self.ln.iter().map(|l| (l - most).exp()).sum::<f64>() / self.n;

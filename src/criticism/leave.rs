@@ -1,13 +1,16 @@
 //! Predictions of what a Laplace fit has not seen: each site from the others, or units left out as a whole.
 
+use std::cmp::Ordering;
+
 use nalgebra::{DMatrix, DVector};
 use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
 use rand_distr::StandardNormal;
 
 use super::engine::Engine;
-use super::fit::{Cavity, Fit};
+use super::fit::{Cavity, LaplaceFit};
 use super::units::Unit;
+use crate::diagnostics::normal_quantile;
 use crate::random::Stream;
 
 /// Draws from each cavity. The log of an average over them is off by a tenth of a nat or two, and there is one
@@ -29,12 +32,12 @@ pub struct Left {
 
 /// Leave-one-site-out predictions from one fit; the same `seed` gives the same random numbers for
 /// every fit, so that differences between fits are not noise.
-pub fn leave_sites_out(engine: &Engine, fit: &Fit, seed: u64) -> Left {
+pub fn leave_sites_out(engine: &Engine, fit: &LaplaceFit, seed: u64) -> Left {
     leave(engine, fit, &all_rows(engine), seed, DRAWS)
 }
 
 /// Residual of each row as in [`leave_sites_out`], from few draws.
-pub(super) fn residuals(engine: &Engine, fit: &Fit, seed: u64) -> Vec<f64> {
+pub(super) fn residuals(engine: &Engine, fit: &LaplaceFit, seed: u64) -> Vec<f64> {
     leave(engine, fit, &all_rows(engine), seed, FEW).residual
 }
 
@@ -44,11 +47,11 @@ fn all_rows(engine: &Engine) -> Vec<usize> {
 
 /// As [`leave_sites_out`], of these rows alone (ascending); where `fit` has not seen them, their
 /// predictions.
-pub fn leave_out(engine: &Engine, fit: &Fit, of: &[usize], seed: u64) -> Left {
+pub fn leave_out(engine: &Engine, fit: &LaplaceFit, of: &[usize], seed: u64) -> Left {
     leave(engine, fit, of, seed, DRAWS)
 }
 
-fn leave(engine: &Engine, fit: &Fit, of: &[usize], seed: u64, draws: usize) -> Left {
+fn leave(engine: &Engine, fit: &LaplaceFit, of: &[usize], seed: u64, draws: usize) -> Left {
     let n = engine.rows.len();
     let mut left = Left {
         residual: vec![0.0; n],
@@ -63,7 +66,11 @@ fn leave(engine: &Engine, fit: &Fit, of: &[usize], seed: u64, draws: usize) -> L
         }
         let mut rng = Stream::LeftOut { site }.rng(seed);
         left.elpd[site] = fit.cavity(engine, &own).map_or(f64::NEG_INFINITY, |cavity| {
-            predict(engine, fit, &cavity, &mut left, (&mut rng, draws))
+            let predicted = predict(engine, fit, &cavity, draws, &mut rng);
+            for (r, (residual, value)) in cavity.rows.iter().zip(predicted.rows) {
+                (left.residual[*r], left.predicted[*r]) = (residual, value);
+            }
+            predicted.elpd
         });
     }
     left
@@ -74,12 +81,11 @@ const FOLDS: usize = 20;
 
 /// As [`leave_sites_out`], each unit predicted from the others by a fit that has not seen it (at most 20
 /// folds); `elpd` is of folds, sites counting as independent given the fit. `None` where a fit fails.
-pub fn leave_units_out(engine: &Engine, fit: &Fit, unit: &Unit, seed: u64) -> Option<Left> {
+pub fn leave_units_out(engine: &Engine, fit: &LaplaceFit, unit: &Unit, seed: u64) -> Option<Left> {
     let (n, folds) = (engine.rows.len(), unit.n.min(FOLDS));
     let mut all = Left { residual: vec![0.0; n], predicted: vec![f64::NAN; n], elpd: vec![] };
     for fold in 0..folds {
-        let is_hidden =
-            |r: &usize| unit.group[engine.model.table_row(engine.rows[*r].id)] % folds == fold;
+        let is_hidden = |r: &usize| unit.group[engine.table_row(*r)] % folds == fold;
         let hidden: Vec<usize> = (0..n).filter(is_hidden).collect();
         let part = engine.fit_without(&hidden, &fit.outer, &fit.active, Some(fit))?;
         let left = leave_out(engine, &part, &hidden, seed);
@@ -94,66 +100,80 @@ pub fn leave_units_out(engine: &Engine, fit: &Fit, unit: &Unit, seed: u64) -> Op
 /// Sum of squared errors in each fold of [`leave_units_out`]; a row without a middle has none.
 pub(super) fn squared_errors(engine: &Engine, left: &Left, unit: &Unit) -> Vec<f64> {
     let mut squares = vec![0.0; left.elpd.len()];
-    for (row, predicted) in engine.rows.iter().zip(&left.predicted) {
-        let cells = engine.model.observes[row.id.observe].observed_row(row.id.row);
-        let square = (cells.iter().sum::<f64>() / cells.len() as f64 - predicted).powi(2);
+    for (row, predicted) in left.predicted.iter().enumerate() {
+        let square = (engine.middle(row) - predicted).powi(2);
         if square.is_finite() {
-            squares[unit.group[engine.model.table_row(row.id)] % left.elpd.len()] += square;
+            squares[unit.group[engine.table_row(row)] % left.elpd.len()] += square;
         }
     }
     squares
 }
 
-/// Predicts a cavity's rows; returns their joint log predictive density.
+/// What a cavity says of its rows.
+struct FromCavity {
+    /// Residual and predicted value of each row.
+    rows: Vec<(f64, f64)>,
+    /// Their joint log predictive density.
+    elpd: f64,
+}
+
+/// How a row's measurement compares with the draws of its prediction.
+#[derive(Clone, Copy, Default)]
+struct Tally {
+    below: f64,
+    equal: f64,
+    /// Sum of predicted values, and how many there are.
+    sum: f64,
+    n: f64,
+}
+
 fn predict(
     engine: &Engine,
-    fit: &Fit,
+    fit: &LaplaceFit,
     cavity: &Cavity,
-    left: &mut Left,
-    (rng, draws): (&mut ChaCha8Rng, usize),
-) -> f64 {
+    draws: usize,
+    rng: &mut ChaCha8Rng,
+) -> FromCavity {
     let noise = fit.noise();
     let root = square_root(&cavity.covariance);
-    let rows = &cavity.rows;
-    let mut below = vec![[0.0; 2]; rows.len()];
-    let mut sums = vec![(0.0, 0.0); rows.len()];
+    let mut tallies = vec![Tally::default(); cavity.rows.len()];
     let mut ln = vec![];
     for _ in 0..draws {
         let z = DVector::from_fn(cavity.mean.len(), |_, _| rng.sample::<f64, _>(StandardNormal));
         let locals = &cavity.mean + &root * z;
         let (mut at, mut total) = (0, 0.0);
-        for (i, r) in rows.iter().enumerate() {
-            let row = &engine.rows[*r];
+        for (tally, r) in tallies.iter_mut().zip(&cavity.rows) {
+            let (row, measured) = (&engine.rows[*r], &engine.measured[*r]);
             let own = &mut locals.as_slice()[at..at + row.n].to_vec();
             at += row.n;
-            total += engine.model.row_ln(row.id, own, &noise);
+            total += engine.model.row_ln(row.id, measured, own, &noise);
             if let Some(location) = engine.model.row_location(row.id, own) {
-                sums[i].0 += location;
-                sums[i].1 += 1.0;
+                tally.sum += location;
+                tally.n += 1.0;
             }
             own[row.observable] += fit.error(rng);
-            let cells = engine.model.row_replicate(row.id, own, rng);
-            let observed = &engine.model.observes[row.id.observe].observed_row(row.id.row);
-            match order(&cells, observed) {
-                std::cmp::Ordering::Less => below[i][0] += 1.0,
-                std::cmp::Ordering::Equal => below[i][1] += 1.0,
-                std::cmp::Ordering::Greater => {}
+            let cells = engine.model.row_replicate(row.id, measured, own, rng);
+            match order(&cells, measured) {
+                Ordering::Less => tally.below += 1.0,
+                Ordering::Equal => tally.equal += 1.0,
+                Ordering::Greater => {}
             }
         }
         ln.push(total);
     }
-    for (i, r) in rows.iter().enumerate() {
+    let one = |tally: &Tally| {
         let u: f64 = rng.random();
-        let rank = (below[i][0] + u * (below[i][1] + 1.0)) / (draws as f64 + 1.0);
-        left.residual[*r] = crate::diagnostics::normal_quantile(rank);
-        left.predicted[*r] = sums[i].0 / sums[i].1;
-    }
+        let rank = (tally.below + u * (tally.equal + 1.0)) / (draws as f64 + 1.0);
+        (normal_quantile(rank), tally.sum / tally.n)
+    };
+    let rows = tallies.iter().map(one).collect();
     let most = ln.iter().copied().fold(f64::NEG_INFINITY, f64::max);
-    most + (ln.iter().map(|l| (l - most).exp()).sum::<f64>() / draws as f64).ln()
+    let mean = ln.iter().map(|l| (l - most).exp()).sum::<f64>() / draws as f64;
+    FromCavity { rows, elpd: most + mean.ln() }
 }
 
 /// Compares measurements by their first finite cell.
-pub(super) fn order(a: &[f64], b: &[f64]) -> std::cmp::Ordering {
+pub(super) fn order(a: &[f64], b: &[f64]) -> Ordering {
     let key = |x: &[f64]| {
         x.iter().copied().fold(0.0, |sum, x| sum + if x.is_finite() { x } else { x.signum() * 1e9 })
     };

@@ -3,39 +3,66 @@
 //! A search is made on Laplace fits ([`Engine`]) of the model with an offset on whatever its
 //! likelihoods compare with their measurements: a random effect of each site, a further error of each
 //! row, and the effects that are tried ([`Candidate`]). What is claimed must beat the same search on
-//! data simulated from the model without it ([`criticise`]). Knows nothing of electrophysiology but
-//! the usual names of columns.
+//! data simulated from the model without it ([`criticise`]). Knows nothing of electrophysiology; what
+//! columns mean it asks the table ([`Role`](crate::table::Role)).
+//!
+//! Files, each of which uses only those above it:
+//!
+//! | | |
+//! |---|---|
+//! | words | `cause`, `candidate`, `progress`, `error` |
+//! | the table | `units`, `checks`, `propose` |
+//! | fits | `engine`, `fit`, `newton`, `laplace`, `outer`, `leave`, `screen`, `fine` |
+//! | a round | `bench`, `search`, `nulls`, `refute`, `rivals`, `claim`, `judge`, `remainder` |
+//! | all | `procedure`; `heldout` and `rewrite` for what follows it |
+//! | with both fits | `close`, which calls [`run`](crate::run) and is what `eplat loop` does |
 
-mod candidates;
+mod bench;
+mod candidate;
+mod cause;
 mod checks;
 mod claim;
+mod close;
 mod engine;
 mod error;
 mod fine;
 mod fit;
 mod heldout;
 mod judge;
+mod judgement;
+mod laplace;
 mod leave;
 mod newton;
 mod nulls;
 mod observable;
 mod outer;
 mod procedure;
+mod progress;
+mod propose;
+mod refute;
+mod remainder;
 mod rewrite;
 mod rivals;
 mod screen;
 mod search;
 mod units;
 
-pub use candidates::{Candidate, Level, Screen, Unusable};
+pub use bench::Subject;
+pub use candidate::{Candidate, Level, Screen, Unusable};
+pub use cause::Cause;
 pub use checks::{Warning, check_heldout};
-pub use engine::{Engine, Outer, RowAt, Term};
+pub use close::{
+    FoundEffect, HeldOut, LeftOut, Loop, LoopError, LoopEvent, LoopSettings, LoopWatch, Size,
+    Story, Told,
+};
+pub use engine::{Engine, Outer, RowAt, TriedTerm};
 pub use error::CriticismError;
 pub use fine::FINER;
-pub use fit::{Cavity, Fit};
+pub use fit::{Cavity, LaplaceFit};
 pub use heldout::{Predicted, Score, predict_rows, score_of, with_heldout};
-pub use judge::{CLAIM, least_log_bf};
+pub use judgement::{CLAIM, Judgement, Record, Refutation, Round, UnitScore, least_log_bf};
 pub use leave::{Left, leave_out, leave_sites_out, leave_units_out};
-pub use procedure::{Case, Outcome, Record, Round, Settings, criticise};
+pub use procedure::{Criticism, SearchSettings, criticise};
+pub use progress::{SearchProgress, Watch};
 pub use rewrite::rewrite;
 pub use units::{Unit, site_column};

@@ -100,7 +100,8 @@ impl Newton<'_> {
             let is_moved = |l: &usize| linear.row(row.first + l).iter().any(|j| *j != 0.0);
             moved.clear();
             moved.extend((0..row.n).filter(|l| *l == row.observable || is_moved(l)));
-            let mut c = engine.model.row_curvature(row.id, own, &moved, &noise);
+            let mut c =
+                engine.model.row_curvature(row.id, &engine.measured[r], own, &moved, &noise);
             value += c.value;
             clip(&mut c.hessian, row.n, &moved);
             for (l, g) in c.gradient.iter().enumerate() {

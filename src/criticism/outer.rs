@@ -3,7 +3,7 @@
 use std::cell::RefCell;
 
 use super::engine::{Engine, Outer};
-use super::fit::Fit;
+use super::fit::LaplaceFit;
 use crate::infer::{Evaluator, LogDensity, OptimumSettings, maximise};
 
 /// Which outer values are free.
@@ -38,10 +38,10 @@ const LEAST_NOISE: f64 = -1.6;
 pub(super) fn optimise(
     engine: &Engine,
     active: &[usize],
-    start: &Fit,
+    start: &LaplaceFit,
     free: Free,
     step: f64,
-) -> Option<(Fit, f64)> {
+) -> Option<(LaplaceFit, f64)> {
     let density = Climb { engine, active, start, free, step };
     let position = density.position(&start.outer);
     // a hundredth of a nat decides nothing
@@ -58,9 +58,9 @@ pub(super) fn optimise(
 pub(super) fn without_sites(
     engine: &Engine,
     active: &[usize],
-    fit: &Fit,
+    fit: &LaplaceFit,
     step: f64,
-) -> Option<(Fit, f64)> {
+) -> Option<(LaplaceFit, f64)> {
     let ln_noise = fit.outer.ln_noise.max((step / 3.0).ln()); // it must take up what sites differ by
     let outer = Outer { ln_site: f64::NEG_INFINITY, ln_noise, ..fit.outer.clone() };
     let start = engine.fit(&outer, active, None)?;
@@ -68,14 +68,14 @@ pub(super) fn without_sites(
 }
 
 /// The score of a fit as it is.
-pub(super) fn score(fit: &Fit, step: f64) -> f64 {
+pub(super) fn score(fit: &LaplaceFit, step: f64) -> f64 {
     fit.ln_evidence + ln_prior(&fit.outer, step)
 }
 
 struct Climb<'a> {
     engine: &'a Engine,
     active: &'a [usize],
-    start: &'a Fit,
+    start: &'a LaplaceFit,
     free: Free,
     step: f64,
 }
@@ -118,7 +118,7 @@ impl LogDensity for Climb<'_> {
 struct Climber<'a> {
     climb: &'a Climb<'a>,
     /// The last fit, from which the next one sets out.
-    last: RefCell<Fit>,
+    last: RefCell<LaplaceFit>,
 }
 
 impl Climber<'_> {

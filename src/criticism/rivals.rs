@@ -1,10 +1,11 @@
 //! Causes that the best candidate cannot be told apart from.
 
-use super::fit::Fit;
-use super::judge::CLAIM;
+use super::bench::Bench;
+use super::cause::Cause;
+use super::fit::LaplaceFit;
+use super::judgement::CLAIM;
 use super::leave::Left;
 use super::outer::{Free, optimise, score};
-use super::procedure::Run;
 use super::screen::{r_squared, r_squared_on_fields};
 use super::search::Tried;
 use crate::model::Form;
@@ -25,49 +26,43 @@ const ALIKE: f64 = 0.4;
 /// A log Bayes factor that no way of writing the same thing down makes up for: odds of 150 to 1.
 const DECISIVE: f64 = 5.0;
 
-/// A winner and what it is compared with.
-struct Duel<'a> {
-    best: &'a Tried,
-    base: &'a Fit,
+/// The best candidate and what it is compared with.
+pub(super) struct Duel<'a> {
+    pub(super) best: &'a Tried,
+    pub(super) base: &'a LaplaceFit,
     /// What the base leaves over.
-    left: &'a Left,
-    found: &'a [usize],
+    pub(super) left: &'a Left,
+    /// Candidates in the base.
+    pub(super) found: &'a [usize],
 }
 
-impl Run<'_> {
-    /// Pairs of the best candidate's name and that of a cause that it cannot be told apart from.
-    pub(super) fn rivals(
-        &self,
-        tried: &[Tried],
-        best: &Tried,
-        base: &Fit,
-        left: &Left,
-        found: &[usize],
-    ) -> Vec<[String; 2]> {
-        let name = |t: &Tried| self.candidates[t.candidate].name.clone();
-        let duel = Duel { best, base, left, found };
-        let mut pairs: Vec<[String; 2]> = vec![];
-        for other in tried.iter().filter(|t| name(t) != name(best)) {
-            if !pairs.iter().any(|pair| pair[1] == name(other)) && self.is_rival(&duel, other) {
-                pairs.push([name(best), name(other)]);
+impl Bench<'_> {
+    /// The causes that the best candidate cannot be told apart from.
+    pub(super) fn rivals(&self, tried: &[Tried], duel: &Duel<'_>) -> Vec<Cause> {
+        let Duel { best, base, .. } = *duel;
+        let cause = |t: &Tried| &self.candidates[t.candidate].cause;
+        let mut rivals: Vec<Cause> = vec![];
+        for other in tried.iter().filter(|t| cause(t) != cause(best)) {
+            if !rivals.contains(cause(other)) && self.is_rival(duel, other) {
+                rivals.push(cause(other).clone());
             }
         }
         // the base's fields have bent after the cause that they lack
         let fit = best.fit.as_ref().unwrap_or(base);
         let r2 = || r_squared_on_fields(&self.engine, fit, best.candidate, self.step);
         if best.log_bf < DECISIVE && r2() > SPAN {
-            pairs.push([name(best), "spatial_field".into()]);
+            rivals.push(Cause::SpatialField);
         }
-        if self.adds_to_finer_fields(&duel) < CLAIM {
-            pairs.push([name(best), "short".into()]);
+        if self.adds_to_finer_fields(duel) < CLAIM {
+            rivals.push(Cause::Short);
         }
-        pairs
+        rivals
     }
 
     /// What the best candidate adds where the model's fields may have as many modes as they want.
     fn adds_to_finer_fields(&self, duel: &Duel<'_>) -> f64 {
         let Some(fit) = &duel.best.fit else { return 0.0 };
-        let best = |fit: &Fit| {
+        let best = |fit: &LaplaceFit| {
             let finer = self.finer.iter().filter_map(|terms| {
                 let active = [&fit.active[..], terms].concat();
                 optimise(&self.engine, &active, fit, Free::Spread, self.step)
@@ -80,7 +75,8 @@ impl Run<'_> {
     fn is_rival(&self, duel: &Duel<'_>, other: &Tried) -> bool {
         let best = duel.best;
         // what predicts nothing of what was left out is no rival, unless it goes with the best
-        let predicts = |fit: &Fit| self.refutation(&[other.candidate], fit, duel.left).is_none();
+        let predicts =
+            |fit: &LaplaceFit| self.refutation(&[other.candidate], fit, duel.left).is_none();
         let [a, b] = [best, other].map(|t| self.column(t.candidate));
         if a.is_some() && a == b {
             return false; // a threshold and a curve of one column are forms of one cause
@@ -119,13 +115,8 @@ impl Run<'_> {
     /// The fits of two candidates, if both are fields: these follow each other over the rows without being
     /// the same cause. One has more evidence, which is of neighbours too; the other is its rival if it has as
     /// much, or says more of where nothing was measured.
-    fn fields<'t>(&self, best: &'t Tried, other: &'t Tried) -> Option<[&'t Fit; 2]> {
-        let is_field = |t: &Tried| {
-            matches!(
-                self.candidates[t.candidate].form,
-                Some(Form::Surface { .. } | Form::Path { .. })
-            )
-        };
+    fn fields<'t>(&self, best: &'t Tried, other: &'t Tried) -> Option<[&'t LaplaceFit; 2]> {
+        let is_field = |t: &Tried| self.candidates[t.candidate].is_field();
         let fits = best.fit.as_ref().zip(other.fit.as_ref())?;
         (is_field(best) && is_field(other)).then_some(fits.into())
     }

@@ -4,8 +4,8 @@ use std::collections::BTreeMap;
 
 use nalgebra::{DMatrix, DVector};
 
-use super::engine::Engine;
-use super::fit::Fit;
+use super::engine::{Engine, RowAt};
+use super::fit::LaplaceFit;
 use super::observable::readable;
 
 /// p-value of the F-test of values of groups of rows on a design's means over these.
@@ -16,8 +16,7 @@ pub(super) fn f_test(engine: &Engine, groups: &[(f64, Vec<usize>)], term: usize)
     let mut x = DMatrix::from_element(n, term.n + 1, 1.0);
     for (g, (_, rows)) in groups.iter().enumerate() {
         for k in 0..term.n {
-            let z =
-                |r: &usize| term.design[engine.model.table_row(engine.rows[*r].id) * term.n + k];
+            let z = |r: &usize| engine.design(term, *r)[k];
             x[(g, k + 1)] = rows.iter().map(z).sum::<f64>() / rows.len() as f64;
         }
     }
@@ -44,21 +43,24 @@ pub(super) fn of_sites(engine: &Engine, residual: &[f64]) -> Vec<(f64, Vec<usize
 }
 
 /// Random effect of each unit, with its rows.
-pub(super) fn of_units(engine: &Engine, fit: &Fit) -> Vec<(f64, Vec<usize>)> {
+pub(super) fn of_units(engine: &Engine, fit: &LaplaceFit) -> Vec<(f64, Vec<usize>)> {
     let Some(term) = fit.unit_term(engine) else { return vec![] };
     let own = |k: usize| {
-        let is_own =
-            |r: &usize| term.design[engine.model.table_row(engine.rows[*r].id) * term.n + k] > 0.0;
+        let is_own = |r: &usize| engine.design(term, *r)[k] > 0.0;
         (fit.x[engine.split.linear.len() + k], (0..engine.rows.len()).filter(is_own).collect())
     };
     (0..term.n).map(own).filter(|(_, rows): &(f64, Vec<usize>)| !rows.is_empty()).collect()
 }
 
 /// Share of a term's variance over the rows that a smooth through the model's fields could take up.
-pub(super) fn r_squared_on_fields(engine: &Engine, fit: &Fit, term: usize, step: f64) -> f64 {
+pub(super) fn r_squared_on_fields(
+    engine: &Engine,
+    fit: &LaplaceFit,
+    term: usize,
+    step: f64,
+) -> f64 {
     let n = engine.rows.len();
-    let slopes = fit.slopes(engine);
-    let Some(slopes) = slopes else { return 0.0 };
+    let Some(slopes) = slopes(engine, fit) else { return 0.0 };
     let outer = &fit.outer;
     let variance = (2.0 * outer.ln_site).exp() + (2.0 * outer.ln_noise).exp() + step * step / 12.0;
     // θ = F x, x ~ N(0, I): the smoother is F Fᵀ (F Fᵀ + variance)⁻¹
@@ -68,9 +70,7 @@ pub(super) fn r_squared_on_fields(engine: &Engine, fit: &Fit, term: usize, step:
     let term = &engine.terms[term];
     let (mut left, mut total) = (0.0, 0.0);
     for k in 0..term.n {
-        let z = DVector::from_fn(n, |r, _| {
-            term.design[engine.model.table_row(engine.rows[r].id) * term.n + k]
-        });
+        let z = DVector::from_fn(n, |r, _| engine.design(term, r)[k]);
         let z = z.add_scalar(-z.mean());
         let rest = &z - &covariance * factor.solve(&z);
         left += rest.norm_squared();
@@ -84,11 +84,10 @@ pub(super) fn r_squared(engine: &Engine, term: usize, by: usize) -> f64 {
     if engine.terms[term].n == 0 || engine.terms[by].n == 0 {
         return 0.0; // outliers have no design
     }
-    let table_row = |r: usize| engine.model.table_row(engine.rows[r].id);
     let n = engine.rows.len();
     let [y, x] = [term, by].map(|t| {
         let term = &engine.terms[t];
-        let design = DMatrix::from_fn(n, term.n, |r, k| term.design[table_row(r) * term.n + k]);
+        let design = DMatrix::from_fn(n, term.n, |r, k| engine.design(term, r)[k]);
         let means = design.row_mean();
         DMatrix::from_fn(n, term.n, |r, k| design[(r, k)] - means[k])
     });
@@ -99,51 +98,50 @@ pub(super) fn r_squared(engine: &Engine, term: usize, by: usize) -> f64 {
     explained / y.norm_squared()
 }
 
-impl Fit {
-    /// Slope of every row's predicted value in the standard normal coefficients of the fields,
-    /// (rows, coefficients); `None` for a model without fields.
-    fn slopes(&self, engine: &Engine) -> Option<DMatrix<f64>> {
-        let etas: Vec<usize> =
-            (0..engine.split.is_eta.len()).filter(|k| engine.split.is_eta[*k]).collect();
-        if etas.is_empty() {
-            return None;
-        }
-        let mut slopes = DMatrix::zeros(engine.rows.len(), etas.len());
-        for (r, row) in engine.rows.iter().enumerate() {
-            for l in 0..row.n {
-                let mut own = self.locals[row.first..][..row.n].to_vec();
-                let (centre, h) = (own[l], 1e-4 * own[l].abs().max(1.0));
-                let mut at = |x: f64| {
-                    own[l] = x;
-                    engine.model.row_location(row.id, &own)
-                };
-                let slope = (at(centre + h)? - at(centre - h)?) / (2.0 * h);
-                for (k, eta) in etas.iter().enumerate() {
-                    slopes[(r, k)] += slope * self.design_row(row.first + l)[*eta];
-                }
+/// Derivative of a row's predicted value in one of its scalars, by central differences.
+fn slope(engine: &Engine, row: &RowAt, own: &mut [f64], local: usize) -> Option<f64> {
+    let (centre, h) = (own[local], 1e-4 * own[local].abs().max(1.0));
+    let mut at = |x: f64| {
+        own[local] = x;
+        engine.model.row_location(row.id, own)
+    };
+    let ends = [at(centre + h), at(centre - h)];
+    own[local] = centre;
+    Some((ends[0]? - ends[1]?) / (2.0 * h))
+}
+
+/// Slope of every row's predicted value in the standard normal coefficients of the fields,
+/// (rows, coefficients); `None` for a model without fields.
+fn slopes(engine: &Engine, fit: &LaplaceFit) -> Option<DMatrix<f64>> {
+    let etas: Vec<usize> =
+        (0..engine.split.is_eta.len()).filter(|k| engine.split.is_eta[*k]).collect();
+    if etas.is_empty() {
+        return None;
+    }
+    let mut slopes = DMatrix::zeros(engine.rows.len(), etas.len());
+    for (r, row) in engine.rows.iter().enumerate() {
+        let mut own = fit.locals[row.first..][..row.n].to_vec();
+        for l in 0..row.n {
+            let slope = slope(engine, row, &mut own, l)?;
+            for (k, eta) in etas.iter().enumerate() {
+                slopes[(r, k)] += slope * fit.design_row(row.first + l)[*eta];
             }
         }
-        Some(slopes)
     }
+    Some(slopes)
 }
 
 /// The change of each field that moves what is observed by one protocol step, from the rms slope over
 /// the rows of a fit; fields that nothing observed depends on are left out.
-pub(super) fn field_sd(engine: &Engine, fit: &Fit, step: f64) -> BTreeMap<String, f64> {
+pub(super) fn field_sd(engine: &Engine, fit: &LaplaceFit, step: f64) -> BTreeMap<String, f64> {
     let mut found = BTreeMap::new();
     for field in engine.model.field_names() {
         let (mut squares, mut n) = (0.0, 0.0);
         for row in &engine.rows {
             let Some(local) = engine.model.local_of(row.id, field) else { continue };
             let mut own = fit.locals[row.first..][..row.n].to_vec();
-            let h = 1e-4 * own[local].abs().max(1.0);
-            let centre = own[local];
-            let mut at = |x: f64| {
-                own[local] = x;
-                engine.model.row_location(row.id, &own)
-            };
-            if let (Some(above), Some(below)) = (at(centre + h), at(centre - h)) {
-                squares += ((above - below) / (2.0 * h)).powi(2);
+            if let Some(slope) = slope(engine, row, &mut own, local) {
+                squares += slope.powi(2);
                 n += 1.0;
             }
         }

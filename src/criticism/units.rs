@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 
-use crate::table::Measurements;
+use crate::table::{Measurements, Role, SITE, VERTEX};
 
 /// A partition of a table's rows.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -36,36 +36,9 @@ impl Unit {
 /// Fewer units than this cannot confirm an effect.
 pub(super) const LEAST_UNITS: usize = 5;
 
-/// Names of columns that say which occasion a row belongs to, alone or with `_id` or the like behind them.
-const OCCASIONS: [&str; 13] = [
-    "session",
-    "rec",
-    "recording",
-    "heart",
-    "patient",
-    "subject",
-    "animal",
-    "day",
-    "date",
-    "run",
-    "study",
-    "case",
-    "map",
-];
-
-/// Whether a column says which occasion a row belongs to: `rec`, `session_id`, but not `run_order`.
-fn is_occasion(column: &str) -> bool {
-    let name = column.to_lowercase();
-    let (word, rest) = name.split_once('_').unwrap_or((&name, "id"));
-    OCCASIONS.contains(&word) && ["id", "no", "nr", "name", "label"].contains(&rest)
-}
-
-/// Rows that are left out together: those of one label in column `fold`.
-pub(super) const FOLD: &str = "fold";
-
 /// The column that names sites; without one each row is a site.
 pub fn site_column(table: &Measurements) -> Option<&'static str> {
-    ["site", "vertex"].into_iter().find(|column| table.has(column))
+    [SITE, VERTEX].into_iter().find(|column| table.has(column))
 }
 
 /// Rows by site: column `site`, else `vertex`, else each row alone.
@@ -95,7 +68,8 @@ pub(super) fn random_unit<'t>(
     columns: impl Iterator<Item = &'t String>,
 ) -> Option<Unit> {
     let site = by_site(table);
-    let varies = |column: &&String| table.distinct(column).len() > 1 && !is_occasion(column);
+    let varies =
+        |column: &&String| table.distinct(column).len() > 1 && table.role(column) != Role::Unit;
     let units = columns.filter(varies).map(|column| occasion_of(table, column, &site));
     units.flatten().filter(|unit| unit.n >= LEAST_UNITS).min_by_key(|unit| unit.n)
 }
@@ -103,8 +77,8 @@ pub(super) fn random_unit<'t>(
 /// What is left out as a whole to see whether an effect of `column` (or of none) predicts: the folds of
 /// the table, else the coarsest occasion within which it is constant, else the site.
 pub(super) fn unit_of(table: &Measurements, column: Option<&str>) -> Unit {
-    if table.has(FOLD) {
-        return by_label(table, FOLD);
+    if let Some(fold) = table.columns().iter().find(|c| table.role(c) == Role::Fold) {
+        return by_label(table, fold);
     }
     let site = by_site(table);
     column.and_then(|column| occasion_of(table, column, &site)).unwrap_or(site)
@@ -113,7 +87,7 @@ pub(super) fn unit_of(table: &Measurements, column: Option<&str>) -> Unit {
 /// The coarsest occasion within which `column` is constant.
 pub(super) fn occasion_of(table: &Measurements, column: &str, site: &Unit) -> Option<Unit> {
     let mut coarsest: Option<Unit> = None;
-    for other in table.columns().iter().filter(|c| *c != column && is_occasion(c)) {
+    for other in table.columns().iter().filter(|c| *c != column && table.role(c) == Role::Unit) {
         let n_labels = table.distinct(other).len();
         if n_labels < 2 || n_labels >= site.n || !is_constant_within(table, column, other) {
             continue;

@@ -44,7 +44,7 @@ pub struct Experiment {
     pub measurements: Measurements,
     /// Names and values (n_vertices) of the true fields and derived quantities; NaN where the truth
     /// is unphysical even after repair.
-    pub truth: Vec<(&'static str, Vec<f64>)>,
+    pub truth: Vec<(String, Vec<f64>)>,
     /// Share of vertices that were repaired.
     pub repaired: f64,
 }

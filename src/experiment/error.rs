@@ -15,7 +15,7 @@ pub enum ExperimentError {
     )]
     NoRange {
         /// The field.
-        field: &'static str,
+        field: String,
     },
     /// A model without fields, or one that reads columns.
     #[error("no synthetic experiment: {why}\nhelp: give measurements (--data FILE.csv)")]

@@ -56,8 +56,8 @@ impl<'a> Laboratory<'a> {
     }
 
     /// Names of all maps: fields, then derived quantities.
-    pub fn map_names(&self) -> Vec<&'static str> {
-        Maps::new(&self.outline, self.basis).names().into_iter().map(|map| map.name).collect()
+    pub fn map_names(&self) -> Vec<String> {
+        Maps::new(&self.outline, self.basis).names().iter().map(|map| map.name.into()).collect()
     }
 
     /// A truth that is drawn with this lengthscale, mm.

@@ -162,7 +162,7 @@ impl Predicted {
                     let why = format!("{} predicts no one value", blank.observes[id.observe].name);
                     return Err(ExperimentError::NotSynthetic { why });
                 };
-                let cells = blank.row_replicate(*id, own, &mut rng);
+                let cells = blank.row_replicate(*id, &blank.measured_row(*id), own, &mut rng);
                 let measured = cells.iter().sum::<f64>() / cells.len() as f64;
                 values[r].push(location);
                 noise[r] += (measured - location).powi(2) / draws.len() as f64;

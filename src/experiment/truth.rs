@@ -88,7 +88,7 @@ fn true_fields(
     let ranged = maps.names().into_iter().take(maps.n_fields());
     ranged
         .map(|MapName { name: field, range, .. }| {
-            let range = range.ok_or(ExperimentError::NoRange { field })?;
+            let range = range.ok_or(ExperimentError::NoRange { field: field.into() })?;
             Ok(ranged_field(basis, lengthscale, range, &mut rng))
         })
         .collect()

@@ -1,10 +1,52 @@
-//! Likelihoods of counts beyond the simplest: of a share, with overdispersion, of ordered answers.
+//! Likelihoods of counts: events, rates, shares, overdispersion, ordered answers.
 
 use rand::{Rng, RngExt};
 
 use super::Likelihood;
 use crate::dist::{ln_gamma, ln_logistic, logistic};
 use crate::num::Real;
+
+/// An event (0 or 1) with log odds `logit`.
+#[derive(Clone, Copy, Debug)]
+pub struct BernoulliLogit<D>(
+    /// Log odds of the event.
+    pub D,
+);
+
+impl<D: Real> Likelihood<D, u32> for BernoulliLogit<D> {
+    #[inline]
+    fn ln_likelihood(&self, y: &u32) -> D {
+        ln_logistic(if *y == 0 { -self.0 } else { self.0 })
+    }
+    fn location(&self) -> Option<f64> {
+        Some(logistic(self.0.re()))
+    }
+    fn simulate(&self, _: &u32, rng: &mut dyn Rng) -> u32 {
+        u32::from(rng.random_bool(logistic(self.0.re())))
+    }
+    fn objection(&self, y: &u32) -> Option<&'static str> {
+        (*y > 1).then_some("BernoulliLogit takes 0 or 1")
+    }
+}
+
+/// A count with log rate `log_rate`.
+#[derive(Clone, Copy, Debug)]
+pub struct PoissonLog<D>(
+    /// Natural logarithm of the expected count.
+    pub D,
+);
+
+impl<D: Real> Likelihood<D, u32> for PoissonLog<D> {
+    #[inline]
+    fn ln_likelihood(&self, y: &u32) -> D {
+        self.0 * f64::from(*y) - self.0.exp() - ln_gamma(f64::from(*y) + 1.0)
+    }
+    fn simulate(&self, _: &u32, rng: &mut dyn Rng) -> u32 {
+        let rate = self.0.re().exp();
+        rand_distr::Poisson::new(rate)
+            .map_or(u32::MAX, |poisson| rng.sample::<f64, _>(poisson) as u32)
+    }
+}
 
 /// A count out of `n`, each with log odds `logit`.
 #[derive(Clone, Copy, Debug)]

@@ -1,10 +1,37 @@
 //! Priors as likelihoods of a number: noise with heavy tails, numbers that are positive.
 
-use rand::Rng;
+use rand::{Rng, RngExt};
+use rand_distr::StandardNormal;
 
 use super::Likelihood;
-use crate::dist::{Cauchy, Dist, Exponential, Gamma, Laplace, LogNormal, RealLine, StudentT};
-use crate::num::Real;
+use crate::dist::{
+    Cauchy, Dist, Exponential, Gamma, Laplace, LogNormal, Normal, RealLine, StudentT,
+};
+use crate::num::{LN_SQRT_2PI, Real};
+
+impl<D: Real> Likelihood<D, f64> for Normal<D> {
+    const WIDENS: bool = true;
+    #[inline]
+    fn ln_likelihood(&self, y: &f64) -> D {
+        let z = (self.mu - *y) / self.sd;
+        z * z * -0.5 - self.sd.ln() - LN_SQRT_2PI
+    }
+    fn ln_widened(&self, y: &f64, variance: D) -> D {
+        let square = self.sd * self.sd + variance;
+        let z = self.mu - *y;
+        z * z / square * -0.5 - square.ln() * 0.5 - LN_SQRT_2PI
+    }
+    fn location(&self) -> Option<f64> {
+        Some(self.mu.re())
+    }
+    fn simulate(&self, like: &f64, rng: &mut dyn Rng) -> f64 {
+        self.simulate_widened(like, 0.0, rng)
+    }
+    fn simulate_widened(&self, _: &f64, sd: f64, rng: &mut dyn Rng) -> f64 {
+        let noise: f64 = rng.sample(StandardNormal);
+        self.mu.re() + self.sd.re().hypot(sd) * noise
+    }
+}
 
 macro_rules! real {
     ($($T:ident),*) => {$(

@@ -2,9 +2,9 @@
 
 use super::builder::Builder;
 use super::error::ModelError;
+use super::expansion::Decl;
 use super::form::Form;
 use super::model::Declare;
-use super::units::Decl;
 
 /// An effect to add to a model: what `effect NAME on ON [unit] = FORM ~ Normal(0.0, SD);` declares.
 #[derive(Clone, Debug, PartialEq)]
@@ -37,7 +37,7 @@ impl AddedEffect {
 /// A model with effects added: the same as a file with their statements at its end.
 pub struct Augmented<'m> {
     model: &'m dyn Declare,
-    effects: Vec<(AddedEffect, Decl)>,
+    effects: Vec<AddedEffect>,
     outliers: Option<(f64, f64)>,
 }
 
@@ -49,19 +49,9 @@ impl std::fmt::Debug for Augmented<'_> {
 }
 
 impl<'m> Augmented<'m> {
-    /// `model` with `effects`. The few words that name them live as long as the program, as those of a
-    /// model file do.
+    /// `model` with `effects`.
     pub fn new(model: &'m dyn Declare, effects: &[AddedEffect]) -> Self {
-        let keep = |text: String| -> &'static str { Box::leak(text.into_boxed_str()) };
-        let decl = |e: &AddedEffect| Decl {
-            name: keep(e.name.clone()),
-            unit: keep(e.unit.clone()),
-            over: "",
-            text: keep(format!("on {} = {} ~ {}", e.on.join(", "), e.form.text(), e.prior())),
-            doc: "",
-        };
-        let effects = effects.iter().map(|e| (e.clone(), decl(e))).collect();
-        Self { model, effects, outliers: None }
+        Self { model, effects: effects.to_vec(), outliers: None }
     }
 
     /// Lets `share` of the measurements have a further error of standard deviation `sd`: every likelihood
@@ -76,17 +66,23 @@ impl Declare for Augmented<'_> {
     fn name(&self) -> &'static str {
         self.model.name()
     }
-    fn doc(&self) -> &'static str {
-        self.model.doc()
+    fn source(&self) -> String {
+        let effects = self.effects.iter().map(|effect| format!("\n{}", effect.statement()));
+        self.model.source() + &effects.collect::<String>()
     }
     fn declare(&self, b: &mut Builder<'_>) -> Result<(), ModelError> {
-        b.want_offsets(self.effects.iter().flat_map(|(e, _)| e.on.iter().cloned()));
+        b.want_offsets(self.effects.iter().flat_map(|effect| effect.on.iter().cloned()));
         if let Some((share, sd)) = self.outliers {
             b.add_outliers(share, sd);
         }
         self.model.declare(b)?;
-        for (effect, decl) in &self.effects {
-            b.added_effect(*decl, &effect.on, &effect.form, effect.sd)?;
+        for effect in &self.effects {
+            let decl = Decl {
+                name: effect.name.clone().into(),
+                unit: effect.unit.clone().into(),
+                text: effect.prior().into(),
+            };
+            b.added_effect(decl, &effect.on, &effect.form, effect.sd)?;
         }
         Ok(())
     }

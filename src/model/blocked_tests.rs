@@ -12,7 +12,7 @@ use rand_chacha::ChaCha8Rng;
 model! {
     /// Known hyperparameters: the posterior is normal.
     model Known;
-    field f(x) [ms] in 0.0..20.0 = m + 3.0 * gp(Rbf(D::from(40.0)), K = 12) + 1.0 * gp(Matern32(D::from(15.0)), K = 8) where {
+    field f(x) [ms] in 0.0..20.0 = m + 3.0 * gp(Rbf(Num::from(40.0)), K = 12) + 1.0 * gp(Matern32(Num::from(15.0)), K = 8) where {
         m [ms] ~ Flat;
     }
     observe direct(x): Number [ms] ~ Normal(f(x), 1.5);

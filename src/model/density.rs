@@ -5,49 +5,10 @@ use std::marker::PhantomData;
 use num_dual::DualStruct;
 
 use super::error::ModelError;
-use super::rows::Columns;
+use super::expansion::{Columns, DensityFn, Terms};
 use super::scope::Local;
 use super::tape::{Op, Tape};
-use crate::num::{Dual, Real};
-
-/// A log density as a function of the names in its scope and of the table's columns.
-pub trait DensityFn: Send + Sync + std::fmt::Debug {
-    /// The numeric columns that the model reads.
-    type Columns: Columns;
-    /// The log density, or its terms.
-    fn terms<D: Real>(
-        s: &[D],
-        data: &<Self::Columns as Columns>::Data<'_>,
-    ) -> impl Terms<D> + use<Self, D>;
-}
-
-/// What a density gives: a number, or one for each of the table's last rows.
-#[diagnostic::on_unimplemented(
-    message = "a density gives a `D` (all in one) or a `Vec<D>` (a term per row), not `{Self}`",
-    label = "expected a function `fn f<D: Real>(…) -> D` or `-> Vec<D>`"
-)]
-pub trait Terms<D> {
-    /// Whether there is one for each row.
-    const PER_ROW: bool;
-    /// The terms.
-    fn terms(&self) -> &[D];
-}
-
-impl<D: Real> Terms<D> for D {
-    const PER_ROW: bool = false;
-    #[inline]
-    fn terms(&self) -> &[D] {
-        std::slice::from_ref(self)
-    }
-}
-
-impl<D: Real> Terms<D> for Vec<D> {
-    const PER_ROW: bool = true;
-    #[inline]
-    fn terms(&self) -> &[D] {
-        self
-    }
-}
+use crate::num::{Dual, Num};
 
 /// What a model can do with a density besides the gradient.
 pub(super) trait LogTerms: Op {
@@ -74,13 +35,13 @@ pub struct Density {
 impl Density {
     /// On the `rows` that it reads. One term per row is asked of a density only once there are values
     /// to evaluate it at: see [`Density::settle`].
-    pub(super) fn new<F: DensityFn + 'static, const N: usize, const W: usize>(
+    pub(super) fn new<F: DensityFn<N>, const N: usize>(
         name: &'static str,
         reads_data: bool,
         rows: Vec<usize>,
-        op: DensityAt<F, N, W>,
+        op: DensityAt<F, N>,
     ) -> Self {
-        let rows = if is_per_row(F::terms::<f64>) { rows } else { vec![] };
+        let rows = if is_per_row::<_, _, Num<f64>, _>(F::terms::<f64>) { rows } else { vec![] };
         Self { name, reads_data, rows, skipped: 0, op: Box::new(op) }
     }
 
@@ -115,33 +76,33 @@ impl Density {
 }
 
 /// Asked of the type alone: without data there is nothing to evaluate.
-fn is_per_row<S, C, T: Terms<f64>>(_: impl Fn(S, C) -> T) -> bool {
+fn is_per_row<S, C, D, T: Terms<D>>(_: impl Fn(S, C) -> T) -> bool {
     T::PER_ROW
 }
 
 /// A density at the places of its scalars, with the columns it reads (column, row × its width).
 #[derive(Debug)]
-pub(super) struct DensityAt<F, const N: usize, const W: usize> {
-    pub(super) local: Local<N, W>,
+pub(super) struct DensityAt<F, const N: usize> {
+    pub(super) local: Local<N>,
     pub(super) cells: Vec<Vec<f64>>,
     pub(super) n_rows: usize,
     pub(super) f: PhantomData<F>,
 }
 
-impl<F: DensityFn, const N: usize, const W: usize> Op for DensityAt<F, N, W> {
+impl<F: DensityFn<N>, const N: usize> Op for DensityAt<F, N> {
     fn backward(&self, t: &mut Tape) {
         let data = F::Columns::data(&self.cells);
-        let terms = F::terms::<Dual<W>>(&self.local.dual(&t.v), &data);
-        let x = terms.terms().iter().fold(Dual::from_re(0.0), |sum, x| sum + x);
+        let terms = F::terms::<Dual<N>>(self.local.dual(&t.v), &data);
+        let x = terms.terms().iter().fold(Num::from(0.0), |sum, x| sum + x);
         t.lp += x.re();
         self.local.scatter(&x, &mut t.g);
     }
 }
 
-impl<F: DensityFn, const N: usize, const W: usize> LogTerms for DensityAt<F, N, W> {
+impl<F: DensityFn<N>, const N: usize> LogTerms for DensityAt<F, N> {
     fn terms(&self, t: &Tape) -> Vec<f64> {
         let data = F::Columns::data(&self.cells);
-        F::terms::<f64>(&self.local.plain(&t.v), &data).terms().to_vec()
+        F::terms(self.local.plain(&t.v), &data).terms().iter().map(|term| term.0).collect()
     }
 
     fn observed(&self, i: usize) -> Vec<f64> {

@@ -94,6 +94,14 @@ pub enum ModelError {
         /// Rows of the table that are its own.
         rows: usize,
     },
+    /// A column with a prior whose bounds are unknowns.
+    #[error(
+        "column {column}: the bounds of its prior depend on parameters\nhelp: give the empty cells a prior with fixed bounds, for instance `~ Normal(mean, sd)`"
+    )]
+    ImputedBounds {
+        /// The column.
+        column: String,
+    },
     /// A vector prior of fewer than two numbers.
     #[error(
         "param {parameter}({len}): proportions and ordered numbers come at least in twos\nhelp: declare `param {parameter}(2) ~ …;` or more"
@@ -115,6 +123,16 @@ pub enum ModelError {
         len: usize,
         /// Its prior's.
         expected: usize,
+    },
+    /// A vector prior that is no density at its constants.
+    #[error(
+        "param {parameter}: `{prior}` is no density\nhelp: scales and shapes must be positive, and a covariance matrix symmetric and positive definite"
+    )]
+    NoDensity {
+        /// The parameter.
+        parameter: String,
+        /// Its prior.
+        prior: String,
     },
     /// Units that do not agree.
     #[error(

@@ -73,6 +73,27 @@ pub enum Form {
 }
 
 impl Form {
+    /// The form `name(row.COLUMN, …, NUMBER, …)`; the language has checked that there is one with these arguments.
+    pub fn new(name: &str, columns: &[&str], numbers: &[f64]) -> Self {
+        let column = columns.first().map_or(String::new(), ToString::to_string);
+        let number = |i: usize| numbers.get(i).copied().unwrap_or(f64::NAN);
+        let (modes, lengthscale) = (number(0) as usize, number(1));
+        match name {
+            "scaled" => Self::Scaled { column, centre: number(0), scale: number(1) },
+            "smooth" => {
+                let (low, high, degree) = (number(0), number(1), number(2) as usize);
+                Self::Smooth { column, low, high, degree }
+            }
+            "group" => Self::Group { column },
+            "family" => Self::Family { column },
+            "above" => Self::Above { column, threshold: number(0) },
+            "logistic" => Self::Logistic { column, centre: number(0), scale: number(1) },
+            "surface" => Self::Surface { modes, lengthscale },
+            "path" => Self::Path { modes, lengthscale },
+            _ => Self::All,
+        }
+    }
+
     /// The column that it reads.
     pub fn column(&self) -> Option<&str> {
         match self {

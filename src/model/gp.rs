@@ -14,17 +14,12 @@ use std::marker::PhantomData;
 use num_dual::DualStruct;
 use pulp::{Arch, NullaryFnOnce};
 
+use super::expansion::KernelFn;
 use super::scalar::Scalar;
 use super::scope::Local;
 use super::tape::{Op, Tape, add_rows, dot, sum};
 use crate::field::Kernel;
-use crate::num::{Dual, LN_SQRT_2PI, Real, derivatives};
-
-/// A kernel as a function of the names in its scope.
-pub trait KernelFn: Send + Sync + std::fmt::Debug {
-    /// The kernel at the scope's scalars.
-    fn kernel<D: Real>(s: &[D]) -> impl Kernel<D> + use<Self, D>;
-}
+use crate::num::{Dual, LN_SQRT_2PI, derivatives};
 
 /// √S at the basis's frequencies, and its derivatives.
 pub(super) trait Spectrum: Send + Sync + std::fmt::Debug {
@@ -43,14 +38,14 @@ pub(super) trait Spectrum: Send + Sync + std::fmt::Debug {
 }
 
 #[derive(Debug)]
-pub(super) struct SpectrumAt<F, const N: usize, const W: usize> {
-    pub(super) local: Local<N, W>,
+pub(super) struct SpectrumAt<F, const N: usize> {
+    pub(super) local: Local<N>,
     pub(super) f: PhantomData<F>,
 }
 
-impl<F: KernelFn, const N: usize, const W: usize> Spectrum for SpectrumAt<F, N, W> {
+impl<F: KernelFn<N>, const N: usize> Spectrum for SpectrumAt<F, N> {
     fn width(&self) -> usize {
-        W
+        N
     }
 
     fn push(&self, v: &[f64], frequency: &[f64], c: &mut [f64], dc: &mut [f64]) {
@@ -58,28 +53,28 @@ impl<F: KernelFn, const N: usize, const W: usize> Spectrum for SpectrumAt<F, N, 
     }
 
     fn pull(&self, bar: &[f64], dc: &[f64], g: &mut [f64]) {
-        let e = std::array::from_fn(|j| dot(bar, &dc[j * bar.len()..][..bar.len()]));
+        let e: [f64; N] = std::array::from_fn(|j| dot(bar, &dc[j * bar.len()..][..bar.len()]));
         self.local.scatter_array(&e, g);
     }
 
     fn at(&self, v: &[f64], frequency: f64) -> f64 {
-        F::kernel::<f64>(&self.local.plain(v)).sqrt_density(frequency)
+        F::kernel(self.local.plain(v)).sqrt_density(frequency).0
     }
 
     fn values(&self, v: &[f64], frequency: &[f64], c: &mut [f64]) {
-        let kernel = F::kernel::<f64>(&self.local.plain(v));
+        let kernel = F::kernel(self.local.plain(v));
         for (c, w) in c.iter_mut().zip(frequency) {
-            *c = kernel.sqrt_density(*w);
+            *c = kernel.sqrt_density(*w).0;
         }
     }
 
     fn mentions(&self) -> Vec<usize> {
-        self.local.mentioned()
+        self.local.places()
     }
 }
 
-struct Push<'a, F, const N: usize, const W: usize> {
-    local: &'a Local<N, W>,
+struct Push<'a, F, const N: usize> {
+    local: &'a Local<N>,
     f: PhantomData<F>,
     v: &'a [f64],
     frequency: &'a [f64],
@@ -87,17 +82,17 @@ struct Push<'a, F, const N: usize, const W: usize> {
     dc: &'a mut [f64],
 }
 
-impl<F: KernelFn, const N: usize, const W: usize> NullaryFnOnce for Push<'_, F, N, W> {
+impl<F: KernelFn<N>, const N: usize> NullaryFnOnce for Push<'_, F, N> {
     type Output = ();
     #[inline(always)]
     fn call(self) {
         let n = self.frequency.len();
-        let (c, dc) = (&mut self.c[..n], &mut self.dc[..n * W]);
-        let kernel = F::kernel::<Dual<W>>(&self.local.dual(self.v));
+        let (c, dc) = (&mut self.c[..n], &mut self.dc[..n * N]);
+        let kernel = F::kernel::<Dual<N>>(self.local.dual(self.v));
         for k in 0..n {
             let s = kernel.sqrt_density(self.frequency[k]);
             c[k] = s.re();
-            for (j, e) in derivatives(&s).into_iter().enumerate() {
+            for (j, e) in derivatives(&s.0).into_iter().enumerate() {
                 dc[j * n + k] = e;
             }
         }
@@ -106,7 +101,7 @@ impl<F: KernelFn, const N: usize, const W: usize> NullaryFnOnce for Push<'_, F, 
 
 /// One `amplitude * gp(kernel, K = …)`.
 #[derive(Debug)]
-pub struct Term {
+pub(super) struct Term {
     pub(super) amplitude: Box<dyn Scalar>,
     pub(super) spectrum: Box<dyn Spectrum>,
     /// Number of sampled modes: K, or K − 1 where the constant mode is collapsed.

@@ -109,26 +109,33 @@ impl Model {
         t.lp
     }
 
-    /// Log likelihood of a row at these scalars, with gradient and Hessian in those numbered `of`; zero in
-    /// the others.
+    /// Log likelihood of a row at these scalars, had `cells` been measured, with gradient and Hessian in the
+    /// scalars numbered `of`; zero in the others.
     pub fn row_curvature(
         &self,
         id: RowId,
+        cells: &[f64],
         locals: &[f64],
         of: &[usize],
         noise: &Noise,
     ) -> Curvature {
-        self.observes[id.observe].op.curvature(id.row, locals, of, noise)
+        self.observes[id.observe].op.curvature(id.row, cells, locals, of, noise)
     }
 
-    /// Log likelihood of a row at these scalars.
-    pub fn row_ln(&self, id: RowId, locals: &[f64], noise: &Noise) -> f64 {
-        self.observes[id.observe].op.ln_at(id.row, locals, noise)
+    /// Log likelihood of a row at these scalars, had `cells` been measured.
+    pub fn row_ln(&self, id: RowId, cells: &[f64], locals: &[f64], noise: &Noise) -> f64 {
+        self.observes[id.observe].op.ln_at(id.row, cells, locals, noise)
     }
 
-    /// A measurement simulated for a row at these scalars.
-    pub fn row_replicate(&self, id: RowId, locals: &[f64], rng: &mut dyn Rng) -> Vec<f64> {
-        self.observes[id.observe].op.replicate(id.row, locals, rng)
+    /// A measurement simulated for a row at these scalars, made as `cells` were: a bracket has their width.
+    pub fn row_replicate(
+        &self,
+        id: RowId,
+        cells: &[f64],
+        locals: &[f64],
+        rng: &mut dyn Rng,
+    ) -> Vec<f64> {
+        self.observes[id.observe].op.replicate(id.row, cells, locals, rng)
     }
 
     /// The predicted value of a row at these scalars, in the unit of the measurement.
@@ -137,16 +144,13 @@ impl Model {
     }
 
     /// Names of the fields.
-    pub fn field_names(&self) -> Vec<&'static str> {
-        self.fields.iter().map(|f| f.name).collect()
+    pub fn field_names(&self) -> Vec<&str> {
+        self.fields.iter().map(|f| f.name.as_str()).collect()
     }
 
-    /// Name and values at the probes of every field.
-    pub fn field_values(&self, u: &[f64]) -> Vec<(String, Vec<f64>)> {
-        let mut t = self.tape();
-        self.forward(&mut t, u);
-        let values = |op: &super::gp::Field| t.v[op.theta..][..op.n_probes()].to_vec();
-        self.fields.iter().map(|f| (f.name.to_string(), values(&f.op))).collect()
+    /// The measurement of a row, as cells.
+    pub fn measured_row(&self, id: RowId) -> Vec<f64> {
+        self.observes[id.observe].observed_row(id.row)
     }
 
     /// Puts another measurement in the place of a row's.

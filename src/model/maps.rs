@@ -3,28 +3,26 @@
 use rayon::prelude::*;
 
 use super::error::ModelError;
+use super::expansion::{Columns, LetFn};
 use super::lets::ReadCell;
 use super::model::Model;
-use super::rows::Columns;
+
 use super::tape::{Tape, dot};
 use crate::manifold::Basis;
-use crate::num::Real;
-
-/// A `let` as a function of a row's scalars and columns.
-pub trait LetFn: Send + Sync + std::fmt::Debug {
-    /// The numeric columns that the model reads.
-    type Columns: Columns;
-    /// The value at the scope's scalars.
-    fn value<D: Real>(s: &[D], row: &Self::Columns) -> D;
-}
+use crate::num::Num;
 
 /// A `let` that depends on a place alone, through its fields and parameters.
 #[derive(Debug)]
 pub(super) struct Map {
-    pub(super) name: &'static str,
+    /// The `let`.
+    pub(super) of: &'static str,
+    /// Its name or, of a `let` that has a map for each label, with the label.
+    pub(super) name: String,
     pub(super) unit: String,
     pub(super) range: Option<(f64, f64)>,
-    /// Where each scalar of its scope comes from.
+    /// Which label it belongs to, if there is one map for each.
+    pub(super) label: Option<usize>,
+    /// Where each number that it mentions comes from.
     pub(super) sources: Vec<Source>,
     pub(super) at: Box<dyn MapFn>,
 }
@@ -42,18 +40,18 @@ pub(super) trait MapFn: Send + Sync + std::fmt::Debug {
     fn value(&self, s: &[f64], row: Option<usize>) -> f64;
 }
 
-pub(super) struct MapAt<F: LetFn, const N: usize> {
+pub(super) struct MapAt<F: LetFn<N>, const N: usize> {
     nowhere: F::Columns,
     rows: Vec<F::Columns>,
 }
 
-impl<F: LetFn, const N: usize> std::fmt::Debug for MapAt<F, N> {
+impl<F: LetFn<N>, const N: usize> std::fmt::Debug for MapAt<F, N> {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         f.write_str("MapAt")
     }
 }
 
-impl<F: LetFn, const N: usize> MapAt<F, N> {
+impl<F: LetFn<N>, const N: usize> MapAt<F, N> {
     pub(super) fn new() -> Self {
         let absent = F::Columns::read(&mut |_| Ok::<_, std::convert::Infallible>(f64::NAN));
         let Ok(nowhere) = absent;
@@ -61,22 +59,23 @@ impl<F: LetFn, const N: usize> MapAt<F, N> {
     }
 }
 
-impl<F: LetFn, const N: usize> MapFn for MapAt<F, N> {
+impl<F: LetFn<N>, const N: usize> MapFn for MapAt<F, N> {
     fn read(&mut self, cell: ReadCell<'_>) -> Result<(), ModelError> {
         self.rows.push(F::Columns::read(cell)?);
         Ok(())
     }
 
     fn value(&self, s: &[f64], row: Option<usize>) -> f64 {
-        F::value::<f64>(s, row.map_or(&self.nowhere, |row| &self.rows[row]))
+        let s = std::array::from_fn(|i| Num(s[i]));
+        F::value(s, row.map_or(&self.nowhere, |row| &self.rows[row])).0
     }
 }
 
 /// What a field or derived quantity is called.
 #[derive(Clone, Copy, Debug)]
 pub struct MapName<'m> {
-    /// Name in the model file.
-    pub name: &'static str,
+    /// Name in the model file, with the label of a field that there is for each.
+    pub name: &'m str,
     /// Declared unit.
     pub unit: &'m str,
     /// Declared range.
@@ -86,8 +85,8 @@ pub struct MapName<'m> {
 /// Mean and standard deviation of a field or derived quantity at every vertex, over draws.
 #[derive(Clone, Debug)]
 pub struct MapSummary {
-    /// Name in the model file.
-    pub name: &'static str,
+    /// Name in the model file, with the label of a field that there is for each.
+    pub name: String,
     /// Declared unit.
     pub unit: String,
     /// Mean (n_vertices); NaN where no draw is physical.
@@ -123,15 +122,24 @@ impl<'m> Maps<'m> {
     /// Name, unit and declared range of each.
     pub fn names(&self) -> Vec<MapName<'m>> {
         let name = |name, unit, range| MapName { name, unit, range };
-        let fields = self.model.fields.iter().map(|f| name(f.name, f.unit.as_str(), f.range));
-        let lets = self.model.maps.iter().map(|m| name(m.name, m.unit.as_str(), m.range));
+        let fields =
+            self.model.fields.iter().map(|f| name(f.name.as_str(), f.unit.as_str(), f.range));
+        let lets = self.model.maps.iter().map(|m| name(m.name.as_str(), m.unit.as_str(), m.range));
         fields.chain(lets).collect()
     }
 
     /// Derived quantities at one place from the values of the fields there; NaN where a field or a
     /// derived quantity is outside its declared range, for beyond it a surrogate means nothing.
     fn derived(&self, v: &[f64], fields: &[f64], scratch: &mut Vec<f64>, out: &mut [f64]) {
-        let mut physical = self.model.fields.iter().zip(fields).all(|(f, x)| within(*x, f.range));
+        let concerns = |label: Option<usize>, other: Option<usize>| {
+            label.is_none() || other.is_none() || label == other
+        };
+        let mut unphysical: Vec<Option<usize>> = vec![];
+        for (field, x) in self.model.fields.iter().zip(fields) {
+            if !within(*x, field.range) {
+                unphysical.push(field.label);
+            }
+        }
         for (map, out) in self.model.maps.iter().zip(out.iter_mut()) {
             scratch.clear();
             scratch.extend(map.sources.iter().map(|source| match *source {
@@ -139,10 +147,17 @@ impl<'m> Maps<'m> {
                 Source::Field(field) => fields[field],
             }));
             *out = map.at.value(scratch, None);
-            physical &= within(*out, map.range);
+            if !within(*out, map.range) {
+                unphysical.push(map.label);
+            }
         }
-        if !physical {
-            out.fill(f64::NAN);
+        if unphysical.is_empty() {
+            return;
+        }
+        for (map, out) in self.model.maps.iter().zip(out.iter_mut()) {
+            if unphysical.iter().any(|label| concerns(*label, map.label)) {
+                *out = f64::NAN;
+            }
         }
     }
 
@@ -185,7 +200,7 @@ impl<'m> Maps<'m> {
             .collect();
         let names = self.names();
         let summary = |i: usize| MapSummary {
-            name: names[i].name,
+            name: names[i].name.into(),
             unit: names[i].unit.into(),
             mean: vertices.iter().map(|v| v.0[i].mean()).collect(),
             sd: vertices.iter().map(|v| v.0[i].sd()).collect(),
@@ -195,7 +210,7 @@ impl<'m> Maps<'m> {
 
     /// For each field and draw of unknowns its mean and the weights of the first `n_modes` eigenfunctions,
     /// (draw, 1 + n_modes); and `n_modes`, that of the field with most.
-    pub fn coefficients(&self, draws: &[&[f64]]) -> (usize, Vec<(&'static str, Vec<f64>)>) {
+    pub fn coefficients(&self, draws: &[&[f64]]) -> (usize, Vec<(&'m str, Vec<f64>)>) {
         let draws = self.unpack(draws);
         let fields = &self.model.fields;
         let n_modes = fields.iter().map(|f| f.first + f.op.k).max().unwrap_or(0);
@@ -206,7 +221,7 @@ impl<'m> Maps<'m> {
                 row[0] = *mean;
                 row[1 + fields[i].first..][..weights.len()].copy_from_slice(weights);
             }
-            (fields[i].name, all)
+            (fields[i].name.as_str(), all)
         };
         (n_modes, (0..fields.len()).map(of_field).collect())
     }
@@ -265,12 +280,19 @@ impl<'m> Maps<'m> {
         let mut moments = vec![Moments::default(); n];
         let mut unphysical = 0usize;
         self.each_at(vertex, draws, n, |values| {
-            unphysical += usize::from(values.get(self.n_fields()).is_some_and(|x| x.is_nan()));
+            unphysical += usize::from(self.first_let(values).iter().any(|x| x.is_nan()));
             for (m, x) in moments.iter_mut().zip(values) {
                 m.add(*x);
             }
         });
         (moments, unphysical as f64 / draws.len() as f64)
+    }
+
+    /// Of the values of all maps those of the first `let`.
+    fn first_let<'v>(&self, values: &'v [f64]) -> &'v [f64] {
+        let maps = &self.model.maps;
+        let n = maps.iter().take_while(|map| map.of == maps[0].of).count();
+        values.get(self.n_fields()..self.n_fields() + n).unwrap_or_default()
     }
 
     /// Hands over the values of all maps at a vertex, draw by draw.

@@ -1,4 +1,4 @@
-//! The model language: the [`model!`](crate::model) macro, and what its statements become.
+//! A model laid out on its data: what the statements of [`model!`](crate::prelude::model) become.
 //!
 //! One value vector `v` holds every number of one evaluation: constrained parameters, field values at
 //! probes, linear predictors, offsets. A measurement depends on W of them: a row is W indices into
@@ -12,12 +12,13 @@ mod builder;
 mod density;
 mod equations;
 mod error;
+#[doc(hidden)]
+pub mod expansion;
 mod form;
 mod gp;
 mod lets;
 mod linear;
 mod local;
-mod macros;
 mod maps;
 mod model;
 mod parameter;
@@ -27,8 +28,6 @@ mod rows;
 mod scalar;
 mod scope;
 mod tape;
-mod units;
-mod uses;
 
 pub use augmented::{AddedEffect, Augmented};
 pub use blocked::Sampler;
@@ -43,19 +42,3 @@ pub use maps::{MapName, MapSummary, Maps};
 pub use model::{Declare, Kind, Model, Observe, Parameter, Statement};
 pub use rows::{Curvature, Noise};
 pub use tape::Tape;
-
-/// What the expansion of [`model!`](crate::model) names; not for people.
-#[doc(hidden)]
-pub mod expansion {
-    pub use super::builder::{Builder, Len};
-    pub use super::density::{DensityFn, Terms};
-    pub use super::form::Form;
-    pub use super::gp::KernelFn;
-    pub use super::maps::LetFn;
-    pub use super::parameter::{PriorFn, SequenceFn};
-    pub use super::rows::{Column, Columns, RowFn, read_column};
-    pub use super::scalar::ScalarFn;
-    pub use super::scope::{Scope, Take, lift, one};
-    pub use super::units::Decl;
-    pub use super::uses::{mentions_columns, uses, uses_through};
-}

@@ -9,13 +9,13 @@ use rand_distr::StandardNormal;
 use super::builder::Builder;
 use super::density::Density;
 use super::error::ModelError;
+use super::expansion::Decl;
 use super::gp::Field;
 use super::lets::LetValues;
 use super::linear::Linear;
 use super::maps::Map;
 use super::rows::Measured;
 use super::tape::{Op, Tape};
-use super::units::Decl;
 use crate::dist::Support;
 use crate::infer::{Evaluator, LogDensity};
 use crate::manifold::Basis;
@@ -25,8 +25,8 @@ use crate::table::Measurements;
 pub trait Declare: Sync {
     /// The model's name.
     fn name(&self) -> &'static str;
-    /// The doc comment above it.
-    fn doc(&self) -> &'static str;
+    /// The model as it stands in its file, between the brackets of `model! { … }`.
+    fn source(&self) -> String;
     /// Makes the builder's calls, one per statement.
     ///
     /// # Errors
@@ -77,7 +77,7 @@ impl Parameter {
 }
 
 /// Where a parameter's numbers come from.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Debug)]
 pub(super) enum Position {
     /// Values from here on.
     Values(usize),
@@ -85,17 +85,17 @@ pub(super) enum Position {
     Eta { u: usize, first: usize, field: usize, term: usize },
     /// The mean of a field whose constant mode is drawn afterwards.
     CollapsedMean { field: usize },
+    /// The values of these rows, from `v` on.
+    Cells { v: usize, rows: Vec<usize> },
 }
 
 /// A statement of the model file.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Debug)]
 pub struct Statement {
     /// `param`, `field`, `let`, `observe`, `effect` or `density`.
     pub keyword: &'static str,
     /// Name, unit, text.
     pub decl: Decl,
-    /// The range after `in`.
-    pub range: Option<(f64, f64)>,
 }
 
 /// Where the numbers of a declared parameter live, and what its prior depends on.
@@ -113,9 +113,11 @@ pub(super) struct PriorEntry {
 
 #[derive(Debug)]
 pub(super) struct FieldEntry {
-    pub(super) name: &'static str,
+    pub(super) name: String,
     pub(super) unit: String,
     pub(super) range: Option<(f64, f64)>,
+    /// Which label it belongs to, if there is one field for each.
+    pub(super) label: Option<usize>,
     /// First sampled mode: 1 where the constant mode is collapsed.
     pub(super) first: usize,
     pub(super) op: Field,
@@ -142,8 +144,8 @@ pub struct Observe {
 pub struct Model {
     /// The model's name.
     pub name: &'static str,
-    /// The doc comment above it.
-    pub doc: &'static str,
+    /// The model as a model file has it, with what was added to it.
+    pub source: String,
     /// Parameters in order of declaration.
     pub parameters: Vec<Parameter>,
     /// Statements in order.
@@ -163,6 +165,10 @@ pub struct Model {
     pub(super) offsets: Vec<Range<usize>>,
     /// First offset of (observe, field or let).
     pub(super) hooks: BTreeMap<(&'static str, &'static str), usize>,
+    /// Share and sd of outliers that were added to every `observe`.
+    pub(super) outliers: Option<(f64, f64)>,
+    /// Values that are known: the filled cells of columns with a prior.
+    pub(super) constants: Vec<(usize, f64)>,
     /// Unknowns whose starting value is the middle of a declared range.
     pub(super) start: Vec<(usize, f64)>,
     /// Lengths of unknowns, values, work.
@@ -181,7 +187,7 @@ impl Model {
         basis: Option<&Basis>,
         data: &Measurements,
     ) -> Result<Self, ModelError> {
-        let mut b = Builder::new(model.name(), model.doc(), basis, Some(data));
+        let mut b = Builder::new(Self::empty(model), basis, Some(data));
         model.declare(&mut b)?;
         b.finish()
     }
@@ -197,7 +203,7 @@ impl Model {
         data: &Measurements,
         offsets_on: &[String],
     ) -> Result<Self, ModelError> {
-        let mut b = Builder::new(model.name(), model.doc(), basis, Some(data));
+        let mut b = Builder::new(Self::empty(model), basis, Some(data));
         b.want_offsets(offsets_on.iter().cloned());
         model.declare(&mut b)?;
         b.finish()
@@ -208,15 +214,15 @@ impl Model {
     /// # Errors
     /// An effect on nothing.
     pub fn outline(model: &dyn Declare) -> Result<Self, ModelError> {
-        let mut b = Builder::new(model.name(), model.doc(), None, None);
+        let mut b = Builder::new(Self::empty(model), None, None);
         model.declare(&mut b)?;
         b.finish()
     }
 
-    pub(super) fn empty(name: &'static str, doc: &'static str) -> Self {
+    fn empty(model: &dyn Declare) -> Self {
         Model {
-            name,
-            doc,
+            name: model.name(),
+            source: model.source(),
             parameters: vec![],
             statements: vec![],
             observes: vec![],
@@ -229,6 +235,8 @@ impl Model {
             maps: vec![],
             offsets: vec![],
             hooks: BTreeMap::new(),
+            constants: vec![],
+            outliers: None,
             start: vec![],
             layout: [0; 3],
             effect_modes: 0,
@@ -277,10 +285,14 @@ impl Model {
     /// Fresh scratch memory.
     pub fn tape(&self) -> Tape {
         let [n_u, n_v, n_work] = self.layout;
+        let mut v = vec![0.0; n_v];
+        for (at, x) in &self.constants {
+            v[*at] = *x;
+        }
         Tape {
             u: vec![0.0; n_u],
             gu: vec![0.0; n_u],
-            v: vec![0.0; n_v],
+            v,
             g: vec![0.0; n_v],
             work: vec![0.0; n_work],
             lp: 0.0,
@@ -365,12 +377,13 @@ impl Model {
     fn report_with(&self, t: &Tape, eta0: &mut dyn FnMut() -> f64, out: &mut Vec<f64>) {
         let restored: Vec<_> = self.fields.iter().map(|f| f.op.restore(t, eta0)).collect();
         for p in &self.parameters {
-            match p.position {
-                Position::Values(v) => out.extend_from_slice(&t.v[v..v + p.len]),
-                Position::CollapsedMean { field } => {
+            match &p.position {
+                &Position::Values(v) => out.extend_from_slice(&t.v[v..v + p.len]),
+                Position::Cells { v, rows } => out.extend(rows.iter().map(|row| t.v[v + row])),
+                &Position::CollapsedMean { field } => {
                     out.push(restored[field].as_ref().map_or(f64::NAN, |(mean, _)| *mean));
                 }
-                Position::Eta { u, first, field, term } => {
+                &Position::Eta { u, first, field, term } => {
                     if let (1, Some((_, eta0))) = (first, &restored[field]) {
                         out.push(eta0[term]);
                     }
@@ -415,11 +428,13 @@ impl Model {
 
     /// Names of the unknowns' parameters, one per unknown, for messages.
     pub fn unknown_names(&self) -> Vec<String> {
-        let mut names = vec![];
+        let (mut names, mut priors) = (vec![], self.prior_entries.iter());
         for p in &self.parameters {
-            let first = if let Position::Eta { first, .. } = p.position { first } else { 0 };
-            let determined = usize::from(p.support == Support::Simplex); // by the other proportions
-            names.extend((first..p.len - determined).map(|i| p.element(i)));
+            let unknown = match p.position {
+                Position::Eta { first, .. } => first..p.len,
+                _ => 0..priors.next().map_or(p.len, |entry| entry.u.len()),
+            };
+            names.extend(unknown.map(|i| p.element(i)));
         }
         names
     }

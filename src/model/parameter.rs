@@ -5,21 +5,16 @@ use std::marker::PhantomData;
 use num_dual::DualStruct;
 use rand::Rng;
 
+use super::expansion::{PriorFn, VectorFn};
 use super::scope::Local;
 use super::tape::{Op, Tape};
-use crate::dist::{Dist, Gaussian, Normal, Sequence};
-use crate::num::{Dual, LN_SQRT_2PI, Real, derivatives, variable};
-
-/// A prior as a function of the names in its scope.
-pub trait PriorFn: Send + Sync + std::fmt::Debug {
-    /// The prior at the scope's scalars.
-    fn dist<D: Real>(s: &[D]) -> impl Dist<D> + use<Self, D>;
-}
+use crate::dist::{Dist, Gaussian, Normal, Sequence, Vector as _};
+use crate::num::{Dual, LN_SQRT_2PI, Num, Real, derivatives, variable};
 
 /// One parameter, or `n` with the same prior; the last of the W derivatives is the parameter's own.
 #[derive(Debug)]
 pub(super) struct ParameterOp<F, const N: usize, const W: usize> {
-    pub(super) local: Local<N, W>,
+    pub(super) local: Local<N>,
     /// First unknown.
     pub(super) u: usize,
     /// First value.
@@ -30,26 +25,26 @@ pub(super) struct ParameterOp<F, const N: usize, const W: usize> {
     pub(super) f: PhantomData<F>,
 }
 
-impl<F: PriorFn, const N: usize, const W: usize> Op for ParameterOp<F, N, W> {
+impl<F: PriorFn<N>, const N: usize, const W: usize> Op for ParameterOp<F, N, W> {
     fn gaussian(&self, v: &[f64]) -> Option<Gaussian> {
-        F::dist::<f64>(&self.local.plain(v)).gaussian()
+        F::prior(self.local.plain(v)).gaussian()
     }
 
     fn forward(&self, t: &mut Tape) {
-        let dist = F::dist::<f64>(&self.local.plain(&t.v));
+        let dist = F::prior(self.local.plain(&t.v));
         for i in 0..self.n {
-            t.v[self.v + i] = dist.constrain(t.u[self.u + i]);
+            t.v[self.v + i] = dist.constrain(Num(t.u[self.u + i])).0;
         }
     }
 
     fn initial(&self, t: &mut Tape) {
-        let dist = F::dist::<f64>(&self.local.plain(&t.v));
+        let dist = F::prior(self.local.plain(&t.v));
         t.u[self.u..][..self.n].fill(dist.unconstrain(dist.centre()));
         self.forward(t);
     }
 
     fn draw(&self, t: &mut Tape, rng: &mut dyn Rng) -> Option<()> {
-        let dist = F::dist::<f64>(&self.local.plain(&t.v));
+        let dist = F::prior(self.local.plain(&t.v));
         for i in 0..self.n {
             t.u[self.u + i] = dist.unconstrain(dist.sample(rng)?);
         }
@@ -58,10 +53,10 @@ impl<F: PriorFn, const N: usize, const W: usize> Op for ParameterOp<F, N, W> {
     }
 
     fn backward(&self, t: &mut Tape) {
-        let dist = F::dist::<Dual<W>>(&self.local.dual(&t.v));
+        let dist = F::prior::<Dual<W>>(self.local.dual(&t.v));
         t.lp += self.ln_norm * self.n as f64;
         for i in 0..self.n {
-            let u = variable::<W>(t.u[self.u + i], W - 1);
+            let u = Num(variable::<W>(t.u[self.u + i], W - 1));
             let x = dist.constrain(u);
             let mut l = dist.ln_kernel(u, x);
             if W > 1 {
@@ -69,9 +64,71 @@ impl<F: PriorFn, const N: usize, const W: usize> Op for ParameterOp<F, N, W> {
             }
             t.lp += l.re();
             // the adjoint of x, carried on to u and to the prior's own parameters
-            let e = derivatives(&(l + x * t.g[self.v + i]));
+            let e = derivatives(&(l + x * t.g[self.v + i]).0);
             t.gu[self.u + i] += e[W - 1];
             self.local.scatter_array(&e, &mut t.g);
+        }
+    }
+}
+
+/// The cells of a column, each with the same prior: the empty ones are unknowns, the others tell of what the prior
+/// mentions. The last of the W derivatives is a cell's own.
+#[derive(Debug)]
+pub(super) struct ImputedOp<F, const N: usize, const W: usize> {
+    pub(super) local: Local<N>,
+    /// First unknown.
+    pub(super) u: usize,
+    /// Value of the first row.
+    pub(super) v: usize,
+    /// Rows whose cell is empty, in the order of their unknowns.
+    pub(super) missing: Vec<usize>,
+    /// Rows whose cell is filled, and what is in it.
+    pub(super) seen: Vec<(usize, f64)>,
+    pub(super) f: PhantomData<F>,
+}
+
+impl<F: PriorFn<N>, const N: usize, const W: usize> Op for ImputedOp<F, N, W> {
+    fn forward(&self, t: &mut Tape) {
+        let dist = F::prior(self.local.plain(&t.v));
+        for (i, row) in self.missing.iter().enumerate() {
+            t.v[self.v + row] = dist.constrain(Num(t.u[self.u + i])).0;
+        }
+    }
+
+    fn initial(&self, t: &mut Tape) {
+        let dist = F::prior(self.local.plain(&t.v));
+        t.u[self.u..][..self.missing.len()].fill(dist.unconstrain(dist.centre()));
+        self.forward(t);
+    }
+
+    fn draw(&self, t: &mut Tape, rng: &mut dyn Rng) -> Option<()> {
+        let dist = F::prior(self.local.plain(&t.v));
+        for i in 0..self.missing.len() {
+            t.u[self.u + i] = dist.unconstrain(dist.sample(rng)?);
+        }
+        self.forward(t);
+        Some(())
+    }
+
+    fn backward(&self, t: &mut Tape) {
+        let dist = F::prior::<Dual<W>>(self.local.dual(&t.v));
+        let norm = dist.ln_norm();
+        for (i, row) in self.missing.iter().enumerate() {
+            let u = Num(variable::<W>(t.u[self.u + i], W - 1));
+            let x = dist.constrain(u);
+            let l = dist.ln_kernel(u, x) + norm;
+            t.lp += l.re();
+            let e = derivatives(&(l + x * t.g[self.v + row]).0);
+            t.gu[self.u + i] += e[W - 1];
+            self.local.scatter_array(&e, &mut t.g);
+        }
+        for (_, x) in &self.seen {
+            let u = Num(variable::<W>(dist.unconstrain(*x), W - 1));
+            // the density of a cell, which is no unknown: without the Jacobian of its transform
+            let slope = derivatives(&dist.constrain(u).0)[W - 1];
+            let l = dist.ln_kernel(u, Num::from(*x)) + norm - slope.abs().ln();
+            t.lp += l.re();
+            self.local.scatter(&l, &mut t.g);
         }
     }
 }
@@ -116,43 +173,119 @@ impl Op for NormalOp {
     }
 }
 
-/// A vector's prior as a function of the names in its scope.
-pub trait SequenceFn: Send + Sync + std::fmt::Debug {
-    /// The prior at the scope's scalars.
-    fn sequence<D: Real>(s: &[D]) -> impl Sequence<D> + use<Self, D>;
+/// A prior of a whole vector as a function of the N numbers that it mentions.
+pub(super) trait SequenceFn<const N: usize>:
+    Send + Sync + std::fmt::Debug + 'static
+{
+    /// The prior.
+    fn sequence<T: Real>(s: [Num<T>; N]) -> impl Sequence<Num<T>> + use<Self, T, N>;
 }
 
-/// A vector of `n` numbers that constrain each other; of the W derivatives the last is a number's
-/// own unknown, the one before it what the numbers before left.
+/// A [`VectorFn`] as what its prior turns out to be.
+#[derive(Debug)]
+pub(super) struct Known<F>(PhantomData<F>);
+
+impl<F: VectorFn<N>, const N: usize> PriorFn<N> for Known<F> {
+    #[inline]
+    fn prior<T: Real>(s: [Num<T>; N]) -> impl Dist<Num<T>> + use<F, T, N> {
+        F::prior(s).of_numbers()
+    }
+}
+
+impl<F: VectorFn<N>, const N: usize> SequenceFn<N> for Known<F> {
+    #[inline]
+    fn sequence<T: Real>(s: [Num<T>; N]) -> impl Sequence<Num<T>> + use<F, T, N> {
+        F::prior(s).of_vector()
+    }
+}
+
+/// A vector of `n` numbers that depend on each other; of the W derivatives the last is a number's
+/// own unknown, the one before it a number of the carry.
 #[derive(Debug)]
 pub(super) struct SequenceOp<F, const N: usize, const W: usize> {
-    pub(super) local: Local<N, W>,
+    pub(super) local: Local<N>,
     /// First unknown.
     pub(super) u: usize,
     /// First value.
     pub(super) v: usize,
-    /// Where what each number finds is kept.
+    /// Where the carry that each number finds is kept.
     pub(super) work: usize,
     pub(super) n: usize,
+    pub(super) n_carry: usize,
     pub(super) f: PhantomData<F>,
 }
 
-impl<F: SequenceFn, const N: usize, const W: usize> Op for SequenceOp<F, N, W> {
-    fn forward(&self, t: &mut Tape) {
-        let prior = F::sequence::<f64>(&self.local.plain(&t.v));
-        let free = prior.n_unknowns(self.n);
-        let mut carry = prior.begin();
-        for i in 0..free {
-            t.work[self.work + i] = carry;
-            let step = prior.step(i, self.n, t.u[self.u + i], carry);
-            t.v[self.v + i] = step.x;
-            carry = step.carry;
+impl<F: SequenceFn<N>, const N: usize, const W: usize> SequenceOp<F, N, W> {
+    /// The carry that number `i` finds, in `work`.
+    fn found(&self, i: usize) -> std::ops::Range<usize> {
+        self.work + i * self.n_carry..self.work + (i + 1) * self.n_carry
+    }
+
+    /// Carries the adjoint of number `i` and of the carry that it leaves back to its unknown, to the
+    /// prior's parameters and to the carry that it finds; adds its part of the log density.
+    ///
+    /// Each number of the carry takes an evaluation of its own.
+    fn step_back(
+        &self,
+        i: usize,
+        prior: &impl Sequence<Num<Dual<W>>>,
+        t: &mut Tape,
+        bar: &mut [f64],
+        carry: &mut [Num<Dual<W>>],
+        found_bar: &mut [f64],
+    ) {
+        let u = Num(variable::<W>(t.u[self.u + i], W - 1));
+        let found = self.found(i);
+        for c in 0..self.n_carry {
+            for (carry, x) in carry.iter_mut().zip(&t.work[found.clone()]) {
+                *carry = Num::from(*x);
+            }
+            carry[c] = Num(variable::<W>(t.work[found.start + c], W - 2));
+            let step = prior.step(i, self.n, u, carry);
+            let made = step.ln_kernel + step.x * t.g[self.v + i];
+            let sum = carry.iter().zip(&*bar).fold(made, |sum, (carry, bar)| sum + *carry * *bar);
+            let e = derivatives(&sum.0);
+            found_bar[c] = e[W - 2];
+            if c == 0 {
+                t.lp += step.ln_kernel.re();
+                t.gu[self.u + i] += e[W - 1];
+                self.local.scatter_array(&e, &mut t.g);
+            }
         }
-        t.v[self.v + free..self.v + self.n].fill(carry);
+        bar.copy_from_slice(found_bar);
+    }
+}
+
+impl<F: SequenceFn<N>, const N: usize, const W: usize> Op for SequenceOp<F, N, W> {
+    fn forward(&self, t: &mut Tape) {
+        let prior = F::sequence(self.local.plain(&t.v));
+        let free = prior.n_unknowns(self.n);
+        t.work[self.found(0)].fill(prior.begin());
+        // most priors carry one number: no memory is asked for
+        let (mut one, mut few) = ([Num(0.0)], vec![]);
+        let carry = if self.n_carry == 1 {
+            &mut one[..]
+        } else {
+            few.resize(self.n_carry, Num(0.0));
+            &mut few[..]
+        };
+        for i in 0..free {
+            let found = self.found(i);
+            let carry = &mut carry[..];
+            for (carry, x) in carry.iter_mut().zip(&t.work[found.clone()]) {
+                *carry = Num(*x);
+            }
+            t.v[self.v + i] = prior.step(i, self.n, Num(t.u[self.u + i]), carry).x.0;
+            for (kept, x) in t.work[found.end..].iter_mut().zip(&*carry) {
+                *kept = x.0;
+            }
+        }
+        let left = t.work[self.found(free).start];
+        t.v[self.v + free..self.v + self.n].fill(left);
     }
 
     fn initial(&self, t: &mut Tape) {
-        let prior = F::sequence::<f64>(&self.local.plain(&t.v));
+        let prior = F::sequence(self.local.plain(&t.v));
         for i in 0..prior.n_unknowns(self.n) {
             t.u[self.u + i] = prior.initial(i);
         }
@@ -160,35 +293,40 @@ impl<F: SequenceFn, const N: usize, const W: usize> Op for SequenceOp<F, N, W> {
     }
 
     fn draw(&self, t: &mut Tape, rng: &mut dyn Rng) -> Option<()> {
-        let prior = F::sequence::<f64>(&self.local.plain(&t.v));
+        let prior = F::sequence(self.local.plain(&t.v));
         let x = prior.sample(self.n, rng)?;
-        let mut carry = prior.begin();
+        let mut carry = vec![Num(prior.begin()); self.n_carry];
         for (i, x) in x.iter().enumerate().take(prior.n_unknowns(self.n)) {
-            let u = prior.unconstrain(i, self.n, *x, carry);
+            let found: Vec<f64> = carry.iter().map(|carry| carry.0).collect();
+            let u = prior.unconstrain(i, self.n, *x, &found);
             t.u[self.u + i] = u;
-            carry = prior.step(i, self.n, u, carry).carry;
+            prior.step(i, self.n, Num(u), &mut carry);
         }
         self.forward(t);
         Some(())
     }
 
     fn backward(&self, t: &mut Tape) {
-        let prior = F::sequence::<Dual<W>>(&self.local.dual(&t.v));
+        let prior = F::sequence::<Dual<W>>(self.local.dual(&t.v));
         let ln_norm = prior.ln_norm(self.n);
         t.lp += ln_norm.re();
         self.local.scatter(&ln_norm, &mut t.g);
         let free = prior.n_unknowns(self.n);
-        let mut carry_bar: f64 = t.g[self.v + free..self.v + self.n].iter().sum();
+        let left: f64 = t.g[self.v + free..self.v + self.n].iter().sum();
+        // most priors carry one number: no memory is asked for
+        let (mut one, mut few) = ([0.0; 2], vec![]);
+        let (mut one_carry, mut few_carry) = ([Num::from(0.0)], vec![]);
+        let (bars, carry) = if self.n_carry == 1 {
+            (&mut one[..], &mut one_carry[..])
+        } else {
+            few.resize(2 * self.n_carry, 0.0);
+            few_carry.resize(self.n_carry, Num::from(0.0));
+            (&mut few[..], &mut few_carry[..])
+        };
+        let (bar, found_bar) = bars.split_at_mut(self.n_carry);
+        bar[0] = left;
         for i in (0..free).rev() {
-            let u = variable::<W>(t.u[self.u + i], W - 1);
-            let carry = variable::<W>(t.work[self.work + i], W - 2);
-            let step = prior.step(i, self.n, u, carry);
-            t.lp += step.ln_kernel.re();
-            let bar = step.ln_kernel + step.x * t.g[self.v + i] + step.carry * carry_bar;
-            let e = derivatives(&bar);
-            t.gu[self.u + i] += e[W - 1];
-            carry_bar = e[W - 2];
-            self.local.scatter_array(&e, &mut t.g);
+            self.step_back(i, &prior, t, bar, carry, found_bar);
         }
     }
 }

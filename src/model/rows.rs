@@ -4,85 +4,11 @@ use num_dual::DualStruct;
 use pulp::{Arch, Simd, WithSimd};
 use rand::Rng;
 
-use super::scope::Scope;
+use super::expansion::RowFn;
 use super::tape::{Op, Tape};
 use crate::likelihood::{Likelihood, Observation, Outliers};
 use crate::num::lanes::LANES;
-use crate::num::{Dual, Hyper, Real, derivatives, variable};
-
-/// A likelihood as a function of a row's scalars and columns.
-pub trait RowFn: Send + Sync + std::fmt::Debug {
-    /// The numeric columns that the model reads.
-    type Columns: Columns;
-    /// What was measured.
-    type Y: Observation;
-    /// What the likelihood can see.
-    const SCOPE: Scope;
-    /// The text of `from (…)`: the measurement is computed from columns of the row.
-    const FROM: Option<&'static str> = None;
-    /// The likelihood at the scope's scalars.
-    fn likelihood<D: Real>(
-        s: &[D],
-        row: &Self::Columns,
-    ) -> impl Likelihood<D, Self::Y> + use<Self, D>;
-    /// The measurement, where it is computed from the row's columns.
-    fn measured(_: &Self::Columns) -> Option<Self::Y> {
-        None
-    }
-}
-
-/// The numeric columns of one row that a model reads, as a struct that the macro declares.
-pub trait Columns: Send + Sync + Sized + std::fmt::Debug {
-    /// The same columns over many rows, a slice each.
-    type Data<'a>;
-    /// Each column's name, and the table's columns behind it.
-    fn names() -> Vec<(&'static str, Vec<String>)>;
-    /// Reads each column by name.
-    ///
-    /// # Errors
-    /// Those of `column`.
-    fn read<E>(column: &mut dyn FnMut(&str) -> Result<f64, E>) -> Result<Self, E>;
-    /// Cells of each column, row after row, as slices.
-    fn data(cells: &[Vec<f64>]) -> Self::Data<'_>;
-}
-
-/// A numeric column as it appears in `row`: one number, or the N numbers x1, x2, … xN.
-pub trait Column: Copy {
-    /// The table's columns behind it.
-    fn names(name: &str) -> Vec<String>;
-    /// Their cells, row after row, as one value per row.
-    fn rows(cells: &[f64]) -> &[Self];
-}
-
-impl Column for f64 {
-    fn names(name: &str) -> Vec<String> {
-        vec![name.into()]
-    }
-    fn rows(cells: &[f64]) -> &[f64] {
-        cells
-    }
-}
-
-impl<const N: usize> Column for [f64; N] {
-    fn names(name: &str) -> Vec<String> {
-        (1..=N).map(|i| format!("{name}{i}")).collect()
-    }
-    fn rows(cells: &[f64]) -> &[[f64; N]] {
-        cells.as_chunks().0
-    }
-}
-
-/// One row of a column, by name.
-///
-/// # Errors
-/// Those of `column`.
-pub fn read_column<C: Column, E>(
-    name: &str,
-    column: &mut dyn FnMut(&str) -> Result<f64, E>,
-) -> Result<C, E> {
-    let cells = C::names(name).iter().map(|n| column(n)).collect::<Result<Vec<_>, E>>()?;
-    Ok(C::rows(&cells)[0])
-}
+use crate::num::{Dual, Hyper, Num, Real, derivatives, variable};
 
 /// Where the scalars of every row live in `v`.
 #[derive(Debug)]
@@ -116,12 +42,19 @@ pub(super) trait Measured: Op {
     /// Where in `v` the scalars of row `i` live: the value, and the offset added to it if an effect
     /// may act there (`v[0]`, which is zero, if not); then the offsets of its `let`s.
     fn locals(&self, i: usize) -> Vec<(usize, usize)>;
-    /// Log likelihood of row `i` at these scalars, under `noise`.
-    fn ln_at(&self, i: usize, locals: &[f64], noise: &Noise) -> f64;
+    /// Log likelihood of row `i` at these scalars, under `noise`, had `cells` been measured.
+    fn ln_at(&self, i: usize, cells: &[f64], locals: &[f64], noise: &Noise) -> f64;
     /// As [`Measured::ln_at`], with gradient and Hessian `(n, n)` in the scalars numbered `of`, zero in the others.
-    fn curvature(&self, i: usize, locals: &[f64], of: &[usize], noise: &Noise) -> Curvature;
-    /// A simulated measurement for row `i` at these scalars, as cells, without noise.
-    fn replicate(&self, i: usize, locals: &[f64], rng: &mut dyn Rng) -> Vec<f64>;
+    fn curvature(
+        &self,
+        i: usize,
+        cells: &[f64],
+        locals: &[f64],
+        of: &[usize],
+        noise: &Noise,
+    ) -> Curvature;
+    /// A simulated measurement for row `i` at these scalars, as cells, without noise, made as `cells` were.
+    fn replicate(&self, i: usize, cells: &[f64], locals: &[f64], rng: &mut dyn Rng) -> Vec<f64>;
     /// The predicted value of row `i` at these scalars, if the likelihood has one.
     fn location(&self, i: usize, locals: &[f64]) -> Option<f64>;
     /// The measurement of row `i` as cells.
@@ -152,9 +85,10 @@ pub struct Curvature {
     pub hessian: Vec<f64>,
 }
 
-/// All measurements of one kind.
+/// All measurements of one kind. Of the N numbers of a row the first W carry derivatives, the others are the offsets
+/// of its `let`s.
 #[derive(Debug)]
-pub(super) struct Rows<F: RowFn, const N: usize, const W: usize> {
+pub(super) struct Rows<F: RowFn<N>, const N: usize, const W: usize> {
     pub(super) columns: Vec<F::Columns>,
     pub(super) y: Vec<F::Y>,
     pub(super) place: Place,
@@ -163,48 +97,51 @@ pub(super) struct Rows<F: RowFn, const N: usize, const W: usize> {
     pub(super) outliers: Option<(f64, f64)>,
 }
 
-impl<F: RowFn, const N: usize, const W: usize> Rows<F, N, W> {
-    /// The scope's scalars for row `i`; `number` makes them of (which, value), offsets of `let`s being
-    /// number W and up. The compiler knows which are constants: `SCOPE` is no data.
+impl<F: RowFn<N>, const N: usize, const W: usize> Rows<F, N, W> {
+    /// The numbers of row `i`; `number` makes them of (which, value), offsets of `let`s being number W and up. An
+    /// offset that nobody sets is a constant, which the compiler sees.
     #[inline(always)]
-    fn gather<D: Real>(&self, v: &[f64], i: usize, number: impl Fn(usize, f64) -> D) -> [D; N] {
-        let mut s = [D::from(0.0); N];
-        let slots = const { F::SCOPE.slots::<W>() };
+    fn gather<D: Real>(
+        &self,
+        v: &[f64],
+        i: usize,
+        number: impl Fn(usize, f64) -> D,
+    ) -> [Num<D>; N] {
+        let mut s = [Num(D::from(0.0)); N];
         let index = &self.place.index[i * W..][..W];
         for j in 0..W {
             let mut x = v[index[j] as usize];
             if !self.place.hook.is_empty() {
                 x += v[self.place.hook[i * W + j] as usize];
             }
-            s[slots[j]] = number(j, x);
+            s[j] = Num(number(j, x));
         }
-        let lets = const { F::SCOPE.lets };
-        for (j, at) in self.place.lets.iter().enumerate().take(lets) {
+        for (j, at) in self.place.lets.iter().enumerate().take(const { N - W }) {
             if let Some(at) = at {
-                s[N - lets + j] = number(W + j, v[at + i]);
+                s[W + j] = Num(number(W + j, v[at + i]));
             }
         }
         s
     }
 
-    fn plain(&self, v: &[f64], i: usize) -> [f64; N] {
+    fn plain(&self, v: &[f64], i: usize) -> [Num<f64>; N] {
         self.gather(v, i, |_, x| x)
     }
 
-    /// The likelihood of row `i`, with the outliers that were added. Not inlined, so that a model's expressions are compiled once for all
-    /// that is not the gradient.
+    /// The likelihood of row `i`, with the outliers that were added. Not inlined, so that a model's expressions are
+    /// compiled once for all that is not the gradient.
     #[inline(never)]
     fn likelihood<D: Real>(
         &self,
-        s: &[D; N],
+        s: [Num<D>; N],
         i: usize,
-    ) -> Outliers<impl Likelihood<D, F::Y> + use<D, F, N, W>> {
+    ) -> Outliers<impl Likelihood<Num<D>, F::Y> + use<D, F, N, W>> {
         let (share, variance) = self.outliers.unwrap_or_default();
         Outliers(F::likelihood(s, &self.columns[i]), share, variance.sqrt())
     }
 
-    fn likelihood_at(&self, v: &[f64], i: usize) -> impl Likelihood<f64, F::Y> + use<F, N, W> {
-        self.likelihood(&self.plain(v, i), i)
+    fn likelihood_at(&self, v: &[f64], i: usize) -> impl Likelihood<Num<f64>, F::Y> + use<F, N, W> {
+        self.likelihood(self.plain(v, i), i)
     }
 
     /// Derivative of row `i`'s log likelihood in the offset of `let` number `a`. Not inlined: offsets
@@ -212,16 +149,16 @@ impl<F: RowFn, const N: usize, const W: usize> Rows<F, N, W> {
     #[inline(never)]
     fn offset_derivative(&self, v: &[f64], i: usize, a: usize) -> f64 {
         let number = |j: usize, re| Hyper::new(re, f64::from(u8::from(j == W + a)), 0.0, 0.0);
-        self.likelihood(&self.gather(v, i, number), i).ln_likelihood(&self.y[i]).eps1
+        self.likelihood(self.gather(v, i, number), i).ln_likelihood(&self.y[i]).0.eps1
     }
 }
 
-impl<F: RowFn, const N: usize, const W: usize> Rows<F, N, W> {
-    /// The likelihood of row `i` with derivatives in the W scalars, and its measurement.
+impl<F: RowFn<N>, const N: usize, const W: usize> Rows<F, N, W> {
+    /// The likelihood of row `i` with derivatives in the W numbers, and its measurement.
     #[inline(always)]
-    fn dual_row(&self, v: &[f64], i: usize) -> (impl Likelihood<Dual<W>, F::Y>, &F::Y) {
+    fn dual_row(&self, v: &[f64], i: usize) -> (impl Likelihood<Num<Dual<W>>, F::Y>, &F::Y) {
         let s = self.gather(v, i, |j, x| if j < W { variable(x, j) } else { Dual::from_re(x) });
-        (F::likelihood(&s, &self.columns[i]), &self.y[i])
+        (F::likelihood(s, &self.columns[i]), &self.y[i])
     }
 
     /// Several rows at once.
@@ -232,7 +169,7 @@ impl<F: RowFn, const N: usize, const W: usize> Rows<F, N, W> {
             let row = |lane: usize| self.dual_row(&t.v, (first + lane).min(n - 1)); // the last fills up
             let values = Likelihood::ln_likelihoods([row(0), row(1), row(2), row(3)]);
             for (i, value) in (first..n).zip(values) {
-                self.scatter(i, &value, t);
+                self.scatter(i, &value.0, t);
             }
         }
     }
@@ -245,7 +182,7 @@ impl<F: RowFn, const N: usize, const W: usize> Rows<F, N, W> {
                 let (likelihood, y) = self.dual_row(&t.v, i);
                 likelihood.ln_likelihood(y)
             };
-            self.scatter(i, &value, t);
+            self.scatter(i, &value.0, t);
         }
     }
 
@@ -254,8 +191,8 @@ impl<F: RowFn, const N: usize, const W: usize> Rows<F, N, W> {
     fn backward_with_outliers(&self, t: &mut Tape) {
         for i in 0..self.y.len() {
             let number = |j, x| if j < W { variable(x, j) } else { Dual::from_re(x) };
-            let value = self.likelihood(&self.gather(&t.v, i, number), i).ln_likelihood(&self.y[i]);
-            self.scatter(i, &value, t);
+            let value = self.likelihood(self.gather(&t.v, i, number), i).ln_likelihood(&self.y[i]);
+            self.scatter(i, &value.0, t);
         }
     }
 
@@ -280,9 +217,9 @@ impl<F: RowFn, const N: usize, const W: usize> Rows<F, N, W> {
     }
 }
 
-struct Backward<'a, F: RowFn, const N: usize, const W: usize>(&'a Rows<F, N, W>, &'a mut Tape);
+struct Backward<'a, F: RowFn<N>, const N: usize, const W: usize>(&'a Rows<F, N, W>, &'a mut Tape);
 
-impl<F: RowFn, const N: usize, const W: usize> WithSimd for Backward<'_, F, N, W> {
+impl<F: RowFn<N>, const N: usize, const W: usize> WithSimd for Backward<'_, F, N, W> {
     type Output = ();
     #[inline(always)]
     fn with_simd<S: Simd>(self, _: S) {
@@ -290,32 +227,35 @@ impl<F: RowFn, const N: usize, const W: usize> WithSimd for Backward<'_, F, N, W
     }
 }
 
-impl<F: RowFn, const N: usize, const W: usize> Rows<F, N, W> {
-    /// The scope's scalars from a row's own: `number` makes them of (which, value).
-    fn fill<D: Real>(&self, locals: &[f64], number: impl Fn(usize, f64) -> D) -> [D; N] {
-        let mut s = [D::from(0.0); N];
-        let first_let = N - F::SCOPE.lets;
+impl<F: RowFn<N>, const N: usize, const W: usize> Rows<F, N, W> {
+    /// The numbers of a row from those of [`Measured::locals`]: `number` makes them of (which, value).
+    fn fill<D: Real>(&self, locals: &[f64], number: impl Fn(usize, f64) -> D) -> [Num<D>; N] {
+        let mut s = [Num(D::from(0.0)); N];
         let lets = self.place.lets.iter().enumerate();
-        let lets = lets.filter_map(|(j, at)| at.map(|_| first_let + j));
-        let slots = F::SCOPE.slots::<W>().into_iter().chain(lets);
-        for (j, (slot, x)) in slots.zip(locals).enumerate() {
-            s[slot] = number(j, *x);
+        let lets = lets.filter_map(|(j, at)| at.map(|_| W + j));
+        for (j, (slot, x)) in (0..W).chain(lets).zip(locals).enumerate() {
+            s[slot] = Num(number(j, *x));
         }
         s
     }
 
+    /// A measurement of row `i` from its cells; the row's own where these hold none.
+    fn measurement(&self, i: usize, cells: &[f64]) -> F::Y {
+        F::Y::read(cells).ok().flatten().unwrap_or(self.y[i])
+    }
+
     /// Not inlined: criticism is rare, and one copy serves it all.
     #[inline(never)]
-    fn ln_noisy<D: Real>(&self, s: &[D; N], i: usize, noise: &Noise) -> D {
+    fn ln_noisy<D: Real>(&self, s: [Num<D>; N], i: usize, y: &F::Y, noise: &Noise) -> D {
         let mut likelihood = self.likelihood(s, i);
         if let Some((share, variance)) = noise.outliers {
             (likelihood.share, likelihood.sd) = (share, variance.sqrt());
         }
-        likelihood.ln_widened(&self.y[i], D::from(noise.variance))
+        likelihood.ln_widened(y, Num::from(noise.variance)).0
     }
 }
 
-impl<F: RowFn, const N: usize, const W: usize> Op for Rows<F, N, W> {
+impl<F: RowFn<N>, const N: usize, const W: usize> Op for Rows<F, N, W> {
     fn backward(&self, t: &mut Tape) {
         if self.outliers.is_some() {
             self.backward_with_outliers(t);
@@ -325,9 +265,9 @@ impl<F: RowFn, const N: usize, const W: usize> Op for Rows<F, N, W> {
     }
 }
 
-impl<F: RowFn, const N: usize, const W: usize> Measured for Rows<F, N, W> {
+impl<F: RowFn<N>, const N: usize, const W: usize> Measured for Rows<F, N, W> {
     fn pointwise(&self, t: &Tape, out: &mut Vec<f64>) {
-        let one = |i: usize| self.likelihood_at(&t.v, i).ln_likelihood(&self.y[i]);
+        let one = |i: usize| self.likelihood_at(&t.v, i).ln_likelihood(&self.y[i]).0;
         out.extend((0..self.y.len()).map(one));
     }
 
@@ -344,18 +284,25 @@ impl<F: RowFn, const N: usize, const W: usize> Measured for Rows<F, N, W> {
         self.place.locals(i, W)
     }
 
-    fn ln_at(&self, i: usize, locals: &[f64], noise: &Noise) -> f64 {
-        self.ln_noisy(&self.fill(locals, |_, x| x), i, noise)
+    fn ln_at(&self, i: usize, cells: &[f64], locals: &[f64], noise: &Noise) -> f64 {
+        self.ln_noisy(self.fill(locals, |_, x| x), i, &self.measurement(i, cells), noise)
     }
 
-    fn curvature(&self, i: usize, locals: &[f64], of: &[usize], noise: &Noise) -> Curvature {
-        let n = locals.len();
+    fn curvature(
+        &self,
+        i: usize,
+        cells: &[f64],
+        locals: &[f64],
+        of: &[usize],
+        noise: &Noise,
+    ) -> Curvature {
+        let (n, y) = (locals.len(), self.measurement(i, cells));
         let mut out = Curvature { value: 0.0, gradient: vec![0.0; n], hessian: vec![0.0; n * n] };
         let is = |a: usize, j: usize| f64::from(u8::from(a == j));
         for (k, &a) in of.iter().enumerate() {
             for &b in &of[k..] {
                 let s = self.fill(locals, |j, x| Hyper::new(x, is(a, j), is(b, j), 0.0));
-                let l = self.ln_noisy(&s, i, noise);
+                let l = self.ln_noisy(s, i, &y, noise);
                 (out.value, out.gradient[a], out.gradient[b]) = (l.re, l.eps1, l.eps2);
                 (out.hessian[a * n + b], out.hessian[b * n + a]) = (l.eps1eps2, l.eps1eps2);
             }
@@ -363,12 +310,13 @@ impl<F: RowFn, const N: usize, const W: usize> Measured for Rows<F, N, W> {
         out
     }
 
-    fn replicate(&self, i: usize, locals: &[f64], rng: &mut dyn Rng) -> Vec<f64> {
-        self.likelihood(&self.fill(locals, |_, x| x), i).simulate(&self.y[i], rng).cells()
+    fn replicate(&self, i: usize, cells: &[f64], locals: &[f64], rng: &mut dyn Rng) -> Vec<f64> {
+        let like = self.measurement(i, cells);
+        self.likelihood(self.fill(locals, |_, x| x), i).simulate(&like, rng).cells()
     }
 
     fn location(&self, i: usize, locals: &[f64]) -> Option<f64> {
-        self.likelihood(&self.fill(locals, |_, x| x), i).location()
+        self.likelihood(self.fill(locals, |_, x| x), i).location()
     }
 
     fn observed_row(&self, i: usize) -> Vec<f64> {

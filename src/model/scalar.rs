@@ -2,14 +2,9 @@
 
 use std::marker::PhantomData;
 
+use super::expansion::ScalarFn;
 use super::scope::Local;
-use crate::num::{Dual, Real};
-
-/// A scalar as a function of the names in its scope.
-pub trait ScalarFn: Send + Sync + std::fmt::Debug {
-    /// The value at the scope's scalars.
-    fn value<D: Real>(s: &[D]) -> D;
-}
+use crate::num::{Dual, Num};
 
 /// A scalar of the value vector.
 pub(super) trait Scalar: Send + Sync + std::fmt::Debug {
@@ -21,20 +16,20 @@ pub(super) trait Scalar: Send + Sync + std::fmt::Debug {
 }
 
 #[derive(Debug)]
-pub(super) struct ScalarAt<F, const N: usize, const W: usize> {
-    pub(super) local: Local<N, W>,
+pub(super) struct ScalarAt<F, const N: usize> {
+    pub(super) local: Local<N>,
     pub(super) f: PhantomData<F>,
 }
 
-impl<F: ScalarFn, const N: usize, const W: usize> Scalar for ScalarAt<F, N, W> {
+impl<F: ScalarFn<N>, const N: usize> Scalar for ScalarAt<F, N> {
     fn value(&self, v: &[f64]) -> f64 {
-        F::value::<f64>(&self.local.plain(v))
+        F::value(self.local.plain(v)).0
     }
     fn pull(&self, v: &[f64], bar: f64, g: &mut [f64]) {
-        let x: Dual<W> = F::value(&self.local.dual(v));
+        let x: Num<Dual<N>> = F::value(self.local.dual(v));
         self.local.scatter(&(x * bar), g);
     }
     fn mentions(&self) -> Vec<usize> {
-        self.local.mentioned()
+        self.local.places()
     }
 }

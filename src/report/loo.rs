@@ -119,9 +119,9 @@ fn rows(model: &Model, data: &Measurements, loo: &Loo) -> Vec<LooRow> {
 }
 
 /// `TopHat` of `Bracket ~ TopHat(erp_s2(x))`, `garch` of `garch(mu, alpha, data.y)`.
-fn likelihood_of(model: &Model, name: &str) -> &'static str {
+fn likelihood_of<'m>(model: &'m Model, name: &str) -> &'m str {
     let mut statements = model.statements.iter().filter(|s| s.decl.name == name);
-    let text = statements.next_back().map_or("", |s| s.decl.text);
+    let text = statements.next_back().map_or("", |s| s.decl.text.as_ref());
     let likelihood = text.split_once('~').map_or(text, |(_, likelihood)| likelihood);
     likelihood.split('(').next().unwrap_or_default().trim()
 }

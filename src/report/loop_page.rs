@@ -3,15 +3,11 @@
 //! The page is `loop.html` with its slots filled. Its figures are inline SVG: it needs neither network nor script.
 
 use std::fmt::Write as _;
-use std::io::Write as _;
-use std::path::Path;
 
-use super::ReportError;
 use super::html::{STYLE, fill};
 use super::surface_map::{Dot, SurfaceMap, colour_scale};
 use super::svg::{escape, evidence_plot, residual_plot, tick};
 use crate::mesh::TriMesh;
-use crate::store::write_file;
 
 const PAGE: &str = include_str!("loop.html");
 
@@ -31,7 +27,7 @@ pub struct LoopPage<'a> {
     /// The model with the effects; `None` if none was found.
     pub after: Option<&'a str>,
     /// Errors of predictions; the first counts.
-    pub comparisons: &'a [Comparison],
+    pub comparisons: &'a [ErrorChange],
     /// What was tried, round by round.
     pub rounds: &'a [TriedRound],
     /// What the model leaves over.
@@ -48,7 +44,7 @@ pub struct LoopPage<'a> {
 
 /// Errors of the same predictions by two models.
 #[derive(Clone, Debug)]
-pub struct Comparison {
+pub struct ErrorChange {
     /// What was predicted, e.g. `held-out measurements`.
     pub what: String,
     /// Number of measurements.
@@ -139,11 +135,8 @@ pub struct Against {
     pub ticks: Vec<(f64, String)>,
 }
 
-/// Writes the page.
-///
-/// # Errors
-/// [`ReportError::Write`].
-pub fn write_loop_page(path: &Path, page: &LoopPage<'_>) -> Result<(), ReportError> {
+/// The page as HTML.
+pub fn loop_page(page: &LoopPage<'_>) -> String {
     let absent = |is_absent: bool| if is_absent { "absent" } else { "" }.to_owned();
     let map = page.residuals.mesh.map(SurfaceMap::new);
     let residuals = &page.residuals;
@@ -179,8 +172,7 @@ pub fn write_loop_page(path: &Path, page: &LoopPage<'_>) -> Result<(), ReportErr
         ("warnings", paragraphs("doubt", page.warnings)),
         ("files", escape(&page.files.join(", "))),
     ];
-    let html = fill(PAGE, &slots);
-    write_file(path, |file| file.write_all(html.as_bytes())).map_err(ReportError::write(path))
+    fill(PAGE, &slots)
 }
 
 fn paragraphs(class: &str, texts: &[String]) -> String {
@@ -203,7 +195,7 @@ fn percent([share, error]: [f64; 2]) -> String {
 }
 
 /// The three numbers of the first screen.
-fn tiles(c: &Comparison, unit: &str) -> String {
+fn tiles(c: &ErrorChange, unit: &str) -> String {
     let arrow = |of: &dyn Fn(&PredictionError) -> String| match &c.after {
         Some(after) => format!("{} → {}", of(&c.before), of(after)),
         None => of(&c.before),
@@ -229,7 +221,7 @@ fn tiles(c: &Comparison, unit: &str) -> String {
     html
 }
 
-fn error_line(c: &Comparison, unit: &str) -> String {
+fn error_line(c: &ErrorChange, unit: &str) -> String {
     format!(
         "<p>Error of {} {}: {} {}; elpd {}; {} lie in their 90 % interval.</p>",
         c.n,
@@ -241,7 +233,7 @@ fn error_line(c: &Comparison, unit: &str) -> String {
     )
 }
 
-fn comparison(c: &Comparison, unit: &str) -> String {
+fn comparison(c: &ErrorChange, unit: &str) -> String {
     let Some(after) = &c.after else { return String::new() };
     let line = |name: &str, e: &PredictionError| {
         let (rmse, elpd) = (with_error(e.rmse), with_error(e.elpd));

@@ -10,7 +10,7 @@ use crate::report::FieldDraws;
 #[derive(Clone, Debug)]
 pub struct FittedMap {
     /// Name in the model file.
-    pub name: &'static str,
+    pub name: String,
     /// Declared unit.
     pub unit: String,
     /// Mean over the draws (n_vertices); NaN where no draw is physical.
@@ -57,7 +57,7 @@ impl SurfaceMaps {
         model: &Model,
         basis: &Basis,
         draws: &[&[f64]],
-        truth: &[(&'static str, Vec<f64>)],
+        truth: &[(String, Vec<f64>)],
     ) -> Self {
         let maps = Maps::new(model, basis);
         let (summaries, unphysical) = maps.summarise(draws);

@@ -95,7 +95,7 @@ impl Mode<'_> {
     /// Root mean squared error of each map with a known truth.
     fn errors(&self) -> BTreeMap<String, f64> {
         let error = |map: &MapSummary| {
-            Some((map.name.to_owned(), rms_error(&map.mean, self.truth(map.name)?)))
+            Some((map.name.to_owned(), rms_error(&map.mean, self.truth(&map.name)?)))
         };
         self.maps.iter().filter_map(error).collect()
     }
@@ -122,7 +122,7 @@ impl Mode<'_> {
             let mut arrays: Vec<(String, &[f64])> = vec![];
             for map in &self.maps {
                 arrays.push((map.name.to_owned(), &map.mean));
-                let truth = self.truth(map.name);
+                let truth = self.truth(&map.name);
                 arrays.extend(truth.map(|truth| (format!("{}_true", map.name), truth)));
             }
             let arrays: Vec<(&str, &[f64])> =

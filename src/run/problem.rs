@@ -33,7 +33,7 @@ pub struct Loaded {
     pub measurements: Measurements,
     /// True fields and derived quantities (n_vertices) in the model's order, by name; empty unless the
     /// measurements are synthetic.
-    pub truth: Vec<(&'static str, Vec<f64>)>,
+    pub truth: Vec<(String, Vec<f64>)>,
     /// SHA-256 of all that was read, by role.
     pub hashes: BTreeMap<String, String>,
 }
@@ -235,7 +235,7 @@ fn on_kept_vertices(basis: Basis, surface: &Surface) -> Basis {
 }
 
 /// Measurements and the truth they were made on.
-type Measured = (Measurements, Vec<(&'static str, Vec<f64>)>);
+type Measured = (Measurements, Vec<(String, Vec<f64>)>);
 
 impl Domain {
     /// A table with its rows placed on the surface, and the modes there.

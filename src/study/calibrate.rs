@@ -87,7 +87,7 @@ impl<'a> Study<'a> {
     }
 
     /// Names of the maps that are judged: fields, then derived quantities.
-    pub fn names(&self) -> Vec<&'static str> {
+    pub fn names(&self) -> Vec<String> {
         self.laboratory.map_names()
     }
 

@@ -18,7 +18,7 @@ const WAVE: usize = 16;
 #[derive(Clone, Debug)]
 pub struct RecoveredMap {
     /// Name in the model file.
-    pub name: &'static str,
+    pub name: String,
     /// Declared unit.
     pub unit: String,
     /// Truth (n_vertices).
@@ -75,7 +75,7 @@ struct Tally {
 
 /// Sums over draws of all maps.
 struct Sums<'t> {
-    truth: &'t [(&'static str, Vec<f64>)],
+    truth: &'t [(String, Vec<f64>)],
     tallies: Vec<Tally>,
     /// Draws in which each vertex was unphysical (n_vertices).
     unphysical: Vec<f64>,
@@ -93,7 +93,7 @@ struct Sums<'t> {
 pub fn recover(
     model: &dyn Declare,
     basis: &Basis,
-    truth: &[(&'static str, Vec<f64>)],
+    truth: &[(String, Vec<f64>)],
     n_draws: usize,
     draw: &(dyn Fn(usize) -> Vec<Vec<f64>> + Sync),
 ) -> Result<Recovery, ExperimentError> {
@@ -117,7 +117,7 @@ pub fn recover(
 }
 
 impl<'t> Sums<'t> {
-    fn new(truth: &'t [(&'static str, Vec<f64>)], n_vertices: usize) -> Self {
+    fn new(truth: &'t [(String, Vec<f64>)], n_vertices: usize) -> Self {
         let zeros = || vec![0.0; n_vertices];
         let tally = |_: &_| Tally { moments: Moments::new(n_vertices), below: zeros() };
         let tallies = truth.iter().map(tally).collect();
@@ -147,7 +147,7 @@ impl<'t> Sums<'t> {
         }
         let recovered = self.tallies.into_iter().zip(self.truth).zip(maps.names());
         let recovered = recovered.map(|((tally, (_, truth)), name)| RecoveredMap {
-            name: name.name,
+            name: name.name.into(),
             unit: name.unit.into(),
             truth: truth.clone(),
             mean: tally.moments.means(),

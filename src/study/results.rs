@@ -94,7 +94,7 @@ impl Results {
     pub fn write(
         &self,
         plan: &Plan,
-        names: &[&str],
+        names: &[String],
         block: &Block,
         truth_repaired: f64,
         outcomes: &[Outcome],
@@ -238,7 +238,7 @@ impl Group {
     }
 }
 
-fn header(plan: &Plan, names: &[&str], outcomes: &[Outcome]) -> Vec<String> {
+fn header(plan: &Plan, names: &[String], outcomes: &[Outcome]) -> Vec<String> {
     let mut header: Vec<String> = CASE.iter().map(ToString::to_string).collect();
     header.extend(names.iter().map(|name| format!("rmse_{name}")));
     if plan.estimate == Estimate::Mean {

@@ -4,31 +4,43 @@
 //! Fitted where 160 < ERP_S2 ≤ 280 ms. Those of all five parameters ([`five`](super::five)) must be told `cv_max`, and are no nearer.
 
 use super::Emulator;
-use crate::num::Real;
+use crate::num::{Common, Together};
 
 #[path = "erp_emulator.rs"]
 mod erp;
 
 /// ERP under S1S2 (S1 600 ms), ms, from `tau_out` and `apd_max` in ms.
 #[inline]
-pub fn erp_s2<D: Real>(tau_out: D, apd_max: D) -> D {
-    erp::ERP_S2.mean([tau_out, apd_max])
+pub fn erp_s2<A, B>(tau_out: A, apd_max: B) -> Common<(A, B), 2>
+where
+    (A, B): Together<2>,
+{
+    erp::ERP_S2.mean((tau_out, apd_max).together())
 }
 
 /// Standard deviation of an [`erp_s2`], ms.
 #[inline]
-pub fn erp_s2_sd<D: Real>(tau_out: D, apd_max: D) -> D {
-    erp::ERP_S2.sd([tau_out, apd_max])
+pub fn erp_s2_sd<A, B>(tau_out: A, apd_max: B) -> Common<(A, B), 2>
+where
+    (A, B): Together<2>,
+{
+    erp::ERP_S2.sd((tau_out, apd_max).together())
 }
 
 /// ERP under S1S2S3 (S1 600 ms, S2 300 ms), ms, from `tau_out` and `apd_max` in ms; void where [`erp_s2`] is above 280.
 #[inline]
-pub fn erp_s3<D: Real>(tau_out: D, apd_max: D) -> D {
-    erp::ERP_S3.mean([tau_out, apd_max])
+pub fn erp_s3<A, B>(tau_out: A, apd_max: B) -> Common<(A, B), 2>
+where
+    (A, B): Together<2>,
+{
+    erp::ERP_S3.mean((tau_out, apd_max).together())
 }
 
 /// Standard deviation of an [`erp_s3`], ms.
 #[inline]
-pub fn erp_s3_sd<D: Real>(tau_out: D, apd_max: D) -> D {
-    erp::ERP_S3.sd([tau_out, apd_max])
+pub fn erp_s3_sd<A, B>(tau_out: A, apd_max: B) -> Common<(A, B), 2>
+where
+    (A, B): Together<2>,
+{
+    erp::ERP_S3.sd((tau_out, apd_max).together())
 }

@@ -16,7 +16,7 @@
 //! and CV at `cv_max` from 0.3 m/s and at least 50 ms after ERP_S2.
 
 use super::Emulator;
-use crate::num::{Real, exp};
+use crate::num::{Common, Real, Together, exp};
 
 #[path = "five_emulators.rs"]
 mod emulators;
@@ -29,55 +29,137 @@ const SHORTEST: f64 = 0.003;
 
 /// ERP under S1S2 (S1 600 ms), ms; `cv_max` in m/s, the other parameters in ms.
 #[inline]
-pub fn erp_s2<D: Real>(cv_max: D, tau_in: D, tau_out: D, tau_open: D, apd_max: D) -> D {
-    emulators::ERP_S2.mean([cv_max, tau_in, tau_out, tau_open, apd_max])
+pub fn erp_s2<A, B, C, D, E>(
+    cv_max: A,
+    tau_in: B,
+    tau_out: C,
+    tau_open: D,
+    apd_max: E,
+) -> Common<(A, B, C, D, E), 5>
+where
+    (A, B, C, D, E): Together<5>,
+{
+    emulators::ERP_S2.mean((cv_max, tau_in, tau_out, tau_open, apd_max).together())
 }
 
 /// Standard deviation of an [`erp_s2`], ms.
 #[inline]
-pub fn erp_s2_sd<D: Real>(cv_max: D, tau_in: D, tau_out: D, tau_open: D, apd_max: D) -> D {
-    emulators::ERP_S2.sd([cv_max, tau_in, tau_out, tau_open, apd_max])
+pub fn erp_s2_sd<A, B, C, D, E>(
+    cv_max: A,
+    tau_in: B,
+    tau_out: C,
+    tau_open: D,
+    apd_max: E,
+) -> Common<(A, B, C, D, E), 5>
+where
+    (A, B, C, D, E): Together<5>,
+{
+    emulators::ERP_S2.sd((cv_max, tau_in, tau_out, tau_open, apd_max).together())
 }
 
 /// r of a beat `s2` ms after the train, from [`erp_s2`] and `tau_open` in ms.
 #[inline]
-pub fn unrecovered<D: Real>(erp_s2: D, tau_open: D, s2: f64) -> D {
+pub fn unrecovered<A, B, C>(erp_s2: A, tau_open: B, s2: C) -> Common<(A, B, C), 3>
+where
+    (A, B, C): Together<3>,
+{
+    let [erp_s2, tau_open, s2] = (erp_s2, tau_open, s2).together();
     exp((erp_s2 - s2) / tau_open)
 }
 
 /// ERP under S1S2S3 (S1 600 ms, S2 300 ms), ms, from [`erp_s2`] in place of `apd_max`; void where this is above 270 ms.
 #[inline]
-pub fn erp_s3<D: Real>(cv_max: D, tau_in: D, tau_out: D, tau_open: D, erp_s2: D) -> D {
+pub fn erp_s3<A, B, C, D, E>(
+    cv_max: A,
+    tau_in: B,
+    tau_out: C,
+    tau_open: D,
+    erp_s2: E,
+) -> Common<(A, B, C, D, E), 5>
+where
+    (A, B, C, D, E): Together<5>,
+{
+    let [cv_max, tau_in, tau_out, tau_open, erp_s2] =
+        (cv_max, tau_in, tau_out, tau_open, erp_s2).together();
     emulators::ERP_S3.mean([cv_max, tau_in, tau_out, tau_open, unrecovered(erp_s2, tau_open, S2)])
 }
 
 /// Standard deviation of an [`erp_s3`], ms.
 #[inline]
-pub fn erp_s3_sd<D: Real>(cv_max: D, tau_in: D, tau_out: D, tau_open: D, erp_s2: D) -> D {
+pub fn erp_s3_sd<A, B, C, D, E>(
+    cv_max: A,
+    tau_in: B,
+    tau_out: C,
+    tau_open: D,
+    erp_s2: E,
+) -> Common<(A, B, C, D, E), 5>
+where
+    (A, B, C, D, E): Together<5>,
+{
+    let [cv_max, tau_in, tau_out, tau_open, erp_s2] =
+        (cv_max, tau_in, tau_out, tau_open, erp_s2).together();
     emulators::ERP_S3.sd([cv_max, tau_in, tau_out, tau_open, unrecovered(erp_s2, tau_open, S2)])
 }
 
 /// APD90 of a beat, ms; `cv_max` in m/s, the other parameters in ms, r from [`unrecovered`].
 #[inline]
-pub fn apd90<D: Real>(cv_max: D, tau_in: D, tau_out: D, apd_max: D, r: D) -> D {
-    emulators::APD90.mean([cv_max, tau_in, tau_out, apd_max, r])
+pub fn apd90<A, B, C, D, E>(
+    cv_max: A,
+    tau_in: B,
+    tau_out: C,
+    apd_max: D,
+    r: E,
+) -> Common<(A, B, C, D, E), 5>
+where
+    (A, B, C, D, E): Together<5>,
+{
+    emulators::APD90.mean((cv_max, tau_in, tau_out, apd_max, r).together())
 }
 
 /// Standard deviation of an [`apd90`], ms.
 #[inline]
-pub fn apd90_sd<D: Real>(cv_max: D, tau_in: D, tau_out: D, apd_max: D, r: D) -> D {
-    emulators::APD90.sd([cv_max, tau_in, tau_out, apd_max, r])
+pub fn apd90_sd<A, B, C, D, E>(
+    cv_max: A,
+    tau_in: B,
+    tau_out: C,
+    apd_max: D,
+    r: E,
+) -> Common<(A, B, C, D, E), 5>
+where
+    (A, B, C, D, E): Together<5>,
+{
+    emulators::APD90.sd((cv_max, tau_in, tau_out, apd_max, r).together())
 }
 
 /// Conduction velocity of a beat, m/s; `cv_max` in m/s, the other parameters in ms, r from [`unrecovered`].
 #[inline]
-pub fn cv<D: Real>(cv_max: D, tau_in: D, tau_out: D, tau_open: D, r: D) -> D {
+pub fn cv<A, B, C, D, E>(
+    cv_max: A,
+    tau_in: B,
+    tau_out: C,
+    tau_open: D,
+    r: E,
+) -> Common<(A, B, C, D, E), 5>
+where
+    (A, B, C, D, E): Together<5>,
+{
+    let [cv_max, tau_in, tau_out, tau_open, r] = (cv_max, tau_in, tau_out, tau_open, r).together();
     cv_max * emulators::CV_RATIO.mean(cv_inputs(cv_max, tau_in, tau_out, tau_open, r))
 }
 
 /// Standard deviation of a [`cv`], m/s.
 #[inline]
-pub fn cv_sd<D: Real>(cv_max: D, tau_in: D, tau_out: D, tau_open: D, r: D) -> D {
+pub fn cv_sd<A, B, C, D, E>(
+    cv_max: A,
+    tau_in: B,
+    tau_out: C,
+    tau_open: D,
+    r: E,
+) -> Common<(A, B, C, D, E), 5>
+where
+    (A, B, C, D, E): Together<5>,
+{
+    let [cv_max, tau_in, tau_out, tau_open, r] = (cv_max, tau_in, tau_out, tau_open, r).together();
     cv_max * emulators::CV_RATIO.sd(cv_inputs(cv_max, tau_in, tau_out, tau_open, r))
 }
 

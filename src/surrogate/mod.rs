@@ -29,43 +29,36 @@ pub use inputs::{ERP_INPUTS, design_points};
 pub use sensitivity::{OutcomeSensitivity, Sensitivity, SensitivityError, SensitivityRow, analyse};
 pub use sobol::{Estimate, SobolIndex, sobol};
 
-use crate::num::Real;
-
-/// ERP_S2 (ms) above which the ERP_S3 surrogate is void: the S2 at 300 ms fails or nearly does.
-pub const ERP_S3_VOID_ABOVE: f64 = 285.0;
+use crate::num::{Common, Together};
 
 /// ERP under S1S2 (S1 600 ms), ms, from `tau_out` and `apd_max` in ms.
 ///
 /// Fitted to strip simulations with 160 < ERP_S2 ≤ 280 ms; outside it extrapolates.
 #[inline(always)]
-pub fn erp_s2<D: Real>(tau_out: D, apd_max: D) -> D {
+pub fn erp_s2<A, B>(tau_out: A, apd_max: B) -> Common<(A, B), 2>
+where
+    (A, B): Together<2>,
+{
+    let [tau_out, apd_max] = (tau_out, apd_max).together();
     erp_cubic::ERP_S2.eval(tau_out, apd_max)
 }
 
 /// ERP under S1S2S3 (S1 600 ms, S2 300 ms), ms, from `tau_out` and `apd_max` in ms.
 ///
-/// A smooth polynomial everywhere, for use inside a model; where [`erp_s2`] is above
-/// [`ERP_S3_VOID_ABOVE`] it means nothing, and [`erp_s3_or_void`] says so.
+/// A smooth polynomial everywhere, for use inside a model. Where [`erp_s2`] is above 285 ms it means
+/// nothing, because the S2 at 300 ms fails or nearly does.
 #[inline(always)]
-pub fn erp_s3<D: Real>(tau_out: D, apd_max: D) -> D {
+pub fn erp_s3<A, B>(tau_out: A, apd_max: B) -> Common<(A, B), 2>
+where
+    (A, B): Together<2>,
+{
+    let [tau_out, apd_max] = (tau_out, apd_max).together();
     erp_cubic::ERP_S3.eval(tau_out, apd_max)
-}
-
-/// [`erp_s3`] for output: NaN where it is void.
-pub fn erp_s3_or_void(tau_out: f64, apd_max: f64) -> f64 {
-    if erp_s2(tau_out, apd_max) > ERP_S3_VOID_ABOVE { f64::NAN } else { erp_s3(tau_out, apd_max) }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    #[test]
-    fn erp_s3_is_void_where_the_conditioning_s2_fails() {
-        assert!(erp_s2(15.0, 265.0) > ERP_S3_VOID_ABOVE);
-        assert!(erp_s3_or_void(15.0, 265.0).is_nan());
-        assert_eq!(erp_s3_or_void(10.0, 180.0).to_bits(), erp_s3(10.0, 180.0).to_bits());
-    }
 
     #[test]
     fn erp_rises_with_apd_max_and_shortens_at_the_premature_beat() {

@@ -1,20 +1,21 @@
 //! What is reported of a `let`: once every `observe` is laid out, where the scalars of its values live.
 
 use std::collections::BTreeSet;
+use std::sync::Arc;
 
-use super::{Builder, Source};
+use super::{Builder, Labels, Place, Source};
 use crate::model::error::ModelError;
+use crate::model::expansion::{Decl, LetFn};
 use crate::model::lets::{LetValues, Local, Values};
-use crate::model::maps::MapFn;
-use crate::model::scope::Scope;
-use crate::model::units::Decl;
+use crate::model::maps::{Map, MapAt, MapFn, Source as MapSource};
 use crate::table::Measurements;
 
 /// A `let` as declared.
 pub(super) struct Declared {
-    decl: Decl,
-    /// Names that its expression mentions, each with whether it does and how many scalars it has.
-    names: Vec<(&'static str, bool, usize)>,
+    name: &'static str,
+    unit: String,
+    /// What its expression mentions.
+    mentions: Place,
     differs: Differs,
     /// The expression; none of a linear predictor.
     make: Option<fn() -> Box<dyn MapFn>>,
@@ -51,36 +52,107 @@ impl Builder<'_> {
     /// which the replicated measurements tell enough.
     const MOST: usize = 200;
 
-    pub(super) fn declare_let(
+    /// `let name(row) [unit] in range = expr;`
+    pub fn value<F: LetFn<N>, const N: usize>(
         &mut self,
         decl: Decl,
-        scope: &Scope,
-        reads_row: bool,
-        make: fn() -> Box<dyn MapFn>,
+        name: &'static str,
+        range: Option<(f64, f64)>,
+        mentions: Place,
     ) {
-        let mut differs = if reads_row { Differs::Row } else { Differs::Not };
-        let mut names = vec![];
-        for (i, name) in scope.names.iter().enumerate() {
-            names.push((*name, scope.mentions(i), scope.lens[i]));
-            if scope.mentions(i) {
-                differs = differs.and(self.differs(name));
-            }
+        let make: fn() -> Box<dyn MapFn> = || Box::new(MapAt::<F, N>::new());
+        let unit: String = decl.unit.clone().into();
+        self.state("let", decl);
+        self.maps_of(name, &unit, range, mentions, make);
+        let mut differs = if mentions.reads_row { Differs::Row } else { Differs::Not };
+        for of in mentions.numbers.iter().chain(mentions.lets) {
+            differs = differs.and(self.differs(of));
         }
-        self.lets.push(Declared { decl, names, differs, make: Some(make) });
+        self.lets.push(Declared { name, unit, mentions, differs, make: Some(make) });
+        self.names.push((name.into(), Source::Let));
     }
 
-    pub(super) fn declare_linear(&mut self, decl: Decl) {
-        self.lets.push(Declared { decl, names: vec![], differs: Differs::Row, make: None });
+    /// `let name(row) = linear(row.a, row.b; beta);`
+    pub fn linear(
+        &mut self,
+        decl: Decl,
+        name: &'static str,
+        columns: &[&'static str],
+        beta: &'static str,
+    ) {
+        let mentions = Place { numbers: &[], lets: &[], reads_row: true };
+        let unit = decl.unit.clone().into();
+        self.state("let", decl);
+        self.lets.push(Declared { name, unit, mentions, differs: Differs::Row, make: None });
+        self.names.push((name.into(), Source::Linear { beta, columns: columns.to_vec() }));
+    }
+
+    /// A map over the vertices of a `let` that depends on parameters and fields alone: one, or one for each label of
+    /// the fields that it depends on.
+    fn maps_of(
+        &mut self,
+        name: &'static str,
+        unit: &str,
+        range: Option<(f64, f64)>,
+        mentions: Place,
+        make: fn() -> Box<dyn MapFn>,
+    ) {
+        let is_map_too = |name: &&str| self.model.maps.iter().any(|m| m.of == *name);
+        if mentions.reads_row || !mentions.lets.iter().all(is_map_too) {
+            return;
+        }
+        let mut labels: Option<&Arc<Labels>> = None;
+        for number in mentions.numbers {
+            match self.source(number) {
+                Source::Scalars { .. } => {}
+                Source::Field { labels: None, .. } => {}
+                Source::Field { labels: Some(own), .. }
+                    if labels.is_none_or(|labels| labels.column == own.column) =>
+                {
+                    labels = Some(own);
+                }
+                _ => return,
+            }
+        }
+        let n_maps = labels.map_or(1, |labels| labels.names.len().max(1));
+        let mut maps = vec![];
+        for label in 0..n_maps {
+            let own = labels.and_then(|labels| labels.names.get(label));
+            let mut sources = vec![];
+            for number in mentions.numbers {
+                match self.source(number) {
+                    Source::Scalars { v, len } => {
+                        sources.extend((*v..v + len).map(MapSource::Value));
+                    }
+                    Source::Field { field, labels } => {
+                        let own = labels.as_ref().map_or(0, |_| label);
+                        sources.push(MapSource::Field(field + own));
+                    }
+                    _ => {}
+                }
+            }
+            sources.extend(mentions.lets.iter().map(|_| MapSource::Value(0)));
+            maps.push(Map {
+                of: name,
+                name: own.map_or_else(|| name.into(), |own| format!("{name}[{own}]")),
+                unit: unit.into(),
+                range,
+                label: labels.map(|_| label),
+                sources,
+                at: make(),
+            });
+        }
+        self.model.maps.extend(maps);
     }
 
     fn differs(&self, name: &str) -> Differs {
         match self.source(name) {
-            Source::Scalars(_) => Differs::Not,
-            Source::Each { index, .. } => Differs::Label(index.clone()),
-            Source::Field(_) => Differs::Place,
-            Source::Linear { .. } => Differs::Row,
+            Source::Scalars { .. } => Differs::Not,
+            Source::Each { labels, .. } => Differs::Label(labels.of_row.clone()),
+            Source::Field { .. } => Differs::Place,
+            Source::Linear { .. } | Source::Cells { .. } => Differs::Row,
             Source::Let => {
-                let declared = self.lets.iter().rev().find(|l| l.decl.name == name);
+                let declared = self.lets.iter().rev().find(|l| l.name == name);
                 declared.map_or(Differs::Row, |l| l.differs.clone())
             }
         }
@@ -105,7 +177,7 @@ impl Builder<'_> {
     /// A row of an `observe` that depends on the `let` for each of its values; none where a map shows it.
     fn rows_of(&self, declared: &Declared) -> Vec<Row> {
         let has_maps = !self.model.fields.is_empty();
-        let acted = self.acts(declared.decl.name);
+        let acted = self.acts(declared.name);
         let mut seen = BTreeSet::new();
         let key = |row: usize| match &declared.differs {
             Differs::Label(index) if !acted => index[row],
@@ -117,7 +189,7 @@ impl Builder<'_> {
         }
         let mut rows = vec![];
         for observe in &self.model.observes {
-            if self.seen.contains(&(declared.decl.name, observe.name)) {
+            if self.seen.contains(&(declared.name, observe.name)) {
                 let own = observe.rows.iter().enumerate();
                 rows.extend(own.map(|(i, row)| (observe.name, i, *row)));
             }
@@ -133,45 +205,42 @@ impl Builder<'_> {
         rows: &[Row],
         data: &Measurements,
     ) -> Result<LetValues, ModelError> {
-        let Declared { decl, names, differs, make } = declared;
-        let who = format!("let {}", decl.name);
+        let Declared { name, unit, mentions, differs, make } = declared;
+        let who = format!("let {name}");
         let is_one = differs == Differs::Not && rows.len() == 1;
-        let labels = if is_one { vec![] } else { self.labels_of(&names, rows, data) };
+        let labels = if is_one { vec![] } else { self.labels_of(mentions.numbers, rows, data) };
         let of = match make {
             None => {
-                Values::Linear(rows.iter().map(|row| self.scalar_of(decl.name, 0, *row)).collect())
+                Values::Linear(rows.iter().flat_map(|row| self.scalars_of(name, *row)).collect())
             }
             Some(make) => {
                 let mut at = make();
                 let (mut scalars, mut offset) = (vec![], vec![]);
                 for row in rows {
-                    at.read(&mut |name| Ok(data.number(row.2, name, &who)?))?;
-                    offset.push(self.offset(decl.name, *row));
-                    for (name, is_mentioned, len) in &names {
-                        let zero = |_| [0, 0];
-                        let place = |e| self.scalar_of(name, e, *row);
-                        let one = |e| if *is_mentioned { place(e) } else { zero(e) };
-                        scalars.extend((0..*len).map(one));
+                    at.read(&mut |column| Ok(data.number(row.2, column, &who)?))?;
+                    offset.push(self.offset(name, *row));
+                    for of in mentions.numbers.iter().chain(mentions.lets) {
+                        scalars.extend(self.scalars_of(of, *row));
                     }
                 }
                 Values::Expression { at, scalars, offset }
             }
         };
-        Ok(LetValues { name: decl.name, unit: decl.unit.into(), labels, len: rows.len(), of })
+        Ok(LetValues { name, unit, labels, len: rows.len(), of })
     }
 
-    /// Where scalar `e` behind `name` lives for this row.
-    fn scalar_of(&self, name: &'static str, e: usize, row: Row) -> Local {
-        let value = match self.source(name) {
-            Source::Scalars(v) => v + e,
-            Source::Each { v, index } => v + index[row.2],
-            Source::Field(field) => self.probe(*field, row.2),
+    /// Where the numbers behind `name` live for this row.
+    fn scalars_of(&self, name: &'static str, row: Row) -> Vec<Local> {
+        let source = self.source(name);
+        let (value, len) = match source {
+            Source::Scalars { v, len } => (*v, *len),
             Source::Linear { .. } => {
-                self.predictors.get(&(row.0, name)).map_or(0, |start| start + row.1)
+                (self.predictors.get(&(row.0, name)).map_or(0, |start| start + row.1), 1)
             }
-            Source::Let => 0,
+            source => (self.value_at(source, row.2), 1),
         };
-        [value as u32, self.offset(name, row)]
+        let offset = self.offset(name, row);
+        (value..value + len).map(|value| [value as u32, offset]).collect()
     }
 
     /// The offset that effects have added to `name` in this row.
@@ -180,18 +249,13 @@ impl Builder<'_> {
     }
 
     /// Labels of a parameter that the `let` mentions, if they tell the rows apart; else their lines.
-    fn labels_of(
-        &self,
-        names: &[(&'static str, bool, usize)],
-        rows: &[Row],
-        data: &Measurements,
-    ) -> Vec<String> {
-        for (name, ..) in names.iter().filter(|(_, is_mentioned, _)| *is_mentioned) {
-            let Source::Each { index, .. } = self.source(name) else { continue };
-            let distinct: BTreeSet<usize> = rows.iter().map(|row| index[row.2]).collect();
-            let parameter = self.model.parameters.iter().find(|p| p.name == *name);
-            if let (true, Some(parameter)) = (distinct.len() == rows.len(), parameter) {
-                return rows.iter().map(|row| parameter.labels[index[row.2]].clone()).collect();
+    fn labels_of(&self, names: &[&'static str], rows: &[Row], data: &Measurements) -> Vec<String> {
+        for name in names {
+            let Source::Each { labels, .. } = self.source(name) else { continue };
+            let distinct: BTreeSet<usize> = rows.iter().map(|row| labels.of_row[row.2]).collect();
+            if distinct.len() == rows.len() {
+                let label = |row: &Row| labels.names[labels.of_row[row.2]].clone();
+                return rows.iter().map(label).collect();
             }
         }
         rows.iter().map(|row| format!("line {}", data.line(row.2))).collect()

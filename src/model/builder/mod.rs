@@ -1,24 +1,24 @@
-//! What the macro calls, one call per statement: lays out unknowns and values, and makes operations.
+//! What the macro calls, one call for each statement: lays out unknowns and values, and makes operations.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::marker::PhantomData;
+use std::sync::Arc;
 
-use crate::dist::{Dist, Sequence, Support};
+use crate::dist::{Dist, Sequence, Support, Vector};
 use crate::manifold::Basis;
 use crate::model::error::ModelError;
-use crate::model::form::Form;
-use crate::model::linear::Linear;
-use crate::model::maps::{LetFn, Map, MapAt, MapFn, Source as MapSource};
+use crate::model::expansion::{Decl, PriorFn, VectorFn};
 use crate::model::model::{Kind, Model, Parameter, Position, PriorEntry, Statement};
-use crate::model::parameter::{NormalOp, ParameterOp, PriorFn, SequenceFn, SequenceOp};
-use crate::model::scope::{Local, Scope};
-use crate::model::units::{Decl, check_units};
+use crate::model::parameter::{ImputedOp, Known, ParameterOp, SequenceFn, SequenceOp};
+use crate::model::scope::Local;
+use crate::num::Num;
 use crate::table::Measurements;
-use crate::table::SOURCE;
 
+mod effects;
 mod fields;
 mod lets;
 mod observes;
+
 pub use observes::outlying;
 
 /// How many numbers a parameter is.
@@ -32,29 +32,62 @@ pub enum Len {
     Each(&'static str),
 }
 
+/// What a likelihood or a `let` mentions: names of numbers, and of the `let`s through which they are seen.
+#[derive(Clone, Copy, Debug)]
+pub struct Place {
+    /// Parameters, fields, labelled parameters, linear predictors, imputed columns.
+    pub numbers: &'static [&'static str],
+    /// `let`s.
+    pub lets: &'static [&'static str],
+    /// Whether a column of the row is read.
+    pub reads_row: bool,
+}
+
+/// `from (…)`: a measurement that is computed from columns.
+#[derive(Clone, Copy, Debug)]
+pub struct Computed {
+    /// The expression, as written.
+    pub text: &'static str,
+    /// The columns that it reads.
+    pub columns: &'static [&'static str],
+}
+
+/// The labels of a column, and which of them each row of the table has.
+#[derive(Clone, Debug)]
+pub(super) struct Labels {
+    pub(super) column: &'static str,
+    pub(super) names: Vec<String>,
+    pub(super) of_row: Vec<usize>,
+}
+
 /// What a name stands for in a row.
 #[derive(Clone, Debug)]
 enum Source {
-    Scalars(usize),
-    Each { v: usize, index: Vec<usize> },
-    Linear { beta: &'static str, columns: Vec<&'static str> },
-    Field(usize),
+    /// So many numbers from `v` on.
+    Scalars {
+        v: usize,
+        len: usize,
+    },
+    /// A number for each label.
+    Each {
+        v: usize,
+        labels: Arc<Labels>,
+    },
+    /// The cells of a column with a prior: a number for each row of the table.
+    Cells {
+        v: usize,
+    },
+    /// A linear predictor.
+    Linear {
+        beta: &'static str,
+        columns: Vec<&'static str>,
+    },
+    /// A field, or the first of one for each label.
+    Field {
+        field: usize,
+        labels: Option<Arc<Labels>>,
+    },
     Let,
-}
-
-struct Effect {
-    name: String,
-    on: Vec<String>,
-    design: EffectDesign,
-    beta: usize,
-}
-
-/// What an effect multiplies its coefficients by.
-enum EffectDesign {
-    /// `linear(row.a, row.b)`: columns as they are, every cell filled in.
-    Columns(Vec<&'static str>),
-    /// Anything else.
-    Form(Form),
 }
 
 /// Lays a model out on its data.
@@ -62,8 +95,8 @@ pub struct Builder<'a> {
     basis: Option<&'a Basis>,
     data: Option<&'a Measurements>,
     probes: Vec<u32>,
-    names: Vec<(&'static str, Source)>,
-    effects: Vec<Effect>,
+    names: Vec<(String, Source)>,
+    effects: Vec<effects::Effect>,
     /// Names that offsets are wanted for besides those of effects.
     offsets_on: Vec<String>,
     /// Share and sd of outliers that are added to every `observe`.
@@ -78,8 +111,10 @@ pub struct Builder<'a> {
     /// Values whose prior is flat, with their unknown; and values that expressions mention, how often.
     flat: BTreeMap<usize, usize>,
     mentions: BTreeMap<usize, usize>,
-    /// The field whose hyperparameters are being declared.
-    field: Option<Decl>,
+    /// The field or block whose hyperparameters are being declared.
+    prefix: Option<&'static str>,
+    /// The field that is being declared.
+    field: Option<fields::Declared>,
     n_u: usize,
     n_v: usize,
     n_work: usize,
@@ -93,10 +128,9 @@ impl std::fmt::Debug for Builder<'_> {
 }
 
 impl<'a> Builder<'a> {
-    /// For a model called `name`. Without `data` no measurement is laid out: enough to show a model.
+    /// For an empty `model`. Without `data` no measurement is laid out: enough to show a model.
     pub(super) fn new(
-        name: &'static str,
-        doc: &'static str,
+        model: Model,
         basis: Option<&'a Basis>,
         data: Option<&'a Measurements>,
     ) -> Self {
@@ -115,11 +149,12 @@ impl<'a> Builder<'a> {
             lets: vec![],
             flat: BTreeMap::new(),
             mentions: BTreeMap::new(),
+            prefix: None,
             field: None,
             n_u: 0,
             n_v: 1, // v[0] is zero
             n_work: 0,
-            model: Model::empty(name, doc),
+            model,
         }
     }
 
@@ -131,6 +166,7 @@ impl<'a> Builder<'a> {
     /// Lets this share of the measurements of every `observe` to come have a further error of this sd.
     pub(super) fn add_outliers(&mut self, share: f64, sd: f64) {
         self.outliers = Some((share, sd));
+        self.model.outliers = self.outliers;
     }
 
     fn values(&mut self, n: usize) -> usize {
@@ -143,59 +179,64 @@ impl<'a> Builder<'a> {
         self.n_u - n
     }
 
-    #[allow(clippy::expect_used, reason = "the compiler has resolved every name in an expression")]
+    #[allow(clippy::expect_used, reason = "the macro has resolved every name of an expression")]
     fn source(&self, name: &str) -> &Source {
         let found = self.names.iter().rev().find(|(n, _)| *n == name);
         &found.expect("names are declared before use").1
     }
 
-    fn local<const N: usize, const W: usize>(&mut self, scope: &Scope) -> Local<N, W> {
-        let (at, slot) = self.scalars(scope);
-        let is_its_own = |i, j| f64::from(u8::from(slot.get(j) == Some(&(i as u32))));
-        Local {
-            at: std::array::from_fn(|i| at[i]),
-            unit: std::array::from_fn(|i| std::array::from_fn(|j| is_its_own(i, j))),
-            slot: std::array::from_fn(|j| slot.get(j).copied().unwrap_or(0)),
-            used: slot.len(),
-        }
+    fn state(&mut self, keyword: &'static str, decl: Decl) {
+        self.model.statements.push(Statement { keyword, decl });
     }
 
-    /// Where a scope's scalars live in `v`, and which of them the expression mentions.
-    fn scalars(&mut self, scope: &Scope) -> (Vec<u32>, Vec<u32>) {
-        let (mut at, mut slot) = (vec![], vec![]);
-        for (i, name) in scope.names.iter().enumerate() {
-            let Source::Scalars(v) = *self.source(name) else {
-                unreachable!("the macro puts only parameters in this scope")
+    /// Where the N numbers behind these names live, of labelled ones that of number `label`.
+    fn local<const N: usize>(&mut self, names: &[&str], label: usize) -> Local<N> {
+        let mut at = [0; N];
+        let mut places = at.iter_mut();
+        for name in names {
+            let (v, len) = match *self.source(name) {
+                Source::Scalars { v, len } => (v, len),
+                Source::Each { v, .. } => (v + label, 1),
+                _ => unreachable!("the macro hands over parameters here"),
             };
-            for e in 0..scope.lens[i] {
-                if scope.mentions(i) {
-                    slot.push(at.len() as u32);
-                    *self.mentions.entry(v + e).or_default() += 1;
+            for v in v..v + len {
+                *self.mentions.entry(v).or_default() += 1;
+                if let Some(place) = places.next() {
+                    *place = v as u32;
                 }
-                at.push((v + e) as u32);
             }
         }
-        (at, slot)
+        Local { at }
     }
 
-    /// `param name(len) [unit] ~ prior;`, or a hyperparameter between `field` and `field_end`.
+    /// What follows, up to [`Builder::end_block`], are the parameters of the block `name`.
+    pub fn block(&mut self, name: &'static str) {
+        self.prefix = Some(name);
+    }
+
+    /// The block ends.
+    pub fn end_block(&mut self) {
+        self.prefix = None;
+    }
+
+    /// `param name(len) [unit] ~ prior;`, or a hyperparameter of a field or block. M is N + 1.
     ///
     /// # Errors
     /// A label column that the data lack.
-    pub fn param<F: PriorFn + 'static, const N: usize, const W: usize>(
+    pub fn param<F: PriorFn<N>, const N: usize, const M: usize>(
         &mut self,
-        _: F,
         decl: Decl,
         len: Len,
-        scope: &Scope,
+        mentions: &[&str],
     ) -> Result<(), ModelError> {
-        let local = self.local::<N, W>(scope);
-        let probe = F::dist::<f64>(&[1.0; N]);
-        let is_fixed = probe.support() == F::dist::<f64>(&[0.5; N]).support();
-        let support = if is_fixed { probe.support() } else { Support::Between };
-        let ln_norm = if W == 1 { probe.ln_norm() } else { 0.0 };
-        let (u, v, n) = self.lay_out(decl, len, local.mentioned(), support, probe.is_flat())?;
-        let op = ParameterOp::<F, N, W> { local, u, v, n, ln_norm, f: PhantomData };
+        let local = self.local::<N>(mentions, 0);
+        let prior = F::prior([Num(1.0); N]);
+        let (support, ln_norm) = (support_of::<F, N>(), constant_norm(&prior, N));
+        let is_flat = prior.is_flat();
+        drop(prior);
+        let places = local.places();
+        let (u, v, n) = self.lay_out(decl, len, places, support, is_flat)?;
+        let op = ParameterOp::<F, N, M> { local, u, v, n, ln_norm, f: PhantomData };
         self.model.priors.push(Box::new(op));
         Ok(())
     }
@@ -209,269 +250,170 @@ impl<'a> Builder<'a> {
         support: Support,
         is_flat: bool,
     ) -> Result<(usize, usize, usize), ModelError> {
-        let (levels, index) = match (len, self.data) {
-            (Len::Each(column), Some(data)) => {
-                data.labels(column, &format!("param {}", decl.name))?
-            }
-            _ => (vec![], vec![]),
+        let labels = match len {
+            Len::Each(column) => Some(self.labels(column, &format!("param {}", decl.name))?),
+            _ => None,
         };
-        let n = match len {
-            Len::One => 1,
-            Len::Many(n) => n,
-            Len::Each(_) => levels.len(),
+        let n = match (len, &labels) {
+            (Len::Many(n), _) => n,
+            (_, Some(labels)) => labels.names.len(),
+            _ => 1,
         };
         let (u, v) = (self.unknowns(n), self.values(n));
         if is_flat {
-            self.flat.insert(v, u);
+            self.flat.extend((0..n).map(|i| (v + i, u + i)));
         }
         let kind = if matches!(len, Len::One) { Kind::Scalar } else { Kind::Vector };
-        self.push_parameter(decl, n, kind, levels, support, v);
-        let source = match len {
-            Len::Each(_) => Source::Each { v, index },
-            _ => Source::Scalars(v),
+        let names = labels.as_ref().map(|labels| labels.names.clone()).unwrap_or_default();
+        let source = match labels {
+            Some(labels) => Source::Each { v, labels },
+            None => Source::Scalars { v, len: n },
         };
-        self.names.push((decl.name, source));
-        if self.field.is_none() {
-            self.state("param", decl, None);
+        self.names.push((self.full_name(&decl.name), source));
+        self.push_parameter(&decl, n, kind, names, support, v);
+        if self.prefix.is_none() {
+            self.state("param", decl);
         }
         self.model.prior_entries.push(PriorEntry { u: u..u + n, v, len: n, mentions });
         Ok((u, v, n))
     }
 
+    /// The labels of a column; none without data.
+    fn labels(&self, column: &'static str, who: &str) -> Result<Arc<Labels>, ModelError> {
+        let (names, of_row) = match self.data {
+            Some(data) => data.labels(column, who)?,
+            None => (vec![], vec![]),
+        };
+        Ok(Arc::new(Labels { column, names, of_row }))
+    }
+
+    /// `sigma`, or `field.sigma` of a hyperparameter.
+    fn full_name(&self, name: &str) -> String {
+        self.prefix.map_or_else(|| name.to_owned(), |prefix| format!("{prefix}.{name}"))
+    }
+
     fn push_parameter(
         &mut self,
-        decl: Decl,
+        decl: &Decl,
         len: usize,
         kind: Kind,
         labels: Vec<String>,
         support: Support,
         v: usize,
     ) {
-        let name = match &self.field {
-            Some(field) => format!("{}.{}", field.name, decl.name),
-            None => decl.name.into(),
-        };
         self.model.parameters.push(Parameter {
-            name,
-            unit: decl.unit.into(),
+            name: self.full_name(&decl.name),
+            unit: decl.unit.clone().into(),
             len,
             kind,
             labels,
-            prior: decl.text.into(),
+            prior: decl.text.clone().into(),
             support,
             position: Position::Values(v),
         });
     }
 
-    /// `param name(n) [unit] ~ prior;` of a vector whose numbers constrain each other.
+    /// `param name(n) [unit] ~ prior;`, the prior one of each number or of the whole. M1 is N + 1, M2 is N + 2.
     ///
     /// # Errors
-    /// Fewer than two numbers, or not as many as the prior is of.
-    pub fn sequence<F: SequenceFn + 'static, const N: usize, const W: usize>(
+    /// A prior of the whole that is of another length or no density.
+    pub fn vector<F: VectorFn<N>, const N: usize, const M1: usize, const M2: usize>(
         &mut self,
-        _: F,
         decl: Decl,
         n: usize,
-        scope: &Scope,
+        mentions: &[&str],
     ) -> Result<(), ModelError> {
-        if n < 2 {
-            return Err(ModelError::TooShort { parameter: decl.name.into(), len: n });
+        if is_whole(&F::prior([Num(1.0); N])) {
+            self.sequence::<Known<F>, N, M2>(decl, n, mentions)
+        } else {
+            self.param::<Known<F>, N, M1>(decl, Len::Many(n), mentions)
         }
-        let local = self.local::<N, W>(scope);
-        let prior = F::sequence::<f64>(&[1.0; N]);
-        if let Some(expected) = prior.length().filter(|expected| *expected != n) {
-            return Err(ModelError::Length { parameter: decl.name.into(), len: n, expected });
+    }
+
+    /// A vector with a prior of all of its numbers.
+    fn sequence<F: SequenceFn<N>, const N: usize, const M: usize>(
+        &mut self,
+        decl: Decl,
+        n: usize,
+        mentions: &[&str],
+    ) -> Result<(), ModelError> {
+        let local = self.local::<N>(mentions, 0);
+        let prior = F::sequence([Num(1.0); N]);
+        let (parameter, expected) = (decl.name.clone().into(), prior.length(n));
+        if n < expected && expected == 2 {
+            return Err(ModelError::TooShort { parameter, len: n });
         }
-        let n_unknowns = prior.n_unknowns(n);
+        if n != expected {
+            return Err(ModelError::Length { parameter, len: n, expected });
+        }
+        if N == 0 && !prior.ln_norm(n).0.is_finite() {
+            return Err(ModelError::NoDensity { parameter, prior: decl.text.into() });
+        }
+        let (n_unknowns, n_carry) = (prior.n_unknowns(n), prior.n_carry(n).max(1));
+        let support = prior.support();
+        drop(prior);
         let (u, v) = (self.unknowns(n_unknowns), self.values(n));
-        let mentions = local.mentioned();
+        let mentions = local.places();
         let entry = PriorEntry { u: u..u + n_unknowns, v, len: n, mentions };
         self.model.prior_entries.push(entry);
         let work = self.n_work;
-        self.n_work += n;
-        self.push_parameter(decl, n, Kind::Vector, vec![], prior.support(), v);
-        self.names.push((decl.name, Source::Scalars(v)));
-        self.state("param", decl, None);
-        let op = SequenceOp::<F, N, W> { local, u, v, work, n, f: PhantomData };
+        self.n_work += (n + 1) * n_carry;
+        self.push_parameter(&decl, n, Kind::Vector, vec![], support, v);
+        self.names.push((decl.name.clone().into(), Source::Scalars { v, len: n }));
+        self.state("param", decl);
+        let op = SequenceOp::<F, N, M> { local, u, v, work, n, n_carry, f: PhantomData };
         self.model.priors.push(Box::new(op));
         Ok(())
     }
 
-    fn state(&mut self, keyword: &'static str, decl: Decl, range: Option<(f64, f64)>) {
-        self.model.statements.push(Statement { keyword, decl, range });
-    }
-
-    /// `let name(row) [unit] in range = expr;`
-    pub fn value<F: LetFn + 'static, const N: usize>(
-        &mut self,
-        _: F,
-        decl: Decl,
-        range: Option<(f64, f64)>,
-        scope: &Scope,
-        reads_row: bool,
-    ) {
-        self.map(decl, range, scope, reads_row, || Box::new(MapAt::<F, N>::new()));
-    }
-
-    /// Keeps a `let` for what is reported of it, and as a map over the vertices if it depends on parameters
-    /// and fields alone.
-    fn map(
+    /// `column name [unit] ~ prior;`: every empty cell is an unknown. M is N + 1.
+    ///
+    /// # Errors
+    /// No such column, a cell that is no number, a prior whose bounds are unknown.
+    pub fn imputed<F: PriorFn<N>, const N: usize, const M: usize>(
         &mut self,
         decl: Decl,
-        range: Option<(f64, f64)>,
-        scope: &Scope,
-        reads_row: bool,
-        make: fn() -> Box<dyn MapFn>,
-    ) {
-        self.state("let", decl, range);
-        let mut sources = vec![];
-        let mut is_map = !reads_row;
-        for (i, name) in scope.names.iter().enumerate() {
-            for e in 0..scope.lens[i] {
-                sources.push(match self.source(name) {
-                    _ if !scope.mentions(i) => MapSource::Value(0),
-                    Source::Scalars(v) => MapSource::Value(v + e),
-                    Source::Field(field) => MapSource::Field(*field),
-                    Source::Let => {
-                        is_map &= self.model.maps.iter().any(|m| m.name == *name);
-                        MapSource::Value(0)
-                    }
-                    Source::Each { .. } | Source::Linear { .. } => {
-                        is_map = false;
-                        MapSource::Value(0)
-                    }
-                });
+        mentions: &[&str],
+    ) -> Result<(), ModelError> {
+        let local = self.local::<N>(mentions, 0);
+        let support = support_of::<F, N>();
+        if support == Support::Between {
+            return Err(ModelError::ImputedBounds { column: decl.name.into() });
+        }
+        let (mut cells, mut lines) = (vec![], vec![]);
+        if let Some(data) = self.data {
+            for row in 0..data.len() {
+                let who = format!("column {}", decl.name);
+                cells.push(data.number_or_empty(row, &decl.name, &who)?);
+                lines.push(format!("line {}", data.line(row)));
             }
         }
-        self.declare_let(decl, scope, reads_row, make);
-        self.names.push((decl.name, Source::Let));
-        if is_map {
-            let (unit, at) = (decl.unit.into(), make());
-            self.model.maps.push(Map { name: decl.name, unit, range, sources, at });
+        let v = self.values(cells.len());
+        let is_missing = |i: &usize| cells[*i].is_nan();
+        let missing: Vec<usize> = (0..cells.len()).filter(is_missing).collect();
+        let seen: Vec<(usize, f64)> =
+            (0..cells.len()).filter(|i| !is_missing(i)).map(|i| (i, cells[i])).collect();
+        self.model.constants.extend(seen.iter().map(|(i, x)| (v + i, *x)));
+        let u = self.unknowns(missing.len());
+        let labels = missing.iter().map(|i| lines[*i].clone()).collect();
+        self.push_parameter(&decl, missing.len(), Kind::Vector, labels, support, v);
+        if let Some(parameter) = self.model.parameters.last_mut() {
+            parameter.position = Position::Cells { v, rows: missing.clone() };
         }
-    }
-
-    /// `column name [unit];`
-    pub fn column(&mut self, decl: Decl) {
-        self.state("column", decl, None);
-    }
-
-    /// `let name(row) = linear(row.a, row.b; beta);`
-    pub fn linear(&mut self, decl: Decl, columns: &[&'static str], beta: &'static str) {
-        self.state("let", decl, None);
-        self.names.push((decl.name, Source::Linear { beta, columns: columns.to_vec() }));
-        self.declare_linear(decl);
-    }
-
-    /// `effect name on a, b [unit] = linear(row.c) ~ prior;`
-    ///
-    /// # Errors
-    /// Those of [`Builder::param`].
-    pub fn effect<F: PriorFn + 'static, const N: usize, const W: usize>(
-        &mut self,
-        f: F,
-        decl: Decl,
-        prior: &'static str,
-        on: &[&'static str],
-        columns: &[&'static str],
-        scope: &Scope,
-    ) -> Result<(), ModelError> {
-        self.coefficients::<F, N, W>(f, decl, prior, columns.len(), scope)?;
-        self.push_effect(decl.name, on, EffectDesign::Columns(columns.to_vec()), columns.len());
+        let n = missing.len();
+        let entry = PriorEntry { u: u..u + n, v, len: cells.len(), mentions: local.places() };
+        self.model.prior_entries.push(entry);
+        self.names.push((decl.name.clone().into(), Source::Cells { v }));
+        self.state("column", decl);
+        let op = ImputedOp::<F, N, M> { local, u, v, missing, seen, f: PhantomData };
+        self.model.priors.push(Box::new(op));
         Ok(())
-    }
-
-    /// `effect name on a, b [unit] = scaled(row.c, 1.0, 2.0) ~ prior;`, and the other forms.
-    ///
-    /// # Errors
-    /// Those of [`Builder::param`], and a column that the table lacks.
-    pub fn formed_effect<F: PriorFn + 'static, const N: usize, const W: usize>(
-        &mut self,
-        f: F,
-        decl: Decl,
-        prior: &'static str,
-        on: &[&'static str],
-        form: Form,
-        scope: &Scope,
-    ) -> Result<(), ModelError> {
-        let n = self.n_coefficients(decl.name, &form)?;
-        self.coefficients::<F, N, W>(f, decl, prior, n, scope)?;
-        self.label_last(&form);
-        self.push_effect(decl.name, on, EffectDesign::Form(form), n);
-        Ok(())
-    }
-
-    /// An effect that is in no model file: coefficients `~ Normal(0, sd)`.
-    ///
-    /// # Errors
-    /// A column that the table lacks.
-    pub(super) fn added_effect(
-        &mut self,
-        decl: Decl,
-        on: &[String],
-        form: &Form,
-        sd: f64,
-    ) -> Result<(), ModelError> {
-        let n = self.n_coefficients(decl.name, form)?;
-        let (u, v) = (self.unknowns(n), self.values(n));
-        let prior = decl.text.rsplit_once('~').map_or("", |(_, prior)| prior.trim_start());
-        let named = Decl { text: prior, ..decl };
-        self.push_parameter(named, n, Kind::Vector, vec![], Support::Real, v);
-        self.state("effect", decl, None);
-        self.model.prior_entries.push(PriorEntry { u: u..u + n, v, len: n, mentions: vec![] });
-        self.model.priors.push(Box::new(NormalOp { u, v, n, sd }));
-        self.label_last(form);
-        let on: Vec<&str> = on.iter().map(String::as_str).collect();
-        self.push_effect(decl.name, &on, EffectDesign::Form(form.clone()), n);
-        Ok(())
-    }
-
-    fn coefficients<F: PriorFn + 'static, const N: usize, const W: usize>(
-        &mut self,
-        f: F,
-        decl: Decl,
-        prior: &'static str,
-        n: usize,
-        scope: &Scope,
-    ) -> Result<(), ModelError> {
-        self.param::<F, N, W>(f, Decl { text: prior, ..decl }, Len::Many(n), scope)?;
-        if let Some(statement) = self.model.statements.last_mut() {
-            *statement = Statement { keyword: "effect", decl, range: None };
-        }
-        Ok(())
-    }
-
-    fn push_effect(&mut self, name: &str, on: &[&str], design: EffectDesign, n: usize) {
-        let on = on.iter().map(ToString::to_string).collect();
-        self.effects.push(Effect { name: name.into(), on, design, beta: self.n_v - n });
-    }
-
-    fn n_coefficients(&self, effect: &str, form: &Form) -> Result<usize, ModelError> {
-        let Some(data) = self.data else { return Ok(form.n_modes().max(1)) };
-        check_probes(effect, form, data)?;
-        if let Some(column) = form.column() {
-            data.require(column, &format!("effect {effect}"))?;
-        }
-        Ok(form.design(data).1)
-    }
-
-    /// Names the last parameter's numbers after the form's labels.
-    fn label_last(&mut self, form: &Form) {
-        if let (Some(data), Some(parameter)) = (self.data, self.model.parameters.last_mut()) {
-            parameter.labels = form.labels(data);
-        }
     }
 
     /// Everything is declared.
     pub(super) fn finish(mut self) -> Result<Model, ModelError> {
-        let forms = self.effects.iter().filter_map(|effect| match &effect.design {
-            EffectDesign::Form(form) => Some(form.n_modes()),
-            EffectDesign::Columns(_) => None,
-        });
-        self.model.effect_modes = forms.max().unwrap_or(0);
         self.apply_effects()?;
         self.lay_out_lets()?;
-        check_units(&self.model)?;
         self.model.layout = [self.n_u, self.n_v, self.n_work];
         if let Some(data) = self.data {
             self.model.check(data)?;
@@ -479,69 +421,20 @@ impl<'a> Builder<'a> {
         self.model.hooks = self.hooks;
         Ok(self.model)
     }
-
-    /// Makes every effect's design act on the offsets of its targets.
-    fn apply_effects(&mut self) -> Result<(), ModelError> {
-        for effect in std::mem::take(&mut self.effects) {
-            let mut hit = BTreeSet::new();
-            for i in 0..self.model.observes.len() {
-                let (observe, rows) =
-                    (self.model.observes[i].name, self.model.observes[i].rows.clone());
-                let mut out = vec![];
-                for ((_, target), at) in self.hooks.iter().filter(|((o, _), _)| *o == observe) {
-                    if effect.on.iter().any(|on| on == target) {
-                        hit.insert(*target);
-                        out.push(*at);
-                    }
-                }
-                if !out.is_empty() {
-                    let linear = self.effect_rows(&effect, &rows, out)?;
-                    self.model.linear.push(linear);
-                }
-            }
-            if let Some(target) = effect.on.iter().find(|on| !hit.contains(on.as_str())) {
-                let (effect, target) = (effect.name, target.clone());
-                return Err(ModelError::NoTarget { effect, target });
-            }
-        }
-        Ok(())
-    }
-
-    /// An effect's design at the rows of one `observe`.
-    fn effect_rows(
-        &self,
-        effect: &Effect,
-        rows: &[usize],
-        out: Vec<usize>,
-    ) -> Result<Linear, ModelError> {
-        match (&effect.design, self.data) {
-            (EffectDesign::Columns(columns), _) => {
-                let names: Vec<String> = columns.iter().map(ToString::to_string).collect();
-                self.design(rows, &names, effect.beta, out, true)
-            }
-            (EffectDesign::Form(form), Some(data)) => {
-                let (z, n) = form.design(data);
-                let z = rows.iter().flat_map(|row| z[row * n..][..n].iter().copied()).collect();
-                Ok(Linear { beta: effect.beta, n, z, out, rows: rows.len(), add: true })
-            }
-            (EffectDesign::Form(_), None) => {
-                Ok(Linear { beta: effect.beta, n: 1, z: vec![], out, rows: 0, add: true })
-            }
-        }
-    }
 }
 
-/// Complains unless the modes that a form needs are known at the rows.
-fn check_probes(effect: &str, form: &Form, data: &Measurements) -> Result<(), ModelError> {
-    let k = form.n_modes();
-    if k == 0 {
-        return Ok(());
-    }
-    let field = effect.to_owned();
-    let Some(probes) = data.probes() else { return Err(ModelError::NoBasis { field }) };
-    if matches!(form, Form::Path { .. }) {
-        data.require(SOURCE, &format!("effect {effect}"))?;
-    }
-    let available = probes.n_modes();
-    if k > available { Err(ModelError::TooManyModes { field, k, available }) } else { Ok(()) }
+/// Whether a prior is one of the whole vector.
+fn is_whole<T: Vector<Num<f64>>>(_: &T) -> bool {
+    T::IS_WHOLE
+}
+
+/// The support of a prior; that of one whose bounds move with what it mentions is only known while it runs.
+fn support_of<F: PriorFn<N>, const N: usize>() -> Support {
+    let support = |x: f64| F::prior([Num(x); N]).support();
+    if support(1.0) == support(0.5) { support(1.0) } else { Support::Between }
+}
+
+/// The normaliser of a prior that mentions nothing: computed once.
+fn constant_norm(prior: &impl Dist<Num<f64>>, n_mentioned: usize) -> f64 {
+    if n_mentioned == 0 { prior.ln_norm().0 } else { 0.0 }
 }

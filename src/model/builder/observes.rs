@@ -3,17 +3,14 @@
 
 use std::marker::PhantomData;
 
-use super::{Builder, Source};
+use super::{Builder, Computed, Place, Source};
 use crate::likelihood::Observation;
-use crate::model::density::{Density, DensityAt, DensityFn};
-use crate::model::equations::tidy;
+use crate::model::density::{Density, DensityAt};
 use crate::model::error::ModelError;
+use crate::model::expansion::{Columns, Decl, DensityFn, RowFn};
 use crate::model::linear::Linear;
 use crate::model::model::Observe;
-use crate::model::rows::{Columns, Place, RowFn, Rows};
-use crate::model::scope::Scope;
-use crate::model::units::Decl;
-use crate::model::uses::reads;
+use crate::model::rows::{self, Rows};
 use crate::table::Measurements;
 
 /// A likelihood with outliers, as it is written.
@@ -22,132 +19,121 @@ pub fn outlying(likelihood: &str, share: f64, sd: f64) -> String {
 }
 
 impl Builder<'_> {
-    /// `observe name(row): Y [unit] ~ likelihood;`
+    /// `observe name(row): Y [unit] from (…) ~ likelihood;` Of the N numbers of a row W carry derivatives.
     ///
     /// # Errors
     /// No row of it, a missing column, a cell that does not fit.
-    pub fn observe<F: RowFn + 'static, const N: usize, const W: usize>(
+    pub fn observe<F: RowFn<N>, const N: usize, const W: usize>(
         &mut self,
-        _: F,
         decl: Decl,
-        scope: &Scope,
+        name: &'static str,
+        mentions: Place,
+        from: Option<Computed>,
     ) -> Result<(), ModelError> {
-        self.state("observe", self.with_outliers(decl), None);
-        let read = match (self.data, F::FROM) {
-            (Some(data), Some(text)) => compute_rows::<F>(data, decl, text)?,
-            (Some(data), None) => read_rows::<F::Y>(data, decl.name)?,
+        let unit = decl.unit.clone().into();
+        self.state("observe", self.with_outliers(decl));
+        let read = match (self.data, from) {
+            (Some(data), Some(from)) => compute_rows::<F, N>(data, name, from)?,
+            (Some(data), None) => read_rows::<F::Y>(data, name)?,
             (None, _) => Read { rows: vec![], y: vec![], cells: vec![] },
         };
         let Read { rows, y, cells } = read;
-        let who = format!("observe {}", decl.name);
+        let who = format!("observe {name}");
         let mut columns = vec![];
         for &row in &rows {
             let Some(data) = self.data else { break };
-            columns.push(F::Columns::read(&mut |name| data.number(row, name, &who))?);
+            columns.push(F::Columns::read(&mut |column| data.number(row, column, &who))?);
         }
-        let place = self.place(decl.name, &rows, scope, W)?;
-        self.model.observes.push(Observe {
-            name: decl.name,
-            unit: decl.unit.into(),
-            columns: F::Y::COLUMNS,
-            cells,
-            rows,
-            op: Box::new(Rows::<F, N, W> {
-                columns,
-                y,
-                place,
-                outliers: self.outliers.map(|(share, sd)| (share, sd * sd)),
-            }),
-        });
+        let place = self.place(name, &rows, mentions, W)?;
+        let outliers = self.outliers.map(|(share, sd)| (share, sd * sd));
+        let op = Box::new(Rows::<F, N, W> { columns, y, place, outliers });
+        self.model.observes.push(Observe { name, unit, columns: F::Y::COLUMNS, cells, rows, op });
         Ok(())
     }
 
     /// An `observe` as it reads with the outliers that are added.
     fn with_outliers(&self, decl: Decl) -> Decl {
         let Some((share, sd)) = self.outliers else { return decl };
-        let Some((what, likelihood)) = decl.text.split_once('~') else { return decl };
-        let text = format!("{what}~ {}", outlying(likelihood, share, sd));
-        // as long as the program, as the words of a model file
-        Decl { text: Box::leak(text.into_boxed_str()), ..decl }
+        Decl { text: outlying(&decl.text, share, sd).into(), ..decl }
     }
 
-    /// `density name = expr;`, or `density name(data) = expr;` with the table's columns under that name.
+    /// `density name = expr;`, or `density name(data) = expr;` with the columns that it `reads` of the table.
     ///
     /// # Errors
     /// No row of it, a missing column, a cell that does not fit.
-    pub fn density<F: DensityFn + 'static, const N: usize, const W: usize>(
+    pub fn density<F: DensityFn<N>, const N: usize>(
         &mut self,
-        _: F,
         decl: Decl,
-        scope: &Scope,
-        data: Option<&'static str>,
+        name: &'static str,
+        mentions: &[&str],
+        reads: Option<&[&str]>,
     ) -> Result<(), ModelError> {
-        self.state("density", decl, None);
-        let local = self.local::<N, W>(scope);
-        let (rows, cells) = match (self.data, data) {
-            (Some(table), Some(data)) => read_columns::<F::Columns>(table, decl, data)?,
+        self.state("density", decl);
+        let local = self.local::<N>(mentions, 0);
+        let (rows, cells) = match (self.data, reads) {
+            (Some(table), Some(columns)) => read_columns::<F::Columns>(table, name, columns)?,
             _ => (vec![], vec![]),
         };
-        let op = DensityAt::<F, N, W> { local, cells, n_rows: rows.len(), f: PhantomData };
-        self.model.densities.push(Density::new(decl.name, data.is_some(), rows, op));
+        let op = DensityAt::<F, N> { local, cells, n_rows: rows.len(), f: PhantomData };
+        self.model.densities.push(Density::new(name, reads.is_some(), rows, op));
         Ok(())
     }
 
-    /// For each row, where in `v` each scalar that the likelihood mentions lives.
+    /// For each row, where in `v` each number that the likelihood mentions lives.
     fn place(
         &mut self,
         observe: &'static str,
         rows: &[usize],
-        scope: &Scope,
+        mentions: Place,
         w: usize,
-    ) -> Result<Place, ModelError> {
+    ) -> Result<rows::Place, ModelError> {
         let n = rows.len();
-        let mut place = Place { index: vec![0; n * w], hook: vec![], lets: vec![None; scope.lets] };
-        let (mut used, mut hooked) = (0, vec![]);
-        for (i, &name) in scope.names.iter().enumerate() {
-            if !scope.mentions(i) {
-                continue;
-            }
-            if i >= scope.first_let() {
-                self.seen.insert((name, observe));
-                if self.acts(name) {
-                    place.lets[i - scope.first_let()] = Some(self.hook(observe, name, n));
-                }
-                continue;
-            }
+        let (mut index, mut hooked, mut j) = (vec![0; n * w], vec![], 0);
+        for &name in mentions.numbers {
             let source = self.source(name).clone();
             let predictor = self.predictor(name, &source, rows)?;
             if matches!(source, Source::Linear { .. }) {
                 self.predictors.insert((observe, name), predictor);
                 self.seen.insert((name, observe));
             }
-            for e in 0..scope.lens[i] {
-                let j = used;
-                used += 1;
-                if matches!(source, Source::Field(_) | Source::Linear { .. }) && self.acts(name) {
+            for e in 0..if let Source::Scalars { len, .. } = source { len } else { 1 } {
+                if matches!(source, Source::Field { .. } | Source::Linear { .. }) && self.acts(name)
+                {
                     hooked.push((j, self.hook(observe, name, n)));
                 }
                 for (r, &row) in rows.iter().enumerate() {
-                    place.index[r * w + j] = match &source {
-                        Source::Scalars(v) => v + e,
-                        Source::Each { v, index } => v + index[row],
-                        Source::Field(field) => self.probe(*field, row),
+                    index[r * w + j] = match &source {
                         Source::Linear { .. } => predictor + r,
-                        Source::Let => unreachable!("lets come last in a scope"),
+                        source => self.value_at(source, row) + e,
                     } as u32;
                 }
+                j += 1;
             }
         }
-        if !hooked.is_empty() {
-            // an offset on a field's value needs no derivative of its own: it is the field's
-            place.hook = vec![0; n * w];
+        let mut lets = vec![];
+        for &name in mentions.lets {
+            self.seen.insert((name, observe));
+            lets.push(self.acts(name).then(|| self.hook(observe, name, n)));
         }
+        // an offset on a field's value needs no derivative of its own: it is the field's
+        let mut hook = vec![0; if hooked.is_empty() { 0 } else { n * w }];
         for (j, at) in hooked {
-            for r in 0..n {
-                place.hook[r * w + j] = (at + r) as u32;
-            }
+            (0..n).for_each(|r| hook[r * w + j] = (at + r) as u32);
         }
-        Ok(place)
+        Ok(rows::Place { index, hook, lets })
+    }
+
+    /// Where the value of a name lives that a row of the table sees; the first of several.
+    pub(super) fn value_at(&self, source: &Source, row: usize) -> usize {
+        match source {
+            Source::Scalars { v, .. } => *v,
+            Source::Each { v, labels } => v + labels.of_row[row],
+            Source::Cells { v } => v + row,
+            Source::Field { field, labels } => {
+                self.probe(field + labels.as_ref().map_or(0, |labels| labels.of_row[row]), row)
+            }
+            Source::Linear { .. } | Source::Let => 0,
+        }
     }
 
     /// The value of field number `field` at the probe of `row`.
@@ -172,9 +158,10 @@ impl Builder<'_> {
             got,
         };
         let declared = self.names.iter().rev().find(|(n, _)| n == beta);
-        let Some((_, Source::Scalars(v))) = declared else { return Err(wrong(columns.len(), 0)) };
-        let v = *v;
-        let n_beta = self.model.parameters.iter().find(|p| p.name == *beta).map_or(0, |p| p.len);
+        let Some((_, Source::Scalars { v, len: n_beta })) = declared else {
+            return Err(wrong(columns.len(), 0));
+        };
+        let (v, n_beta) = (*v, *n_beta);
         let out = self.values(rows.len());
         let alone = if columns.len() == 1 { n_beta } else { 1 };
         let names: Vec<String> = columns.iter().flat_map(|c| self.numbered(c, alone)).collect();
@@ -261,17 +248,17 @@ fn read_rows<Y: Observation>(data: &Measurements, observe: &str) -> Result<Read<
 
 /// As [`read_rows`], each measurement computed by `from (text)`; a row in which one of the columns that it
 /// reads is empty holds none.
-fn compute_rows<F: RowFn>(
+fn compute_rows<F: RowFn<N>, const N: usize>(
     data: &Measurements,
-    decl: Decl,
-    text: &str,
+    observe: &str,
+    from: Computed,
 ) -> Result<Read<F::Y>, ModelError> {
-    let who = format!("observe {}", decl.name);
+    let who = format!("observe {observe}");
     let columns = F::Columns::names().into_iter();
-    let own = columns.filter(|(column, _)| reads(text, decl.over, column));
+    let own = columns.filter(|(column, _)| from.columns.contains(column));
     let cells: Vec<String> = own.flat_map(|(_, names)| names).collect();
     let (mut rows, mut y) = (vec![], vec![]);
-    for row in data.rows_of(decl.name) {
+    for row in data.rows_of(observe) {
         let mut is_measured = true;
         for name in &cells {
             is_measured &= !data.number_or_empty(row, name, &who)?.is_nan();
@@ -282,7 +269,7 @@ fn compute_rows<F: RowFn>(
         let row_columns = F::Columns::read(&mut |name| data.number(row, name, &who))?;
         let Some(measurement) = F::measured(&row_columns) else { continue };
         if let Some(cell) = measurement.cells().into_iter().find(|cell| !cell.is_finite()) {
-            let problem = format!("expected a finite number, got {} = {cell}", tidy(text));
+            let problem = format!("expected a finite number, got {} = {cell}", from.text);
             let error = data.cell_error(row, &cells.join(", "), problem, "mend the row or drop it");
             return Err(error.into());
         }
@@ -290,7 +277,7 @@ fn compute_rows<F: RowFn>(
         y.push(measurement);
     }
     if rows.is_empty() {
-        return Err(no_rows(data, "observe", decl.name));
+        return Err(no_rows(data, "observe", observe));
     }
     Ok(Read { rows, y, cells })
 }
@@ -318,22 +305,21 @@ fn read_cells(
     Ok((names.iter().map(ToString::to_string).collect(), cells))
 }
 
-/// The rows of a `density` statement, and their cells of each column that `text` reads through the name
-/// `data`; nothing of the others.
+/// The rows of a `density` statement, and their cells of each column that it `reads`; nothing of the others.
 fn read_columns<C: Columns>(
     table: &Measurements,
-    decl: Decl,
-    data: &str,
+    density: &str,
+    reads: &[&str],
 ) -> Result<(Vec<usize>, Vec<Vec<f64>>), ModelError> {
-    let who = format!("density {}", decl.name);
-    let rows = table.rows_of(decl.name);
+    let who = format!("density {density}");
+    let rows = table.rows_of(density);
     if rows.is_empty() {
-        return Err(no_rows(table, "density", decl.name));
+        return Err(no_rows(table, "density", density));
     }
     let mut cells = vec![];
     for (column, names) in C::names() {
         let mut of_column = vec![];
-        for &row in rows.iter().filter(|_| reads(decl.text, data, column)) {
+        for &row in rows.iter().filter(|_| reads.contains(&column)) {
             for name in &names {
                 of_column.push(table.number(row, name, &who)?);
             }

@@ -1,0 +1,80 @@
+//! What is declared: each name once, vectors as long as their priors need.
+
+use super::scope::Local;
+use crate::mistake::Mistake;
+use crate::syntax::{Field, Ident, Item, Model, Over, Param};
+
+/// Names that are declared twice. What an expression mentions by its bare name, the columns, the
+/// measurements and the densities may each have the name of one of the others.
+pub(super) fn twice(model: &Model) -> Vec<Mistake> {
+    let mut mistakes = vec![];
+    for (i, statement) in model.statements.iter().enumerate() {
+        let name = statement.item.name();
+        let mut above = model.statements[..i].iter().map(|above| &above.item);
+        if above.any(|above| above.name() == name && is_same_kind(above, &statement.item)) {
+            mistakes.push(second(name));
+        }
+    }
+    mistakes
+}
+
+/// Names that a block of parameters declares twice.
+pub(super) fn twice_in(params: &[Param]) -> Vec<Mistake> {
+    let is_second = |(i, p): &(usize, &Param)| params[..*i].iter().any(|q| q.name == p.name);
+    params.iter().enumerate().filter(is_second).map(|(_, p)| second(&p.name)).collect()
+}
+
+fn second(name: &Ident) -> Mistake {
+    let message = format!("`{name}` is declared twice");
+    Mistake::at(name.span(), message, "give one of them another name")
+}
+
+fn is_same_kind(a: &Item, b: &Item) -> bool {
+    use Item::{Column, Density, Effect, Field, Hyper, Let, Observe, Param};
+    match (a, b) {
+        (Column(_), Column(_)) | (Observe(_), Observe(_)) | (Density(_), Density(_)) => true,
+        // both are reported as parameters
+        (Effect(_), Effect(_) | Param(_)) | (Param(_), Effect(_)) => true,
+        _ => [a, b].iter().all(|item| matches!(item, Param(_) | Field(_) | Let(_) | Hyper(_))),
+    }
+}
+
+/// A vector prior is one of at least two numbers.
+pub(super) fn length(param: &Param) -> Vec<Mistake> {
+    let Param { name, over, prior, .. } = param;
+    let (message, help) = match over {
+        Over::Many(0) => (
+            format!("`{name}` has no number"),
+            format!("declare `param {name}(2) ~ PRIOR;` or more, or `param {name} ~ PRIOR;`"),
+        ),
+        Over::One if prior.is_joint => (
+            format!("`{name}` is one number, and its prior is one of a whole vector"),
+            format!("declare `param {name}(3) ~ PRIOR;`, or give it a prior of one number"),
+        ),
+        Over::Many(1) if prior.is_joint => (
+            format!("param {name}(1): proportions and ordered numbers come at least in twos"),
+            format!("declare `param {name}(2) ~ PRIOR;` or more"),
+        ),
+        _ => return vec![],
+    };
+    vec![Mistake::at(name.span(), message, help)]
+}
+
+/// Hyperparameters of each label belong to a field of each label.
+pub(super) fn labels(field: &Field, locals: &[Local<'_>]) -> Vec<Mistake> {
+    let mut mistakes = vec![];
+    for Local { param, .. } in locals {
+        let Over::Each(label) = &param.over else { continue };
+        if field.label.as_ref() == Some(label) {
+            continue;
+        }
+        let Field { name, place, .. } = field;
+        let h = &param.name;
+        let message = format!("`{h}` has a value for each `{label}`, and `{name}` has not");
+        let help = format!("write `field {name}({place}, {label})`, or `{h}` without `({label})`");
+        let is_own = field.params.iter().any(|p| p.name == *h);
+        let at = if is_own { label.span() } else { name.span() };
+        mistakes.push(Mistake::at(at, message, help));
+    }
+    mistakes
+}

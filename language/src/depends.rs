@@ -1,0 +1,88 @@
+//! What a measurement depends on, from the tree.
+
+use crate::names::mentions;
+use crate::syntax::{Expr, Ident, Item, Model, Observe, Value};
+
+impl Model {
+    /// The first field or `let` that the likelihood of `observe` mentions; `None` if it mentions
+    /// parameters alone.
+    pub fn first_value(&self, observe: &Observe) -> Option<&Ident> {
+        self.values_in(&observe.likelihood).into_iter().next()
+    }
+
+    /// The fields and `let`s that the likelihood of `observe` depends on: those that it mentions, and
+    /// those that these mention in turn.
+    pub fn values_behind(&self, observe: &Observe) -> Vec<&Ident> {
+        let mut found = self.values_in(&observe.likelihood);
+        let mut next = 0;
+        while let Some(name) = found.get(next) {
+            if let Some(Item::Let(l)) = self.value(name)
+                && let Value::Expr(e) = &l.value
+            {
+                for name in self.values_in(e) {
+                    if !found.contains(&name) {
+                        found.push(name);
+                    }
+                }
+            }
+            next += 1;
+        }
+        found
+    }
+
+    /// Whether a field on the surface stands behind the likelihood of `observe`.
+    pub fn is_of_field(&self, observe: &Observe) -> bool {
+        let values = self.values_behind(observe);
+        values.iter().any(|name| matches!(self.value(name), Some(Item::Field(_))))
+    }
+
+    /// Whether a likelihood allows for outliers.
+    pub fn has_outliers(&self) -> bool {
+        let mut mentions = self.observes().flat_map(|observe| mentions(&observe.likelihood));
+        mentions.any(|mention| mention.name == "Outliers" && mention.arguments.is_some())
+    }
+
+    /// The fields and `let`s that `e` mentions, each once.
+    fn values_in(&self, e: &Expr) -> Vec<&Ident> {
+        let mut found: Vec<&Ident> = vec![];
+        for mention in mentions(e) {
+            if let Some(item) = self.value(&mention.name)
+                && !found.contains(&item.name())
+            {
+                found.push(item.name());
+            }
+        }
+        found
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use crate::File;
+
+    const MODEL: &str = "model! {
+        model M;
+        param s ~ HalfNormal(1.0);
+        field f(x) = m + gp(Rbf(2.0), K = 4) where { m ~ Flat; }
+        let twice(x) = f(x) * 2;
+        let level(x) = s + 1;
+        observe a(x): Number ~ Normal(twice(x) + level(x), s);
+        observe b(x): Number ~ Outliers(Normal(level(x), s), 0.1, 2.0);
+        observe c(x): Number ~ Normal(s, 1.0);
+    }";
+
+    #[test]
+    fn what_is_observed_is_found_behind_lets() {
+        let model = File::read(MODEL).unwrap().model;
+        let [a, b, c] = &model.observes().collect::<Vec<_>>()[..] else { panic!() };
+        let words = |o| model.values_behind(o).iter().map(ToString::to_string).collect::<Vec<_>>();
+        assert_eq!(words(a), ["twice", "level", "f"]);
+        assert_eq!(model.first_value(a).unwrap(), "twice");
+        assert_eq!(model.first_value(b).unwrap(), "level");
+        assert!(model.first_value(c).is_none());
+        assert!(model.is_of_field(a) && !model.is_of_field(b));
+        assert!(model.has_outliers());
+        let without = MODEL.replace("Outliers(", "Widened(");
+        assert!(!File::read(&without).unwrap().model.has_outliers());
+    }
+}

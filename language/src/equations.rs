@@ -1,0 +1,175 @@
+//! A model as equations: what `eplat show` prints and the report's first page holds.
+
+use std::fmt::Write as _;
+
+use crate::print;
+use crate::syntax::{
+    Column, Effect, Expr, Field, Hyper, Item, Let, Model, Observe, Over, Param, Prior, Range,
+    Statement, Unit, Value,
+};
+use crate::vocabulary::is_joint;
+
+/// Each section's title, and the statements that stand in it.
+const SECTIONS: [(&str, &str); 8] = [
+    ("Columns of the table", "column"),
+    ("Parameters", "param"),
+    ("Hyperparameters", "hyper"),
+    ("Fields on the surface (GP: Σ η_k √S(√λ_k) φ_k(x), η_k ~ Normal(0, 1))", "field"),
+    ("Derived", "let"),
+    ("Effects", "effect"),
+    ("Log densities", "density"),
+    ("Measurements", "observe"),
+];
+
+/// The model as equations, with parameters, units and what `support` says of where the values of a
+/// parameter lie. It is asked by the name under which the parameter is reported, such as `tau_out.m`.
+pub fn equations(model: &Model, support: &dyn Fn(&str) -> Option<String>) -> String {
+    let mut page = Page { text: format!("{}\n", model.name), support };
+    for line in &model.docs {
+        page.comment("  ", line);
+    }
+    for (title, keyword) in SECTIONS {
+        let is_of = |s: &&Statement| s.item.keyword() == keyword;
+        let statements: Vec<&Statement> = model.statements.iter().filter(is_of).collect();
+        if !statements.is_empty() {
+            page.line(format_args!("\n{title}"));
+        }
+        for statement in statements {
+            for line in &statement.docs {
+                page.comment("  # ", line);
+            }
+            page.statement(&statement.item, model);
+        }
+    }
+    page.text
+}
+
+struct Page<'a> {
+    text: String,
+    support: &'a dyn Fn(&str) -> Option<String>,
+}
+
+impl Page<'_> {
+    fn line(&mut self, line: impl std::fmt::Display) {
+        let _ = writeln!(self.text, "{line}");
+    }
+
+    fn comment(&mut self, mark: &str, line: &str) {
+        if !line.trim().is_empty() {
+            self.line(format_args!("{mark}{}", line.trim()));
+        }
+    }
+
+    fn statement(&mut self, item: &Item, model: &Model) {
+        match item {
+            Item::Column(c) => self.line(column(c)),
+            Item::Param(p) => self.param(p, &p.name.to_string(), 2),
+            Item::Hyper(h) => {
+                self.line(format_args!("  {}", h.name));
+                self.params(&h.params, &h.name.to_string());
+            }
+            Item::Field(f) => self.field(f, model),
+            Item::Let(l) => self.line(let_statement(l)),
+            Item::Effect(e) => self.line(effect(e)),
+            Item::Density(d) => {
+                self.line(format_args!("  ln p += {}    ({})", print(&d.expr), d.name));
+            }
+            Item::Observe(o) => self.line(observe(o)),
+        }
+    }
+
+    /// The field, and below it its hyperparameters.
+    fn field(&mut self, f: &Field, model: &Model) {
+        let Field { name, place, unit, range, value, .. } = f;
+        let label = f.label.as_ref().map_or(String::new(), |label| format!(", {label}"));
+        let unit = show(unit.as_ref());
+        let range = expected(range.as_ref(), &unit);
+        self.line(format_args!("  {name}({place}{label}){unit} = {}{range}", print(value)));
+        if let Some(block) = &f.block {
+            if block.is_shared {
+                self.line(format_args!("      with the hyperparameters {}", block.name));
+            } else if let Some(Hyper { params, .. }) = model.hyper(&block.name) {
+                let is_own = |p: &&Param| f.params.iter().any(|own| own.name == p.name);
+                let params: Vec<Param> = params.iter().filter(|p| !is_own(p)).cloned().collect();
+                self.params(&params, &name.to_string());
+            }
+        }
+        self.params(&f.params, &name.to_string());
+    }
+
+    fn params(&mut self, params: &[Param], of: &str) {
+        for p in params {
+            self.param(p, &format!("{of}.{}", p.name), 6);
+        }
+    }
+
+    /// A parameter that is reported under the name `reported`.
+    fn param(&mut self, p: &Param, reported: &str, indent: usize) {
+        let over = match &p.over {
+            Over::One => String::new(),
+            Over::Many(n) => format!("({n})"),
+            Over::Each(label) => format!("({label})"),
+        };
+        let head = format!("{}{over}{}", p.name, show(p.unit.as_ref()));
+        let support = (self.support)(reported).unwrap_or_default();
+        let line = format!("{:indent$}{head:<16} ~ {:<24} {support}", "", prior(&p.prior));
+        self.line(line.trim_end());
+    }
+}
+
+fn column(c: &Column) -> String {
+    let len = c.len.map_or(String::new(), |n| format!("({n})"));
+    let head = format!("  {}{len}{}", c.name, show(c.unit.as_ref()));
+    match &c.prior {
+        None => head,
+        Some(p) => format!("{head} ~ {}    where its cell is empty", prior(p)),
+    }
+}
+
+fn let_statement(l: &Let) -> String {
+    let Let { name, row, unit, range, value } = l;
+    let unit = show(unit.as_ref());
+    let value = match value {
+        Value::Expr(e) => print(e),
+        Value::Linear { columns, beta } => {
+            let columns: Vec<String> = columns.iter().map(|c| format!("{row}.{c}")).collect();
+            format!("linear({}; {beta})", columns.join(", "))
+        }
+    };
+    format!("  {name}({row}){unit} = {value}{}", expected(range.as_ref(), &unit))
+}
+
+fn effect(e: &Effect) -> String {
+    let Effect { name, on, form, .. } = e;
+    let on: Vec<String> = on.iter().map(ToString::to_string).collect();
+    let row = form.row.as_ref().map_or(String::new(), ToString::to_string);
+    let mut arguments: Vec<String> = form.columns.iter().map(|c| format!("{row}.{c}")).collect();
+    if arguments.is_empty() {
+        arguments.extend(form.row.as_ref().map(ToString::to_string));
+    }
+    arguments.extend(form.numbers.iter().map(|number: &Expr| print(number)));
+    let (on, arguments, unit) = (on.join(", "), arguments.join(", "), show(e.unit.as_ref()));
+    format!("  {name}{unit} on {on} = {}({arguments}) ~ {}", form.name, prior(&e.prior))
+}
+
+fn observe(o: &Observe) -> String {
+    let Observe { name, row, kind, unit, from, likelihood } = o;
+    let from = from.as_ref().map_or(String::new(), |from| format!(" from ({})", print(from)));
+    let unit = show(unit.as_ref());
+    format!("  {name}({row}): {kind}{unit}{from} ~ {}", print(likelihood))
+}
+
+fn prior(prior: &Prior) -> String {
+    let marked = if prior.is_joint && !is_joint(&prior.expr) { "jointly " } else { "" };
+    format!("{marked}{}", print(&prior.expr))
+}
+
+fn expected(range: Option<&Range>, unit: &str) -> String {
+    range.map_or(String::new(), |Range { low, high }| {
+        format!("    expected in {low} to {high}{unit}")
+    })
+}
+
+fn show(unit: Option<&Unit>) -> String {
+    unit.map_or(String::new(), |unit| format!(" [{}]", unit.text))
+}

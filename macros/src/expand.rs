@@ -1,0 +1,493 @@
+//! The Rust that a model stands for: a unit struct, its columns as a struct, and for each statement an
+//! implementation of a trait of one function and a call of the builder.
+
+use eplat_language::names::columns_of;
+use eplat_language::print as text;
+use eplat_language::syntax::{
+    Column, Density, Effect, Expr, Field, Hyper, Ident, Item, Let, Model, Observe, Over, Param,
+    Prior, Range, Unit, Value,
+};
+use proc_macro2::TokenStream;
+use quote::quote;
+
+use crate::scope::{Kind, Scope, bind_row};
+
+/// What has been read so far.
+#[derive(Default)]
+struct State<'m> {
+    scope: Scope,
+    /// Hyperparameter blocks, with what fields that share a block see.
+    blocks: Vec<(&'m Hyper, Scope)>,
+    /// Names of the numeric columns.
+    columns: Vec<String>,
+}
+
+/// The whole model; `source` is its text.
+pub(crate) fn model(model: &Model, source: &str) -> TokenStream {
+    let (name, docs) = (&model.name, &model.docs);
+    let columns: Vec<&Column> = columns_of_model(model).filter(|c| c.prior.is_none()).collect();
+    let mut state = State {
+        columns: columns.iter().map(|column| column.name.to_string()).collect(),
+        ..State::default()
+    };
+    // measurements come last, when every effect is known
+    let (mut body, mut observes) = (TokenStream::new(), TokenStream::new());
+    let mut later = vec![];
+    for statement in &model.statements {
+        match &statement.item {
+            Item::Observe(observe) => later.push((observe, state.scope.clone())),
+            item => body.extend(state.item(model, item)),
+        }
+    }
+    for (item, scope) in later {
+        let state = State { scope, columns: state.columns.clone(), ..State::default() };
+        observes.extend(state.observe(item));
+    }
+    let row = row_struct(&columns);
+    let name_text = name.to_string();
+    quote! {
+        #(#[doc = #docs])*
+        #[derive(Clone, Copy, Debug)]
+        #[allow(unreachable_pub, missing_docs)]
+        pub struct #name;
+
+        impl ::eplat::model::Declare for #name {
+            fn name(&self) -> &'static str { #name_text }
+            fn source(&self) -> String { #source.into() }
+            #[allow(unused, unreachable_pub, non_snake_case, clippy::all, clippy::pedantic)]
+            fn declare(
+                &self,
+                b: &mut ::eplat::model::expansion::Builder<'_>,
+            ) -> Result<(), ::eplat::model::ModelError> {
+                use ::eplat::model::expansion::{
+                    self, Column, Columns, Computed, Decl, Dist, DensityFn, Form, Kernel, KernelFn, Len,
+                    LetFn, Likelihood, Num, Place, PriorFn, Real, RowFn, ScalarFn, Terms, Vector,
+                    VectorFn,
+                };
+                #row
+                #body
+                #observes
+                Ok(())
+            }
+        }
+    }
+}
+
+fn columns_of_model(model: &Model) -> impl Iterator<Item = &Column> {
+    model.statements.iter().filter_map(|s| match &s.item {
+        Item::Column(column) => Some(column),
+        _ => None,
+    })
+}
+
+/// `struct Row { dose: f64, x: [f64; 3] }`, the columns of a row, and `struct Data`, those of the table.
+fn row_struct(columns: &[&Column]) -> TokenStream {
+    let names: Vec<&Ident> = columns.iter().map(|column| &column.name).collect();
+    let words: Vec<String> = names.iter().map(ToString::to_string).collect();
+    let types: Vec<TokenStream> = columns
+        .iter()
+        .map(|column| column.len.map_or(quote!(f64), |n| quote!([f64; #n])))
+        .collect();
+    quote! {
+        #[derive(Debug)]
+        pub struct Row { #(pub #names: #types),* }
+        pub struct Data<'a> { #(pub #names: &'a [#types],)* rows: ::std::marker::PhantomData<&'a ()> }
+        impl Columns for Row {
+            type Data<'a> = Data<'a>;
+            fn names() -> Vec<(&'static str, Vec<String>)> {
+                vec![#((#words, <#types as Column>::names(#words))),*]
+            }
+            fn read<E>(column: &mut dyn FnMut(&str) -> Result<f64, E>) -> Result<Self, E> {
+                Ok(Row { #(#names: expansion::read_column(#words, column)?),* })
+            }
+            fn data(cells: &[Vec<f64>]) -> Data<'_> {
+                let mut cells = cells.iter();
+                Data { #(#names: expansion::column_of(&mut cells),)* rows: ::std::marker::PhantomData }
+            }
+        }
+    }
+}
+
+/// `Decl::new("tau_out", "ms", "…")`
+fn decl(name: &Ident, unit: Option<&Unit>, text: &str) -> TokenStream {
+    let (name, unit) = (name.to_string(), unit.map_or("", |unit| unit.text.as_str()));
+    quote!(Decl::new(#name, #unit, #text))
+}
+
+/// `Some((1.0, 30.0))`
+fn range(range: Option<Range>) -> TokenStream {
+    match range {
+        Some(Range { low, high }) => quote!(Some((#low, #high))),
+        None => quote!(None),
+    }
+}
+
+impl<'m> State<'m> {
+    fn item(&mut self, model: &'m Model, item: &'m Item) -> TokenStream {
+        match item {
+            Item::Param(param) => {
+                let call = self.param(param, &self.scope);
+                self.scope.declare(&param.name, param.name.to_string(), kind_of(param));
+                call
+            }
+            Item::Column(column) => self.column(column),
+            Item::Hyper(hyper) => self.hyper(model, hyper),
+            Item::Field(field) => self.field(field),
+            Item::Let(declared) => self.let_statement(declared),
+            Item::Effect(effect) => self.effect(effect),
+            Item::Density(density) => self.density(density),
+            Item::Observe(_) => TokenStream::new(),
+        }
+    }
+
+    /// A parameter whose prior sees `scope`.
+    fn param(&self, param: &Param, scope: &Scope) -> TokenStream {
+        let decl = decl(&param.name, param.unit.as_ref(), &text(&param.prior.expr));
+        let (prior, n, names) = prior(&param.prior, scope);
+        if let Over::Many(len) = &param.over {
+            let (prior, n, names) = vector_prior(&param.prior, scope);
+            let (m1, m2) = (n + 1, n + 2);
+            return quote!({ #prior b.vector::<Prior, #n, #m1, #m2>(#decl, #len, #names)?; });
+        }
+        let len = match &param.over {
+            Over::One | Over::Many(_) => quote!(Len::One),
+            Over::Each(column) => {
+                let column = column.to_string();
+                quote!(Len::Each(#column))
+            }
+        };
+        let m = n + 1;
+        quote!({ #prior b.param::<Prior, #n, #m>(#decl, #len, #names)?; })
+    }
+
+    fn column(&mut self, column: &Column) -> TokenStream {
+        let Some(of) = &column.prior else { return TokenStream::new() };
+        let decl = decl(&column.name, column.unit.as_ref(), &text(&of.expr));
+        let (prior, n, names) = prior(of, &self.scope);
+        let m = n + 1;
+        let call = quote!({ #prior b.imputed::<Prior, #n, #m>(#decl, #names)?; });
+        self.scope.declare(&column.name, column.name.to_string(), Kind::Cells);
+        call
+    }
+
+    /// A block: its parameters are declared here if a field shares them, otherwise by each field that takes it.
+    fn hyper(&mut self, model: &Model, hyper: &'m Hyper) -> TokenStream {
+        let is_shared = model.statements.iter().any(|s| match &s.item {
+            Item::Field(field) => {
+                field.block.as_ref().is_some_and(|b| b.is_shared && b.name == hyper.name)
+            }
+            _ => false,
+        });
+        let (params, own) = self.params(&hyper.name, &hyper.params, &Scope::default());
+        self.blocks.push((hyper, own));
+        if !is_shared {
+            return TokenStream::new();
+        }
+        let name = hyper.name.to_string();
+        quote!(b.block(#name); #params b.end_block();)
+    }
+
+    /// Hyperparameters of `owner`, each of which sees those before it; and their names. `seen` are names of others.
+    fn params(&self, owner: &Ident, params: &[Param], seen: &Scope) -> (TokenStream, Scope) {
+        let (mut calls, mut own) = (TokenStream::new(), seen.clone());
+        for param in params {
+            calls.extend(self.param(param, &self.scope.with(&own)));
+            own.declare(&param.name, format!("{owner}.{}", param.name), kind_of(param));
+        }
+        (calls, own)
+    }
+
+    fn field(&mut self, field: &Field) -> TokenStream {
+        let name = field.name.to_string();
+        let decl = decl(&field.name, field.unit.as_ref(), &text(&field.value));
+        let (range, label) = (range(field.range), option(field.label.as_ref()));
+        let block = field.block.as_ref().and_then(|own| {
+            let found = self.blocks.iter().find(|(hyper, _)| hyper.name == own.name);
+            found.map(|(hyper, names)| (own.is_shared, *hyper, names.clone()))
+        });
+        let (mut params, mut own) = match block {
+            Some((true, _, names)) => (TokenStream::new(), names),
+            Some((false, hyper, _)) => self.params(&field.name, &hyper.params, &Scope::default()),
+            None => (TokenStream::new(), Scope::default()),
+        };
+        let (more, all) = self.params(&field.name, &field.params, &own);
+        params.extend(more);
+        own = all;
+        let scope = self.scope.with(&own);
+        let lone_mean = lone_name(field.mean.as_ref(), &own);
+        let mean = match &field.mean {
+            Some(mean) => scalar(mean, &scope),
+            None => scalar(&syn::parse_quote!(0.0), &scope),
+        };
+        let terms = field.terms.iter().map(|term| {
+            let amplitude = match &term.amplitude {
+                Some(amplitude) => scalar(amplitude, &scope),
+                None => scalar(&syn::parse_quote!(1.0), &scope),
+            };
+            let (mentioned, kernel, modes) =
+                (scope.mentioned(&term.kernel), &term.kernel, term.modes);
+            let (n, names) = (mentioned.width(), mentioned.full_names());
+            let (pattern, vectors) = mentioned.pattern();
+            quote! {{
+                let amplitude = #amplitude;
+                #[derive(Debug)]
+                struct Covariance;
+                impl KernelFn<#n> for Covariance {
+                    #[inline(always)]
+                    fn kernel<T: Real>(#pattern: [Num<T>; #n]) -> impl Kernel<Num<T>> + use<T> {
+                        #vectors
+                        #kernel
+                    }
+                }
+                b.term::<Covariance, #n>(amplitude, #modes, #names)
+            }}
+        });
+        let terms: Vec<TokenStream> = terms.collect();
+        self.scope.declare(&field.name, name.clone(), Kind::Row);
+        quote! {{
+            b.field(#decl, #range, #label, #name)?;
+            #params
+            let mean = #mean;
+            let terms = vec![#(#terms),*];
+            b.end_field(#lone_mean, mean, terms)?;
+        }}
+    }
+
+    fn let_statement(&mut self, declared: &Let) -> TokenStream {
+        let (name, row) = (declared.name.to_string(), &declared.row);
+        let unit = declared.unit.as_ref();
+        let value = match &declared.value {
+            Value::Linear { columns, beta } => {
+                let columns: Vec<String> = columns.iter().map(ToString::to_string).collect();
+                let beta = beta.to_string();
+                let decl = decl(&declared.name, unit, "");
+                self.scope.declare(&declared.name, name.clone(), Kind::Row);
+                return quote!(b.linear(#decl, #name, &[#(#columns),*], #beta););
+            }
+            Value::Expr(value) => value,
+        };
+        let decl = decl(&declared.name, unit, &text(value));
+        let mentioned = self.scope.mentioned(value);
+        let (n, place) = (mentioned.width() + mentioned.lets.len(), self.place(value, row));
+        let (pattern, vectors) = mentioned.pattern();
+        let lets = mentioned.values(&self.scope);
+        let plain = self.scope.plain(value, row);
+        let (bind, range) = (bind_row(&plain, row), range(declared.range));
+        let kind = Kind::Let { row: row.clone(), value: value.clone() };
+        let call = quote! {{
+            #[derive(Debug)]
+            struct Value;
+            impl LetFn<#n> for Value {
+                type Columns = Row;
+                #[inline]
+                fn value<T: Real>(#pattern: [Num<T>; #n], row: &Row) -> Num<T> {
+                    #vectors
+                    #lets
+                    #bind
+                    expansion::number::<T>(#plain)
+                }
+            }
+            b.value::<Value, #n>(#decl, #name, #range, #place);
+        }};
+        self.scope.declare(&declared.name, name, kind);
+        call
+    }
+
+    fn observe(&self, observe: &Observe) -> TokenStream {
+        let (name, row, likelihood) = (observe.name.to_string(), &observe.row, &observe.likelihood);
+        let kind = &observe.kind;
+        let decl = decl(&observe.name, observe.unit.as_ref(), &text(likelihood));
+        let mentioned = self.scope.mentioned(likelihood);
+        let (w, place) = (mentioned.width(), self.place(likelihood, row));
+        let n = w + mentioned.lets.len();
+        let (pattern, vectors) = mentioned.pattern();
+        let lets = mentioned.values(&self.scope);
+        let plain = self.scope.plain(likelihood, row);
+        let bind = bind_row(&plain, row);
+        let measured = observe
+            .from
+            .as_ref()
+            .map(|from| quote!(fn measured(#row: &Row) -> Option<#kind> { Some(#from) }));
+        let from = match &observe.from {
+            None => quote!(None),
+            Some(from) => {
+                let (written, columns) = (text(from), self.columns_read(from, row));
+                quote!(Some(Computed { text: #written, columns: &[#(#columns),*] }))
+            }
+        };
+        quote! {{
+            #[derive(Debug)]
+            struct Rows;
+            impl RowFn<#n> for Rows {
+                type Columns = Row;
+                type Y = #kind;
+                #[inline(always)]
+                fn likelihood<T: Real>(
+                    #pattern: [Num<T>; #n],
+                    row: &Row,
+                ) -> impl Likelihood<Num<T>, #kind> + use<T> {
+                    #vectors
+                    #lets
+                    #bind
+                    #plain
+                }
+                #measured
+            }
+            b.observe::<Rows, #n, #w>(#decl, #name, #place, #from)?;
+        }}
+    }
+
+    /// `Place { numbers: &["tau_out", "apd_max"], lets: &["erp_s2"], reads_row: false }`
+    fn place(&self, e: &Expr, row: &Ident) -> TokenStream {
+        let mentioned = self.scope.mentioned(e);
+        let (numbers, lets) = (mentioned.full_names(), mentioned.let_names());
+        let reads_row = self.scope.reads_row(e, row);
+        quote!(Place { numbers: #numbers, lets: #lets, reads_row: #reads_row })
+    }
+
+    /// The columns that `e` reads of the row or table that it calls `of`: all where it hands on the whole.
+    fn columns_read(&self, e: &Expr, of: &Ident) -> Vec<String> {
+        match columns_of(e, of) {
+            Some(columns) => columns.iter().map(ToString::to_string).collect(),
+            None => self.columns.clone(),
+        }
+    }
+
+    fn effect(&self, effect: &Effect) -> TokenStream {
+        let decl = decl(&effect.name, effect.unit.as_ref(), &text(&effect.prior.expr));
+        let (prior, n, names) = prior(&effect.prior, &self.scope);
+        let (m, form) = (n + 1, &effect.form);
+        let on: Vec<String> = effect.on.iter().map(ToString::to_string).collect();
+        let columns: Vec<String> = form.columns.iter().map(ToString::to_string).collect();
+        if form.name == "linear" {
+            return quote! {{
+                #prior
+                b.linear_effect::<Prior, #n, #m>(#decl, &[#(#on),*], &[#(#columns),*], #names)?;
+            }};
+        }
+        let (kind, numbers) = (form.name.to_string(), &form.numbers);
+        quote! {{
+            #prior
+            let form = Form::new(#kind, &[#(#columns),*], &[#(f64::from(#numbers)),*]);
+            b.effect::<Prior, #n, #m>(#decl, &[#(#on),*], form, #names)?;
+        }}
+    }
+
+    fn density(&self, density: &Density) -> TokenStream {
+        let (name, e) = (density.name.to_string(), &density.expr);
+        let decl = decl(&density.name, None, &text(e));
+        let mentioned = self.scope.mentioned(e);
+        let (n, names) = (mentioned.width(), mentioned.full_names());
+        let (pattern, vectors) = mentioned.pattern();
+        let reads = match &density.data {
+            None => quote!(None),
+            Some(data) => {
+                let columns = self.columns_read(e, data);
+                quote!(Some(&[#(#columns),*]))
+            }
+        };
+        let data = density.data.iter();
+        let bind = quote!(#(let #data = data;)*);
+        quote! {{
+            #[derive(Debug)]
+            struct LogDensity;
+            impl DensityFn<#n> for LogDensity {
+                type Columns = Row;
+                #[inline]
+                fn terms<T: Real>(#pattern: [Num<T>; #n], data: &Data<'_>) -> impl Terms<Num<T>> + use<T> {
+                    #vectors
+                    #bind
+                    #e
+                }
+            }
+            b.density::<LogDensity, #n>(#decl, #name, #names, #reads)?;
+        }}
+    }
+}
+
+/// `struct Prior` with the prior as a function of what it mentions of `scope`; how much that is, and its names.
+fn prior(prior: &Prior, scope: &Scope) -> (TokenStream, usize, TokenStream) {
+    let mentioned = scope.mentioned(&prior.expr);
+    let (n, names) = (mentioned.width(), mentioned.full_names());
+    let (pattern, vectors) = mentioned.pattern();
+    let e = &prior.expr;
+    let tokens = quote! {
+        #[derive(Debug)]
+        struct Prior;
+        impl PriorFn<#n> for Prior {
+            #[inline]
+            fn prior<T: Real>(#pattern: [Num<T>; #n]) -> impl Dist<Num<T>> + use<T> {
+                #vectors
+                #e
+            }
+        }
+    };
+    (tokens, n, names)
+}
+
+/// As [`prior`], of a vector: of each number, or of the whole.
+fn vector_prior(prior: &Prior, scope: &Scope) -> (TokenStream, usize, TokenStream) {
+    let mentioned = scope.mentioned(&prior.expr);
+    let (n, names) = (mentioned.width(), mentioned.full_names());
+    let (pattern, vectors) = mentioned.pattern();
+    let e = &prior.expr;
+    let tokens = quote! {
+        #[derive(Debug)]
+        struct Prior;
+        impl VectorFn<#n> for Prior {
+            #[inline]
+            fn prior<T: Real>(#pattern: [Num<T>; #n]) -> impl Vector<Num<T>> + use<T> {
+                #vectors
+                expansion::vector::<Num<T>, _, _>(#e)
+            }
+        }
+    };
+    (tokens, n, names)
+}
+
+/// A field's mean or amplitude, and the call that hands it over.
+fn scalar(e: &Expr, scope: &Scope) -> TokenStream {
+    let mentioned = scope.mentioned(e);
+    let (n, names) = (mentioned.width(), mentioned.full_names());
+    let (pattern, vectors) = mentioned.pattern();
+    quote! {{
+        #[derive(Debug)]
+        struct Value;
+        impl ScalarFn<#n> for Value {
+            #[inline]
+            fn value<T: Real>(#pattern: [Num<T>; #n]) -> Num<T> {
+                #vectors
+                expansion::number::<T>(#e)
+            }
+        }
+        b.scalar::<Value, #n>(#names)
+    }}
+}
+
+/// `Some("tau_out.m")` where the mean is a hyperparameter and nothing else.
+fn lone_name(mean: Option<&Expr>, own: &Scope) -> TokenStream {
+    let Some(Expr::Path(path)) = mean else { return quote!(None) };
+    if path.path.get_ident().is_none() {
+        return quote!(None);
+    }
+    let mentioned = own.mentioned(path);
+    let full: Vec<&String> = mentioned.numbers.iter().map(|name| &name.full).collect();
+    match full[..] {
+        [name] => quote!(Some(#name)),
+        _ => quote!(None),
+    }
+}
+
+fn option(ident: Option<&Ident>) -> TokenStream {
+    let text = ident.map(ToString::to_string);
+    text.map_or(quote!(None), |text| quote!(Some(#text)))
+}
+
+/// What the name of a parameter stands for.
+fn kind_of(param: &Param) -> Kind {
+    match &param.over {
+        Over::One => Kind::Numbers(None),
+        Over::Many(n) => Kind::Numbers(Some(*n)),
+        Over::Each(_) => Kind::Row,
+    }
+}

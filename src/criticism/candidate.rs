@@ -1,0 +1,65 @@
+//! Candidates: effects that the model may lack.
+
+use super::cause::Cause;
+use crate::model::Form;
+
+/// What a candidate acts on.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Level {
+    /// It moves what is observed.
+    Observable,
+    /// It moves a field behind what is observed.
+    Parameter,
+    /// It widens the scatter of measurements.
+    Noise,
+}
+
+/// The quick test that decides whether a candidate is fitted at all.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Screen {
+    /// An F-test of the sites' mean residuals on the candidate's design.
+    Sites,
+    /// An F-test of the units' random effects on the candidate's design. These effects leave no
+    /// residuals of sites over, so that the test of sites would see nothing.
+    Units,
+    /// There is no test: the candidate is always fitted.
+    None,
+}
+
+/// An effect that the model may lack.
+#[derive(Clone, Debug)]
+pub struct Candidate {
+    /// The cause that it stands for. A cause may have several candidates.
+    pub cause: Cause,
+    /// Fields and `let`s that it acts on.
+    pub on: Vec<String>,
+    /// What it acts on.
+    pub level: Level,
+    /// How it depends on a row; `None` for outliers, which move nothing that is predicted.
+    pub form: Option<Form>,
+    /// Prior sd of its coefficients, in the unit of what it acts on.
+    pub sd: f64,
+    /// What decides whether it is fitted.
+    pub screen: Screen,
+}
+
+impl Candidate {
+    /// The column that it reads.
+    pub fn column(&self) -> Option<&str> {
+        self.form.as_ref().and_then(Form::column)
+    }
+
+    /// Whether it is a field over the surface or along paths.
+    pub(super) fn is_field(&self) -> bool {
+        matches!(self.form, Some(Form::Surface { .. } | Form::Path { .. }))
+    }
+}
+
+/// A column that cannot be tried, and why.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Unusable {
+    /// The column.
+    pub column: String,
+    /// Why.
+    pub why: String,
+}

@@ -1,0 +1,36 @@
+//! Causes: what a finding is named after.
+
+use std::fmt;
+
+/// Why measurements may differ from what a model says.
+#[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub enum Cause {
+    /// A column of the table, by its name.
+    Column(String),
+    /// Tissue of its own, nearer to something than a threshold.
+    Patch,
+    /// An offset between protocols.
+    Protocol,
+    /// Some measurements are much further off than the others.
+    Outliers,
+    /// A smooth field over the surface.
+    SpatialField,
+    /// A slowness that varies along the paths of activation.
+    SlownessField,
+    /// What the model's own fields would follow if they had more modes.
+    Short,
+}
+
+impl fmt::Display for Cause {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            Self::Column(name) => name,
+            Self::Patch => "patch",
+            Self::Protocol => "protocol",
+            Self::Outliers => "outliers",
+            Self::SpatialField => "spatial_field",
+            Self::SlownessField => "slowness_field",
+            Self::Short => "short",
+        })
+    }
+}

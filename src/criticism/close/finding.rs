@@ -1,0 +1,82 @@
+//! `finding.json`.
+
+use std::collections::BTreeMap;
+
+use serde_json::{Value, json};
+
+use super::score::as_json;
+use super::story::name_of;
+use super::{HeldOut, Story};
+use crate::criticism::{Record, Round};
+use crate::model::Form;
+
+impl Story {
+    /// Everything that was found, in the shape of `finding.json`.
+    pub fn finding(&self) -> Value {
+        let criticism = &self.criticism;
+        let rounds = criticism.rounds.iter().enumerate();
+        let tried: Vec<Value> = rounds.flat_map(|(i, round)| self.tried_json(i, round)).collect();
+        let unusable = criticism.unusable.iter();
+        let unusable: Vec<Value> =
+            unusable.map(|u| json!({ "column": u.column, "why": u.why })).collect();
+        let warnings: Vec<Value> = self
+            .warnings()
+            .map(|w| json!({ "check": w.check, "column": w.column, "text": w.text }))
+            .collect();
+        let held_out = self.held_out.as_ref().and_then(HeldOut::comparison);
+        let units = self.left_units.as_ref().map(|left| {
+            let mut figures = as_json(&left.comparison(criticism));
+            figures["unit"] = json!(left.unit);
+            figures
+        });
+        json!({
+            "findings": names(criticism.findings()),
+            "ambiguous": criticism.ambiguous().into_iter().map(names).collect::<Vec<_>>(),
+            "unexplained": criticism.is_unexplained(),
+            "effect_interval": self.intervals(),
+            "heldout": held_out.as_ref().map_or(Value::Null, as_json),
+            "leave_one_site_out": as_json(&self.left.comparison(criticism)),
+            "leave_one_unit_out": units,
+            "data": name_of(&self.loaded.measurements),
+            "nulls": criticism.rounds.iter().map(|r| r.nulls.clone()).collect::<Vec<_>>(),
+            "site_log_bf": criticism.site_log_bf,
+            "unit_log_bf": criticism.unit_log_bf.as_ref().map(|(_, log_bf)| log_bf),
+            "not_tried": unusable,
+            "warnings": warnings,
+            "tried": tried,
+        })
+    }
+
+    /// The interval of each effect: by the finding's name, of its further effects by their own.
+    fn intervals(&self) -> BTreeMap<String, [f64; 2]> {
+        let mut intervals = BTreeMap::new();
+        for found in &self.effects {
+            let cause = found.cause.to_string();
+            let is_first = !intervals.contains_key(&cause);
+            let name = if is_first { cause } else { found.effect.name.clone() };
+            intervals.insert(name, found.size.interval);
+        }
+        intervals
+    }
+
+    fn tried_json(&self, number: usize, round: &Round) -> Vec<Value> {
+        let one = |t: &Record| {
+            let candidate = &self.criticism.candidates[t.candidate];
+            json!({
+                "round": number + 1,
+                "effect": candidate.cause.to_string(),
+                "on": candidate.on,
+                "form": t.form.as_ref().map_or("Outliers".into(), Form::text),
+                "p_screen": t.p_screen,
+                "log_bf": t.log_bf.is_finite().then_some(t.log_bf),
+                "p_null": t.p_null,
+                "verdict": t.judgement.to_string(),
+            })
+        };
+        round.tried.iter().map(one).collect()
+    }
+}
+
+fn names<'c>(causes: impl IntoIterator<Item = &'c crate::criticism::Cause>) -> Vec<String> {
+    causes.into_iter().map(ToString::to_string).collect()
+}

@@ -1,0 +1,95 @@
+//! How large an effect is, in the unit of what it acts on.
+
+use super::held_out::PREDICTION_DRAWS;
+use crate::diagnostics::quantile;
+use crate::model::{AddedEffect, Form};
+use crate::run::Fit;
+use crate::table::Measurements;
+
+/// The size of an effect.
+#[derive(Clone, Debug)]
+pub struct Size {
+    /// Central 90 % interval of its one coefficient, of the greatest difference between two labels, of
+    /// the range of its curve over the table or, of a field, of its sd there.
+    pub interval: [f64; 2],
+    /// What it is the size of, in words.
+    pub of: String,
+}
+
+impl Size {
+    pub(super) fn of(effect: &AddedEffect, after: &Fit<'_>, table: &Measurements) -> Self {
+        let draws = coefficients(effect, after);
+        let first = || draws.iter().map(|draw| draw[0]).collect();
+        let over_rows = |of: &dyn Fn(&[f64]) -> f64| {
+            let (design, n) = effect.form.design(table);
+            let rows = |draw: &Vec<f64>| -> Vec<f64> {
+                design.chunks_exact(n).map(|z| dot(z, draw)).collect()
+            };
+            draws.iter().map(|draw| of(&rows(draw))).collect()
+        };
+        let (mut values, of): (Vec<f64>, String) = match &effect.form {
+            Form::Smooth { column, .. } => {
+                (over_rows(&range), format!("from end to end of its curve in {column}"))
+            }
+            Form::Group { column } | Form::Family { column } => {
+                let labels = effect.form.labels(table);
+                let (least, most) = extremes(&draws);
+                let of = format!("more with {column} {} than with {}", labels[most], labels[least]);
+                (draws.iter().map(|draw| draw[most] - draw[least]).collect(), of)
+            }
+            Form::Scaled { column, scale, .. } => (first(), format!("per {scale:.3} of {column}")),
+            Form::Above { column, threshold } => {
+                (first(), format!("where {column} is above {threshold:.3}"))
+            }
+            Form::Logistic { column, centre, .. } => {
+                (first(), format!("well above {centre} of {column}, more than well below"))
+            }
+            Form::Surface { .. } | Form::Path { .. } => {
+                (over_rows(&sd), "sd over the measurements".into())
+            }
+            Form::All => (first(), "everywhere".into()),
+        };
+        values.sort_by(f64::total_cmp);
+        Self { interval: [quantile(&values, 0.05), quantile(&values, 0.95)], of }
+    }
+
+    /// With the quantities that it acts on.
+    pub(super) fn in_words(&self, effect: &AddedEffect) -> String {
+        let ([low, high], on, unit) = (self.interval, effect.on.join(", "), &effect.unit);
+        let range = format!("{on}: {low:.1} to {high:.1} {unit}").replace('-', "−");
+        format!("{range} {} (90 % interval)", self.of)
+    }
+}
+
+/// Draws of an effect's coefficients.
+fn coefficients(effect: &AddedEffect, after: &Fit<'_>) -> Vec<Vec<f64>> {
+    let names = after.model().unknown_names();
+    let is_own = |i: &usize| names[*i].split('[').next() == Some(effect.name.as_str());
+    let own: Vec<usize> = (0..names.len()).filter(is_own).collect();
+    let draws = after.thinned(PREDICTION_DRAWS).into_iter();
+    draws.map(|draw| own.iter().map(|i| draw[*i]).collect()).collect()
+}
+
+/// Numbers of the coefficients that are least and greatest on average.
+fn extremes(draws: &[Vec<f64>]) -> (usize, usize) {
+    let n = draws.first().map_or(0, Vec::len);
+    let total = |k: usize| draws.iter().map(|draw| draw[k]).sum::<f64>();
+    let mut order: Vec<usize> = (0..n).collect();
+    order.sort_by(|a, b| total(*a).total_cmp(&total(*b)));
+    (order.first().copied().unwrap_or(0), order.last().copied().unwrap_or(0))
+}
+
+fn range(x: &[f64]) -> f64 {
+    let most = x.iter().copied().fold(f64::NEG_INFINITY, f64::max);
+    most - x.iter().copied().fold(f64::INFINITY, f64::min)
+}
+
+fn sd(x: &[f64]) -> f64 {
+    let n = x.len() as f64;
+    let mean = x.iter().sum::<f64>() / n;
+    (x.iter().map(|x| (x - mean).powi(2)).sum::<f64>() / n).sqrt()
+}
+
+fn dot(a: &[f64], b: &[f64]) -> f64 {
+    a.iter().zip(b).map(|(a, b)| a * b).sum()
+}

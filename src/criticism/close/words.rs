@@ -1,0 +1,109 @@
+//! The answer in words.
+
+use super::{FoundEffect, Story};
+use crate::criticism::CLAIM;
+use crate::model::Form;
+use crate::table::Role;
+
+impl Story {
+    /// The answer in one sentence.
+    pub fn verdict(&self) -> String {
+        let (criticism, model) = (&self.criticism, self.before.model);
+        let outliers = self.outliers().map(|(share, sd)| {
+            format!(
+                "room for outliers ({:.0} % of the measurements, {sd:.2} further off)",
+                100.0 * share
+            )
+        });
+        let of_one_cause = |a: &FoundEffect, b: &FoundEffect| a.effect.form == b.effect.form;
+        let effects = self.effects.chunk_by(of_one_cause).map(|effects| self.in_words(effects));
+        let lacked: Vec<String> = effects.chain(outliers).collect();
+        if !lacked.is_empty() {
+            return format!("{model} lacks {}.", lacked.join(" and "));
+        }
+        if let Some([a, b]) = criticism.ambiguous().first() {
+            return format!(
+                "{model} lacks an effect of {a} or of {b}: these data cannot tell which."
+            );
+        }
+        let n = criticism.candidates.len();
+        if criticism.is_unexplained() {
+            return format!("{model} lacks something that none of {n} candidate effects explains.");
+        }
+        format!("Nothing is missing from {model} that these data could show.")
+    }
+
+    /// The effects of one cause in words.
+    fn in_words(&self, effects: &[FoundEffect]) -> String {
+        let on: Vec<&str> =
+            effects.iter().flat_map(|found| &found.effect.on).map(String::as_str).collect();
+        let on = on.join(" and ");
+        let role = |column: &str| self.loaded.measurements.role(column);
+        match &effects[0].effect.form {
+            Form::Surface { .. } => format!("a field over the surface in {on}"),
+            Form::Path { .. } => format!("a slowness that varies along the paths, in {on}"),
+            form => match form.column() {
+                Some(column) if role(column) == Role::Time => {
+                    format!("a drift of {on} over {column}")
+                }
+                Some(column) => format!("an effect of {column} on {on}"),
+                None => format!("an offset of {on}"),
+            },
+        }
+    }
+
+    /// What no candidate explains.
+    pub fn remainder(&self) -> String {
+        let ambiguous = self.criticism.ambiguous().into_iter().map(|[a, b]| {
+            format!("{a} and {b} explain the same: these data cannot tell them apart.")
+        });
+        let differences = self.differences().into_iter().map(|(what, log_bf)| {
+            let shown = (10.0 * log_bf).round() / 10.0 + 0.0; // no −0
+            if log_bf > CLAIM {
+                format!(
+                    "{what} differ by more than the model says (log Bayes factor {shown:.1}), for a reason that is not among the columns."
+                )
+            } else {
+                format!(
+                    "{what} differ by no more than the model says (log Bayes factor {shown:.1} for a further difference)."
+                )
+            }
+        });
+        ambiguous.chain(differences).collect::<Vec<_>>().join(" ")
+    }
+
+    /// The answer in a few lines, for a terminal.
+    pub fn text(&self) -> String {
+        let criticism = &self.criticism;
+        let mut lines = vec![self.verdict()];
+        let statements = self.effects.iter().map(|found| found.effect.statement());
+        lines.extend(statements.map(|statement| format!("found     {statement}")));
+        for [a, b] in criticism.ambiguous() {
+            lines.push(format!("ambiguous {a} or {b}: these data cannot tell"));
+        }
+        for (what, log_bf) in self.unexplained() {
+            lines.push(format!(
+                "remains   {} differ by more than the model says (log Bayes factor {log_bf:.1}), for a reason that is not among the columns",
+                what.to_lowercase()
+            ));
+        }
+        for c in self.comparisons().iter().take(1) {
+            let after = c.after.unwrap_or(c.before);
+            lines.push(format!(
+                "error     rms {:.2} → {:.2}, elpd {:+.1} ± {:.1}, 90 % intervals cover {:.0} → {:.0} % of {} {}",
+                c.before.rmse[0],
+                after.rmse[0],
+                c.elpd_gain[0],
+                c.elpd_gain[1],
+                100.0 * c.before.coverage90[0],
+                100.0 * after.coverage90[0],
+                c.n,
+                c.what
+            ));
+        }
+        let unusable = criticism.unusable.iter();
+        lines.extend(unusable.map(|u| format!("not tried {}: {}", u.column, u.why)));
+        lines.extend(self.doubts().into_iter().map(|doubt| format!("doubt     {doubt}")));
+        lines.join("\n")
+    }
+}

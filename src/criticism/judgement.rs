@@ -1,0 +1,184 @@
+//! What becomes of a candidate in a round, and why.
+
+use std::fmt;
+
+use super::cause::Cause;
+use super::fit::LaplaceFit;
+use super::leave::Left;
+use crate::model::Form;
+
+/// Least log Bayes factor of a claim.
+pub const CLAIM: f64 = 3.0;
+
+/// Least log Bayes factor of a claim in round `number`, from 0. Every further round is another chance of a
+/// wrong name, and its base is a model that was chosen by the same data.
+pub fn least_log_bf(number: usize) -> f64 {
+    if number == 0 { CLAIM } else { 2.0 * CLAIM }
+}
+
+/// What became of a candidate.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Judgement {
+    /// It is claimed.
+    Found,
+    /// The screen stopped it: it was not fitted.
+    ScreenedOut,
+    /// It explains too little.
+    TooLittle {
+        /// Its log Bayes factor.
+        log_bf: f64,
+        /// What is asked.
+        least: f64,
+    },
+    /// Another candidate with more evidence ended the round.
+    LessEvidence,
+    /// Searches on simulated data, in which nothing is missing, did as well too often.
+    ByChance {
+        /// Share of these searches.
+        share: f64,
+    },
+    /// Its column has too few units to confirm an effect.
+    TooFewUnits {
+        /// Column that names the units.
+        unit: String,
+        /// How many there are.
+        n: usize,
+    },
+    /// It does not predict what was left out.
+    Refuted(Refutation),
+    /// Other causes explain as much: neither is claimed.
+    NotToldApart(Vec<Cause>),
+}
+
+/// Why predictions of what was left out speak against a cause.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Refutation {
+    /// The log score of sites, each predicted from the others, gains no more than chance would.
+    Sites {
+        /// Sum over the sites.
+        gain: f64,
+        /// Its standard error.
+        se: f64,
+    },
+    /// Units, each predicted from the others, are predicted no better than chance would have it.
+    Units {
+        /// Column that names the units.
+        unit: String,
+        /// What the gain is in.
+        score: UnitScore,
+        /// Sum over the folds.
+        gain: f64,
+        /// Its standard error.
+        se: f64,
+    },
+    /// The model cannot be fitted with some of these units left out.
+    NoFitWithoutUnits {
+        /// Column that names the units.
+        unit: String,
+    },
+    /// The model cannot be fitted with an effect on every field.
+    NoFitOnEveryField,
+    /// A patch is found on one field with a sharp edge, and claimed on every field with a soft one: it is
+    /// this claim that does not predict.
+    OnEveryField(Box<Refutation>),
+}
+
+/// What predictions of units are scored by.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum UnitScore {
+    /// Log predictive density.
+    Log,
+    /// Squared error, for folds that the table names itself.
+    SquaredError,
+}
+
+impl fmt::Display for Judgement {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Found => write!(f, "found"),
+            Self::ScreenedOut => write!(f, "screened out"),
+            Self::TooLittle { log_bf, least } => {
+                write!(f, "log Bayes factor {log_bf:.1}, more than {least} is asked")
+            }
+            Self::LessEvidence => write!(f, "less evidence"),
+            Self::ByChance { share } => {
+                write!(f, "{:.0} % of searches on simulated data did as well", 100.0 * share)
+            }
+            Self::TooFewUnits { unit, n } => {
+                write!(f, "not confirmable: it varies only over {n} {unit}s")
+            }
+            Self::Refuted(why) => write!(f, "{why}"),
+            Self::NotToldApart(rivals) => {
+                let names: Vec<String> = rivals.iter().map(Cause::to_string).collect();
+                write!(f, "not told apart from {}", names.join(", "))
+            }
+        }
+    }
+}
+
+impl fmt::Display for Refutation {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Sites { gain, se } => {
+                write!(f, "leave-one-site-out gain {gain:.1} is not beyond its error {se:.1}")
+            }
+            Self::Units { unit, score, gain, se } => write!(
+                f,
+                "leaving {unit}s out as a whole, the gain in {score} {gain:.1} is not beyond its error {se:.1}"
+            ),
+            Self::NoFitWithoutUnits { unit } => {
+                write!(f, "there is no fit with some {unit}s left out as a whole")
+            }
+            Self::NoFitOnEveryField => write!(f, "there is no fit with every field"),
+            Self::OnEveryField(why) => write!(f, "with a soft edge on every field: {why}"),
+        }
+    }
+}
+
+impl fmt::Display for UnitScore {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            Self::Log => "log score",
+            Self::SquaredError => "squared error",
+        })
+    }
+}
+
+/// What became of a candidate in a round.
+#[derive(Clone, Debug)]
+pub struct Record {
+    /// Number of the candidate.
+    pub candidate: usize,
+    /// Its form when it was tried.
+    pub form: Option<Form>,
+    /// p-value of the screen.
+    pub p_screen: f64,
+    /// Log Bayes factor; −∞ if the screen stopped it.
+    pub log_bf: f64,
+    /// Share of null searches whose best candidate did as well; `None` in a round without them.
+    pub p_null: Option<f64>,
+    /// Why it was or was not taken.
+    pub judgement: Judgement,
+}
+
+/// One round of the search.
+#[derive(Clone, Debug)]
+pub struct Round {
+    /// Every candidate, best first.
+    pub tried: Vec<Record>,
+    /// Best log Bayes factor of each null search, ascending.
+    pub nulls: Vec<f64>,
+    /// The fit that the candidates are compared with.
+    pub base: LaplaceFit,
+    /// What it leaves over.
+    pub left: Left,
+    /// The effects of the cause that is claimed: candidates, as they are claimed. Empty if none is.
+    pub claimed: Vec<usize>,
+}
+
+impl Round {
+    /// The record of what is claimed.
+    pub fn taken(&self) -> Option<&Record> {
+        self.tried.iter().find(|record| record.judgement == Judgement::Found)
+    }
+}

@@ -1,0 +1,102 @@
+//! The exact probability of a bracket under normal noise.
+
+use rand::{Rng, RngExt};
+use rand_distr::StandardNormal;
+
+use super::{Bracket, Likelihood};
+use crate::dist::{ln_normal_below, ln_normal_between};
+use crate::num::{Argument, Real};
+
+/// Log probability that a value measured with noise falls into a bracket, exactly.
+///
+/// ```text
+/// ln [Φ((upper − f)/σ) − Φ((lower − f)/σ)]
+/// ```
+/// No bias at the edges; open ends are natural; stable in both tails.
+#[derive(Clone, Copy, Debug)]
+pub struct Interval<D> {
+    /// The predicted value.
+    pub f: D,
+    /// Standard deviation of the noise, same unit.
+    pub sigma: D,
+}
+
+/// See the type [`struct@Interval`].
+#[allow(non_snake_case)]
+#[inline]
+pub fn Interval<D: Real>(f: impl Argument<D>, sigma: impl Argument<D>) -> Interval<D> {
+    Interval { f: f.number(), sigma: sigma.number() }
+}
+
+impl<D: Real> Likelihood<D, Bracket> for Interval<D> {
+    const WIDENS: bool = true;
+    #[inline]
+    fn ln_likelihood(&self, y: &Bracket) -> D {
+        let z = |end: f64| (-self.f + end) / self.sigma;
+        match (y.lower.is_finite(), y.upper.is_finite()) {
+            (true, true) => ln_normal_between(z(y.lower), z(y.upper)),
+            (true, false) => ln_normal_below(-z(y.lower)),
+            (false, _) => ln_normal_below(z(y.upper)),
+        }
+    }
+    fn ln_widened(&self, y: &Bracket, variance: D) -> D {
+        let sigma = (self.sigma * self.sigma + variance).sqrt();
+        Interval { f: self.f, sigma }.ln_likelihood(y)
+    }
+    fn location(&self) -> Option<f64> {
+        Some(self.f.re())
+    }
+    fn simulate(&self, like: &Bracket, rng: &mut dyn Rng) -> Bracket {
+        self.simulate_widened(like, 0.0, rng)
+    }
+    fn simulate_widened(&self, like: &Bracket, sd: f64, rng: &mut dyn Rng) -> Bracket {
+        let noise: f64 = rng.sample(StandardNormal);
+        like.containing(self.f.re() + self.sigma.re().hypot(sd) * noise)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::num::{Dual, Hyper, derivatives, variable};
+
+    fn bracket(lower: f64, upper: f64) -> Bracket {
+        Bracket::new(lower, upper).unwrap()
+    }
+
+    #[test]
+    fn interval_is_exact_in_both_tails_and_with_open_ends() {
+        let y = bracket(200.0, 210.0);
+        let left = Interval::<f64>(100.0, 2.0).ln_likelihood(&y);
+        let right = Interval::<f64>(310.0, 2.0).ln_likelihood(&y);
+        assert!((left - right).abs() < 1e-9 * left.abs() && left.is_finite(), "{left} {right}");
+        let (closed, below, above) = (
+            Interval::<f64>(205.0, 3.0).ln_likelihood(&y).exp(),
+            Interval::<f64>(205.0, 3.0).ln_likelihood(&bracket(f64::NEG_INFINITY, 200.0)).exp(),
+            Interval::<f64>(205.0, 3.0).ln_likelihood(&bracket(210.0, f64::INFINITY)).exp(),
+        );
+        assert!((closed + below + above - 1.0).abs() < 1e-14);
+    }
+
+    #[test]
+    fn interval_derivatives_match_differences() {
+        for (lower, upper) in
+            [(200.0, 210.0), (f64::NEG_INFINITY, 200.0), (210.0, f64::INFINITY), (150.0, 160.0)]
+        {
+            let y = bracket(lower, upper);
+            let at = |f: f64, s: f64| Interval::<f64>(f, s).ln_likelihood(&y);
+            let (f, s, e) = (207.0, 3.0, 1e-3);
+            let d = Interval::<Dual<2>>(variable(f, 0), variable(s, 1)).ln_likelihood(&y);
+            let by_f = (at(f + e, s) - at(f - e, s)) / (2.0 * e);
+            let by_s = (at(f, s + e) - at(f, s - e)) / (2.0 * e);
+            let [df, ds] = derivatives(&d);
+            assert!((df - by_f).abs() < 1e-5 * (1.0 + by_f.abs()), "{y:?} {df} {by_f}");
+            assert!((ds - by_s).abs() < 1e-5 * (1.0 + by_s.abs()), "{y:?} {ds} {by_s}");
+            let mixed = (at(f + e, s + e) - at(f + e, s - e) - at(f - e, s + e) + at(f - e, s - e))
+                / (4.0 * e * e);
+            let h = Interval::<Hyper>(Hyper::new(f, 1.0, 0.0, 0.0), Hyper::new(s, 0.0, 1.0, 0.0));
+            let h = h.ln_likelihood(&y).eps1eps2;
+            assert!((h - mixed).abs() < 1e-4 * (1.0 + mixed.abs()), "{y:?} {h} {mixed}");
+        }
+    }
+}

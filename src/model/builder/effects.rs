@@ -1,0 +1,191 @@
+//! `effect` statements, declared and added: additive offsets of fields and `let`s.
+
+use std::collections::BTreeSet;
+
+use super::{Builder, Len};
+use crate::dist::Support;
+use crate::model::error::ModelError;
+use crate::model::expansion::{Decl, PriorFn};
+use crate::model::form::Form;
+use crate::model::linear::Linear;
+use crate::model::model::{Kind, PriorEntry};
+use crate::model::parameter::NormalOp;
+use crate::table::{Measurements, SOURCE};
+
+pub(super) struct Effect {
+    name: String,
+    pub(super) on: Vec<String>,
+    design: Design,
+    beta: usize,
+}
+
+/// What an effect multiplies its coefficients by.
+enum Design {
+    /// `linear(row.a, row.b)`: columns as they are, every cell filled in.
+    Columns(Vec<String>),
+    /// Anything else.
+    Form(Form),
+}
+
+impl Builder<'_> {
+    /// `effect name on a, b [unit] = linear(row.c) ~ prior;` M is N + 1.
+    ///
+    /// # Errors
+    /// Those of [`Builder::param`].
+    pub fn linear_effect<F: PriorFn<N>, const N: usize, const M: usize>(
+        &mut self,
+        decl: Decl,
+        on: &[&str],
+        columns: &[&str],
+        mentions: &[&str],
+    ) -> Result<(), ModelError> {
+        let columns: Vec<String> = columns.iter().map(ToString::to_string).collect();
+        let name = decl.name.to_string();
+        self.coefficients::<F, N, M>(decl, columns.len(), mentions)?;
+        let n = columns.len();
+        self.push_effect(&name, on, Design::Columns(columns), n);
+        Ok(())
+    }
+
+    /// `effect name on a, b [unit] = scaled(row.c, 1.0, 2.0) ~ prior;`, and the other forms. M is N + 1.
+    ///
+    /// # Errors
+    /// Those of [`Builder::param`], and a column that the table lacks.
+    pub fn effect<F: PriorFn<N>, const N: usize, const M: usize>(
+        &mut self,
+        decl: Decl,
+        on: &[&str],
+        form: Form,
+        mentions: &[&str],
+    ) -> Result<(), ModelError> {
+        let name = decl.name.to_string();
+        let n = self.n_coefficients(&name, &form)?;
+        self.coefficients::<F, N, M>(decl, n, mentions)?;
+        self.label_last(&form);
+        self.push_effect(&name, on, Design::Form(form), n);
+        Ok(())
+    }
+
+    /// An effect that is in no model file: coefficients `~ Normal(0, sd)`; `decl` has that prior as its text.
+    ///
+    /// # Errors
+    /// A column that the table lacks.
+    pub(in crate::model) fn added_effect(
+        &mut self,
+        decl: Decl,
+        on: &[String],
+        form: &Form,
+        sd: f64,
+    ) -> Result<(), ModelError> {
+        let n = self.n_coefficients(&decl.name, form)?;
+        let (u, v) = (self.unknowns(n), self.values(n));
+        self.push_parameter(&decl, n, Kind::Vector, vec![], Support::Real, v);
+        let name = decl.name.to_string();
+        self.state("effect", decl);
+        self.model.prior_entries.push(PriorEntry { u: u..u + n, v, len: n, mentions: vec![] });
+        self.model.priors.push(Box::new(NormalOp { u, v, n, sd }));
+        self.label_last(form);
+        let on: Vec<&str> = on.iter().map(String::as_str).collect();
+        self.push_effect(&name, &on, Design::Form(form.clone()), n);
+        Ok(())
+    }
+
+    fn coefficients<F: PriorFn<N>, const N: usize, const M: usize>(
+        &mut self,
+        decl: Decl,
+        n: usize,
+        mentions: &[&str],
+    ) -> Result<(), ModelError> {
+        self.param::<F, N, M>(decl, Len::Many(n), mentions)?;
+        if let Some(statement) = self.model.statements.last_mut() {
+            statement.keyword = "effect";
+        }
+        Ok(())
+    }
+
+    fn push_effect(&mut self, name: &str, on: &[&str], design: Design, n: usize) {
+        let on = on.iter().map(ToString::to_string).collect();
+        if let Design::Form(form) = &design {
+            self.model.effect_modes = self.model.effect_modes.max(form.n_modes());
+        }
+        self.effects.push(Effect { name: name.into(), on, design, beta: self.n_v - n });
+    }
+
+    fn n_coefficients(&self, effect: &str, form: &Form) -> Result<usize, ModelError> {
+        let Some(data) = self.data else { return Ok(form.n_modes().max(1)) };
+        check_probes(effect, form, data)?;
+        if let Some(column) = form.column() {
+            data.require(column, &format!("effect {effect}"))?;
+        }
+        Ok(form.design(data).1)
+    }
+
+    /// Names the last parameter's numbers after the form's labels.
+    fn label_last(&mut self, form: &Form) {
+        if let (Some(data), Some(parameter)) = (self.data, self.model.parameters.last_mut()) {
+            parameter.labels = form.labels(data);
+        }
+    }
+
+    /// Makes every effect's design act on the offsets of its targets.
+    pub(super) fn apply_effects(&mut self) -> Result<(), ModelError> {
+        for effect in std::mem::take(&mut self.effects) {
+            let mut hit = BTreeSet::new();
+            for i in 0..self.model.observes.len() {
+                let (observe, rows) =
+                    (self.model.observes[i].name, self.model.observes[i].rows.clone());
+                let mut out = vec![];
+                for ((_, target), at) in self.hooks.iter().filter(|((o, _), _)| *o == observe) {
+                    if effect.on.iter().any(|on| on == target) {
+                        hit.insert(*target);
+                        out.push(*at);
+                    }
+                }
+                if !out.is_empty() {
+                    let linear = self.effect_rows(&effect, &rows, out)?;
+                    self.model.linear.push(linear);
+                }
+            }
+            if let Some(target) = effect.on.iter().find(|on| !hit.contains(on.as_str())) {
+                let (effect, target) = (effect.name, target.clone());
+                return Err(ModelError::NoTarget { effect, target });
+            }
+        }
+        Ok(())
+    }
+
+    /// An effect's design at the rows of one `observe`.
+    fn effect_rows(
+        &self,
+        effect: &Effect,
+        rows: &[usize],
+        out: Vec<usize>,
+    ) -> Result<Linear, ModelError> {
+        match (&effect.design, self.data) {
+            (Design::Columns(columns), _) => self.design(rows, columns, effect.beta, out, true),
+            (Design::Form(form), Some(data)) => {
+                let (z, n) = form.design(data);
+                let z = rows.iter().flat_map(|row| z[row * n..][..n].iter().copied()).collect();
+                Ok(Linear { beta: effect.beta, n, z, out, rows: rows.len(), add: true })
+            }
+            (Design::Form(_), None) => {
+                Ok(Linear { beta: effect.beta, n: 1, z: vec![], out, rows: 0, add: true })
+            }
+        }
+    }
+}
+
+/// Complains unless the modes that a form needs are known at the rows.
+fn check_probes(effect: &str, form: &Form, data: &Measurements) -> Result<(), ModelError> {
+    let k = form.n_modes();
+    if k == 0 {
+        return Ok(());
+    }
+    let field = effect.to_owned();
+    let Some(probes) = data.probes() else { return Err(ModelError::NoBasis { field }) };
+    if matches!(form, Form::Path { .. }) {
+        data.require(SOURCE, &format!("effect {effect}"))?;
+    }
+    let available = probes.n_modes();
+    if k > available { Err(ModelError::TooManyModes { field, k, available }) } else { Ok(()) }
+}
