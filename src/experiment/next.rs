@@ -21,8 +21,7 @@ use super::{ExperimentError, Laboratory};
 use crate::infer::LogDensity as _;
 use crate::manifold::Basis;
 use crate::model::{Declare, Maps, Model, RowId};
-use rand::SeedableRng;
-use rand_chacha::ChaCha8Rng;
+use crate::random::procedure;
 
 /// Vertices that stand for the surface.
 const VERTICES: usize = 1500;
@@ -151,7 +150,7 @@ impl Predicted {
             return Err(ExperimentError::NotSynthetic { why });
         }
         let (mut tape, mut locals) = (blank.tape(), vec![]);
-        let mut rng = ChaCha8Rng::seed_from_u64(1);
+        let mut rng = procedure(1);
         let mut values = vec![Vec::with_capacity(draws.len()); ids.len()];
         let mut noise = vec![0.0; ids.len()];
         for draw in draws {
