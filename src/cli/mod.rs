@@ -12,7 +12,6 @@ mod inputs;
 mod interrupt;
 mod laplace;
 mod mesh;
-mod mistake;
 mod models;
 mod optimise;
 mod output;

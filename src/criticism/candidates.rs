@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 
-use super::observable::readable;
+use super::observable::{has_outliers, readable};
 use super::units::{FOLD, Unit, by_site, is_constant_within};
 use crate::model::{Form, Model, Statement, distinct, families};
 use crate::table::{FIELD_MODES, Measurements, PATH, SOURCE};
@@ -170,7 +170,7 @@ impl Maker<'_> {
 
     /// Outliers, unless the model knows them.
     fn outliers(&self) -> Option<Candidate> {
-        let has = |s: &Statement| s.keyword == "observe" && s.decl.text.contains("Outliers(");
+        let has = |s: &Statement| s.keyword == "observe" && has_outliers(s.decl.text);
         (!self.model.statements.iter().any(has)).then(|| Candidate {
             name: "outliers".into(),
             on: vec![],

@@ -1,5 +1,7 @@
 //! What each `observe` compares with its measurements, and the size of a protocol step.
 
+use eplat_language::names::mentions;
+
 use super::error::CriticismError;
 use crate::model::{Model, Observe};
 
@@ -16,11 +18,19 @@ pub(super) fn observables(model: &Model) -> Result<Vec<String>, CriticismError> 
         let mut statements = model.statements.iter();
         let own = statements.find(|s| s.keyword == "observe" && s.decl.name == observe.name);
         let likelihood = own.and_then(|s| s.decl.text.split_once('~')).map_or("", |(_, l)| l);
-        let mut words = likelihood.split(|c: char| !(c.is_alphanumeric() || c == '_'));
-        let found = words.find(|word| is_named(word)).map(String::from);
+        let words = syn::parse_str(likelihood).map_or(vec![], |e: syn::Expr| mentions(&e));
+        let mut words = words.iter().map(|mention| mention.name.to_string());
+        let found = words.find(|word| is_named(word));
         found.ok_or_else(|| CriticismError::NoObservable { observe: observe.name.into() })
     };
     model.observes.iter().map(one).collect()
+}
+
+/// Whether the likelihood in the text of an `observe` allows for outliers.
+pub(super) fn has_outliers(text: &str) -> bool {
+    let likelihood = text.split_once('~').map_or("", |(_, likelihood)| likelihood);
+    let words = syn::parse_str(likelihood).map_or(vec![], |e: syn::Expr| mentions(&e));
+    words.iter().any(|mention| mention.name == "Outliers" && mention.arguments.is_some())
 }
 
 /// The median width of the brackets; for other measurements, half their standard deviation.

@@ -168,11 +168,9 @@ impl Command {
         if !story.outcome.found.is_empty() {
             let outliers = story.outcome.last.outer.outliers;
             let name = file_name(&self.model, story);
-            let text = rewrite(source, story.effects, outliers).ok_or_else(|| {
-                Failure::new(format_args!(
-                    "{}: no `model! {{ … }}` to add to",
-                    self.model.display()
-                ))
+            let text = rewrite(source, story.effects, outliers).map_err(|mistake| {
+                let (path, help) = (self.model.display(), mistake.help);
+                Failure::new(format_args!("{path}: {}\nhelp: {help}", mistake.message))
             })?;
             save(out, &name, &text)?;
             files.push(name);
