@@ -1,5 +1,7 @@
 //! What the Rust compiler says about a model file, as it says it.
 
+use std::collections::BTreeSet;
+
 use serde::Deserialize;
 
 /// One error of rustc's `--error-format=json`.
@@ -27,7 +29,9 @@ fn parse(line: &str) -> Option<Diagnostic> {
 pub(super) fn rendered(output: &str) -> String {
     let is_error = |d: &Diagnostic| d.level == "error" && !d.spans.is_empty();
     let errors = output.lines().filter_map(parse).filter(is_error);
-    let errors: Vec<String> = errors.filter_map(|d| d.rendered).collect();
+    let mut errors: Vec<String> = errors.filter_map(|d| d.rendered).collect();
+    let mut seen = BTreeSet::new();
+    errors.retain(|error| seen.insert(error.clone())); // `model!` may use an expression twice
     if !errors.is_empty() {
         return errors.concat().trim_end().to_string();
     }
