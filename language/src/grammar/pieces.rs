@@ -17,7 +17,8 @@ pub(super) fn param(input: ParseStream<'_>, form: &str) -> Result<Param> {
     let unit = unit(input)?;
     if !input.peek(Token![~]) {
         let message = format!("`{name}` has no prior");
-        let help = format!("give it one, for instance `{name}{} ~ HalfNormal(5.0);`", show(&unit));
+        let help =
+            format!("give it one, for instance `{name}{} ~ HalfNormal(5.0);`", show(unit.as_ref()));
         return Err(wrong(name.span(), message, help));
     }
     let prior = prior(input)?;
@@ -199,8 +200,8 @@ pub(super) fn docs(input: ParseStream<'_>) -> Result<Vec<String>> {
 }
 
 /// ` [ms]`, or nothing.
-fn show(unit: &Option<Unit>) -> String {
-    unit.as_ref().map_or(String::new(), |unit| format!(" [{}]", unit.text))
+fn show(unit: Option<&Unit>) -> String {
+    unit.map_or(String::new(), |unit| format!(" [{}]", unit.text))
 }
 
 /// The place of an expression's first token.

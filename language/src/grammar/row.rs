@@ -16,13 +16,12 @@ pub(super) fn let_statement(input: ParseStream<'_>) -> Result<Let> {
     let unit = unit(input)?;
     let range = range(input)?;
     let equals = equals(input, &name, LET)?;
-    let value = match linear(input, &row)? {
-        Some(value) => value,
-        None => {
-            let value = expr(input, equals, "an expression")?;
-            semicolon(input, last_span(&value))?;
-            Value::Expr(value)
-        }
+    let value = if let Some(value) = linear(input, &row)? {
+        value
+    } else {
+        let value = expr(input, equals, "an expression")?;
+        semicolon(input, last_span(&value))?;
+        Value::Expr(value)
     };
     Ok(Let { name, row, unit, range, value })
 }
