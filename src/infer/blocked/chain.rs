@@ -92,7 +92,7 @@ impl<'d> Blocked<'d> {
         let Settings { seed, max_depth, target_accept, .. } = *settings;
         let begin = |(chain, link): (usize, Link)| {
             let fixed = Fixed { density, chain, seed, max_depth, target_accept };
-            Self::begin(fixed, &shared, warm_up.clone(), link)
+            Self::begin(fixed, &shared, warm_up.clone(), &link)
         };
         links.into_iter().enumerate().map(begin).collect()
     }
@@ -102,7 +102,7 @@ impl<'d> Blocked<'d> {
         fixed: Fixed<'d>,
         shared: &Arc<Shared>,
         warm_up: WarmUp,
-        link: Link,
+        link: &Link,
     ) -> Result<Self, ChainError> {
         let no_support = || {
             let position = [&link.outer[..], &link.coefficients].concat();

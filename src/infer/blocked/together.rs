@@ -90,11 +90,11 @@ impl Together for Blocked<'_> {
         let shared = first.shared.fitted(first.fixed.density, lessons, warm_up.is_over());
         let shared = Arc::new(shared);
         agree(&mut links);
-        let begin = |(chain, link): (&mut &mut Self, Link)| {
-            **chain = Self::begin(chain.fixed, &shared, warm_up.clone(), link)?;
+        let begin = |(chain, link): (&mut Self, Link)| {
+            *chain = Self::begin(chain.fixed, &shared, warm_up.clone(), &link)?;
             Ok(())
         };
-        chains.iter_mut().zip(links).map(begin).collect()
+        chains.into_iter().zip(links).map(begin).collect()
     }
 
     fn error(&self, iteration: usize, failure: ChainFailure) -> ChainError {
