@@ -285,6 +285,8 @@ fn what_cannot_be_criticised_is_refused_at_once() {
         "loop recovery.rs".to_owned(),
         format!("loop recovery.rs {ON} --nulls 5"),
         format!("loop recovery.rs {ON} --rounds 2"),
+        format!("loop recovery.rs {ON} --column catheter=tool"),
+        format!("loop recovery.rs {ON} --column cathether=unit"),
         "loop recovery.rs --mesh sheet.vtk --data data/train.csv".to_owned(),
         format!("loop recovery.rs {sheet} --data few.csv"),
         format!("loop recovery.rs {sheet} --data other.csv"),

@@ -3,8 +3,11 @@
 
 use std::ops::ControlFlow;
 
-use eplat::criticism::{Criticism, SearchSettings, Subject, criticise};
-use eplat::table::Measurements;
+use eplat::criticism::{
+    Criticism, CriticismError, Loop, LoopSettings, LoopWatch, SearchSettings, Subject, criticise,
+};
+use eplat::run::Loaded;
+use eplat::table::{Columns, Measurements, Role};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use rand_distr::StandardNormal;
@@ -149,4 +152,58 @@ fn copies_count_once_and_replicates_as_often_as_they_were_made() {
     let outcome = evidence(&both);
     assert!((5..35).contains(&same), "{same}");
     assert_eq!(outcome.engine.rows.len(), both.len());
+}
+
+#[test]
+fn a_user_says_what_a_column_means() {
+    let causes = |roles: Columns| -> Vec<String> {
+        let mut table = table(Truth { force: -8.0, ..Truth::default() }, 1);
+        table.set_roles(roles).unwrap();
+        let subject = Subject { model: &level::Level, basis: None, table: &table };
+        let settings = SearchSettings { nulls: 0, ..SearchSettings::default() };
+        let outcome = criticise(&subject, &settings, &|_| ControlFlow::Continue(())).unwrap();
+        let mut causes: Vec<_> = outcome.candidates.iter().map(|c| c.cause.to_string()).collect();
+        causes.sort();
+        causes.dedup();
+        causes
+    };
+    let all = ["catheter", "force_g", "operator", "outliers", "t_min", "wall_mm"];
+    assert_eq!(causes(Columns::default()), all);
+    let roles =
+        Columns::default().with("force_g", Role::Structural).with("wall_mm", Role::Distance);
+    let others = ["catheter", "operator", "outliers", "patch", "t_min", "wall_mm"];
+    assert_eq!(causes(roles), others);
+}
+
+#[test]
+fn a_search_is_stopped_by_its_watcher() {
+    let table = table(Truth::default(), 1);
+    let subject = Subject { model: &level::Level, basis: None, table: &table };
+    let stopped = criticise(&subject, &SearchSettings::default(), &|progress| {
+        assert_eq!((progress.round, progress.of), (0, 99));
+        ControlFlow::Break(())
+    });
+    assert!(matches!(stopped, Err(CriticismError::Cancelled)), "{stopped:?}");
+}
+
+/// What `eplat loop` does, without a file.
+#[test]
+fn the_loop_is_closed_in_memory() {
+    let loaded = Loaded {
+        measurements: table(Truth { force: -8.0, ..Truth::default() }, 1),
+        ..Loaded::default()
+    };
+    let settings = LoopSettings {
+        search: SearchSettings { nulls: 19, ..SearchSettings::default() },
+        ..LoopSettings::default()
+    };
+    let prepared = Loop::new(&level::Level, loaded, None, settings).unwrap();
+    let story = prepared.close(None, &LoopWatch::default()).unwrap();
+    assert_eq!(story.verdict(), "Level lacks an effect of force_g on duration.");
+    let [low, high] = story.effects[0].size.interval;
+    assert!(low < -8.0 && -8.0 < high, "{low} {high}");
+    let error = &story.comparisons()[0];
+    assert!(error.after.unwrap().rmse[0] < error.before.rmse[0], "{error:?}");
+    assert_eq!(story.finding()["findings"], serde_json::json!(["force_g"]));
+    assert!(story.page(&[]).contains("<h1>Level lacks an effect of force_g on duration.</h1>"));
 }

@@ -182,3 +182,29 @@ impl Round {
         self.tried.iter().find(|record| record.judgement == Judgement::Found)
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_judgement_says_why() {
+        let sites = Refutation::Sites { gain: 1.04, se: 1.66 };
+        let said = [
+            Judgement::TooLittle { log_bf: 2.34, least: 3.0 }.to_string(),
+            Judgement::ByChance { share: 0.15 }.to_string(),
+            Judgement::TooFewUnits { unit: "session".into(), n: 3 }.to_string(),
+            Judgement::Refuted(Refutation::OnEveryField(Box::new(sites))).to_string(),
+            Judgement::NotToldApart(vec![Cause::Column("operator".into()), Cause::Short])
+                .to_string(),
+        ];
+        let expected = [
+            "log Bayes factor 2.3, more than 3 is asked",
+            "15 % of searches on simulated data did as well",
+            "not confirmable: it varies only over 3 sessions",
+            "with a soft edge on every field: leave-one-site-out gain 1.0 is not beyond its error 1.7",
+            "not told apart from operator, short",
+        ];
+        assert_eq!(said, expected);
+    }
+}

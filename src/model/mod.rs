@@ -27,6 +27,7 @@ mod restore;
 mod rows;
 mod scalar;
 mod scope;
+mod second;
 mod tape;
 
 pub use augmented::{AddedEffect, Augmented};

@@ -1,5 +1,7 @@
 //! A table of typed columns.
 
+use std::path::Path;
+
 use super::column::TypedColumn;
 use super::columns::{Columns, PROTOCOL, Role, SITE};
 use super::error::{DataError, edit_distance};
@@ -50,6 +52,12 @@ impl Table {
     /// File name, for messages.
     pub fn file(&self) -> &str {
         &self.file
+    }
+
+    /// File name without the folders above it, for what is passed on to others.
+    pub fn file_name(&self) -> String {
+        let path = Path::new(&self.file);
+        path.file_name().unwrap_or(path.as_os_str()).display().to_string()
     }
 
     /// Line of a row in its file, from 1.

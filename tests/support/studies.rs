@@ -321,8 +321,8 @@ fn table(sites: &[Site], scenario: Scenario, heart: &Heart, rng: &mut ChaCha8Rng
         let [tau_out, apd_max] = site.parameters;
         let erps = [erp_s2(tau_out, apd_max), erp_s3(tau_out, apd_max)];
         let grid = rng.random_range(0.0..10.0f64).floor();
-        let own: Vec<String> =
-            (0..2).map(|k| row(site, i, k, erps[k], grid, scenario, rng)).collect();
+        let visit = Visit { site, number: i, grid, scenario };
+        let own: Vec<String> = (0..2).map(|k| visit.row(k, erps[k], rng)).collect();
         lines.extend(own.iter().cloned());
         if scenario == Scenario::Repeated && i % 2 == 0 {
             lines.extend(own);
@@ -336,46 +336,55 @@ fn table(sites: &[Site], scenario: Scenario, heart: &Heart, rng: &mut ChaCha8Rng
     table
 }
 
-fn row(
-    site: &Site,
+/// A site as it is measured.
+struct Visit<'a> {
+    site: &'a Site,
     number: usize,
-    protocol: usize,
-    erp: f64,
+    /// Where the brackets' grid begins, ms.
     grid: f64,
     scenario: Scenario,
-    rng: &mut ChaCha8Rng,
-) -> String {
-    let mut error = 2.0 * rng.sample::<f64, _>(StandardNormal);
-    if scenario == Scenario::Outliers && rng.random_bool(0.1) {
-        error += 40.0 * rng.sample::<f64, _>(StandardNormal);
+}
+
+impl Visit<'_> {
+    /// The row of protocol number `protocol`, in which the refractory period is `erp` ms.
+    fn row(&self, protocol: usize, erp: f64, rng: &mut ChaCha8Rng) -> String {
+        let Self { site, number, grid, scenario } = *self;
+        let mut error = 2.0 * rng.sample::<f64, _>(StandardNormal);
+        if scenario == Scenario::Outliers && rng.random_bool(0.1) {
+            error += 40.0 * rng.sample::<f64, _>(StandardNormal);
+        }
+        let shown = erp + site.shift + error;
+        let lower = grid + ((shown - grid) / 10.0).floor() * 10.0;
+        let is_absent = |share| scenario == Scenario::Missing && share;
+        let force = match scenario {
+            Scenario::Missing if number % 3 == 1 => String::new(),
+            Scenario::Misscaled if site.session == 2 => format!("{:.4}", 9.81 * site.force),
+            _ => format!("{:.4}", site.force),
+        };
+        let temperature = if is_absent(!number.is_multiple_of(4)) {
+            String::new()
+        } else {
+            format!("{:.3}", site.temperature)
+        };
+        let wall = site.wall + 0.1 * rng.sample::<f64, _>(StandardNormal);
+        let mut line = String::new();
+        let (name, s2) = [("S1S2", ""), ("S1S2S3", "300")][protocol];
+        let _ = write!(
+            line,
+            "{},{},{name},{},{s2},10,{lower},{}",
+            site.name,
+            site.vertex,
+            site.s1,
+            lower + 10.0
+        );
+        let _ = write!(
+            line,
+            ",{:.3},{},{},s{}",
+            site.minute, site.catheter, site.operator, site.session
+        );
+        let _ = write!(line, ",{},{force},{wall:.3},{:.2}", site.output, site.fibre);
+        let _ =
+            write!(line, ",{},{:.3},{:.2},{temperature}", site.region, site.scar, site.impedance);
+        line
     }
-    let shown = erp + site.shift + error;
-    let lower = grid + ((shown - grid) / 10.0).floor() * 10.0;
-    let is_absent = |share| scenario == Scenario::Missing && share;
-    let force = match scenario {
-        Scenario::Missing if number % 3 == 1 => String::new(),
-        Scenario::Misscaled if site.session == 2 => format!("{:.4}", 9.81 * site.force),
-        _ => format!("{:.4}", site.force),
-    };
-    let temperature = if is_absent(!number.is_multiple_of(4)) {
-        String::new()
-    } else {
-        format!("{:.3}", site.temperature)
-    };
-    let wall = site.wall + 0.1 * rng.sample::<f64, _>(StandardNormal);
-    let mut line = String::new();
-    let (name, s2) = [("S1S2", ""), ("S1S2S3", "300")][protocol];
-    let _ = write!(
-        line,
-        "{},{},{name},{},{s2},10,{lower},{}",
-        site.name,
-        site.vertex,
-        site.s1,
-        lower + 10.0
-    );
-    let _ =
-        write!(line, ",{:.3},{},{},s{}", site.minute, site.catheter, site.operator, site.session);
-    let _ = write!(line, ",{},{force},{wall:.3},{:.2}", site.output, site.fibre);
-    let _ = write!(line, ",{},{:.3},{:.2},{temperature}", site.region, site.scar, site.impedance);
-    line
 }

@@ -2,7 +2,6 @@
 
 use super::LoopError;
 use super::sizes::Size;
-use super::story::name_of;
 use crate::criticism::{Cause, Criticism};
 use crate::model::{AddedEffect, Declare, Model};
 use crate::table::Measurements;
@@ -47,7 +46,7 @@ pub(super) fn found(
             {
                 name += "_effect";
             }
-            let data = name_of(table);
+            let data = table.file_name();
             let why = format!("Found by `eplat loop` in {data}: log Bayes factor {log_bf:.1}.");
             let unit = unit_of(&on[0]).to_string();
             let effect = AddedEffect { name, on, unit, form, sd };

@@ -87,7 +87,7 @@ pub enum LoopError {
     Criticism(CriticismError),
     /// One of the two fits.
     #[error(transparent)]
-    Run(RunError),
+    Run(Box<RunError>),
     /// The held-out table.
     #[error(transparent)]
     Data(#[from] DataError),
@@ -118,7 +118,7 @@ impl From<RunError> for LoopError {
     fn from(error: RunError) -> Self {
         match error {
             RunError::Stopped => Self::Stopped,
-            other => Self::Run(other),
+            other => Self::Run(Box::new(other)),
         }
     }
 }

@@ -5,7 +5,6 @@ use std::collections::BTreeMap;
 use serde_json::{Value, json};
 
 use super::score::as_json;
-use super::story::name_of;
 use super::{HeldOut, Story};
 use crate::criticism::{Record, Round};
 use crate::model::Form;
@@ -37,7 +36,7 @@ impl Story {
             "heldout": held_out.as_ref().map_or(Value::Null, as_json),
             "leave_one_site_out": as_json(&self.left.comparison(criticism)),
             "leave_one_unit_out": units,
-            "data": name_of(&self.loaded.measurements),
+            "data": self.loaded.measurements.file_name(),
             "nulls": criticism.rounds.iter().map(|r| r.nulls.clone()).collect::<Vec<_>>(),
             "site_log_bf": criticism.site_log_bf,
             "unit_log_bf": criticism.unit_log_bf.as_ref().map(|(_, log_bf)| log_bf),

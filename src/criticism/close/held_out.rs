@@ -54,7 +54,7 @@ impl Joint {
         loaded: &Loaded,
         criticism: &Criticism,
         before: &Fit<'_>,
-        after: Option<&Box<Fit<'_>>>,
+        after: Option<&Fit<'_>>,
         seed: u64,
     ) -> Result<HeldOut, LoopError> {
         let Self { table, held_out, first } = self;
@@ -72,7 +72,7 @@ impl Joint {
         columns.dedup();
         Ok(HeldOut {
             before: predict(before)?,
-            after: after.map(|fit| predict(fit)).transpose()?,
+            after: after.map(predict).transpose()?,
             first: *first,
             is_measured: rows().map(is_measured).collect(),
             names: rows().map(|row| [cell(row, SITE), cell(row, PROTOCOL)]).collect(),

@@ -2,6 +2,19 @@
 //!
 //! [`Loop::close`] gives a [`Story`], which is data: what was found, with its evidence, and how well each
 //! model predicts what it has not seen. `eplat loop` prints it; [`Story::write`] writes its files.
+//!
+//! ```no_run
+//! use eplat::criticism::{Loop, LoopSettings, LoopWatch};
+//! use eplat::run::{Inputs, Loaded, Watch};
+//! # fn close(model: &dyn eplat::model::Declare) -> Result<(), Box<dyn std::error::Error>> {
+//! let inputs = Inputs { data: std::path::Path::new("train.csv").into(), ..Inputs::default() };
+//! let loaded = Loaded::new(model, &inputs, &Watch::default())?;
+//! let story = Loop::new(model, loaded, None, LoopSettings::default())?
+//!     .close(None, &LoopWatch::default())?;
+//! assert_eq!(story.verdict(), "Erp lacks an effect of force_g on erp_s2 and erp_s3.");
+//! # Ok(())
+//! # }
+//! ```
 
 mod effects;
 mod error;
@@ -115,10 +128,10 @@ impl<'m> Loop<'m> {
         let held_out = self
             .joint
             .as_ref()
-            .map(|joint| joint.predict(&self.loaded, &criticism, &before, after.as_ref(), seed));
-        let told = after.as_ref().map(Told::of);
+            .map(|joint| joint.predict(&self.loaded, &criticism, &before, after.as_deref(), seed));
+        let told = after.as_deref().map(Told::of);
         let effects = effects.into_iter().filter_map(|(effect, cause, why)| {
-            let size = Size::of(&effect, after.as_ref()?, &self.loaded.measurements);
+            let size = Size::of(&effect, after.as_deref()?, &self.loaded.measurements);
             Some(FoundEffect { cause, effect, why, size })
         });
         Ok(Story {

@@ -1,7 +1,6 @@
 //! What `report.html` tells.
 
 use super::Story;
-use super::story::name_of;
 use crate::criticism::{Judgement, Record, Round, least_log_bf, site_column};
 use crate::model::Form;
 use crate::report::{
@@ -21,7 +20,7 @@ impl Story {
         let effects = self.effects.iter().map(|found| found.size.in_words(&found.effect));
         loop_page(&LoopPage {
             model: self.before.model,
-            data: &name_of(&self.loaded.measurements),
+            data: &self.loaded.measurements.file_name(),
             verdict: &self.verdict(),
             effects: &effects.collect::<Vec<_>>(),
             before: &self.before.equations,

@@ -1,13 +1,10 @@
 //! What a loop came to, as data.
 
-use std::path::Path;
-
 use super::{FoundEffect, HeldOut, LeftOut};
 use crate::criticism::{CLAIM, Criticism, Warning};
 use crate::model::equations;
 use crate::report::ErrorChange;
 use crate::run::{Fit, Loaded};
-use crate::table::Measurements;
 
 /// What a loop came to.
 #[derive(Debug)]
@@ -44,7 +41,7 @@ pub struct Told {
 }
 
 impl Told {
-    pub(super) fn of(fit: &Box<Fit<'_>>) -> Self {
+    pub(super) fn of(fit: &Fit<'_>) -> Self {
         let model = fit.model();
         let observe = model.statements.iter().find(|s| s.keyword == "observe");
         Self {
@@ -115,10 +112,4 @@ impl Story {
         }
         doubts
     }
-}
-
-/// The name of a table's file, without the folders above it.
-pub(super) fn name_of(table: &Measurements) -> String {
-    let path = Path::new(table.file());
-    path.file_name().unwrap_or(path.as_os_str()).display().to_string()
 }
