@@ -91,3 +91,6 @@ pub use problem::{Domain, Loaded, Problem, surface};
 pub use results::Results;
 pub use sample::Ended;
 pub use warm_start::WarmStartError;
+
+#[cfg(test)]
+mod run_tests;
