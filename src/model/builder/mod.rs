@@ -19,7 +19,6 @@ mod fields;
 mod lets;
 mod observes;
 
-
 /// How many numbers a parameter is.
 #[derive(Clone, Copy, Debug)]
 pub enum Len {
