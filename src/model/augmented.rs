@@ -1,10 +1,10 @@
 //! A model with effects that its file does not declare.
 
 use super::builder::Builder;
+use super::declare::Declare;
 use super::error::ModelError;
-use super::expansion::Decl;
 use super::form::Form;
-use super::model::Declare;
+use super::functions::Decl;
 
 /// An effect to add to a model: what `effect NAME on ON [unit] = FORM ~ Normal(0.0, SD);` declares.
 #[derive(Clone, Debug, PartialEq)]

@@ -12,7 +12,7 @@
 use std::collections::BTreeSet;
 
 use super::gp::Field;
-use super::model::Model;
+use super::laid_out::Model;
 use super::restore::{Seen, coefficients, weights_of};
 use super::tape::{Op, Tape, add_rows};
 use crate::dist::Gaussian;
@@ -34,7 +34,7 @@ pub enum Sampler {
 impl Sampler {
     /// The blocked sampler for every model with fields that measurements see; NUTS for others.
     pub fn of(model: &Model) -> Self {
-        let seen = |f: &super::model::FieldEntry| f.op.k > 0 && f.op.n_probes() > 0;
+        let seen = |f: &super::laid_out::FieldEntry| f.op.k > 0 && f.op.n_probes() > 0;
         if model.has_fields() && model.fields.iter().all(seen) { Self::Blocked } else { Self::Nuts }
     }
 

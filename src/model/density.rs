@@ -5,7 +5,7 @@ use std::marker::PhantomData;
 use num_dual::DualStruct;
 
 use super::error::ModelError;
-use super::expansion::{Columns, DensityFn, Terms};
+use super::functions::{Columns, DensityFn, Terms};
 use super::scope::Local;
 use super::tape::{Curved, Op, Tape};
 use crate::num::{Dual, Num};

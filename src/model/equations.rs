@@ -1,6 +1,6 @@
 //! A model as equations: what `eplat show` prints and the report's first page holds.
 
-use super::model::Model;
+use super::laid_out::Model;
 use crate::dist::Support;
 
 impl Model {

@@ -14,7 +14,7 @@ use std::marker::PhantomData;
 use num_dual::DualStruct;
 use pulp::{Arch, NullaryFnOnce};
 
-use super::expansion::KernelFn;
+use super::functions::KernelFn;
 use super::scalar::Scalar;
 use super::scope::Local;
 use super::tape::{Bent, Op, Tape, add_rows, sum};

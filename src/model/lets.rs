@@ -1,7 +1,6 @@
 //! `let`s as numbers to report: what an expression was worth at each draw.
 
-use super::error::ModelError;
-use super::maps::MapFn;
+use super::map::MapFn;
 use super::tape::Tape;
 
 /// A value on the tape, and an offset that effects may have added to it (`v[0]`, which is zero, if none).
@@ -46,6 +45,3 @@ impl LetValues {
         }
     }
 }
-
-/// Reads one row's columns, by name.
-pub(super) type ReadCell<'a> = &'a mut dyn FnMut(&str) -> Result<f64, ModelError>;

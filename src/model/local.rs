@@ -7,7 +7,8 @@
 //! The constant and J depend on the other unknowns alone (amplitudes, lengthscales, noise: whatever
 //! has a bounded support).
 
-use super::model::{Kind, Model, Position};
+use super::laid_out::Model;
+use super::reported::{Kind, Position};
 use super::rows::{Curvature, Noise};
 use super::tape::Tape;
 use crate::dist::Support;

@@ -9,20 +9,22 @@
 mod augmented;
 mod blocked;
 mod builder;
+mod declare;
 mod density;
 mod equations;
 mod error;
-#[doc(hidden)]
-pub mod expansion;
 mod form;
+mod functions;
 mod gp;
+mod laid_out;
 mod lets;
 mod linear;
 mod local;
+mod map;
 mod maps;
-mod model;
 mod parameter;
 mod prior_draws;
+mod reported;
 mod restore;
 mod rows;
 mod scalar;
@@ -32,13 +34,27 @@ mod tape;
 
 pub use augmented::{AddedEffect, Augmented};
 pub use blocked::Sampler;
+pub use declare::Declare;
 pub use density::Density;
 pub use equations::equations;
 pub use error::ModelError;
 pub use form::{Form, families};
+pub use laid_out::{Model, Observe, Statement};
 pub use lets::LetValues;
 pub use local::{RowId, Split};
 pub use maps::{MapName, MapSummary, Maps};
-pub use model::{Declare, Kind, Model, Observe, Parameter, Statement};
+pub use reported::{Kind, Parameter};
 pub use rows::{Curvature, Noise};
 pub use tape::Tape;
+
+/// What the expansion of [`model!`](crate::prelude::model) names; not for people.
+#[doc(hidden)]
+pub mod expansion {
+    pub use super::builder::{Builder, Computed, Len, Place};
+    pub use super::form::Form;
+    pub use super::functions::*;
+    pub use crate::dist::{Dist, Vector, vector};
+    pub use crate::field::Kernel;
+    pub use crate::likelihood::Likelihood;
+    pub use crate::num::{Num, Real};
+}

@@ -5,7 +5,7 @@ use std::marker::PhantomData;
 use num_dual::DualStruct;
 use rand::Rng;
 
-use super::expansion::{PriorFn, VectorFn};
+use super::functions::{PriorFn, VectorFn};
 use super::scope::Local;
 use super::tape::{Op, Tape};
 use crate::dist::{Dist, Gaussian, Normal, Sequence, Vector as _};

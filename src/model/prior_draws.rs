@@ -7,7 +7,8 @@ use rand_chacha::ChaCha8Rng;
 use rand_distr::StandardNormal;
 
 use super::error::ModelError;
-use super::model::{Kind, Model};
+use super::laid_out::Model;
+use super::reported::Kind;
 use super::tape::Tape;
 use crate::infer::{Chain, Settings};
 use crate::random::Stream;

@@ -4,7 +4,7 @@ use num_dual::DualStruct;
 use pulp::{Arch, Simd, WithSimd};
 use rand::Rng;
 
-use super::expansion::RowFn;
+use super::functions::RowFn;
 use super::tape::{Curved, Op, Tape};
 use crate::likelihood::{Likelihood, Observation, Outliers};
 use crate::num::lanes::LANES;

@@ -2,7 +2,7 @@
 
 use std::marker::PhantomData;
 
-use super::expansion::ScalarFn;
+use super::functions::ScalarFn;
 use super::scope::Local;
 use super::tape::Bent;
 use crate::num::{Dual, Num};

@@ -9,10 +9,10 @@
 //! differenced. What an operation computes from a few scalars is differentiated by [`Hyper`].
 
 use super::density::DensityAt;
-use super::expansion::{Columns as _, DensityFn, KernelFn, PriorFn, RowFn, ScalarFn, Terms as _};
+use super::functions::{Columns as _, DensityFn, KernelFn, PriorFn, RowFn, ScalarFn, Terms as _};
 use super::gp::{Field, SpectrumAt};
+use super::laid_out::Model;
 use super::linear::Linear;
-use super::model::Model;
 use super::parameter::{ImputedOp, NormalOp, ParameterOp, SequenceFn, SequenceOp};
 use super::rows::{Measured, Rows};
 use super::scalar::ScalarAt;

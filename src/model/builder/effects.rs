@@ -5,11 +5,12 @@ use std::collections::BTreeSet;
 use super::{Builder, Len};
 use crate::dist::Support;
 use crate::model::error::ModelError;
-use crate::model::expansion::{Decl, PriorFn};
 use crate::model::form::Form;
+use crate::model::functions::{Decl, PriorFn};
+use crate::model::laid_out::PriorEntry;
 use crate::model::linear::Linear;
-use crate::model::model::{Kind, PriorEntry};
 use crate::model::parameter::NormalOp;
+use crate::model::reported::Kind;
 use crate::table::{Measurements, SOURCE};
 
 pub(super) struct Effect {

@@ -8,9 +8,10 @@ use super::{Builder, Labels, Source};
 use crate::dist::Support;
 use crate::manifold::Basis;
 use crate::model::error::ModelError;
-use crate::model::expansion::{Decl, KernelFn, ScalarFn};
+use crate::model::functions::{Decl, KernelFn, ScalarFn};
 use crate::model::gp::{Collapsed, Field, SpectrumAt, Term, padded};
-use crate::model::model::{FieldEntry, Kind, Parameter, Position};
+use crate::model::laid_out::FieldEntry;
+use crate::model::reported::{Kind, Parameter, Position};
 use crate::model::scalar::{Scalar, ScalarAt};
 
 /// The field that is being declared.

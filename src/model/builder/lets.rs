@@ -5,9 +5,9 @@ use std::sync::Arc;
 
 use super::{Builder, Labels, Place, Source};
 use crate::model::error::ModelError;
-use crate::model::expansion::{Decl, LetFn};
+use crate::model::functions::{Decl, LetFn};
 use crate::model::lets::{LetValues, Local, Values};
-use crate::model::maps::{Map, MapAt, MapFn, Source as MapSource};
+use crate::model::map::{Map, MapAt, MapFn, Source as MapSource};
 use crate::table::Measurements;
 
 /// A `let` as declared.

@@ -7,9 +7,9 @@ use super::{Builder, Computed, Place, Source};
 use crate::likelihood::Observation;
 use crate::model::density::{Density, DensityAt};
 use crate::model::error::ModelError;
-use crate::model::expansion::{Columns, Decl, DensityFn, RowFn};
+use crate::model::functions::{Columns, Decl, DensityFn, RowFn};
+use crate::model::laid_out::Observe;
 use crate::model::linear::Linear;
-use crate::model::model::Observe;
 use crate::model::rows::{self, Rows};
 use crate::table::Measurements;
 

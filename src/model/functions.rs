@@ -1,4 +1,4 @@
-//! What [`model!`](crate::prelude::model) expands to: every expression of a model file becomes the body of one
+//! The functions that [`model!`](crate::prelude::model) writes: every expression of a model file becomes the body of one
 //! function, in an implementation of one of these traits. Not for people.
 //!
 //! Such a function takes exactly the numbers that its expression mentions, in the order in which the builder
@@ -7,14 +7,10 @@
 
 use std::borrow::Cow;
 
-pub use super::builder::{Builder, Computed, Len, Place};
-pub use super::form::Form;
-pub use crate::dist::{Dist, Vector, vector};
-pub use crate::field::Kernel;
-pub use crate::likelihood::Likelihood;
-use crate::likelihood::Observation;
-use crate::num::Argument;
-pub use crate::num::{Num, Real};
+use crate::dist::{Dist, Vector};
+use crate::field::Kernel;
+use crate::likelihood::{Likelihood, Observation};
+use crate::num::{Argument, Num, Real};
 
 /// A statement's name, unit and text, for tables and messages.
 #[derive(Clone, Debug, Default)]

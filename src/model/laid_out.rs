@@ -6,87 +6,17 @@ use std::ops::Range;
 use rand::{Rng, RngExt as _};
 use rand_distr::StandardNormal;
 
-use super::builder::Builder;
 use super::density::Density;
 use super::error::ModelError;
-use super::expansion::Decl;
+use super::functions::Decl;
 use super::gp::Field;
 use super::lets::LetValues;
 use super::linear::Linear;
-use super::maps::Map;
+use super::map::Map;
+use super::reported::{Parameter, Position};
 use super::rows::Measured;
 use super::tape::{Op, Tape};
-use crate::dist::Support;
-use crate::manifold::Basis;
 use crate::table::Measurements;
-
-/// Implemented by [`model!`](crate::model): a model as declared, without data.
-pub trait Declare: Sync {
-    /// The model's name.
-    fn name(&self) -> &'static str;
-    /// The model as it stands in its file, between the brackets of `model! { … }`.
-    fn source(&self) -> String;
-    /// Makes the builder's calls, one per statement.
-    ///
-    /// # Errors
-    /// What does not fit between the model and the builder's data.
-    fn declare(&self, b: &mut Builder<'_>) -> Result<(), ModelError>;
-}
-
-/// What a parameter is, for tables.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Kind {
-    /// One number.
-    Scalar,
-    /// Several.
-    Vector,
-    /// Standard normal coefficients of a GP term.
-    Eta,
-}
-
-/// A declared parameter as it is reported.
-#[derive(Clone, Debug)]
-pub struct Parameter {
-    /// `sigma`, or `field.name` for a hyperparameter.
-    pub name: String,
-    /// Declared unit, empty if none.
-    pub unit: String,
-    /// How many numbers.
-    pub len: usize,
-    /// What it is.
-    pub kind: Kind,
-    /// The labels behind the numbers, for `param b(operator)`.
-    pub labels: Vec<String>,
-    /// The prior as written.
-    pub prior: String,
-    /// Its support.
-    pub support: Support,
-    pub(super) position: Position,
-}
-
-impl Parameter {
-    /// Name of its `i`-th number: `b[2]`, or the name alone if it is one.
-    pub fn element(&self, i: usize) -> String {
-        match (self.kind, self.labels.get(i)) {
-            (Kind::Scalar, _) => self.name.clone(),
-            (_, Some(label)) => format!("{}[{label}]", self.name),
-            (_, None) => format!("{}[{i}]", self.name),
-        }
-    }
-}
-
-/// Where a parameter's numbers come from.
-#[derive(Clone, Debug)]
-pub(super) enum Position {
-    /// Values from here on.
-    Values(usize),
-    /// Unknowns from here on; `first` is 1 where the constant mode is drawn afterwards.
-    Eta { u: usize, first: usize, field: usize, term: usize },
-    /// The mean of a field whose constant mode is drawn afterwards.
-    CollapsedMean { field: usize },
-    /// The values of these rows, from `v` on.
-    Cells { v: usize, rows: Vec<usize> },
-}
 
 /// A statement of the model file.
 #[derive(Clone, Debug)]
@@ -177,51 +107,11 @@ pub struct Model {
 }
 
 impl Model {
-    /// Lays `model` out on `basis` and `data`.
-    ///
-    /// # Errors
-    /// What does not fit between them.
-    pub fn new(
-        model: &dyn Declare,
-        basis: Option<&Basis>,
-        data: &Measurements,
-    ) -> Result<Self, ModelError> {
-        let mut b = Builder::new(Self::empty(model), basis, Some(data));
-        model.declare(&mut b)?;
-        b.finish()
-    }
-
-    /// As [`Model::new`], with an offset, zero unless somebody sets it, in every row for each of these
-    /// fields and `let`s that its likelihood depends on: where criticism adds what it tries.
-    ///
-    /// # Errors
-    /// Those of [`Model::new`].
-    pub fn with_offsets(
-        model: &dyn Declare,
-        basis: Option<&Basis>,
-        data: &Measurements,
-        offsets_on: &[String],
-    ) -> Result<Self, ModelError> {
-        let mut b = Builder::new(Self::empty(model), basis, Some(data));
-        b.want_offsets(offsets_on.iter().cloned());
-        model.declare(&mut b)?;
-        b.finish()
-    }
-
-    /// The model without data: its statements and parameters.
-    ///
-    /// # Errors
-    /// An effect on nothing.
-    pub fn outline(model: &dyn Declare) -> Result<Self, ModelError> {
-        let mut b = Builder::new(Self::empty(model), None, None);
-        model.declare(&mut b)?;
-        b.finish()
-    }
-
-    fn empty(model: &dyn Declare) -> Self {
+    /// A model of which nothing is laid out yet.
+    pub(super) fn empty(name: &'static str, source: String) -> Self {
         Model {
-            name: model.name(),
-            source: model.source(),
+            name,
+            source,
             parameters: vec![],
             statements: vec![],
             observes: vec![],

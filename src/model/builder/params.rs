@@ -1,0 +1,232 @@
+//! `param` statements, hyperparameters and columns with a prior.
+
+use std::marker::PhantomData;
+use std::sync::Arc;
+
+use super::{Builder, Labels, Len, Source};
+use crate::dist::{Dist, Sequence, Support, Vector};
+use crate::model::error::ModelError;
+use crate::model::functions::{Decl, PriorFn, VectorFn};
+use crate::model::laid_out::PriorEntry;
+use crate::model::parameter::{ImputedOp, Known, ParameterOp, SequenceFn, SequenceOp};
+use crate::model::reported::{Kind, Parameter, Position};
+use crate::num::Num;
+
+impl Builder<'_> {
+    /// What follows, up to [`Builder::end_block`], are the parameters of the block `name`.
+    pub fn block(&mut self, name: &'static str) {
+        self.prefix = Some(name);
+    }
+
+    /// The block ends.
+    pub fn end_block(&mut self) {
+        self.prefix = None;
+    }
+
+    /// `param name(len) [unit] ~ prior;`, or a hyperparameter of a field or block. M is N + 1.
+    ///
+    /// # Errors
+    /// A label column that the data lack.
+    pub fn param<F: PriorFn<N>, const N: usize, const M: usize>(
+        &mut self,
+        decl: Decl,
+        len: Len,
+        mentions: &[&str],
+    ) -> Result<(), ModelError> {
+        let local = self.local::<N>(mentions, 0);
+        let prior = F::prior([Num(1.0); N]);
+        let (support, ln_norm) = (support_of::<F, N>(), constant_norm(&prior, N));
+        let is_flat = prior.is_flat();
+        drop(prior);
+        let places = local.places();
+        let (u, v, n) = self.lay_out(decl, len, places, support, is_flat)?;
+        let op = ParameterOp::<F, N, M> { local, u, v, n, ln_norm, f: PhantomData };
+        self.model.priors.push(Box::new(op));
+        Ok(())
+    }
+
+    /// First unknown and first value of a parameter, and how many it has.
+    fn lay_out(
+        &mut self,
+        decl: Decl,
+        len: Len,
+        mentions: Vec<usize>,
+        support: Support,
+        is_flat: bool,
+    ) -> Result<(usize, usize, usize), ModelError> {
+        let labels = match len {
+            Len::Each(column) => Some(self.labels(column, &format!("param {}", decl.name))?),
+            _ => None,
+        };
+        let n = match (len, &labels) {
+            (Len::Many(n), _) => n,
+            (_, Some(labels)) => labels.names.len(),
+            _ => 1,
+        };
+        let (u, v) = (self.unknowns(n), self.values(n));
+        if is_flat {
+            self.flat.extend((0..n).map(|i| (v + i, u + i)));
+        }
+        let kind = if matches!(len, Len::One) { Kind::Scalar } else { Kind::Vector };
+        let names = labels.as_ref().map(|labels| labels.names.clone()).unwrap_or_default();
+        let source = match labels {
+            Some(labels) => Source::Each { v, labels },
+            None => Source::Scalars { v, len: n },
+        };
+        self.names.push((self.full_name(&decl.name), source));
+        self.push_parameter(&decl, n, kind, names, support, v);
+        if self.prefix.is_none() {
+            self.state("param", decl);
+        }
+        self.model.prior_entries.push(PriorEntry { u: u..u + n, v, len: n, mentions });
+        Ok((u, v, n))
+    }
+
+    /// The labels of a column; none without data.
+    pub(super) fn labels(&self, column: &'static str, who: &str) -> Result<Arc<Labels>, ModelError> {
+        let (names, of_row) = match self.data {
+            Some(data) => data.labels(column, who)?,
+            None => (vec![], vec![]),
+        };
+        Ok(Arc::new(Labels { column, names, of_row }))
+    }
+
+    /// `sigma`, or `field.sigma` of a hyperparameter.
+    fn full_name(&self, name: &str) -> String {
+        self.prefix.map_or_else(|| name.to_owned(), |prefix| format!("{prefix}.{name}"))
+    }
+
+    pub(super) fn push_parameter(
+        &mut self,
+        decl: &Decl,
+        len: usize,
+        kind: Kind,
+        labels: Vec<String>,
+        support: Support,
+        v: usize,
+    ) {
+        self.model.parameters.push(Parameter {
+            name: self.full_name(&decl.name),
+            unit: decl.unit.clone().into(),
+            len,
+            kind,
+            labels,
+            prior: decl.text.clone().into(),
+            support,
+            position: Position::Values(v),
+        });
+    }
+
+    /// `param name(n) [unit] ~ prior;`, the prior one of each number or of the whole. M1 is N + 1, M2 is N + 2.
+    ///
+    /// # Errors
+    /// A prior of the whole that is of another length or no density.
+    pub fn vector<F: VectorFn<N>, const N: usize, const M1: usize, const M2: usize>(
+        &mut self,
+        decl: Decl,
+        n: usize,
+        mentions: &[&str],
+    ) -> Result<(), ModelError> {
+        if is_whole(&F::prior([Num(1.0); N])) {
+            self.sequence::<Known<F>, N, M2>(decl, n, mentions)
+        } else {
+            self.param::<Known<F>, N, M1>(decl, Len::Many(n), mentions)
+        }
+    }
+
+    /// A vector with a prior of all of its numbers.
+    fn sequence<F: SequenceFn<N>, const N: usize, const M: usize>(
+        &mut self,
+        decl: Decl,
+        n: usize,
+        mentions: &[&str],
+    ) -> Result<(), ModelError> {
+        let local = self.local::<N>(mentions, 0);
+        let prior = F::sequence([Num(1.0); N]);
+        let (parameter, expected) = (decl.name.clone().into(), prior.length(n));
+        if n < expected && expected == 2 {
+            return Err(ModelError::TooShort { parameter, len: n });
+        }
+        if n != expected {
+            return Err(ModelError::Length { parameter, len: n, expected });
+        }
+        if N == 0 && !prior.ln_norm(n).0.is_finite() {
+            return Err(ModelError::NoDensity { parameter, prior: decl.text.into() });
+        }
+        let (n_unknowns, n_carry) = (prior.n_unknowns(n), prior.n_carry(n).max(1));
+        let support = prior.support();
+        drop(prior);
+        let (u, v) = (self.unknowns(n_unknowns), self.values(n));
+        let mentions = local.places();
+        let entry = PriorEntry { u: u..u + n_unknowns, v, len: n, mentions };
+        self.model.prior_entries.push(entry);
+        let work = self.n_work;
+        self.n_work += (n + 1) * n_carry;
+        self.push_parameter(&decl, n, Kind::Vector, vec![], support, v);
+        self.names.push((decl.name.clone().into(), Source::Scalars { v, len: n }));
+        self.state("param", decl);
+        let op = SequenceOp::<F, N, M> { local, u, v, work, n, n_carry, f: PhantomData };
+        self.model.priors.push(Box::new(op));
+        Ok(())
+    }
+
+    /// `column name [unit] ~ prior;`: every empty cell is an unknown. M is N + 1.
+    ///
+    /// # Errors
+    /// No such column, a cell that is no number, a prior whose bounds are unknown.
+    pub fn imputed<F: PriorFn<N>, const N: usize, const M: usize>(
+        &mut self,
+        decl: Decl,
+        mentions: &[&str],
+    ) -> Result<(), ModelError> {
+        let local = self.local::<N>(mentions, 0);
+        let support = support_of::<F, N>();
+        if support == Support::Between {
+            return Err(ModelError::ImputedBounds { column: decl.name.into() });
+        }
+        let (mut cells, mut lines) = (vec![], vec![]);
+        if let Some(data) = self.data {
+            for row in 0..data.len() {
+                let who = format!("column {}", decl.name);
+                cells.push(data.number_or_empty(row, &decl.name, &who)?);
+                lines.push(format!("line {}", data.line(row)));
+            }
+        }
+        let v = self.values(cells.len());
+        let is_missing = |i: &usize| cells[*i].is_nan();
+        let missing: Vec<usize> = (0..cells.len()).filter(is_missing).collect();
+        let seen: Vec<(usize, f64)> =
+            (0..cells.len()).filter(|i| !is_missing(i)).map(|i| (i, cells[i])).collect();
+        self.model.constants.extend(seen.iter().map(|(i, x)| (v + i, *x)));
+        let u = self.unknowns(missing.len());
+        let labels = missing.iter().map(|i| lines[*i].clone()).collect();
+        self.push_parameter(&decl, missing.len(), Kind::Vector, labels, support, v);
+        if let Some(parameter) = self.model.parameters.last_mut() {
+            parameter.position = Position::Cells { v, rows: missing.clone() };
+        }
+        let n = missing.len();
+        let entry = PriorEntry { u: u..u + n, v, len: cells.len(), mentions: local.places() };
+        self.model.prior_entries.push(entry);
+        self.names.push((decl.name.clone().into(), Source::Cells { v }));
+        self.state("column", decl);
+        let op = ImputedOp::<F, N, M> { local, u, v, missing, seen, f: PhantomData };
+        self.model.priors.push(Box::new(op));
+        Ok(())
+    }
+}
+
+/// Whether a prior is one of the whole vector.
+fn is_whole<T: Vector<Num<f64>>>(_: &T) -> bool {
+    T::IS_WHOLE
+}
+
+/// The support of a prior; that of one whose bounds move with what it mentions is only known while it runs.
+fn support_of<F: PriorFn<N>, const N: usize>() -> Support {
+    let support = |x: f64| F::prior([Num(x); N]).support();
+    if support(1.0) == support(0.5) { support(1.0) } else { Support::Between }
+}
+
+/// The normaliser of a prior that mentions nothing: computed once.
+fn constant_norm(prior: &impl Dist<Num<f64>>, n_mentioned: usize) -> f64 {
+    if n_mentioned == 0 { prior.ln_norm().0 } else { 0.0 }
+}
