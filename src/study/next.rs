@@ -11,6 +11,7 @@
 //! Cohn 1996, "Neural network exploration using optimal experiment design".
 
 use crate::num::vector::dot;
+use crate::random::procedure;
 use std::collections::BTreeMap;
 
 use nalgebra::{Cholesky, DMatrix};
@@ -21,8 +22,6 @@ use super::{StudyError, blank_table, visits};
 use crate::infer::LogDensity as _;
 use crate::manifold::Basis;
 use crate::model::{Declare, Maps, Model, RowId};
-use rand::SeedableRng;
-use rand_chacha::ChaCha8Rng;
 
 /// Vertices that stand for the surface.
 const VERTICES: usize = 1500;
@@ -148,7 +147,7 @@ impl Predicted {
             return Err(StudyError::NotSynthetic { why });
         }
         let (mut tape, mut locals) = (blank.tape(), vec![]);
-        let mut rng = ChaCha8Rng::seed_from_u64(1);
+        let mut rng = procedure(1);
         let mut values = vec![Vec::with_capacity(draws.len()); ids.len()];
         let mut noise = vec![0.0; ids.len()];
         for draw in draws {
