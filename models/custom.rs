@@ -1,29 +1,29 @@
-//! A prior, a kernel, a likelihood and a surrogate of one's own, in one's own model file.
+//! A prior, a kernel, a likelihood and a surrogate of one's own, in one's own model file. Each is an
+//! implementation of one trait or a plain function, below the model.
 //!
 //! `eplat run models/custom.rs --mesh SHELL.vtk --units mm --data FILE.csv`, with the columns `vertex`, `protocol`
-//! (`arrival`) and `value` (ms). Each of the four is an implementation of one trait, or a plain function.
+//! (`arrival` or `offset_seen`) and `value` (ms).
 use eplat::prelude::*;
 
 model! {
-    /// A delay that grows with the distance from rest, seen through noise with heavier tails than a normal's.
+    /// A delay that levels off, seen through noise with heavier tails than a normal's.
     model Custom;
 
     param offset [ms] ~ Gumbel(1.0, 2.0);
     param noise  [ms] ~ Gamma(4.0, 2.0);
 
-    field depth(x) [ms] in 0.0..60.0 = m + alpha * gp(Matern72(rho), K = 24) where {
+    field delay(x) [ms] = m + alpha * gp(Matern72(rho), K = 24) where {
         m     [ms] ~ Normal(20.0, 5.0);
         alpha [ms] ~ HalfNormal(5.0);
         rho   [mm] ~ InvGamma(5.0, 200.0);
     }
-    let delay(x) [ms] = saturating(depth(x)) + offset;
-
-    observe arrival(x): Number [ms] ~ LogisticNoise(delay(x), noise);
+    observe arrival(x): Number [ms] ~ LogisticNoise(saturating(delay(x)) + offset, noise);
+    observe offset_seen(row): Number [ms] ~ LogisticNoise(offset, noise);
 }
 
-/// A surrogate: any function of numbers with derivatives. It is linear below 50 ms and levels off beyond.
+/// A surrogate, linear well below 200 ms: any function of numbers with derivatives.
 fn saturating<T: Real>(x: Num<T>) -> Num<T> {
-    50.0 * (x / 50.0).tanh()
+    200.0 * (x / 200.0).tanh()
 }
 
 /// A prior. Gumbel distribution: `−(z + e^(−z)) − ln scale`, `z = (x − mode)/scale`.
@@ -33,7 +33,6 @@ struct Gumbel<D> {
     scale: D,
 }
 
-/// Takes numbers and parameters.
 #[allow(non_snake_case)]
 fn Gumbel<D: Real>(mode: impl Argument<D>, scale: impl Argument<D>) -> Gumbel<D> {
     Gumbel { mode: mode.number(), scale: scale.number() }
@@ -51,12 +50,14 @@ impl<D: Real> Dist<D> for Gumbel<D> {
         self.mode.re()
     }
     fn sample(&self, rng: &mut dyn Rng) -> Option<f64> {
-        let p: f64 = rng.sample(rand_distr::Open01);
-        Some(self.mode.re() - self.scale.re() * (-p.ln()).ln())
+        Some(
+            self.mode.re()
+                - self.scale.re() * (-rng.sample::<f64, _>(rand_distr::Open01).ln()).ln(),
+        )
     }
 }
 
-/// A kernel. Matérn with ν = 7/2: `S(w) = 14π κ⁷ (κ² + w²)^−9/2`, `κ² = 7/ℓ²`, lengthscale ℓ in mm.
+/// A kernel. Matérn, ν = 7/2: `S(w) = 14π κ⁷ (κ² + w²)^−9/2`, `κ² = 7/ℓ²`, ℓ in mm.
 #[derive(Debug)]
 struct Matern72<D>(D);
 
@@ -75,7 +76,6 @@ struct LogisticNoise<D> {
     scale: D,
 }
 
-/// Takes numbers and parameters.
 #[allow(non_snake_case)]
 fn LogisticNoise<D: Real>(f: impl Argument<D>, scale: impl Argument<D>) -> LogisticNoise<D> {
     LogisticNoise { f: f.number(), scale: scale.number() }

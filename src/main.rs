@@ -6,6 +6,8 @@ use eplat::cli::Compiled;
 
 #[path = "../models/apd_restitution.rs"]
 mod apd_restitution;
+#[path = "../models/custom.rs"]
+mod custom;
 #[path = "../models/cv_restitution.rs"]
 mod cv_restitution;
 #[path = "../models/eight_schools.rs"]
@@ -49,6 +51,7 @@ macro_rules! shipped {
 fn main() -> ExitCode {
     eplat::cli::main(&[
         shipped!("apd_restitution.rs", &apd_restitution::ApdRestitution),
+        shipped!("custom.rs", &custom::Custom),
         shipped!("cv_restitution.rs", &cv_restitution::CvRestitution),
         shipped!("eight_schools.rs", &eight_schools::EightSchools),
         shipped!("erp.rs", &erp::Erp),

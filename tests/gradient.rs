@@ -4,7 +4,7 @@
 
 #[path = "../models/apd_restitution.rs"]
 mod apd_restitution;
-#[path = "models/custom.rs"]
+#[path = "../models/custom.rs"]
 mod custom;
 #[path = "../models/cv_restitution.rs"]
 mod cv_restitution;

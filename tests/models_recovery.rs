@@ -11,7 +11,7 @@
 mod apd_restitution;
 #[path = "models/broken.rs"]
 mod broken;
-#[path = "models/custom.rs"]
+#[path = "../models/custom.rs"]
 mod custom;
 #[path = "../models/cv_restitution.rs"]
 mod cv_restitution;

@@ -11,6 +11,7 @@
 //! Cohn 1996, "Neural network exploration using optimal experiment design".
 
 use crate::num::vector::dot;
+use crate::random::procedure;
 use std::collections::BTreeMap;
 
 use nalgebra::{Cholesky, DMatrix};

@@ -132,7 +132,7 @@ impl MarkovChain for Nuts<'_> {
     }
 
     fn phase(&self) -> Phase {
-        if self.adaptation.is_some() { Phase::Warmup } else { Phase::Sampling }
+        if self.warm_up.is_over() { Phase::Sampling } else { Phase::Warmup }
     }
 
     fn step_size(&self) -> f64 {

@@ -83,7 +83,11 @@ impl Builder<'_> {
     }
 
     /// The labels of a column; none without data.
-    pub(super) fn labels(&self, column: &'static str, who: &str) -> Result<Arc<Labels>, ModelError> {
+    pub(super) fn labels(
+        &self,
+        column: &'static str,
+        who: &str,
+    ) -> Result<Arc<Labels>, ModelError> {
         let (names, of_row) = match self.data {
             Some(data) => data.labels(column, who)?,
             None => (vec![], vec![]),

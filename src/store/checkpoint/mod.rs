@@ -31,7 +31,7 @@ pub(crate) use keeper::take_chains;
 pub(crate) use keeper::{Keeper, take_chain};
 
 /// First bytes of every state; the number changes with the layout of what follows.
-const MAGIC: &[u8; 8] = b"eplatCK1";
+const MAGIC: &[u8; 8] = b"eplatCK2";
 const DIGEST: usize = 32;
 const CRC: usize = 4;
 const IDENTITY: &str = "identity.json";
