@@ -1,5 +1,4 @@
-//! A prior, a kernel, a likelihood and a surrogate of one's own, in one's own model file. Each is an
-//! implementation of one trait or a plain function, below the model.
+//! A prior, a kernel, a likelihood and a surrogate of one's own: each one trait or a plain function.
 //!
 //! `eplat run models/custom.rs --mesh SHELL.vtk --units mm --data FILE.csv`, with the columns `vertex`, `protocol`
 //! (`arrival` or `offset_seen`) and `value` (ms).
@@ -27,7 +26,6 @@ fn saturating<T: Real>(x: Num<T>) -> Num<T> {
 }
 
 /// A prior. Gumbel distribution: `−(z + e^(−z)) − ln scale`, `z = (x − mode)/scale`.
-#[derive(Debug)]
 struct Gumbel<D> {
     mode: D,
     scale: D,
@@ -58,7 +56,6 @@ impl<D: Real> Dist<D> for Gumbel<D> {
 }
 
 /// A kernel. Matérn, ν = 7/2: `S(w) = 14π κ⁷ (κ² + w²)^−9/2`, `κ² = 7/ℓ²`, ℓ in mm.
-#[derive(Debug)]
 struct Matern72<D>(D);
 
 impl<D: Real> Kernel<D> for Matern72<D> {
@@ -70,7 +67,6 @@ impl<D: Real> Kernel<D> for Matern72<D> {
 }
 
 /// A likelihood. Logistic distribution about `f`: `z − 2 ln(1 + e^z) − ln scale`, `z = (y − f)/scale`.
-#[derive(Debug)]
 struct LogisticNoise<D> {
     f: D,
     scale: D,
