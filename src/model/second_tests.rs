@@ -17,7 +17,7 @@ model! {
     param noise ~ LogNormal(share[0], tau);
     field f(x) [ms] in 0.0..20.0 = m + (alpha * alpha) * gp(Rbf(rho), K = 6) + alpha * gp(Matern32(rho * 2.0), K = 4) where {
         m [ms] ~ Normal(3.0, tau);
-        alpha [ms] ~ InvGamma(3.0, 2.0);
+        alpha ~ InvGamma(3.0, 2.0);
         rho [mm] ~ LogNormal(3.5, 0.5);
     }
     let eta(row) = linear(row.dose, row.dose; beta);
