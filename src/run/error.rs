@@ -140,7 +140,7 @@ pub enum RunError {
     Model(#[from] ModelError),
     /// There can be no synthetic experiment, or no further measurement.
     #[error(transparent)]
-    Experiment(#[from] ExperimentError),
+    Experiment(Box<ExperimentError>),
     /// The sampler's settings or starting points.
     #[error(transparent)]
     Infer(#[from] InferError),
@@ -150,6 +150,12 @@ pub enum RunError {
     /// A file of results.
     #[error(transparent)]
     Report(#[from] ReportError),
+}
+
+impl From<ExperimentError> for RunError {
+    fn from(error: ExperimentError) -> Self {
+        Self::Experiment(Box::new(error))
+    }
 }
 
 impl RunError {

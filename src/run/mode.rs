@@ -95,7 +95,7 @@ impl Mode<'_> {
     /// Root mean squared error of each map with a known truth.
     fn errors(&self) -> BTreeMap<String, f64> {
         let error = |map: &MapSummary| {
-            Some((map.name.to_owned(), rms_error(&map.mean, self.truth(&map.name)?)))
+            Some((map.name.clone(), rms_error(&map.mean, self.truth(&map.name)?)))
         };
         self.maps.iter().filter_map(error).collect()
     }
@@ -121,7 +121,7 @@ impl Mode<'_> {
         if let Some(surface) = self.problem.loaded().surface() {
             let mut arrays: Vec<(String, &[f64])> = vec![];
             for map in &self.maps {
-                arrays.push((map.name.to_owned(), &map.mean));
+                arrays.push((map.name.clone(), &map.mean));
                 let truth = self.truth(&map.name);
                 arrays.extend(truth.map(|truth| (format!("{}_true", map.name), truth)));
             }
@@ -161,7 +161,7 @@ impl Mode<'_> {
         let mut text = table(&self.lines());
         let errors = self.errors();
         if !errors.is_empty() {
-            let units = self.maps.iter().map(|map| (map.name.to_owned(), map.unit.clone()));
+            let units = self.maps.iter().map(|map| (map.name.clone(), map.unit.clone()));
             let _ = writeln!(text, "\n{}", rmse_line(&errors, &units.collect()));
         }
         let Optimum { iterations, gradient_norm, ln_density, converged, .. } = &self.optimum;
