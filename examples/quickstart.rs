@@ -1,19 +1,15 @@
-//! Shows  how to use eplat as a library: declare a model, lay it out on a surface and measurements,
-//!        sample it, and compare the fitted map with the known truth.
+//! Shows  how to use eplat as a library: declare a model, measure a known truth on a surface, fit the
+//!        model, compare the fitted map with the truth, and write all that the program writes.
 //! Run    cargo run --release --example quickstart
-//! Expect a table of four parameters with R̂ near 1, and an RMSE well below the truth's spread, in
-//!        about a second.
+//! Expect a table of four parameters with R̂ near 1, an RMSE well below the truth's spread, and the
+//!        files in out/quickstart, in about a second. Open out/quickstart/report.html in a browser.
 
 use std::error::Error;
 use std::io::{Write, stdout};
+use std::path::Path;
 
-use eplat::experiment::{Design, experiment};
-use eplat::infer::{self, Chain, Settings, Silent, jittered_starts};
-use eplat::manifold::eigenpairs;
-use eplat::mesh::left_atrium;
-use eplat::model::{Maps, Model};
 use eplat::prelude::*;
-use eplat::report::{Posterior, console_table};
+use eplat::run::{DataSource, Design, Inputs, MeshSource, Problem, Settings};
 
 model! {
     /// The refractory period itself as one field, without cell parameters behind it.
@@ -28,47 +24,37 @@ model! {
     observe s1s2(x): Bracket [ms] ~ Interval(erp(x), 2.0);
 }
 
-/// Edge length of the atrium, mm: coarse, so that this is quick.
-const EDGE: f64 = 2.5;
-
-/// Modes of the truth; the model itself uses the first 32.
-const MODES: usize = 128;
-
 fn main() -> Result<(), Box<dyn Error>> {
-    run(&mut stdout().lock())
+    run(&mut stdout().lock(), Path::new("out/quickstart"))
 }
 
-/// The whole example, printed to `out`.
-pub(crate) fn run(out: &mut dyn Write) -> Result<(), Box<dyn Error>> {
-    // A surface, the eigenfunctions that fields are made of, and measurements of a known truth.
-    let mesh = left_atrium(EDGE).mesh;
-    let basis = eigenpairs(&mesh, MODES)?;
-    let design = Design { n_sites: 20, ..Design::default() };
-    let made = experiment(&ErpMap, &mesh, &basis, &design)?;
+/// The whole example, printed to `out`, with its files in `folder`.
+pub(crate) fn run(out: &mut dyn Write, folder: &Path) -> Result<(), Box<dyn Error>> {
+    // A coarse left atrium, so that this is quick, and brackets of a known truth at twenty sites. Your
+    // own would be MeshSource::File { path, units } and DataSource::File(path).
+    let inputs = Inputs {
+        mesh: MeshSource::Embedded { edge: 2.5 },
+        data: DataSource::Synthetic(Design { n_sites: 20, ..Design::default() }),
+        ..Inputs::default()
+    };
+    let settings = Settings { draws: 2000, ..Settings::default() };
+    let fit = Problem::load(&ErpMap, &inputs)?.fit(&settings)?;
 
-    // A model with its data is a log density; NUTS knows nothing else of it.
-    let model = Model::new(&ErpMap, Some(&basis), &made.measurements)?;
-    let settings = Settings { chains: 4, warmup: 1000, draws: 2000, ..Settings::default() };
-    let starts = jittered_starts(&model, &model.initial(), settings.chains, settings.seed)?;
-    let chains: Vec<Chain> = infer::sample(&model, &starts, &settings, &Silent)?
-        .into_iter()
-        .collect::<Result<_, _>>()?;
+    // All that the end of `eplat run` says, and all files that it leaves.
+    let results = fit.write(folder)?;
+    writeln!(out, "{}", results.text())?;
 
-    // Parameters with their diagnostics, and the field at every vertex beside the truth.
-    let posterior = Posterior::new(&model, &made.measurements, &chains, settings.seed);
-    writeln!(out, "{}", console_table(&posterior.rows, false))?;
-    let draws: Vec<&[f64]> =
-        chains.iter().flat_map(|c| (0..c.n_draws()).map(|i| c.draw(i))).collect();
-    let (maps, _) = Maps::new(&model, &basis).summarise(&draws);
-    let (fitted, (name, truth)) = (&maps[0].mean, &made.truth[0]);
-    let mean = truth.iter().sum::<f64>() / truth.len() as f64;
-    let spread = rms(truth.iter().map(|t| t - mean));
-    let error = rms(fitted.iter().zip(truth).map(|(f, t)| f - t));
-    writeln!(out, "{name}: RMSE {error:.1} ms over the surface, the truth's sd is {spread:.1} ms")?;
+    // The field at every vertex, beside the truth.
+    let erp = &fit.maps()[0];
+    if let (Some(truth), Some(error)) = (&erp.truth, erp.rmse()) {
+        let mean = truth.iter().sum::<f64>() / truth.len() as f64;
+        let variance = truth.iter().map(|t| (t - mean).powi(2)).sum::<f64>() / truth.len() as f64;
+        let (name, unit, spread) = (&erp.name, &erp.unit, variance.sqrt());
+        writeln!(
+            out,
+            "{name}: off by {error:.1} {unit} over the surface, the truth's sd is {spread:.1} {unit}"
+        )?;
+    }
+    writeln!(out, "Files in {}: {}", folder.display(), results.files.join(", "))?;
     Ok(())
-}
-
-fn rms(errors: impl ExactSizeIterator<Item = f64>) -> f64 {
-    let n = errors.len() as f64;
-    (errors.map(|e| e * e).sum::<f64>() / n).sqrt()
 }

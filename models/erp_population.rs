@@ -1,52 +1,30 @@
-//! ERP calibration of three patients on one atlas surface: fields of their own, hyperparameters in common.
+//! ERP calibration of any number of patients on one atlas surface.
 //!
-//! A row's `protocol` says whose it is: `a_s1s2`, `a_s1s2s3`, `b_s1s2`, … What one patient's sites say
-//! about amplitude and lengthscale serves the others; the means are drawn towards each other by as much
-//! as they are alike. For more patients, more of the same lines.
+//! The column `patient` says whose a row is; `protocol` is `s1s2` or `s1s2s3` as in `erp.rs`.
 use eplat::prelude::*;
 
 model! {
+    /// Every patient has fields of their own. Amplitude and lengthscale are common to all, and the means are drawn
+    /// towards each other by as much as the patients are alike.
     model ErpPopulation;
 
-    param tau_alpha [ms] ~ InvGamma(1.0, 5.0);
-    param tau_rho   [mm] ~ InvGamma(1.01, 64.0);
-    param tau_mean  [ms] ~ Normal(12.0, 10.0);
-    param tau_sd    [ms] ~ HalfNormal(5.0);
-    param apd_alpha [ms] ~ InvGamma(1.0, 5.0);
-    param apd_rho   [mm] ~ InvGamma(1.01, 64.0);
-    param apd_mean  [ms] ~ Normal(190.0, 50.0);
-    param apd_sd    [ms] ~ HalfNormal(25.0);
+    param tau_mean [ms] ~ Normal(12.0, 10.0);
+    param tau_sd   [ms] ~ HalfNormal(5.0);
+    param apd_mean [ms] ~ Normal(190.0, 50.0);
+    param apd_sd   [ms] ~ HalfNormal(25.0);
 
-    field tau_out_a(x) [ms] in 1.0..30.0 = m + tau_alpha * gp(authors(Rbf(tau_rho)), K = 24) where {
-        m [ms] ~ Normal(tau_mean, tau_sd);
+    hyper common {
+        alpha [ms] ~ InvGamma(1.0, 5.0);
+        rho   [mm] ~ InvGamma(1.01, 64.0);
     }
-    field tau_out_b(x) [ms] in 1.0..30.0 = m + tau_alpha * gp(authors(Rbf(tau_rho)), K = 24) where {
-        m [ms] ~ Normal(tau_mean, tau_sd);
-    }
-    field tau_out_c(x) [ms] in 1.0..30.0 = m + tau_alpha * gp(authors(Rbf(tau_rho)), K = 24) where {
-        m [ms] ~ Normal(tau_mean, tau_sd);
-    }
-    field apd_max_a(x) [ms] in 120.0..270.0 = m + apd_alpha * gp(authors(Rbf(apd_rho)), K = 24) where {
-        m [ms] ~ Normal(apd_mean, apd_sd);
-    }
-    field apd_max_b(x) [ms] in 120.0..270.0 = m + apd_alpha * gp(authors(Rbf(apd_rho)), K = 24) where {
-        m [ms] ~ Normal(apd_mean, apd_sd);
-    }
-    field apd_max_c(x) [ms] in 120.0..270.0 = m + apd_alpha * gp(authors(Rbf(apd_rho)), K = 24) where {
-        m [ms] ~ Normal(apd_mean, apd_sd);
-    }
+    field tau_out(x, patient) [ms] in 1.0..30.0 = m + alpha * gp(authors(Rbf(rho)), K = 24)
+        where common { m(patient) [ms] ~ Normal(tau_mean, tau_sd); }
+    field apd_max(x, patient) [ms] in 120.0..270.0 = m + alpha * gp(authors(Rbf(rho)), K = 24)
+        where common { m(patient) [ms] ~ Normal(apd_mean, apd_sd); }
 
-    let erp_s2_a(x) [ms] = surrogate::erp_s2(tau_out_a(x), apd_max_a(x));
-    let erp_s3_a(x) [ms] = surrogate::erp_s3(tau_out_a(x), apd_max_a(x));
-    let erp_s2_b(x) [ms] = surrogate::erp_s2(tau_out_b(x), apd_max_b(x));
-    let erp_s3_b(x) [ms] = surrogate::erp_s3(tau_out_b(x), apd_max_b(x));
-    let erp_s2_c(x) [ms] = surrogate::erp_s2(tau_out_c(x), apd_max_c(x));
-    let erp_s3_c(x) [ms] = surrogate::erp_s3(tau_out_c(x), apd_max_c(x));
+    let erp_s2(x) [ms] in 0.0..280.0 = surrogate::erp_s2(tau_out(x), apd_max(x));
+    let erp_s3(x) [ms] = surrogate::erp_s3(tau_out(x), apd_max(x));
 
-    observe a_s1s2(x):   Bracket [ms] ~ TopHat(erp_s2_a(x));
-    observe a_s1s2s3(x): Bracket [ms] ~ TopHat(erp_s3_a(x));
-    observe b_s1s2(x):   Bracket [ms] ~ TopHat(erp_s2_b(x));
-    observe b_s1s2s3(x): Bracket [ms] ~ TopHat(erp_s3_b(x));
-    observe c_s1s2(x):   Bracket [ms] ~ TopHat(erp_s2_c(x));
-    observe c_s1s2s3(x): Bracket [ms] ~ TopHat(erp_s3_c(x));
+    observe s1s2(x):   Bracket [ms] ~ TopHat(erp_s2(x));
+    observe s1s2s3(x): Bracket [ms] ~ TopHat(erp_s3(x));
 }

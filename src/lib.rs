@@ -5,9 +5,9 @@
 //! | layer | modules |
 //! |---|---|
 //! | 7 | [`cli`] |
-//! | 6 | [`criticism`] |
-//! | 5 | [`run`], [`report`], [`study`] |
-//! | 4 | `models/*.rs`, through [`prelude`] only |
+//! | 6 | [`study`], [`criticism`] |
+//! | 5 | [`run`], [`report`] |
+//! | 4 | [`experiment`]; `models/*.rs`, through [`prelude`] only |
 //! | 3 | [`model`](mod@model) |
 //! | 2 | [`table`], [`field`], [`surrogate`], [`infer`], [`diagnostics`] |
 //! | 1 | [`dist`], [`likelihood`], [`manifold`], [`ep`] |

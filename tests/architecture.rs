@@ -11,8 +11,9 @@ use std::path::{Path, PathBuf};
 /// Layer of each module of the crate.
 const LAYERS: &[(u32, &[&str])] = &[
     (7, &["main", "cli"]),
-    (6, &["criticism"]),
-    (5, &["run", "report", "study"]),
+    (6, &["study", "criticism"]),
+    (5, &["run", "report"]),
+    (4, &["experiment"]),
     (3, &["model", "prelude"]),
     (2, &["table", "field", "surrogate", "infer", "diagnostics"]),
     (1, &["dist", "likelihood", "manifold", "ep"]),
@@ -24,8 +25,7 @@ const SAME_LAYER: &[(&str, &str)] = &[
     ("likelihood", "dist"), // a likelihood of a Number is a distribution
     ("surrogate", "infer"), // a Gaussian process is fitted by the optimiser
     ("mesh", "store"),      // files appear whole or not at all
-    ("run", "report"),      // a run is written by what renders it
-    ("run", "study"),       // TODO
+    ("run", "report"),      // what renders it writes its page and tables
     ("main", "cli"),
 ];
 

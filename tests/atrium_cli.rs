@@ -10,8 +10,13 @@ mod sheet;
 use std::collections::BTreeMap;
 use std::fs;
 use std::process::Output;
+use std::sync::Mutex;
+use std::sync::atomic::AtomicBool;
 
 use eplat::mesh::{self, Units};
+use eplat::run::atrium::{
+    Atrium, AtriumSettings, Beat, Event, Ground, PacingSettings, TissueSettings, Watch,
+};
 use program::Workplace;
 
 fn said(output: &Output) -> String {
@@ -116,6 +121,43 @@ fn another_simulation_is_compared_with() {
     let coarse = common.replace("--refine 1", "--refine 0");
     let output = place.eplat(&format!("{coarse} --compare a/beat.vtp --out c"));
     assert!(self::said(&output).contains("it is of another mesh"), "{}", self::said(&output));
+}
+
+#[test]
+fn the_library_simulates_the_same_in_memory_and_can_be_stopped() {
+    let place = place();
+    succeeds(
+        &place,
+        "simulate atrium --fields fields.vtp --refine 1 --pace 0 --beats 1 --last 90 --out a",
+    );
+    let there = Beat::read(&place.path("a")).unwrap();
+    let settings = AtriumSettings {
+        tissue: TissueSettings { refine: 1, ..TissueSettings::default() },
+        pacing: PacingSettings { pace: vec![0], beats: 1, last: 90.0, ..PacingSettings::default() },
+        ..AtriumSettings::default()
+    };
+    let ground = Ground::read(&place.path("fields.vtp"), Units::Mm).unwrap();
+    let atrium = Atrium::new(ground, &settings).unwrap();
+    let last = Mutex::new(0.0);
+    let hears = |event: Event<'_>| {
+        if let Event::Time(time) = event {
+            *last.lock().unwrap() = time;
+        }
+    };
+    let watch = Watch { on_event: &hears, ..Watch::default() };
+    let here = atrium.simulate(watch).unwrap().unwrap();
+    assert!((*last.lock().unwrap() - atrium.total_time()).abs() < 1e-9);
+    let bits = |maps: &[(String, Vec<f64>)]| -> BTreeMap<String, Vec<u64>> {
+        let map = |(name, values): &(String, Vec<f64>)| {
+            (name.clone(), values.iter().map(|x| x.to_bits()).collect())
+        };
+        maps.iter().map(map).collect()
+    };
+    assert!(bits(&here.maps) == bits(&there.maps));
+    assert_eq!(here.record.summary, there.record.summary);
+    assert_eq!(here.record.settings, there.record.settings, "options and settings are the same");
+    let stopped = Watch { stop: &AtomicBool::new(true), ..Watch::default() };
+    assert!(atrium.simulate(stopped).unwrap().is_none());
 }
 
 #[test]

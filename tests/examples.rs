@@ -18,13 +18,15 @@ fn number_after(text: &str, before: &str) -> f64 {
 #[test]
 fn quickstart_recovers_the_field_it_measured() {
     let mut out = vec![];
-    quickstart::run(&mut out).unwrap();
+    let folder = tempfile::tempdir().unwrap();
+    quickstart::run(&mut out, folder.path()).unwrap();
     let text = String::from_utf8(out).unwrap();
     for parameter in ["erp.m ", "erp.alpha ", "erp.rho ", "erp.eta"] {
         assert!(text.contains(parameter), "no {parameter}:\n{text}");
     }
     assert!(!text.contains('✗'), "the chains do not agree:\n{text}");
-    let (error, spread) = (number_after(&text, "RMSE "), number_after(&text, "sd is "));
+    let (error, spread) = (number_after(&text, "off by "), number_after(&text, "sd is "));
+    assert!(folder.path().join("report.html").is_file(), "{text}");
     // Twenty brackets of 10 ms leave 3 ms at a site and about twice that between sites.
     assert!(error < 0.3 * spread, "{text}");
 }

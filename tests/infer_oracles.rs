@@ -27,7 +27,7 @@ impl<F: Fn(&[f64], &mut [f64]) -> f64 + Sync> LogDensity for Density<F> {
 
 struct Evaluate<'a, F>(&'a F);
 
-impl<F: Fn(&[f64], &mut [f64]) -> f64> Evaluator for Evaluate<'_, F> {
+impl<F: Fn(&[f64], &mut [f64]) -> f64 + Sync> Evaluator for Evaluate<'_, F> {
     fn ln_density(&mut self, position: &[f64], gradient: &mut [f64]) -> f64 {
         (self.0)(position, gradient)
     }

@@ -735,27 +735,29 @@ fn voltage_recovers_map_and_noise() {
 fn erp_population_recovers_three_patients_and_what_they_share() {
     let basis = basis(VERTICES, 24);
     let row = |i: usize| {
-        let protocol = ["a_s1s2", "a_s1s2s3", "b_s1s2", "b_s1s2s3", "c_s1s2", "c_s1s2s3"][i % 6];
+        let (patient, protocol) = (["a", "b", "c"][i % 6 / 2], ["s1s2", "s1s2s3"][i % 2]);
         let vertex = 7 * (i / 6) + i % 6 / 2;
-        vec![vertex.to_string(), protocol.into(), "200".into(), "210".into()]
+        vec![vertex.to_string(), patient.into(), protocol.into(), "200".into(), "210".into()]
     };
-    let mut table =
-        Table { header: "vertex,protocol,lower,upper", rows: (0..6 * 14).map(row).collect() };
+    let mut table = Table {
+        header: "vertex,patient,protocol,lower,upper",
+        rows: (0..6 * 14).map(row).collect(),
+    };
     let given = [
-        ("tau_alpha", 1.2f64.ln()),
-        ("tau_rho", 64f64.ln()),
+        ("tau_out.alpha", 1.2f64.ln()),
+        ("tau_out.rho", 64f64.ln()),
         ("tau_mean", 12.0),
         ("tau_sd", 1f64.ln()),
-        ("apd_alpha", 6f64.ln()),
-        ("apd_rho", 50f64.ln()),
+        ("apd_max.alpha", 6f64.ln()),
+        ("apd_max.rho", 50f64.ln()),
         ("apd_mean", 195.0),
         ("apd_sd", 5f64.ln()),
-        ("tau_out_a.m", 11.0),
-        ("tau_out_b.m", 12.0),
-        ("tau_out_c.m", 13.0),
-        ("apd_max_a.m", 190.0),
-        ("apd_max_b.m", 196.0),
-        ("apd_max_c.m", 200.0),
+        ("tau_out.m[a]", 11.0),
+        ("tau_out.m[b]", 12.0),
+        ("tau_out.m[c]", 13.0),
+        ("apd_max.m[a]", 190.0),
+        ("apd_max.m[b]", 196.0),
+        ("apd_max.m[c]", 200.0),
     ];
     let truth = simulate(&erp_population::ErpPopulation, Some(&basis), &mut table, &given, 13);
     let good = fit(&erp_population::ErpPopulation, Some(&basis), &table.read(), 500);
@@ -763,7 +765,7 @@ fn erp_population_recovers_three_patients_and_what_they_share() {
     // the same truth with one patient's rows taken for another's
     let mut mistaken = Table { header: table.header, rows: table.rows.clone() };
     for row in &mut mistaken.rows {
-        row[1] = row[1].replace("a_", "d_").replace("c_", "a_").replace("d_", "c_");
+        row[1] = row[1].replace('a', "d").replace('c', "a").replace('d', "c");
     }
     let twin = fit(&erp_population::ErpPopulation, Some(&basis), &mistaken.read(), 500);
     assert_found_out(&twin, &truth, Some(&basis));

@@ -10,7 +10,7 @@ use std::path::{Path, PathBuf};
 use std::process::Command;
 
 use eplat::ep::table::read_rows;
-use eplat::surrogate::{Outcome, SensitivityRow, analyse};
+use eplat::surrogate::{OutcomeSensitivity, SensitivityRow, analyse};
 
 fn table() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/tables/sensitivity_500.csv")
@@ -44,7 +44,7 @@ fn additive_indices_are_pygams() {
     // over the whole ranges tau_out and apd_max determine ERP_S2, as the paper says; over the short apd_max that keeps
     // ERP_S3 from being void, tau_out does
     let [s2, s3] = [0, 1].map(|i| &result.outcomes[i]);
-    let total = |outcome: &Outcome, i: usize| outcome.sobol[i].total.value;
+    let total = |outcome: &OutcomeSensitivity, i: usize| outcome.sobol[i].total.value;
     assert!((s2.sobol_box[4].1 - 270.0).abs() < 1e-9 && s3.sobol_box[4].1 < 200.0);
     assert!(
         total(s2, 4) > 0.5

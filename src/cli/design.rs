@@ -1,8 +1,7 @@
 //! `eplat design next MODEL.rs`: where to measure next, and what.
 
-use std::fmt::Write as _;
 use std::io::Write as _;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use std::process::ExitCode;
 
 use clap::{Args, Subcommand};
@@ -11,18 +10,8 @@ use super::compile::run_compiled;
 use super::inputs::{InputArgs, usage};
 use super::models::{Compiled, ModelFile};
 use crate::error::Failure;
-use crate::experiment::{Lesson, Minutes, agree, lessons, thinned};
-use crate::infer::{Chain, Settings, Silent, jittered_starts};
-use crate::manifold::maximin;
-use crate::mesh::TriMesh;
-use crate::model::{Model, Sampler};
-use crate::run::RunError;
-use crate::store::write_file;
-
-/// Choices that are printed.
-const SHOWN: usize = 10;
-/// Draws that covariances are made of.
-const DRAWS: usize = 1000;
+use crate::experiment::Minutes;
+use crate::run::{Candidates, Problem, Ranking, RunError, Settings};
 
 /// `eplat design …`
 #[derive(Debug, Subcommand)]
@@ -80,124 +69,38 @@ impl NextArgs {
     fn run(&self, compiled: &[Compiled]) -> Result<ExitCode, Failure> {
         let file = ModelFile::read(&self.model)?;
         let Some(declared) = file.find(compiled)? else { return run_compiled(&file) };
-        let loaded = self.input.load(&self.model, declared)?;
-        let Some(domain) = &loaded.domain else {
-            return Err(usage(RunError::NoField));
-        };
-        let (surface, basis) = (&domain.surface, &domain.basis);
-        let model = Model::new(declared, Some(basis), &loaded.measurements)?;
-        let minutes = self.minutes(&model)?;
-        let chains = sample(&model, self.input.seed)?;
-        if !agree(&model, &chains) {
-            eprintln!(
-                "warning: the chains disagree: this ranking is not to be relied on; `eplat run` says where"
-            );
-        }
-        let thinned = thinned(&chains, DRAWS);
-        let mesh = &surface.mesh;
-        let sites = maximin(mesh, self.candidates, self.exclude, self.input.seed)?;
-        let found = lessons(declared, &model, basis, &thinned, &sites, self.resolution)?;
-        let mut ranked: Vec<(f64, Lesson)> = found
-            .into_iter()
-            .map(|lesson| (minutes.moving + minutes.measuring(&lesson.observes), lesson))
-            .collect();
-        ranked.sort_by(|a, b| (b.1.gain / b.0).total_cmp(&(a.1.gain / a.0)));
-        let mut out = std::io::stdout().lock();
-        writeln!(out, "{}", text(&ranked, |v| surface.source_vertex[v as usize]))?;
+        let problem = self.input.problem(&self.model, declared)?;
+        let ranking = self.rank(&problem).map_err(usage)?;
+        writeln!(std::io::stdout().lock(), "{}", ranking.text())?;
         if let Some(path) = &self.out {
-            self.write(path, &ranked, mesh, |v| surface.source_vertex[v as usize])?;
+            ranking.write(path)?;
         }
         Ok(ExitCode::SUCCESS)
     }
 
-    /// How long everything takes that the model observes.
-    fn minutes(&self, model: &Model) -> Result<Minutes, Failure> {
-        let known: Vec<&str> = model.observes.iter().map(|observe| observe.name).collect();
-        if let Some((name, _)) =
-            self.minutes.iter().find(|(name, _)| !known.contains(&name.as_str()))
-        {
-            return Err(Failure::usage(format_args!(
-                "--minutes {name}: the model observes {}",
-                known.join(", ")
-            )));
+    fn rank(&self, problem: &Problem<'_>) -> Result<Ranking, RunError> {
+        let candidates = Candidates {
+            n_sites: self.candidates,
+            exclude: self.exclude,
+            resolution: self.resolution,
+            minutes: Minutes {
+                moving: self.moving,
+                protocols: self.minutes.iter().cloned().collect(),
+            },
+            seed: self.input.seed,
+        };
+        candidates.check(problem)?; // before the fit
+        let fit = problem.fit(&Settings { seed: self.input.seed, ..Settings::default() })?;
+        let (n_failed, n) = (fit.failures().len(), fit.failures().len() + fit.chains().len());
+        if n_failed > 0 {
+            eprintln!("warning: {n_failed} of {n} chains failed");
         }
-        let one = known.into_iter().map(|name| (name.to_owned(), 1.0));
-        Ok(Minutes { moving: self.moving, protocols: one.chain(self.minutes.clone()).collect() })
+        let ranking = fit.next(&candidates)?;
+        if !ranking.is_reliable {
+            eprintln!(
+                "warning: the chains disagree: this ranking is not to be relied on; `eplat run` says where"
+            );
+        }
+        Ok(ranking)
     }
-
-    fn write(
-        &self,
-        path: &Path,
-        ranked: &[(f64, Lesson)],
-        mesh: &TriMesh,
-        source: impl Fn(u32) -> u32,
-    ) -> Result<(), Failure> {
-        let scale = self.input.scale();
-        write_file(path, |file| {
-            let mut table = csv::Writer::from_writer(file);
-            table.write_record([
-                "vertex",
-                "x",
-                "y",
-                "z",
-                "protocols",
-                "variance_share",
-                "minutes",
-            ])?;
-            for (minutes, lesson) in ranked {
-                let point =
-                    mesh.vertices()[lesson.vertex as usize].map(|x| (x / scale).to_string());
-                let [x, y, z] = point;
-                table.write_record([
-                    source(lesson.vertex).to_string(),
-                    x,
-                    y,
-                    z,
-                    lesson.observes.join("+"),
-                    lesson.gain.to_string(),
-                    minutes.to_string(),
-                ])?;
-            }
-            table.flush()
-        })
-        .map_err(|error| Failure::io("write", path, &error))
-    }
-}
-
-/// Chains of the posterior so far; a warning if some failed.
-fn sample(model: &Model, seed: u64) -> Result<Vec<Chain>, Failure> {
-    let settings = Settings { seed, ..Settings::default() };
-    let starts = jittered_starts(model, &model.initial(), settings.chains, seed)?;
-    let chains = Sampler::of(model).sample(model, &starts, &settings, &Silent)?;
-    let chains: Vec<Chain> = chains.into_iter().flatten().collect();
-    if chains.is_empty() {
-        return Err(Failure::new(
-            "no chain came through\nhelp: `eplat run` with the same model and data says why",
-        ));
-    }
-    if chains.len() < starts.len() {
-        eprintln!("warning: {} of {} chains failed", starts.len() - chains.len(), starts.len());
-    }
-    Ok(chains)
-}
-
-/// The best choices as a table.
-fn text(ranked: &[(f64, Lesson)], source: impl Fn(u32) -> u32) -> String {
-    let mut text = String::from("vertex  variance  minutes  per minute  measure there (predicted)");
-    for (minutes, Lesson { vertex, observes, gain, predicted }) in ranked.iter().take(SHOWN) {
-        let what: Vec<String> = observes
-            .iter()
-            .zip(predicted)
-            .map(|(name, (mean, sd))| format!("{name} ({mean:.0} ± {sd:.0})"))
-            .collect();
-        let _ = write!(
-            text,
-            "\n{:>6}  {:>7.2}%  {minutes:>7}  {:>9.2}%  {}",
-            source(*vertex),
-            -100.0 * gain,
-            -100.0 * gain / minutes,
-            what.join(", ")
-        );
-    }
-    text
 }

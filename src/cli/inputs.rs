@@ -8,7 +8,9 @@ use clap::Args;
 use crate::error::Failure;
 use crate::mesh::Units;
 use crate::model::Declare;
-use crate::run::{DataSource, Design, Inputs, Loaded, MeshSource, RunError, Watch, hash_file};
+use crate::run::{
+    DataSource, Design, Inputs, Loaded, MeshSource, Problem, RunError, Watch, hash_file,
+};
 
 /// Options that say what a model is run on.
 #[derive(Debug, Args)]
@@ -38,11 +40,6 @@ impl InputArgs {
         self.data.is_some()
     }
 
-    /// Length in mm of the unit of the mesh file.
-    pub(super) fn scale(&self) -> f64 {
-        self.units.map_or(1.0, Units::in_mm)
-    }
-
     /// As the library takes them; the draws depend on the file of the model too.
     pub(super) fn inputs(&self, model: &Path) -> Result<Inputs, Failure> {
         let mesh = source(self.mesh.as_deref().zip(self.units));
@@ -52,6 +49,15 @@ impl InputArgs {
         };
         let hashes = [("model".to_owned(), hash_file(model)?)].into();
         Ok(Inputs { mesh, basis: self.basis.clone(), data, hashes })
+    }
+
+    /// The model declared in `file` on everything that it needs; says on stderr what that is.
+    pub(super) fn problem<'m>(
+        &self,
+        file: &Path,
+        declared: &'m dyn Declare,
+    ) -> Result<Problem<'m>, Failure> {
+        Problem::load_watched(declared, &self.inputs(file)?, &telling()).map_err(usage)
     }
 
     /// Reads or makes everything that the model declared in `file` needs; says on stderr what it is.
@@ -68,7 +74,9 @@ pub(super) fn telling() -> Watch<'static> {
 /// A model that needs measurements is a matter of the command line.
 pub(super) fn usage(error: RunError) -> Failure {
     match error {
-        RunError::NoMeasurements { .. } | RunError::NoField => Failure::usage(error),
+        RunError::NoMeasurements { .. } | RunError::NoField | RunError::NoProtocol { .. } => {
+            Failure::usage(error)
+        }
         other => other.into(),
     }
 }

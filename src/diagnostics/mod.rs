@@ -12,17 +12,16 @@ mod ess;
 mod importance;
 mod loo;
 mod mcse;
-mod moments;
 mod psis;
 mod rank;
 mod special;
 mod stray;
 
+pub use crate::num::Moments;
 pub use ess::{ess_bulk, ess_mean, ess_tail};
 pub use importance::{Importance, importance};
 pub use loo::{Loo, LooPoint, loo, relative_efficiency, standard_error};
 pub use mcse::{mcse_mean, mcse_quantile, mcse_sd};
-pub use moments::Moments;
 pub use rank::r_hat;
 pub use special::{beta_above, normal_quantile};
 pub use stray::{Stray, stray};

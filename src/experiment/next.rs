@@ -10,6 +10,7 @@
 //! # Source
 //! Cohn 1996, "Neural network exploration using optimal experiment design".
 
+use crate::num::vector::dot;
 use std::collections::BTreeMap;
 
 use nalgebra::{Cholesky, DMatrix};
@@ -20,8 +21,7 @@ use super::{ExperimentError, Laboratory};
 use crate::infer::LogDensity as _;
 use crate::manifold::Basis;
 use crate::model::{Declare, Maps, Model, RowId};
-use rand::SeedableRng;
-use rand_chacha::ChaCha8Rng;
+use crate::random::procedure;
 
 /// Vertices that stand for the surface.
 const VERTICES: usize = 1500;
@@ -150,7 +150,7 @@ impl Predicted {
             return Err(ExperimentError::NotSynthetic { why });
         }
         let (mut tape, mut locals) = (blank.tape(), vec![]);
-        let mut rng = ChaCha8Rng::seed_from_u64(1);
+        let mut rng = procedure(1);
         let mut values = vec![Vec::with_capacity(draws.len()); ids.len()];
         let mut noise = vec![0.0; ids.len()];
         for draw in draws {
@@ -188,7 +188,7 @@ impl Predicted {
     }
 
     fn variance(&self, a: usize, b: usize) -> f64 {
-        dot(&self.centred[a], &self.centred[b]) / (self.centred[a].len() as f64 - 1.0)
+        dot::<1>(&self.centred[a], &self.centred[b]) / (self.centred[a].len() as f64 - 1.0)
     }
 
     /// Covariances with the maps over the surface.
@@ -203,8 +203,8 @@ impl Predicted {
             let centred = centred(map);
             let scale = 1.0 / (centred.len() as f64 - 1.0);
             let covariance: Vec<f64> =
-                self.centred.iter().map(|f| dot(f, &centred) * scale).collect();
-            (dot(&centred, &centred) * scale, covariance)
+                self.centred.iter().map(|f| dot::<1>(f, &centred) * scale).collect();
+            (dot::<1>(&centred, &centred) * scale, covariance)
         };
         let pairs: Vec<&Vec<f64>> =
             values.iter().flat_map(|maps| maps[targets.clone()].iter()).collect();
@@ -254,8 +254,4 @@ fn centred(draws: &[f64]) -> Vec<f64> {
     let known = draws.iter().filter(|x| x.is_finite());
     let mean = known.clone().sum::<f64>() / known.count().max(1) as f64;
     draws.iter().map(|x| if x.is_finite() { x - mean } else { 0.0 }).collect()
-}
-
-fn dot(a: &[f64], b: &[f64]) -> f64 {
-    a.iter().zip(b).map(|(a, b)| a * b).sum()
 }

@@ -171,26 +171,3 @@ fn the_authors_amplitude_is_the_constant_of_its_formula() {
     let formula = (9.0 * 5000.0 * 3f64.sqrt() / 2.0).powf(0.25) / (2.0 * PI);
     assert!((AUTHORS_AMPLITUDE - formula).abs() < 1e-6, "{formula}");
 }
-
-#[test]
-#[ignore = "timing"]
-fn timing() {
-    for (name, k) in [
-        ("rbf", &Rbf(variable::<2>(20.0, 0)) as &dyn Kernel<Dual<2>>),
-        ("product", &(Rbf(variable::<2>(20.0, 0)) * Matern52(variable::<2>(35.0, 1)))),
-    ] {
-        let t = std::time::Instant::now();
-        let mut s = 0.0;
-        for i in 0..200_000 {
-            s += k.sqrt_density(0.2 * f64::from(i % 64) / 64.0).re;
-        }
-        println!("{name}: {:?} each, {s}", t.elapsed() / 200_000);
-    }
-    let t = std::time::Instant::now();
-    let mut s = 0.0;
-    for i in 0..20_000 {
-        let a = variable::<2>(20.0 + f64::from(i % 7), 0);
-        s += (Rbf::<Dual<2>>(a) * Matern52::<Dual<2>>(variable::<2>(35.0, 1))).sqrt_density(0.0).re;
-    }
-    println!("new: {:?} each, {s}", t.elapsed() / 20_000);
-}

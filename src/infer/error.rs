@@ -1,6 +1,6 @@
 //! What can go wrong in inference, as texts a person can act on.
 
-use super::sample::Phase;
+use super::progress::Phase;
 use crate::store::CheckpointError;
 use serde::{Deserialize, Serialize};
 
@@ -131,6 +131,9 @@ pub enum InferError {
         /// Points tried.
         tried: usize,
     },
+    /// A single chain that cannot begin.
+    #[error(transparent)]
+    Chain(#[from] ChainError),
     /// What was kept of an interrupted run cannot be used.
     #[error(transparent)]
     Checkpoint(#[from] CheckpointError),

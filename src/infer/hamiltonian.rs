@@ -9,8 +9,8 @@
 //!
 //! Knows nothing of trees or of adaptation.
 
-use super::Evaluator;
-use super::vector::{add_scaled, dot};
+use super::density::Evaluator;
+use crate::num::vector::{axpy, dot};
 use serde::{Deserialize, Serialize};
 
 /// Factor F of the inverse mass matrix M⁻¹ = F Fᵀ.
@@ -29,7 +29,7 @@ impl Metric {
             Self::Diagonal(scale) => scale.iter().map(|s| s * s).collect(),
             Self::Dense(factor) => {
                 let row = |i: usize| &factor[i * dim..(i + 1) * dim];
-                (0..dim * dim).map(|k| dot(row(k / dim), row(k % dim))).collect()
+                (0..dim * dim).map(|k| dot::<4>(row(k / dim), row(k % dim))).collect()
             }
         }
     }
@@ -45,7 +45,7 @@ impl Metric {
             Self::Dense(factor) => {
                 let dim = position.len();
                 for (i, (q, row)) in position.iter_mut().zip(factor.chunks_exact(dim)).enumerate() {
-                    *q += step_size * dot(&row[..=i], &momentum[..=i]);
+                    *q += step_size * dot::<4>(&row[..=i], &momentum[..=i]);
                 }
             }
         }
@@ -62,7 +62,7 @@ impl Metric {
             Self::Dense(factor) => {
                 force.fill(0.0);
                 for (i, row) in factor.chunks_exact(force.len()).enumerate() {
-                    add_scaled(&mut force[..=i], gradient[i], &row[..=i]);
+                    axpy(gradient[i], &row[..=i], &mut force[..=i]);
                 }
             }
         }
@@ -104,20 +104,20 @@ impl PhasePoint {
 
     /// −ln π + ½ pᵀp; not finite where the density or its gradient is not.
     pub(super) fn energy(&self) -> f64 {
-        0.5 * dot(&self.momentum, &self.momentum) - self.ln_density
+        0.5 * dot::<4>(&self.momentum, &self.momentum) - self.ln_density
     }
 }
 
 /// A density's evaluator with a metric: what moves a [`PhasePoint`].
-pub(super) struct Hamiltonian<'a> {
-    evaluator: Box<dyn Evaluator + 'a>,
+pub(super) struct Hamiltonian<E> {
+    pub(super) evaluator: E,
     pub(super) metric: Metric,
     /// Density evaluations so far.
     pub(super) n_evaluations: u64,
 }
 
-impl<'a> Hamiltonian<'a> {
-    pub(super) fn new(evaluator: Box<dyn Evaluator + 'a>, metric: Metric) -> Self {
+impl<E: Evaluator> Hamiltonian<E> {
+    pub(super) fn new(evaluator: E, metric: Metric) -> Self {
         Self { evaluator, metric, n_evaluations: 0 }
     }
 
@@ -135,16 +135,16 @@ impl<'a> Hamiltonian<'a> {
 
     /// One leapfrog step of size ε (negative: backwards in time).
     pub(super) fn leapfrog(&mut self, point: &mut PhasePoint, step_size: f64) {
-        add_scaled(&mut point.momentum, 0.5 * step_size, &point.force);
+        axpy(0.5 * step_size, &point.force, &mut point.momentum);
         self.metric.drift(&mut point.position, step_size, &point.momentum);
         self.evaluate(point);
-        add_scaled(&mut point.momentum, 0.5 * step_size, &point.force);
+        axpy(0.5 * step_size, &point.force, &mut point.momentum);
     }
 }
 
 #[cfg(test)]
 mod tests {
-    use super::super::LogDensity;
+    use super::super::density::LogDensity;
     use super::super::test_densities::{FnDensity, banana};
     use super::*;
 
@@ -152,7 +152,7 @@ mod tests {
         [Metric::Diagonal(vec![0.7, 1.9]), Metric::Dense(vec![0.7, 0.0, -0.4, 1.9])]
     }
 
-    fn start(hamiltonian: &mut Hamiltonian) -> PhasePoint {
+    fn start(hamiltonian: &mut Hamiltonian<impl Evaluator>) -> PhasePoint {
         let mut point = PhasePoint::new(2);
         point.position = vec![0.3, -0.8];
         point.momentum = vec![0.9, -1.3];

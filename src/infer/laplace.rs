@@ -6,10 +6,11 @@
 //! # Source
 //! Tierney & Kadane 1986, "Accurate approximations for posterior moments and marginal densities".
 
-use super::adapt::conditional_scales;
+use super::density::{Evaluator, LogDensity};
+use super::draws::Chain;
+use super::error::InferError;
 use super::optimise::Optimum;
-use super::sample::thread_pool;
-use super::{Chain, Evaluator, InferError, LogDensity, Settings};
+use super::settings::{Settings, thread_pool};
 use crate::random::Stream;
 use nalgebra::linalg::{Cholesky, SymmetricEigen};
 use nalgebra::{DMatrix, DVector, Dyn};
@@ -19,10 +20,6 @@ use rand_distr::StandardNormal;
 use rayon::prelude::*;
 use std::f64::consts::TAU;
 use std::time::Instant;
-
-/// Differences span this share of a coordinate's conditional sd: their truncation error is then
-/// near 1e-6 of the curvature, and rounding far below it.
-const STEP: f64 = 1e-3;
 
 /// The normal approximation at a mode, in unconstrained coordinates.
 #[derive(Debug)]
@@ -42,7 +39,7 @@ pub struct LaplaceDraws {
 }
 
 impl Laplace {
-    /// Fits the curvature of `density` at `optimum` by central differences of its gradient.
+    /// Fits the curvature of `density` at `optimum`: its Hessian there ([`Evaluator::hessian`]).
     ///
     /// # Errors
     /// [`InferError::NoMode`] if the climb did not converge; [`InferError::NotConcave`] if the density
@@ -135,22 +132,11 @@ impl LaplaceDraws {
 
 /// P, made symmetric.
 fn precision(evaluator: &mut dyn Evaluator, mode: &[f64]) -> DMatrix<f64> {
-    let dim = mode.len();
-    let scales = conditional_scales(evaluator, mode, 1.0);
-    let mut moved = mode.to_vec();
-    let mut columns = DMatrix::zeros(dim, dim);
-    for (j, scale) in scales.iter().enumerate() {
-        let step = STEP * scale;
-        for side in [-1.0, 1.0] {
-            let mut gradient = vec![0.0; dim];
-            moved[j] = mode[j] + side * step;
-            let ln_density = evaluator.ln_density(&moved, &mut gradient);
-            let weight = if ln_density.is_finite() { -side / (2.0 * step) } else { f64::NAN };
-            columns.column_mut(j).axpy(weight, &DVector::from_vec(gradient), 1.0);
-        }
-        moved[j] = mode[j];
-    }
-    (&columns + columns.transpose()) / 2.0
+    let mut columns = DMatrix::zeros(mode.len(), mode.len());
+    evaluator.hessian(mode, &mut |j, column| {
+        columns.column_mut(j).copy_from_slice(column);
+    });
+    (&columns + columns.transpose()) / -2.0
 }
 
 /// Names the unknown that moves most along the direction in which the density falls off least.

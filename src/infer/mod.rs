@@ -1,44 +1,83 @@
-//! Inference on any differentiable log density: NUTS and its warm-up, an optimiser
-//! for its start, and the normal approximation at a mode.
+//! Inference on any differentiable log density: NUTS and its warm-up, a sampler for blocks of
+//! latent Gaussians, an optimiser for their start, and the normal approximation at a mode.
 //!
 //! Knows nothing of fields, electrophysiology or models: only [`LogDensity`].
+//!
+//! A chain is moved on one draw at a time; [`sample`] does so for several chains in parallel, with
+//! progress and checkpoints.
+//!
+//! ```
+//! use eplat::infer::{Evaluator, LogDensity, MarkovChain, Nuts, Settings};
+//!
+//! /// Two independent normals, with standard deviations 1 and 10.
+//! struct Normals;
+//!
+//! impl LogDensity for Normals {
+//!     fn dim(&self) -> usize {
+//!         2
+//!     }
+//!     fn evaluator(&self) -> Box<dyn Evaluator + '_> {
+//!         Box::new(Normals)
+//!     }
+//! }
+//!
+//! impl Evaluator for Normals {
+//!     fn ln_density(&mut self, position: &[f64], gradient: &mut [f64]) -> f64 {
+//!         let precision = [1.0, 0.01];
+//!         for i in 0..2 {
+//!             gradient[i] = -precision[i] * position[i];
+//!         }
+//!         0.5 * (position[0] * gradient[0] + position[1] * gradient[1])
+//!     }
+//! }
+//!
+//! let mut chain = Nuts::new(&Normals, &[0.1, 2.0], &Settings::default())?;
+//! let mut squares = [0.0; 2];
+//! for _ in 0..1000 {
+//!     let draw = chain.draw()?; // the first one comes after the warm-up
+//!     for (sum, x) in squares.iter_mut().zip(draw.position) {
+//!         *sum += x * x / 1000.0;
+//!     }
+//! }
+//! assert!((squares[0] - 1.0).abs() < 0.3 && (squares[1] - 100.0).abs() < 30.0);
+//! # Ok::<(), eplat::infer::InferError>(())
+//! ```
 
-mod adapt;
 mod blocked;
-mod chain;
+mod curvature;
+mod density;
+mod draws;
 mod error;
 mod hamiltonian;
+mod kernel;
 mod laplace;
+mod markov;
 mod moments;
 mod nuts;
 mod optimise;
+mod progress;
+mod run;
 mod sample;
+mod settings;
+mod stages;
 mod start;
 #[cfg(test)]
 mod test_densities;
 mod tree;
-mod vector;
+mod warmup;
 
-pub use blocked::{Design, FieldLayout, Latent, LatentGaussian, Layout, Shape, sample_blocked};
+pub use blocked::{
+    BlockLayout, Blocked, Design, Latent, LatentGaussian, Layout, Shape, sample_blocked,
+};
+pub use density::{Evaluator, LogDensity};
+pub use draws::{Chain, ChainResult, Divergence, Draw, Transition};
 pub use error::{ChainError, ChainFailure, InferError};
 pub use laplace::{Laplace, LaplaceDraws};
+pub use markov::MarkovChain;
+pub use nuts::Nuts;
 pub use optimise::{Optimum, OptimumSettings, maximise};
-pub use sample::{
-    Chain, ChainProgress, ChainResult, Divergence, MetricKind, Phase, Progress, Settings, Silent,
-    sample,
-};
+pub use progress::{ChainProgress, Phase, Progress, Silent};
+pub use sample::sample;
+pub use settings::{MetricKind, Settings};
+pub use stages::{Stage, Window};
 pub use start::jittered_starts;
-
-/// A log density over `R^dim`, up to a constant.
-pub trait LogDensity: Sync {
-    /// Number of unconstrained unknowns.
-    fn dim(&self) -> usize;
-    /// A function object with its own scratch memory, one per thread.
-    fn evaluator(&self) -> Box<dyn Evaluator + '_>;
-}
-
-/// Evaluates a [`LogDensity`]; holds scratch memory, so that an evaluation allocates nothing.
-pub trait Evaluator {
-    /// Log density at `position`; writes its gradient. Out of support: −∞ (never a panic).
-    fn ln_density(&mut self, position: &[f64], gradient: &mut [f64]) -> f64;
-}

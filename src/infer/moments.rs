@@ -1,23 +1,24 @@
 //! Running moments of draws and gradients, and the metrics made from them.
 
-use super::LogDensity;
+use super::density::LogDensity;
+use crate::num::Moments;
 use faer::{Mat, Side};
 use serde::{Deserialize, Serialize};
 
-/// Running means and second moments of positions and gradients (Welford).
+/// Running means and second moments of positions and gradients.
 #[derive(Clone, Debug, Serialize, Deserialize)]
-pub(super) struct Moments {
+pub(super) struct DrawMoments {
     n: usize,
-    position: Welford,
-    gradient: Welford,
+    position: Moments,
+    gradient: Moments,
     /// Σ (q − mean)(q − mean)ᵀ, row-major, if a dense metric is wanted.
     products: Option<Vec<f64>>,
 }
 
-impl Moments {
+impl DrawMoments {
     pub(super) fn new(dim: usize, dense: bool) -> Self {
         let products = dense.then(|| vec![0.0; dim * dim]);
-        Self { n: 0, position: Welford::new(dim), gradient: Welford::new(dim), products }
+        Self { n: 0, position: Moments::new(dim), gradient: Moments::new(dim), products }
     }
 
     /// Of these draws, each `(dim)`, as far as `density` supports them.
@@ -50,16 +51,21 @@ impl Moments {
         let n = self.n as f64;
         if let Some(products) = &mut self.products {
             let dim = position.len();
-            let change: Vec<f64> =
-                position.iter().zip(&self.position.mean).map(|(q, mean)| q - mean).collect();
+            // of the draws before, the first of which changes nothing
+            let mean = self.position.means();
+            let change: Vec<f64> = position
+                .iter()
+                .zip(mean)
+                .map(|(q, mean)| if n > 1.0 { q - mean } else { 0.0 })
+                .collect();
             for (row, a) in products.chunks_exact_mut(dim).zip(&change) {
                 for (sum, b) in row.iter_mut().zip(&change) {
                     *sum += a * b * (n - 1.0) / n;
                 }
             }
         }
-        self.position.add(position, n);
-        self.gradient.add(gradient, n);
+        self.position.add(position.iter().copied());
+        self.gradient.add(gradient.iter().copied());
     }
 
     /// Writes scale = (var q / var ∇)^¼ per coordinate: for a normal, its standard deviation.
@@ -67,7 +73,7 @@ impl Moments {
     /// The minimiser of the Fisher divergence over diagonal metrics.  A coordinate whose variances
     /// are not usable (all draws equal, overflow) keeps its scale.
     pub(super) fn fisher_scales(&self, scale: &mut [f64]) {
-        let variances = self.position.squares.iter().zip(&self.gradient.squares);
+        let variances = self.position.squares().iter().zip(self.gradient.squares());
         for (scale, (position, gradient)) in scale.iter_mut().zip(variances) {
             let fisher = (position / gradient).sqrt().sqrt();
             if fisher.is_finite() && (1e-10..1e10).contains(&fisher) {
@@ -80,7 +86,7 @@ impl Moments {
     /// `None` if it is not positive definite or was not asked for.
     pub(super) fn shrunk_covariance_factor(&self) -> Option<Vec<f64>> {
         let products = self.products.as_ref()?;
-        let dim = self.position.mean.len();
+        let dim = self.position.counts().len();
         let n = self.n as f64;
         let keep = n / (n + dim as f64);
         let covariance = Mat::from_fn(dim, dim, |i, j| {
@@ -95,32 +101,6 @@ impl Moments {
     }
 }
 
-/// Mean and sum of squared deviations of each coordinate.
-#[derive(Clone, Debug, Serialize, Deserialize)]
-struct Welford {
-    mean: Vec<f64>,
-    squares: Vec<f64>,
-}
-
-impl Welford {
-    fn new(dim: usize) -> Self {
-        Self { mean: vec![0.0; dim], squares: vec![0.0; dim] }
-    }
-
-    fn clear(&mut self) {
-        self.mean.fill(0.0);
-        self.squares.fill(0.0);
-    }
-
-    fn add(&mut self, x: &[f64], n: f64) {
-        for ((x, mean), squares) in x.iter().zip(&mut self.mean).zip(&mut self.squares) {
-            let change = x - *mean;
-            *mean += change / n;
-            *squares += change * (x - *mean);
-        }
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -129,7 +109,7 @@ mod tests {
     fn fisher_scales_of_normal_draws_are_exact_whatever_the_draws() {
         // For a normal the gradient is −q/sd², so any set of draws gives sd exactly.
         let sd = [1e-3, 1.0, 250.0];
-        let mut moments = Moments::new(3, false);
+        let mut moments = DrawMoments::new(3, false);
         for k in 0..5 {
             let q: Vec<f64> = sd.iter().map(|s| s * f64::from(k * k % 7)).collect();
             let g: Vec<f64> = q.iter().zip(&sd).map(|(q, s)| -q / (s * s)).collect();
@@ -142,7 +122,7 @@ mod tests {
 
     #[test]
     fn equal_draws_leave_the_scale_alone() {
-        let mut moments = Moments::new(1, false);
+        let mut moments = DrawMoments::new(1, false);
         (0..4).for_each(|_| moments.add(&[2.0], &[1.0]));
         let mut scale = vec![9.0];
         moments.fisher_scales(&mut scale);
@@ -151,7 +131,7 @@ mod tests {
 
     #[test]
     fn covariance_factor_matches_a_hand_computed_one() {
-        let mut moments = Moments::new(2, true);
+        let mut moments = DrawMoments::new(2, true);
         for q in [[0.0, 0.0], [2.0, 1.0], [4.0, 5.0]] {
             moments.add(&q, &[0.0, 0.0]);
         }

@@ -1,329 +1,191 @@
-//! The no-U-turn sampler: the tree of `tree.rs` on the dynamics of `hamiltonian.rs`.
-//!
-//! # Source
-//! Hoffman & Gelman 2014; Betancourt 2017 for multinomial trajectories and the generalised U-turn
-//! criterion p♯ · Σp > 0 at both ends of every subtree and across every join.
+//! One NUTS chain: its warm-up and its draws.
 
-use super::hamiltonian::{Hamiltonian, Metric, PhasePoint};
-use super::tree::{self, Direction, Stop, Subtree, Trajectory, Workspace};
-use super::vector::{add_scaled, dots_with_sum};
-use rand::{Rng, RngExt};
-use rand_chacha::ChaCha8Rng;
-use rand_distr::StandardNormal;
+use super::curvature::conditional_scales;
+use super::density::{Evaluator, LogDensity};
+use super::draws::{Draw, Transition};
+use super::error::{ChainError, ChainFailure, InferError};
+use super::hamiltonian::{Hamiltonian, Metric};
+use super::kernel::{Kernel, KernelState};
+use super::markov::{MarkovChain, Together};
+use super::moments::DrawMoments;
+use super::progress::Phase;
+use super::settings::{MetricKind, Settings, check_starts};
+use super::stages::{Stage, WarmUp};
+use super::warmup::Adaptation;
+use crate::random::Stream;
 use serde::{Deserialize, Serialize};
 
-/// Energy error beyond which a trajectory counts as divergent.
-const MAX_ENERGY_ERROR: f64 = 1000.0;
-
-/// What one transition did.
-#[derive(Clone, Copy, Debug)]
-pub(super) struct Transition {
-    /// Mean over the new points of min(1, exp(energy at the start − energy)).
-    pub(super) accept: f64,
-    /// Energy of the drawn phase-space point.
-    pub(super) energy: f64,
-    /// Completed doublings.
-    pub(super) depth: u32,
-    pub(super) n_leapfrog: u32,
-    pub(super) diverging: bool,
-}
-
-/// What a chain is between two transitions, without its density: the rest of [`Nuts`] is memory.
-#[derive(Clone, Debug, Serialize, Deserialize)]
-pub(super) struct NutsState {
-    position: Vec<f64>,
-    gradient: Vec<f64>,
-    ln_density: f64,
-    metric: Metric,
-    /// Words drawn from the random stream.
-    word: u128,
-    n_evaluations: u64,
-}
-
-impl NutsState {
-    pub(super) fn position(&self) -> &[f64] {
-        &self.position
-    }
-}
-
-/// A NUTS chain: its current point, step size, random stream and the tree's memory.
-pub(super) struct Nuts<'a> {
-    flow: Flow<'a>,
-    workspace: Workspace<Flow<'a>>,
-    edges: [PhasePoint; 2],
-    max_depth: u32,
-    /// The current point; its momentum is that of the last draw.
-    pub(super) point: PhasePoint,
-}
-
-impl<'a> Nuts<'a> {
-    /// A chain at `position`, whose density must be finite for the chain to move.
-    pub(super) fn new(
-        hamiltonian: Hamiltonian<'a>,
-        position: &[f64],
-        max_depth: u32,
-        rng: ChaCha8Rng,
-    ) -> Self {
-        let dim = position.len();
-        let mut point = PhasePoint::new(dim);
-        point.position.copy_from_slice(position);
-        let mut flow = Flow::new(hamiltonian, rng);
-        flow.hamiltonian.evaluate(&mut point);
-        let blank = || Subtree::new(Proposal::new(dim), Span::new(dim));
-        Self {
-            flow,
-            workspace: Workspace::new(max_depth, blank),
-            edges: [PhasePoint::new(dim), PhasePoint::new(dim)],
-            max_depth,
-            point,
-        }
-    }
-
-    pub(super) fn hamiltonian(&mut self) -> &mut Hamiltonian<'a> {
-        &mut self.flow.hamiltonian
-    }
-
-    /// For [`Nuts::restore`].
-    pub(super) fn state(&self) -> NutsState {
-        let Hamiltonian { metric, n_evaluations, .. } = &self.flow.hamiltonian;
-        NutsState {
-            position: self.point.position.clone(),
-            gradient: self.point.gradient.clone(),
-            ln_density: self.point.ln_density,
-            metric: metric.clone(),
-            word: self.flow.rng.get_word_pos(),
-            n_evaluations: *n_evaluations,
-        }
-    }
-
-    /// Goes on from `state`, on the same density with the same random stream, as if nothing had been.
-    pub(super) fn restore(&mut self, state: NutsState) {
-        self.point.position = state.position;
-        self.point.gradient = state.gradient;
-        self.point.ln_density = state.ln_density;
-        self.flow.hamiltonian.metric = state.metric;
-        self.flow.hamiltonian.n_evaluations = state.n_evaluations;
-        self.flow.rng.set_word_pos(state.word);
-    }
-
-    /// Evaluates the current point anew, after the density has changed.
-    pub(super) fn evaluate(&mut self) {
-        self.flow.hamiltonian.evaluate(&mut self.point);
-    }
-
-    pub(super) fn n_evaluations(&self) -> u64 {
-        self.flow.hamiltonian.n_evaluations
-    }
-
-    /// Draws p ~ N(0, I) at the current point.
-    pub(super) fn refresh_momentum(&mut self) {
-        let rng = &mut self.flow.rng;
-        self.point.momentum.fill_with(|| rng.sample(StandardNormal));
-    }
-
-    /// Moves the current point by one transition with this step size.
-    pub(super) fn transition(&mut self, step_size: f64) -> Transition {
-        self.flow.hamiltonian.refresh_force(&mut self.point);
-        self.refresh_momentum();
-        self.flow.begin(step_size, self.point.energy());
-        let directions = self.flow.rng.next_u32();
-        for edge in &mut self.edges {
-            edge.copy_from(&self.point);
-        }
-        let (depth, stop) = tree::transition(
-            &mut self.flow,
-            &mut self.edges,
-            &mut self.workspace,
-            directions,
-            self.max_depth,
-        );
-        let drawn = self.workspace.chosen();
-        self.point.position.copy_from_slice(&drawn.position);
-        self.point.gradient.copy_from_slice(&drawn.gradient);
-        self.point.ln_density = drawn.ln_density;
-        Transition {
-            accept: self.flow.accept / f64::from(self.flow.n),
-            energy: drawn.energy,
-            depth,
-            n_leapfrog: self.flow.n,
-            diverging: stop == Stop::Divergence,
-        }
-    }
-
-    /// Moves the current point by one trajectory of a random length, 0.5 to 1.5 times `time`, whose
-    /// end is accepted or rejected: plain Hamiltonian Monte Carlo.
-    pub(super) fn static_transition(&mut self, step_size: f64, time: f64) -> Transition {
-        self.flow.hamiltonian.refresh_force(&mut self.point);
-        self.refresh_momentum();
-        let energy = self.point.energy();
-        let time = time * (0.5 + self.flow.rng.random::<f64>());
-        let n = (time / step_size).round().clamp(1.0, f64::from(2u32.pow(self.max_depth)));
-        let [edge, _] = &mut self.edges;
-        edge.copy_from(&self.point);
-        let (mut n_leapfrog, mut diverging) = (0, false);
-        while n_leapfrog < n as u32 && !diverging {
-            self.flow.hamiltonian.leapfrog(edge, step_size);
-            n_leapfrog += 1;
-            let error = edge.energy() - energy;
-            diverging = error.is_nan() || error > MAX_ENERGY_ERROR;
-        }
-        let accept = if diverging { 0.0 } else { (energy - edge.energy()).exp().min(1.0) };
-        let drawn = if self.flow.rng.random::<f64>() < accept {
-            std::mem::swap(&mut self.point, edge);
-            self.point.energy()
-        } else {
-            energy
-        };
-        if diverging {
-            // the other end of the trajectory is where it began
-            let [backward, forward] = &mut self.edges;
-            forward.copy_from(backward);
-        }
-        Transition { accept, energy: drawn, depth: n_leapfrog.ilog2(), n_leapfrog, diverging }
-    }
-
-    /// Where the last transition diverged: the edge of its trajectory at the highest energy.
-    pub(super) fn divergent_position(&self) -> &[f64] {
-        let badness = |edge: &PhasePoint| {
-            let energy = edge.energy();
-            if energy.is_finite() { energy } else { f64::INFINITY }
-        };
-        let [backward, forward] = &self.edges;
-        &if badness(forward) > badness(backward) { forward } else { backward }.position
-    }
-
-    /// min(1, exp(−energy error)) of a single leapfrog step with fresh momentum; 0 for NaN.
-    pub(super) fn trial_acceptance(&mut self, step_size: f64) -> f64 {
-        self.flow.hamiltonian.refresh_force(&mut self.point);
-        self.refresh_momentum();
-        let [trial, _] = &mut self.edges;
-        trial.copy_from(&self.point);
-        self.flow.hamiltonian.leapfrog(trial, step_size);
-        let ratio = (self.point.energy() - trial.energy()).exp();
-        // f64::min would turn NaN, a trial beyond the support, into 1.
-        if ratio.is_nan() { 0.0 } else { ratio.min(1.0) }
-    }
-}
-
-/// The Hamiltonian flow as a trajectory, with the running statistics of one transition.
-struct Flow<'a> {
-    hamiltonian: Hamiltonian<'a>,
-    rng: ChaCha8Rng,
+/// A chain of the no-U-turn sampler.
+pub struct Nuts<'d> {
+    kernel: Kernel<Box<dyn Evaluator + 'd>>,
+    chain: usize,
+    seed: u64,
+    warm_up: WarmUp,
+    /// What it learns from, in the warm-up.
+    adaptation: Option<Adaptation>,
     step_size: f64,
-    /// Energy at the start of the transition.
-    energy: f64,
-    /// Energy of the newest point.
-    newest_energy: f64,
-    n: u32,
-    accept: f64,
+    n_evaluations_warmup: u64,
+    /// Where the last transition began.
+    start: Vec<f64>,
 }
 
-impl<'a> Flow<'a> {
-    fn new(hamiltonian: Hamiltonian<'a>, rng: ChaCha8Rng) -> Self {
-        Self {
-            hamiltonian,
-            rng,
-            step_size: 0.0,
-            energy: 0.0,
-            newest_energy: 0.0,
-            n: 0,
-            accept: 0.0,
-        }
-    }
-
-    fn begin(&mut self, step_size: f64, energy: f64) {
-        self.step_size = step_size;
-        self.energy = energy;
-        self.newest_energy = energy;
-        self.n = 0;
-        self.accept = 0.0;
-    }
+/// All that the rest of a chain depends on.
+#[derive(Debug, Serialize, Deserialize)]
+pub(super) struct NutsState {
+    kernel: KernelState,
+    warm_up: WarmUp,
+    adaptation: Option<Adaptation>,
+    step_size: f64,
+    n_evaluations_warmup: u64,
 }
 
-/// What becomes the next point if chosen.
-struct Proposal {
-    position: Vec<f64>,
-    gradient: Vec<f64>,
-    ln_density: f64,
-    energy: f64,
-}
-
-impl Proposal {
-    fn new(dim: usize) -> Self {
-        let zeros = vec![0.0; dim];
-        Self { position: zeros.clone(), gradient: zeros, ln_density: 0.0, energy: 0.0 }
-    }
-}
-
-/// Whitened momenta at both ends of a run of points, in order of travel, and their sum over it.
-struct Span {
-    first: Vec<f64>,
-    last: Vec<f64>,
-    sum: Vec<f64>,
-}
-
-impl Span {
-    fn new(dim: usize) -> Self {
-        let zeros = vec![0.0; dim];
-        Self { first: zeros.clone(), last: zeros.clone(), sum: zeros }
-    }
-}
-
-impl Trajectory for Flow<'_> {
-    type Edge = PhasePoint;
-    type Proposal = Proposal;
-    type Span = Span;
-
-    fn step(&mut self, edge: &mut PhasePoint, direction: Direction) -> Option<f64> {
-        let forward = direction == Direction::Forward;
-        let step_size = if forward { self.step_size } else { -self.step_size };
-        self.hamiltonian.leapfrog(edge, step_size);
-        self.n += 1;
-        self.newest_energy = edge.energy();
-        let ln_weight = self.energy - self.newest_energy;
-        // NaN, from an undefined density or gradient, is in no range and diverges.
-        let finite = (-MAX_ENERGY_ERROR..f64::INFINITY).contains(&ln_weight);
-        if finite {
-            self.accept += ln_weight.min(0.0).exp();
-        }
-        finite.then_some(ln_weight)
+impl<'d> Nuts<'d> {
+    /// A chain from `start`, `(dim)`. Of the settings, `chains`, `draws` and `threads` do not matter.
+    ///
+    /// # Errors
+    /// Those of [`sample`](super::sample); [`InferError::Chain`] where the chain cannot begin.
+    pub fn new(
+        density: &'d dyn LogDensity,
+        start: &[f64],
+        settings: &Settings,
+    ) -> Result<Self, InferError> {
+        let settings = Settings { chains: 1, ..settings.clone() };
+        check_starts(density, &[start.to_vec()], &settings)?;
+        let dense = settings.metric == MetricKind::Dense;
+        let learnt = DrawMoments::of(density, &settings.earlier, dense);
+        Ok(Self::begin(density, start, &settings, 0, &learnt)?)
     }
 
-    fn leaf(&mut self, edge: &PhasePoint, proposal: &mut Proposal, span: &mut Span) {
-        proposal.position.copy_from_slice(&edge.position);
-        proposal.gradient.copy_from_slice(&edge.gradient);
-        proposal.ln_density = edge.ln_density;
-        proposal.energy = self.newest_energy;
-        span.first.copy_from_slice(&edge.momentum);
-        span.last.copy_from_slice(&edge.momentum);
-        span.sum.copy_from_slice(&edge.momentum);
+    /// With these stages of warm-up instead of [`Stage::nuts`].
+    #[must_use]
+    pub fn with_warm_up(self, stages: Vec<Stage>) -> Self {
+        let alone = stages.into_iter().map(|stage| Stage { meets: false, ..stage });
+        Self { warm_up: WarmUp::new(alone.collect()), ..self }
     }
 
-    fn choose(&mut self, current: &mut Proposal, other: &mut Proposal, probability: f64) {
-        if self.rng.random::<f64>() < probability {
-            std::mem::swap(current, other);
-        }
-    }
-
-    fn join(&mut self, span: &mut Span, next: &Span) -> bool {
-        let turns = |a: &[f64], b: &[f64], x: &[f64], y: &[f64]| {
-            let [at_a, at_b] = dots_with_sum(a, b, x, y);
-            at_a <= 0.0 || at_b <= 0.0
+    /// Chain number `chain` of a run, from what is `learnt` beforehand.
+    pub(super) fn begin(
+        density: &'d dyn LogDensity,
+        start: &[f64],
+        settings: &Settings,
+        chain: usize,
+        learnt: &DrawMoments,
+    ) -> Result<Self, ChainError> {
+        let scale = conditional_scales(&mut *density.evaluator(), start, 1.0);
+        let hamiltonian = Hamiltonian::new(density.evaluator(), Metric::Diagonal(scale));
+        let rng = Stream::Chain(chain).rng(settings.seed);
+        let kernel = Kernel::new(hamiltonian, start, settings.max_depth, rng);
+        let Settings { seed, metric, target_accept, .. } = *settings;
+        let mut new = Self {
+            kernel,
+            chain,
+            seed,
+            warm_up: WarmUp::new(Stage::nuts(settings.warmup, Adaptation::is_enough(learnt))),
+            adaptation: None,
+            step_size: f64::NAN,
+            n_evaluations_warmup: 0,
+            start: start.to_vec(),
         };
-        // The whole; then span with next's first point, and span's last point with next.
-        let turning = turns(&span.first, &next.last, &span.sum, &next.sum)
-            || turns(&span.first, &next.first, &span.sum, &next.first)
-            || turns(&span.last, &next.last, &span.last, &next.sum);
-        add_scaled(&mut span.sum, 1.0, &next.sum);
-        span.last.copy_from_slice(&next.last);
-        turning
-    }
-
-    fn reverse(&mut self, span: &mut Span) {
-        std::mem::swap(&mut span.first, &mut span.last);
+        if !new.kernel.is_usable() {
+            return Err(new.error(0, ChainFailure::NoSupport));
+        }
+        let adaptation = Adaptation::begin(&mut new.kernel, metric, target_accept, learnt);
+        let adaptation = adaptation.ok_or_else(|| new.error(0, ChainFailure::NoStepSize))?;
+        new.step_size = adaptation.step_size();
+        new.adaptation = Some(adaptation);
+        Ok(new)
     }
 }
 
-#[cfg(test)]
-#[path = "nuts_tests.rs"]
-mod tests;
+impl std::fmt::Debug for Nuts<'_> {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.debug_struct("Nuts").field("state", &self.state()).finish_non_exhaustive()
+    }
+}
+
+impl MarkovChain for Nuts<'_> {
+    fn adapt(&mut self) -> Result<Option<Transition>, ChainError> {
+        let Some(adaptation) = &mut self.adaptation else { return Ok(None) };
+        let transition = self.kernel.transition(adaptation.step_size());
+        adaptation.update(&self.warm_up, &mut self.kernel, &transition);
+        self.step_size = adaptation.step_size();
+        self.warm_up.advance();
+        if self.warm_up.is_over() {
+            self.step_size = adaptation.final_step_size();
+            self.n_evaluations_warmup = self.kernel.n_evaluations();
+            self.adaptation = None;
+        }
+        Ok(Some(transition))
+    }
+
+    fn draw(&mut self) -> Result<Draw<'_>, ChainError> {
+        while self.adapt()?.is_some() {}
+        self.start.copy_from_slice(&self.kernel.point.position);
+        let transition = self.kernel.transition(self.step_size);
+        let ends = || [self.start.clone(), self.kernel.divergent_position().to_vec()];
+        Ok(Draw {
+            divergence: transition.diverging.then(ends),
+            position: &self.kernel.point.position,
+            ln_density: self.kernel.point.ln_density,
+            transition,
+        })
+    }
+
+    fn phase(&self) -> Phase {
+        if self.adaptation.is_some() { Phase::Warmup } else { Phase::Sampling }
+    }
+
+    fn step_size(&self) -> f64 {
+        self.step_size
+    }
+
+    fn inv_metric(&self) -> Vec<f64> {
+        self.kernel.metric().inverse_mass(self.start.len())
+    }
+
+    fn n_evaluations(&self) -> [u64; 2] {
+        let all = self.kernel.n_evaluations();
+        match self.phase() {
+            Phase::Warmup => [all, 0],
+            Phase::Sampling => [self.n_evaluations_warmup, all - self.n_evaluations_warmup],
+        }
+    }
+}
+
+impl Together for Nuts<'_> {
+    type State = NutsState;
+
+    fn state(&self) -> NutsState {
+        NutsState {
+            kernel: self.kernel.state(),
+            warm_up: self.warm_up.clone(),
+            adaptation: self.adaptation.clone(),
+            step_size: self.step_size,
+            n_evaluations_warmup: self.n_evaluations_warmup,
+        }
+    }
+
+    fn restore(&mut self, state: NutsState) -> Result<(), ChainError> {
+        self.kernel.restore(state.kernel);
+        self.warm_up = state.warm_up;
+        self.adaptation = state.adaptation;
+        self.step_size = state.step_size;
+        self.n_evaluations_warmup = state.n_evaluations_warmup;
+        Ok(())
+    }
+
+    fn n_adapted(&self) -> usize {
+        self.warm_up.n_done()
+    }
+
+    fn error(&self, iteration: usize, failure: ChainFailure) -> ChainError {
+        ChainError {
+            chain: self.chain,
+            seed: self.seed,
+            phase: self.phase(),
+            iteration,
+            position: self.kernel.point.position.clone(),
+            failure,
+        }
+    }
+}

@@ -5,8 +5,9 @@
 //! # Source
 //! Nocedal & Wright 2006, algorithms 7.4 (two-loop recursion), 3.5 and 3.6 (line search).
 
-use super::vector::{add_scaled, dot};
-use super::{Evaluator, InferError, LogDensity};
+use super::density::{Evaluator, LogDensity};
+use super::error::InferError;
+use crate::num::vector::{axpy, dot};
 use std::collections::VecDeque;
 
 /// When to stop climbing.
@@ -69,7 +70,7 @@ pub fn maximise(
         && idle < 3
     {
         let mut direction = memory.ascent_direction(&point.gradient);
-        if dot(&direction, &point.gradient) <= 0.0 {
+        if dot::<4>(&direction, &point.gradient) <= 0.0 {
             memory = Memory::default();
             direction = memory.ascent_direction(&point.gradient);
         }
@@ -138,8 +139,8 @@ impl Memory {
         let difference = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(a, b)| a - b).collect();
         let step: Vec<f64> = difference(&to.position, &from.position);
         let change: Vec<f64> = difference(&from.gradient, &to.gradient);
-        let curvature = dot(&step, &change);
-        if curvature > 1e-10 * dot(&change, &change).sqrt() * dot(&step, &step).sqrt() {
+        let curvature = dot::<4>(&step, &change);
+        if curvature > 1e-10 * dot::<4>(&change, &change).sqrt() * dot::<4>(&step, &step).sqrt() {
             if self.pairs.len() == Self::LENGTH {
                 self.pairs.pop_front();
             }
@@ -151,25 +152,25 @@ impl Memory {
     fn ascent_direction(&self, gradient: &[f64]) -> Vec<f64> {
         let mut direction = gradient.to_vec();
         let Some((step, change, _)) = self.pairs.back() else {
-            let length = dot(gradient, gradient).sqrt().max(1.0);
+            let length = dot::<4>(gradient, gradient).sqrt().max(1.0);
             for d in &mut direction {
                 *d /= length;
             }
             return direction;
         };
-        let scale = dot(step, change) / dot(change, change);
+        let scale = dot::<4>(step, change) / dot::<4>(change, change);
         let mut alphas = Vec::with_capacity(self.pairs.len());
         for (step, change, inverse) in self.pairs.iter().rev() {
-            let alpha = inverse * dot(step, &direction);
-            add_scaled(&mut direction, -alpha, change);
+            let alpha = inverse * dot::<4>(step, &direction);
+            axpy(-alpha, change, &mut direction);
             alphas.push(alpha);
         }
         for d in &mut direction {
             *d *= scale;
         }
         for ((step, change, inverse), alpha) in self.pairs.iter().zip(alphas.iter().rev()) {
-            let beta = inverse * dot(change, &direction);
-            add_scaled(&mut direction, alpha - beta, step);
+            let beta = inverse * dot::<4>(change, &direction);
+            axpy(alpha - beta, step, &mut direction);
         }
         direction
     }
@@ -195,7 +196,7 @@ impl LineSearch<'_> {
     ///
     /// The bracket [low, high] holds such a step: `low` gains, `high` (once finite) is too far.
     fn run(mut self) -> Option<Point> {
-        let slope = dot(&self.from.gradient, &self.direction);
+        let slope = dot::<4>(&self.from.gradient, &self.direction);
         let (mut low, mut high, mut length) = (0.0, f64::INFINITY, 1.0);
         let mut best: Option<Point> = None;
         for _ in 0..Self::MAX_STEPS {
@@ -215,7 +216,7 @@ impl LineSearch<'_> {
                     continue;
                 }
             } else {
-                let here = dot(&point.gradient, &self.direction);
+                let here = dot::<4>(&point.gradient, &self.direction);
                 if here.abs() <= Self::C2 * slope {
                     return Some(point);
                 }
@@ -233,7 +234,7 @@ impl LineSearch<'_> {
 
     fn at(&mut self, length: f64) -> Point {
         let mut position = self.from.position.clone();
-        add_scaled(&mut position, length, &self.direction);
+        axpy(length, &self.direction, &mut position);
         Point::at(self.evaluator, position)
     }
 }

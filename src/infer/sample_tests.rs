@@ -1,5 +1,6 @@
-use super::super::ChainFailure;
+use super::super::progress::{ChainProgress, Phase, Silent};
 use super::super::test_densities::{FnDensity, funnel, normal};
+use super::super::{ChainFailure, MarkovChain, Stage};
 use super::*;
 use std::sync::Mutex;
 
@@ -29,6 +30,31 @@ fn bad_settings_are_named_with_a_remedy() {
     let empty = normal(Vec::new());
     let error = sample(&empty, &[], &base(), &Silent).unwrap_err();
     assert!(matches!(error, InferError::NoUnknowns));
+}
+
+#[test]
+fn a_chain_that_is_stepped_draws_what_a_run_draws() {
+    let settings = Settings { chains: 1, ..settings() };
+    let density = funnel(5);
+    let run = sample(&density, &[vec![0.1; 5]], &settings, &Silent).unwrap().remove(0).unwrap();
+    let mut chain = Nuts::new(&density, &[0.1; 5], &settings).unwrap();
+    let mut n = 0;
+    while chain.adapt().unwrap().is_some() {
+        n += 1;
+    }
+    assert_eq!((n, chain.phase()), (settings.warmup, Phase::Sampling));
+    for i in 0..settings.draws {
+        let draw = chain.draw().unwrap();
+        assert_eq!((draw.position, draw.ln_density), (run.draw(i), run.ln_density[i]));
+        assert_eq!(draw.divergence.is_some(), run.diverging[i]);
+    }
+    assert_eq!(chain.n_evaluations(), [run.n_grad_warmup, run.n_grad_sampling]);
+    assert!(chain.step_size().to_bits() == run.step_size.to_bits());
+    // the warm-up is a list that can be another
+    let stages = vec![Stage { length: 30, metric: None, meets: true }];
+    let mut chain = Nuts::new(&density, &[0.1; 5], &settings).unwrap().with_warm_up(stages);
+    assert_eq!(std::iter::from_fn(|| chain.adapt().unwrap()).count(), 30);
+    assert!(chain.draw().is_ok());
 }
 
 #[test]

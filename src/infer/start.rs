@@ -1,8 +1,9 @@
 //! Starting points: near an optimum, spread on the scale of the posterior.
 
-use super::adapt::conditional_scales;
+use super::curvature::conditional_scales;
+use super::density::{Evaluator, LogDensity};
+use super::error::InferError;
 use super::optimise::{Optimum, OptimumSettings, maximise};
-use super::{Evaluator, InferError, LogDensity};
 use crate::random::Stream;
 use rand::RngExt;
 use rand_distr::StandardNormal;

@@ -1,6 +1,6 @@
 //! Small densities with known moments, for the tests of this folder.
 
-use super::{Evaluator, LogDensity};
+use super::density::{Evaluator, LogDensity};
 
 /// A density given by a function of (position, gradient).
 pub(super) struct FnDensity<F> {
@@ -20,7 +20,7 @@ impl<F: Fn(&[f64], &mut [f64]) -> f64 + Sync> LogDensity for FnDensity<F> {
 
 struct FnEvaluator<'a, F>(&'a F);
 
-impl<F: Fn(&[f64], &mut [f64]) -> f64> Evaluator for FnEvaluator<'_, F> {
+impl<F: Fn(&[f64], &mut [f64]) -> f64 + Sync> Evaluator for FnEvaluator<'_, F> {
     fn ln_density(&mut self, position: &[f64], gradient: &mut [f64]) -> f64 {
         (self.0)(position, gradient)
     }

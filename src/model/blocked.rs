@@ -1,4 +1,4 @@
-//! A model's fields as the block of [`sample_blocked`]: which unknowns are in it, and their design.
+//! A model's fields as the blocks of [`sample_blocked`]: which unknowns are in them, and their design.
 //!
 //! ```text
 //! Σ_terms amplitude √S_k η_k = √s_k ζ_k      s_k = Σ_terms (amplitude √S_k)²
@@ -17,7 +17,7 @@ use super::restore::{Seen, coefficients, weights_of};
 use super::tape::{Op, Tape, add_rows};
 use crate::dist::Gaussian;
 use crate::infer::{
-    self, ChainResult, Design, Evaluator, FieldLayout, InferError, Latent, LatentGaussian, Layout,
+    self, BlockLayout, ChainResult, Design, Evaluator, InferError, Latent, LatentGaussian, Layout,
     LogDensity, Progress, Settings, Shape, sample_blocked,
 };
 use rand::Rng;
@@ -97,7 +97,7 @@ impl<'m> Blocks<'m> {
         let n_sites = ops().map(Field::n_probes).next().unwrap_or(0);
         let values = model.tape().v;
         let fields: Vec<Block> = ops().map(|op| Block::new(model, op, is_triangular)).collect();
-        let layout = |(op, block): (&Field, &Block)| FieldLayout {
+        let layout = |(op, block): (&Field, &Block)| BlockLayout {
             n_coefficients: if is_triangular { n_sites } else { op.k },
             mean_precision: block.mean.map(|prior| gaussian(model, prior, &values).precision),
             shape: if is_triangular {
@@ -109,8 +109,8 @@ impl<'m> Blocks<'m> {
         let outer = outer(model, &fields);
         let is_hyper = hyperparameters(model, &fields);
         let layout = Layout {
-            n_sites,
-            fields: ops().zip(&fields).map(layout).collect(),
+            n_seen: n_sites,
+            blocks: ops().zip(&fields).map(layout).collect(),
             hyper: (0..outer.len()).filter(|i| is_hyper.contains(&outer[*i])).collect(),
             outer,
         };
@@ -219,7 +219,7 @@ impl LatentGaussian for Blocks<'_> {
     }
     fn latent(&self) -> Box<dyn Latent + '_> {
         let k = self.model.fields.iter().map(|f| f.op.k).max().unwrap_or(0);
-        let n = self.layout.n_sites;
+        let n = self.layout.n_seen;
         Box::new(OnTape {
             blocks: self,
             tape: self.model.tape(),
@@ -259,14 +259,14 @@ impl OnTape<'_> {
     }
 
     fn set_latent(&mut self, theta: &[f64]) {
-        let n = self.blocks.layout.n_sites;
+        let n = self.blocks.layout.n_seen;
         for (at, theta) in self.theta.iter().zip(theta.chunks_exact(n)) {
             self.tape.v[*at..][..n].copy_from_slice(theta);
         }
     }
 
     fn latent_slope(&self, theta_bar: &mut [f64]) {
-        let n = self.blocks.layout.n_sites;
+        let n = self.blocks.layout.n_seen;
         for (at, bar) in self.theta.iter().zip(theta_bar.chunks_exact_mut(n)) {
             bar.copy_from_slice(&self.tape.g[*at..][..n]);
         }
@@ -300,7 +300,7 @@ impl OnTape<'_> {
                 design.offset[f] = op.mean.value(&self.tape.v);
             }
             self.set_variances(op);
-            if matches!(blocks.layout.fields[f].shape, Shape::Triangular) {
+            if matches!(blocks.layout.blocks[f].shape, Shape::Triangular) {
                 block.lower(&self.variances[..op.k], &mut self.covariance, rows, width);
                 continue;
             }
@@ -317,7 +317,7 @@ impl OnTape<'_> {
 }
 
 impl Latent for OnTape<'_> {
-    fn block(&mut self, position: &[f64], block: &mut [f64]) {
+    fn coefficients(&mut self, position: &[f64], out: &mut [f64]) {
         let outer: Vec<f64> = self.blocks.layout.outer.iter().map(|u| position[*u]).collect();
         self.forward(&outer);
         let model = self.blocks.model;
@@ -325,11 +325,11 @@ impl Latent for OnTape<'_> {
         for (entry, field) in model.fields.iter().zip(&self.blocks.fields) {
             let w =
                 coefficients(&entry.op, &field.modes, &self.tape.v, position, self.is_collapsed());
-            block[at..][..w.len()].copy_from_slice(&w);
+            out[at..][..w.len()].copy_from_slice(&w);
             at += w.len();
             if let Some(prior) = field.mean {
                 let Gaussian { location, scale, .. } = gaussian(model, prior, &self.tape.v);
-                block[at] = (position[model.prior_entries[prior].u.start] - location) / scale;
+                out[at] = (position[model.prior_entries[prior].u.start] - location) / scale;
                 at += 1;
             }
         }
@@ -349,7 +349,7 @@ impl Latent for OnTape<'_> {
         let model = self.blocks.model;
         let mut at = 0;
         for (f, (entry, field)) in model.fields.iter().zip(&self.blocks.fields).enumerate() {
-            let n = self.blocks.layout.fields[f].n_coefficients;
+            let n = self.blocks.layout.blocks[f].n_coefficients;
             let seen = Seen { w: &block[at..][..n], is_collapsed: self.is_collapsed() };
             weights_of(&entry.op, &field.modes, &self.tape.v, &seen, rng, position);
             at += n;
@@ -418,7 +418,7 @@ impl Latent for OnTape<'_> {
 
 impl OnTape<'_> {
     fn is_collapsed(&self) -> bool {
-        self.blocks.layout.fields.iter().any(|f| matches!(f.shape, Shape::Triangular))
+        self.blocks.layout.blocks.iter().any(|f| matches!(f.shape, Shape::Triangular))
     }
 }
 

@@ -1,6 +1,6 @@
 use super::*;
 use crate::diagnostics::{mcse_mean, mcse_sd, mean_and_sd};
-use crate::infer::{Chain, ChainError, Silent, jittered_starts};
+use crate::infer::{Blocked, Chain, ChainError, MarkovChain, Silent, jittered_starts};
 use crate::manifold::Basis;
 use crate::model::Declare;
 use crate::prelude::*;
@@ -103,8 +103,8 @@ impl LatentGaussian for Twin<'_> {
 }
 
 impl Latent for TwinLatent<'_> {
-    fn block(&mut self, position: &[f64], block: &mut [f64]) {
-        self.0.block(position, block);
+    fn coefficients(&mut self, position: &[f64], out: &mut [f64]) {
+        self.0.coefficients(position, out);
     }
     fn join(&mut self, outer: &[f64], block: &[f64], rng: &mut dyn Rng, at: &mut [f64]) -> f64 {
         let mut same = ChaCha8Rng::seed_from_u64(1);
@@ -170,6 +170,22 @@ fn twin_chains(
     let starts = jittered_starts(model, &model.initial(), 4, 1).unwrap();
     let twin = Twin(blocks, fault);
     sample_blocked(&twin, &starts, &settings, &Silent).unwrap().into_iter().collect()
+}
+
+#[test]
+fn a_blocked_chain_that_is_stepped_draws_what_a_run_of_one_draws() {
+    let model = Model::new(&Counts, Some(&basis(12)), &rows("beats", 6)).unwrap();
+    let blocks = Blocks::new(&model);
+    let settings = Settings { chains: 1, warmup: 60, draws: 30, ..Settings::default() };
+    let starts = jittered_starts(&model, &model.initial(), 1, 1).unwrap();
+    let run = sample_blocked(&blocks, &starts, &settings, &Silent).unwrap().remove(0).unwrap();
+    let mut chain = Blocked::new(&blocks, &starts[0], &settings).unwrap();
+    assert_eq!(std::iter::from_fn(|| chain.adapt().unwrap()).count(), 60);
+    for i in 0..30 {
+        let draw = chain.draw().unwrap();
+        assert_eq!((draw.position, draw.ln_density), (run.draw(i), run.ln_density[i]));
+    }
+    assert_eq!(chain.n_evaluations(), [run.n_grad_warmup, run.n_grad_sampling]);
 }
 
 /// Draws of unknown `i`, chain by chain.

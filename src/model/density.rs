@@ -7,11 +7,11 @@ use num_dual::DualStruct;
 use super::error::ModelError;
 use super::expansion::{Columns, DensityFn, Terms};
 use super::scope::Local;
-use super::tape::{Op, Tape};
+use super::tape::{Curved, Op, Tape};
 use crate::num::{Dual, Num};
 
 /// What a model can do with a density besides the gradient.
-pub(super) trait LogTerms: Op {
+pub(super) trait LogTerms: Op + Curved {
     /// The terms, after a forward pass.
     fn terms(&self, t: &Tape) -> Vec<f64>;
     /// What it reads of its row number `i`.

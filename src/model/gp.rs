@@ -17,12 +17,13 @@ use pulp::{Arch, NullaryFnOnce};
 use super::expansion::KernelFn;
 use super::scalar::Scalar;
 use super::scope::Local;
-use super::tape::{Op, Tape, add_rows, dot, sum};
+use super::tape::{Bent, Op, Tape, add_rows, sum};
 use crate::field::Kernel;
+use crate::num::vector::dot;
 use crate::num::{Dual, LN_SQRT_2PI, derivatives};
 
 /// √S at the basis's frequencies, and its derivatives.
-pub(super) trait Spectrum: Send + Sync + std::fmt::Debug {
+pub(super) trait Spectrum: Bent + Send + Sync + std::fmt::Debug {
     /// Number of derivatives.
     fn width(&self) -> usize;
     /// `c_k = √S(w_k)`, and `dc` its derivatives, (width, modes).
@@ -53,7 +54,7 @@ impl<F: KernelFn<N>, const N: usize> Spectrum for SpectrumAt<F, N> {
     }
 
     fn pull(&self, bar: &[f64], dc: &[f64], g: &mut [f64]) {
-        let e: [f64; N] = std::array::from_fn(|j| dot(bar, &dc[j * bar.len()..][..bar.len()]));
+        let e: [f64; N] = std::array::from_fn(|j| dot::<8>(bar, &dc[j * bar.len()..][..bar.len()]));
         self.local.scatter_array(&e, g);
     }
 

@@ -1,6 +1,7 @@
 //! Linear predictors and effects: `Z β` per row.
 
-use super::tape::{Op, Tape, axpy, dot};
+use super::tape::{Op, Tape};
+use crate::num::vector::{axpy, dot};
 
 /// `out += Z β` (an effect on offsets) or `out = Z β` (a linear predictor).
 #[derive(Debug)]
@@ -20,7 +21,7 @@ pub(super) struct Linear {
 impl Op for Linear {
     fn forward(&self, t: &mut Tape) {
         for i in 0..self.rows {
-            let y = dot(&t.v[self.beta..][..self.n], &self.z[i * self.n..][..self.n]);
+            let y = dot::<8>(&t.v[self.beta..][..self.n], &self.z[i * self.n..][..self.n]);
             for out in &self.out {
                 t.v[out + i] = if self.add { t.v[out + i] + y } else { y };
             }

@@ -7,9 +7,10 @@ use super::expansion::{Columns, LetFn};
 use super::lets::ReadCell;
 use super::model::Model;
 
-use super::tape::{Tape, dot};
+use super::tape::Tape;
 use crate::manifold::Basis;
 use crate::num::Num;
+use crate::num::vector::dot;
 
 /// A `let` that depends on a place alone, through its fields and parameters.
 #[derive(Debug)]
@@ -305,7 +306,7 @@ impl<'m> Maps<'m> {
             for ((x, (mean, w)), entry) in
                 fields.iter_mut().zip(&draw.fields).zip(&self.model.fields)
             {
-                *x = mean + dot(w, &phi[entry.first..entry.first + w.len()]);
+                *x = mean + dot::<8>(w, &phi[entry.first..entry.first + w.len()]);
             }
             self.derived(&draw.v, fields, &mut scratch, lets);
             take(&values);

@@ -27,11 +27,11 @@ mod restore;
 mod rows;
 mod scalar;
 mod scope;
+mod second;
 mod tape;
 
 pub use augmented::{AddedEffect, Augmented};
 pub use blocked::Sampler;
-pub use builder::outlying;
 pub use density::Density;
 pub use equations::equations;
 pub use error::ModelError;

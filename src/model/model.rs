@@ -17,7 +17,6 @@ use super::maps::Map;
 use super::rows::Measured;
 use super::tape::{Op, Tape};
 use crate::dist::Support;
-use crate::infer::{Evaluator, LogDensity};
 use crate::manifold::Basis;
 use crate::table::Measurements;
 
@@ -462,25 +461,5 @@ impl Observe {
     /// A replicate of every measurement, after a forward pass.
     pub fn simulate(&self, t: &Tape, rng: &mut dyn Rng) -> Vec<Vec<f64>> {
         self.op.simulate(t, rng)
-    }
-}
-
-struct OnTape<'m> {
-    model: &'m Model,
-    tape: Tape,
-}
-
-impl Evaluator for OnTape<'_> {
-    fn ln_density(&mut self, position: &[f64], gradient: &mut [f64]) -> f64 {
-        self.model.ln_density(&mut self.tape, position, gradient)
-    }
-}
-
-impl LogDensity for Model {
-    fn dim(&self) -> usize {
-        self.layout[0]
-    }
-    fn evaluator(&self) -> Box<dyn Evaluator + '_> {
-        Box::new(OnTape { model: self, tape: self.tape() })
     }
 }

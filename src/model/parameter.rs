@@ -217,7 +217,7 @@ pub(super) struct SequenceOp<F, const N: usize, const W: usize> {
 
 impl<F: SequenceFn<N>, const N: usize, const W: usize> SequenceOp<F, N, W> {
     /// The carry that number `i` finds, in `work`.
-    fn found(&self, i: usize) -> std::ops::Range<usize> {
+    pub(super) fn found(&self, i: usize) -> std::ops::Range<usize> {
         self.work + i * self.n_carry..self.work + (i + 1) * self.n_carry
     }
 

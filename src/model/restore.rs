@@ -11,7 +11,7 @@ use rand::{Rng, RngExt};
 use rand_distr::StandardNormal;
 
 use super::gp::{Field, Term};
-use super::tape::{axpy, dot};
+use crate::num::vector::{axpy, dot};
 
 /// What the sites of a field determine.
 pub(super) struct Seen<'a> {
@@ -68,7 +68,7 @@ pub(super) fn coefficients(
     if !is_collapsed {
         return zeta;
     }
-    directions(modes, &shares.scale).chunks_exact(op.k).map(|row| dot(row, &zeta)).collect()
+    directions(modes, &shares.scale).chunks_exact(op.k).map(|row| dot::<8>(row, &zeta)).collect()
 }
 
 /// Writes η of every term into a position: a draw from their conditional given what the sites see.
@@ -87,7 +87,7 @@ pub(super) fn weights_of(
         for (direction, w) in directions(modes, &shares.scale).chunks_exact(op.k).zip(seen.w) {
             // the directions are orthonormal, so one after the other is all at once
             if direction.iter().any(|x| *x != 0.0) {
-                let excess = w - dot(direction, &zeta);
+                let excess = w - dot::<8>(direction, &zeta);
                 axpy(excess, direction, &mut zeta);
             }
         }
@@ -129,13 +129,13 @@ fn directions(modes: &[f64], scale: &[f64]) -> Vec<f64> {
     for i in 0..v.len() / k {
         let (done, rest) = v.split_at_mut(i * k);
         let row = &mut rest[..k];
-        let length = dot(row, row).sqrt();
+        let length = dot::<8>(row, row).sqrt();
         for _ in 0..2 {
             for other in done.chunks_exact(k) {
-                axpy(-dot(row, other), other, row);
+                axpy(-dot::<8>(row, other), other, row);
             }
         }
-        let left = dot(row, row).sqrt();
+        let left = dot::<8>(row, row).sqrt();
         let inverse = if left > ROUNDING * length { 1.0 / left } else { 0.0 };
         for x in row.iter_mut() {
             *x *= inverse;

@@ -5,7 +5,7 @@ use pulp::{Arch, Simd, WithSimd};
 use rand::Rng;
 
 use super::expansion::RowFn;
-use super::tape::{Op, Tape};
+use super::tape::{Curved, Op, Tape};
 use crate::likelihood::{Likelihood, Observation, Outliers};
 use crate::num::lanes::LANES;
 use crate::num::{Dual, Hyper, Num, Real, derivatives, variable};
@@ -32,7 +32,7 @@ impl Place {
 }
 
 /// What a model can do with its measurements besides the gradient.
-pub(super) trait Measured: Op {
+pub(super) trait Measured: Op + Curved {
     /// Log likelihood of each row, after a forward pass.
     fn pointwise(&self, t: &Tape, out: &mut Vec<f64>);
     /// A simulated measurement for each row, as cells (see [`Observation::cells`]).
@@ -131,7 +131,7 @@ impl<F: RowFn<N>, const N: usize, const W: usize> Rows<F, N, W> {
     /// The likelihood of row `i`, with the outliers that were added. Not inlined, so that a model's expressions are
     /// compiled once for all that is not the gradient.
     #[inline(never)]
-    fn likelihood<D: Real>(
+    pub(super) fn likelihood<D: Real>(
         &self,
         s: [Num<D>; N],
         i: usize,
@@ -229,7 +229,11 @@ impl<F: RowFn<N>, const N: usize, const W: usize> WithSimd for Backward<'_, F, N
 
 impl<F: RowFn<N>, const N: usize, const W: usize> Rows<F, N, W> {
     /// The numbers of a row from those of [`Measured::locals`]: `number` makes them of (which, value).
-    fn fill<D: Real>(&self, locals: &[f64], number: impl Fn(usize, f64) -> D) -> [Num<D>; N] {
+    pub(super) fn fill<D: Real>(
+        &self,
+        locals: &[f64],
+        number: impl Fn(usize, f64) -> D,
+    ) -> [Num<D>; N] {
         let mut s = [Num(D::from(0.0)); N];
         let lets = self.place.lets.iter().enumerate();
         let lets = lets.filter_map(|(j, at)| at.map(|_| W + j));

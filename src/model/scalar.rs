@@ -4,10 +4,11 @@ use std::marker::PhantomData;
 
 use super::expansion::ScalarFn;
 use super::scope::Local;
+use super::tape::Bent;
 use crate::num::{Dual, Num};
 
 /// A scalar of the value vector.
-pub(super) trait Scalar: Send + Sync + std::fmt::Debug {
+pub(super) trait Scalar: Bent + Send + Sync + std::fmt::Debug {
     fn value(&self, v: &[f64]) -> f64;
     /// Carries the adjoint `bar` of the value on.
     fn pull(&self, v: &[f64], bar: f64, g: &mut [f64]);

@@ -4,6 +4,7 @@ use pulp::{Arch, NullaryFnOnce};
 use rand::Rng;
 
 use crate::dist::Gaussian;
+use crate::num::vector::axpy;
 
 /// The memory of one evaluation; one per thread.
 #[derive(Clone, Debug)]
@@ -23,7 +24,7 @@ pub struct Tape {
 }
 
 /// One step between unknowns and log density.
-pub(super) trait Op: Send + Sync + std::fmt::Debug {
+pub(super) trait Op: Second + Send + Sync + std::fmt::Debug {
     /// Computes values from unknowns and earlier values.
     fn forward(&self, _: &mut Tape) {}
     /// Sets unknowns to a typical value, and computes values from them.
@@ -42,19 +43,59 @@ pub(super) trait Op: Send + Sync + std::fmt::Debug {
     fn backward(&self, t: &mut Tape);
 }
 
-/// Eight partial sums, so that the compiler may use vector registers.
-#[inline]
-pub(super) fn dot(a: &[f64], b: &[f64]) -> f64 {
-    let (a8, a_rest) = a.as_chunks::<8>();
-    let (b8, b_rest) = b.as_chunks::<8>();
-    let mut s = [0.0; 8];
-    for (a, b) in a8.iter().zip(b8) {
-        for i in 0..8 {
-            s[i] += a[i] * b[i];
+/// How an operation changes along a direction. `t` holds a point after a backward pass, `d` the
+/// change of each of its numbers.
+pub(super) trait Second {
+    /// Writes the change of its values from that of unknowns and of earlier values.
+    fn push(&self, _t: &Tape, _d: &mut Tape) {}
+    /// Adds the change of the adjoints that its backward pass adds.
+    fn pull(&self, _t: &Tape, _d: &mut Tape) {}
+}
+
+/// Terms of the log density that depend on a few scalars each.
+pub(super) trait Curved {
+    /// Their Hessians in their scalars.
+    fn curvatures(&self, t: &Tape) -> Vec<LocalHessian>;
+}
+
+/// A Hessian in a few scalars.
+#[derive(Debug)]
+pub(super) struct LocalHessian {
+    /// Where in `v` each scalar lives, and the offset added to it (`v[0]`, which is zero, if none).
+    places: Vec<(usize, usize)>,
+    /// `(n, n)`
+    hessian: Vec<f64>,
+}
+
+impl LocalHessian {
+    /// From `entry(a, b)`, which is symmetric.
+    pub(super) fn new(places: Vec<(usize, usize)>, entry: impl Fn(usize, usize) -> f64) -> Self {
+        let n = places.len();
+        let mut hessian = vec![0.0; n * n];
+        for (a, b) in (0..n).flat_map(|a| (a..n).map(move |b| (a, b))) {
+            hessian[a * n + b] = entry(a, b);
+            hessian[b * n + a] = hessian[a * n + b];
+        }
+        Self { places, hessian }
+    }
+
+    pub(super) fn pull(&self, d: &mut Tape) {
+        let rows = self.hessian.chunks_exact(self.places.len().max(1));
+        for ((value, offset), row) in self.places.iter().zip(rows) {
+            let change = |((v, o), h): (&(usize, usize), &f64)| h * (d.v[*v] + d.v[*o]);
+            let bar: f64 = self.places.iter().zip(row).map(change).sum();
+            d.g[*value] += bar;
+            if *offset > 0 {
+                d.g[*offset] += bar;
+            }
         }
     }
-    let rest: f64 = a_rest.iter().zip(b_rest).map(|(a, b)| a * b).sum();
-    ((s[0] + s[4]) + (s[1] + s[5])) + ((s[2] + s[6]) + (s[3] + s[7])) + rest
+}
+
+/// What a scalar or a spectrum adds to the change of the adjoints by its own curvature.
+pub(super) trait Bent {
+    /// Adds Σ bars · ∂²value/∂s∂s · ṡ for its values, at each of `frequency` if it is a spectrum.
+    fn bend(&self, t: &Tape, bars: &[f64], frequency: &[f64], d: &mut Tape);
 }
 
 /// In four partial sums.
@@ -68,14 +109,6 @@ pub(super) fn sum(a: &[f64]) -> f64 {
         }
     }
     (s[0] + s[1]) + (s[2] + s[3]) + rest.iter().sum::<f64>()
-}
-
-/// `y += a x`
-#[inline(always)]
-pub(super) fn axpy(a: f64, x: &[f64], y: &mut [f64]) {
-    for (y, x) in y.iter_mut().zip(x) {
-        *y += a * x;
-    }
 }
 
 /// `y += Σ_i x_i row_i` over the rows of a matrix, each as long as `y`.

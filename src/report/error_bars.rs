@@ -2,15 +2,15 @@
 
 use std::fmt::Write as _;
 
-use super::svg::{COLOURS, escape};
+use super::axes::{self, Axes, Axis, COLOURS, Scale};
+use super::svg::escape;
 
 /// Plot area of a panel, SVG units.
-const WIDTH: f64 = 200.0;
-const HEIGHT: f64 = 150.0;
-/// Space left of, above and below it.
-const LEFT: f64 = 46.0;
-const TOP: f64 = 24.0;
-const BELOW: f64 = 40.0;
+const SIZE: [f64; 2] = [200.0, 150.0];
+/// From panel to panel.
+const PITCH: [f64; 2] = [Axes::LEFT + SIZE[0] + 10.0, Axes::ABOVE + SIZE[1] + Axes::BELOW];
+/// Room for the names of the lines.
+const LEGEND: f64 = 130.0;
 
 /// A grid of panels that share their axes.
 #[derive(Clone, Debug)]
@@ -40,24 +40,20 @@ impl ErrorBars {
     /// The whole file.
     pub fn svg(&self) -> String {
         let columns = self.rows.iter().map(Vec::len).max().unwrap_or(0) as f64;
-        let width = columns * (LEFT + WIDTH + 10.0) + 130.0;
-        let height = self.rows.len() as f64 * (TOP + HEIGHT + BELOW);
-        let mut svg = format!(
-            r#"<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {width} {height}" width="{width}" height="{height}" font-family="sans-serif" font-size="11"><rect width="100%" height="100%" fill="white"/>"#
-        );
+        let width = columns * PITCH[0] + LEGEND;
+        let mut svg = axes::open(width, self.rows.len() as f64 * PITCH[1], 11);
         for (r, row) in self.rows.iter().enumerate() {
-            let top = row.iter().flat_map(|panel| panel.points.iter().flatten().flatten());
-            let top = nice(top.map(|(mean, sd)| mean + zero_if_nan(*sd)).fold(0.0, f64::max));
+            let points = row.iter().flat_map(|panel| panel.points.iter().flatten().flatten());
+            let scale = Scale::from_zero(points.map(|(mean, sd)| mean + zero_if_nan(*sd)));
             for (c, panel) in row.iter().enumerate() {
-                let x = c as f64 * (LEFT + WIDTH + 10.0) + LEFT;
-                let y = r as f64 * (TOP + HEIGHT + BELOW) + TOP;
-                let _ = write!(svg, r#"<g transform="translate({x} {y})">"#);
-                self.axes(&mut svg, panel, top, c == 0);
-                self.points(&mut svg, panel, top);
+                let (x, y) = (c as f64 * PITCH[0], r as f64 * PITCH[1]);
+                svg += &axes::group(x + Axes::LEFT, y + Axes::ABOVE);
+                svg += &self.axes(panel, scale, c == 0).svg();
+                self.points(&mut svg, panel, scale);
                 svg += "</g>";
             }
         }
-        let _ = write!(svg, r#"<g transform="translate({} {TOP})">"#, width - 118.0);
+        svg += &axes::group(width - LEGEND + 12.0, Axes::ABOVE);
         for (i, line) in self.lines.iter().enumerate() {
             let (y, colour) = (16.0 * i as f64, COLOURS[i % COLOURS.len()]);
             let _ = write!(
@@ -70,69 +66,39 @@ impl ErrorBars {
         svg + "</g></svg>\n"
     }
 
-    fn at(&self, tick: usize) -> f64 {
-        WIDTH * (tick as f64 + 0.5) / self.x.len() as f64
+    /// Place of a tick along the horizontal axis.
+    fn share(&self, tick: usize) -> f64 {
+        (tick as f64 + 0.5) / self.x.len() as f64
     }
 
-    fn axes(&self, svg: &mut String, panel: &Panel, top: f64, is_first: bool) {
-        let _ = write!(
-            svg,
-            r##"<path d="M0 0V{HEIGHT}H{WIDTH}" fill="none" stroke="#444"/><text x="{}" y="-8" text-anchor="middle">{}</text>"##,
-            WIDTH / 2.0,
-            escape(&panel.title)
-        );
-        for k in 0..=4 {
-            let (y, value) = (HEIGHT * (1.0 - f64::from(k) / 4.0), top * f64::from(k) / 4.0);
-            let _ = write!(
-                svg,
-                r##"<path d="M0 {y}H{WIDTH}" stroke="#ddd"/><text x="-5" y="{}" text-anchor="end">{value}</text>"##,
-                y + 4.0
-            );
-        }
-        for (tick, label) in self.x.iter().enumerate() {
-            let _ = write!(
-                svg,
-                r#"<text x="{:.1}" y="{}" text-anchor="middle">{label}</text>"#,
-                self.at(tick),
-                HEIGHT + 14.0
-            );
-        }
-        let _ = write!(
-            svg,
-            r#"<text x="{}" y="{}" text-anchor="middle">{}</text>"#,
-            WIDTH / 2.0,
-            HEIGHT + 30.0,
-            self.x_label
-        );
-        if is_first {
-            let _ = write!(
-                svg,
-                r#"<text transform="translate(-34 {}) rotate(-90)" text-anchor="middle">{}</text>"#,
-                HEIGHT / 2.0,
-                escape(&panel.y_label)
-            );
+    fn axes<'a>(&'a self, panel: &'a Panel, scale: Scale, is_first: bool) -> Axes<'a> {
+        let ticks = self.x.iter().enumerate();
+        let ticks = ticks.map(|(tick, label)| (self.share(tick), label.clone())).collect();
+        let label = if is_first { panel.y_label.as_str() } else { "" };
+        Axes {
+            size: SIZE,
+            title: &panel.title,
+            x: Axis { label: &self.x_label, ticks, has_lines: false },
+            y: Axis { label, ticks: scale.labelled(), has_lines: true },
         }
     }
 
-    fn points(&self, svg: &mut String, panel: &Panel, top: f64) {
-        let y = |value: f64| HEIGHT * (1.0 - value / top);
+    fn points(&self, svg: &mut String, panel: &Panel, scale: Scale) {
+        let y = |value: f64| SIZE[1] * (1.0 - scale.share(value));
         let n = panel.points.len();
         for (i, line) in panel.points.iter().enumerate() {
             // beside each other, so that bars do not hide bars
             let shift = 5.0 * (i as f64 - 0.5 * (n as f64 - 1.0));
             let colour = COLOURS[i % COLOURS.len()];
+            let place = |tick| SIZE[0] * self.share(tick) + shift;
             let known: Vec<(f64, f64, f64)> = line
                 .iter()
                 .enumerate()
-                .filter_map(|(tick, point)| point.map(|(m, sd)| (self.at(tick) + shift, m, sd)))
+                .filter_map(|(tick, point)| point.map(|(m, sd)| (place(tick), m, sd)))
                 .collect();
-            let path: Vec<String> =
-                known.iter().map(|(x, m, _)| format!("{x:.1} {:.1}", y(*m))).collect();
-            let _ = write!(
-                svg,
-                r#"<path d="M{}" fill="none" stroke="{colour}" stroke-width="1.5"/>"#,
-                path.join("L")
-            );
+            let places = known.iter().map(|(x, m, _)| [*x, y(*m)]);
+            let style = format!(r#"fill="none" stroke="{colour}" stroke-width="1.5""#);
+            *svg += &axes::line(places, &style);
             for (x, m, sd) in known {
                 let sd = zero_if_nan(sd);
                 let (low, high) = (y((m - sd).max(0.0)), y(m + sd));
@@ -151,25 +117,9 @@ fn zero_if_nan(x: f64) -> f64 {
     if x.is_nan() { 0.0 } else { x }
 }
 
-/// The smallest of 1, 2, 4, 8, 10, 20, … that is not less, so that quarters are round.
-fn nice(x: f64) -> f64 {
-    if x <= 0.0 || !x.is_finite() {
-        return 1.0;
-    }
-    let decade = 10f64.powf(x.log10().floor());
-    let steps = [1.0, 2.0, 4.0, 8.0, 10.0].map(|step| step * decade);
-    steps.into_iter().find(|step| *step >= x).unwrap_or(10.0 * decade)
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    #[test]
-    fn axes_end_at_round_numbers() {
-        let tops = [0.0, 0.8, 1.1, 4.0, 4.1, 9.0, 13.0, 41.0].map(|x| nice(x).to_string());
-        assert_eq!(tops, ["1", "0.8", "2", "4", "8", "10", "20", "80"]);
-    }
 
     #[test]
     fn every_point_is_drawn_and_the_file_is_well_formed() {

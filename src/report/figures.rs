@@ -4,16 +4,15 @@
 
 use std::fmt::Write as _;
 
-use super::svg::{escape, tick};
+use super::axes::{self, Axes, Axis, COLOURS, Scale};
 use crate::ep::cell::RANGES;
-use crate::surrogate::Sensitivity;
 use crate::surrogate::inputs::{ERP_INPUTS, input_range};
+use crate::surrogate::{OutcomeSensitivity, Sensitivity};
 
-/// A panel's size, and the room to its left and below it for labels.
-const WIDTH: f64 = 300.0;
-const HEIGHT: f64 = 240.0;
-const LEFT: f64 = 64.0;
-const BELOW: f64 = 52.0;
+/// A panel's size.
+const SIZE: [f64; 2] = [300.0, 240.0];
+/// From panel to panel.
+const PITCH: [f64; 2] = [Axes::LEFT + SIZE[0] + 20.0, Axes::ABOVE + SIZE[1] + Axes::BELOW];
 
 /// Cells of a contour panel along each axis.
 const CELLS: usize = 75;
@@ -21,9 +20,10 @@ const CELLS: usize = 75;
 /// Between neighbouring contours, ms.
 const STEP: f64 = 10.0;
 
-const STYLE: &str = "<style>text{font:12px sans-serif;fill:#222}.t{font-weight:bold}.m{text-anchor:middle}\
-.e{text-anchor:end}.b{fill:none;stroke:#222}.c{fill:none;stroke:#fff;stroke-width:0.8}\
-.g{fill:#3b6ea5}.s{fill:#c9872b}.l{fill:none;stroke:#3b6ea5;stroke-width:2}.v{font-size:10px}</style>";
+/// Points of a main effect's line.
+const POINTS: u32 = 60;
+/// Fill of additive indices and of Sobol's.
+const FILLS: [&str; 2] = [COLOURS[0], COLOURS[1]];
 
 /// A title and a function of `tau_out` and `apd_max` (ms); `None` where it is void.
 pub type Panel<'a> = (&'a str, &'a dyn Fn(f64, f64) -> Option<f64>);
@@ -34,15 +34,15 @@ pub fn contours(panels: &[Panel<'_>]) -> String {
     let at = |(lower, upper): (f64, f64), i: usize| {
         lower + (upper - lower) * (i as f64 + 0.5) / CELLS as f64
     };
-    let mut svg = open(panels.len(), 1, "contours of ERP over tau_out and apd_max");
+    let mut svg = open(panels.len(), 1);
     for (place, (title, f)) in panels.iter().enumerate() {
         let value =
             |i: usize, j: usize| f(at(x_range, i), at(y_range, j)).map(|v| (v / STEP).floor());
         let grid: Vec<Vec<Option<f64>>> =
             (0..CELLS).map(|j| (0..CELLS).map(|i| value(i, j)).collect()).collect();
         svg += &group(place, 0);
+        svg += &axes(title, ("tau_out (ms)", x_range), ("apd_max (ms)", y_range)).svg();
         svg += &filled(&grid);
-        svg += &axes(title, ("tau_out (ms)", x_range), ("apd_max (ms)", y_range));
         svg += "</g>";
     }
     svg + "</svg>\n"
@@ -53,11 +53,11 @@ fn filled(grid: &[Vec<Option<f64>>]) -> String {
     let bands = || grid.iter().flatten().flatten().copied();
     let (low, high) =
         (bands().fold(f64::INFINITY, f64::min), bands().fold(f64::NEG_INFINITY, f64::max));
-    let (w, h) = (WIDTH / CELLS as f64, HEIGHT / CELLS as f64);
+    let [w, h] = SIZE.map(|size| size / CELLS as f64);
     let mut svg = String::new();
     let mut middles = std::collections::BTreeMap::<i64, Vec<(f64, f64)>>::new();
     for (j, row) in grid.iter().enumerate() {
-        let y = HEIGHT - (j + 1) as f64 * h;
+        let y = SIZE[1] - (j + 1) as f64 * h;
         for run in row.chunk_by(|a, b| a == b).scan(0, |start, run| {
             *start += run.len();
             Some((*start - run.len(), run))
@@ -78,7 +78,7 @@ fn filled(grid: &[Vec<Option<f64>>]) -> String {
         let (x, y) = places[places.len() / 2];
         let _ = write!(
             svg,
-            r#"<text class="m v" x="{x:.1}" y="{:.1}">{:.0}</text>"#,
+            r#"<text x="{x:.1}" y="{:.1}" font-size="10" text-anchor="middle">{:.0}</text>"#,
             y + 4.0,
             *band as f64 * STEP
         );
@@ -98,115 +98,99 @@ fn colour(share: f64) -> String {
 
 /// For each outcome the additive indices (blue) beside Sobol's total ones (ochre), and how it goes with each input.
 pub fn main_effects(result: &Sensitivity) -> String {
-    let n = result.inputs.len();
-    let mut svg = open(1 + n, result.outcomes.len(), "sensitivity of outcomes to parameters");
+    let mut svg = open(1 + result.inputs.len(), result.outcomes.len());
     for (row, outcome) in result.outcomes.iter().enumerate() {
         svg += &group(0, row);
-        svg += &axes(
-            &format!("{}: share of variance", outcome.name),
-            ("", (0.0, 0.0)),
-            ("", (0.0, 1.0)),
-        );
-        let slot = WIDTH / n as f64;
-        for (d, (smooth, s)) in outcome.gam.smooths.iter().zip(&outcome.sobol).enumerate() {
-            for (class, offset, value) in [("g", 0.12, smooth.index), ("s", 0.5, s.total.value)] {
-                let height = HEIGHT * value.clamp(0.0, 1.0);
-                let _ = write!(
-                    svg,
-                    r#"<rect class="{class}" x="{:.1}" y="{:.1}" width="{:.1}" height="{height:.1}"><title>{value:.3}</title></rect>"#,
-                    slot * (d as f64 + offset),
-                    HEIGHT - height,
-                    slot * 0.36
-                );
-            }
-            let name = RANGES[result.inputs[d]].0;
-            let x = slot * (d as f64 + 0.5);
-            let _ = write!(
-                svg,
-                r#"<text class="m v" x="{x:.1}" y="{:.1}">{name}</text>"#,
-                HEIGHT + 14.0
-            );
-        }
-        let legend = "blue: additive model, ochre: Sobol, in all";
-        let _ =
-            write!(svg, r#"<text class="v" x="0" y="{:.1}">{legend}</text></g>"#, HEIGHT + 32.0);
-        let values = || {
-            outcome.gam.smooths.iter().flat_map(|smooth| {
-                let (low, high) = smooth.range;
-                (0..=60).map(move |i| smooth.at(low + (high - low) * f64::from(i) / 60.0))
-            })
-        };
-        let (low, high) =
-            (values().fold(f64::INFINITY, f64::min), values().fold(f64::NEG_INFINITY, f64::max));
-        let range = (outcome.gam.mean + low, outcome.gam.mean + high);
-        for (d, smooth) in outcome.gam.smooths.iter().enumerate() {
-            let (name, unit, ..) = RANGES[result.inputs[d]];
-            svg += &group(d + 1, row);
-            let title = format!("{} ({})", outcome.name, outcome.unit);
-            svg += &axes(&title, (&format!("{name} ({unit})"), smooth.range), ("", range));
-            let (x0, x1) = smooth.range;
-            let point = |i: i32| {
-                let share = f64::from(i) / 60.0;
-                let y = (smooth.at(x0 + (x1 - x0) * share) - low) / (high - low);
-                format!("{:.1} {:.1}", WIDTH * share, HEIGHT * (1.0 - y))
-            };
-            let path: Vec<String> = (0..=60).map(point).collect();
-            let _ = write!(svg, r#"<path class="l" d="M{}"/></g>"#, path.join("L"));
-        }
+        svg += &indices(&result.inputs, outcome);
+        svg += "</g>";
+        svg += &effects(&result.inputs, outcome, row);
     }
     svg + "</svg>\n"
 }
 
+/// The panel of an outcome's indices.
+fn indices(inputs: &[usize], outcome: &OutcomeSensitivity) -> String {
+    let n = inputs.len() as f64;
+    let centre = |d: usize| (d as f64 + 0.5) / n;
+    let names = inputs.iter().enumerate().map(|(d, i)| (centre(d), RANGES[*i].0.to_owned()));
+    let axes = Axes {
+        size: SIZE,
+        title: &format!("{}: share of variance", outcome.name),
+        x: Axis {
+            label: "blue: additive model, ochre: Sobol, in all",
+            ticks: names.collect(),
+            has_lines: false,
+        },
+        y: Axis { label: "", ticks: Scale::between(0.0, 1.0).labelled(), has_lines: true },
+    };
+    let mut svg = axes.svg();
+    let slot = SIZE[0] / n;
+    for (d, (smooth, sobol)) in outcome.gam.smooths.iter().zip(&outcome.sobol).enumerate() {
+        let bars = [(0.12, smooth.index), (0.5, sobol.total.value)];
+        for ((offset, value), fill) in bars.into_iter().zip(FILLS) {
+            let height = SIZE[1] * value.clamp(0.0, 1.0);
+            let _ = write!(
+                svg,
+                r#"<rect fill="{fill}" x="{:.1}" y="{:.1}" width="{:.1}" height="{height:.1}"><title>{value:.3}</title></rect>"#,
+                slot * (d as f64 + offset),
+                SIZE[1] - height,
+                slot * 0.36
+            );
+        }
+    }
+    svg
+}
+
+/// The panels of how an outcome goes with each input, on one scale.
+fn effects(inputs: &[usize], outcome: &OutcomeSensitivity, row: usize) -> String {
+    let along = |(low, high): (f64, f64)| {
+        (0..=POINTS).map(move |i| low + (high - low) * f64::from(i) / f64::from(POINTS))
+    };
+    let smooths = &outcome.gam.smooths;
+    let values = || smooths.iter().flat_map(|smooth| along(smooth.range).map(|x| smooth.at(x)));
+    let (low, high) =
+        (values().fold(f64::INFINITY, f64::min), values().fold(f64::NEG_INFINITY, f64::max));
+    let (y, title) = (Scale::between(low, high), format!("{} ({})", outcome.name, outcome.unit));
+    let mean = outcome.gam.mean;
+    let mut svg = String::new();
+    for (d, smooth) in smooths.iter().enumerate() {
+        let (name, unit, ..) = RANGES[inputs[d]];
+        let (label, range) = (format!("{name} ({unit})"), (mean + low, mean + high));
+        svg += &group(d + 1, row);
+        svg += &axes(&title, (&label, smooth.range), ("", range)).svg();
+        let x = Scale::between(smooth.range.0, smooth.range.1);
+        let place = |at: f64| [SIZE[0] * x.share(at), SIZE[1] * (1.0 - y.share(smooth.at(at)))];
+        let style = format!(r#"fill="none" stroke="{}" stroke-width="2""#, FILLS[0]);
+        svg += &axes::line(along(smooth.range).map(place), &style);
+        svg += "</g>";
+    }
+    svg
+}
+
 /// The opening of a picture of `columns` × `rows` panels.
-fn open(columns: usize, rows: usize, label: &str) -> String {
-    let (width, height) =
-        (columns as f64 * (LEFT + WIDTH + 16.0), rows as f64 * (28.0 + HEIGHT + BELOW));
-    format!(
-        r##"<svg xmlns="http://www.w3.org/2000/svg" role="img" aria-label="{label}" viewBox="0 0 {width} {height}" width="{width}" height="{height}"><rect width="{width}" height="{height}" fill="#fff"/>{STYLE}"##
-    )
+fn open(columns: usize, rows: usize) -> String {
+    axes::open(columns as f64 * PITCH[0], rows as f64 * PITCH[1], 12)
 }
 
 /// The opening of the panel in this column and row.
 fn group(column: usize, row: usize) -> String {
-    let x = column as f64 * (LEFT + WIDTH + 16.0) + LEFT;
-    let y = row as f64 * (28.0 + HEIGHT + BELOW) + 28.0;
-    format!(r#"<g transform="translate({x} {y})">"#)
+    let (x, y) = (column as f64 * PITCH[0], row as f64 * PITCH[1]);
+    axes::group(x + Axes::LEFT, y + Axes::ABOVE)
 }
 
-/// A panel's frame, title, and the ends of its axes.
-fn axes(title: &str, (x_label, x): (&str, (f64, f64)), (y_label, y): (&str, (f64, f64))) -> String {
-    let mut svg = format!(r#"<rect class="b" width="{WIDTH}" height="{HEIGHT}"/>"#);
-    let _ = write!(svg, r#"<text class="t" x="0" y="-8">{}</text>"#, escape(title));
-    let ends = [(y.1, 10.0), (0.5 * (y.0 + y.1), 0.5 * HEIGHT + 4.0), (y.0, HEIGHT)];
-    for (value, at) in ends {
-        let _ = write!(svg, r#"<text class="e" x="-6" y="{at:.1}">{}</text>"#, tick(value));
+/// A panel's axes with ticks at the ends and in the middle of these ranges.
+fn axes<'a>(
+    title: &'a str,
+    (x_label, x): (&'a str, (f64, f64)),
+    (y_label, y): (&'a str, (f64, f64)),
+) -> Axes<'a> {
+    let ticks = |(low, high): (f64, f64)| Scale::between(low, high).labelled();
+    Axes {
+        size: SIZE,
+        title,
+        x: Axis { label: x_label, ticks: ticks(x), has_lines: false },
+        y: Axis { label: y_label, ticks: ticks(y), has_lines: false },
     }
-    if !x_label.is_empty() {
-        for (class, value, at) in [("", x.0, 0.0), ("e", x.1, WIDTH)] {
-            let y = HEIGHT + 16.0;
-            let _ = write!(
-                svg,
-                r#"<text class="{class}" x="{at:.1}" y="{y:.1}">{}</text>"#,
-                tick(value)
-            );
-        }
-        let _ = write!(
-            svg,
-            r#"<text class="m" x="{:.1}" y="{:.1}">{}</text>"#,
-            0.5 * WIDTH,
-            HEIGHT + 32.0,
-            escape(x_label)
-        );
-    }
-    if !y_label.is_empty() {
-        let y = 0.5 * HEIGHT;
-        let _ = write!(
-            svg,
-            r#"<text class="m" transform="translate(-44 {y}) rotate(-90)">{}</text>"#,
-            escape(y_label)
-        );
-    }
-    svg
 }
 
 #[cfg(test)]

@@ -4,6 +4,7 @@
 //! Every file and folder appears whole or not at all.
 
 mod approximation;
+mod axes;
 mod cell;
 mod curves;
 mod dataset;

@@ -6,8 +6,8 @@
 
 use std::fmt::Write as _;
 
-pub(super) const COLOURS: [&str; 8] =
-    ["#0072b2", "#e69f00", "#009e73", "#cc79a7", "#56b4e9", "#d55e00", "#7f6f00", "#000000"];
+use super::axes::{COLOURS, Scale};
+
 /// Plot area, in SVG units (CSS pixels at full size).
 const HEIGHT: f64 = 96.0;
 const TRACE_WIDTH: f64 = 480.0;
@@ -105,23 +105,9 @@ pub(super) fn evidence_plot(nulls: &[f64], tried: &[(String, f64, bool)], claim:
         || tried.iter().map(|t| t.1).chain(nulls.iter().copied()).filter(|v| v.is_finite());
     let low = values().fold(-1.0, f64::min).max(-12.0).floor();
     let high = 1.05 * values().fold(claim + 2.0, f64::max);
-    let x = |v: f64| K_WIDTH * (v.clamp(low, high) - low) / (high - low);
-    let mut counts = [0_usize; NULL_BINS];
-    for null in nulls {
-        counts[((x(*null) / K_WIDTH * NULL_BINS as f64) as usize).min(NULL_BINS - 1)] += 1;
-    }
-    let most = counts.iter().copied().max().unwrap_or(0).max(1);
-    let mut svg = frame_of("evidence", [K_WIDTH, HEIGHT, AXIS], [&most.to_string(), "0"]);
-    let bin = K_WIDTH / NULL_BINS as f64;
-    for (i, count) in counts.iter().enumerate().filter(|(_, count)| **count > 0) {
-        let (left, height) = (bin * i as f64, HEIGHT * 0.75 * *count as f64 / most as f64);
-        let _ = write!(
-            svg,
-            r#"<rect class="null" x="{left:.1}" y="{:.1}" width="{bin:.1}" height="{height:.1}"><title>{count} of {} searches on simulated data</title></rect>"#,
-            HEIGHT - height,
-            nulls.len()
-        );
-    }
+    let scale = Scale::between(low, high);
+    let x = |v: f64| K_WIDTH * scale.share(v.clamp(low, high));
+    let mut svg = histogram(nulls, x);
     let _ = write!(svg, r#"<path class="level" d="M{:.1} 0V{HEIGHT}"/>"#, x(claim));
     for (name, value, is_taken) in tried.iter().filter(|t| t.1.is_finite()) {
         let class = if *is_taken { r#" class="high""# } else { "" };
@@ -143,20 +129,32 @@ pub(super) fn evidence_plot(nulls: &[f64], tried: &[(String, f64, bool)], claim:
         );
     }
     // "asked" keeps clear of the labels at the ends
-    let ends = [70.0, K_WIDTH - 170.0];
-    for (value, at, anchor, word) in [
-        (low, 0.0, "start", ""),
-        (claim, x(claim).clamp(ends[0], ends[1]), "middle", "asked: "),
-        (high, K_WIDTH, "end", "log Bayes factor "),
-    ] {
+    let asked = x(claim).clamp(70.0, K_WIDTH - 170.0);
+    svg += &below([0.0, HEIGHT], "start", &tick(low));
+    svg += &below([asked, HEIGHT], "middle", &format!("asked: {}", tick(claim)));
+    svg += &below([K_WIDTH, HEIGHT], "end", &format!("log Bayes factor {}", tick(high)));
+    svg + "</svg>"
+}
+
+/// The frame of [`evidence_plot`] and how often each value occurs among `nulls`, at their places `x`.
+fn histogram(nulls: &[f64], x: impl Fn(f64) -> f64) -> String {
+    let mut counts = [0_usize; NULL_BINS];
+    for null in nulls {
+        counts[((x(*null) / K_WIDTH * NULL_BINS as f64) as usize).min(NULL_BINS - 1)] += 1;
+    }
+    let most = counts.iter().copied().max().unwrap_or(0).max(1);
+    let mut svg = frame_of("evidence", [K_WIDTH, HEIGHT, AXIS], [&most.to_string(), "0"]);
+    let bin = K_WIDTH / NULL_BINS as f64;
+    for (i, count) in counts.iter().enumerate().filter(|(_, count)| **count > 0) {
+        let (left, height) = (bin * i as f64, HEIGHT * 0.75 * *count as f64 / most as f64);
         let _ = write!(
             svg,
-            r#"<text class="tick" x="{at:.1}" y="{}" style="text-anchor:{anchor}">{word}{}</text>"#,
-            HEIGHT + 15.0,
-            tick(value)
+            r#"<rect class="null" x="{left:.1}" y="{:.1}" width="{bin:.1}" height="{height:.1}"><title>{count} of {} searches on simulated data</title></rect>"#,
+            HEIGHT - height,
+            nulls.len()
         );
     }
-    svg + "</svg>"
+    svg
 }
 
 /// Residuals against a column: before (hollow) and after (full) at each x; `ticks` name places on the x axis.
@@ -182,25 +180,23 @@ pub(super) fn residual_plot(points: &[(f64, f64, f64)], ticks: &[(f64, String)])
     for (at, before, after) in points.iter().filter(|p| p.0.is_finite()) {
         for (class, value) in [("before", before), ("after", after)] {
             if value.is_finite() {
-                let _ = write!(
-                    svg,
-                    r#"<circle class="{class}" cx="{:.1}" cy="{:.1}" r="3.5"/>"#,
-                    x(*at),
-                    y(*value)
-                );
+                let (x, y) = (x(*at), y(*value));
+                let _ = write!(svg, r#"<circle class="{class}" cx="{x:.1}" cy="{y:.1}" r="3.5"/>"#);
             }
         }
     }
     for (at, name) in ticks {
-        let _ = write!(
-            svg,
-            r#"<text class="tick" x="{:.1}" y="{:.1}" style="text-anchor:middle">{}</text>"#,
-            x(*at),
-            tall + 15.0,
-            escape(name)
-        );
+        svg += &below([x(*at), tall], "middle", &escape(name));
     }
     svg + "</svg>"
+}
+
+/// A label of the x axis, below the plot area at `x` that is so `tall`.
+fn below([x, tall]: [f64; 2], anchor: &str, text: &str) -> String {
+    format!(
+        r#"<text class="tick" x="{x:.1}" y="{:.1}" style="text-anchor:{anchor}">{text}</text>"#,
+        tall + 15.0
+    )
 }
 
 /// The opening tag, the plot area and the labels of its top and bottom.

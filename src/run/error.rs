@@ -33,6 +33,22 @@ pub enum RunError {
     /// The model has no field, and only a model with one makes sense here.
     #[error("the model has no field: where it is measured makes no difference")]
     NoField,
+    /// A protocol that the model does not observe.
+    #[error("--minutes {name}: the model observes {}", known.join(", "))]
+    NoProtocol {
+        /// The protocol.
+        name: String,
+        /// What the model observes.
+        known: Vec<String>,
+    },
+    /// The log density does not exist at the starting point.
+    #[error(
+        "at the starting point (priors at typical values, fields in the middle of their ranges) {place}\nhelp: look for a logarithm, root or quotient there that leaves its domain; give the fields a range"
+    )]
+    NoStart {
+        /// The measurement or unknown at which it fails, in words.
+        place: String,
+    },
     /// A file that cannot be read.
     #[error(
         "cannot read {}: {source}\nhelp: check the path; it is relative to the folder you are in",

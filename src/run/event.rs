@@ -103,8 +103,6 @@ pub enum Event<'a> {
     },
     /// A chain ended without its draws; the others go on.
     ChainFailed(&'a ChainError),
-    /// The chains that the next measurement is chosen from disagree.
-    ChainsDisagree,
 }
 
 impl fmt::Display for Event<'_> {
@@ -177,9 +175,6 @@ impl fmt::Display for Event<'_> {
                 "warning: the run goes on, but cannot be resumed if interrupted: {reason}"
             ),
             Self::ChainFailed(error) => write!(f, "warning: {error}"),
-            Self::ChainsDisagree => f.write_str(
-                "warning: the chains disagree: this ranking is not to be relied on; `eplat run` says where",
-            ),
         }
     }
 }

@@ -1,15 +1,19 @@
 //! The cases of a plan: truth, measurements, calibration, error.
 
 use std::collections::BTreeMap;
+use std::sync::atomic::{AtomicBool, Ordering};
 
-use super::StudyError;
+use rayon::prelude::*;
+
+use super::outcome::{MapError, Outcome, Time};
 use super::plan::{Block, Case, Choice, Estimate, Plan};
+use super::{Results, StudyError};
 use crate::experiment::{
-    ExperimentError, Laboratory, Lesson, Minutes, Truth, Visit, agree, coverage, lessons, repaired,
-    rms_error, thinned,
+    ExperimentError, Laboratory, Lesson, Minutes, TRUTH_MODES, Truth, Visit, agree, coverage,
+    lessons, repaired, rms_error, thinned,
 };
 use crate::infer::{Chain, OptimumSettings, Settings, Silent, jittered_starts, maximise};
-use crate::manifold::{Basis, maximin};
+use crate::manifold::{Basis, eigenpairs_cached, maximin};
 use crate::mesh::TriMesh;
 use crate::model::{Declare, Maps, Model, Sampler};
 
@@ -19,39 +23,6 @@ const MOST_ITERATIONS: usize = 50_000;
 pub(super) const MAP_DRAWS: usize = 400;
 /// Sites that are considered one after the other.
 const CANDIDATES: usize = 150;
-
-/// What came of one case.
-#[derive(Clone, Debug)]
-pub struct Outcome {
-    /// The case.
-    pub case: Case,
-    /// Whether the mode was reached, or the draws can be used.
-    pub converged: bool,
-    /// Share of vertices whose estimate was unphysical and repaired.
-    pub repaired: f64,
-    /// By field and derived quantity, in the order of [`Study::names`].
-    pub errors: Vec<MapError>,
-    /// What was done, if the plan says how long it takes.
-    pub time: Option<Time>,
-}
-
-/// How the time of a case was spent.
-#[derive(Clone, Debug)]
-pub struct Time {
-    /// Minutes in all.
-    pub minutes: f64,
-    /// How often each `observe` was measured.
-    pub measured: Vec<(&'static str, usize)>,
-}
-
-/// How far an estimate is from the truth over the surface.
-#[derive(Clone, Debug)]
-pub struct MapError {
-    /// Root mean squared error over all vertices, in the map's unit.
-    pub rmse: f64,
-    /// Share of vertices whose truth lies in each of [`INTERVALS`](crate::experiment::INTERVALS); only from draws.
-    pub coverage: Option<[f64; 3]>,
-}
 
 /// A plan on its surface, with the designs that its blocks share.
 pub struct Study<'a> {
@@ -106,9 +77,47 @@ impl<'a> Study<'a> {
         Ok(Self { plan, laboratory, minutes, designs, candidates })
     }
 
+    /// The eigenpairs that a study of `model` on `mesh` needs, from the cache if they are there.
+    ///
+    /// # Errors
+    /// [`StudyError::Model`], [`StudyError::Sites`].
+    pub fn basis(model: &dyn Declare, mesh: &TriMesh) -> Result<Basis, StudyError> {
+        let modes = Model::outline(model)?.n_modes().max(TRUTH_MODES);
+        Ok(eigenpairs_cached(mesh, modes.min(mesh.n_vertices() - 1))?)
+    }
+
     /// Names of the maps that are judged: fields, then derived quantities.
     pub fn names(&self) -> Vec<String> {
         self.laboratory.map_names()
+    }
+
+    /// Calibrates all cases of those of `blocks` whose results are missing, and writes each block's results
+    /// when they are done; every case is reported to `done`. On so many `threads`, 0 for one per core;
+    /// they change no number. Whether it came to its end: not once `stop` is set.
+    ///
+    /// # Errors
+    /// [`StudyError`].
+    pub fn complete(
+        &self,
+        results: &Results,
+        blocks: &[Block],
+        threads: usize,
+        stop: &AtomicBool,
+        done: &(dyn Fn() + Sync),
+    ) -> Result<bool, StudyError> {
+        let names = self.names();
+        let missing: Vec<&Block> = results.missing(blocks);
+        let one = |block: &&Block| -> Result<bool, StudyError> {
+            if stop.load(Ordering::Relaxed) {
+                return Ok(false);
+            }
+            let (repaired, outcomes) = self.run(block, done)?;
+            results.write(self.plan, &names, block, repaired, &outcomes)?;
+            Ok(true)
+        };
+        let threads = rayon::ThreadPoolBuilder::new().num_threads(threads).build()?;
+        let all: Result<Vec<bool>, _> = threads.install(|| missing.par_iter().map(one).collect());
+        Ok(all?.into_iter().all(|is_done| is_done))
     }
 
     /// All cases of a block, each reported to `done`, and the share of the truth that was repaired.

@@ -1,12 +1,17 @@
 //! The plan of a validation study: a grid of calibrations on synthetic truth, as a TOML file.
 
 use std::path::{Path, PathBuf};
+use std::str::FromStr;
 
 use serde::{Deserialize, Serialize};
 use sha2::{Digest as _, Sha256};
 
 use super::StudyError;
 use crate::experiment::Minutes;
+use crate::mesh::{self, Surface, Units};
+
+/// Edge length of the embedded atrium, mm.
+const ATRIUM_EDGE: f64 = 1.5;
 
 /// What is calibrated how often. Every case is one value of each list, one truth and one design.
 #[derive(Clone, Debug, Deserialize, Serialize)]
@@ -94,6 +99,34 @@ fn draws() -> usize {
     500
 }
 
+/// The share of one task: the blocks whose number leaves the rest `task` by `of`.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Task {
+    /// Number of the task, from 0.
+    pub task: usize,
+    /// Number of tasks.
+    pub of: usize,
+}
+
+impl Task {
+    /// Whether the block is this task's.
+    pub fn has(&self, block: &Block) -> bool {
+        block.index % self.of == self.task
+    }
+}
+
+impl FromStr for Task {
+    type Err = String;
+    fn from_str(text: &str) -> Result<Self, String> {
+        let parts =
+            text.split_once('/').and_then(|(k, n)| Some((k.parse().ok()?, n.parse().ok()?)));
+        match parts {
+            Some((task, of)) if task < of => Ok(Self { task, of }),
+            _ => Err("expected K/N with K from 0 to N − 1, such as 0/8".to_owned()),
+        }
+    }
+}
+
 /// One truth, and all cases on it: what one result file holds.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Block {
@@ -128,6 +161,28 @@ impl Plan {
             .map_err(|error| fault(format!("\n{}", error.to_string().trim_end())))?;
         plan.check().map_err(fault)?;
         Ok(Self { path: path.to_owned(), ..plan })
+    }
+
+    /// The plan's file.
+    pub fn path(&self) -> &Path {
+        &self.path
+    }
+
+    /// A path of the plan, which is relative to its folder.
+    pub fn beside(&self, path: &Path) -> PathBuf {
+        self.path.parent().unwrap_or(Path::new("")).join(path)
+    }
+
+    /// The surface.
+    ///
+    /// # Errors
+    /// [`StudyError::Plan`] for an unknown unit, [`StudyError::Mesh`].
+    pub fn surface(&self) -> Result<Surface, StudyError> {
+        let (Some(path), Some(units)) = (&self.mesh, &self.units) else {
+            return Ok(Surface::left_atrium(ATRIUM_EDGE));
+        };
+        let units = Units::from_str(units).map_err(|why| self.fault(format!("units: {why}")))?;
+        Ok(mesh::read(&self.beside(path), units)?)
     }
 
     /// The error that this plan is wrong.

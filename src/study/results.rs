@@ -7,10 +7,11 @@ use std::path::{Path, PathBuf};
 use serde_json::json;
 
 use super::StudyError;
-use super::calibrate::Outcome;
+use super::outcome::Outcome;
 use super::plan::{Block, Estimate, Plan};
 use crate::diagnostics::mean_and_sd;
 use crate::experiment::INTERVALS;
+use crate::run::hash_file;
 use crate::store::write_file;
 
 /// Columns that say which case a row is, and how it went.
@@ -45,15 +46,16 @@ pub struct Group {
 }
 
 impl Results {
-    /// Opens or makes the folder for this plan; `inputs` are the hashes of model and mesh.
+    /// Opens or makes the folder for this plan.
     ///
     /// # Errors
-    /// [`StudyError::Results`], also for a folder that holds another plan's results.
-    pub fn open(
-        folder: &Path,
-        plan: &Plan,
-        inputs: &BTreeMap<String, String>,
-    ) -> Result<Self, StudyError> {
+    /// [`StudyError::Results`], also for a folder that holds another plan's results; [`StudyError::Run`]
+    /// for a model or mesh that cannot be read.
+    pub fn open(folder: &Path, plan: &Plan) -> Result<Self, StudyError> {
+        let mut inputs = BTreeMap::from([("model", hash_file(&plan.beside(&plan.model))?)]);
+        if let Some(mesh) = &plan.mesh {
+            inputs.insert("mesh", hash_file(&plan.beside(mesh))?);
+        }
         let results = Self { folder: folder.to_owned() };
         let record =
             json!({ "plan": plan, "version": env!("CARGO_PKG_VERSION"), "hashes": inputs });
@@ -80,6 +82,11 @@ impl Results {
         self.folder.join("blocks").join(format!("{:05}.csv", block.index))
     }
 
+    /// Those of `blocks` that are not done.
+    pub fn missing<'b>(&self, blocks: &'b [Block]) -> Vec<&'b Block> {
+        blocks.iter().filter(|block| !self.path(block).is_file()).collect()
+    }
+
     /// Writes a block's results, whole or not at all.
     ///
     /// # Errors
@@ -87,7 +94,7 @@ impl Results {
     pub fn write(
         &self,
         plan: &Plan,
-        names: &[&str],
+        names: &[String],
         block: &Block,
         truth_repaired: f64,
         outcomes: &[Outcome],
@@ -110,8 +117,7 @@ impl Results {
     /// [`StudyError::Results`] for a block that is missing, unless `partial`, or not as the plan has it.
     pub fn merge(&self, plan: &Plan, partial: bool) -> Result<Table, StudyError> {
         let blocks = plan.blocks();
-        let missing: Vec<usize> =
-            blocks.iter().filter(|b| !self.path(b).is_file()).map(|b| b.index).collect();
+        let missing: Vec<usize> = self.missing(&blocks).iter().map(|b| b.index).collect();
         if !missing.is_empty() && !partial {
             let some: Vec<String> = missing.iter().take(5).map(ToString::to_string).collect();
             let more = if missing.len() > some.len() { ", …" } else { "" };
@@ -139,6 +145,11 @@ impl Results {
         })
         .map_err(|error| fault(&path, &error))?;
         Ok(merged)
+    }
+
+    /// The folder.
+    pub fn folder(&self) -> &Path {
+        &self.folder
     }
 
     /// A file of the folder.
@@ -227,7 +238,7 @@ impl Group {
     }
 }
 
-fn header(plan: &Plan, names: &[&str], outcomes: &[Outcome]) -> Vec<String> {
+fn header(plan: &Plan, names: &[String], outcomes: &[Outcome]) -> Vec<String> {
     let mut header: Vec<String> = CASE.iter().map(ToString::to_string).collect();
     header.extend(names.iter().map(|name| format!("rmse_{name}")));
     if plan.estimate == Estimate::Mean {

@@ -26,7 +26,7 @@ pub use erp_fit::{
 pub use gam::{Gam, GamError, fit_gam};
 pub use gp::{Gp, GpError, LeftOut};
 pub use inputs::{ERP_INPUTS, design_points};
-pub use sensitivity::{Outcome, Sensitivity, SensitivityError, SensitivityRow, analyse};
+pub use sensitivity::{OutcomeSensitivity, Sensitivity, SensitivityError, SensitivityRow, analyse};
 pub use sobol::{Estimate, SobolIndex, sobol};
 
 use crate::num::{Common, Together};

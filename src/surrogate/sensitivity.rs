@@ -82,12 +82,12 @@ pub struct Sensitivity {
     /// Rows with ERP_S2 above the limit.
     pub n_beyond: usize,
     /// Each outcome that the table has.
-    pub outcomes: Vec<Outcome>,
+    pub outcomes: Vec<OutcomeSensitivity>,
 }
 
 /// How one outcome depends on the inputs.
 #[derive(Debug, Clone)]
-pub struct Outcome {
+pub struct OutcomeSensitivity {
     /// Its name.
     pub name: &'static str,
     /// Its unit.
@@ -166,7 +166,7 @@ pub fn analyse(rows: &[SensitivityRow], limit: f64) -> Result<Sensitivity, Sensi
             if can_be_void { (&valid, trimmed.clone()?) } else { (&with, whole.clone()) };
         let (gp, leave_one_out) = process(over, &inputs, output)?;
         let sobol = sobol(|u| gp.mean(&within(u, &sobol_box)), inputs.len(), 1);
-        outcomes.push(Outcome { name, unit, gam, leave_one_out, sobol, sobol_box });
+        outcomes.push(OutcomeSensitivity { name, unit, gam, leave_one_out, sobol, sobol_box });
     }
     let (n_without_erp_s2, n_beyond) = (rows.len() - with.len(), with.len() - valid.len());
     Ok(Sensitivity { inputs, n_without_erp_s2, n_beyond, outcomes })

@@ -11,6 +11,7 @@
 //! Chen, Billings and Luo 1989, "Orthogonal least squares methods and their application to non-linear system
 //! identification".
 
+use crate::num::vector::dot;
 use faer::Mat;
 use faer::linalg::solvers::SolveLstsq;
 
@@ -26,13 +27,13 @@ pub(super) fn few_terms(
     most: usize,
 ) -> Vec<(usize, f64)> {
     let (mut left, mut residual) = (columns.to_vec(), target.to_vec());
-    let dependent: Vec<f64> = columns.iter().map(|w| DEPENDENT * dot(w, w)).collect();
+    let dependent: Vec<f64> = columns.iter().map(|w| DEPENDENT * dot::<1>(w, w)).collect();
     let enough = tolerance * tolerance * target.len() as f64;
     let mut chosen = vec![];
-    while dot(&residual, &residual) > enough && chosen.len() < most {
+    while dot::<1>(&residual, &residual) > enough && chosen.len() < most {
         let gain = |k: usize| {
-            let square = dot(&left[k], &left[k]);
-            if square > dependent[k] { dot(&left[k], &residual).powi(2) / square } else { 0.0 }
+            let square = dot::<1>(&left[k], &left[k]);
+            if square > dependent[k] { dot::<1>(&left[k], &residual).powi(2) / square } else { 0.0 }
         };
         let gains: Vec<f64> = (0..left.len()).map(gain).collect();
         let Some(best) = (0..left.len()).max_by(|&a, &b| gains[a].total_cmp(&gains[b])) else {
@@ -55,13 +56,9 @@ pub(super) fn few_terms(
     chosen.into_iter().enumerate().map(|(k, place)| (place, coefficients[(k, 0)])).collect()
 }
 
-fn dot(a: &[f64], b: &[f64]) -> f64 {
-    a.iter().zip(b).map(|(a, b)| a * b).sum()
-}
-
 /// `a` less what it has of `direction`.
 fn subtract(a: &mut [f64], direction: &[f64]) {
-    let share = dot(a, direction) / dot(direction, direction);
+    let share = dot::<1>(a, direction) / dot::<1>(direction, direction);
     a.iter_mut().zip(direction).for_each(|(a, d)| *a -= share * d);
 }
 

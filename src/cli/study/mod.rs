@@ -3,31 +3,22 @@
 #![allow(clippy::doc_markdown, reason = "help texts are read on the terminal, without backticks")]
 
 mod experiment;
-mod figure;
-mod slurm;
 
-use std::collections::BTreeMap;
 use std::io::Write as _;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
-use std::str::FromStr;
+use std::sync::atomic::AtomicBool;
 
 use clap::{Args, Subcommand};
 use indicatif::{ProgressBar, ProgressStyle};
-use rayon::prelude::*;
 
 use super::compile::run_compiled;
 use super::models::{Compiled, ModelFile};
 use crate::error::Failure;
-use crate::experiment::TRUTH_MODES;
-use crate::manifold::eigenpairs_cached;
-use crate::mesh::{self, Surface, Units};
-use crate::model::Model;
-use crate::run::hash_file as hash;
-use crate::study::{Block, Plan, Results, Study, Table, summarise};
-
-/// Edge length of the embedded atrium, mm.
-const ATRIUM_EDGE: f64 = 1.5;
+use crate::study::{
+    Block, JobArray, Plan, Results, Study, StudyError, Table, Task, summarise, table_text,
+    write_figure, write_summary,
+};
 
 /// `eplat study …`
 #[derive(Debug, Subcommand)]
@@ -45,7 +36,7 @@ pub(super) enum Command {
     /// Draw the figure of one or several merged studies
     Plot(PlotArgs),
     /// Write the scripts that do a plan as a Slurm job array
-    Slurm(slurm::SlurmArgs),
+    Slurm(SlurmArgs),
     /// One known truth: calibrate models/erp.rs on it, and simulate the atrium with what was recovered
     ///
     /// Figures 3 to 5 of the paper in one folder: tau_out, apd_max, ERP_S2 and ERP_S3 of the truth, their
@@ -98,23 +89,17 @@ pub(super) struct PlotArgs {
     out: PathBuf,
 }
 
-/// The share of one task: blocks whose number leaves the rest `task` by `of`.
-#[derive(Clone, Copy, Debug)]
-struct Task {
-    task: usize,
-    of: usize,
-}
-
-impl FromStr for Task {
-    type Err = String;
-    fn from_str(text: &str) -> Result<Self, String> {
-        let parts =
-            text.split_once('/').and_then(|(k, n)| Some((k.parse().ok()?, n.parse().ok()?)));
-        match parts {
-            Some((task, of)) if task < of => Ok(Self { task, of }),
-            _ => Err("expected K/N with K from 0 to N − 1, such as 0/8".to_owned()),
-        }
-    }
+/// Options of the job array.
+#[derive(Debug, Args)]
+pub(super) struct SlurmArgs {
+    #[command(flatten)]
+    plan: PlanArgs,
+    /// Tasks of the array; each does its share of the truths on one core
+    #[arg(long, value_name = "N", default_value_t = 8, value_parser = clap::value_parser!(u32).range(1..))]
+    tasks: u32,
+    /// Time limit of a task, as sbatch takes it
+    #[arg(long, value_name = "TIME", default_value = "01:00:00")]
+    time: String,
 }
 
 impl Command {
@@ -130,76 +115,41 @@ impl Command {
 }
 
 impl PlanArgs {
-    fn read(&self) -> Result<(Plan, Results), Failure> {
+    fn read(&self) -> Result<(Plan, Results), StudyError> {
         let plan = Plan::read(&self.plan)?;
-        let results = self.results(&plan)?;
+        let results = Results::open(&self.folder(), &plan)?;
         Ok((plan, results))
-    }
-
-    fn results(&self, plan: &Plan) -> Result<Results, Failure> {
-        let mut hashes = BTreeMap::from([("model".to_owned(), hash(&self.beside(&plan.model))?)]);
-        if let Some(mesh) = &plan.mesh {
-            hashes.insert("mesh".to_owned(), hash(&self.beside(mesh))?);
-        }
-        Ok(Results::open(&self.folder(), plan, &hashes)?)
-    }
-
-    /// A path of the plan, relative to its folder.
-    fn beside(&self, path: &Path) -> PathBuf {
-        self.plan.parent().unwrap_or(Path::new("")).join(path)
     }
 
     fn folder(&self) -> PathBuf {
         let name = self.plan.file_stem().unwrap_or("study".as_ref());
         self.out.clone().unwrap_or_else(|| Path::new("out").join(name))
     }
-
-    fn surface(&self, plan: &Plan) -> Result<Surface, Failure> {
-        let (Some(path), Some(units)) = (&plan.mesh, &plan.units) else {
-            return Ok(Surface::left_atrium(ATRIUM_EDGE));
-        };
-        let units = Units::from_str(units)
-            .map_err(|why| Failure::new(format_args!("{}: units: {why}", self.plan.display())))?;
-        Ok(mesh::read(&self.beside(path), units)?)
-    }
 }
 
 impl RunArgs {
     fn run(&self, compiled: &[Compiled]) -> Result<ExitCode, Failure> {
         let plan = Plan::read(&self.plan.plan)?;
-        let file = ModelFile::read(&self.plan.beside(&plan.model))?;
+        let file = ModelFile::read(&plan.beside(&plan.model))?;
         let Some(model) = file.find(compiled)? else { return run_compiled(&file) };
-        let surface = self.plan.surface(&plan)?;
-        let modes = Model::outline(model)?.n_modes().max(TRUTH_MODES);
-        let basis = eigenpairs_cached(&surface.mesh, modes.min(surface.mesh.n_vertices() - 1))?;
+        let surface = plan.surface()?;
+        let basis = Study::basis(model, &surface.mesh)?;
         let study = Study::new(&plan, model, &surface.mesh, &basis)?;
         // a plan that cannot be done leaves no folder
-        let results = self.plan.results(&plan)?;
-        let mine = |block: &Block| self.task.is_none_or(|task| block.index % task.of == task.task);
+        let results = Results::open(&self.plan.folder(), &plan)?;
+        let mine = |block: &Block| self.task.is_none_or(|task| task.has(block));
         let blocks: Vec<Block> = plan.blocks().into_iter().filter(mine).collect();
-        let left: Vec<&Block> = blocks.iter().filter(|b| !results.path(b).is_file()).collect();
-        let n_cases = plan.cases().len();
+        let (n_cases, n_left) = (plan.cases().len(), results.missing(&blocks).len());
         eprintln!(
-            "study  {}: {} calibrations on each of {} truths, of which {} are left to do",
+            "study  {}: {n_cases} calibrations on each of {} truths, of which {n_left} are left to do",
             file.path.display(),
-            n_cases,
-            blocks.len(),
-            left.len()
+            blocks.len()
         );
-        let bar = ProgressBar::new((left.len() * n_cases) as u64).with_style(
+        let bar = ProgressBar::new((n_left * n_cases) as u64).with_style(
             ProgressStyle::with_template("{bar:30} {pos}/{len} calibrations, {eta} left")?,
         );
-        let names = study.names();
-        let names: Vec<&str> = names.iter().map(String::as_str).collect();
-        let threads = rayon::ThreadPoolBuilder::new().num_threads(self.threads).build();
-        threads.map_err(|error| Failure::new(format_args!("no threads: {error}")))?.install(
-            || {
-                left.par_iter().try_for_each(|block| -> Result<(), Failure> {
-                    let (repaired, outcomes) = study.run(block, &|| bar.inc(1))?;
-                    Ok(results.write(&plan, &names, block, repaired, &outcomes)?)
-                })
-            },
-        )?;
+        let never = AtomicBool::new(false);
+        study.complete(&results, &blocks, self.threads, &never, &|| bar.inc(1))?;
         bar.finish_and_clear();
         if self.task.is_none() {
             conclude(&results, &results.merge(&plan, false)?)?;
@@ -223,8 +173,20 @@ impl PlotArgs {
             let name = folder.file_name().unwrap_or_default().display().to_string();
             Ok((name, summarise(&table)))
         };
-        let studies: Vec<_> = self.studies.iter().map(read).collect::<Result<_, Failure>>()?;
-        figure::write(&self.out, &studies)?;
+        let studies: Vec<_> = self.studies.iter().map(read).collect::<Result<_, StudyError>>()?;
+        write_figure(&self.out, &studies)?;
+        Ok(ExitCode::SUCCESS)
+    }
+}
+
+impl SlurmArgs {
+    fn run(&self) -> Result<ExitCode, Failure> {
+        let (plan, results) = self.plan.read()?;
+        let program = std::env::current_exe()
+            .map_err(|e| Failure::new(format_args!("cannot tell where eplat is: {e}")))?;
+        let (plan, time) = (plan.path().to_owned(), self.time.clone());
+        let array = JobArray { program, plan, tasks: self.tasks, time };
+        writeln!(std::io::stdout(), "sh {}", array.write(&results)?.display())?;
         Ok(ExitCode::SUCCESS)
     }
 }
@@ -232,17 +194,13 @@ impl PlotArgs {
 /// Writes summary and figure of a merged study, and prints the summary.
 fn conclude(results: &Results, table: &Table) -> Result<(), Failure> {
     let groups = summarise(table);
-    figure::write_summary(&results.file("summary.csv"), &groups)?;
-    figure::write(&results.file("figure.svg"), &[(String::new(), groups.clone())])?;
-    let mut stdout = std::io::stdout().lock();
-    writeln!(stdout, "{}", figure::text(&groups))?;
     let files = ["results.csv", "summary.csv", "figure.svg"].map(|name| results.file(name));
-    writeln!(stdout, "{} cases in {}", table.rows.len(), files[0].display())?;
-    writeln!(
-        stdout,
-        "means and deviations in {}, drawn in {}",
-        files[1].display(),
-        files[2].display()
-    )?;
+    write_summary(&files[1], &groups)?;
+    write_figure(&files[2], &[(String::new(), groups.clone())])?;
+    let mut stdout = std::io::stdout().lock();
+    writeln!(stdout, "{}", table_text(&groups))?;
+    let [table_file, summary, figure] = files.each_ref().map(|file| file.display());
+    writeln!(stdout, "{} cases in {table_file}", table.rows.len())?;
+    writeln!(stdout, "means and deviations in {summary}, drawn in {figure}")?;
     Ok(())
 }

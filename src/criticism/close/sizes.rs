@@ -3,6 +3,7 @@
 use super::held_out::PREDICTION_DRAWS;
 use crate::diagnostics::quantile;
 use crate::model::{AddedEffect, Form};
+use crate::num::vector::dot;
 use crate::run::Fit;
 use crate::table::Measurements;
 
@@ -23,7 +24,7 @@ impl Size {
         let over_rows = |of: &dyn Fn(&[f64]) -> f64| {
             let (design, n) = effect.form.design(table);
             let rows = |draw: &Vec<f64>| -> Vec<f64> {
-                design.chunks_exact(n).map(|z| dot(z, draw)).collect()
+                design.chunks_exact(n).map(|z| dot::<1>(z, draw)).collect()
             };
             draws.iter().map(|draw| of(&rows(draw))).collect()
         };
@@ -88,8 +89,4 @@ fn sd(x: &[f64]) -> f64 {
     let n = x.len() as f64;
     let mean = x.iter().sum::<f64>() / n;
     (x.iter().map(|x| (x - mean).powi(2)).sum::<f64>() / n).sqrt()
-}
-
-fn dot(a: &[f64], b: &[f64]) -> f64 {
-    a.iter().zip(b).map(|(a, b)| a * b).sum()
 }

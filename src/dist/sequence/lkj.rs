@@ -27,7 +27,11 @@ family! {
 
 /// N of a matrix with at least `n` numbers below its diagonal.
 fn n_rows(n: usize) -> usize {
-    (2..).find(|rows| rows * (rows - 1) / 2 >= n).unwrap_or(2)
+    let mut rows = 2;
+    while rows * (rows - 1) / 2 < n {
+        rows += 1;
+    }
+    rows
 }
 
 /// Column of number `i` below the diagonal.

@@ -1,24 +1,24 @@
 //! The two conditionals that the sampler alternates between, at one state of a chain.
 //!
-//! *Inner*: whitened block z and free outer unknowns given the hyperparameters, a density for NUTS
+//! *Inner*: whitened coefficients z and free outer unknowns given the hyperparameters, a density for NUTS
 //! whose U is fixed, so that no derivative goes through the Cholesky factor. *Hyper*: the
 //! hyperparameters given z and the rest, one factor and one likelihood per value.
 
 use super::latent::{Latent, Layout};
-use super::stand_in::{Sample, StandIn};
+use super::meeting::Shared;
+use super::stand_in::Sample;
 use super::whiten::Whitening;
-use crate::infer::Evaluator;
-use crate::infer::vector::dot;
+use crate::infer::density::Evaluator;
+use crate::num::vector::dot;
 use rand::Rng;
-use std::cell::RefCell;
 use std::mem;
-use std::rc::Rc;
+use std::sync::Arc;
 
 /// A chain's state with the memory to evaluate both conditionals.
 pub(super) struct Conditional<'d> {
     latent: Box<dyn Latent + 'd>,
     layout: &'d Layout,
-    stand_in: &'d StandIn,
+    shared: Arc<Shared>,
     /// Outer unknowns that are no hyperparameters.
     free: Vec<usize>,
     pub(super) outer: Vec<f64>,
@@ -41,7 +41,7 @@ impl<'d> Conditional<'d> {
     pub(super) fn new(
         latent: Box<dyn Latent + 'd>,
         layout: &'d Layout,
-        stand_in: &'d StandIn,
+        shared: Arc<Shared>,
         outer: &[f64],
     ) -> Option<Self> {
         let whitening = Whitening::new(layout);
@@ -49,7 +49,7 @@ impl<'d> Conditional<'d> {
         let mut new = Self {
             latent,
             layout,
-            stand_in,
+            shared,
             free: layout.free(),
             outer: outer.to_vec(),
             trial: whitening.clone(),
@@ -57,14 +57,14 @@ impl<'d> Conditional<'d> {
             ln_prior: 0.0,
             trial_outer: outer.to_vec(),
             n_trials: 0,
-            w: vec![0.0; layout.n_block()],
+            w: vec![0.0; layout.n_coefficients()],
             theta: vec![0.0; n_latent],
             slope: vec![0.0; n_latent],
             outer_bar: vec![0.0; outer.len()],
             scratch: vec![0.0; n_latent],
         };
         new.ln_prior = new.latent.set_outer(&new.outer, &mut new.whitening.design);
-        if !new.ln_prior.is_finite() || !new.whitening.prepare(stand_in) {
+        if !new.ln_prior.is_finite() || !new.whitening.prepare(&new.shared.stand_in) {
             return None;
         }
         new.whitening.set_basis();
@@ -72,17 +72,22 @@ impl<'d> Conditional<'d> {
     }
 
     /// The inner position of these coefficients at the present outer unknowns.
-    pub(super) fn position(&self, block: &[f64]) -> Vec<f64> {
-        let mut z = vec![0.0; block.len()];
-        self.whitening.whitened(block, &mut z);
+    pub(super) fn position(&self, coefficients: &[f64]) -> Vec<f64> {
+        let mut z = vec![0.0; coefficients.len()];
+        self.whitening.whitened(coefficients, &mut z);
         z.extend(self.free.iter().map(|i| self.outer[*i]));
         z
     }
 
     /// The coefficients at an inner position.
-    pub(super) fn block(&mut self, position: &[f64]) -> &[f64] {
-        self.whitening.block(&position[..self.w.len()], &mut self.w);
+    pub(super) fn coefficients(&mut self, position: &[f64]) -> &[f64] {
+        self.whitening.coefficients(&position[..self.w.len()], &mut self.w);
         &self.w
+    }
+
+    /// Whether the whitened coefficients are all there is to move inside.
+    pub(super) fn is_standard(&self) -> bool {
+        self.free.is_empty()
     }
 
     /// Whether there are hyperparameters to move.
@@ -127,24 +132,25 @@ impl<'d> Conditional<'d> {
     fn try_outer(&mut self, z: &[f64]) -> Option<(f64, f64)> {
         let ln_prior = self.latent.set_outer(&self.trial_outer, &mut self.trial.design);
         self.n_trials += 1;
-        if !ln_prior.is_finite() || !self.trial.prepare(self.stand_in) {
+        if !ln_prior.is_finite() || !self.trial.prepare(&self.shared.stand_in) {
             return None;
         }
-        self.trial.block(z, &mut self.w);
+        self.trial.coefficients(z, &mut self.w);
         self.trial.latent(&self.w, &mut self.theta);
         let likelihood = self.latent.ln_likelihood(&self.theta);
         let value = ln_prior + likelihood + self.stand_in_quadratic() + self.trial.ln_evidence
-            - 0.5 * dot(z, z);
+            - 0.5 * dot::<4>(z, z);
         (!value.is_nan()).then_some((value, ln_prior))
     }
 
     /// ½ (θ − y)ᵀW(θ − y), and adds W(θ − y) to the slope.
     fn stand_in_quadratic(&mut self) -> f64 {
-        for ((d, theta), y) in self.scratch.iter_mut().zip(&self.theta).zip(self.stand_in.centre())
+        for ((d, theta), y) in
+            self.scratch.iter_mut().zip(&self.theta).zip(self.shared.stand_in.centre())
         {
             *d = theta - y;
         }
-        self.stand_in.add_product(&self.scratch, &mut self.slope)
+        self.shared.stand_in.add_product(&self.scratch, &mut self.slope)
     }
 
     /// After hyperparameter moves and before the next inner one.
@@ -165,7 +171,7 @@ impl<'d> Conditional<'d> {
     /// The density's own position for an inner one, and its log density there.
     pub(super) fn join(&mut self, position: &[f64], rng: &mut dyn Rng, out: &mut [f64]) -> f64 {
         let n = self.w.len();
-        self.whitening.block(&position[..n], &mut self.w);
+        self.whitening.coefficients(&position[..n], &mut self.w);
         self.trial_outer.copy_from_slice(&self.outer);
         for (i, x) in self.free.iter().zip(&position[n..]) {
             self.trial_outer[*i] = *x;
@@ -202,15 +208,13 @@ impl<'d> Conditional<'d> {
         let quadratic = self.stand_in_quadratic();
         self.whitening.pull(&self.slope, z_bar);
         z_bar.iter_mut().zip(z).for_each(|(bar, z)| *bar -= z);
-        value + quadratic + self.whitening.ln_evidence - 0.5 * dot(z, z)
+        value + quadratic + self.whitening.ln_evidence - 0.5 * dot::<4>(z, z)
     }
 }
 
-/// The inner conditional as NUTS sees it, sharing its state with the chain that moves the rest.
-pub(super) struct Inner<'d>(pub(super) Rc<RefCell<Conditional<'d>>>);
-
-impl Evaluator for Inner<'_> {
+impl Evaluator for Conditional<'_> {
+    /// The inner conditional.
     fn ln_density(&mut self, position: &[f64], gradient: &mut [f64]) -> f64 {
-        self.0.borrow_mut().inner(position, gradient)
+        self.inner(position, gradient)
     }
 }

@@ -1,17 +1,20 @@
-//! What the blocked sampler asks of a density: a block of Gaussian coefficients that the likelihood
-//! sees only through a few latent values.
+//! What the blocked sampler asks of a density: blocks of correlated Gaussian latent values, made
+//! from coefficients that the likelihood sees through these values alone.
 
-use crate::infer::LogDensity;
+use crate::infer::density::LogDensity;
 use rand::Rng;
 
-/// A density whose unknowns are a block of coefficients w and *outer* unknowns.
+/// A density whose unknowns are the coefficients w of some blocks, and *outer* unknowns.
+///
+/// A block f is a map from its coefficients to `n_seen` correlated latent values `θ_f`, one for each
+/// *place* where the likelihood sees the blocks; all blocks are seen at the same places.
 ///
 /// ```text
 /// ln π = ln p(outer) − ½ Σ τᵢ wᵢ² + Σ_sites ln L(θ_site, outer)      τᵢ = 1, of a flat mean 0
-/// θ_f(site) = offset_f + A_f(site, ·) w_f
+/// θ_f(place) = offset_f + A_f(place, ·) w_f
 /// ```
 /// The design A and the offsets depend on the *hyperparameters*, which are some of the outer
-/// unknowns; a site's likelihood depends on the values of all fields there, and on no other site's.
+/// unknowns; a place's likelihood depends on the values of all blocks there, and on no other place's.
 /// Whatever of the density's own unknowns the likelihood does not see is drawn from its exact
 /// conditional by [`Latent::join`].
 pub trait LatentGaussian: LogDensity {
@@ -24,19 +27,19 @@ pub trait LatentGaussian: LogDensity {
 /// Sizes and structure of a [`LatentGaussian`].
 #[derive(Clone, Debug)]
 pub struct Layout {
-    /// Number of sites.
-    pub n_sites: usize,
-    /// The fields.
-    pub fields: Vec<FieldLayout>,
+    /// Number of places, which is the number of values that are seen of each block.
+    pub n_seen: usize,
+    /// The blocks.
+    pub blocks: Vec<BlockLayout>,
     /// Which of the density's unknowns are outer.
     pub outer: Vec<usize>,
     /// Which of the outer unknowns are hyperparameters, ascending.
     pub hyper: Vec<usize>,
 }
 
-/// The columns of one field's design.
+/// The columns of one block's design.
 #[derive(Clone, Debug)]
-pub struct FieldLayout {
+pub struct BlockLayout {
     /// Number of standard normal coefficients.
     pub n_coefficients: usize,
     /// The prior precision of a mean that follows them, with a last column: 1, or 0 if it is flat.
@@ -48,13 +51,13 @@ pub struct FieldLayout {
 /// What is known of a design for all hyperparameters.
 #[derive(Clone, Debug)]
 pub enum Shape {
-    /// Lower triangular, a coefficient per site.
+    /// Lower triangular, a coefficient per place.
     Triangular,
-    /// These modes `(n_sites, n_coefficients)`, each times a scale.
+    /// These modes `(n_seen, n_coefficients)`, each times a scale.
     Scaled(Vec<f64>),
 }
 
-impl FieldLayout {
+impl BlockLayout {
     /// Number of columns.
     pub(super) fn width(&self) -> usize {
         self.n_coefficients + usize::from(self.mean_precision.is_some())
@@ -62,14 +65,14 @@ impl FieldLayout {
 }
 
 impl Layout {
-    /// Length of the block: the coefficients of all fields, each followed by its mean.
-    pub fn n_block(&self) -> usize {
-        self.fields.iter().map(FieldLayout::width).sum()
+    /// Number of coefficients: those of all blocks, of each block followed by its mean.
+    pub fn n_coefficients(&self) -> usize {
+        self.blocks.iter().map(BlockLayout::width).sum()
     }
 
-    /// Number of latent values, `(field, site)`.
+    /// Number of latent values, `(block, place)`.
     pub fn n_latent(&self) -> usize {
-        self.n_sites * self.fields.len()
+        self.n_seen * self.blocks.len()
     }
 
     /// The outer unknowns of a position.
@@ -82,25 +85,25 @@ impl Layout {
         (0..self.outer.len()).filter(|i| self.hyper.binary_search(i).is_err()).collect()
     }
 
-    /// First column of each field.
+    /// First column of each block.
     pub(super) fn starts(&self) -> Vec<usize> {
         let mut at = 0;
-        let next = |field: &FieldLayout| {
-            at += field.width();
-            at - field.width()
+        let next = |block: &BlockLayout| {
+            at += block.width();
+            at - block.width()
         };
-        self.fields.iter().map(next).collect()
+        self.blocks.iter().map(next).collect()
     }
 }
 
 /// The map from coefficients to latent values at some hyperparameters.
 #[derive(Clone, Debug)]
 pub struct Design {
-    /// One number per field, added at every site.
+    /// One number per block, added at every place.
     pub offset: Vec<f64>,
-    /// Per field, row-major `(n_sites, width)`; the column of a mean is ones from the start.
+    /// Per block, row-major `(n_seen, width)`; the column of a mean is ones from the start.
     pub rows: Vec<Vec<f64>>,
-    /// Per field `(width)`: what each mode is multiplied by ([`Shape::Scaled`]), and the ones of a
+    /// Per block `(width)`: what each mode is multiplied by ([`Shape::Scaled`]), and the ones of a
     /// mean.
     pub scale: Vec<Vec<f64>>,
 }
@@ -108,33 +111,33 @@ pub struct Design {
 impl Design {
     /// For this layout, with columns of ones for the means.
     pub fn new(layout: &Layout) -> Self {
-        let rows = |field: &FieldLayout| {
-            let width = field.width();
-            let mut rows = vec![0.0; layout.n_sites * width];
-            if field.mean_precision.is_some() {
+        let rows = |block: &BlockLayout| {
+            let width = block.width();
+            let mut rows = vec![0.0; layout.n_seen * width];
+            if block.mean_precision.is_some() {
                 rows.chunks_exact_mut(width).for_each(|row| row[width - 1] = 1.0);
             }
             rows
         };
         Self {
-            offset: vec![0.0; layout.fields.len()],
-            rows: layout.fields.iter().map(rows).collect(),
-            scale: layout.fields.iter().map(|field| vec![1.0; field.width()]).collect(),
+            offset: vec![0.0; layout.blocks.len()],
+            rows: layout.blocks.iter().map(rows).collect(),
+            scale: layout.blocks.iter().map(|block| vec![1.0; block.width()]).collect(),
         }
     }
 }
 
 /// Evaluates a [`LatentGaussian`]; holds scratch memory.
-pub trait Latent {
-    /// The block's coefficients at a position `(dim)`.
-    fn block(&mut self, position: &[f64], block: &mut [f64]);
+pub trait Latent: Send {
+    /// Writes the coefficients of all blocks at a position `(dim)`.
+    fn coefficients(&mut self, position: &[f64], coefficients: &mut [f64]);
 
     /// A position of these outer unknowns and coefficients, drawing what they do not determine;
     /// returns the density's own log density there.
     fn join(
         &mut self,
         outer: &[f64],
-        block: &[f64],
+        coefficients: &[f64],
         rng: &mut dyn Rng,
         position: &mut [f64],
     ) -> f64;
@@ -143,7 +146,7 @@ pub trait Latent {
     /// their design; returns ln p(outer). Out of support: −∞.
     fn set_outer(&mut self, outer: &[f64], design: &mut Design) -> f64;
 
-    /// Log likelihood of all sites at these latent values `(field, site)`.
+    /// Log likelihood of all places at these latent values `(block, place)`.
     fn ln_likelihood(&mut self, theta: &[f64]) -> f64;
 
     /// As [`Latent::ln_likelihood`], with its gradient in the latent values.

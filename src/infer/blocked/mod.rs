@@ -1,40 +1,42 @@
-//! The blocked sampler: for densities with a block of Gaussian coefficients seen through few values.
+//! The blocked sampler: for densities with many Gaussian coefficients that the likelihood sees
+//! through few values.
 //!
-//! Two alternating moves, both exact for any stand-in ([`whiten`]): the whitened block and the free
-//! unknowns by NUTS given the hyperparameters; the hyperparameters by Metropolis given the whitened
-//! block. The funnel between a field's amplitude or lengthscale and its coefficients is gone,
-//! because the whitened block hardly depends on them.
+//! Two alternating moves, both exact for any stand-in ([`whiten`]): the whitened coefficients and the
+//! free unknowns by NUTS given the hyperparameters; the hyperparameters by Metropolis given the
+//! whitened coefficients. The funnel between the hyperparameters of a block and its coefficients is
+//! gone, because the whitened coefficients hardly depend on them.
 //!
-//! Warm-up has stages. At the end of each but the last, the stand-in and the hyperparameters'
-//! proposal are fitted anew to the draws of all chains; while sampling, nothing changes.
-//! Knows nothing of fields' kernels, meshes or models: only [`LatentGaussian`].
+//! In the warm-up the chains meet several times, and the stand-in and the hyperparameters' proposal
+//! are fitted anew to the draws of all ([`meeting`]); while sampling, nothing changes.
+//! Knows nothing of fields, kernels, meshes or models: only [`LatentGaussian`].
 
 mod chain;
 mod conditional;
 mod factor;
 mod latent;
+mod meeting;
 mod proposal;
 mod stand_in;
-mod warmup;
+mod together;
 mod whiten;
 
-pub use latent::{Design, FieldLayout, Latent, LatentGaussian, Layout, Shape};
+pub use chain::Blocked;
+pub use latent::{BlockLayout, Design, Latent, LatentGaussian, Layout, Shape};
 
-use super::sample::{check_starts, thread_pool};
-use super::{ChainResult, InferError, Progress, Settings};
-use crate::store::Checkpoint;
-use crate::store::take_chains;
-use chain::Run;
-use warmup::{Shared, for_each_chain, warm_up};
+use super::draws::ChainResult;
+use super::error::InferError;
+use super::progress::Progress;
+use super::run::run;
+use super::settings::{Settings, check_starts, thread_pool};
 
 /// Samples `density` with one blocked chain from each of `starts`, each `(dim)`.
 ///
-/// The result is that of [`super::sample`], with the draws in the density's own unknowns; steps,
+/// The result is that of [`super::sample()`], with the draws in the density's own unknowns; steps,
 /// energies and the metric are those of the whitened coordinates, a diagonal metric whatever
 /// `settings.metric` says, and evaluations of the likelihood count as gradients.
 ///
 /// # Errors
-/// Those of [`super::sample`].
+/// Those of [`super::sample()`].
 pub fn sample_blocked(
     density: &dyn LatentGaussian,
     starts: &[Vec<f64>],
@@ -42,17 +44,6 @@ pub fn sample_blocked(
     progress: &dyn Progress,
 ) -> Result<Vec<ChainResult>, InferError> {
     check_starts(density, starts, settings)?;
-    let checkpoint = progress.checkpoint();
-    let mut kept = take_chains(checkpoint, starts.len())?;
-    let shared = checkpoint.map_or(Ok(None), Checkpoint::take_common)?;
-    Ok(thread_pool(settings)?.install(|| {
-        let shared = shared.unwrap_or_else(|| Shared::new(density, starts, settings));
-        let shared = warm_up(density, shared, &mut kept, settings, progress);
-        let common = shared.common(density, settings, progress);
-        for_each_chain(common, &shared.links, &mut kept, |chain, link, kept| {
-            let (state, draws) =
-                kept.map_or_else(Default::default, |(_, state, _, draws)| (Some(state), draws));
-            Run::new(common, chain, link, state)?.draw(link, draws)
-        })
-    }))
+    thread_pool(settings)?
+        .install(|| run(Blocked::together(density, starts, settings), settings, progress))
 }

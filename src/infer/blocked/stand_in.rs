@@ -1,4 +1,4 @@
-//! The Gaussian stand-in for the likelihood: per site an information matrix W and a centre y.
+//! The Gaussian stand-in for the likelihood: per place an information matrix W and a centre y.
 //!
 //! ```text
 //! ln L(θ_site) ≈ const − ½ (θ − y)ᵀ W (θ − y)
@@ -14,22 +14,22 @@ use serde::{Deserialize, Serialize};
 /// Latent values and the gradient of the log likelihood there.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub(super) struct Sample {
-    /// `(field, site)`
+    /// `(block, place)`
     pub(super) theta: Vec<f64>,
-    /// `(field, site)`
+    /// `(block, place)`
     pub(super) slope: Vec<f64>,
 }
 
-/// W and y of every site.
+/// W and y of every place.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub(super) struct StandIn {
-    n_sites: usize,
-    n_fields: usize,
-    /// `(field, field, site)`
+    n_seen: usize,
+    n_blocks: usize,
+    /// `(block, block, place)`
     information: Vec<f64>,
-    /// `(field, site)`
+    /// `(block, place)`
     centre: Vec<f64>,
-    /// [Φ 1]ᵀ W [Φ 1] of each pair of scaled fields, `(field, field)`; empty for others.
+    /// [Φ 1]ᵀ W [Φ 1] of each pair of scaled blocks, `(block, block)`; empty for others.
     gram: Vec<Vec<f64>>,
 }
 
@@ -53,24 +53,24 @@ impl Trust {
 impl StandIn {
     /// Knows nothing: W = 0.
     pub(super) fn new(layout: &Layout) -> Self {
-        let (n_sites, n_fields) = (layout.n_sites, layout.fields.len());
+        let (n_seen, n_blocks) = (layout.n_seen, layout.blocks.len());
         Self {
-            n_sites,
-            n_fields,
-            information: vec![0.0; n_fields * n_fields * n_sites],
-            centre: vec![0.0; n_fields * n_sites],
-            gram: vec![vec![]; n_fields * n_fields],
+            n_seen,
+            n_blocks,
+            information: vec![0.0; n_blocks * n_blocks * n_seen],
+            centre: vec![0.0; n_blocks * n_seen],
+            gram: vec![vec![]; n_blocks * n_blocks],
         }
     }
 
-    /// Fits every site to `samples`; a site whose samples do not vary keeps what it had.
+    /// Fits every place to `samples`; a place whose samples do not vary keeps what it had.
     pub(super) fn fit(&mut self, samples: &[Sample], trust: Trust, layout: &Layout) {
-        for site in 0..self.n_sites {
-            if let Some((information, centre)) = self.fit_site(samples, trust, site) {
-                for f in 0..self.n_fields {
-                    self.centre[f * self.n_sites + site] = centre[f];
-                    for g in 0..self.n_fields {
-                        let at = (f * self.n_fields + g) * self.n_sites + site;
+        for place in 0..self.n_seen {
+            if let Some((information, centre)) = self.fit_place(samples, trust, place) {
+                for f in 0..self.n_blocks {
+                    self.centre[f * self.n_seen + place] = centre[f];
+                    for g in 0..self.n_blocks {
+                        let at = (f * self.n_blocks + g) * self.n_seen + place;
                         self.information[at] = information[(f, g)];
                     }
                 }
@@ -80,20 +80,20 @@ impl StandIn {
     }
 
     /// In coordinates x = L⁻¹(θ − E θ) with L Lᵀ = Cov θ, where Cov x = I and g turns into Lᵀg.
-    fn fit_site(
+    fn fit_place(
         &self,
         samples: &[Sample],
         trust: Trust,
-        site: usize,
+        place: usize,
     ) -> Option<(DMatrix<f64>, DVector<f64>)> {
         let n = samples.len() as f64;
         let at = |values: &[f64]| {
-            DVector::from_fn(self.n_fields, |f, _| values[f * self.n_sites + site])
+            DVector::from_fn(self.n_blocks, |f, _| values[f * self.n_seen + place])
         };
-        let zero = || DVector::zeros(self.n_fields);
+        let zero = || DVector::zeros(self.n_blocks);
         let mean = samples.iter().fold(zero(), |sum, s| sum + at(&s.theta)) / n;
         let slope = samples.iter().fold(zero(), |sum, s| sum + at(&s.slope)) / n;
-        let mut covariance = DMatrix::zeros(self.n_fields, self.n_fields);
+        let mut covariance = DMatrix::zeros(self.n_blocks, self.n_blocks);
         let mut cross = covariance.clone();
         for sample in samples {
             let d = at(&sample.theta) - &mean;
@@ -116,52 +116,52 @@ impl StandIn {
     }
 
     fn set_gram(&mut self, layout: &Layout) {
-        for (f, first) in layout.fields.iter().enumerate() {
-            for (g, second) in layout.fields.iter().enumerate() {
+        for (f, first) in layout.blocks.iter().enumerate() {
+            for (g, second) in layout.blocks.iter().enumerate() {
                 let (Shape::Scaled(left), Shape::Scaled(right)) = (&first.shape, &second.shape)
                 else {
                     continue;
                 };
-                let entry = |modes: &[f64], n: usize, site: usize, j: usize| {
-                    if j < n { modes[site * n + j] } else { 1.0 }
+                let entry = |modes: &[f64], n: usize, place: usize, j: usize| {
+                    if j < n { modes[place * n + j] } else { 1.0 }
                 };
                 let w = self.information(f, g);
                 let mut gram = vec![];
                 for j in 0..first.width() {
                     for k in 0..second.width() {
-                        let product = |site: usize| {
-                            let a = entry(left, first.n_coefficients, site, j);
-                            w[site] * a * entry(right, second.n_coefficients, site, k)
+                        let product = |place: usize| {
+                            let a = entry(left, first.n_coefficients, place, j);
+                            w[place] * a * entry(right, second.n_coefficients, place, k)
                         };
-                        gram.push((0..self.n_sites).map(product).sum());
+                        gram.push((0..self.n_seen).map(product).sum());
                     }
                 }
-                self.gram[f * self.n_fields + g] = gram;
+                self.gram[f * self.n_blocks + g] = gram;
             }
         }
     }
 
-    /// W between two fields, one number per site.
+    /// W between two blocks, one number per place.
     pub(super) fn information(&self, f: usize, g: usize) -> &[f64] {
-        &self.information[(f * self.n_fields + g) * self.n_sites..][..self.n_sites]
+        &self.information[(f * self.n_blocks + g) * self.n_seen..][..self.n_seen]
     }
 
-    /// [Φ 1]ᵀ W [Φ 1] between two scaled fields, `(width, width)`.
+    /// [Φ 1]ᵀ W [Φ 1] between two scaled blocks, `(width, width)`.
     pub(super) fn gram(&self, f: usize, g: usize) -> &[f64] {
-        &self.gram[f * self.n_fields + g]
+        &self.gram[f * self.n_blocks + g]
     }
 
-    /// y `(field, site)`.
+    /// y `(block, place)`.
     pub(super) fn centre(&self) -> &[f64] {
         &self.centre
     }
 
-    /// Adds W d to `out` for d `(field, site)`; returns ½ dᵀ W d.
+    /// Adds W d to `out` for d `(block, place)`; returns ½ dᵀ W d.
     pub(super) fn add_product(&self, d: &[f64], out: &mut [f64]) -> f64 {
-        let n = self.n_sites;
+        let n = self.n_seen;
         let mut quadratic = 0.0;
-        for f in 0..self.n_fields {
-            for g in 0..self.n_fields {
+        for f in 0..self.n_blocks {
+            for g in 0..self.n_blocks {
                 let w = self.information(f, g);
                 let (left, right) = (&d[f * n..][..n], &d[g * n..][..n]);
                 for (((out, w), left), right) in

@@ -1,4 +1,4 @@
-//! Coordinates in which the block is nearly standard normal, at given hyperparameters.
+//! Coordinates in which the coefficients are nearly standard normal, at given hyperparameters.
 //!
 //! With the stand-in (W, y) and the design (A, b), I₀ the prior precisions, a zero for a flat mean:
 //!
@@ -13,14 +13,14 @@
 use super::factor::{Lanes, Upper, add_lanes, columns, lanes};
 use super::latent::{Design, Layout, Shape};
 use super::stand_in::StandIn;
-use crate::infer::vector::{add_scaled, dot};
+use crate::num::vector::{axpy, dot};
 use pulp::{Arch, NullaryFnOnce};
 
 /// The whitening at one value of the hyperparameters.
 #[derive(Clone, Debug)]
 pub(super) struct Whitening {
     pub(super) design: Design,
-    n_sites: usize,
+    n_seen: usize,
     n: usize,
     starts: Vec<usize>,
     /// The diagonal of I₀.
@@ -45,20 +45,20 @@ pub(super) struct Whitening {
 impl Whitening {
     /// Memory for this layout.
     pub(super) fn new(layout: &Layout) -> Self {
-        let (n, n_latent, starts) = (layout.n_block(), layout.n_latent(), layout.starts());
+        let (n, n_latent, starts) = (layout.n_coefficients(), layout.n_latent(), layout.starts());
         let mut prior_precision = vec![1.0; n];
-        for (field, start) in layout.fields.iter().zip(&starts) {
-            if let Some(precision) = field.mean_precision {
-                prior_precision[start + field.n_coefficients] = precision;
+        for (block, start) in layout.blocks.iter().zip(&starts) {
+            if let Some(precision) = block.mean_precision {
+                prior_precision[start + block.n_coefficients] = precision;
             }
         }
         let rows = vec![Lanes::default(); n_latent * lanes(n)];
         Self {
             design: Design::new(layout),
-            n_sites: layout.n_sites,
+            n_seen: layout.n_seen,
             n,
             prior_precision,
-            is_scaled: layout.fields.iter().all(|f| matches!(f.shape, Shape::Scaled(_))),
+            is_scaled: layout.blocks.iter().all(|f| matches!(f.shape, Shape::Scaled(_))),
             augmented: [rows.clone(), rows],
             support: support(layout, &starts),
             starts,
@@ -70,12 +70,12 @@ impl Whitening {
         }
     }
 
-    fn n_fields(&self) -> usize {
+    fn n_blocks(&self) -> usize {
         self.starts.len()
     }
 
-    fn width(&self, field: usize) -> usize {
-        self.starts.get(field + 1).unwrap_or(&self.n) - self.starts[field]
+    fn width(&self, block: usize) -> usize {
+        self.starts.get(block + 1).unwrap_or(&self.n) - self.starts[block]
     }
 
     /// Computes U, s and κ from the design; `false` if B is not positive definite.
@@ -101,16 +101,16 @@ impl Whitening {
     /// `[A d]` and `W [A d]`.
     #[inline(always)]
     fn set_augmented(&mut self, stand_in: &StandIn) {
-        let (n_sites, lanes) = (self.n_sites, lanes(self.n));
+        let (n_seen, lanes) = (self.n_seen, lanes(self.n));
         let [rows, products] = &mut self.augmented;
         let flat = rows.as_flattened_mut();
         let stride = flat.len() / stand_in.centre().len();
         for (f, start) in self.starts.iter().enumerate() {
             let design = &self.design.rows[f];
             let offset = self.design.offset[f];
-            let centre = &stand_in.centre()[f * n_sites..][..n_sites];
-            let rows = flat[f * n_sites * stride..].chunks_exact_mut(stride);
-            let width = design.len() / n_sites;
+            let centre = &stand_in.centre()[f * n_seen..][..n_seen];
+            let rows = flat[f * n_seen * stride..].chunks_exact_mut(stride);
+            let width = design.len() / n_seen;
             for ((row, design), y) in rows.zip(design.chunks_exact(width)).zip(centre) {
                 row[*start..][..width].copy_from_slice(design);
                 row[self.n] = y - offset;
@@ -119,20 +119,20 @@ impl Whitening {
         products.fill(Lanes::default());
         for f in 0..self.starts.len() {
             for g in 0..self.starts.len() {
-                for (site, w) in stand_in.information(f, g).iter().enumerate() {
-                    let row = &rows[(g * n_sites + site) * lanes..][..lanes];
-                    let product = &mut products[(f * n_sites + site) * lanes..][..lanes];
+                for (place, w) in stand_in.information(f, g).iter().enumerate() {
+                    let row = &rows[(g * n_seen + place) * lanes..][..lanes];
+                    let product = &mut products[(f * n_seen + place) * lanes..][..lanes];
                     product.iter_mut().zip(row).for_each(|(sum, x)| add_lanes(sum, *w, x));
                 }
             }
         }
     }
 
-    /// All of it but I₀ for scaled fields, from products that are known.
+    /// All of it but I₀ for scaled blocks, from products that are known.
     #[inline(always)]
     fn set_gram(&mut self, stand_in: &StandIn) {
-        for f in 0..self.n_fields() {
-            for g in f..self.n_fields() {
+        for f in 0..self.n_blocks() {
+            for g in f..self.n_blocks() {
                 let (scale_f, scale_g) = (&self.design.scale[f], &self.design.scale[g]);
                 let gram = stand_in.gram(f, g).chunks_exact(scale_g.len());
                 for ((j, a), gram) in scale_f.iter().enumerate().zip(gram) {
@@ -149,7 +149,7 @@ impl Whitening {
     /// `AᵀWd` and `dᵀWd`.
     #[inline(always)]
     fn set_moment(&mut self, stand_in: &StandIn) {
-        let n = self.n_sites;
+        let n = self.n_seen;
         let (d, product) = self.scratch.split_at_mut(n * self.starts.len());
         d.copy_from_slice(stand_in.centre());
         for (d, offset) in d.chunks_exact_mut(n).zip(&self.design.offset) {
@@ -165,7 +165,7 @@ impl Whitening {
             let rows = &self.design.rows[f];
             let width = rows.len() / n;
             for (row, p) in rows.chunks_exact(width).zip(product) {
-                add_scaled(&mut moment[self.starts[f]..][..width], *p, row);
+                axpy(*p, row, &mut moment[self.starts[f]..][..width]);
             }
         }
         for (i, m) in moment.iter().enumerate() {
@@ -175,28 +175,28 @@ impl Whitening {
     }
 
     /// w = U⁻¹(s + z)
-    pub(super) fn block(&self, z: &[f64], w: &mut [f64]) {
+    pub(super) fn coefficients(&self, z: &[f64], w: &mut [f64]) {
         for i in (0..self.n).rev() {
             let row = self.upper.row(i);
-            w[i] = (self.upper.last(i) + z[i] - dot(&row[1..], &w[i + 1..])) / row[0];
+            w[i] = (self.upper.last(i) + z[i] - dot::<4>(&row[1..], &w[i + 1..])) / row[0];
         }
     }
 
     /// z = U w − s
     pub(super) fn whitened(&self, w: &[f64], z: &mut [f64]) {
         for (i, z) in z.iter_mut().enumerate() {
-            *z = dot(self.upper.row(i), &w[i..]) - self.upper.last(i);
+            *z = dot::<4>(self.upper.row(i), &w[i..]) - self.upper.last(i);
         }
     }
 
     /// θ = b + A w
     pub(super) fn latent(&self, w: &[f64], theta: &mut [f64]) {
-        for f in 0..self.n_fields() {
+        for f in 0..self.n_blocks() {
             let width = self.width(f);
             let w = &w[self.starts[f]..][..width];
-            let theta = &mut theta[f * self.n_sites..][..self.n_sites];
+            let theta = &mut theta[f * self.n_seen..][..self.n_seen];
             for (theta, row) in theta.iter_mut().zip(self.design.rows[f].chunks_exact(width)) {
-                *theta = self.design.offset[f] + dot(row, w);
+                *theta = self.design.offset[f] + dot::<4>(row, w);
             }
         }
     }
@@ -205,10 +205,10 @@ impl Whitening {
     pub(super) fn set_basis(&mut self) {
         let (n, m) = (self.n, self.origin.len());
         self.basis.fill(0.0);
-        for f in 0..self.n_fields() {
+        for f in 0..self.n_blocks() {
             let width = self.width(f);
-            for (site, row) in self.design.rows[f].chunks_exact(width).enumerate() {
-                let at = f * self.n_sites + site;
+            for (place, row) in self.design.rows[f].chunks_exact(width).enumerate() {
+                let at = f * self.n_seen + place;
                 self.origin[at] = self.design.offset[f];
                 for (j, a) in row.iter().enumerate() {
                     self.basis[(self.starts[f] + j) * m + at] = *a;
@@ -224,9 +224,9 @@ impl Whitening {
                 *x *= inverse;
             }
             for (next, u) in rest.chunks_exact_mut(m).zip(&row[1..]) {
-                add_scaled(next, -u, column);
+                axpy(-u, column, next);
             }
-            add_scaled(&mut self.origin, self.upper.last(k), column);
+            axpy(self.upper.last(k), column, &mut self.origin);
         }
     }
 
@@ -234,14 +234,14 @@ impl Whitening {
     pub(super) fn latent_at(&self, z: &[f64], theta: &mut [f64]) {
         theta.copy_from_slice(&self.origin);
         for (z, column) in z.iter().zip(self.basis.chunks_exact(theta.len())) {
-            add_scaled(theta, *z, column);
+            axpy(*z, column, theta);
         }
     }
 
     /// The gradient in z of a function with this gradient in θ.
     pub(super) fn pull(&self, theta_bar: &[f64], z_bar: &mut [f64]) {
         for (z_bar, column) in z_bar.iter_mut().zip(self.basis.chunks_exact(theta_bar.len())) {
-            *z_bar = dot(column, theta_bar);
+            *z_bar = dot::<4>(column, theta_bar);
         }
     }
 }
@@ -264,18 +264,18 @@ impl NullaryFnOnce for Prepare<'_> {
     }
 }
 
-/// For each lane of `[A d]`, the rows `(field, site)` that are not zero there.
+/// For each lane of `[A d]`, the rows `(block, place)` that are not zero there.
 fn support(layout: &Layout, starts: &[usize]) -> Vec<Vec<usize>> {
-    let n = layout.n_block();
+    let n = layout.n_coefficients();
     let is_zero = |row: usize, column: usize| {
-        let (f, site) = (row / layout.n_sites, row % layout.n_sites);
-        let field = &layout.fields[f];
+        let (f, place) = (row / layout.n_seen, row % layout.n_seen);
+        let block = &layout.blocks[f];
         match column.checked_sub(starts[f]) {
             _ if column == n => false,
-            Some(j) if j < field.n_coefficients => {
-                matches!(field.shape, Shape::Triangular) && j > site
+            Some(j) if j < block.n_coefficients => {
+                matches!(block.shape, Shape::Triangular) && j > place
             }
-            j => j.is_none_or(|j| j >= field.width()),
+            j => j.is_none_or(|j| j >= block.width()),
         }
     };
     let of_lane = |lane: std::ops::Range<usize>| {

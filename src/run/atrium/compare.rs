@@ -5,12 +5,15 @@ use std::path::Path;
 
 use serde::{Deserialize, Deserializer, Serialize};
 
-use super::{AtriumError, Map};
+use super::AtriumError;
 use crate::ep::surface::BeatMap;
 use crate::mesh::{self, TriMesh, Units};
 
 /// Vertices that are further apart than this are not the same, mm.
 const SAME: f64 = 1e-6;
+
+/// Name and values (n_vertices) of a map; NaN where there is none.
+pub type Map = (String, Vec<f64>);
 
 /// The maps of an earlier simulation.
 #[derive(Debug)]

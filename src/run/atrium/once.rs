@@ -3,18 +3,13 @@
 use std::path::Path;
 use std::time::Instant;
 
-use serde::{Deserialize, Serialize};
-
 use super::drive::{Drive, Event, Slot, Watch};
 use super::series::{self, Series};
 use super::setup::Subject;
-use super::{Atrium, AtriumError, AtriumRecord};
+use super::{Atrium, AtriumError, AtriumRecord, Map, Summary};
 use crate::ep::cell::RANGES;
 use crate::ep::surface::Simulation;
 use crate::ep::{Parameters, Precision};
-
-/// Name and values (n_vertices) of a map; NaN where there is none.
-pub type Map = (String, Vec<f64>);
 
 /// What a simulation gave.
 #[derive(Clone, Debug)]
@@ -24,29 +19,6 @@ pub struct Beat {
     pub maps: Vec<Map>,
     /// The same in a few numbers.
     pub record: AtriumRecord,
-}
-
-/// How far the activation came.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(untagged)]
-pub enum Summary {
-    /// In one simulation.
-    One {
-        /// Vertices that were activated in the measured beat.
-        activated_vertices: usize,
-        /// When the last of them was, ms after the stimulus.
-        latest_activation_ms: f64,
-    },
-    /// In one for each of several draws.
-    Many {
-        /// Draws that were simulated.
-        draws: u32,
-        /// Share of (vertex, draw) pairs that were activated and recovered.
-        captured_pairs: f64,
-        /// Share of pairs whose parameters were in their valid ranges. The others are simulated at the
-        /// nearest valid values and left out of the maps.
-        pairs_in_range: f64,
-    },
 }
 
 impl Atrium {

@@ -7,8 +7,31 @@ use std::path::Path;
 use serde::{Deserialize, Deserializer, Serialize, Serializer};
 
 use super::compare::MapDifference;
-use super::{Atrium, AtriumError, Summary};
+use super::{Atrium, AtriumError};
 use crate::store::{Identity, write_file};
+
+/// How far the activation came.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(untagged)]
+pub enum Summary {
+    /// In one simulation.
+    One {
+        /// Vertices that were activated in the measured beat.
+        activated_vertices: usize,
+        /// When the last of them was, ms after the stimulus.
+        latest_activation_ms: f64,
+    },
+    /// In one for each of several draws.
+    Many {
+        /// Draws that were simulated.
+        draws: u32,
+        /// Share of (vertex, draw) pairs that were activated and recovered.
+        captured_pairs: f64,
+        /// Share of pairs whose parameters were in their valid ranges. The others are simulated at the
+        /// nearest valid values and left out of the maps.
+        pairs_in_range: f64,
+    },
+}
 
 /// The record of a simulation. It is written last: without it there is no result.
 #[derive(Clone, Debug, Serialize, Deserialize)]

@@ -1,12 +1,12 @@
 //! A simulation before its first step: refined mesh, parameters, fibres, pacing.
 
 use super::compare::Earlier;
-use super::ensemble::Posterior;
-use super::{AtriumError, AtriumSettings, Ground, Source, TissueSettings};
-use crate::ep::cell::RANGES;
-use crate::ep::surface::{Fibres, Pacing, Simulation, Substrate, halfway};
+use super::posterior::Posterior;
+use super::tissue::TissueFields;
+use super::{AtriumError, AtriumSettings, Ground};
+use crate::ep::surface::{Fibres, Pacing, Simulation, Substrate};
 use crate::ep::{Parameters, Precision, Tissue};
-use crate::mesh::{Refined, TriMesh};
+use crate::mesh::TriMesh;
 use crate::store::Identity;
 
 /// Longer edges slow fronts down, mm.
@@ -39,23 +39,6 @@ pub enum Warning {
         /// The largest angle, degrees.
         degrees: f64,
     },
-}
-
-/// The parameters on the surface as it was given, and the mesh that is simulated on.
-#[derive(Debug)]
-pub(super) struct TissueFields {
-    pub(super) refined: Refined,
-    /// The five parameters at the vertices before they were refined, in the order of [`RANGES`].
-    pub(super) columns: [Column; 5],
-    pub(super) n_coarse: usize,
-    fibres: Option<Fibres>,
-}
-
-/// One of the five parameters at every vertex.
-#[derive(Debug)]
-pub(super) enum Column {
-    Number(f64),
-    Field { name: String, values: Vec<f64> },
 }
 
 /// Whose tissue is simulated.
@@ -95,7 +78,7 @@ impl Atrium {
             }
             (None, _) => Subject::Given(tissue.given()?),
         };
-        let warnings = tissue.warnings();
+        let warnings = warnings(&tissue);
         let settings = settings.clone();
         Ok(Self { settings, identity, tissue, pacing, subject, earlier, warnings })
     }
@@ -145,97 +128,10 @@ impl Atrium {
     }
 }
 
-impl TissueFields {
-    fn new(ground: &Ground, settings: &TissueSettings) -> Result<Self, AtriumError> {
-        let mesh = &ground.surface.mesh;
-        let columns = columns(ground, settings)?;
-        let refined = Refined::new(mesh.clone(), settings.refine);
-        let fibres = fibres(ground, settings, &refined)?;
-        Ok(Self { n_coarse: mesh.n_vertices(), refined, columns, fibres })
-    }
-
-    pub(super) fn mesh(&self) -> &TriMesh {
-        &self.refined.mesh
-    }
-
-    /// The parameters at every vertex, from those before the mesh was refined.
-    pub(super) fn refine(&self, coarse: Vec<[f64; 5]>) -> Vec<Parameters> {
-        let mean = |a: [f64; 5], b: [f64; 5]| std::array::from_fn(|k| 0.5 * (a[k] + b[k]));
-        self.refined.carry(coarse, mean).into_iter().map(Parameters::from_array).collect()
-    }
-
-    /// The parameters at every vertex as they are given, checked.
-    fn given(&self) -> Result<Vec<Parameters>, AtriumError> {
-        let at = |vertex| self.columns.each_ref().map(|column| column.at(vertex));
-        let parameters = self.refine((0..self.n_coarse).map(at).collect());
-        for (vertex, parameters) in parameters.iter().enumerate() {
-            parameters.validate().map_err(|source| AtriumError::Parameters { vertex, source })?;
-        }
-        Ok(parameters)
-    }
-
-    fn warnings(&self) -> Vec<Warning> {
-        let mean = self.mesh().mean_edge_length();
-        let long = (mean > LONGEST_EDGE).then_some(Warning::LongEdges { mean });
-        let tilt = self.fibres.as_ref().map(Fibres::tilt).filter(|tilt| *tilt > TILT);
-        long.into_iter().chain(tilt.map(|degrees| Warning::TiltedFibres { degrees })).collect()
-    }
-}
-
-impl Column {
-    pub(super) fn at(&self, vertex: usize) -> f64 {
-        match self {
-            Self::Number(number) => *number,
-            Self::Field { values, .. } => values[vertex],
-        }
-    }
-}
-
-/// The five parameters at the vertices of the surface.
-fn columns(ground: &Ground, settings: &TissueSettings) -> Result<[Column; 5], AtriumError> {
-    let TissueSettings { cv_max, tau_in, tau_out, tau_open, apd_max, .. } = settings;
-    let column = |source: &Source, (name, ..): (&str, &str, f64, f64)| match source {
-        Source::Number(number) => Ok(Column::Number(*number)),
-        Source::Field(field) => match ground.surface.point_data.get(field) {
-            Some(values) => Ok(Column::Field { name: field.clone(), values: values.clone() }),
-            None => Err(AtriumError::NoPointData {
-                what: format!("{name} is to be {field:?}, but the surface has no such field"),
-                found: ground.names(),
-                help: format!("give --{} a number or one of these names", name.replace('_', "-")),
-            }),
-        },
-    };
-    let [r_cv_max, r_tau_in, r_tau_out, r_tau_open, r_apd_max] = RANGES;
-    Ok([
-        column(cv_max, r_cv_max)?,
-        column(tau_in, r_tau_in)?,
-        column(tau_out, r_tau_out)?,
-        column(tau_open, r_tau_open)?,
-        column(apd_max, r_apd_max)?,
-    ])
-}
-
-/// The fibres on the refined mesh, if there are any.
-fn fibres(
-    ground: &Ground,
-    settings: &TissueSettings,
-    refined: &Refined,
-) -> Result<Option<Fibres>, AtriumError> {
-    let (Some(name), Some(ratio)) = (&settings.fibres, settings.anisotropy) else {
-        return Ok(None);
-    };
-    let component = |k: usize| ground.surface.point_data.get(&format!("{name}_{k}"));
-    let (Some(x), Some(y), Some(z), None) =
-        (component(0), component(1), component(2), component(3))
-    else {
-        return Err(AtriumError::NoPointData {
-            what: format!("--fibres {name}: the surface has no vectors of this name"),
-            found: ground.names(),
-            help: "fibres are point data of three components, NAME_0 to NAME_2 in this list; \
-                   vectors of cells become so by ParaView's filter Cell Data to Point Data"
-                .to_owned(),
-        });
-    };
-    let given = (0..x.len()).map(|v| [x[v], y[v], z[v]]).collect();
-    Ok(Some(Fibres::new(&refined.mesh, &refined.carry(given, halfway), ratio)?))
+/// What a user should know of the tissue.
+fn warnings(tissue: &TissueFields) -> Vec<Warning> {
+    let mean = tissue.mesh().mean_edge_length();
+    let long = (mean > LONGEST_EDGE).then_some(Warning::LongEdges { mean });
+    let tilt = tissue.fibres.as_ref().map(Fibres::tilt).filter(|tilt| *tilt > TILT);
+    long.into_iter().chain(tilt.map(|degrees| Warning::TiltedFibres { degrees })).collect()
 }

@@ -5,8 +5,9 @@ use std::io::Write as _;
 
 use serde_json::{Map, Value, json};
 
+use super::KnownTruth;
+use super::settings::FIELDS;
 use super::simulation::Simulated;
-use super::{FIELDS, KnownTruth, RUN};
 use crate::experiment::INTERVALS;
 use crate::mesh::write_vtp;
 use crate::report::{ExperimentPage, Figure, PointData, Surface, Verdict, write_experiment_page};
@@ -37,7 +38,7 @@ pub struct Findings<'t> {
 }
 
 /// A map at the vertices, with its name and unit.
-pub type NamedMap = (String, String, Vec<f64>);
+type NamedMap = (String, String, Vec<f64>);
 
 impl Findings<'_> {
     /// Writes every file, the numbers last.
@@ -53,7 +54,7 @@ impl Findings<'_> {
     }
 
     /// All maps, in the order of the figures: name, unit and values (n_vertices).
-    pub fn maps(&self) -> Vec<NamedMap> {
+    pub fn maps(&self) -> Vec<(String, String, Vec<f64>)> {
         let mut maps: Vec<NamedMap> = vec![];
         for map in &self.recovery.maps {
             let parts = [("true", &map.truth), ("mean", &map.mean), ("sd", &map.sd)];
@@ -164,7 +165,8 @@ impl Findings<'_> {
             maps.iter().map(|(name, unit, values)| PointData { name, unit, values }).collect();
         let mut settings: Vec<(String, String)> =
             self.identity.iter().map(|(name, value)| (name.clone(), value.clone())).collect();
-        settings.push(("whole run".to_owned(), format!("{RUN}/report.html")));
+        let run = self.run.folder.file_name().unwrap_or_default().display();
+        settings.push(("whole run".to_owned(), format!("{run}/report.html")));
         let page = ExperimentPage {
             verdict: &self.verdict,
             tiles: &self.tiles(),

@@ -5,9 +5,9 @@ use std::fs;
 use std::path::Path;
 use std::time::Duration;
 
-use super::ExperimentWatch;
 use crate::ep::surface::BeatMap;
 use crate::mesh::{Surface, write_vtp};
+use crate::run;
 use crate::run::atrium::{
     Atrium, AtriumError, AtriumRecord, AtriumSettings, Beat, Begin, Ended, Event, Ground, Map,
     PacingSettings, Resume, Source, TissueSettings, Watch,
@@ -55,6 +55,28 @@ pub enum SimulationEvent<'a> {
     WasComplete(&'a Path),
     /// It came to its end, in this folder.
     Ends(&'a Atrium, &'a Beat, &'a Path),
+}
+
+/// Who is told how an experiment goes, and may stop it.
+#[derive(Clone, Copy)]
+pub struct ExperimentWatch<'a> {
+    /// Told of the calibration; its flag stops the simulations too.
+    pub run: run::Watch<'a>,
+    /// Told of the simulations.
+    pub on_simulation: &'a (dyn Fn(SimulationEvent<'_>) + Sync),
+}
+
+impl Default for ExperimentWatch<'_> {
+    /// Hears nothing and never stops it.
+    fn default() -> Self {
+        Self { run: run::Watch::default(), on_simulation: &|_| () }
+    }
+}
+
+impl std::fmt::Debug for ExperimentWatch<'_> {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.debug_struct("ExperimentWatch").field("run", &self.run).finish_non_exhaustive()
+    }
 }
 
 impl SimulationPlan {

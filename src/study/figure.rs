@@ -4,16 +4,15 @@ use std::collections::BTreeSet;
 use std::fmt::Write as _;
 use std::path::Path;
 
-use crate::error::Failure;
+use super::{Group, StudyError};
 use crate::report::{ErrorBars, Panel};
 use crate::store::write_file;
-use crate::study::Group;
 
 /// Figures that are errors of maps.
 const ERROR: &str = "rmse_";
 
 /// The errors of all groups, a line each, as mean ± standard deviation.
-pub(super) fn text(groups: &[Group]) -> String {
+pub fn table_text(groups: &[Group]) -> String {
     let names = errors(groups);
     let mut text =
         format!("{:>14} {:>10} {:>5} {:>5}", "lengthscale mm", "resolution", "sites", "cases");
@@ -30,8 +29,11 @@ pub(super) fn text(groups: &[Group]) -> String {
     text
 }
 
-/// Every figure of every group, mean and standard deviation.
-pub(super) fn write_summary(path: &Path, groups: &[Group]) -> Result<(), Failure> {
+/// Writes every figure of every group, mean and standard deviation, as CSV.
+///
+/// # Errors
+/// [`StudyError::Write`].
+pub fn write_summary(path: &Path, groups: &[Group]) -> Result<(), StudyError> {
     let columns: BTreeSet<&String> = groups.iter().flat_map(|g| g.figures.keys()).collect();
     write_file(path, |file| {
         let mut table = csv::Writer::from_writer(file);
@@ -48,15 +50,18 @@ pub(super) fn write_summary(path: &Path, groups: &[Group]) -> Result<(), Failure
         }
         table.flush()
     })
-    .map_err(|error| Failure::io("write", path, &error))
+    .map_err(StudyError::io(path))
 }
 
-/// RMSE of each derived quantity against the number of sites, a panel for each resolution, a line for
-/// each lengthscale (and study).
-pub(super) fn write(path: &Path, studies: &[(String, Vec<Group>)]) -> Result<(), Failure> {
+/// Draws the errors of each map against the number of sites, a panel for each resolution, a line for each
+/// lengthscale and study; studies have a name.
+///
+/// # Errors
+/// [`StudyError::Write`].
+pub fn write_figure(path: &Path, studies: &[(String, Vec<Group>)]) -> Result<(), StudyError> {
     let svg = figure(studies).svg();
     write_file(path, |file| std::io::Write::write_all(file, svg.as_bytes()))
-        .map_err(|error| Failure::io("write", path, &error))
+        .map_err(StudyError::io(path))
 }
 
 fn figure(studies: &[(String, Vec<Group>)]) -> ErrorBars {

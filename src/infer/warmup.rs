@@ -1,16 +1,20 @@
 //! Warm-up: step size by dual averaging, metric from draws and gradients.
 //!
-//! Knows the sampler only through [`Nuts`]; nothing of chains, threads or storage.
+//! Knows the sampler only through [`Kernel`]; nothing of chains,
+//! threads or storage.
 //!
 //! # Source
 //! Hoffman & Gelman 2014, section 3.2 (dual averaging, initial step size; the letters are theirs).
 //! Seyboldt, Carlson & Carpenter, "Preconditioning Hamiltonian Monte Carlo by minimizing
 //! Fisher divergence" (diagonal metric, two overlapping windows).
 
+use super::density::Evaluator;
+use super::draws::Transition;
 use super::hamiltonian::Metric;
-use super::nuts::{Nuts, Transition};
-use super::sample::MetricKind;
-use super::{Evaluator, moments::Moments};
+use super::kernel::Kernel;
+use super::moments::DrawMoments;
+use super::settings::MetricKind;
+use super::stages::{Stage, WarmUp};
 use serde::{Deserialize, Serialize};
 
 /// Step size that brings the mean acceptance to δ.
@@ -62,13 +66,13 @@ impl DualAveraging {
 }
 
 /// Doubles or halves ε until the acceptance of one leapfrog step crosses 0.8; `None` if no ε does.
-pub(super) fn initial_step_size(nuts: &mut Nuts) -> Option<f64> {
+fn initial_step_size<E: Evaluator>(kernel: &mut Kernel<E>) -> Option<f64> {
     const MAX_DOUBLINGS: u32 = 100;
     let mut step_size = 1.0;
-    let growing = nuts.trial_acceptance(step_size) > 0.8;
+    let growing = kernel.trial_acceptance(step_size) > 0.8;
     for _ in 0..MAX_DOUBLINGS {
         let next = if growing { step_size * 2.0 } else { step_size * 0.5 };
-        let accepted = nuts.trial_acceptance(next) > 0.8;
+        let accepted = kernel.trial_acceptance(next) > 0.8;
         if growing && !accepted {
             return Some(step_size);
         }
@@ -80,87 +84,45 @@ pub(super) fn initial_step_size(nuts: &mut Nuts) -> Option<f64> {
     None
 }
 
-/// Conditional standard deviation of every coordinate, (−∂²ln π/∂qᵢ²)^−½ by central differences of
-/// the gradient; `missing` where the curvature has the wrong sign.  Costs 2 dim evaluations.
-///
-/// No scale is larger than a thousand times the coordinate (or 1): where a likelihood has saturated
-/// the curvature is next to nothing, or rounding, and no step size would suit the scale it gives.
-pub(super) fn conditional_scales(
-    evaluator: &mut dyn Evaluator,
-    position: &[f64],
-    missing: f64,
-) -> Vec<f64> {
-    const LARGEST: f64 = 1e3;
-    let mut moved = position.to_vec();
-    let mut gradient = vec![0.0; position.len()];
-    let mut scale = |i: usize| {
-        let h = 1e-5 * position[i].abs().max(1.0);
-        let mut slope_at = |q: f64| {
-            moved[i] = q;
-            let ln_density = evaluator.ln_density(&moved, &mut gradient);
-            moved[i] = position[i];
-            if ln_density.is_finite() { gradient[i] } else { f64::NAN }
-        };
-        let precision = -(slope_at(position[i] + h) - slope_at(position[i] - h)) / (2.0 * h);
-        let usable = precision.is_finite() && precision > f64::MIN_POSITIVE;
-        let most = LARGEST * position[i].abs().max(1.0);
-        if usable { precision.powf(-0.5).min(most) } else { missing }
-    };
-    (0..position.len()).map(&mut scale).collect()
-}
-
-/// The warm-up of one chain: what to learn at each iteration.
-///
-/// ```text
-/// 0 ───── 30 % ──────────────── 85 % ───────── 100 %
-///  windows of 10   windows of 80    step size only
-/// ```
-/// Two windows overlap: the metric comes from the older one, which is dropped for the younger
-/// whenever that has filled, so early draws are forgotten and no draw is waited for.
+/// What one chain has learnt in its warm-up.
 #[derive(Clone, Debug, Serialize, Deserialize)]
-pub(super) struct Warmup {
-    early_end: usize,
-    metric_end: usize,
+pub(super) struct Adaptation {
     kind: MetricKind,
     target_accept: f64,
-    older: Moments,
-    younger: Moments,
+    older: DrawMoments,
+    younger: DrawMoments,
     step_size: DualAveraging,
 }
 
-impl Warmup {
-    const EARLY_WINDOW: usize = 10;
-    const WINDOW: usize = 80;
+impl Adaptation {
+    /// The fewest draws that a diagonal metric is made of.
+    const LEAST: usize = 10;
 
-    /// Sets the chain's first step size, and its first metric where enough is `learnt` before:
-    /// then there are no early windows, and a full one must come before that is forgotten.
+    /// Whether so much is known beforehand that a metric can be made of it.
+    pub(super) fn is_enough(learnt: &DrawMoments) -> bool {
+        learnt.n() >= Stage::LATE.0
+    }
+
+    /// Sets the chain's first step size, and its first metric where enough is `learnt` before.
     /// `None` if no step size works.
-    pub(super) fn begin(
-        nuts: &mut Nuts,
+    pub(super) fn begin<E: Evaluator>(
+        kernel: &mut Kernel<E>,
         kind: MetricKind,
-        n: usize,
         target_accept: f64,
-        learnt: &Moments,
+        learnt: &DrawMoments,
     ) -> Option<Self> {
-        let is_warm = learnt.n() >= Self::WINDOW;
+        let is_warm = Self::is_enough(learnt);
         let mut younger = learnt.clone();
         younger.clear();
         let older = if is_warm { learnt.clone() } else { younger.clone() };
         if let (true, Some(factor)) = (is_warm, older.shrunk_covariance_factor()) {
-            nuts.hamiltonian().metric = Metric::Dense(factor);
-        } else if let (true, Metric::Diagonal(scale)) = (is_warm, &mut nuts.hamiltonian().metric) {
+            kernel.hamiltonian().metric = Metric::Dense(factor);
+        } else if let (true, Metric::Diagonal(scale)) = (is_warm, &mut kernel.hamiltonian().metric)
+        {
             older.fisher_scales(scale);
         }
-        let step_size = DualAveraging::new(initial_step_size(nuts)?, target_accept);
-        Some(Self {
-            early_end: if is_warm { 0 } else { n * 3 / 10 },
-            metric_end: n * 85 / 100,
-            kind,
-            target_accept,
-            older,
-            younger,
-            step_size,
-        })
+        let step_size = DualAveraging::new(initial_step_size(kernel)?, target_accept);
+        Some(Self { kind, target_accept, older, younger, step_size })
     }
 
     /// ε for the next transition.
@@ -173,42 +135,43 @@ impl Warmup {
         self.step_size.averaged_step_size()
     }
 
-    /// Learns from transition `iteration`.
-    pub(super) fn update(&mut self, iteration: usize, nuts: &mut Nuts, transition: &Transition) {
+    /// Learns from the transition that `warm_up` has next.
+    pub(super) fn update<E: Evaluator>(
+        &mut self,
+        warm_up: &WarmUp,
+        kernel: &mut Kernel<E>,
+        transition: &Transition,
+    ) {
         self.step_size.update(transition.accept);
-        if iteration >= self.metric_end {
-            return;
-        }
-        self.older.add(&nuts.point.position, &nuts.point.gradient);
-        self.younger.add(&nuts.point.position, &nuts.point.gradient);
-        let window = if iteration < self.early_end { Self::EARLY_WINDOW } else { Self::WINDOW };
+        let Some(window) = warm_up.window() else { return };
+        self.older.add(&kernel.point.position, &kernel.point.gradient);
+        self.younger.add(&kernel.point.position, &kernel.point.gradient);
         let full = self.younger.n() >= window;
         match self.kind {
-            MetricKind::Diagonal if self.older.n() >= Self::EARLY_WINDOW => self.set_diagonal(nuts),
-            MetricKind::Dense if full => self.set_dense(nuts),
+            MetricKind::Diagonal if self.older.n() >= Self::LEAST => self.set_diagonal(kernel),
+            MetricKind::Dense if full => self.set_dense(kernel),
             _ => {}
         }
         if full {
             std::mem::swap(&mut self.older, &mut self.younger);
             self.younger.clear();
         }
-        if iteration + 1 == self.metric_end {
-            let averaged = self.final_step_size();
-            self.step_size = DualAveraging::new(averaged, self.target_accept);
+        if warm_up.ends_metric() {
+            self.step_size = DualAveraging::new(self.final_step_size(), self.target_accept);
         }
     }
 
-    fn set_diagonal(&self, nuts: &mut Nuts) {
-        if let Metric::Diagonal(scale) = &mut nuts.hamiltonian().metric {
+    fn set_diagonal<E: Evaluator>(&self, kernel: &mut Kernel<E>) {
+        if let Metric::Diagonal(scale) = &mut kernel.hamiltonian().metric {
             self.older.fisher_scales(scale);
         }
     }
 
     /// A dense metric moves every ε, so the step size starts anew.
-    fn set_dense(&mut self, nuts: &mut Nuts) {
+    fn set_dense<E: Evaluator>(&mut self, kernel: &mut Kernel<E>) {
         if let Some(factor) = self.older.shrunk_covariance_factor() {
-            nuts.hamiltonian().metric = Metric::Dense(factor);
-            if let Some(step_size) = initial_step_size(nuts) {
+            kernel.hamiltonian().metric = Metric::Dense(factor);
+            if let Some(step_size) = initial_step_size(kernel) {
                 self.step_size = DualAveraging::new(step_size, self.target_accept);
             }
         }
@@ -217,17 +180,18 @@ impl Warmup {
 
 #[cfg(test)]
 mod tests {
-    use super::super::LogDensity;
+    use super::super::curvature::conditional_scales;
+    use super::super::density::LogDensity;
     use super::super::hamiltonian::Hamiltonian;
     use super::super::test_densities::{FnDensity, normal};
     use super::*;
     use rand::SeedableRng;
     use rand_chacha::ChaCha8Rng;
 
-    fn nuts(density: &dyn LogDensity) -> Nuts<'_> {
+    fn kernel(density: &dyn LogDensity) -> Kernel<Box<dyn Evaluator + '_>> {
         let metric = Metric::Diagonal(vec![1.0; density.dim()]);
         let hamiltonian = Hamiltonian::new(density.evaluator(), metric);
-        Nuts::new(hamiltonian, &vec![0.1; density.dim()], 10, ChaCha8Rng::seed_from_u64(3))
+        Kernel::new(hamiltonian, &vec![0.1; density.dim()], 10, ChaCha8Rng::seed_from_u64(3))
     }
 
     #[test]
@@ -260,11 +224,11 @@ mod tests {
 
     #[test]
     fn initial_step_size_scales_with_the_density_and_fails_without_support() {
-        let large = initial_step_size(&mut nuts(&normal(vec![1e3; 5]))).unwrap();
-        let small = initial_step_size(&mut nuts(&normal(vec![1e-3; 5]))).unwrap();
+        let large = initial_step_size(&mut kernel(&normal(vec![1e3; 5]))).unwrap();
+        let small = initial_step_size(&mut kernel(&normal(vec![1e-3; 5]))).unwrap();
         assert!((5e4..5e7).contains(&(large / small)), "{large} {small}");
         let nowhere = FnDensity { dim: 2, f: |_: &[f64], _: &mut [f64]| f64::NAN };
-        assert!(initial_step_size(&mut nuts(&nowhere)).is_none());
+        assert!(initial_step_size(&mut kernel(&nowhere)).is_none());
     }
 
     #[test]
@@ -274,7 +238,7 @@ mod tests {
             g[0] = 0.0;
             if q[0].abs() > 100.0 { f64::NAN } else { 0.0 }
         };
-        let step_size = initial_step_size(&mut nuts(&FnDensity { dim: 1, f })).unwrap();
+        let step_size = initial_step_size(&mut kernel(&FnDensity { dim: 1, f })).unwrap();
         assert!(step_size < 1e5, "{step_size}");
     }
 
@@ -302,10 +266,10 @@ mod tests {
         let draws: Vec<Vec<f64>> =
             (0..80).map(|k| sd.iter().map(|s| s * f64::from(k * k % 7)).collect()).collect();
         let scales = |draws: &[Vec<f64>]| {
-            let mut nuts = nuts(&density);
-            let learnt = Moments::of(&density, draws, false);
-            Warmup::begin(&mut nuts, MetricKind::Diagonal, 100, 0.9, &learnt).unwrap();
-            let Metric::Diagonal(scales) = nuts.hamiltonian().metric.clone() else { panic!() };
+            let mut kernel = kernel(&density);
+            let learnt = DrawMoments::of(&density, draws, false);
+            Adaptation::begin(&mut kernel, MetricKind::Diagonal, 0.9, &learnt).unwrap();
+            let Metric::Diagonal(scales) = kernel.hamiltonian().metric.clone() else { panic!() };
             scales
         };
         // for a normal the scales are exact whatever the draws
@@ -329,9 +293,9 @@ mod tests {
         let scales = conditional_scales(&mut *density.evaluator(), &[0.1, 0.1], 1.0);
         assert!((scales[0] - 1e3).abs() < 1e-9 && (scales[1] - 1.0).abs() < 1e-6, "{scales:?}");
         let step_size = |scales: Vec<f64>| {
-            let mut nuts = nuts(&density);
-            nuts.hamiltonian().metric = Metric::Diagonal(scales);
-            initial_step_size(&mut nuts)
+            let mut kernel = kernel(&density);
+            kernel.hamiltonian().metric = Metric::Diagonal(scales);
+            initial_step_size(&mut kernel)
         };
         assert!(step_size(scales).is_some());
         assert!(step_size(vec![1e75, 1.0]).is_none(), "the scale that the curvature gives");

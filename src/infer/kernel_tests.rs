@@ -1,7 +1,7 @@
 //! The transition leaves its target invariant: replicas start from exact draws, make a few
 //! transitions, and must still be exact draws.  They are independent, so standard errors are exact.
 
-use super::super::LogDensity;
+use super::super::density::LogDensity;
 use super::super::hamiltonian::Metric;
 use super::super::test_densities::{banana, normal};
 use super::*;
@@ -20,7 +20,7 @@ enum Fault {
 }
 
 /// The real flow with one fault.
-struct Twin<'a>(Flow<'a>, Fault);
+struct Twin<'a>(Flow<Box<dyn Evaluator + 'a>>, Fault);
 
 impl Trajectory for Twin<'_> {
     type Edge = PhasePoint;
@@ -36,7 +36,7 @@ impl Trajectory for Twin<'_> {
                 undone.copy_from(edge);
                 let sign = if direction == Direction::Forward { -0.5 } else { 0.5 };
                 // Metrics here are the identity: the force is the gradient.
-                add_scaled(&mut edge.momentum, sign * self.0.step_size, &undone.gradient);
+                axpy(sign * self.0.step_size, &undone.gradient, &mut edge.momentum);
                 Some(self.0.energy - edge.energy())
             }
             Fault::NoPotential => Some(ln_weight - edge.ln_density + before),
@@ -62,7 +62,7 @@ impl Trajectory for Twin<'_> {
     }
 }
 
-fn flow(density: &dyn LogDensity, seed: u64) -> Flow<'_> {
+fn flow(density: &dyn LogDensity, seed: u64) -> Flow<Box<dyn Evaluator + '_>> {
     let metric = Metric::Diagonal(vec![1.0; density.dim()]);
     let hamiltonian = Hamiltonian::new(density.evaluator(), metric);
     let rng = ChaCha8Rng::seed_from_u64(seed);
@@ -171,7 +171,7 @@ fn overhead_per_leapfrog_beyond_the_density() {
     let density = normal(vec![1.0; 52]);
     let metric = Metric::Diagonal(vec![1.0; 52]);
     let hamiltonian = Hamiltonian::new(density.evaluator(), metric);
-    let mut nuts = Nuts::new(hamiltonian, &[0.1; 52], 10, ChaCha8Rng::seed_from_u64(1));
+    let mut nuts = Kernel::new(hamiltonian, &[0.1; 52], 10, ChaCha8Rng::seed_from_u64(1));
     let begun = Instant::now();
     let leapfrogs: u64 = (0..10_000).map(|_| u64::from(nuts.transition(0.05).n_leapfrog)).sum();
     let in_all = begun.elapsed().as_secs_f64() / leapfrogs as f64;

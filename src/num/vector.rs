@@ -1,15 +1,18 @@
-//! The few vector operations of the sampler's hot loop, in a fixed order of summation.
+//! Sums of products over slices, in an order that depends on nothing but their length: the same bits
+//! on every machine.
 
+/// Partial sums of [`dots_with_sum`].
 const LANES: usize = 4;
 
-/// Σ aᵢ bᵢ in four interleaved partial sums: vectorised, and the same on every machine.
+/// Σ aᵢ bᵢ in `L` interleaved partial sums (1, 2, 4 or 8): the more of them, the wider the vector
+/// registers that serve.
 #[inline]
-pub(super) fn dot(a: &[f64], b: &[f64]) -> f64 {
-    let (a, a_rest) = a.as_chunks::<LANES>();
-    let (b, b_rest) = b.as_chunks::<LANES>();
-    let mut partial = [0.0; LANES];
+pub fn dot<const L: usize>(a: &[f64], b: &[f64]) -> f64 {
+    let (a, a_rest) = a.as_chunks::<L>();
+    let (b, b_rest) = b.as_chunks::<L>();
+    let mut partial = [0.0; L];
     for (a, b) in a.iter().zip(b) {
-        for lane in 0..LANES {
+        for lane in 0..L {
             partial[lane] += a[lane] * b[lane];
         }
     }
@@ -19,7 +22,7 @@ pub(super) fn dot(a: &[f64], b: &[f64]) -> f64 {
 
 /// The two products Σ aᵢ cᵢ and Σ bᵢ cᵢ with c = x + y, in one pass.
 #[inline]
-pub(super) fn dots_with_sum(a: &[f64], b: &[f64], x: &[f64], y: &[f64]) -> [f64; 2] {
+pub fn dots_with_sum(a: &[f64], b: &[f64], x: &[f64], y: &[f64]) -> [f64; 2] {
     let (a, a_rest) = a.as_chunks::<LANES>();
     let (b, b_rest) = b.as_chunks::<LANES>();
     let (x, x_rest) = x.as_chunks::<LANES>();
@@ -40,15 +43,28 @@ pub(super) fn dots_with_sum(a: &[f64], b: &[f64], x: &[f64], y: &[f64]) -> [f64;
     [total(partial[0]) + rest[0], total(partial[1]) + rest[1]]
 }
 
-fn total(partial: [f64; LANES]) -> f64 {
-    (partial[0] + partial[1]) + (partial[2] + partial[3])
+/// Halves are added until four are left, which are added in pairs.
+#[inline]
+fn total<const L: usize>(mut partial: [f64; L]) -> f64 {
+    let mut n = L;
+    while n > 4 {
+        n /= 2;
+        for lane in 0..n {
+            partial[lane] += partial[lane + n];
+        }
+    }
+    match partial[..n] {
+        [a, b, c, d] => (a + b) + (c + d),
+        [a, b] => a + b,
+        _ => partial[0],
+    }
 }
 
-/// y += c x
-#[inline]
-pub(super) fn add_scaled(y: &mut [f64], c: f64, x: &[f64]) {
+/// y += a x
+#[inline(always)]
+pub fn axpy(a: f64, x: &[f64], y: &mut [f64]) {
     for (y, x) in y.iter_mut().zip(x) {
-        *y += c * x;
+        *y += a * x;
     }
 }
 
@@ -64,7 +80,8 @@ mod tests {
             let plain = |a: &[f64], b: &[f64]| -> f64 { a.iter().zip(b).map(|(a, b)| a * b).sum() };
             let sum: Vec<f64> = x.iter().zip(&y).map(|(x, y)| x + y).collect();
             // Whole numbers: every sum is exact.
-            assert!((dot(&a, &b) - plain(&a, &b)).abs() < 0.5);
+            let all = [dot::<1>(&a, &b), dot::<2>(&a, &b), dot::<4>(&a, &b), dot::<8>(&a, &b)];
+            assert!(all.iter().all(|dot| (dot - plain(&a, &b)).abs() < 0.5));
             let [by_a, by_b] = dots_with_sum(&a, &b, &x, &y);
             assert!((by_a - plain(&a, &sum)).abs() < 0.5 && (by_b - plain(&b, &sum)).abs() < 0.5);
         }

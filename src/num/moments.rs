@@ -1,8 +1,9 @@
-//! Means and standard deviations of maps over draws, one draw after the other.
+//! Running means and variances of several quantities at once.
 
 use serde::{Deserialize, Serialize};
 
-/// Sums over draws (Welford), by vertex; a vertex without a value in a draw is left out of that draw.
+/// Running sums over draws of several quantities (Welford); a quantity without a finite value in a
+/// draw is left out of that draw.
 #[derive(Debug, Clone, Serialize, Deserialize)]
 pub struct Moments {
     n: Vec<f64>,
@@ -12,33 +13,43 @@ pub struct Moments {
 
 impl Moments {
     /// Of no draw yet.
-    pub fn new(n_vertices: usize) -> Self {
-        let zeros = || vec![0.0; n_vertices];
+    pub fn new(n_quantities: usize) -> Self {
+        let zeros = || vec![0.0; n_quantities];
         Self { n: zeros(), mean: zeros(), squares: zeros() }
     }
 
-    /// Takes the values (n_vertices) of a draw; NaN where there is none.
+    /// Forgets all draws.
+    pub fn clear(&mut self) {
+        *self = Self::new(self.n.len());
+    }
+
+    /// Takes the values of a draw, one per quantity; NaN where there is none.
     pub fn add(&mut self, values: impl Iterator<Item = f64>) {
-        for (v, x) in values.enumerate().filter(|(_, x)| x.is_finite()) {
-            self.n[v] += 1.0;
-            let d = x - self.mean[v];
-            self.mean[v] += d / self.n[v];
-            self.squares[v] += d * (x - self.mean[v]);
+        for (i, x) in values.enumerate().filter(|(_, x)| x.is_finite()) {
+            self.n[i] += 1.0;
+            let change = x - self.mean[i];
+            self.mean[i] += change / self.n[i];
+            self.squares[i] += change * (x - self.mean[i]);
         }
     }
 
-    /// How many draws have a value, at each vertex.
+    /// How many draws have a value, of each quantity.
     pub fn counts(&self) -> &[f64] {
         &self.n
     }
 
-    /// Means (n_vertices); NaN where no draw has a value.
+    /// Sums of squared deviations from the means.
+    pub fn squares(&self) -> &[f64] {
+        &self.squares
+    }
+
+    /// Means; NaN where no draw has a value.
     pub fn means(&self) -> Vec<f64> {
         let mean = |(mean, n): (&f64, &f64)| if *n > 0.0 { *mean } else { f64::NAN };
         self.mean.iter().zip(&self.n).map(mean).collect()
     }
 
-    /// Standard deviations (n_vertices); NaN where fewer than two draws have a value.
+    /// Standard deviations; NaN where fewer than two draws have a value.
     pub fn sds(&self) -> Vec<f64> {
         let sd = |(s, n): (&f64, &f64)| if *n > 1.0 { (s / (n - 1.0)).sqrt() } else { f64::NAN };
         self.squares.iter().zip(&self.n).map(sd).collect()

@@ -1,37 +1,34 @@
 //! A plan as a Slurm job array.
 
 use std::io::Write as _;
-use std::path::Path;
-use std::process::ExitCode;
+use std::path::{Path, PathBuf};
 
-use clap::Args;
-
-use super::PlanArgs;
-use crate::error::Failure;
+use super::{Results, StudyError};
 use crate::store::write_file;
 
-#[derive(Debug, Args)]
-pub(in crate::cli) struct SlurmArgs {
-    #[command(flatten)]
-    plan: PlanArgs,
-    /// Tasks of the array; each does its share of the truths on one core
-    #[arg(long, value_name = "N", default_value_t = 8, value_parser = clap::value_parser!(u32).range(1..))]
-    tasks: u32,
-    /// Time limit of a task, as sbatch takes it
-    #[arg(long, value_name = "TIME", default_value = "01:00:00")]
-    time: String,
+/// The job array that does a plan.
+#[derive(Clone, Debug)]
+pub struct JobArray {
+    /// The program `eplat`, as the nodes find it.
+    pub program: PathBuf,
+    /// The plan.
+    pub plan: PathBuf,
+    /// Tasks of the array; each does its share of the truths on one core.
+    pub tasks: u32,
+    /// Time limit of a task, as sbatch takes it.
+    pub time: String,
 }
 
-impl SlurmArgs {
-    /// Writes `array.sbatch`, `merge.sbatch` and `submit.sh` into the folder of the results.
-    pub(super) fn run(&self) -> Result<ExitCode, Failure> {
-        let (_, results) = self.plan.read()?;
-        let absolute =
-            |path: &Path| std::path::absolute(path).map_err(|e| Failure::io("find", path, &e));
-        let (plan, out) = (absolute(&self.plan.plan)?, absolute(&self.plan.folder())?);
-        let program = std::env::current_exe()
-            .map_err(|e| Failure::new(format_args!("cannot tell where eplat is: {e}")))?;
-        let [program, plan, out] = [program.as_path(), &plan, &out].map(quoted);
+impl JobArray {
+    /// Writes `array.sbatch`, `merge.sbatch` and `submit.sh` into the folder of the results; the path of
+    /// the last, which submits both.
+    ///
+    /// # Errors
+    /// [`StudyError::Write`].
+    pub fn write(&self, results: &Results) -> Result<PathBuf, StudyError> {
+        let absolute = |path: &Path| std::path::absolute(path).map_err(StudyError::io(path));
+        let (plan, out) = (absolute(&self.plan)?, absolute(results.folder())?);
+        let [program, plan, out] = [self.program.as_path(), &plan, &out].map(quoted);
         let last = self.tasks - 1;
         let time = &self.time;
         let head = format!(
@@ -56,11 +53,10 @@ impl SlurmArgs {
             [("array.sbatch", array), ("merge.sbatch", merge), ("submit.sh", submit)]
         {
             let path = results.file(name);
-            write_file(&path, |file| std::io::Write::write_all(file, text.as_bytes()))
-                .map_err(|error| Failure::io("write", &path, &error))?;
+            write_file(&path, |file| file.write_all(text.as_bytes()))
+                .map_err(StudyError::io(&path))?;
         }
-        writeln!(std::io::stdout(), "sh {}", results.file("submit.sh").display())?;
-        Ok(ExitCode::SUCCESS)
+        Ok(results.file("submit.sh"))
     }
 }
 

@@ -2,9 +2,12 @@
 //! entry of a Hessian), all from num-dual.
 
 pub mod lanes;
+mod moments;
 mod number;
 mod together;
+pub mod vector;
 
+pub use moments::Moments;
 pub use number::Num;
 pub use together::{Common, Join, Together};
 

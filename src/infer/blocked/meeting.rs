@@ -1,0 +1,181 @@
+//! What the chains share: a first version from their starts, and fits to the draws of all.
+
+use super::latent::LatentGaussian;
+use super::proposal::Proposal;
+use super::stand_in::{Sample, StandIn, Trust};
+use super::whiten::Whitening;
+use crate::infer::curvature::conditional_scales;
+use crate::infer::settings::Settings;
+use crate::random::Stream;
+use rand::RngExt;
+use rand_distr::StandardNormal;
+use serde::{Deserialize, Serialize};
+
+/// What a chain takes from one round to the next.
+#[derive(Clone, Debug)]
+pub(super) struct Link {
+    pub(super) outer: Vec<f64>,
+    pub(super) coefficients: Vec<f64>,
+    /// Scale of each inner coordinate.
+    pub(super) scale: Vec<f64>,
+    pub(super) step_size: f64,
+    /// ln of the hyperparameter steps' length.
+    pub(super) ln_length: f64,
+    pub(super) n_evaluations: u64,
+}
+
+/// What is learnt from in a round.
+#[derive(Clone, Debug, Default, Serialize, Deserialize)]
+pub(super) struct Lesson {
+    pub(super) samples: Vec<Sample>,
+    /// Hyperparameters.
+    pub(super) hyper: Vec<Vec<f64>>,
+}
+
+/// Shared by all chains; nothing here changes between two meetings.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+pub(super) struct Shared {
+    pub(super) stand_in: StandIn,
+    pub(super) proposal: Proposal,
+}
+
+impl Shared {
+    /// Draws of an earlier run that can stand for the first round.
+    const ENOUGH: usize = 80;
+
+    /// Whether earlier draws stand for the first round.
+    pub(super) fn knows_hyper(density: &dyn LatentGaussian, settings: &Settings) -> bool {
+        settings.earlier.len() >= Self::ENOUGH && !density.layout().hyper.is_empty()
+    }
+
+    /// At the chains' starts. Draws of an earlier run shape the proposal; the stand-in is of the
+    /// present likelihood, which may have terms where those draws are far off.
+    pub(super) fn first(
+        density: &dyn LatentGaussian,
+        starts: &[Vec<f64>],
+        links: &[Link],
+        settings: &Settings,
+    ) -> Self {
+        let stand_in = first_stand_in(density, links, settings.seed);
+        let mut proposal = first_proposal(density, &starts[0]);
+        if Self::knows_hyper(density, settings) {
+            let layout = density.layout();
+            let hyper = |draw: &Vec<f64>| {
+                let outer = layout.outer_of(draw);
+                layout.hyper.iter().map(|i| outer[*i]).collect()
+            };
+            proposal.fit(&settings.earlier.iter().map(hyper).collect::<Vec<_>>());
+        }
+        Self { stand_in, proposal }
+    }
+
+    /// Fitted to what the chains have seen; `is_last` at the end of the warm-up, where the step size
+    /// has been tuned to the stand-in: it stays.
+    #[must_use]
+    pub(super) fn fitted(
+        &self,
+        density: &dyn LatentGaussian,
+        lessons: Vec<Lesson>,
+        is_last: bool,
+    ) -> Self {
+        let mut new = self.clone();
+        let (mut samples, mut hyper) = (vec![], vec![]);
+        for lesson in lessons {
+            samples.extend(lesson.samples);
+            hyper.extend(lesson.hyper);
+        }
+        if !is_last {
+            new.stand_in.fit(&samples, Trust::FULL, density.layout());
+        }
+        if !density.layout().hyper.is_empty() {
+            new.proposal.fit(&hyper);
+        }
+        new
+    }
+}
+
+/// A chain at its start.
+pub(super) fn first_link(density: &dyn LatentGaussian, start: &[f64]) -> Link {
+    let layout = density.layout();
+    let mut link = Link {
+        outer: layout.outer_of(start),
+        coefficients: vec![0.0; layout.n_coefficients()],
+        scale: vec![1.0; layout.n_coefficients() + layout.free().len()],
+        step_size: 1.0,
+        ln_length: 0.0,
+        n_evaluations: 0,
+    };
+    density.latent().coefficients(start, &mut link.coefficients);
+    link
+}
+
+/// Gives all chains the geometric means of their step sizes, scales and lengths.
+pub(super) fn agree(links: &mut [Link]) {
+    let n = links.len() as f64;
+    let mean = |of: &dyn Fn(&Link) -> f64| links.iter().map(of).sum::<f64>() / n;
+    let ln_step = mean(&|link| link.step_size.ln());
+    let ln_length = mean(&|link| link.ln_length);
+    let n_scales = links.first().map_or(0, |link| link.scale.len());
+    let scale: Vec<f64> = (0..n_scales).map(|i| mean(&|link| link.scale[i].ln()).exp()).collect();
+    for link in links {
+        link.step_size = ln_step.exp();
+        link.ln_length = ln_length;
+        link.scale.copy_from_slice(&scale);
+    }
+}
+
+/// A Gaussian variational fit by its fixed point W = E[−∇² ln L], the mean over the stand-in's own
+/// posterior at the chains' starting hyperparameters, first over a spread about the starts.
+fn first_stand_in(density: &dyn LatentGaussian, links: &[Link], seed: u64) -> StandIn {
+    const PASSES: usize = 12;
+    const PER_CHAIN: usize = 16;
+    let layout = density.layout();
+    let mut rng = Stream::StandIn.rng(seed);
+    let mut latent = density.latent();
+    let mut stand_in = StandIn::new(layout);
+    let mut whitening = Whitening::new(layout);
+    let n = layout.n_coefficients();
+    let (mut z, mut w) = (vec![0.0; n], vec![0.0; n]);
+    for pass in 0..PASSES {
+        let mut samples = vec![];
+        for link in links {
+            let ln_prior = latent.set_outer(&link.outer, &mut whitening.design);
+            if !ln_prior.is_finite() || (pass > 0 && !whitening.prepare(&stand_in)) {
+                continue;
+            }
+            for _ in 0..PER_CHAIN {
+                z.fill_with(|| rng.sample(StandardNormal));
+                if pass == 0 {
+                    spread(&link.coefficients, &z, &mut w);
+                } else {
+                    whitening.coefficients(&z, &mut w);
+                }
+                let mut theta = vec![0.0; layout.n_latent()];
+                let mut slope = theta.clone();
+                whitening.latent(&w, &mut theta);
+                let value = latent.slope(&theta, &mut slope);
+                if value.is_finite() && slope.iter().all(|g| g.is_finite()) {
+                    samples.push(Sample { theta, slope });
+                }
+            }
+        }
+        stand_in.fit(&samples, Trust::CAUTIOUS, layout);
+    }
+    stand_in
+}
+
+/// Coefficients near a start, a twentieth of a prior standard deviation about it.
+fn spread(start: &[f64], z: &[f64], w: &mut [f64]) {
+    for ((w, z), start) in w.iter_mut().zip(z).zip(start) {
+        *w = start + z / 20.0;
+    }
+}
+
+/// Steps on the scale of each hyperparameter's conditional at a start.
+fn first_proposal(density: &dyn LatentGaussian, start: &[f64]) -> Proposal {
+    let layout = density.layout();
+    let scales = conditional_scales(&mut *density.evaluator(), start, 1.0);
+    let outer = layout.outer_of(&scales);
+    let scale = |i: &usize| outer[*i].min(1.0);
+    Proposal::new(&layout.hyper.iter().map(scale).collect::<Vec<_>>())
+}

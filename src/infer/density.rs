@@ -1,0 +1,47 @@
+//! What every algorithm of this room asks of a density.
+
+/// A log density over `R^dim`, up to a constant.
+pub trait LogDensity: Sync {
+    /// Number of unconstrained unknowns.
+    fn dim(&self) -> usize;
+    /// A function object with its own scratch memory, one per thread.
+    fn evaluator(&self) -> Box<dyn Evaluator + '_>;
+}
+
+/// Evaluates a [`LogDensity`]; holds scratch memory, so that an evaluation allocates nothing.
+pub trait Evaluator: Send {
+    /// Log density at `position`; writes its gradient. Out of support: −∞ (never a panic).
+    fn ln_density(&mut self, position: &[f64], gradient: &mut [f64]) -> f64;
+
+    /// Calls `take` with each column of the Hessian at `position`, `(dim)`, in order.
+    ///
+    /// For a density that does not say what its second derivatives are, by central differences of the
+    /// gradient; NaN next to a wall.
+    fn hessian(&mut self, position: &[f64], take: &mut dyn FnMut(usize, &[f64])) {
+        let (mut moved, zeros) = (position.to_vec(), vec![0.0; position.len()]);
+        let (mut ends, mut column) = ([zeros.clone(), zeros.clone()], zeros);
+        for (i, x) in position.iter().enumerate() {
+            let step = 1e-5 * x.abs().max(1.0);
+            let mut is_inside = true;
+            for (end, side) in ends.iter_mut().zip([-1.0, 1.0]) {
+                moved[i] = x + side * step;
+                is_inside &= self.ln_density(&moved, end).is_finite();
+            }
+            moved[i] = *x;
+            for (j, h) in column.iter_mut().enumerate() {
+                let slope = (ends[1][j] - ends[0][j]) / (2.0 * step);
+                *h = if is_inside { slope } else { f64::NAN };
+            }
+            take(i, &column);
+        }
+    }
+}
+
+impl<E: Evaluator + ?Sized> Evaluator for Box<E> {
+    fn ln_density(&mut self, position: &[f64], gradient: &mut [f64]) -> f64 {
+        (**self).ln_density(position, gradient)
+    }
+    fn hessian(&mut self, position: &[f64], take: &mut dyn FnMut(usize, &[f64])) {
+        (**self).hessian(position, take);
+    }
+}

@@ -1,0 +1,130 @@
+//! What a chain gives: transitions, draws, and all draws of a run together.
+
+use super::error::ChainError;
+use serde::{Deserialize, Serialize};
+
+/// What one transition did.
+#[derive(Clone, Copy, Debug)]
+pub struct Transition {
+    /// Mean over the trajectory's new points of min(1, exp(energy at its start − energy)).
+    pub accept: f64,
+    /// Energy of the point that was drawn.
+    pub energy: f64,
+    /// Completed doublings.
+    pub depth: u32,
+    /// Leapfrog steps.
+    pub n_leapfrog: u32,
+    /// Whether the trajectory diverged.
+    pub diverging: bool,
+}
+
+impl Transition {
+    /// Of a chain that stays where it is.
+    pub(super) const NONE: Self =
+        Self { accept: 1.0, energy: 0.0, depth: 0, n_leapfrog: 0, diverging: false };
+}
+
+/// One draw of a chain.
+#[derive(Clone, Debug)]
+pub struct Draw<'c> {
+    /// The density's unknowns, `(dim)`.
+    pub position: &'c [f64],
+    /// Log density there.
+    pub ln_density: f64,
+    /// How it was made.
+    pub transition: Transition,
+    /// Where a trajectory that diverged began and where it diverged, each `(dim)`.
+    pub divergence: Option<[Vec<f64>; 2]>,
+}
+
+/// A divergent transition: both ends show which part of the density caused it.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Divergence {
+    /// The draw, from 0.
+    pub iteration: usize,
+    /// Unconstrained position from which the transition started, `(dim)`.
+    pub start: Vec<f64>,
+    /// Unconstrained position at which it diverged, `(dim)`; may not be finite.
+    pub end: Vec<f64>,
+}
+
+/// The draws of one chain and how they were made; per-draw vectors have `draws` entries.
+#[derive(Clone, Debug, Default, Serialize, Deserialize)]
+pub struct Chain {
+    /// Unconstrained positions, row-major `(n_draws, dim)`.
+    pub draws: Vec<f64>,
+    /// Log density of each draw.
+    pub ln_density: Vec<f64>,
+    /// Mean acceptance over each trajectory.
+    pub accept: Vec<f64>,
+    /// Energy of each draw, for E-BFMI.
+    pub energy: Vec<f64>,
+    /// Doublings of each trajectory.
+    pub depth: Vec<u32>,
+    /// Leapfrog steps of each trajectory.
+    pub n_leapfrog: Vec<u32>,
+    /// Whether each trajectory diverged.
+    pub diverging: Vec<bool>,
+    /// The divergent transitions of the sampling phase.
+    pub divergences: Vec<Divergence>,
+    /// Step size of the sampling phase.
+    pub step_size: f64,
+    /// Inverse mass matrix: its diagonal `(dim)`, or row-major `(dim, dim)` if dense.
+    pub inv_metric: Vec<f64>,
+    /// Density evaluations up to the end of warm-up.
+    pub n_grad_warmup: u64,
+    /// Density evaluations while sampling.
+    pub n_grad_sampling: u64,
+    /// Wall time of the warm-up, s.
+    pub seconds_warmup: f64,
+    /// Wall time of the sampling, s.
+    pub seconds_sampling: f64,
+}
+
+impl Chain {
+    /// What a sampler would say of `n` independent draws; positions and densities are to be filled in.
+    pub fn of_independent_draws(n: usize) -> Self {
+        Self {
+            accept: vec![1.0; n],
+            depth: vec![0; n],
+            n_leapfrog: vec![0; n],
+            diverging: vec![false; n],
+            n_grad_sampling: n as u64,
+            ..Self::default()
+        }
+    }
+
+    /// Number of draws.
+    pub fn n_draws(&self) -> usize {
+        self.ln_density.len()
+    }
+
+    /// Draw `i`, `(dim)`.
+    pub fn draw(&self, i: usize) -> &[f64] {
+        let dim = self.draws.len() / self.n_draws().max(1);
+        &self.draws[i * dim..(i + 1) * dim]
+    }
+
+    /// Number of divergent draws.
+    pub fn n_divergences(&self) -> usize {
+        self.diverging.iter().filter(|d| **d).count()
+    }
+
+    /// Adds a draw.
+    pub(super) fn record(&mut self, draw: Draw<'_>) {
+        if let Some([start, end]) = draw.divergence {
+            let iteration = self.n_draws();
+            self.divergences.push(Divergence { iteration, start, end });
+        }
+        self.draws.extend_from_slice(draw.position);
+        self.ln_density.push(draw.ln_density);
+        self.accept.push(draw.transition.accept);
+        self.energy.push(draw.transition.energy);
+        self.depth.push(draw.transition.depth);
+        self.n_leapfrog.push(draw.transition.n_leapfrog);
+        self.diverging.push(draw.transition.diverging);
+    }
+}
+
+/// A chain's draws, or why it has none.
+pub type ChainResult = Result<Chain, ChainError>;

@@ -1,0 +1,66 @@
+//! A chain that is moved on one step at a time.
+
+use super::draws::{Draw, Transition};
+use super::error::{ChainError, ChainFailure};
+use super::progress::Phase;
+use serde::Serialize;
+use serde::de::DeserializeOwned;
+
+/// A Markov chain on a density, with a warm-up in which it learns how to move.
+pub trait MarkovChain {
+    /// One transition of the warm-up; `None` once that is over.
+    ///
+    /// # Errors
+    /// [`ChainFailure::RanAway`], [`ChainFailure::NoStepSize`].
+    fn adapt(&mut self) -> Result<Option<Transition>, ChainError>;
+
+    /// The next draw. What is left of the warm-up comes first.
+    ///
+    /// # Errors
+    /// Those of [`MarkovChain::adapt`].
+    fn draw(&mut self) -> Result<Draw<'_>, ChainError>;
+
+    /// Whether the chain is in its warm-up.
+    fn phase(&self) -> Phase;
+
+    /// Present step size.
+    fn step_size(&self) -> f64;
+
+    /// Inverse mass matrix: its diagonal `(dim)`, or row-major `(dim, dim)` if dense.
+    fn inv_metric(&self) -> Vec<f64>;
+
+    /// Evaluations of the density in the warm-up, and since.
+    fn n_evaluations(&self) -> [u64; 2];
+}
+
+/// What a run of several chains needs besides: to keep them, and to let them learn from each other.
+pub(super) trait Together: MarkovChain + Send {
+    /// All that the rest of a chain depends on.
+    type State: Serialize + DeserializeOwned + Send;
+
+    fn state(&self) -> Self::State;
+
+    /// Goes on from `state` as if nothing had been.
+    fn restore(&mut self, state: Self::State) -> Result<(), ChainError>;
+
+    /// Transitions of the warm-up so far.
+    fn n_adapted(&self) -> usize;
+
+    /// How often the chains have met.
+    fn n_meetings(&self) -> usize {
+        0
+    }
+
+    /// Whether this chain waits for the others of its run.
+    fn must_meet(&self) -> bool {
+        false
+    }
+
+    /// Fits what the chains share to what all have seen, and lets them go on.
+    fn meet(chains: Vec<&mut Self>) -> Vec<Result<(), ChainError>> {
+        chains.iter().map(|_| Ok(())).collect()
+    }
+
+    /// A failure at an iteration of the present phase.
+    fn error(&self, iteration: usize, failure: ChainFailure) -> ChainError;
+}

@@ -1,0 +1,219 @@
+//! The chains of a run: progress, checkpoints and meetings around their steps.
+
+use super::draws::{Chain, ChainResult, Transition};
+use super::error::{ChainError, ChainFailure, InferError};
+use super::markov::Together;
+use super::progress::{ChainProgress, Phase, Progress};
+use super::settings::Settings;
+use crate::store::{Checkpoint, Keeper, take_chains};
+use rayon::prelude::*;
+use std::time::{Duration, Instant};
+
+/// An interrupted chain: how often it had met the others, its state, its draws.
+type Kept<C> = (usize, <C as Together>::State, Chain);
+
+/// All chains after a meeting: how many there had been, and each with its draws or its failure.
+type Met<C> = (usize, Vec<Result<(<C as Together>::State, Chain), ChainError>>);
+
+/// Runs chains that have been begun, or goes on with them where they were interrupted, on the threads
+/// at hand; results in order.
+///
+/// # Errors
+/// [`InferError::Checkpoint`].
+pub(super) fn run<C: Together>(
+    chains: Vec<Result<C, ChainError>>,
+    settings: &Settings,
+    progress: &dyn Progress,
+) -> Result<Vec<ChainResult>, InferError> {
+    let under = |(i, chain): (usize, Result<C, ChainError>)| {
+        chain.map(|chain| Under::new(i, chain, settings, progress))
+    };
+    let mut chains: Vec<_> = chains.into_iter().enumerate().map(under).collect();
+    restore(&mut chains, progress.checkpoint())?;
+    loop {
+        chains.par_iter_mut().for_each(|chain| go_on(chain, Under::advance));
+        if chains.iter().any(is_stopped) {
+            // what the next round starts from is not known: resumed, all go through this one again
+            for chain in &mut chains {
+                go_on(chain, Under::stop_at_meeting);
+            }
+        }
+        if !chains.iter().flatten().any(|under| under.chain.must_meet()) {
+            return Ok(chains.into_iter().map(|chain| chain.map(Under::end)).collect());
+        }
+        meet(&mut chains, progress.checkpoint());
+    }
+}
+
+/// Does something with a chain that has not failed; where that fails, so has the chain.
+fn go_on<C>(chain: &mut Result<C, ChainError>, with: impl Fn(&mut C) -> Result<(), ChainError>) {
+    if let Err(error) = chain.as_mut().map_or(Ok(()), with) {
+        *chain = Err(error);
+    }
+}
+
+fn is_stopped<C>(chain: &Result<C, ChainError>) -> bool {
+    matches!(chain, Err(ChainError { failure: ChainFailure::Stopped, .. }))
+}
+
+/// Takes up what was kept: of each chain the newest state, which is its own if it was kept since the
+/// chains last met.
+fn restore<C: Together>(
+    chains: &mut [Result<Under<'_, C>, ChainError>],
+    checkpoint: Option<&Checkpoint>,
+) -> Result<(), InferError> {
+    let met: Option<Met<C>> = checkpoint.map_or(Ok(None), Checkpoint::take_common)?;
+    let (n_meetings, met) = match met {
+        Some((n, met)) => (Some(n), met.into_iter().map(Some).collect()),
+        None => (None, vec![]),
+    };
+    let kept: Vec<Option<Kept<C>>> = take_chains(checkpoint, chains.len())?;
+    let met = met.into_iter().chain(std::iter::repeat_with(|| None));
+    for ((chain, kept), met) in chains.iter_mut().zip(kept).zip(met) {
+        let own = kept.filter(|(n, ..)| n_meetings.is_none_or(|met| met == *n));
+        let state = own.map(|(_, state, record)| Ok((state, record))).or(met);
+        match (state, &mut *chain) {
+            (Some(Err(error)), _) => *chain = Err(error),
+            (Some(Ok((state, record))), Ok(under)) => {
+                under.record = record;
+                if let Err(error) = under.chain.restore(state) {
+                    *chain = Err(error);
+                }
+            }
+            _ => {}
+        }
+    }
+    Ok(())
+}
+
+/// Lets the chains meet. From here on an interrupted run goes on from this.
+fn meet<C: Together>(
+    chains: &mut [Result<Under<'_, C>, ChainError>],
+    checkpoint: Option<&Checkpoint>,
+) {
+    let met = C::meet(chains.iter_mut().flatten().map(|under| &mut under.chain).collect());
+    let mut met = met.into_iter();
+    for chain in chains.iter_mut().filter(|chain| chain.is_ok()) {
+        if let Some(Err(error)) = met.next() {
+            *chain = Err(error);
+        }
+    }
+    let n = chains.iter().flatten().map(|under| under.chain.n_meetings()).next();
+    if let (Some(checkpoint), Some(n)) = (checkpoint, n) {
+        let states: Vec<_> = chains.iter().map(kept).collect();
+        // written as it is read, as `Met`
+        checkpoint.share(&(n, states));
+    }
+}
+
+/// A chain with its draws, or its failure.
+fn kept<'u, C: Together>(
+    chain: &'u Result<Under<'_, C>, ChainError>,
+) -> Result<(C::State, &'u Chain), ChainError> {
+    let kept = |under: &'u Under<'_, C>| (under.chain.state(), &under.record);
+    chain.as_ref().map(kept).map_err(Clone::clone)
+}
+
+/// One chain under way.
+struct Under<'a, C> {
+    index: usize,
+    chain: C,
+    /// Its draws so far.
+    record: Chain,
+    settings: &'a Settings,
+    progress: &'a dyn Progress,
+    keeper: Keeper<'a>,
+    /// Divergences in the present phase.
+    divergences: usize,
+    reported: Instant,
+}
+
+impl<'a, C: Together> Under<'a, C> {
+    const REPORT_EVERY: Duration = Duration::from_millis(250);
+
+    fn new(index: usize, chain: C, settings: &'a Settings, progress: &'a dyn Progress) -> Self {
+        Self {
+            index,
+            chain,
+            record: Chain::default(),
+            settings,
+            progress,
+            keeper: Keeper::new(progress.checkpoint(), index),
+            divergences: 0,
+            reported: Instant::now(),
+        }
+    }
+
+    /// To the next meeting, or to the end.
+    fn advance(&mut self) -> Result<(), ChainError> {
+        let (begun, before) = (Instant::now(), self.record.seconds_warmup);
+        while self.chain.phase() == Phase::Warmup && !self.chain.must_meet() {
+            let iteration = self.chain.n_adapted();
+            self.pause(iteration)?;
+            if let Some(transition) = self.chain.adapt()? {
+                self.record.seconds_warmup = before + begun.elapsed().as_secs_f64();
+                self.report(Phase::Warmup, iteration, &transition);
+            }
+        }
+        if self.chain.phase() == Phase::Sampling { self.sample() } else { Ok(()) }
+    }
+
+    fn sample(&mut self) -> Result<(), ChainError> {
+        let (begun, before) = (Instant::now(), self.record.seconds_sampling);
+        self.record.step_size = self.chain.step_size();
+        self.record.inv_metric = self.chain.inv_metric();
+        self.divergences = self.record.n_divergences();
+        for iteration in self.record.n_draws()..self.settings.draws {
+            self.pause(iteration)?;
+            let draw = self.chain.draw()?;
+            let transition = draw.transition;
+            self.record.record(draw);
+            self.record.seconds_sampling = before + begun.elapsed().as_secs_f64();
+            self.report(Phase::Sampling, iteration, &transition);
+        }
+        Ok(())
+    }
+
+    fn end(self) -> Chain {
+        let [n_grad_warmup, n_grad_sampling] = self.chain.n_evaluations();
+        Chain { n_grad_warmup, n_grad_sampling, ..self.record }
+    }
+
+    /// Between two transitions: keeps the chain now and then, and stops on request.
+    fn pause(&mut self, iteration: usize) -> Result<(), ChainError> {
+        let stops = self.progress.should_stop();
+        if self.keeper.is_due(stops) {
+            // written as it is read, as `Kept`
+            self.keeper.keep(&(self.chain.n_meetings(), self.chain.state(), &self.record));
+        }
+        if stops { Err(self.chain.error(iteration, ChainFailure::Stopped)) } else { Ok(()) }
+    }
+
+    fn stop_at_meeting(&mut self) -> Result<(), ChainError> {
+        if self.chain.must_meet() {
+            return Err(self.chain.error(self.chain.n_adapted(), ChainFailure::Stopped));
+        }
+        Ok(())
+    }
+
+    /// Tells the watcher where the chain stands, now and then and at the end of each phase.
+    fn report(&mut self, phase: Phase, iteration: usize, transition: &Transition) {
+        self.divergences += usize::from(transition.diverging);
+        let Settings { warmup, draws, .. } = *self.settings;
+        let (before, last) = match phase {
+            Phase::Warmup => (0, iteration + 1 == warmup),
+            Phase::Sampling => (warmup, iteration + 1 == draws),
+        };
+        if last || self.reported.elapsed() >= Self::REPORT_EVERY {
+            self.reported = Instant::now();
+            self.progress.report(&ChainProgress {
+                chain: self.index,
+                phase,
+                iteration: before + iteration + 1,
+                total: warmup + draws,
+                divergences: self.divergences,
+                step_size: self.chain.step_size(),
+            });
+        }
+    }
+}

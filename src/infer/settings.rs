@@ -1,0 +1,116 @@
+//! How to sample: the settings of a run.
+
+use super::density::LogDensity;
+use super::error::InferError;
+use serde::{Deserialize, Serialize};
+
+/// The shape of the inverse mass matrix.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Default, Serialize, Deserialize)]
+pub enum MetricKind {
+    /// One scale per coordinate, by Fisher divergence.
+    #[default]
+    Diagonal,
+    /// The covariance of the warm-up draws, correlations shrunk.
+    Dense,
+}
+
+/// How to sample.
+#[derive(Clone, Debug)]
+pub struct Settings {
+    /// Number of chains.
+    pub chains: usize,
+    /// Warm-up transitions per chain, not kept.
+    pub warmup: usize,
+    /// Draws kept per chain.
+    pub draws: usize,
+    /// Mean acceptance that the step size is tuned to, in (0, 1).
+    pub target_accept: f64,
+    /// Most doublings per transition, 1 to 20.
+    pub max_depth: u32,
+    /// Seed of all random streams.
+    pub seed: u64,
+    /// Number of threads; 0 means one per core.  Does not change any number.
+    pub threads: usize,
+    /// The shape of the metric.
+    pub metric: MetricKind,
+    /// Draws of a similar density, each `(dim)`: warm-up begins with what they tell about scales,
+    /// so that it can be short. Empty: it begins with nothing.
+    pub earlier: Vec<Vec<f64>>,
+}
+
+impl Default for Settings {
+    fn default() -> Self {
+        Self {
+            chains: 4,
+            warmup: 1000,
+            draws: 1000,
+            target_accept: 0.95,
+            max_depth: 10,
+            seed: 1,
+            threads: 0,
+            metric: MetricKind::Diagonal,
+            earlier: vec![],
+        }
+    }
+}
+
+impl Settings {
+    /// The least warm-up from which a step size and a metric can be learnt.
+    const LEAST_WARMUP: usize = 20;
+
+    /// Checks every setting.
+    ///
+    /// # Errors
+    /// [`InferError::TooSmall`], [`InferError::TargetAccept`], [`InferError::MaxDepth`].
+    pub fn validate(&self) -> Result<(), InferError> {
+        let least = |name, got, least, help| {
+            if got < least {
+                return Err(InferError::TooSmall { name, least, got, help });
+            }
+            Ok(())
+        };
+        least("chains", self.chains, 1, "4 is the default; R̂ needs at least 2")?;
+        least("draws", self.draws, 1, "1000 per chain is the default")?;
+        let help = "1000 is the default; step size and metric are learnt in warm-up";
+        least("warmup", self.warmup, Self::LEAST_WARMUP, help)?;
+        if !(self.target_accept > 0.0 && self.target_accept < 1.0) {
+            return Err(InferError::TargetAccept { got: self.target_accept });
+        }
+        if !(1..=20).contains(&self.max_depth) {
+            return Err(InferError::MaxDepth { got: self.max_depth });
+        }
+        Ok(())
+    }
+}
+
+/// Settings that make sense, and one start of the right length per chain.
+pub(super) fn check_starts(
+    density: &dyn LogDensity,
+    starts: &[Vec<f64>],
+    settings: &Settings,
+) -> Result<(), InferError> {
+    settings.validate()?;
+    let dim = density.dim();
+    if dim == 0 {
+        return Err(InferError::NoUnknowns);
+    }
+    if starts.len() != settings.chains {
+        return Err(InferError::StartCount { expected: settings.chains, got: starts.len() });
+    }
+    if let Some(chain) = starts.iter().position(|start| start.len() != dim) {
+        return Err(InferError::StartLength { chain, expected: dim, got: starts[chain].len() });
+    }
+    if let Some(draw) = settings.earlier.iter().find(|draw| draw.len() != dim) {
+        return Err(InferError::EarlierLength { expected: dim, got: draw.len() });
+    }
+    Ok(())
+}
+
+/// As many threads as the settings say.
+pub(super) fn thread_pool(settings: &Settings) -> Result<rayon::ThreadPool, InferError> {
+    let threads = settings.threads;
+    rayon::ThreadPoolBuilder::new()
+        .num_threads(threads)
+        .build()
+        .map_err(|error| InferError::Threads { threads, reason: error.to_string() })
+}

@@ -1,0 +1,101 @@
+//! A problem looked at without sampling: does its density exist at the start, and what does it cost?
+
+use std::fmt;
+use std::hint::black_box;
+use std::time::Instant;
+
+use super::{Problem, RunError};
+use crate::infer::LogDensity as _;
+use crate::model::Model;
+
+/// Evaluations that the gradient is timed over.
+const EVALUATIONS: u32 = 20_000;
+
+/// What can be said of a problem without sampling. Its `Display` is what `eplat check` prints.
+#[derive(Clone, Debug)]
+pub struct Check {
+    /// Name and number of measurements of each `observe`.
+    pub observes: Vec<(String, usize)>,
+    /// Name and number of measurements of each `density` that has a term for each.
+    pub densities: Vec<(String, usize)>,
+    /// Parameters with a number for each label of a column, and these labels.
+    pub labels: Vec<(String, Vec<String>)>,
+    /// Number of unknowns.
+    pub n_unknowns: usize,
+    /// Log density at the starting point.
+    pub ln_density: f64,
+    /// Time of a log density with its gradient, ns.
+    pub nanoseconds: f64,
+}
+
+impl Problem<'_> {
+    /// Evaluates the log density at the starting point, and times it with its gradient (about 0.1 s).
+    ///
+    /// # Errors
+    /// [`RunError::NoStart`] where it is not finite.
+    pub fn check(&self) -> Result<Check, RunError> {
+        let model = self.model();
+        let (position, mut gradient) = (model.initial(), vec![0.0; model.dim()]);
+        let mut evaluator = model.evaluator();
+        let ln_density = evaluator.ln_density(&position, &mut gradient);
+        if !ln_density.is_finite() || gradient.iter().any(|g| !g.is_finite()) {
+            let place = where_it_fails(model, &position, ln_density, &gradient);
+            return Err(RunError::NoStart { place });
+        }
+        let begun = Instant::now();
+        for _ in 0..EVALUATIONS {
+            black_box(evaluator.ln_density(black_box(&position), &mut gradient));
+        }
+        let nanoseconds = begun.elapsed().as_secs_f64() * 1e9 / f64::from(EVALUATIONS);
+        let densities = model.densities.iter().filter(|d| !d.rows.is_empty());
+        let labelled = model.parameters.iter().filter(|p| !p.labels.is_empty());
+        Ok(Check {
+            observes: model.observes.iter().map(|o| (o.name.to_string(), o.rows.len())).collect(),
+            densities: densities.map(|d| (d.name.to_string(), d.rows.len())).collect(),
+            labels: labelled.map(|p| (p.name.clone(), p.labels.clone())).collect(),
+            n_unknowns: model.dim(),
+            ln_density,
+            nanoseconds,
+        })
+    }
+}
+
+impl fmt::Display for Check {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        for (name, n) in &self.observes {
+            writeln!(f, "observe {name}: {n} measurements")?;
+        }
+        for (name, n) in &self.densities {
+            writeln!(f, "density {name}: {n} measurements")?;
+        }
+        for (name, labels) in &self.labels {
+            writeln!(f, "param {name}: {} labels ({})", labels.len(), labels.join(", "))?;
+        }
+        writeln!(f, "{} unknowns", self.n_unknowns)?;
+        write!(
+            f,
+            "log density {:.3} at the starting point; {:.0} ns with its gradient",
+            self.ln_density, self.nanoseconds
+        )
+    }
+}
+
+/// Where the log density or its gradient is no number: in a measurement, or in an unknown.
+fn where_it_fails(model: &Model, position: &[f64], ln_density: f64, gradient: &[f64]) -> String {
+    let (mut tape, mut each) = (model.tape(), vec![]);
+    model.forward(&mut tape, position);
+    model.pointwise(&tape, &mut each);
+    let rows = model.measured().flat_map(|(name, rows)| rows.iter().map(move |row| (name, row)));
+    let row = rows.zip(&each).find(|(_, ln_likelihood)| !ln_likelihood.is_finite());
+    let names = model.unknown_names();
+    let unknown = gradient.iter().position(|g| !g.is_finite()).and_then(|i| names.get(i));
+    match (row, unknown) {
+        (Some(((name, row), ln)), _) => {
+            let is_observe = model.observes.iter().any(|o| o.name == name);
+            let keyword = if is_observe { "observe" } else { "density" };
+            format!("{keyword} {name}: the log likelihood of row {} of the table is {ln}", row + 1)
+        }
+        (None, Some(name)) => format!("the derivative of the log density in {name} is no number"),
+        (None, None) => format!("the log density is {ln_density}, through a prior or a `density`"),
+    }
+}
