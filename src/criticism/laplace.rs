@@ -55,7 +55,7 @@ impl Engine {
         }
         let is_used = |l: &usize| j.column(*l).iter().any(|j| *j != 0.0);
         let used = (0..self.n_locals).filter(is_used).collect();
-        Linear { constant, used, j, prior: self.prior_curvature(t, other, x) }
+        Linear { constant, used, j, prior: self.prior_curvature(other, x) }
     }
 
     /// Writes how scalars depend on a term's coefficients, the first of which is unknown number `first`.
@@ -138,29 +138,19 @@ impl Engine {
         }
     }
 
-    /// Minus the Hessian of the prior in the linear unknowns that are not standard normal.
-    fn prior_curvature(&self, t: &mut Tape, other: &[f64], x: &DVector<f64>) -> DMatrix<f64> {
-        const STEP: f64 = 1e-4;
+    /// Minus the Hessian of the prior in the linear unknowns. Coefficients of GP terms are standard normal.
+    fn prior_curvature(&self, other: &[f64], x: &DVector<f64>) -> DMatrix<f64> {
         let n = self.split.linear.len();
-        let mut curvature = DMatrix::zeros(n, n);
-        let mut u = self.unknowns(other, x);
-        let mut ends = [vec![0.0; u.len()], vec![0.0; u.len()]];
-        for (k, at) in self.split.linear.iter().enumerate() {
-            if self.split.is_eta[k] {
-                curvature[(k, k)] = 1.0;
-                continue;
-            }
-            let centre = u[*at];
-            for (end, sign) in ends.iter_mut().zip([-1.0, 1.0]) {
-                u[*at] = centre + sign * STEP;
-                self.model.ln_prior(t, &u, end);
-            }
-            u[*at] = centre;
-            for (i, other) in self.split.linear.iter().enumerate() {
-                curvature[(i, k)] = (ends[0][*other] - ends[1][*other]) / (2.0 * STEP);
+        let free: Vec<usize> = (0..n).filter(|k| !self.split.is_eta[*k]).collect();
+        let at: Vec<usize> = free.iter().map(|k| self.split.linear[*k]).collect();
+        let columns = self.model.prior_hessian(&self.unknowns(other, x), &at);
+        let mut curvature = DMatrix::identity(n, n);
+        for (column, k) in columns.iter().zip(&free) {
+            for (l, at) in free.iter().zip(&at) {
+                curvature[(*l, *k)] = -column[*at];
             }
         }
-        0.5 * (&curvature + curvature.transpose())
+        curvature
     }
 }
 

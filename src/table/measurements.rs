@@ -50,13 +50,14 @@ impl Measurements {
     ///
     /// # Errors
     /// No rows.
+    #[expect(clippy::needless_pass_by_value, reason = "the cells are made for this table")]
     pub fn from_cells(
         name: &str,
         header: Vec<String>,
         cells: Vec<Vec<String>>,
     ) -> Result<Self, DataError> {
         let lines = (2..).take(cells.len()).collect();
-        Table::new(name.into(), &header, lines, &cells).map(Self::from)
+        Table::new(name.into(), header, lines, &cells).map(Self::from)
     }
 
     /// Finds the vertex of every row: see [`Placement::on_surface`].

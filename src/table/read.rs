@@ -21,7 +21,7 @@ pub(super) fn read(path: &Path) -> Result<Table, DataError> {
         lines.push(record.position().map_or(0, csv::Position::line));
         cells.push(record.iter().map(String::from).collect());
     }
-    Table::new(file, &header, lines, &cells)
+    Table::new(file, header, lines, &cells)
 }
 
 fn unreadable(file: &str, error: &csv::Error) -> DataError {

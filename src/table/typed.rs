@@ -25,7 +25,7 @@ impl Table {
     /// No rows.
     pub(super) fn new(
         file: String,
-        header: &[String],
+        header: Vec<String>,
         lines: Vec<u64>,
         cells: &[Vec<String>],
     ) -> Result<Self, DataError> {
@@ -36,7 +36,7 @@ impl Table {
             TypedColumn::parse(name, cells.iter().map(|row| row[k].as_str()))
         };
         let columns = header.iter().enumerate().map(column).collect();
-        Ok(Self { file, lines, columns, header: header.to_vec(), roles: Columns::default() })
+        Ok(Self { file, lines, columns, header, roles: Columns::default() })
     }
 
     /// Number of rows.
@@ -106,7 +106,7 @@ impl Table {
     /// # Errors
     /// A role for a column that the table lacks.
     pub fn set_roles(&mut self, roles: Columns) -> Result<(), DataError> {
-        for name in roles.given().filter(|name| !self.has(name)) {
+        if let Some(name) = roles.given().find(|name| !self.has(name)) {
             let guess = match self.nearest(name) {
                 Some(near) => format!("\nhelp: did you mean `{near}`?"),
                 None => "\nhelp: name one of these columns".into(),
@@ -121,12 +121,11 @@ impl Table {
     /// measurements take the place of those that were made.
     pub fn set_numbers(&mut self, name: &str, values: &[f64]) {
         let column = TypedColumn::of_numbers(name, values);
-        match self.columns.iter_mut().find(|own| own.name() == name) {
-            Some(own) => *own = column,
-            None => {
-                self.header.push(name.into());
-                self.columns.push(column);
-            }
+        if let Some(own) = self.columns.iter_mut().find(|own| own.name() == name) {
+            *own = column;
+        } else {
+            self.header.push(name.into());
+            self.columns.push(column);
         }
     }
 

@@ -28,7 +28,7 @@ pub(super) fn found(
     let outline = Model::outline(declared)?;
     let unit_of = |name: &str| {
         let statement = outline.statements.iter().find(|s| s.decl.name == name);
-        statement.map(|s| s.decl.unit.to_owned()).unwrap_or_default()
+        statement.map(|s| s.decl.unit.to_string()).unwrap_or_default()
     };
     let mut effects: Vec<(AddedEffect, Cause, String)> = vec![];
     for round in &criticism.rounds {
@@ -48,7 +48,7 @@ pub(super) fn found(
             }
             let data = table.file_name();
             let why = format!("Found by `eplat loop` in {data}: log Bayes factor {log_bf:.1}.");
-            let unit = unit_of(&on[0]).to_string();
+            let unit = unit_of(&on[0]);
             let effect = AddedEffect { name, on, unit, form, sd };
             effects.push((effect, found.cause.clone(), why));
         }
