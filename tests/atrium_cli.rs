@@ -126,16 +126,14 @@ fn another_simulation_is_compared_with() {
 #[test]
 fn the_library_simulates_the_same_in_memory_and_can_be_stopped() {
     let place = place();
-    succeeds(&place, "simulate atrium --fields fields.vtp --refine 1 --pace 0 --beats 1 --last 90 --out a");
+    succeeds(
+        &place,
+        "simulate atrium --fields fields.vtp --refine 1 --pace 0 --beats 1 --last 90 --out a",
+    );
     let there = Beat::read(&place.path("a")).unwrap();
     let settings = AtriumSettings {
         tissue: TissueSettings { refine: 1, ..TissueSettings::default() },
-        pacing: PacingSettings {
-            pace: vec![0],
-            beats: 1,
-            last: 90.0,
-            ..PacingSettings::default()
-        },
+        pacing: PacingSettings { pace: vec![0], beats: 1, last: 90.0, ..PacingSettings::default() },
         ..AtriumSettings::default()
     };
     let ground = Ground::read(&place.path("fields.vtp"), Units::Mm).unwrap();

@@ -9,8 +9,8 @@ use super::drive::{Drive, Event, Kept, Slot};
 use super::posterior::{Drawn, Posterior};
 use super::{Atrium, AtriumError, Map, Summary};
 use crate::diagnostics::Moments;
-use crate::ep::surface::{BeatMap, Simulation};
 use crate::ep::Precision;
+use crate::ep::surface::{BeatMap, Simulation};
 use crate::store::Keeper;
 
 /// The first slot of a checkpoint holds the sums over the draws that are done; draws under way follow.

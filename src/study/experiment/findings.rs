@@ -5,9 +5,9 @@ use std::io::Write as _;
 
 use serde_json::{Map, Value, json};
 
-use super::simulation::Simulated;
 use super::KnownTruth;
 use super::settings::FIELDS;
+use super::simulation::Simulated;
 use crate::experiment::INTERVALS;
 use crate::mesh::write_vtp;
 use crate::report::{ExperimentPage, Figure, PointData, Surface, Verdict, write_experiment_page};
