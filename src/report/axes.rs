@@ -4,7 +4,7 @@
 
 use std::fmt::Write as _;
 
-use super::svg::{escape, tick};
+use super::text::{escape, tick};
 
 /// Okabe and Ito, distinguishable without red–green vision.
 pub(super) const COLOURS: [&str; 8] =

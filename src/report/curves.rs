@@ -5,7 +5,7 @@ use std::path::Path;
 
 use super::ReportError;
 use super::axes::{self, Axes, Axis, COLOURS, Scale};
-use super::svg::escape;
+use super::text::escape;
 use crate::store::write_file;
 
 /// Plot area, SVG units.

@@ -3,7 +3,7 @@
 use std::fmt::Write as _;
 
 use super::axes::{self, Axes, Axis, COLOURS, Scale};
-use super::svg::escape;
+use super::text::escape;
 
 /// Plot area of a panel, SVG units.
 const SIZE: [f64; 2] = [200.0, 150.0];

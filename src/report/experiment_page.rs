@@ -6,7 +6,7 @@ use std::io::Write as _;
 use std::path::Path;
 
 use super::html::{STYLE, VIEWER, fill, scripts};
-use super::svg::escape;
+use super::text::escape;
 use super::{ReportError, Surface, Verdict};
 use crate::store::write_file;
 

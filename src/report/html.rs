@@ -10,8 +10,9 @@ use std::io::Write as _;
 use std::path::Path;
 
 use super::end_of_run::leave_one_out_figures;
-use super::svg::{escape, k_plot, rank_plot, trace_plot};
+use super::svg::{k_plot, rank_plot, trace_plot};
 use super::table::{HEAVY_TAIL, Line, TITLES, lines};
+use super::text::escape;
 use super::{
     Group, LeaveOneOut, LooRow, ReportError, Row, RunRecord, SettingsRecord, Values, verdict,
 };

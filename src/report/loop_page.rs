@@ -6,7 +6,8 @@ use std::fmt::Write as _;
 
 use super::html::{STYLE, fill};
 use super::surface_map::{Dot, SurfaceMap, colour_scale};
-use super::svg::{escape, evidence_plot, residual_plot, tick};
+use super::svg::{evidence_plot, residual_plot};
+use super::text::{escape, tick};
 use crate::mesh::TriMesh;
 
 const PAGE: &str = include_str!("loop.html");

@@ -26,6 +26,7 @@ mod summary;
 mod surface_map;
 mod svg;
 mod table;
+mod text;
 mod verdict;
 mod zarr;
 

@@ -4,7 +4,7 @@ use std::fmt::Write as _;
 
 use nalgebra::{Matrix3, SymmetricEigen, Vector3};
 
-use super::svg::{escape, tick};
+use super::text::{escape, tick};
 use crate::mesh::TriMesh;
 
 /// Size of one view, in SVG units.

@@ -7,6 +7,7 @@
 use std::fmt::Write as _;
 
 use super::axes::{COLOURS, Scale};
+use super::text::{escape, tick};
 
 /// Plot area, in SVG units (CSS pixels at full size).
 const HEIGHT: f64 = 96.0;
@@ -239,22 +240,6 @@ fn envelope(draws: &[f64]) -> Vec<(f64, f64)> {
     points
 }
 
-/// Text as it may stand in a page.
-pub(super) fn escape(text: &str) -> String {
-    text.replace('&', "&amp;").replace('<', "&lt;").replace('>', "&gt;").replace('"', "&quot;")
-}
-
-/// Three significant digits.
-pub(super) fn tick(value: f64) -> String {
-    let magnitude = if value == 0.0 { 0.0 } else { value.abs().log10().floor() };
-    if (-3.0..5.0).contains(&magnitude) {
-        let decimals = (2.0 - magnitude).max(0.0) as usize;
-        format!("{value:.decimals$}").replace('-', "−")
-    } else {
-        format!("{value:.2e}").replace('-', "−")
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -283,11 +268,5 @@ mod tests {
     fn empty_and_void_draws_draw_nothing() {
         assert_eq!(trace_plot(&[&[], &[f64::NAN]]), "");
         assert_eq!(rank_plot(&[]), "");
-    }
-
-    #[test]
-    fn ticks_have_three_digits() {
-        let ticks = [0.0, -1.234, 56.78, 12345.6, 1.5e-7, 0.004_321].map(tick);
-        assert_eq!(ticks, ["0.00", "−1.23", "56.8", "12346", "1.50e−7", "0.00432"]);
     }
 }

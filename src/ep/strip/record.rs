@@ -1,5 +1,6 @@
 //! When each node activates and recovers, and what follows from it: CV and APD.
 
+use super::grid::MIDDLE_HALF_WIDTH;
 use super::lanes::{LANES, Lane};
 use super::{Absence, Beat, Grid};
 
@@ -8,9 +9,6 @@ const ACTIVATION: f64 = 0.7;
 
 /// V at which a downstroke counts as recovery to 20, 30, 50 and 90 %.
 const RECOVERY: [f64; 4] = [0.8, 0.7, 0.5, 0.1];
-
-/// CV and APD are taken over the nodes closer than this to the strip's middle, mm.
-pub(super) const MIDDLE_HALF_WIDTH: f64 = 3.0;
 
 /// The last activation of every node and, for the first `D` levels, its last recovery, in steps since
 /// the stimulus.

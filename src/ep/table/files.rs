@@ -6,15 +6,9 @@ use std::path::Path;
 use serde::Serialize;
 use serde::de::DeserializeOwned;
 
-use super::{ParameterRow, TableError};
+use super::{Columns, ParameterRow, TableError};
 use crate::ep::Parameters;
 use crate::store::{NewFile, write_file};
-
-/// A row type that knows its columns.
-pub trait Columns {
-    /// The columns that must be there.
-    const REQUIRED: &'static [&'static str];
-}
 
 /// Reads parameter sets, in their valid ranges or not.
 ///

@@ -9,9 +9,9 @@ mod rows;
 mod strips;
 
 pub use error::TableError;
-pub use files::{Columns, finish_rows, new_file, read_parameters, read_rows, write_text};
+pub use files::{finish_rows, new_file, read_parameters, read_rows, write_text};
 pub(crate) use rows::rounded;
-pub use rows::{CurveRow, OutcomeRow, ParameterRow};
+pub use rows::{Columns, CurveRow, OutcomeRow, ParameterRow};
 pub use strips::{StripTable, curve_intervals};
 
 #[cfg(test)]

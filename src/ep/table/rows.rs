@@ -2,10 +2,15 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::Columns;
 use crate::ep::cell::{OutOfRange, Parameters};
 use crate::ep::restitution::Restitution;
 use crate::ep::strip::{Absence, Beat, StripOutcome};
+
+/// A row type that knows its columns.
+pub trait Columns {
+    /// The columns that must be there.
+    const REQUIRED: &'static [&'static str];
+}
 
 /// One parameter set, with units in the column names.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
