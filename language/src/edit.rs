@@ -1,5 +1,7 @@
 //! A model file with effects added: the user's own text, in which only what is new is new.
 
+use std::fmt::Write as _;
+
 use crate::file::File;
 use crate::grammar::{first_span, last_span, parse};
 use crate::mistake::Mistake;
@@ -41,9 +43,9 @@ impl File {
             is_effect(effect)?;
             text.push('\n');
             for line in why.lines() {
-                text += &format!("    /// {}\n", line.replace('\r', " "));
+                let _ = writeln!(text, "    /// {}", line.replace('\r', " "));
             }
-            text += &format!("    {effect}\n");
+            let _ = writeln!(text, "    {effect}");
         }
         Ok(text + &source[end..])
     }

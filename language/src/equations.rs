@@ -173,3 +173,36 @@ fn expected(range: Option<&Range>, unit: &str) -> String {
 fn show(unit: Option<&Unit>) -> String {
     unit.map_or(String::new(), |unit| format!(" [{}]", unit.text))
 }
+
+#[cfg(test)]
+mod tests {
+    use crate::{File, equations};
+
+    #[test]
+    fn blocks_labels_and_empty_cells_are_shown() {
+        let text = "model! {
+            model M;
+            column dose [g] ~ Normal(5.0, 2.0);
+            param w(3) ~ jointly Mine(1.0);
+            hyper smooth { m [ms] ~ Flat; rho [mm] ~ InvGamma(1.0, 50.0); }
+            field f(x, patient) [ms] = m + gp(Rbf(rho)*Matern12(rho), K=4) where shared smooth;
+            field g(x, patient) [ms] = m + gp(Rbf(rho), K = 4) where smooth { m(patient) [ms] ~ Normal(0, 1); }
+        }";
+        let model = File::read(text).unwrap().model;
+        let said = equations(&model, &|name| Some(format!("<{name}>")));
+        let said: Vec<&str> = said.lines().filter(|line| line.starts_with("  ")).collect();
+        let expected = [
+            "  dose [g] ~ Normal(5.0, 2.0)    where its cell is empty",
+            "  w(3)             ~ jointly Mine(1.0)        <w>",
+            "  smooth",
+            "      m [ms]           ~ Flat                     <smooth.m>",
+            "      rho [mm]         ~ InvGamma(1.0, 50.0)      <smooth.rho>",
+            "  f(x, patient) [ms] = m + gp(Rbf(rho) * Matern12(rho), K = 4)",
+            "      with the hyperparameters smooth",
+            "  g(x, patient) [ms] = m + gp(Rbf(rho), K = 4)",
+            "      rho [mm]         ~ InvGamma(1.0, 50.0)      <g.rho>",
+            "      m(patient) [ms]  ~ Normal(0, 1)             <g.m>",
+        ];
+        assert_eq!(said, expected);
+    }
+}

@@ -116,7 +116,7 @@ impl Printer {
         let sign = sign(tokens);
         let is_first = !matches!(self.last, Last::Operand);
         match sign.as_str() {
-            "," | ";" => self.tight(&sign, Last::Between),
+            "," | ";" | ":" => self.tight(&sign, Last::Between),
             "." | "::" | ".." | "..=" => {
                 if is_first && sign.starts_with("..") && self.last != Last::Open {
                     self.blank();
@@ -125,7 +125,6 @@ impl Printer {
             }
             "?" => self.tight(&sign, Last::Operand),
             "!" if !is_first => self.tight(&sign, Last::Operand), // of a macro's name
-            ":" => self.tight(&sign, Last::Between),
             "'" => {
                 self.blank();
                 self.tight(&sign, Last::Tight);

@@ -14,15 +14,19 @@ use std::time::Instant;
 use include_dir::{Dir, include_dir};
 
 use super::models::ModelFile;
-use super::rustc::{mistakes, rendered};
+use super::rustc::rendered;
 use crate::error::Failure;
 use crate::store::cache;
 use crate::store::write_folder;
 
 static SOURCES: Dir<'_> = include_dir!("$CARGO_MANIFEST_DIR/src");
+static LANGUAGE: Dir<'_> = include_dir!("$CARGO_MANIFEST_DIR/language/src");
+static MACROS: Dir<'_> = include_dir!("$CARGO_MANIFEST_DIR/macros/src");
 static ASSETS: Dir<'_> = include_dir!("$CARGO_MANIFEST_DIR/assets");
 static MODELS: Dir<'_> = include_dir!("$CARGO_MANIFEST_DIR/models");
 const MANIFEST: &str = include_str!("../../Cargo.toml");
+const LANGUAGE_MANIFEST: &str = include_str!("../../language/Cargo.toml");
+const MACROS_MANIFEST: &str = include_str!("../../macros/Cargo.toml");
 const LOCK: &str = include_str!("../../Cargo.lock");
 
 /// Tells the compiled program how long its compilation took, s.
@@ -53,7 +57,7 @@ fn hand_over(mut command: Command) -> std::io::Result<ExitCode> {
 
 /// The program with `file`'s model in it, compiled if need be.
 fn compiled(file: &ModelFile) -> Result<PathBuf, Failure> {
-    let name = file.model_name()?;
+    let name = file.checked()?.model.name.to_string();
     let cache = cache::folder().ok_or_else(|| {
         Failure::new(
             "no folder to compile the model in\nhelp: set HOME or EPLAT_CACHE to a writable folder",
@@ -74,7 +78,8 @@ fn compiled(file: &ModelFile) -> Result<PathBuf, Failure> {
     }
     eprintln!("compiling {} …", file.path.display());
     let package = cache.join("packages").join(&cache::key(&[place.as_bytes()])[..16]);
-    let main = write_main(&package, &path, name).map_err(|e| Failure::io("write", &package, &e))?;
+    let main =
+        write_main(&package, &path, &name).map_err(|e| Failure::io("write", &package, &e))?;
     let unfinished = tempfile::Builder::new()
         .tempdir_in(&package)
         .map_err(|error| Failure::io("write", &package, &error))?;
@@ -202,23 +207,30 @@ fn with_cargo(cache: &Path, package: &Path, built: &Path) -> std::io::Result<Out
 
 /// The embedded sources as a package, for cargo to build; once, or cargo would see a change.
 fn unpack(folder: &Path) -> std::io::Result<()> {
-    for (name, dir) in [("src", &SOURCES), ("assets", &ASSETS), ("models", &MODELS)] {
+    for (name, dir) in [
+        ("src", &SOURCES),
+        ("language/src", &LANGUAGE),
+        ("macros/src", &MACROS),
+        ("assets", &ASSETS),
+        ("models", &MODELS),
+    ] {
         fs::create_dir_all(folder.join(name))?;
         dir.extract(folder.join(name))?;
     }
+    fs::write(folder.join("language/Cargo.toml"), LANGUAGE_MANIFEST)?;
+    fs::write(folder.join("macros/Cargo.toml"), MACROS_MANIFEST)?;
     fs::write(folder.join("README.md"), "")?;
     fs::write(folder.join("Cargo.toml"), MANIFEST)?;
     fs::write(folder.join("Cargo.lock"), LOCK)
 }
 
-/// Every mistake in the words of the model language; what the compiler said where none is understood.
+/// What the compiler says of expressions: the model's own mistakes were found before.
 fn does_not_compile(file: &ModelFile, path: &Path, output: &Output) -> Failure {
     let text = |bytes| String::from_utf8_lossy(bytes).into_owned();
-    let said = text(&output.stdout) + &text(&output.stderr);
-    let shown: Vec<String> = mistakes(&said, file, path).iter().map(|m| m.show(file)).collect();
-    if shown.is_empty() {
-        let (said, path) = (rendered(&said), file.path.display());
-        return Failure::new(format_args!("{path} does not compile\n{said}\nhelp: mend {path}"));
-    }
-    Failure::new(shown.join("\n\nerror: "))
+    let said = rendered(&(text(&output.stdout) + &text(&output.stderr)));
+    let given = file.path.display().to_string();
+    let said = said.replace(&path.display().to_string(), &given);
+    Failure::new(format_args!("{given} does not compile\n\n{said}\n\nhelp: {GENERIC}"))
 }
+
+const GENERIC: &str = "mend the expression there; a function that is given parameters or fields is generic: `fn f<D: Real>(x: D) -> D`";

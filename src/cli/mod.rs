@@ -10,7 +10,6 @@ mod design;
 mod inputs;
 mod interrupt;
 mod mesh;
-mod mistake;
 mod models;
 mod progress;
 mod report;

@@ -3,9 +3,10 @@
 use std::fs;
 use std::path::{Path, PathBuf};
 
-use super::mistake::{self, Mistake};
+use eplat_language::{File, Mistake};
+
 use crate::error::Failure;
-use crate::model::{Declare, Model};
+use crate::model::Declare;
 
 /// A model that is compiled into this program.
 #[derive(Clone, Copy)]
@@ -46,60 +47,38 @@ impl ModelFile {
         Ok(Self { path: path.to_owned(), source })
     }
 
-    /// The name in `model NAME;`, which the compiled program must export.
-    pub(super) fn model_name(&self) -> Result<&str, Failure> {
-        let code = mistake::code(&self.source);
-        let mut models = code.match_indices("model!").map(|(at, word)| at..at + word.len());
-        let mistake = match (models.next(), models.next()) {
-            (None, _) => {
-                return Err(Failure::new(format_args!(
-                    "{}: expected `model! {{ model NAME; … }}`, found none\nhelp: a model file declares one; see models/normal.rs",
-                    self.path.display()
-                )));
-            }
-            (Some(one), None) => match declared_name(&self.source[one.end..]) {
-                Some(name) => return Ok(name),
-                None => Mistake::new(
-                    "a model begins with `model NAME;`",
-                    one,
-                    "name it in the first line: `model Atrium;`",
-                ),
-            },
-            (_, Some(second)) => Mistake::new(
-                "expected one model in a file, found another",
-                second,
-                "put it into a file of its own",
-            ),
-        };
-        Err(Failure::new(mistake.show(self)))
+    /// Its model's tree.
+    ///
+    /// # Errors
+    /// All mistakes that its text shows, each at its place.
+    pub(super) fn checked(&self) -> Result<File, Failure> {
+        let file = File::read(&self.source).map_err(|mistake| self.mistakes(&[mistake]))?;
+        match &file.check()[..] {
+            [] => Ok(file),
+            mistakes => Err(self.mistakes(mistakes)),
+        }
+    }
+
+    fn mistakes(&self, mistakes: &[Mistake]) -> Failure {
+        let path = self.path.display().to_string();
+        let shown: Vec<String> = mistakes.iter().map(|m| m.show(&path, &self.source)).collect();
+        Failure::new(shown.join("\n\nerror: "))
     }
 
     /// The model among those compiled into this program, if its source is the same.
     ///
     /// # Errors
-    /// A model that contradicts itself, in its units for instance, with the place in the file.
+    /// Those of [`ModelFile::checked`]: what is not in this program is read before it is compiled.
     pub(super) fn find(
         &self,
         compiled: &[Compiled],
     ) -> Result<Option<&'static dyn Declare>, Failure> {
-        let Some(found) = compiled.iter().find(|c| c.source == self.source) else {
-            return Ok(None);
-        };
-        Model::outline(found.model).map_err(|error| {
-            let mistake = Mistake::of_model(&error, &self.source);
-            mistake.map_or_else(|| error.into(), |mistake| Failure::new(mistake.show(self)))
-        })?;
-        Ok(Some(found.model))
+        let found = compiled.iter().find(|c| c.source == self.source);
+        if found.is_none() {
+            self.checked()?;
+        }
+        Ok(found.map(|found| found.model))
     }
-}
-
-/// The identifier after `{ /// … model` at the start of a `model!` body.
-fn declared_name(body: &str) -> Option<&str> {
-    let body = body.trim_start().strip_prefix(['{', '('])?;
-    let mut code = body.lines().map(str::trim).filter(|l| !l.is_empty() && !l.starts_with("//"));
-    let rest = code.next()?.strip_prefix("model ")?;
-    let end = rest.find(';')?;
-    Some(rest[..end].trim())
 }
 
 #[cfg(test)]
@@ -111,19 +90,15 @@ mod tests {
     }
 
     #[test]
-    fn the_name_is_found_below_its_doc_comment() {
-        let source =
-            "use eplat::prelude::*;\nmodel! {\n    /// Doc.\n\n    model Erp;\n param a ~ Flat; }";
-        assert_eq!(file(source).model_name().unwrap(), "Erp");
-    }
-
-    #[test]
-    fn no_model_and_two_models_are_errors() {
-        assert!(file("fn main() {}").model_name().unwrap_err().to_string().contains("found none"));
-        let two = "model! { model A; }\nmodel! { model B; }";
-        let said = file(two).model_name().unwrap_err().to_string();
-        assert!(said.contains("found another\n --> m.rs:2:1\n"), "{said}");
-        let one = "// model! in a comment\nmodel! { model A; }";
-        assert_eq!(file(one).model_name().unwrap(), "A");
+    fn all_mistakes_are_shown_with_their_places() {
+        let two = "use eplat::prelude::*;\nmodel! {\n    model M;\n    param a ~ Nromal(0, 1);\n    param b ~ Flat();\n}\n";
+        let said = file(two).checked().unwrap_err().to_string();
+        let places = [
+            "unknown name `Nromal`\n --> m.rs:4:15\n",
+            "\n\nerror: `Flat` takes no arguments\n --> m.rs:5:15\n",
+        ];
+        assert!(places.iter().all(|place| said.contains(place)), "{said}");
+        let none = file("fn main() {}").checked().unwrap_err().to_string();
+        assert!(none.contains("found none"), "{none}");
     }
 }

@@ -8,17 +8,12 @@ use crate::model::{Model, Observe};
 /// # Errors
 /// One that mentions parameters alone: there is nothing that an effect could act on.
 pub(super) fn observables(model: &Model) -> Result<Vec<String>, CriticismError> {
-    let is_named = |word: &str| {
-        let mut statements = model.statements.iter();
-        statements.any(|s| ["field", "let"].contains(&s.keyword) && s.decl.name == word)
-    };
+    let no_text = |_| CriticismError::NoObservable { observe: model.name.into() };
+    let tree = model.syntax().map_err(no_text)?;
     let one = |observe: &Observe| {
-        let mut statements = model.statements.iter();
-        let own = statements.find(|s| s.keyword == "observe" && s.decl.name == observe.name);
-        let likelihood = own.and_then(|s| s.decl.text.split_once('~')).map_or("", |(_, l)| l);
-        let mut words = likelihood.split(|c: char| !(c.is_alphanumeric() || c == '_'));
-        let found = words.find(|word| is_named(word)).map(String::from);
-        found.ok_or_else(|| CriticismError::NoObservable { observe: observe.name.into() })
+        let own = tree.observes().find(|own| own.name == observe.name);
+        let first = own.and_then(|own| tree.first_value(own)).map(ToString::to_string);
+        first.ok_or_else(|| CriticismError::NoObservable { observe: observe.name.into() })
     };
     model.observes.iter().map(one).collect()
 }

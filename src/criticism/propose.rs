@@ -6,7 +6,7 @@ use super::candidate::{Candidate, Level, Screen, Unusable};
 use super::cause::Cause;
 use super::observable::readable;
 use super::units::{Unit, by_site, is_constant_within};
-use crate::model::{Form, Model, Statement, families};
+use crate::model::{Form, Model, families};
 use crate::table::{FIELD_MODES, Measurements, Role, TypedColumn};
 
 /// The columns of a table that may tell why measurements differ: neither place nor measurement.
@@ -212,6 +212,5 @@ impl Maker<'_> {
 
 /// Whether a likelihood of the model has outliers already.
 fn knows_outliers(model: &Model) -> bool {
-    let has = |s: &Statement| s.keyword == "observe" && s.decl.text.contains("Outliers(");
-    model.statements.iter().any(has)
+    model.syntax().is_ok_and(|tree| tree.has_outliers())
 }

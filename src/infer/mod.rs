@@ -59,6 +59,7 @@ mod progress;
 mod run;
 mod sample;
 mod settings;
+mod stages;
 mod start;
 #[cfg(test)]
 mod test_densities;
@@ -78,5 +79,5 @@ pub use optimise::{Optimum, OptimumSettings, maximise};
 pub use progress::{ChainProgress, Phase, Progress, Silent};
 pub use sample::sample;
 pub use settings::{MetricKind, Settings};
+pub use stages::{Stage, Window};
 pub use start::jittered_starts;
-pub use warmup::{Stage, Window};

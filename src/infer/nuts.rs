@@ -9,9 +9,9 @@ use super::kernel::{Kernel, KernelState};
 use super::markov::{MarkovChain, Together};
 use super::moments::DrawMoments;
 use super::progress::Phase;
-use super::sample::check_starts;
-use super::settings::{MetricKind, Settings};
-use super::warmup::{Adaptation, Stage, WarmUp};
+use super::settings::{MetricKind, Settings, check_starts};
+use super::stages::{Stage, WarmUp};
+use super::warmup::Adaptation;
 use crate::random::Stream;
 use serde::{Deserialize, Serialize};
 

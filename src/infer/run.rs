@@ -34,7 +34,9 @@ pub(super) fn run<C: Together>(
         chains.par_iter_mut().for_each(|chain| go_on(chain, Under::advance));
         if chains.iter().any(is_stopped) {
             // what the next round starts from is not known: resumed, all go through this one again
-            chains.iter_mut().for_each(|chain| go_on(chain, Under::stop_at_meeting));
+            for chain in &mut chains {
+                go_on(chain, Under::stop_at_meeting);
+            }
         }
         if !chains.iter().flatten().any(|under| under.chain.must_meet()) {
             return Ok(chains.into_iter().map(|chain| chain.map(Under::end)).collect());

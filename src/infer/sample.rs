@@ -9,7 +9,7 @@ use super::moments::DrawMoments;
 use super::nuts::Nuts;
 use super::progress::Progress;
 use super::run::run;
-use super::settings::{MetricKind, Settings};
+use super::settings::{MetricKind, Settings, check_starts, thread_pool};
 use rayon::prelude::*;
 
 /// Samples `density` with one NUTS chain from each of `starts`, each `(dim)`.
@@ -33,38 +33,6 @@ pub fn sample(
             |(i, start): (usize, &Vec<f64>)| Nuts::begin(density, start, settings, i, &learnt);
         run(starts.par_iter().enumerate().map(begin).collect(), settings, progress)
     })
-}
-
-/// Settings that make sense, and one start of the right length per chain.
-pub(super) fn check_starts(
-    density: &dyn LogDensity,
-    starts: &[Vec<f64>],
-    settings: &Settings,
-) -> Result<(), InferError> {
-    settings.validate()?;
-    let dim = density.dim();
-    if dim == 0 {
-        return Err(InferError::NoUnknowns);
-    }
-    if starts.len() != settings.chains {
-        return Err(InferError::StartCount { expected: settings.chains, got: starts.len() });
-    }
-    if let Some(chain) = starts.iter().position(|start| start.len() != dim) {
-        return Err(InferError::StartLength { chain, expected: dim, got: starts[chain].len() });
-    }
-    if let Some(draw) = settings.earlier.iter().find(|draw| draw.len() != dim) {
-        return Err(InferError::EarlierLength { expected: dim, got: draw.len() });
-    }
-    Ok(())
-}
-
-/// As many threads as the settings say.
-pub(super) fn thread_pool(settings: &Settings) -> Result<rayon::ThreadPool, InferError> {
-    let threads = settings.threads;
-    rayon::ThreadPoolBuilder::new()
-        .num_threads(threads)
-        .build()
-        .map_err(|error| InferError::Threads { threads, reason: error.to_string() })
 }
 
 #[cfg(test)]

@@ -134,31 +134,4 @@ pub enum ModelError {
         /// Its prior.
         prior: String,
     },
-    /// Units that do not agree.
-    #[error(
-        "{statement}: `{expression}`: expected {expected}, got {got}\nhelp: mend the expression or a unit in square brackets; what converts one unit into another is a `param` or a column with a unit of its own"
-    )]
-    Unit {
-        /// Keyword and name.
-        statement: String,
-        /// The part of it that does not agree.
-        expression: String,
-        /// Unit, and why.
-        expected: String,
-        /// Its unit.
-        got: String,
-    },
-}
-
-impl ModelError {
-    /// Which statement of the model file is wrong (keyword and name), and which expression in it.
-    pub fn place(&self) -> Option<(String, &str)> {
-        match self {
-            Self::Unit { statement, expression, .. } => Some((statement.clone(), expression)),
-            Self::NoTarget { effect, target } => Some((format!("effect {effect}"), target)),
-            Self::Coefficients { name, beta, .. } => Some((format!("let {name}"), beta)),
-            Self::TooShort { parameter, .. } => Some((format!("param {parameter}"), parameter)),
-            _ => None,
-        }
-    }
 }

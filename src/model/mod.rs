@@ -32,7 +32,6 @@ mod tape;
 
 pub use augmented::{AddedEffect, Augmented};
 pub use blocked::Sampler;
-pub use builder::outlying;
 pub use density::Density;
 pub use equations::equations;
 pub use error::ModelError;

@@ -62,7 +62,9 @@ impl<'m> Hessian<'m> {
         model.priors.iter().for_each(|op| op.push(t, d));
         model.fields.iter().for_each(|field| field.op.push(t, d));
         model.linear.iter().for_each(|op| op.push(t, d));
-        curved.iter().for_each(|term| term.pull(d));
+        for term in curved {
+            term.pull(d);
+        }
         model.linear.iter().rev().for_each(|op| op.pull(t, d));
         model.fields.iter().rev().for_each(|field| field.op.pull(t, d));
         model.priors.iter().rev().for_each(|op| op.pull(t, d));

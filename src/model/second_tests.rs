@@ -15,8 +15,8 @@ model! {
     param cuts(3) ~ Ordered(Normal(tau, 1.5));
     param beta(2) ~ Normal(0.0, tau);
     param noise ~ LogNormal(share[0], tau);
-    field f(x) [ms] in 0.0..20.0 = m + (alpha * alpha) * gp(Rbf(rho), K = 6) + alpha * gp(Matern32(rho * 2.0), K = 4) where {
-        m [ms] ~ Normal(3.0, tau);
+    field f(x) in 0.0..20.0 = m + (alpha * alpha) * gp(Rbf(rho), K = 6) + alpha * gp(Matern32(rho * 2.0), K = 4) where {
+        m ~ Normal(3.0, tau);
         alpha ~ InvGamma(3.0, 2.0);
         rho [mm] ~ LogNormal(3.5, 0.5);
     }

@@ -106,8 +106,12 @@ impl Table {
     /// # Errors
     /// A role for a column that the table lacks.
     pub fn set_roles(&mut self, roles: Columns) -> Result<(), DataError> {
-        for name in roles.given() {
-            self.require(name, "the option that says what it means")?;
+        for name in roles.given().filter(|name| !self.has(name)) {
+            let guess = match self.nearest(name) {
+                Some(near) => format!("\nhelp: did you mean `{near}`?"),
+                None => "\nhelp: name one of these columns".into(),
+            };
+            return Err(self.lacks(name, "--column", guess));
         }
         self.roles = roles;
         Ok(())
@@ -225,11 +229,20 @@ impl Table {
 
     /// The error of a column that is not there, with its nearest neighbour.
     pub(super) fn no_column(&self, column: &str, who: &str) -> DataError {
-        let near = self.header.iter().map(|h| (edit_distance(h, column), h)).min();
-        let guess = match near {
-            Some((d, h)) if d <= 2 => format!("\nhelp: rename `{h}` to `{column}`?"),
-            _ => format!("\nhelp: add a column `{column}` to the header and to every row"),
+        let guess = match self.nearest(column) {
+            Some(near) => format!("\nhelp: rename `{near}` to `{column}`?"),
+            None => format!("\nhelp: add a column `{column}` to the header and to every row"),
         };
+        self.lacks(column, who, guess)
+    }
+
+    /// The column whose name differs in at most two letters.
+    fn nearest(&self, name: &str) -> Option<&String> {
+        let near = self.header.iter().map(|h| (edit_distance(h, name), h)).min()?;
+        (near.0 <= 2).then_some(near.1)
+    }
+
+    fn lacks(&self, column: &str, who: &str, guess: String) -> DataError {
         DataError::NoColumn {
             file: self.file.clone(),
             column: column.into(),

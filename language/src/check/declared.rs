@@ -32,9 +32,12 @@ fn second(name: &Ident) -> Mistake {
 fn is_same_kind(a: &Item, b: &Item) -> bool {
     use Item::{Column, Density, Effect, Field, Hyper, Let, Observe, Param};
     match (a, b) {
-        (Column(_), Column(_)) | (Observe(_), Observe(_)) | (Density(_), Density(_)) => true,
-        // both are reported as parameters
-        (Effect(_), Effect(_) | Param(_)) | (Param(_), Effect(_)) => true,
+        // effects are reported as parameters
+        (Column(_), Column(_))
+        | (Observe(_), Observe(_))
+        | (Density(_), Density(_))
+        | (Effect(_), Effect(_) | Param(_))
+        | (Param(_), Effect(_)) => true,
         _ => [a, b].iter().all(|item| matches!(item, Param(_) | Field(_) | Let(_) | Hyper(_))),
     }
 }

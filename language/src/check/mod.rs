@@ -26,8 +26,9 @@ impl File {
         if !around.has_prelude {
             let message = "cannot find macro `model` in this scope";
             let help = "begin the file with `use eplat::prelude::*;`";
-            found.insert(0, Mistake::at(self.word, message, help));
+            found.push(Mistake::at(self.word, message, help));
         }
+        found.sort_by_key(|mistake| mistake.range().start);
         found
     }
 }

@@ -136,7 +136,7 @@ impl<'a> Scope<'a> {
         {
             // a function outside may have the name that its own value is given
             let is_own = std::ptr::eq(item, &raw const below[0].item);
-            if !around.is_open() || !(is_own && mention.arguments.is_some()) {
+            if !(around.is_open() && is_own && mention.arguments.is_some()) {
                 return Some(self.below(name, item.name().span()));
             }
         }

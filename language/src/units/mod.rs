@@ -118,6 +118,7 @@ struct Say<'a> {
 }
 
 impl Say<'_> {
+    #[allow(clippy::needless_pass_by_value, reason = "it is made for each call")]
     fn check(&mut self, e: &Expr, wanted: Option<Wanted>, units: &Units) -> Known {
         self.result(check(e, wanted.as_ref(), units))
     }

@@ -62,11 +62,13 @@ pub enum LoopError {
         /// The table that is trained on.
         train: String,
     },
-    /// The model's text has no `model!` to which an effect could be added.
-    #[error("{name}.rs: no `model! {{ … }}` to add to")]
-    NoModelText {
+    /// The effect that was found cannot be written into the model's text.
+    #[error("{name}.rs with what was found: {mistake}")]
+    ModelText {
         /// Name of the file, without its ending.
         name: String,
+        /// What is wrong with the text, or with the effect as a statement.
+        mistake: String,
     },
     /// A file that cannot be written.
     #[error("cannot write {}: {source}", path.display())]

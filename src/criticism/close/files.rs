@@ -40,7 +40,10 @@ impl Story {
         if self.after.is_some() {
             let effects = self.effects.iter().map(|f| (f.effect.clone(), f.why.clone()));
             let text = rewrite(source, &effects.collect::<Vec<_>>(), self.outliers())
-                .ok_or_else(|| LoopError::NoModelText { name: stem.to_owned() })?;
+                .map_err(|mistake| LoopError::ModelText {
+                    name: stem.to_owned(),
+                    mistake: mistake.message,
+                })?;
             let causes: Vec<String> =
                 self.criticism.findings().into_iter().map(ToString::to_string).collect();
             texts.push((format!("{stem}_plus_{}.rs", causes.join("_")), text));

@@ -2,22 +2,21 @@
 
 use super::conditional::Conditional;
 use super::latent::LatentGaussian;
-use super::meeting::{Lesson, Link, Shared, agree, first_link};
+use super::meeting::{Lesson, Link, Shared, first_link};
 use super::proposal::Proposal;
 use crate::infer::draws::{Draw, Transition};
 use crate::infer::error::{ChainError, ChainFailure, InferError};
 use crate::infer::hamiltonian::{Hamiltonian, Metric};
-use crate::infer::kernel::{Kernel, KernelState};
+use crate::infer::kernel::Kernel;
 use crate::infer::markov::{MarkovChain, Together};
 use crate::infer::moments::DrawMoments;
 use crate::infer::progress::Phase;
-use crate::infer::sample::check_starts;
-use crate::infer::settings::{MetricKind, Settings};
-use crate::infer::warmup::{Adaptation, Stage, WarmUp};
+use crate::infer::settings::{MetricKind, Settings, check_starts};
+use crate::infer::stages::{Stage, WarmUp};
+use crate::infer::warmup::Adaptation;
 use crate::random::{Part, Stream};
 use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
-use serde::{Deserialize, Serialize};
 use std::sync::Arc;
 
 /// Steps of the hyperparameters after each trajectory, for each of them: the more there are, the
@@ -32,8 +31,8 @@ const TIME: f64 = 1.6;
 
 /// What does not change in a chain.
 #[derive(Clone, Copy)]
-struct Fixed<'d> {
-    density: &'d dyn LatentGaussian,
+pub(super) struct Fixed<'d> {
+    pub(super) density: &'d dyn LatentGaussian,
     chain: usize,
     seed: u64,
     max_depth: u32,
@@ -42,37 +41,21 @@ struct Fixed<'d> {
 
 /// A chain of the blocked sampler. Alone it learns from its own draws; with others, from those of all.
 pub struct Blocked<'d> {
-    fixed: Fixed<'d>,
-    shared: Arc<Shared>,
-    warm_up: WarmUp,
-    kernel: Kernel<Conditional<'d>>,
+    pub(super) fixed: Fixed<'d>,
+    pub(super) shared: Arc<Shared>,
+    pub(super) warm_up: WarmUp,
+    pub(super) kernel: Kernel<Conditional<'d>>,
     /// Of hyperparameter moves and of completing draws.
-    rng: ChaCha8Rng,
+    pub(super) rng: ChaCha8Rng,
     /// ln of the hyperparameter steps' length.
-    ln_length: f64,
+    pub(super) ln_length: f64,
     /// What it learns in this round of the warm-up.
-    learning: Option<(Adaptation, Lesson)>,
-    step_size: f64,
+    pub(super) learning: Option<(Adaptation, Lesson)>,
+    pub(super) step_size: f64,
     /// Evaluations in earlier rounds.
-    n_evaluations: u64,
-    hyper: [Vec<f64>; 2],
-    position: Vec<f64>,
-}
-
-/// All that the rest of a chain depends on and that is not made again from the outer unknowns.
-#[derive(Debug, Serialize, Deserialize)]
-pub(in crate::infer) struct BlockedState {
-    shared: Shared,
-    warm_up: WarmUp,
-    outer: Vec<f64>,
-    kernel: KernelState,
-    /// Words drawn from the hyperparameters' random stream.
-    word: u128,
-    ln_length: f64,
-    learning: Option<(Adaptation, Lesson)>,
-    step_size: f64,
-    n_evaluations: u64,
-    n_trials: u64,
+    pub(super) n_evaluations: u64,
+    pub(super) hyper: [Vec<f64>; 2],
+    pub(super) position: Vec<f64>,
 }
 
 impl<'d> Blocked<'d> {
@@ -109,17 +92,17 @@ impl<'d> Blocked<'d> {
         let Settings { seed, max_depth, target_accept, .. } = *settings;
         let begin = |(chain, link): (usize, Link)| {
             let fixed = Fixed { density, chain, seed, max_depth, target_accept };
-            Self::begin(fixed, &shared, warm_up.clone(), link)
+            Self::begin(fixed, &shared, warm_up.clone(), &link)
         };
         links.into_iter().enumerate().map(begin).collect()
     }
 
     /// Takes up `link` at the beginning of a round.
-    fn begin(
+    pub(super) fn begin(
         fixed: Fixed<'d>,
         shared: &Arc<Shared>,
         warm_up: WarmUp,
-        link: Link,
+        link: &Link,
     ) -> Result<Self, ChainError> {
         let no_support = || {
             let position = [&link.outer[..], &link.coefficients].concat();
@@ -161,7 +144,7 @@ impl<'d> Blocked<'d> {
     }
 
     /// What the next round begins with.
-    fn link(&mut self) -> Link {
+    pub(super) fn link(&mut self) -> Link {
         let step_size = self.learning.as_ref().map(|(learns, _)| learns.final_step_size());
         let scale = match self.kernel.metric() {
             Metric::Diagonal(scale) | Metric::Dense(scale) => scale.clone(),
@@ -260,11 +243,15 @@ impl<'d> Blocked<'d> {
 }
 
 impl<'d> Fixed<'d> {
-    fn conditional(self, shared: &Arc<Shared>, outer: &[f64]) -> Option<Conditional<'d>> {
+    pub(super) fn conditional(
+        self,
+        shared: &Arc<Shared>,
+        outer: &[f64],
+    ) -> Option<Conditional<'d>> {
         Conditional::new(self.density.latent(), self.density.layout(), Arc::clone(shared), outer)
     }
 
-    fn kernel(
+    pub(super) fn kernel(
         self,
         conditional: Conditional<'d>,
         scale: &[f64],
@@ -276,12 +263,12 @@ impl<'d> Fixed<'d> {
     }
 
     /// Each round has streams of its own.
-    fn stream(self, part: Part, warm_up: &WarmUp) -> ChaCha8Rng {
+    pub(super) fn stream(self, part: Part, warm_up: &WarmUp) -> ChaCha8Rng {
         let (round, chain) = (warm_up.n_meetings(), self.chain);
         Stream::Blocked { part, round, chain }.rng(self.seed)
     }
 
-    fn error(
+    pub(super) fn error(
         self,
         phase: Phase,
         iteration: usize,
@@ -350,80 +337,5 @@ impl MarkovChain for Blocked<'_> {
             Phase::Warmup => [self.n_evaluations + self.n_in_round(), 0],
             Phase::Sampling => [self.n_evaluations, self.n_in_round()],
         }
-    }
-}
-
-impl Together for Blocked<'_> {
-    type State = BlockedState;
-
-    fn state(&self) -> BlockedState {
-        let conditional = self.kernel.evaluator();
-        BlockedState {
-            shared: (*self.shared).clone(),
-            warm_up: self.warm_up.clone(),
-            outer: conditional.outer.clone(),
-            kernel: self.kernel.state(),
-            word: self.rng.get_word_pos(),
-            ln_length: self.ln_length,
-            learning: self.learning.clone(),
-            step_size: self.step_size,
-            n_evaluations: self.n_evaluations,
-            n_trials: conditional.n_trials,
-        }
-    }
-
-    fn restore(&mut self, state: BlockedState) -> Result<(), ChainError> {
-        let (fixed, shared) = (self.fixed, Arc::new(state.shared));
-        let Some(conditional) = fixed.conditional(&shared, &state.outer) else {
-            return Err(self.error(state.warm_up.n_done(), ChainFailure::RanAway));
-        };
-        let position = state.kernel.position().to_vec();
-        // the metric and all of the point are in the kernel's state
-        let scale = vec![1.0; position.len()];
-        self.kernel = fixed.kernel(conditional, &scale, &position, &state.warm_up);
-        self.kernel.restore(state.kernel);
-        self.kernel.parts().0.n_trials = state.n_trials;
-        self.rng = fixed.stream(Part::Hyper, &state.warm_up);
-        self.rng.set_word_pos(state.word);
-        self.shared = shared;
-        self.warm_up = state.warm_up;
-        self.ln_length = state.ln_length;
-        self.learning = state.learning;
-        self.step_size = state.step_size;
-        self.n_evaluations = state.n_evaluations;
-        Ok(())
-    }
-
-    fn n_adapted(&self) -> usize {
-        self.warm_up.n_done()
-    }
-
-    fn n_meetings(&self) -> usize {
-        self.warm_up.n_meetings()
-    }
-
-    fn must_meet(&self) -> bool {
-        self.warm_up.must_meet()
-    }
-
-    fn meet(mut chains: Vec<&mut Self>) -> Vec<Result<(), ChainError>> {
-        let mut links: Vec<Link> = chains.iter_mut().map(|chain| chain.link()).collect();
-        let lessons = chains.iter_mut().filter_map(|chain| chain.learning.take());
-        let lessons = lessons.map(|(_, lesson)| lesson).collect();
-        let Some(first) = chains.first() else { return vec![] };
-        let mut warm_up = first.warm_up.clone();
-        warm_up.met();
-        let shared = first.shared.fitted(first.fixed.density, lessons, warm_up.is_over());
-        let shared = Arc::new(shared);
-        agree(&mut links);
-        let begin = |(chain, link): (&mut &mut Self, Link)| {
-            **chain = Self::begin(chain.fixed, &shared, warm_up.clone(), link)?;
-            Ok(())
-        };
-        chains.iter_mut().zip(links).map(begin).collect()
-    }
-
-    fn error(&self, iteration: usize, failure: ChainFailure) -> ChainError {
-        self.fixed.error(self.phase(), iteration, self.kernel.point.position.clone(), failure)
     }
 }

@@ -6,7 +6,7 @@ use rand::Rng;
 
 /// A density whose unknowns are the coefficients w of some blocks, and *outer* unknowns.
 ///
-/// A block f is a map from its coefficients to `n_seen` correlated latent values θ_f, one for each
+/// A block f is a map from its coefficients to `n_seen` correlated latent values `θ_f`, one for each
 /// *place* where the likelihood sees the blocks; all blocks are seen at the same places.
 ///
 /// ```text

@@ -17,6 +17,7 @@ mod latent;
 mod meeting;
 mod proposal;
 mod stand_in;
+mod together;
 mod whiten;
 
 pub use chain::Blocked;
@@ -26,8 +27,7 @@ use super::draws::ChainResult;
 use super::error::InferError;
 use super::progress::Progress;
 use super::run::run;
-use super::sample::{check_starts, thread_pool};
-use super::settings::Settings;
+use super::settings::{Settings, check_starts, thread_pool};
 
 /// Samples `density` with one blocked chain from each of `starts`, each `(dim)`.
 ///

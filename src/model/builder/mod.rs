@@ -19,8 +19,6 @@ mod fields;
 mod lets;
 mod observes;
 
-pub use observes::outlying;
-
 /// How many numbers a parameter is.
 #[derive(Clone, Copy, Debug)]
 pub enum Len {

@@ -13,11 +13,6 @@ use crate::model::model::Observe;
 use crate::model::rows::{self, Rows};
 use crate::table::Measurements;
 
-/// A likelihood with outliers, as it is written.
-pub fn outlying(likelihood: &str, share: f64, sd: f64) -> String {
-    format!("Outliers({}, {share:?}, {sd:?})", likelihood.trim())
-}
-
 impl Builder<'_> {
     /// `observe name(row): Y [unit] from (…) ~ likelihood;` Of the N numbers of a row W carry derivatives.
     ///
@@ -54,7 +49,7 @@ impl Builder<'_> {
     /// An `observe` as it reads with the outliers that are added.
     fn with_outliers(&self, decl: Decl) -> Decl {
         let Some((share, sd)) = self.outliers else { return decl };
-        Decl { text: outlying(&decl.text, share, sd).into(), ..decl }
+        Decl { text: eplat_language::outlying(&decl.text, share, sd).into(), ..decl }
     }
 
     /// `density name = expr;`, or `density name(data) = expr;` with the columns that it `reads` of the table.

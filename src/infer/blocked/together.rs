@@ -1,0 +1,103 @@
+//! What several blocked chains need of each: its state, and to meet the others.
+
+use super::chain::Blocked;
+use super::meeting::{Lesson, Link, Shared, agree};
+use crate::infer::error::{ChainError, ChainFailure};
+use crate::infer::kernel::KernelState;
+use crate::infer::markov::{MarkovChain as _, Together};
+use crate::infer::stages::WarmUp;
+use crate::infer::warmup::Adaptation;
+use crate::random::Part;
+use serde::{Deserialize, Serialize};
+use std::sync::Arc;
+
+/// All that the rest of a chain depends on and that is not made again from the outer unknowns.
+#[derive(Debug, Serialize, Deserialize)]
+pub(in crate::infer) struct BlockedState {
+    shared: Shared,
+    warm_up: WarmUp,
+    outer: Vec<f64>,
+    kernel: KernelState,
+    /// Words drawn from the hyperparameters' random stream.
+    word: u128,
+    ln_length: f64,
+    learning: Option<(Adaptation, Lesson)>,
+    step_size: f64,
+    n_evaluations: u64,
+    n_trials: u64,
+}
+
+impl Together for Blocked<'_> {
+    type State = BlockedState;
+
+    fn state(&self) -> BlockedState {
+        let conditional = self.kernel.evaluator();
+        BlockedState {
+            shared: (*self.shared).clone(),
+            warm_up: self.warm_up.clone(),
+            outer: conditional.outer.clone(),
+            kernel: self.kernel.state(),
+            word: self.rng.get_word_pos(),
+            ln_length: self.ln_length,
+            learning: self.learning.clone(),
+            step_size: self.step_size,
+            n_evaluations: self.n_evaluations,
+            n_trials: conditional.n_trials,
+        }
+    }
+
+    fn restore(&mut self, state: BlockedState) -> Result<(), ChainError> {
+        let (fixed, shared) = (self.fixed, Arc::new(state.shared));
+        let Some(conditional) = fixed.conditional(&shared, &state.outer) else {
+            return Err(self.error(state.warm_up.n_done(), ChainFailure::RanAway));
+        };
+        let position = state.kernel.position().to_vec();
+        // the metric and all of the point are in the kernel's state
+        let scale = vec![1.0; position.len()];
+        self.kernel = fixed.kernel(conditional, &scale, &position, &state.warm_up);
+        self.kernel.restore(state.kernel);
+        self.kernel.parts().0.n_trials = state.n_trials;
+        self.rng = fixed.stream(Part::Hyper, &state.warm_up);
+        self.rng.set_word_pos(state.word);
+        self.shared = shared;
+        self.warm_up = state.warm_up;
+        self.ln_length = state.ln_length;
+        self.learning = state.learning;
+        self.step_size = state.step_size;
+        self.n_evaluations = state.n_evaluations;
+        Ok(())
+    }
+
+    fn n_adapted(&self) -> usize {
+        self.warm_up.n_done()
+    }
+
+    fn n_meetings(&self) -> usize {
+        self.warm_up.n_meetings()
+    }
+
+    fn must_meet(&self) -> bool {
+        self.warm_up.must_meet()
+    }
+
+    fn meet(mut chains: Vec<&mut Self>) -> Vec<Result<(), ChainError>> {
+        let mut links: Vec<Link> = chains.iter_mut().map(|chain| chain.link()).collect();
+        let lessons = chains.iter_mut().filter_map(|chain| chain.learning.take());
+        let lessons = lessons.map(|(_, lesson)| lesson).collect();
+        let Some(first) = chains.first() else { return vec![] };
+        let mut warm_up = first.warm_up.clone();
+        warm_up.met();
+        let shared = first.shared.fitted(first.fixed.density, lessons, warm_up.is_over());
+        let shared = Arc::new(shared);
+        agree(&mut links);
+        let begin = |(chain, link): (&mut Self, Link)| {
+            *chain = Self::begin(chain.fixed, &shared, warm_up.clone(), &link)?;
+            Ok(())
+        };
+        chains.into_iter().zip(links).map(begin).collect()
+    }
+
+    fn error(&self, iteration: usize, failure: ChainFailure) -> ChainError {
+        self.fixed.error(self.phase(), iteration, self.kernel.point.position.clone(), failure)
+    }
+}

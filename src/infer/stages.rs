@@ -1,0 +1,187 @@
+//! A warm-up as a list of stages, and where a chain is in it.
+
+use serde::{Deserialize, Serialize};
+
+/// A part of the warm-up. The step size adapts in all of them.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Stage {
+    /// Number of transitions.
+    pub length: usize,
+    /// What else adapts.
+    pub metric: Option<Window>,
+    /// Whether the chains of a run meet at its end, to learn from each other (the blocked sampler's).
+    pub meets: bool,
+}
+
+/// From how many draws a metric is learnt.
+///
+/// Two windows overlap: the metric comes from the older one, which is dropped for the younger
+/// whenever that has filled, so early draws are forgotten and no draw is waited for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Window(pub usize);
+
+impl Stage {
+    const EARLY: Window = Window(10);
+    pub(super) const LATE: Window = Window(80);
+
+    /// The warm-up of a NUTS chain; `knows_metric` where earlier draws have told about scales, so that
+    /// a full window must come before that is forgotten.
+    ///
+    /// ```text
+    /// 0 ───── 30 % ──────────────── 85 % ───────── 100 %
+    ///  windows of 10   windows of 80    step size only
+    /// ```
+    pub fn nuts(n: usize, knows_metric: bool) -> Vec<Self> {
+        let stage = |length, metric| Self { length, metric, meets: false };
+        let (early, end) = (if knows_metric { 0 } else { n * 3 / 10 }, n * 85 / 100);
+        vec![
+            stage(early, Some(Self::EARLY)),
+            stage(end - early, Some(Self::LATE)),
+            stage(n - end, None),
+        ]
+    }
+
+    /// The warm-up of a blocked chain: after 10, 20, 30, 40, 60 and 100 % the chains meet, and what
+    /// they share is fitted anew. Many meetings: chains under a stand-in that claims too much spread
+    /// slowly, so that its successor, fitted to their draws, still claims too much, if less.
+    ///
+    /// Where earlier draws have told what the hyperparameters' steps must be (`knows_hyper`), the first
+    /// meeting is at the beginning.
+    pub fn blocked(n: usize, knows_hyper: bool) -> Vec<Self> {
+        const ENDS: [f64; 6] = [0.1, 0.2, 0.3, 0.4, 0.6, 1.0];
+        let (mut stages, mut before) = (vec![], 0);
+        for (i, end) in ENDS.into_iter().enumerate() {
+            let is_left_out = i == 0 && knows_hyper;
+            let end = if is_left_out { 0 } else { (n as f64 * end).round() as usize };
+            let mut round = Self::nuts(end - before, false);
+            round[2].meets = true;
+            stages.extend(round);
+            before = end;
+        }
+        stages
+    }
+}
+
+/// Where a chain is in its warm-up. A *round* is what lies between two meetings.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+pub(super) struct WarmUp {
+    stages: Vec<Stage>,
+    n_meetings: usize,
+    /// Transitions since the last meeting.
+    done: usize,
+}
+
+impl WarmUp {
+    pub(super) fn new(stages: Vec<Stage>) -> Self {
+        Self { stages, n_meetings: 0, done: 0 }
+    }
+
+    fn rounds(&self) -> impl Iterator<Item = &[Stage]> {
+        self.stages.split_inclusive(|stage| stage.meets)
+    }
+
+    /// The stages of the present round; none after the last meeting.
+    fn round(&self) -> &[Stage] {
+        self.rounds().nth(self.n_meetings).unwrap_or_default()
+    }
+
+    /// Transitions of the present round.
+    pub(super) fn length(&self) -> usize {
+        length(self.round())
+    }
+
+    /// Transitions since the last meeting.
+    pub(super) fn done(&self) -> usize {
+        self.done
+    }
+
+    /// Transitions in all.
+    pub(super) fn n_done(&self) -> usize {
+        self.rounds().take(self.n_meetings).map(length).sum::<usize>() + self.done
+    }
+
+    pub(super) fn n_meetings(&self) -> usize {
+        self.n_meetings
+    }
+
+    pub(super) fn must_meet(&self) -> bool {
+        let round = self.round();
+        self.done == length(round) && round.last().is_some_and(|stage| stage.meets)
+    }
+
+    pub(super) fn is_over(&self) -> bool {
+        self.done == self.length() && !self.must_meet()
+    }
+
+    pub(super) fn advance(&mut self) {
+        self.done += 1;
+    }
+
+    pub(super) fn met(&mut self) {
+        self.n_meetings += 1;
+        self.done = 0;
+    }
+
+    /// The window at the next transition, if the metric adapts there.
+    pub(super) fn window(&self) -> Option<usize> {
+        let mut end = 0;
+        let stage = self.round().iter().find(|stage| {
+            end += stage.length;
+            self.done < end
+        });
+        stage?.metric.map(|window| window.0)
+    }
+
+    /// Whether the next transition is the last of this round at which the metric adapts.
+    pub(super) fn ends_metric(&self) -> bool {
+        let round = self.round();
+        let last = round.iter().rposition(|stage| stage.metric.is_some());
+        last.is_some_and(|last| self.done + 1 == length(&round[..=last]))
+    }
+}
+
+fn length(stages: &[Stage]) -> usize {
+    stages.iter().map(|stage| stage.length).sum()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn stages_add_up_and_chains_meet_at_their_shares() {
+        for n in 20..400 {
+            for knows in [false, true] {
+                assert_eq!(
+                    (length(&Stage::nuts(n, knows)), length(&Stage::blocked(n, knows))),
+                    (n, n)
+                );
+            }
+        }
+        let mut warm_up = WarmUp::new(Stage::blocked(60, false));
+        let mut meetings = vec![];
+        while !warm_up.is_over() {
+            if warm_up.must_meet() {
+                meetings.push(warm_up.n_done());
+                warm_up.met();
+            } else {
+                warm_up.advance();
+            }
+        }
+        assert_eq!(meetings, [6, 12, 18, 24, 36, 60]);
+        assert_eq!((warm_up.n_done(), warm_up.n_meetings()), (60, 6));
+    }
+
+    #[test]
+    fn the_metric_adapts_in_the_stages_that_say_so() {
+        let mut warm_up = WarmUp::new(Stage::nuts(100, false));
+        let mut windows = vec![];
+        while !warm_up.is_over() {
+            windows.push((warm_up.window(), warm_up.ends_metric()));
+            warm_up.advance();
+        }
+        let of = |window| windows.iter().filter(|w| w.0 == window).count();
+        assert_eq!([of(Some(10)), of(Some(80)), of(None)], [30, 55, 15]);
+        assert_eq!(windows.iter().position(|w| w.1), Some(84));
+    }
+}
