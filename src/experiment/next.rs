@@ -22,7 +22,6 @@ use super::{ExperimentError, Laboratory};
 use crate::infer::LogDensity as _;
 use crate::manifold::Basis;
 use crate::model::{Declare, Maps, Model, RowId};
-use crate::random::procedure;
 
 /// Vertices that stand for the surface.
 const VERTICES: usize = 1500;
