@@ -128,7 +128,7 @@ impl StripArgs {
             out: &self.out,
             curves: self.restitution.as_deref(),
         };
-        files.simulate(&grid, self.protocol())
+        files.simulate(&grid, &self.protocol())
     }
 }
 
@@ -143,9 +143,9 @@ pub(super) struct StripFiles<'a> {
 impl StripFiles<'_> {
     /// Runs `protocol`, with beats of a restitution curve if their file is asked for, on a strip for each
     /// row of parameters.
-    pub(super) fn simulate(&self, grid: &Grid, protocol: Protocol) -> Result<(), Failure> {
+    pub(super) fn simulate(&self, grid: &Grid, protocol: &Protocol) -> Result<(), Failure> {
         let restitution = self.curves.map_or(vec![], |_| curve_intervals());
-        let protocol = Protocol { restitution, ..protocol };
+        let protocol = Protocol { restitution, ..protocol.clone() };
         let curves = self.curves.map(new_file).transpose()?;
         let parameters = read_parameters(self.parameters)?;
         let file = new_file(self.out)?;

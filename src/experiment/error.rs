@@ -33,8 +33,14 @@ pub enum ExperimentError {
     Sites(#[from] ManifoldError),
     /// The model does not fit.
     #[error(transparent)]
-    Model(#[from] ModelError),
+    Model(Box<ModelError>),
     /// The table cannot be made.
     #[error(transparent)]
     Data(#[from] DataError),
+}
+
+impl From<ModelError> for ExperimentError {
+    fn from(error: ModelError) -> Self {
+        Self::Model(Box::new(error))
+    }
 }

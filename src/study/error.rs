@@ -93,7 +93,7 @@ pub enum StudyError {
     Threads(#[from] rayon::ThreadPoolBuildError),
     /// A calibration.
     #[error(transparent)]
-    Run(#[from] RunError),
+    Run(Box<RunError>),
     /// A simulation of the atrium.
     #[error(transparent)]
     Atrium(#[from] AtriumError),
@@ -106,6 +106,12 @@ pub enum StudyError {
     /// A record that cannot be read.
     #[error(transparent)]
     Record(#[from] serde_json::Error),
+}
+
+impl From<RunError> for StudyError {
+    fn from(error: RunError) -> Self {
+        Self::Run(Box::new(error))
+    }
 }
 
 impl StudyError {

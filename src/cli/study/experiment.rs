@@ -96,16 +96,14 @@ impl ExperimentArgs {
             let watch = ExperimentWatch { run, on_simulation: &|event| teller.tell(event) };
             truth.run_into(&out, &sampling, sampler, watch)
         })?;
-        match findings {
-            Some(findings) => self.show(&findings),
-            None => {
-                eprintln!(
-                    "interrupted: what is done is kept in {}\nhelp: go on with the same command line",
-                    self.out.display()
-                );
-                Ok(ExitCode::from(INTERRUPTED))
-            }
+        if let Some(findings) = findings {
+            return self.show(&findings);
         }
+        eprintln!(
+            "interrupted: what is done is kept in {}\nhelp: go on with the same command line",
+            self.out.display()
+        );
+        Ok(ExitCode::from(INTERRUPTED))
     }
 
     fn show(&self, findings: &Findings<'_>) -> Result<ExitCode, Failure> {

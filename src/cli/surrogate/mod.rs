@@ -114,5 +114,5 @@ fn design(args: &DesignArgs) -> Result<(), Failure> {
 fn run(args: &RunArgs) -> Result<(), Failure> {
     let files =
         StripFiles { parameters: &args.design, out: &args.out, curves: args.curves.as_deref() };
-    files.simulate(&Grid::default(), Protocol::default())
+    files.simulate(&Grid::default(), &Protocol::default())
 }

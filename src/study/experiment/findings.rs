@@ -80,7 +80,7 @@ impl Findings<'_> {
     /// All numbers as one object: what `experiment.json` holds.
     pub fn json(&self) -> Value {
         let maps: Map<String, Value> =
-            self.recovery.maps.iter().map(|map| (map.name.to_owned(), of_map(map))).collect();
+            self.recovery.maps.iter().map(|map| (map.name.clone(), of_map(map))).collect();
         let vertices = self.truth.problem.measurements().vertices();
         let simulation = self.simulated.as_ref().map(|simulated| {
             let [truth, mean] = &simulated.records;
