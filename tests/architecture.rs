@@ -5,8 +5,11 @@
 
 #![allow(clippy::unwrap_used, reason = "tests")]
 
+use std::collections::{BTreeMap, BTreeSet};
 use std::fs;
 use std::path::{Path, PathBuf};
+
+use proc_macro2::{Delimiter, TokenStream, TokenTree};
 
 /// Layer of each module of the crate.
 const LAYERS: &[(u32, &[&str])] = &[
@@ -34,34 +37,58 @@ fn layer(module: &str) -> u32 {
     row.unwrap_or_else(|| panic!("module {module} is in no layer: add it to the table")).0
 }
 
-/// Modules of the crate that a source text names: `crate::x`, and `eplat::x` in the program and models.
-/// Macros are left out: `$crate::x!` and the re-exported `model` have no module.
+/// Modules of the crate that a source names: `crate::x`, `crate::{x, y::z}` over any number of lines, and `eplat::x`
+/// in the program and models. Comments, texts and unit tests are left out.
 fn imports(source: &str) -> Vec<String> {
     let mut found = vec![];
-    for line in without_tests(source).lines() {
-        let code = line.split("//").next().unwrap();
-        for path in ["crate::", "eplat::"] {
-            for rest in code.split(path).skip(1) {
-                let group = rest.strip_prefix('{').map(|r| r.split('}').next().unwrap());
-                let names = group.unwrap_or(first_word(rest)).split(',').map(str::trim);
-                let is_macro = rest[first_word(rest).len()..].starts_with('!');
-                found.extend(names.filter(|_| !is_macro).map(|n| first_word(n).to_string()));
-            }
-        }
-    }
-    found.retain(|name| !name.is_empty());
+    collect(&without_tests(tokens(source)), &mut found);
     found.sort();
     found.dedup();
     found
 }
 
-fn first_word(text: &str) -> &str {
-    text.split(|c: char| !(c.is_alphanumeric() || c == '_')).next().unwrap()
+fn tokens(source: &str) -> Vec<TokenTree> {
+    source.parse::<TokenStream>().unwrap().into_iter().collect()
 }
 
-/// The text up to its unit tests, which come last.
-fn without_tests(source: &str) -> &str {
-    source.split("#[cfg(test)]\nmod tests {").next().unwrap()
+/// The tokens without `#[cfg(test)] mod … { … }`.
+fn without_tests(tokens: Vec<TokenTree>) -> Vec<TokenTree> {
+    let is_marked = |i: usize| i > 0 && tokens[i].to_string().replace(' ', "") == "[cfg(test)]";
+    let Some(at) = (0..tokens.len()).find(|i| is_marked(*i)) else { return tokens };
+    let is_module = tokens[at..].iter().take(4).any(|token| token.to_string() == "mod");
+    let end = |token: &TokenTree| matches!(token, TokenTree::Group(g) if g.delimiter() == Delimiter::Brace);
+    let length = tokens[at + 1..].iter().position(|t| end(t) || t.to_string() == ";");
+    let end = length.map_or(tokens.len(), |length| at + length + 2);
+    let kept = if is_module { vec![] } else { tokens[at..end].to_vec() };
+    let rest = without_tests(tokens[end..].to_vec());
+    [tokens[..at].to_vec(), kept, rest].concat()
+}
+
+fn collect(tokens: &[TokenTree], found: &mut Vec<String>) {
+    for (i, token) in tokens.iter().enumerate() {
+        if let TokenTree::Group(group) = token {
+            collect(&group.stream().into_iter().collect::<Vec<_>>(), found);
+        }
+        let is_root = matches!(token, TokenTree::Ident(word) if word == "crate" || word == "eplat");
+        let is_punct = |i: usize, sign: char| matches!(tokens.get(i), Some(TokenTree::Punct(p)) if p.as_char() == sign);
+        let is_macro = i > 0 && is_punct(i - 1, '$');
+        if !is_root || is_macro || !is_punct(i + 1, ':') || !is_punct(i + 2, ':') {
+            continue;
+        }
+        match tokens.get(i + 3) {
+            Some(TokenTree::Ident(module)) => found.push(module.to_string()),
+            Some(TokenTree::Group(group)) => {
+                let mut begins = true;
+                for token in group.stream() {
+                    if let (TokenTree::Ident(module), true) = (&token, begins) {
+                        found.push(module.to_string());
+                    }
+                    begins = token.to_string() == ",";
+                }
+            }
+            _ => {}
+        }
+    }
 }
 
 /// Every import of `module` that its layer forbids.
@@ -142,7 +169,8 @@ fn the_checker_sees_what_it_forbids() {
         ("infer", "fn f(x: crate::mesh::TriMesh) {}", 0),
         ("mesh", "use crate::{model::Model, num, cli, store};", 3),
         ("ep", "use crate::dist::Normal;", 1),
-        ("model", "fn f() { $crate::cli::main(); $crate::bind!{ } }", 1),
+        ("model", "use crate::{\n    num::Num,\n    cli::{main, run},\n    report,\n};", 2),
+        ("model", "fn f() { crate::cli::main() }", 1),
         ("likelihood", "use crate::dist::Normal;", 0),
         ("dist", "use crate::likelihood::Bracket;", 1),
         ("ep", "// crate::cli\n/// [`crate::model`]\nuse crate::ep::cell;", 0),
@@ -152,4 +180,107 @@ fn the_checker_sees_what_it_forbids() {
     for (module, source, expected) in cases {
         assert_eq!(violations(module, source).len(), *expected, "{module}: {source}");
     }
+}
+
+/// The files of the crate that a file takes names from: the file of the longest module path that it writes.
+fn files_named(file: &Path, root: &Path, modules: &BTreeMap<String, PathBuf>) -> BTreeSet<PathBuf> {
+    let own = module_of(file, root);
+    let mut found = BTreeSet::new();
+    let tokens = without_tests(tokens(&fs::read_to_string(file).unwrap()));
+    for path in used_paths(&tokens) {
+        let mut place: Vec<String> =
+            own.split("::").filter(|p| !p.is_empty()).map(String::from).collect();
+        let mut rest = path.as_slice();
+        while let [first, others @ ..] = rest {
+            match first.as_str() {
+                "crate" => place.clear(),
+                "super" => drop(place.pop()),
+                "self" => {}
+                _ => break,
+            }
+            rest = others;
+        }
+        place.extend(rest.iter().cloned());
+        // a name that a folder's own file hands on is another file's: only what is defined there counts
+        let named = (1..=place.len()).rev().find_map(|n| modules.get(&place[..n].join("::")));
+        if let Some(named) = named.filter(|named| *named != file && !named.ends_with("mod.rs")) {
+            found.insert(named.clone());
+        }
+    }
+    found
+}
+
+/// `model::builder::fields` of `src/model/builder/fields.rs`.
+fn module_of(file: &Path, root: &Path) -> String {
+    let place = file.strip_prefix(root).unwrap().with_extension("");
+    let parts: Vec<&str> = place.iter().map(|part| part.to_str().unwrap()).collect();
+    let parts = if parts.last() == Some(&"mod") { &parts[..parts.len() - 1] } else { &parts[..] };
+    parts.join("::")
+}
+
+/// Paths after `use` that begin with `crate`, `super` or `self`, groups taken apart.
+fn used_paths(tokens: &[TokenTree]) -> Vec<Vec<String>> {
+    let mut paths = vec![];
+    let mut rest = tokens;
+    while let Some(at) = rest.iter().position(|t| t.to_string() == "use") {
+        let end =
+            rest[at..].iter().position(|t| t.to_string() == ";").map_or(rest.len(), |n| at + n);
+        let is_reexport = at > 0
+            && (rest[at - 1].to_string() == "pub" || matches!(&rest[at - 1], TokenTree::Group(_)));
+        if !is_reexport {
+            tree(&rest[at + 1..end], &[], &mut paths);
+        }
+        rest = &rest[end..];
+    }
+    let is_ours = |path: &Vec<String>| ["crate", "super", "self"].contains(&path[0].as_str());
+    paths.retain(|path| !path.is_empty() && is_ours(path));
+    paths
+}
+
+fn tree(tokens: &[TokenTree], before: &[String], paths: &mut Vec<Vec<String>>) {
+    let mut path = before.to_vec();
+    for token in tokens {
+        match token {
+            TokenTree::Ident(word) => path.push(word.to_string()),
+            TokenTree::Group(group) => {
+                let inner: Vec<TokenTree> = group.stream().into_iter().collect();
+                for part in inner.split(|token| token.to_string() == ",") {
+                    tree(part, &path, paths);
+                }
+                return;
+            }
+            TokenTree::Punct(_) | TokenTree::Literal(_) => {}
+        }
+    }
+    paths.push(path);
+}
+
+#[test]
+fn no_file_takes_names_in_a_circle() {
+    let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("src");
+    let files = sources(&root);
+    let modules = files.iter().map(|file| (module_of(file, &root), file.clone())).collect();
+    let mut named: BTreeMap<PathBuf, BTreeSet<PathBuf>> =
+        files.iter().map(|file| (file.clone(), files_named(file, &root, &modules))).collect();
+    // what names nothing that is left cannot be in a circle
+    loop {
+        let done: Vec<PathBuf> = named
+            .iter()
+            .filter(|(_, names)| names.is_empty())
+            .map(|(file, _)| file.clone())
+            .collect();
+        if done.is_empty() {
+            break;
+        }
+        named.retain(|file, _| !done.contains(file));
+        named.values_mut().for_each(|names| names.retain(|name| !done.contains(name)));
+    }
+    let shown = |file: &PathBuf| file.strip_prefix(&root).unwrap().display().to_string();
+    let circles: Vec<String> = named
+        .iter()
+        .map(|(file, names)| {
+            format!("{} -> {:?}", shown(file), names.iter().map(shown).collect::<Vec<_>>())
+        })
+        .collect();
+    assert!(circles.is_empty(), "in a circle, or on the way to one:\n{}", circles.join("\n"));
 }

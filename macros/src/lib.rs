@@ -30,3 +30,16 @@ fn error(mistake: &eplat_language::Mistake) -> proc_macro2::TokenStream {
     let text = format!("{}\nhelp: {}", mistake.message, mistake.help);
     quote_spanned!(mistake.span=> compile_error!{#text})
 }
+
+#[cfg(test)]
+mod tests {
+    /// What `models/erp.rs` expands to, as a person reads it.
+    #[test]
+    fn the_expansion_of_the_erp_model() {
+        let file = eplat_language::File::read(include_str!("../../models/erp.rs"));
+        let model = file.unwrap_or_else(|mistake| panic!("{}", mistake.message)).model;
+        let expanded = super::expand::model(&model, "model Erp; …");
+        let file: syn::File = syn::parse2(expanded).unwrap_or_else(|error| panic!("{error}"));
+        insta::assert_snapshot!(prettyplease::unparse(&file));
+    }
+}

@@ -1,11 +1,29 @@
 //! The names that an expression can see, and what it mentions of them.
 
 use std::collections::BTreeSet;
+use std::ops::Add;
 
 use eplat_language::names::{Mention, Seen, mentions, substitute};
 use eplat_language::syntax::{Expr, Ident};
-use proc_macro2::TokenStream;
+use proc_macro2::{Literal, TokenStream};
 use quote::{ToTokens, format_ident, quote};
+
+/// How many there are, as a plain literal.
+#[derive(Clone, Copy)]
+pub(crate) struct Count(pub(crate) usize);
+
+impl Add<usize> for Count {
+    type Output = Self;
+    fn add(self, more: usize) -> Self {
+        Self(self.0 + more)
+    }
+}
+
+impl ToTokens for Count {
+    fn to_tokens(&self, tokens: &mut TokenStream) {
+        Literal::usize_unsuffixed(self.0).to_tokens(tokens);
+    }
+}
 
 /// What a name stands for.
 #[derive(Clone)]
@@ -113,8 +131,8 @@ impl Scope {
 
 impl Mentioned<'_> {
     /// How many numbers carry derivatives.
-    pub(crate) fn width(&self) -> usize {
-        self.numbers.iter().map(|name| name.len()).sum()
+    pub(crate) fn width(&self) -> Count {
+        Count(self.numbers.iter().map(|name| name.len()).sum())
     }
 
     /// `&["a", "tau_out.m"]`

@@ -1,5 +1,6 @@
 //! Tables from CSV files, and as CSV text.
 
+use std::fs;
 use std::path::Path;
 
 use super::{DataError, Table};
@@ -11,14 +12,20 @@ use super::{DataError, Table};
 pub(super) fn read(path: &Path) -> Result<Table, DataError> {
     let file = path.display().to_string();
     let unreadable = |e: csv::Error| unreadable(&file, &e);
+    let bytes = fs::read(path).map_err(|e| unreadable(e.into()))?;
     let mut reader =
-        csv::ReaderBuilder::new().trim(csv::Trim::All).from_path(path).map_err(unreadable)?;
+        csv::ReaderBuilder::new().trim(csv::Trim::All).from_reader(bytes.as_slice());
     let header: Vec<String> =
         reader.headers().map_err(unreadable)?.iter().map(String::from).collect();
-    let (mut lines, mut cells) = (vec![], vec![]);
+    let (mut lines, mut cells, mut counted) = (vec![], vec![], (0, 1));
     for record in reader.records() {
         let record = record.map_err(unreadable)?;
-        lines.push(record.position().map_or(0, csv::Position::line));
+        let begin = record.position().map_or(0, csv::Position::byte) as usize;
+        // a record begins with the blank lines before it
+        let blank = bytes[begin..].iter().take_while(|b| b.is_ascii_whitespace()).count();
+        let passed = bytes[counted.0..begin + blank].iter().filter(|b| **b == b'\n').count();
+        counted = (begin + blank, counted.1 + passed as u64);
+        lines.push(counted.1);
         cells.push(record.iter().map(String::from).collect());
     }
     Table::new(file, header, lines, &cells)

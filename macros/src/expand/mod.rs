@@ -1,16 +1,17 @@
 //! The Rust that a model stands for: a unit struct, its columns as a struct, and for each statement an
 //! implementation of a trait of one function and a call of the builder.
 
-use eplat_language::names::columns_of;
 use eplat_language::print as text;
 use eplat_language::syntax::{
-    Column, Density, Effect, Expr, Field, Hyper, Ident, Item, Let, Model, Observe, Over, Param,
-    Prior, Range, Unit, Value,
+    Column, Density, Effect, Expr, Hyper, Ident, Item, Model, Over, Param, Prior, Range, Unit,
 };
-use proc_macro2::TokenStream;
+use proc_macro2::{Literal, TokenStream};
 use quote::quote;
 
-use crate::scope::{Kind, Scope, bind_row};
+use crate::scope::{Count, Kind, Scope};
+
+mod field;
+mod rows;
 
 /// What has been read so far.
 #[derive(Default)]
@@ -86,7 +87,12 @@ fn row_struct(columns: &[&Column]) -> TokenStream {
     let words: Vec<String> = names.iter().map(ToString::to_string).collect();
     let types: Vec<TokenStream> = columns
         .iter()
-        .map(|column| column.len.map_or(quote!(f64), |n| quote!([f64; #n])))
+        .map(|column| {
+            column.len.map_or(quote!(f64), |n| {
+                let n = Count(n);
+                quote!([f64; #n])
+            })
+        })
         .collect();
     quote! {
         #[derive(Debug)]
@@ -117,7 +123,10 @@ fn decl(name: &Ident, unit: Option<&Unit>, text: &str) -> TokenStream {
 /// `Some((1.0, 30.0))`
 fn range(range: Option<Range>) -> TokenStream {
     match range {
-        Some(Range { low, high }) => quote!(Some((#low, #high))),
+        Some(Range { low, high }) => {
+            let [low, high] = [low, high].map(Literal::f64_unsuffixed);
+            quote!(Some((#low, #high)))
+        }
         None => quote!(None),
     }
 }
@@ -144,7 +153,8 @@ impl<'m> State<'m> {
     fn param(&self, param: &Param, scope: &Scope) -> TokenStream {
         let decl = decl(&param.name, param.unit.as_ref(), &text(&param.prior.expr));
         let (prior, n, names) = prior(&param.prior, scope);
-        if let Over::Many(len) = &param.over {
+        if let Over::Many(len) = param.over {
+            let len = Count(len);
             let (prior, n, names) = vector_prior(&param.prior, scope);
             let (m1, m2) = (n + 1, n + 2);
             return quote!({ #prior b.vector::<Prior, #n, #m1, #m2>(#decl, #len, #names)?; });
@@ -168,189 +178,6 @@ impl<'m> State<'m> {
         let call = quote!({ #prior b.imputed::<Prior, #n, #m>(#decl, #names)?; });
         self.scope.declare(&column.name, column.name.to_string(), Kind::Cells);
         call
-    }
-
-    /// A block: its parameters are declared here if a field shares them, otherwise by each field that takes it.
-    fn hyper(&mut self, model: &Model, hyper: &'m Hyper) -> TokenStream {
-        let is_shared = model.statements.iter().any(|s| match &s.item {
-            Item::Field(field) => {
-                field.block.as_ref().is_some_and(|b| b.is_shared && b.name == hyper.name)
-            }
-            _ => false,
-        });
-        let (params, own) = self.params(&hyper.name, &hyper.params, &Scope::default());
-        self.blocks.push((hyper, own));
-        if !is_shared {
-            return TokenStream::new();
-        }
-        let name = hyper.name.to_string();
-        quote!(b.block(#name); #params b.end_block();)
-    }
-
-    /// Hyperparameters of `owner`, each of which sees those before it; and their names. `seen` are names of others.
-    fn params(&self, owner: &Ident, params: &[Param], seen: &Scope) -> (TokenStream, Scope) {
-        let (mut calls, mut own) = (TokenStream::new(), seen.clone());
-        for param in params {
-            calls.extend(self.param(param, &self.scope.with(&own)));
-            own.declare(&param.name, format!("{owner}.{}", param.name), kind_of(param));
-        }
-        (calls, own)
-    }
-
-    fn field(&mut self, field: &Field) -> TokenStream {
-        let name = field.name.to_string();
-        let decl = decl(&field.name, field.unit.as_ref(), &text(&field.value));
-        let (range, label) = (range(field.range), option(field.label.as_ref()));
-        let block = field.block.as_ref().and_then(|own| {
-            let found = self.blocks.iter().find(|(hyper, _)| hyper.name == own.name);
-            found.map(|(hyper, names)| (own.is_shared, *hyper, names.clone()))
-        });
-        let (mut params, mut own) = match block {
-            Some((true, _, names)) => (TokenStream::new(), names),
-            Some((false, hyper, _)) => self.params(&field.name, &hyper.params, &Scope::default()),
-            None => (TokenStream::new(), Scope::default()),
-        };
-        let (more, all) = self.params(&field.name, &field.params, &own);
-        params.extend(more);
-        own = all;
-        let scope = self.scope.with(&own);
-        let lone_mean = lone_name(field.mean.as_ref(), &own);
-        let mean = match &field.mean {
-            Some(mean) => scalar(mean, &scope),
-            None => scalar(&syn::parse_quote!(0.0), &scope),
-        };
-        let terms = field.terms.iter().map(|term| {
-            let amplitude = match &term.amplitude {
-                Some(amplitude) => scalar(amplitude, &scope),
-                None => scalar(&syn::parse_quote!(1.0), &scope),
-            };
-            let (mentioned, kernel, modes) =
-                (scope.mentioned(&term.kernel), &term.kernel, term.modes);
-            let (n, names) = (mentioned.width(), mentioned.full_names());
-            let (pattern, vectors) = mentioned.pattern();
-            quote! {{
-                let amplitude = #amplitude;
-                #[derive(Debug)]
-                struct Covariance;
-                impl KernelFn<#n> for Covariance {
-                    #[inline(always)]
-                    fn kernel<T: Real>(#pattern: [Num<T>; #n]) -> impl Kernel<Num<T>> + use<T> {
-                        #vectors
-                        #kernel
-                    }
-                }
-                b.term::<Covariance, #n>(amplitude, #modes, #names)
-            }}
-        });
-        let terms: Vec<TokenStream> = terms.collect();
-        self.scope.declare(&field.name, name.clone(), Kind::Row);
-        quote! {{
-            b.field(#decl, #range, #label, #name)?;
-            #params
-            let mean = #mean;
-            let terms = vec![#(#terms),*];
-            b.end_field(#lone_mean, mean, terms)?;
-        }}
-    }
-
-    fn let_statement(&mut self, declared: &Let) -> TokenStream {
-        let (name, row) = (declared.name.to_string(), &declared.row);
-        let unit = declared.unit.as_ref();
-        let value = match &declared.value {
-            Value::Linear { columns, beta } => {
-                let columns: Vec<String> = columns.iter().map(ToString::to_string).collect();
-                let beta = beta.to_string();
-                let decl = decl(&declared.name, unit, "");
-                self.scope.declare(&declared.name, name.clone(), Kind::Row);
-                return quote!(b.linear(#decl, #name, &[#(#columns),*], #beta););
-            }
-            Value::Expr(value) => value,
-        };
-        let decl = decl(&declared.name, unit, &text(value));
-        let mentioned = self.scope.mentioned(value);
-        let (n, place) = (mentioned.width() + mentioned.lets.len(), self.place(value, row));
-        let (pattern, vectors) = mentioned.pattern();
-        let lets = mentioned.values(&self.scope);
-        let plain = self.scope.plain(value, row);
-        let (bind, range) = (bind_row(&plain, row), range(declared.range));
-        let kind = Kind::Let { row: row.clone(), value: value.clone() };
-        let call = quote! {{
-            #[derive(Debug)]
-            struct Value;
-            impl LetFn<#n> for Value {
-                type Columns = Row;
-                #[inline]
-                fn value<T: Real>(#pattern: [Num<T>; #n], row: &Row) -> Num<T> {
-                    #vectors
-                    #lets
-                    #bind
-                    expansion::number::<T>(#plain)
-                }
-            }
-            b.value::<Value, #n>(#decl, #name, #range, #place);
-        }};
-        self.scope.declare(&declared.name, name, kind);
-        call
-    }
-
-    fn observe(&self, observe: &Observe) -> TokenStream {
-        let (name, row, likelihood) = (observe.name.to_string(), &observe.row, &observe.likelihood);
-        let kind = &observe.kind;
-        let decl = decl(&observe.name, observe.unit.as_ref(), &text(likelihood));
-        let mentioned = self.scope.mentioned(likelihood);
-        let (w, place) = (mentioned.width(), self.place(likelihood, row));
-        let n = w + mentioned.lets.len();
-        let (pattern, vectors) = mentioned.pattern();
-        let lets = mentioned.values(&self.scope);
-        let plain = self.scope.plain(likelihood, row);
-        let bind = bind_row(&plain, row);
-        let measured = observe
-            .from
-            .as_ref()
-            .map(|from| quote!(fn measured(#row: &Row) -> Option<#kind> { Some(#from) }));
-        let from = match &observe.from {
-            None => quote!(None),
-            Some(from) => {
-                let (written, columns) = (text(from), self.columns_read(from, row));
-                quote!(Some(Computed { text: #written, columns: &[#(#columns),*] }))
-            }
-        };
-        quote! {{
-            #[derive(Debug)]
-            struct Rows;
-            impl RowFn<#n> for Rows {
-                type Columns = Row;
-                type Y = #kind;
-                #[inline(always)]
-                fn likelihood<T: Real>(
-                    #pattern: [Num<T>; #n],
-                    row: &Row,
-                ) -> impl Likelihood<Num<T>, #kind> + use<T> {
-                    #vectors
-                    #lets
-                    #bind
-                    #plain
-                }
-                #measured
-            }
-            b.observe::<Rows, #n, #w>(#decl, #name, #place, #from)?;
-        }}
-    }
-
-    /// `Place { numbers: &["tau_out", "apd_max"], lets: &["erp_s2"], reads_row: false }`
-    fn place(&self, e: &Expr, row: &Ident) -> TokenStream {
-        let mentioned = self.scope.mentioned(e);
-        let (numbers, lets) = (mentioned.full_names(), mentioned.let_names());
-        let reads_row = self.scope.reads_row(e, row);
-        quote!(Place { numbers: #numbers, lets: #lets, reads_row: #reads_row })
-    }
-
-    /// The columns that `e` reads of the row or table that it calls `of`: all where it hands on the whole.
-    fn columns_read(&self, e: &Expr, of: &Ident) -> Vec<String> {
-        match columns_of(e, of) {
-            Some(columns) => columns.iter().map(ToString::to_string).collect(),
-            None => self.columns.clone(),
-        }
     }
 
     fn effect(&self, effect: &Effect) -> TokenStream {
@@ -406,7 +233,7 @@ impl<'m> State<'m> {
 }
 
 /// `struct Prior` with the prior as a function of what it mentions of `scope`; how much that is, and its names.
-fn prior(prior: &Prior, scope: &Scope) -> (TokenStream, usize, TokenStream) {
+fn prior(prior: &Prior, scope: &Scope) -> (TokenStream, Count, TokenStream) {
     let mentioned = scope.mentioned(&prior.expr);
     let (n, names) = (mentioned.width(), mentioned.full_names());
     let (pattern, vectors) = mentioned.pattern();
@@ -426,7 +253,7 @@ fn prior(prior: &Prior, scope: &Scope) -> (TokenStream, usize, TokenStream) {
 }
 
 /// As [`prior`], of a vector: of each number, or of the whole.
-fn vector_prior(prior: &Prior, scope: &Scope) -> (TokenStream, usize, TokenStream) {
+fn vector_prior(prior: &Prior, scope: &Scope) -> (TokenStream, Count, TokenStream) {
     let mentioned = scope.mentioned(&prior.expr);
     let (n, names) = (mentioned.width(), mentioned.full_names());
     let (pattern, vectors) = mentioned.pattern();
@@ -462,20 +289,6 @@ fn scalar(e: &Expr, scope: &Scope) -> TokenStream {
         }
         b.scalar::<Value, #n>(#names)
     }}
-}
-
-/// `Some("tau_out.m")` where the mean is a hyperparameter and nothing else.
-fn lone_name(mean: Option<&Expr>, own: &Scope) -> TokenStream {
-    let Some(Expr::Path(path)) = mean else { return quote!(None) };
-    if path.path.get_ident().is_none() {
-        return quote!(None);
-    }
-    let mentioned = own.mentioned(path);
-    let full: Vec<&String> = mentioned.numbers.iter().map(|name| &name.full).collect();
-    match full[..] {
-        [name] => quote!(Some(#name)),
-        _ => quote!(None),
-    }
 }
 
 fn option(ident: Option<&Ident>) -> TokenStream {

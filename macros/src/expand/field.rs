@@ -1,0 +1,113 @@
+//! Fields, and blocks of hyperparameters.
+
+use eplat_language::print as text;
+use eplat_language::syntax::{Expr, Field, Hyper, Ident, Item, Model, Param};
+use proc_macro2::TokenStream;
+use quote::quote;
+
+use super::{State, decl, kind_of, option, range, scalar};
+use crate::scope::{Count, Kind, Scope};
+
+impl<'m> State<'m> {
+    /// A block: its parameters are declared here if a field shares them, otherwise by each field that takes it.
+    pub(super) fn hyper(&mut self, model: &Model, hyper: &'m Hyper) -> TokenStream {
+        let is_shared = model.statements.iter().any(|s| match &s.item {
+            Item::Field(field) => {
+                field.block.as_ref().is_some_and(|b| b.is_shared && b.name == hyper.name)
+            }
+            _ => false,
+        });
+        let (params, own) = self.params(&hyper.name, &hyper.params, &Scope::default());
+        self.blocks.push((hyper, own));
+        if !is_shared {
+            return TokenStream::new();
+        }
+        let name = hyper.name.to_string();
+        quote!(b.block(#name); #params b.end_block();)
+    }
+
+    /// Hyperparameters of `owner`, each of which sees those before it; and their names. `seen` are names of others.
+    pub(super) fn params(
+        &self,
+        owner: &Ident,
+        params: &[Param],
+        seen: &Scope,
+    ) -> (TokenStream, Scope) {
+        let (mut calls, mut own) = (TokenStream::new(), seen.clone());
+        for param in params {
+            calls.extend(self.param(param, &self.scope.with(&own)));
+            own.declare(&param.name, format!("{owner}.{}", param.name), kind_of(param));
+        }
+        (calls, own)
+    }
+
+    pub(super) fn field(&mut self, field: &Field) -> TokenStream {
+        let name = field.name.to_string();
+        let decl = decl(&field.name, field.unit.as_ref(), &text(&field.value));
+        let (range, label) = (range(field.range), option(field.label.as_ref()));
+        let block = field.block.as_ref().and_then(|own| {
+            let found = self.blocks.iter().find(|(hyper, _)| hyper.name == own.name);
+            found.map(|(hyper, names)| (own.is_shared, *hyper, names.clone()))
+        });
+        let (mut params, mut own) = match block {
+            Some((true, _, names)) => (TokenStream::new(), names),
+            Some((false, hyper, _)) => self.params(&field.name, &hyper.params, &Scope::default()),
+            None => (TokenStream::new(), Scope::default()),
+        };
+        let (more, all) = self.params(&field.name, &field.params, &own);
+        params.extend(more);
+        own = all;
+        let scope = self.scope.with(&own);
+        let lone_mean = lone_name(field.mean.as_ref(), &own);
+        let mean = match &field.mean {
+            Some(mean) => scalar(mean, &scope),
+            None => scalar(&syn::parse_quote!(0.0), &scope),
+        };
+        let terms = field.terms.iter().map(|term| {
+            let amplitude = match &term.amplitude {
+                Some(amplitude) => scalar(amplitude, &scope),
+                None => scalar(&syn::parse_quote!(1.0), &scope),
+            };
+            let (mentioned, kernel, modes) =
+                (scope.mentioned(&term.kernel), &term.kernel, Count(term.modes));
+            let (n, names) = (mentioned.width(), mentioned.full_names());
+            let (pattern, vectors) = mentioned.pattern();
+            quote! {{
+                let amplitude = #amplitude;
+                #[derive(Debug)]
+                struct Covariance;
+                impl KernelFn<#n> for Covariance {
+                    #[inline(always)]
+                    fn kernel<T: Real>(#pattern: [Num<T>; #n]) -> impl Kernel<Num<T>> + use<T> {
+                        #vectors
+                        #kernel
+                    }
+                }
+                b.term::<Covariance, #n>(amplitude, #modes, #names)
+            }}
+        });
+        let terms: Vec<TokenStream> = terms.collect();
+        self.scope.declare(&field.name, name.clone(), Kind::Row);
+        quote! {{
+            b.field(#decl, #range, #label, #name)?;
+            #params
+            let mean = #mean;
+            let terms = Vec::from([#(#terms),*]);
+            b.end_field(#lone_mean, mean, terms)?;
+        }}
+    }
+}
+
+/// `Some("tau_out.m")` where the mean is a hyperparameter and nothing else.
+fn lone_name(mean: Option<&Expr>, own: &Scope) -> TokenStream {
+    let Some(Expr::Path(path)) = mean else { return quote!(None) };
+    if path.path.get_ident().is_none() {
+        return quote!(None);
+    }
+    let mentioned = own.mentioned(path);
+    let full: Vec<&String> = mentioned.numbers.iter().map(|name| &name.full).collect();
+    match full[..] {
+        [name] => quote!(Some(#name)),
+        _ => quote!(None),
+    }
+}

@@ -1,0 +1,63 @@
+//! A model's fields as the blocks of [`sample_blocked`]: which unknowns are in them, and their design.
+//!
+//! ```text
+//! Σ_terms amplitude √S_k η_k = √s_k ζ_k      s_k = Σ_terms (amplitude √S_k)²
+//! ```
+//! so that the terms of a field are one term with ζ standard normal. With fewer sites than modes, the
+//! sites see only n combinations w of them: θ = mean + L w with L Lᵀ = Φ diag(s) Φᵀ. A mean with a
+//! normal or flat prior that nothing else mentions is in the block too, as location + scale w; the
+//! rest of the unknowns is outer. What the sites do not see is drawn from its exact conditional
+//! ([`restore`](super::restore)).
+
+mod blocks;
+mod on_tape;
+
+use blocks::Blocks;
+
+use crate::infer::{self, ChainResult, InferError, Progress, Settings, sample_blocked};
+use crate::model::laid_out::{FieldEntry, Model};
+
+/// Which sampler a model is sampled with.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Sampler {
+    /// Fields whitened in a block, their hyperparameters by Metropolis, the rest by NUTS.
+    Blocked,
+    /// NUTS on all unknowns.
+    Nuts,
+}
+
+impl Sampler {
+    /// The blocked sampler for every model with fields that measurements see; NUTS for others.
+    pub fn of(model: &Model) -> Self {
+        let seen = |f: &FieldEntry| f.op.k > 0 && f.op.n_probes() > 0;
+        if model.has_fields() && model.fields.iter().all(seen) { Self::Blocked } else { Self::Nuts }
+    }
+
+    /// Its name for tables and records.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Blocked => "blocked",
+            Self::Nuts => "nuts",
+        }
+    }
+
+    /// Samples `model`; the draws are its own unknowns whichever sampler it is.
+    ///
+    /// # Errors
+    /// Those of [`infer::sample`].
+    pub fn sample(
+        self,
+        model: &Model,
+        starts: &[Vec<f64>],
+        settings: &Settings,
+        progress: &dyn Progress,
+    ) -> Result<Vec<ChainResult>, InferError> {
+        match self {
+            Self::Blocked => sample_blocked(&Blocks::new(model), starts, settings, progress),
+            Self::Nuts => infer::sample(model, starts, settings, progress),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests;

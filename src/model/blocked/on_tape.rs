@@ -1,0 +1,232 @@
+//! The blocks of a model at one position of its unknowns.
+
+use super::blocks::{Blocks, gaussian};
+use crate::dist::Gaussian;
+use crate::infer::{
+    self, BlockLayout, ChainResult, Design, Evaluator, InferError, Latent, LatentGaussian, Layout,
+    LogDensity, Progress, Settings, Shape, sample_blocked,
+};
+use crate::model::gp::Field;
+use crate::model::laid_out::Model;
+use crate::model::restore::{Seen, coefficients, weights_of};
+use crate::model::tape::{Op, Tape, add_rows};
+use rand::Rng;
+use std::collections::BTreeSet;
+
+/// A model's block on a tape of its own.
+pub(super) struct OnTape<'m> {
+    pub(super) blocks: &'m Blocks<'m>,
+    pub(super) tape: Tape,
+    /// First latent value of each field on the tape.
+    pub(super) theta: Vec<usize>,
+    pub(super) c: Vec<f64>,
+    pub(super) variances: Vec<f64>,
+    pub(super) covariance: Vec<f64>,
+    pub(super) gradient: Vec<f64>,
+}
+
+impl OnTape<'_> {
+    /// Values of everything but the fields, from outer unknowns.
+    fn forward(&mut self, outer: &[f64]) {
+        let (model, t) = (self.blocks.model, &mut self.tape);
+        for (u, x) in self.blocks.layout.outer.iter().zip(outer) {
+            t.u[*u] = *x;
+        }
+        for range in &model.offsets {
+            t.v[range.clone()].fill(0.0);
+        }
+        model.priors.iter().for_each(|prior| prior.forward(t));
+        model.linear.iter().for_each(|linear| linear.forward(t));
+    }
+
+    fn set_latent(&mut self, theta: &[f64]) {
+        let n = self.blocks.layout.n_seen;
+        for (at, theta) in self.theta.iter().zip(theta.chunks_exact(n)) {
+            self.tape.v[*at..][..n].copy_from_slice(theta);
+        }
+    }
+
+    fn latent_slope(&self, theta_bar: &mut [f64]) {
+        let n = self.blocks.layout.n_seen;
+        for (at, bar) in self.theta.iter().zip(theta_bar.chunks_exact_mut(n)) {
+            bar.copy_from_slice(&self.tape.g[*at..][..n]);
+        }
+    }
+
+    /// The variances s of one field's modes at the tape's hyperparameters.
+    fn set_variances(&mut self, op: &Field) {
+        self.variances.fill(0.0);
+        for term in &op.terms {
+            let amplitude = term.amplitude.value(&self.tape.v);
+            let c = &mut self.c[..term.k];
+            term.spectrum.values(&self.tape.v, &op.frequency[..term.k], c);
+            for (s, c) in self.variances.iter_mut().zip(c) {
+                *s += (amplitude * *c) * (amplitude * *c);
+            }
+        }
+    }
+
+    fn set_design(&mut self, design: &mut Design) {
+        let blocks = self.blocks;
+        for (f, (entry, block)) in blocks.model.fields.iter().zip(&blocks.fields).enumerate() {
+            let op = &entry.op;
+            let width = design.scale[f].len();
+            let rows = &mut design.rows[f];
+            if let Some(prior) = block.mean {
+                let Gaussian { location, scale, .. } = gaussian(blocks.model, prior, &self.tape.v);
+                design.offset[f] = location;
+                design.scale[f][width - 1] = scale;
+                rows.chunks_exact_mut(width).for_each(|row| row[width - 1] = scale);
+            } else {
+                design.offset[f] = op.mean.value(&self.tape.v);
+            }
+            self.set_variances(op);
+            if matches!(blocks.layout.blocks[f].shape, Shape::Triangular) {
+                block.lower(&self.variances[..op.k], &mut self.covariance, rows, width);
+                continue;
+            }
+            for (c, s) in design.scale[f].iter_mut().zip(&self.variances[..op.k]) {
+                *c = s.sqrt();
+            }
+            for (row, modes) in rows.chunks_exact_mut(width).zip(block.modes.chunks_exact(op.k)) {
+                for ((x, mode), c) in row.iter_mut().zip(modes).zip(&design.scale[f]) {
+                    *x = mode * c;
+                }
+            }
+        }
+    }
+}
+
+impl Latent for OnTape<'_> {
+    fn coefficients(&mut self, position: &[f64], out: &mut [f64]) {
+        let outer: Vec<f64> = self.blocks.layout.outer.iter().map(|u| position[*u]).collect();
+        self.forward(&outer);
+        let model = self.blocks.model;
+        let mut at = 0;
+        for (entry, field) in model.fields.iter().zip(&self.blocks.fields) {
+            let w =
+                coefficients(&entry.op, &field.modes, &self.tape.v, position, self.is_collapsed());
+            out[at..][..w.len()].copy_from_slice(&w);
+            at += w.len();
+            if let Some(prior) = field.mean {
+                let Gaussian { location, scale, .. } = gaussian(model, prior, &self.tape.v);
+                out[at] = (position[model.prior_entries[prior].u.start] - location) / scale;
+                at += 1;
+            }
+        }
+    }
+
+    fn join(
+        &mut self,
+        outer: &[f64],
+        block: &[f64],
+        rng: &mut dyn Rng,
+        position: &mut [f64],
+    ) -> f64 {
+        self.forward(outer);
+        for (u, x) in self.blocks.layout.outer.iter().zip(outer) {
+            position[*u] = *x;
+        }
+        let model = self.blocks.model;
+        let mut at = 0;
+        for (f, (entry, field)) in model.fields.iter().zip(&self.blocks.fields).enumerate() {
+            let n = self.blocks.layout.blocks[f].n_coefficients;
+            let seen = Seen { w: &block[at..][..n], is_collapsed: self.is_collapsed() };
+            weights_of(&entry.op, &field.modes, &self.tape.v, &seen, rng, position);
+            at += n;
+            if let Some(prior) = field.mean {
+                let Gaussian { location, scale, .. } = gaussian(model, prior, &self.tape.v);
+                position[model.prior_entries[prior].u.start] = location + scale * block[at];
+                at += 1;
+            }
+        }
+        model.ln_density(&mut self.tape, position, &mut self.gradient)
+    }
+
+    fn set_outer(&mut self, outer: &[f64], design: &mut Design) -> f64 {
+        self.forward(outer);
+        self.set_design(design);
+        let (model, t) = (self.blocks.model, &mut self.tape);
+        t.lp = 0.0;
+        model.densities.iter().for_each(|density| density.op.backward(t));
+        self.blocks.priors().for_each(|prior| prior.backward(t));
+        t.lp
+    }
+
+    fn ln_likelihood(&mut self, theta: &[f64]) -> f64 {
+        self.set_latent(theta);
+        // with its gradient, which is asked of many rows at once: faster than the terms row by row
+        self.tape.lp = 0.0;
+        for observe in &self.blocks.model.observes {
+            observe.op.backward(&mut self.tape);
+        }
+        self.tape.lp
+    }
+
+    fn slope(&mut self, theta: &[f64], theta_bar: &mut [f64]) -> f64 {
+        self.set_latent(theta);
+        let t = &mut self.tape;
+        t.lp = 0.0;
+        t.g.fill(0.0);
+        for observe in &self.blocks.model.observes {
+            observe.op.backward(t);
+        }
+        let value = t.lp;
+        self.latent_slope(theta_bar);
+        value
+    }
+
+    fn slopes(
+        &mut self,
+        outer: &[f64],
+        theta: &[f64],
+        theta_bar: &mut [f64],
+        outer_bar: &mut [f64],
+    ) -> f64 {
+        self.forward(outer);
+        self.tape.gu.fill(0.0);
+        self.slope(theta, theta_bar);
+        let (model, t) = (self.blocks.model, &mut self.tape);
+        model.densities.iter().for_each(|density| density.op.backward(t));
+        model.linear.iter().rev().for_each(|linear| linear.backward(t));
+        self.blocks.priors().rev().for_each(|prior| prior.backward(t));
+        for (bar, u) in outer_bar.iter_mut().zip(&self.blocks.layout.outer) {
+            *bar = t.gu[*u];
+        }
+        t.lp
+    }
+}
+
+impl OnTape<'_> {
+    fn is_collapsed(&self) -> bool {
+        self.blocks.layout.blocks.iter().any(|f| matches!(f.shape, Shape::Triangular))
+    }
+}
+
+impl LogDensity for Blocks<'_> {
+    fn dim(&self) -> usize {
+        self.model.dim()
+    }
+    fn evaluator(&self) -> Box<dyn Evaluator + '_> {
+        self.model.evaluator()
+    }
+}
+
+impl LatentGaussian for Blocks<'_> {
+    fn layout(&self) -> &Layout {
+        &self.layout
+    }
+    fn latent(&self) -> Box<dyn Latent + '_> {
+        let k = self.model.fields.iter().map(|f| f.op.k).max().unwrap_or(0);
+        let n = self.layout.n_seen;
+        Box::new(OnTape {
+            blocks: self,
+            tape: self.model.tape(),
+            theta: self.model.fields.iter().map(|f| f.op.theta).collect(),
+            c: vec![0.0; k],
+            variances: vec![0.0; k],
+            covariance: vec![0.0; n * (n + 1) / 2],
+            gradient: vec![0.0; self.model.dim()],
+        })
+    }
+}
