@@ -36,7 +36,7 @@ fn close_the_loop_finds_what_it_hid() {
     let mut out = vec![];
     close_the_loop::run(&mut out).unwrap();
     let text = String::from_utf8(out).unwrap();
-    assert!(text.contains("effect force on erp [ms] = "), "{text}");
+    assert!(text.contains("effect force_g on erp [ms] = "), "{text}");
     assert_eq!(text.matches("effect ").count(), 1, "{text}");
     let (before, after) = (number_after(&text, "left out: "), number_after(&text, "before, "));
     assert!(after < 0.8 * before, "{text}");

@@ -158,10 +158,10 @@ fn an_empty_cell_is_an_unknown_and_a_filled_one_tells_of_the_prior() {
     assert_eq!(model.unknown_names(), names);
     let u = [0.7, -0.3, 1.5, -2.0, 0.4, -1.1];
     let mut gradient = vec![0.0; 6];
-    let lp = model.evaluator().ln_density(&u, &mut gradient);
+    let lp: f64 = model.evaluator().ln_density(&u, &mut gradient);
 
     // by hand, with positive unknowns as logarithms
-    let normal = |x: f64, mean: f64, sd: f64| Normal(mean, sd).ln_likelihood(&x);
+    let normal = |x: f64, mean: f64, sd: f64| -> f64 { Normal(mean, sd).ln_likelihood(&x) };
     let by_hand = |u: &[f64]| {
         let (mu, rate) = (u[0], u[1].exp());
         let dose = [1.0, u[2], 4.0, u[3]];

@@ -7,7 +7,6 @@ use crate::syntax::{
     Column, Effect, Expr, Field, Hyper, Item, Let, Model, Observe, Over, Param, Prior, Range,
     Statement, Unit, Value,
 };
-use crate::vocabulary::is_joint;
 
 /// Each section's title, and the statements that stand in it.
 const SECTIONS: [(&str, &str); 8] = [
@@ -160,8 +159,7 @@ fn observe(o: &Observe) -> String {
 }
 
 fn prior(prior: &Prior) -> String {
-    let marked = if prior.is_joint && !is_joint(&prior.expr) { "jointly " } else { "" };
-    format!("{marked}{}", print(&prior.expr))
+    print(&prior.expr)
 }
 
 fn expected(range: Option<&Range>, unit: &str) -> String {
@@ -183,7 +181,7 @@ mod tests {
         let text = "model! {
             model M;
             column dose [g] ~ Normal(5.0, 2.0);
-            param w(3) ~ jointly Mine(1.0);
+            param w(3) ~ Mine(1.0);
             hyper smooth { m [ms] ~ Flat; rho [mm] ~ InvGamma(1.0, 50.0); }
             field f(x, patient) [ms] = m + gp(Rbf(rho)*Matern12(rho), K=4) where shared smooth;
             field g(x, patient) [ms] = m + gp(Rbf(rho), K = 4) where smooth { m(patient) [ms] ~ Normal(0, 1); }
@@ -193,7 +191,7 @@ mod tests {
         let said: Vec<&str> = said.lines().filter(|line| line.starts_with("  ")).collect();
         let expected = [
             "  dose [g] ~ Normal(5.0, 2.0)    where its cell is empty",
-            "  w(3)             ~ jointly Mine(1.0)        <w>",
+            "  w(3)             ~ Mine(1.0)                <w>",
             "  smooth",
             "      m [ms]           ~ Flat                     <smooth.m>",
             "      rho [mm]         ~ InvGamma(1.0, 50.0)      <smooth.rho>",

@@ -47,6 +47,9 @@ impl Mistake {
     /// help: write one of these, or leave the unit out
     /// ```
     pub fn show(&self, file: &str, source: &str) -> String {
+        if self.range().is_empty() {
+            return format!("{file}: {}\nhelp: {}", self.message, self.help); // of the whole file
+        }
         let Range { start, end } = self.range();
         let start = start.min(source.len());
         let line_start = source[..start].rfind('\n').map_or(0, |at| at + 1);

@@ -91,7 +91,7 @@ pub struct Param {
 /// `~ PRIOR`
 #[derive(Clone)]
 pub struct Prior {
-    /// Whether it is one of a whole vector: `~ Dirichlet(2.0)`, or `~ jointly EXPR`.
+    /// Whether it is one of a whole vector: `~ Dirichlet(2.0)`.
     pub is_joint: bool,
     /// The distribution.
     pub expr: Expr,

@@ -158,7 +158,7 @@ fn each_mistake_is_told_in_words() {
             "b: `b` is one number, and its prior is one of a whole vector; declare `param b(3) ~ PRIOR;`, or give it a prior of one number",
         ),
         (
-            "param b(1) ~ jointly half(1.0);",
+            "param b(1) ~ Dirichlet(1.0);",
             "b: param b(1): proportions and ordered numbers come at least in twos; declare `param b(2) ~ PRIOR;` or more",
         ),
         (

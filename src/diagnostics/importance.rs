@@ -24,6 +24,14 @@ pub struct Importance {
     pub weights: Vec<f64>,
 }
 
+/// Largest less smallest of finite numbers.
+fn spread(x: &[f64]) -> f64 {
+    let ends = x
+        .iter()
+        .fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), x| (x.min(low), x.max(high)));
+    ends.1 - ends.0
+}
+
 /// From `log_ratios` (S), ln p − ln q of independent draws from q; −∞ where p is 0.
 pub fn importance(log_ratios: &[f64]) -> Importance {
     let n = log_ratios.len() as f64;
@@ -34,7 +42,12 @@ pub fn importance(log_ratios: &[f64]) -> Importance {
     let weight = |ratio| if supported(ratio) { of_inside.next().unwrap_or(0.0) } else { 0.0 };
     let weights: Vec<f64> = log_ratios.iter().map(weight).collect();
     let ess = weights.iter().map(|w| w * w).sum::<f64>().recip();
-    let pareto_k = if inside.is_empty() { f64::INFINITY } else { pareto_k };
+    let pareto_k = match () {
+        () if inside.is_empty() => f64::INFINITY,
+        // equal but for rounding: q is p, and there is no tail to judge
+        () if spread(&inside) < 1e-9 => 0.0,
+        () => pareto_k,
+    };
     Importance {
         pareto_k,
         k_threshold: k_threshold(log_ratios.len()),

@@ -13,8 +13,7 @@ pub(super) fn read(path: &Path) -> Result<Table, DataError> {
     let file = path.display().to_string();
     let unreadable = |e: csv::Error| unreadable(&file, &e);
     let bytes = fs::read(path).map_err(|e| unreadable(e.into()))?;
-    let mut reader =
-        csv::ReaderBuilder::new().trim(csv::Trim::All).from_reader(bytes.as_slice());
+    let mut reader = csv::ReaderBuilder::new().trim(csv::Trim::All).from_reader(bytes.as_slice());
     let header: Vec<String> =
         reader.headers().map_err(unreadable)?.iter().map(String::from).collect();
     let (mut lines, mut cells, mut counted) = (vec![], vec![], (0, 1));

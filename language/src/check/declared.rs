@@ -2,7 +2,8 @@
 
 use super::scope::Local;
 use crate::mistake::Mistake;
-use crate::syntax::{Field, Ident, Item, Model, Over, Param};
+use crate::print::print;
+use crate::syntax::{Expr, Field, Ident, Item, Model, Over, Param, Prior};
 
 /// Names that are declared twice. What an expression mentions by its bare name, the columns, the
 /// measurements and the densities may each have the name of one of the others.
@@ -42,6 +43,11 @@ fn is_same_kind(a: &Item, b: &Item) -> bool {
     }
 }
 
+/// The correlation of two is one number.
+fn takes_one(prior: &Prior) -> bool {
+    matches!(&prior.expr, Expr::Call(call) if print(&call.func) == "LkjCholesky")
+}
+
 /// A vector prior is one of at least two numbers.
 pub(super) fn length(param: &Param) -> Vec<Mistake> {
     let Param { name, over, prior, .. } = param;
@@ -54,7 +60,7 @@ pub(super) fn length(param: &Param) -> Vec<Mistake> {
             format!("`{name}` is one number, and its prior is one of a whole vector"),
             format!("declare `param {name}(3) ~ PRIOR;`, or give it a prior of one number"),
         ),
-        Over::Many(1) if prior.is_joint => (
+        Over::Many(1) if prior.is_joint && !takes_one(prior) => (
             format!("param {name}(1): proportions and ordered numbers come at least in twos"),
             format!("declare `param {name}(2) ~ PRIOR;` or more"),
         ),

@@ -25,15 +25,11 @@ pub(super) fn param(input: ParseStream<'_>, form: &str) -> Result<Param> {
     Ok(Param { name, over, unit, prior })
 }
 
-/// `~ jointly? EXPR`
+/// `~ EXPR`
 pub(super) fn prior(input: ParseStream<'_>) -> Result<Prior> {
     let tilde: Token![~] = input.parse()?;
-    let marked = input.peek(Ident) && input.fork().parse::<Ident>()? == "jointly";
-    if marked {
-        input.parse::<Ident>()?;
-    }
     let expr = expr(input, tilde.span, "a prior")?;
-    Ok(Prior { is_joint: marked || is_joint(&expr), expr })
+    Ok(Prior { is_joint: is_joint(&expr), expr })
 }
 
 /// `(3)` or `(COLUMN)`

@@ -94,7 +94,13 @@ impl Block {
 
     /// L of the covariance with these variances of the modes. A site that the earlier ones
     /// determine to rounding has a zero column.
-    pub(super) fn lower(&self, variances: &[f64], covariance: &mut [f64], rows: &mut [f64], width: usize) {
+    pub(super) fn lower(
+        &self,
+        variances: &[f64],
+        covariance: &mut [f64],
+        rows: &mut [f64],
+        width: usize,
+    ) {
         const ROUNDING: f64 = 1e-13;
         covariance.fill(0.0);
         add_rows(variances, &self.products, covariance);

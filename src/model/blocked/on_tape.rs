@@ -2,16 +2,11 @@
 
 use super::blocks::{Blocks, gaussian};
 use crate::dist::Gaussian;
-use crate::infer::{
-    self, BlockLayout, ChainResult, Design, Evaluator, InferError, Latent, LatentGaussian, Layout,
-    LogDensity, Progress, Settings, Shape, sample_blocked,
-};
+use crate::infer::{Design, Evaluator, Latent, LatentGaussian, Layout, LogDensity, Shape};
 use crate::model::gp::Field;
-use crate::model::laid_out::Model;
 use crate::model::restore::{Seen, coefficients, weights_of};
-use crate::model::tape::{Op, Tape, add_rows};
+use crate::model::tape::{Op, Tape};
 use rand::Rng;
-use std::collections::BTreeSet;
 
 /// A model's block on a tape of its own.
 pub(super) struct OnTape<'m> {

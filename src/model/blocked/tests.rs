@@ -1,9 +1,7 @@
 use super::*;
-use crate::infer::{
-    BlockLayout, Design, Evaluator, Latent, LatentGaussian, Layout, LogDensity, Shape,
-};
 use crate::diagnostics::{mcse_mean, mcse_sd, mean_and_sd};
 use crate::infer::{Blocked, Chain, ChainError, MarkovChain, Silent, jittered_starts};
+use crate::infer::{Design, Evaluator, Latent, LatentGaussian, Layout, LogDensity};
 use crate::manifold::Basis;
 use crate::model::Declare;
 use crate::prelude::*;

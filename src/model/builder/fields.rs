@@ -140,7 +140,9 @@ impl Builder<'_> {
     ) {
         let name = declared.name_of(label);
         let n_modes = modes.frequency.len();
-        let lone_mean = lone.filter(|v| self.mentions.get(v) == Some(&1));
+        // one number of several shares its prior with them: it is sampled beside the field
+        let is_alone = |v: &usize| self.model.prior_entries.iter().any(|e| e.v == *v && e.len == 1);
+        let lone_mean = lone.filter(|v| self.mentions.get(v) == Some(&1) && is_alone(v));
         let collapsed = self.collapse(lone, lone_mean, declared.range, modes.phi0);
         let first = usize::from(collapsed.is_some());
         let work_of_terms = self.coefficients_of(&name, &mut terms, first);
@@ -237,10 +239,7 @@ impl Builder<'_> {
         let phi0 = phi0?;
         lone_mean?;
         let field = self.model.fields.len();
-        // one number of several is reported among the others: its mode stays where it is
-        let is_it = |p: &&mut Parameter| {
-            p.len == 1 && matches!(p.position, Position::Values(at) if at == v)
-        };
+        let is_it = |p: &&mut Parameter| matches!(p.position, Position::Values(at) if at == v);
         let parameter = self.model.parameters.iter_mut().find(is_it)?;
         parameter.position = Position::CollapsedMean { field };
         Some(Collapsed { mean: v, phi0 })
