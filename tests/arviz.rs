@@ -20,7 +20,7 @@ fn python() -> Option<PathBuf> {
     };
     let found = named.into_iter().chain(usual).find(fits);
     if found.is_none() {
-        eprintln!("no Python with ArviZ >= 1 found (EPLAT_PYTHON): skipped");
+        program::skipped::skipped("no Python with ArviZ >= 1 found (EPLAT_PYTHON)");
     }
     found
 }

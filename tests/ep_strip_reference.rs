@@ -2,6 +2,9 @@
 
 #![allow(clippy::unwrap_used, clippy::print_stdout, clippy::float_cmp, reason = "helpers of tests")]
 
+#[path = "support/skipped.rs"]
+mod skipped;
+
 use std::path::PathBuf;
 
 use eplat::ep::{Grid, Parameters, Protocol, StripOutcome, Tissue, simulate_strips};
@@ -17,7 +20,7 @@ fn reference() -> Option<Vec<Row>> {
         .map_or_else(|| PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../shared"), PathBuf::from);
     let path = shared.join("data/opencarp_strip_100.csv");
     if !path.exists() {
-        println!("reference data not found: skipped");
+        skipped::skipped("reference data not found");
         return None;
     }
     let mut reader = csv::Reader::from_path(path).unwrap();

@@ -7,6 +7,9 @@
 //! count has a probability below 5 % under it; the table shows the counts themselves.
 #![allow(clippy::unwrap_used, clippy::print_stdout, reason = "for tests")]
 
+#[path = "support/skipped.rs"]
+mod skipped;
+
 #[path = "../models/erp.rs"]
 mod erp;
 #[path = "support/studies.rs"]
@@ -330,7 +333,7 @@ fn the_reference_sets_are_read_rightly() {
     let shared = variable("EPLAT_SHARED", "../shared");
     let folder = Path::new(&shared).join("data/synthetic");
     if !folder.exists() {
-        println!("reference data not found: skipped");
+        skipped::skipped("reference data not found");
         return;
     }
     let sets: [(&str, Scenario); 8] = [

@@ -202,7 +202,7 @@ fn the_loop_is_closed_in_memory() {
     assert_eq!(story.verdict(), "Level lacks an effect of force_g on duration.");
     let [low, high] = story.effects[0].size.interval;
     // a 90 % interval is 2 × 1.645 sd wide
-    let (centre, sd) = ((low + high) / 2.0, (high - low) / 3.29);
+    let (centre, sd) = (f64::midpoint(low, high), (high - low) / 3.29);
     assert!((centre + 8.0).abs() < 3.0 * sd, "{low} {high}");
     let error = &story.comparisons()[0];
     assert!(error.after.unwrap().rmse[0] < error.before.rmse[0], "{error:?}");

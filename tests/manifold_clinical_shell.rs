@@ -6,6 +6,9 @@
 
 #![allow(clippy::unwrap_used, reason = "a test")]
 
+#[path = "support/skipped.rs"]
+mod skipped;
+
 use eplat::manifold::{Basis, Geodesic, Laplacian, eigenpairs, maximin, random_maximin};
 use eplat::mesh::TriMesh;
 use std::path::{Path, PathBuf};
@@ -93,7 +96,7 @@ fn reference_file(name: &str) -> Option<PathBuf> {
         .map_or_else(|| Path::new(env!("CARGO_MANIFEST_DIR")).join("../shared"), PathBuf::from);
     let path = shared.join("data").join(name);
     if !path.exists() {
-        eprintln!("reference data not found: skipped");
+        skipped::skipped("reference data not found");
         return None;
     }
     Some(path)

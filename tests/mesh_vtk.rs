@@ -8,6 +8,9 @@
     reason = "tests: values must come back exactly"
 )]
 
+#[path = "support/skipped.rs"]
+mod skipped;
+
 use eplat::mesh::{self, Encoding, MeshError, Surface, TriMesh, Units};
 use proptest::prelude::*;
 use std::fmt::Write as _;
@@ -392,7 +395,7 @@ fn shared_data(file: &str) -> Option<PathBuf> {
     if path.exists() {
         return Some(path);
     }
-    println!("reference data not found: skipped");
+    skipped::skipped("reference data not found");
     None
 }
 

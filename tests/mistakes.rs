@@ -51,7 +51,6 @@ fn errors_of_types_are_shown_as_the_compiler_says_them() {
 }
 
 #[test]
-#[ignore = "until `model!` is the procedural macro, which lets plain numbers stand on the left"]
 fn plain_numbers_may_stand_on_the_left() {
     for name in LEGAL {
         let place = Workplace::new();

@@ -3,6 +3,9 @@
 
 #![allow(clippy::unwrap_used, clippy::expect_used, reason = "tests")]
 
+#[path = "support/skipped.rs"]
+mod skipped;
+
 use eplat::mesh::{TriMesh, write_vtp};
 use eplat::report::{Group, ReportError, Values, Variable, write_zarr};
 use rand::{RngExt as _, SeedableRng as _};
@@ -99,8 +102,8 @@ fn python() -> Option<PathBuf> {
     }
     let found = usual.into_iter().find(fits);
     if found.is_none() {
-        eprintln!(
-            "no Python >= 3.12 with tests/python/requirements.txt found (EPLAT_PYTHON): skipped"
+        skipped::skipped(
+            "no Python >= 3.12 with tests/python/requirements.txt found (EPLAT_PYTHON)",
         );
     }
     found

@@ -2,6 +2,9 @@
 
 #![allow(clippy::unwrap_used, clippy::expect_used, reason = "tests")]
 
+#[path = "support/skipped.rs"]
+mod skipped;
+
 use base64::{Engine as _, engine::general_purpose::STANDARD as BASE64};
 use eplat::diagnostics::Summary;
 use eplat::mesh::TriMesh;
@@ -279,7 +282,7 @@ fn a_browser_draws_the_fields_with_and_without_webgl() {
     let with = rendered(&path, &["--use-angle=swiftshader", "--enable-unsafe-swiftshader"]);
     let without = rendered(&path, &["--disable-3d-apis"]);
     let (Some(with), Some(without)) = (with, without) else {
-        println!("no Chromium found (EPLAT_CHROMIUM): skipped");
+        skipped::skipped("no Chromium found (EPLAT_CHROMIUM)");
         return;
     };
     for dom in [&with, &without] {

@@ -48,7 +48,7 @@ fn submit(place: &Workplace) {
 #[ignore = "needs Slurm, 1 minute"]
 fn a_killed_task_is_missed_done_again_and_leaves_no_trace() {
     if Command::new("sbatch").arg("--version").output().is_err() {
-        eprintln!("no sbatch: skipped");
+        program::skipped::skipped("no sbatch");
         return;
     }
     let place = Workplace::new().with_erp();

@@ -2,6 +2,9 @@
 
 #![allow(clippy::unwrap_used, clippy::print_stdout, reason = "helpers of tests")]
 
+#[path = "support/skipped.rs"]
+mod skipped;
+
 use std::path::{Path, PathBuf};
 
 use eplat::ep::table::read_rows;
@@ -13,7 +16,7 @@ fn reference(name: &str) -> Option<PathBuf> {
         .map_or_else(|| Path::new(env!("CARGO_MANIFEST_DIR")).join("../shared"), PathBuf::from);
     let path = shared.join("data").join(name);
     if !path.exists() {
-        println!("reference data not found: skipped");
+        skipped::skipped("reference data not found");
         return None;
     }
     Some(path)

@@ -35,7 +35,7 @@ pub(crate) enum Kind {
     /// A column with a prior.
     Cells,
     /// A `let`: its row, its value, and what it reads of the row.
-    Let { row: Ident, value: Expr },
+    Let { row: Ident, value: Box<Expr> },
 }
 
 /// A name in sight.

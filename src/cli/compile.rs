@@ -220,8 +220,20 @@ fn unpack(folder: &Path) -> std::io::Result<()> {
     fs::write(folder.join("language/Cargo.toml"), LANGUAGE_MANIFEST)?;
     fs::write(folder.join("macros/Cargo.toml"), MACROS_MANIFEST)?;
     fs::write(folder.join("README.md"), "")?;
-    fs::write(folder.join("Cargo.toml"), MANIFEST)?;
+    fs::write(folder.join("Cargo.toml"), without_targets(MANIFEST))?;
     fs::write(folder.join("Cargo.lock"), LOCK)
+}
+
+/// The manifest without its tests and benches, which are not embedded.
+fn without_targets(manifest: &str) -> String {
+    let mut kept = true;
+    let is_kept = |line: &&str| {
+        if line.starts_with('[') {
+            kept = !["[[test]]", "[[bench]]"].contains(line);
+        }
+        kept
+    };
+    manifest.lines().filter(is_kept).collect::<Vec<_>>().join("\n") + "\n"
 }
 
 /// What the compiler says of expressions: the model's own mistakes were found before.

@@ -22,7 +22,7 @@ pub(super) fn read(path: &Path) -> Result<Table, DataError> {
         let begin = record.position().map_or(0, csv::Position::byte) as usize;
         // a record begins with the blank lines before it
         let blank = bytes[begin..].iter().take_while(|b| b.is_ascii_whitespace()).count();
-        let passed = bytes[counted.0..begin + blank].iter().filter(|b| **b == b'\n').count();
+        let passed = bytes[counted.0..begin + blank].split(|b| *b == b'\n').count() - 1;
         counted = (begin + blank, counted.1 + passed as u64);
         lines.push(counted.1);
         cells.push(record.iter().map(String::from).collect());

@@ -1,6 +1,9 @@
 //! Runs the built program in a folder of its own, and finds the reference data.
 #![allow(dead_code, clippy::unwrap_used, reason = "tests; each uses a part of it")]
 
+#[path = "skipped.rs"]
+pub(crate) mod skipped;
+
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
 
@@ -74,6 +77,6 @@ pub(crate) fn shared(file: &str) -> Option<PathBuf> {
     if path.exists() {
         return Some(path);
     }
-    eprintln!("reference data not found ({file}): skipped");
+    skipped::skipped(&format!("reference data not found ({file})"));
     None
 }

@@ -5,7 +5,7 @@ use eplat_language::syntax::{Expr, Field, Hyper, Ident, Item, Model, Param};
 use proc_macro2::TokenStream;
 use quote::quote;
 
-use super::{State, decl, kind_of, option, range, scalar};
+use super::{State, decl, kind_of, option, param_call, range, scalar};
 use crate::scope::{Count, Kind, Scope};
 
 impl<'m> State<'m> {
@@ -35,7 +35,7 @@ impl<'m> State<'m> {
     ) -> (TokenStream, Scope) {
         let (mut calls, mut own) = (TokenStream::new(), seen.clone());
         for param in params {
-            calls.extend(self.param(param, &self.scope.with(&own)));
+            calls.extend(param_call(param, &self.scope.with(&own)));
             own.declare(&param.name, format!("{owner}.{}", param.name), kind_of(param));
         }
         (calls, own)
@@ -106,8 +106,5 @@ fn lone_name(mean: Option<&Expr>, own: &Scope) -> TokenStream {
     }
     let mentioned = own.mentioned(path);
     let full: Vec<&String> = mentioned.numbers.iter().map(|name| &name.full).collect();
-    match full[..] {
-        [name] => quote!(Some(#name)),
-        _ => quote!(None),
-    }
+    if let [name] = full[..] { quote!(Some(#name)) } else { quote!(None) }
 }

@@ -122,20 +122,16 @@ fn decl(name: &Ident, unit: Option<&Unit>, text: &str) -> TokenStream {
 
 /// `Some((1.0, 30.0))`
 fn range(range: Option<Range>) -> TokenStream {
-    match range {
-        Some(Range { low, high }) => {
-            let [low, high] = [low, high].map(Literal::f64_unsuffixed);
-            quote!(Some((#low, #high)))
-        }
-        None => quote!(None),
-    }
+    let Some(Range { low, high }) = range else { return quote!(None) };
+    let [low, high] = [low, high].map(Literal::f64_unsuffixed);
+    quote!(Some((#low, #high)))
 }
 
 impl<'m> State<'m> {
     fn item(&mut self, model: &'m Model, item: &'m Item) -> TokenStream {
         match item {
             Item::Param(param) => {
-                let call = self.param(param, &self.scope);
+                let call = param_call(param, &self.scope);
                 self.scope.declare(&param.name, param.name.to_string(), kind_of(param));
                 call
             }
@@ -147,27 +143,6 @@ impl<'m> State<'m> {
             Item::Density(density) => self.density(density),
             Item::Observe(_) => TokenStream::new(),
         }
-    }
-
-    /// A parameter whose prior sees `scope`.
-    fn param(&self, param: &Param, scope: &Scope) -> TokenStream {
-        let decl = decl(&param.name, param.unit.as_ref(), &text(&param.prior.expr));
-        let (prior, n, names) = prior(&param.prior, scope);
-        if let Over::Many(len) = param.over {
-            let len = Count(len);
-            let (prior, n, names) = vector_prior(&param.prior, scope);
-            let (m1, m2) = (n + 1, n + 2);
-            return quote!({ #prior b.vector::<Prior, #n, #m1, #m2>(#decl, #len, #names)?; });
-        }
-        let len = match &param.over {
-            Over::One | Over::Many(_) => quote!(Len::One),
-            Over::Each(column) => {
-                let column = column.to_string();
-                quote!(Len::Each(#column))
-            }
-        };
-        let m = n + 1;
-        quote!({ #prior b.param::<Prior, #n, #m>(#decl, #len, #names)?; })
     }
 
     fn column(&mut self, column: &Column) -> TokenStream {
@@ -303,4 +278,25 @@ fn kind_of(param: &Param) -> Kind {
         Over::Many(n) => Kind::Numbers(Some(*n)),
         Over::Each(_) => Kind::Row,
     }
+}
+
+/// A parameter whose prior sees `scope`.
+fn param_call(param: &Param, scope: &Scope) -> TokenStream {
+    let decl = decl(&param.name, param.unit.as_ref(), &text(&param.prior.expr));
+    let (prior, n, names) = prior(&param.prior, scope);
+    if let Over::Many(len) = param.over {
+        let len = Count(len);
+        let (prior, n, names) = vector_prior(&param.prior, scope);
+        let (m1, m2) = (n + 1, n + 2);
+        return quote!({ #prior b.vector::<Prior, #n, #m1, #m2>(#decl, #len, #names)?; });
+    }
+    let len = match &param.over {
+        Over::One | Over::Many(_) => quote!(Len::One),
+        Over::Each(column) => {
+            let column = column.to_string();
+            quote!(Len::Each(#column))
+        }
+    };
+    let m = n + 1;
+    quote!({ #prior b.param::<Prior, #n, #m>(#decl, #len, #names)?; })
 }

@@ -30,7 +30,7 @@ impl State<'_> {
         let lets = mentioned.values(&self.scope);
         let plain = self.scope.plain(value, row);
         let (bind, range) = (bind_row(&plain, row), range(declared.range));
-        let kind = Kind::Let { row: row.clone(), value: value.clone() };
+        let kind = Kind::Let { row: row.clone(), value: Box::new(value.clone()) };
         let call = quote! {{
             #[derive(Debug)]
             struct Value;

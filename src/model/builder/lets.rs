@@ -104,8 +104,7 @@ impl Builder<'_> {
         let mut labels: Option<&Arc<Labels>> = None;
         for number in mentions.numbers {
             match self.source(number) {
-                Source::Scalars { .. } => {}
-                Source::Field { labels: None, .. } => {}
+                Source::Scalars { .. } | Source::Field { labels: None, .. } => {}
                 Source::Field { labels: Some(own), .. }
                     if labels.is_none_or(|labels| labels.column == own.column) =>
                 {

@@ -19,14 +19,14 @@ impl<F: PriorFn<N>, const N: usize, const W: usize> Second for ParameterOp<F, N,
 
     fn pull(&self, t: &Tape, d: &mut Tape) {
         let values = |i: usize| (self.u + i, self.v + i);
-        pull_prior::<F, N>(&self.local, (0..self.n).map(values), N > 0, t, d);
+        pull_prior::<F, N>(&self.local, &(0..self.n).map(values), N > 0, t, d);
     }
 }
 
 /// The pull of unknowns and their values `(u, v)` with the same prior.
 fn pull_prior<F: PriorFn<N>, const N: usize>(
     local: &Local<N>,
-    values: impl Iterator<Item = (usize, usize)> + Clone,
+    values: &(impl Iterator<Item = (usize, usize)> + Clone),
     has_norm: bool,
     t: &Tape,
     d: &mut Tape,
@@ -62,7 +62,7 @@ impl<F: PriorFn<N>, const N: usize, const W: usize> Second for ImputedOp<F, N, W
     fn pull(&self, t: &Tape, d: &mut Tape) {
         let missing = self.missing.iter().enumerate();
         let values = missing.map(|(i, row)| (self.u + i, self.v + row));
-        pull_prior::<F, N>(&self.local, values, true, t, d);
+        pull_prior::<F, N>(&self.local, &values, true, t, d);
         for j in 0..N {
             let prior = F::prior::<Hyper>(self.local.hyper(j, t, d));
             let norm = prior.ln_norm();
