@@ -273,7 +273,9 @@ fn no_file_takes_names_in_a_circle() {
             break;
         }
         named.retain(|file, _| !done.contains(file));
-        named.values_mut().for_each(|names| names.retain(|name| !done.contains(name)));
+        for names in named.values_mut() {
+            names.retain(|name| !done.contains(name));
+        }
     }
     let shown = |file: &PathBuf| file.strip_prefix(&root).unwrap().display().to_string();
     let circles: Vec<String> = named
