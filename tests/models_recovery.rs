@@ -764,7 +764,8 @@ fn erp_population_recovers_three_patients_and_what_they_share() {
     assert_recovered(&good, &truth, Some(&basis));
     // the same truth with one patient's rows taken for another's
     let mut mistaken = Table { header: table.header, rows: table.rows.clone() };
-    for row in &mut mistaken.rows {
+    // but for the first site, so that the labels appear in the same order
+    for row in mistaken.rows.iter_mut().skip(6) {
         row[1] = row[1].replace('a', "d").replace('c', "a").replace('d', "c");
     }
     let twin = fit(&erp_population::ErpPopulation, Some(&basis), &mistaken.read(), 500);

@@ -17,6 +17,9 @@ use blocks::Blocks;
 use crate::infer::{self, ChainResult, InferError, Progress, Settings, sample_blocked};
 use crate::model::laid_out::{FieldEntry, Model};
 
+/// Most numbers that the fields' blocks may have together.
+const MOST: usize = 400;
+
 /// Which sampler a model is sampled with.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Sampler {
@@ -27,10 +30,13 @@ pub enum Sampler {
 }
 
 impl Sampler {
-    /// The blocked sampler for every model with fields that measurements see; NUTS for others.
+    /// The blocked sampler for every model with fields that measurements see, unless these are so many that its
+    /// Cholesky factors cost more than they save; NUTS for others.
     pub fn of(model: &Model) -> Self {
-        let seen = |f: &FieldEntry| f.op.k > 0 && f.op.n_probes() > 0;
-        if model.has_fields() && model.fields.iter().all(seen) { Self::Blocked } else { Self::Nuts }
+        let seen = |f: &FieldEntry| f.op.k.min(f.op.n_probes());
+        let all: usize = model.fields.iter().map(seen).sum();
+        let is_seen = model.has_fields() && model.fields.iter().all(|f| seen(f) > 0);
+        if is_seen && all <= MOST { Self::Blocked } else { Self::Nuts }
     }
 
     /// Its name for tables and records.

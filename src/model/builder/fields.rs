@@ -140,9 +140,7 @@ impl Builder<'_> {
     ) {
         let name = declared.name_of(label);
         let n_modes = modes.frequency.len();
-        // one number of several shares its prior with them: it is sampled beside the field
-        let is_alone = |v: &usize| self.model.prior_entries.iter().any(|e| e.v == *v && e.len == 1);
-        let lone_mean = lone.filter(|v| self.mentions.get(v) == Some(&1) && is_alone(v));
+        let lone_mean = lone.filter(|v| self.mentions.get(v) == Some(&1));
         let collapsed = self.collapse(lone, lone_mean, declared.range, modes.phi0);
         let first = usize::from(collapsed.is_some());
         let work_of_terms = self.coefficients_of(&name, &mut terms, first);

@@ -33,6 +33,9 @@ impl Builder<'_> {
         len: Len,
         mentions: &[&str],
     ) -> Result<(), ModelError> {
+        if let (Len::Each(column), Some(_)) = (len, &self.field) {
+            return self.param_of_each_field::<F, N, M>(&decl, column, mentions);
+        }
         let local = self.local::<N>(mentions, 0);
         let prior = F::prior([Num(1.0); N]);
         let (support, ln_norm) = (support_of::<F, N>(), constant_norm(&prior, N));
@@ -42,6 +45,26 @@ impl Builder<'_> {
         let (u, v, n) = self.lay_out(decl, len, places, support, is_flat)?;
         let op = ParameterOp::<F, N, M> { local, u, v, n, ln_norm, f: PhantomData };
         self.model.priors.push(Box::new(op));
+        Ok(())
+    }
+
+    /// `name(label) [unit] ~ prior;` of a field for each label: a parameter of each field, as if it were spelled
+    /// out, so that a sampler may treat it as part of its field.
+    fn param_of_each_field<F: PriorFn<N>, const N: usize, const M: usize>(
+        &mut self,
+        decl: &Decl,
+        column: &'static str,
+        mentions: &[&str],
+    ) -> Result<(), ModelError> {
+        let labels = self.labels(column, &format!("param {}", decl.name))?;
+        let first = self.n_v;
+        for label in 0..labels.names.len().max(1) {
+            let own = labels.names.get(label);
+            let name = own.map_or(decl.name.to_string(), |own| format!("{}[{own}]", decl.name));
+            let decl = Decl { name: name.into(), ..decl.clone() };
+            self.param::<F, N, M>(decl, Len::One, mentions)?;
+        }
+        self.names.push((self.full_name(&decl.name), Source::Each { v: first, labels }));
         Ok(())
     }
 
