@@ -97,7 +97,7 @@ impl<'a> Laboratory<'a> {
         let (mut table, blank) = self.blank(visits, resolution)?;
         let mut tape = blank.tape();
         blank.forward(&mut tape, &blank.initial());
-        Maps::new(&blank, self.basis).set_at_probes(&mut tape, &table.vertices(), fields);
+        Maps::new(&blank, self.basis).set_at_probes(&mut tape, fields);
         let mut rng = Stream::Noise.rng(seed);
         let mut columns = value_columns(&self.outline, table.len());
         for observe in &blank.observes {

@@ -67,7 +67,7 @@ mod tree;
 mod warmup;
 
 pub use blocked::{
-    BlockLayout, Blocked, Design, Latent, LatentGaussian, Layout, Shape, sample_blocked,
+    BlockLayout, Blocked, Design, Group, Latent, LatentGaussian, Layout, Shape, sample_blocked,
 };
 pub use density::{Evaluator, LogDensity};
 pub use draws::{Chain, ChainResult, Divergence, Draw, Transition};

@@ -49,6 +49,10 @@ pub(super) struct FieldEntry {
     pub(super) label: Option<usize>,
     /// First sampled mode: 1 where the constant mode is collapsed.
     pub(super) first: usize,
+    /// The vertices that its rows are at, ascending.
+    pub(super) probes: Vec<u32>,
+    /// Fields of different groups share no row, and those of one have the same probes.
+    pub(super) group: usize,
     pub(super) op: Field,
 }
 

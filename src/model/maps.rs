@@ -119,9 +119,9 @@ impl<'m> Maps<'m> {
     }
 
     /// Sets the fields' values at the measurements' places, as if a draw had given `fields`.
-    pub fn set_at_probes(&self, t: &mut Tape, probes: &[u32], fields: &[Vec<f64>]) {
+    pub fn set_at_probes(&self, t: &mut Tape, fields: &[Vec<f64>]) {
         for (entry, field) in self.model.fields.iter().zip(fields) {
-            for (i, vertex) in probes.iter().enumerate() {
+            for (i, vertex) in entry.probes.iter().enumerate() {
                 t.v[entry.op.theta + i] = field[*vertex as usize];
             }
         }

@@ -4,10 +4,10 @@
 //! whose U is fixed, so that no derivative goes through the Cholesky factor. *Hyper*: the
 //! hyperparameters given z and the rest, one factor and one likelihood per value.
 
+use super::groups::Whitening;
 use super::latent::{Latent, Layout};
 use super::meeting::Shared;
 use super::stand_in::Sample;
-use super::whiten::Whitening;
 use crate::infer::density::Evaluator;
 use crate::num::vector::dot;
 use rand::Rng;
@@ -63,7 +63,7 @@ impl<'d> Conditional<'d> {
             outer_bar: vec![0.0; outer.len()],
             scratch: vec![0.0; n_latent],
         };
-        new.ln_prior = new.latent.set_outer(&new.outer, &mut new.whitening.design);
+        new.ln_prior = new.latent.set_outer(&new.outer, &mut new.whitening.designs);
         if !new.ln_prior.is_finite() || !new.whitening.prepare(&new.shared.stand_in) {
             return None;
         }
@@ -130,7 +130,7 @@ impl<'d> Conditional<'d> {
 
     /// ln π at the trial's outer unknowns and this z, and ln p(outer); `None` out of support.
     fn try_outer(&mut self, z: &[f64]) -> Option<(f64, f64)> {
-        let ln_prior = self.latent.set_outer(&self.trial_outer, &mut self.trial.design);
+        let ln_prior = self.latent.set_outer(&self.trial_outer, &mut self.trial.designs);
         self.n_trials += 1;
         if !ln_prior.is_finite() || !self.trial.prepare(&self.shared.stand_in) {
             return None;
@@ -145,17 +145,12 @@ impl<'d> Conditional<'d> {
 
     /// ½ (θ − y)ᵀW(θ − y), and adds W(θ − y) to the slope.
     fn stand_in_quadratic(&mut self) -> f64 {
-        for ((d, theta), y) in
-            self.scratch.iter_mut().zip(&self.theta).zip(self.shared.stand_in.centre())
-        {
-            *d = theta - y;
-        }
-        self.shared.stand_in.add_product(&self.scratch, &mut self.slope)
+        self.shared.stand_in.add_quadratic(&self.theta, &mut self.scratch, &mut self.slope)
     }
 
     /// After hyperparameter moves and before the next inner one.
     pub(super) fn settle(&mut self, moved: bool) {
-        self.latent.set_outer(&self.outer, &mut self.trial.design);
+        self.latent.set_outer(&self.outer, &mut self.trial.designs);
         if moved {
             self.whitening.set_basis();
         }

@@ -7,14 +7,15 @@ use rand::Rng;
 /// A density whose unknowns are the coefficients w of some blocks, and *outer* unknowns.
 ///
 /// A block f is a map from its coefficients to `n_seen` correlated latent values `θ_f`, one for each
-/// *place* where the likelihood sees the blocks; all blocks are seen at the same places.
+/// *place* where the likelihood sees the block. All blocks of a [`Group`] are seen at the same places.
 ///
 /// ```text
 /// ln π = ln p(outer) − ½ Σ τᵢ wᵢ² + Σ_sites ln L(θ_site, outer)      τᵢ = 1, of a flat mean 0
 /// θ_f(place) = offset_f + A_f(place, ·) w_f
 /// ```
 /// The design A and the offsets depend on the *hyperparameters*, which are some of the outer
-/// unknowns; a place's likelihood depends on the values of all blocks there, and on no other place's.
+/// unknowns. A place's likelihood depends on the values of the group's blocks there, and on no other
+/// place's; so two groups know of each other through the outer unknowns alone.
 /// Whatever of the density's own unknowns the likelihood does not see is drawn from its exact
 /// conditional by [`Latent::join`].
 pub trait LatentGaussian: LogDensity {
@@ -27,14 +28,21 @@ pub trait LatentGaussian: LogDensity {
 /// Sizes and structure of a [`LatentGaussian`].
 #[derive(Clone, Debug)]
 pub struct Layout {
-    /// Number of places, which is the number of values that are seen of each block.
-    pub n_seen: usize,
-    /// The blocks.
-    pub blocks: Vec<BlockLayout>,
+    /// The blocks, those together that are seen together.
+    pub groups: Vec<Group>,
     /// Which of the density's unknowns are outer.
     pub outer: Vec<usize>,
     /// Which of the outer unknowns are hyperparameters, ascending.
     pub hyper: Vec<usize>,
+}
+
+/// Blocks that the likelihood sees at the same places.
+#[derive(Clone, Debug)]
+pub struct Group {
+    /// Number of places, which is the number of values that are seen of each block.
+    pub n_seen: usize,
+    /// The blocks.
+    pub blocks: Vec<BlockLayout>,
 }
 
 /// The columns of one block's design.
@@ -64,7 +72,7 @@ impl BlockLayout {
     }
 }
 
-impl Layout {
+impl Group {
     /// Number of coefficients: those of all blocks, of each block followed by its mean.
     pub fn n_coefficients(&self) -> usize {
         self.blocks.iter().map(BlockLayout::width).sum()
@@ -73,16 +81,6 @@ impl Layout {
     /// Number of latent values, `(block, place)`.
     pub fn n_latent(&self) -> usize {
         self.n_seen * self.blocks.len()
-    }
-
-    /// The outer unknowns of a position.
-    pub(super) fn outer_of(&self, position: &[f64]) -> Vec<f64> {
-        self.outer.iter().map(|i| position[*i]).collect()
-    }
-
-    /// The outer unknowns that are no hyperparameters.
-    pub(super) fn free(&self) -> Vec<usize> {
-        (0..self.outer.len()).filter(|i| self.hyper.binary_search(i).is_err()).collect()
     }
 
     /// First column of each block.
@@ -96,7 +94,29 @@ impl Layout {
     }
 }
 
-/// The map from coefficients to latent values at some hyperparameters.
+impl Layout {
+    /// Number of coefficients, those of one group after the other.
+    pub fn n_coefficients(&self) -> usize {
+        self.groups.iter().map(Group::n_coefficients).sum()
+    }
+
+    /// Number of latent values, `(group, block, place)`.
+    pub fn n_latent(&self) -> usize {
+        self.groups.iter().map(Group::n_latent).sum()
+    }
+
+    /// The outer unknowns of a position.
+    pub(super) fn outer_of(&self, position: &[f64]) -> Vec<f64> {
+        self.outer.iter().map(|i| position[*i]).collect()
+    }
+
+    /// The outer unknowns that are no hyperparameters.
+    pub(super) fn free(&self) -> Vec<usize> {
+        (0..self.outer.len()).filter(|i| self.hyper.binary_search(i).is_err()).collect()
+    }
+}
+
+/// The map from a group's coefficients to its latent values at some hyperparameters.
 #[derive(Clone, Debug)]
 pub struct Design {
     /// One number per block, added at every place.
@@ -109,20 +129,20 @@ pub struct Design {
 }
 
 impl Design {
-    /// For this layout, with columns of ones for the means.
-    pub fn new(layout: &Layout) -> Self {
+    /// Of this group, with columns of ones for the means.
+    pub fn new(group: &Group) -> Self {
         let rows = |block: &BlockLayout| {
             let width = block.width();
-            let mut rows = vec![0.0; layout.n_seen * width];
+            let mut rows = vec![0.0; group.n_seen * width];
             if block.mean_precision.is_some() {
                 rows.chunks_exact_mut(width).for_each(|row| row[width - 1] = 1.0);
             }
             rows
         };
         Self {
-            offset: vec![0.0; layout.blocks.len()],
-            rows: layout.blocks.iter().map(rows).collect(),
-            scale: layout.blocks.iter().map(|block| vec![1.0; block.width()]).collect(),
+            offset: vec![0.0; group.blocks.len()],
+            rows: group.blocks.iter().map(rows).collect(),
+            scale: group.blocks.iter().map(|block| vec![1.0; block.width()]).collect(),
         }
     }
 }
@@ -143,10 +163,10 @@ pub trait Latent: Send {
     ) -> f64;
 
     /// Takes these outer unknowns for [`Latent::ln_likelihood`] and [`Latent::slope`], and writes
-    /// their design; returns ln p(outer). Out of support: −∞.
-    fn set_outer(&mut self, outer: &[f64], design: &mut Design) -> f64;
+    /// the groups' designs; returns ln p(outer). Out of support: −∞.
+    fn set_outer(&mut self, outer: &[f64], designs: &mut [Design]) -> f64;
 
-    /// Log likelihood of all places at these latent values `(block, place)`.
+    /// Log likelihood of all places at these latent values `(group, block, place)`.
     fn ln_likelihood(&mut self, theta: &[f64]) -> f64;
 
     /// As [`Latent::ln_likelihood`], with its gradient in the latent values.

@@ -1,9 +1,9 @@
 //! What the chains share: a first version from their starts, and fits to the draws of all.
 
+use super::groups::Whitening;
 use super::latent::LatentGaussian;
 use super::proposal::Proposal;
 use super::stand_in::{Sample, StandIn, Trust};
-use super::whiten::Whitening;
 use crate::infer::curvature::conditional_scales;
 use crate::infer::settings::Settings;
 use crate::random::Stream;
@@ -139,7 +139,7 @@ fn first_stand_in(density: &dyn LatentGaussian, links: &[Link], seed: u64) -> St
     for pass in 0..PASSES {
         let mut samples = vec![];
         for link in links {
-            let ln_prior = latent.set_outer(&link.outer, &mut whitening.design);
+            let ln_prior = latent.set_outer(&link.outer, &mut whitening.designs);
             if !ln_prior.is_finite() || (pass > 0 && !whitening.prepare(&stand_in)) {
                 continue;
             }

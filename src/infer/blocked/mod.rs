@@ -13,6 +13,7 @@
 mod chain;
 mod conditional;
 mod factor;
+mod groups;
 mod latent;
 mod meeting;
 mod proposal;
@@ -21,7 +22,7 @@ mod together;
 mod whiten;
 
 pub use chain::Blocked;
-pub use latent::{BlockLayout, Design, Latent, LatentGaussian, Layout, Shape};
+pub use latent::{BlockLayout, Design, Group, Latent, LatentGaussian, Layout, Shape};
 
 use super::draws::ChainResult;
 use super::error::InferError;

@@ -7,22 +7,68 @@
 //! and W (y − E θ) = E g, which for a Gaussian likelihood is exact whatever the pairs. A poor
 //! stand-in costs the sampler speed, never exactness.
 
-use super::latent::{Layout, Shape};
+use super::latent::{Group, Layout, Shape};
 use nalgebra::{Cholesky, DMatrix, DVector};
 use serde::{Deserialize, Serialize};
 
 /// Latent values and the gradient of the log likelihood there.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub(super) struct Sample {
-    /// `(block, place)`
+    /// `(group, block, place)`
     pub(super) theta: Vec<f64>,
-    /// `(block, place)`
+    /// `(group, block, place)`
     pub(super) slope: Vec<f64>,
 }
 
-/// W and y of every place.
+/// The stand-ins of all groups.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub(super) struct StandIn {
+    pub(super) groups: Vec<GroupStandIn>,
+}
+
+impl StandIn {
+    /// Knows nothing.
+    pub(super) fn new(layout: &Layout) -> Self {
+        let mut first = 0;
+        let next = |group: &Group| {
+            first += group.n_latent();
+            GroupStandIn::new(group, first - group.n_latent())
+        };
+        Self { groups: layout.groups.iter().map(next).collect() }
+    }
+
+    /// Fits every place to `samples`.
+    pub(super) fn fit(&mut self, samples: &[Sample], trust: Trust, layout: &Layout) {
+        for (stand_in, group) in self.groups.iter_mut().zip(&layout.groups) {
+            stand_in.fit(samples, trust, group);
+        }
+    }
+
+    /// ½ (θ − y)ᵀ W (θ − y); adds its gradient W (θ − y) to `slope`.
+    pub(super) fn add_quadratic(
+        &self,
+        theta: &[f64],
+        scratch: &mut [f64],
+        slope: &mut [f64],
+    ) -> f64 {
+        let mut quadratic = 0.0;
+        for group in &self.groups {
+            let of_group = group.first..group.first + group.centre.len();
+            let d = &mut scratch[of_group.clone()];
+            for ((d, theta), y) in d.iter_mut().zip(&theta[of_group.clone()]).zip(&group.centre) {
+                *d = theta - y;
+            }
+            quadratic += group.add_product(d, &mut slope[of_group]);
+        }
+        quadratic
+    }
+}
+
+/// W and y of every place of a group.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+pub(super) struct GroupStandIn {
+    /// Its first latent value.
+    first: usize,
     n_seen: usize,
     n_blocks: usize,
     /// `(block, block, place)`
@@ -50,11 +96,12 @@ impl Trust {
     pub(super) const CAUTIOUS: Self = Self { least: 0.25, reach: 2.0 };
 }
 
-impl StandIn {
+impl GroupStandIn {
     /// Knows nothing: W = 0.
-    pub(super) fn new(layout: &Layout) -> Self {
-        let (n_seen, n_blocks) = (layout.n_seen, layout.blocks.len());
+    fn new(group: &Group, first: usize) -> Self {
+        let (n_seen, n_blocks) = (group.n_seen, group.blocks.len());
         Self {
+            first,
             n_seen,
             n_blocks,
             information: vec![0.0; n_blocks * n_blocks * n_seen],
@@ -64,7 +111,7 @@ impl StandIn {
     }
 
     /// Fits every place to `samples`; a place whose samples do not vary keeps what it had.
-    pub(super) fn fit(&mut self, samples: &[Sample], trust: Trust, layout: &Layout) {
+    fn fit(&mut self, samples: &[Sample], trust: Trust, group: &Group) {
         for place in 0..self.n_seen {
             if let Some((information, centre)) = self.fit_place(samples, trust, place) {
                 for f in 0..self.n_blocks {
@@ -76,7 +123,7 @@ impl StandIn {
                 }
             }
         }
-        self.set_gram(layout);
+        self.set_gram(group);
     }
 
     /// In coordinates x = L⁻¹(θ − E θ) with L Lᵀ = Cov θ, where Cov x = I and g turns into Lᵀg.
@@ -88,7 +135,7 @@ impl StandIn {
     ) -> Option<(DMatrix<f64>, DVector<f64>)> {
         let n = samples.len() as f64;
         let at = |values: &[f64]| {
-            DVector::from_fn(self.n_blocks, |f, _| values[f * self.n_seen + place])
+            DVector::from_fn(self.n_blocks, |f, _| values[self.first + f * self.n_seen + place])
         };
         let zero = || DVector::zeros(self.n_blocks);
         let mean = samples.iter().fold(zero(), |sum, s| sum + at(&s.theta)) / n;
@@ -115,9 +162,9 @@ impl StandIn {
             .then_some((information, centre))
     }
 
-    fn set_gram(&mut self, layout: &Layout) {
-        for (f, first) in layout.blocks.iter().enumerate() {
-            for (g, second) in layout.blocks.iter().enumerate() {
+    fn set_gram(&mut self, group: &Group) {
+        for (f, first) in group.blocks.iter().enumerate() {
+            for (g, second) in group.blocks.iter().enumerate() {
                 let (Shape::Scaled(left), Shape::Scaled(right)) = (&first.shape, &second.shape)
                 else {
                     continue;

@@ -1,4 +1,4 @@
-//! Coordinates in which the coefficients are nearly standard normal, at given hyperparameters.
+//! Coordinates in which a group's coefficients are nearly standard normal, at given hyperparameters.
 //!
 //! With the stand-in (W, y) and the design (A, b), I₀ the prior precisions, a zero for a flat mean:
 //!
@@ -11,15 +11,14 @@
 //! a further column of A, one factorisation gives U, s and κ.
 
 use super::factor::{Lanes, Upper, add_lanes, columns, lanes};
-use super::latent::{Design, Layout, Shape};
-use super::stand_in::StandIn;
+use super::latent::{Design, Group, Shape};
+use super::stand_in::GroupStandIn;
 use crate::num::vector::{axpy, dot};
 use pulp::{Arch, NullaryFnOnce};
 
-/// The whitening at one value of the hyperparameters.
+/// The whitening of a group at one value of the hyperparameters.
 #[derive(Clone, Debug)]
-pub(super) struct Whitening {
-    pub(super) design: Design,
+pub(super) struct GroupWhitening {
     n_seen: usize,
     n: usize,
     starts: Vec<usize>,
@@ -35,32 +34,31 @@ pub(super) struct Whitening {
     upper: Upper,
     /// κ
     pub(super) ln_evidence: f64,
-    /// A U⁻¹, column after column `(n, n_latent)`; see [`Whitening::set_basis`].
+    /// A U⁻¹, column after column `(n, n_latent)`; see [`GroupWhitening::set_basis`].
     basis: Vec<f64>,
     /// b + A U⁻¹ s
     origin: Vec<f64>,
     scratch: Vec<f64>,
 }
 
-impl Whitening {
-    /// Memory for this layout.
-    pub(super) fn new(layout: &Layout) -> Self {
-        let (n, n_latent, starts) = (layout.n_coefficients(), layout.n_latent(), layout.starts());
+impl GroupWhitening {
+    /// Memory for this group.
+    pub(super) fn new(group: &Group) -> Self {
+        let (n, n_latent, starts) = (group.n_coefficients(), group.n_latent(), group.starts());
         let mut prior_precision = vec![1.0; n];
-        for (block, start) in layout.blocks.iter().zip(&starts) {
+        for (block, start) in group.blocks.iter().zip(&starts) {
             if let Some(precision) = block.mean_precision {
                 prior_precision[start + block.n_coefficients] = precision;
             }
         }
         let rows = vec![Lanes::default(); n_latent * lanes(n)];
         Self {
-            design: Design::new(layout),
-            n_seen: layout.n_seen,
+            n_seen: group.n_seen,
             n,
             prior_precision,
-            is_scaled: layout.blocks.iter().all(|f| matches!(f.shape, Shape::Scaled(_))),
+            is_scaled: group.blocks.iter().all(|f| matches!(f.shape, Shape::Scaled(_))),
             augmented: [rows.clone(), rows],
-            support: support(layout, &starts),
+            support: support(group, &starts),
             starts,
             upper: Upper::new(n),
             ln_evidence: 0.0,
@@ -79,17 +77,17 @@ impl Whitening {
     }
 
     /// Computes U, s and κ from the design; `false` if B is not positive definite.
-    pub(super) fn prepare(&mut self, stand_in: &StandIn) -> bool {
-        Arch::new().dispatch(Prepare { whitening: self, stand_in })
+    pub(super) fn prepare(&mut self, design: &Design, stand_in: &GroupStandIn) -> bool {
+        Arch::new().dispatch(Prepare { whitening: self, design, stand_in })
     }
 
     /// `B = I₀ + AᵀWA`, with `AᵀWd` as a further column and `dᵀWd` at its end.
     #[inline(always)]
-    fn set_upper(&mut self, stand_in: &StandIn) {
+    fn set_upper(&mut self, design: &Design, stand_in: &GroupStandIn) {
         if self.is_scaled {
-            self.set_gram(stand_in);
+            self.set_gram(design, stand_in);
         } else {
-            self.set_augmented(stand_in);
+            self.set_augmented(design, stand_in);
             let [left, right] = &self.augmented;
             self.upper.set_product(left, right, &self.support);
         }
@@ -100,19 +98,18 @@ impl Whitening {
 
     /// `[A d]` and `W [A d]`.
     #[inline(always)]
-    fn set_augmented(&mut self, stand_in: &StandIn) {
+    fn set_augmented(&mut self, design: &Design, stand_in: &GroupStandIn) {
         let (n_seen, lanes) = (self.n_seen, lanes(self.n));
         let [rows, products] = &mut self.augmented;
         let flat = rows.as_flattened_mut();
         let stride = flat.len() / stand_in.centre().len();
         for (f, start) in self.starts.iter().enumerate() {
-            let design = &self.design.rows[f];
-            let offset = self.design.offset[f];
+            let (from, offset) = (&design.rows[f], design.offset[f]);
             let centre = &stand_in.centre()[f * n_seen..][..n_seen];
             let rows = flat[f * n_seen * stride..].chunks_exact_mut(stride);
-            let width = design.len() / n_seen;
-            for ((row, design), y) in rows.zip(design.chunks_exact(width)).zip(centre) {
-                row[*start..][..width].copy_from_slice(design);
+            let width = from.len() / n_seen;
+            for ((row, from), y) in rows.zip(from.chunks_exact(width)).zip(centre) {
+                row[*start..][..width].copy_from_slice(from);
                 row[self.n] = y - offset;
             }
         }
@@ -130,10 +127,10 @@ impl Whitening {
 
     /// All of it but I₀ for scaled blocks, from products that are known.
     #[inline(always)]
-    fn set_gram(&mut self, stand_in: &StandIn) {
+    fn set_gram(&mut self, design: &Design, stand_in: &GroupStandIn) {
         for f in 0..self.n_blocks() {
             for g in f..self.n_blocks() {
-                let (scale_f, scale_g) = (&self.design.scale[f], &self.design.scale[g]);
+                let (scale_f, scale_g) = (&design.scale[f], &design.scale[g]);
                 let gram = stand_in.gram(f, g).chunks_exact(scale_g.len());
                 for ((j, a), gram) in scale_f.iter().enumerate().zip(gram) {
                     let row = &mut self.upper.row_mut(self.starts[f] + j)[self.starts[g]..];
@@ -143,16 +140,16 @@ impl Whitening {
                 }
             }
         }
-        self.set_moment(stand_in);
+        self.set_moment(design, stand_in);
     }
 
     /// `AᵀWd` and `dᵀWd`.
     #[inline(always)]
-    fn set_moment(&mut self, stand_in: &StandIn) {
+    fn set_moment(&mut self, design: &Design, stand_in: &GroupStandIn) {
         let n = self.n_seen;
         let (d, product) = self.scratch.split_at_mut(n * self.starts.len());
         d.copy_from_slice(stand_in.centre());
-        for (d, offset) in d.chunks_exact_mut(n).zip(&self.design.offset) {
+        for (d, offset) in d.chunks_exact_mut(n).zip(&design.offset) {
             for d in d.iter_mut() {
                 *d -= offset;
             }
@@ -162,7 +159,7 @@ impl Whitening {
         let moment = &mut self.augmented[0].as_flattened_mut()[..self.n];
         moment.fill(0.0);
         for (f, product) in product.chunks_exact(n).enumerate() {
-            let rows = &self.design.rows[f];
+            let rows = &design.rows[f];
             let width = rows.len() / n;
             for (row, p) in rows.chunks_exact(width).zip(product) {
                 axpy(*p, row, &mut moment[self.starts[f]..][..width]);
@@ -190,26 +187,26 @@ impl Whitening {
     }
 
     /// θ = b + A w
-    pub(super) fn latent(&self, w: &[f64], theta: &mut [f64]) {
+    pub(super) fn latent(&self, design: &Design, w: &[f64], theta: &mut [f64]) {
         for f in 0..self.n_blocks() {
             let width = self.width(f);
             let w = &w[self.starts[f]..][..width];
             let theta = &mut theta[f * self.n_seen..][..self.n_seen];
-            for (theta, row) in theta.iter_mut().zip(self.design.rows[f].chunks_exact(width)) {
-                *theta = self.design.offset[f] + dot::<4>(row, w);
+            for (theta, row) in theta.iter_mut().zip(design.rows[f].chunks_exact(width)) {
+                *theta = design.offset[f] + dot::<4>(row, w);
             }
         }
     }
 
-    /// Computes A U⁻¹, for [`Whitening::latent_at`] and [`Whitening::pull`].
-    pub(super) fn set_basis(&mut self) {
+    /// Computes A U⁻¹, for [`GroupWhitening::latent_at`] and [`GroupWhitening::pull`].
+    pub(super) fn set_basis(&mut self, design: &Design) {
         let (n, m) = (self.n, self.origin.len());
         self.basis.fill(0.0);
         for f in 0..self.n_blocks() {
             let width = self.width(f);
-            for (place, row) in self.design.rows[f].chunks_exact(width).enumerate() {
+            for (place, row) in design.rows[f].chunks_exact(width).enumerate() {
                 let at = f * self.n_seen + place;
-                self.origin[at] = self.design.offset[f];
+                self.origin[at] = design.offset[f];
                 for (j, a) in row.iter().enumerate() {
                     self.basis[(self.starts[f] + j) * m + at] = *a;
                 }
@@ -246,18 +243,19 @@ impl Whitening {
     }
 }
 
-/// [`Whitening::prepare`], compiled for the machine's vector registers.
+/// [`GroupWhitening::prepare`], compiled for the machine's vector registers.
 struct Prepare<'a> {
-    whitening: &'a mut Whitening,
-    stand_in: &'a StandIn,
+    whitening: &'a mut GroupWhitening,
+    design: &'a Design,
+    stand_in: &'a GroupStandIn,
 }
 
 impl NullaryFnOnce for Prepare<'_> {
     type Output = bool;
     #[inline(always)]
     fn call(self) -> bool {
-        let Self { whitening, stand_in } = self;
-        whitening.set_upper(stand_in);
+        let Self { whitening, design, stand_in } = self;
+        whitening.set_upper(design, stand_in);
         let Some((ln_det, left)) = whitening.upper.factorise() else { return false };
         whitening.ln_evidence = -0.5 * left - ln_det;
         whitening.ln_evidence.is_finite()
@@ -265,11 +263,11 @@ impl NullaryFnOnce for Prepare<'_> {
 }
 
 /// For each lane of `[A d]`, the rows `(block, place)` that are not zero there.
-fn support(layout: &Layout, starts: &[usize]) -> Vec<Vec<usize>> {
-    let n = layout.n_coefficients();
+fn support(group: &Group, starts: &[usize]) -> Vec<Vec<usize>> {
+    let n = group.n_coefficients();
     let is_zero = |row: usize, column: usize| {
-        let (f, place) = (row / layout.n_seen, row % layout.n_seen);
-        let block = &layout.blocks[f];
+        let (f, place) = (row / group.n_seen, row % group.n_seen);
+        let block = &group.blocks[f];
         match column.checked_sub(starts[f]) {
             _ if column == n => false,
             Some(j) if j < block.n_coefficients => {
@@ -279,7 +277,7 @@ fn support(layout: &Layout, starts: &[usize]) -> Vec<Vec<usize>> {
         }
     };
     let of_lane = |lane: std::ops::Range<usize>| {
-        (0..layout.n_latent())
+        (0..group.n_latent())
             .filter(|row| lane.clone().any(|column| !is_zero(*row, column)))
             .collect()
     };

@@ -1,9 +1,9 @@
 //! Which unknowns are in blocks, and what makes a block's design.
 
-use std::collections::BTreeSet;
+use std::collections::{BTreeMap, BTreeSet};
 
 use crate::dist::Gaussian;
-use crate::infer::{BlockLayout, Layout, Shape};
+use crate::infer::{BlockLayout, Group, Layout, Shape};
 use crate::model::gp::Field;
 use crate::model::laid_out::Model;
 use crate::model::tape::{Op, add_rows};
@@ -13,12 +13,19 @@ use crate::model::tape::{Op, add_rows};
 pub(super) struct Blocks<'m> {
     pub(super) model: &'m Model,
     pub(super) layout: Layout,
+    /// Group after group, as the layout has them.
     pub(super) fields: Vec<Block>,
 }
 
 /// What is precomputed of one field.
 #[derive(Debug)]
 pub(super) struct Block {
+    /// Which of the model's fields it is.
+    pub(super) field: usize,
+    /// Its group, and its number there.
+    pub(super) at: (usize, usize),
+    /// Whether its design is triangular: a coefficient per site.
+    pub(super) is_triangular: bool,
     /// Which of the model's priors is that of its mean, if that is in the block.
     pub(super) mean: Option<usize>,
     /// The sites' modes `(n_sites, k)`, without padding.
@@ -28,37 +35,39 @@ pub(super) struct Block {
 }
 
 impl<'m> Blocks<'m> {
-    /// With a coefficient per site or per mode, whichever are fewer.
+    /// With a coefficient per site or per mode, whichever are fewer in a group.
     pub(super) fn new(model: &'m Model) -> Self {
-        let n_latent: usize = model.fields.iter().map(|f| f.op.n_probes()).sum();
-        let n_modes: usize = model.fields.iter().map(|f| f.op.k).sum();
-        Self::shaped(model, n_latent < n_modes)
+        Self::shaped(model, &|ops| {
+            let n_latent: usize = ops.iter().map(|op| op.n_probes()).sum();
+            let n_modes: usize = ops.iter().map(|op| op.k).sum();
+            n_latent < n_modes
+        })
     }
 
-    /// With a coefficient per site (triangular designs) or per mode: either is exact.
-    pub(super) fn shaped(model: &'m Model, is_triangular: bool) -> Self {
-        let ops = || model.fields.iter().map(|f| &f.op);
-        let n_sites = ops().map(Field::n_probes).next().unwrap_or(0);
-        let values = model.tape().v;
-        let fields: Vec<Block> = ops().map(|op| Block::new(model, op, is_triangular)).collect();
-        let layout = |(op, block): (&Field, &Block)| BlockLayout {
-            n_coefficients: if is_triangular { n_sites } else { op.k },
-            mean_precision: block.mean.map(|prior| gaussian(model, prior, &values).precision),
-            shape: if is_triangular {
-                Shape::Triangular
-            } else {
-                Shape::Scaled(block.modes.clone())
-            },
-        };
+    /// With a coefficient per site (triangular designs) or per mode, as `is_triangular` says of a
+    /// group's fields: either is exact.
+    pub(super) fn shaped(model: &'m Model, is_triangular: &dyn Fn(&[&Field]) -> bool) -> Self {
+        let mut members: BTreeMap<usize, Vec<usize>> = BTreeMap::new();
+        for (field, entry) in model.fields.iter().enumerate() {
+            members.entry(entry.group).or_default().push(field);
+        }
+        let (mut fields, mut groups) = (vec![], vec![]);
+        for (group, members) in members.values().enumerate() {
+            let ops: Vec<&Field> = members.iter().map(|f| &model.fields[*f].op).collect();
+            let is_triangular = is_triangular(&ops);
+            let first = fields.len();
+            fields.extend(
+                members.iter().enumerate().map(|(number, field)| {
+                    Block::new(model, *field, (group, number), is_triangular)
+                }),
+            );
+            let blocks = fields[first..].iter().map(|block| block.layout(model)).collect();
+            groups.push(Group { n_seen: ops[0].n_probes(), blocks });
+        }
         let outer = outer(model, &fields);
         let is_hyper = hyperparameters(model, &fields);
-        let layout = Layout {
-            n_seen: n_sites,
-            blocks: ops().zip(&fields).map(layout).collect(),
-            hyper: (0..outer.len()).filter(|i| is_hyper.contains(&outer[*i])).collect(),
-            outer,
-        };
-        Self { model, layout, fields }
+        let hyper = (0..outer.len()).filter(|i| is_hyper.contains(&outer[*i])).collect();
+        Self { model, layout: Layout { groups, hyper, outer }, fields }
     }
 
     /// The priors of outer unknowns.
@@ -75,7 +84,8 @@ pub(super) fn gaussian(model: &Model, prior: usize, values: &[f64]) -> Gaussian 
 }
 
 impl Block {
-    pub(super) fn new(model: &Model, op: &Field, is_triangular: bool) -> Self {
+    fn new(model: &Model, field: usize, at: (usize, usize), is_triangular: bool) -> Self {
+        let op = &model.fields[field].op;
         let values = model.tape().v;
         let is_mean = |prior: &usize| {
             op.lone_mean == Some(model.prior_entries[*prior].v)
@@ -89,7 +99,22 @@ impl Block {
                 products.extend(rows().take(i + 1).map(|right| left[k] * right[k]));
             }
         }
-        Self { mean, modes: rows().flatten().copied().collect(), products }
+        let modes = rows().flatten().copied().collect();
+        Self { field, at, is_triangular, mean, modes, products }
+    }
+
+    fn layout(&self, model: &Model) -> BlockLayout {
+        let (op, values) = (&model.fields[self.field].op, model.tape().v);
+        let precision = |prior| gaussian(model, prior, &values).precision;
+        BlockLayout {
+            n_coefficients: if self.is_triangular { op.n_probes() } else { op.k },
+            mean_precision: self.mean.map(precision),
+            shape: if self.is_triangular {
+                Shape::Triangular
+            } else {
+                Shape::Scaled(self.modes.clone())
+            },
+        }
     }
 
     /// L of the covariance with these variances of the modes. A site that the earlier ones
@@ -132,14 +157,15 @@ pub(super) fn outer(model: &Model, fields: &[Block]) -> Vec<usize> {
 /// Unknowns that a field's mean, amplitudes and kernels depend on, also through their priors.
 fn hyperparameters(model: &Model, fields: &[Block]) -> BTreeSet<usize> {
     let mut values: BTreeSet<usize> = BTreeSet::new();
-    for (entry, block) in model.fields.iter().zip(fields) {
-        for term in &entry.op.terms {
+    for block in fields {
+        let op = &model.fields[block.field].op;
+        for term in &op.terms {
             values.extend(term.amplitude.mentions());
             values.extend(term.spectrum.mentions());
         }
         values.extend(match block.mean {
             Some(prior) => model.prior_entries[prior].mentions.clone(),
-            None => entry.op.mean.mentions(),
+            None => op.mean.mentions(),
         });
     }
     let mut unknowns = BTreeSet::new();

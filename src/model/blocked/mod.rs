@@ -12,12 +12,14 @@
 mod blocks;
 mod on_tape;
 
+use std::collections::BTreeMap;
+
 use blocks::Blocks;
 
 use crate::infer::{self, ChainResult, InferError, Progress, Settings, sample_blocked};
 use crate::model::laid_out::{FieldEntry, Model};
 
-/// Most numbers that the fields' blocks may have together.
+/// Most numbers that the blocks of fields that share rows may have together.
 const MOST: usize = 400;
 
 /// Which sampler a model is sampled with.
@@ -34,9 +36,12 @@ impl Sampler {
     /// Cholesky factors cost more than they save; NUTS for others.
     pub fn of(model: &Model) -> Self {
         let seen = |f: &FieldEntry| f.op.k.min(f.op.n_probes());
-        let all: usize = model.fields.iter().map(seen).sum();
         let is_seen = model.has_fields() && model.fields.iter().all(|f| seen(f) > 0);
-        if is_seen && all <= MOST { Self::Blocked } else { Self::Nuts }
+        let mut of_group = BTreeMap::new();
+        for field in &model.fields {
+            *of_group.entry(field.group).or_insert(0) += seen(field);
+        }
+        if is_seen && of_group.values().all(|n| *n <= MOST) { Self::Blocked } else { Self::Nuts }
     }
 
     /// Its name for tables and records.

@@ -2,18 +2,19 @@
 
 use super::blocks::{Blocks, gaussian};
 use crate::dist::Gaussian;
-use crate::infer::{Design, Evaluator, Latent, LatentGaussian, Layout, LogDensity, Shape};
+use crate::infer::{Design, Evaluator, Latent, LatentGaussian, Layout, LogDensity};
 use crate::model::gp::Field;
 use crate::model::restore::{Seen, coefficients, weights_of};
 use crate::model::tape::{Op, Tape};
 use rand::Rng;
+use std::ops::Range;
 
 /// A model's block on a tape of its own.
 pub(super) struct OnTape<'m> {
     pub(super) blocks: &'m Blocks<'m>,
     pub(super) tape: Tape,
-    /// First latent value of each field on the tape.
-    pub(super) theta: Vec<usize>,
+    /// Where each block's latent values are on the tape.
+    pub(super) theta: Vec<Range<usize>>,
     pub(super) c: Vec<f64>,
     pub(super) variances: Vec<f64>,
     pub(super) covariance: Vec<f64>,
@@ -35,16 +36,18 @@ impl OnTape<'_> {
     }
 
     fn set_latent(&mut self, theta: &[f64]) {
-        let n = self.blocks.layout.n_seen;
-        for (at, theta) in self.theta.iter().zip(theta.chunks_exact(n)) {
-            self.tape.v[*at..][..n].copy_from_slice(theta);
+        let mut first = 0;
+        for at in &self.theta {
+            self.tape.v[at.clone()].copy_from_slice(&theta[first..][..at.len()]);
+            first += at.len();
         }
     }
 
     fn latent_slope(&self, theta_bar: &mut [f64]) {
-        let n = self.blocks.layout.n_seen;
-        for (at, bar) in self.theta.iter().zip(theta_bar.chunks_exact_mut(n)) {
-            bar.copy_from_slice(&self.tape.g[*at..][..n]);
+        let mut first = 0;
+        for at in &self.theta {
+            theta_bar[first..][..at.len()].copy_from_slice(&self.tape.g[at.clone()]);
+            first += at.len();
         }
     }
 
@@ -61,10 +64,12 @@ impl OnTape<'_> {
         }
     }
 
-    fn set_design(&mut self, design: &mut Design) {
+    fn set_designs(&mut self, designs: &mut [Design]) {
         let blocks = self.blocks;
-        for (f, (entry, block)) in blocks.model.fields.iter().zip(&blocks.fields).enumerate() {
-            let op = &entry.op;
+        for block in &blocks.fields {
+            let op = &blocks.model.fields[block.field].op;
+            let (group, f) = block.at;
+            let design = &mut designs[group];
             let width = design.scale[f].len();
             let rows = &mut design.rows[f];
             if let Some(prior) = block.mean {
@@ -76,8 +81,10 @@ impl OnTape<'_> {
                 design.offset[f] = op.mean.value(&self.tape.v);
             }
             self.set_variances(op);
-            if matches!(blocks.layout.blocks[f].shape, Shape::Triangular) {
-                block.lower(&self.variances[..op.k], &mut self.covariance, rows, width);
+            if block.is_triangular {
+                let n = op.n_probes();
+                let covariance = &mut self.covariance[..n * (n + 1) / 2];
+                block.lower(&self.variances[..op.k], covariance, rows, width);
                 continue;
             }
             for (c, s) in design.scale[f].iter_mut().zip(&self.variances[..op.k]) {
@@ -98,9 +105,9 @@ impl Latent for OnTape<'_> {
         self.forward(&outer);
         let model = self.blocks.model;
         let mut at = 0;
-        for (entry, field) in model.fields.iter().zip(&self.blocks.fields) {
-            let w =
-                coefficients(&entry.op, &field.modes, &self.tape.v, position, self.is_collapsed());
+        for field in &self.blocks.fields {
+            let op = &model.fields[field.field].op;
+            let w = coefficients(op, &field.modes, &self.tape.v, position, field.is_triangular);
             out[at..][..w.len()].copy_from_slice(&w);
             at += w.len();
             if let Some(prior) = field.mean {
@@ -124,10 +131,11 @@ impl Latent for OnTape<'_> {
         }
         let model = self.blocks.model;
         let mut at = 0;
-        for (f, (entry, field)) in model.fields.iter().zip(&self.blocks.fields).enumerate() {
-            let n = self.blocks.layout.blocks[f].n_coefficients;
-            let seen = Seen { w: &block[at..][..n], is_collapsed: self.is_collapsed() };
-            weights_of(&entry.op, &field.modes, &self.tape.v, &seen, rng, position);
+        for field in &self.blocks.fields {
+            let op = &model.fields[field.field].op;
+            let n = self.blocks.layout.groups[field.at.0].blocks[field.at.1].n_coefficients;
+            let seen = Seen { w: &block[at..][..n], is_collapsed: field.is_triangular };
+            weights_of(op, &field.modes, &self.tape.v, &seen, rng, position);
             at += n;
             if let Some(prior) = field.mean {
                 let Gaussian { location, scale, .. } = gaussian(model, prior, &self.tape.v);
@@ -138,9 +146,9 @@ impl Latent for OnTape<'_> {
         model.ln_density(&mut self.tape, position, &mut self.gradient)
     }
 
-    fn set_outer(&mut self, outer: &[f64], design: &mut Design) -> f64 {
+    fn set_outer(&mut self, outer: &[f64], designs: &mut [Design]) -> f64 {
         self.forward(outer);
-        self.set_design(design);
+        self.set_designs(designs);
         let (model, t) = (self.blocks.model, &mut self.tape);
         t.lp = 0.0;
         model.densities.iter().for_each(|density| density.op.backward(t));
@@ -192,12 +200,6 @@ impl Latent for OnTape<'_> {
     }
 }
 
-impl OnTape<'_> {
-    fn is_collapsed(&self) -> bool {
-        self.blocks.layout.blocks.iter().any(|f| matches!(f.shape, Shape::Triangular))
-    }
-}
-
 impl LogDensity for Blocks<'_> {
     fn dim(&self) -> usize {
         self.model.dim()
@@ -213,11 +215,12 @@ impl LatentGaussian for Blocks<'_> {
     }
     fn latent(&self) -> Box<dyn Latent + '_> {
         let k = self.model.fields.iter().map(|f| f.op.k).max().unwrap_or(0);
-        let n = self.layout.n_seen;
+        let ops = || self.fields.iter().map(|block| &self.model.fields[block.field].op);
+        let n = ops().map(Field::n_probes).max().unwrap_or(0);
         Box::new(OnTape {
             blocks: self,
             tape: self.model.tape(),
-            theta: self.model.fields.iter().map(|f| f.op.theta).collect(),
+            theta: ops().map(|op| op.theta..op.theta + op.n_probes()).collect(),
             c: vec![0.0; k],
             variances: vec![0.0; k],
             covariance: vec![0.0; n * (n + 1) / 2],

@@ -35,6 +35,27 @@ model! {
     observe beats(x): Count ~ PoissonLog(rate(x));
 }
 
+model! {
+    /// Two fields of each patient: a group for each, of different sizes.
+    model Patients;
+    column dose;
+    param level ~ Normal(0.5, 0.5);
+    param spread ~ LogNormal(-0.7, 0.5); // not near 0, where NUTS would meet a funnel
+    field f(x, patient) in -2.0..2.0 = m + alpha * gp(Rbf(rho), K = 12) where {
+        m(patient) ~ Normal(level, spread);
+        alpha ~ InvGamma(3.0, 2.0);
+        rho [mm] ~ LogNormal(3.5, 0.5);
+    }
+    field g(x, patient) in -2.0..2.0 = 0.5 * gp(Rbf(Num::from(30.0)), K = 12);
+    let rate(x) = f(x) + g(x) * x.dose;
+    observe beats(x): Count ~ PoissonLog(rate(x));
+}
+
+/// Patients with 3, 5 and 30 rows, mixed up.
+fn patients() -> Model {
+    Model::new(&Patients, Some(&basis(12)), &rows("beats", 38)).unwrap()
+}
+
 /// `n_modes` made-up modes at 60 vertices, the first constant.
 fn basis(n_modes: usize) -> Basis {
     let mut rng = ChaCha8Rng::seed_from_u64(12345);
@@ -53,9 +74,14 @@ fn rows(protocol: &str, n: usize) -> Measurements {
     let cells = |line: String| line.split(',').map(String::from).collect::<Vec<_>>();
     let row = |i: usize| {
         let value = if protocol == "beats" { i % 7 / 5 } else { 5 + i % 4 };
-        cells(format!("{protocol},{i},{value},{}", rng.random_range(-1.0..1.0)))
+        let patient = match i {
+            4 | 11 | 30 => "a",
+            2 | 3 | 20 | 33 | 37 => "b",
+            _ => "c",
+        };
+        cells(format!("{protocol},{i},{value},{},{patient}", rng.random_range(-1.0..1.0)))
     };
-    let header = cells("protocol,vertex,value,dose".into());
+    let header = cells("protocol,vertex,value,dose,patient".into());
     let rows = (0..n).map(row).collect();
     let mut table = Measurements::from_cells("test", header, rows).unwrap();
     table.place_at_indices(60).unwrap();
@@ -112,8 +138,9 @@ impl Latent for TwinLatent<'_> {
         let rng: &mut dyn Rng = if self.1 == Fault::Unseen { &mut same } else { rng };
         self.0.join(outer, block, rng, at)
     }
-    fn set_outer(&mut self, outer: &[f64], design: &mut Design) -> f64 {
-        let ln_prior = self.0.set_outer(outer, design);
+    fn set_outer(&mut self, outer: &[f64], designs: &mut [Design]) -> f64 {
+        let ln_prior = self.0.set_outer(outer, designs);
+        let design = &mut designs[0];
         if self.1 == Fault::Design {
             for (rows, scale) in design.rows.iter_mut().zip(&mut design.scale) {
                 let width = scale.len();
@@ -257,15 +284,14 @@ fn a_twin_with_too_wide_a_prior_is_found_out() {
 }
 
 /// Largest |z| of the blocked sampler's draws against those of NUTS, and where.
-fn against_nuts(n_rows: usize, fault: Fault) -> (f64, String) {
-    let model = model(&Counts, "beats", n_rows);
+fn against_nuts(model: &Model, fault: Fault) -> (f64, String) {
     let settings = Settings { chains: 4, draws: 3000, target_accept: 0.9, ..Settings::default() };
-    let starts = jittered_starts(&model, &model.initial(), 4, 3).unwrap();
-    let nuts = infer::sample(&model, &starts, &settings, &Silent).unwrap();
+    let starts = jittered_starts(model, &model.initial(), 4, 3).unwrap();
+    let nuts = infer::sample(model, &starts, &settings, &Silent).unwrap();
     let nuts: Vec<Chain> =
         nuts.into_iter().map(|chain| chain.unwrap_or_else(|e| panic!("{e}"))).collect();
-    match twin_chains(&model, Blocks::new(&model), fault, 6000) {
-        Ok(chains) => worst_z(&model, &chains, &nuts),
+    match twin_chains(model, Blocks::new(model), fault, 6000) {
+        Ok(chains) => worst_z(model, &chains, &nuts),
         // without its prior a twin may wander off to where nothing is finite
         Err(error) => (f64::INFINITY, error.to_string()),
     }
@@ -288,7 +314,7 @@ fn worst_z(model: &Model, chains: &[Chain], others: &[Chain]) -> (f64, String) {
 #[test]
 fn skew_likelihoods_agree_with_nuts_with_fewer_sites_than_modes_and_with_more() {
     for n_rows in [8, 40] {
-        let (z, what) = against_nuts(n_rows, Fault::None);
+        let (z, what) = against_nuts(&model(&Counts, "beats", n_rows), Fault::None);
         assert!(z < LARGEST_Z, "{n_rows} rows: {what}");
     }
 }
@@ -297,16 +323,29 @@ fn skew_likelihoods_agree_with_nuts_with_fewer_sites_than_modes_and_with_more() 
 fn coefficients_per_site_and_per_mode_agree() {
     for n_rows in [8, 40] {
         let model = model(&Counts, "beats", n_rows);
-        let of = |per_site| chains_of(&model, Blocks::shaped(&model, per_site), Fault::None, 5000);
+        let of =
+            |per_site| chains_of(&model, Blocks::shaped(&model, &|_| per_site), Fault::None, 5000);
         let (z, what) = worst_z(&model, &of(true), &of(false));
         assert!(z < LARGEST_Z, "{n_rows} rows: {what}");
     }
 }
 
 #[test]
+fn fields_of_each_label_are_groups_and_agree_with_nuts() {
+    let model = patients();
+    let sizes: Vec<usize> = Blocks::new(&model).layout.groups.iter().map(|g| g.n_seen).collect();
+    assert_eq!(sizes, [30, 5, 3]);
+    let (z, what) = against_nuts(&model, Fault::None);
+    assert!(z < LARGEST_Z, "{what}");
+    // the means of one group alone are too wide
+    let (z, what) = against_nuts(&model, Fault::Mean);
+    assert!(z > LARGEST_Z, "{what}");
+}
+
+#[test]
 fn twins_that_miss_a_prior_or_the_likelihood_are_found_out() {
     for (n_rows, fault) in [(8, Fault::Mean), (40, Fault::Prior), (60, Fault::Likelihood)] {
-        let (z, what) = against_nuts(n_rows, fault);
+        let (z, what) = against_nuts(&model(&Counts, "beats", n_rows), fault);
         assert!(z > LARGEST_Z, "{fault:?}: {what}");
     }
 }

@@ -1,8 +1,11 @@
 //! `field` statements: hyperparameters, terms, one field or one for each label, and whether the constant mode is
 //! collapsed.
 
+use std::collections::BTreeSet;
 use std::marker::PhantomData;
 use std::sync::Arc;
+
+use eplat_language::syntax::Item;
 
 use super::{Builder, Labels, Source};
 use crate::dist::Support;
@@ -10,7 +13,7 @@ use crate::manifold::Basis;
 use crate::model::error::ModelError;
 use crate::model::functions::{Decl, KernelFn, ScalarFn};
 use crate::model::gp::{Collapsed, Field, SpectrumAt, Term, padded};
-use crate::model::laid_out::FieldEntry;
+use crate::model::laid_out::{FieldEntry, Model};
 use crate::model::reported::{Kind, Parameter, Position};
 use crate::model::scalar::{Scalar, ScalarAt};
 
@@ -20,6 +23,8 @@ pub(super) struct Declared {
     unit: String,
     range: Option<(f64, f64)>,
     labels: Option<Arc<Labels>>,
+    /// Whether no row sees fields of two labels: each then needs its own rows' places alone.
+    is_apart: bool,
 }
 
 impl Declared {
@@ -39,8 +44,6 @@ impl Declared {
 struct Modes {
     /// √λ of each.
     frequency: Vec<f64>,
-    /// (probes, modes)
-    rows: Vec<f64>,
     /// The value of the first, if it is constant.
     phi0: Option<f64>,
 }
@@ -69,7 +72,9 @@ impl Builder<'_> {
         let who = format!("field {name}");
         let labels = label.map(|column| self.labels(column, &who)).transpose()?;
         self.prefix = Some(name);
-        self.field = Some(Declared { name, unit: decl.unit.clone().into(), range, labels });
+        let is_apart = labels.is_some() && is_by_label(&self.model);
+        let unit = decl.unit.clone().into();
+        self.field = Some(Declared { name, unit, range, labels, is_apart });
         self.state("field", decl);
         Ok(())
     }
@@ -144,11 +149,12 @@ impl Builder<'_> {
         let collapsed = self.collapse(lone, lone_mean, declared.range, modes.phi0);
         let first = usize::from(collapsed.is_some());
         let work_of_terms = self.coefficients_of(&name, &mut terms, first);
-        let (k, n) = (n_modes - first, self.probes.len());
+        let (group, seen) = self.seen_by(declared, label);
+        let (k, n) = (n_modes - first, seen.len());
         let stride = padded(k);
         let (theta, work) = (self.values(padded(n)), self.n_work);
         self.n_work += 2 * stride + work_of_terms;
-        let (probes, transposed) = matrices(modes, first, n);
+        let (probes, transposed) = self.matrices(n_modes, first, &seen);
         let op = Field {
             mean,
             lone_mean,
@@ -164,7 +170,16 @@ impl Builder<'_> {
         };
         let (unit, range) = (declared.unit.clone(), declared.range);
         let label = declared.labels.as_ref().map(|_| label);
-        self.model.fields.push(FieldEntry { name, unit, range, label, first, op });
+        self.model.fields.push(FieldEntry {
+            name,
+            unit,
+            range,
+            label,
+            first,
+            probes: seen,
+            group,
+            op,
+        });
     }
 
     /// The coefficients of each term: parameters of the model. Gives the length of the terms' work.
@@ -201,15 +216,45 @@ impl Builder<'_> {
             if self.data.is_some() {
                 return Err(ModelError::NoBasis { field: field.into() });
             }
-            return Ok(Modes { frequency: vec![0.0; k], rows: vec![], phi0: Some(0.0) });
+            return Ok(Modes { frequency: vec![0.0; k], phi0: Some(0.0) });
         };
         if k > basis.n_modes() {
             let available = basis.n_modes();
             return Err(ModelError::TooManyModes { field: field.into(), k, available });
         }
         let frequency = basis.eigenvalues[..k].iter().map(|l| l.max(0.0).sqrt()).collect();
-        let rows = self.probes.iter().flat_map(|&p| basis.at(p as usize)[..k].iter().copied());
-        Ok(Modes { frequency, rows: rows.collect(), phi0: constant_mode(basis) })
+        Ok(Modes { frequency, phi0: constant_mode(basis) })
+    }
+
+    /// The group of the field of this label, and the vertices that its rows are at.
+    fn seen_by(&self, declared: &Declared, label: usize) -> (usize, Vec<u32>) {
+        let Some((labels, data)) =
+            declared.labels.as_ref().zip(self.data).filter(|_| declared.is_apart)
+        else {
+            return (0, self.probes.clone());
+        };
+        let own = labels.of_row.iter().enumerate().filter(|(_, of)| **of == label);
+        let seen: BTreeSet<u32> = own.filter_map(|(row, _)| data.vertex(row)).collect();
+        (label, seen.into_iter().collect())
+    }
+
+    /// The modes from `first` on at these vertices, (probes, padded modes), and transposed.
+    fn matrices(&self, n_modes: usize, first: usize, seen: &[u32]) -> (Vec<f64>, Vec<f64>) {
+        let (k, n) = (n_modes - first, seen.len());
+        let (stride, height) = (padded(k), padded(n));
+        let mut probes = vec![0.0; n * stride];
+        if let Some(basis) = self.basis {
+            for (to, vertex) in probes.chunks_exact_mut(stride.max(1)).zip(seen) {
+                to[..k].copy_from_slice(&basis.at(*vertex as usize)[first..n_modes]);
+            }
+        }
+        let mut transposed = vec![0.0; stride * height];
+        for (i, row) in transposed.chunks_exact_mut(height.max(1)).enumerate() {
+            for (j, x) in row[..n].iter_mut().enumerate() {
+                *x = probes[j * stride + i];
+            }
+        }
+        (probes, transposed)
     }
 
     /// The value of the hyperparameter that is the mean of the field of this label.
@@ -244,23 +289,15 @@ impl Builder<'_> {
     }
 }
 
-/// The modes from `first` on at the `n` probes, (probes, padded modes), and transposed.
-fn matrices(modes: &Modes, first: usize, n: usize) -> (Vec<f64>, Vec<f64>) {
-    let n_modes = modes.frequency.len();
-    let k = n_modes - first;
-    let (stride, height) = (padded(k), padded(n));
-    let mut probes = vec![0.0; n * stride];
-    let rows = modes.rows.chunks_exact(n_modes.max(1));
-    for (to, from) in probes.chunks_exact_mut(stride.max(1)).zip(rows) {
-        to[..k].copy_from_slice(&from[first..]);
-    }
-    let mut transposed = vec![0.0; stride * height];
-    for (i, row) in transposed.chunks_exact_mut(height.max(1)).enumerate() {
-        for (j, x) in row[..n].iter_mut().enumerate() {
-            *x = probes[j * stride + i];
-        }
-    }
-    (probes, transposed)
+/// Whether all fields of the model are labelled by the same column.
+fn is_by_label(model: &Model) -> bool {
+    let Ok(tree) = model.syntax() else { return false };
+    let mut labels = tree.statements.iter().filter_map(|statement| match &statement.item {
+        Item::Field(field) => Some(&field.label),
+        _ => None,
+    });
+    let Some(first) = labels.next() else { return false };
+    first.is_some() && labels.all(|label| label == first)
 }
 
 /// The constant mode's value, if the first mode is constant: λ₀ = 0 on one connected surface.

@@ -89,6 +89,7 @@ enum Source {
 pub struct Builder<'a> {
     basis: Option<&'a Basis>,
     data: Option<&'a Measurements>,
+    /// The vertices that rows are at, ascending.
     probes: Vec<u32>,
     names: Vec<(String, Source)>,
     effects: Vec<effects::Effect>,

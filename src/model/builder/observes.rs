@@ -134,8 +134,8 @@ impl Builder<'_> {
     /// The value of field number `field` at the probe of `row`.
     pub(super) fn probe(&self, field: usize, row: usize) -> usize {
         let vertex = self.data.and_then(|d| d.vertex(row)).unwrap_or(0);
-        let probe = self.probes.binary_search(&vertex).unwrap_or(0);
-        self.model.fields[field].op.theta + probe
+        let field = &self.model.fields[field];
+        field.op.theta + field.probes.binary_search(&vertex).unwrap_or(0)
     }
 
     /// Lays out a linear predictor's values for these rows; 0 for any other source.
