@@ -771,3 +771,41 @@ fn erp_population_recovers_three_patients_and_what_they_share() {
     let twin = fit(&erp_population::ErpPopulation, Some(&basis), &mistaken.read(), 500);
     assert_found_out(&twin, &truth, Some(&basis));
 }
+
+/// 40 patients with 5 sites each and 10 ms brackets: 2,008 unknowns.
+#[test]
+#[ignore = "40 patients, a minute"]
+fn erp_population_recovers_forty_patients() {
+    let basis = basis(VERTICES, 24);
+    let row = |i: usize| {
+        let (patient, site, protocol) = (i / 10, i / 2 % 5, ["s1s2", "s1s2s3"][i % 2]);
+        let vertex = (37 * patient + 41 * site) % VERTICES;
+        vec![vertex.to_string(), format!("p{patient}"), protocol.into(), "200".into(), "210".into()]
+    };
+    let header = "vertex,patient,protocol,lower,upper";
+    let mut table = Table { header, rows: (0..400).map(row).collect() };
+    let mut given: Vec<(String, f64)> = [
+        ("tau_out.alpha", 1.2f64.ln()),
+        ("tau_out.rho", 64f64.ln()),
+        ("tau_mean", 12.0),
+        ("tau_sd", 1f64.ln()),
+        ("apd_max.alpha", 6f64.ln()),
+        ("apd_max.rho", 50f64.ln()),
+        ("apd_mean", 195.0),
+        ("apd_sd", 5f64.ln()),
+    ]
+    .map(|(name, u)| (name.to_string(), u))
+    .to_vec();
+    let mut rng = rng(40);
+    for patient in 0..40 {
+        for (field, mean, sd) in [("tau_out", 12.0, 1.0), ("apd_max", 195.0, 5.0)] {
+            let z: f64 = rng.sample(StandardNormal);
+            given.push((format!("{field}.m[p{patient}]"), mean + sd * z));
+        }
+    }
+    let given: Vec<(&str, f64)> = given.iter().map(|(name, u)| (&name[..], *u)).collect();
+    let truth = simulate(&erp_population::ErpPopulation, Some(&basis), &mut table, &given, 13);
+    let fit = fit(&erp_population::ErpPopulation, Some(&basis), &table.read(), 500);
+    assert_eq!(Sampler::of(&fit.model), Sampler::Blocked);
+    assert_recovered(&fit, &truth, Some(&basis));
+}
