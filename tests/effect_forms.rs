@@ -12,6 +12,7 @@ mod support;
 
 use eplat::criticism::rewrite;
 use eplat::infer::LogDensity as _;
+use eplat::model::forms::{above, all, family, group, logistic, scaled, smooth};
 use eplat::model::{AddedEffect, Augmented, Declare, Form, Model};
 use eplat::table::Measurements;
 use rand::RngExt as _;
@@ -19,19 +20,14 @@ use support::{basis, rng, table};
 
 /// One effect of each form, on the field, on the `let` and on both.
 fn effects() -> Vec<AddedEffect> {
-    let column = String::from;
     let forms = [
-        ("force", "erp", Form::Scaled { column: column("force_g"), centre: 1.5, scale: 0.75 }),
-        (
-            "curve",
-            "late",
-            Form::Smooth { column: column("force_g"), low: 0.0, high: 3.0, degree: 3 },
-        ),
-        ("catheter", "erp, late", Form::Group { column: column("catheter") }),
-        ("kind", "late", Form::Family { column: column("catheter") }),
-        ("patch", "erp", Form::Above { column: column("dist_mm"), threshold: 12.0 }),
-        ("edge", "erp", Form::Logistic { column: column("dist_mm"), centre: 15.0, scale: 2.5 }),
-        ("shift", "late", Form::All),
+        ("force", "erp", scaled("force_g", 1.5, 0.75)),
+        ("curve", "late", smooth("force_g", 0.0, 3.0, 3.0)),
+        ("catheter", "erp, late", group("catheter")),
+        ("kind", "late", family("catheter")),
+        ("patch", "erp", above("dist_mm", 12.0)),
+        ("edge", "erp", logistic("dist_mm", 15.0, 2.5)),
+        ("shift", "late", all()),
     ];
     let effect = |(name, on, form): (&str, &str, Form)| AddedEffect {
         name: name.into(),
@@ -123,6 +119,6 @@ fn every_effect_matters() {
         assert!(fewer[0].1.len() < all[0].1.len(), "effect {left_out} has no coefficient");
     }
     let mut other = effects();
-    other[0].form = Form::Scaled { column: "force_g".into(), centre: 1.5, scale: 0.76 };
+    other[0].form = scaled("force_g", 1.5, 0.76);
     assert_ne!(densities(&Augmented::new(&plain::Plain, &other)), all);
 }

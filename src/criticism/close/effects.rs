@@ -37,7 +37,7 @@ pub(super) fn found(
             let found = &criticism.candidates[*candidate];
             let Some(form) = found.form.clone() else { continue };
             let (on, sd) = (found.on.clone(), found.sd);
-            let mut name = found.cause.to_string();
+            let mut name = found.cause.name();
             if k > 0 {
                 name = format!("{name}_{}", on.join("_"));
             }

@@ -3,7 +3,7 @@
 use std::io::Write as _;
 
 use super::{LoopError, Story};
-use crate::criticism::rewrite;
+use crate::criticism::{Cause, rewrite};
 use crate::run::OutputFolder;
 use crate::store::write_file;
 
@@ -43,7 +43,7 @@ impl Story {
                 |mistake| LoopError::ModelText { name: stem.to_owned(), mistake: mistake.message },
             )?;
             let causes: Vec<String> =
-                self.criticism.findings().into_iter().map(ToString::to_string).collect();
+                self.criticism.findings().into_iter().map(Cause::name).collect();
             texts.push((format!("{stem}_plus_{}.rs", causes.join("_")), text));
         }
         if let Some(held_out) = &self.held_out {

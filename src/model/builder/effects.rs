@@ -5,13 +5,13 @@ use std::collections::BTreeSet;
 use super::{Builder, Len};
 use crate::dist::Support;
 use crate::model::error::ModelError;
-use crate::model::form::Form;
+use crate::model::forms::Form;
 use crate::model::functions::{Decl, PriorFn};
 use crate::model::laid_out::PriorEntry;
 use crate::model::linear::Linear;
 use crate::model::parameter::NormalOp;
 use crate::model::reported::Kind;
-use crate::table::{Measurements, SOURCE};
+use crate::table::{Measurements, Probes};
 
 pub(super) struct Effect {
     name: String,
@@ -114,8 +114,8 @@ impl Builder<'_> {
 
     fn n_coefficients(&self, effect: &str, form: &Form) -> Result<usize, ModelError> {
         let Some(data) = self.data else { return Ok(form.n_modes().max(1)) };
-        check_probes(effect, form, data)?;
-        if let Some(column) = form.column() {
+        check_modes(effect, form, data)?;
+        for column in form.column().into_iter().chain(form.also_requires()) {
             data.require(column, &format!("effect {effect}"))?;
         }
         Ok(form.design(data).1)
@@ -177,16 +177,12 @@ impl Builder<'_> {
 }
 
 /// Complains unless the modes that a form needs are known at the rows.
-fn check_probes(effect: &str, form: &Form, data: &Measurements) -> Result<(), ModelError> {
-    let k = form.n_modes();
-    if k == 0 {
-        return Ok(());
+fn check_modes(effect: &str, form: &Form, data: &Measurements) -> Result<(), ModelError> {
+    let (field, k) = (effect.to_owned(), form.n_modes());
+    match data.probes().map(Probes::n_modes) {
+        _ if k == 0 => Ok(()),
+        None => Err(ModelError::NoBasis { field }),
+        Some(available) if k > available => Err(ModelError::TooManyModes { field, k, available }),
+        Some(_) => Ok(()),
     }
-    let field = effect.to_owned();
-    let Some(probes) = data.probes() else { return Err(ModelError::NoBasis { field }) };
-    if matches!(form, Form::Path { .. }) {
-        data.require(SOURCE, &format!("effect {effect}"))?;
-    }
-    let available = probes.n_modes();
-    if k > available { Err(ModelError::TooManyModes { field, k, available }) } else { Ok(()) }
 }
