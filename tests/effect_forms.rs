@@ -58,8 +58,12 @@ fn rows() -> Measurements {
 
 /// Log density and gradient at three points.
 fn densities(declared: &dyn Declare) -> Vec<(f64, Vec<f64>)> {
+    densities_on(declared, &rows())
+}
+
+fn densities_on(declared: &dyn Declare, data: &Measurements) -> Vec<(f64, Vec<f64>)> {
     let basis = basis(200, 12);
-    let model = Model::new(declared, Some(&basis), &rows()).unwrap();
+    let model = Model::new(declared, Some(&basis), data).unwrap();
     let (mut evaluator, mut rng) = (model.evaluator(), rng(12));
     let mut one = |_| {
         let u: Vec<f64> = model.initial().iter().map(|u| u + rng.random_range(-0.5..0.5)).collect();
@@ -96,8 +100,12 @@ fn outliers_that_are_added_are_those_that_rewrite_writes() {
 
 /// Two models have the same density and gradient.
 fn are_equal(augmented: &dyn Declare, declared: &dyn Declare) {
+    are_equal_on(augmented, declared, &rows());
+}
+
+fn are_equal_on(augmented: &dyn Declare, declared: &dyn Declare, data: &Measurements) {
     for ((ln, gradient), (ln_file, gradient_file)) in
-        densities(augmented).iter().zip(densities(declared))
+        densities_on(augmented, data).iter().zip(densities_on(declared, data))
     {
         // a declared effect makes rows wider, and sums are then rounded in another order
         let is_equal = |a: f64, b: f64| (a - b).abs() <= 1e-11 * (1.0 + a.abs());
@@ -121,4 +129,53 @@ fn every_effect_matters() {
     let mut other = effects();
     other[0].form = scaled("force_g", 1.5, 0.76);
     assert_ne!(densities(&Augmented::new(&plain::Plain, &other)), all);
+}
+
+/// The rows with other names in the header.
+fn renamed(names: &[(&str, &str)]) -> Measurements {
+    let rows = rows();
+    let name = |own: &String| {
+        let new = names.iter().find(|(old, _)| old == own);
+        new.map_or(own.clone(), |(_, new)| (*new).to_owned())
+    };
+    let cells = |row: usize| rows.cells(row).into_iter().map(String::from).collect();
+    let header = rows.columns().iter().map(name).collect();
+    let cells = (0..rows.len()).map(cells).collect();
+    let mut renamed = Measurements::from_cells("test", header, cells).unwrap();
+    renamed.place_at_indices(200).unwrap();
+    renamed
+}
+
+#[test]
+fn a_column_whose_name_has_signs_is_read_without_them() {
+    let table = renamed(&[("force_g", "force (g)")]);
+    let mut found = effects();
+    found[0].form = scaled("force (g)", 1.5, 0.75);
+    found[1].form = smooth("force (g)", 0.0, 3.0, 3.0);
+    let added: Vec<_> = found.iter().map(|e| (e.clone(), "Added.".to_owned())).collect();
+    let written = rewrite(include_str!("models/plain.rs"), &added, None).unwrap();
+    assert_eq!(written, include_str!("models/forms.rs"));
+    assert_eq!(densities_on(&forms::Plain, &table), densities(&forms::Plain));
+    are_equal_on(&Augmented::new(&plain::Plain, &found), &forms::Plain, &table);
+    // where two columns would have the name, neither has it
+    let two = renamed(&[("force_g", "force (g)"), ("dist_mm", "force/g")]);
+    assert!(two.has("force (g)") && !two.has("force_g"));
+    let error = Model::new(&forms::Plain, Some(&basis(200, 12)), &two).unwrap_err();
+    assert!(error.to_string().contains("no column `force_g`"), "{error}");
+    // nor is what has a meaning of its own found in this way
+    assert!(!renamed(&[("force_g", "site (1)"), ("dist_mm", "%site")]).has("site"));
+}
+
+/// What the language knows as a form ships as one, or `models/forms.rs` would not compile.
+#[test]
+fn every_form_of_the_vocabulary_is_declared_in_a_test() {
+    let declared = [
+        include_str!("models/forms.rs"),
+        include_str!("models/language.rs"),
+        include_str!("loop_paths.rs"),
+    ];
+    for shape in eplat_language::vocabulary::FORMS {
+        let text = format!(" = {}(row", shape.name);
+        assert!(declared.iter().any(|file| file.contains(&text)), "{}", shape.name);
+    }
 }

@@ -99,10 +99,8 @@ fn declared_or_added_they_are_the_same() {
         form,
         sd,
     };
-    let effects = [
-        effect("delay", surface_form(8.0, 30.0), 10.0),
-        effect("slow", path(12.0, 20.0), 0.2),
-    ];
+    let effects =
+        [effect("delay", surface_form(8.0, 30.0), 10.0), effect("slow", path(12.0, 20.0), 0.2)];
     let augmented = Augmented::new(&lat::Lat, &effects);
     let added = Model::new(&augmented, Some(&basis), &data).unwrap();
     let declared = Model::new(&declared::Declared, Some(&basis), &data).unwrap();

@@ -88,7 +88,7 @@ pub fn as_name(header: &str) -> String {
     let is_sign = |c: char| !is_name(&format!("a{c}"));
     let words: Vec<&str> = header.split(is_sign).filter(|word| !word.is_empty()).collect();
     let name = words.join("_");
-    let tries = [name.clone(), format!("_{name}"), format!("{name}_")];
+    let tries = [name.clone(), format!("{name}_"), format!("_{name}")];
     tries.into_iter().find(|name| is_name(name)).unwrap_or_else(|| "unnamed".into())
 }
 

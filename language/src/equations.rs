@@ -4,8 +4,8 @@ use std::fmt::Write as _;
 
 use crate::print;
 use crate::syntax::{
-    Column, Effect, Field, Hyper, Item, Let, Model, Observe, Over, Param, Prior, Range,
-    Statement, Unit, Value,
+    Column, Effect, Field, Hyper, Item, Let, Model, Observe, Over, Param, Prior, Range, Statement,
+    Unit, Value,
 };
 
 /// Each section's title, and the statements that stand in it.

@@ -123,7 +123,9 @@ impl Maker<'_> {
     fn of_column(&self, column: &TypedColumn) -> Result<Vec<Candidate>, &'static str> {
         let read = self.table.column(column.read_as());
         if read.is_none_or(|read| read.name() != column.name()) {
-            return Err("without its signs, which a model file cannot hold, its name means something else: rename it");
+            return Err(
+                "without its signs, which a model file cannot hold, its name means something else: rename it",
+            );
         }
         if self.unit.is_some_and(|unit| unit.name == column.name()) {
             return Err("it names the units over which others vary: these have a random effect");

@@ -269,7 +269,8 @@ impl Table {
             let name = column.name();
             let appended = lenders.iter().enumerate().map(|(row, lender)| {
                 let own = other.cell(row, name).unwrap_or_default();
-                let is_lent = own.is_empty() && lent.contains(&column.read_as()) && !other.is_open(row, name);
+                let is_lent =
+                    own.is_empty() && lent.contains(&column.read_as()) && !other.is_open(row, name);
                 if is_lent { column.text(*lender) } else { own }
             });
             let own = (0..self.len()).map(|row| column.text(row));

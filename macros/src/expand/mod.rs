@@ -2,10 +2,10 @@
 //! implementation of a trait of one function and a call of the builder.
 
 use eplat_language::print as text;
-use eplat_language::vocabulary::shape;
 use eplat_language::syntax::{
     Column, Density, Effect, Expr, Hyper, Ident, Item, Model, Over, Param, Prior, Range, Unit,
 };
+use eplat_language::vocabulary::shape;
 use proc_macro2::{Literal, TokenStream};
 use quote::quote;
 

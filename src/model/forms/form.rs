@@ -13,12 +13,14 @@ use crate::table::Measurements;
 ///
 /// The effect's offset in a row is the row of the [design](Self::design) times the coefficients.
 pub trait EffectForm: Any + Debug + Send + Sync {
-    /// The form as it is written in a model file, with `row` for the row. `number` writes a number, and
-    /// [`Form::row`] a column.
-    fn written(&self, number: fn(f64) -> String) -> String;
-
     /// The design, row-major (rows of the table, n), and n. It is 0 where a cell is empty.
     fn design(&self, table: &Measurements) -> (Vec<f64>, usize);
+
+    /// The form as it is written in a model file, with `row` for the row. `number` writes a number, and
+    /// [`Form::row`] a column. Only forms that `eplat loop` tries, or code adds, are ever written.
+    fn written(&self, _number: fn(f64) -> String) -> String {
+        format!("{self:?}")
+    }
 
     /// The column that it reads. A table without it is refused.
     fn column(&self) -> Option<&str> {
