@@ -13,7 +13,8 @@ mod support;
 use eplat::criticism::rewrite;
 use eplat::infer::LogDensity as _;
 use eplat::model::forms::{above, all, family, group, logistic, scaled, smooth};
-use eplat::model::{AddedEffect, Augmented, Declare, Form, Model};
+use eplat::model::{AddedEffect, Augmented, Declare, Form, Model, equations};
+use eplat::run::{Loaded, Problem};
 use eplat::table::Measurements;
 use rand::RngExt as _;
 use support::{basis, rng, table};
@@ -92,8 +93,8 @@ fn outliers_that_are_added_are_those_that_rewrite_writes() {
     assert_ne!(densities(&augmented), densities(&plain::Plain));
     let texts = |declared: &dyn Declare| -> Vec<String> {
         let model = Model::outline(declared).unwrap();
-        let observes = model.statements.iter().filter(|s| s.keyword == "observe");
-        observes.map(|s| s.decl.text.split_whitespace().collect()).collect()
+        let tree = model.syntax().unwrap();
+        tree.observes().map(|observe| eplat_language::print(&observe.likelihood)).collect()
     };
     assert_eq!(texts(&augmented), texts(&outlying::Plain));
 }
@@ -129,6 +130,61 @@ fn every_effect_matters() {
     let mut other = effects();
     other[0].form = scaled("force_g", 1.5, 0.76);
     assert_ne!(densities(&Augmented::new(&plain::Plain, &other)), all);
+}
+
+/// A form of the file's own, made by a function of another module.
+mod clock {
+    use eplat::prelude::*;
+    model! {
+        model Clock;
+        param mean ~ Normal(0, 10);
+        let level(row) = mean;
+        effect daily on level = own::periodic(row.hour, 24) ~ Normal(0, 5);
+        observe y(row): Number ~ Normal(level(row), 0.5);
+    }
+    mod own {
+        use eplat::prelude::*;
+        #[derive(Debug)]
+        struct Periodic(String, f64);
+        pub(super) fn periodic(column: &str, period: f64) -> impl EffectForm + use<> {
+            Periodic(column.into(), period)
+        }
+        impl EffectForm for Periodic {
+            fn design(&self, table: &Measurements) -> (Vec<f64>, usize) {
+                let angle = std::f64::consts::TAU / self.1;
+                forms::of_number(table, &self.0, 2, |x| [(angle * x).cos(), (angle * x).sin()])
+            }
+            fn column(&self) -> Option<&str> {
+                Some(&self.0)
+            }
+        }
+    }
+}
+
+/// Over whole days cosine, sine and mean are orthogonal, so each mode is a conjugate normal's.
+#[test]
+fn the_coefficients_of_a_form_of_the_files_own_are_recovered() {
+    let angle = |hour: usize| std::f64::consts::TAU * hour as f64 / 24.0;
+    let y = |hour: usize| 3.0 + 2.0 * angle(hour).cos() - angle(hour).sin() + (hour % 5) as f64;
+    let lines: Vec<String> = (0..48).map(|hour| format!("{},{hour}", y(hour))).collect();
+    let measurements = table("y,hour", &lines);
+    let problem = Problem::new(&clock::Clock, Loaded { measurements, ..Loaded::default() });
+    let mode = problem.unwrap().mode().unwrap();
+    let exact = |of: &dyn Fn(f64) -> f64| {
+        let sum: f64 = (0..48).map(|hour| y(hour) * of(angle(hour))).sum();
+        (sum / 0.25) / (24.0 / 0.25 + 1.0 / 25.0)
+    };
+    for (name, expected) in [("daily[0]", exact(&f64::cos)), ("daily[1]", exact(&f64::sin))] {
+        let all = mode.parameters();
+        let (_, found, _) = all.iter().find(|(own, ..)| own == name).unwrap();
+        assert!((found - expected).abs() < 1e-5, "{name}: {found} {expected}");
+    }
+    // without the column there is no such effect
+    let error = Model::new(&clock::Clock, None, &table("y", &["1".into()])).unwrap_err();
+    assert!(error.to_string().contains("no column `hour`"), "{error}");
+    let shown = equations(&Model::outline(&clock::Clock).unwrap());
+    let line = "daily on level = own::periodic(row.hour, 24) ~ Normal(0, 5)";
+    assert!(shown.contains(line), "{shown}");
 }
 
 /// The rows with other names in the header.

@@ -10,6 +10,7 @@ use crate::syntax::{Effect, Item, Model};
 impl Model {
     /// Puts the likelihood of every `observe` within `Outliers(…, share, sd)`.
     pub fn add_outliers(&mut self, share: f64, sd: f64) {
+        let [share, sd] = [share, sd].map(proc_macro2::Literal::f64_unsuffixed);
         for statement in &mut self.statements {
             if let Item::Observe(observe) = &mut statement.item {
                 let likelihood = &observe.likelihood;
@@ -64,7 +65,7 @@ impl File {
 }
 
 /// A likelihood with outliers, as it is written.
-pub fn outlying(likelihood: &str, share: f64, sd: f64) -> String {
+fn outlying(likelihood: &str, share: f64, sd: f64) -> String {
     format!("Outliers({}, {share:?}, {sd:?})", likelihood.trim())
 }
 

@@ -39,7 +39,7 @@ pub use density::Density;
 pub use equations::equations;
 pub use error::ModelError;
 pub use forms::{EffectForm, Form};
-pub use laid_out::{Model, Observe, Statement};
+pub use laid_out::{Model, Observe};
 pub use lets::LetValues;
 pub use local::{RowId, Split};
 pub use maps::{MapName, MapSummary, Maps};

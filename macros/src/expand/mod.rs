@@ -183,7 +183,6 @@ impl<'m> State<'m> {
 
     fn density(&self, density: &Density) -> TokenStream {
         let (name, e) = (density.name.to_string(), &density.expr);
-        let decl = decl(&density.name, None, &text(e));
         let mentioned = self.scope.mentioned(e);
         let (n, names) = (mentioned.width(), mentioned.full_names());
         let (pattern, vectors) = mentioned.pattern();
@@ -208,7 +207,7 @@ impl<'m> State<'m> {
                     #e
                 }
             }
-            b.density::<LogDensity, #n>(#decl, #name, #names, #reads)?;
+            b.density::<LogDensity, #n>(#name, #names, #reads)?;
         }}
     }
 }

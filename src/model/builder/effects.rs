@@ -42,7 +42,7 @@ impl Builder<'_> {
     ) -> Result<(), ModelError> {
         let columns: Vec<String> = columns.iter().map(ToString::to_string).collect();
         let name = decl.name.to_string();
-        self.coefficients::<F, N, M>(decl, columns.len(), mentions)?;
+        self.param::<F, N, M>(decl, Len::Many(columns.len()), mentions)?;
         let n = columns.len();
         self.push_effect(&name, on, Design::Columns(columns), n);
         Ok(())
@@ -61,7 +61,7 @@ impl Builder<'_> {
     ) -> Result<(), ModelError> {
         let name = decl.name.to_string();
         let n = self.n_coefficients(&name, &form)?;
-        self.coefficients::<F, N, M>(decl, n, mentions)?;
+        self.param::<F, N, M>(decl, Len::Many(n), mentions)?;
         self.label_last(&form);
         self.push_effect(&name, on, Design::Form(form), n);
         Ok(())
@@ -82,25 +82,11 @@ impl Builder<'_> {
         let (u, v) = (self.unknowns(n), self.values(n));
         self.push_parameter(&decl, n, Kind::Vector, vec![], Support::Real, v);
         let name = decl.name.to_string();
-        self.state("effect", decl);
         self.model.prior_entries.push(PriorEntry { u: u..u + n, v, len: n, mentions: vec![] });
         self.model.priors.push(Box::new(NormalOp { u, v, n, sd }));
         self.label_last(form);
         let on: Vec<&str> = on.iter().map(String::as_str).collect();
         self.push_effect(&name, &on, Design::Form(form.clone()), n);
-        Ok(())
-    }
-
-    fn coefficients<F: PriorFn<N>, const N: usize, const M: usize>(
-        &mut self,
-        decl: Decl,
-        n: usize,
-        mentions: &[&str],
-    ) -> Result<(), ModelError> {
-        self.param::<F, N, M>(decl, Len::Many(n), mentions)?;
-        if let Some(statement) = self.model.statements.last_mut() {
-            statement.keyword = "effect";
-        }
         Ok(())
     }
 

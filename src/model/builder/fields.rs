@@ -70,7 +70,6 @@ impl Builder<'_> {
         let labels = label.map(|column| self.labels(column, &who)).transpose()?;
         self.prefix = Some(name);
         self.field = Some(Declared { name, unit: decl.unit.clone().into(), range, labels });
-        self.state("field", decl);
         Ok(())
     }
 

@@ -62,7 +62,6 @@ impl Builder<'_> {
     ) {
         let make: fn() -> Box<dyn MapFn> = || Box::new(MapAt::<F, N>::new());
         let unit: String = decl.unit.clone().into();
-        self.state("let", decl);
         self.maps_of(name, &unit, range, mentions, make);
         let mut differs = if mentions.reads_row { Differs::Row } else { Differs::Not };
         for of in mentions.numbers.iter().chain(mentions.lets) {
@@ -82,7 +81,6 @@ impl Builder<'_> {
     ) {
         let mentions = Place { numbers: &[], lets: &[], reads_row: true };
         let unit = decl.unit.clone().into();
-        self.state("let", decl);
         self.lets.push(Declared { name, unit, mentions, differs: Differs::Row, make: None });
         self.names.push((name.into(), Source::Linear { beta, columns: columns.to_vec() }));
     }

@@ -98,9 +98,6 @@ impl Builder<'_> {
         };
         self.names.push((self.full_name(&decl.name), source));
         self.push_parameter(&decl, n, kind, names, support, v);
-        if self.prefix.is_none() {
-            self.state("param", decl);
-        }
         self.model.prior_entries.push(PriorEntry { u: u..u + n, v, len: n, mentions });
         Ok((u, v, n))
     }
@@ -191,7 +188,6 @@ impl Builder<'_> {
         self.n_work += (n + 1) * n_carry;
         self.push_parameter(&decl, n, Kind::Vector, vec![], support, v);
         self.names.push((decl.name.clone().into(), Source::Scalars { v, len: n }));
-        self.state("param", decl);
         let op = SequenceOp::<F, N, M> { local, u, v, work, n, n_carry, f: PhantomData };
         self.model.priors.push(Box::new(op));
         Ok(())
@@ -235,7 +231,6 @@ impl Builder<'_> {
         let entry = PriorEntry { u: u..u + n, v, len: cells.len(), mentions: local.places() };
         self.model.prior_entries.push(entry);
         self.names.push((decl.name.clone().into(), Source::Cells { v }));
-        self.state("column", decl);
         let op = ImputedOp::<F, N, M> { local, u, v, missing, seen, f: PhantomData };
         self.model.priors.push(Box::new(op));
         Ok(())
