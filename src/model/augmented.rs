@@ -82,7 +82,7 @@ impl Declare for Augmented<'_> {
                 unit: effect.unit.clone().into(),
                 text: effect.prior().into(),
             };
-            b.added_effect(decl, &effect.on, &effect.form, effect.sd)?;
+            b.added_effect(&decl, &effect.on, &effect.form, effect.sd)?;
         }
         Ok(())
     }

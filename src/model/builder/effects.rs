@@ -73,20 +73,19 @@ impl Builder<'_> {
     /// A column that the table lacks.
     pub(in crate::model) fn added_effect(
         &mut self,
-        decl: Decl,
+        decl: &Decl,
         on: &[String],
         form: &Form,
         sd: f64,
     ) -> Result<(), ModelError> {
         let n = self.n_coefficients(&decl.name, form)?;
         let (u, v) = (self.unknowns(n), self.values(n));
-        self.push_parameter(&decl, n, Kind::Vector, vec![], Support::Real, v);
-        let name = decl.name.to_string();
+        self.push_parameter(decl, n, Kind::Vector, vec![], Support::Real, v);
         self.model.prior_entries.push(PriorEntry { u: u..u + n, v, len: n, mentions: vec![] });
         self.model.priors.push(Box::new(NormalOp { u, v, n, sd }));
         self.label_last(form);
         let on: Vec<&str> = on.iter().map(String::as_str).collect();
-        self.push_effect(&name, &on, Design::Form(form.clone()), n);
+        self.push_effect(&decl.name, &on, Design::Form(form.clone()), n);
         Ok(())
     }
 

@@ -69,7 +69,7 @@ impl Builder<'_> {
         let who = format!("field {name}");
         let labels = label.map(|column| self.labels(column, &who)).transpose()?;
         self.prefix = Some(name);
-        self.field = Some(Declared { name, unit: decl.unit.clone().into(), range, labels });
+        self.field = Some(Declared { name, unit: decl.unit.into(), range, labels });
         Ok(())
     }
 

@@ -25,7 +25,7 @@ impl Builder<'_> {
         mentions: Place,
         from: Option<Computed>,
     ) -> Result<(), ModelError> {
-        let unit = decl.unit.clone().into();
+        let unit = decl.unit.into();
         let read = match (self.data, from) {
             (Some(data), Some(from)) => compute_rows::<F, N>(data, name, from)?,
             (Some(data), None) => read_rows::<F::Y>(data, name)?,

@@ -27,6 +27,7 @@ impl Builder<'_> {
     ///
     /// # Errors
     /// A label column that the data lack.
+    #[expect(clippy::needless_pass_by_value, reason = "the expansion makes one for each statement")]
     pub fn param<F: PriorFn<N>, const N: usize, const M: usize>(
         &mut self,
         decl: Decl,
@@ -42,7 +43,7 @@ impl Builder<'_> {
         let is_flat = prior.is_flat();
         drop(prior);
         let places = local.places();
-        let (u, v, n) = self.lay_out(decl, len, places, support, is_flat)?;
+        let (u, v, n) = self.lay_out(&decl, len, places, support, is_flat)?;
         let op = ParameterOp::<F, N, M> { local, u, v, n, ln_norm, f: PhantomData };
         self.model.priors.push(Box::new(op));
         Ok(())
@@ -71,7 +72,7 @@ impl Builder<'_> {
     /// First unknown and first value of a parameter, and how many it has.
     fn lay_out(
         &mut self,
-        decl: Decl,
+        decl: &Decl,
         len: Len,
         mentions: Vec<usize>,
         support: Support,
@@ -97,7 +98,7 @@ impl Builder<'_> {
             None => Source::Scalars { v, len: n },
         };
         self.names.push((self.full_name(&decl.name), source));
-        self.push_parameter(&decl, n, kind, names, support, v);
+        self.push_parameter(decl, n, kind, names, support, v);
         self.model.prior_entries.push(PriorEntry { u: u..u + n, v, len: n, mentions });
         Ok((u, v, n))
     }
