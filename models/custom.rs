@@ -1,7 +1,8 @@
-//! A prior, a kernel, a likelihood and a surrogate of one's own: each one trait or a plain function.
+//! A prior, a kernel, a likelihood, the form of an effect and a surrogate of one's own: each one trait or a
+//! plain function.
 //!
 //! `eplat run models/custom.rs --mesh SHELL.vtk --units mm --data FILE.csv`, with the columns `vertex`, `protocol`
-//! (`arrival` or `offset_seen`) and `value` (ms).
+//! (`arrival` or `offset_seen`), `value` (ms) and `hour`.
 use eplat::prelude::*;
 
 model! {
@@ -16,6 +17,7 @@ model! {
         alpha [ms] ~ HalfNormal(5.0);
         rho   [mm] ~ InvGamma(5.0, 200.0);
     }
+    effect clock on delay [ms] = Periodic(row.hour, 24.0) ~ Normal(0.0, 2.0);
     observe arrival(x): Number [ms] ~ LogisticNoise(saturating(delay(x)) + offset, noise);
     observe offset_seen(row): Number [ms] ~ LogisticNoise(offset, noise);
 }
@@ -63,6 +65,20 @@ impl<D: Real> Kernel<D> for Matern72<D> {
         let kappa2 = (self.0 * self.0).recip() * 7.0;
         let s = kappa2 + w * w;
         (kappa2.powf(3.5) * s.powf(-4.5) * (14.0 * std::f64::consts::PI)).sqrt()
+    }
+}
+
+/// The form of an effect: a cosine and a sine of a column over a period, each with a coefficient.
+#[derive(Debug)]
+struct Periodic(&'static str, f64);
+
+impl EffectForm for Periodic {
+    fn design(&self, table: &Measurements) -> (Vec<f64>, usize) {
+        let angle = std::f64::consts::TAU / self.1;
+        forms::of_number(table, self.0, 2, |x| [(angle * x).cos(), (angle * x).sin()])
+    }
+    fn column(&self) -> Option<&str> {
+        Some(self.0)
     }
 }
 

@@ -11,8 +11,10 @@ pub use crate::likelihood::{
     BernoulliLogit, BinomialLogit, Bracket, Count, Interval, Likelihood, Mixture, NegBinomialLog,
     Number, Observation, OrderedLogit, Outliers, PoissonLog, TopHat, Widened,
 };
+pub use crate::model::{EffectForm, forms};
 pub use crate::num::{Argument, Num, Real, ln_sum_exp};
 pub use crate::surrogate;
+pub use crate::table::Measurements;
 pub use eplat_macros::model;
 pub use num_dual::DualNum as _;
 pub use num_traits::Signed as _;

@@ -12,26 +12,23 @@ mod support;
 
 use eplat::criticism::rewrite;
 use eplat::infer::LogDensity as _;
-use eplat::model::{AddedEffect, Augmented, Declare, Form, Model};
+use eplat::model::forms::{above, all, family, group, logistic, scaled, smooth};
+use eplat::model::{AddedEffect, Augmented, Declare, Form, Model, equations};
+use eplat::run::{Loaded, Problem};
 use eplat::table::Measurements;
 use rand::RngExt as _;
 use support::{basis, rng, table};
 
 /// One effect of each form, on the field, on the `let` and on both.
 fn effects() -> Vec<AddedEffect> {
-    let column = String::from;
     let forms = [
-        ("force", "erp", Form::Scaled { column: column("force_g"), centre: 1.5, scale: 0.75 }),
-        (
-            "curve",
-            "late",
-            Form::Smooth { column: column("force_g"), low: 0.0, high: 3.0, degree: 3 },
-        ),
-        ("catheter", "erp, late", Form::Group { column: column("catheter") }),
-        ("kind", "late", Form::Family { column: column("catheter") }),
-        ("patch", "erp", Form::Above { column: column("dist_mm"), threshold: 12.0 }),
-        ("edge", "erp", Form::Logistic { column: column("dist_mm"), centre: 15.0, scale: 2.5 }),
-        ("shift", "late", Form::All),
+        ("force", "erp", scaled("force_g", 1.5, 0.75)),
+        ("curve", "late", smooth("force_g", 0.0, 3.0, 3.0)),
+        ("catheter", "erp, late", group("catheter")),
+        ("kind", "late", family("catheter")),
+        ("patch", "erp", above("dist_mm", 12.0)),
+        ("edge", "erp", logistic("dist_mm", 15.0, 2.5)),
+        ("shift", "late", all()),
     ];
     let effect = |(name, on, form): (&str, &str, Form)| AddedEffect {
         name: name.into(),
@@ -62,8 +59,12 @@ fn rows() -> Measurements {
 
 /// Log density and gradient at three points.
 fn densities(declared: &dyn Declare) -> Vec<(f64, Vec<f64>)> {
+    densities_on(declared, &rows())
+}
+
+fn densities_on(declared: &dyn Declare, data: &Measurements) -> Vec<(f64, Vec<f64>)> {
     let basis = basis(200, 12);
-    let model = Model::new(declared, Some(&basis), &rows()).unwrap();
+    let model = Model::new(declared, Some(&basis), data).unwrap();
     let (mut evaluator, mut rng) = (model.evaluator(), rng(12));
     let mut one = |_| {
         let u: Vec<f64> = model.initial().iter().map(|u| u + rng.random_range(-0.5..0.5)).collect();
@@ -92,16 +93,20 @@ fn outliers_that_are_added_are_those_that_rewrite_writes() {
     assert_ne!(densities(&augmented), densities(&plain::Plain));
     let texts = |declared: &dyn Declare| -> Vec<String> {
         let model = Model::outline(declared).unwrap();
-        let observes = model.statements.iter().filter(|s| s.keyword == "observe");
-        observes.map(|s| s.decl.text.split_whitespace().collect()).collect()
+        let tree = model.syntax().unwrap();
+        tree.observes().map(|observe| eplat_language::print(&observe.likelihood)).collect()
     };
     assert_eq!(texts(&augmented), texts(&outlying::Plain));
 }
 
 /// Two models have the same density and gradient.
 fn are_equal(augmented: &dyn Declare, declared: &dyn Declare) {
+    are_equal_on(augmented, declared, &rows());
+}
+
+fn are_equal_on(augmented: &dyn Declare, declared: &dyn Declare, data: &Measurements) {
     for ((ln, gradient), (ln_file, gradient_file)) in
-        densities(augmented).iter().zip(densities(declared))
+        densities_on(augmented, data).iter().zip(densities_on(declared, data))
     {
         // a declared effect makes rows wider, and sums are then rounded in another order
         let is_equal = |a: f64, b: f64| (a - b).abs() <= 1e-11 * (1.0 + a.abs());
@@ -123,6 +128,110 @@ fn every_effect_matters() {
         assert!(fewer[0].1.len() < all[0].1.len(), "effect {left_out} has no coefficient");
     }
     let mut other = effects();
-    other[0].form = Form::Scaled { column: "force_g".into(), centre: 1.5, scale: 0.76 };
+    other[0].form = scaled("force_g", 1.5, 0.76);
     assert_ne!(densities(&Augmented::new(&plain::Plain, &other)), all);
+}
+
+/// A form of the file's own, made by a function of another module.
+mod clock {
+    use eplat::prelude::*;
+    model! {
+        model Clock;
+        param mean ~ Normal(0, 10);
+        let level(row) = mean;
+        effect daily on level = own::periodic(row.hour, 24) ~ Normal(0, 5);
+        observe y(row): Number ~ Normal(level(row), 0.5);
+    }
+    mod own {
+        use eplat::prelude::*;
+        #[derive(Debug)]
+        struct Periodic(String, f64);
+        pub(super) fn periodic(column: &str, period: f64) -> impl EffectForm + use<> {
+            Periodic(column.into(), period)
+        }
+        impl EffectForm for Periodic {
+            fn design(&self, table: &Measurements) -> (Vec<f64>, usize) {
+                let angle = std::f64::consts::TAU / self.1;
+                forms::of_number(table, &self.0, 2, |x| [(angle * x).cos(), (angle * x).sin()])
+            }
+            fn column(&self) -> Option<&str> {
+                Some(&self.0)
+            }
+        }
+    }
+}
+
+/// Over whole days cosine, sine and mean are orthogonal, so each mode is a conjugate normal's.
+#[test]
+fn the_coefficients_of_a_form_of_the_files_own_are_recovered() {
+    let angle = |hour: usize| std::f64::consts::TAU * hour as f64 / 24.0;
+    let y = |hour: usize| 3.0 + 2.0 * angle(hour).cos() - angle(hour).sin() + (hour % 5) as f64;
+    let lines: Vec<String> = (0..48).map(|hour| format!("{},{hour}", y(hour))).collect();
+    let measurements = table("y,hour", &lines);
+    let problem = Problem::new(&clock::Clock, Loaded { measurements, ..Loaded::default() });
+    let mode = problem.unwrap().mode().unwrap();
+    let exact = |of: &dyn Fn(f64) -> f64| {
+        let sum: f64 = (0..48).map(|hour| y(hour) * of(angle(hour))).sum();
+        (sum / 0.25) / (24.0 / 0.25 + 1.0 / 25.0)
+    };
+    for (name, expected) in [("daily[0]", exact(&f64::cos)), ("daily[1]", exact(&f64::sin))] {
+        let all = mode.parameters();
+        let (_, found, _) = all.iter().find(|(own, ..)| own == name).unwrap();
+        assert!((found - expected).abs() < 1e-5, "{name}: {found} {expected}");
+    }
+    // without the column there is no such effect
+    let error = Model::new(&clock::Clock, None, &table("y", &["1".into()])).unwrap_err();
+    assert!(error.to_string().contains("no column `hour`"), "{error}");
+    let shown = equations(&Model::outline(&clock::Clock).unwrap());
+    let line = "daily on level = own::periodic(row.hour, 24) ~ Normal(0, 5)";
+    assert!(shown.contains(line), "{shown}");
+}
+
+/// The rows with other names in the header.
+fn renamed(names: &[(&str, &str)]) -> Measurements {
+    let rows = rows();
+    let name = |own: &String| {
+        let new = names.iter().find(|(old, _)| old == own);
+        new.map_or(own.clone(), |(_, new)| (*new).to_owned())
+    };
+    let cells = |row: usize| rows.cells(row).into_iter().map(String::from).collect();
+    let header = rows.columns().iter().map(name).collect();
+    let cells = (0..rows.len()).map(cells).collect();
+    let mut renamed = Measurements::from_cells("test", header, cells).unwrap();
+    renamed.place_at_indices(200).unwrap();
+    renamed
+}
+
+#[test]
+fn a_column_whose_name_has_signs_is_read_without_them() {
+    let table = renamed(&[("force_g", "force (g)")]);
+    let mut found = effects();
+    found[0].form = scaled("force (g)", 1.5, 0.75);
+    found[1].form = smooth("force (g)", 0.0, 3.0, 3.0);
+    let added: Vec<_> = found.iter().map(|e| (e.clone(), "Added.".to_owned())).collect();
+    let written = rewrite(include_str!("models/plain.rs"), &added, None).unwrap();
+    assert_eq!(written, include_str!("models/forms.rs"));
+    assert_eq!(densities_on(&forms::Plain, &table), densities(&forms::Plain));
+    are_equal_on(&Augmented::new(&plain::Plain, &found), &forms::Plain, &table);
+    // where two columns would have the name, neither has it
+    let two = renamed(&[("force_g", "force (g)"), ("dist_mm", "force/g")]);
+    assert!(two.has("force (g)") && !two.has("force_g"));
+    let error = Model::new(&forms::Plain, Some(&basis(200, 12)), &two).unwrap_err();
+    assert!(error.to_string().contains("no column `force_g`"), "{error}");
+    // nor is what has a meaning of its own found in this way
+    assert!(!renamed(&[("force_g", "site (1)"), ("dist_mm", "%site")]).has("site"));
+}
+
+/// What the language knows as a form ships as one, or `models/forms.rs` would not compile.
+#[test]
+fn every_form_of_the_vocabulary_is_declared_in_a_test() {
+    let declared = [
+        include_str!("models/forms.rs"),
+        include_str!("models/language.rs"),
+        include_str!("loop_paths.rs"),
+    ];
+    for shape in eplat_language::vocabulary::FORMS {
+        let text = format!(" = {}(row", shape.name);
+        assert!(declared.iter().any(|file| file.contains(&text)), "{}", shape.name);
+    }
 }

@@ -88,7 +88,7 @@ fn check(model: &dyn Declare, data: &Measurements) {
 /// `n` rows at vertices 3i, protocols in turn, with every column that the test models read.
 fn rows(n: usize, protocols: &[&str]) -> Measurements {
     let mut rng = rng(3);
-    let header = "protocol,vertex,lower,upper,value,force_g,dose,catheter,school,se,dist_mm";
+    let header = "protocol,vertex,lower,upper,value,force_g,dose,catheter,school,se,dist_mm,hour";
     let mut lines = vec![];
     for i in 0..n {
         let protocol = protocols[i % protocols.len()];
@@ -101,11 +101,12 @@ fn rows(n: usize, protocols: &[&str]) -> Measurements {
         let value = if protocol == "event" { i % 2 } else { i % 9 };
         let (force, dose) = (rng.random_range(0.0..3.0), rng.random_range(0.0..2.0));
         lines.push(format!(
-            "{protocol},{},{lower},{upper},{value},{force},{dose},c{},s{i},{},{}",
+            "{protocol},{},{lower},{upper},{value},{force},{dose},c{},s{i},{},{},{}",
             3 * i,
             i % 3,
             8 + i,
-            i % 25
+            i % 25,
+            7 * i % 24
         ));
     }
     place(table(header, &lines))

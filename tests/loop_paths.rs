@@ -14,7 +14,8 @@ use eplat::criticism::{Criticism, SearchSettings, Subject, criticise};
 use eplat::infer::LogDensity as _;
 use eplat::manifold::{Basis, eigenpairs, integrate_along_paths};
 use eplat::mesh::{Surface, left_atrium};
-use eplat::model::{AddedEffect, Augmented, Form, Model};
+use eplat::model::forms::{path, surface as surface_form};
+use eplat::model::{AddedEffect, Augmented, Model};
 use eplat::table::Measurements;
 use rand::RngExt as _;
 use rand_distr::StandardNormal;
@@ -98,10 +99,8 @@ fn declared_or_added_they_are_the_same() {
         form,
         sd,
     };
-    let effects = [
-        effect("delay", Form::Surface { modes: 8, lengthscale: 30.0 }, 10.0),
-        effect("slow", Form::Path { modes: 12, lengthscale: 20.0 }, 0.2),
-    ];
+    let effects =
+        [effect("delay", surface_form(8.0, 30.0), 10.0), effect("slow", path(12.0, 20.0), 0.2)];
     let augmented = Augmented::new(&lat::Lat, &effects);
     let added = Model::new(&augmented, Some(&basis), &data).unwrap();
     let declared = Model::new(&declared::Declared, Some(&basis), &data).unwrap();

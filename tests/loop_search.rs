@@ -4,9 +4,10 @@
 use std::ops::ControlFlow;
 
 use eplat::criticism::{
-    Criticism, CriticismError, Loop, LoopSettings, LoopWatch, SearchSettings, Subject, criticise,
+    Criticism, CriticismError, Loop, LoopSettings, LoopWatch, SearchSettings, Story, Subject,
+    criticise,
 };
-use eplat::run::Loaded;
+use eplat::run::{Loaded, OutputFolder};
 use eplat::table::{Columns, Measurements, Role};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
@@ -187,18 +188,19 @@ fn a_search_is_stopped_by_its_watcher() {
 }
 
 /// What `eplat loop` does, without a file.
-#[test]
-fn the_loop_is_closed_in_memory() {
-    let loaded = Loaded {
-        measurements: table(Truth { force: -8.0, ..Truth::default() }, 1),
-        ..Loaded::default()
-    };
+fn closed(measurements: Measurements) -> Story {
+    let loaded = Loaded { measurements, ..Loaded::default() };
     let settings = LoopSettings {
         search: SearchSettings { nulls: 19, ..SearchSettings::default() },
         ..LoopSettings::default()
     };
     let prepared = Loop::new(&level::Level, loaded, None, settings).unwrap();
-    let story = prepared.close(None, &LoopWatch::default()).unwrap();
+    prepared.close(None, &LoopWatch::default()).unwrap()
+}
+
+#[test]
+fn the_loop_is_closed_in_memory() {
+    let story = closed(table(Truth { force: -8.0, ..Truth::default() }, 1));
     assert_eq!(story.verdict(), "Level lacks an effect of force_g on duration.");
     let [low, high] = story.effects[0].size.interval;
     // a 90 % interval is 2 × 1.645 sd wide
@@ -208,4 +210,34 @@ fn the_loop_is_closed_in_memory() {
     assert!(error.after.unwrap().rmse[0] < error.before.rmse[0], "{error:?}");
     assert_eq!(story.finding()["findings"], serde_json::json!(["force_g"]));
     assert!(story.page(&[]).contains("<h1>Level lacks an effect of force_g on duration.</h1>"));
+}
+
+/// The finding has the header's name; what is written has one that a model file can hold.
+#[test]
+fn columns_may_have_names_that_no_model_file_holds() {
+    let table = table(Truth { force: -8.0, ..Truth::default() }, 1);
+    let name = |own: &String| match own.as_str() {
+        "force_g" => "contact force (g)".to_owned(),
+        "wall_mm" => "dV/dt".to_owned(),
+        "t_min" => "dV-dt".to_owned(),
+        other => other.to_owned(),
+    };
+    let cells = |row: usize| table.cells(row).into_iter().map(String::from).collect();
+    let cells = (0..table.len()).map(cells).collect();
+    let header = table.columns().iter().map(name).collect();
+    let story = closed(Measurements::from_cells("made", header, cells).unwrap());
+    assert_eq!(story.verdict(), "Level lacks an effect of contact force (g) on duration.");
+    assert_eq!(story.finding()["findings"], serde_json::json!(["contact force (g)"]));
+    let unusable: Vec<&str> = story.criticism.unusable.iter().map(|u| &*u.column).collect();
+    assert_eq!(unusable, ["dV/dt", "dV-dt"]);
+    let folder = tempfile::tempdir().unwrap();
+    let source = "use eplat::prelude::*;\nmodel! { model Level; param level ~ Flat; let duration(row) = level; observe bracket(row): Bracket ~ TopHat(duration(row)); }";
+    let out = OutputFolder::open(folder.path()).unwrap();
+    let files = story.write(&out, source, "level").unwrap();
+    assert_eq!(files[0], "level_plus_contact_force_g.rs");
+    let written = std::fs::read_to_string(folder.path().join(&files[0])).unwrap();
+    let effect = "effect contact_force_g on duration [ms] = smooth(row.contact_force_g, ";
+    let effects = ["smooth", "scaled"].map(|form| effect.replace("smooth", form));
+    assert!(effects.iter().any(|effect| written.contains(effect)), "{written}");
+    assert!(eplat_language::File::read(&written).is_ok_and(|file| file.check().is_empty()));
 }

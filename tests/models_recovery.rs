@@ -622,19 +622,22 @@ fn erp_multiscale_recovers_fields() {
 }
 
 #[test]
-fn a_prior_a_kernel_and_a_likelihood_of_the_users_own() {
+fn a_prior_a_kernel_a_likelihood_and_a_form_of_the_users_own() {
     let basis = basis(VERTICES, 24);
     let row = |i: usize| {
         let protocol = if i.is_multiple_of(3) { "offset_seen" } else { "arrival" };
-        vec![(2 * i).to_string(), protocol.to_string(), "0".into()]
+        vec![(2 * i).to_string(), protocol.to_string(), "0".into(), (7 * i % 24).to_string()]
     };
-    let mut table = Table { header: "vertex,protocol,value", rows: (0..90).map(row).collect() };
+    let mut table =
+        Table { header: "vertex,protocol,value,hour", rows: (0..90).map(row).collect() };
     let given = [
         ("offset", 3.0),
         ("noise", 1f64.ln()),
         ("delay.m", 18.0),
         ("delay.alpha", 6f64.ln()),
         ("delay.rho", 50f64.ln()),
+        ("clock[0]", 3.0),
+        ("clock[1]", -2.0),
     ];
     let truth = simulate(&custom::Custom, Some(&basis), &mut table, &given, 4);
     let good = fit(&custom::Custom, Some(&basis), &table.read(), 400);
@@ -689,7 +692,7 @@ fn draws_from_the_prior_have_its_moments() {
     // a field: m ~ Normal(20, 5), alpha ~ HalfNormal(5)
     let basis = basis(VERTICES, 24);
     let mut data =
-        table("vertex,protocol,value", &["0,arrival,0".into(), "4,offset_seen,0".into()]);
+        table("vertex,protocol,value,hour", &["0,arrival,0,3".into(), "4,offset_seen,0,".into()]);
     data.place_at_indices(VERTICES).unwrap();
     let fit = prior(&custom::Custom, Some(&basis), &data, 2000);
     let alpha = fit.get("delay.alpha");

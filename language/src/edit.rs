@@ -5,11 +5,12 @@ use std::fmt::Write as _;
 use crate::file::File;
 use crate::grammar::{first_span, last_span, parse};
 use crate::mistake::Mistake;
-use crate::syntax::{Item, Model};
+use crate::syntax::{Effect, Item, Model};
 
 impl Model {
     /// Puts the likelihood of every `observe` within `Outliers(…, share, sd)`.
     pub fn add_outliers(&mut self, share: f64, sd: f64) {
+        let [share, sd] = [share, sd].map(proc_macro2::Literal::f64_unsuffixed);
         for statement in &mut self.statements {
             if let Item::Observe(observe) = &mut statement.item {
                 let likelihood = &observe.likelihood;
@@ -25,7 +26,7 @@ impl File {
     /// (share, sd), every likelihood within `Outliers(…, share, sd)`.
     ///
     /// # Errors
-    /// A text that is not one `effect` statement, such as one with a column whose name is no name.
+    /// A text that is not one `effect` statement. What is written is printed from its tree.
     pub fn with_effects(
         &self,
         source: &str,
@@ -40,12 +41,11 @@ impl File {
         text.truncate(text.trim_end().len());
         text.push('\n');
         for (effect, why) in effects {
-            is_effect(effect)?;
             text.push('\n');
             for line in why.lines() {
                 let _ = writeln!(text, "    /// {}", line.replace('\r', " "));
             }
-            let _ = writeln!(text, "    {effect}");
+            let _ = writeln!(text, "    {}", self::effect(effect)?.text());
         }
         Ok(text + &source[end..])
     }
@@ -65,7 +65,7 @@ impl File {
 }
 
 /// A likelihood with outliers, as it is written.
-pub fn outlying(likelihood: &str, share: f64, sd: f64) -> String {
+fn outlying(likelihood: &str, share: f64, sd: f64) -> String {
     format!("Outliers({}, {share:?}, {sd:?})", likelihood.trim())
 }
 
@@ -74,20 +74,37 @@ pub fn is_name(text: &str) -> bool {
     syn::parse_str::<syn::Ident>(text).is_ok_and(|name| name == text)
 }
 
-/// One `effect` statement in one line, without a comment that could swallow a part of it.
-fn is_effect(text: &str) -> Result<(), Mistake> {
+/// The name under which a model file reads the column of this header, and the name of an effect of it:
+/// letters, digits and `_` as they are, one `_` for whatever else stands between them.
+///
+/// ```
+/// use eplat_language::as_name;
+/// assert_eq!(["force_g", "contact force (g)"].map(as_name), ["force_g", "contact_force_g"]);
+/// assert_eq!(["dV/dt", "2nd", "type", "%"].map(as_name), ["dV_dt", "_2nd", "type_", "unnamed"]);
+/// ```
+pub fn as_name(header: &str) -> String {
+    if is_name(header) {
+        return header.to_owned();
+    }
+    let is_sign = |c: char| !is_name(&format!("a{c}"));
+    let words: Vec<&str> = header.split(is_sign).filter(|word| !word.is_empty()).collect();
+    let name = words.join("_");
+    let tries = [name.clone(), format!("{name}_"), format!("_{name}")];
+    tries.into_iter().find(|name| is_name(name)).unwrap_or_else(|| "unnamed".into())
+}
+
+/// One `effect` statement.
+fn effect(text: &str) -> Result<Effect, Mistake> {
     let wrong = |help: &str| {
         let message = format!("`{text}` is not one effect");
         Mistake::at(proc_macro2::Span::call_site(), message, help)
     };
-    if ["//", "/*", "\n"].iter().any(|mark| text.contains(mark)) {
-        return Err(wrong("take out the comment or the end of a line"));
-    }
     let tokens = format!("model M; {text}").parse();
     let tokens = tokens.map_err(|_| wrong("names in it must be those of Rust"))?;
     let model = parse(tokens).map_err(|mistake| wrong(&mistake.message))?;
-    match &model.statements[..] {
-        [one] if matches!(one.item, Item::Effect(_)) => Ok(()),
+    let mut statements = model.statements.into_iter().map(|statement| statement.item);
+    match (statements.next(), statements.next()) {
+        (Some(Item::Effect(effect)), None) => Ok(effect),
         _ => Err(wrong("write `effect NAME on LET [unit] = linear(row.COLUMN) ~ PRIOR;`")),
     }
 }

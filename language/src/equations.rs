@@ -4,8 +4,8 @@ use std::fmt::Write as _;
 
 use crate::print;
 use crate::syntax::{
-    Column, Effect, Expr, Field, Hyper, Item, Let, Model, Observe, Over, Param, Prior, Range,
-    Statement, Unit, Value,
+    Column, Effect, Field, Hyper, Item, Let, Model, Observe, Over, Param, Prior, Range, Statement,
+    Unit, Value,
 };
 
 /// Each section's title, and the statements that stand in it.
@@ -139,16 +139,8 @@ fn let_statement(l: &Let) -> String {
 }
 
 fn effect(e: &Effect) -> String {
-    let Effect { name, on, form, .. } = e;
-    let on: Vec<String> = on.iter().map(ToString::to_string).collect();
-    let row = form.row.as_ref().map_or(String::new(), ToString::to_string);
-    let mut arguments: Vec<String> = form.columns.iter().map(|c| format!("{row}.{c}")).collect();
-    if arguments.is_empty() {
-        arguments.extend(form.row.as_ref().map(ToString::to_string));
-    }
-    arguments.extend(form.numbers.iter().map(|number: &Expr| print(number)));
-    let (on, arguments, unit) = (on.join(", "), arguments.join(", "), show(e.unit.as_ref()));
-    format!("  {name}{unit} on {on} = {}({arguments}) ~ {}", form.name, prior(&e.prior))
+    let (name, unit, on) = (&e.name, show(e.unit.as_ref()), e.on());
+    format!("  {name}{unit} on {on} = {} ~ {}", e.form.text(), prior(&e.prior))
 }
 
 fn observe(o: &Observe) -> String {

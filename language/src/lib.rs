@@ -24,7 +24,7 @@ mod units;
 pub mod vocabulary;
 
 pub use check::check;
-pub use edit::{is_name, outlying};
+pub use edit::{as_name, is_name};
 pub use equations::equations;
 pub use file::File;
 pub use grammar::{parse, parse_text};

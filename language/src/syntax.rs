@@ -8,6 +8,8 @@
 use proc_macro2::Span;
 pub use syn::{Expr, Ident};
 
+use crate::print::print;
+
 /// `model NAME; statement; …`
 pub struct Model {
     /// The doc comment above `model`, a line each.
@@ -218,8 +220,8 @@ pub struct Effect {
 
 /// `scaled(row.force_g, 15.0, 5.0)`
 pub struct Form {
-    /// The form's name.
-    pub name: Ident,
+    /// The function that makes it: a form that ships, or one in scope of the file.
+    pub name: syn::Path,
     /// The name of the row.
     pub row: Option<Ident>,
     /// The columns among its arguments.
@@ -236,6 +238,35 @@ pub struct Density {
     pub data: Option<Ident>,
     /// The log density.
     pub expr: Expr,
+}
+
+impl Effect {
+    /// What it acts on, as it is written.
+    pub fn on(&self) -> String {
+        let on: Vec<String> = self.on.iter().map(ToString::to_string).collect();
+        on.join(", ")
+    }
+
+    /// The statement, as a person would write it.
+    pub fn text(&self) -> String {
+        let Self { name, form, prior, .. } = self;
+        let unit = self.unit.as_ref().map_or(String::new(), |unit| format!(" [{}]", unit.text));
+        format!("effect {name} on {}{unit} = {} ~ {};", self.on(), form.text(), print(&prior.expr))
+    }
+}
+
+impl Form {
+    /// The call, as a person would write it.
+    pub fn text(&self) -> String {
+        let row = self.row.as_ref().map_or(String::new(), ToString::to_string);
+        let column = |column: &Ident| format!("{row}.{column}");
+        let mut arguments: Vec<String> = self.columns.iter().map(column).collect();
+        if arguments.is_empty() {
+            arguments.extend(self.row.as_ref().map(ToString::to_string));
+        }
+        arguments.extend(self.numbers.iter().map(print));
+        format!("{}({})", print(&self.name), arguments.join(", "))
+    }
 }
 
 impl Model {

@@ -126,12 +126,15 @@ pub const PRELUDE: &[&str] = &[
     "Argument",
     "CholeskyFactor",
     "Covariance",
+    "EffectForm",
+    "Measurements",
     "Num",
     "RealLine",
     "Sequence",
     "Step",
     "cholesky",
     "correlation_cholesky",
+    "forms",
     "Support",
     "Real",
     "Rng",
@@ -171,7 +174,7 @@ pub struct Shape {
     pub written: &'static str,
 }
 
-const fn shape(
+const fn form(
     name: &'static str,
     columns: Option<usize>,
     numbers: usize,
@@ -180,19 +183,24 @@ const fn shape(
     Shape { name, columns, numbers, written }
 }
 
-/// The forms of effects that ship.
+/// The forms of effects that ship; each but `linear` is a function of `eplat::model::forms`.
 pub const FORMS: &[Shape] = &[
-    shape("linear", None, 0, "linear(row.a, row.b)"),
-    shape("scaled", Some(1), 2, "scaled(row.a, CENTRE, SCALE)"),
-    shape("smooth", Some(1), 3, "smooth(row.a, LOW, HIGH, DEGREE)"),
-    shape("above", Some(1), 1, "above(row.a, THRESHOLD)"),
-    shape("logistic", Some(1), 2, "logistic(row.a, CENTRE, SCALE)"),
-    shape("group", Some(1), 0, "group(row.a)"),
-    shape("family", Some(1), 0, "family(row.a)"),
-    shape("all", Some(0), 0, "all(row)"),
-    shape("surface", Some(0), 2, "surface(row, MODES, LENGTHSCALE)"),
-    shape("path", Some(0), 2, "path(row, MODES, LENGTHSCALE)"),
+    form("linear", None, 0, "linear(row.a, row.b)"),
+    form("scaled", Some(1), 2, "scaled(row.a, CENTRE, SCALE)"),
+    form("smooth", Some(1), 3, "smooth(row.a, LOW, HIGH, DEGREE)"),
+    form("above", Some(1), 1, "above(row.a, THRESHOLD)"),
+    form("logistic", Some(1), 2, "logistic(row.a, CENTRE, SCALE)"),
+    form("group", Some(1), 0, "group(row.a)"),
+    form("family", Some(1), 0, "family(row.a)"),
+    form("all", Some(0), 0, "all(row)"),
+    form("surface", Some(0), 2, "surface(row, MODES, LENGTHSCALE)"),
+    form("path", Some(0), 2, "path(row, MODES, LENGTHSCALE)"),
 ];
+
+/// The form of this name that ships.
+pub fn shape(name: &syn::Ident) -> Option<&'static Shape> {
+    FORMS.iter().find(|shape| name == shape.name)
+}
 
 /// The words of which this holds, as a list to read.
 pub(crate) fn listed(is_one: impl Fn(&Word) -> bool) -> String {

@@ -226,6 +226,8 @@ fn what_is_right_is_no_mistake() {
          observe z(x): Bracket ~ Widened(TopHat(h(x) + k(x)), 1);",
         "column age ~ Normal(mu, 2); let h(x) = x.age * x.dose;",
         "effect e on f, g = smooth(row.other, LOW, 3, 2) ~ Normal(0, half(mu)); effect w on f = all(row) ~ Flat;",
+        // a form of the file's own, by its name or in another place
+        "effect e on f = half(row.other, LOW, 3) ~ Flat; effect w on f = my::form(row.other) ~ Flat;",
         "param w(2) ~ Ordered(Normal(mu, 1)); density w2 = half(w[0]) + beta[1];",
         "observe z(row): Number from (row.dose.ln() / LOW) ~ Mixture(0.1, Normal(mu, 1), Normal(0, 2));",
         "observe z(row): Count ~ Outliers(PoissonLog(mu), 0.1, 3);",

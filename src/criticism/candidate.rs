@@ -2,6 +2,7 @@
 
 use super::cause::Cause;
 use crate::model::Form;
+use crate::model::forms::Above;
 
 /// What a candidate acts on.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -46,12 +47,17 @@ pub struct Candidate {
 impl Candidate {
     /// The column that it reads.
     pub fn column(&self) -> Option<&str> {
-        self.form.as_ref().and_then(Form::column)
+        self.form.as_ref()?.column()
+    }
+
+    /// The edge of a patch, as long as that is sharp.
+    pub(super) fn edge(&self) -> Option<&Above> {
+        self.form.as_ref()?.downcast()
     }
 
     /// Whether it is a field over the surface or along paths.
     pub(super) fn is_field(&self) -> bool {
-        matches!(self.form, Some(Form::Surface { .. } | Form::Path { .. }))
+        self.form.as_ref().is_some_and(|form| form.n_modes() > 0)
     }
 }
 

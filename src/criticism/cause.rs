@@ -2,6 +2,8 @@
 
 use std::fmt;
 
+use eplat_language::as_name;
+
 /// Why measurements may differ from what a model says.
 #[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Cause {
@@ -19,6 +21,13 @@ pub enum Cause {
     SlownessField,
     /// What the model's own fields would follow if they had more modes.
     Short,
+}
+
+impl Cause {
+    /// Its name where that must be one in a model file.
+    pub fn name(&self) -> String {
+        as_name(&self.to_string())
+    }
 }
 
 impl fmt::Display for Cause {

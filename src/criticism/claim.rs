@@ -1,7 +1,7 @@
 //! A cause that was found, as it will predict.
 
 use super::bench::Bench;
-use super::candidate::Level;
+use super::candidate::{Candidate, Level};
 use super::fit::LaplaceFit;
 use super::judgement::Refutation;
 use super::leave::Left;
@@ -9,6 +9,7 @@ use super::observable::readable;
 use super::outer::Free;
 use super::propose::mean_and_sd;
 use crate::model::Form;
+use crate::model::forms::{Above, logistic};
 
 /// Least scale of the edge of a patch, in standard deviations of the distances.
 const LEAST_SCALE: f64 = 0.1;
@@ -58,8 +59,8 @@ impl<'a> Claim<'a> {
 /// no field; none of what is no patch.
 fn fields_of_patch(bench: &Bench<'_>, taken: usize) -> Vec<usize> {
     let found = &bench.candidates[taken];
-    if !matches!(found.form, Some(Form::Above { .. })) {
-        return vec![];
+    if found.edge().is_none() {
+        return vec![]; // no patch
     }
     let is_same = |c: &usize| bench.candidates[*c].form == found.form;
     let is_of_field = |c: &usize| bench.candidates[*c].level == Level::Parameter;
@@ -81,15 +82,9 @@ struct Patch<'a> {
 impl Patch<'_> {
     /// The edge of the patch: of the thresholds that were tried, each with its evidence, mean and spread.
     fn edge(&self) -> Option<Form> {
-        let Some(Form::Above { column, .. }) = &self.bench.candidates[self.taken].form else {
-            return None;
-        };
+        let Above { column, .. } = self.bench.candidates[self.taken].edge()?;
         let least = LEAST_SCALE * mean_and_sd(self.bench.table.column(column)?.numbers()?).1;
-        let logistic = |centre, scale| Form::Logistic {
-            column: column.clone(),
-            centre,
-            scale: readable(scale),
-        };
+        let logistic = |centre, scale| logistic(column, centre, readable(scale));
         let score = |threshold: f64| {
             let soft = self.bench.with_form(self.effects, &logistic(threshold, least));
             self.fitted(&soft).map(|(_, score)| (threshold, score))
@@ -115,11 +110,8 @@ impl Patch<'_> {
         let field = &self.bench.candidates[self.effects[0]];
         let own = self.bench.candidates.iter();
         let own = own.filter(|c| c.cause == field.cause && c.on == field.on);
-        let threshold = |form: &Form| match form {
-            Form::Above { column: own, threshold } if own == column => Some(*threshold),
-            _ => None,
-        };
-        own.filter_map(|c| c.form.as_ref().and_then(threshold)).collect()
+        let edges = own.filter_map(Candidate::edge).filter(|edge| edge.column == column);
+        edges.map(|edge| edge.threshold).collect()
     }
 
     /// The best fit with the effects of `bench` on every field in the place of the one that was found, and its

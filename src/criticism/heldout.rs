@@ -1,7 +1,6 @@
 //! Errors on data that played no part: predictions from the draws of a fit on other rows.
 
 use std::cmp::Ordering;
-use std::collections::BTreeMap;
 
 use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
@@ -45,31 +44,12 @@ pub fn predict_rows(
 ) -> Vec<Predicted> {
     let ids: Vec<RowId> =
         model.row_ids().into_iter().filter(|id| model.table_row(*id) >= first).collect();
-    let translate = translation(fitted, model);
     let mut rng = Stream::HeldOut.rng(seed);
-    let (mut tape, mut locals) = (model.tape(), vec![]);
-    let mut u = vec![0.0; translate.len()];
     let mut sums = vec![Sum::default(); ids.len()];
-    for draw in draws {
-        for (to, from) in u.iter_mut().zip(&translate) {
-            *to = from.map_or(0.0, |from| draw[from]);
-        }
-        model.locals_at(&mut tape, &u, &ids, &mut locals);
-        let mut at = 0;
-        for (id, sum) in ids.iter().zip(&mut sums) {
-            let n = model.n_locals(*id);
-            sum.add(model, *id, &locals[at..at + n], &mut rng);
-            at += n;
-        }
-    }
+    model.at_draws(fitted, draws, &ids, &mut |row, own| {
+        sums[row].add(model, ids[row], own, &mut rng);
+    });
     ids.iter().zip(sums).map(|(id, sum)| sum.predicted(model, *id, &mut rng)).collect()
-}
-
-/// Which unknown of `from` each unknown of `to` is, by name.
-fn translation(from: &Model, to: &Model) -> Vec<Option<usize>> {
-    let names: BTreeMap<String, usize> =
-        from.unknown_names().into_iter().enumerate().map(|(i, name)| (name, i)).collect();
-    to.unknown_names().iter().map(|name| names.get(name).copied()).collect()
 }
 
 #[derive(Clone, Debug, Default)]

@@ -1,4 +1,11 @@
 //! The best outer values of a Laplace fit: hyperparameters, and the sds of sites and noise.
+//!
+//! The evidence holds ln det of a Hessian, so that its exact gradient has third derivatives: each row's
+//! likelihood would have to be compiled for one more kind of number, in every model that a user edits. The
+//! gradient is by differences instead, and the stopping rule costs more than they do. In ten fits of two
+//! studies (`tests/loop_rates.rs`: force and patch, seed 1) the evidence ended 0.0005 to 0.04 nat, in the
+//! median 0.003, below the best that tight settings find; with central differences and the same rule the
+//! median was 0.003 too. A claim needs 3 nat.
 
 use std::cell::RefCell;
 
@@ -137,7 +144,7 @@ impl Climber<'_> {
 }
 
 impl Evaluator for Climber<'_> {
-    /// Differences forward: the optimum is half of one off, which costs some ten thousandths of a nat.
+    /// Differences forward: the optimum is half a step off, which costs some ten thousandths of a nat.
     fn ln_density(&mut self, position: &[f64], gradient: &mut [f64]) -> f64 {
         const STEP: f64 = 0.01;
         let value = self.value(position, true);

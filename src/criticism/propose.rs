@@ -2,17 +2,22 @@
 
 use std::collections::BTreeMap;
 
+use eplat_language::as_name;
+
 use super::candidate::{Candidate, Level, Screen, Unusable};
 use super::cause::Cause;
 use super::observable::readable;
 use super::units::{Unit, by_site, is_constant_within};
-use crate::model::{Form, Model, families};
+use crate::model::forms::{above, all, families, family, group, path, scaled, smooth, surface};
+use crate::model::{Form, Model};
 use crate::table::{FIELD_MODES, Measurements, Role, TypedColumn};
 
 /// The columns of a table that may tell why measurements differ: neither place nor measurement.
 pub(super) fn covariates<'t>(model: &Model, table: &'t Measurements) -> Vec<&'t String> {
-    let is_measured =
-        |name: &String| model.observes.iter().any(|o| o.name == name || o.cells.contains(name));
+    let is_measured = |name: &String| {
+        let name = as_name(name);
+        model.observes.iter().any(|o| o.name == name || o.cells.contains(&name))
+    };
     let is_one = |name: &&String| table.role(name).is_cause() && !is_measured(name);
     table.columns().iter().filter(is_one).collect()
 }
@@ -64,7 +69,7 @@ impl Maker<'_> {
         }
         for observable in self.on.iter().skip(1) {
             let on = std::slice::from_ref(observable);
-            found.push(self.candidate(Cause::Protocol, Form::All, on));
+            found.push(self.candidate(Cause::Protocol, all(), on));
         }
         found.extend(self.fields());
         found.extend(self.outliers());
@@ -95,11 +100,11 @@ impl Maker<'_> {
         let finest = std::f64::consts::FRAC_PI_2 / probes.frequency(modes);
         let mut found = vec![];
         for lengthscale in LENGTHSCALES.map(|times| (times * finest).round()) {
-            let surface = Form::Surface { modes, lengthscale };
-            found.extend(self.field(&Cause::SpatialField, &surface, self.step));
+            let field = surface(modes as f64, lengthscale);
+            found.extend(self.field(&Cause::SpatialField, &field, self.step));
             if let Some(length) = probes.mean_length() {
-                let path = Form::Path { modes, lengthscale };
-                found.extend(self.field(&Cause::SlownessField, &path, self.step / length));
+                let field = path(modes as f64, lengthscale);
+                found.extend(self.field(&Cause::SlownessField, &field, self.step / length));
             }
         }
         found
@@ -116,6 +121,12 @@ impl Maker<'_> {
 
     /// The candidates of a column, or why there are none.
     fn of_column(&self, column: &TypedColumn) -> Result<Vec<Candidate>, &'static str> {
+        let read = self.table.column(column.read_as());
+        if read.is_none_or(|read| read.name() != column.name()) {
+            return Err(
+                "without its signs, which a model file cannot hold, its name means something else: rename it",
+            );
+        }
         if self.unit.is_some_and(|unit| unit.name == column.name()) {
             return Err("it names the units over which others vary: these have a random effect");
         }
@@ -164,19 +175,17 @@ impl Maker<'_> {
         if !(scale > 1e-9 * centre.abs().max(1e-9)) {
             return Err("it has one value only");
         }
-        let column = || name.to_owned();
-        let mut forms = vec![Form::Scaled { column: column(), centre, scale }];
+        let mut forms = vec![scaled(name, centre, scale)];
         values.dedup();
         if values.len() >= 4 {
-            forms.push(Form::Smooth { column: column(), low, high, degree: 3 });
+            forms.push(smooth(name, low, high, 3.0));
         }
         let mut found = self.on_observable(name, forms);
         if self.table.role(name) == Role::Distance {
             for share in INSIDE {
                 let at = (share * (values.len() - 1) as f64) as usize;
                 let threshold = 0.5 * (values[at] + values[at + 1]);
-                let form = Form::Above { column: column(), threshold };
-                found.extend(self.everywhere(&Cause::Patch, &form));
+                found.extend(self.everywhere(&Cause::Patch, &above(name, threshold)));
             }
         }
         Ok(found)
@@ -198,9 +207,9 @@ impl Maker<'_> {
         if labels.len() * 2 > self.table.len() {
             return Err("nearly every row has a label of its own");
         }
-        let mut forms = vec![Form::Group { column: name.into() }];
+        let mut forms = vec![group(name)];
         if (2..labels.len()).contains(&families(self.table, name).len()) {
-            forms.push(Form::Family { column: name.into() });
+            forms.push(family(name));
         }
         if self.table.role(name) == Role::Region {
             let cause = Cause::Column(name.to_owned());

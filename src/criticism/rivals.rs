@@ -8,7 +8,7 @@ use super::leave::Left;
 use super::outer::{Free, optimise, score};
 use super::screen::{r_squared, r_squared_on_fields};
 use super::search::Tried;
-use crate::model::Form;
+use crate::model::forms::Extent;
 
 /// A runner-up within this log Bayes factor is a rival.
 const RIVAL: f64 = 2.0;
@@ -105,7 +105,7 @@ impl Bench<'_> {
     fn is_coarser(&self, other: &Tried, best: &Tried) -> bool {
         let is_label = |t: &Tried| {
             let form = &self.candidates[t.candidate].form;
-            matches!(form, Some(Form::Group { .. } | Form::Family { .. }))
+            form.as_ref().is_some_and(|form| form.extent() == Extent::Labels)
         };
         is_label(other)
             && is_label(best)

@@ -98,7 +98,8 @@ pub(super) fn r_squared(engine: &Engine, term: usize, by: usize) -> f64 {
     explained / y.norm_squared()
 }
 
-/// Derivative of a row's predicted value in one of its scalars, by central differences.
+/// Derivative of a row's predicted value in one of its scalars, by central differences: nine digits, of which
+/// a screen needs two.
 fn slope(engine: &Engine, row: &RowAt, own: &mut [f64], local: usize) -> Option<f64> {
     let (centre, h) = (own[local], 1e-4 * own[local].abs().max(1.0));
     let mut at = |x: f64| {

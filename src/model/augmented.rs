@@ -3,7 +3,7 @@
 use super::builder::Builder;
 use super::declare::Declare;
 use super::error::ModelError;
-use super::form::Form;
+use super::forms::Form;
 use super::functions::Decl;
 
 /// An effect to add to a model: what `effect NAME on ON [unit] = FORM ~ Normal(0.0, SD);` declares.
@@ -82,7 +82,7 @@ impl Declare for Augmented<'_> {
                 unit: effect.unit.clone().into(),
                 text: effect.prior().into(),
             };
-            b.added_effect(decl, &effect.on, &effect.form, effect.sd)?;
+            b.added_effect(&decl, &effect.on, &effect.form, effect.sd)?;
         }
         Ok(())
     }

@@ -8,7 +8,6 @@ use rand_distr::StandardNormal;
 
 use super::density::Density;
 use super::error::ModelError;
-use super::functions::Decl;
 use super::gp::Field;
 use super::lets::LetValues;
 use super::linear::Linear;
@@ -17,15 +16,6 @@ use super::reported::{Parameter, Position};
 use super::rows::Measured;
 use super::tape::{Op, Tape};
 use crate::table::Measurements;
-
-/// A statement of the model file.
-#[derive(Clone, Debug)]
-pub struct Statement {
-    /// `param`, `field`, `let`, `observe`, `effect` or `density`.
-    pub keyword: &'static str,
-    /// Name, unit, text.
-    pub decl: Decl,
-}
 
 /// Where the numbers of a declared parameter live, and what its prior depends on.
 #[derive(Clone, Debug)]
@@ -81,8 +71,6 @@ pub struct Model {
     pub source: String,
     /// Parameters in order of declaration.
     pub parameters: Vec<Parameter>,
-    /// Statements in order.
-    pub statements: Vec<Statement>,
     /// Measurements in order of declaration.
     pub observes: Vec<Observe>,
     /// What is reported of `let`s that are no maps, in order of declaration.
@@ -117,7 +105,6 @@ impl Model {
             name,
             source,
             parameters: vec![],
-            statements: vec![],
             observes: vec![],
             lets: vec![],
             priors: vec![],

@@ -72,6 +72,32 @@ impl Model {
         self.observes.iter().enumerate().flat_map(rows).collect()
     }
 
+    /// Visits these rows at draws of `fitted`, the same model on other rows: the number of the row among
+    /// `ids`, and its scalars. Unknowns that `fitted` lacks, such as those of a new label, are 0.
+    pub fn at_draws(
+        &self,
+        fitted: &Self,
+        draws: &[&[f64]],
+        ids: &[RowId],
+        visit: &mut dyn FnMut(usize, &[f64]),
+    ) {
+        let names: BTreeMap<String, usize> =
+            fitted.unknown_names().into_iter().enumerate().map(|(i, name)| (name, i)).collect();
+        let from: Vec<Option<usize>> =
+            self.unknown_names().iter().map(|name| names.get(name).copied()).collect();
+        let (mut tape, mut locals) = (self.tape(), vec![]);
+        for draw in draws {
+            let u: Vec<f64> = from.iter().map(|from| from.map_or(0.0, |i| draw[i])).collect();
+            self.locals_at(&mut tape, &u, ids, &mut locals);
+            let mut rest = locals.as_slice();
+            for (row, id) in ids.iter().enumerate() {
+                let (own, others) = rest.split_at(self.n_locals(*id));
+                rest = others;
+                visit(row, own);
+            }
+        }
+    }
+
     /// Row of the table behind a row.
     pub fn table_row(&self, id: RowId) -> usize {
         self.observes[id.observe].rows[id.row]

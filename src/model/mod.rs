@@ -13,7 +13,7 @@ mod declare;
 mod density;
 mod equations;
 mod error;
-mod form;
+pub mod forms;
 mod functions;
 mod gp;
 mod laid_out;
@@ -38,8 +38,8 @@ pub use declare::Declare;
 pub use density::Density;
 pub use equations::equations;
 pub use error::ModelError;
-pub use form::{Form, families};
-pub use laid_out::{Model, Observe, Statement};
+pub use forms::{EffectForm, Form};
+pub use laid_out::{Model, Observe};
 pub use lets::LetValues;
 pub use local::{RowId, Split};
 pub use maps::{MapName, MapSummary, Maps};
@@ -51,7 +51,7 @@ pub use tape::Tape;
 #[doc(hidden)]
 pub mod expansion {
     pub use super::builder::{Builder, Computed, Len, Place};
-    pub use super::form::Form;
+    pub use super::forms::Form;
     pub use super::functions::*;
     pub use crate::dist::{Dist, Vector, vector};
     pub use crate::field::Kernel;

@@ -2,6 +2,8 @@
 
 use std::path::Path;
 
+use eplat_language::print;
+use eplat_language::syntax::{Expr, Item};
 use serde::{Deserialize, Serialize};
 
 use super::ReportError;
@@ -108,7 +110,7 @@ fn rows(model: &Model, data: &Measurements, loo: &Loo) -> Vec<LooRow> {
             out.push(LooRow {
                 measurement: name.to_owned(),
                 place: data.place(*row),
-                likelihood: likelihood.to_owned(),
+                likelihood: likelihood.clone(),
                 observed: observed.iter().map(f64::to_string).collect::<Vec<_>>().join(" "),
                 elpd: point.elpd,
                 pareto_k: point.pareto_k,
@@ -119,11 +121,18 @@ fn rows(model: &Model, data: &Measurements, loo: &Loo) -> Vec<LooRow> {
 }
 
 /// `TopHat` of `Bracket ~ TopHat(erp_s2(x))`, `garch` of `garch(mu, alpha, data.y)`.
-fn likelihood_of<'m>(model: &'m Model, name: &str) -> &'m str {
-    let mut statements = model.statements.iter().filter(|s| s.decl.name == name);
-    let text = statements.next_back().map_or("", |s| s.decl.text.as_ref());
-    let likelihood = text.split_once('~').map_or(text, |(_, likelihood)| likelihood);
-    likelihood.split('(').next().unwrap_or_default().trim()
+fn likelihood_of(model: &Model, name: &str) -> String {
+    let Ok(tree) = model.syntax() else { return String::new() };
+    let expr = tree.statements.iter().find_map(|statement| match &statement.item {
+        Item::Observe(observe) if observe.name == name => Some(&observe.likelihood),
+        Item::Density(density) if density.name == name => Some(&density.expr),
+        _ => None,
+    });
+    let function = |expr: &Expr| match expr {
+        Expr::Call(call) => print(&call.func),
+        other => print(other),
+    };
+    expr.map_or(String::new(), function)
 }
 
 fn record(loo: &Loo, rows: &[LooRow]) -> LooRecord {

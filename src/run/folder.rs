@@ -1,9 +1,11 @@
 //! A folder for results, tried before anything slow is done.
 
 use std::fs;
+use std::io::Write as _;
 use std::path::{Path, PathBuf};
 
 use super::RunError;
+use crate::store::write_file;
 
 /// An output folder that can be written to; it is made when there are results.
 #[derive(Clone, Debug)]
@@ -37,6 +39,16 @@ impl OutputFolder {
     /// The path of a file in it.
     pub fn file(&self, name: &str) -> PathBuf {
         self.0.join(name)
+    }
+
+    /// Makes the folder and writes a file in it, whole or not at all.
+    ///
+    /// # Errors
+    /// [`RunError::Unwritable`], [`RunError::Write`].
+    pub fn save(&self, name: &str, text: &str) -> Result<(), RunError> {
+        self.make()?;
+        let path = self.file(name);
+        write_file(&path, |file| file.write_all(text.as_bytes())).map_err(RunError::write(&path))
     }
 
     /// Where it holds an unfinished run.

@@ -2,7 +2,6 @@
 
 use std::collections::BTreeMap;
 use std::fmt::Write as _;
-use std::io::Write as _;
 use std::path::Path;
 
 use serde_json::{Map, Value, json};
@@ -130,9 +129,7 @@ impl Mode<'_> {
             write_vtp(&out.file("fields.vtp"), &surface.mesh, &arrays)?;
             files.push("fields.vtp");
         }
-        let path = out.file("map.json");
-        write_file(&path, |file| writeln!(file, "{:#}", self.json()))
-            .map_err(RunError::write(&path))?;
+        out.save("map.json", &format!("{:#}\n", self.json()))?;
         files.push("map.json");
         Ok(files)
     }

@@ -1,7 +1,5 @@
 //! What a fit says of measurements that it has not seen.
 
-use std::collections::BTreeMap;
-
 use super::{Fit, RunError};
 use crate::diagnostics::quantile;
 use crate::model::{Model, RowId};
@@ -44,22 +42,14 @@ impl Fit<'_> {
         let first = self.problem.measurements().len();
         let ids = joint.row_ids().into_iter();
         let ids: Vec<RowId> = ids.filter(|id| joint.table_row(*id) >= first).collect();
-        let from = translation(self.model(), &joint);
         let mut rng = Stream::HeldOut.rng(self.settings.seed);
-        let (mut tape, mut locals) = (joint.tape(), vec![]);
         let mut replicates: Vec<Replicates> = ids.iter().map(|_| Replicates::default()).collect();
-        for draw in self.thinned(PREDICTION_DRAWS) {
-            let u: Vec<f64> = from.iter().map(|from| from.map_or(0.0, |i| draw[i])).collect();
-            joint.locals_at(&mut tape, &u, &ids, &mut locals);
-            let mut rest = locals.as_slice();
-            for (id, replicates) in ids.iter().zip(&mut replicates) {
-                let (own, others) = rest.split_at(joint.n_locals(*id));
-                rest = others;
-                let cells = joint.row_replicate(*id, &joint.measured_row(*id), own, &mut rng);
-                replicates.values.push(cells.iter().sum::<f64>() / cells.len() as f64);
-                replicates.expected += joint.row_location(*id, own).unwrap_or(f64::NAN);
-            }
-        }
+        joint.at_draws(self.model(), &self.thinned(PREDICTION_DRAWS), &ids, &mut |row, own| {
+            let (id, replicates) = (ids[row], &mut replicates[row]);
+            let cells = joint.row_replicate(id, &joint.measured_row(id), own, &mut rng);
+            replicates.values.push(cells.iter().sum::<f64>() / cells.len() as f64);
+            replicates.expected += joint.row_location(id, own).unwrap_or(f64::NAN);
+        });
         let predictions = ids.iter().zip(replicates).map(|(id, replicates)| {
             let observe = joint.observes[id.observe].name.to_owned();
             replicates.prediction(joint.table_row(*id) - first, observe)
@@ -84,13 +74,6 @@ impl Fit<'_> {
         let joint = place(loaded.measurements.followed_by(table, &lent))?;
         Ok(Model::new(self.problem.declared(), loaded.basis(), &joint)?)
     }
-}
-
-/// Which unknown of `from` each unknown of `to` is, by name.
-fn translation(from: &Model, to: &Model) -> Vec<Option<usize>> {
-    let names: BTreeMap<String, usize> =
-        from.unknown_names().into_iter().enumerate().map(|(i, name)| (name, i)).collect();
-    to.unknown_names().iter().map(|name| names.get(name).copied()).collect()
 }
 
 /// Replicated measurements of one row.

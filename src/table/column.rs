@@ -1,5 +1,7 @@
 //! One column of a table. Its cells are parsed once, when the column is made.
 
+use eplat_language::as_name;
+
 /// What the cells of a column hold. A missing value is an empty cell.
 #[derive(Clone, Debug)]
 pub enum Content {
@@ -20,6 +22,8 @@ pub enum Content {
 #[derive(Clone, Debug)]
 pub struct TypedColumn {
     name: String,
+    /// Its name in a model file.
+    read_as: String,
     /// Distinct texts in order of appearance, the empty text among them.
     texts: Vec<String>,
     /// Which of these stands in each row.
@@ -41,7 +45,7 @@ impl TypedColumn {
             })
             .collect();
         let content = content(&texts, &text_of);
-        Self { name: name.into(), texts, text_of, content }
+        Self { name: name.into(), read_as: as_name(name), texts, text_of, content }
     }
 
     /// From numbers, one per row; NaN makes an empty cell.
@@ -54,6 +58,11 @@ impl TypedColumn {
     /// Its name in the header.
     pub fn name(&self) -> &str {
         &self.name
+    }
+
+    /// Its name in a model file: `contact_force_g` for `contact force (g)`.
+    pub fn read_as(&self) -> &str {
+        &self.read_as
     }
 
     /// What its cells hold.

@@ -70,9 +70,15 @@ impl Table {
         &self.header
     }
 
-    /// A column by its name.
+    /// A column by its name in the header; or else by its name in a model file, where that is one
+    /// column's alone and no other meaning goes with it.
     pub fn column(&self, name: &str) -> Option<&TypedColumn> {
-        self.columns.iter().find(|column| column.name() == name)
+        let own = self.columns.iter().find(|column| column.name() == name);
+        own.or_else(|| {
+            let mut all = self.columns.iter().filter(|column| column.read_as() == name);
+            let (first, second) = (all.next()?, all.next());
+            (second.is_none() && self.role(name) != Role::Structural).then_some(first)
+        })
     }
 
     /// Whether the table has this column.
@@ -106,7 +112,7 @@ impl Table {
     /// # Errors
     /// A role for a column that the table lacks.
     pub fn set_roles(&mut self, roles: Columns) -> Result<(), DataError> {
-        if let Some(name) = roles.given().find(|name| !self.has(name)) {
+        if let Some(name) = roles.given().find(|name| !self.header.iter().any(|h| h == name)) {
             let guess = match self.nearest(name) {
                 Some(near) => format!("\nhelp: did you mean `{near}`?"),
                 None => "\nhelp: name one of these columns".into(),
@@ -263,7 +269,8 @@ impl Table {
             let name = column.name();
             let appended = lenders.iter().enumerate().map(|(row, lender)| {
                 let own = other.cell(row, name).unwrap_or_default();
-                let is_lent = own.is_empty() && lent.contains(&name) && !other.is_open(row, name);
+                let is_lent =
+                    own.is_empty() && lent.contains(&column.read_as()) && !other.is_open(row, name);
                 if is_lent { column.text(*lender) } else { own }
             });
             let own = (0..self.len()).map(|row| column.text(row));

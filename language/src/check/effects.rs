@@ -3,7 +3,7 @@
 use crate::around::Around;
 use crate::mistake::Mistake;
 use crate::syntax::{Effect, Form, Ident, Model};
-use crate::vocabulary::{FORMS, nearest};
+use crate::vocabulary::{FORMS, nearest, shape};
 
 /// The mistakes in an effect's targets and form.
 pub(super) fn mistakes(effect: &Effect, model: &Model, around: &Around) -> Vec<Mistake> {
@@ -39,14 +39,12 @@ fn names(of: &[&Ident]) -> Vec<String> {
     of.iter().map(ToString::to_string).collect()
 }
 
-/// A form that ships has the arguments that it takes; another is a function of the file's.
+/// A form that ships has the arguments that it takes; another is a function in scope of the file.
 fn form(form: &Form, around: &Around) -> Option<Mistake> {
-    let name = form.name.to_string();
-    if around.declares(&name) {
-        return None;
-    }
-    let Some(shape) = FORMS.iter().find(|shape| shape.name == name) else {
-        return (!around.is_open()).then(|| unknown(&form.name));
+    let name = form.name.get_ident()?;
+    let Some(shape) = shape(name) else {
+        let is_known = around.is_open() || around.declares(&name.to_string());
+        return (!is_known).then(|| unknown(name));
     };
     let columns = form.columns.len();
     let is_right = shape.columns.map_or(columns > 0, |n| n == columns)
@@ -54,7 +52,7 @@ fn form(form: &Form, around: &Around) -> Option<Mistake> {
         && form.row.is_some();
     let help = format!("write `{}`", shape.written);
     let message = format!("`{name}` takes other arguments");
-    (!is_right).then(|| Mistake::at(form.name.span(), message, help))
+    (!is_right).then(|| Mistake::at(name.span(), message, help))
 }
 
 fn unknown(name: &Ident) -> Mistake {
@@ -62,6 +60,7 @@ fn unknown(name: &Ident) -> Mistake {
     let near = nearest(&name.to_string(), &known);
     let near = near.map_or(String::new(), |near| format!("did you mean `{near}`? "));
     let written: Vec<String> = FORMS.iter().map(|shape| format!("`{}`", shape.written)).collect();
-    let help = format!("{near}Forms are {}", written.join(", "));
+    let help =
+        format!("{near}Forms are {}, and functions of the file that make one", written.join(", "));
     Mistake::at(name.span(), format!("unknown form of an effect `{name}`"), help)
 }

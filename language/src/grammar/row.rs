@@ -7,6 +7,7 @@ use syn::{Expr, Ident, Result, Token, token};
 use super::field::place;
 use super::pieces::{all_read, equals, expr, last_span, name, over, prior, range, semicolon, unit};
 use super::{DENSITY, EFFECT, LET, OBSERVE, wrong};
+use crate::print;
 use crate::syntax::{Density, Effect, Form, Let, Observe, Over, Value};
 
 /// `let NAME(ROW) [UNIT]? in LOW..HIGH? = VALUE;`
@@ -131,7 +132,7 @@ pub(super) fn effect(input: ParseStream<'_>) -> Result<Effect> {
     if !input.peek(Token![~]) {
         let help = format!(
             "give its coefficients one, for instance `{} … ~ Normal(0.0, 10.0);`",
-            form.name
+            print(&form.name)
         );
         return Err(wrong(name.span(), format!("`{name}` has no prior"), help));
     }
@@ -142,16 +143,17 @@ pub(super) fn effect(input: ParseStream<'_>) -> Result<Effect> {
 
 /// `FORM(ROW.COLUMN | ROW | EXPR, …)`
 fn form(input: ParseStream<'_>) -> Result<Form> {
-    let name: Ident =
-        input.parse().map_err(|e| wrong(e.span(), "expected the form of the effect", EFFECT))?;
+    let name = input.call(syn::Path::parse_mod_style);
+    let name = name.map_err(|e| wrong(e.span(), "expected the form of the effect", EFFECT))?;
+    let (span, text) = (last_span(&name), print(&name));
     let (mut row, mut columns, mut numbers) = (None, vec![], vec![]);
     if !input.peek(token::Paren) {
-        return Err(wrong(name.span(), format!("expected `{name}(row.COLUMN)`"), EFFECT));
+        return Err(wrong(span, format!("expected `{text}(row.COLUMN)`"), EFFECT));
     }
     let content;
     syn::parenthesized!(content in input);
     while !content.is_empty() {
-        let argument = expr(&content, name.span(), "an argument")?;
+        let argument = expr(&content, span, "an argument")?;
         match argument {
             Expr::Field(syn::ExprField { base, member: syn::Member::Named(column), .. }) => {
                 row = ident(&base).or(row);

@@ -5,6 +5,7 @@ use eplat_language::print as text;
 use eplat_language::syntax::{
     Column, Density, Effect, Expr, Hyper, Ident, Item, Model, Over, Param, Prior, Range, Unit,
 };
+use eplat_language::vocabulary::shape;
 use proc_macro2::{Literal, TokenStream};
 use quote::quote;
 
@@ -161,23 +162,27 @@ impl<'m> State<'m> {
         let (m, form) = (n + 1, &effect.form);
         let on: Vec<String> = effect.on.iter().map(ToString::to_string).collect();
         let columns: Vec<String> = form.columns.iter().map(ToString::to_string).collect();
-        if form.name == "linear" {
+        let kind = form.name.get_ident();
+        if kind.is_some_and(|kind| kind == "linear") {
             return quote! {{
                 #prior
                 b.linear_effect::<Prior, #n, #m>(#decl, &[#(#on),*], &[#(#columns),*], #names)?;
             }};
         }
-        let (kind, numbers) = (form.name.to_string(), &form.numbers);
+        let (function, numbers) = (&form.name, &form.numbers);
+        let ships = kind.is_some_and(|kind| shape(kind).is_some());
+        let from = ships.then(|| quote!(::eplat::model::forms::));
+        let columns = columns.iter().map(|column| quote!(#column));
+        let arguments = columns.chain(numbers.iter().map(|number| quote!(f64::from(#number))));
         quote! {{
             #prior
-            let form = Form::new(#kind, &[#(#columns),*], &[#(f64::from(#numbers)),*]);
+            let form = Form::from(#from #function(#(#arguments),*));
             b.effect::<Prior, #n, #m>(#decl, &[#(#on),*], form, #names)?;
         }}
     }
 
     fn density(&self, density: &Density) -> TokenStream {
         let (name, e) = (density.name.to_string(), &density.expr);
-        let decl = decl(&density.name, None, &text(e));
         let mentioned = self.scope.mentioned(e);
         let (n, names) = (mentioned.width(), mentioned.full_names());
         let (pattern, vectors) = mentioned.pattern();
@@ -202,7 +207,7 @@ impl<'m> State<'m> {
                     #e
                 }
             }
-            b.density::<LogDensity, #n>(#decl, #name, #names, #reads)?;
+            b.density::<LogDensity, #n>(#name, #names, #reads)?;
         }}
     }
 }

@@ -1,5 +1,7 @@
 //! What was found, as effects that a model file declares.
 
+use eplat_language::syntax::Item;
+
 use super::LoopError;
 use super::sizes::Size;
 use crate::criticism::{Cause, Criticism};
@@ -25,10 +27,13 @@ pub(super) fn found(
     criticism: &Criticism,
     table: &Measurements,
 ) -> Result<Vec<(AddedEffect, Cause, String)>, LoopError> {
-    let outline = Model::outline(declared)?;
+    let tree = Model::outline(declared)?.syntax();
+    let items: Vec<&Item> =
+        tree.iter().flat_map(|tree| &tree.statements).map(|s| &s.item).collect();
+    let item_of = |name: &str| items.iter().find(|item| item.name() == name);
     let unit_of = |name: &str| {
-        let statement = outline.statements.iter().find(|s| s.decl.name == name);
-        statement.map(|s| s.decl.unit.to_string()).unwrap_or_default()
+        let unit = item_of(name).and_then(|item| item.unit());
+        unit.map_or_else(String::new, |unit| unit.text.clone())
     };
     let mut effects: Vec<(AddedEffect, Cause, String)> = vec![];
     for round in &criticism.rounds {
@@ -37,13 +42,11 @@ pub(super) fn found(
             let found = &criticism.candidates[*candidate];
             let Some(form) = found.form.clone() else { continue };
             let (on, sd) = (found.on.clone(), found.sd);
-            let mut name = found.cause.to_string();
+            let mut name = found.cause.name();
             if k > 0 {
                 name = format!("{name}_{}", on.join("_"));
             }
-            while outline.statements.iter().any(|s| s.decl.name == name)
-                || effects.iter().any(|(e, ..)| e.name == name)
-            {
+            while item_of(&name).is_some() || effects.iter().any(|(e, ..)| e.name == name) {
                 name += "_effect";
             }
             let data = table.file_name();

@@ -1,7 +1,5 @@
 //! Why a loop cannot be closed.
 
-use std::path::PathBuf;
-
 use thiserror::Error;
 
 use crate::criticism::CriticismError;
@@ -70,14 +68,6 @@ pub enum LoopError {
         /// What is wrong with the text, or with the effect as a statement.
         mistake: String,
     },
-    /// A file that cannot be written.
-    #[error("cannot write {}: {source}", path.display())]
-    Write {
-        /// The file.
-        path: PathBuf,
-        /// The cause.
-        source: std::io::Error,
-    },
     /// No thread can be started.
     #[error("cannot start threads: {0}")]
     Threads(#[from] rayon::ThreadPoolBuildError),
@@ -87,7 +77,7 @@ pub enum LoopError {
     /// The search.
     #[error(transparent)]
     Criticism(CriticismError),
-    /// One of the two fits.
+    /// One of the two fits, or a file that cannot be written.
     #[error(transparent)]
     Run(Box<RunError>),
     /// The held-out table.

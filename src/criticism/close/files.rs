@@ -1,11 +1,8 @@
 //! The files of a loop, besides those of its fits.
 
-use std::io::Write as _;
-
 use super::{LoopError, Story};
-use crate::criticism::rewrite;
+use crate::criticism::{Cause, rewrite};
 use crate::run::OutputFolder;
-use crate::store::write_file;
 
 impl Story {
     /// Writes everything but the two fits, the page last: the model with what was found (`source` is the
@@ -22,14 +19,14 @@ impl Story {
     ) -> Result<Vec<String>, LoopError> {
         let mut files: Vec<String> = vec![];
         for (name, text) in self.texts(source, stem)? {
-            save(out, &name, &text)?;
+            out.save(&name, &text)?;
             files.push(name);
         }
         files.push("before/report.html".into());
         if self.after.is_some() {
             files.push("after/report.html".into());
         }
-        save(out, "report.html", &self.page(&files))?;
+        out.save("report.html", &self.page(&files))?;
         files.push("report.html".into());
         Ok(files)
     }
@@ -43,7 +40,7 @@ impl Story {
                 |mistake| LoopError::ModelText { name: stem.to_owned(), mistake: mistake.message },
             )?;
             let causes: Vec<String> =
-                self.criticism.findings().into_iter().map(ToString::to_string).collect();
+                self.criticism.findings().into_iter().map(Cause::name).collect();
             texts.push((format!("{stem}_plus_{}.rs", causes.join("_")), text));
         }
         if let Some(held_out) = &self.held_out {
@@ -52,11 +49,4 @@ impl Story {
         texts.push(("finding.json".into(), format!("{:#}\n", self.finding())));
         Ok(texts)
     }
-}
-
-fn save(out: &OutputFolder, name: &str, text: &str) -> Result<(), LoopError> {
-    out.make()?;
-    let path = out.file(name);
-    write_file(&path, |file| file.write_all(text.as_bytes()))
-        .map_err(|source| LoopError::Write { path, source })
 }

@@ -2,7 +2,6 @@
 
 use super::Story;
 use crate::criticism::{Judgement, Record, Round, least_log_bf, site_column};
-use crate::model::Form;
 use crate::report::{
     Against, LoopPage, Residuals, SiteResidual, TriedEffect, TriedRound, loop_page,
 };
@@ -46,7 +45,7 @@ impl Story {
             TriedEffect {
                 name: candidate.cause.to_string(),
                 statement: t.form.as_ref().map_or("every likelihood".into(), |form| {
-                    format!("{} on {}", rounded(form), candidate.on.join(", "))
+                    format!("{} on {}", form.rounded(), candidate.on.join(", "))
                 }),
                 p_screen: t.p_screen,
                 log_bf: t.log_bf,
@@ -115,26 +114,5 @@ impl Story {
         let residuals = self.left.residuals(&self.criticism);
         let rows = x.iter().zip(&residuals).map(|(x, [before, after])| (*x, *before, *after));
         Some(Against { column: name.to_owned(), rows: rows.collect(), ticks })
-    }
-}
-
-/// A form with its numbers rounded for reading.
-fn rounded(form: &Form) -> String {
-    match form {
-        Form::Scaled { column, centre, scale } => {
-            format!("scaled({column}, {centre:.3}, {scale:.3})")
-        }
-        Form::Smooth { column, low, high, degree } => {
-            format!("smooth({column}, {low:.3}, {high:.3}, {degree})")
-        }
-        Form::Above { column, threshold } => format!("above({column}, {threshold:.3})"),
-        Form::Logistic { column, centre, scale } => {
-            format!("logistic({column}, {centre:.3}, {scale:.3})")
-        }
-        Form::Surface { .. }
-        | Form::Path { .. }
-        | Form::Group { .. }
-        | Form::Family { .. }
-        | Form::All => form.text().replace("row.", ""),
     }
 }

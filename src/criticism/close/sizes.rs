@@ -2,7 +2,8 @@
 
 use super::held_out::PREDICTION_DRAWS;
 use crate::diagnostics::quantile;
-use crate::model::{AddedEffect, Form};
+use crate::model::AddedEffect;
+use crate::model::forms::Extent;
 use crate::num::vector::dot;
 use crate::run::Fit;
 use crate::table::Measurements;
@@ -20,7 +21,6 @@ pub struct Size {
 impl Size {
     pub(super) fn of(effect: &AddedEffect, after: &Fit<'_>, table: &Measurements) -> Self {
         let draws = coefficients(effect, after);
-        let first = || draws.iter().map(|draw| draw[0]).collect();
         let over_rows = |of: &dyn Fn(&[f64]) -> f64| {
             let (design, n) = effect.form.design(table);
             let rows = |draw: &Vec<f64>| -> Vec<f64> {
@@ -28,27 +28,17 @@ impl Size {
             };
             draws.iter().map(|draw| of(&rows(draw))).collect()
         };
-        let (mut values, of): (Vec<f64>, String) = match &effect.form {
-            Form::Smooth { column, .. } => {
-                (over_rows(&range), format!("from end to end of its curve in {column}"))
-            }
-            Form::Group { column } | Form::Family { column } => {
+        let (mut values, of): (Vec<f64>, String) = match effect.form.extent() {
+            Extent::Coefficient(of) => (draws.iter().map(|draw| draw[0]).collect(), of),
+            Extent::Range(of) => (over_rows(&range), of),
+            Extent::Sd(of) => (over_rows(&sd), of),
+            Extent::Labels => {
                 let labels = effect.form.labels(table);
                 let (least, most) = extremes(&draws);
+                let column = effect.form.column().unwrap_or_default();
                 let of = format!("more with {column} {} than with {}", labels[most], labels[least]);
                 (draws.iter().map(|draw| draw[most] - draw[least]).collect(), of)
             }
-            Form::Scaled { column, scale, .. } => (first(), format!("per {scale:.3} of {column}")),
-            Form::Above { column, threshold } => {
-                (first(), format!("where {column} is above {threshold:.3}"))
-            }
-            Form::Logistic { column, centre, .. } => {
-                (first(), format!("well above {centre} of {column}, more than well below"))
-            }
-            Form::Surface { .. } | Form::Path { .. } => {
-                (over_rows(&sd), "sd over the measurements".into())
-            }
-            Form::All => (first(), "everywhere".into()),
         };
         values.sort_by(f64::total_cmp);
         Self { interval: [quantile(&values, 0.05), quantile(&values, 0.95)], of }

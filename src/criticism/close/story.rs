@@ -43,11 +43,13 @@ pub struct Told {
 impl Told {
     pub(super) fn of(fit: &Fit<'_>) -> Self {
         let model = fit.model();
-        let observe = model.statements.iter().find(|s| s.keyword == "observe");
+        let tree = model.syntax().ok();
+        let observe = tree.as_ref().and_then(|tree| tree.observes().next());
+        let unit = observe.and_then(|observe| observe.unit.as_ref());
         Self {
             model: model.name,
             equations: equations(model),
-            unit: observe.map_or_else(String::new, |o| o.decl.unit.to_string()),
+            unit: unit.map_or_else(String::new, |unit| unit.text.clone()),
             converged: fit.verdict().converged,
         }
     }

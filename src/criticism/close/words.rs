@@ -2,7 +2,6 @@
 
 use super::{FoundEffect, Story};
 use crate::criticism::CLAIM;
-use crate::model::Form;
 use crate::table::Role;
 
 impl Story {
@@ -39,16 +38,10 @@ impl Story {
             effects.iter().flat_map(|found| &found.effect.on).map(String::as_str).collect();
         let on = on.join(" and ");
         let role = |column: &str| self.loaded.measurements.role(column);
-        match &effects[0].effect.form {
-            Form::Surface { .. } => format!("a field over the surface in {on}"),
-            Form::Path { .. } => format!("a slowness that varies along the paths, in {on}"),
-            form => match form.column() {
-                Some(column) if role(column) == Role::Time => {
-                    format!("a drift of {on} over {column}")
-                }
-                Some(column) => format!("an effect of {column} on {on}"),
-                None => format!("an offset of {on}"),
-            },
+        let form = &effects[0].effect.form;
+        match form.column() {
+            Some(column) if role(column) == Role::Time => format!("a drift of {on} over {column}"),
+            _ => form.in_words(&on),
         }
     }
 

@@ -5,13 +5,13 @@ use std::collections::BTreeSet;
 use super::{Builder, Len};
 use crate::dist::Support;
 use crate::model::error::ModelError;
-use crate::model::form::Form;
+use crate::model::forms::Form;
 use crate::model::functions::{Decl, PriorFn};
 use crate::model::laid_out::PriorEntry;
 use crate::model::linear::Linear;
 use crate::model::parameter::NormalOp;
 use crate::model::reported::Kind;
-use crate::table::{Measurements, SOURCE};
+use crate::table::{Measurements, Probes};
 
 pub(super) struct Effect {
     name: String,
@@ -42,7 +42,7 @@ impl Builder<'_> {
     ) -> Result<(), ModelError> {
         let columns: Vec<String> = columns.iter().map(ToString::to_string).collect();
         let name = decl.name.to_string();
-        self.coefficients::<F, N, M>(decl, columns.len(), mentions)?;
+        self.param::<F, N, M>(decl, Len::Many(columns.len()), mentions)?;
         let n = columns.len();
         self.push_effect(&name, on, Design::Columns(columns), n);
         Ok(())
@@ -61,7 +61,7 @@ impl Builder<'_> {
     ) -> Result<(), ModelError> {
         let name = decl.name.to_string();
         let n = self.n_coefficients(&name, &form)?;
-        self.coefficients::<F, N, M>(decl, n, mentions)?;
+        self.param::<F, N, M>(decl, Len::Many(n), mentions)?;
         self.label_last(&form);
         self.push_effect(&name, on, Design::Form(form), n);
         Ok(())
@@ -73,34 +73,19 @@ impl Builder<'_> {
     /// A column that the table lacks.
     pub(in crate::model) fn added_effect(
         &mut self,
-        decl: Decl,
+        decl: &Decl,
         on: &[String],
         form: &Form,
         sd: f64,
     ) -> Result<(), ModelError> {
         let n = self.n_coefficients(&decl.name, form)?;
         let (u, v) = (self.unknowns(n), self.values(n));
-        self.push_parameter(&decl, n, Kind::Vector, vec![], Support::Real, v);
-        let name = decl.name.to_string();
-        self.state("effect", decl);
+        self.push_parameter(decl, n, Kind::Vector, vec![], Support::Real, v);
         self.model.prior_entries.push(PriorEntry { u: u..u + n, v, len: n, mentions: vec![] });
         self.model.priors.push(Box::new(NormalOp { u, v, n, sd }));
         self.label_last(form);
         let on: Vec<&str> = on.iter().map(String::as_str).collect();
-        self.push_effect(&name, &on, Design::Form(form.clone()), n);
-        Ok(())
-    }
-
-    fn coefficients<F: PriorFn<N>, const N: usize, const M: usize>(
-        &mut self,
-        decl: Decl,
-        n: usize,
-        mentions: &[&str],
-    ) -> Result<(), ModelError> {
-        self.param::<F, N, M>(decl, Len::Many(n), mentions)?;
-        if let Some(statement) = self.model.statements.last_mut() {
-            statement.keyword = "effect";
-        }
+        self.push_effect(&decl.name, &on, Design::Form(form.clone()), n);
         Ok(())
     }
 
@@ -114,8 +99,8 @@ impl Builder<'_> {
 
     fn n_coefficients(&self, effect: &str, form: &Form) -> Result<usize, ModelError> {
         let Some(data) = self.data else { return Ok(form.n_modes().max(1)) };
-        check_probes(effect, form, data)?;
-        if let Some(column) = form.column() {
+        check_modes(effect, form, data)?;
+        for column in form.column().into_iter().chain(form.also_requires()) {
             data.require(column, &format!("effect {effect}"))?;
         }
         Ok(form.design(data).1)
@@ -177,16 +162,12 @@ impl Builder<'_> {
 }
 
 /// Complains unless the modes that a form needs are known at the rows.
-fn check_probes(effect: &str, form: &Form, data: &Measurements) -> Result<(), ModelError> {
-    let k = form.n_modes();
-    if k == 0 {
-        return Ok(());
+fn check_modes(effect: &str, form: &Form, data: &Measurements) -> Result<(), ModelError> {
+    let (field, k) = (effect.to_owned(), form.n_modes());
+    match data.probes().map(Probes::n_modes) {
+        _ if k == 0 => Ok(()),
+        None => Err(ModelError::NoBasis { field }),
+        Some(available) if k > available => Err(ModelError::TooManyModes { field, k, available }),
+        Some(_) => Ok(()),
     }
-    let field = effect.to_owned();
-    let Some(probes) = data.probes() else { return Err(ModelError::NoBasis { field }) };
-    if matches!(form, Form::Path { .. }) {
-        data.require(SOURCE, &format!("effect {effect}"))?;
-    }
-    let available = probes.n_modes();
-    if k > available { Err(ModelError::TooManyModes { field, k, available }) } else { Ok(()) }
 }

@@ -73,9 +73,8 @@ impl Builder<'_> {
         let labels = label.map(|column| self.labels(column, &who)).transpose()?;
         self.prefix = Some(name);
         let is_apart = labels.is_some() && is_by_label(&self.model);
-        let unit = decl.unit.clone().into();
+        let unit = decl.unit.into();
         self.field = Some(Declared { name, unit, range, labels, is_apart });
-        self.state("field", decl);
         Ok(())
     }
 

@@ -61,8 +61,7 @@ impl Builder<'_> {
         mentions: Place,
     ) {
         let make: fn() -> Box<dyn MapFn> = || Box::new(MapAt::<F, N>::new());
-        let unit: String = decl.unit.clone().into();
-        self.state("let", decl);
+        let unit: String = decl.unit.into();
         self.maps_of(name, &unit, range, mentions, make);
         let mut differs = if mentions.reads_row { Differs::Row } else { Differs::Not };
         for of in mentions.numbers.iter().chain(mentions.lets) {
@@ -81,8 +80,7 @@ impl Builder<'_> {
         beta: &'static str,
     ) {
         let mentions = Place { numbers: &[], lets: &[], reads_row: true };
-        let unit = decl.unit.clone().into();
-        self.state("let", decl);
+        let unit = decl.unit.into();
         self.lets.push(Declared { name, unit, mentions, differs: Differs::Row, make: None });
         self.names.push((name.into(), Source::Linear { beta, columns: columns.to_vec() }));
     }

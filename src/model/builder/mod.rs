@@ -5,8 +5,7 @@ use std::sync::Arc;
 
 use crate::manifold::Basis;
 use crate::model::error::ModelError;
-use crate::model::functions::Decl;
-use crate::model::laid_out::{Model, Statement};
+use crate::model::laid_out::Model;
 use crate::model::scope::Local;
 use crate::table::Measurements;
 
@@ -179,10 +178,6 @@ impl<'a> Builder<'a> {
     fn source(&self, name: &str) -> &Source {
         let found = self.names.iter().rev().find(|(n, _)| *n == name);
         &found.expect("names are declared before use").1
-    }
-
-    fn state(&mut self, keyword: &'static str, decl: Decl) {
-        self.model.statements.push(Statement { keyword, decl });
     }
 
     /// Where the N numbers behind these names live, of labelled ones that of number `label`.

@@ -25,8 +25,7 @@ impl Builder<'_> {
         mentions: Place,
         from: Option<Computed>,
     ) -> Result<(), ModelError> {
-        let unit = decl.unit.clone().into();
-        self.state("observe", self.with_outliers(decl));
+        let unit = decl.unit.into();
         let read = match (self.data, from) {
             (Some(data), Some(from)) => compute_rows::<F, N>(data, name, from)?,
             (Some(data), None) => read_rows::<F::Y>(data, name)?,
@@ -46,24 +45,16 @@ impl Builder<'_> {
         Ok(())
     }
 
-    /// An `observe` as it reads with the outliers that are added.
-    fn with_outliers(&self, decl: Decl) -> Decl {
-        let Some((share, sd)) = self.outliers else { return decl };
-        Decl { text: eplat_language::outlying(&decl.text, share, sd).into(), ..decl }
-    }
-
     /// `density name = expr;`, or `density name(data) = expr;` with the columns that it `reads` of the table.
     ///
     /// # Errors
     /// No row of it, a missing column, a cell that does not fit.
     pub fn density<F: DensityFn<N>, const N: usize>(
         &mut self,
-        decl: Decl,
         name: &'static str,
         mentions: &[&str],
         reads: Option<&[&str]>,
     ) -> Result<(), ModelError> {
-        self.state("density", decl);
         let local = self.local::<N>(mentions, 0);
         let (rows, cells) = match (self.data, reads) {
             (Some(table), Some(columns)) => read_columns::<F::Columns>(table, name, columns)?,

@@ -27,6 +27,7 @@ impl Builder<'_> {
     ///
     /// # Errors
     /// A label column that the data lack.
+    #[expect(clippy::needless_pass_by_value, reason = "the expansion makes one for each statement")]
     pub fn param<F: PriorFn<N>, const N: usize, const M: usize>(
         &mut self,
         decl: Decl,
@@ -42,7 +43,7 @@ impl Builder<'_> {
         let is_flat = prior.is_flat();
         drop(prior);
         let places = local.places();
-        let (u, v, n) = self.lay_out(decl, len, places, support, is_flat)?;
+        let (u, v, n) = self.lay_out(&decl, len, places, support, is_flat)?;
         let op = ParameterOp::<F, N, M> { local, u, v, n, ln_norm, f: PhantomData };
         self.model.priors.push(Box::new(op));
         Ok(())
@@ -71,7 +72,7 @@ impl Builder<'_> {
     /// First unknown and first value of a parameter, and how many it has.
     fn lay_out(
         &mut self,
-        decl: Decl,
+        decl: &Decl,
         len: Len,
         mentions: Vec<usize>,
         support: Support,
@@ -97,10 +98,7 @@ impl Builder<'_> {
             None => Source::Scalars { v, len: n },
         };
         self.names.push((self.full_name(&decl.name), source));
-        self.push_parameter(&decl, n, kind, names, support, v);
-        if self.prefix.is_none() {
-            self.state("param", decl);
-        }
+        self.push_parameter(decl, n, kind, names, support, v);
         self.model.prior_entries.push(PriorEntry { u: u..u + n, v, len: n, mentions });
         Ok((u, v, n))
     }
@@ -191,7 +189,6 @@ impl Builder<'_> {
         self.n_work += (n + 1) * n_carry;
         self.push_parameter(&decl, n, Kind::Vector, vec![], support, v);
         self.names.push((decl.name.clone().into(), Source::Scalars { v, len: n }));
-        self.state("param", decl);
         let op = SequenceOp::<F, N, M> { local, u, v, work, n, n_carry, f: PhantomData };
         self.model.priors.push(Box::new(op));
         Ok(())
@@ -235,7 +232,6 @@ impl Builder<'_> {
         let entry = PriorEntry { u: u..u + n, v, len: cells.len(), mentions: local.places() };
         self.model.prior_entries.push(entry);
         self.names.push((decl.name.clone().into(), Source::Cells { v }));
-        self.state("column", decl);
         let op = ImputedOp::<F, N, M> { local, u, v, missing, seen, f: PhantomData };
         self.model.priors.push(Box::new(op));
         Ok(())
