@@ -196,7 +196,7 @@ fn with_cargo(cache: &Path, package: &Path, built: &Path) -> std::io::Result<Out
     }
     let target = cache.join("target");
     let output = Command::new("cargo")
-        .args(["build", "--release", "--offline", "--quiet"])
+        .args(["build", "--release", "--quiet"])
         .args(["--message-format", "json", "--manifest-path"])
         .arg(package.join("Cargo.toml"))
         .env("CARGO_TARGET_DIR", &target)
@@ -249,3 +249,22 @@ fn does_not_compile(file: &ModelFile, path: &Path, output: &Output) -> Failure {
 }
 
 const GENERIC: &str = "mend the expression there; a function that is given parameters or fields is generic: `fn f<D: Real>(x: D) -> D`";
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used, reason = "tests")]
+mod tests {
+    use super::*;
+
+    /// `tests/installed.rs` builds it, which takes minutes.
+    #[test]
+    fn cargo_understands_the_unpacked_package() {
+        let folder = tempfile::tempdir().unwrap();
+        unpack(folder.path()).unwrap();
+        let said = Command::new("cargo")
+            .args(["metadata", "--no-deps", "--offline", "--format-version", "1"])
+            .current_dir(folder.path())
+            .output()
+            .unwrap();
+        assert!(said.status.success(), "{}", String::from_utf8_lossy(&said.stderr));
+    }
+}

@@ -22,13 +22,17 @@ pub struct AnyPrior {
     pub(super) make: Box<dyn Fn() -> Box<dyn PriorOp>>,
 }
 
+/// Makes a scalar of the places of what it mentions.
+type MakeScalar = dyn Fn(&[u32]) -> Box<dyn Scalar>;
+
 /// A field's mean or amplitude.
 pub struct AnyScalar {
     pub(super) mentions: Names,
-    pub(super) make: Box<dyn Fn(&[u32]) -> Box<dyn Scalar>>,
+    pub(super) make: Box<MakeScalar>,
 }
 
 /// A kernel.
+#[derive(Clone, Copy)]
 pub struct AnyKernel {
     pub(super) mentions: Names,
     pub(super) make: fn(&[u32]) -> Box<dyn Spectrum>,

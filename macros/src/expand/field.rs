@@ -71,7 +71,7 @@ impl<'m> State<'m> {
             };
             let (kernel, modes) = (kernel(&term.kernel, &scope), Count(term.modes));
             quote! {{
-                let amplitude = b.scalar(#amplitude);
+                let amplitude = b.scalar(&#amplitude);
                 b.term(amplitude, #modes, #kernel)
             }}
         });
@@ -80,7 +80,7 @@ impl<'m> State<'m> {
         quote! {{
             b.field(#decl, #range, #label, #name)?;
             #params
-            let mean = b.scalar(#mean);
+            let mean = b.scalar(&#mean);
             let terms = Vec::from([#(#terms),*]);
             b.end_field(#lone_mean, mean, terms)?;
         }}

@@ -79,7 +79,7 @@ impl Builder<'_> {
     }
 
     /// A field's mean or amplitude.
-    pub fn scalar(&mut self, of: AnyScalar) -> Scalars {
+    pub fn scalar(&mut self, of: &AnyScalar) -> Scalars {
         let n_fields = self.n_fields();
         let one = |label| (of.make)(&self.local(of.mentions, label));
         Scalars((0..n_fields).map(one).collect())
