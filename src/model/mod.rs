@@ -28,6 +28,7 @@ mod prior_draws;
 mod reported;
 mod restore;
 mod row_math;
+mod row_place;
 mod rows;
 mod scalar;
 mod scope;

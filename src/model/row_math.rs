@@ -7,7 +7,7 @@ use rand::Rng;
 use super::error::ModelError;
 use super::functions::{Columns, RowFn};
 use super::map::ReadCell;
-use super::rows::Place;
+use super::row_place::Place;
 use super::tape::Tape;
 use crate::likelihood::{Likelihood, Observation, Outliers};
 use crate::num::lanes::LANES;

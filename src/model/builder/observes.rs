@@ -9,7 +9,8 @@ use crate::model::functions::Decl;
 use crate::model::laid_out::Observe;
 use crate::model::linear::Linear;
 use crate::model::row_math::RowMath;
-use crate::model::rows::{self, Rows};
+use crate::model::row_place;
+use crate::model::rows::Rows;
 use crate::table::Measurements;
 
 impl Builder<'_> {
@@ -75,7 +76,7 @@ impl Builder<'_> {
         rows: &[usize],
         mentions: Place,
         w: usize,
-    ) -> Result<rows::Place, ModelError> {
+    ) -> Result<row_place::Place, ModelError> {
         let n = rows.len();
         let (mut index, mut hooked, mut j) = (vec![0; n * w], vec![], 0);
         for &name in mentions.numbers {
@@ -109,7 +110,7 @@ impl Builder<'_> {
         for (j, at) in hooked {
             (0..n).for_each(|r| hook[r * w + j] = (at + r) as u32);
         }
-        Ok(rows::Place { width: w, index, hook, lets })
+        Ok(row_place::Place { width: w, index, hook, lets })
     }
 
     /// Where the value of a name lives that a row of the table sees; the first of several.
