@@ -154,13 +154,15 @@ fn write_main(package: &Path, model: &Path, name: &str) -> std::io::Result<PathB
     Ok(main)
 }
 
+/// In one codegen unit: a model is small, and several share so much that it is compiled twice.
 fn with_rustc(main: &Path, built: &Path, library: &Path) -> std::io::Result<Output> {
     let mut dependencies = std::ffi::OsString::from("dependency=");
     dependencies.push(library.parent().unwrap_or(Path::new(".")));
     let mut eplat = std::ffi::OsString::from("eplat=");
     eplat.push(library);
     Command::new("rustc")
-        .args(["--edition", "2024", "-C", "opt-level=3", "--error-format=json", "--extern"])
+        .args(["--edition", "2024", "-C", "opt-level=3", "-C", "codegen-units=1"])
+        .args(["--error-format=json", "--extern"])
         .arg(eplat)
         .arg("-L")
         .arg(dependencies)
@@ -183,7 +185,8 @@ fn with_cargo(cache: &Path, package: &Path, built: &Path) -> std::io::Result<Out
         MANIFEST.split("[profile.release]").nth(1).and_then(|text| text.split("\n\n").next());
     let manifest = format!(
         "[package]\nname = \"{name}\"\nversion = \"0.0.0\"\nedition = \"2024\"\n\n\
-         [dependencies]\neplat = {{ path = \"{}\" }}\n\n[workspace]\n\n[profile.release]{}\n",
+         [dependencies]\neplat = {{ path = \"{}\" }}\n\n[workspace]\n\n[profile.release]{}\n\n\
+         [profile.release.package.{name}]\ncodegen-units = 1\n",
         eplat.display(),
         profile.unwrap_or_default(),
     );
@@ -193,7 +196,7 @@ fn with_cargo(cache: &Path, package: &Path, built: &Path) -> std::io::Result<Out
     }
     let target = cache.join("target");
     let output = Command::new("cargo")
-        .args(["build", "--release", "--offline", "--quiet"])
+        .args(["build", "--release", "--quiet"])
         .args(["--message-format", "json", "--manifest-path"])
         .arg(package.join("Cargo.toml"))
         .env("CARGO_TARGET_DIR", &target)
@@ -246,3 +249,24 @@ fn does_not_compile(file: &ModelFile, path: &Path, output: &Output) -> Failure {
 }
 
 const GENERIC: &str = "mend the expression there; a function that is given parameters or fields is generic: `fn f<D: Real>(x: D) -> D`";
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used, reason = "tests")]
+mod tests {
+    use super::*;
+
+    /// Cargo reads all of the manifest before it misses a program that nobody has. (`cargo metadata` does not
+    /// look for the files of tests and benches. `tests/installed.rs` builds the package, which takes minutes.)
+    #[test]
+    fn cargo_understands_the_unpacked_package() {
+        let folder = tempfile::tempdir().unwrap();
+        unpack(folder.path()).unwrap();
+        let said = Command::new("cargo")
+            .args(["build", "--offline", "--bin", "none"])
+            .current_dir(folder.path())
+            .output()
+            .unwrap();
+        let said = String::from_utf8_lossy(&said.stderr).into_owned();
+        assert!(said.contains("no bin target named `none`"), "{said}");
+    }
+}

@@ -12,6 +12,12 @@ use crate::num::{Dual, Num};
 
 /// What a model can do with a density besides the gradient.
 pub(super) trait LogTerms: Op + Curved {
+    /// Whether it gives a term for each row.
+    fn is_per_row(&self) -> bool;
+    /// The numeric columns that the model reads: each one's name, and the table's columns behind it.
+    fn columns(&self) -> Vec<(&'static str, Vec<String>)>;
+    /// Takes the cells of each column, of so many rows.
+    fn read(&mut self, cells: Vec<Vec<f64>>, n_rows: usize);
     /// The terms, after a forward pass.
     fn terms(&self, t: &Tape) -> Vec<f64>;
     /// What it reads of its row number `i`.
@@ -35,14 +41,14 @@ pub struct Density {
 impl Density {
     /// On the `rows` that it reads. One term per row is asked of a density only once there are values
     /// to evaluate it at: see [`Density::settle`].
-    pub(super) fn new<F: DensityFn<N>, const N: usize>(
+    pub(super) fn new(
         name: &'static str,
         reads_data: bool,
         rows: Vec<usize>,
-        op: DensityAt<F, N>,
+        op: Box<dyn LogTerms>,
     ) -> Self {
-        let rows = if is_per_row::<_, _, Num<f64>, _>(F::terms::<f64>) { rows } else { vec![] };
-        Self { name, reads_data, rows, skipped: 0, op: Box::new(op) }
+        let rows = if op.is_per_row() { rows } else { vec![] };
+        Self { name, reads_data, rows, skipped: 0, op }
     }
 
     /// Finds which of its rows have a term: the last ones.
@@ -81,12 +87,17 @@ fn is_per_row<S, C, D, T: Terms<D>>(_: impl Fn(S, C) -> T) -> bool {
 }
 
 /// A density at the places of its scalars, with the columns it reads (column, row × its width).
-#[derive(Debug)]
 pub(super) struct DensityAt<F, const N: usize> {
     pub(super) local: Local<N>,
     pub(super) cells: Vec<Vec<f64>>,
-    pub(super) n_rows: usize,
-    pub(super) f: PhantomData<F>,
+    n_rows: usize,
+    f: PhantomData<F>,
+}
+
+impl<F, const N: usize> DensityAt<F, N> {
+    pub(super) fn new(local: Local<N>) -> Self {
+        Self { local, cells: vec![], n_rows: 0, f: PhantomData }
+    }
 }
 
 impl<F: DensityFn<N>, const N: usize> Op for DensityAt<F, N> {
@@ -100,6 +111,18 @@ impl<F: DensityFn<N>, const N: usize> Op for DensityAt<F, N> {
 }
 
 impl<F: DensityFn<N>, const N: usize> LogTerms for DensityAt<F, N> {
+    fn is_per_row(&self) -> bool {
+        is_per_row::<_, _, Num<f64>, _>(F::terms::<f64>)
+    }
+
+    fn columns(&self) -> Vec<(&'static str, Vec<String>)> {
+        F::Columns::names()
+    }
+
+    fn read(&mut self, cells: Vec<Vec<f64>>, n_rows: usize) {
+        (self.cells, self.n_rows) = (cells, n_rows);
+    }
+
     fn terms(&self, t: &Tape) -> Vec<f64> {
         let data = F::Columns::data(&self.cells);
         F::terms(self.local.plain(&t.v), &data).terms().iter().map(|term| term.0).collect()

@@ -31,31 +31,31 @@ impl Decl {
 }
 
 /// A prior as a function of the N numbers that it mentions.
-pub trait PriorFn<const N: usize>: Send + Sync + std::fmt::Debug + 'static {
+pub trait PriorFn<const N: usize>: Send + Sync + 'static {
     /// The prior.
-    fn prior<T: Real>(s: [Num<T>; N]) -> impl Dist<Num<T>> + use<Self, T, N>;
+    fn prior<T: Real>(&self, s: [Num<T>; N]) -> impl Dist<Num<T>> + use<Self, T, N>;
 }
 
 /// The prior of a vector, of each number or of the whole, as a function of the N numbers that it mentions.
-pub trait VectorFn<const N: usize>: Send + Sync + std::fmt::Debug + 'static {
+pub trait VectorFn<const N: usize>: Send + Sync + 'static {
     /// The prior.
-    fn prior<T: Real>(s: [Num<T>; N]) -> impl Vector<Num<T>> + use<Self, T, N>;
+    fn prior<T: Real>(&self, s: [Num<T>; N]) -> impl Vector<Num<T>> + use<Self, T, N>;
 }
 
 /// A field's mean or amplitude as a function of the N numbers that it mentions.
-pub trait ScalarFn<const N: usize>: Send + Sync + std::fmt::Debug + 'static {
+pub trait ScalarFn<const N: usize>: Send + Sync + 'static {
     /// The value.
     fn value<T: Real>(s: [Num<T>; N]) -> Num<T>;
 }
 
 /// A kernel as a function of the N numbers that it mentions.
-pub trait KernelFn<const N: usize>: Send + Sync + std::fmt::Debug + 'static {
+pub trait KernelFn<const N: usize>: Send + Sync + 'static {
     /// The kernel.
     fn kernel<T: Real>(s: [Num<T>; N]) -> impl Kernel<Num<T>> + use<Self, T, N>;
 }
 
 /// A `let` as a function of its row: the numbers that it mentions, then an offset for each `let` among these.
-pub trait LetFn<const N: usize>: Send + Sync + std::fmt::Debug + 'static {
+pub trait LetFn<const N: usize>: Send + Sync + 'static {
     /// The numeric columns that the model reads.
     type Columns: Columns;
     /// The value.
@@ -63,7 +63,7 @@ pub trait LetFn<const N: usize>: Send + Sync + std::fmt::Debug + 'static {
 }
 
 /// A likelihood as a function of its row: the numbers that it mentions, then an offset for each `let` among these.
-pub trait RowFn<const N: usize>: Send + Sync + std::fmt::Debug + 'static {
+pub trait RowFn<const N: usize>: Send + Sync + 'static {
     /// The numeric columns that the model reads.
     type Columns: Columns;
     /// What was measured.
@@ -80,7 +80,7 @@ pub trait RowFn<const N: usize>: Send + Sync + std::fmt::Debug + 'static {
 }
 
 /// A log density as a function of the N numbers that it mentions and of the table's columns.
-pub trait DensityFn<const N: usize>: Send + Sync + std::fmt::Debug + 'static {
+pub trait DensityFn<const N: usize>: Send + Sync + 'static {
     /// The numeric columns that the model reads.
     type Columns: Columns;
     /// The log density, or its terms.
@@ -119,7 +119,7 @@ impl<D: Real> Terms<D> for Vec<D> {
 }
 
 /// The numeric columns of one row that a model reads, as a struct that the macro declares.
-pub trait Columns: Sized + Send + Sync + std::fmt::Debug + 'static {
+pub trait Columns: Sized + Send + Sync + 'static {
     /// The same columns over many rows, a slice each.
     type Data<'a>;
     /// Each column's name, and the table's columns behind it.

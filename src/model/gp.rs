@@ -23,7 +23,7 @@ use crate::num::vector::dot;
 use crate::num::{Dual, LN_SQRT_2PI, derivatives};
 
 /// √S at the basis's frequencies, and its derivatives.
-pub(super) trait Spectrum: Bent + Send + Sync + std::fmt::Debug {
+pub(super) trait Spectrum: Bent + Send + Sync {
     /// Number of derivatives.
     fn width(&self) -> usize;
     /// `c_k = √S(w_k)`, and `dc` its derivatives, (width, modes).
@@ -38,10 +38,15 @@ pub(super) trait Spectrum: Bent + Send + Sync + std::fmt::Debug {
     fn mentions(&self) -> Vec<usize>;
 }
 
-#[derive(Debug)]
 pub(super) struct SpectrumAt<F, const N: usize> {
     pub(super) local: Local<N>,
-    pub(super) f: PhantomData<F>,
+    f: PhantomData<F>,
+}
+
+impl<F, const N: usize> SpectrumAt<F, N> {
+    pub(super) fn new(local: Local<N>) -> Self {
+        Self { local, f: PhantomData }
+    }
 }
 
 impl<F: KernelFn<N>, const N: usize> Spectrum for SpectrumAt<F, N> {

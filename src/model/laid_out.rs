@@ -13,7 +13,7 @@ use super::lets::LetValues;
 use super::linear::Linear;
 use super::map::Map;
 use super::reported::{Parameter, Position};
-use super::rows::Measured;
+use super::rows::Rows;
 use super::tape::{Op, Tape};
 use crate::table::Measurements;
 
@@ -59,7 +59,7 @@ pub struct Observe {
     pub cells: Vec<String>,
     /// Rows of the table, from 0.
     pub rows: Vec<usize>,
-    pub(super) op: Box<dyn Measured>,
+    pub(super) op: Rows,
 }
 
 /// A model laid out on its data.

@@ -179,9 +179,4 @@ impl Model {
     pub fn measured_row(&self, id: RowId) -> Vec<f64> {
         self.observes[id.observe].observed_row(id.row)
     }
-
-    /// Puts another measurement in the place of a row's.
-    pub fn set_observed(&mut self, id: RowId, cells: &[f64]) {
-        self.observes[id.observe].op.set_observed(id.row, cells);
-    }
 }

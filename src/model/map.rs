@@ -29,7 +29,7 @@ pub(super) enum Source {
     Field(usize),
 }
 
-pub(super) trait MapFn: Send + Sync + std::fmt::Debug {
+pub(super) trait MapFn: Send + Sync {
     /// Takes the columns of one more row.
     fn read(&mut self, cell: ReadCell<'_>) -> Result<(), ModelError>;
     /// The value at these scalars, in one of the rows taken or at a place that is in no table.
@@ -39,12 +39,6 @@ pub(super) trait MapFn: Send + Sync + std::fmt::Debug {
 pub(super) struct MapAt<F: LetFn<N>, const N: usize> {
     nowhere: F::Columns,
     rows: Vec<F::Columns>,
-}
-
-impl<F: LetFn<N>, const N: usize> std::fmt::Debug for MapAt<F, N> {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        f.write_str("MapAt")
-    }
 }
 
 impl<F: LetFn<N>, const N: usize> MapAt<F, N> {

@@ -13,6 +13,7 @@ mod declare;
 mod density;
 mod equations;
 mod error;
+mod expression;
 pub mod forms;
 mod functions;
 mod gp;
@@ -26,10 +27,13 @@ mod parameter;
 mod prior_draws;
 mod reported;
 mod restore;
+mod row_math;
+mod row_place;
 mod rows;
 mod scalar;
 mod scope;
 mod second;
+mod shipped;
 mod tape;
 
 pub use augmented::{AddedEffect, Augmented};
@@ -51,8 +55,10 @@ pub use tape::Tape;
 #[doc(hidden)]
 pub mod expansion {
     pub use super::builder::{Builder, Computed, Len, Place};
+    pub use super::expression::*;
     pub use super::forms::Form;
     pub use super::functions::*;
+    pub use super::shipped::*;
     pub use crate::dist::{Dist, Vector, vector};
     pub use crate::field::Kernel;
     pub use crate::likelihood::Likelihood;

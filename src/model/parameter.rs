@@ -1,18 +1,15 @@
 //! `param` statements and hyperparameters.
 
-use std::marker::PhantomData;
-
 use num_dual::DualStruct;
 use rand::Rng;
 
 use super::functions::{PriorFn, VectorFn};
 use super::scope::Local;
 use super::tape::{Op, Tape};
-use crate::dist::{Dist, Gaussian, Normal, Sequence, Vector as _};
+use crate::dist::{Dist, Gaussian, Normal, Sequence, Support, Vector as _};
 use crate::num::{Dual, LN_SQRT_2PI, Num, Real, derivatives, variable};
 
 /// One parameter, or `n` with the same prior; the last of the W derivatives is the parameter's own.
-#[derive(Debug)]
 pub(super) struct ParameterOp<F, const N: usize, const W: usize> {
     pub(super) local: Local<N>,
     /// First unknown.
@@ -22,29 +19,68 @@ pub(super) struct ParameterOp<F, const N: usize, const W: usize> {
     pub(super) n: usize,
     /// The normaliser of a prior whose own parameters are constants: computed once.
     pub(super) ln_norm: f64,
-    pub(super) f: PhantomData<F>,
+    pub(super) f: F,
+}
+
+/// The operation of a parameter, before and after its numbers have places.
+pub(super) trait PriorOp: Op {
+    /// The support of the prior.
+    fn support(&self) -> Support;
+    /// Whether the prior is flat.
+    fn is_flat(&self) -> bool;
+    /// Gives it places: of what its prior mentions, of its first unknown and first value; `n` numbers.
+    fn put(&mut self, mentions: &[u32], u: usize, v: usize, n: usize);
+}
+
+impl<F: PriorFn<N>, const N: usize, const W: usize> ParameterOp<F, N, W> {
+    /// Without places.
+    pub(super) fn new(f: F) -> Self {
+        // the normaliser of a prior that mentions nothing is computed once
+        let ln_norm = if N == 0 { f.prior([Num(1.0); N]).ln_norm().0 } else { 0.0 };
+        Self { local: Local::new(&[]), u: 0, v: 0, n: 0, ln_norm, f }
+    }
+}
+
+impl<F: PriorFn<N>, const N: usize, const W: usize> PriorOp for ParameterOp<F, N, W> {
+    fn support(&self) -> Support {
+        support_of(&self.f)
+    }
+
+    fn is_flat(&self) -> bool {
+        self.f.prior([Num(1.0); N]).is_flat()
+    }
+
+    fn put(&mut self, mentions: &[u32], u: usize, v: usize, n: usize) {
+        (self.local, self.u, self.v, self.n) = (Local::new(mentions), u, v, n);
+    }
+}
+
+/// The support of a prior; that of one whose bounds move with what it mentions is only known while it runs.
+pub(super) fn support_of<F: PriorFn<N>, const N: usize>(f: &F) -> Support {
+    let support = |x: f64| f.prior([Num(x); N]).support();
+    if support(1.0) == support(0.5) { support(1.0) } else { Support::Between }
 }
 
 impl<F: PriorFn<N>, const N: usize, const W: usize> Op for ParameterOp<F, N, W> {
     fn gaussian(&self, v: &[f64]) -> Option<Gaussian> {
-        F::prior(self.local.plain(v)).gaussian()
+        self.f.prior(self.local.plain(v)).gaussian()
     }
 
     fn forward(&self, t: &mut Tape) {
-        let dist = F::prior(self.local.plain(&t.v));
+        let dist = self.f.prior(self.local.plain(&t.v));
         for i in 0..self.n {
             t.v[self.v + i] = dist.constrain(Num(t.u[self.u + i])).0;
         }
     }
 
     fn initial(&self, t: &mut Tape) {
-        let dist = F::prior(self.local.plain(&t.v));
+        let dist = self.f.prior(self.local.plain(&t.v));
         t.u[self.u..][..self.n].fill(dist.unconstrain(dist.centre()));
         self.forward(t);
     }
 
     fn draw(&self, t: &mut Tape, rng: &mut dyn Rng) -> Option<()> {
-        let dist = F::prior(self.local.plain(&t.v));
+        let dist = self.f.prior(self.local.plain(&t.v));
         for i in 0..self.n {
             t.u[self.u + i] = dist.unconstrain(dist.sample(rng)?);
         }
@@ -53,7 +89,7 @@ impl<F: PriorFn<N>, const N: usize, const W: usize> Op for ParameterOp<F, N, W> 
     }
 
     fn backward(&self, t: &mut Tape) {
-        let dist = F::prior::<Dual<W>>(self.local.dual(&t.v));
+        let dist = self.f.prior::<Dual<W>>(self.local.dual(&t.v));
         t.lp += self.ln_norm * self.n as f64;
         for i in 0..self.n {
             let u = Num(variable::<W>(t.u[self.u + i], W - 1));
@@ -73,7 +109,6 @@ impl<F: PriorFn<N>, const N: usize, const W: usize> Op for ParameterOp<F, N, W> 
 
 /// The cells of a column, each with the same prior: the empty ones are unknowns, the others tell of what the prior
 /// mentions. The last of the W derivatives is a cell's own.
-#[derive(Debug)]
 pub(super) struct ImputedOp<F, const N: usize, const W: usize> {
     pub(super) local: Local<N>,
     /// First unknown.
@@ -84,25 +119,25 @@ pub(super) struct ImputedOp<F, const N: usize, const W: usize> {
     pub(super) missing: Vec<usize>,
     /// Rows whose cell is filled, and what is in it.
     pub(super) seen: Vec<(usize, f64)>,
-    pub(super) f: PhantomData<F>,
+    pub(super) f: F,
 }
 
 impl<F: PriorFn<N>, const N: usize, const W: usize> Op for ImputedOp<F, N, W> {
     fn forward(&self, t: &mut Tape) {
-        let dist = F::prior(self.local.plain(&t.v));
+        let dist = self.f.prior(self.local.plain(&t.v));
         for (i, row) in self.missing.iter().enumerate() {
             t.v[self.v + row] = dist.constrain(Num(t.u[self.u + i])).0;
         }
     }
 
     fn initial(&self, t: &mut Tape) {
-        let dist = F::prior(self.local.plain(&t.v));
+        let dist = self.f.prior(self.local.plain(&t.v));
         t.u[self.u..][..self.missing.len()].fill(dist.unconstrain(dist.centre()));
         self.forward(t);
     }
 
     fn draw(&self, t: &mut Tape, rng: &mut dyn Rng) -> Option<()> {
-        let dist = F::prior(self.local.plain(&t.v));
+        let dist = self.f.prior(self.local.plain(&t.v));
         for i in 0..self.missing.len() {
             t.u[self.u + i] = dist.unconstrain(dist.sample(rng)?);
         }
@@ -111,7 +146,7 @@ impl<F: PriorFn<N>, const N: usize, const W: usize> Op for ImputedOp<F, N, W> {
     }
 
     fn backward(&self, t: &mut Tape) {
-        let dist = F::prior::<Dual<W>>(self.local.dual(&t.v));
+        let dist = self.f.prior::<Dual<W>>(self.local.dual(&t.v));
         let norm = dist.ln_norm();
         for (i, row) in self.missing.iter().enumerate() {
             let u = Num(variable::<W>(t.u[self.u + i], W - 1));
@@ -174,34 +209,31 @@ impl Op for NormalOp {
 }
 
 /// A prior of a whole vector as a function of the N numbers that it mentions.
-pub(super) trait SequenceFn<const N: usize>:
-    Send + Sync + std::fmt::Debug + 'static
-{
+pub(super) trait SequenceFn<const N: usize>: Send + Sync + 'static {
     /// The prior.
-    fn sequence<T: Real>(s: [Num<T>; N]) -> impl Sequence<Num<T>> + use<Self, T, N>;
+    fn sequence<T: Real>(&self, s: [Num<T>; N]) -> impl Sequence<Num<T>> + use<Self, T, N>;
 }
 
 /// A [`VectorFn`] as what its prior turns out to be.
-#[derive(Debug)]
-pub(super) struct Known<F>(PhantomData<F>);
+#[derive(Clone, Copy)]
+pub(super) struct Known<F>(pub(super) F);
 
 impl<F: VectorFn<N>, const N: usize> PriorFn<N> for Known<F> {
     #[inline]
-    fn prior<T: Real>(s: [Num<T>; N]) -> impl Dist<Num<T>> + use<F, T, N> {
-        F::prior(s).of_numbers()
+    fn prior<T: Real>(&self, s: [Num<T>; N]) -> impl Dist<Num<T>> + use<F, T, N> {
+        self.0.prior(s).of_numbers()
     }
 }
 
 impl<F: VectorFn<N>, const N: usize> SequenceFn<N> for Known<F> {
     #[inline]
-    fn sequence<T: Real>(s: [Num<T>; N]) -> impl Sequence<Num<T>> + use<F, T, N> {
-        F::prior(s).of_vector()
+    fn sequence<T: Real>(&self, s: [Num<T>; N]) -> impl Sequence<Num<T>> + use<F, T, N> {
+        self.0.prior(s).of_vector()
     }
 }
 
 /// A vector of `n` numbers that depend on each other; of the W derivatives the last is a number's
 /// own unknown, the one before it a number of the carry.
-#[derive(Debug)]
 pub(super) struct SequenceOp<F, const N: usize, const W: usize> {
     pub(super) local: Local<N>,
     /// First unknown.
@@ -212,7 +244,7 @@ pub(super) struct SequenceOp<F, const N: usize, const W: usize> {
     pub(super) work: usize,
     pub(super) n: usize,
     pub(super) n_carry: usize,
-    pub(super) f: PhantomData<F>,
+    pub(super) f: F,
 }
 
 impl<F: SequenceFn<N>, const N: usize, const W: usize> SequenceOp<F, N, W> {
@@ -258,7 +290,7 @@ impl<F: SequenceFn<N>, const N: usize, const W: usize> SequenceOp<F, N, W> {
 
 impl<F: SequenceFn<N>, const N: usize, const W: usize> Op for SequenceOp<F, N, W> {
     fn forward(&self, t: &mut Tape) {
-        let prior = F::sequence(self.local.plain(&t.v));
+        let prior = self.f.sequence(self.local.plain(&t.v));
         let free = prior.n_unknowns(self.n);
         t.work[self.found(0)].fill(prior.begin());
         // most priors carry one number: no memory is asked for
@@ -285,7 +317,7 @@ impl<F: SequenceFn<N>, const N: usize, const W: usize> Op for SequenceOp<F, N, W
     }
 
     fn initial(&self, t: &mut Tape) {
-        let prior = F::sequence(self.local.plain(&t.v));
+        let prior = self.f.sequence(self.local.plain(&t.v));
         for i in 0..prior.n_unknowns(self.n) {
             t.u[self.u + i] = prior.initial(i);
         }
@@ -293,7 +325,7 @@ impl<F: SequenceFn<N>, const N: usize, const W: usize> Op for SequenceOp<F, N, W
     }
 
     fn draw(&self, t: &mut Tape, rng: &mut dyn Rng) -> Option<()> {
-        let prior = F::sequence(self.local.plain(&t.v));
+        let prior = self.f.sequence(self.local.plain(&t.v));
         let x = prior.sample(self.n, rng)?;
         let mut carry = vec![Num(prior.begin()); self.n_carry];
         for (i, x) in x.iter().enumerate().take(prior.n_unknowns(self.n)) {
@@ -307,7 +339,7 @@ impl<F: SequenceFn<N>, const N: usize, const W: usize> Op for SequenceOp<F, N, W
     }
 
     fn backward(&self, t: &mut Tape) {
-        let prior = F::sequence::<Dual<W>>(self.local.dual(&t.v));
+        let prior = self.f.sequence::<Dual<W>>(self.local.dual(&t.v));
         let ln_norm = prior.ln_norm(self.n);
         t.lp += ln_norm.re();
         self.local.scatter(&ln_norm, &mut t.g);

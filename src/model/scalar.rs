@@ -4,11 +4,11 @@ use std::marker::PhantomData;
 
 use super::functions::ScalarFn;
 use super::scope::Local;
-use super::tape::Bent;
+use super::tape::{Bent, Tape};
 use crate::num::{Dual, Num};
 
 /// A scalar of the value vector.
-pub(super) trait Scalar: Bent + Send + Sync + std::fmt::Debug {
+pub(super) trait Scalar: Bent + Send + Sync {
     fn value(&self, v: &[f64]) -> f64;
     /// Carries the adjoint `bar` of the value on.
     fn pull(&self, v: &[f64], bar: f64, g: &mut [f64]);
@@ -16,10 +16,15 @@ pub(super) trait Scalar: Bent + Send + Sync + std::fmt::Debug {
     fn mentions(&self) -> Vec<usize>;
 }
 
-#[derive(Debug)]
 pub(super) struct ScalarAt<F, const N: usize> {
     pub(super) local: Local<N>,
-    pub(super) f: PhantomData<F>,
+    f: PhantomData<F>,
+}
+
+impl<F, const N: usize> ScalarAt<F, N> {
+    pub(super) fn new(local: Local<N>) -> Self {
+        Self { local, f: PhantomData }
+    }
 }
 
 impl<F: ScalarFn<N>, const N: usize> Scalar for ScalarAt<F, N> {
@@ -33,4 +38,40 @@ impl<F: ScalarFn<N>, const N: usize> Scalar for ScalarAt<F, N> {
     fn mentions(&self) -> Vec<usize> {
         self.local.places()
     }
+}
+
+/// A number that is written.
+pub(super) struct Constant(pub(super) f64);
+
+impl Scalar for Constant {
+    fn value(&self, _: &[f64]) -> f64 {
+        self.0
+    }
+    fn pull(&self, _: &[f64], _: f64, _: &mut [f64]) {}
+    fn mentions(&self) -> Vec<usize> {
+        vec![]
+    }
+}
+
+impl Bent for Constant {
+    fn bend(&self, _: &Tape, _: &[f64], _: &[f64], _: &mut Tape) {}
+}
+
+/// A parameter and nothing else.
+pub(super) struct Lone(pub(super) usize);
+
+impl Scalar for Lone {
+    fn value(&self, v: &[f64]) -> f64 {
+        v[self.0]
+    }
+    fn pull(&self, _: &[f64], bar: f64, g: &mut [f64]) {
+        g[self.0] += bar;
+    }
+    fn mentions(&self) -> Vec<usize> {
+        vec![self.0]
+    }
+}
+
+impl Bent for Lone {
+    fn bend(&self, _: &Tape, _: &[f64], _: &[f64], _: &mut Tape) {}
 }

@@ -9,6 +9,13 @@ pub(super) struct Local<const N: usize> {
 }
 
 impl<const N: usize> Local<N> {
+    /// At these places, as many as there are.
+    pub(super) fn new(places: &[u32]) -> Self {
+        let mut at = [0; N];
+        at.iter_mut().zip(places).for_each(|(at, place)| *at = *place);
+        Self { at }
+    }
+
     /// Their values.
     #[inline(always)]
     pub(super) fn plain(&self, v: &[f64]) -> [Num<f64>; N] {

@@ -24,7 +24,7 @@ pub struct Tape {
 }
 
 /// One step between unknowns and log density.
-pub(super) trait Op: Second + Send + Sync + std::fmt::Debug {
+pub(super) trait Op: Second + Send + Sync {
     /// Computes values from unknowns and earlier values.
     fn forward(&self, _: &mut Tape) {}
     /// Sets unknowns to a typical value, and computes values from them.
@@ -42,6 +42,19 @@ pub(super) trait Op: Second + Send + Sync + std::fmt::Debug {
     /// Adds this operation's log density, and carries adjoints from its values to what they came from.
     fn backward(&self, t: &mut Tape);
 }
+
+/// Operations of a model file's expressions say nothing of themselves: less to compile with each model.
+macro_rules! opaque {
+    ($($T:ty),*) => {$(
+        impl std::fmt::Debug for $T {
+            fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+                f.write_str(stringify!($T))
+            }
+        }
+    )*};
+}
+pub(super) use opaque;
+opaque!(dyn Op);
 
 /// How an operation changes along a direction. `t` holds a point after a backward pass, `d` the
 /// change of each of its numbers.

@@ -1,4 +1,4 @@
-//! Tests that cannot run here say so, and are listed at the end of `cargo test` (`tests/zz_not_run.rs`).
+//! Tests that cannot run here say so, and are listed at the end of all tests (`tests/all.rs`).
 
 use std::path::Path;
 

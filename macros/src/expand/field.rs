@@ -2,6 +2,7 @@
 
 use eplat_language::print as text;
 use eplat_language::syntax::{Expr, Field, Hyper, Ident, Item, Model, Param};
+use eplat_language::vocabulary::{Class, find};
 use proc_macro2::TokenStream;
 use quote::quote;
 
@@ -68,22 +69,10 @@ impl<'m> State<'m> {
                 Some(amplitude) => scalar(amplitude, &scope),
                 None => scalar(&syn::parse_quote!(1.0), &scope),
             };
-            let (mentioned, kernel, modes) =
-                (scope.mentioned(&term.kernel), &term.kernel, Count(term.modes));
-            let (n, names) = (mentioned.width(), mentioned.full_names());
-            let (pattern, vectors) = mentioned.pattern();
+            let (kernel, modes) = (kernel(&term.kernel, &scope), Count(term.modes));
             quote! {{
-                let amplitude = #amplitude;
-                #[derive(Debug)]
-                struct Covariance;
-                impl KernelFn<#n> for Covariance {
-                    #[inline(always)]
-                    fn kernel<T: Real>(#pattern: [Num<T>; #n]) -> impl Kernel<Num<T>> + use<T> {
-                        #vectors
-                        #kernel
-                    }
-                }
-                b.term::<Covariance, #n>(amplitude, #modes, #names)
+                let amplitude = b.scalar(&#amplitude);
+                b.term(amplitude, #modes, #kernel)
             }}
         });
         let terms: Vec<TokenStream> = terms.collect();
@@ -91,7 +80,7 @@ impl<'m> State<'m> {
         quote! {{
             b.field(#decl, #range, #label, #name)?;
             #params
-            let mean = #mean;
+            let mean = b.scalar(&#mean);
             let terms = Vec::from([#(#terms),*]);
             b.end_field(#lone_mean, mean, terms)?;
         }}
@@ -107,4 +96,41 @@ fn lone_name(mean: Option<&Expr>, own: &Scope) -> TokenStream {
     let mentioned = own.mentioned(path);
     let full: Vec<&String> = mentioned.numbers.iter().map(|name| &name.full).collect();
     if let [name] = full[..] { quote!(Some(#name)) } else { quote!(None) }
+}
+
+/// A kernel as an object: one that the library has compiled, where it is a word that ships with one parameter.
+fn kernel(e: &Expr, scope: &Scope) -> TokenStream {
+    let mentioned = scope.mentioned(e);
+    let (n, names) = (mentioned.width(), mentioned.full_names());
+    let (pattern, vectors) = mentioned.pattern();
+    let made = match lone_argument(e) {
+        Some(argument) if n.0 == 1 && vectors.is_empty() => quote! {
+            let #argument = Num(1.0);
+            expansion::Written(#e).kernel(#names, Covariance)
+        },
+        _ => quote!(expansion::kernel::<Covariance, #n>(#names)),
+    };
+    quote! {{
+        struct Covariance;
+        impl KernelFn<#n> for Covariance {
+            #[inline(always)]
+            fn kernel<T: Real>(#pattern: [Num<T>; #n]) -> impl Kernel<Num<T>> + use<T> {
+                #vectors
+                #e
+            }
+        }
+        #made
+    }}
+}
+
+/// `rho` of `Rbf(rho)` and of `authors(Rbf(rho))`.
+fn lone_argument(kernel: &Expr) -> Option<&Ident> {
+    let Expr::Call(call) = kernel else { return None };
+    let Expr::Path(word) = &*call.func else { return None };
+    let word = find(&word.path.get_ident()?.to_string())?;
+    match (word.name, call.args.first()?) {
+        ("authors", inner) => lone_argument(inner),
+        (_, Expr::Path(name)) if word.classes.contains(&Class::Kernel) => name.path.get_ident(),
+        _ => None,
+    }
 }

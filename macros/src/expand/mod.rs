@@ -3,9 +3,9 @@
 
 use eplat_language::print as text;
 use eplat_language::syntax::{
-    Column, Density, Effect, Expr, Hyper, Ident, Item, Model, Over, Param, Prior, Range, Unit,
+    self, Column, Density, Effect, Expr, Hyper, Ident, Item, Model, Param, Prior, Range, Unit,
 };
-use eplat_language::vocabulary::shape;
+use eplat_language::vocabulary::{Class, find, shape};
 use proc_macro2::{Literal, TokenStream};
 use quote::quote;
 
@@ -62,9 +62,9 @@ pub(crate) fn model(model: &Model, source: &str) -> TokenStream {
                 b: &mut ::eplat::model::expansion::Builder<'_>,
             ) -> Result<(), ::eplat::model::ModelError> {
                 use ::eplat::model::expansion::{
-                    self, Column, Columns, Computed, Decl, Dist, DensityFn, Form, Kernel, KernelFn, Len,
-                    LetFn, Likelihood, Num, Place, PriorFn, Real, RowFn, ScalarFn, Terms, Vector,
-                    VectorFn,
+                    self, Column, Columns, Computed, Decl, DensityFn, Dist, Form, Kernel, KernelFn, Len,
+                    LetFn, Likelihood, Num, OwnKernel, OwnPrior, Place, PriorFn, Real, RowFn,
+                    ScalarFn, Terms, Vector, VectorFn,
                 };
                 #row
                 #body
@@ -96,7 +96,6 @@ fn row_struct(columns: &[&Column]) -> TokenStream {
         })
         .collect();
     quote! {
-        #[derive(Debug)]
         pub struct Row { #(pub #names: #types),* }
         pub struct Data<'a> { #(pub #names: &'a [#types],)* rows: ::std::marker::PhantomData<&'a ()> }
         impl Columns for Row {
@@ -149,25 +148,23 @@ impl<'m> State<'m> {
     fn column(&mut self, column: &Column) -> TokenStream {
         let Some(of) = &column.prior else { return TokenStream::new() };
         let decl = decl(&column.name, column.unit.as_ref(), &text(&of.expr));
-        let (prior, n, names) = prior(of, &self.scope);
+        let Function { item, n, names } = prior(of, &self.scope, Over::Numbers);
         let m = n + 1;
-        let call = quote!({ #prior b.imputed::<Prior, #n, #m>(#decl, #names)?; });
+        let call = quote!({ #item b.imputed::<Prior, #n, #m>(#decl, #names, Prior)?; });
         self.scope.declare(&column.name, column.name.to_string(), Kind::Cells);
         call
     }
 
     fn effect(&self, effect: &Effect) -> TokenStream {
         let decl = decl(&effect.name, effect.unit.as_ref(), &text(&effect.prior.expr));
-        let (prior, n, names) = prior(&effect.prior, &self.scope);
-        let (m, form) = (n + 1, &effect.form);
+        let (prior, form) = (any_prior(&effect.prior, &self.scope), &effect.form);
         let on: Vec<String> = effect.on.iter().map(ToString::to_string).collect();
         let columns: Vec<String> = form.columns.iter().map(ToString::to_string).collect();
         let kind = form.name.get_ident();
         if kind.is_some_and(|kind| kind == "linear") {
-            return quote! {{
-                #prior
-                b.linear_effect::<Prior, #n, #m>(#decl, &[#(#on),*], &[#(#columns),*], #names)?;
-            }};
+            return quote! {
+                b.linear_effect(#decl, &[#(#on),*], &[#(#columns),*], &#prior)?;
+            };
         }
         let (function, numbers) = (&form.name, &form.numbers);
         let ships = kind.is_some_and(|kind| shape(kind).is_some());
@@ -175,9 +172,8 @@ impl<'m> State<'m> {
         let columns = columns.iter().map(|column| quote!(#column));
         let arguments = columns.chain(numbers.iter().map(|number| quote!(f64::from(#number))));
         quote! {{
-            #prior
             let form = Form::from(#from #function(#(#arguments),*));
-            b.effect::<Prior, #n, #m>(#decl, &[#(#on),*], form, #names)?;
+            b.effect(#decl, &[#(#on),*], form, &#prior)?;
         }}
     }
 
@@ -196,7 +192,6 @@ impl<'m> State<'m> {
         let data = density.data.iter();
         let bind = quote!(#(let #data = data;)*);
         quote! {{
-            #[derive(Debug)]
             struct LogDensity;
             impl DensityFn<#n> for LogDensity {
                 type Columns = Row;
@@ -207,58 +202,90 @@ impl<'m> State<'m> {
                     #e
                 }
             }
-            b.density::<LogDensity, #n>(#name, #names, #reads)?;
+            b.density(#name, #reads, &expansion::density::<LogDensity, #n>(#names))?;
         }}
     }
 }
 
-/// `struct Prior` with the prior as a function of what it mentions of `scope`; how much that is, and its names.
-fn prior(prior: &Prior, scope: &Scope) -> (TokenStream, Count, TokenStream) {
+/// A `struct Prior` with a function of what an expression mentions; how much that is, and its names.
+struct Function {
+    item: TokenStream,
+    n: Count,
+    names: TokenStream,
+}
+
+/// What a prior is one of.
+#[derive(Clone, Copy)]
+enum Over {
+    /// One number, or each of several.
+    Numbers,
+    /// A vector: of each number or of the whole, as the prior's type has it.
+    Vector,
+}
+
+/// The prior as a function of what it mentions of `scope`.
+fn prior(prior: &Prior, scope: &Scope, over: Over) -> Function {
     let mentioned = scope.mentioned(&prior.expr);
     let (n, names) = (mentioned.width(), mentioned.full_names());
     let (pattern, vectors) = mentioned.pattern();
     let e = &prior.expr;
-    let tokens = quote! {
-        #[derive(Debug)]
+    let (kind, result, e) = match over {
+        Over::Numbers => (quote!(PriorFn), quote!(Dist), quote!(#e)),
+        Over::Vector => {
+            (quote!(VectorFn), quote!(Vector), quote!(expansion::vector::<Num<T>, _, _>(#e)))
+        }
+    };
+    let item = quote! {
+        #[derive(Clone, Copy)]
         struct Prior;
-        impl PriorFn<#n> for Prior {
+        impl #kind<#n> for Prior {
             #[inline]
-            fn prior<T: Real>(#pattern: [Num<T>; #n]) -> impl Dist<Num<T>> + use<T> {
+            fn prior<T: Real>(&self, #pattern: [Num<T>; #n]) -> impl #result<Num<T>> + use<T> {
                 #vectors
                 #e
             }
         }
     };
-    (tokens, n, names)
+    Function { item, n, names }
 }
 
-/// As [`prior`], of a vector: of each number, or of the whole.
-fn vector_prior(prior: &Prior, scope: &Scope) -> (TokenStream, Count, TokenStream) {
-    let mentioned = scope.mentioned(&prior.expr);
-    let (n, names) = (mentioned.width(), mentioned.full_names());
-    let (pattern, vectors) = mentioned.pattern();
-    let e = &prior.expr;
-    let tokens = quote! {
-        #[derive(Debug)]
-        struct Prior;
-        impl VectorFn<#n> for Prior {
-            #[inline]
-            fn prior<T: Real>(#pattern: [Num<T>; #n]) -> impl Vector<Num<T>> + use<T> {
-                #vectors
-                expansion::vector::<Num<T>, _, _>(#e)
-            }
-        }
+/// The prior of one number as an object: one that the library has compiled, where it is a word that ships with
+/// plain numbers.
+fn any_prior(of: &Prior, scope: &Scope) -> TokenStream {
+    let Function { item, n, names } = prior(of, scope, Over::Numbers);
+    let (m, e) = (n + 1, &of.expr);
+    let made = if is_plain(of, scope) {
+        quote!(expansion::Written(#e).prior(Prior))
+    } else {
+        quote!(expansion::prior::<Prior, #n, #m>(#names, Prior))
     };
-    (tokens, n, names)
+    quote!({ #item #made })
 }
 
-/// A field's mean or amplitude, and the call that hands it over.
+/// Whether a prior is a word for a prior of one number that ships, of plain numbers.
+fn is_plain(prior: &Prior, scope: &Scope) -> bool {
+    let word = match &prior.expr {
+        Expr::Call(call) => &*call.func,
+        e => e,
+    };
+    let Expr::Path(path) = word else { return false };
+    let word = path.path.get_ident().and_then(|word| find(&word.to_string()));
+    let is_prior = word.is_some_and(|word| word.classes.contains(&Class::Prior));
+    is_prior && scope.mentioned(&prior.expr).width().0 == 0
+}
+
+/// A field's mean or amplitude as an object.
 fn scalar(e: &Expr, scope: &Scope) -> TokenStream {
+    if let Expr::Lit(number) = e {
+        return quote!(expansion::constant(f64::from(#number)));
+    }
     let mentioned = scope.mentioned(e);
     let (n, names) = (mentioned.width(), mentioned.full_names());
     let (pattern, vectors) = mentioned.pattern();
+    if matches!(e, Expr::Path(_)) && n.0 == 1 && vectors.is_empty() {
+        return quote!(expansion::lone(#names));
+    }
     quote! {{
-        #[derive(Debug)]
         struct Value;
         impl ScalarFn<#n> for Value {
             #[inline]
@@ -267,7 +294,7 @@ fn scalar(e: &Expr, scope: &Scope) -> TokenStream {
                 expansion::number::<T>(#e)
             }
         }
-        b.scalar::<Value, #n>(#names)
+        expansion::scalar::<Value, #n>(#names)
     }}
 }
 
@@ -279,29 +306,32 @@ fn option(ident: Option<&Ident>) -> TokenStream {
 /// What the name of a parameter stands for.
 fn kind_of(param: &Param) -> Kind {
     match &param.over {
-        Over::One => Kind::Numbers(None),
-        Over::Many(n) => Kind::Numbers(Some(*n)),
-        Over::Each(_) => Kind::Row,
+        syntax::Over::One => Kind::Numbers(None),
+        syntax::Over::Many(n) => Kind::Numbers(Some(*n)),
+        syntax::Over::Each(_) => Kind::Row,
     }
 }
 
 /// A parameter whose prior sees `scope`.
 fn param_call(param: &Param, scope: &Scope) -> TokenStream {
     let decl = decl(&param.name, param.unit.as_ref(), &text(&param.prior.expr));
-    let (prior, n, names) = prior(&param.prior, scope);
-    if let Over::Many(len) = param.over {
-        let len = Count(len);
-        let (prior, n, names) = vector_prior(&param.prior, scope);
-        let (m1, m2) = (n + 1, n + 2);
-        return quote!({ #prior b.vector::<Prior, #n, #m1, #m2>(#decl, #len, #names)?; });
-    }
     let len = match &param.over {
-        Over::One | Over::Many(_) => quote!(Len::One),
-        Over::Each(column) => {
+        syntax::Over::One => quote!(Len::One),
+        syntax::Over::Many(len) if is_plain(&param.prior, scope) => {
+            let len = Count(*len);
+            quote!(Len::Many(#len))
+        }
+        syntax::Over::Many(len) => {
+            let (len, prior) = (Count(*len), prior(&param.prior, scope, Over::Vector));
+            let Function { item, n, names } = prior;
+            let (m1, m2) = (n + 1, n + 2);
+            return quote!({ #item b.vector::<Prior, #n, #m1, #m2>(#decl, #len, #names, Prior)?; });
+        }
+        syntax::Over::Each(column) => {
             let column = column.to_string();
             quote!(Len::Each(#column))
         }
     };
-    let m = n + 1;
-    quote!({ #prior b.param::<Prior, #n, #m>(#decl, #len, #names)?; })
+    let prior = any_prior(&param.prior, scope);
+    quote!(b.param(#decl, #len, &#prior)?;)
 }

@@ -32,7 +32,6 @@ impl State<'_> {
         let (bind, range) = (bind_row(&plain, row), range(declared.range));
         let kind = Kind::Let { row: row.clone(), value: Box::new(value.clone()) };
         let call = quote! {{
-            #[derive(Debug)]
             struct Value;
             impl LetFn<#n> for Value {
                 type Columns = Row;
@@ -44,7 +43,7 @@ impl State<'_> {
                     expansion::number::<T>(#plain)
                 }
             }
-            b.value::<Value, #n>(#decl, #name, #range, #place);
+            b.value(#decl, #name, #range, #place, expansion::value::<Value, #n>());
         }};
         self.scope.declare(&declared.name, name, kind);
         call
@@ -73,7 +72,6 @@ impl State<'_> {
             }
         };
         quote! {{
-            #[derive(Debug)]
             struct Rows;
             impl RowFn<#n> for Rows {
                 type Columns = Row;
@@ -90,7 +88,7 @@ impl State<'_> {
                 }
                 #measured
             }
-            b.observe::<Rows, #n, #w>(#decl, #name, #place, #from)?;
+            b.observe(#decl, #name, #place, #from, expansion::rows::<Rows, #n, #w>())?;
         }}
     }
 

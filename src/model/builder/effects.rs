@@ -5,8 +5,9 @@ use std::collections::BTreeSet;
 use super::{Builder, Len};
 use crate::dist::Support;
 use crate::model::error::ModelError;
+use crate::model::expression::AnyPrior;
 use crate::model::forms::Form;
-use crate::model::functions::{Decl, PriorFn};
+use crate::model::functions::Decl;
 use crate::model::laid_out::PriorEntry;
 use crate::model::linear::Linear;
 use crate::model::parameter::NormalOp;
@@ -29,39 +30,39 @@ enum Design {
 }
 
 impl Builder<'_> {
-    /// `effect name on a, b [unit] = linear(row.c) ~ prior;` M is N + 1.
+    /// `effect name on a, b [unit] = linear(row.c) ~ prior;`
     ///
     /// # Errors
     /// Those of [`Builder::param`].
-    pub fn linear_effect<F: PriorFn<N>, const N: usize, const M: usize>(
+    pub fn linear_effect(
         &mut self,
         decl: Decl,
         on: &[&str],
         columns: &[&str],
-        mentions: &[&str],
+        prior: &AnyPrior,
     ) -> Result<(), ModelError> {
         let columns: Vec<String> = columns.iter().map(ToString::to_string).collect();
         let name = decl.name.to_string();
-        self.param::<F, N, M>(decl, Len::Many(columns.len()), mentions)?;
+        self.param(decl, Len::Many(columns.len()), prior)?;
         let n = columns.len();
         self.push_effect(&name, on, Design::Columns(columns), n);
         Ok(())
     }
 
-    /// `effect name on a, b [unit] = scaled(row.c, 1.0, 2.0) ~ prior;`, and the other forms. M is N + 1.
+    /// `effect name on a, b [unit] = scaled(row.c, 1.0, 2.0) ~ prior;`, and the other forms.
     ///
     /// # Errors
     /// Those of [`Builder::param`], and a column that the table lacks.
-    pub fn effect<F: PriorFn<N>, const N: usize, const M: usize>(
+    pub fn effect(
         &mut self,
         decl: Decl,
         on: &[&str],
         form: Form,
-        mentions: &[&str],
+        prior: &AnyPrior,
     ) -> Result<(), ModelError> {
         let name = decl.name.to_string();
         let n = self.n_coefficients(&name, &form)?;
-        self.param::<F, N, M>(decl, Len::Many(n), mentions)?;
+        self.param(decl, Len::Many(n), prior)?;
         self.label_last(&form);
         self.push_effect(&name, on, Design::Form(form), n);
         Ok(())

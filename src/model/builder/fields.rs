@@ -2,7 +2,6 @@
 //! collapsed.
 
 use std::collections::BTreeSet;
-use std::marker::PhantomData;
 use std::sync::Arc;
 
 use eplat_language::syntax::Item;
@@ -11,11 +10,12 @@ use super::{Builder, Labels, Source};
 use crate::dist::Support;
 use crate::manifold::Basis;
 use crate::model::error::ModelError;
-use crate::model::functions::{Decl, KernelFn, ScalarFn};
-use crate::model::gp::{Collapsed, Field, SpectrumAt, Term, padded};
+use crate::model::expression::{AnyKernel, AnyScalar};
+use crate::model::functions::Decl;
+use crate::model::gp::{Collapsed, Field, Term, padded};
 use crate::model::laid_out::{FieldEntry, Model};
 use crate::model::reported::{Kind, Parameter, Position};
-use crate::model::scalar::{Scalar, ScalarAt};
+use crate::model::scalar::Scalar;
 
 /// The field that is being declared.
 pub(super) struct Declared {
@@ -83,24 +83,16 @@ impl Builder<'_> {
     }
 
     /// A field's mean or amplitude.
-    pub fn scalar<F: ScalarFn<N>, const N: usize>(&mut self, mentions: &[&str]) -> Scalars {
+    pub fn scalar(&mut self, of: &AnyScalar) -> Scalars {
         let n_fields = self.n_fields();
-        let one = |label| -> Box<dyn Scalar> {
-            Box::new(ScalarAt::<F, N> { local: self.local(mentions, label), f: PhantomData })
-        };
+        let one = |label| (of.make)(&self.local(of.mentions, label));
         Scalars((0..n_fields).map(one).collect())
     }
 
     /// One `amplitude * gp(kernel, K = k)`.
-    pub fn term<F: KernelFn<N>, const N: usize>(
-        &mut self,
-        amplitude: Scalars,
-        k: usize,
-        mentions: &[&str],
-    ) -> Terms {
+    pub fn term(&mut self, amplitude: Scalars, k: usize, kernel: AnyKernel) -> Terms {
         let terms = amplitude.0.into_iter().enumerate().map(|(label, amplitude)| {
-            let local = self.local(mentions, label);
-            let spectrum = Box::new(SpectrumAt::<F, N> { local, f: PhantomData });
+            let spectrum = (kernel.make)(&self.local(kernel.mentions, label));
             Term { amplitude, spectrum, k, eta: 0, work: 0 }
         });
         Terms(terms.collect())

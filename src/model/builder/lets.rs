@@ -5,9 +5,10 @@ use std::sync::Arc;
 
 use super::{Builder, Labels, Place, Source};
 use crate::model::error::ModelError;
-use crate::model::functions::{Decl, LetFn};
+use crate::model::expression::AnyLet;
+use crate::model::functions::Decl;
 use crate::model::lets::{LetValues, Local, Values};
-use crate::model::map::{Map, MapAt, MapFn, Source as MapSource};
+use crate::model::map::{Map, MapFn, Source as MapSource};
 use crate::table::Measurements;
 
 /// A `let` as declared.
@@ -53,14 +54,14 @@ impl Builder<'_> {
     const MOST: usize = 200;
 
     /// `let name(row) [unit] in range = expr;`
-    pub fn value<F: LetFn<N>, const N: usize>(
+    pub fn value(
         &mut self,
         decl: Decl,
         name: &'static str,
         range: Option<(f64, f64)>,
         mentions: Place,
+        AnyLet(make): AnyLet,
     ) {
-        let make: fn() -> Box<dyn MapFn> = || Box::new(MapAt::<F, N>::new());
         let unit: String = decl.unit.into();
         self.maps_of(name, &unit, range, mentions, make);
         let mut differs = if mentions.reads_row { Differs::Row } else { Differs::Not };

@@ -6,7 +6,6 @@ use std::sync::Arc;
 use crate::manifold::Basis;
 use crate::model::error::ModelError;
 use crate::model::laid_out::Model;
-use crate::model::scope::Local;
 use crate::table::Measurements;
 
 mod effects;
@@ -180,10 +179,9 @@ impl<'a> Builder<'a> {
         &found.expect("names are declared before use").1
     }
 
-    /// Where the N numbers behind these names live, of labelled ones that of number `label`.
-    fn local<const N: usize>(&mut self, names: &[&str], label: usize) -> Local<N> {
-        let mut at = [0; N];
-        let mut places = at.iter_mut();
+    /// Where the numbers behind these names live, of labelled ones that of number `label`.
+    fn local(&mut self, names: &[&str], label: usize) -> Vec<u32> {
+        let mut at = vec![];
         for name in names {
             let (v, len) = match *self.source(name) {
                 Source::Scalars { v, len } => (v, len),
@@ -192,12 +190,10 @@ impl<'a> Builder<'a> {
             };
             for v in v..v + len {
                 *self.mentions.entry(v).or_default() += 1;
-                if let Some(place) = places.next() {
-                    *place = v as u32;
-                }
+                at.push(v as u32);
             }
         }
-        Local { at }
+        at
     }
 
     /// Everything is declared.

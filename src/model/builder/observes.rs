@@ -1,47 +1,41 @@
 //! `observe` and `density` statements: reads the rows, and finds where in the value vector each row's
 //! scalars live.
 
-use std::marker::PhantomData;
-
 use super::{Builder, Computed, Place, Source};
-use crate::likelihood::Observation;
-use crate::model::density::{Density, DensityAt};
+use crate::model::density::Density;
 use crate::model::error::ModelError;
-use crate::model::functions::{Columns, Decl, DensityFn, RowFn};
+use crate::model::expression::{AnyDensity, AnyRows};
+use crate::model::functions::Decl;
 use crate::model::laid_out::Observe;
 use crate::model::linear::Linear;
-use crate::model::rows::{self, Rows};
+use crate::model::row_math::RowMath;
+use crate::model::row_place;
+use crate::model::rows::Rows;
 use crate::table::Measurements;
 
 impl Builder<'_> {
-    /// `observe name(row): Y [unit] from (…) ~ likelihood;` Of the N numbers of a row W carry derivatives.
+    /// `observe name(row): Y [unit] from (…) ~ likelihood;`
     ///
     /// # Errors
     /// No row of it, a missing column, a cell that does not fit.
-    pub fn observe<F: RowFn<N>, const N: usize, const W: usize>(
+    pub fn observe(
         &mut self,
         decl: Decl,
         name: &'static str,
         mentions: Place,
         from: Option<Computed>,
+        AnyRows(mut math, width): AnyRows,
     ) -> Result<(), ModelError> {
         let unit = decl.unit.into();
-        let read = match (self.data, from) {
-            (Some(data), Some(from)) => compute_rows::<F, N>(data, name, from)?,
-            (Some(data), None) => read_rows::<F::Y>(data, name)?,
-            (None, _) => Read { rows: vec![], y: vec![], cells: vec![] },
+        let Read { rows, cells } = match (self.data, from) {
+            (Some(data), Some(from)) => compute_rows(&mut *math, data, name, from)?,
+            (Some(data), None) => read_rows(&mut *math, data, name)?,
+            (None, _) => Read { rows: vec![], cells: vec![] },
         };
-        let Read { rows, y, cells } = read;
-        let who = format!("observe {name}");
-        let mut columns = vec![];
-        for &row in &rows {
-            let Some(data) = self.data else { break };
-            columns.push(F::Columns::read(&mut |column| data.number(row, column, &who))?);
-        }
-        let place = self.place(name, &rows, mentions, W)?;
+        let place = self.place(name, &rows, mentions, width)?;
         let outliers = self.outliers.map(|(share, sd)| (share, sd * sd));
-        let op = Box::new(Rows::<F, N, W> { columns, y, place, outliers });
-        self.model.observes.push(Observe { name, unit, columns: F::Y::COLUMNS, cells, rows, op });
+        let (columns, op) = (math.cells(), Rows { place, outliers, math });
+        self.model.observes.push(Observe { name, unit, columns, cells, rows, op });
         Ok(())
     }
 
@@ -49,18 +43,19 @@ impl Builder<'_> {
     ///
     /// # Errors
     /// No row of it, a missing column, a cell that does not fit.
-    pub fn density<F: DensityFn<N>, const N: usize>(
+    pub fn density(
         &mut self,
         name: &'static str,
-        mentions: &[&str],
         reads: Option<&[&str]>,
+        of: &AnyDensity,
     ) -> Result<(), ModelError> {
-        let local = self.local::<N>(mentions, 0);
-        let (rows, cells) = match (self.data, reads) {
-            (Some(table), Some(columns)) => read_columns::<F::Columns>(table, name, columns)?,
-            _ => (vec![], vec![]),
-        };
-        let op = DensityAt::<F, N> { local, cells, n_rows: rows.len(), f: PhantomData };
+        let mut op = (of.at)(&self.local(of.mentions, 0));
+        let mut rows = vec![];
+        if let (Some(table), Some(columns)) = (self.data, reads) {
+            let cells;
+            (rows, cells) = read_columns(&op.columns(), table, name, columns)?;
+            op.read(cells, rows.len());
+        }
         self.model.densities.push(Density::new(name, reads.is_some(), rows, op));
         Ok(())
     }
@@ -72,7 +67,7 @@ impl Builder<'_> {
         rows: &[usize],
         mentions: Place,
         w: usize,
-    ) -> Result<rows::Place, ModelError> {
+    ) -> Result<row_place::Place, ModelError> {
         let n = rows.len();
         let (mut index, mut hooked, mut j) = (vec![0; n * w], vec![], 0);
         for &name in mentions.numbers {
@@ -106,7 +101,7 @@ impl Builder<'_> {
         for (j, at) in hooked {
             (0..n).for_each(|r| hook[r * w + j] = (at + r) as u32);
         }
-        Ok(rows::Place { index, hook, lets })
+        Ok(row_place::Place { width: w, index, hook, lets })
     }
 
     /// Where the value of a name lives that a row of the table sees; the first of several.
@@ -208,42 +203,50 @@ impl Builder<'_> {
 }
 
 /// The rows of an `observe` statement that hold a measurement.
-struct Read<Y> {
+struct Read {
     rows: Vec<usize>,
-    y: Vec<Y>,
     /// Columns of the table that measurements are read or computed from.
     cells: Vec<String>,
 }
 
-fn read_rows<Y: Observation>(data: &Measurements, observe: &str) -> Result<Read<Y>, ModelError> {
-    let (names, cells) = read_cells(data, observe, Y::COLUMNS)?;
-    let (mut rows, mut y) = (vec![], vec![]);
+/// Hands the measurements and the columns of these rows to the likelihood.
+fn read_rows(
+    math: &mut dyn RowMath,
+    data: &Measurements,
+    observe: &str,
+) -> Result<Read, ModelError> {
+    let (names, cells) = read_cells(data, observe, math.cells())?;
+    let mut rows = vec![];
     for (row, cells) in cells {
         let wrong =
             |problem| data.cell_error(row, &names.join(", "), problem, "mend the row or drop it");
-        if let Some(measurement) = Y::read(&cells).map_err(wrong)? {
+        if math.take(&cells).map_err(wrong)? {
             rows.push(row);
-            y.push(measurement);
         }
     }
     if rows.is_empty() {
         return Err(no_rows(data, "observe", observe));
     }
-    Ok(Read { rows, y, cells: names })
+    let who = format!("observe {observe}");
+    for &row in &rows {
+        math.read(&mut |column| Ok(data.number(row, column, &who)?))?;
+    }
+    Ok(Read { rows, cells: names })
 }
 
 /// As [`read_rows`], each measurement computed by `from (text)`; a row in which one of the columns that it
 /// reads is empty holds none.
-fn compute_rows<F: RowFn<N>, const N: usize>(
+fn compute_rows(
+    math: &mut dyn RowMath,
     data: &Measurements,
     observe: &str,
     from: Computed,
-) -> Result<Read<F::Y>, ModelError> {
+) -> Result<Read, ModelError> {
     let who = format!("observe {observe}");
-    let columns = F::Columns::names().into_iter();
+    let columns = math.columns().into_iter();
     let own = columns.filter(|(column, _)| from.columns.contains(column));
     let cells: Vec<String> = own.flat_map(|(_, names)| names).collect();
-    let (mut rows, mut y) = (vec![], vec![]);
+    let mut rows = vec![];
     for row in data.rows_of(observe) {
         let mut is_measured = true;
         for name in &cells {
@@ -252,20 +255,19 @@ fn compute_rows<F: RowFn<N>, const N: usize>(
         if !is_measured {
             continue;
         }
-        let row_columns = F::Columns::read(&mut |name| data.number(row, name, &who))?;
-        let Some(measurement) = F::measured(&row_columns) else { continue };
-        if let Some(cell) = measurement.cells().into_iter().find(|cell| !cell.is_finite()) {
+        math.read(&mut |name| Ok(data.number(row, name, &who)?))?;
+        let measured = math.compute().into_iter().flatten();
+        if let Some(cell) = measured.into_iter().find(|cell| !cell.is_finite()) {
             let problem = format!("expected a finite number, got {} = {cell}", from.text);
             let error = data.cell_error(row, &cells.join(", "), problem, "mend the row or drop it");
             return Err(error.into());
         }
         rows.push(row);
-        y.push(measurement);
     }
     if rows.is_empty() {
         return Err(no_rows(data, "observe", observe));
     }
-    Ok(Read { rows, y, cells })
+    Ok(Read { rows, cells })
 }
 
 /// A row of the table, and its cells.
@@ -292,7 +294,8 @@ fn read_cells(
 }
 
 /// The rows of a `density` statement, and their cells of each column that it `reads`; nothing of the others.
-fn read_columns<C: Columns>(
+fn read_columns(
+    all: &[(&'static str, Vec<String>)],
     table: &Measurements,
     density: &str,
     reads: &[&str],
@@ -303,10 +306,10 @@ fn read_columns<C: Columns>(
         return Err(no_rows(table, "density", density));
     }
     let mut cells = vec![];
-    for (column, names) in C::names() {
+    for (column, names) in all {
         let mut of_column = vec![];
-        for &row in rows.iter().filter(|_| reads.contains(&column)) {
-            for name in &names {
+        for &row in rows.iter().filter(|_| reads.contains(column)) {
+            for name in names {
                 of_column.push(table.number(row, name, &who)?);
             }
         }

@@ -1,15 +1,16 @@
 //! `param` statements, hyperparameters and columns with a prior.
 
-use std::marker::PhantomData;
 use std::sync::Arc;
 
 use super::{Builder, Labels, Len, Source};
-use crate::dist::{Dist, Sequence, Support, Vector};
+use crate::dist::{Sequence, Support, Vector};
 use crate::model::error::ModelError;
+use crate::model::expression::{AnyPrior, Names, prior};
 use crate::model::functions::{Decl, PriorFn, VectorFn};
 use crate::model::laid_out::PriorEntry;
-use crate::model::parameter::{ImputedOp, Known, ParameterOp, SequenceFn, SequenceOp};
+use crate::model::parameter::{ImputedOp, Known, SequenceFn, SequenceOp, support_of};
 use crate::model::reported::{Kind, Parameter, Position};
+use crate::model::scope::Local;
 use crate::num::Num;
 
 impl Builder<'_> {
@@ -23,39 +24,30 @@ impl Builder<'_> {
         self.prefix = None;
     }
 
-    /// `param name(len) [unit] ~ prior;`, or a hyperparameter of a field or block. M is N + 1.
+    /// `param name(len) [unit] ~ prior;`, or a hyperparameter of a field or block.
     ///
     /// # Errors
     /// A label column that the data lack.
     #[expect(clippy::needless_pass_by_value, reason = "the expansion makes one for each statement")]
-    pub fn param<F: PriorFn<N>, const N: usize, const M: usize>(
-        &mut self,
-        decl: Decl,
-        len: Len,
-        mentions: &[&str],
-    ) -> Result<(), ModelError> {
+    pub fn param(&mut self, decl: Decl, len: Len, prior: &AnyPrior) -> Result<(), ModelError> {
         if let (Len::Each(column), Some(_)) = (len, &self.field) {
-            return self.param_of_each_field::<F, N, M>(&decl, column, mentions);
+            return self.param_of_each_field(&decl, column, prior);
         }
-        let local = self.local::<N>(mentions, 0);
-        let prior = F::prior([Num(1.0); N]);
-        let (support, ln_norm) = (support_of::<F, N>(), constant_norm(&prior, N));
-        let is_flat = prior.is_flat();
-        drop(prior);
-        let places = local.places();
-        let (u, v, n) = self.lay_out(&decl, len, places, support, is_flat)?;
-        let op = ParameterOp::<F, N, M> { local, u, v, n, ln_norm, f: PhantomData };
-        self.model.priors.push(Box::new(op));
+        let (at, mut op) = (self.local(prior.mentions, 0), (prior.make)());
+        let mentions = at.iter().map(|at| *at as usize).collect();
+        let (u, v, n) = self.lay_out(&decl, len, mentions, op.support(), op.is_flat())?;
+        op.put(&at, u, v, n);
+        self.model.priors.push(op);
         Ok(())
     }
 
     /// `name(label) [unit] ~ prior;` of a field for each label: a parameter of each field, as if it were spelled
     /// out, so that a sampler may treat it as part of its field.
-    fn param_of_each_field<F: PriorFn<N>, const N: usize, const M: usize>(
+    fn param_of_each_field(
         &mut self,
         decl: &Decl,
         column: &'static str,
-        mentions: &[&str],
+        prior: &AnyPrior,
     ) -> Result<(), ModelError> {
         let labels = self.labels(column, &format!("param {}", decl.name))?;
         let first = self.n_v;
@@ -63,7 +55,7 @@ impl Builder<'_> {
             let own = labels.names.get(label);
             let name = own.map_or(decl.name.to_string(), |own| format!("{}[{own}]", decl.name));
             let decl = Decl { name: name.into(), ..decl.clone() };
-            self.param::<F, N, M>(decl, Len::One, mentions)?;
+            self.param(decl, Len::One, prior)?;
         }
         self.names.push((self.full_name(&decl.name), Source::Each { v: first, labels }));
         Ok(())
@@ -146,16 +138,17 @@ impl Builder<'_> {
     ///
     /// # Errors
     /// A prior of the whole that is of another length or no density.
-    pub fn vector<F: VectorFn<N>, const N: usize, const M1: usize, const M2: usize>(
+    pub fn vector<F: VectorFn<N> + Copy, const N: usize, const M1: usize, const M2: usize>(
         &mut self,
         decl: Decl,
         n: usize,
-        mentions: &[&str],
+        mentions: Names,
+        f: F,
     ) -> Result<(), ModelError> {
-        if is_whole(&F::prior([Num(1.0); N])) {
-            self.sequence::<Known<F>, N, M2>(decl, n, mentions)
+        if is_whole(&f.prior([Num(1.0); N])) {
+            self.sequence::<Known<F>, N, M2>(decl, n, mentions, Known(f))
         } else {
-            self.param::<Known<F>, N, M1>(decl, Len::Many(n), mentions)
+            self.param(decl, Len::Many(n), &prior::<_, N, M1>(mentions, Known(f)))
         }
     }
 
@@ -164,10 +157,11 @@ impl Builder<'_> {
         &mut self,
         decl: Decl,
         n: usize,
-        mentions: &[&str],
+        mentions: Names,
+        f: F,
     ) -> Result<(), ModelError> {
-        let local = self.local::<N>(mentions, 0);
-        let prior = F::sequence([Num(1.0); N]);
+        let local = Local::<N>::new(&self.local(mentions, 0));
+        let prior = f.sequence([Num(1.0); N]);
         let (parameter, expected) = (decl.name.clone().into(), prior.length(n));
         if n < expected && expected == 2 {
             return Err(ModelError::TooShort { parameter, len: n });
@@ -189,7 +183,7 @@ impl Builder<'_> {
         self.n_work += (n + 1) * n_carry;
         self.push_parameter(&decl, n, Kind::Vector, vec![], support, v);
         self.names.push((decl.name.clone().into(), Source::Scalars { v, len: n }));
-        let op = SequenceOp::<F, N, M> { local, u, v, work, n, n_carry, f: PhantomData };
+        let op = SequenceOp::<F, N, M> { local, u, v, work, n, n_carry, f };
         self.model.priors.push(Box::new(op));
         Ok(())
     }
@@ -201,10 +195,11 @@ impl Builder<'_> {
     pub fn imputed<F: PriorFn<N>, const N: usize, const M: usize>(
         &mut self,
         decl: Decl,
-        mentions: &[&str],
+        mentions: Names,
+        f: F,
     ) -> Result<(), ModelError> {
-        let local = self.local::<N>(mentions, 0);
-        let support = support_of::<F, N>();
+        let local = Local::<N>::new(&self.local(mentions, 0));
+        let support = support_of(&f);
         if support == Support::Between {
             return Err(ModelError::ImputedBounds { column: decl.name.into() });
         }
@@ -232,7 +227,7 @@ impl Builder<'_> {
         let entry = PriorEntry { u: u..u + n, v, len: cells.len(), mentions: local.places() };
         self.model.prior_entries.push(entry);
         self.names.push((decl.name.clone().into(), Source::Cells { v }));
-        let op = ImputedOp::<F, N, M> { local, u, v, missing, seen, f: PhantomData };
+        let op = ImputedOp::<F, N, M> { local, u, v, missing, seen, f };
         self.model.priors.push(Box::new(op));
         Ok(())
     }
@@ -241,15 +236,4 @@ impl Builder<'_> {
 /// Whether a prior is one of the whole vector.
 fn is_whole<T: Vector<Num<f64>>>(_: &T) -> bool {
     T::IS_WHOLE
-}
-
-/// The support of a prior; that of one whose bounds move with what it mentions is only known while it runs.
-fn support_of<F: PriorFn<N>, const N: usize>() -> Support {
-    let support = |x: f64| F::prior([Num(x); N]).support();
-    if support(1.0) == support(0.5) { support(1.0) } else { Support::Between }
-}
-
-/// The normaliser of a prior that mentions nothing: computed once.
-fn constant_norm(prior: &impl Dist<Num<f64>>, n_mentioned: usize) -> f64 {
-    if n_mentioned == 0 { prior.ln_norm().0 } else { 0.0 }
 }

@@ -9,12 +9,10 @@
 //! differenced. What an operation computes from a few scalars is differentiated by [`Hyper`].
 
 use crate::infer::{Evaluator, LogDensity};
-use crate::likelihood::Likelihood;
 use crate::model::density::DensityAt;
-use crate::model::functions::{Columns as _, DensityFn, RowFn, Terms as _};
+use crate::model::functions::{Columns as _, DensityFn, Terms as _};
 use crate::model::laid_out::Model;
 use crate::model::linear::Linear;
-use crate::model::rows::{Measured, Rows};
 use crate::model::scope::Local;
 use crate::model::tape::{Curved, LocalHessian, Op, Second, Tape};
 use crate::num::{Dual, Hyper, Num, derivatives, dual};
@@ -149,23 +147,6 @@ impl Second for Linear {
 
     fn pull(&self, _: &Tape, d: &mut Tape) {
         self.backward(d);
-    }
-}
-
-impl<F: RowFn<N>, const N: usize, const W: usize> Second for Rows<F, N, W> {}
-
-impl<F: RowFn<N>, const N: usize, const W: usize> Curved for Rows<F, N, W> {
-    fn curvatures(&self, t: &Tape) -> Vec<LocalHessian> {
-        let one = |i: usize| {
-            let places = self.locals(i);
-            let locals: Vec<f64> = places.iter().map(|(v, o)| t.v[*v] + t.v[*o]).collect();
-            LocalHessian::new(places, |a, b| {
-                let number = |j, x| Hyper::new(x, unit(j == a), unit(j == b), 0.0);
-                let likelihood = self.likelihood(self.fill(&locals, number), i);
-                likelihood.ln_likelihood(&self.y[i]).0.eps1eps2
-            })
-        };
-        (0..self.y.len()).map(one).collect()
     }
 }
 

@@ -10,7 +10,7 @@ use crate::num::{Hyper, Num, dual};
 
 impl<F: PriorFn<N>, const N: usize, const W: usize> Second for ParameterOp<F, N, W> {
     fn push(&self, t: &Tape, d: &mut Tape) {
-        let prior = F::prior(self.local.pushed(t, d));
+        let prior = self.f.prior(self.local.pushed(t, d));
         for i in 0..self.n {
             let u = Num(dual(t.u[self.u + i], [d.u[self.u + i]]));
             d.v[self.v + i] = change(prior.constrain(u));
@@ -19,12 +19,13 @@ impl<F: PriorFn<N>, const N: usize, const W: usize> Second for ParameterOp<F, N,
 
     fn pull(&self, t: &Tape, d: &mut Tape) {
         let values = |i: usize| (self.u + i, self.v + i);
-        pull_prior::<F, N>(&self.local, &(0..self.n).map(values), N > 0, t, d);
+        pull_prior(&self.f, &self.local, &(0..self.n).map(values), N > 0, t, d);
     }
 }
 
 /// The pull of unknowns and their values `(u, v)` with the same prior.
 fn pull_prior<F: PriorFn<N>, const N: usize>(
+    f: &F,
     local: &Local<N>,
     values: &(impl Iterator<Item = (usize, usize)> + Clone),
     has_norm: bool,
@@ -32,7 +33,7 @@ fn pull_prior<F: PriorFn<N>, const N: usize>(
     d: &mut Tape,
 ) {
     for j in 0..=N {
-        let prior = F::prior::<Hyper>(local.hyper(j, t, d));
+        let prior = f.prior::<Hyper>(local.hyper(j, t, d));
         for (u, v) in values.clone() {
             let x_u = Num(Hyper::new(t.u[u], unit(j == N), d.u[u], 0.0));
             let x = prior.constrain(x_u);
@@ -52,7 +53,7 @@ fn pull_prior<F: PriorFn<N>, const N: usize>(
 
 impl<F: PriorFn<N>, const N: usize, const W: usize> Second for ImputedOp<F, N, W> {
     fn push(&self, t: &Tape, d: &mut Tape) {
-        let prior = F::prior(self.local.pushed(t, d));
+        let prior = self.f.prior(self.local.pushed(t, d));
         for (i, row) in self.missing.iter().enumerate() {
             let u = Num(dual(t.u[self.u + i], [d.u[self.u + i]]));
             d.v[self.v + row] = change(prior.constrain(u));
@@ -62,9 +63,9 @@ impl<F: PriorFn<N>, const N: usize, const W: usize> Second for ImputedOp<F, N, W
     fn pull(&self, t: &Tape, d: &mut Tape) {
         let missing = self.missing.iter().enumerate();
         let values = missing.map(|(i, row)| (self.u + i, self.v + row));
-        pull_prior::<F, N>(&self.local, &values, true, t, d);
+        pull_prior(&self.f, &self.local, &values, true, t, d);
         for j in 0..N {
-            let prior = F::prior::<Hyper>(self.local.hyper(j, t, d));
+            let prior = self.f.prior::<Hyper>(self.local.hyper(j, t, d));
             let norm = prior.ln_norm();
             for (_, x) in &self.seen {
                 let u = Num::from(prior.unconstrain(*x));
@@ -89,7 +90,7 @@ impl Second for NormalOp {
 
 impl<F: SequenceFn<N>, const N: usize, const W: usize> Second for SequenceOp<F, N, W> {
     fn push(&self, t: &Tape, d: &mut Tape) {
-        let prior = F::sequence(self.local.pushed(t, d));
+        let prior = self.f.sequence(self.local.pushed(t, d));
         let free = prior.n_unknowns(self.n);
         d.work[self.found(0)].fill(0.0);
         let mut carry = vec![Num::from(0.0); self.n_carry];
@@ -108,9 +109,9 @@ impl<F: SequenceFn<N>, const N: usize, const W: usize> Second for SequenceOp<F, 
     }
 
     fn pull(&self, t: &Tape, d: &mut Tape) {
-        let free = F::sequence(self.local.plain(&t.v)).n_unknowns(self.n);
+        let free = self.f.sequence(self.local.plain(&t.v)).n_unknowns(self.n);
         for j in 0..N {
-            let prior = F::sequence::<Hyper>(self.local.hyper(j, t, d));
+            let prior = self.f.sequence::<Hyper>(self.local.hyper(j, t, d));
             d.g[self.local.place(j)] += prior.ln_norm(self.n).0.eps1eps2;
         }
         let rest = self.v + free..self.v + self.n;
@@ -137,7 +138,7 @@ impl<F: SequenceFn<N>, const N: usize, const W: usize> SequenceOp<F, N, W> {
         let (mut before, mut d_before) = (vec![0.0; self.n_carry], vec![0.0; self.n_carry]);
         // the numbers that are mentioned, the carry, the unknown
         for j in 0..=N + self.n_carry {
-            let prior = F::sequence::<Hyper>(self.local.hyper(j, t, d));
+            let prior = self.f.sequence::<Hyper>(self.local.hyper(j, t, d));
             let own = j == N + self.n_carry;
             let u = Num(Hyper::new(t.u[of_u], unit(own), d.u[of_u], 0.0));
             let found = self.found(i).enumerate();

@@ -1,0 +1,100 @@
+//! Expressions of a model file as objects, which the [`Builder`](super::expansion::Builder) gives places.
+//!
+//! What a model's own program compiles is what such an object holds, and nothing else: all else is compiled
+//! once, with the library. See [`shipped`](super::shipped) for priors and kernels that are not even that.
+
+use super::density::{DensityAt, LogTerms};
+use super::functions::{DensityFn, KernelFn, LetFn, PriorFn, RowFn, ScalarFn};
+use super::gp::{Spectrum, SpectrumAt};
+use super::map::{MapAt, MapFn};
+use super::parameter::{ParameterOp, PriorOp};
+use super::row_math::{RowMath, RowsOf};
+use super::scalar::{Constant, Lone, Scalar, ScalarAt};
+use super::scope::Local;
+use super::tape::opaque;
+
+/// Names of parameters, as the builder knows them.
+pub(super) type Names = &'static [&'static str];
+
+/// A prior.
+pub struct AnyPrior {
+    pub(super) mentions: Names,
+    pub(super) make: Box<dyn Fn() -> Box<dyn PriorOp>>,
+}
+
+/// Makes a scalar of the places of what it mentions.
+type MakeScalar = dyn Fn(&[u32]) -> Box<dyn Scalar>;
+
+/// A field's mean or amplitude.
+pub struct AnyScalar {
+    pub(super) mentions: Names,
+    pub(super) make: Box<MakeScalar>,
+}
+
+/// A kernel.
+#[derive(Clone, Copy)]
+pub struct AnyKernel {
+    pub(super) mentions: Names,
+    pub(super) make: fn(&[u32]) -> Box<dyn Spectrum>,
+}
+
+/// A `let`.
+pub struct AnyLet(pub(super) fn() -> Box<dyn MapFn>);
+
+/// A likelihood; of the numbers that it mentions these carry derivatives.
+pub struct AnyRows(pub(super) Box<dyn RowMath>, pub(super) usize);
+
+/// A log density.
+pub struct AnyDensity {
+    pub(super) mentions: Names,
+    pub(super) at: fn(&[u32]) -> Box<dyn LogTerms>,
+}
+
+opaque!(AnyPrior, AnyScalar, AnyKernel, AnyLet, AnyRows, AnyDensity);
+opaque!(dyn Scalar, dyn Spectrum, dyn MapFn, dyn LogTerms, dyn RowMath);
+
+/// The prior `f`. W is N + 1.
+pub fn prior<F: PriorFn<N> + Copy, const N: usize, const W: usize>(
+    mentions: Names,
+    f: F,
+) -> AnyPrior {
+    AnyPrior { mentions, make: Box::new(move || Box::new(ParameterOp::<F, N, W>::new(f))) }
+}
+
+/// The mean or amplitude F.
+pub fn scalar<F: ScalarFn<N>, const N: usize>(mentions: Names) -> AnyScalar {
+    let make = |at: &[u32]| -> Box<dyn Scalar> { Box::new(ScalarAt::<F, N>::new(Local::new(at))) };
+    AnyScalar { mentions, make: Box::new(make) }
+}
+
+/// The mean or amplitude that is this number.
+#[inline(never)]
+pub fn constant(x: f64) -> AnyScalar {
+    AnyScalar { mentions: &[], make: Box::new(move |_| Box::new(Constant(x))) }
+}
+
+/// The mean or amplitude that is this one parameter.
+#[inline(never)]
+pub fn lone(name: Names) -> AnyScalar {
+    AnyScalar { mentions: name, make: Box::new(|at| Box::new(Lone(at[0] as usize))) }
+}
+
+/// The kernel F.
+pub fn kernel<F: KernelFn<N>, const N: usize>(mentions: Names) -> AnyKernel {
+    AnyKernel { mentions, make: |at| Box::new(SpectrumAt::<F, N>::new(Local::new(at))) }
+}
+
+/// The `let` F.
+pub fn value<F: LetFn<N>, const N: usize>() -> AnyLet {
+    AnyLet(|| Box::new(MapAt::<F, N>::new()))
+}
+
+/// The likelihood F, which depends on N numbers, of which W carry derivatives.
+pub fn rows<F: RowFn<N>, const N: usize, const W: usize>() -> AnyRows {
+    AnyRows(Box::new(RowsOf::<F, N, W>::new()), W)
+}
+
+/// The log density F.
+pub fn density<F: DensityFn<N>, const N: usize>(mentions: Names) -> AnyDensity {
+    AnyDensity { mentions, at: |at| Box::new(DensityAt::<F, N>::new(Local::new(at))) }
+}

@@ -1,0 +1,282 @@
+//! The likelihood of an `observe` statement on its rows: what a model's own program compiles of it.
+
+use num_dual::DualStruct;
+use pulp::{Arch, Simd, WithSimd};
+use rand::Rng;
+
+use super::error::ModelError;
+use super::functions::{Columns, RowFn};
+use super::map::ReadCell;
+use super::row_place::Place;
+use super::tape::Tape;
+use crate::likelihood::{Likelihood, Observation, Outliers};
+use crate::num::lanes::LANES;
+use crate::num::{Dual, Hyper, Num, Real, derivatives, variable};
+
+/// Share of outlying measurements, and the variance of their further error.
+pub(super) type OutlierShare = (f64, f64);
+
+/// A row, and the N numbers that its likelihood depends on.
+#[derive(Clone, Copy)]
+pub(super) struct Row<'a> {
+    pub(super) i: usize,
+    pub(super) numbers: &'a [f64],
+    pub(super) outliers: OutlierShare,
+}
+
+/// Where a measurement of a row comes from.
+#[derive(Clone, Copy)]
+pub(super) struct Measurement<'a> {
+    /// Its cells; where these hold none it is the row's own.
+    pub(super) cells: &'a [f64],
+    /// Variance of a normal error that it has beyond its likelihood.
+    pub(super) variance: f64,
+}
+
+/// A likelihood with its measurements and the columns that it reads.
+pub(super) trait RowMath: Send + Sync {
+    /// The numeric columns that the model reads: each one's name, and the table's columns behind it.
+    fn columns(&self) -> Vec<(&'static str, Vec<String>)>;
+    /// Names of the numbers that a measurement consists of.
+    fn cells(&self) -> &'static [&'static str];
+    /// Takes the columns of one more row.
+    fn read(&mut self, cell: ReadCell<'_>) -> Result<(), ModelError>;
+    /// Takes the measurement of one more row from its cells; says whether they hold one.
+    fn take(&mut self, cells: &[f64]) -> Result<bool, String>;
+    /// Takes the measurement of the last row from its columns, and gives its cells.
+    fn compute(&mut self) -> Option<Vec<f64>>;
+    /// How many measurements there are.
+    fn len(&self) -> usize;
+    /// The measurement of row `i` as cells.
+    fn measured(&self, i: usize) -> Vec<f64>;
+    /// Adds the log likelihood of all rows, and its derivatives in the numbers that carry them to the adjoint.
+    fn backward(&self, place: &Place, outliers: Option<OutlierShare>, t: &mut Tape);
+    /// Log likelihood of a row.
+    fn ln(&self, row: Row<'_>) -> f64;
+    /// As [`RowMath::ln`], with derivatives in its numbers `a` and `b`.
+    fn second(&self, row: Row<'_>, a: usize, b: usize) -> Hyper;
+    /// Log likelihood of a row, had this been measured.
+    fn ln_of(&self, row: Row<'_>, y: Measurement<'_>) -> f64;
+    /// As [`RowMath::ln_of`], with derivatives in its numbers `a` and `b`.
+    fn second_of(&self, row: Row<'_>, y: Measurement<'_>, a: usize, b: usize) -> Hyper;
+    /// A simulated measurement, made as that of the cells `like` was, or else as the row's own.
+    fn simulate(&self, row: Row<'_>, like: Option<&[f64]>, rng: &mut dyn Rng) -> Vec<f64>;
+    /// The predicted value, if the likelihood has one.
+    fn location(&self, row: Row<'_>) -> Option<f64>;
+    /// Why this likelihood cannot take the row's measurement, if it cannot.
+    fn objection(&self, row: Row<'_>) -> Option<&'static str>;
+}
+
+/// The likelihood F of N numbers, of which the first W carry derivatives; the others are the offsets of `let`s.
+pub(super) struct RowsOf<F: RowFn<N>, const N: usize, const W: usize> {
+    columns: Vec<F::Columns>,
+    y: Vec<F::Y>,
+}
+
+impl<F: RowFn<N>, const N: usize, const W: usize> RowsOf<F, N, W> {
+    /// Of no row yet.
+    pub(super) fn new() -> Self {
+        Self { columns: vec![], y: vec![] }
+    }
+
+    /// The numbers of row `i`; `number` makes them of (which, value), offsets of `let`s being number W and up. An
+    /// offset that nobody sets is a constant, which the compiler sees.
+    #[inline(always)]
+    fn gather(place: &Place, v: &[f64], i: usize) -> [Num<Dual<W>>; N] {
+        let mut s = [Num(Dual::from(0.0)); N];
+        let index = &place.index[i * W..][..W];
+        for j in 0..W {
+            let mut x = v[index[j] as usize];
+            if !place.hook.is_empty() {
+                x += v[place.hook[i * W + j] as usize];
+            }
+            s[j] = Num(variable(x, j));
+        }
+        for (j, at) in place.lets.iter().enumerate().take(const { N - W }) {
+            if let Some(at) = at {
+                s[W + j] = Num(Dual::from_re(v[at + i]));
+            }
+        }
+        s
+    }
+
+    /// The likelihood of a row, with the outliers that were added. Not inlined, so that a model's expressions are
+    /// compiled once for all that is not the gradient.
+    #[inline(never)]
+    fn likelihood<D: Real>(
+        &self,
+        s: [Num<D>; N],
+        i: usize,
+        (share, variance): OutlierShare,
+    ) -> Outliers<impl Likelihood<Num<D>, F::Y> + use<D, F, N, W>> {
+        Outliers(F::likelihood(s, &self.columns[i]), share, variance.sqrt())
+    }
+
+    fn plain(&self, row: Row<'_>) -> Outliers<impl Likelihood<Num<f64>, F::Y> + use<F, N, W>> {
+        self.likelihood(std::array::from_fn(|j| Num(row.numbers[j])), row.i, row.outliers)
+    }
+
+    fn hyper(
+        &self,
+        row: Row<'_>,
+        a: usize,
+        b: usize,
+    ) -> Outliers<impl Likelihood<Num<Hyper>, F::Y> + use<F, N, W>> {
+        let is = |a: usize, j: usize| f64::from(u8::from(a == j));
+        let number = |j: usize| Num(Hyper::new(row.numbers[j], is(a, j), is(b, j), 0.0));
+        self.likelihood(std::array::from_fn(number), row.i, row.outliers)
+    }
+
+    /// A measurement of row `i` from its cells; the row's own where these hold none.
+    fn measurement(&self, i: usize, cells: &[f64]) -> F::Y {
+        F::Y::read(cells).ok().flatten().unwrap_or(self.y[i])
+    }
+
+    /// The likelihood of row `i` with derivatives in the W numbers, and its measurement.
+    #[inline(always)]
+    fn dual_row(
+        &self,
+        place: &Place,
+        v: &[f64],
+        i: usize,
+    ) -> (impl Likelihood<Num<Dual<W>>, F::Y>, &F::Y) {
+        (F::likelihood(Self::gather(place, v, i), &self.columns[i]), &self.y[i])
+    }
+
+    /// Several rows at once.
+    #[inline(always)]
+    fn backward_lanes(&self, place: &Place, t: &mut Tape) {
+        let n = self.y.len();
+        for first in (0..n).step_by(LANES) {
+            let row = |lane: usize| self.dual_row(place, &t.v, (first + lane).min(n - 1)); // the last fills up
+            let values = Likelihood::ln_likelihoods([row(0), row(1), row(2), row(3)]);
+            for (i, value) in (first..n).zip(values) {
+                scatter(place, i, &value.0, t);
+            }
+        }
+    }
+
+    /// The same bits row by row: less to compile for machines without vector registers.
+    #[inline(always)]
+    fn backward_rows(&self, place: &Place, t: &mut Tape) {
+        for i in 0..self.y.len() {
+            let value = {
+                let (likelihood, y) = self.dual_row(place, &t.v, i);
+                likelihood.ln_likelihood(y)
+            };
+            scatter(place, i, &value.0, t);
+        }
+    }
+
+    /// As [`Self::backward_rows`], with the outliers that were added.
+    #[inline(never)]
+    fn backward_with_outliers(&self, place: &Place, outliers: OutlierShare, t: &mut Tape) {
+        for i in 0..self.y.len() {
+            let likelihood = self.likelihood(Self::gather(place, &t.v, i), i, outliers);
+            scatter(place, i, &likelihood.ln_likelihood(&self.y[i]).0, t);
+        }
+    }
+}
+
+/// Adds row `i`'s log likelihood to the density, and its derivatives to the adjoint.
+#[inline(always)]
+fn scatter<const W: usize>(place: &Place, i: usize, value: &Dual<W>, t: &mut Tape) {
+    t.lp += value.re();
+    let e = &derivatives(value);
+    for (at, e) in place.index[i * W..][..W].iter().zip(e) {
+        t.g[*at as usize] += e;
+    }
+    if !place.hook.is_empty() {
+        for (at, e) in place.hook[i * W..][..W].iter().zip(e) {
+            t.g[*at as usize] += e;
+        }
+    }
+}
+
+struct Backward<'a, F: RowFn<N>, const N: usize, const W: usize> {
+    rows: &'a RowsOf<F, N, W>,
+    place: &'a Place,
+    t: &'a mut Tape,
+}
+
+impl<F: RowFn<N>, const N: usize, const W: usize> WithSimd for Backward<'_, F, N, W> {
+    type Output = ();
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, _: S) {
+        let Self { rows, place, t } = self;
+        if S::IS_SCALAR { rows.backward_rows(place, t) } else { rows.backward_lanes(place, t) }
+    }
+}
+
+impl<F: RowFn<N>, const N: usize, const W: usize> RowMath for RowsOf<F, N, W> {
+    fn columns(&self) -> Vec<(&'static str, Vec<String>)> {
+        F::Columns::names()
+    }
+
+    fn cells(&self) -> &'static [&'static str] {
+        F::Y::COLUMNS
+    }
+
+    fn read(&mut self, cell: ReadCell<'_>) -> Result<(), ModelError> {
+        self.columns.push(F::Columns::read(cell)?);
+        Ok(())
+    }
+
+    fn take(&mut self, cells: &[f64]) -> Result<bool, String> {
+        let y = F::Y::read(cells)?;
+        self.y.extend(y);
+        Ok(y.is_some())
+    }
+
+    fn compute(&mut self) -> Option<Vec<f64>> {
+        let y = F::measured(self.columns.last()?)?;
+        self.y.push(y);
+        Some(y.cells())
+    }
+
+    fn len(&self) -> usize {
+        self.y.len()
+    }
+
+    fn measured(&self, i: usize) -> Vec<f64> {
+        self.y[i].cells()
+    }
+
+    fn backward(&self, place: &Place, outliers: Option<OutlierShare>, t: &mut Tape) {
+        match outliers {
+            Some(outliers) => self.backward_with_outliers(place, outliers, t),
+            None => Arch::new().dispatch(Backward { rows: self, place, t }),
+        }
+    }
+
+    fn ln(&self, row: Row<'_>) -> f64 {
+        self.plain(row).ln_likelihood(&self.y[row.i]).0
+    }
+
+    fn second(&self, row: Row<'_>, a: usize, b: usize) -> Hyper {
+        self.hyper(row, a, b).ln_likelihood(&self.y[row.i]).0
+    }
+
+    fn ln_of(&self, row: Row<'_>, y: Measurement<'_>) -> f64 {
+        let measured = self.measurement(row.i, y.cells);
+        self.plain(row).ln_widened(&measured, Num(y.variance)).0
+    }
+
+    fn second_of(&self, row: Row<'_>, y: Measurement<'_>, a: usize, b: usize) -> Hyper {
+        let measured = self.measurement(row.i, y.cells);
+        self.hyper(row, a, b).ln_widened(&measured, Num::from(y.variance)).0
+    }
+
+    fn simulate(&self, row: Row<'_>, like: Option<&[f64]>, rng: &mut dyn Rng) -> Vec<f64> {
+        let like = like.map_or(self.y[row.i], |cells| self.measurement(row.i, cells));
+        self.plain(row).simulate(&like, rng).cells()
+    }
+
+    fn location(&self, row: Row<'_>) -> Option<f64> {
+        self.plain(row).location()
+    }
+
+    fn objection(&self, row: Row<'_>) -> Option<&'static str> {
+        self.plain(row).objection(&self.y[row.i])
+    }
+}

@@ -1,0 +1,59 @@
+//! Where the numbers of the rows of an `observe` statement live.
+
+/// Where the scalars of every row live in `v`.
+#[derive(Debug)]
+pub(super) struct Place {
+    /// W: how many scalars of a row carry a derivative.
+    pub(super) width: usize,
+    /// (rows, W): where each of these lives.
+    pub(super) index: Vec<u32>,
+    /// (rows, W): an offset added to it, or empty if no effect acts on a field here.
+    pub(super) hook: Vec<u32>,
+    /// First offset of each `let` in sight on which an effect acts.
+    pub(super) lets: Vec<Option<usize>>,
+}
+
+impl Place {
+    /// See [`Rows::locals`](super::rows::Rows::locals).
+    pub(super) fn locals(&self, i: usize) -> Vec<(usize, usize)> {
+        let w = self.width;
+        let hook = |j: usize| self.hook.get(i * w + j).map_or(0, |at| *at as usize);
+        let value = |j: usize| (self.index[i * w + j] as usize, hook(j));
+        let lets = self.lets.iter().flatten().map(|at| (at + i, 0));
+        (0..w).map(value).chain(lets).collect()
+    }
+
+    /// Which of the numbers of a row each of [`Place::locals`] is: an offset that nobody sets is none.
+    pub(super) fn slots(&self) -> Vec<usize> {
+        let lets = self.lets.iter().enumerate().filter(|(_, at)| at.is_some());
+        (0..self.width).chain(lets.map(|(j, _)| self.width + j)).collect()
+    }
+
+    /// The numbers of a row from those of [`Place::locals`].
+    pub(super) fn numbers(&self, locals: &[f64]) -> Vec<f64> {
+        let mut numbers = vec![0.0; self.width + self.lets.len()];
+        self.slots().into_iter().zip(locals).for_each(|(slot, x)| numbers[slot] = *x);
+        numbers
+    }
+
+    /// The numbers of row `i`.
+    pub(super) fn numbers_at(&self, v: &[f64], i: usize) -> Vec<f64> {
+        let mut numbers = vec![0.0; self.width + self.lets.len()];
+        self.fill(v, i, &mut numbers);
+        numbers
+    }
+
+    /// As [`Place::numbers_at`], into memory that is there.
+    pub(super) fn fill(&self, v: &[f64], i: usize, numbers: &mut [f64]) {
+        let (own, lets) = numbers.split_at_mut(self.width);
+        for (x, at) in own.iter_mut().zip(&self.index[i * self.width..]) {
+            *x = v[*at as usize];
+        }
+        for (x, at) in own.iter_mut().zip(self.hook.get(i * self.width..).unwrap_or_default()) {
+            *x += v[*at as usize];
+        }
+        for (x, at) in lets.iter_mut().zip(&self.lets) {
+            *x = at.map_or(0.0, |at| v[at + i]);
+        }
+    }
+}

@@ -1,0 +1,75 @@
+//! The installed program, in an empty home, runs a model of one's own: the README's, edited.
+//!
+//! It builds eplat twice, as a user's machine would: minutes. So it is asked for by name
+//! (`cargo test --release --test installed -- --ignored`), as `.ci/run` does.
+#![allow(clippy::unwrap_used, reason = "tests")]
+
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::process::{Command, Output};
+
+/// The folder of the compiler itself: the proxies of rustup look for it in the home that is empty here.
+fn toolchain() -> PathBuf {
+    let output = Command::new("rustc").args(["--print", "sysroot"]).output().unwrap();
+    Path::new(String::from_utf8(output.stdout).unwrap().trim()).join("bin")
+}
+
+/// Where cargo keeps the packages that it has downloaded. It is the caller's: an empty one would be filled over
+/// the network, which says nothing of eplat.
+fn cargo_home() -> PathBuf {
+    let home = || PathBuf::from(std::env::var_os("HOME").unwrap()).join(".cargo");
+    std::env::var_os("CARGO_HOME").map_or_else(home, PathBuf::from)
+}
+
+/// Both streams.
+fn said(output: &Output) -> String {
+    let text = |bytes| String::from_utf8_lossy(bytes).into_owned();
+    text(&output.stdout) + &text(&output.stderr)
+}
+
+#[test]
+#[ignore = "builds eplat twice: minutes"]
+fn the_installed_program_runs_a_model_of_ones_own() {
+    let place = tempfile::tempdir().unwrap();
+    let folder = |name: &str| {
+        let folder = place.path().join(name);
+        fs::create_dir(&folder).unwrap();
+        folder
+    };
+    let [home, root, work] = ["home", "root", "work"].map(folder);
+    let installed = Command::new(env!("CARGO"))
+        .args(["install", "--quiet", "--locked", "--path", env!("CARGO_MANIFEST_DIR"), "--root"])
+        .arg(&root)
+        .output()
+        .unwrap();
+    assert!(installed.status.success(), "{}", said(&installed));
+
+    let (_, after) = include_str!("../README.md").split_once("```rust\n").unwrap();
+    let (model, _) = after.split_once("```").unwrap();
+    fs::write(
+        work.join("mine.rs"),
+        model.replace("m     [ms] ~ Flat", "m     [ms] ~ Normal(150.0, 200.0)"),
+    )
+    .unwrap();
+    let path = std::env::join_paths([toolchain(), "/usr/bin".into(), "/bin".into()]).unwrap();
+    let eplat = |arguments: &[&str]| {
+        Command::new(root.join("bin/eplat"))
+            .args(arguments)
+            .env_clear()
+            .env("HOME", &home)
+            .env("CARGO_HOME", cargo_home())
+            .env("PATH", &path)
+            .current_dir(&work)
+            .output()
+            .unwrap()
+    };
+    let run = eplat(&["run", "mine.rs", "--out", "out"]);
+    let words = said(&run);
+    assert_eq!(run.status.code(), Some(0), "{words}");
+    assert!(words.contains("minutes, this once") && words.contains("Converged"), "{words}");
+    assert!(work.join("out/run.json").is_file(), "{words}");
+
+    // and once it is compiled it starts at once
+    let checked = eplat(&["check", "mine.rs"]);
+    assert!(!said(&checked).contains("compiling"), "{}", said(&checked));
+}
