@@ -7,6 +7,7 @@ mod skipped;
 
 use base64::{Engine as _, engine::general_purpose::STANDARD as BASE64};
 use eplat::diagnostics::Summary;
+use eplat::diagnostics::verdict::{Questions, Verdict};
 use eplat::mesh::TriMesh;
 use eplat::report::{
     Group, LeaveOneOut, LooRecord, LooRow, Page, PointData, ReportError, Row, RunRecord, Seconds,
@@ -107,6 +108,8 @@ fn record() -> RunRecord {
         not_simulated: vec![],
         loo: None,
         laplace: None,
+        questions: Questions::default(),
+        verdict: Verdict::default(),
     }
 }
 

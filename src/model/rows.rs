@@ -61,6 +61,8 @@ pub(super) trait Measured: Op + Curved {
     fn observed_row(&self, i: usize) -> Vec<f64>;
     /// Puts another measurement in the place of row `i`'s.
     fn set_observed(&mut self, i: usize, cells: &[f64]);
+    /// Takes row `i` out of the density; its log likelihood can still be had.
+    fn leave_out(&mut self, i: usize);
     /// The first row whose measurement this likelihood cannot take, and why.
     fn objection(&self, t: &Tape) -> Option<(usize, &'static str)>;
 }
@@ -95,6 +97,8 @@ pub(super) struct Rows<F: RowFn<N>, const N: usize, const W: usize> {
     /// Share of outlying measurements and the variance of their further error, where these were added to
     /// the model.
     pub(super) outliers: Option<(f64, f64)>,
+    /// A row that does not count in the density.
+    pub(super) left_out: Option<usize>,
 }
 
 impl<F: RowFn<N>, const N: usize, const W: usize> Rows<F, N, W> {
@@ -199,6 +203,9 @@ impl<F: RowFn<N>, const N: usize, const W: usize> Rows<F, N, W> {
     /// Adds row `i`'s log likelihood to the density, and its derivatives to the adjoint.
     #[inline(always)]
     fn scatter(&self, i: usize, value: &Dual<W>, t: &mut Tape) {
+        if self.left_out == Some(i) {
+            return;
+        }
         t.lp += value.re();
         let e = &derivatives(value);
         for (at, e) in self.place.index[i * W..][..W].iter().zip(e) {
@@ -331,6 +338,10 @@ impl<F: RowFn<N>, const N: usize, const W: usize> Measured for Rows<F, N, W> {
         if let Ok(Some(y)) = F::Y::read(cells) {
             self.y[i] = y;
         }
+    }
+
+    fn leave_out(&mut self, i: usize) {
+        self.left_out = Some(i);
     }
 
     fn objection(&self, t: &Tape) -> Option<(usize, &'static str)> {

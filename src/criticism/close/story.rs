@@ -48,7 +48,7 @@ impl Told {
             model: model.name,
             equations: equations(model),
             unit: observe.map_or_else(String::new, |o| o.decl.unit.to_string()),
-            converged: fit.verdict().converged,
+            converged: fit.converged(),
         }
     }
 }

@@ -41,7 +41,7 @@ impl Builder<'_> {
         }
         let place = self.place(name, &rows, mentions, W)?;
         let outliers = self.outliers.map(|(share, sd)| (share, sd * sd));
-        let op = Box::new(Rows::<F, N, W> { columns, y, place, outliers });
+        let op = Box::new(Rows::<F, N, W> { columns, y, place, outliers, left_out: None });
         self.model.observes.push(Observe { name, unit, columns: F::Y::COLUMNS, cells, rows, op });
         Ok(())
     }

@@ -156,6 +156,7 @@ impl<F: RowFn<N>, const N: usize, const W: usize> Second for Rows<F, N, W> {}
 
 impl<F: RowFn<N>, const N: usize, const W: usize> Curved for Rows<F, N, W> {
     fn curvatures(&self, t: &Tape) -> Vec<LocalHessian> {
+        let counts = |i: &usize| self.left_out != Some(*i);
         let one = |i: usize| {
             let places = self.locals(i);
             let locals: Vec<f64> = places.iter().map(|(v, o)| t.v[*v] + t.v[*o]).collect();
@@ -165,7 +166,7 @@ impl<F: RowFn<N>, const N: usize, const W: usize> Curved for Rows<F, N, W> {
                 likelihood.ln_likelihood(&self.y[i]).0.eps1eps2
             })
         };
-        (0..self.y.len()).map(one).collect()
+        (0..self.y.len()).filter(counts).map(one).collect()
     }
 }
 
