@@ -45,17 +45,14 @@ impl Approximation {
                 "Normal approximation at the mode, corrected by importance resampling: Pareto k {k:.2}, at most {k_threshold:.2}; \
                  its {n_draws} draws are worth {ess:.0}. Log evidence {ln_evidence:.2} ± {ln_evidence_se:.2}"
             );
-            return Answer::green(Question::Sampled, sentence);
+            return Answer::new(Question::Sampled, Colour::Green, sentence, "");
         }
         let k = if k.is_finite() { format!("{k:.2}") } else { "cannot be had".to_owned() };
-        Answer {
-            question: Question::Sampled,
-            colour: Colour::Red,
-            sentence: format!(
-                "the posterior is not near the normal approximation at its mode, Pareto k {k} ✗ (at most {k_threshold:.2})"
-            ),
-            remedy: Some("do not use these results: sample it (leave out --laplace)".to_owned()),
-        }
+        let sentence = format!(
+            "the posterior is not near the normal approximation at its mode, Pareto k {k} ✗ (at most {k_threshold:.2})"
+        );
+        let remedy = "do not use these results: sample it (leave out --laplace)";
+        Answer::new(Question::Sampled, Colour::Red, sentence, remedy)
     }
 }
 

@@ -78,11 +78,17 @@ pub(super) fn leave_one_out_figures(loo: &LooRecord) -> String {
         (left, 0) => format!(
             "{figures}; {above} {left} of {n} measurements, each of which was left out in a fit of its own"
         ),
-        (left, high) => format!(
-            "{figures}: not reliable, {above} {} of {n} measurements, of which {left} were left out in fits of their own; worst {}; to know, draw more (--draws), or fit without one of them and predict it",
-            left + high,
-            loo.worst.join(", ")
-        ),
+        (left, high) => {
+            let of_these = match left {
+                0 => String::new(),
+                left => format!(", {left} of which were left out in fits of their own"),
+            };
+            format!(
+                "{figures}: not reliable, {above} {} of {n} measurements{of_these}, worst {}; to know, draw more (--draws), or fit without one of them and predict it",
+                left + high,
+                loo.worst.join(", ")
+            )
+        }
     }
 }
 

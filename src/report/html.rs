@@ -111,13 +111,16 @@ pub(super) fn class_of(colour: Colour) -> &'static str {
 /// Every question with its answer and what to do.
 pub(super) fn answers(verdict: &Verdict) -> String {
     let mut html = format!("<b>Verdict: {}</b><dl class=\"answers\">", verdict.colour());
-    for Answer { question, colour, sentence, remedy } in &verdict.answers {
+    for Answer { question, colour, sentence, details, remedy } in &verdict.answers {
         let class = class_of(*colour);
         let _ = write!(
             html,
             "<dt>{question} <span class=\"{class}\">{colour}</span><dd>{}",
             escape(sentence)
         );
+        for detail in details {
+            let _ = write!(html, "<br>· {}", escape(detail));
+        }
         if let Some(remedy) = remedy {
             let _ = write!(html, "<br>→ {}", escape(remedy));
         }

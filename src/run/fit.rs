@@ -212,7 +212,7 @@ impl<'m> Fit<'m> {
 
     /// Whether the posterior is worth believing, and why.
     pub fn verdict(&self) -> Verdict {
-        self.record().verdict
+        self.record_of_verdict().verdict
     }
 
     /// Whether the draws come from the posterior, whatever they say.

@@ -15,9 +15,9 @@ const MOST_SUSPECTS: usize = 3;
 impl Fit<'_> {
     /// The record, if writing the results took `writing` s so far.
     pub(super) fn record_after(&self, writing: f64) -> RunRecord {
-        let (maps, sampled) = (self.maps(), self.record_of_sampling());
+        let (maps, judged) = (self.maps(), self.record_of_verdict());
         let spent = Spent::of(self.chains(), self.drawn.seconds);
-        let mut record = RunRecord {
+        RunRecord {
             seconds: self.seconds_of(&spent, self.seconds + writing + self.drawn.seconds_before),
             rmse: some(maps.iter().filter_map(|m| Some((m.name.clone(), m.rmse()?))).collect()),
             coverage: some(
@@ -26,9 +26,14 @@ impl Fit<'_> {
             unphysical: self.unphysical().map(|all| all.iter().sum::<f64>() / all.len() as f64),
             units: maps.iter().map(|m| (m.name.clone(), m.unit.clone())).collect(),
             loo: self.loo().map(|loo| loo.record.clone()),
-            questions: self.questions().clone(),
-            ..sampled
-        };
+            ..judged
+        }
+    }
+
+    /// The record as far as it tells whether the posterior is worth believing.
+    pub(super) fn record_of_verdict(&self) -> RunRecord {
+        let questions = self.questions().clone();
+        let mut record = RunRecord { questions, ..self.record_of_sampling() };
         record.verdict = verdict(&record, self.summary());
         record
     }

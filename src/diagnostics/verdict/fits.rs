@@ -58,8 +58,8 @@ pub struct Misfit {
     pub unit: String,
     /// What was measured: one number, or the two ends of a bracket, as text.
     pub measured: String,
-    /// 5, 50 and 95 % quantiles of what is predicted; of a bracket its lower end.
-    pub predicted: [f64; 3],
+    /// 90 % interval of what is predicted, the width of a bracket included.
+    pub predicted: [f64; 2],
     /// Whether it lies beyond everything predicted, by more than three times as far as predictions reach
     /// from their median.
     pub is_impossible: bool,

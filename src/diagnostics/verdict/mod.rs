@@ -81,15 +81,19 @@ pub struct Answer {
     pub colour: Colour,
     /// The figures that decide, in words.
     pub sentence: String,
+    /// What stands out, one by one: rows that do not fit, for instance.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub details: Vec<String>,
     /// What to do, unless the answer is green.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub remedy: Option<String>,
 }
 
 impl Answer {
-    /// That all is well.
-    pub fn green(question: Question, sentence: String) -> Self {
-        Self { question, colour: Colour::Green, sentence, remedy: None }
+    /// An answer without details, and with a remedy unless it is green.
+    pub fn new(question: Question, colour: Colour, sentence: String, remedy: &str) -> Self {
+        let remedy = (colour > Colour::Green).then(|| remedy.to_owned());
+        Self { question, colour, sentence, details: vec![], remedy }
     }
 }
 
@@ -151,11 +155,8 @@ mod tests {
     use super::*;
 
     fn verdict(colours: &[(Question, Colour)]) -> Verdict {
-        let answer = |&(question, colour): &(Question, Colour)| Answer {
-            question,
-            colour,
-            sentence: String::new(),
-            remedy: None,
+        let answer = |&(question, colour): &(Question, Colour)| {
+            Answer::new(question, colour, String::new(), "")
         };
         Verdict { answers: colours.iter().map(answer).collect() }
     }

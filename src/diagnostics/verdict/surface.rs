@@ -54,11 +54,6 @@ pub struct Informed {
     pub uninformed: Vec<String>,
     /// How many parameters were compared with their prior.
     pub n_parameters: usize,
-    /// Measurements that the draws cannot tell how the others predict, and that were left out in a
-    /// short fit of their own.
-    pub n_left_out: usize,
-    /// Such measurements that were not.
-    pub n_unknown: usize,
 }
 
 impl Informed {
@@ -120,7 +115,7 @@ mod tests {
         let share = |share| Share { name: "f".to_owned(), share };
         let informed = |fields: Vec<Share>, n_uninformed: usize| {
             let uninformed = vec![String::new(); n_uninformed];
-            Informed { fields, uninformed, n_parameters: 4, n_left_out: 0, n_unknown: 0 }.colour()
+            Informed { fields, uninformed, n_parameters: 4 }.colour()
         };
         assert_eq!(informed(vec![share(0.9), share(0.01)], 0), Colour::Amber);
         assert_eq!(informed(vec![share(0.9), share(0.3)], 4), Colour::Green);

@@ -2,7 +2,7 @@
 
 use std::fmt;
 
-use super::{list, unit};
+use super::{list, rounded, unit};
 use crate::diagnostics::verdict::Doubt;
 
 /// Units that tables are often in by mistake: of the model, of the table, and what the table is to be
@@ -81,14 +81,6 @@ impl Doubt {
 
 fn lines_in_words(lines: &[u64]) -> String {
     lines.iter().map(u64::to_string).collect::<Vec<_>>().join(", ")
-}
-
-/// To three digits.
-fn rounded(x: f64) -> f64 {
-    let digits = 10f64.powf(x.abs().max(1e-300).log10().floor() - 2.0);
-    let rounded = (x / digits).round() * digits;
-    // without the rounding error of the last product
-    format!("{rounded:.6e}").parse().unwrap_or(rounded)
 }
 
 #[cfg(test)]

@@ -1,25 +1,24 @@
 //! *Fits*, in words.
 
-use super::{list, unit};
+use super::{list, rounded, unit};
 use crate::diagnostics::verdict::{Answer, Colour, Doubt, Fits, Misfit, Question, Within};
 
 /// Most sets besides all measurements that are told one by one.
 const MOST_SETS: usize = 4;
 
 pub(super) fn answer(fits: &Fits) -> Answer {
-    let mut parts = vec![shares(fits)];
+    let (mut sentence, colour) = (shares(fits), fits.colour());
     if let (true, Some(worst)) = (fits.is_misfit(), &fits.worst) {
         let p = fits.p_value();
         let chance = if p < 0.001 { "below 0.001".to_owned() } else { format!("{p:.3}") };
-        parts.push(format!("too few of {} (probability of so few: {chance})", of(worst)));
+        sentence += &format!("; too few of {} (probability of so few: {chance})", of(worst));
     }
-    let colour = fits.colour();
+    let mut answer = Answer::new(Question::Fits, colour, sentence, &remedy(fits));
+    answer.details = fits.doubts.iter().map(Doubt::to_string).collect();
     if colour > Colour::Green {
-        parts.extend(fits.misfits.iter().map(misfit));
+        answer.details.extend(fits.misfits.iter().map(misfit));
     }
-    parts.extend(fits.doubts.iter().map(Doubt::to_string));
-    let remedy = (colour > Colour::Green).then(|| remedy(fits));
-    Answer { question: Question::Fits, colour, sentence: parts.join("; "), remedy }
+    answer
 }
 
 /// How many measurements lie in their intervals, together and by statement.
@@ -37,21 +36,22 @@ fn of(set: &Within) -> String {
 }
 
 fn misfit(misfit: &Misfit) -> String {
-    let Misfit { line, place, unit: u, measured, predicted: [q5, _, q95], is_impossible } = misfit;
-    let u = unit(u);
-    let how = if *is_impossible { ", impossible" } else { "" };
-    format!("{place} (line {line}): {measured}{u}, predicted {q5:.4} to {q95:.4}{u}{how}")
+    let Misfit { line, place, unit: u, measured, predicted, is_impossible } = misfit;
+    let (u, [low, high]) = (unit(u), predicted.map(rounded));
+    let how = if *is_impossible { ", which is impossible" } else { "" };
+    format!("{place} (line {line}): {measured}{u}, predicted {low} to {high}{u}{how}")
 }
 
 fn remedy(fits: &Fits) -> String {
     let mut remedies: Vec<String> = fits.doubts.iter().map(Doubt::remedy).collect();
     remedies.dedup();
-    if fits.doubts.is_empty() && fits.n_impossible > 0 {
-        remedies.push("mend or drop the rows named, or give the likelihood Outliers(…)".to_owned());
-    } else if fits.is_misfit() {
-        remedies.push("look for what the model lacks (eplat loop)".to_owned());
+    match () {
+        () if !remedies.is_empty() => list(&remedies),
+        () if fits.n_impossible > 0 => {
+            "mend or drop the rows named, or give the likelihood Outliers(…)".to_owned()
+        }
+        () => "look for what the model lacks (eplat loop)".to_owned(),
     }
-    list(&remedies)
 }
 
 #[cfg(test)]
@@ -73,13 +73,15 @@ mod tests {
             place: "s1s2 at site 0".to_owned(),
             unit: "ms".to_owned(),
             measured: "150 to 160".to_owned(),
-            predicted: [220.0, 230.0, 240.0],
+            predicted: [220.0, 240.0],
             is_impossible: true,
         }];
         let said = answer(&fits);
-        insta::assert_snapshot!(format!("{}\n→ {}", said.sentence, said.remedy.unwrap()), @r"
-        20 of 24 rows in their 90 % predictive intervals (s1s2 8 of 12, s1s2s3 12 of 12); too few of site 0 0 of 4 (probability of so few: below 0.001); s1s2 at site 0 (line 22): 150 to 160 ms, predicted 220.0000 to 240.0000 ms, impossible
-        → look for what the model lacks (eplat loop)
+        let lines = [said.sentence, said.details.join("\n"), said.remedy.unwrap()];
+        insta::assert_snapshot!(lines.join("\n"), @r"
+        20 of 24 rows in their 90 % predictive intervals (s1s2 8 of 12, s1s2s3 12 of 12); too few of site 0 0 of 4 (probability of so few: below 0.001)
+        s1s2 at site 0 (line 22): 150 to 160 ms, predicted 220 to 240 ms, which is impossible
+        look for what the model lacks (eplat loop)
         ");
         let fine = answer(&Fits::new(&sets[..1], 1));
         assert_eq!(fine.sentence, "20 of 24 rows in their 90 % predictive intervals");

@@ -39,8 +39,11 @@ pub fn is_sampled(record: &RunRecord, rows: &[Row]) -> bool {
 /// The verdict as the end of a run says it: a line for each question, and below it what to do.
 pub fn verdict_lines(verdict: &Verdict) -> String {
     let mut text = format!("Verdict: {}", verdict.colour());
-    for Answer { question, colour, sentence, remedy } in &verdict.answers {
+    for Answer { question, colour, sentence, details, remedy } in &verdict.answers {
         let _ = write!(text, "\n  {question:<9} {colour:<6} {sentence}");
+        for detail in details {
+            let _ = write!(text, "\n  {:<9} {:<6} · {detail}", "", "");
+        }
         if let Some(remedy) = remedy {
             let _ = write!(text, "\n  {:<9} {:<6} → {remedy}", "", "");
         }
@@ -69,4 +72,9 @@ fn unit(unit: &str) -> String {
         "" | "1" => String::new(),
         unit => format!(" {unit}"),
     }
+}
+
+/// To three digits.
+fn rounded(x: f64) -> f64 {
+    format!("{x:.2e}").parse().unwrap_or(x)
 }

@@ -68,15 +68,18 @@ pub(super) fn answer(record: &RunRecord, rows: &[Row]) -> Answer {
     }
     let advice = advice.join("; ");
     match (converged, advice.is_empty()) {
-        (true, true) => Answer::green(Question::Sampled, format!("Converged: {shown}")),
-        (true, false) => Answer::green(Question::Sampled, format!("Converged: {shown}; {advice}")),
+        (true, true) => green(format!("Converged: {shown}")),
+        (true, false) => green(format!("Converged: {shown}; {advice}")),
         (false, _) => red(format!("Not converged: {shown}"), &advice),
     }
 }
 
+fn green(sentence: String) -> Answer {
+    Answer::new(Question::Sampled, Colour::Green, sentence, "")
+}
+
 fn red(sentence: String, remedy: &str) -> Answer {
-    let remedy = Some(remedy.to_owned());
-    Answer { question: Question::Sampled, colour: Colour::Red, sentence, remedy }
+    Answer::new(Question::Sampled, Colour::Red, sentence, remedy)
 }
 
 impl Row {

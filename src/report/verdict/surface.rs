@@ -29,24 +29,18 @@ pub(super) fn physical(physical: &Physical) -> Answer {
         );
     }
     let remedy = match physical.colour() {
-        Colour::Green => None,
-        Colour::Amber => Some(
-            "widen the declared ranges if the tissue can be so, else measure where `unphysical` in fields.vtp is large",
-        ),
-        Colour::Red => Some(
-            "do not use these maps: check the unit of the table and the declared ranges, or give the means tighter priors",
-        ),
+        Colour::Red => {
+            "do not use these maps: check the unit of the table and the declared ranges, or give the means tighter priors"
+        }
+        _ => {
+            "widen the declared ranges if the tissue can be so, else measure where `unphysical` in fields.vtp is large"
+        }
     };
-    Answer {
-        question: Question::Physical,
-        colour: physical.colour(),
-        sentence,
-        remedy: remedy.map(str::to_owned),
-    }
+    Answer::new(Question::Physical, physical.colour(), sentence, remedy)
 }
 
 pub(super) fn informed(informed: &Informed) -> Answer {
-    let Informed { fields, uninformed, n_parameters, n_left_out, n_unknown } = informed;
+    let Informed { fields, uninformed, n_parameters } = informed;
     let mut parts = vec![];
     if !fields.is_empty() {
         let fields = shares(fields).join(", ");
@@ -68,19 +62,8 @@ pub(super) fn informed(informed: &Informed) -> Answer {
     if parts.is_empty() {
         parts.push("no prior to compare with".to_owned());
     }
-    if n_left_out + n_unknown > 0 {
-        let rest = match n_unknown {
-            0 => String::new(),
-            n => format!(", not so {n} more"),
-        };
-        parts.push(format!("{n_left_out} influential rows left out in fits of their own{rest}"));
-    }
-    let colour = informed.colour();
-    let remedy = (colour > Colour::Green).then(|| {
-        "the measurements tell nothing about this: measure more or elsewhere (eplat design next), or look at another quantity"
-            .to_owned()
-    });
-    Answer { question: Question::Informed, colour, sentence: parts.join("; "), remedy }
+    let remedy = "the measurements tell nothing about this: measure more or elsewhere (eplat design next), or look at another quantity";
+    Answer::new(Question::Informed, informed.colour(), parts.join("; "), remedy)
 }
 
 pub(super) fn trusted(trusted: &Trusted) -> Answer {
@@ -93,11 +76,8 @@ pub(super) fn trusted(trusted: &Trusted) -> Answer {
         list(&fields),
         trusted.farthest
     );
-    let remedy = (trusted.colour() > Colour::Green).then(|| {
-        "most of the map is extrapolated: use it near the sites alone, or measure more (eplat design next)"
-            .to_owned()
-    });
-    Answer { question: Question::Trusted, colour: trusted.colour(), sentence, remedy }
+    let remedy = "most of the map is extrapolated: use it near the sites alone, or measure more (eplat design next)";
+    Answer::new(Question::Trusted, trusted.colour(), sentence, remedy)
 }
 
 #[cfg(test)]
@@ -118,8 +98,6 @@ mod tests {
                 fields: vec![share("tau_out", 0.913), share("apd_max", 0.02)],
                 uninformed: vec!["tau_out.rho".to_owned()],
                 n_parameters: 4,
-                n_left_out: 3,
-                n_unknown: 0,
             }),
             trusted(&Trusted {
                 fields: vec![
@@ -133,7 +111,7 @@ mod tests {
         insta::assert_snapshot!(said, @r"
         red 77 % of (vertex, draw) pairs outside a declared range (apd_max 65 %, tau_out 30 %); at 12 % of the vertices every draw is, so that nothing is known there
         green 0 % of (vertex, draw) pairs outside a declared range
-        amber intervals less than half as wide as before on part of the surface: tau_out 91 %, apd_max 2.0 %; 3 of 4 parameters narrower than their prior (not tau_out.rho); 3 influential rows left out in fits of their own
+        amber intervals less than half as wide as before on part of the surface: tau_out 91 %, apd_max 2.0 %; 3 of 4 parameters narrower than their prior (not tau_out.rho)
         amber surface farther than a lengthscale from every site: 55 % farther than 12 mm for tau_out and 0 % farther than 51 mm for apd_max; the farthest point is 31 mm away
         ");
     }

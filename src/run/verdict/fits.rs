@@ -27,7 +27,7 @@ struct Judged {
     is_impossible: bool,
     /// How far outside its interval, in widths of the interval.
     excess: f64,
-    predicted: [f64; 3],
+    predicted: [f64; 2],
 }
 
 /// What a measurement says of the number that replicates are kept as: the lower end of a bracket.
@@ -50,7 +50,7 @@ impl Reading {
 
     /// Against replicates in ascending order.
     fn judged(&self, row: usize, sorted: &[f64]) -> Judged {
-        let predicted @ [q5, median, q95] = [0.05, 0.5, 0.95].map(|p| quantile(sorted, p));
+        let [q5, median, q95] = [0.05, 0.5, 0.95].map(|p| quantile(sorted, p));
         let rounding = 1e-9 * (self.width + median.abs());
         let outside = (self.low - q95).max(q5 - self.high).max(0.0);
         let is_inside = outside <= rounding;
@@ -66,7 +66,7 @@ impl Reading {
             } else {
                 outside / (q95 - q5).max(self.width).max(rounding)
             },
-            predicted,
+            predicted: [q5, q95 + self.width],
         }
     }
 }

@@ -15,8 +15,8 @@ use super::fit::{Fit, Method};
 use crate::diagnostics::verdict::Questions;
 
 impl Fit<'_> {
-    /// The figures behind every question that can be asked of these draws.
-    pub(super) fn questions(&self) -> &Questions {
+    /// The figures behind every question that can be asked of these draws, but for *sampled*.
+    pub fn questions(&self) -> &Questions {
         self.questions.get_or_init(|| {
             if self.method == Method::Prior {
                 return Questions { physical: self.physical(), ..Questions::default() };

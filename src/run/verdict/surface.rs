@@ -41,10 +41,8 @@ impl Fit<'_> {
         let mut rng = Stream::Expected.rng(self.settings.seed);
         let prior = model.plausible(PRIOR_DRAWS, &mut rng).unwrap_or_default();
         let (uninformed, n_parameters) = self.uninformed(&prior);
-        let (n_left_out, n_unknown) =
-            self.loo().map_or((0, 0), |loo| (loo.record.n_left_out, loo.record.n_high_k));
         let fields = self.informed_fields(&prior);
-        Some(Informed { fields, uninformed, n_parameters, n_left_out, n_unknown })
+        Some(Informed { fields, uninformed, n_parameters })
     }
 
     /// Of each field that can be compared, the share of the surface on which it is informed.
