@@ -4,12 +4,12 @@ use serde::{Deserialize, Serialize};
 
 use super::Colour;
 
-/// Larger shares outside the declared ranges are amber.
-const UNPHYSICAL: f64 = 0.25;
+/// Larger shares outside the declared ranges are amber. With five sites a right model has up to 0.29.
+const UNPHYSICAL: f64 = 0.35;
 /// Larger ones are red: the posterior lies where the model means nothing.
 const MOSTLY_UNPHYSICAL: f64 = 0.5;
-/// A field that is informed on less of the surface than this was not learnt about.
-const UNINFORMED: f64 = 0.05;
+/// A field that is informed on less of the surface than this was not learnt about: not even near a site.
+const UNINFORMED: f64 = 0.01;
 /// More of the surface than this, too far from every site, is amber.
 const TOO_FAR: f64 = 0.5;
 
@@ -48,7 +48,7 @@ impl Physical {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Informed {
     /// Of each field, the share of the surface on which its 90 % interval is at most half as wide as
-    /// before the measurements: as its prior's, or its declared range, whichever is less.
+    /// before the measurements: as its prior's or nine tenths of its declared range, whichever is less.
     pub fields: Vec<Share>,
     /// Parameters whose 90 % interval is hardly narrower than their prior's.
     pub uninformed: Vec<String>,
@@ -108,16 +108,13 @@ mod tests {
     #[test]
     fn each_threshold_turns_the_colour() {
         let physical = |outside| Physical { outside, maps: vec![], void: 0.0 }.colour();
-        assert_eq!(
-            [0.055, 0.289, 0.771].map(physical),
-            [Colour::Green, Colour::Amber, Colour::Red]
-        );
+        assert_eq!([0.055, 0.4, 0.771].map(physical), [Colour::Green, Colour::Amber, Colour::Red]);
         let share = |share| Share { name: "f".to_owned(), share };
         let informed = |fields: Vec<Share>, n_uninformed: usize| {
             let uninformed = vec![String::new(); n_uninformed];
             Informed { fields, uninformed, n_parameters: 4 }.colour()
         };
-        assert_eq!(informed(vec![share(0.9), share(0.01)], 0), Colour::Amber);
+        assert_eq!(informed(vec![share(0.9), share(0.005)], 0), Colour::Amber);
         assert_eq!(informed(vec![share(0.9), share(0.3)], 4), Colour::Green);
         assert_eq!([3, 4].map(|n| informed(vec![], n)), [Colour::Green, Colour::Amber]);
         let reach = |beyond| Reach { field: "f".to_owned(), lengthscale: 20.0, beyond };

@@ -11,7 +11,7 @@ use crate::run::Fit;
 /// Draws from the prior that the posterior is compared with.
 const PRIOR_DRAWS: usize = 400;
 /// Vertices at which it is compared.
-const VERTICES: usize = 200;
+const VERTICES: usize = 500;
 /// Part of a range that a 90 % interval covers if nothing but the range is known.
 const OF_RANGE: f64 = 0.9;
 /// A field is informed where its interval is at most this part of what it was.
@@ -57,11 +57,15 @@ impl Fit<'_> {
         let share = |i: usize| {
             let range = names[i].range.map_or(f64::INFINITY, |(low, high)| OF_RANGE * (high - low));
             let [low, _, high] = &self.maps()[i].quantiles;
+            let is_flat = self.model().parameters.iter().any(|p| {
+                is_flat(p) && p.name.strip_prefix(names[i].name).is_some_and(|m| m.starts_with('.'))
+            });
+            let prior = |draws: &[f64]| if is_flat { f64::INFINITY } else { width(draws) };
             let is_informed = |(v, before): (&usize, &Vec<Vec<f64>>)| {
-                high[*v] - low[*v] <= INFORMED * width(&before[i]).min(range)
+                high[*v] - low[*v] <= INFORMED * prior(&before[i]).min(range)
             };
             let n = vertices.iter().zip(&before).filter(|at| is_informed(*at)).count();
-            let is_known = range.is_finite() || !prior.is_empty();
+            let is_known = range.is_finite() || !(draws.is_empty() || is_flat);
             let share = n as f64 / vertices.len() as f64;
             is_known.then(|| Share { name: names[i].name.to_owned(), share })
         };
@@ -124,7 +128,11 @@ impl Fit<'_> {
 
 /// Whether a parameter has a proper prior of its own to be compared with.
 fn is_compared(parameter: &Parameter) -> bool {
-    parameter.kind != Kind::Eta && !parameter.prior.trim_start().starts_with("Flat")
+    parameter.kind != Kind::Eta && !is_flat(parameter)
+}
+
+fn is_flat(parameter: &Parameter) -> bool {
+    parameter.prior.trim_start().starts_with("Flat")
 }
 
 /// Width of the 90 % interval of draws; infinite without draws.
