@@ -44,7 +44,7 @@ pub(super) struct Command {
     begin: BeginArgs,
     #[command(flatten)]
     instead: InsteadArgs,
-    /// Map the probability of an event too, e.g. 'erp_s2 > 250' or 'voltage < 0.5'; may be given again
+    /// Map the probability of an event too, for instance `erp_s2 > 250` (in quotes); may be given again
     #[arg(long, value_name = "EVENT")]
     exceed: Vec<String>,
     /// Print the summary and the run record as JSON on stdout

@@ -277,7 +277,7 @@ impl<'m> Maps<'m> {
         });
         let exceeded = asked.iter().map(|(i, exceedance)| exceedance.share(&values[*i])).collect();
         AtVertex {
-            maps: values.iter_mut().map(five_numbers).collect(),
+            maps: values.iter_mut().map(|values| five_numbers(values)).collect(),
             outside: counts,
             unphysical: unphysical as f64 / draws.len() as f64,
             exceeded,
@@ -313,7 +313,7 @@ fn within(x: f64, range: Option<(f64, f64)>) -> bool {
 }
 
 /// Mean, standard deviation and 5, 50, 95 % quantiles; NaN where there are too few values.
-fn five_numbers(values: &mut Vec<f64>) -> [f64; 5] {
+fn five_numbers(values: &mut [f64]) -> [f64; 5] {
     let (mean, sd) = mean_and_sd(&[values]);
     values.sort_unstable_by(f64::total_cmp);
     let [q5, q50, q95] = [0.05, 0.5, 0.95].map(|p| quantile(values, p));

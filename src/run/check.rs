@@ -91,7 +91,7 @@ impl fmt::Display for Check {
         )?;
         self.doubts
             .iter()
-            .try_for_each(|doubt| write!(f, "\n{}", doubts_in_words(&[doubt.clone()])))
+            .try_for_each(|doubt| write!(f, "\n{}", doubts_in_words(std::slice::from_ref(doubt))))
     }
 }
 

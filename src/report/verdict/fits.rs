@@ -1,5 +1,7 @@
 //! *Fits*, in words.
 
+use std::fmt::Write as _;
+
 use super::{list, rounded, unit};
 use crate::diagnostics::verdict::{Answer, Colour, Doubt, Fits, Misfit, Question, Within};
 
@@ -11,7 +13,7 @@ pub(super) fn answer(fits: &Fits) -> Answer {
     if let (true, Some(worst)) = (fits.is_misfit(), &fits.worst) {
         let p = fits.p_value();
         let chance = if p < 0.001 { "below 0.001".to_owned() } else { format!("{p:.3}") };
-        sentence += &format!("; too few of {} (probability of so few: {chance})", of(worst));
+        let _ = write!(sentence, "; too few of {} (probability of so few: {chance})", of(worst));
     }
     let mut answer = Answer::new(Question::Fits, colour, sentence, &remedy(fits));
     answer.details = fits.doubts.iter().map(Doubt::to_string).collect();

@@ -26,7 +26,9 @@ pub fn verdict(record: &RunRecord, rows: &[Row]) -> Verdict {
     answers.extend(others.into_iter().flatten());
     if record.settings.sampler == "prior" {
         // what is only looked at is not to be used anyway
-        answers.iter_mut().for_each(|answer| answer.colour = answer.colour.min(Colour::Amber));
+        for answer in &mut answers {
+            answer.colour = answer.colour.min(Colour::Amber);
+        }
     }
     Verdict { answers }
 }

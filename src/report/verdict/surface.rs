@@ -1,5 +1,7 @@
 //! *Physical*, *informed* and *trusted*, in words.
 
+use std::fmt::Write as _;
+
 use super::{list, percent};
 use crate::diagnostics::verdict::{
     Answer, Colour, Informed, Physical, Question, Reach, Share, Trusted,
@@ -20,10 +22,11 @@ pub(super) fn physical(physical: &Physical) -> Answer {
     let mut sentence =
         format!("{} of (vertex, draw) pairs outside a declared range", percent(*outside));
     if *outside > 0.0 {
-        sentence += &format!(" ({})", shares(maps).join(", "));
+        let _ = write!(sentence, " ({})", shares(maps).join(", "));
     }
     if *void > 0.0 {
-        sentence += &format!(
+        let _ = write!(
+            sentence,
             "; at {} of the vertices every draw is, so that nothing is known there",
             percent(*void)
         );
@@ -55,7 +58,7 @@ pub(super) fn informed(informed: &Informed) -> Answer {
             let named: Vec<String> = uninformed.iter().take(MOST_NAMED).cloned().collect();
             let more = uninformed.len() - named.len();
             let more = if more > 0 { format!(" and {more} more") } else { String::new() };
-            text += &format!(" (not {}{more})", named.join(", "));
+            let _ = write!(text, " (not {}{more})", named.join(", "));
         }
         parts.push(text);
     }
