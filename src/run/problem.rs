@@ -174,6 +174,7 @@ impl<'m> Problem<'m> {
         let basis = self.loaded().basis();
         let maps = basis.map(|basis| Maps::new(self.model(), basis));
         let names = maps.as_ref().map_or(vec![], Maps::names);
+        let names: Vec<&str> = names.iter().map(|map| map.name).collect();
         Ok(Exceedance::read(text, &names)?)
     }
 

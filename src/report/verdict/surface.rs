@@ -98,7 +98,7 @@ mod tests {
             }),
             physical(&Physical { outside: 0.0, maps: vec![share("tau_out", 0.0)], void: 0.0 }),
             informed(&Informed {
-                fields: vec![share("tau_out", 0.913), share("apd_max", 0.02)],
+                fields: vec![share("tau_out", 0.913), share("apd_max", 0.002)],
                 uninformed: vec!["tau_out.rho".to_owned()],
                 n_parameters: 4,
             }),
@@ -114,7 +114,7 @@ mod tests {
         insta::assert_snapshot!(said, @r"
         red 77 % of (vertex, draw) pairs outside a declared range (apd_max 65 %, tau_out 30 %); at 12 % of the vertices every draw is, so that nothing is known there
         green 0 % of (vertex, draw) pairs outside a declared range
-        amber intervals less than half as wide as before on part of the surface: tau_out 91 %, apd_max 2.0 %; 3 of 4 parameters narrower than their prior (not tau_out.rho)
+        amber intervals less than half as wide as before on part of the surface: tau_out 91 %, apd_max 0.2 %; 3 of 4 parameters narrower than their prior (not tau_out.rho)
         amber surface farther than a lengthscale from every site: 55 % farther than 12 mm for tau_out and 0 % farther than 51 mm for apd_max; the farthest point is 31 mm away
         ");
     }

@@ -6,6 +6,7 @@ use rayon::prelude::*;
 
 use crate::diagnostics::quantile;
 use crate::diagnostics::verdict::{Fits, Misfit, Within};
+use crate::likelihood::OPEN_STEP;
 use crate::model::Observe;
 use crate::report::Values;
 use crate::run::Fit;
@@ -34,15 +35,18 @@ struct Judged {
 struct Reading {
     low: f64,
     high: f64,
-    /// Width of the bracket; 0 for a number.
+    /// Width of the bracket, or the step assumed where it is open; 0 for a number.
     width: f64,
 }
 
 impl Reading {
     fn of(cells: &[f64]) -> Self {
+        let width = OPEN_STEP;
         match *cells {
-            [lower, upper] if lower.is_infinite() => Self { low: lower, high: upper, width: 0.0 },
-            [lower, upper] if upper.is_infinite() => Self { low: lower, high: upper, width: 0.0 },
+            [lower, upper] if lower.is_infinite() => {
+                Self { low: lower, high: upper - width, width }
+            }
+            [lower, upper] if upper.is_infinite() => Self { low: lower, high: upper, width },
             [lower, upper] => Self { low: lower, high: lower, width: upper - lower },
             _ => Self { low: cells[0], high: cells[0], width: 0.0 },
         }
@@ -202,6 +206,8 @@ mod tests {
         assert_eq!(judged(&[f64::NEG_INFINITY, 240.0], &replicates), (true, false));
         assert_eq!(judged(&[240.0, f64::INFINITY], &replicates), (false, false));
         assert_eq!(judged(&[230.0, f64::INFINITY], &replicates), (true, false));
+        assert_eq!(judged(&[f64::NEG_INFINITY, 220.0], &replicates), (false, false));
+        assert_eq!(judged(&[300.0, f64::INFINITY], &replicates), (false, true));
     }
 
     #[test]
