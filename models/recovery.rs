@@ -13,7 +13,8 @@ model! {
         rho   [mm] ~ InvGamma(2.0, 10.0);
     }
 
-    param noise [ms] ~ HalfNormal(5.0);
+    /// Of one measurement, beat to beat. Never none: one bracket per site could not rule that out.
+    param noise [ms] ~ LogNormal(1.0, 0.5);
 
     observe s1s2(x): Bracket [ms] ~ Interval(recovery(x), noise);
 }

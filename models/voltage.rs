@@ -14,8 +14,9 @@ model! {
         rho   [mm] ~ InvGamma(3.0, 60.0);
     }
 
-    /// Of one point: catheter contact and beat to beat.
-    param noise [mV] ~ HalfNormal(1.0);
+    /// Of one point: catheter contact and beat to beat. Never none: one point per site could not
+    /// rule that out.
+    param noise [mV] ~ LogNormal(-0.7, 0.5);
 
     observe bipolar(x): Number [mV] ~ Normal(voltage(x), noise);
 }

@@ -42,7 +42,11 @@ fn two_runs_are_compared_and_reported() {
     // Too few draws to converge: exit code 3.
     let short = "--chains 2 --warmup 100 --draws 60";
     let first = said(at, &format!("run MODEL {short} --out a"), 3);
-    said(at, &format!("run MODEL {short} --seed 2 --data a/measurements.csv --out b"), 3);
+    said(
+        at,
+        &format!("run MODEL {short} --seed 2 --mesh embedded --data a/measurements.csv --out b"),
+        3,
+    );
     said(at, &format!("run MODEL {short} --seed 3 --out other"), 3);
 
     let run = json(at, "a/run.json");
@@ -90,8 +94,12 @@ fn the_mode_does_not_depend_on_the_seed_and_is_mapped() {
     )
     .unwrap();
     for seed in ["1", "2"] {
-        let output =
-            eplat(at, &format!("run MODEL --optimize --data data.csv --seed {seed} --out {seed}"));
+        let output = eplat(
+            at,
+            &format!(
+                "run MODEL --optimize --mesh embedded --data data.csv --seed {seed} --out {seed}"
+            ),
+        );
         assert!(matches!(output.status.code(), Some(0 | 3)), "{output:?}");
     }
     let csv = |seed: &str| fs::read_to_string(at.join(seed).join("map.csv")).unwrap();

@@ -69,7 +69,7 @@ fn draws(model: &Model) -> Vec<Chain> {
 fn variance(model: &Model, basis: &Basis, chains: &[Chain]) -> f64 {
     let all: Vec<&[f64]> =
         chains.iter().flat_map(|c| (0..c.n_draws()).map(|i| c.draw(i))).collect();
-    let field = &Maps::new(model, basis).summarise(&all).0[0];
+    let field = &Maps::new(model, basis).summarise(&all, &[]).maps[0];
     field.sd.iter().map(|sd| sd * sd).sum::<f64>() / VERTICES as f64
 }
 

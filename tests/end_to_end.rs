@@ -104,7 +104,7 @@ fn a_run_leaves_every_file_and_the_same_numbers_for_any_number_of_threads() {
     assert!(!page.contains("src=\"http"), "the page needs the network");
 
     // What was measured is a table like any other.
-    let checked = place.eplat("check erp.rs --data a/measurements.csv");
+    let checked = place.eplat("check erp.rs --mesh embedded --data a/measurements.csv");
     assert_eq!(checked.status.code(), Some(0), "{}", text(&checked.stderr));
     assert!(text(&checked.stdout).contains("observe s1s2s3: 10 measurements\n"));
 }
@@ -124,6 +124,11 @@ fn run_record(run: &Value) {
     for field in ["tau_out", "apd_max", "erp_s2", "erp_s3"] {
         assert!(run["rmse"][field].is_f64(), "rmse.{field}");
     }
+    for answer in run["verdict"]["answers"].as_array().unwrap() {
+        assert!(answer["question"].is_string() && answer["colour"].is_string(), "{answer}");
+    }
+    assert_eq!(run["verdict"]["answers"].as_array().unwrap().len(), 5);
+    assert_eq!(run["questions"]["fits"]["sets"][0]["n"], 20);
     assert_eq!(run["model"], "Erp");
     assert_eq!(run["version"], env!("CARGO_PKG_VERSION"));
     assert_eq!(run["settings"]["draws"], 300);
@@ -133,7 +138,7 @@ fn run_record(run: &Value) {
 fn fields(vtp: &str) {
     assert!(vtp.trim_end().ends_with("</VTKFile>"));
     for field in ["tau_out", "apd_max", "erp_s2", "erp_s3"] {
-        for of in ["mean", "sd", "true", "ise"] {
+        for of in ["mean", "sd", "true", "ise", "q5", "q50", "q95"] {
             assert!(vtp.contains(&format!("Name=\"{field}_{of}\"")), "{field}_{of}");
         }
     }
@@ -146,7 +151,7 @@ fn with_json_nothing_else_is_on_stdout() {
     let result = json(&stdout);
     assert!(result["summary"]["apd_max.rho"]["r_hat"].is_f64());
     assert_eq!(result["run"], json(&place.read("out/run.json")));
-    assert!(result["converged"].is_boolean() && result["verdict"].is_string());
+    assert!(result["converged"].is_boolean() && result["verdict"]["colour"].is_string());
     assert!(stderr.contains("synthetic experiment"), "{stderr}");
 }
 

@@ -92,7 +92,7 @@ fn files_that_are_not_there_or_not_what_they_should_be() {
             "run empty.rs",
             "run erp.rs --mesh missing.vtk --units mm",
             "run erp.rs --mesh la.stl --units mm",
-            "run erp.rs --data missing.csv",
+            "run erp.rs --mesh embedded --data missing.csv",
             "run erp.rs --basis missing.npz",
         ]
     ));
@@ -106,6 +106,9 @@ fn command_lines_that_make_no_sense() {
         &[
             "run erp.rs --mesh sheet.vtk",
             "run erp.rs --mesh sheet.vtk --units inch",
+            "run erp.rs --mesh embedded --units mm",
+            "run erp.rs --data sites.csv",
+            "run erp.rs --exceed erp_s4>250",
             "run erp.rs --chains 0",
             "run erp.rs --draws 0",
             "run erp.rs --warmup 0",

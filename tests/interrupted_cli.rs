@@ -246,7 +246,7 @@ fn divergences_are_traced_to_the_site_that_causes_them() {
     place.file("data.csv", "vertex,site,value\n10,roof,104\n2000,wall,85\n4000,floor,85\n");
     for sampler in ["blocked", "nuts"] {
         let output = place.eplat(&format!(
-            "run ceiling.rs --data data.csv --sampler {sampler} --draws 300 --out {sampler}"
+            "run ceiling.rs --mesh embedded --data data.csv --sampler {sampler} --draws 300 --out {sampler}"
         ));
         assert_eq!(output.status.code(), Some(3), "{}", text(&output.stderr));
         let shown = text(&output.stdout);
@@ -268,9 +268,11 @@ fn a_run_starts_from_an_earlier_one_on_fewer_measurements() {
     let table = place.read("first/measurements.csv");
     let fewer: Vec<&str> = table.lines().take(1 + 16).collect();
     place.file("fewer.csv", fewer.join("\n") + "\n").file("all.csv", &table);
-    let earlier = place.eplat("run erp.rs --data fewer.csv --warmup 500 --draws 500 --out earlier");
+    let earlier = place.eplat(
+        "run erp.rs --mesh embedded --data fewer.csv --warmup 500 --draws 500 --out earlier",
+    );
     assert!(matches!(earlier.status.code(), Some(0 | 3)), "{}", text(&earlier.stderr));
-    let short = "run erp.rs --data all.csv --warmup 100 --draws 500 --init earlier";
+    let short = "run erp.rs --mesh embedded --data all.csv --warmup 100 --draws 500 --init earlier";
     for (sampler, bound) in [("blocked", 1.02), ("nuts", 1.1)] {
         let warm = place.eplat(&format!("{short} --sampler {sampler} --out {sampler}"));
         let said = text(&warm.stderr);

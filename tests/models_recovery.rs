@@ -131,7 +131,7 @@ fn simulate(
 /// Mean and standard deviation of every field at every vertex over draws.
 fn field_moments(model: &Model, basis: &Basis, draws: &[&[f64]]) -> (Vec<Vec<f64>>, Vec<Vec<f64>>) {
     let maps = Maps::new(model, basis);
-    let summaries = maps.summarise(draws).0;
+    let summaries = maps.summarise(draws, &[]).maps;
     summaries.into_iter().take(maps.n_fields()).map(|s| (s.mean, s.sd)).unzip()
 }
 

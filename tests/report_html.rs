@@ -7,6 +7,7 @@ mod skipped;
 
 use base64::{Engine as _, engine::general_purpose::STANDARD as BASE64};
 use eplat::diagnostics::Summary;
+use eplat::diagnostics::verdict::{Questions, Verdict};
 use eplat::mesh::TriMesh;
 use eplat::report::{
     Group, LeaveOneOut, LooRecord, LooRow, Page, PointData, ReportError, Row, RunRecord, Seconds,
@@ -107,6 +108,8 @@ fn record() -> RunRecord {
         not_simulated: vec![],
         loo: None,
         laplace: None,
+        questions: Questions::default(),
+        verdict: Verdict::default(),
     }
 }
 
@@ -155,6 +158,7 @@ fn leave_one_out() -> LeaveOneOut {
         observed: "240 250".to_owned(),
         elpd: -2.5,
         pareto_k,
+        left_out: false,
     };
     let record = LooRecord {
         elpd_loo: -7.5,
@@ -163,6 +167,7 @@ fn leave_one_out() -> LeaveOneOut {
         n_measurements: 3,
         k_threshold: 0.7,
         n_high_k: 2,
+        n_left_out: 0,
         worst: vec!["s1s2 at site 3 <roof> (inf)".to_owned()],
     };
     let rows = [(1, 0.25), (2, 0.81), (3, f64::INFINITY)].map(row).to_vec();
@@ -238,7 +243,8 @@ fn a_page_without_a_surface_has_no_script() {
     assert!(
         !html.contains("<script")
             && !html.contains("<circle")
-            && html.contains("class=\"verdict bad\">Not converged: worst R̂ 1.500 (mu)")
+            && html.contains("class=\"verdict bad\"><b>Verdict: red</b>")
+            && html.contains("<dd>Not converged: worst R̂ 1.500 (mu)")
     );
 }
 

@@ -55,7 +55,7 @@ struct Design<'a> {
 
 /// Fields and `let`s at every vertex of the basis, by name, at a position of the unknowns.
 fn maps(model: &Model, basis: &Basis, position: &[f64]) -> Vec<(String, Vec<f64>)> {
-    let (maps, _) = Maps::new(model, basis).summarise(&[position]);
+    let maps = Maps::new(model, basis).summarise(&[position], &[]).maps;
     maps.into_iter().map(|map| (map.name, map.mean)).collect()
 }
 

@@ -9,6 +9,7 @@ use clap::Args;
 use super::compile::run_compiled;
 use super::inputs::InputArgs;
 use super::models::{Compiled, ModelFile};
+use crate::diagnostics::verdict::Colour;
 use crate::error::Failure;
 
 /// `eplat check MODEL.rs`
@@ -26,6 +27,6 @@ impl Command {
         let Some(model) = file.find(compiled)? else { return run_compiled(&file) };
         let check = self.input.problem(&self.model, model)?.check()?;
         writeln!(std::io::stdout().lock(), "{check}")?;
-        Ok(ExitCode::SUCCESS)
+        Ok(ExitCode::from(if check.colour() == Colour::Red { 4 } else { 0 }))
     }
 }

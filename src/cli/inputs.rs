@@ -7,16 +7,20 @@ use clap::Args;
 
 use crate::error::Failure;
 use crate::mesh::Units;
-use crate::model::Declare;
+use crate::model::{Declare, Model};
 use crate::run::{
     DataSource, Design, Inputs, Loaded, MeshSource, Problem, RunError, Watch, hash_file,
 };
 
+/// What `--mesh` calls the procedural left atrium.
+const EMBEDDED: &str = "embedded";
+
 /// Options that say what a model is run on.
 #[derive(Debug, Args)]
 pub(super) struct InputArgs {
-    /// Surface mesh, VTK; needs --units [default: the embedded procedural left atrium]
-    #[arg(long, value_name = "FILE.vtk", requires = "units")]
+    /// Surface mesh, VTK; needs --units. `embedded` is the procedural left atrium, the default for a
+    /// synthetic experiment
+    #[arg(long, value_name = "FILE.vtk")]
     mesh: Option<PathBuf>,
     /// Unit of the mesh's coordinates: mm, cm, um or m
     #[arg(long, value_name = "UNIT", value_parser = Units::from_str, requires = "mesh")]
@@ -41,8 +45,8 @@ impl InputArgs {
     }
 
     /// As the library takes them; the draws depend on the file of the model too.
-    pub(super) fn inputs(&self, model: &Path) -> Result<Inputs, Failure> {
-        let mesh = source(self.mesh.as_deref().zip(self.units));
+    pub(super) fn inputs(&self, model: &Path, declared: &dyn Declare) -> Result<Inputs, Failure> {
+        let mesh = self.mesh(declared)?;
         let data = match &self.data {
             Some(path) => DataSource::File(path.clone()),
             None => DataSource::Synthetic(Design { seed: self.seed, ..Design::default() }),
@@ -51,18 +55,37 @@ impl InputArgs {
         Ok(Inputs { mesh, basis: self.basis.clone(), data, hashes })
     }
 
+    /// The surface that is named. A table must name its own: its vertices are not those of another.
+    fn mesh(&self, declared: &dyn Declare) -> Result<MeshSource, Failure> {
+        let fields = || Ok::<_, Failure>(Model::outline(declared)?.has_fields());
+        match (self.mesh.as_deref(), self.units) {
+            (Some(path), None) if path == Path::new(EMBEDDED) => Ok(MeshSource::default()),
+            (Some(path), Some(_)) if path == Path::new(EMBEDDED) => Err(Failure::usage(
+                "--mesh embedded is in mm\nhelp: leave --units out; for a file of this name write ./embedded",
+            )),
+            (Some(path), None) => Err(Failure::usage(format!(
+                "--mesh {}: the unit of its coordinates is missing\nhelp: add --units mm, cm, um or m",
+                path.display()
+            ))),
+            (None, _) if self.data.is_some() && fields()? => Err(Failure::usage(
+                "--data without --mesh: the model has a field, and the table's rows lie on a surface\nhelp: name it with --mesh FILE.vtk --units mm; --mesh embedded is the procedural left atrium",
+            )),
+            (file, units) => Ok(source(file.zip(units))),
+        }
+    }
+
     /// The model declared in `file` on everything that it needs; says on stderr what that is.
     pub(super) fn problem<'m>(
         &self,
         file: &Path,
         declared: &'m dyn Declare,
     ) -> Result<Problem<'m>, Failure> {
-        Problem::load_watched(declared, &self.inputs(file)?, &telling()).map_err(usage)
+        Problem::load_watched(declared, &self.inputs(file, declared)?, &telling()).map_err(usage)
     }
 
     /// Reads or makes everything that the model declared in `file` needs; says on stderr what it is.
     pub(super) fn load(&self, file: &Path, declared: &dyn Declare) -> Result<Loaded, Failure> {
-        Loaded::new(declared, &self.inputs(file)?, &telling()).map_err(usage)
+        Loaded::new(declared, &self.inputs(file, declared)?, &telling()).map_err(usage)
     }
 }
 
@@ -74,9 +97,10 @@ pub(super) fn telling() -> Watch<'static> {
 /// A model that needs measurements is a matter of the command line.
 pub(super) fn usage(error: RunError) -> Failure {
     match error {
-        RunError::NoMeasurements { .. } | RunError::NoField | RunError::NoProtocol { .. } => {
-            Failure::usage(error)
-        }
+        RunError::NoMeasurements { .. }
+        | RunError::NoField
+        | RunError::NoProtocol { .. }
+        | RunError::Exceedance(_) => Failure::usage(error),
         other => other.into(),
     }
 }

@@ -17,12 +17,12 @@ pub(super) struct Command {
 }
 
 impl Command {
-    /// The exit code is that of the run: 3 if its diagnostics failed.
+    /// The exit code is that of the run: 3 where it did not converge, 4 where its verdict is red.
     pub(super) fn run(&self) -> Result<ExitCode, Failure> {
         let results = Results::read(&self.folder)?;
         let page = where_is_the_page(&self.folder);
         writeln!(std::io::stdout().lock(), "{}\n{page}", results.text())?;
-        Ok(exit_code(results.converged()))
+        Ok(ExitCode::from(results.verdict().exit_code()))
     }
 }
 

@@ -17,8 +17,18 @@ use crate::infer::{MetricKind, Settings};
 use crate::model::{Declare, Model, Sampler};
 use crate::run::{Ended, Options, OutputFolder, Problem, Results, Watch};
 
+/// What the exit code says, for scripts.
+const EXIT_CODES: &str = "Exit code:
+  0    done; the verdict is green or amber (docs/verdict.md)
+  1    bad input, or a failure
+  2    wrong use of the command line
+  3    the draws do not come from the posterior: sampling did not converge
+  4    converged, but the verdict is red: the model does not fit, or is mostly unphysical
+  130  interrupted";
+
 /// `eplat run MODEL.rs`
 #[derive(Debug, Args)]
+#[command(after_help = EXIT_CODES)]
 pub(super) struct Command {
     /// Model file (.rs), for instance models/erp.rs
     model: PathBuf,
@@ -34,6 +44,9 @@ pub(super) struct Command {
     begin: BeginArgs,
     #[command(flatten)]
     instead: InsteadArgs,
+    /// Map the probability of an event too, for instance `erp_s2 > 250` (in quotes); may be given again
+    #[arg(long, value_name = "EVENT")]
+    exceed: Vec<String>,
     /// Print the summary and the run record as JSON on stdout
     #[arg(long)]
     json: bool,
@@ -150,12 +163,15 @@ impl Command {
         out: &OutputFolder,
         watch: Watch<'_>,
     ) -> Result<ExitCode, Failure> {
-        let inputs = self.input.inputs(&self.model)?;
+        let inputs = self.input.inputs(&self.model, model)?;
         let problem = Problem::load_watched(model, &inputs, &watch).map_err(usage)?;
         if self.instead.optimize {
             return self.optimise(&problem, out);
         }
+        let exceed = self.exceed.iter().map(|text| problem.exceedance(text));
+        let exceed = exceed.collect::<Result<Vec<_>, _>>().map_err(usage)?;
         let options = Options {
+            exceed: &exceed,
             sampler: Some(self.sampler.choose(problem.model())?),
             warm_start: self.begin.init.as_deref(),
             watch,
@@ -189,7 +205,7 @@ impl Command {
             let (text, folder) = (results.text(), results.folder.display());
             writeln!(stdout, "\n{text}\nFiles in {folder}: {}", results.files.join(", "))?;
         }
-        Ok(exit_code(results.converged()))
+        Ok(ExitCode::from(results.verdict().exit_code()))
     }
 
     /// The mode instead; exit code 3 if the climb did not reach one.

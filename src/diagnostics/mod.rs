@@ -16,6 +16,7 @@ mod psis;
 mod rank;
 mod special;
 mod stray;
+pub mod verdict;
 
 pub use crate::num::Moments;
 pub use ess::{ess_bulk, ess_mean, ess_tail};

@@ -55,7 +55,7 @@ impl Bracket {
 }
 
 /// Step assumed for a protocol of which only an open bracket is known, ms.
-const OPEN_STEP: f64 = 10.0;
+pub const OPEN_STEP: f64 = 10.0;
 
 impl Observation for Bracket {
     const COLUMNS: &'static [&'static str] = &["lower", "upper"];

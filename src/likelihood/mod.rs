@@ -17,7 +17,7 @@ mod outliers;
 mod top_hat;
 mod widened;
 
-pub use bracket::Bracket;
+pub use bracket::{Bracket, OPEN_STEP};
 pub use counts::{BernoulliLogit, BinomialLogit, NegBinomialLog, OrderedLogit, PoissonLog};
 pub use interval::Interval;
 pub use mixture::Mixture;

@@ -7,8 +7,8 @@
 //! The constant and J depend on the other unknowns alone (amplitudes, lengthscales, noise: whatever
 //! has a bounded support).
 
-use super::laid_out::Model;
-use super::reported::{Kind, Position};
+use super::laid_out::{FieldEntry, Model};
+use super::reported::{Kind, Parameter, Position};
 use super::rows::{Curvature, Noise};
 use super::tape::Tape;
 use crate::dist::Support;
@@ -170,6 +170,20 @@ impl Model {
         self.observes[id.observe].op.location(id.row, locals)
     }
 
+    /// For each field its name and those of the parameters in mm that its kernels depend on.
+    pub fn lengthscales(&self) -> Vec<(&str, Vec<String>)> {
+        let named = |v: usize| {
+            let holds = |p: &&Parameter| matches!(p.position, Position::Values(at) if (at..at + p.len).contains(&v));
+            let p = self.parameters.iter().filter(|p| p.unit == "mm").find(holds)?;
+            let Position::Values(at) = p.position else { return None };
+            Some(p.element(v - at))
+        };
+        let of_field = |f: &FieldEntry| {
+            f.op.terms.iter().flat_map(|t| t.spectrum.mentions()).filter_map(named).collect()
+        };
+        self.fields.iter().map(|f| (f.name.as_str(), of_field(f))).collect()
+    }
+
     /// Names of the fields.
     pub fn field_names(&self) -> Vec<&str> {
         self.fields.iter().map(|f| f.name.as_str()).collect()
@@ -178,5 +192,10 @@ impl Model {
     /// The measurement of a row, as cells.
     pub fn measured_row(&self, id: RowId) -> Vec<f64> {
         self.observes[id.observe].observed_row(id.row)
+    }
+
+    /// Takes a row out of the density, its place among the rows kept: what the others say of it.
+    pub fn leave_out(&mut self, id: RowId) {
+        self.observes[id.observe].op.place.left_out = Some(id.row);
     }
 }

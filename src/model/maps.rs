@@ -2,10 +2,11 @@
 
 use rayon::prelude::*;
 
+use super::exceedance::Exceedance;
 use super::laid_out::Model;
 use super::map::Source;
-
 use super::tape::Tape;
+use crate::diagnostics::{mean_and_sd, quantile};
 use crate::manifold::Basis;
 use crate::num::vector::dot;
 
@@ -20,7 +21,7 @@ pub struct MapName<'m> {
     pub range: Option<(f64, f64)>,
 }
 
-/// Mean and standard deviation of a field or derived quantity at every vertex, over draws.
+/// What draws say of a field or derived quantity at every vertex.
 #[derive(Clone, Debug)]
 pub struct MapSummary {
     /// Name in the model file, with the label of a field that there is for each.
@@ -29,8 +30,33 @@ pub struct MapSummary {
     pub unit: String,
     /// Mean (n_vertices); NaN where no draw is physical.
     pub mean: Vec<f64>,
-    /// Standard deviation (n_vertices).
+    /// Standard deviation (n_vertices); NaN where fewer than two draws are physical.
     pub sd: Vec<f64>,
+    /// 5, 50 and 95 % quantiles (n_vertices); NaN where no draw is physical.
+    pub quantiles: [Vec<f64>; 3],
+    /// Share of (vertex, draw) pairs outside the declared range; `None` if there is none.
+    pub outside: Option<f64>,
+}
+
+/// What draws say of the whole surface.
+#[derive(Clone, Debug)]
+pub struct Summaries {
+    /// Fields, then derived quantities.
+    pub maps: Vec<MapSummary>,
+    /// Share of draws at each vertex in which a field or derived quantity is outside its range.
+    pub unphysical: Vec<f64>,
+    /// For each exceedance asked for, its probability at each vertex over the physical draws.
+    pub exceeded: Vec<Vec<f64>>,
+}
+
+/// What draws say of one vertex.
+struct AtVertex {
+    /// Mean, sd and three quantiles of each map.
+    maps: Vec<[f64; 5]>,
+    /// Number of draws in which each map is outside its range.
+    outside: Vec<usize>,
+    unphysical: f64,
+    exceeded: Vec<f64>,
 }
 
 /// Everything a model says about each vertex: its fields, then its derived quantities.
@@ -68,33 +94,38 @@ impl<'m> Maps<'m> {
 
     /// Derived quantities at one place from the values of the fields there; NaN where a field or a
     /// derived quantity is outside its declared range, for beyond it a surrogate means nothing.
-    fn derived(&self, v: &[f64], fields: &[f64], scratch: &mut Vec<f64>, out: &mut [f64]) {
-        let concerns = |label: Option<usize>, other: Option<usize>| {
-            label.is_none() || other.is_none() || label == other
-        };
-        let mut unphysical: Vec<Option<usize>> = vec![];
-        for (field, x) in self.model.fields.iter().zip(fields) {
-            if !within(*x, field.range) {
-                unphysical.push(field.label);
-            }
+    /// `outside` says of each field and derived quantity whether it is outside its own range.
+    fn derived(
+        &self,
+        v: &[f64],
+        fields: &[f64],
+        scratch: &mut Vec<f64>,
+        out: &mut [f64],
+        outside: &mut [bool],
+    ) {
+        let (of_fields, of_lets) = outside.split_at_mut(self.n_fields());
+        for ((field, x), outside) in self.model.fields.iter().zip(fields).zip(of_fields.iter_mut())
+        {
+            *outside = !within(*x, field.range);
         }
-        for (map, out) in self.model.maps.iter().zip(out.iter_mut()) {
+        for ((map, out), outside) in
+            self.model.maps.iter().zip(out.iter_mut()).zip(of_lets.iter_mut())
+        {
             scratch.clear();
             scratch.extend(map.sources.iter().map(|source| match *source {
                 Source::Value(at) => v[at],
                 Source::Field(field) => fields[field],
             }));
             *out = map.at.value(scratch, None);
-            if !within(*out, map.range) {
-                unphysical.push(map.label);
-            }
+            *outside = !within(*out, map.range);
         }
-        if unphysical.is_empty() {
-            return;
-        }
-        for (map, out) in self.model.maps.iter().zip(out.iter_mut()) {
-            if unphysical.iter().any(|label| concerns(*label, map.label)) {
-                *out = f64::NAN;
+        let labels = self.model.fields.iter().map(|f| f.label);
+        let labels = labels.chain(self.model.maps.iter().map(|m| m.label));
+        for (label, _) in labels.zip(outside.iter()).filter(|(_, outside)| **outside) {
+            for (map, out) in self.model.maps.iter().zip(out.iter_mut()) {
+                if label.is_none() || map.label.is_none() || label == map.label {
+                    *out = f64::NAN;
+                }
             }
         }
     }
@@ -105,12 +136,12 @@ impl<'m> Maps<'m> {
         let n_lets = self.model.maps.len();
         let mut out = vec![vec![0.0; self.basis.n_vertices()]; n_lets];
         let (mut at, mut lets) = (vec![0.0; fields.len()], vec![0.0; n_lets]);
-        let mut scratch = vec![];
+        let (mut scratch, mut outside) = (vec![], vec![false; fields.len() + n_lets]);
         for vertex in 0..self.basis.n_vertices() {
             for (x, field) in at.iter_mut().zip(fields) {
                 *x = field[vertex];
             }
-            self.derived(&t.v, &at, &mut scratch, &mut lets);
+            self.derived(&t.v, &at, &mut scratch, &mut lets, &mut outside);
             for (out, value) in out.iter_mut().zip(&lets) {
                 out[vertex] = *value;
             }
@@ -127,23 +158,40 @@ impl<'m> Maps<'m> {
         }
     }
 
-    /// Means and standard deviations over draws of unknowns, and each vertex's share of unphysical
-    /// draws. Fields are averaged over all draws, derived quantities over the physical ones.
-    pub fn summarise(&self, draws: &[&[f64]]) -> (Vec<MapSummary>, Vec<f64>) {
+    /// Means, standard deviations and quantiles over draws of unknowns, each vertex's share of unphysical
+    /// draws, and the probabilities asked for. Fields are averaged over all draws, derived quantities
+    /// over the physical ones. One vertex at a time is in memory with all its draws.
+    pub fn summarise(&self, draws: &[&[f64]], asked: &[Exceedance]) -> Summaries {
         let draws: Vec<Draw> = self.unpack(draws);
-        let n = self.n_fields() + self.model.maps.len();
-        let vertices: Vec<(Vec<Moments>, f64)> = (0..self.basis.n_vertices())
-            .into_par_iter()
-            .map(|vertex| self.at_vertex(vertex, &draws, n))
-            .collect();
         let names = self.names();
-        let summary = |i: usize| MapSummary {
-            name: names[i].name.into(),
-            unit: names[i].unit.into(),
-            mean: vertices.iter().map(|v| v.0[i].mean()).collect(),
-            sd: vertices.iter().map(|v| v.0[i].sd()).collect(),
+        let asked: Vec<(usize, &Exceedance)> = asked
+            .iter()
+            .filter_map(|e| Some((names.iter().position(|n| n.name == e.map)?, e)))
+            .collect();
+        let vertices: Vec<AtVertex> = (0..self.basis.n_vertices())
+            .into_par_iter()
+            .map(|vertex| self.at_vertex(vertex, &draws, &asked))
+            .collect();
+        let n_pairs = (vertices.len() * draws.len()) as f64;
+        let summary = |(i, name): (usize, &MapName<'_>)| {
+            let [mean, sd, q5, q50, q95] =
+                [0, 1, 2, 3, 4].map(|what| vertices.iter().map(|v| v.maps[i][what]).collect());
+            let outside = vertices.iter().map(|v| v.outside[i]).sum::<usize>() as f64 / n_pairs;
+            MapSummary {
+                name: name.name.into(),
+                unit: name.unit.into(),
+                mean,
+                sd,
+                quantiles: [q5, q50, q95],
+                outside: name.range.map(|_| outside),
+            }
         };
-        ((0..n).map(summary).collect(), vertices.iter().map(|v| v.1).collect())
+        let exceeded = |i: usize| vertices.iter().map(|v| v.exceeded[i]).collect();
+        Summaries {
+            maps: names.iter().enumerate().map(summary).collect(),
+            unphysical: vertices.iter().map(|v| v.unphysical).collect(),
+            exceeded: (0..asked.len()).map(exceeded).collect(),
+        }
     }
 
     /// For each field and draw of unknowns its mean and the weights of the first `n_modes` eigenfunctions,
@@ -171,7 +219,7 @@ impl<'m> Maps<'m> {
         let n = self.n_fields() + self.model.maps.len();
         let at = |vertex: &usize| {
             let mut maps = vec![Vec::with_capacity(draws.len()); n];
-            self.each_at(*vertex, &draws, n, |values| {
+            self.each_at(*vertex, &draws, n, |values, _| {
                 maps.iter_mut().zip(values).for_each(|(map, x)| map.push(*x));
             });
             maps
@@ -188,7 +236,7 @@ impl<'m> Maps<'m> {
             .into_par_iter()
             .map(|vertex| {
                 let (mut below, mut count) = (vec![0.0; n], vec![0.0; n]);
-                self.each_at(vertex, &draws, n, |values| {
+                self.each_at(vertex, &draws, n, |values, _| {
                     for i in (0..n).filter(|i| !values[*i].is_nan()) {
                         below[i] += f64::from(u8::from(values[i] < truth[i][vertex]));
                         count[i] += 1.0;
@@ -214,30 +262,39 @@ impl<'m> Maps<'m> {
         draws.iter().map(&mut one).collect()
     }
 
-    fn at_vertex(&self, vertex: usize, draws: &[Draw], n: usize) -> (Vec<Moments>, f64) {
-        let mut moments = vec![Moments::default(); n];
-        let mut unphysical = 0usize;
-        self.each_at(vertex, draws, n, |values| {
-            unphysical += usize::from(self.first_let(values).iter().any(|x| x.is_nan()));
-            for (m, x) in moments.iter_mut().zip(values) {
-                m.add(*x);
+    fn at_vertex(&self, vertex: usize, draws: &[Draw], asked: &[(usize, &Exceedance)]) -> AtVertex {
+        let n = self.n_fields() + self.model.maps.len();
+        let mut values = vec![Vec::with_capacity(draws.len()); n];
+        let (mut counts, mut unphysical) = (vec![0; n], 0usize);
+        self.each_at(vertex, draws, n, |at, outside| {
+            unphysical += usize::from(outside.contains(&true));
+            for (count, outside) in counts.iter_mut().zip(outside) {
+                *count += usize::from(*outside);
+            }
+            for (values, x) in values.iter_mut().zip(at).filter(|(_, x)| !x.is_nan()) {
+                values.push(*x);
             }
         });
-        (moments, unphysical as f64 / draws.len() as f64)
+        let exceeded = asked.iter().map(|(i, exceedance)| exceedance.share(&values[*i])).collect();
+        AtVertex {
+            maps: values.iter_mut().map(|values| five_numbers(values)).collect(),
+            outside: counts,
+            unphysical: unphysical as f64 / draws.len() as f64,
+            exceeded,
+        }
     }
 
-    /// Of the values of all maps those of the first `let`.
-    fn first_let<'v>(&self, values: &'v [f64]) -> &'v [f64] {
-        let maps = &self.model.maps;
-        let n = maps.iter().take_while(|map| map.of == maps[0].of).count();
-        values.get(self.n_fields()..self.n_fields() + n).unwrap_or_default()
-    }
-
-    /// Hands over the values of all maps at a vertex, draw by draw.
-    fn each_at(&self, vertex: usize, draws: &[Draw], n: usize, mut take: impl FnMut(&[f64])) {
+    /// Hands over the values of all maps at a vertex, draw by draw, and which are outside their range.
+    fn each_at(
+        &self,
+        vertex: usize,
+        draws: &[Draw],
+        n: usize,
+        mut take: impl FnMut(&[f64], &[bool]),
+    ) {
         let phi = self.basis.at(vertex);
         let n_fields = self.n_fields();
-        let (mut values, mut scratch) = (vec![0.0; n], vec![]);
+        let (mut values, mut scratch, mut outside) = (vec![0.0; n], vec![], vec![false; n]);
         for draw in draws {
             let (fields, lets) = values.split_at_mut(n_fields);
             for ((x, (mean, w)), entry) in
@@ -245,8 +302,8 @@ impl<'m> Maps<'m> {
             {
                 *x = mean + dot::<8>(w, &phi[entry.first..entry.first + w.len()]);
             }
-            self.derived(&draw.v, fields, &mut scratch, lets);
-            take(&values);
+            self.derived(&draw.v, fields, &mut scratch, lets, &mut outside);
+            take(&values, &outside);
         }
     }
 }
@@ -255,28 +312,10 @@ fn within(x: f64, range: Option<(f64, f64)>) -> bool {
     range.is_none_or(|(low, high)| low <= x && x <= high)
 }
 
-/// Running mean and variance (Welford), without NaN.
-#[derive(Clone, Debug, Default)]
-struct Moments {
-    n: f64,
-    mean: f64,
-    squares: f64,
-}
-
-impl Moments {
-    fn add(&mut self, x: f64) {
-        if x.is_nan() {
-            return;
-        }
-        self.n += 1.0;
-        let d = x - self.mean;
-        self.mean += d / self.n;
-        self.squares += d * (x - self.mean);
-    }
-    fn mean(&self) -> f64 {
-        if self.n > 0.0 { self.mean } else { f64::NAN }
-    }
-    fn sd(&self) -> f64 {
-        (self.squares / (self.n - 1.0)).sqrt()
-    }
+/// Mean, standard deviation and 5, 50, 95 % quantiles; NaN where there are too few values.
+fn five_numbers(values: &mut [f64]) -> [f64; 5] {
+    let (mean, sd) = mean_and_sd(&[values]);
+    values.sort_unstable_by(f64::total_cmp);
+    let [q5, q50, q95] = [0.05, 0.5, 0.95].map(|p| quantile(values, p));
+    [mean, if values.len() < 2 { f64::NAN } else { sd }, q5, q50, q95]
 }

@@ -43,6 +43,26 @@ impl Model {
         Ok(out)
     }
 
+    /// Draws of the unknowns as they may be before anything is measured, for a look at what the model
+    /// expects: as [`Model::prior_draws`], but a field's mean with a flat prior stands in the middle of
+    /// the field's range. `None` where another prior cannot be drawn from.
+    pub fn plausible(&self, n: usize, rng: &mut ChaCha8Rng) -> Option<Vec<Vec<f64>>> {
+        let mut tape = self.tape();
+        let mut draw = || {
+            for (prior, entry) in self.priors.iter().zip(&self.prior_entries) {
+                if prior.draw(&mut tape, rng).is_some() {
+                    continue;
+                }
+                let (u, middle) = self.start.iter().find(|(u, _)| entry.u.contains(u))?;
+                tape.u[*u] = *middle;
+                prior.forward(&mut tape);
+            }
+            self.draw_coefficients(&mut tape, rng);
+            Some(tape.u.clone())
+        };
+        (0..n).map(|_| draw()).collect()
+    }
+
     fn draw_prior(&self, tape: &mut Tape, rng: &mut ChaCha8Rng) -> Result<(), ModelError> {
         let declared = self.parameters.iter().filter(|p| p.kind != Kind::Eta);
         for (prior, parameter) in self.priors.iter().zip(declared) {
@@ -52,9 +72,13 @@ impl Model {
             };
             prior.draw(tape, rng as &mut dyn Rng).ok_or_else(cannot)?;
         }
+        self.draw_coefficients(tape, rng);
+        Ok(())
+    }
+
+    fn draw_coefficients(&self, tape: &mut Tape, rng: &mut ChaCha8Rng) {
         for term in self.fields.iter().flat_map(|f| &f.op.terms) {
             tape.u[term.eta..][..term.k].fill_with(|| rng.sample(StandardNormal));
         }
-        Ok(())
     }
 }

@@ -181,6 +181,9 @@ impl<F: RowFn<N>, const N: usize, const W: usize> RowsOf<F, N, W> {
 /// Adds row `i`'s log likelihood to the density, and its derivatives to the adjoint.
 #[inline(always)]
 fn scatter<const W: usize>(place: &Place, i: usize, value: &Dual<W>, t: &mut Tape) {
+    if place.left_out == Some(i) {
+        return;
+    }
     t.lp += value.re();
     let e = &derivatives(value);
     for (at, e) in place.index[i * W..][..W].iter().zip(e) {

@@ -11,6 +11,8 @@ pub(super) struct Place {
     pub(super) hook: Vec<u32>,
     /// First offset of each `let` in sight on which an effect acts.
     pub(super) lets: Vec<Option<usize>>,
+    /// A row that does not count in the density.
+    pub(super) left_out: Option<usize>,
 }
 
 impl Place {

@@ -54,7 +54,7 @@ impl Rows {
     /// its own.
     fn backward_of_offsets(&self, t: &mut Tape) {
         let mut numbers = vec![0.0; self.place.width + self.place.lets.len()];
-        for i in 0..self.math.len() {
+        for i in (0..self.math.len()).filter(|i| self.place.left_out != Some(*i)) {
             self.place.fill(&t.v, i, &mut numbers);
             for (j, at) in self.place.lets.iter().enumerate() {
                 let Some(at) = at else { continue };
@@ -74,7 +74,8 @@ impl Rows {
                 self.math.second(row, slots[a], slots[b]).eps1eps2
             })
         };
-        (0..self.math.len()).map(one).collect()
+        let counts = |i: &usize| self.place.left_out != Some(*i);
+        (0..self.math.len()).filter(counts).map(one).collect()
     }
 
     /// Log likelihood of each row, after a forward pass.

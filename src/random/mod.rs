@@ -54,6 +54,8 @@ pub enum Stream {
         /// The site that is left out.
         site: usize,
     },
+    /// What a model expects before anything is measured.
+    Expected,
 }
 
 /// The two moves of the blocked sampler.
@@ -90,6 +92,7 @@ impl Stream {
             Self::Blocked { part: Part::Inner, round, chain } => (18, of_round(round, chain)),
             Self::Blocked { part: Part::Hyper, round, chain } => (19, of_round(round, chain)),
             Self::LeftOut { site } => (20, index(site, 32)),
+            Self::Expected => (21, 0),
             // counted from the top, as ever
             Self::Start(chain) => (u64::from(u32::MAX), u64::from(u32::MAX) - index(chain, 32)),
         };
@@ -142,6 +145,7 @@ mod tests {
             Stream::Conduction,
             Stream::HeldOut,
             Stream::StandIn,
+            Stream::Expected,
         ];
         for i in of(32) {
             all.extend([Stream::Chain(i), Stream::Start(i), Stream::AfterSampling(i)]);
@@ -170,7 +174,7 @@ mod tests {
         }
         // the kinds are told apart by the upper half, so what holds at the ends holds in between
         let kinds: BTreeMap<u64, _> = seen.into_iter().map(|(n, s)| (n >> 32, s)).collect();
-        assert_eq!(kinds.len(), 11);
+        assert_eq!(kinds.len(), 12);
     }
 
     #[test]

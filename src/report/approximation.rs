@@ -2,9 +2,9 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::Verdict;
 use super::run_record::nan_if_null;
 use crate::diagnostics::Importance;
+use crate::diagnostics::verdict::{Answer, Colour, Question};
 
 /// What the importance weights of a normal approximation's draws say of it.
 #[derive(Clone, Debug, Serialize, Deserialize)]
@@ -38,22 +38,21 @@ impl Approximation {
     }
 
     /// Whether the approximation can be used, and why; `n_draws` in all.
-    pub(super) fn verdict(&self, n_draws: usize) -> Verdict {
+    pub(super) fn answer(&self, n_draws: usize) -> Answer {
         let Self { pareto_k: k, k_threshold, ess, ln_evidence, ln_evidence_se } = self;
-        let converged = self.is_reliable();
-        let sentence = if converged {
-            format!(
+        if self.is_reliable() {
+            let sentence = format!(
                 "Normal approximation at the mode, corrected by importance resampling: Pareto k {k:.2}, at most {k_threshold:.2}; \
-                 its {n_draws} draws are worth {ess:.0}. Log evidence {ln_evidence:.2} ± {ln_evidence_se:.2}."
-            )
-        } else {
-            let k = if k.is_finite() { format!("{k:.2}") } else { "cannot be had".to_owned() };
-            format!(
-                "Not to be trusted: the posterior is not near the normal approximation at its mode, Pareto k {k} ✗ (at most {k_threshold:.2}); \
-                 do not use these results: sample it (leave out --laplace)."
-            )
-        };
-        Verdict { converged, sentence }
+                 its {n_draws} draws are worth {ess:.0}. Log evidence {ln_evidence:.2} ± {ln_evidence_se:.2}"
+            );
+            return Answer::new(Question::Sampled, Colour::Green, sentence, "");
+        }
+        let k = if k.is_finite() { format!("{k:.2}") } else { "cannot be had".to_owned() };
+        let sentence = format!(
+            "the posterior is not near the normal approximation at its mode, Pareto k {k} ✗ (at most {k_threshold:.2})"
+        );
+        let remedy = "do not use these results: sample it (leave out --laplace)";
+        Answer::new(Question::Sampled, Colour::Red, sentence, remedy)
     }
 }
 
@@ -63,7 +62,7 @@ mod tests {
 
     #[test]
     fn the_shape_of_the_weights_decides() {
-        let verdict = |pareto_k: f64| {
+        let answer = |pareto_k: f64| {
             let approximation = Approximation {
                 pareto_k,
                 k_threshold: 0.7,
@@ -71,14 +70,15 @@ mod tests {
                 ln_evidence: -12.3456,
                 ln_evidence_se: 0.0123,
             };
-            approximation.verdict(4000)
+            approximation.answer(4000)
         };
-        let verdicts = [0.123, 0.712, f64::NAN].map(verdict);
-        assert_eq!(verdicts.each_ref().map(|v| v.converged), [true, false, false]);
-        insta::assert_snapshot!(verdicts.map(|v| v.sentence).join("\n"), @r"
-        Normal approximation at the mode, corrected by importance resampling: Pareto k 0.12, at most 0.70; its 4000 draws are worth 3457. Log evidence -12.35 ± 0.01.
-        Not to be trusted: the posterior is not near the normal approximation at its mode, Pareto k 0.71 ✗ (at most 0.70); do not use these results: sample it (leave out --laplace).
-        Not to be trusted: the posterior is not near the normal approximation at its mode, Pareto k cannot be had ✗ (at most 0.70); do not use these results: sample it (leave out --laplace).
+        let answers = [0.123, 0.712, f64::NAN].map(answer);
+        let colours = [Colour::Green, Colour::Red, Colour::Red];
+        assert_eq!(answers.each_ref().map(|a| a.colour), colours);
+        insta::assert_snapshot!(answers.map(|a| a.sentence).join("\n"), @r"
+        Normal approximation at the mode, corrected by importance resampling: Pareto k 0.12, at most 0.70; its 4000 draws are worth 3457. Log evidence -12.35 ± 0.01
+        the posterior is not near the normal approximation at its mode, Pareto k 0.71 ✗ (at most 0.70)
+        the posterior is not near the normal approximation at its mode, Pareto k cannot be had ✗ (at most 0.70)
         ");
     }
 }

@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 use std::fmt::Write as _;
 
-use super::{LooRecord, Row, RunRecord, console_table, verdict};
+use super::{LooRecord, Row, RunRecord, console_table, verdict, verdict_lines};
 
 /// The table, the errors against a known truth, leave-one-out figures, the verdict and the cost.
 pub fn end_of_run(rows: &[Row], record: &RunRecord) -> String {
@@ -21,13 +21,6 @@ pub fn end_of_run(rows: &[Row], record: &RunRecord) -> String {
             text,
             "Truth within the central 50, 90, 95 % interval, share of the surface: {}",
             list.join("; ")
-        );
-    }
-    if let Some(share) = record.unphysical {
-        let _ = writeln!(
-            text,
-            "Outside a declared range: {:.1} % of (vertex, draw) pairs; derived maps leave them out",
-            100.0 * share
         );
     }
     if let Some(loo) = &record.loo {
@@ -53,7 +46,7 @@ pub fn end_of_run(rows: &[Row], record: &RunRecord) -> String {
              compare --sampler nuts, or look for what the model lacks (eplat loop)"
         );
     }
-    let _ = writeln!(text, "{}", verdict(record, rows).sentence);
+    let _ = writeln!(text, "{}", verdict_lines(&verdict(record, rows)));
     let seconds = &record.seconds;
     let _ = write!(
         text,
@@ -75,16 +68,27 @@ pub fn rmse_line(rmse: &BTreeMap<String, f64>, units: &BTreeMap<String, String>)
     format!("RMSE against the truth over the surface: {}", list.join(", "))
 }
 
-/// Leave-one-out totals, and where they cannot be relied on.
+/// Leave-one-out totals, and where they are not from importance weights or cannot be relied on.
 pub(super) fn leave_one_out_figures(loo: &LooRecord) -> String {
-    let LooRecord { elpd_loo, se, p_loo, n_measurements: n, k_threshold, n_high_k, worst } = loo;
+    let LooRecord { elpd_loo, se, p_loo, n_measurements: n, k_threshold, .. } = loo;
     let figures = format!("Leave-one-out elpd {elpd_loo:.1} ± {se:.1}, p_loo {p_loo:.1}");
-    match n_high_k {
-        0 => format!("{figures}; Pareto k at most {k_threshold:.2} at all {n} measurements"),
-        high => format!(
-            "{figures}: not reliable, Pareto k is above {k_threshold:.2} at {high} of {n} measurements, worst {}; to know, draw more (--draws), or fit without one of them and predict it",
-            worst.join(", ")
+    let above = format!("Pareto k is above {k_threshold:.2} at");
+    match (loo.n_left_out, loo.n_high_k) {
+        (0, 0) => format!("{figures}; Pareto k at most {k_threshold:.2} at all {n} measurements"),
+        (left, 0) => format!(
+            "{figures}; {above} {left} of {n} measurements, each of which was left out in a fit of its own"
         ),
+        (left, high) => {
+            let of_these = match left {
+                0 => String::new(),
+                left => format!(", {left} of which were left out in fits of their own"),
+            };
+            format!(
+                "{figures}: not reliable, {above} {} of {n} measurements{of_these}, worst {}; to know, draw more (--draws), or fit without one of them and predict it",
+                left + high,
+                loo.worst.join(", ")
+            )
+        }
     }
 }
 
@@ -92,12 +96,17 @@ pub(super) fn leave_one_out_figures(loo: &LooRecord) -> String {
 mod tests {
     use super::super::samples;
     use super::*;
+    use crate::diagnostics::verdict::{Physical, Share};
 
     #[test]
     fn all_that_is_known_is_said() {
         let rows = [samples::row("tau_out.m", "ms", 12.3)];
         let mut record = samples::record();
-        record.unphysical = Some(0.071);
+        record.questions.physical = Some(Physical {
+            outside: 0.071,
+            maps: vec![Share { name: "tau_out".to_owned(), share: 0.071 }],
+            void: 0.0,
+        });
         record.divergences = 4;
         record.not_simulated = vec!["series".to_owned()];
         record.divergent_at = vec!["s1s2 at site 1 (3)".to_owned()];

@@ -5,9 +5,10 @@
 use std::io::Write as _;
 use std::path::Path;
 
-use super::html::{STYLE, VIEWER, fill, scripts};
+use super::html::{STYLE, VIEWER, answers, class_of, fill, scripts};
 use super::text::escape;
-use super::{ReportError, Surface, Verdict};
+use super::{ReportError, Surface};
+use crate::diagnostics::verdict::Verdict;
 use crate::store::write_file;
 
 const PAGE: &str = include_str!("experiment.html");
@@ -52,8 +53,8 @@ pub fn write_experiment_page(path: &Path, page: &ExperimentPage<'_>) -> Result<(
         |(name, value): &(String, String)| format!("<dt>{}<dd>{}", escape(name), escape(value));
     let slots = [
         ("style", STYLE.to_owned()),
-        ("verdict", escape(&page.verdict.sentence)),
-        ("verdict_class", if page.verdict.converged { "good" } else { "bad" }.to_owned()),
+        ("verdict", answers(page.verdict)),
+        ("verdict_class", class_of(page.verdict.colour()).to_owned()),
         ("tiles", page.tiles.iter().map(tile).collect()),
         ("viewer", VIEWER.to_owned()),
         ("figures", page.figures.iter().map(figure).collect()),

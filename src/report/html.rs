@@ -16,6 +16,7 @@ use super::text::escape;
 use super::{
     Group, LeaveOneOut, LooRow, ReportError, Row, RunRecord, SettingsRecord, Values, verdict,
 };
+use crate::diagnostics::verdict::{Answer, Colour, Verdict};
 use crate::mesh::TriMesh;
 use crate::store::write_file;
 
@@ -81,8 +82,8 @@ pub fn write_html(path: &Path, page: &Page<'_>) -> Result<(), ReportError> {
     let slots = [
         ("title", escape(page.title)),
         ("style", STYLE.to_owned()),
-        ("verdict", escape(&verdict.sentence)),
-        ("verdict_class", if verdict.converged { "good" } else { "bad" }.to_owned()),
+        ("verdict", answers(&verdict)),
+        ("verdict_class", class_of(verdict.colour()).to_owned()),
         ("surface_class", surface_class.to_owned()),
         ("viewer", VIEWER.to_owned()),
         ("equations", escape(page.equations)),
@@ -96,6 +97,35 @@ pub fn write_html(path: &Path, page: &Page<'_>) -> Result<(), ReportError> {
     ];
     let html = fill(PAGE, &slots);
     write_file(path, |file| file.write_all(html.as_bytes())).map_err(ReportError::write(path))
+}
+
+/// How an answer of this colour looks.
+pub(super) fn class_of(colour: Colour) -> &'static str {
+    match colour {
+        Colour::Green => "good",
+        Colour::Amber => "doubtful",
+        Colour::Red => "bad",
+    }
+}
+
+/// Every question with its answer and what to do.
+pub(super) fn answers(verdict: &Verdict) -> String {
+    let mut html = format!("<b>Verdict: {}</b><dl class=\"answers\">", verdict.colour());
+    for Answer { question, colour, sentence, details, remedy } in &verdict.answers {
+        let class = class_of(*colour);
+        let _ = write!(
+            html,
+            "<dt>{question} <span class=\"{class}\">{colour}</span><dd>{}",
+            escape(sentence)
+        );
+        for detail in details {
+            let _ = write!(html, "<br>· {}", escape(detail));
+        }
+        if let Some(remedy) = remedy {
+            let _ = write!(html, "<br>→ {}", escape(remedy));
+        }
+    }
+    html + "</dl>"
 }
 
 /// Replaces each `{{name}}` of the template once; what a slot holds is not searched again.

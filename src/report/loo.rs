@@ -8,7 +8,7 @@ use serde::{Deserialize, Serialize};
 
 use super::ReportError;
 use super::run_record::nan_if_null;
-use crate::diagnostics::{Loo, loo, relative_efficiency};
+use crate::diagnostics::{Loo, loo, relative_efficiency, standard_error};
 use crate::model::Model;
 use crate::store::write_file;
 use crate::table::Measurements;
@@ -31,6 +31,9 @@ pub struct LooRow {
     pub elpd: f64,
     /// Shape of the importance weights' tail; `inf` if it cannot be had.
     pub pareto_k: f64,
+    /// Whether `elpd` is not from importance weights but from a fit without this measurement.
+    #[serde(default)]
+    pub left_out: bool,
 }
 
 /// Totals over all measurements.
@@ -49,8 +52,11 @@ pub struct LooRecord {
     pub n_measurements: usize,
     /// Pareto k above which a measurement's elpd cannot be relied on.
     pub k_threshold: f64,
-    /// Number of measurements above it.
+    /// Number of measurements above it, but for those that were left out in a fit of their own.
     pub n_high_k: usize,
+    /// Number of those.
+    #[serde(default)]
+    pub n_left_out: usize,
     /// The worst of those, with their k, in words.
     pub worst: Vec<String>,
 }
@@ -84,6 +90,22 @@ impl LeaveOneOut {
         let rows = rows(model, data, &loo);
         Some(Self { record: record(&loo, &rows), rows })
     }
+
+    /// Puts the log predictive density of measurement `i` from a fit without it in the place of that
+    /// from importance weights.
+    pub fn set_exact(&mut self, i: usize, elpd: f64) {
+        let row = &mut self.rows[i];
+        let better = elpd - row.elpd;
+        (row.elpd, row.left_out) = (elpd, true);
+        let elpd_of: Vec<f64> = self.rows.iter().map(|row| row.elpd).collect();
+        let record = &mut self.record;
+        record.elpd_loo = elpd_of.iter().sum();
+        record.se = standard_error(&elpd_of);
+        record.p_loo -= better;
+        record.n_left_out += 1;
+        record.n_high_k -= 1;
+        record.worst = worst_k(&self.rows, record.k_threshold);
+    }
 }
 
 impl LooRow {
@@ -93,9 +115,11 @@ impl LooRow {
     }
 }
 
-/// The worst of the measurements whose k is above `threshold`, with their k, in words.
+/// The worst of the measurements whose k is above `threshold` and that were not left out, with their k,
+/// in words.
 pub fn worst_k(rows: &[LooRow], threshold: f64) -> Vec<String> {
-    let mut high: Vec<&LooRow> = rows.iter().filter(|row| row.pareto_k > threshold).collect();
+    let mut high: Vec<&LooRow> =
+        rows.iter().filter(|row| row.pareto_k > threshold && !row.left_out).collect();
     high.sort_by(|a, b| b.pareto_k.total_cmp(&a.pareto_k));
     let words = |row: &&LooRow| format!("{} ({:.2})", row.name(), row.pareto_k);
     high.iter().take(MOST_NAMED).map(words).collect()
@@ -114,6 +138,7 @@ fn rows(model: &Model, data: &Measurements, loo: &Loo) -> Vec<LooRow> {
                 observed: observed.iter().map(f64::to_string).collect::<Vec<_>>().join(" "),
                 elpd: point.elpd,
                 pareto_k: point.pareto_k,
+                left_out: false,
             });
         }
     }
@@ -143,6 +168,7 @@ fn record(loo: &Loo, rows: &[LooRow]) -> LooRecord {
         n_measurements: rows.len(),
         k_threshold: loo.k_threshold,
         n_high_k: rows.iter().filter(|row| row.pareto_k > loo.k_threshold).count(),
+        n_left_out: 0,
         worst: worst_k(rows, loo.k_threshold),
     }
 }
@@ -186,9 +212,9 @@ mod tests {
         rows[1].pareto_k = f64::INFINITY;
         write_loo(&path, &rows).unwrap();
         insta::assert_snapshot!(std::fs::read_to_string(&path).unwrap(), @r"
-        measurement,place,likelihood,observed,elpd,pareto_k
-        s1s2,at site 1,TopHat,240 250,-2.5,0.5
-        s1s2,at site 2,TopHat,240 250,-0.25,inf
+        measurement,place,likelihood,observed,elpd,pareto_k,left_out
+        s1s2,at site 1,TopHat,240 250,-2.5,0.5,false
+        s1s2,at site 2,TopHat,240 250,-0.25,inf,false
         ");
         assert_eq!(format!("{:?}", read_loo(&path).unwrap()), format!("{rows:?}"));
         assert_eq!(worst_k(&rows, 0.7), ["s1s2 at site 2 (inf)"]);

@@ -50,5 +50,7 @@ pub use posterior::Posterior;
 pub use run_record::{RunRecord, Seconds, SettingsRecord};
 pub use summary::{Row, read_summary_json, write_summary_csv, write_summary_json};
 pub use table::{WIDTH, console_table};
-pub use verdict::{MAX_DIVERGENT, MAX_R_HAT, MIN_E_BFMI, MIN_ESS, Verdict, verdict};
+pub use verdict::{
+    MAX_DIVERGENT, MAX_R_HAT, MIN_E_BFMI, MIN_ESS, is_sampled, verdict, verdict_lines,
+};
 pub use zarr::write_zarr;

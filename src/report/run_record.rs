@@ -7,6 +7,7 @@ use std::io::Write as _;
 use std::path::Path;
 
 use super::{Approximation, LooRecord, ReportError};
+use crate::diagnostics::verdict::{Questions, Verdict};
 use crate::store::write_file;
 
 /// Everything needed to repeat a run and to judge it at a glance.
@@ -81,6 +82,12 @@ pub struct RunRecord {
     /// Of a normal approximation: how good it is.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub laplace: Option<Approximation>,
+    /// The figures behind the verdict, but for those of sampling.
+    #[serde(default)]
+    pub questions: Questions,
+    /// Whether the posterior is worth believing.
+    #[serde(default)]
+    pub verdict: Verdict,
 }
 
 /// Sampler settings.
@@ -221,7 +228,12 @@ mod tests {
             "n_measurements": 20,
             "k_threshold": 0.7,
             "n_high_k": 0,
+            "n_left_out": 0,
             "worst": []
+          },
+          "questions": {},
+          "verdict": {
+            "answers": []
           }
         }
         "#);

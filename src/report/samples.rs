@@ -4,6 +4,7 @@ use std::collections::BTreeMap;
 
 use super::{LooRecord, LooRow, Row, RunRecord, Seconds, SettingsRecord};
 use crate::diagnostics::Summary;
+use crate::diagnostics::verdict::{Questions, Verdict};
 
 /// A well-behaved quantity with this mean and a tenth of it as standard deviation.
 pub(super) fn row(name: &str, unit: &str, mean: f64) -> Row {
@@ -66,9 +67,12 @@ pub(super) fn record() -> RunRecord {
             n_measurements: 20,
             k_threshold: 0.7,
             n_high_k: 0,
+            n_left_out: 0,
             worst: vec![],
         }),
         laplace: None,
+        questions: Questions::default(),
+        verdict: Verdict::default(),
     }
 }
 
@@ -81,5 +85,6 @@ pub(super) fn loo_row(measurement: &str, site: usize, elpd: f64) -> LooRow {
         observed: "240 250".to_owned(),
         elpd,
         pareto_k: 0.5,
+        left_out: false,
     }
 }

@@ -4,7 +4,9 @@ use std::fmt;
 use std::hint::black_box;
 use std::time::Instant;
 
+use super::event::doubts_in_words;
 use super::{Problem, RunError};
+use crate::diagnostics::verdict::{Colour, Doubt};
 use crate::infer::LogDensity as _;
 use crate::model::Model;
 
@@ -26,6 +28,8 @@ pub struct Check {
     pub ln_density: f64,
     /// Time of a log density with its gradient, ns.
     pub nanoseconds: f64,
+    /// What is wrong with the measurements.
+    pub doubts: Vec<Doubt>,
 }
 
 impl Problem<'_> {
@@ -56,7 +60,15 @@ impl Problem<'_> {
             n_unknowns: model.dim(),
             ln_density,
             nanoseconds,
+            doubts: self.doubts().to_vec(),
         })
+    }
+}
+
+impl Check {
+    /// The worst of the doubts: red where the measurements contradict each other or the model.
+    pub fn colour(&self) -> Colour {
+        self.doubts.iter().map(Doubt::colour).max().unwrap_or_default()
     }
 }
 
@@ -76,7 +88,10 @@ impl fmt::Display for Check {
             f,
             "log density {:.3} at the starting point; {:.0} ns with its gradient",
             self.ln_density, self.nanoseconds
-        )
+        )?;
+        self.doubts
+            .iter()
+            .try_for_each(|doubt| write!(f, "\n{}", doubts_in_words(std::slice::from_ref(doubt))))
     }
 }
 

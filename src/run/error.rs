@@ -11,7 +11,7 @@ use crate::experiment::ExperimentError;
 use crate::infer::{ChainError, InferError};
 use crate::manifold::ManifoldError;
 use crate::mesh::MeshError;
-use crate::model::ModelError;
+use crate::model::{ExceedanceError, ModelError};
 use crate::report::ReportError;
 use crate::store::CheckpointError;
 use crate::table::{DataError, ProbeError};
@@ -41,6 +41,9 @@ pub enum RunError {
         /// What the model observes.
         known: Vec<String>,
     },
+    /// What is to be mapped is no event on the maps of the model.
+    #[error("--exceed {0}")]
+    Exceedance(#[from] ExceedanceError),
     /// The log density does not exist at the starting point.
     #[error(
         "at the starting point (priors at typical values, fields in the middle of their ranges) {place}\nhelp: look for a logarithm, root or quotient there that leaves its domain; give the fields a range"

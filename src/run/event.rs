@@ -4,6 +4,7 @@ use std::fmt;
 use std::path::Path;
 use std::sync::atomic::{AtomicBool, Ordering};
 
+use crate::diagnostics::verdict::Doubt;
 use crate::infer::{ChainError, ChainProgress, Settings};
 use crate::model::Sampler;
 
@@ -71,6 +72,8 @@ pub enum Event<'a> {
         /// Seconds of sampling that are done.
         seconds: f64,
     },
+    /// What is wrong with the measurements, if anything, before anything is sampled.
+    Doubts(&'a [Doubt]),
     /// Sampling begins.
     Sampling {
         /// The model's name.
@@ -149,6 +152,7 @@ impl fmt::Display for Event<'_> {
             Self::Resumed { folder, seconds } => {
                 write!(f, "resume {}: {seconds:.1} s of sampling are done", folder.display())
             }
+            Self::Doubts(doubts) => write!(f, "{}", doubts_in_words(doubts)),
             Self::Sampling { model, n_unknowns, sampler, seconds, .. } => write!(
                 f,
                 "model  {model}: {n_unknowns} unknowns, sampler {}, ready in {seconds:.1} s",
@@ -177,6 +181,12 @@ impl fmt::Display for Event<'_> {
             Self::ChainFailed(error) => write!(f, "warning: {error}"),
         }
     }
+}
+
+/// A line for each doubt, and one for what to do.
+pub(super) fn doubts_in_words(doubts: &[Doubt]) -> String {
+    let one = |doubt: &Doubt| format!("warning: {doubt}\n         → {}", doubt.remedy());
+    doubts.iter().map(one).collect::<Vec<_>>().join("\n")
 }
 
 fn count(n: usize, what: &str) -> String {

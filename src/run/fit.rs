@@ -5,12 +5,14 @@ use std::path::Path;
 use std::sync::OnceLock;
 
 use super::maps::{FittedMap, SurfaceMaps};
+use super::verdict::exact;
 use super::{Problem, Watch};
+use crate::diagnostics::verdict::{Questions, Verdict};
 use crate::experiment::thinned;
 use crate::infer::{Chain, ChainError, MetricKind, Settings};
-use crate::model::{Model, Sampler};
+use crate::model::{Exceedance, Model, Sampler};
 use crate::report::{
-    Approximation, LeaveOneOut, Posterior, Row, RunRecord, SettingsRecord, Verdict, verdict,
+    Approximation, LeaveOneOut, Posterior, Row, RunRecord, SettingsRecord, is_sampled,
 };
 
 /// Most draws that field maps are averaged over; more change nothing that can be seen.
@@ -24,6 +26,8 @@ pub struct Options<'a> {
     /// Output folder of an earlier run of this model, perhaps on fewer measurements, whose draws the
     /// chains start from: a short warm-up is then enough.
     pub warm_start: Option<&'a Path>,
+    /// Events whose probability is mapped over the surface: [`Problem::exceedance`].
+    pub exceed: &'a [Exceedance],
     /// Who is told how it goes on, and may stop it.
     pub watch: Watch<'a>,
     /// Time that the model's compilation took, s, for the run's record.
@@ -94,8 +98,12 @@ pub struct Fit<'m> {
     pub(super) compile_seconds: f64,
     /// Time from the beginning to the last draw in this process, s.
     pub(super) seconds: f64,
+    /// Events whose probability is mapped.
+    pub(super) exceed: Vec<Exceedance>,
     posterior: OnceLock<Posterior>,
     maps: OnceLock<Option<SurfaceMaps>>,
+    loo: OnceLock<Option<LeaveOneOut>>,
+    pub(super) questions: OnceLock<Questions>,
 }
 
 impl<'m> Fit<'m> {
@@ -113,8 +121,11 @@ impl<'m> Fit<'m> {
             drawn,
             compile_seconds: 0.0,
             seconds: 0.0,
+            exceed: vec![],
             posterior: OnceLock::new(),
             maps: OnceLock::new(),
+            loo: OnceLock::new(),
+            questions: OnceLock::new(),
         }
     }
 
@@ -167,9 +178,11 @@ impl<'m> Fit<'m> {
     }
 
     /// How well each measurement is predicted from the others; `None` without measurements, and for
-    /// draws that are not from the posterior.
+    /// draws that are not from the posterior. Where importance weights cannot tell it, the measurement
+    /// is left out in a short fit of its own, when this is first asked for.
     pub fn loo(&self) -> Option<&LeaveOneOut> {
-        self.posterior().loo.as_ref()
+        let made = || self.posterior().loo.clone().map(|loo| exact(self, loo));
+        self.loo.get_or_init(made).as_ref()
     }
 
     /// Every field and derived quantity over the surface; empty for a model without a surface.
@@ -187,7 +200,7 @@ impl<'m> Fit<'m> {
         let made = self.maps.get_or_init(|| {
             let basis = self.problem.loaded().basis()?;
             let truth = &self.problem.loaded().truth;
-            Some(SurfaceMaps::new(self.model(), basis, &self.map_draws(), truth))
+            Some(SurfaceMaps::new(self.model(), basis, &self.map_draws(), truth, &self.exceed))
         });
         made.as_ref()
     }
@@ -197,9 +210,14 @@ impl<'m> Fit<'m> {
         self.thinned(MAP_DRAWS)
     }
 
-    /// Whether the draws can be relied on, and why.
+    /// Whether the posterior is worth believing, and why.
     pub fn verdict(&self) -> Verdict {
-        verdict(&self.record(), self.summary())
+        self.record_of_verdict().verdict
+    }
+
+    /// Whether the draws come from the posterior, whatever they say.
+    pub fn converged(&self) -> bool {
+        is_sampled(&self.record_of_sampling(), self.summary())
     }
 
     /// Everything needed to repeat the run and to judge it at a glance: `run.json`.

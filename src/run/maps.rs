@@ -3,8 +3,11 @@
 use crate::experiment::{coverage, rms_error};
 use crate::manifold::Basis;
 use crate::mesh::Surface;
-use crate::model::{MapSummary, Maps, Model};
+use crate::model::{Exceedance, MapSummary, Maps, Model, Summaries};
 use crate::report::FieldDraws;
+
+/// What the names of maps of quantiles end with.
+const QUANTILES: [&str; 3] = ["_q5", "_q50", "_q95"];
 
 /// A field or derived quantity at every vertex.
 #[derive(Clone, Debug)]
@@ -15,8 +18,12 @@ pub struct FittedMap {
     pub unit: String,
     /// Mean over the draws (n_vertices); NaN where no draw is physical.
     pub mean: Vec<f64>,
-    /// Standard deviation over the draws (n_vertices).
+    /// Standard deviation over the draws (n_vertices); NaN where fewer than two are physical.
     pub sd: Vec<f64>,
+    /// 5, 50 and 95 % quantiles of the draws (n_vertices); NaN where no draw is physical.
+    pub quantiles: [Vec<f64>; 3],
+    /// Share of (vertex, draw) pairs outside the declared range; `None` if there is none.
+    pub outside: Option<f64>,
     /// The truth (n_vertices), where it is known.
     pub truth: Option<Vec<f64>>,
     /// How much of the surface has its truth in the central 50, 90 and 95 % interval of the draws.
@@ -43,6 +50,8 @@ pub(super) struct SurfaceMaps {
     pub(super) maps: Vec<FittedMap>,
     /// Share of unphysical draws (n_vertices).
     pub(super) unphysical: Vec<f64>,
+    /// Probabilities that were asked for (n_vertices), by name.
+    exceeded: Vec<(String, Vec<f64>)>,
 }
 
 /// Values at the vertices, with their name and unit.
@@ -50,6 +59,8 @@ pub(super) struct VertexArray {
     pub(super) name: String,
     pub(super) unit: String,
     pub(super) values: Vec<f64>,
+    /// Whether it is in the files alone, for the page would grow too large.
+    pub(super) is_quantile: bool,
 }
 
 impl SurfaceMaps {
@@ -58,25 +69,38 @@ impl SurfaceMaps {
         basis: &Basis,
         draws: &[&[f64]],
         truth: &[(String, Vec<f64>)],
+        asked: &[Exceedance],
     ) -> Self {
         let maps = Maps::new(model, basis);
-        let (summaries, unphysical) = maps.summarise(draws);
+        let Summaries { maps: summaries, unphysical, exceeded } = maps.summarise(draws, asked);
         // the truth is in the order of the model's maps
         let values: Vec<&[f64]> = truth.iter().map(|(_, map)| map.as_slice()).collect();
         let ranks = if truth.is_empty() { vec![] } else { maps.ranks(draws, &values) };
-        let fitted = |MapSummary { name, unit, mean, sd }| {
+        let fitted = |MapSummary { name, unit, mean, sd, quantiles, outside }| {
             let known = truth.iter().position(|(of, _)| *of == name);
             let coverage = known.map(|i| coverage(&ranks[i]));
-            FittedMap { name, unit, mean, sd, truth: known.map(|i| truth[i].1.clone()), coverage }
+            let truth = known.map(|i| truth[i].1.clone());
+            FittedMap { name, unit, mean, sd, quantiles, outside, truth, coverage }
         };
-        Self { maps: summaries.into_iter().map(fitted).collect(), unphysical }
+        Self {
+            maps: summaries.into_iter().map(fitted).collect(),
+            unphysical,
+            exceeded: asked.iter().map(Exceedance::name).zip(exceeded).collect(),
+        }
+    }
+
+    /// 1 at vertices where every map has a mean and a standard deviation, else 0: no draw is physical there.
+    fn known(&self) -> Vec<f64> {
+        let has = |v: usize| self.maps.iter().all(|m| m.mean[v].is_finite() && m.sd[v].is_finite());
+        (0..self.unphysical.len()).map(|v| f64::from(u8::from(has(v)))).collect()
     }
 
     /// All that `fields.vtp` and the page show: the maps, then what the mesh's file brought along.
     pub(super) fn arrays(&self, surface: &Surface) -> Vec<VertexArray> {
         let mut arrays: Vec<VertexArray> = vec![];
         let mut push = |name: String, unit: &str, values: Vec<f64>| {
-            arrays.push(VertexArray { name, unit: unit.to_owned(), values });
+            let is_quantile = QUANTILES.iter().any(|q| name.ends_with(q));
+            arrays.push(VertexArray { name, unit: unit.to_owned(), values, is_quantile });
         };
         for map in &self.maps {
             let named = |suffix: &str| format!("{}_{suffix}", map.name);
@@ -87,13 +111,22 @@ impl SurfaceMaps {
                 push(named("ise"), "", ise);
             }
         }
+        for map in &self.maps {
+            for (suffix, values) in QUANTILES.iter().zip(&map.quantiles) {
+                push(format!("{}{suffix}", map.name), &map.unit, values.clone());
+            }
+        }
+        for (name, probability) in &self.exceeded {
+            push(name.clone(), "1", probability.clone());
+        }
         push("unphysical".to_owned(), "1", self.unphysical.clone());
+        push("known".to_owned(), "1", self.known());
         // an earlier run's fields.vtp as the mesh has maps of these names already
         let n_own = arrays.len();
         for (name, values) in &surface.point_data {
             if arrays[..n_own].iter().all(|own| own.name != *name) {
                 let (name, unit, values) = (name.clone(), String::new(), values.clone());
-                arrays.push(VertexArray { name, unit, values });
+                arrays.push(VertexArray { name, unit, values, is_quantile: false });
             }
         }
         arrays

@@ -6,6 +6,7 @@
 //! as `eplat run`:
 //!
 //! ```
+//! use eplat::diagnostics::verdict::Colour;
 //! use eplat::prelude::*;
 //! use eplat::run::{Inputs, Problem, Settings};
 //! use eplat::table::Measurements;
@@ -26,7 +27,7 @@
 //! let mean = &fit.summary()[0];
 //! assert_eq!(mean.name, "mean");
 //! assert!((mean.summary.mean - 213.6).abs() < 1.0);
-//! assert!(fit.verdict().converged, "{}", fit.verdict().sentence);
+//! assert_eq!(fit.verdict().colour(), Colour::Green);
 //!
 //! // what a further measurement would give: the posterior's spread and the error of the measurement
 //! let further = &fit.predict(&table)?[0];
@@ -70,6 +71,7 @@ mod problem;
 mod record;
 mod results;
 mod sample;
+mod verdict;
 mod warm_start;
 mod write;
 

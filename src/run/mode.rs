@@ -55,8 +55,7 @@ impl<'m> Problem<'m> {
         model.forward(&mut tape, &optimum.position);
         model.report_mode(&tape, &mut values);
         let maps = self.loaded().basis().map_or(vec![], |basis| {
-            let (maps, _) = Maps::new(model, basis).summarise(&[&optimum.position]);
-            maps
+            Maps::new(model, basis).summarise(&[&optimum.position], &[]).maps
         });
         Ok(Mode { problem: self.clone(), optimum, values, maps })
     }

@@ -2,15 +2,17 @@
 
 use std::collections::BTreeMap;
 use std::f64::consts::PI;
-use std::sync::Arc;
+use std::sync::{Arc, OnceLock};
 use std::time::Instant;
 
 use super::inputs::{DataSource, Inputs, MeshSource};
+use super::verdict::doubts;
 use super::{Event, RunError, Watch};
+use crate::diagnostics::verdict::Doubt;
 use crate::experiment::{Design, TRUTH_MODES, experiment};
 use crate::manifold::{Basis, eigenpairs_cached};
 use crate::mesh::{self, Surface};
-use crate::model::{Declare, Model};
+use crate::model::{Declare, Exceedance, Maps, Model};
 use crate::table::{FIELD_MODES, Measurements};
 
 /// A surface with what fields on it are made of.
@@ -90,6 +92,7 @@ struct Parts<'m> {
     loaded: Loaded,
     /// What it took to load, s.
     seconds: f64,
+    doubts: OnceLock<Vec<Doubt>>,
 }
 
 impl<'m> Problem<'m> {
@@ -129,7 +132,7 @@ impl<'m> Problem<'m> {
     ) -> Result<Self, RunError> {
         let model = Model::new(declared, loaded.basis(), &loaded.measurements)?;
         let seconds = begun.elapsed().as_secs_f64();
-        Ok(Self(Arc::new(Parts { declared, model, loaded, seconds })))
+        Ok(Self(Arc::new(Parts { declared, model, loaded, seconds, doubts: OnceLock::new() })))
     }
 
     /// The model as declared, without data.
@@ -150,6 +153,29 @@ impl<'m> Problem<'m> {
     /// Its measurements.
     pub fn measurements(&self) -> &Measurements {
         &self.0.loaded.measurements
+    }
+
+    /// What is wrong with the measurements, as far as the model can tell before it is sampled.
+    pub fn doubts(&self) -> &[Doubt] {
+        self.0.doubts.get_or_init(|| doubts(self.model(), self.loaded()))
+    }
+
+    pub(super) fn tell_doubts(&self, watch: &Watch<'_>) {
+        if !self.doubts().is_empty() {
+            watch.tell(&Event::Doubts(self.doubts()));
+        }
+    }
+
+    /// An event at every vertex, from a text such as `erp_s2 > 250`, for [`Options::exceed`](super::Options::exceed).
+    ///
+    /// # Errors
+    /// [`RunError::Exceedance`] where it is none on this model's maps.
+    pub fn exceedance(&self, text: &str) -> Result<Exceedance, RunError> {
+        let basis = self.loaded().basis();
+        let maps = basis.map(|basis| Maps::new(self.model(), basis));
+        let names = maps.as_ref().map_or(vec![], Maps::names);
+        let names: Vec<&str> = names.iter().map(|map| map.name).collect();
+        Ok(Exceedance::read(text, &names)?)
     }
 
     /// What it took to load, s.

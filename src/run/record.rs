@@ -5,8 +5,9 @@ use std::collections::BTreeMap;
 use super::fit::{Drawn, Fit};
 use super::results::VERSION;
 use crate::diagnostics::e_bfmi;
+use crate::diagnostics::verdict::{Questions, Verdict};
 use crate::infer::{Chain, LogDensity as _};
-use crate::report::{Row, RunRecord, Seconds};
+use crate::report::{Row, RunRecord, Seconds, verdict};
 
 /// Most measurements that divergences are told to come from.
 const MOST_SUSPECTS: usize = 3;
@@ -14,13 +15,37 @@ const MOST_SUSPECTS: usize = 3;
 impl Fit<'_> {
     /// The record, if writing the results took `writing` s so far.
     pub(super) fn record_after(&self, writing: f64) -> RunRecord {
+        let (maps, judged) = (self.maps(), self.record_of_verdict());
+        let spent = Spent::of(self.chains(), self.drawn.seconds);
+        RunRecord {
+            seconds: self.seconds_of(&spent, self.seconds + writing + self.drawn.seconds_before),
+            rmse: some(maps.iter().filter_map(|m| Some((m.name.clone(), m.rmse()?))).collect()),
+            coverage: some(
+                maps.iter().filter_map(|m| Some((m.name.clone(), m.coverage?))).collect(),
+            ),
+            unphysical: self.unphysical().map(|all| all.iter().sum::<f64>() / all.len() as f64),
+            units: maps.iter().map(|m| (m.name.clone(), m.unit.clone())).collect(),
+            loo: self.loo().map(|loo| loo.record.clone()),
+            ..judged
+        }
+    }
+
+    /// The record as far as it tells whether the posterior is worth believing.
+    pub(super) fn record_of_verdict(&self) -> RunRecord {
+        let questions = self.questions().clone();
+        let mut record = RunRecord { questions, ..self.record_of_sampling() };
+        record.verdict = verdict(&record, self.summary());
+        record
+    }
+
+    /// The record as far as it tells how the draws were made.
+    pub(super) fn record_of_sampling(&self) -> RunRecord {
         let posterior = self.posterior();
-        let Drawn { chains, failures, seconds_before, approximation, .. } = &self.drawn;
+        let Drawn { chains, failures, approximation, .. } = &self.drawn;
         let spent = Spent::of(chains, self.drawn.seconds);
         let least =
             |of: fn(&Row) -> f64| posterior.rows.iter().map(of).fold(f64::INFINITY, f64::min);
         let min_ess_bulk = least(|r| r.summary.ess_bulk);
-        let maps = self.maps();
         RunRecord {
             model: self.model().name.into(),
             version: VERSION.into(),
@@ -30,7 +55,7 @@ impl Fit<'_> {
             n_params: self.model().dim(),
             grad_evals: spent.gradients,
             ns_per_grad: spent.ns_per_gradient,
-            seconds: self.seconds_of(&spent, self.seconds + writing + seconds_before),
+            seconds: self.seconds_of(&spent, self.seconds),
             divergences: chains.iter().map(Chain::n_divergences).sum(),
             failed_chains: failures.iter().map(ToString::to_string).collect(),
             max_r_hat: -least(|r| -r.summary.r_hat),
@@ -38,17 +63,17 @@ impl Fit<'_> {
             min_ess_tail: least(|r| r.summary.ess_tail),
             ess_per_second: min_ess_bulk / self.drawn.seconds,
             e_bfmi: chains.iter().map(|c| e_bfmi(&c.energy)).fold(f64::INFINITY, f64::min),
-            rmse: some(maps.iter().filter_map(|m| Some((m.name.clone(), m.rmse()?))).collect()),
-            coverage: some(
-                maps.iter().filter_map(|m| Some((m.name.clone(), m.coverage?))).collect(),
-            ),
-            unphysical: self.unphysical().map(|all| all.iter().sum::<f64>() / all.len() as f64),
-            units: maps.iter().map(|m| (m.name.clone(), m.unit.clone())).collect(),
+            rmse: None,
+            coverage: None,
+            unphysical: None,
+            units: BTreeMap::new(),
             divergent_at: self.suspects(),
             strays: posterior.strays.clone(),
             not_simulated: self.not_simulated(),
-            loo: posterior.loo.as_ref().map(|loo| loo.record.clone()),
+            loo: None,
             laplace: approximation.clone(),
+            questions: Questions::default(),
+            verdict: Verdict::default(),
         }
     }
 

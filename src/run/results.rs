@@ -5,7 +5,8 @@ use std::path::{Path, PathBuf};
 use serde_json::{Map, Value, json};
 
 use super::RunError;
-use crate::report::{Row, RunRecord, Verdict, end_of_run, read_summary_json, verdict};
+use crate::diagnostics::verdict::Verdict;
+use crate::report::{Row, RunRecord, end_of_run, read_summary_json, verdict};
 
 /// Of this build.
 pub(super) const VERSION: &str = env!("CARGO_PKG_VERSION");
@@ -38,14 +39,14 @@ impl Results {
         Ok(Self { folder, record, rows, files: vec![] })
     }
 
-    /// Whether the run can be used, and why.
+    /// Whether the posterior is worth believing, and why.
     pub fn verdict(&self) -> Verdict {
         verdict(&self.record, &self.rows)
     }
 
-    /// Whether every diagnostic is fine.
+    /// Whether the draws come from the posterior, whatever they say.
     pub fn converged(&self) -> bool {
-        self.verdict().converged
+        self.verdict().converged()
     }
 
     /// What the end of the run says.
@@ -61,8 +62,8 @@ impl Results {
         json!({
             "summary": summary,
             "run": self.record,
-            "converged": verdict.converged,
-            "verdict": verdict.sentence,
+            "converged": verdict.converged(),
+            "verdict": { "colour": verdict.colour(), "answers": verdict.answers },
         })
     }
 }

@@ -112,6 +112,7 @@ impl<'m> Problem<'m> {
         settings.validate()?;
         let begun = Instant::now();
         let model = self.model();
+        self.tell_doubts(&options.watch);
         let optimum = climb(model)?;
         let laplace = Laplace::at(model, &optimum).map_err(|error| named(model, error))?;
         options.watch.tell(&Event::Laplace { model: model.name });
@@ -138,6 +139,7 @@ impl<'m> Problem<'m> {
     ) -> Fit<'m> {
         let seconds = self.seconds() + drawn.seconds;
         let mut fit = Fit::new(self, method, settings.clone(), drawn);
+        fit.exceed = options.exceed.to_vec();
         (fit.compile_seconds, fit.seconds) = (options.compile_seconds, seconds);
         fit
     }
@@ -192,6 +194,7 @@ impl<'a, 'm> Job<'a, 'm> {
             None => jittered_starts(model, &model.initial(), settings.chains, settings.seed)?,
         };
         let sampler = options.sampler.unwrap_or_else(|| Sampler::of(model));
+        problem.tell_doubts(&options.watch);
         Ok(Self { problem, sampler, settings, hashes, starts, options, begun })
     }
 
@@ -243,6 +246,7 @@ impl<'a, 'm> Job<'a, 'm> {
         let seconds = self.seconds();
         let mut fit = Fit::new(self.problem, self.method(), self.settings, drawn);
         fit.hashes = self.hashes;
+        fit.exceed = self.options.exceed.to_vec();
         (fit.compile_seconds, fit.seconds) = (self.options.compile_seconds, seconds);
         fit
     }

@@ -51,7 +51,7 @@ impl Fit<'_> {
         write_draws(&out.file("draws.csv"), &posterior.posterior)?;
         self.write_zarr(out, &arrays)?;
         files.push("posterior.zarr");
-        if let Some(loo) = &posterior.loo {
+        if let Some(loo) = self.loo() {
             write_loo(&out.file("loo.csv"), &loo.rows)?;
             files.push("loo.csv");
         }
@@ -95,7 +95,7 @@ impl Fit<'_> {
     fn write_zarr(&self, out: &OutputFolder, arrays: &[VertexArray]) -> Result<(), RunError> {
         let mut groups = self.posterior().groups();
         if self.problem.loaded().domain.is_some() {
-            let variable = |VertexArray { name, unit, values }: &VertexArray| {
+            let variable = |VertexArray { name, unit, values, .. }: &VertexArray| {
                 Variable::new(name, unit, &[("vertex", values.len())], values.clone())
             };
             let variables = arrays.iter().map(variable).collect();
@@ -120,7 +120,8 @@ impl Fit<'_> {
         });
         let data: Vec<PointData<'_>> = arrays
             .iter()
-            .map(|VertexArray { name, unit, values }| PointData { name, unit, values })
+            .filter(|array| !array.is_quantile)
+            .map(|VertexArray { name, unit, values, .. }| PointData { name, unit, values })
             .collect();
         let posterior = self.posterior();
         let page = Page {
@@ -129,7 +130,7 @@ impl Fit<'_> {
             record,
             rows: &posterior.rows,
             posterior: &posterior.posterior,
-            loo: posterior.loo.as_ref(),
+            loo: self.loo(),
             surface: surface.map(|s| report::Surface {
                 mesh: &s.mesh,
                 point_data: &data,

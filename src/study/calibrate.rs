@@ -15,7 +15,7 @@ use crate::experiment::{
 use crate::infer::{Chain, OptimumSettings, Settings, Silent, jittered_starts, maximise};
 use crate::manifold::{Basis, eigenpairs_cached, maximin};
 use crate::mesh::TriMesh;
-use crate::model::{Declare, Maps, Model, Sampler};
+use crate::model::{Declare, Maps, Model, Sampler, Summaries};
 
 /// Most iterations on the way to a mode: the ripple of bracket likelihoods needs thousands.
 const MOST_ITERATIONS: usize = 50_000;
@@ -261,7 +261,7 @@ impl<'a> Study<'a> {
         let settings = OptimumSettings { max_iterations: MOST_ITERATIONS, ..Default::default() };
         let optimum = maximise(model, &model.initial(), &settings)?;
         let maps = Maps::new(model, self.laboratory.basis());
-        let (summary, _) = maps.summarise(&[&optimum.position]);
+        let summary = maps.summarise(&[&optimum.position], &[]).maps;
         let fields: Vec<Vec<f64>> =
             summary.into_iter().take(maps.n_fields()).map(|map| map.mean).collect();
         let mut tape = model.tape();
@@ -299,7 +299,7 @@ impl<'a> Study<'a> {
         let (chains, asked) = self.draws(model, seed)?;
         let thinned = thinned(&chains, MAP_DRAWS);
         let maps = Maps::new(model, self.laboratory.basis());
-        let (summary, unphysical) = maps.summarise(&thinned);
+        let Summaries { maps: summary, unphysical, .. } = maps.summarise(&thinned, &[]);
         let truths: Vec<&[f64]> = truth.maps().map(Vec::as_slice).collect();
         let ranks = maps.ranks(&thinned, &truths);
         let errors = summary.iter().zip(&truths).zip(&ranks).map(|((map, truth), ranks)| {

@@ -69,3 +69,9 @@ pub(super) fn edit_distance(a: &str, b: &str) -> usize {
     }
     row[b.len()]
 }
+
+/// The name among `known` that differs in at most two letters.
+pub fn near<'k>(name: &str, known: &[&'k str]) -> Option<&'k str> {
+    let (distance, near) = known.iter().map(|known| (edit_distance(known, name), *known)).min()?;
+    (distance <= 2).then_some(near)
+}

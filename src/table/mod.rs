@@ -15,7 +15,7 @@ mod typed;
 
 pub use column::{Content, TypedColumn};
 pub use columns::{Columns, MEASURED, PATH, PROTOCOL, Role, SITE, SOURCE, VERTEX};
-pub use error::DataError;
+pub use error::{DataError, near};
 pub use measurements::Measurements;
 pub use placement::Placement;
 pub use probes::{FIELD_MODES, ProbeError, Probes};

@@ -108,14 +108,19 @@ impl ExperimentArgs {
 
     fn show(&self, findings: &Findings<'_>) -> Result<ExitCode, Failure> {
         let mut stdout = std::io::stdout().lock();
-        writeln!(stdout, "{}\n{}", findings.text(), findings.verdict.sentence)?;
+        writeln!(
+            stdout,
+            "{}\n{}",
+            findings.text(),
+            crate::report::verdict_lines(&findings.verdict)
+        )?;
         writeln!(
             stdout,
             "Files in {}: report.html, experiment.json, fields.vtp, measurements.csv; the run in {}",
             self.out.display(),
             findings.run.folder.display()
         )?;
-        Ok(if findings.verdict.converged { ExitCode::SUCCESS } else { ExitCode::from(3) })
+        Ok(ExitCode::from(findings.verdict.exit_code()))
     }
 }
 

@@ -50,7 +50,7 @@ impl Told {
             model: model.name,
             equations: equations(model),
             unit: unit.map_or_else(String::new, |unit| unit.text.clone()),
-            converged: fit.verdict().converged,
+            converged: fit.converged(),
         }
     }
 }

@@ -101,7 +101,7 @@ impl Builder<'_> {
         for (j, at) in hooked {
             (0..n).for_each(|r| hook[r * w + j] = (at + r) as u32);
         }
-        Ok(row_place::Place { width: w, index, hook, lets })
+        Ok(row_place::Place { width: w, index, hook, lets, left_out: None })
     }
 
     /// Where the value of a name lives that a row of the table sees; the first of several.

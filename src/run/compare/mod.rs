@@ -250,6 +250,7 @@ mod tests {
             observed: "240 250".into(),
             elpd: *elpd,
             pareto_k: 0.3,
+            left_out: false,
         };
         let totals = LooRecord {
             elpd_loo: elpd.iter().sum(),
@@ -258,6 +259,7 @@ mod tests {
             n_measurements: elpd.len(),
             k_threshold: 0.7,
             n_high_k: 0,
+            n_left_out: 0,
             worst: vec![],
         };
         let rows = elpd.iter().enumerate().map(row).collect();

@@ -8,9 +8,10 @@ use serde_json::{Map, Value, json};
 use super::KnownTruth;
 use super::settings::FIELDS;
 use super::simulation::Simulated;
+use crate::diagnostics::verdict::Verdict;
 use crate::experiment::INTERVALS;
 use crate::mesh::write_vtp;
-use crate::report::{ExperimentPage, Figure, PointData, Surface, Verdict, write_experiment_page};
+use crate::report::{ExperimentPage, Figure, PointData, Surface, write_experiment_page};
 use crate::run::atrium::{AtriumRecord, MapDifference, Summary};
 use crate::run::{OutputFolder, Results};
 use crate::store::{Identity, write_file};
@@ -108,8 +109,8 @@ impl Findings<'_> {
             "draws_without_a_physical_vertex": self.recovery.n_void,
             "pairs_repaired": self.repaired(),
             "maps": maps,
-            "converged": self.verdict.converged,
-            "verdict": self.verdict.sentence,
+            "converged": self.verdict.converged(),
+            "verdict": self.verdict,
             "seconds_of_the_run": self.run.record.seconds.total,
             "simulation": simulation,
         })

@@ -1,10 +1,11 @@
-//! Whether a run can be used, in one sentence.
+//! *Sampled*, in words: whether the draws come from the posterior.
 //!
 //! # Source
 //! Vehtari, Gelman, Simpson, Carpenter, Bürkner 2021, "Rank-normalization, folding, and localization: an improved R̂",
 //! for the quantities and the smallest effective sample size; Betancourt 2016 for E-BFMI.
 
-use super::{Row, RunRecord};
+use crate::diagnostics::verdict::{Answer, Colour, Question};
+use crate::report::{Row, RunRecord};
 
 /// Largest R̂ of a converged run.
 ///
@@ -18,15 +19,6 @@ pub const MAX_DIVERGENT: f64 = 0.01;
 /// E-BFMI below which the sampler may have missed the tails.
 pub const MIN_E_BFMI: f64 = 0.2;
 
-/// Whether a run can be used, and why.
-#[derive(Clone, Debug)]
-pub struct Verdict {
-    /// Every threshold of this module holds.
-    pub converged: bool,
-    /// The figures that decide, by name, and what to do.
-    pub sentence: String,
-}
-
 /// The quantity with the worst figure.
 struct Worst<'a> {
     name: &'a str,
@@ -38,18 +30,26 @@ struct Worst<'a> {
 /// A quantity that never varies has neither R̂ nor ESS (NaN) and is passed over; without any other there is
 /// nothing to trust and the run has not converged.  Of a normal approximation the importance weights decide alone:
 /// its draws are independent, so that R̂ and ESS say nothing.
-pub fn verdict(record: &RunRecord, rows: &[Row]) -> Verdict {
+pub(super) fn answer(record: &RunRecord, rows: &[Row]) -> Answer {
     let n_failed = record.failed_chains.len();
-    let n_draws = (record.settings.chains - n_failed) * record.settings.draws;
+    let n_chains = record.settings.chains - n_failed;
+    let n_draws = n_chains * record.settings.draws;
     if let Some(approximation) = &record.laplace {
-        return approximation.verdict(n_draws);
+        return approximation.answer(n_draws);
+    }
+    let failed = format!("{n_failed} of {} chains failed ✗", record.settings.chains);
+    let failed = (n_failed > 0).then_some(failed);
+    if n_chains < 2 {
+        let sentence =
+            "Not converged: one chain has no R̂, for there is no other to compare it with";
+        let failed = failed.map_or(String::new(), |failed| format!("; {failed}"));
+        return red(format!("{sentence}{failed}"), "use --chains 4, at least 2");
     }
     let share = record.divergences as f64 / (n_draws as f64).max(1.0);
     let (Some(r_hat), Some(ess)) =
         (worst(rows, |row| row.summary.r_hat), worst(rows, |row| -row.ess()))
     else {
-        let sentence = "Not converged: no quantity has an R̂ and an ESS; sample longer (--draws).";
-        return Verdict { converged: false, sentence: sentence.to_owned() };
+        return red("Not converged: no quantity has an R̂ and an ESS".to_owned(), "raise --draws");
     };
     let figures = [
         (r_hat.value <= MAX_R_HAT, format!("worst R̂ {:.3} ({})", r_hat.value, r_hat.name)),
@@ -61,20 +61,30 @@ pub fn verdict(record: &RunRecord, rows: &[Row]) -> Verdict {
     let converged = n_failed == 0 && figures.iter().all(|(fine, _)| *fine);
     let shown =
         figures.iter().map(|(fine, text)| if *fine { text.clone() } else { format!("{text} ✗") });
-    let failed = format!("{n_failed} of {} chains failed ✗", record.settings.chains);
-    let shown = (n_failed > 0).then_some(failed).into_iter().chain(shown);
-    let shown = shown.collect::<Vec<_>>().join(", ");
+    let shown = failed.into_iter().chain(shown).collect::<Vec<_>>().join(", ");
     let mut advice = advice(figures.each_ref().map(|(fine, _)| *fine), record.divergences);
     if n_failed > 0 {
-        advice += "; where chains failed may be what the others missed";
+        advice.push("where chains failed may be what the others missed");
     }
-    let head = if converged { "Converged" } else { "Not converged" };
-    Verdict { converged, sentence: format!("{head}: {shown}{advice}.") }
+    let advice = advice.join("; ");
+    match (converged, advice.is_empty()) {
+        (true, true) => green(format!("Converged: {shown}")),
+        (true, false) => green(format!("Converged: {shown}; {advice}")),
+        (false, _) => red(format!("Not converged: {shown}"), &advice),
+    }
+}
+
+fn green(sentence: String) -> Answer {
+    Answer::new(Question::Sampled, Colour::Green, sentence, "")
+}
+
+fn red(sentence: String, remedy: &str) -> Answer {
+    Answer::new(Question::Sampled, Colour::Red, sentence, remedy)
 }
 
 impl Row {
     /// The smaller of bulk and tail effective sample size.
-    pub(super) fn ess(&self) -> f64 {
+    pub(in crate::report) fn ess(&self) -> f64 {
         self.summary.ess_bulk.min(self.summary.ess_tail)
     }
 }
@@ -95,7 +105,7 @@ fn divergences(n: usize, n_draws: usize) -> String {
 }
 
 /// What to do about each figure that fails, and about divergences that are few.
-fn advice([r_hat, ess, divergent, energy]: [bool; 4], n_divergent: usize) -> String {
+fn advice([r_hat, ess, divergent, energy]: [bool; 4], n_divergent: usize) -> Vec<&'static str> {
     let remedies = [
         (
             !r_hat,
@@ -112,21 +122,22 @@ fn advice([r_hat, ess, divergent, energy]: [bool; 4], n_divergent: usize) -> Str
             "raise --target-accept to see whether the divergences matter",
         ),
     ];
-    remedies.iter().filter(|(due, _)| *due).flat_map(|(_, remedy)| ["; ", remedy]).collect()
+    remedies.into_iter().filter(|(due, _)| *due).map(|(_, remedy)| remedy).collect()
 }
 
 #[cfg(test)]
 mod tests {
-    use super::super::samples;
     use super::*;
+    use crate::report::samples;
 
     fn judged(change: impl Fn(&mut RunRecord, &mut [Row])) -> String {
         let mut record = samples::record();
         let mut rows = ["tau_out.m", "tau_out.rho"].map(|name| samples::row(name, "ms", 10.0));
         change(&mut record, &mut rows);
-        let verdict = verdict(&record, &rows);
-        assert_eq!(verdict.converged, verdict.sentence.starts_with("Converged"));
-        verdict.sentence
+        let answer = answer(&record, &rows);
+        assert_eq!(answer.colour == Colour::Green, answer.sentence.starts_with("Converged"));
+        assert_eq!(answer.colour == Colour::Red, answer.remedy.is_some());
+        answer.sentence + &answer.remedy.map_or(String::new(), |remedy| format!(" → {remedy}"))
     }
 
     #[test]
@@ -146,18 +157,20 @@ mod tests {
             }),
             judged(|_, rows| rows[0].summary.r_hat = f64::NAN),
             judged(|_, rows| rows.iter_mut().for_each(|row| row.summary.r_hat = f64::NAN)),
+            judged(|record, _| record.settings.chains = 1),
         ];
         insta::assert_snapshot!(sentences.join("\n"), @r"
-        Converged: worst R̂ 1.002 (tau_out.rho), smallest ESS 1513 (tau_out.rho), no divergence in 4000 draws, E-BFMI 0.83.
-        Not converged: 1 of 4 chains failed ✗, worst R̂ 1.002 (tau_out.rho), smallest ESS 1513 (tau_out.rho), no divergence in 3000 draws, E-BFMI 0.83; where chains failed may be what the others missed.
-        Converged: worst R̂ 1.002 (tau_out.rho), smallest ESS 1513 (tau_out.rho), 3 divergences in 4000 draws (0.07 %), E-BFMI 0.83; raise --target-accept to see whether the divergences matter.
-        Not converged: worst R̂ 1.002 (tau_out.rho), smallest ESS 1513 (tau_out.rho), 41 divergences in 4000 draws (1.02 %) ✗, E-BFMI 0.83; raise --target-accept towards 0.99.
-        Not converged: worst R̂ 1.021 (tau_out.rho) ✗, smallest ESS 1513 (tau_out.rho), no divergence in 4000 draws, E-BFMI 0.83; do not use these results: sample longer (--warmup, --draws) or simplify the model.
-        Not converged: worst R̂ 1.002 (tau_out.rho), smallest ESS 399 (tau_out.m) ✗, no divergence in 4000 draws, E-BFMI 0.83; raise --draws.
-        Not converged: worst R̂ 1.002 (tau_out.rho), smallest ESS 1513 (tau_out.rho), no divergence in 4000 draws, E-BFMI NaN ✗; the tails may be missed: raise --warmup or use tighter priors on the amplitudes.
-        Not converged: worst R̂ 1.002 (tau_out.rho), smallest ESS 399 (tau_out.m) ✗, 41 divergences in 4000 draws (1.02 %) ✗, E-BFMI 0.10 ✗; raise --target-accept towards 0.99; raise --draws; the tails may be missed: raise --warmup or use tighter priors on the amplitudes.
-        Converged: worst R̂ 1.002 (tau_out.rho), smallest ESS 1513 (tau_out.rho), no divergence in 4000 draws, E-BFMI 0.83.
-        Not converged: no quantity has an R̂ and an ESS; sample longer (--draws).
+        Converged: worst R̂ 1.002 (tau_out.rho), smallest ESS 1513 (tau_out.rho), no divergence in 4000 draws, E-BFMI 0.83
+        Not converged: 1 of 4 chains failed ✗, worst R̂ 1.002 (tau_out.rho), smallest ESS 1513 (tau_out.rho), no divergence in 3000 draws, E-BFMI 0.83 → where chains failed may be what the others missed
+        Converged: worst R̂ 1.002 (tau_out.rho), smallest ESS 1513 (tau_out.rho), 3 divergences in 4000 draws (0.07 %), E-BFMI 0.83; raise --target-accept to see whether the divergences matter
+        Not converged: worst R̂ 1.002 (tau_out.rho), smallest ESS 1513 (tau_out.rho), 41 divergences in 4000 draws (1.02 %) ✗, E-BFMI 0.83 → raise --target-accept towards 0.99
+        Not converged: worst R̂ 1.021 (tau_out.rho) ✗, smallest ESS 1513 (tau_out.rho), no divergence in 4000 draws, E-BFMI 0.83 → do not use these results: sample longer (--warmup, --draws) or simplify the model
+        Not converged: worst R̂ 1.002 (tau_out.rho), smallest ESS 399 (tau_out.m) ✗, no divergence in 4000 draws, E-BFMI 0.83 → raise --draws
+        Not converged: worst R̂ 1.002 (tau_out.rho), smallest ESS 1513 (tau_out.rho), no divergence in 4000 draws, E-BFMI NaN ✗ → the tails may be missed: raise --warmup or use tighter priors on the amplitudes
+        Not converged: worst R̂ 1.002 (tau_out.rho), smallest ESS 399 (tau_out.m) ✗, 41 divergences in 4000 draws (1.02 %) ✗, E-BFMI 0.10 ✗ → raise --target-accept towards 0.99; raise --draws; the tails may be missed: raise --warmup or use tighter priors on the amplitudes
+        Converged: worst R̂ 1.002 (tau_out.rho), smallest ESS 1513 (tau_out.rho), no divergence in 4000 draws, E-BFMI 0.83
+        Not converged: no quantity has an R̂ and an ESS → raise --draws
+        Not converged: one chain has no R̂, for there is no other to compare it with → use --chains 4, at least 2
         ");
     }
 }

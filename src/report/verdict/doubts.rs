@@ -1,0 +1,121 @@
+//! What is wrong with measurements before anything is sampled, in words.
+
+use std::fmt;
+
+use super::{list, rounded, unit};
+use crate::diagnostics::verdict::Doubt;
+
+/// Units that tables are often in by mistake: of the model, of the table, and what the table is to be
+/// multiplied by.
+const MISTAKEN: [(&str, &str, f64); 12] = [
+    ("ms", "s", 1e3),
+    ("ms", "us", 1e-3),
+    ("s", "ms", 1e-3),
+    ("mV", "V", 1e3),
+    ("mV", "uV", 1e-3),
+    ("V", "mV", 1e-3),
+    ("mm", "cm", 10.0),
+    ("mm", "m", 1e3),
+    ("mm", "um", 1e-3),
+    ("cm", "mm", 0.1),
+    ("m/s", "mm/s", 1e-3),
+    ("m/s", "cm/ms", 10.0),
+];
+
+impl fmt::Display for Doubt {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Contradiction { place, unit: u, lines, measured } => write!(
+                f,
+                "{place}: {}{} (lines {}) exclude each other",
+                list(measured),
+                unit(u),
+                lines_in_words(lines)
+            ),
+            Self::Range { observe, unit: u, n, of, lines, measured, expected, .. } => {
+                let [low, high] = expected.map(rounded);
+                let u = unit(u);
+                let values = if measured[0] < measured[1] {
+                    format!("{} to {}", measured[0], measured[1])
+                } else {
+                    measured[0].to_string()
+                };
+                write!(
+                    f,
+                    "{observe}: {n} of {of} measurements ({values}{u}, lines {}{}) are far from what the model can mean, {low} to {high}{u}",
+                    lines_in_words(lines),
+                    if lines.len() < *n { " …" } else { "" }
+                )
+            }
+        }
+    }
+}
+
+impl Doubt {
+    /// What to do about it.
+    pub fn remedy(&self) -> String {
+        match self {
+            Self::Contradiction { .. } => {
+                "mend or drop these rows, or give the likelihood a noise that explains them"
+                    .to_owned()
+            }
+            Self::Range { unit, factor: Some(factor), .. } => {
+                let is_it = |(model, _, times): &&(&str, &str, f64)| {
+                    model == unit && (times / factor - 1.0).abs() < 1e-9
+                };
+                match MISTAKEN.iter().find(is_it) {
+                    Some((model, table, _)) => {
+                        format!(
+                            "is the table in {table}? The model is in {model}: multiply by {factor}"
+                        )
+                    }
+                    None => format!("times {factor} they would fit: is the table in another unit?"),
+                }
+            }
+            Self::Range { .. } => {
+                "mend or drop these rows, or widen the declared ranges".to_owned()
+            }
+        }
+    }
+}
+
+fn lines_in_words(lines: &[u64]) -> String {
+    lines.iter().map(u64::to_string).collect::<Vec<_>>().join(", ")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn doubts_name_their_lines_and_guess_the_unit() {
+        let contradiction = Doubt::Contradiction {
+            place: "s1s2 at site 0".to_owned(),
+            unit: "ms".to_owned(),
+            lines: vec![2, 22],
+            measured: vec!["240 to 250".to_owned(), "150 to 160".to_owned()],
+        };
+        let range = |factor| Doubt::Range {
+            observe: "s1s2".to_owned(),
+            unit: "ms".to_owned(),
+            n: 10,
+            of: 10,
+            lines: vec![2, 4],
+            measured: [0.17, 0.25],
+            expected: [101.7, 279.8],
+            factor,
+        };
+        let said = [contradiction, range(Some(1e3)), range(Some(1e6)), range(None)];
+        let said = said.map(|doubt| format!("{doubt}\n→ {}", doubt.remedy())).join("\n");
+        insta::assert_snapshot!(said, @r"
+        s1s2 at site 0: 240 to 250 and 150 to 160 ms (lines 2, 22) exclude each other
+        → mend or drop these rows, or give the likelihood a noise that explains them
+        s1s2: 10 of 10 measurements (0.17 to 0.25 ms, lines 2, 4 …) are far from what the model can mean, 102 to 280 ms
+        → is the table in s? The model is in ms: multiply by 1000
+        s1s2: 10 of 10 measurements (0.17 to 0.25 ms, lines 2, 4 …) are far from what the model can mean, 102 to 280 ms
+        → times 1000000 they would fit: is the table in another unit?
+        s1s2: 10 of 10 measurements (0.17 to 0.25 ms, lines 2, 4 …) are far from what the model can mean, 102 to 280 ms
+        → mend or drop these rows, or widen the declared ranges
+        ");
+    }
+}

@@ -1,0 +1,222 @@
+//! The measurements against what the model predicts of them.
+
+use std::collections::BTreeMap;
+
+use rayon::prelude::*;
+
+use crate::diagnostics::quantile;
+use crate::diagnostics::verdict::{Fits, Misfit, Within};
+use crate::likelihood::OPEN_STEP;
+use crate::model::Observe;
+use crate::report::Values;
+use crate::run::Fit;
+use crate::table::{Measurements, Role, SITE};
+
+/// Most misfits that are named.
+const MOST_NAMED: usize = 3;
+/// A measurement beyond everything predicted by more than this many times what predictions reach from
+/// their median is impossible.
+const REACH: f64 = 3.0;
+/// A column with fewer rows per label than this, on average, makes no groups.
+const ROWS_PER_LABEL: usize = 3;
+
+/// One measurement and its predictions.
+struct Judged {
+    /// Row of the table.
+    row: usize,
+    is_inside: bool,
+    is_impossible: bool,
+    /// How far outside its interval, in widths of the interval.
+    excess: f64,
+    predicted: [f64; 2],
+}
+
+/// What a measurement says of the number that replicates are kept as: the lower end of a bracket.
+struct Reading {
+    low: f64,
+    high: f64,
+    /// Width of the bracket, or the step assumed where it is open; 0 for a number.
+    width: f64,
+}
+
+impl Reading {
+    fn of(cells: &[f64]) -> Self {
+        let width = OPEN_STEP;
+        match *cells {
+            [lower, upper] if lower.is_infinite() => {
+                Self { low: lower, high: upper - width, width }
+            }
+            [lower, upper] if upper.is_infinite() => Self { low: lower, high: upper, width },
+            [lower, upper] => Self { low: lower, high: lower, width: upper - lower },
+            _ => Self { low: cells[0], high: cells[0], width: 0.0 },
+        }
+    }
+
+    /// Against replicates in ascending order.
+    fn judged(&self, row: usize, sorted: &[f64]) -> Judged {
+        let [q5, median, q95] = [0.05, 0.5, 0.95].map(|p| quantile(sorted, p));
+        let rounding = 1e-9 * (self.width + median.abs());
+        let outside = (self.low - q95).max(q5 - self.high).max(0.0);
+        let is_inside = outside <= rounding;
+        let (least, most) = (sorted[0], sorted[sorted.len() - 1]);
+        let beyond = |reach: f64, by: f64| by > REACH * reach.max(self.width) + rounding;
+        Judged {
+            row,
+            is_inside,
+            is_impossible: beyond(most - median, self.low - most)
+                || beyond(median - least, least - self.high),
+            excess: if is_inside {
+                0.0
+            } else {
+                outside / (q95 - q5).max(self.width).max(rounding)
+            },
+            predicted: [q5, q95 + self.width],
+        }
+    }
+}
+
+impl Fit<'_> {
+    /// The measurements against their predictive intervals; `None` if nothing can be simulated.
+    pub(super) fn fits(&self) -> Option<Fits> {
+        let observes = self.model().observes.iter().filter(|o| !o.rows.is_empty());
+        let judged: Vec<(&Observe, Vec<Judged>)> =
+            observes.filter_map(|o| Some((o, self.judge(o)?))).collect();
+        if judged.is_empty() {
+            return None;
+        }
+        let table = self.problem().measurements();
+        let (mut sets, sites) = (groups(&judged, table), sites(&judged, table));
+        let n_kept = sets.len();
+        sets.extend(sites);
+        let mut fits = Fits::new(&sets, n_kept);
+        let all = || judged.iter().flat_map(|(o, rows)| rows.iter().map(move |row| (*o, row)));
+        fits.n_impossible = all().filter(|(_, row)| row.is_impossible).count();
+        let mut outside: Vec<(&Observe, &Judged)> = all().filter(|(_, r)| !r.is_inside).collect();
+        outside.sort_by(|a, b| b.1.excess.total_cmp(&a.1.excess));
+        let misfit = |&(observe, row): &(&Observe, &Judged)| misfit(observe, row, table);
+        fits.misfits = outside.iter().take(MOST_NAMED).map(misfit).collect();
+        fits.doubts = self.problem().doubts().to_vec();
+        Some(fits)
+    }
+
+    /// Every measurement of a statement against its replicates.
+    fn judge(&self, observe: &Observe) -> Option<Vec<Judged>> {
+        let predictive = &self.posterior().posterior_predictive;
+        let variable = predictive.variables.iter().find(|v| v.name == observe.name)?;
+        let Values::Float(values) = &variable.values else { return None };
+        let (n, observed) = (observe.rows.len(), observe.observed());
+        let one = |(i, row): (usize, &usize)| {
+            let replicates = values.iter().skip(i).step_by(n).copied();
+            let mut sorted: Vec<f64> = replicates.filter(|x| x.is_finite()).collect();
+            if sorted.is_empty() {
+                return None;
+            }
+            sorted.sort_unstable_by(f64::total_cmp);
+            Some(Reading::of(&observed[i]).judged(*row, &sorted))
+        };
+        observe.rows.par_iter().enumerate().map(one).collect()
+    }
+}
+
+fn misfit(observe: &Observe, judged: &Judged, table: &Measurements) -> Misfit {
+    let cells = observe.rows.iter().position(|row| *row == judged.row);
+    let cells = cells.map_or(vec![], |i| observe.observed_row(i));
+    Misfit {
+        line: table.line(judged.row),
+        place: format!("{} {}", observe.name, table.place(judged.row)),
+        unit: observe.unit.clone(),
+        measured: in_words(&cells),
+        predicted: judged.predicted,
+        is_impossible: judged.is_impossible,
+    }
+}
+
+/// `240 to 250`, `above 240`, `below 60` or a number.
+pub(super) fn in_words(cells: &[f64]) -> String {
+    match *cells {
+        [lower, upper] if lower.is_infinite() => format!("below {upper}"),
+        [lower, upper] if upper.is_infinite() => format!("above {lower}"),
+        [lower, upper] => format!("{lower} to {upper}"),
+        _ => cells.iter().map(f64::to_string).collect(),
+    }
+}
+
+/// All measurements, those of each statement, and those of each label of a column that says how they
+/// were made.
+fn groups(judged: &[(&Observe, Vec<Judged>)], table: &Measurements) -> Vec<Within> {
+    let all = || judged.iter().flat_map(|(_, rows)| rows);
+    let mut sets = vec![within("all", all())];
+    if judged.len() > 1 {
+        sets.extend(judged.iter().map(|(observe, rows)| within(observe.name, rows.iter())));
+    }
+    for name in table.columns() {
+        let labels = table.distinct(name);
+        let is_group = table.column(name).is_some_and(|c| c.numbers().is_none())
+            && !matches!(table.role(name), Role::Structural | Role::Fold)
+            && labels.len() > 1
+            && labels.len() * ROWS_PER_LABEL <= all().count();
+        for label in labels.iter().filter(|_| is_group) {
+            let own = all().filter(|judged| table.cell(judged.row, name) == Some(label));
+            sets.push(within(&format!("{name} {label}"), own));
+        }
+    }
+    sets.retain(|set| set.n > 0);
+    sets
+}
+
+/// Those at each site that has several.
+fn sites(judged: &[(&Observe, Vec<Judged>)], table: &Measurements) -> Vec<Within> {
+    let mut sites: BTreeMap<String, Vec<&Judged>> = BTreeMap::new();
+    for row in judged.iter().flat_map(|(_, rows)| rows) {
+        let site = table.cell(row.row, SITE).map(str::to_owned);
+        let site = site.or_else(|| table.vertex(row.row).map(|v| format!("vertex {v}")));
+        sites.entry(site.unwrap_or_default()).or_default().push(row);
+    }
+    sites.remove("");
+    let several = sites.iter().filter(|(_, rows)| rows.len() > 1);
+    several.map(|(site, rows)| within(&format!("site {site}"), rows.iter().copied())).collect()
+}
+
+fn within<'j>(name: &str, rows: impl Iterator<Item = &'j Judged>) -> Within {
+    let mut set = Within { name: name.to_owned(), n: 0, inside: 0 };
+    for row in rows {
+        set.n += 1;
+        set.inside += usize::from(row.is_inside);
+    }
+    set
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn judged(cells: &[f64], replicates: &[f64]) -> (bool, bool) {
+        let judged = Reading::of(cells).judged(0, replicates);
+        (judged.is_inside, judged.is_impossible)
+    }
+
+    #[test]
+    fn a_bracket_is_compared_on_its_grid() {
+        let replicates = [vec![220.0; 50], vec![230.0; 950]].concat();
+        assert_eq!(judged(&[230.0, 240.0], &replicates), (true, false));
+        assert_eq!(judged(&[240.0, 250.0], &replicates), (false, false));
+        assert_eq!(judged(&[150.0, 160.0], &replicates), (false, true));
+        assert_eq!(judged(&[270.0, 280.0], &replicates), (false, true));
+        // open ends: below 240 is met by 230 to 240, above 240 is not
+        assert_eq!(judged(&[f64::NEG_INFINITY, 240.0], &replicates), (true, false));
+        assert_eq!(judged(&[240.0, f64::INFINITY], &replicates), (false, false));
+        assert_eq!(judged(&[230.0, f64::INFINITY], &replicates), (true, false));
+        assert_eq!(judged(&[f64::NEG_INFINITY, 220.0], &replicates), (false, false));
+        assert_eq!(judged(&[300.0, f64::INFINITY], &replicates), (false, true));
+    }
+
+    #[test]
+    fn a_number_is_impossible_far_beyond_all_replicates() {
+        let replicates: Vec<f64> = (0..=1000).map(|i| 10.0 + f64::from(i) / 1000.0).collect();
+        assert_eq!(judged(&[10.5], &replicates), (true, false));
+        assert_eq!(judged(&[10.96], &replicates), (false, false));
+        assert_eq!(judged(&[12.4], &replicates), (false, false));
+        assert_eq!(judged(&[12.6], &replicates), (false, true));
+        assert_eq!(judged(&[8.4], &replicates), (false, true));
+    }
+}

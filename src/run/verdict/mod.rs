@@ -1,0 +1,32 @@
+//! What is asked of a fit besides how well it was sampled: the figures behind its verdict.
+//!
+//! [`doubts`] look at the measurements before anything is sampled, [`fits`] after; [`surface`] has what
+//! is asked of fields and parameters. [`leave_out`] fits again without a measurement.
+
+mod doubts;
+mod fits;
+mod leave_out;
+mod surface;
+
+pub(super) use doubts::doubts;
+pub(super) use leave_out::exact;
+
+use super::fit::{Fit, Method};
+use crate::diagnostics::verdict::Questions;
+
+impl Fit<'_> {
+    /// The figures behind every question that can be asked of these draws, but for *sampled*.
+    pub fn questions(&self) -> &Questions {
+        self.questions.get_or_init(|| {
+            if self.method == Method::Prior {
+                return Questions { physical: self.physical(), ..Questions::default() };
+            }
+            Questions {
+                fits: self.fits(),
+                physical: self.physical(),
+                informed: self.informed(),
+                trusted: self.trusted(),
+            }
+        })
+    }
+}
