@@ -82,8 +82,11 @@ impl Page<'_> {
         let Field { name, place, unit, range, value, .. } = f;
         let label = f.label.as_ref().map_or(String::new(), |label| format!(", {label}"));
         let unit = show(unit.as_ref());
-        let range = expected(range.as_ref(), &unit);
-        self.line(format_args!("  {name}({place}{label}){unit} = {}{range}", print(value)));
+        let value = match (range, f.is_within) {
+            (Some(Range { low, high }), true) => format!("within({low}, {high}; {})", print(value)),
+            _ => print(value) + &expected(range.as_ref(), &unit),
+        };
+        self.line(format_args!("  {name}({place}{label}){unit} = {value}"));
         if let Some(block) = &f.block {
             if block.is_shared {
                 self.line(format_args!("      with the hyperparameters {}", block.name));

@@ -66,15 +66,15 @@ impl<'m> Maps<'m> {
         fields.chain(lets).collect()
     }
 
-    /// Derived quantities at one place from the values of the fields there; NaN where a field or a
+    /// Derived quantities at one place from the sums of the fields there; NaN where a field or a
     /// derived quantity is outside its declared range, for beyond it a surrogate means nothing.
-    fn derived(&self, v: &[f64], fields: &[f64], scratch: &mut Vec<f64>, out: &mut [f64]) {
+    fn derived(&self, v: &[f64], sums: &[f64], scratch: &mut Vec<f64>, out: &mut [f64]) {
         let concerns = |label: Option<usize>, other: Option<usize>| {
             label.is_none() || other.is_none() || label == other
         };
         let mut unphysical: Vec<Option<usize>> = vec![];
-        for (field, x) in self.model.fields.iter().zip(fields) {
-            if !within(*x, field.range) {
+        for (field, sum) in self.model.fields.iter().zip(sums) {
+            if !within(field.value(*sum), field.range) {
                 unphysical.push(field.label);
             }
         }
@@ -82,7 +82,7 @@ impl<'m> Maps<'m> {
             scratch.clear();
             scratch.extend(map.sources.iter().map(|source| match *source {
                 Source::Value(at) => v[at],
-                Source::Field(field) => fields[field],
+                Source::Field(field) => sums[field],
             }));
             *out = map.at.value(scratch, None);
             if !within(*out, map.range) {
@@ -107,8 +107,8 @@ impl<'m> Maps<'m> {
         let (mut at, mut lets) = (vec![0.0; fields.len()], vec![0.0; n_lets]);
         let mut scratch = vec![];
         for vertex in 0..self.basis.n_vertices() {
-            for (x, field) in at.iter_mut().zip(fields) {
-                *x = field[vertex];
+            for ((sum, field), entry) in at.iter_mut().zip(fields).zip(&self.model.fields) {
+                *sum = entry.sum(field[vertex]);
             }
             self.derived(&t.v, &at, &mut scratch, &mut lets);
             for (out, value) in out.iter_mut().zip(&lets) {
@@ -122,7 +122,7 @@ impl<'m> Maps<'m> {
     pub fn set_at_probes(&self, t: &mut Tape, probes: &[u32], fields: &[Vec<f64>]) {
         for (entry, field) in self.model.fields.iter().zip(fields) {
             for (i, vertex) in probes.iter().enumerate() {
-                t.v[entry.op.theta + i] = field[*vertex as usize];
+                t.v[entry.op.theta + i] = entry.sum(field[*vertex as usize]);
             }
         }
     }
@@ -246,6 +246,9 @@ impl<'m> Maps<'m> {
                 *x = mean + dot::<8>(w, &phi[entry.first..entry.first + w.len()]);
             }
             self.derived(&draw.v, fields, &mut scratch, lets);
+            for (x, entry) in fields.iter_mut().zip(&self.model.fields) {
+                *x = entry.value(*x);
+            }
             take(&values);
         }
     }

@@ -50,11 +50,11 @@ pub use tape::Tape;
 /// What the expansion of [`model!`](crate::prelude::model) names; not for people.
 #[doc(hidden)]
 pub mod expansion {
-    pub use super::builder::{Builder, Computed, Len, Place};
+    pub use super::builder::{Builder, Computed, Len, Place, Range};
     pub use super::form::Form;
     pub use super::functions::*;
     pub use crate::dist::{Dist, Vector, vector};
     pub use crate::field::Kernel;
     pub use crate::likelihood::Likelihood;
-    pub use crate::num::{Num, Real};
+    pub use crate::num::{Num, Real, within};
 }

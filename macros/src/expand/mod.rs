@@ -62,7 +62,7 @@ pub(crate) fn model(model: &Model, source: &str) -> TokenStream {
             ) -> Result<(), ::eplat::model::ModelError> {
                 use ::eplat::model::expansion::{
                     self, Column, Columns, Computed, Decl, Dist, DensityFn, Form, Kernel, KernelFn, Len,
-                    LetFn, Likelihood, Num, Place, PriorFn, Real, RowFn, ScalarFn, Terms, Vector,
+                    LetFn, Likelihood, Num, Place, PriorFn, Range, Real, RowFn, ScalarFn, Terms, Vector,
                     VectorFn,
                 };
                 #row

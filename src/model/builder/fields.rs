@@ -4,7 +4,7 @@
 use std::marker::PhantomData;
 use std::sync::Arc;
 
-use super::{Builder, Labels, Source};
+use super::{Builder, Labels, Range, Source};
 use crate::dist::Support;
 use crate::manifold::Basis;
 use crate::model::error::ModelError;
@@ -13,12 +13,14 @@ use crate::model::gp::{Collapsed, Field, SpectrumAt, Term, padded};
 use crate::model::laid_out::FieldEntry;
 use crate::model::reported::{Kind, Parameter, Position};
 use crate::model::scalar::{Scalar, ScalarAt};
+use crate::num::Within;
 
 /// The field that is being declared.
 pub(super) struct Declared {
     name: &'static str,
     unit: String,
     range: Option<(f64, f64)>,
+    within: Option<Within>,
     labels: Option<Arc<Labels>>,
 }
 
@@ -54,7 +56,7 @@ pub struct Scalars(Vec<Box<dyn Scalar>>);
 pub struct Terms(Vec<Term>);
 
 impl Builder<'_> {
-    /// `field name(x, label) [unit] in range = …`: its hyperparameters follow, then its mean and terms, then
+    /// `field name(x, label) [unit] range = …`: its hyperparameters follow, then its mean and terms, then
     /// [`Builder::end_field`].
     ///
     /// # Errors
@@ -62,14 +64,16 @@ impl Builder<'_> {
     pub fn field(
         &mut self,
         decl: Decl,
-        range: Option<(f64, f64)>,
+        Range { ends: range, is_within }: Range,
         label: Option<&'static str>,
         name: &'static str,
     ) -> Result<(), ModelError> {
         let who = format!("field {name}");
         let labels = label.map(|column| self.labels(column, &who)).transpose()?;
         self.prefix = Some(name);
-        self.field = Some(Declared { name, unit: decl.unit.clone().into(), range, labels });
+        let unit = decl.unit.clone().into();
+        let within = range.filter(|_| is_within).map(|(low, high)| Within { low, high });
+        self.field = Some(Declared { name, unit, range, within, labels });
         self.state("field", decl);
         Ok(())
     }
@@ -125,7 +129,13 @@ impl Builder<'_> {
             self.one_field(&declared, label, &modes, lone, (mean, own));
         }
         let labels = declared.labels.clone();
-        self.names.push((declared.name.into(), Source::Field { field: first_field, labels }));
+        let source = Source::Field { field: first_field, labels };
+        if declared.within.is_some() {
+            self.names.push((format!("{}.sum", declared.name), source));
+            self.link(declared.name);
+        } else {
+            self.names.push((declared.name.into(), source));
+        }
         Ok(())
     }
 
@@ -162,9 +172,9 @@ impl Builder<'_> {
             modes: transposed,
             frequency: modes.frequency[first..].to_vec(),
         };
-        let (unit, range) = (declared.unit.clone(), declared.range);
+        let (unit, range, within) = (declared.unit.clone(), declared.range, declared.within);
         let label = declared.labels.as_ref().map(|_| label);
-        self.model.fields.push(FieldEntry { name, unit, range, label, first, op });
+        self.model.fields.push(FieldEntry { name, unit, range, within, label, first, op });
     }
 
     /// The coefficients of each term: parameters of the model. Gives the length of the terms' work.
