@@ -188,6 +188,7 @@ mod tests {
             hyper smooth { m [ms] ~ Flat; rho [mm] ~ InvGamma(1.0, 50.0); }
             field f(x, patient) [ms] = m + gp(Rbf(rho)*Matern12(rho), K=4) where shared smooth;
             field g(x, patient) [ms] = m + gp(Rbf(rho), K = 4) where smooth { m(patient) [ms] ~ Normal(0, 1); }
+            field h(x) [ms] within -1.5..30 = 5.0 + gp(Rbf(9.0), K = 4);
         }";
         let model = File::read(text).unwrap().model;
         let said = equations(&model, &|name| Some(format!("<{name}>")));
@@ -203,6 +204,7 @@ mod tests {
             "  g(x, patient) [ms] = m + gp(Rbf(rho), K = 4)",
             "      rho [mm]         ~ InvGamma(1.0, 50.0)      <g.rho>",
             "      m(patient) [ms]  ~ Normal(0, 1)             <g.m>",
+            "  h(x) [ms] = within(-1.5, 30; 5.0 + gp(Rbf(9.0), K = 4))",
         ];
         assert_eq!(said, expected);
     }

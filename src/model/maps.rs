@@ -7,6 +7,7 @@ use super::map::Source;
 
 use super::tape::Tape;
 use crate::manifold::Basis;
+use crate::num::Within;
 use crate::num::vector::dot;
 
 /// What a field or derived quantity is called.
@@ -146,7 +147,7 @@ impl<'m> Maps<'m> {
         ((0..n).map(summary).collect(), vertices.iter().map(|v| v.1).collect())
     }
 
-    /// For each field and draw of unknowns its mean and the weights of the first `n_modes` eigenfunctions,
+    /// For each field and draw of unknowns the mean of its sum and the weights of the first `n_modes` eigenfunctions,
     /// (draw, 1 + n_modes); and `n_modes`, that of the field with most.
     pub fn coefficients(&self, draws: &[&[f64]]) -> (usize, Vec<(&'m str, Vec<f64>)>) {
         let draws = self.unpack(draws);
@@ -162,6 +163,12 @@ impl<'m> Maps<'m> {
             (fields[i].name.as_str(), all)
         };
         (n_modes, (0..fields.len()).map(of_field).collect())
+    }
+
+    /// The fields whose sums are bent into an interval, and the interval.
+    pub fn links(&self) -> impl Iterator<Item = (&'m str, Within)> {
+        let fields = self.model.fields.iter();
+        fields.filter_map(|f| f.within.map(|within| (f.name.as_str(), within)))
     }
 
     /// All maps at these vertices in every draw of the unknowns, (vertex, map, draw); derived quantities are
