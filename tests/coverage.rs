@@ -9,68 +9,97 @@
 //! brackets in ms.
 #![allow(clippy::unwrap_used, clippy::print_stdout, reason = "a test")]
 
-#[path = "../models/erp.rs"]
-mod erp;
 #[path = "support/cpu.rs"]
 mod cpu;
+#[path = "../models/erp.rs"]
+mod erp;
+#[path = "../models/erp_robust.rs"]
+mod erp_robust;
 #[path = "models/robust_candidates.rs"]
 mod robust_candidates;
 #[path = "support/truths.rs"]
 mod truths;
 
 use std::env;
+use std::fmt::Write as _;
 use std::sync::Arc;
 
 use eplat::experiment::{coverage, rms_error, thinned};
 use eplat::model::{Declare, Maps};
-use eplat::run::{Domain, Loaded, Problem, Settings};
+use eplat::run::{Domain, Loaded, Prediction, Problem, Settings};
 use eplat::table::Measurements;
 use truths::{Case, Condition, Origin};
 
 /// What is told of a calibration, each a number whose mean over the seeds counts.
-const COLUMNS: [&str; 13] = [
-    "tau_out %", "apd_max %", "erp_s2 %", "erp_s3 %", "rows %", "tau rmse", "apd rmse", "s2 rmse",
-    "s3 rmse", "unphys %", "CPU s", "conv %", "sd apd",
+const COLUMNS: [&str; 12] = [
+    "tau_out",
+    "apd_max",
+    "erp_s2",
+    "erp_s3",
+    "brackets",
+    "tau_out, ms",
+    "apd_max, ms",
+    "erp_s2, ms",
+    "erp_s3, ms",
+    "unphysical",
+    "CPU s",
+    "converged",
 ];
+/// Of the columns those of root mean squared errors.
+const ERRORS: std::ops::Range<usize> = 5..9;
+/// Intervals are judged at one in so many vertices.
+const STRIDE: usize = 5;
 
-/// A calibration of `case` by `model`.
+/// A calibration of `case` by `model`: [`COLUMNS`].
 fn calibrate(model: &dyn Declare, domain: &Arc<Domain>, case: &Case, seed: u64) -> Vec<f64> {
-    let placed = |table: &Measurements| {
-        let mut table = table.clone();
-        table.place_on(&domain.surface, domain.scale).unwrap();
-        table.probe(&domain.surface, &domain.basis).unwrap();
-        table
-    };
-    let measurements = placed(&case.train);
+    let mut measurements = case.train.clone();
+    measurements.place_on(&domain.surface, domain.scale).unwrap();
+    measurements.probe(&domain.surface, &domain.basis).unwrap();
     let loaded = Loaded { domain: Some(domain.clone()), measurements, ..Loaded::default() };
     let problem = Problem::new(model, loaded).unwrap();
     let begun = cpu::cpu_seconds();
-    let draws: usize = env::var("DRAWS").map_or(500, |d| d.parse().unwrap());
-    let fit = problem.fit(&Settings { threads: 1, seed, draws, ..Settings::default() }).unwrap();
+    let settings = Settings { threads: 1, seed, draws: 500, ..Settings::default() };
+    let fit = problem.fit(&settings).unwrap();
     let seconds = cpu::cpu_seconds() - begun;
+    let vertices: Vec<usize> = (0..domain.basis.n_vertices()).step_by(STRIDE).collect();
     let maps = Maps::new(fit.model(), &domain.basis);
-    let draws = thinned(fit.chains(), 400);
-    let truth: Vec<&[f64]> = case.maps.iter().map(Vec::as_slice).collect();
-    let (summary, unphysical) = maps.summarise(&draws);
-    let mut out: Vec<f64> =
-        maps.ranks(&draws, &truth).iter().map(|ranks| 100.0 * coverage(ranks)[1]).collect();
-    out.push(rows_held(&fit.predict(&case.heldout).unwrap(), &case.heldout));
-    out.extend(summary.iter().zip(&truth).map(|(map, truth)| rms_error(&map.mean, truth)));
-    out.push(100.0 * unphysical.iter().sum::<f64>() / unphysical.len() as f64);
-    out.push(seconds);
-    let worst = fit.summary().iter().map(|row| row.summary.r_hat).filter(|r| r.is_finite());
-    out.push(if worst.fold(0.0, f64::max) <= 1.02 { 100.0 } else { 0.0 });
-    out.push(summary[1].sd.iter().sum::<f64>() / summary[1].sd.len() as f64);
-    out
+    let draws = maps.draws_at(&thinned(fit.chains(), 400), &vertices);
+    let (mut held, mut errors) = (vec![], vec![]);
+    for (i, truth) in case.maps.iter().enumerate() {
+        let truth: Vec<f64> = vertices.iter().map(|v| truth[*v]).collect();
+        let own = || draws.iter().map(|maps| maps[i].as_slice());
+        let ranks: Vec<f64> = own().zip(&truth).map(|(draws, x)| rank(draws, *x)).collect();
+        held.push(100.0 * coverage(&ranks)[1]);
+        errors.push(rms_error(&own().map(mean_of_known).collect::<Vec<f64>>(), &truth));
+    }
+    held.push(brackets_held(&fit.predict(&case.heldout).unwrap(), &case.heldout));
+    // beyond its range ERP_S2 is void, or a field is
+    let void = draws.iter().flat_map(|maps| &maps[2]).filter(|x| x.is_nan()).count();
+    let n = draws.iter().map(|maps| maps[2].len()).sum::<usize>();
+    let r_hat = fit.summary().iter().map(|row| row.summary.r_hat).filter(|r| r.is_finite());
+    let converged = if r_hat.fold(0.0, f64::max) <= 1.02 { 100.0 } else { 0.0 };
+    [held, errors, vec![100.0 * void as f64 / n as f64, seconds, converged]].concat()
+}
+
+/// The share of known draws below `truth`; NaN where there is nothing to compare.
+fn rank(draws: &[f64], truth: f64) -> f64 {
+    let known = draws.iter().filter(|x| !x.is_nan()).count() as f64;
+    let below = draws.iter().filter(|x| **x < truth).count() as f64;
+    if truth.is_nan() { f64::NAN } else { below / known }
+}
+
+fn mean_of_known(draws: &[f64]) -> f64 {
+    let known: Vec<f64> = draws.iter().copied().filter(|x| !x.is_nan()).collect();
+    known.iter().sum::<f64>() / known.len() as f64
 }
 
 /// Share in % of held-out brackets whose middle lies in its predicted 90 % interval.
-fn rows_held(predicted: &[eplat::run::Prediction], table: &Measurements) -> f64 {
-    let held = predicted.iter().filter(|p| {
-        let middle = 0.5 * (table.number(p.row, "lower", "").unwrap() + table.number(p.row, "upper", "").unwrap());
-        (p.quantiles[0]..=p.quantiles[2]).contains(&middle)
-    });
-    100.0 * held.count() as f64 / predicted.len() as f64
+fn brackets_held(predicted: &[Prediction], table: &Measurements) -> f64 {
+    let is_held = |p: &&Prediction| {
+        let end = |name| table.number(p.row, name, "the study").unwrap();
+        (p.quantiles[0]..=p.quantiles[2]).contains(&(0.5 * (end("lower") + end("upper"))))
+    };
+    100.0 * predicted.iter().filter(is_held).count() as f64 / predicted.len() as f64
 }
 
 fn condition(text: &str) -> Condition {
@@ -84,15 +113,6 @@ fn condition(text: &str) -> Condition {
     Condition { origin, sites: parts[1].parse().unwrap(), width: parts[2].parse().unwrap() }
 }
 
-/// Mean and its standard error.
-fn mean(values: &[f64]) -> (f64, f64) {
-    let known: Vec<f64> = values.iter().copied().filter(|x| x.is_finite()).collect();
-    let n = known.len() as f64;
-    let mean = known.iter().sum::<f64>() / n;
-    let squares: f64 = known.iter().map(|x| (x - mean).powi(2)).sum();
-    (mean, (squares / (n - 1.0) / n).sqrt())
-}
-
 #[test]
 #[ignore = "the study of docs/robust.md: an hour"]
 fn the_study() {
@@ -101,24 +121,49 @@ fn the_study() {
     let (first, last) = seeds.split_once("..").unwrap();
     let (first, last): (u64, u64) = (first.parse().unwrap(), last.parse().unwrap());
     let domain = truths::domain();
-    let all = robust_candidates::all();
     let names = env::var("MODELS").unwrap_or_default();
-    let models: Vec<&dyn Declare> = all.into_iter().filter(|m| names.is_empty() || names.split(',').any(|n| n == m.name())).collect();
-    println!("| condition | model | {} |", COLUMNS.join(" | "));
-    println!("|---|---|{}", "---|".repeat(COLUMNS.len()));
+    let is_asked = |m: &&dyn Declare| names.is_empty() || names.split(',').any(|n| n == m.name());
+    let models: Vec<&dyn Declare> = robust_candidates::all().into_iter().filter(is_asked).collect();
+    println!("truth, sites, width, model, seed, {}", COLUMNS.join(", "));
     for text in conditions.split(';') {
         let condition = condition(text);
         let mut results: Vec<Vec<Vec<f64>>> = vec![vec![]; models.len()];
         for seed in first..=last {
             let case = condition.case(&domain, &erp::Erp, seed);
             for (model, results) in models.iter().zip(&mut results) {
-                results.push(calibrate(*model, &domain, &case, seed));
+                let found = calibrate(*model, &domain, &case, seed);
+                let cells: Vec<String> = found.iter().map(|x| format!("{x:.2}")).collect();
+                println!("{text},{},{seed},{}", model.name(), cells.join(","));
+                results.push(found);
             }
         }
-        for (model, results) in models.iter().zip(&results) {
-            let column = |i: usize| mean(&results.iter().map(|r| r[i]).collect::<Vec<f64>>());
-            let cells = (0..COLUMNS.len()).map(|i| { let (m, e) = column(i); format!("{m:.1} ± {e:.1}") });
-            println!("| {text} | {} | {} |", model.name(), cells.collect::<Vec<_>>().join(" | "));
+        for (model, own) in models.iter().zip(&results) {
+            println!("{}", line(text, model.name(), own, &results[0]));
         }
     }
+}
+
+/// A line of the table: means with their standard errors and, of the root mean squared errors, what they are more
+/// than those of the first model.
+fn line(condition: &str, model: &str, own: &[Vec<f64>], first: &[Vec<f64>]) -> String {
+    let mut line = format!("| {condition} | {model} |");
+    for i in 0..COLUMNS.len() {
+        let (value, error) = mean(own.iter().map(|found| found[i]));
+        let _ = write!(line, " {value:.1} ± {error:.1}");
+        if ERRORS.contains(&i) {
+            let (more, error) = mean(own.iter().zip(first).map(|(a, b)| a[i] - b[i]));
+            let _ = write!(line, " ({more:+.2} ± {error:.2})");
+        }
+        line += " |";
+    }
+    line
+}
+
+/// Mean of what is known, and its standard error.
+fn mean(values: impl Iterator<Item = f64>) -> (f64, f64) {
+    let known: Vec<f64> = values.filter(|x| x.is_finite()).collect();
+    let n = known.len() as f64;
+    let mean = known.iter().sum::<f64>() / n;
+    let squares: f64 = known.iter().map(|x| (x - mean).powi(2)).sum();
+    (mean, (squares / (n - 1.0) / n).sqrt())
 }

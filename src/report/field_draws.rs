@@ -5,7 +5,7 @@
 //! NAME at a vertex = NAME[draw, 0] + eigenfunctions[vertex] · NAME[draw, 1:]
 //! ```
 //! Of a field `within LOW..HIGH` this is the sum x, and there is an array `NAME.within` (1, 2) of the ends:
-//! the field is LOW + (HIGH − LOW)/(1 + exp(−4 (x − (LOW + HIGH)/2)/(HIGH − LOW))).
+//! the field is LOW + s ln (1 + e^((x − LOW)/s))/(1 + e^((x − HIGH)/s)) with s = (HIGH − LOW)/20.
 
 use std::collections::BTreeMap;
 use std::io::{self, Seek, Write};
@@ -122,8 +122,8 @@ impl FieldDraws {
         let mut bounds = BTreeMap::new();
         for name in names.into_iter().filter(|name| name != EIGENFUNCTIONS) {
             let (width, values) = matrix(&name).map_err(|e| malformed(&name, &e))?;
-            if let (Some(field), [low, high]) = (name.strip_suffix(WITHIN), values[..]) {
-                bounds.insert(field.to_owned(), Within { low, high });
+            if let (Some(field), [low, high]) = (name.strip_suffix(WITHIN), &values[..]) {
+                bounds.insert(field.to_owned(), Within { low: *low, high: *high });
                 continue;
             }
             let n = coefficients.values().next().map_or(values.len(), Vec::len);

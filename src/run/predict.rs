@@ -33,8 +33,9 @@ impl Fit<'_> {
     ///
     /// The table has the columns of the one that was fitted, without the measured ones if nothing was
     /// measured yet: predictions do not depend on them (a bracket's width is that of the first fitted
-    /// row of its protocol). Labels that were not fitted, such as a new patient, have coefficient 0. The
-    /// replicates are from a random stream of the fit's seed, so they are the same every time.
+    /// row of its protocol). The coefficients of labels that were not fitted, such as a new site, are drawn from their
+    /// prior; fields of such labels have coefficients 0. The draws are from a random stream of the fit's seed, so
+    /// they are the same every time.
     ///
     /// # Errors
     /// [`RunError::Data`] and [`RunError::Probe`] for rows that do not fit the model or lie off the
@@ -48,8 +49,10 @@ impl Fit<'_> {
         let mut rng = Stream::HeldOut.rng(self.settings.seed);
         let (mut tape, mut locals) = (joint.tape(), vec![]);
         let mut replicates: Vec<Replicates> = ids.iter().map(|_| Replicates::default()).collect();
+        let known: Vec<bool> = from.iter().map(Option::is_some).collect();
         for draw in self.thinned(PREDICTION_DRAWS) {
-            let u: Vec<f64> = from.iter().map(|from| from.map_or(0.0, |i| draw[i])).collect();
+            let mut u: Vec<f64> = from.iter().map(|from| from.map_or(0.0, |i| draw[i])).collect();
+            joint.draw_unknown(&mut tape, &mut u, &known, &mut rng);
             joint.locals_at(&mut tape, &u, &ids, &mut locals);
             let mut rest = locals.as_slice();
             for (id, replicates) in ids.iter().zip(&mut replicates) {

@@ -9,7 +9,6 @@ use eplat::field::{Matern52, unit_field};
 use eplat::manifold::{Basis, eigenpairs_cached, maximin};
 use eplat::mesh::Surface;
 use eplat::model::Declare;
-use eplat::num::Within;
 use eplat::run::Domain;
 use eplat::surrogate::{erp_s2, erp_s3};
 use eplat::table::Measurements;
@@ -20,7 +19,7 @@ use rand_distr::StandardNormal;
 /// Where a truth comes from.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Origin {
-    /// Matérn fields bent into the range in which ERP_S2 stays below 280 ms; lengthscale, mean and
+    /// Matérn fields through a logistic onto the range in which ERP_S2 stays below 280 ms; lengthscale, mean and
     /// amplitude are drawn.
     Bounded,
     /// As the paper: Matérn fields of 64 mm stretched onto the whole range and repaired.
@@ -70,7 +69,9 @@ impl Condition {
             Origin::Bounded | Origin::Strip => bounded(basis, seed),
         };
         let sites = maximin(mesh, self.sites, 6.0, seed).unwrap();
-        let mut others = maximin(mesh, HELDOUT, 6.0, seed + 100_000).unwrap();
+        let mut rng = ChaCha8Rng::seed_from_u64(8_000_000 + seed);
+        let mut others: Vec<u32> =
+            (0..HELDOUT).map(|_| rng.random_range(0..basis.n_vertices() as u32)).collect();
         others.retain(|vertex| !sites.contains(vertex));
         let measured: Vec<u32> = sites.iter().chain(&others).copied().collect();
         let erp = match self.origin {
@@ -114,9 +115,7 @@ fn bounded(basis: &Basis, seed: u64) -> [Vec<f64>; 2] {
         let unit = unit_field(basis, &Matern52(lengthscale), &eta);
         unit.into_iter().map(|x| mean + amplitude * x).collect::<Vec<f64>>()
     };
-    let bent = |logit: f64, low: f64, high: f64| {
-        Within { low, high }.value(0.5 * (low + high) + 0.25 * (high - low) * logit)
-    };
+    let bent = |logit: f64, low: f64, high: f64| low + (high - low) / (1.0 + (-logit).exp());
     let tau_out: Vec<f64> = logit().into_iter().map(|x| bent(x, 1.0, 30.0)).collect();
     let apd_max = logit().into_iter().zip(&tau_out).map(|(x, t)| bent(x, 120.0, longest(*t)));
     let apd_max = apd_max.collect();

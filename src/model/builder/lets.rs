@@ -98,7 +98,8 @@ impl Builder<'_> {
 
     /// Whether this is the value of a field that is bent into its range.
     fn is_link(&self, name: &str) -> bool {
-        let is_it = |l: &Declared| l.name == name && l.make.is_none() && l.differs == Differs::Place;
+        let is_it =
+            |l: &Declared| l.name == name && l.make.is_none() && l.differs == Differs::Place;
         self.lets.iter().any(is_it)
     }
 
