@@ -90,7 +90,7 @@ fn a_truth_is_one_of_the_field() {
     let own = vec![200.0; 200];
     let derived = maps.derived_fields(&tape, &[level.clone(), own]);
     for (product, level) in derived[0].iter().zip(level) {
-        assert!((product - 400.0 - level * level).abs() < 1e-6, "{product} {level}");
+        assert!((product - 400.0 - level * level / 200.0).abs() < 1e-6, "{product} {level}");
     }
     assert!(Laboratory::new(&Linked, &basis).is_ok());
 }
