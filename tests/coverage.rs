@@ -24,9 +24,10 @@ use std::env;
 use std::fmt::Write as _;
 use std::sync::Arc;
 
+use eplat::criticism::{predict_rows, with_heldout};
 use eplat::experiment::{coverage, rms_error, thinned};
-use eplat::model::{Declare, Maps};
-use eplat::run::{Domain, Loaded, Prediction, Problem, Settings};
+use eplat::model::{Declare, Maps, Model};
+use eplat::run::{Domain, Fit, Loaded, Problem, Settings};
 use eplat::table::Measurements;
 use truths::{Case, Condition, Origin};
 
@@ -52,9 +53,7 @@ const STRIDE: usize = 5;
 
 /// A calibration of `case` by `model`: [`COLUMNS`].
 fn calibrate(model: &dyn Declare, domain: &Arc<Domain>, case: &Case, seed: u64) -> Vec<f64> {
-    let mut measurements = case.train.clone();
-    measurements.place_on(&domain.surface, domain.scale).unwrap();
-    measurements.probe(&domain.surface, &domain.basis).unwrap();
+    let measurements = placed(&case.train, domain);
     let loaded = Loaded { domain: Some(domain.clone()), measurements, ..Loaded::default() };
     let problem = Problem::new(model, loaded).unwrap();
     let begun = cpu::cpu_seconds();
@@ -72,7 +71,7 @@ fn calibrate(model: &dyn Declare, domain: &Arc<Domain>, case: &Case, seed: u64) 
         held.push(100.0 * coverage(&ranks)[1]);
         errors.push(rms_error(&own().map(mean_of_known).collect::<Vec<f64>>(), &truth));
     }
-    held.push(brackets_held(&fit.predict(&case.heldout).unwrap(), &case.heldout));
+    held.push(brackets_held(&fit, domain, case, seed));
     // beyond its range ERP_S2 is void, or a field is
     let void = draws.iter().flat_map(|maps| &maps[2]).filter(|x| x.is_nan()).count();
     let n = draws.iter().map(|maps| maps[2].len()).sum::<usize>();
@@ -93,13 +92,22 @@ fn mean_of_known(draws: &[f64]) -> f64 {
     known.iter().sum::<f64>() / known.len() as f64
 }
 
-/// Share in % of held-out brackets whose middle lies in its predicted 90 % interval.
-fn brackets_held(predicted: &[Prediction], table: &Measurements) -> f64 {
-    let is_held = |p: &&Prediction| {
-        let end = |name| table.number(p.row, name, "the study").unwrap();
-        (p.quantiles[0]..=p.quantiles[2]).contains(&(0.5 * (end("lower") + end("upper"))))
-    };
-    100.0 * predicted.iter().filter(is_held).count() as f64 / predicted.len() as f64
+/// Share in % of held-out brackets that lie in the central 90 % of their replicates; ties are split at random, since
+/// brackets are steps of a grid.
+fn brackets_held(fit: &Fit<'_>, domain: &Domain, case: &Case, seed: u64) -> f64 {
+    let table = placed(&with_heldout(&case.train, &case.heldout, &[]), domain);
+    let joint = Model::new(fit.problem().declared(), Some(&domain.basis), &table).unwrap();
+    let draws = fit.thinned(400);
+    let predicted = predict_rows(&joint, fit.model(), &draws, case.train.len(), seed);
+    let ranks: Vec<f64> = predicted.iter().map(|p| p.quantile).collect();
+    100.0 * coverage(&ranks)[1]
+}
+
+fn placed(table: &Measurements, domain: &Domain) -> Measurements {
+    let mut table = table.clone();
+    table.place_on(&domain.surface, domain.scale).unwrap();
+    table.probe(&domain.surface, &domain.basis).unwrap();
+    table
 }
 
 fn condition(text: &str) -> Condition {
