@@ -15,8 +15,8 @@ mod cpu;
 mod erp;
 #[path = "../models/erp_robust.rs"]
 mod erp_robust;
-#[path = "models/robust_candidates.rs"]
-mod robust_candidates;
+#[path = "support/robust_variants.rs"]
+mod robust_variants;
 #[path = "support/truths.rs"]
 mod truths;
 
@@ -131,7 +131,7 @@ fn the_study() {
     let domain = truths::domain();
     let names = env::var("MODELS").unwrap_or_default();
     let is_asked = |m: &&dyn Declare| names.is_empty() || names.split(',').any(|n| n == m.name());
-    let models: Vec<&dyn Declare> = robust_candidates::all().into_iter().filter(is_asked).collect();
+    let models: Vec<&dyn Declare> = robust_variants::all().into_iter().filter(is_asked).collect();
     println!("truth, sites, width, model, seed, {}", COLUMNS.join(", "));
     for text in conditions.split(';') {
         let condition = condition(text);

@@ -32,7 +32,9 @@ fn pair(basis: &Basis) -> ([Model; 2], Vec<f64>) {
     let both = [&Linked as &dyn Declare, &ByHand];
     let models = both.map(|model| Model::new(model, Some(basis), &rows()).unwrap());
     let (mut u, mut rng) = (models[0].initial(), rng(5));
-    u.iter_mut().for_each(|u| *u += rng.random_range(-1.5..1.5));
+    for u in &mut u {
+        *u += rng.random_range(-1.5..1.5);
+    }
     (models, u)
 }
 

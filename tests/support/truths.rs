@@ -24,7 +24,7 @@ pub(crate) enum Origin {
     Bounded,
     /// As the paper: Matérn fields of 64 mm stretched onto the whole range and repaired.
     Paper,
-    /// Bounded fields, measured by the strip simulator, with a CV_max of 0.5 to 1 m/s.
+    /// Bounded fields, measured by the strip simulator, with a `CV_max` of 0.5 to 1 m/s.
     Strip,
 }
 
@@ -42,7 +42,7 @@ pub(crate) struct Case {
     pub(crate) train: Measurements,
     /// Twenty sites that were not measured.
     pub(crate) heldout: Measurements,
-    /// tau_out, apd_max, erp_s2, erp_s3 (n_vertices); NaN where unknown.
+    /// `tau_out`, `apd_max`, `erp_s2`, `erp_s3` (n_vertices); NaN where unknown.
     pub(crate) maps: [Vec<f64>; 4],
 }
 
@@ -104,7 +104,7 @@ impl Condition {
     }
 }
 
-/// tau_out in 1–30 ms; apd_max from 120 ms to where ERP_S2 is 280 ms, at most 270 ms.
+/// `tau_out` in 1–30 ms; `apd_max` from 120 ms to where ERP_S2 is 280 ms, at most 270 ms.
 fn bounded(basis: &Basis, seed: u64) -> [Vec<f64>; 2] {
     let mut rng = ChaCha8Rng::seed_from_u64(7_000_000 + seed);
     let mut logit = || {
@@ -122,7 +122,7 @@ fn bounded(basis: &Basis, seed: u64) -> [Vec<f64>; 2] {
     [tau_out, apd_max]
 }
 
-/// The apd_max at which ERP_S2 is 280 ms, at most 270 ms.
+/// The `apd_max` at which ERP_S2 is 280 ms, at most 270 ms.
 fn longest(tau_out: f64) -> f64 {
     let (mut low, mut high) = (120.0, 270.0);
     for _ in 0..40 {
