@@ -22,6 +22,8 @@ mod erp_exact;
 mod erp_multiscale;
 #[path = "../models/erp_population.rs"]
 mod erp_population;
+#[path = "../models/erp_robust.rs"]
+mod erp_robust;
 #[path = "../models/garch.rs"]
 mod garch;
 #[path = "../models/joint.rs"]
@@ -59,6 +61,7 @@ fn main() -> ExitCode {
         shipped!("erp_exact.rs", &erp_exact::ErpExact),
         shipped!("erp_multiscale.rs", &erp_multiscale::ErpMultiscale),
         shipped!("erp_population.rs", &erp_population::ErpPopulation),
+        shipped!("erp_robust.rs", &erp_robust::ErpRobust),
         shipped!("garch.rs", &garch::Garch),
         shipped!("joint.rs", &joint::Joint),
         shipped!("lat.rs", &lat::Lat),

@@ -34,7 +34,12 @@ fn place() -> Workplace {
         ("tau_out".to_owned(), flat([6.0, 7.0, 8.0, 9.0, 31.0])),
         ("apd_max".to_owned(), flat([180.0, 200.0, 190.0, 210.0, 185.0])),
     ]);
-    let draws = FieldDraws { n_modes: 1, eigenfunctions: vec![0.1; sheet::N], coefficients };
+    let draws = FieldDraws {
+        n_modes: 1,
+        eigenfunctions: vec![0.1; sheet::N],
+        coefficients,
+        within: BTreeMap::new(),
+    };
     draws.write(&place.path("run/field_draws.npz")).unwrap();
     place
 }

@@ -25,6 +25,8 @@ mod erp_exact;
 mod erp_multiscale;
 #[path = "../models/erp_population.rs"]
 mod erp_population;
+#[path = "../models/erp_robust.rs"]
+mod erp_robust;
 #[path = "../models/joint.rs"]
 mod joint;
 #[path = "models/joint_parts.rs"]
@@ -811,4 +813,28 @@ fn erp_population_recovers_forty_patients() {
     let fit = fit(&erp_population::ErpPopulation, Some(&basis), &table.read(), 500);
     assert_eq!(Sampler::of(&fit.model), Sampler::Blocked);
     assert_recovered(&fit, &truth, Some(&basis));
+}
+
+#[test]
+fn erp_robust_recovers_fields_within_their_ranges() {
+    let basis = basis(VERTICES, 128);
+    let given = [
+        ("tau_out.m", 20.0),
+        ("tau_out.alpha", 6f64.ln()),
+        ("tau_out.rho", 50f64.ln()),
+        ("apd_max.m", 195.0),
+        ("apd_max.alpha", 25f64.ln()),
+        ("apd_max.rho", 50f64.ln()),
+        ("discrepancy", 1.5f64.ln()),
+    ];
+    let mut table = sites(25);
+    let model = &erp_robust::ErpRobust;
+    let truth = simulate(model, Some(&basis), &mut table, &given, 6);
+    let outside = |field: &[f64], low: f64, high: f64| {
+        field.iter().filter(|x| !(low..=high).contains(*x)).count()
+    };
+    assert_eq!(outside(&truth.fields[0], 1.0, 30.0), 0);
+    assert_recovered(&fit(model, Some(&basis), &table.read(), 600), &truth, Some(&basis));
+    let twin = fit(model, Some(&basis), &displaced(&table, 20.0).read(), 400);
+    assert_found_out(&twin, &truth, Some(&basis));
 }

@@ -82,8 +82,11 @@ impl Page<'_> {
         let Field { name, place, unit, range, value, .. } = f;
         let label = f.label.as_ref().map_or(String::new(), |label| format!(", {label}"));
         let unit = show(unit.as_ref());
-        let range = expected(range.as_ref(), &unit);
-        self.line(format_args!("  {name}({place}{label}){unit} = {}{range}", print(value)));
+        let value = match (range, f.is_within) {
+            (Some(Range { low, high }), true) => format!("within({low}, {high}; {})", print(value)),
+            _ => print(value) + &expected(range.as_ref(), &unit),
+        };
+        self.line(format_args!("  {name}({place}{label}){unit} = {value}"));
         if let Some(block) = &f.block {
             if block.is_shared {
                 self.line(format_args!("      with the hyperparameters {}", block.name));
@@ -177,6 +180,7 @@ mod tests {
             hyper smooth { m [ms] ~ Flat; rho [mm] ~ InvGamma(1.0, 50.0); }
             field f(x, patient) [ms] = m + gp(Rbf(rho)*Matern12(rho), K=4) where shared smooth;
             field g(x, patient) [ms] = m + gp(Rbf(rho), K = 4) where smooth { m(patient) [ms] ~ Normal(0, 1); }
+            field h(x) [ms] within -1.5..30 = 5.0 + gp(Rbf(9.0), K = 4);
         }";
         let model = File::read(text).unwrap().model;
         let said = equations(&model, &|name| Some(format!("<{name}>")));
@@ -192,6 +196,7 @@ mod tests {
             "  g(x, patient) [ms] = m + gp(Rbf(rho), K = 4)",
             "      rho [mm]         ~ InvGamma(1.0, 50.0)      <g.rho>",
             "      m(patient) [ms]  ~ Normal(0, 1)             <g.m>",
+            "  h(x) [ms] = within(-1.5, 30; 5.0 + gp(Rbf(9.0), K = 4))",
         ];
         assert_eq!(said, expected);
     }

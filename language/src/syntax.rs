@@ -131,6 +131,8 @@ pub struct Field {
     pub unit: Option<Unit>,
     /// Where its values are expected.
     pub range: Option<Range>,
+    /// Whether its values are bent into the range: `within LOW..HIGH`.
+    pub is_within: bool,
     /// Its mean; `None` for zero.
     pub mean: Option<Expr>,
     /// Its Gaussian processes.

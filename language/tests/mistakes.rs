@@ -134,6 +134,10 @@ fn each_mistake_is_told_in_words() {
             "field h(x) = g(x) + gp(Rbf(2.0), K = 4);",
             "g: `g` has a value in each row, and none here; priors, means, kernels and densities see parameters alone",
         ),
+        (
+            "field h(x) within 1..31 = m + gp(Rbf(2.0), K = 4) where { m ~ Flat; }",
+            "Flat: the prior of `m` has no end, and `h` is within a range; far outside the range one mean is as good as another: give it a prior such as `Normal(16.0, 10.0)`",
+        ),
         // what takes what
         ("param b ~ Rbf(1.0);", "Rbf(1.0): `Rbf` is no prior; a prior is "),
         ("param b ~ Flat();", "Flat: `Flat` takes no arguments; write `Flat`"),

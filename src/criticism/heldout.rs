@@ -2,6 +2,7 @@
 
 use std::cmp::Ordering;
 
+use rand::Rng;
 use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
 
@@ -34,7 +35,8 @@ pub fn with_heldout(train: &Measurements, heldout: &Measurements, own: &[&str]) 
 }
 
 /// Predicts the rows of `model` from row `first` of its table on, from `draws` of the unknowns of
-/// `fitted`, the same model on fewer rows. Labels that it has not seen have coefficient 0.
+/// `fitted`, the same model on fewer rows. The coefficients of labels that it
+/// has not seen are drawn from their prior.
 pub fn predict_rows(
     model: &Model,
     fitted: &Model,
@@ -46,8 +48,8 @@ pub fn predict_rows(
         model.row_ids().into_iter().filter(|id| model.table_row(*id) >= first).collect();
     let mut rng = Stream::HeldOut.rng(seed);
     let mut sums = vec![Sum::default(); ids.len()];
-    model.at_draws(fitted, draws, &ids, &mut |row, own| {
-        sums[row].add(model, ids[row], own, &mut rng);
+    model.at_draws(fitted, draws, &ids, &mut rng, &mut |row, own, rng| {
+        sums[row].add(model, ids[row], own, rng);
     });
     ids.iter().zip(sums).map(|(id, sum)| sum.predicted(model, *id, &mut rng)).collect()
 }
@@ -62,7 +64,7 @@ struct Sum {
 }
 
 impl Sum {
-    fn add(&mut self, model: &Model, id: RowId, locals: &[f64], rng: &mut ChaCha8Rng) {
+    fn add(&mut self, model: &Model, id: RowId, locals: &[f64], rng: &mut dyn Rng) {
         self.n += 1.0;
         self.value += model.row_location(id, locals).unwrap_or(f64::NAN);
         let measured = model.measured_row(id);

@@ -15,6 +15,7 @@ use super::map::Map;
 use super::reported::{Parameter, Position};
 use super::rows::Rows;
 use super::tape::{Op, Tape};
+use crate::num::Within;
 use crate::table::Measurements;
 
 /// Where the numbers of a declared parameter live, and what its prior depends on.
@@ -35,6 +36,8 @@ pub(super) struct FieldEntry {
     pub(super) name: String,
     pub(super) unit: String,
     pub(super) range: Option<(f64, f64)>,
+    /// What its sum of mean and processes is bent into; the tape holds the sum.
+    pub(super) within: Option<Within>,
     /// Which label it belongs to, if there is one field for each.
     pub(super) label: Option<usize>,
     /// First sampled mode: 1 where the constant mode is collapsed.
@@ -44,6 +47,18 @@ pub(super) struct FieldEntry {
     /// Fields of different groups share no row, and those of one have the same probes.
     pub(super) group: usize,
     pub(super) op: Field,
+}
+
+impl FieldEntry {
+    /// The field's value where its sum is this.
+    pub(super) fn value(&self, sum: f64) -> f64 {
+        self.within.map_or(sum, |within| within.value(sum))
+    }
+
+    /// The sum at which the field has this value.
+    pub(super) fn sum(&self, value: f64) -> f64 {
+        self.within.map_or(value, |within| within.inverse(value))
+    }
 }
 
 /// The measurements of one `observe` statement.

@@ -73,27 +73,31 @@ impl Model {
     }
 
     /// Visits these rows at draws of `fitted`, the same model on other rows: the number of the row among
-    /// `ids`, and its scalars. Unknowns that `fitted` lacks, such as those of a new label, are 0.
+    /// `ids`, its scalars, and where its random numbers are from. Unknowns that `fitted` lacks, such as
+    /// the coefficient of a new label, are drawn from their prior; coefficients of a new label's field are 0.
     pub fn at_draws(
         &self,
         fitted: &Self,
         draws: &[&[f64]],
         ids: &[RowId],
-        visit: &mut dyn FnMut(usize, &[f64]),
+        rng: &mut dyn Rng,
+        visit: &mut dyn FnMut(usize, &[f64], &mut dyn Rng),
     ) {
         let names: BTreeMap<String, usize> =
             fitted.unknown_names().into_iter().enumerate().map(|(i, name)| (name, i)).collect();
         let from: Vec<Option<usize>> =
             self.unknown_names().iter().map(|name| names.get(name).copied()).collect();
+        let known: Vec<bool> = from.iter().map(Option::is_some).collect();
         let (mut tape, mut locals) = (self.tape(), vec![]);
         for draw in draws {
-            let u: Vec<f64> = from.iter().map(|from| from.map_or(0.0, |i| draw[i])).collect();
+            let mut u: Vec<f64> = from.iter().map(|from| from.map_or(0.0, |i| draw[i])).collect();
+            self.draw_unknown(&mut tape, &mut u, &known, rng);
             self.locals_at(&mut tape, &u, ids, &mut locals);
             let mut rest = locals.as_slice();
             for (row, id) in ids.iter().enumerate() {
                 let (own, others) = rest.split_at(self.n_locals(*id));
                 rest = others;
-                visit(row, own);
+                visit(row, own, rng);
             }
         }
     }

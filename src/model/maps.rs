@@ -8,6 +8,7 @@ use super::map::Source;
 use super::tape::Tape;
 use crate::diagnostics::{mean_and_sd, quantile};
 use crate::manifold::Basis;
+use crate::num::Within;
 use crate::num::vector::dot;
 
 /// What a field or derived quantity is called.
@@ -92,21 +93,21 @@ impl<'m> Maps<'m> {
         fields.chain(lets).collect()
     }
 
-    /// Derived quantities at one place from the values of the fields there; NaN where a field or a
+    /// Derived quantities at one place from the sums of the fields there; NaN where a field or a
     /// derived quantity is outside its declared range, for beyond it a surrogate means nothing.
     /// `outside` says of each field and derived quantity whether it is outside its own range.
     fn derived(
         &self,
         v: &[f64],
-        fields: &[f64],
+        sums: &[f64],
         scratch: &mut Vec<f64>,
         out: &mut [f64],
         outside: &mut [bool],
     ) {
         let (of_fields, of_lets) = outside.split_at_mut(self.n_fields());
-        for ((field, x), outside) in self.model.fields.iter().zip(fields).zip(of_fields.iter_mut())
+        for ((field, sum), outside) in self.model.fields.iter().zip(sums).zip(of_fields.iter_mut())
         {
-            *outside = !within(*x, field.range);
+            *outside = !within(field.value(*sum), field.range);
         }
         for ((map, out), outside) in
             self.model.maps.iter().zip(out.iter_mut()).zip(of_lets.iter_mut())
@@ -114,7 +115,7 @@ impl<'m> Maps<'m> {
             scratch.clear();
             scratch.extend(map.sources.iter().map(|source| match *source {
                 Source::Value(at) => v[at],
-                Source::Field(field) => fields[field],
+                Source::Field(field) => sums[field],
             }));
             *out = map.at.value(scratch, None);
             *outside = !within(*out, map.range);
@@ -138,8 +139,8 @@ impl<'m> Maps<'m> {
         let (mut at, mut lets) = (vec![0.0; fields.len()], vec![0.0; n_lets]);
         let (mut scratch, mut outside) = (vec![], vec![false; fields.len() + n_lets]);
         for vertex in 0..self.basis.n_vertices() {
-            for (x, field) in at.iter_mut().zip(fields) {
-                *x = field[vertex];
+            for ((sum, field), entry) in at.iter_mut().zip(fields).zip(&self.model.fields) {
+                *sum = entry.sum(field[vertex]);
             }
             self.derived(&t.v, &at, &mut scratch, &mut lets, &mut outside);
             for (out, value) in out.iter_mut().zip(&lets) {
@@ -153,7 +154,7 @@ impl<'m> Maps<'m> {
     pub fn set_at_probes(&self, t: &mut Tape, fields: &[Vec<f64>]) {
         for (entry, field) in self.model.fields.iter().zip(fields) {
             for (i, vertex) in entry.probes.iter().enumerate() {
-                t.v[entry.op.theta + i] = field[*vertex as usize];
+                t.v[entry.op.theta + i] = entry.sum(field[*vertex as usize]);
             }
         }
     }
@@ -194,7 +195,7 @@ impl<'m> Maps<'m> {
         }
     }
 
-    /// For each field and draw of unknowns its mean and the weights of the first `n_modes` eigenfunctions,
+    /// For each field and draw of unknowns the mean of its sum and the weights of the first `n_modes` eigenfunctions,
     /// (draw, 1 + n_modes); and `n_modes`, that of the field with most.
     pub fn coefficients(&self, draws: &[&[f64]]) -> (usize, Vec<(&'m str, Vec<f64>)>) {
         let draws = self.unpack(draws);
@@ -210,6 +211,12 @@ impl<'m> Maps<'m> {
             (fields[i].name.as_str(), all)
         };
         (n_modes, (0..fields.len()).map(of_field).collect())
+    }
+
+    /// The fields whose sums are bent into an interval, and the interval.
+    pub fn links(&self) -> impl Iterator<Item = (&'m str, Within)> {
+        let fields = self.model.fields.iter();
+        fields.filter_map(|f| f.within.map(|within| (f.name.as_str(), within)))
     }
 
     /// All maps at these vertices in every draw of the unknowns, (vertex, map, draw); derived quantities are
@@ -303,6 +310,9 @@ impl<'m> Maps<'m> {
                 *x = mean + dot::<8>(w, &phi[entry.first..entry.first + w.len()]);
             }
             self.derived(&draw.v, fields, &mut scratch, lets, &mut outside);
+            for (x, entry) in fields.iter_mut().zip(&self.model.fields) {
+                *x = entry.value(*x);
+            }
             take(&values, &outside);
         }
     }

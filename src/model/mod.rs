@@ -56,7 +56,7 @@ pub use tape::Tape;
 /// What the expansion of [`model!`](crate::prelude::model) names; not for people.
 #[doc(hidden)]
 pub mod expansion {
-    pub use super::builder::{Builder, Computed, Len, Place};
+    pub use super::builder::{Builder, Computed, Len, Place, Range};
     pub use super::expression::*;
     pub use super::forms::Form;
     pub use super::functions::*;
@@ -64,5 +64,5 @@ pub mod expansion {
     pub use crate::dist::{Dist, Vector, vector};
     pub use crate::field::Kernel;
     pub use crate::likelihood::Likelihood;
-    pub use crate::num::{Num, Real};
+    pub use crate::num::{Num, Real, within};
 }

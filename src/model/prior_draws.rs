@@ -63,6 +63,23 @@ impl Model {
         (0..n).map(|_| draw()).collect()
     }
 
+    /// Draws the unknowns `u[i]` that are not `known`, such as the coefficients of labels that were not fitted, from
+    /// their priors given the others; where a prior cannot be drawn from they stay as they are.
+    pub fn draw_unknown(&self, tape: &mut Tape, u: &mut [f64], known: &[bool], rng: &mut dyn Rng) {
+        tape.u.copy_from_slice(u);
+        for (prior, entry) in self.priors.iter().zip(&self.prior_entries) {
+            if known[entry.u.clone()].iter().all(|known| *known) {
+                prior.forward(tape);
+            } else if prior.draw(tape, rng).is_some() {
+                for i in entry.u.clone().filter(|i| !known[*i]) {
+                    u[i] = tape.u[i];
+                }
+                tape.u[entry.u.clone()].copy_from_slice(&u[entry.u.clone()]);
+                prior.forward(tape);
+            }
+        }
+    }
+
     fn draw_prior(&self, tape: &mut Tape, rng: &mut ChaCha8Rng) -> Result<(), ModelError> {
         let declared = self.parameters.iter().filter(|p| p.kind != Kind::Eta);
         for (prior, parameter) in self.priors.iter().zip(declared) {

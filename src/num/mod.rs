@@ -6,10 +6,12 @@ mod moments;
 mod number;
 mod together;
 pub mod vector;
+mod within;
 
 pub use moments::Moments;
 pub use number::Num;
 pub use together::{Common, Join, Together};
+pub use within::{Within, within};
 
 use num_dual::{Derivative, DualNum, DualSVec64, HyperDual64};
 

@@ -4,6 +4,8 @@
 //! eigenfunctions (vertex, K)      NAME (draw, 1 + K), one for each field
 //! NAME at a vertex = NAME[draw, 0] + eigenfunctions[vertex] · NAME[draw, 1:]
 //! ```
+//! Of a field `within LOW..HIGH` this is the sum x, and there is an array `NAME.within` (1, 2) of the ends:
+//! the field is LOW + s ln (1 + e^((x − LOW)/s))/(1 + e^((x − HIGH)/s)) with s = (HIGH − LOW)/20.
 
 use std::collections::BTreeMap;
 use std::io::{self, Seek, Write};
@@ -14,6 +16,7 @@ use npyz::npz::{NpzArchive, NpzWriter};
 use npyz::zip::{CompressionMethod, DateTime, write::FileOptions};
 
 use super::ReportError;
+use crate::num::Within;
 use crate::store::write_file;
 
 const EIGENFUNCTIONS: &str = "eigenfunctions";
@@ -27,7 +30,12 @@ pub struct FieldDraws {
     pub eigenfunctions: Vec<f64>,
     /// By field (draw, 1 + K), row-major: mean, and weights of the eigenfunctions.
     pub coefficients: BTreeMap<String, Vec<f64>>,
+    /// By field, of those whose sum is bent into an interval.
+    pub within: BTreeMap<String, Within>,
 }
+
+/// Suffix of the array of an interval's ends.
+const WITHIN: &str = ".within";
 
 impl FieldDraws {
     /// The file in an output folder.
@@ -47,8 +55,11 @@ impl FieldDraws {
     pub fn at_vertices(&self, name: &str, draw: usize) -> Option<Vec<f64>> {
         let (mean, weights) =
             self.coefficients.get(name)?.chunks_exact(1 + self.n_modes).nth(draw)?.split_first()?;
-        let value =
-            |modes: &[f64]| mean + modes.iter().zip(weights).map(|(m, w)| m * w).sum::<f64>();
+        let within = self.within.get(name);
+        let value = |modes: &[f64]| {
+            let sum = mean + modes.iter().zip(weights).map(|(m, w)| m * w).sum::<f64>();
+            within.map_or(sum, |within| within.value(sum))
+        };
         Some(self.eigenfunctions.chunks_exact(self.n_modes.max(1)).map(value).collect())
     }
 
@@ -64,7 +75,12 @@ impl FieldDraws {
         let mut archive = NpzWriter::new(writer);
         let eigenfunctions = (EIGENFUNCTIONS, self.n_modes, &self.eigenfunctions);
         let fields = self.coefficients.iter().map(|(n, c)| (n.as_str(), 1 + self.n_modes, c));
-        for (name, width, values) in std::iter::once(eigenfunctions).chain(fields) {
+        let ends = |(name, within): (&String, &Within)| {
+            (format!("{name}{WITHIN}"), vec![within.low, within.high])
+        };
+        let ends: Vec<(String, Vec<f64>)> = self.within.iter().map(ends).collect();
+        let ends = ends.iter().map(|(name, ends)| (name.as_str(), 2, ends));
+        for (name, width, values) in std::iter::once(eigenfunctions).chain(fields).chain(ends) {
             // the same draws are the same bytes at any time of day
             let options = FileOptions::default()
                 .last_modified_time(DateTime::default())
@@ -103,8 +119,13 @@ impl FieldDraws {
         let (n_modes, eigenfunctions) =
             matrix(EIGENFUNCTIONS).map_err(|e| malformed(EIGENFUNCTIONS, &e))?;
         let mut coefficients: BTreeMap<String, Vec<f64>> = BTreeMap::new();
+        let mut bounds = BTreeMap::new();
         for name in names.into_iter().filter(|name| name != EIGENFUNCTIONS) {
             let (width, values) = matrix(&name).map_err(|e| malformed(&name, &e))?;
+            if let (Some(field), [low, high]) = (name.strip_suffix(WITHIN), &values[..]) {
+                bounds.insert(field.to_owned(), Within { low: *low, high: *high });
+                continue;
+            }
             let n = coefficients.values().next().map_or(values.len(), Vec::len);
             if width != 1 + n_modes || values.len() != n {
                 let got = format!("{} values in rows of {width}", values.len());
@@ -115,7 +136,7 @@ impl FieldDraws {
             }
             coefficients.insert(name, values);
         }
-        Ok(Self { n_modes, eigenfunctions, coefficients })
+        Ok(Self { n_modes, eigenfunctions, coefficients, within: bounds })
     }
 }
 
@@ -131,6 +152,7 @@ mod tests {
                 "tau_out".into(),
                 vec![10.0, 1.0, 2.0, 20.0, 0.0, 0.25],
             )]),
+            within: BTreeMap::new(),
         }
     }
 
@@ -147,6 +169,19 @@ mod tests {
         assert!(
             back.at_vertices("apd_max", 0).is_none() && back.at_vertices("tau_out", 2).is_none()
         );
+    }
+
+    #[test]
+    fn a_field_within_an_interval_is_bent_into_it() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("field_draws.npz");
+        let within = Within { low: 0.0, high: 12.0 };
+        let draws = FieldDraws { within: BTreeMap::from([("tau_out".into(), within)]), ..small() };
+        draws.write(&path).unwrap();
+        let back = FieldDraws::read(&path).unwrap();
+        assert_eq!(back, draws);
+        let expected = [11.0, 8.5, 14.0].map(|x| within.value(x));
+        assert_eq!(back.at_vertices("tau_out", 0).unwrap(), expected);
     }
 
     #[test]

@@ -145,5 +145,6 @@ pub(super) fn field_draws(model: &Model, basis: &Basis, draws: &[&[f64]]) -> Opt
         n_modes,
         eigenfunctions: rows.copied().collect(),
         coefficients: fields.into_iter().map(|(name, c)| (name.into(), c)).collect(),
+        within: maps.links().map(|(name, within)| (name.into(), within)).collect(),
     })
 }

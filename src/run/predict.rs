@@ -31,8 +31,9 @@ impl Fit<'_> {
     ///
     /// The table has the columns of the one that was fitted, without the measured ones if nothing was
     /// measured yet: predictions do not depend on them (a bracket's width is that of the first fitted
-    /// row of its protocol). Labels that were not fitted, such as a new patient, have coefficient 0. The
-    /// replicates are from a random stream of the fit's seed, so they are the same every time.
+    /// row of its protocol). The coefficients of labels that were not fitted, such as a new site, are drawn from their
+    /// prior; fields of such labels have coefficients 0. The draws are from a random stream of the fit's seed, so
+    /// they are the same every time.
     ///
     /// # Errors
     /// [`RunError::Data`] and [`RunError::Probe`] for rows that do not fit the model or lie off the
@@ -44,9 +45,10 @@ impl Fit<'_> {
         let ids: Vec<RowId> = ids.filter(|id| joint.table_row(*id) >= first).collect();
         let mut rng = Stream::HeldOut.rng(self.settings.seed);
         let mut replicates: Vec<Replicates> = ids.iter().map(|_| Replicates::default()).collect();
-        joint.at_draws(self.model(), &self.thinned(PREDICTION_DRAWS), &ids, &mut |row, own| {
+        let draws = self.thinned(PREDICTION_DRAWS);
+        joint.at_draws(self.model(), &draws, &ids, &mut rng, &mut |row, own, rng| {
             let (id, replicates) = (ids[row], &mut replicates[row]);
-            let cells = joint.row_replicate(id, &joint.measured_row(id), own, &mut rng);
+            let cells = joint.row_replicate(id, &joint.measured_row(id), own, rng);
             replicates.values.push(cells.iter().sum::<f64>() / cells.len() as f64);
             replicates.expected += joint.row_location(id, own).unwrap_or(f64::NAN);
         });

@@ -1,9 +1,10 @@
 //! What is declared: each name once, vectors as long as their priors need.
 
 use super::scope::Local;
-use crate::mistake::Mistake;
+use crate::mistake::{Mistake, span_of};
+use crate::names::mentions;
 use crate::print::print;
-use crate::syntax::{Expr, Field, Ident, Item, Model, Over, Param, Prior};
+use crate::syntax::{Expr, Field, Ident, Item, Model, Over, Param, Prior, Range};
 
 /// Names that are declared twice. What an expression mentions by its bare name, the columns, the
 /// measurements and the densities may each have the name of one of the others.
@@ -86,4 +87,25 @@ pub(super) fn labels(field: &Field, locals: &[Local<'_>]) -> Vec<Mistake> {
         mistakes.push(Mistake::at(at, message, help));
     }
     mistakes
+}
+
+/// A mean that may be anything, of a field that is bent into a range: far outside, all means are alike, and the
+/// posterior has no end.
+pub(super) fn flat_within(field: &Field, locals: &[Local<'_>]) -> Vec<Mistake> {
+    let (Some(Range { low, high }), Some(mean), true) = (field.range, &field.mean, field.is_within)
+    else {
+        return vec![];
+    };
+    let is_mean = |p: &Param| mentions(mean).iter().any(|m| m.name == p.name);
+    let flat = locals.iter().filter(|l| is_mean(l.param) && print(&l.param.prior.expr) == "Flat");
+    let mistake = |Local { param, .. }: &Local<'_>| {
+        let (name, field) = (&param.name, &field.name);
+        let message = format!("the prior of `{name}` has no end, and `{field}` is within a range");
+        let (middle, sd) = (0.5 * (low + high), (high - low) / 3.0);
+        let help = format!(
+            "far outside the range one mean is as good as another: give it a prior such as `Normal({middle:?}, {sd:.1})`"
+        );
+        Mistake::at(span_of(&param.prior.expr), message, help)
+    };
+    flat.map(mistake).collect()
 }

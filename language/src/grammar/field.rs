@@ -5,10 +5,10 @@ use syn::parse::ParseStream;
 use syn::{Expr, Ident, Lit, Result, Token, token};
 
 use super::pieces::{
-    all_read, docs, equals, expr, first_span, last_span, name, param, range, semicolon, unit,
+    all_read, docs, ends, equals, expr, first_span, last_span, name, param, range, semicolon, unit,
 };
 use super::{FIELD, HYPER, missing, wrong};
-use crate::syntax::{Block, Field, Hyper, Param, Term};
+use crate::syntax::{Block, Field, Hyper, Param, Range, Term};
 
 /// `hyper NAME { PARAM; … }`
 pub(super) fn hyper(input: ParseStream<'_>) -> Result<Hyper> {
@@ -33,17 +33,28 @@ fn params(input: ParseStream<'_>) -> Result<Vec<Param>> {
     Ok(params)
 }
 
-/// `field NAME(X, LABEL?) [UNIT]? in LOW..HIGH? = VALUE where (shared? BLOCK)? { PARAM; … }?`
+/// `field NAME(X, LABEL?) [UNIT]? (in|within LOW..HIGH)? = VALUE where (shared? BLOCK)? { PARAM; … }?`
 pub(super) fn field(input: ParseStream<'_>) -> Result<Field> {
     let name = name(input, FIELD)?;
     let (place, label) = place(input, &name)?;
     let unit = unit(input)?;
-    let range = range(input)?;
+    let (range, is_within) = range_of_field(input)?;
     let equals = equals(input, &name, FIELD)?;
     let value = expr(input, equals, "mean and Gaussian processes")?;
     let (mean, terms) = sum_of_terms(&value)?;
     let (block, params) = where_clause(input, &value)?;
-    Ok(Field { name, place, label, unit, range, mean, terms, value, block, params })
+    Ok(Field { name, place, label, unit, range, is_within, mean, terms, value, block, params })
+}
+
+/// `in LOW..HIGH` or `within LOW..HIGH`, and whether it is the latter.
+fn range_of_field(input: ParseStream<'_>) -> Result<(Option<Range>, bool)> {
+    match input.fork().parse::<Ident>() {
+        Ok(word) if word == "within" => {
+            let word: Ident = input.parse()?;
+            Ok((Some(ends(input, word.span(), "within")?), true))
+        }
+        _ => Ok((range(input)?, false)),
+    }
 }
 
 /// `(X)` or `(X, LABEL)`

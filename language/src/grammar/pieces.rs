@@ -90,16 +90,23 @@ pub(super) fn range(input: ParseStream<'_>) -> Result<Option<Range>> {
         return Ok(None);
     }
     let word: Token![in] = input.parse()?;
-    let none =
-        || wrong(word.span, "expected a range after `in`", "write two numbers: `in 1.0..30.0`");
+    ends(input, word.span, "in").map(Some)
+}
+
+/// `LOW..HIGH` after `word`, which stands at `span`.
+pub(super) fn ends(input: ParseStream<'_>, span: Span, word: &str) -> Result<Range> {
+    let none = || {
+        let message = format!("expected a range after `{word}`");
+        wrong(span, message, format!("write two numbers: `{word} 1.0..30.0`"))
+    };
     let low = number(input).ok_or_else(none)?;
     input.parse::<Token![..]>().map_err(|_| none())?;
     let high = number(input).ok_or_else(none)?;
     if low < high {
-        return Ok(Some(Range { low, high }));
+        return Ok(Range { low, high });
     }
     let message = format!("the range {low} to {high} is empty");
-    Err(wrong(word.span, message, "the lower end stands first: `in 1.0..30.0`"))
+    Err(wrong(span, message, format!("the lower end stands first: `{word} 1.0..30.0`")))
 }
 
 /// `1`, `-4.6`

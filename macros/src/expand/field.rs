@@ -1,10 +1,10 @@
 //! Fields, and blocks of hyperparameters.
 
 use eplat_language::print as text;
-use eplat_language::syntax::{Expr, Field, Hyper, Ident, Item, Model, Param};
+use eplat_language::syntax::{Expr, Field, Hyper, Ident, Item, Model, Param, Range};
 use eplat_language::vocabulary::{Class, find};
 use proc_macro2::TokenStream;
-use quote::quote;
+use quote::{format_ident, quote};
 
 use super::{State, decl, kind_of, option, param_call, range, scalar};
 use crate::scope::{Count, Kind, Scope};
@@ -76,14 +76,30 @@ impl<'m> State<'m> {
             }}
         });
         let terms: Vec<TokenStream> = terms.collect();
-        self.scope.declare(&field.name, name.clone(), Kind::Row);
+        let is_within = field.is_within;
+        self.declare_field(field);
         quote! {{
-            b.field(#decl, #range, #label, #name)?;
+            b.field(#decl, Range { ends: #range, is_within: #is_within }, #label, #name)?;
             #params
             let mean = b.scalar(&#mean);
             let terms = Vec::from([#(#terms),*]);
             b.end_field(#lone_mean, mean, terms)?;
         }}
+    }
+}
+
+impl State<'_> {
+    /// A field as expressions see it: its sum or, where it is bent into a range, a `let` of its sum.
+    fn declare_field(&mut self, field: &Field) {
+        let (name, place) = (&field.name, &field.place);
+        let Some(Range { low, high }) = field.range.filter(|_| field.is_within) else {
+            self.scope.declare(name, name.to_string(), Kind::Row);
+            return;
+        };
+        let sum = format_ident!("{name}__sum");
+        self.scope.declare(&sum, format!("{name}.sum"), Kind::Row);
+        let value = Box::new(syn::parse_quote!(expansion::within(#low, #high, #sum(#place))));
+        self.scope.declare(name, name.to_string(), Kind::Let { row: place.clone(), value });
     }
 }
 

@@ -63,7 +63,7 @@ pub(crate) fn model(model: &Model, source: &str) -> TokenStream {
             ) -> Result<(), ::eplat::model::ModelError> {
                 use ::eplat::model::expansion::{
                     self, Column, Columns, Computed, Decl, DensityFn, Dist, Form, Kernel, KernelFn, Len,
-                    LetFn, Likelihood, Num, OwnKernel, OwnPrior, Place, PriorFn, Real, RowFn,
+                    LetFn, Likelihood, Num, OwnKernel, OwnPrior, Place, PriorFn, Range, Real, RowFn,
                     ScalarFn, Terms, Vector, VectorFn,
                 };
                 #row

@@ -6,7 +6,7 @@ use std::sync::Arc;
 
 use eplat_language::syntax::Item;
 
-use super::{Builder, Labels, Source};
+use super::{Builder, Labels, Range, Source};
 use crate::dist::Support;
 use crate::manifold::Basis;
 use crate::model::error::ModelError;
@@ -16,12 +16,14 @@ use crate::model::gp::{Collapsed, Field, Term, padded};
 use crate::model::laid_out::{FieldEntry, Model};
 use crate::model::reported::{Kind, Parameter, Position};
 use crate::model::scalar::Scalar;
+use crate::num::Within;
 
 /// The field that is being declared.
 pub(super) struct Declared {
     name: &'static str,
     unit: String,
     range: Option<(f64, f64)>,
+    within: Option<Within>,
     labels: Option<Arc<Labels>>,
     /// Whether no row sees fields of two labels: each then needs its own rows' places alone.
     is_apart: bool,
@@ -57,7 +59,7 @@ pub struct Scalars(Vec<Box<dyn Scalar>>);
 pub struct Terms(Vec<Term>);
 
 impl Builder<'_> {
-    /// `field name(x, label) [unit] in range = …`: its hyperparameters follow, then its mean and terms, then
+    /// `field name(x, label) [unit] range = …`: its hyperparameters follow, then its mean and terms, then
     /// [`Builder::end_field`].
     ///
     /// # Errors
@@ -65,7 +67,7 @@ impl Builder<'_> {
     pub fn field(
         &mut self,
         decl: Decl,
-        range: Option<(f64, f64)>,
+        Range { ends: range, is_within }: Range,
         label: Option<&'static str>,
         name: &'static str,
     ) -> Result<(), ModelError> {
@@ -74,7 +76,8 @@ impl Builder<'_> {
         self.prefix = Some(name);
         let is_apart = labels.is_some() && is_by_label(&self.model);
         let unit = decl.unit.into();
-        self.field = Some(Declared { name, unit, range, labels, is_apart });
+        let within = range.filter(|_| is_within).map(|(low, high)| Within { low, high });
+        self.field = Some(Declared { name, unit, range, within, labels, is_apart });
         Ok(())
     }
 
@@ -121,7 +124,13 @@ impl Builder<'_> {
             self.one_field(&declared, label, &modes, lone, (mean, own));
         }
         let labels = declared.labels.clone();
-        self.names.push((declared.name.into(), Source::Field { field: first_field, labels }));
+        let source = Source::Field { field: first_field, labels };
+        if declared.within.is_some() {
+            self.names.push((format!("{}.sum", declared.name), source));
+            self.link(declared.name);
+        } else {
+            self.names.push((declared.name.into(), source));
+        }
         Ok(())
     }
 
@@ -159,12 +168,13 @@ impl Builder<'_> {
             modes: transposed,
             frequency: modes.frequency[first..].to_vec(),
         };
-        let (unit, range) = (declared.unit.clone(), declared.range);
+        let (unit, range, within) = (declared.unit.clone(), declared.range, declared.within);
         let label = declared.labels.as_ref().map(|_| label);
         self.model.fields.push(FieldEntry {
             name,
             unit,
             range,
+            within,
             label,
             first,
             probes: seen,

@@ -86,6 +86,22 @@ impl Builder<'_> {
         self.names.push((name.into(), Source::Linear { beta, columns: columns.to_vec() }));
     }
 
+    /// The value of a field that is bent into its range: a `let` of its sum, which the field's own map shows.
+    pub(super) fn link(&mut self, name: &'static str) {
+        let mentions = Place { numbers: &[], lets: &[], reads_row: false };
+        let differs = Differs::Place;
+        let link = Declared { name, unit: String::new(), mentions, differs, make: None };
+        self.lets.push(link);
+        self.names.push((name.into(), Source::Let));
+    }
+
+    /// Whether this is the value of a field that is bent into its range.
+    fn is_link(&self, name: &str) -> bool {
+        let is_it =
+            |l: &Declared| l.name == name && l.make.is_none() && l.differs == Differs::Place;
+        self.lets.iter().any(is_it)
+    }
+
     /// A map over the vertices of a `let` that depends on parameters and fields alone: one, or one for each label of
     /// the fields that it depends on.
     fn maps_of(
@@ -96,7 +112,8 @@ impl Builder<'_> {
         mentions: Place,
         make: fn() -> Box<dyn MapFn>,
     ) {
-        let is_map_too = |name: &&str| self.model.maps.iter().any(|m| m.of == *name);
+        let is_map_too =
+            |name: &&str| self.is_link(name) || self.model.maps.iter().any(|m| m.of == *name);
         if mentions.reads_row || !mentions.lets.iter().all(is_map_too) {
             return;
         }

@@ -36,6 +36,15 @@ pub struct Place {
     pub reads_row: bool,
 }
 
+/// `in LOW..HIGH` or `within LOW..HIGH` of a field.
+#[derive(Clone, Copy, Debug)]
+pub struct Range {
+    /// Its ends, if there is one.
+    pub ends: Option<(f64, f64)>,
+    /// Whether the field's sum is bent into it.
+    pub is_within: bool,
+}
+
 /// `from (…)`: a measurement that is computed from columns.
 #[derive(Clone, Copy, Debug)]
 pub struct Computed {
