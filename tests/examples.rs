@@ -5,6 +5,8 @@
 #[path = "../examples/close_the_loop.rs"]
 #[allow(dead_code, reason = "its main only prints")]
 mod close_the_loop;
+#[path = "support/program.rs"]
+mod program;
 #[path = "../examples/quickstart.rs"]
 #[allow(dead_code, reason = "its main only prints")]
 mod quickstart;
@@ -48,4 +50,37 @@ fn the_readme_shows_the_shipped_model_in_full() {
     let (_, rest) = readme.split_once("```rust\n").unwrap();
     let (shown, _) = rest.split_once("```").unwrap();
     assert_eq!(shown, include_str!("../models/erp.rs"));
+}
+
+/// Whether a line of the README is what the program printed: the same words, and numbers that differ by less than
+/// another machine's last digits may lead to. What stands for "…" at its end is left out.
+fn is_line(shown: &str, printed: &str) -> bool {
+    let is_same = |(shown, printed): (&str, &str)| {
+        let number = |text: &str| text.trim_end_matches(',').parse::<f64>().ok();
+        match (number(shown), number(printed)) {
+            (Some(a), Some(b)) => (a - b).abs() < 0.2 * a.abs(),
+            _ => shown == printed,
+        }
+    };
+    let (shown, is_open) = match shown.strip_suffix(" …") {
+        Some(shown) => (shown, true),
+        None => (shown, false),
+    };
+    let (n, n_printed) = (shown.split_whitespace().count(), printed.split_whitespace().count());
+    (n == n_printed || is_open && n < n_printed)
+        && shown.split_whitespace().zip(printed.split_whitespace()).all(is_same)
+}
+
+#[test]
+fn the_readme_shows_what_its_first_command_prints() {
+    let (_, rest) = include_str!("../README.md").split_once("```text\n").unwrap();
+    let (sample, _) = rest.split_once("```").unwrap();
+    let done = program::Workplace::new().with_erp().eplat("run erp.rs");
+    let printed = program::text(&done.stdout) + &program::text(&done.stderr);
+    let mut lines = printed.lines();
+    for shown in sample.lines().filter(|line| line.trim() != "…") {
+        // in the same order
+        assert!(lines.any(|line| is_line(shown, line)), "not printed: {shown}\n{printed}");
+    }
+    assert!(!is_line("RMSE 9.6 ms", "RMSE 14.1 ms") && !is_line("a 1 b", "a 1 c"));
 }
