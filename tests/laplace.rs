@@ -103,7 +103,7 @@ fn a_funnel_is_not_to_be_trusted() {
     place.file("schools.csv", include_str!("../models/eight_schools.csv"));
     let output = place.eplat("run schools.rs --data schools.csv --laplace");
     assert_eq!(output.status.code(), Some(3), "{}", text(&output.stderr));
-    assert!(text(&output.stdout).contains("\nNot to be trusted: "), "{}", text(&output.stdout));
+    assert!(text(&output.stdout).contains("Not to be trusted: "), "{}", text(&output.stdout));
     let again = place.eplat("report out/schools-laplace");
     assert_eq!(again.status.code(), Some(3));
 

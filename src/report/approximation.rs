@@ -49,7 +49,7 @@ impl Approximation {
         }
         let k = if k.is_finite() { format!("{k:.2}") } else { "cannot be had".to_owned() };
         let sentence = format!(
-            "the posterior is not near the normal approximation at its mode, Pareto k {k} ✗ (at most {k_threshold:.2})"
+            "Not to be trusted: the posterior is not near the normal approximation at its mode, Pareto k {k} ✗ (at most {k_threshold:.2})"
         );
         let remedy = "do not use these results: sample it (leave out --laplace)";
         Answer::new(Question::Sampled, Colour::Red, sentence, remedy)
@@ -77,8 +77,8 @@ mod tests {
         assert_eq!(answers.each_ref().map(|a| a.colour), colours);
         insta::assert_snapshot!(answers.map(|a| a.sentence).join("\n"), @r"
         Normal approximation at the mode, corrected by importance resampling: Pareto k 0.12, at most 0.70; its 4000 draws are worth 3457. Log evidence -12.35 ± 0.01
-        the posterior is not near the normal approximation at its mode, Pareto k 0.71 ✗ (at most 0.70)
-        the posterior is not near the normal approximation at its mode, Pareto k cannot be had ✗ (at most 0.70)
+        Not to be trusted: the posterior is not near the normal approximation at its mode, Pareto k 0.71 ✗ (at most 0.70)
+        Not to be trusted: the posterior is not near the normal approximation at its mode, Pareto k cannot be had ✗ (at most 0.70)
         ");
     }
 }
