@@ -36,6 +36,9 @@ pub struct RowId {
     pub row: usize,
 }
 
+/// What is done with a row at a draw: its number, its scalars, and where its random numbers are from.
+pub type Visit<'a> = dyn FnMut(usize, &[f64], &mut dyn Rng) + 'a;
+
 impl Model {
     /// Tells linear unknowns from others.
     pub fn split(&self) -> Split {
@@ -81,7 +84,7 @@ impl Model {
         draws: &[&[f64]],
         ids: &[RowId],
         rng: &mut dyn Rng,
-        visit: &mut dyn FnMut(usize, &[f64], &mut dyn Rng),
+        visit: &mut Visit<'_>,
     ) {
         let names: BTreeMap<String, usize> =
             fitted.unknown_names().into_iter().enumerate().map(|(i, name)| (name, i)).collect();

@@ -47,7 +47,7 @@ pub use exceedance::{Exceedance, ExceedanceError};
 pub use forms::{EffectForm, Form};
 pub use laid_out::{Model, Observe};
 pub use lets::LetValues;
-pub use local::{RowId, Split};
+pub use local::{RowId, Split, Visit};
 pub use maps::{MapName, MapSummary, Maps, Summaries};
 pub use reported::{Kind, Parameter};
 pub use rows::{Curvature, Noise};

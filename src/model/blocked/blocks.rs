@@ -67,7 +67,7 @@ impl<'m> Blocks<'m> {
         let outer = outer(model, &fields);
         let is_hyper = hyperparameters(model, &fields);
         let hyper = (0..outer.len()).filter(|i| is_hyper.contains(&outer[*i])).collect();
-        Self { model, layout: Layout { groups, hyper, outer }, fields }
+        Self { model, layout: Layout { groups, outer, hyper }, fields }
     }
 
     /// The priors of outer unknowns.
