@@ -4,7 +4,8 @@ use eplat::prelude::*;
 
 model! {
     /// tau_out and APD_max within their physical ranges, with modes short enough to follow tissue; the likelihood
-    /// allows for what the surrogate leaves open and for a discrepancy of each site.
+    /// allows for what the surrogate leaves open and for a discrepancy of each ERP, whose
+    /// size is learnt.
     model ErpRobust;
 
     field tau_out(x) [ms] within 1.0..30.0 = m + alpha * gp(Matern52(rho), K = 128) where {
@@ -22,7 +23,7 @@ model! {
     let erp_s2(x) [ms] in 0.0..280.0 = surrogate::erp_s2(tau_out(x), apd_max(x));
     let erp_s3(x) [ms] = surrogate::erp_s3(tau_out(x), apd_max(x));
 
-    /// What an ERP of a site has of its own: contact, fibres, an error of place. Its size is learnt.
+    /// What a measured ERP has of its own: contact, fibres, an error of place.
     param discrepancy [ms] ~ HalfNormal(2.0);
 
     /// 0.5 and 1 ms are the surrogate's errors: conduction, rounding, and the form of the cubic.

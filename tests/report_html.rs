@@ -10,8 +10,8 @@ use eplat::diagnostics::Summary;
 use eplat::diagnostics::verdict::{Questions, Verdict};
 use eplat::mesh::TriMesh;
 use eplat::report::{
-    Group, LeaveOneOut, LooRecord, LooRow, Page, PointData, ReportError, Row, RunRecord, Seconds,
-    SettingsRecord, Surface, Variable, write_html,
+    Group, LeaveOneOut, LooRecord, LooRow, Page, PointData, Provenance, ReportError, Row,
+    RunRecord, Seconds, SettingsRecord, Surface, Variable, write_html,
 };
 use rand::{RngExt as _, SeedableRng as _};
 use rand_chacha::ChaCha8Rng;
@@ -79,6 +79,15 @@ fn record() -> RunRecord {
         model: "Erp".to_owned(),
         version: "0.1.0".to_owned(),
         seed: 1,
+        provenance: Provenance {
+            mesh: Some("patient <7>/atrium.vtk".to_owned()),
+            n_vertices: 5166,
+            data: "brackets.csv".to_owned(),
+            n_rows: 20,
+            n_sites: 10,
+            command: "eplat run models/erp.rs --data brackets.csv".to_owned(),
+            date: "2026-11-22".to_owned(),
+        },
         settings: SettingsRecord {
             sampler,
             chains: 4,
@@ -205,6 +214,15 @@ fn the_page_is_whole_and_holds_the_data() {
     assert!(html.len() < 2_500_000, "{} bytes", html.len());
     let (page, scripts) = html.split_once("<script ").unwrap();
     assert!(page.contains("<h1>A &lt;b&gt;title&lt;/b&gt; &amp; {{run}}</h1>"));
+    // what was fitted to what stands above the verdict
+    let (before, _) = page.split_once("Verdict").unwrap();
+    for told in [
+        "Fitted to <b>brackets.csv</b>: 20 measurements at 10 sites of",
+        "<b>patient &lt;7&gt;/atrium.vtk</b> (5166 vertices)",
+        "2026-11-22 · eplat 0.1.0 · <code>eplat run models/erp.rs --data brackets.csv</code>",
+    ] {
+        assert!(before.contains(told), "{told}\n{before}");
+    }
     for network in ["src=", "href=", "url(", "@import"] {
         assert!(!page.contains(network), "the page has {network}");
     }

@@ -164,6 +164,7 @@ fn expected(range: Option<&Range>, unit: &str) -> String {
 }
 
 fn show(unit: Option<&Unit>) -> String {
+    let unit = unit.filter(|unit| unit.text != "1");
     unit.map_or(String::new(), |unit| format!(" [{}]", unit.text))
 }
 

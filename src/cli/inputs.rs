@@ -52,7 +52,9 @@ impl InputArgs {
             None => DataSource::Synthetic(Design { seed: self.seed, ..Design::default() }),
         };
         let hashes = [("model".to_owned(), hash_file(model)?)].into();
-        Ok(Inputs { mesh, basis: self.basis.clone(), data, hashes })
+        let arguments = std::env::args().skip(1).map(|argument| format!(" {argument}"));
+        let command = format!("eplat{}", arguments.collect::<String>());
+        Ok(Inputs { mesh, basis: self.basis.clone(), data, hashes, command })
     }
 
     /// The surface that is named. A table must name its own: its vertices are not those of another.

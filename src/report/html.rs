@@ -12,9 +12,10 @@ use std::path::Path;
 use super::end_of_run::leave_one_out_figures;
 use super::svg::{k_plot, rank_plot, trace_plot};
 use super::table::{HEAVY_TAIL, Line, TITLES, lines};
-use super::text::escape;
+use super::text::{escape, shown};
 use super::{
-    Group, LeaveOneOut, LooRow, ReportError, Row, RunRecord, SettingsRecord, Values, verdict,
+    Group, LeaveOneOut, LooRow, Provenance, ReportError, Row, RunRecord, SettingsRecord, Values,
+    verdict,
 };
 use crate::diagnostics::verdict::{Answer, Colour, Verdict};
 use crate::mesh::TriMesh;
@@ -81,6 +82,7 @@ pub fn write_html(path: &Path, page: &Page<'_>) -> Result<(), ReportError> {
     let verdict = verdict(page.record, page.rows);
     let slots = [
         ("title", escape(page.title)),
+        ("provenance", provenance(page.record)),
         ("style", STYLE.to_owned()),
         ("verdict", answers(&verdict)),
         ("verdict_class", class_of(verdict.colour()).to_owned()),
@@ -173,7 +175,7 @@ fn traces(posterior: &Group) -> String {
     let mut html = String::new();
     for (variable, values) in scalars.iter().take(MOST_TRACES) {
         let chains: Vec<&[f64]> = values.chunks(variable.dims[1].1.max(1)).collect();
-        let (name, unit) = (escape(&variable.name), escape(&variable.unit));
+        let (name, unit) = (escape(&variable.name), escape(shown(&variable.unit)));
         let (trace, ranks) = (trace_plot(&chains), rank_plot(&chains));
         let _ = writeln!(
             html,
@@ -215,6 +217,27 @@ fn leave_one_out(loo: &LeaveOneOut) -> String {
         );
     }
     html + "</tbody></table></details>"
+}
+
+/// What was fitted to what, when, by which version and command.
+fn provenance(record: &RunRecord) -> String {
+    let Provenance { mesh, n_vertices, data, n_rows, n_sites, command, date } = &record.provenance;
+    let how = match record.settings.sampler.as_str() {
+        "prior" => "Draws from the prior, laid out on",
+        "laplace" => "A normal approximation of the posterior, given",
+        _ => "Fitted to",
+    };
+    let count = |n: usize, what: &str| format!("{n} {what}{}", if n == 1 { "" } else { "s" });
+    let mut text = format!("{how} <b>{}</b>: {}", escape(data), count(*n_rows, "measurement"));
+    if let Some(mesh) = mesh {
+        let (sites, mesh) = (count(*n_sites, "site"), escape(mesh));
+        let _ = write!(text, " at {sites} of <b>{mesh}</b> ({n_vertices} vertices)");
+    }
+    let _ = write!(text, ".<br>{} · eplat {}", escape(date), escape(&record.version));
+    if !command.is_empty() {
+        let _ = write!(text, " · <code>{}</code>", escape(command));
+    }
+    text
 }
 
 /// The record as a list of terms.
@@ -301,7 +324,7 @@ fn viewer_data(surface: &Surface<'_>) -> Result<Value, ReportError> {
             return Err(ReportError::PointData { name: (*name).to_owned(), expected, got });
         }
         let values = floats(&mut values.iter().copied());
-        arrays.push(json!({ "name": name, "unit": unit, "values": values }));
+        arrays.push(json!({ "name": name, "unit": shown(unit), "values": values }));
     }
     let triangles = surface.mesh.triangles().as_flattened().iter();
     let triangles: Vec<u8> = triangles.flat_map(|index| index.to_le_bytes()).collect();

@@ -47,7 +47,7 @@ pub use loop_page::{
     TriedRound, loop_page,
 };
 pub use posterior::Posterior;
-pub use run_record::{RunRecord, Seconds, SettingsRecord};
+pub use run_record::{Provenance, RunRecord, Seconds, SettingsRecord};
 pub use summary::{Row, read_summary_json, write_summary_csv, write_summary_json};
 pub use table::{WIDTH, console_table};
 pub use verdict::{

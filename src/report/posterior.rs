@@ -2,6 +2,7 @@
 
 use rayon::prelude::*;
 
+use super::text::after_number;
 use super::{Group, LeaveOneOut, MAX_R_HAT, Row, Values, Variable};
 use crate::diagnostics::{Stray, stray, summarise};
 use crate::infer::Chain;
@@ -202,10 +203,7 @@ fn rows(
 /// Where the chains disagree on one quantity, in words.
 fn strays(row: &Row, chains: &[&[f64]]) -> Option<String> {
     let Stray { chain, draws, mean, rest_mean, rest_sd } = stray(chains)?;
-    let unit = match row.unit.as_str() {
-        "" | "1" => String::new(),
-        unit => format!(" {unit}"),
-    };
+    let unit = after_number(&row.unit);
     Some(format!(
         "chain {} in its draws {} to {}, where {} is {mean:.3}{unit}, elsewhere {rest_mean:.3} ± {rest_sd:.3}",
         chain + 1,

@@ -21,6 +21,9 @@ pub struct RunRecord {
     pub version: String,
     /// Seed of all random streams.
     pub seed: u64,
+    /// What was fitted to what, when.
+    #[serde(default)]
+    pub provenance: Provenance,
     /// Sampler settings.
     pub settings: SettingsRecord,
     /// SHA-256 of each input in hexadecimal, by role, e.g. `mesh`, `data`, `model`.
@@ -88,6 +91,26 @@ pub struct RunRecord {
     /// Whether the posterior is worth believing.
     #[serde(default)]
     pub verdict: Verdict,
+}
+
+/// What was fitted to what, when, and by which command.
+#[derive(Clone, Debug, Default, Serialize, Deserialize)]
+pub struct Provenance {
+    /// The surface's file, or what it is; absent for a model without one.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub mesh: Option<String>,
+    /// Vertices of the surface.
+    pub n_vertices: usize,
+    /// The table's file, or what it is.
+    pub data: String,
+    /// Measurements that the model takes.
+    pub n_rows: usize,
+    /// Vertices at which there are any.
+    pub n_sites: usize,
+    /// The command line; empty if there was none.
+    pub command: String,
+    /// The day it ended, UTC: YYYY-MM-DD.
+    pub date: String,
 }
 
 /// Sampler settings.

@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 
-use super::{LooRecord, LooRow, Row, RunRecord, Seconds, SettingsRecord};
+use super::{LooRecord, LooRow, Provenance, Row, RunRecord, Seconds, SettingsRecord};
 use crate::diagnostics::Summary;
 use crate::diagnostics::verdict::{Questions, Verdict};
 
@@ -33,6 +33,15 @@ pub(super) fn record() -> RunRecord {
         model: "Erp".to_owned(),
         version: "0.1.0".to_owned(),
         seed: 1,
+        provenance: Provenance {
+            mesh: Some("atrium <1>.vtk".to_owned()),
+            n_vertices: 5166,
+            data: "brackets.csv".to_owned(),
+            n_rows: 20,
+            n_sites: 10,
+            command: "eplat run erp.rs".to_owned(),
+            date: "2026-11-22".to_owned(),
+        },
         settings: SettingsRecord {
             chains: 4,
             warmup: 1000,

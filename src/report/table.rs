@@ -3,6 +3,7 @@
 use std::fmt::Write as _;
 
 use super::Row;
+use super::text::shown;
 use super::verdict::{MAX_R_HAT, MIN_ESS};
 
 /// Columns of a terminal that the table never exceeds.
@@ -100,7 +101,7 @@ fn line(row: &Row) -> Line {
     let heavy = summary.sd > 0.6 * (summary.q95 - summary.q5);
     let cells = [
         row.name.clone(),
-        row.unit.clone(),
+        shown(&row.unit).to_owned(),
         number(summary.q50, summary.mcse_q50),
         format!(
             "{} … {}",
@@ -120,7 +121,7 @@ fn condensed(stem: &str, rows: &[Row]) -> Line {
     let ess = rows.iter().map(Row::ess).fold(f64::NAN, f64::min);
     let cells = [
         format!("{stem}[…]"),
-        rows[0].unit.clone(),
+        shown(&rows[0].unit).to_owned(),
         format!("{} values", rows.len()),
         String::new(),
         String::new(),

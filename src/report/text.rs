@@ -5,6 +5,19 @@ pub(super) fn escape(text: &str) -> String {
     text.replace('&', "&amp;").replace('<', "&lt;").replace('>', "&gt;").replace('"', "&quot;")
 }
 
+/// A unit as it is shown: nothing for a number without one.
+pub(super) fn shown(unit: &str) -> &str {
+    if unit == "1" { "" } else { unit }
+}
+
+/// A unit after a number, with its space.
+pub(super) fn after_number(unit: &str) -> String {
+    match shown(unit) {
+        "" => String::new(),
+        unit => format!(" {unit}"),
+    }
+}
+
 /// Three significant digits.
 pub(super) fn tick(value: f64) -> String {
     let magnitude = if value == 0.0 { 0.0 } else { value.abs().log10().floor() };

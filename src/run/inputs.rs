@@ -27,6 +27,19 @@ pub struct Inputs {
     /// SHA-256 of what else the draws depend on, by role: of the model's file, for instance. It is kept
     /// in the run's record, and a run goes on only with the same.
     pub hashes: BTreeMap<String, String>,
+    /// The command line that asked for the run, for its record; empty if there was none.
+    pub command: String,
+}
+
+/// What a problem's inputs are called.
+#[derive(Clone, Debug, Default)]
+pub struct Origin {
+    /// The surface.
+    pub mesh: String,
+    /// The measurements.
+    pub data: String,
+    /// The command line; empty if there was none.
+    pub command: String,
 }
 
 /// Where the surface comes from.
@@ -100,6 +113,24 @@ impl From<&Path> for DataSource {
 }
 
 impl Inputs {
+    /// What the surface and the measurements are called.
+    pub(super) fn origin(&self) -> Origin {
+        let name = |path: &Path| path.display().to_string();
+        Origin {
+            mesh: match &self.mesh {
+                MeshSource::Embedded { .. } => "the embedded left atrium".into(),
+                MeshSource::File { path, .. } => name(path),
+                MeshSource::Surface(_) => "a surface in memory".into(),
+            },
+            data: match &self.data {
+                DataSource::Synthetic(_) => "a synthetic experiment".into(),
+                DataSource::File(path) => name(path),
+                DataSource::Table(_) => "a table in memory".into(),
+            },
+            command: self.command.clone(),
+        }
+    }
+
     /// SHA-256 of the files, of a table in memory, and what was given, by role.
     pub(super) fn hashed(&self) -> Result<BTreeMap<String, String>, RunError> {
         let mut hashes = BTreeMap::new();

@@ -5,7 +5,7 @@ use std::f64::consts::PI;
 use std::sync::{Arc, OnceLock};
 use std::time::Instant;
 
-use super::inputs::{DataSource, Inputs, MeshSource};
+use super::inputs::{DataSource, Inputs, MeshSource, Origin};
 use super::verdict::doubts;
 use super::{Event, RunError, Watch};
 use crate::diagnostics::verdict::Doubt;
@@ -38,6 +38,8 @@ pub struct Loaded {
     pub truth: Vec<(String, Vec<f64>)>,
     /// SHA-256 of all that was read, by role.
     pub hashes: BTreeMap<String, String>,
+    /// What all that is called.
+    pub origin: Origin,
 }
 
 impl Loaded {
@@ -48,7 +50,7 @@ impl Loaded {
     /// table, or does not fit between them.
     pub fn new(model: &dyn Declare, inputs: &Inputs, watch: &Watch<'_>) -> Result<Self, RunError> {
         let outline = Model::outline(model)?;
-        let hashes = inputs.hashed()?;
+        let (hashes, origin) = (inputs.hashed()?, inputs.origin());
         let table = match &inputs.data {
             DataSource::Synthetic(_) => None,
             DataSource::File(path) => Some(Measurements::read(path)?),
@@ -58,7 +60,7 @@ impl Loaded {
         let is_on_a_surface = outline.has_fields() || is_own_surface && table.is_some();
         if !is_on_a_surface {
             let measurements = without_a_surface(table, &outline)?;
-            return Ok(Self { measurements, hashes, ..Self::default() });
+            return Ok(Self { measurements, hashes, origin, ..Self::default() });
         }
         let surface = surface(&inputs.mesh, watch)?;
         let basis = eigenpairs(inputs, &surface, &outline, watch)?;
@@ -68,7 +70,7 @@ impl Loaded {
             (None, DataSource::Synthetic(design)) => domain.measure(model, design, watch)?,
             (None, _) => (Measurements::default(), vec![]),
         };
-        Ok(Self { domain: Some(Arc::new(domain)), measurements, truth, hashes })
+        Ok(Self { domain: Some(Arc::new(domain)), measurements, truth, hashes, origin })
     }
 
     /// The surface, if the model is on one.

@@ -7,7 +7,7 @@ use super::results::VERSION;
 use crate::diagnostics::e_bfmi;
 use crate::diagnostics::verdict::{Questions, Verdict};
 use crate::infer::{Chain, LogDensity as _};
-use crate::report::{Row, RunRecord, Seconds, verdict};
+use crate::report::{Provenance, Row, RunRecord, Seconds, verdict};
 
 /// Most measurements that divergences are told to come from.
 const MOST_SUSPECTS: usize = 3;
@@ -50,6 +50,7 @@ impl Fit<'_> {
             model: self.model().name.into(),
             version: VERSION.into(),
             seed: self.settings.seed,
+            provenance: self.provenance(),
             settings: self.method.record(&self.settings),
             hashes: self.hashes.clone(),
             n_params: self.model().dim(),
@@ -74,6 +75,21 @@ impl Fit<'_> {
             laplace: approximation.clone(),
             questions: Questions::default(),
             verdict: Verdict::default(),
+        }
+    }
+
+    /// What was fitted to what.
+    fn provenance(&self) -> Provenance {
+        let loaded = self.problem.loaded();
+        let surface = loaded.surface();
+        Provenance {
+            mesh: surface.map(|_| loaded.origin.mesh.clone()),
+            n_vertices: surface.map_or(0, |surface| surface.mesh.n_vertices()),
+            data: loaded.origin.data.clone(),
+            n_rows: self.model().row_ids().len(),
+            n_sites: self.problem.measurements().vertices().len(),
+            command: loaded.origin.command.clone(),
+            date: time::UtcDateTime::now().date().to_string(),
         }
     }
 

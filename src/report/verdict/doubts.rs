@@ -2,8 +2,9 @@
 
 use std::fmt;
 
-use super::{list, rounded, unit};
+use super::{list, rounded};
 use crate::diagnostics::verdict::Doubt;
+use crate::report::text::after_number;
 
 /// Units that tables are often in by mistake: of the model, of the table, and what the table is to be
 /// multiplied by.
@@ -29,12 +30,12 @@ impl fmt::Display for Doubt {
                 f,
                 "{place}: {}{} (lines {}) exclude each other",
                 list(measured),
-                unit(u),
+                after_number(u),
                 lines_in_words(lines)
             ),
             Self::Range { observe, unit: u, n, of, lines, measured, expected, .. } => {
                 let [low, high] = expected.map(rounded);
-                let u = unit(u);
+                let u = after_number(u);
                 let values = if measured[0] < measured[1] {
                     format!("{} to {}", measured[0], measured[1])
                 } else {

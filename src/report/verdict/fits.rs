@@ -2,8 +2,9 @@
 
 use std::fmt::Write as _;
 
-use super::{list, rounded, unit};
+use super::{list, rounded};
 use crate::diagnostics::verdict::{Answer, Colour, Doubt, Fits, Misfit, Question, Within};
+use crate::report::text::after_number;
 
 /// Most sets besides all measurements that are told one by one.
 const MOST_SETS: usize = 4;
@@ -39,7 +40,7 @@ fn of(set: &Within) -> String {
 
 fn misfit(misfit: &Misfit) -> String {
     let Misfit { line, place, unit: u, measured, predicted, is_impossible } = misfit;
-    let (u, [low, high]) = (unit(u), predicted.map(rounded));
+    let (u, [low, high]) = (after_number(u), predicted.map(rounded));
     let how = if *is_impossible { ", which is impossible" } else { "" };
     format!("{place} (line {line}): {measured}{u}, predicted {low} to {high}{u}{how}")
 }

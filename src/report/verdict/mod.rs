@@ -68,14 +68,6 @@ fn list(items: &[String]) -> String {
     }
 }
 
-/// A unit after a number, with its space; nothing for a number without a unit.
-fn unit(unit: &str) -> String {
-    match unit {
-        "" | "1" => String::new(),
-        unit => format!(" {unit}"),
-    }
-}
-
 /// To three digits.
 fn rounded(x: f64) -> f64 {
     format!("{x:.2e}").parse().unwrap_or(x)

@@ -7,7 +7,7 @@ use super::ExperimentSettings;
 use crate::experiment::{Design, Experiment, TRUTH_MODES, conduction, experiment};
 use crate::manifold::eigenpairs_cached;
 use crate::model::{Declare, Model};
-use crate::run::{self, Domain, Loaded, MeshSource, Problem, Watch, hash, hash_file};
+use crate::run::{self, Domain, Loaded, MeshSource, Origin, Problem, Watch, hash, hash_file};
 use crate::study::StudyError;
 
 /// Range of `CV_max` over the surface, m/s.
@@ -55,7 +55,13 @@ impl<'m> KnownTruth<'m> {
         let hashes = hashes(&settings.mesh, text, &made)?;
         let domain = Arc::new(Domain { surface, basis, scale: 1.0 });
         let Experiment { measurements, truth, repaired } = made;
-        let loaded = Loaded { domain: Some(Arc::clone(&domain)), measurements, truth, hashes };
+        let origin = Origin {
+            mesh: "the surface of the experiment".into(),
+            data: "a synthetic experiment".into(),
+            command: String::new(),
+        };
+        let domain_of = Some(Arc::clone(&domain));
+        let loaded = Loaded { domain: domain_of, measurements, truth, hashes, origin };
         let problem = Problem::new(model, loaded)?;
         Ok(Self { settings: settings.clone(), problem, domain, repaired, cv_max })
     }
