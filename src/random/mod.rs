@@ -56,6 +56,8 @@ pub enum Stream {
     },
     /// What a model expects before anything is measured.
     Expected,
+    /// A procedure with a seed of its own: see [`procedure`].
+    Procedure,
 }
 
 /// The two moves of the blocked sampler.
@@ -80,7 +82,8 @@ impl Stream {
 
     fn number(self) -> u64 {
         let (kind, index) = match self {
-            Self::Chain(chain) => (0, index(chain, 32)),
+            Self::Procedure => (0, 0),
+            Self::Chain(chain) => (22, index(chain, 32)),
             Self::AfterSampling(chain) => (1, index(chain, 32)),
             Self::Truth => (2, 0),
             Self::Noise => (2, 1),
@@ -103,15 +106,11 @@ impl Stream {
 /// The generator of a procedure that has a seed of its own and needs one stream: a design of
 /// experiments, a choice of sites, vectors to begin an iteration with.
 ///
-/// It is stream 0, that of a run's first chain. Such a seed is another argument than a run's. Where
-/// somebody gives the same number for both, the first chain begins with the numbers that the procedure
-/// has used; but what it does with them has nothing in common with a design, so that no result is biased.
-/// A stream of its own would be cleaner. It would move the sites of every synthetic experiment, the designs
-/// behind the surrogates that ship and their Sobol indices, and with them all reference figures: so it
-/// stays. For the same reason `experiment/next.rs`, whose noise must be the same for every question that
-/// is asked of one run, has the fixed seed 1.
+/// It is stream 0, which is no use's of a run, so that the same number may be given for both seeds.
+/// `experiment/next.rs`, whose noise must be the same for every question that is asked of one run, has
+/// the fixed seed 1.
 pub fn procedure(seed: u64) -> ChaCha8Rng {
-    ChaCha8Rng::seed_from_u64(seed)
+    Stream::Procedure.rng(seed)
 }
 
 fn of_round(round: usize, chain: usize) -> u64 {
@@ -146,6 +145,7 @@ mod tests {
             Stream::HeldOut,
             Stream::StandIn,
             Stream::Expected,
+            Stream::Procedure,
         ];
         for i in of(32) {
             all.extend([Stream::Chain(i), Stream::Start(i), Stream::AfterSampling(i)]);
@@ -174,12 +174,13 @@ mod tests {
         }
         // the kinds are told apart by the upper half, so what holds at the ends holds in between
         let kinds: BTreeMap<u64, _> = seen.into_iter().map(|(n, s)| (n >> 32, s)).collect();
-        assert_eq!(kinds.len(), 12);
+        assert_eq!(kinds.len(), 13);
     }
 
     #[test]
-    fn chains_have_the_first_numbers_and_starts_the_last() {
-        assert_eq!([0, 7].map(|i| Stream::Chain(i).number()), [0, 7]);
+    fn the_numbers_of_streams_stay_what_they_are() {
+        assert_eq!(Stream::Procedure.number(), 0);
+        assert_eq!([0, 7].map(|i| Stream::Chain(i).number()), [22 << 32, (22 << 32) + 7]);
         assert_eq!([0, 7].map(|i| Stream::Start(i).number()), [u64::MAX, u64::MAX - 7]);
         assert_eq!(Stream::Null { round: 3, search: 5 }.number(), (1 << 34) + (3 << 20) + 5);
     }

@@ -200,6 +200,15 @@ mod tests {
           "model": "Erp",
           "version": "0.1.0",
           "seed": 1,
+          "provenance": {
+            "mesh": "atrium <1>.vtk",
+            "n_vertices": 5166,
+            "data": "brackets.csv",
+            "n_rows": 20,
+            "n_sites": 10,
+            "command": "eplat run erp.rs",
+            "date": "2026-11-22"
+          },
           "settings": {
             "sampler": "nuts",
             "chains": 4,
