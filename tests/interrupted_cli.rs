@@ -19,7 +19,7 @@ const NUTS: &str = "run erp.rs --sampler nuts --chains 3 --warmup 300 --draws 30
 const BLOCKED: &str = "run erp.rs --chains 3 --warmup 1500 --draws 3000";
 const OFTEN: &str = "--checkpoint-every 0";
 
-/// Contents of every file below a folder by path; of the record and the report all but the times.
+/// Contents of every file below a folder by path; of the record and the report all but the times and the command.
 fn contents(folder: &Path) -> Vec<(PathBuf, Vec<u8>)> {
     let mut found = vec![];
     for entry in fs::read_dir(folder).unwrap().map(|entry| entry.unwrap().path()) {
@@ -35,16 +35,17 @@ fn contents(folder: &Path) -> Vec<(PathBuf, Vec<u8>)> {
             for timed in ["seconds", "ns_per_grad", "ess_per_second"] {
                 assert!(record.as_object_mut().unwrap().remove(timed).is_some(), "{timed}");
             }
+            let provenance = record["provenance"].as_object_mut().unwrap();
+            assert!(provenance.remove("command").is_some() && provenance.remove("date").is_some());
             bytes = record.to_string().into_bytes();
         }
         if entry.ends_with("report.html") {
             let timed = |line: &&str| {
-                ["<dt>gradients<", "<dt>ESS per second<", "<dt>seconds<"]
-                    .iter()
-                    .any(|term| line.starts_with(term))
+                let terms = ["<dt>gradients<", "<dt>ESS per second<", "<dt>seconds<"];
+                terms.iter().chain(&["<p class=\"provenance\">"]).any(|term| line.starts_with(term))
             };
             let page = text(&bytes);
-            assert_eq!(page.lines().filter(timed).count(), 3);
+            assert_eq!(page.lines().filter(timed).count(), 4);
             bytes = page.lines().filter(|line| !timed(line)).collect::<String>().into_bytes();
         }
         found.push((entry.strip_prefix(folder).unwrap().to_owned(), bytes));
