@@ -76,8 +76,8 @@ impl Model {
     }
 
     /// Visits these rows at draws of `fitted`, the same model on other rows: the number of the row among
-    /// `ids`, its scalars, and where its random numbers are from. Unknowns that `fitted` lacks, such as
-    /// the coefficient of a new label, are drawn from their prior; coefficients of a new label's field are 0.
+    /// `ids`, its scalars, and where its random numbers are from. What `fitted` lacks, such as the
+    /// coefficient or the field of a new label, is drawn from its prior: see [`Model::draw_unknown`].
     pub fn at_draws(
         &self,
         fitted: &Self,
@@ -86,10 +86,7 @@ impl Model {
         rng: &mut dyn Rng,
         visit: &mut Visit<'_>,
     ) {
-        let names: BTreeMap<String, usize> =
-            fitted.unknown_names().into_iter().enumerate().map(|(i, name)| (name, i)).collect();
-        let from: Vec<Option<usize>> =
-            self.unknown_names().iter().map(|name| names.get(name).copied()).collect();
+        let from = self.unknowns_in(fitted);
         let known: Vec<bool> = from.iter().map(Option::is_some).collect();
         let (mut tape, mut locals) = (self.tape(), vec![]);
         for draw in draws {
@@ -103,6 +100,14 @@ impl Model {
                 visit(row, own, rng);
             }
         }
+    }
+
+    /// Which unknown of `fitted`, the same model on the first of these rows, each unknown is, by its
+    /// name. Of two with one name, such as the empty cells in line 7 of two files, it is the first.
+    pub(super) fn unknowns_in(&self, fitted: &Self) -> Vec<Option<usize>> {
+        let names = fitted.unknown_names().into_iter().enumerate();
+        let mut names: BTreeMap<String, usize> = names.map(|(i, name)| (name, i)).collect();
+        self.unknown_names().iter().map(|name| names.remove(name)).collect()
     }
 
     /// Row of the table behind a row.

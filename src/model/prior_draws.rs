@@ -8,7 +8,7 @@ use rand_distr::StandardNormal;
 
 use super::error::ModelError;
 use super::laid_out::Model;
-use super::reported::Kind;
+use super::reported::{Kind, Parameter};
 use super::tape::Tape;
 use crate::infer::{Chain, Settings};
 use crate::random::Stream;
@@ -78,11 +78,40 @@ impl Model {
                 prior.forward(tape);
             }
         }
+        for term in self.fields.iter().flat_map(|f| &f.op.terms) {
+            for i in (term.eta..term.eta + term.k).filter(|i| !known[*i]) {
+                u[i] = rng.sample(StandardNormal);
+            }
+        }
+    }
+
+    /// Complains about what `fitted`, the same model on the first of these rows, lacks and no prior can
+    /// be drawn from for.
+    ///
+    /// # Errors
+    /// [`ModelError::NoPriorDraw`]
+    pub fn check_new(&self, fitted: &Self, rng: &mut dyn Rng) -> Result<(), ModelError> {
+        let from = self.unknowns_in(fitted);
+        let (mut tape, names) = (self.tape(), self.unknown_names());
+        self.forward(&mut tape, &self.initial());
+        for ((prior, entry), parameter) in
+            self.priors.iter().zip(&self.prior_entries).zip(self.declared())
+        {
+            let new = entry.u.clone().find(|i| from[*i].is_none());
+            let Some(new) = new.filter(|_| prior.draw(&mut tape, rng).is_none()) else { continue };
+            let (parameter, prior) = (names[new].clone(), parameter.prior.clone());
+            return Err(ModelError::NoPriorDraw { parameter, prior });
+        }
+        Ok(())
+    }
+
+    /// The parameter behind each prior: all but the coefficients of fields.
+    fn declared(&self) -> impl Iterator<Item = &Parameter> {
+        self.parameters.iter().filter(|p| p.kind != Kind::Eta)
     }
 
     fn draw_prior(&self, tape: &mut Tape, rng: &mut ChaCha8Rng) -> Result<(), ModelError> {
-        let declared = self.parameters.iter().filter(|p| p.kind != Kind::Eta);
-        for (prior, parameter) in self.priors.iter().zip(declared) {
+        for (prior, parameter) in self.priors.iter().zip(self.declared()) {
             let cannot = || ModelError::NoPriorDraw {
                 parameter: parameter.name.clone(),
                 prior: parameter.prior.clone(),
