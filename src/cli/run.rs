@@ -45,7 +45,7 @@ pub(super) struct Command {
     #[command(flatten)]
     instead: InsteadArgs,
     /// Map the probability of an event too, for instance `erp_s2 > 250` (in quotes); may be given again
-    #[arg(long, value_name = "EVENT")]
+    #[arg(long, value_name = "EVENT", conflicts_with = "optimize")]
     exceed: Vec<String>,
     /// Print the summary and the run record as JSON on stdout
     #[arg(long)]
@@ -112,12 +112,15 @@ enum MetricArg {
 impl SamplerArgs {
     /// What was asked for, else what suits the model.
     pub(super) fn choose(&self, model: &Model) -> Result<Sampler, Failure> {
-        match (self.sampler, self.metric, Sampler::of(model)) {
-            (Some(SamplerArg::Nuts), ..) | (_, Some(_), _) => Ok(Sampler::Nuts),
-            (Some(SamplerArg::Blocked), _, Sampler::Nuts) => Err(Failure::usage(
-                "--sampler blocked: the model has no field that measurements see\nhelp: leave it out: nuts samples every model",
-            )),
-            (_, _, sampler) => Ok(sampler),
+        match (self.sampler, self.metric) {
+            (Some(SamplerArg::Nuts), _) | (_, Some(_)) => Ok(Sampler::Nuts),
+            (Some(SamplerArg::Blocked), _) if !Sampler::Blocked.takes(model) => {
+                Err(Failure::usage(
+                    "--sampler blocked: the model has no field, or one that no measurement sees\nhelp: leave it out: nuts samples every model",
+                ))
+            }
+            (Some(SamplerArg::Blocked), _) => Ok(Sampler::Blocked),
+            (None, None) => Ok(Sampler::of(model)),
         }
     }
 

@@ -22,6 +22,20 @@ use crate::model::laid_out::{FieldEntry, Model};
 /// Most numbers that the blocks of fields that share rows may have together.
 const MOST: usize = 400;
 
+/// Numbers of a field's block: one per site or one per mode, whichever are fewer.
+fn size(field: &FieldEntry) -> usize {
+    field.op.k.min(field.op.n_probes())
+}
+
+/// Numbers of the fields of each group, which share rows.
+fn sizes(model: &Model) -> BTreeMap<usize, usize> {
+    let mut sizes = BTreeMap::new();
+    for field in &model.fields {
+        *sizes.entry(field.group).or_insert(0) += size(field);
+    }
+    sizes
+}
+
 /// Which sampler a model is sampled with.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Sampler {
@@ -32,16 +46,21 @@ pub enum Sampler {
 }
 
 impl Sampler {
-    /// The blocked sampler for every model with fields that measurements see, unless these are so many that its
-    /// Cholesky factors cost more than they save; NUTS for others.
+    /// The blocked sampler where it can be used, unless the fields that share rows have so many numbers that
+    /// their Cholesky factors cost more than they save; else NUTS.
     pub fn of(model: &Model) -> Self {
-        let seen = |f: &FieldEntry| f.op.k.min(f.op.n_probes());
-        let is_seen = model.has_fields() && model.fields.iter().all(|f| seen(f) > 0);
-        let mut of_group = BTreeMap::new();
-        for field in &model.fields {
-            *of_group.entry(field.group).or_insert(0) += seen(field);
-        }
-        if is_seen && of_group.values().all(|n| *n <= MOST) { Self::Blocked } else { Self::Nuts }
+        Self::up_to(model, MOST)
+    }
+
+    fn up_to(model: &Model, most: usize) -> Self {
+        let is_small = sizes(model).values().all(|size| *size <= most);
+        if is_small && Self::Blocked.takes(model) { Self::Blocked } else { Self::Nuts }
+    }
+
+    /// Whether it can sample the model: the blocked sampler needs a field, and measurements that see
+    /// every field; NUTS samples all models.
+    pub fn takes(self, model: &Model) -> bool {
+        self == Self::Nuts || model.has_fields() && model.fields.iter().all(|f| size(f) > 0)
     }
 
     /// Its name for tables and records.

@@ -342,6 +342,20 @@ fn fields_of_each_label_are_groups_and_agree_with_nuts() {
     assert!(z > LARGEST_Z, "{what}");
 }
 
+/// The largest group has the rows of one patient: 12 modes at 30 sites and as many of the other field.
+#[test]
+fn groups_that_are_too_large_are_sampled_by_nuts_unless_the_blocked_sampler_is_asked_for() {
+    let model = patients();
+    assert_eq!(
+        [24, 23].map(|most| Sampler::up_to(&model, most)),
+        [Sampler::Blocked, Sampler::Nuts]
+    );
+    assert!(Sampler::Blocked.takes(&model));
+    let unseen = Model::new(&Patients, Some(&basis(12)), &Measurements::default()).unwrap();
+    assert!(!Sampler::Blocked.takes(&unseen) && Sampler::Nuts.takes(&unseen));
+    assert_eq!(Sampler::of(&unseen), Sampler::Nuts);
+}
+
 #[test]
 fn twins_that_miss_a_prior_or_the_likelihood_are_found_out() {
     for (n_rows, fault) in [(8, Fault::Mean), (40, Fault::Prior), (60, Fault::Likelihood)] {
