@@ -5,6 +5,7 @@
 
 use crate::infer::{LogDensity as _, Settings, Silent};
 use crate::model::{Model, Noise, RowId, Sampler};
+use crate::num::ln_sum_exp;
 use crate::report::LeaveOneOut;
 use crate::run::Fit;
 use crate::run::fit::Method;
@@ -67,7 +68,5 @@ fn without(fit: &Fit<'_>, sampler: Sampler, id: RowId) -> Option<f64> {
             ln.push(model.row_ln(id, &cells, &locals, &Noise::default()));
         }
     }
-    let largest = ln.iter().copied().fold(f64::NEG_INFINITY, f64::max);
-    let mean = ln.iter().map(|l| (l - largest).exp()).sum::<f64>() / ln.len() as f64;
-    Some(largest + mean.ln()).filter(|elpd| elpd.is_finite())
+    Some(ln_sum_exp(&ln) - (ln.len() as f64).ln()).filter(|elpd| elpd.is_finite())
 }
