@@ -3,9 +3,8 @@
 use eplat::prelude::*;
 
 model! {
-    /// tau_out and APD_max within their physical ranges, with modes short enough to follow tissue; the likelihood
-    /// allows for what the surrogate leaves open and for a discrepancy of each ERP, whose
-    /// size is learnt.
+    /// tau_out and APD_max stay within their physical ranges and may change from site to site. The likelihood allows
+    /// for the surrogate's errors and for a discrepancy of each ERP, whose size is learnt.
     model ErpRobust;
 
     field tau_out(x) [ms] within 1.0..30.0 = m + alpha * gp(Matern52(rho), K = 128) where {

@@ -136,7 +136,11 @@ fn each_mistake_is_told_in_words() {
         ),
         (
             "field h(x) within 1..31 = m + gp(Rbf(2.0), K = 4) where { m ~ Flat; }",
-            "Flat: the prior of `m` has no end, and `h` is within a range; far outside the range one mean is as good as another: give it a prior such as `Normal(16.0, 10.0)`",
+            "Flat: `m` has a flat prior, and `h` stays within a range; far outside the range one mean is as good as another: give it a prior such as `Normal(16.0, 10.0)`",
+        ),
+        (
+            "param level ~ Flat; field h(x) within 1..31 = m + level + gp(Rbf(2.0), K = 4) where { m ~ Normal(0, 1); }",
+            "Flat: `level` has a flat prior, and `h` stays within a range; far outside",
         ),
         // what takes what
         ("param b ~ Rbf(1.0);", "Rbf(1.0): `Rbf` is no prior; a prior is "),

@@ -89,23 +89,32 @@ pub(super) fn labels(field: &Field, locals: &[Local<'_>]) -> Vec<Mistake> {
     mistakes
 }
 
-/// A mean that may be anything, of a field that is bent into a range: far outside, all means are alike, and the
+/// A flat prior of the mean of a field that is bent into a range: far outside, all means are alike, and the
 /// posterior has no end.
-pub(super) fn flat_within(field: &Field, locals: &[Local<'_>]) -> Vec<Mistake> {
+pub(super) fn flat_within(field: &Field, locals: &[Local<'_>], model: &Model) -> Vec<Mistake> {
     let (Some(Range { low, high }), Some(mean), true) = (field.range, &field.mean, field.is_within)
     else {
         return vec![];
     };
-    let is_mean = |p: &Param| mentions(mean).iter().any(|m| m.name == p.name);
-    let flat = locals.iter().filter(|l| is_mean(l.param) && print(&l.param.prior.expr) == "Flat");
-    let mistake = |Local { param, .. }: &Local<'_>| {
+    let declared = model.statements.iter().filter_map(|statement| match &statement.item {
+        Item::Param(param) => Some(param),
+        _ => None,
+    });
+    // a hyperparameter hides a parameter of its name
+    let seen: Vec<&Param> = locals.iter().map(|l| l.param).chain(declared).collect();
+    let mut mistakes = vec![];
+    for mention in mentions(mean) {
+        let Some(param) = seen.iter().find(|p| p.name == mention.name) else { continue };
+        if print(&param.prior.expr) != "Flat" {
+            continue;
+        }
         let (name, field) = (&param.name, &field.name);
-        let message = format!("the prior of `{name}` has no end, and `{field}` is within a range");
+        let message = format!("`{name}` has a flat prior, and `{field}` stays within a range");
         let (middle, sd) = (0.5 * (low + high), (high - low) / 3.0);
         let help = format!(
             "far outside the range one mean is as good as another: give it a prior such as `Normal({middle:?}, {sd:.1})`"
         );
-        Mistake::at(span_of(&param.prior.expr), message, help)
-    };
-    flat.map(mistake).collect()
+        mistakes.push(Mistake::at(span_of(&param.prior.expr), message, help));
+    }
+    mistakes
 }

@@ -116,7 +116,7 @@ impl<'a> Check<'a> {
         }
         let locals = self.params(&field.params, locals, scope);
         self.say(declared::labels(field, &locals));
-        self.say(declared::flat_within(field, &locals));
+        self.say(declared::flat_within(field, &locals, scope.model));
         let amplitudes = field.terms.iter().filter_map(|term| term.amplitude.as_ref());
         let kernels = field.terms.iter().map(|term| &term.kernel);
         for e in field.mean.iter().chain(amplitudes).chain(kernels) {
