@@ -15,6 +15,18 @@ use crate::run::{
 /// What `--mesh` calls the procedural left atrium.
 const EMBEDDED: &str = "embedded";
 
+/// The command with these arguments, as a shell takes it.
+fn command_line(arguments: impl Iterator<Item = String>) -> String {
+    let is_plain = |c: char| c.is_alphanumeric() || "-_./=,:+@%".contains(c);
+    let word = |argument: String| {
+        if !argument.is_empty() && argument.chars().all(is_plain) {
+            return format!(" {argument}");
+        }
+        format!(" '{}'", argument.replace('\'', r"'\''"))
+    };
+    format!("eplat{}", arguments.map(word).collect::<String>())
+}
+
 /// Options that say what a model is run on.
 #[derive(Debug, Args)]
 pub(super) struct InputArgs {
@@ -52,8 +64,8 @@ impl InputArgs {
             None => DataSource::Synthetic(Design { seed: self.seed, ..Design::default() }),
         };
         let hashes = [("model".to_owned(), hash_file(model)?)].into();
-        let arguments = std::env::args().skip(1).map(|argument| format!(" {argument}"));
-        let command = format!("eplat{}", arguments.collect::<String>());
+        let arguments = std::env::args_os().skip(1);
+        let command = command_line(arguments.map(|a| a.to_string_lossy().into_owned()));
         Ok(Inputs { mesh, basis: self.basis.clone(), data, hashes, command })
     }
 
@@ -113,4 +125,16 @@ pub(super) fn source(file: Option<(&Path, Units)>) -> MeshSource {
         path: path.to_owned(),
         units,
     })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_recorded_command_can_be_given_again() {
+        let arguments = ["run", "a b/erp.rs", "--exceed", "erp_s2 > 250", "--out", "it's", ""];
+        let line = command_line(arguments.iter().map(ToString::to_string));
+        assert_eq!(line, r"eplat run 'a b/erp.rs' --exceed 'erp_s2 > 250' --out 'it'\''s' ''");
+    }
 }

@@ -74,6 +74,15 @@ impl From<Surface> for MeshSource {
 }
 
 impl MeshSource {
+    /// What it is called in records.
+    pub fn name(&self) -> String {
+        match self {
+            Self::Embedded { .. } => "the embedded left atrium".into(),
+            Self::File { path, .. } => path.display().to_string(),
+            Self::Surface(_) => "a surface in memory".into(),
+        }
+    }
+
     /// Length in mm of the unit of the mesh's file.
     pub fn scale(&self) -> f64 {
         match self {
@@ -115,16 +124,11 @@ impl From<&Path> for DataSource {
 impl Inputs {
     /// What the surface and the measurements are called.
     pub(super) fn origin(&self) -> Origin {
-        let name = |path: &Path| path.display().to_string();
         Origin {
-            mesh: match &self.mesh {
-                MeshSource::Embedded { .. } => "the embedded left atrium".into(),
-                MeshSource::File { path, .. } => name(path),
-                MeshSource::Surface(_) => "a surface in memory".into(),
-            },
+            mesh: self.mesh.name(),
             data: match &self.data {
                 DataSource::Synthetic(_) => "a synthetic experiment".into(),
-                DataSource::File(path) => name(path),
+                DataSource::File(path) => path.display().to_string(),
                 DataSource::Table(_) => "a table in memory".into(),
             },
             command: self.command.clone(),

@@ -56,7 +56,7 @@ impl<'m> KnownTruth<'m> {
         let domain = Arc::new(Domain { surface, basis, scale: 1.0 });
         let Experiment { measurements, truth, repaired } = made;
         let origin = Origin {
-            mesh: "the surface of the experiment".into(),
+            mesh: settings.mesh.name(),
             data: "a synthetic experiment".into(),
             command: String::new(),
         };
