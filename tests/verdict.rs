@@ -78,6 +78,17 @@ mod models {
             observe y(x): Number [mV] ~ Normal(double(x), 0.5);
         }
     }
+    /// Two fields with flat means, each learnt from its own rows.
+    pub(super) mod patients {
+        use eplat::prelude::*;
+        model! {
+            model Patients;
+            field level(x, patient) [mV] in 0.0..10.0 = m + 0.3 * gp(Matern52(Num::from(60.0)), K = 12) where {
+                m(patient) [mV] ~ Flat;
+            }
+            observe y(x): Number [mV] ~ Normal(level(x), 0.1);
+        }
+    }
     pub(super) mod near {
         use eplat::prelude::*;
         model! {
@@ -190,6 +201,10 @@ fn brackets_that_are_all_alike_give_sane_maps_or_are_not_green() {
     let alike = fitted(&erp::Erp, table(HEADER, &with("240,250")));
     assert_eq!(colour(&alike, Question::Physical), Colour::Red, "{:?}", alike.verdict());
     let fit = fitted(&erp::Erp, table(HEADER, &with("200,210")));
+    let doubts = fit.problem().doubts();
+    let named = |doubt: &Doubt| matches!(doubt, Doubt::Alike { n: 10, .. });
+    assert!(doubts.len() == 2 && doubts.iter().all(named), "{doubts:?}");
+    assert_eq!(colour(&fit, Question::Fits), Colour::Amber);
     let informed = fit.questions().informed.clone().unwrap();
     assert_eq!(informed.uninformed, ["tau_out.rho", "apd_max.rho"]);
     for (map, (low, high)) in fit.maps().iter().zip([(1.0, 30.0), (120.0, 270.0)]) {
@@ -209,6 +224,10 @@ fn too_much_scatter_is_amber_or_red() {
     let fits = wrong.questions().fits.clone().unwrap();
     assert!(fits.is_misfit() && fits.p_value() < 1e-6, "{fits:?}");
     assert_eq!(wrong.verdict().exit_code(), if fits.colour() == Colour::Red { 4 } else { 0 });
+    // and too little: a column filled in by mistake
+    let alike = problem(&models::mean::Mean, numbers(&[200.0; 3]));
+    assert!(matches!(alike.doubts(), [Doubt::Alike { n: 3, .. }]), "{:?}", alike.doubts());
+    assert!(problem(&models::mean::Mean, numbers(&[200.0; 2])).doubts().is_empty());
     // one row of a typing error
     let mut typed = scattered(5.0);
     typed[7] = 2000.0;
@@ -311,6 +330,22 @@ fn measurements_that_tell_nothing_are_amber() {
     assert_eq!(colour(&right, Question::Informed), Colour::Green);
     let blind = fitted(&models::blind::Blind, numbers(&values[..2]));
     assert_eq!(colour(&blind, Question::Informed), Colour::Amber, "{:?}", blind.verdict());
+}
+
+/// What was believed before of a flat mean is the field's range alone: 9 mV of it, not the 1 mV over
+/// which the field varies about its mean.
+#[test]
+fn a_flat_mean_of_each_label_is_known_to_be_flat() {
+    let row =
+        |i: usize| format!("{},{},{}", 400 * (i / 2), ["a", "b"][i % 2], 4.0 + (i % 2) as f64);
+    let fit = fitted(
+        &models::patients::Patients,
+        table("vertex,patient,y", &(0..6).map(row).collect::<Vec<_>>()),
+    );
+    let informed = fit.questions().informed.clone().unwrap();
+    assert_eq!(informed.n_parameters, 0);
+    let shares: Vec<_> = informed.fields.iter().map(|f| (&*f.name, f.share)).collect();
+    assert_eq!(shares, [("level[a]", 1.0), ("level[b]", 1.0)]);
 }
 
 #[test]

@@ -33,7 +33,7 @@ pub enum ExceedanceError {
         text: String,
         /// The name in it.
         name: String,
-        /// The nearest name, or all of them.
+        /// The nearest name, and all of them.
         help: String,
     },
 }
@@ -52,10 +52,10 @@ impl Exceedance {
             return Err(malformed());
         }
         if !maps.contains(&name) {
-            let help = match (near(name, maps), maps.is_empty()) {
-                (Some(near), _) => format!("did you mean `{near}`?"),
-                (None, false) => format!("it has {}", maps.join(", ")),
-                (None, true) => "a model without a field has no map".to_owned(),
+            let help = match near(name, maps) {
+                _ if maps.is_empty() => "a model without a field has no map".to_owned(),
+                Some(near) => format!("did you mean `{near}`? It has {}", maps.join(", ")),
+                None => format!("it has {}", maps.join(", ")),
             };
             return Err(ExceedanceError::NoMap { text: text.to_owned(), name: name.into(), help });
         }
@@ -85,7 +85,11 @@ mod tests {
         let above = read(" erp_s2 >250 ").unwrap();
         assert_eq!((above.name().as_str(), above.is_above), ("P_erp_s2_gt_250", true));
         assert_eq!(read("tau_out < 0.5").unwrap().name(), "P_tau_out_lt_0.5");
-        assert!(read("erp_s3 > 250").unwrap_err().contains("did you mean `erp_s2`?"));
+        assert!(
+            read("erp_s3 > 250")
+                .unwrap_err()
+                .contains("did you mean `erp_s2`? It has tau_out, erp_s2")
+        );
         assert!(read("voltage > 1").unwrap_err().contains("it has tau_out, erp_s2"));
         for text in ["erp_s2", "erp_s2 > high", "> 3", "erp_s2 > inf"] {
             assert!(read(text).unwrap_err().contains("help: write a map's name"), "{text}");

@@ -40,6 +40,8 @@ pub(super) struct FieldEntry {
     pub(super) within: Option<Within>,
     /// Which label it belongs to, if there is one field for each.
     pub(super) label: Option<usize>,
+    /// Whether its mean depends on a flat parameter: it then has no prior width.
+    pub(super) has_flat_mean: bool,
     /// First sampled mode: 1 where the constant mode is collapsed.
     pub(super) first: usize,
     /// The vertices that its rows are at, ascending.

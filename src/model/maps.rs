@@ -20,6 +20,8 @@ pub struct MapName<'m> {
     pub unit: &'m str,
     /// Declared range.
     pub range: Option<(f64, f64)>,
+    /// Whether it is a field whose mean has a flat prior.
+    pub has_flat_mean: bool,
 }
 
 /// What draws say of a field or derived quantity at every vertex.
@@ -46,7 +48,8 @@ pub struct Summaries {
     pub maps: Vec<MapSummary>,
     /// Share of draws at each vertex in which a field or derived quantity is outside its range.
     pub unphysical: Vec<f64>,
-    /// For each exceedance asked for, its probability at each vertex over the physical draws.
+    /// For each exceedance asked for, its probability at each vertex over the physical draws; NaN where there
+    /// is none, or no such map.
     pub exceeded: Vec<Vec<f64>>,
 }
 
@@ -86,10 +89,18 @@ impl<'m> Maps<'m> {
 
     /// Name, unit and declared range of each.
     pub fn names(&self) -> Vec<MapName<'m>> {
-        let name = |name, unit, range| MapName { name, unit, range };
-        let fields =
-            self.model.fields.iter().map(|f| name(f.name.as_str(), f.unit.as_str(), f.range));
-        let lets = self.model.maps.iter().map(|m| name(m.name.as_str(), m.unit.as_str(), m.range));
+        let fields = self.model.fields.iter().map(|f| MapName {
+            name: &f.name,
+            unit: &f.unit,
+            range: f.range,
+            has_flat_mean: f.has_flat_mean,
+        });
+        let lets = self.model.maps.iter().map(|m| MapName {
+            name: &m.name,
+            unit: &m.unit,
+            range: m.range,
+            has_flat_mean: false,
+        });
         fields.chain(lets).collect()
     }
 
@@ -165,10 +176,8 @@ impl<'m> Maps<'m> {
     pub fn summarise(&self, draws: &[&[f64]], asked: &[Exceedance]) -> Summaries {
         let draws: Vec<Draw> = self.unpack(draws);
         let names = self.names();
-        let asked: Vec<(usize, &Exceedance)> = asked
-            .iter()
-            .filter_map(|e| Some((names.iter().position(|n| n.name == e.map)?, e)))
-            .collect();
+        let of = |e: &Exceedance| names.iter().position(|n| n.name == e.map);
+        let asked: Vec<(Option<usize>, &Exceedance)> = asked.iter().map(|e| (of(e), e)).collect();
         let vertices: Vec<AtVertex> = (0..self.basis.n_vertices())
             .into_par_iter()
             .map(|vertex| self.at_vertex(vertex, &draws, &asked))
@@ -269,7 +278,12 @@ impl<'m> Maps<'m> {
         draws.iter().map(&mut one).collect()
     }
 
-    fn at_vertex(&self, vertex: usize, draws: &[Draw], asked: &[(usize, &Exceedance)]) -> AtVertex {
+    fn at_vertex(
+        &self,
+        vertex: usize,
+        draws: &[Draw],
+        asked: &[(Option<usize>, &Exceedance)],
+    ) -> AtVertex {
         let n = self.n_fields() + self.model.maps.len();
         let mut values = vec![Vec::with_capacity(draws.len()); n];
         let (mut counts, mut unphysical) = (vec![0; n], 0usize);
@@ -282,7 +296,8 @@ impl<'m> Maps<'m> {
                 values.push(*x);
             }
         });
-        let exceeded = asked.iter().map(|(i, exceedance)| exceedance.share(&values[*i])).collect();
+        let of = |i: &Option<usize>| i.map_or([].as_slice(), |i| &values[i]);
+        let exceeded = asked.iter().map(|(i, exceedance)| exceedance.share(of(i))).collect();
         AtVertex {
             maps: values.iter_mut().map(|values| five_numbers(values)).collect(),
             outside: counts,

@@ -28,6 +28,8 @@ pub struct Parameter {
     pub labels: Vec<String>,
     /// The prior as written.
     pub prior: String,
+    /// Whether its prior is flat: a density without end, so that there is no prior width.
+    pub is_flat: bool,
     /// Its support.
     pub support: Support,
     pub(super) position: Position,

@@ -89,9 +89,10 @@ impl fmt::Display for Check {
             "log density {:.3} at the starting point; {:.0} ns with its gradient",
             self.ln_density, self.nanoseconds
         )?;
-        self.doubts
-            .iter()
-            .try_for_each(|doubt| write!(f, "\n{}", doubts_in_words(std::slice::from_ref(doubt))))
+        if self.doubts.is_empty() {
+            return Ok(());
+        }
+        write!(f, "\n{}", doubts_in_words(&self.doubts))
     }
 }
 

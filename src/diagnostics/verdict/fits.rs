@@ -80,6 +80,17 @@ pub enum Doubt {
         /// What was measured there, as text.
         measured: Vec<String>,
     },
+    /// Measurements that are all the same.
+    Alike {
+        /// The statement.
+        observe: String,
+        /// Declared unit.
+        unit: String,
+        /// How many.
+        n: usize,
+        /// What was measured, as text.
+        measured: String,
+    },
     /// Measurements far from everything that the model can mean.
     Range {
         /// The statement.
@@ -107,7 +118,7 @@ impl Doubt {
         match self {
             Self::Contradiction { .. } => Colour::Red,
             Self::Range { n, of, .. } if 2 * n >= *of && *n >= 2 => Colour::Red,
-            Self::Range { .. } => Colour::Amber,
+            Self::Range { .. } | Self::Alike { .. } => Colour::Amber,
         }
     }
 }

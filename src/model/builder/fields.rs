@@ -150,6 +150,7 @@ impl Builder<'_> {
         let first = usize::from(collapsed.is_some());
         let work_of_terms = self.coefficients_of(&name, &mut terms, first);
         let (group, seen) = self.seen_by(declared, label);
+        let has_flat_mean = mean.mentions().iter().any(|v| self.flat.contains_key(v));
         let (k, n) = (n_modes - first, seen.len());
         let stride = padded(k);
         let (theta, work) = (self.values(padded(n)), self.n_work);
@@ -176,6 +177,7 @@ impl Builder<'_> {
             range,
             within,
             label,
+            has_flat_mean,
             first,
             probes: seen,
             group,
@@ -195,6 +197,7 @@ impl Builder<'_> {
                 kind: Kind::Eta,
                 labels: vec![],
                 prior: "Normal(0.0, 1.0)".into(),
+                is_flat: false,
                 support: Support::Real,
                 position: Position::Eta {
                     u: self.n_u,

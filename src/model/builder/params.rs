@@ -91,6 +91,9 @@ impl Builder<'_> {
         };
         self.names.push((self.full_name(&decl.name), source));
         self.push_parameter(decl, n, kind, names, support, v);
+        if let Some(parameter) = self.model.parameters.last_mut() {
+            parameter.is_flat = is_flat;
+        }
         self.model.prior_entries.push(PriorEntry { u: u..u + n, v, len: n, mentions });
         Ok((u, v, n))
     }
@@ -129,6 +132,7 @@ impl Builder<'_> {
             kind,
             labels,
             prior: decl.text.clone().into(),
+            is_flat: false,
             support,
             position: Position::Values(v),
         });

@@ -33,6 +33,9 @@ impl fmt::Display for Doubt {
                 after_number(u),
                 lines_in_words(lines)
             ),
+            Self::Alike { observe, unit: u, n, measured } => {
+                write!(f, "{observe}: all {n} measurements are {measured}{}", after_number(u))
+            }
             Self::Range { observe, unit: u, n, of, lines, measured, expected, .. } => {
                 let [low, high] = expected.map(rounded);
                 let u = after_number(u);
@@ -58,6 +61,10 @@ impl Doubt {
         match self {
             Self::Contradiction { .. } => {
                 "mend or drop these rows, or give the likelihood a noise that explains them"
+                    .to_owned()
+            }
+            Self::Alike { .. } => {
+                "where nothing varies, neither an amplitude nor a lengthscale can be learnt: was the column filled in by mistake? Else measure where it differs"
                     .to_owned()
             }
             Self::Range { unit, factor: Some(factor), .. } => {
@@ -106,11 +113,19 @@ mod tests {
             expected: [101.7, 279.8],
             factor,
         };
-        let said = [contradiction, range(Some(1e3)), range(Some(1e6)), range(None)];
+        let alike = Doubt::Alike {
+            observe: "s1s2".to_owned(),
+            unit: "ms".to_owned(),
+            n: 10,
+            measured: "240 to 250".to_owned(),
+        };
+        let said = [contradiction, alike, range(Some(1e3)), range(Some(1e6)), range(None)];
         let said = said.map(|doubt| format!("{doubt}\n→ {}", doubt.remedy())).join("\n");
         insta::assert_snapshot!(said, @r"
         s1s2 at site 0: 240 to 250 and 150 to 160 ms (lines 2, 22) exclude each other
         → mend or drop these rows, or give the likelihood a noise that explains them
+        s1s2: all 10 measurements are 240 to 250 ms
+        → where nothing varies, neither an amplitude nor a lengthscale can be learnt: was the column filled in by mistake? Else measure where it differs
         s1s2: 10 of 10 measurements (0.17 to 0.25 ms, lines 2, 4 …) are far from what the model can mean, 102 to 280 ms
         → is the table in s? The model is in ms: multiply by 1000
         s1s2: 10 of 10 measurements (0.17 to 0.25 ms, lines 2, 4 …) are far from what the model can mean, 102 to 280 ms

@@ -1,7 +1,7 @@
-//! What is wrong with measurements before anything is sampled: they exclude each other, or lie far from
-//! everything that the model can mean.
+//! What is wrong with measurements before anything is sampled: they exclude each other, are all the same,
+//! or lie far from everything that the model can mean.
 //!
-//! Both are compared with measurements simulated at draws from the prior.
+//! All three are compared with measurements simulated at draws from the prior.
 
 use std::collections::BTreeMap;
 
@@ -18,6 +18,11 @@ const DRAWS: usize = 400;
 const FEWEST: usize = 40;
 /// Draws at which two measurements must be predicted alike to be of one quantity.
 const ALIKE: usize = 3;
+/// So few measurements may all be the same.
+const MAY_BE_ALIKE: usize = 2;
+/// Where a statement's measurements are all the same in more than this share of draws from the prior, such
+/// as the outcomes of events that hardly ever happen, nothing is wrong with that.
+const MOSTLY_ALIKE: f64 = 0.5;
 /// Most measurements that are named.
 const MOST_NAMED: usize = 6;
 /// What a table in another unit is multiplied by: s, µs, cm, dm and the like.
@@ -35,6 +40,7 @@ pub(in crate::run) fn doubts(model: &Model, loaded: &Loaded) -> Vec<Doubt> {
     let physical = Physical::new(model, loaded, &draws);
     let mut found = simulated.contradictions(&loaded.measurements);
     found.extend(simulated.out_of_range(&loaded.measurements, &physical));
+    found.extend(simulated.alike());
     found
 }
 
@@ -137,6 +143,28 @@ impl<'m> Simulated<'m> {
         (0..self.model.observes.len()).filter_map(of_observe).collect()
     }
 
+    /// The statements whose measurements are all the same, although in most draws from the prior they are
+    /// not.
+    fn alike(&self) -> Vec<Doubt> {
+        let of_observe = |o: usize| {
+            let own: Vec<usize> =
+                (0..self.ids.len()).filter(|i| self.ids[*i].observe == o).collect();
+            let in_draw = |d: &usize| are_one(own.iter().map(|i| self.replicates[*i][*d]));
+            let expected = (0..DRAWS).filter(in_draw).count() as f64 / DRAWS as f64;
+            let is_doubtful = own.len() > MAY_BE_ALIKE
+                && are_one(own.iter().map(|i| Some(self.measured(*i))))
+                && expected < MOSTLY_ALIKE;
+            let observe = &self.model.observes[o];
+            is_doubtful.then(|| Doubt::Alike {
+                observe: observe.name.to_owned(),
+                unit: observe.unit.clone(),
+                n: own.len(),
+                measured: in_words(&self.model.measured_row(self.ids[own[0]])),
+            })
+        };
+        (0..self.model.observes.len()).filter_map(of_observe).collect()
+    }
+
     fn measured(&self, i: usize) -> [f64; 2] {
         ends(&self.model.measured_row(self.ids[i]))
     }
@@ -167,6 +195,13 @@ impl<'m> Simulated<'m> {
             factor: FACTORS.into_iter().find(|f| allowed(*f)),
         }
     }
+}
+
+/// Whether all ends are there and the same, to the bit.
+fn are_one(mut all: impl Iterator<Item = Option<[f64; 2]>>) -> bool {
+    let bits = |ends: [f64; 2]| ends.map(f64::to_bits);
+    let Some(first) = all.next().flatten().map(bits) else { return false };
+    all.all(|ends| ends.map(bits) == Some(first))
 }
 
 /// Smallest lower and largest upper end, infinite ones left out.

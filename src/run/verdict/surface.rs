@@ -57,9 +57,7 @@ impl Fit<'_> {
         let share = |i: usize| {
             let range = names[i].range.map_or(f64::INFINITY, |(low, high)| OF_RANGE * (high - low));
             let [low, _, high] = &self.maps()[i].quantiles;
-            let is_flat = self.model().parameters.iter().any(|p| {
-                is_flat(p) && p.name.strip_prefix(names[i].name).is_some_and(|m| m.starts_with('.'))
-            });
+            let is_flat = names[i].has_flat_mean;
             let prior = |draws: &[f64]| if is_flat { f64::INFINITY } else { width(draws) };
             let is_informed = |(v, before): (&usize, &Vec<Vec<f64>>)| {
                 high[*v] - low[*v] <= INFORMED * prior(&before[i]).min(range)
@@ -128,11 +126,7 @@ impl Fit<'_> {
 
 /// Whether a parameter has a proper prior of its own to be compared with.
 fn is_compared(parameter: &Parameter) -> bool {
-    parameter.kind != Kind::Eta && !is_flat(parameter)
-}
-
-fn is_flat(parameter: &Parameter) -> bool {
-    parameter.prior.trim_start().starts_with("Flat")
+    parameter.kind != Kind::Eta && !parameter.is_flat
 }
 
 /// Width of the 90 % interval of draws; infinite without draws.
