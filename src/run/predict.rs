@@ -221,7 +221,7 @@ mod tests {
     fn a_new_patient_has_the_prior_of_its_field() {
         let header = "vertex,patient,y";
         let rows = ["0,a,11.0", "40,a,12.0", "90,a,13.0", "0,b,8.0", "40,b,9.0", "90,b,7.5"];
-        let mesh = MeshSource::Embedded { edge: 4.0 };
+        let mesh = MeshSource::Embedded { edge: 3.0 };
         let inputs = Inputs { mesh, data: table(header, &rows).into(), ..Inputs::default() };
         let problem = Problem::load(&patients::Patients, &inputs).unwrap();
         let fit = problem.fit(&Settings { seed: 3, ..Settings::default() }).unwrap();
