@@ -1,7 +1,7 @@
 //! The link of a field that stays in its range.
 //!
 //! ```text
-//! value = low + s ln (1 + e^((x − low)/s))/(1 + e^((x − high)/s)),     s = (high − low)/20
+//! value = low + s ln((1 + e^((x − low)/s)) / (1 + e^((x − high)/s))),     s = (high − low)/20
 //! ```
 //! Inside the range the value is `x` itself, so `x` has the value's unit. Near an end, within some s of it, the
 //! value bends and approaches the end.

@@ -200,7 +200,10 @@ mod tests {
         let precision = 1.0 / 9.0 + 4.0;
         let mean = (5.0 / 9.0 - 4.0) / precision;
         assert!(is_normal(&predicted[1], mean, 1.0 / precision + 0.25), "{:?}", predicted[1]);
+    }
 
+    #[test]
+    fn a_new_label_without_a_prior_is_refused() {
         let fit = fitted(&flat_sites::FlatSites, table("site,y", &["a,9.0", "b,-1.0"]));
         assert_eq!(fit.predict(&table("site,y", &["b,"])).unwrap().len(), 1);
         let error = fit.predict(&table("site,y", &["c,"])).unwrap_err().to_string();
