@@ -1,13 +1,13 @@
 //! What is wrong with measurements before anything is sampled: they exclude each other, are all the same,
 //! or lie far from everything that the model can mean.
 //!
-//! All three are compared with measurements simulated at draws from the prior.
+//! The first and the last are told by a comparison with measurements simulated at draws from the prior.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 
 use super::fits::in_words;
 use crate::diagnostics::verdict::Doubt;
-use crate::model::{Maps, Model, RowId};
+use crate::model::{Maps, Model, Observe, RowId};
 use crate::random::Stream;
 use crate::run::Loaded;
 use crate::table::Measurements;
@@ -20,16 +20,18 @@ const FEWEST: usize = 40;
 const ALIKE: usize = 3;
 /// So few measurements may all be the same.
 const MAY_BE_ALIKE: usize = 2;
-/// Where a statement's measurements are all the same in more than this share of draws from the prior, such
-/// as the outcomes of events that hardly ever happen, nothing is wrong with that.
-const MOSTLY_ALIKE: f64 = 0.5;
 /// Most measurements that are named.
 const MOST_NAMED: usize = 6;
 /// What a table in another unit is multiplied by: s, µs, cm, dm and the like.
 const FACTORS: [f64; 6] = [1e3, 1e-3, 10.0, 0.1, 1e6, 1e-6];
 
-/// Doubts about the measurements that `model` is laid out on; none where a prior cannot be drawn from.
+/// Doubts about the measurements that `model` is laid out on.
 pub(in crate::run) fn doubts(model: &Model, loaded: &Loaded) -> Vec<Doubt> {
+    [against_prior(model, loaded), alike(model)].concat()
+}
+
+/// What draws from the prior tell of them; nothing where a prior cannot be drawn from.
+fn against_prior(model: &Model, loaded: &Loaded) -> Vec<Doubt> {
     let ids = model.row_ids();
     let mut rng = Stream::Expected.rng(0);
     if ids.is_empty() {
@@ -40,8 +42,25 @@ pub(in crate::run) fn doubts(model: &Model, loaded: &Loaded) -> Vec<Doubt> {
     let physical = Physical::new(model, loaded, &draws);
     let mut found = simulated.contradictions(&loaded.measurements);
     found.extend(simulated.out_of_range(&loaded.measurements, &physical));
-    found.extend(simulated.alike());
     found
+}
+
+/// The statements whose measurements are all the same. Counts may be.
+fn alike(model: &Model) -> Vec<Doubt> {
+    let Ok(tree) = model.syntax() else { return vec![] };
+    let is_count = |o: &Observe| tree.observes().any(|of| of.name == o.name && of.kind == "Count");
+    let doubtful = |o: &&Observe| {
+        let bits = |cells: Vec<f64>| cells.into_iter().map(f64::to_bits).collect::<Vec<u64>>();
+        let distinct: BTreeSet<Vec<u64>> = o.observed().into_iter().map(bits).collect();
+        distinct.len() == 1 && o.rows.len() > MAY_BE_ALIKE && !is_count(o)
+    };
+    let doubt = |o: &Observe| Doubt::Alike {
+        observe: o.name.to_owned(),
+        unit: o.unit.clone(),
+        n: o.rows.len(),
+        measured: in_words(&o.observed_row(0)),
+    };
+    model.observes.iter().filter(doubtful).map(doubt).collect()
 }
 
 /// Measurements simulated at draws from the prior.
@@ -143,28 +162,6 @@ impl<'m> Simulated<'m> {
         (0..self.model.observes.len()).filter_map(of_observe).collect()
     }
 
-    /// The statements whose measurements are all the same, although in most draws from the prior they are
-    /// not.
-    fn alike(&self) -> Vec<Doubt> {
-        let of_observe = |o: usize| {
-            let own: Vec<usize> =
-                (0..self.ids.len()).filter(|i| self.ids[*i].observe == o).collect();
-            let in_draw = |d: &usize| are_one(own.iter().map(|i| self.replicates[*i][*d]));
-            let expected = (0..DRAWS).filter(in_draw).count() as f64 / DRAWS as f64;
-            let is_doubtful = own.len() > MAY_BE_ALIKE
-                && are_one(own.iter().map(|i| Some(self.measured(*i))))
-                && expected < MOSTLY_ALIKE;
-            let observe = &self.model.observes[o];
-            is_doubtful.then(|| Doubt::Alike {
-                observe: observe.name.to_owned(),
-                unit: observe.unit.clone(),
-                n: own.len(),
-                measured: in_words(&self.model.measured_row(self.ids[own[0]])),
-            })
-        };
-        (0..self.model.observes.len()).filter_map(of_observe).collect()
-    }
-
     fn measured(&self, i: usize) -> [f64; 2] {
         ends(&self.model.measured_row(self.ids[i]))
     }
@@ -195,13 +192,6 @@ impl<'m> Simulated<'m> {
             factor: FACTORS.into_iter().find(|f| allowed(*f)),
         }
     }
-}
-
-/// Whether all ends are there and the same, to the bit.
-fn are_one(mut all: impl Iterator<Item = Option<[f64; 2]>>) -> bool {
-    let bits = |ends: [f64; 2]| ends.map(f64::to_bits);
-    let Some(first) = all.next().flatten().map(bits) else { return false };
-    all.all(|ends| ends.map(bits) == Some(first))
 }
 
 /// Smallest lower and largest upper end, infinite ones left out.
