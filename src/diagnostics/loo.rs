@@ -10,8 +10,7 @@
 use rayon::prelude::*;
 
 use super::mean_and_sd;
-use super::psis::smooth;
-use crate::num::ln_sum_exp;
+use super::psis::{log_sum_exp, smooth};
 
 /// Leave-one-out predictive accuracy of a model on its own measurements.
 #[derive(Clone, Debug)]
@@ -52,7 +51,7 @@ pub fn loo(log_likelihood: &[f64], n: usize, r_eff: f64) -> Loo {
         .map(|i| {
             let column: Vec<f64> = log_likelihood.iter().skip(i).step_by(n).copied().collect();
             let point = leave_out(&column, r_eff);
-            (point, ln_sum_exp(&column) - (n_draws as f64).ln())
+            (point, log_sum_exp(&column) - (n_draws as f64).ln())
         })
         .unzip();
     let elpd_of: Vec<f64> = pointwise.iter().map(|point| point.elpd).collect();
@@ -96,7 +95,7 @@ fn leave_out(log_likelihood: &[f64], r_eff: f64) -> LooPoint {
     let smoothed = smooth(&ratios, r_eff);
     let weighted: Vec<f64> =
         smoothed.log_weights.iter().zip(log_likelihood).map(|(w, l)| w + l).collect();
-    LooPoint { elpd: ln_sum_exp(&weighted), pareto_k: smoothed.pareto_k }
+    LooPoint { elpd: log_sum_exp(&weighted), pareto_k: smoothed.pareto_k }
 }
 
 #[cfg(test)]

@@ -8,8 +8,6 @@
 //! Zhang & Stephens 2009, "A new and efficient estimation method for the generalized Pareto
 //! distribution", with the prior on k of the former.  Conventions as in `ArviZ` 1.3.
 
-use crate::num::ln_sum_exp;
-
 /// Fewest draws that a tail can be fitted to.
 const SHORTEST_TAIL: usize = 5;
 
@@ -49,11 +47,18 @@ pub(super) fn smooth(log_ratios: &[f64], r_eff: f64) -> Smoothed {
         (_, 0) => f64::INFINITY,
         _ => smooth_tail(&mut log_weights, &order[begin..], order[begin - 1]),
     };
-    let norm = ln_sum_exp(&log_weights);
+    let norm = log_sum_exp(&log_weights);
     for weight in &mut log_weights {
         *weight -= norm;
     }
     Smoothed { log_weights, log_sum: largest + norm, pareto_k }
+}
+
+/// `ln Σ exp`. Where no value is finite it is NaN, so that it passes for no figure; [`crate::num::ln_sum_exp`],
+/// which priors and likelihoods use, is −∞ there.
+pub(super) fn log_sum_exp(values: &[f64]) -> f64 {
+    let largest = values.iter().copied().fold(f64::NEG_INFINITY, f64::max);
+    largest + values.iter().map(|x| (x - largest).exp()).sum::<f64>().ln()
 }
 
 /// `min(0.2 S, 3 √(S / r_eff))`, rounded down.
@@ -108,7 +113,7 @@ impl GeneralisedPareto {
             n * ((-b / k).ln() - k - 1.0)
         };
         let profile: Vec<f64> = grid.iter().map(profile).collect();
-        let norm = ln_sum_exp(&profile);
+        let norm = log_sum_exp(&profile);
         let weights = profile.iter().map(|l| (l - norm).exp());
         let weighted = grid.iter().zip(weights).filter(|(_, w)| *w >= 10.0 * f64::EPSILON);
         let (sum, mass) = weighted.fold((0.0, 0.0), |(s, m), (b, w)| (s + b * w, m + w));

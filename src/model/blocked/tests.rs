@@ -351,7 +351,7 @@ fn groups_that_are_too_large_are_sampled_by_nuts_unless_the_blocked_sampler_is_a
         [Sampler::Blocked, Sampler::Nuts]
     );
     assert!(Sampler::Blocked.takes(&model));
-    let unseen = Model::new(&Patients, Some(&basis(12)), &Measurements::default()).unwrap();
+    let unseen = Model::outline(&Patients).unwrap();
     assert!(!Sampler::Blocked.takes(&unseen) && Sampler::Nuts.takes(&unseen));
     assert_eq!(Sampler::of(&unseen), Sampler::Nuts);
 }
