@@ -302,7 +302,7 @@ fn rows_outside_their_intervals_are_named_and_coverage_is_told() {
     assert!(html.contains("<b>2 of 20 rows lie outside their 90 % predictive interval</b>"));
     let named = "<li>s1s2 line 11 (site 4 &lt;roof&gt;): measured 210 to 220 ms, predicted 276";
     assert!(html.contains(named), "{html}");
-    assert_eq!(html.matches("<path class=\"far\"").count(), 2);
+    assert_eq!(html.matches("<g class=\"far\"").count(), 2);
     assert!(html.contains("leave-one-out, 10 by importance weights (PSIS), 10 not known"));
     let all = "<td class=\"text\">all<td>20<td>90 %<td>90 %<td>90 %<td>90 %<td>10<td>100 %";
     assert!(html.contains(all), "{html}");

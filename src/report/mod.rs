@@ -54,6 +54,7 @@ pub use rows::{LEVELS, LeftOutBy, Predicted, PredictedRow, Predictions, write_ro
 pub use run_record::{Provenance, RunRecord, Seconds, SettingsRecord};
 pub use summary::{Row, read_summary_json, write_summary_csv, write_summary_json};
 pub use table::{WIDTH, console_table};
+pub(crate) use text::{after_number, shown};
 pub use verdict::{
     MAX_DIVERGENT, MAX_R_HAT, MIN_E_BFMI, MIN_ESS, is_sampled, verdict, verdict_lines,
 };

@@ -130,38 +130,39 @@ fn brackets(rows: &[PredictedRow], scale: &Scale) -> String {
 fn marks(rows: &[PredictedRow], scale: &Scale) -> String {
     let at = |value: f64| SIDE * scale.share(value);
     let has_titles = rows.len() <= MOST_TITLES;
-    let (mut plain, mut svg, mut far) = (String::new(), String::new(), String::new());
+    let [mut lines, mut dots, mut near, mut far] = [const { String::new() }; 4];
     let named: BTreeSet<u64> = worst(rows).iter().take(MOST_LABELS).map(|row| row.line).collect();
     for (row, x) in rows.iter().zip(places(rows)) {
         let [q5, q50, q95] = row.fitted.quantiles;
         if !(q5.is_finite() && q95.is_finite() && x.is_finite()) {
             continue;
         }
-        let (x, y) = (at(x), SIDE - at(q50));
-        let d = format!("M{x:.1} {:.1}V{:.1}M{x:.1} {y:.1}h0", SIDE - at(q5), SIDE - at(q95));
-        let title = || format!("<title>{}</title>", escape(&told(row)));
-        if !row.fitted.is_inside() {
-            let _ = write!(far, "<path class=\"far\" d=\"{d}\">{}</path>", title());
-            if named.contains(&row.line) {
-                let _ = write!(
-                    far,
-                    "<text class=\"far\" x=\"{:.1}\" y=\"{:.1}\">{}</text>",
-                    x + 5.0,
-                    y + 4.0,
-                    row.line
-                );
-            }
-        } else if has_titles {
-            let _ = write!(svg, "<path d=\"{d}\">{}</path>", title());
-        } else {
-            plain += &d;
+        let [x, bottom, y, top] = [at(x), SIDE - at(q5), SIDE - at(q50), SIDE - at(q95)];
+        let (line, dot) = (format!("M{x:.1} {bottom:.1}V{top:.1}"), format!("M{x:.1} {y:.1}h0"));
+        if row.fitted.is_inside() && !has_titles {
+            lines += &line;
+            dots += &dot;
+            continue;
+        }
+        let (group, class) =
+            if row.fitted.is_inside() { (&mut near, "") } else { (&mut far, " class=\"far\"") };
+        let title = escape(&told(row));
+        *group += &format!("<g{class}><title>{title}</title>{}</g>", bar(&line, &dot));
+        if named.contains(&row.line) {
+            let (x, y, line) = (x + 6.0, y + 4.0, row.line);
+            *group += &format!("<text class=\"far\" x=\"{x:.1}\" y=\"{y:.1}\">{line}</text>");
         }
     }
     let class = if has_titles { "rows" } else { "rows many" };
-    if !plain.is_empty() {
-        let _ = write!(svg, "<path d=\"{plain}\"/>");
+    format!("<g class=\"{class}\">{}{near}{far}</g>", bar(&lines, &dots))
+}
+
+/// Intervals, and medians on them.
+fn bar(lines: &str, dots: &str) -> String {
+    if lines.is_empty() {
+        return String::new();
     }
-    format!("<g class=\"{class}\">{svg}{far}</g>")
+    format!("<path d=\"{lines}\"/><path class=\"dot\" d=\"{dots}\"/>")
 }
 
 /// `240 to 250`, `above 240`, `below 60` or a number.
@@ -291,7 +292,7 @@ mod tests {
     #[test]
     fn rows_outside_are_red_and_named_with_line_and_site() {
         let html = section(&samples::predictions());
-        assert_eq!(html.matches("<path class=\"far\"").count(), 1);
+        assert_eq!(html.matches("<g class=\"far\"").count(), 1);
         assert!(html.contains("<b>1 of 3 rows lie outside"), "{html}");
         let named =
             "<li>s1s2 line 4 (site 3): measured 290 to 300 ms, predicted 235 (225 to 245) ms";

@@ -67,17 +67,26 @@ impl Fit<'_> {
             WarmStart::new(self.model(), self.chains()).write(&out.file(warm_start::FILE))?;
             files.push(warm_start::FILE);
         }
-        let predictions = self.predictions();
-        if !predictions.rows.is_empty() {
-            write_rows(&out.file("rows.csv"), &predictions.rows)?;
-            files.push("rows.csv");
-        }
+        let predictions = self.write_predictions(out)?;
+        files.extend((!predictions.rows.is_empty()).then_some("rows.csv"));
         let record = self.record_after(begun.elapsed().as_secs_f64());
         let named: Vec<&str> = files.iter().copied().chain(["run.json"]).collect();
         self.write_page(out, &record, &arrays, (&predictions, &named))?;
         record.write(&out.file("run.json"))?;
         files.extend(["report.html", "run.json"]);
         Ok(Results { folder: out.path().to_owned(), record, rows: posterior.rows.clone(), files })
+    }
+
+    /// Every measurement with its predictions; none for draws from the prior, which have seen none.
+    fn write_predictions(&self, out: &OutputFolder) -> Result<Predictions, RunError> {
+        if self.method == Method::Prior {
+            return Ok(Predictions::default());
+        }
+        let predictions = self.predictions();
+        if !predictions.rows.is_empty() {
+            write_rows(&out.file("rows.csv"), &predictions.rows)?;
+        }
+        Ok(predictions)
     }
 
     /// Maps and draws of the fields; the names of the files.

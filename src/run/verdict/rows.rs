@@ -121,6 +121,45 @@ fn predicted(mut drawn: Vec<(f64, f64)>, reading: &Reading) -> Predicted {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::run::{Loaded, Problem, Settings};
+    use crate::table::Measurements;
+
+    mod conjugate {
+        use crate::prelude::*;
+        model! {
+            model Conjugate;
+            param mean [ms] ~ Normal(10.0, 2.0);
+            observe y(row): Number [ms] ~ Normal(mean, 1.0);
+        }
+    }
+
+    /// Without 13.5 the posterior is Normal(11.444, 1/2.25), with it Normal(12.077, 1/3.25).
+    #[test]
+    fn a_row_is_predicted_with_it_and_from_the_others() {
+        let cells = ["12.0", "13.5", "11.25"].map(|y| vec![y.to_owned()]).to_vec();
+        let measurements = Measurements::from_cells("test", vec!["y".into()], cells).unwrap();
+        let problem =
+            Problem::new(&conjugate::Conjugate, Loaded { measurements, ..Loaded::default() });
+        let settings = Settings { seed: 3, ..Settings::default() };
+        let predictions = problem.unwrap().fit(&settings).unwrap().predictions();
+        assert_eq!(predictions.sets, [("all".to_owned(), vec![0, 1, 2])]);
+        let row = &predictions.rows[1];
+        assert_eq!((row.line, row.measured), (3, [13.5, 13.5]));
+        let (left_out, by) = row.left_out.as_ref().unwrap();
+        assert_eq!(*by, LeftOutBy::Weights);
+        let cases = [(&row.fitted, 12.077, 1.0 + 1.0 / 3.25), (left_out, 11.444, 1.0 + 1.0 / 2.25)];
+        for (predicted, mean, variance) in cases {
+            let sd = f64::sqrt(variance);
+            // a thousand independent draws: five standard errors of a median and of a 5 % quantile
+            let errors = [0.33, 0.20, 0.33].map(|error| error * sd);
+            let exact = [-1.645, 0.0, 1.645].map(|z| mean + z * sd);
+            for ((q, exact), error) in predicted.quantiles.iter().zip(exact).zip(errors) {
+                assert!((q - exact).abs() < error, "{predicted:?} but {exact}");
+            }
+        }
+        // 1.71 standard deviations from what the others predict
+        assert_eq!([0, 1, 3].map(|level| left_out.inside[level]), [false, false, true]);
+    }
 
     #[test]
     fn a_bracket_is_told_by_its_middle_and_compared_on_its_grid() {
