@@ -403,3 +403,30 @@ fn a_browser_draws_the_fields_with_and_without_webgl() {
     assert!(without.contains("two fixed views"), "the fallback did not start");
     assert!(with.contains("10 measurement sites"), "no count of the sites");
 }
+
+/// Appended to a page: tells what of it reaches beyond the window, but for the equations, which scroll.
+const PROBE: &str = "<script>setTimeout(() => {
+  const edge = document.documentElement.clientWidth;
+  const beyond = [...document.querySelectorAll('main *')].filter((e) => !e.closest('pre'))
+    .filter((e) => e.getBoundingClientRect().width && e.getBoundingClientRect().right > edge);
+  document.body.dataset.beyond = `${beyond.length} ${beyond.map((e) => e.tagName).join(' ')}`;
+}, 500)</script></body>";
+
+#[test]
+fn no_column_is_clipped_at_ordinary_widths() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("report.html");
+    write(&path, "Erp", &arrays(&mesh())).unwrap();
+    let html = std::fs::read_to_string(&path).unwrap();
+    std::fs::write(&path, html.replace("</body>", PROBE)).unwrap();
+    for width in [1280, 1024, 800] {
+        let size = format!("--window-size={width},900");
+        let Some(dom) = rendered(&path, &["--disable-3d-apis", &size]) else {
+            skipped::skipped("no Chromium found (EPLAT_CHROMIUM)");
+            return;
+        };
+        let (_, told) = dom.split_once("data-beyond=\"").expect("the probe did not run");
+        let told = told.split_once('"').unwrap().0;
+        assert!(told.starts_with("0 "), "{width} px: {told}");
+    }
+}

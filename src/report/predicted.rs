@@ -19,13 +19,33 @@ const MOST_SETS: usize = 12;
 
 /// A picture per statement, the rows outside their intervals by name, and a table of shares.
 pub(super) fn section(predictions: &Predictions) -> String {
-    let mut html = "<div class=\"panels\">".to_owned();
+    let mut html = format!("<p class=\"note\">{}</p><div class=\"panels\">", legend(predictions));
     for rows in predictions.rows.chunk_by(|a, b| a.protocol == b.protocol) {
         html += &panel(rows);
     }
     html += "</div>";
     html += &outside(&predictions.rows);
     html + &coverage(predictions)
+}
+
+/// How to read the pictures.
+fn legend(predictions: &Predictions) -> String {
+    let brackets = if has_brackets(predictions) {
+        " A grey square is a bracket, and dots and intervals are those of a bracket's middle; a row fits \
+         if its interval meets the square. Rows of one bracket stand side by side in the order of their \
+         predictions."
+    } else {
+        ""
+    };
+    format!(
+        "Each row of the table: what was measured, to the right, and what the model predicts of such a \
+         measurement, upwards, noise included: median and central 90 % interval. Dashed: both are \
+         equal.{brackets} Red rows lie outside, some with their line in the table."
+    )
+}
+
+fn has_brackets(predictions: &Predictions) -> bool {
+    predictions.rows.iter().any(|row| row.measured[0] < row.measured[1])
 }
 
 /// How far a measurement lies from the median, in widths of its interval.
@@ -259,8 +279,11 @@ fn how(predictions: &Predictions) -> String {
         predictions.rows.iter().filter(of).count()
     };
     let counts = [by(Some(LeftOutBy::Weights)), by(Some(LeftOutBy::Fit)), by(None)];
-    let rest = "A column's share should be near its title; amber: lower than chance explains. Brackets are \
-                compared on the grid of their width, which raises all shares.";
+    let mut rest =
+        "A column's share should be near its title; amber: lower than chance explains.".to_owned();
+    if has_brackets(predictions) {
+        rest += " Brackets are compared on the grid of their width, which raises all shares.";
+    }
     if counts[0] + counts[1] == 0 {
         return format!(
             "Share of rows in their central predictive intervals. The intervals have seen the rows, so they \

@@ -4,7 +4,7 @@ use rayon::prelude::*;
 
 use super::LeftOut;
 use super::reading::{Reading, groups};
-use crate::diagnostics::{loo_weights, relative_efficiency, weighted_quantile};
+use crate::diagnostics::{loo_weights, quantile, relative_efficiency, weighted_quantile};
 use crate::model::Observe;
 use crate::report::{LEVELS, LeftOutBy, Predicted, PredictedRow, Predictions, Values, Variable};
 use crate::run::Fit;
@@ -84,15 +84,14 @@ impl<'f> Replicates<'f> {
     }
 
     fn fitted(&self, i: usize, reading: &Reading) -> Predicted {
-        predicted(self.of_row(i).map(|value| (value, 1.0)).collect(), reading)
+        unweighted(self.of_row(i), reading)
     }
 
     /// From the other measurements alone; `None` where that cannot be told.
     fn left_out(&self, i: usize, reading: &Reading) -> Option<(Predicted, LeftOutBy)> {
         let LeftOut { loo, replicates } = self.left_out?;
         if let Some(replicates) = replicates.get(&i) {
-            let drawn = replicates.iter().map(|value| (*value, 1.0)).collect();
-            return Some((predicted(drawn, reading), LeftOutBy::Fit));
+            return Some((unweighted(replicates.iter().copied(), reading), LeftOutBy::Fit));
         }
         if loo.rows.get(i)?.pareto_k > loo.record.k_threshold {
             return None;
@@ -100,16 +99,26 @@ impl<'f> Replicates<'f> {
         let n = self.ln_likelihood.dims.last()?.1;
         let column = numbers(self.ln_likelihood).iter().skip(i).step_by(n.max(1));
         let weights = loo_weights(&column.copied().collect::<Vec<f64>>(), self.r_eff)?;
-        let drawn = self.of_row(i).zip(weights).collect();
-        Some((predicted(drawn, reading), LeftOutBy::Weights))
+        Some((weighted(self.of_row(i).zip(weights), reading), LeftOutBy::Weights))
     }
 }
 
-/// A measurement against replicates with weights; of a bracket they are lower ends, and the middle is told.
-fn predicted(mut drawn: Vec<(f64, f64)>, reading: &Reading) -> Predicted {
-    drawn.retain(|(value, _)| value.is_finite());
-    drawn.sort_unstable_by(|a, b| a.0.total_cmp(&b.0));
-    let at = |p: f64| weighted_quantile(&drawn, p);
+/// Draws that are all worth the same.
+fn unweighted(drawn: impl Iterator<Item = f64>, reading: &Reading) -> Predicted {
+    let mut sorted: Vec<f64> = drawn.filter(|value| value.is_finite()).collect();
+    sorted.sort_unstable_by(f64::total_cmp);
+    predicted(&|p| quantile(&sorted, p), reading)
+}
+
+/// Draws with weights.
+fn weighted(drawn: impl Iterator<Item = (f64, f64)>, reading: &Reading) -> Predicted {
+    let mut sorted: Vec<(f64, f64)> = drawn.filter(|(value, _)| value.is_finite()).collect();
+    sorted.sort_unstable_by(|a, b| a.0.total_cmp(&b.0));
+    predicted(&|p| weighted_quantile(&sorted, p), reading)
+}
+
+/// A measurement against quantiles of replicates; of a bracket they are lower ends, and the middle is told.
+fn predicted(at: &dyn Fn(f64) -> f64, reading: &Reading) -> Predicted {
     let is_inside =
         |level: f64| reading.outside([0.5 - 0.5 * level, 0.5 + 0.5 * level].map(at)) <= 0.0;
     Predicted {
@@ -141,7 +150,11 @@ mod tests {
         let problem =
             Problem::new(&conjugate::Conjugate, Loaded { measurements, ..Loaded::default() });
         let settings = Settings { seed: 3, ..Settings::default() };
-        let predictions = problem.unwrap().fit(&settings).unwrap().predictions();
+        let fit = problem.unwrap().fit(&settings).unwrap();
+        let predictions = fit.predictions();
+        // the verdict counts the same rows
+        let n_inside = predictions.rows.iter().filter(|row| row.fitted.inside[2]).count();
+        assert_eq!(fit.questions().fits.as_ref().unwrap().sets[0].inside, n_inside);
         assert_eq!(predictions.sets, [("all".to_owned(), vec![0, 1, 2])]);
         let row = &predictions.rows[1];
         assert_eq!((row.line, row.measured), (3, [13.5, 13.5]));
@@ -164,7 +177,7 @@ mod tests {
     #[test]
     fn a_bracket_is_told_by_its_middle_and_compared_on_its_grid() {
         let drawn: Vec<(f64, f64)> = [(220.0, 0.04), (230.0, 0.9), (240.0, 0.06)].to_vec();
-        let of = |cells: &[f64]| predicted(drawn.clone(), &Reading::of(cells));
+        let of = |cells: &[f64]| weighted(drawn.iter().copied(), &Reading::of(cells));
         assert_eq!(of(&[230.0, 240.0]).inside, [true; 4]);
         assert_eq!(of(&[230.0, 240.0]).quantiles, [235.0, 235.0, 245.0]);
         assert_eq!(of(&[240.0, 250.0]).inside, [false, false, true, true]);
@@ -172,6 +185,6 @@ mod tests {
         assert_eq!(of(&[f64::NEG_INFINITY, 230.0]).inside, [false, false, false, true]);
         assert_eq!(of(&[f64::NEG_INFINITY, 240.0]).inside, [true; 4]);
         // nothing predicted holds nothing
-        assert_eq!(predicted(vec![], &Reading::of(&[1.0])).inside, [false; 4]);
+        assert_eq!(unweighted([].into_iter(), &Reading::of(&[1.0])).inside, [false; 4]);
     }
 }
