@@ -113,10 +113,10 @@ fn panel(rows: &[PredictedRow]) -> String {
         "" => what.to_owned(),
         unit => format!("{what} ({unit})"),
     };
-    let (x_label, y_label) = (in_unit("measured"), in_unit("predicted"));
+    let title = format!("{}: {} upwards", rows[0].protocol, in_unit("predicted"));
+    let x_label = in_unit("measured");
     let axis = |label| Axis { label, ticks: scale.labelled(), has_lines: false };
-    let axes =
-        Axes { size: [SIDE, SIDE], title: &rows[0].protocol, x: axis(&x_label), y: axis(&y_label) };
+    let axes = Axes { size: [SIDE, SIDE], title: &title, x: axis(&x_label), y: axis("") };
     let (left, top) = (-Axes::LEFT, -Axes::ABOVE);
     let (wide, high) = (SIDE + Axes::LEFT + 14.0, SIDE + Axes::ABOVE + Axes::BELOW);
     let label = escape(&rows[0].protocol);
