@@ -172,7 +172,12 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("rows.csv");
         write_rows(&path, &samples::predictions().rows[..3]).unwrap();
-        insta::assert_snapshot!(std::fs::read_to_string(&path).unwrap(), @"");
+        insta::assert_snapshot!(std::fs::read_to_string(&path).unwrap(), @r"
+        line,site,protocol,unit,measured_lower,measured_upper,predicted_q5,predicted_q50,predicted_q95,inside,loo_q5,loo_q50,loo_q95,loo_inside,loo_by
+        2,1,s1s2,ms,230,240,225,235,245,true,230,240,250,true,weights
+        3,2,s1s2,ms,240,250,225,235,245,true,,,,,
+        4,3,s1s2,ms,290,300,225,235,245,false,215,225,235,false,fit
+        ");
     }
 
     #[test]
