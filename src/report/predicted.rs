@@ -167,10 +167,10 @@ fn marks(rows: &[PredictedRow], scale: &Scale) -> String {
         let (group, class) =
             if row.fitted.is_inside() { (&mut near, "") } else { (&mut far, " class=\"far\"") };
         let title = escape(&told(row));
-        *group += &format!("<g{class}><title>{title}</title>{}</g>", bar(&line, &dot));
+        let _ = write!(group, "<g{class}><title>{title}</title>{}</g>", bar(&line, &dot));
         if named.contains(&row.line) {
             let (x, y, line) = (x + 6.0, y + 4.0, row.line);
-            *group += &format!("<text class=\"far\" x=\"{x:.1}\" y=\"{y:.1}\">{line}</text>");
+            let _ = write!(group, "<text class=\"far\" x=\"{x:.1}\" y=\"{y:.1}\">{line}</text>");
         }
     }
     let class = if has_titles { "rows" } else { "rows many" };
@@ -226,7 +226,7 @@ fn outside(rows: &[PredictedRow]) -> String {
 /// The share of rows in their intervals, by set.
 fn coverage(predictions: &Predictions) -> String {
     let has_left_out = predictions.rows.iter().any(|row| row.left_out.is_some());
-    let levels: String = LEVELS.iter().map(|p| format!("<th>{} %", 100.0 * p)).collect();
+    let levels = LEVELS.map(|p| format!("<th>{} %", 100.0 * p)).concat();
     let head = |sets: &[(String, Vec<usize>)]| {
         let mut html =
             "<div class=\"scroll\"><table class=\"coverage\"><thead><tr><th><th colspan=\"5\">\
