@@ -197,7 +197,7 @@ fn predictions(n: usize) -> Predictions {
             site: format!("{} <roof>", i / 2),
             unit: "ms".to_owned(),
             measured: [lower, lower + 10.0],
-            left_out: (i % 2 == 0).then(|| (fitted.clone(), LeftOutBy::Weights)),
+            left_out: i.is_multiple_of(2).then(|| (fitted.clone(), LeftOutBy::Weights)),
             fitted,
         }
     };

@@ -181,7 +181,7 @@ mod tests {
         }
         // the kinds are told apart by the upper half, so what holds at the ends holds in between
         let kinds: BTreeMap<u64, _> = seen.into_iter().map(|(n, s)| (n >> 32, s)).collect();
-        assert_eq!(kinds.len(), 13);
+        assert_eq!(kinds.len(), 14);
     }
 
     #[test]

@@ -334,7 +334,7 @@ mod tests {
         }
         assert_eq!(places(&rows), [238.0, 232.0, 235.0]);
         rows[0].measured = [7.5, 7.5];
-        assert_eq!(places(&rows)[0], 7.5);
+        assert!((places(&rows)[0] - 7.5).abs() < 1e-12);
     }
 
     #[test]

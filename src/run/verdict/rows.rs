@@ -179,7 +179,7 @@ mod tests {
         let drawn: Vec<(f64, f64)> = [(220.0, 0.04), (230.0, 0.9), (240.0, 0.06)].to_vec();
         let of = |cells: &[f64]| weighted(drawn.iter().copied(), &Reading::of(cells));
         assert_eq!(of(&[230.0, 240.0]).inside, [true; 4]);
-        assert_eq!(of(&[230.0, 240.0]).quantiles, [235.0, 235.0, 245.0]);
+        assert_eq!(format!("{:?}", of(&[230.0, 240.0]).quantiles), "[235.0, 235.0, 245.0]");
         assert_eq!(of(&[240.0, 250.0]).inside, [false, false, true, true]);
         assert_eq!(of(&[220.0, 230.0]).inside, [false, false, false, true]);
         assert_eq!(of(&[f64::NEG_INFINITY, 230.0]).inside, [false, false, false, true]);
