@@ -16,7 +16,7 @@ use serde_json::Value;
 const SMALL: &str = "--chains 2 --warmup 300 --draws 300";
 
 /// DESIGN.md's list.
-const FILES: [&str; 11] = [
+const FILES: [&str; 12] = [
     "draws.csv",
     "field_draws.npz",
     "fields.vtp",
@@ -24,6 +24,7 @@ const FILES: [&str; 11] = [
     "measurements.csv",
     "posterior.zarr",
     "report.html",
+    "rows.csv",
     "run.json",
     "summary.csv",
     "summary.json",
@@ -64,7 +65,9 @@ fn a_run_leaves_every_file_and_the_same_numbers_for_any_number_of_threads() {
     }
     assert_eq!(names_in(&place, "a"), FILES);
     sampled(&place, &format!("run erp.rs {SMALL} --threads 2 --out b"));
-    for file in ["summary.csv", "draws.csv", "loo.csv", "fields.vtp", "measurements.csv"] {
+    for file in
+        ["summary.csv", "draws.csv", "loo.csv", "rows.csv", "fields.vtp", "measurements.csv"]
+    {
         assert!(place.read(&format!("a/{file}")) == place.read(&format!("b/{file}")), "{file}");
     }
 
@@ -102,6 +105,12 @@ fn a_run_leaves_every_file_and_the_same_numbers_for_any_number_of_threads() {
     let page = place.read("a/report.html");
     assert!(page.starts_with("<!doctype html>") && page.trim_end().ends_with("</html>"));
     assert!(!page.contains("src=\"http"), "the page needs the network");
+    let links: Vec<&str> =
+        page.split("<a href=\"").skip(1).map(|link| link.split_once('"').unwrap().0).collect();
+    assert!(links.len() >= FILES.len() - 1, "{links:?}");
+    for link in links {
+        assert!(FILES.contains(&link), "{link} leads nowhere");
+    }
 
     // What was measured is a table like any other.
     let checked = place.eplat("check erp.rs --mesh embedded --data a/measurements.csv");
@@ -237,7 +246,7 @@ fn whole(place: &Workplace) {
             }
             "summary.csv" => assert_eq!(place.read("out/summary.csv").lines().count(), 1 + 54),
             "draws.csv" => assert_eq!(place.read("out/draws.csv").lines().count(), 1 + 200),
-            "loo.csv" | "measurements.csv" => {
+            "loo.csv" | "measurements.csv" | "rows.csv" => {
                 assert_eq!(place.read(&format!("out/{name}")).lines().count(), 21);
             }
             "fields.vtp" => fields(&place.read("out/fields.vtp")),

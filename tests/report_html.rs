@@ -10,8 +10,9 @@ use eplat::diagnostics::Summary;
 use eplat::diagnostics::verdict::{Questions, Verdict};
 use eplat::mesh::TriMesh;
 use eplat::report::{
-    Group, LeaveOneOut, LooRecord, LooRow, Page, PointData, Provenance, ReportError, Row,
-    RunRecord, Seconds, SettingsRecord, Surface, Variable, write_html,
+    Group, LeaveOneOut, LeftOutBy, LooRecord, LooRow, Page, PointData, Predicted, PredictedRow,
+    Predictions, Provenance, ReportError, Row, RunRecord, Seconds, SettingsRecord, Surface,
+    Variable, write_html, write_rows,
 };
 use rand::{RngExt as _, SeedableRng as _};
 use rand_chacha::ChaCha8Rng;
@@ -183,11 +184,52 @@ fn leave_one_out() -> LeaveOneOut {
     LeaveOneOut { record, rows }
 }
 
+/// Brackets whose intervals hold them, but for every tenth.
+fn predictions(n: usize) -> Predictions {
+    let row = |i: usize| {
+        let lower = 200.0 + 10.0 * (i % 8) as f64;
+        let median = lower + 5.0 + 3.0 * (i as f64).sin() + if i % 10 == 9 { 60.0 } else { 0.0 };
+        let quantiles = [median - 12.0, median, median + 12.0];
+        let fitted = Predicted { quantiles, inside: [i % 10 != 9; 4] };
+        PredictedRow {
+            line: i as u64 + 2,
+            protocol: if 2 * i < n { "s1s2" } else { "s1s2s3" }.to_owned(),
+            site: format!("{} <roof>", i / 2),
+            unit: "ms".to_owned(),
+            measured: [lower, lower + 10.0],
+            left_out: i.is_multiple_of(2).then(|| (fitted.clone(), LeftOutBy::Weights)),
+            fitted,
+        }
+    };
+    let sets = vec![
+        ("all".to_owned(), (0..n).collect()),
+        ("s1s2".to_owned(), (0..n.div_ceil(2)).collect()),
+        ("s1s2s3".to_owned(), (n.div_ceil(2)..n).collect()),
+    ];
+    Predictions { rows: (0..n).map(row).collect(), sets }
+}
+
+/// Names of files that are written beside the page.
+const FILES: [&str; 3] = ["rows.csv", "fields.vtp", "run.json"];
+
 fn write(path: &Path, title: &str, arrays: &[(String, Vec<f64>)]) -> Result<(), ReportError> {
+    write_with(path, title, arrays, 20)
+}
+
+/// The page of a run with this many measurements.
+fn write_with(
+    path: &Path,
+    title: &str,
+    arrays: &[(String, Vec<f64>)],
+    n_rows: usize,
+) -> Result<(), ReportError> {
+    let predictions = predictions(n_rows);
     let mesh = mesh();
     let point_data: Vec<PointData<'_>> =
         arrays.iter().map(|(name, values)| PointData { name, unit: "ms", values }).collect();
-    let sites: Vec<[f64; 3]> = (0..10).map(|i| mesh.vertices()[437 * i + 300]).collect();
+    let n_sites = n_rows / 2;
+    let sites: Vec<[f64; 3]> =
+        (0..n_sites).map(|i| mesh.vertices()[(437 * i + 300) % 5000]).collect();
     let mut rows: Vec<Row> =
         posterior().variables.iter().map(|v| row(&v.name, &v.unit, 10.0, 1.004)).collect();
     rows.extend((0..24).map(|k| row(&format!("tau_out.eta[{k}]"), "", 0.5, 1.001)));
@@ -198,9 +240,16 @@ fn write(path: &Path, title: &str, arrays: &[(String, Vec<f64>)]) -> Result<(), 
         rows: &rows,
         posterior: &posterior(),
         loo: Some(&leave_one_out()),
+        predictions: &predictions,
+        files: &FILES,
         surface: Some(Surface { mesh: &mesh, point_data: &point_data, sites: &sites }),
     };
     write_html(path, &page)
+}
+
+/// Where the links of a page lead.
+fn links(page: &str) -> Vec<&str> {
+    page.split("<a href=\"").skip(1).map(|link| link.split_once('"').unwrap().0).collect()
 }
 
 #[test]
@@ -223,9 +272,12 @@ fn the_page_is_whole_and_holds_the_data() {
     ] {
         assert!(before.contains(told), "{told}\n{before}");
     }
-    for network in ["src=", "href=", "url(", "@import"] {
+    for network in ["src=", "url(", "@import", "://", "<link", "<base"] {
         assert!(!page.contains(network), "the page has {network}");
     }
+    assert_eq!(page.matches("href=").count(), links(page).len());
+    // in the noscript text, in the section of predictions, and each in the list of files
+    assert_eq!(links(page), ["fields.vtp", "rows.csv", "rows.csv", "fields.vtp", "run.json"]);
     assert_eq!(scripts.matches("</script>").count(), 3);
     assert!(page.contains("Pareto k is above 0.70 at 2 of 3 measurements"));
     assert_eq!(page.matches("<circle").count(), 3);
@@ -242,6 +294,37 @@ fn the_page_is_whole_and_holds_the_data() {
 }
 
 #[test]
+fn rows_outside_their_intervals_are_named_and_coverage_is_told() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("report.html");
+    write(&path, "Erp", &arrays(&mesh())).unwrap();
+    let html = std::fs::read_to_string(&path).unwrap();
+    assert!(html.contains("<b>2 of 20 rows lie outside their 90 % predictive interval</b>"));
+    let named = "<li>s1s2 line 11 (site 4 &lt;roof&gt;): measured 210 to 220 ms, predicted 276";
+    assert!(html.contains(named), "{html}");
+    assert_eq!(html.matches("<g class=\"far\"").count(), 2);
+    assert!(html.contains("leave-one-out, 10 by importance weights (PSIS), 10 not known"));
+    let all = "<td class=\"text\">all<td>20<td>90 %<td>90 %<td>90 %<td>90 %<td>10<td>100 %";
+    assert!(html.contains(all), "{html}");
+    let table = folder.path().join("rows.csv");
+    write_rows(&table, &predictions(20).rows).unwrap();
+    assert_eq!(std::fs::read_to_string(&table).unwrap().lines().count(), 21);
+}
+
+/// The page is a record also where a whole map was measured: it may not grow with the rows as it did.
+#[test]
+fn fourteen_hundred_rows_leave_the_page_below_twice_its_size() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("report.html");
+    let size = |n: usize| {
+        write_with(&path, "Erp", &arrays(&mesh()), n).unwrap();
+        std::fs::read(&path).unwrap().len()
+    };
+    let [few, many] = [size(20), size(1400)];
+    assert!(many < few + 150_000, "{few} bytes, {many} with 1400 rows");
+}
+
+#[test]
 fn a_page_without_a_surface_has_no_script() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("report.html");
@@ -254,6 +337,8 @@ fn a_page_without_a_surface_has_no_script() {
         rows: &rows,
         posterior: &posterior,
         loo: None,
+        predictions: &Predictions::default(),
+        files: &[],
         surface: None,
     };
     write_html(&path, &page).unwrap();
@@ -261,6 +346,7 @@ fn a_page_without_a_surface_has_no_script() {
     assert!(
         !html.contains("<script")
             && !html.contains("<circle")
+            && !html.contains("href=")
             && html.contains("class=\"verdict bad\"><b>Verdict: red</b>")
             && html.contains("<dd>Not converged: worst R̂ 1.500 (mu)")
     );
@@ -315,4 +401,32 @@ fn a_browser_draws_the_fields_with_and_without_webgl() {
     }
     assert!(with.contains("data-engine=\"three.js") && with.contains("Drag to turn"), "no WebGL");
     assert!(without.contains("two fixed views"), "the fallback did not start");
+    assert!(with.contains("10 measurement sites"), "no count of the sites");
+}
+
+/// Appended to a page: tells what of it reaches beyond the window, but for the equations, which scroll.
+const PROBE: &str = "<script>setTimeout(() => {
+  const edge = document.documentElement.clientWidth;
+  const beyond = [...document.querySelectorAll('main *')].filter((e) => !e.closest('pre'))
+    .filter((e) => e.getBoundingClientRect().width && e.getBoundingClientRect().right > edge);
+  document.body.dataset.beyond = `${beyond.length} ${beyond.map((e) => e.tagName).join(' ')}`;
+}, 500)</script></body>";
+
+#[test]
+fn no_column_is_clipped_at_ordinary_widths() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("report.html");
+    write(&path, "Erp", &arrays(&mesh())).unwrap();
+    let html = std::fs::read_to_string(&path).unwrap();
+    std::fs::write(&path, html.replace("</body>", PROBE)).unwrap();
+    for width in [1280, 1024, 800] {
+        let size = format!("--window-size={width},900");
+        let Some(dom) = rendered(&path, &["--disable-3d-apis", &size]) else {
+            skipped::skipped("no Chromium found (EPLAT_CHROMIUM)");
+            return;
+        };
+        let (_, told) = dom.split_once("data-beyond=\"").expect("the probe did not run");
+        let told = told.split_once('"').unwrap().0;
+        assert!(told.starts_with("0 "), "{width} px: {told}");
+    }
 }

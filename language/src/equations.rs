@@ -20,23 +20,29 @@ const SECTIONS: [(&str, &str); 8] = [
     ("Measurements", "observe"),
 ];
 
+/// Columns of a line; what is longer goes on below, unless it is one word.
+const WIDTH: usize = 100;
+/// How far that is set in.
+const INDENT: &str = "      ";
+
 /// The model as equations, with parameters, units and what `support` says of where the values of a
 /// parameter lie. It is asked by the name under which the parameter is reported, such as `tau_out.m`.
 pub fn equations(model: &Model, support: &dyn Fn(&str) -> Option<String>) -> String {
-    let mut page = Page { text: format!("{}\n", model.name), support };
-    for line in &model.docs {
-        page.comment("  ", line);
-    }
+    let mut page = Page { text: format!("{}\n", model.name), support, widths: LEAST };
+    page.comment("  ", &model.docs);
     for (title, keyword) in SECTIONS {
         let is_of = |s: &&Statement| s.item.keyword() == keyword;
         let statements: Vec<&Statement> = model.statements.iter().filter(is_of).collect();
         if !statements.is_empty() {
             page.line(format_args!("\n{title}"));
         }
+        let params = statements.iter().filter_map(|s| match &s.item {
+            Item::Param(p) => Some(p),
+            _ => None,
+        });
+        page.widths = widths(params);
         for statement in statements {
-            for line in &statement.docs {
-                page.comment("  # ", line);
-            }
+            page.comment("  # ", &statement.docs);
             page.statement(&statement.item, model);
         }
     }
@@ -46,16 +52,85 @@ pub fn equations(model: &Model, support: &dyn Fn(&str) -> Option<String>) -> Str
 struct Page<'a> {
     text: String,
     support: &'a dyn Fn(&str) -> Option<String>,
+    /// Of a parameter's name and its prior, so that they stand below each other.
+    widths: [usize; 2],
+}
+
+/// Least widths of a parameter's name and its prior.
+const LEAST: [usize; 2] = [16, 24];
+
+/// Widths that hold the names and the priors of all these parameters.
+fn widths<'p>(params: impl Iterator<Item = &'p Param>) -> [usize; 2] {
+    params.fold(LEAST, |[name, of_prior], p| {
+        [name.max(head(p).chars().count()), of_prior.max(prior(&p.prior).chars().count())]
+    })
+}
+
+/// Name, number of values and unit.
+fn head(p: &Param) -> String {
+    let over = match &p.over {
+        Over::One => String::new(),
+        Over::Many(n) => format!("({n})"),
+        Over::Each(label) => format!("({label})"),
+    };
+    format!("{}{over}{}", p.name, show(p.unit.as_ref()))
+}
+
+/// Words in lines, none longer than [`WIDTH`] with its mark unless it is one word.
+fn filled(mark: &str, lines: &[String]) -> Vec<String> {
+    let mut filled: Vec<String> = vec![];
+    for word in lines.iter().flat_map(|line| line.split_whitespace()) {
+        match filled.last_mut() {
+            Some(line)
+                if [mark, line, word].iter().map(|s| s.chars().count()).sum::<usize>() < WIDTH =>
+            {
+                line.push(' ');
+                line.push_str(word);
+            }
+            _ => filled.push(word.to_owned()),
+        }
+    }
+    filled
+}
+
+/// A line in parts of at most [`WIDTH`] columns, broken before what is expected or else at a space.
+fn broken(line: &str) -> Vec<String> {
+    let (mut parts, mut rest) = (vec![], line.to_owned());
+    while rest.chars().count() > WIDTH {
+        let end = rest.char_indices().nth(WIDTH).map_or(rest.len(), |(at, _)| at);
+        let indent = rest.len() - rest.trim_start().len();
+        let space = rest[indent..end].rfind(' ').map(|at| at + indent);
+        let Some(at) = rest.find("    expected in").filter(|at| *at <= end).or(space) else {
+            break;
+        };
+        let next = format!("{INDENT}{}", rest[at..].trim_start());
+        parts.push(rest[..at].trim_end().to_owned());
+        rest = next;
+    }
+    parts.push(rest);
+    parts
 }
 
 impl Page<'_> {
     fn line(&mut self, line: impl std::fmt::Display) {
-        let _ = writeln!(self.text, "{line}");
+        for part in broken(&line.to_string()) {
+            let _ = writeln!(self.text, "{part}");
+        }
     }
 
-    fn comment(&mut self, mark: &str, line: &str) {
-        if !line.trim().is_empty() {
-            self.line(format_args!("{mark}{}", line.trim()));
+    /// Documentation as it was written; a paragraph with too long a line is filled anew.
+    fn comment(&mut self, mark: &str, lines: &[String]) {
+        let lines: Vec<String> = lines.iter().map(|line| line.trim().to_owned()).collect();
+        for paragraph in lines.split(String::is_empty) {
+            let fits = |line: &String| line.chars().count() + mark.len() <= WIDTH;
+            let said = if paragraph.iter().all(fits) {
+                paragraph.to_vec()
+            } else {
+                filled(mark, paragraph)
+            };
+            for line in said {
+                let _ = writeln!(self.text, "{mark}{line}");
+            }
         }
     }
 
@@ -100,6 +175,7 @@ impl Page<'_> {
     }
 
     fn params(&mut self, params: &[Param], of: &str) {
+        self.widths = widths(params.iter());
         for p in params {
             self.param(p, &format!("{of}.{}", p.name), 6);
         }
@@ -107,14 +183,10 @@ impl Page<'_> {
 
     /// A parameter that is reported under the name `reported`.
     fn param(&mut self, p: &Param, reported: &str, indent: usize) {
-        let over = match &p.over {
-            Over::One => String::new(),
-            Over::Many(n) => format!("({n})"),
-            Over::Each(label) => format!("({label})"),
-        };
-        let head = format!("{}{over}{}", p.name, show(p.unit.as_ref()));
+        let [name, of_prior] = self.widths;
         let support = (self.support)(reported).unwrap_or_default();
-        let line = format!("{:indent$}{head:<16} ~ {:<24} {support}", "", prior(&p.prior));
+        let (head, prior) = (head(p), prior(&p.prior));
+        let line = format!("{:indent$}{head:<name$} ~ {prior:<of_prior$} {support}", "");
         self.line(line.trim_end());
     }
 }
@@ -170,7 +242,23 @@ fn show(unit: Option<&Unit>) -> String {
 
 #[cfg(test)]
 mod tests {
+    use super::broken;
     use crate::{File, equations};
+
+    #[test]
+    fn long_lines_go_on_below() {
+        let call = format!("  f(x) = g({})", ["tau_out(x)"; 7].join(", "));
+        let parts = broken(&format!("{call}    expected in 0 to 9 [ms]"));
+        assert_eq!(parts, [call, "      expected in 0 to 9 [ms]".to_owned()]);
+        let parts = broken(&format!("  f(x) = g({})", ["tau_out(x)"; 12].join(", ")));
+        assert!(
+            parts.len() == 2 && parts.iter().all(|part| part.chars().count() <= 100),
+            "{parts:?}"
+        );
+        assert!(parts[1].starts_with("      tau_out(x)"), "{parts:?}");
+        let word = "x".repeat(120);
+        assert_eq!(broken(&word), [word]);
+    }
 
     #[test]
     fn blocks_labels_and_empty_cells_are_shown() {

@@ -91,6 +91,8 @@ fn equations_are_as_a_person_would_write_them() {
             fs::write(&expected, &said).unwrap();
         }
         assert_eq!(said, read(&expected), "{}", path.display());
+        let widest = said.lines().map(|line| line.chars().count()).max();
+        assert!(widest <= Some(100), "{}: a line of {widest:?} columns", path.display());
     }
 }
 

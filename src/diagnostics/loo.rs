@@ -65,6 +65,16 @@ pub fn loo(log_likelihood: &[f64], n: usize, r_eff: f64) -> Loo {
     }
 }
 
+/// Weights (S, their sum 1) under which draws of the posterior stand for draws of the posterior without
+/// one measurement, from the measurement's log likelihood in each draw; `None` if one is not finite.
+///
+/// They can be relied on where the measurement's Pareto k is at most [`Loo::k_threshold`].
+pub fn loo_weights(log_likelihood: &[f64], r_eff: f64) -> Option<Vec<f64>> {
+    let ratios: Vec<f64> = log_likelihood.iter().map(|l| -l).collect();
+    let weights: Vec<f64> = smooth(&ratios, r_eff).log_weights.into_iter().map(f64::exp).collect();
+    weights.iter().all(|w| w.is_finite()).then_some(weights)
+}
+
 /// Standard error of a sum of pointwise values, `√(n var)`; NaN for fewer than two.
 pub fn standard_error(pointwise: &[f64]) -> f64 {
     let (_, sd) = mean_and_sd(&[pointwise]);

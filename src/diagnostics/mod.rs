@@ -21,7 +21,7 @@ pub mod verdict;
 pub use crate::num::Moments;
 pub use ess::{ess_bulk, ess_mean, ess_tail};
 pub use importance::{Importance, importance};
-pub use loo::{Loo, LooPoint, loo, relative_efficiency, standard_error};
+pub use loo::{Loo, LooPoint, loo, loo_weights, relative_efficiency, standard_error};
 pub use mcse::{mcse_mean, mcse_quantile, mcse_sd};
 pub use rank::r_hat;
 pub use special::{beta_above, normal_quantile};
@@ -125,6 +125,23 @@ pub fn quantile(sorted: &[f64], probability: f64) -> f64 {
     let (low, fraction) = (place as usize, place.fract());
     let next = sorted[(low + 1).min(sorted.len() - 1)];
     sorted[low] + fraction * (next - sorted[low])
+}
+
+/// Quantile of values in ascending order with weights: the first below which, itself included, lies at
+/// least this share of all weight.
+///
+/// NaN for no values or a probability outside [0, 1].
+pub fn weighted_quantile(sorted: &[(f64, f64)], probability: f64) -> f64 {
+    if !(0.0..=1.0).contains(&probability) {
+        return f64::NAN;
+    }
+    let total: f64 = sorted.iter().map(|(_, weight)| weight).sum();
+    let mut below = 0.0;
+    let found = sorted.iter().find(|(_, weight)| {
+        below += weight;
+        below >= probability * total
+    });
+    found.or(sorted.last()).map_or(f64::NAN, |(value, _)| *value)
 }
 
 /// Whether the figures are defined: at least four draws per chain, one length, all finite.

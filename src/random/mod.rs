@@ -54,6 +54,11 @@ pub enum Stream {
         /// The site that is left out.
         site: usize,
     },
+    /// Replicates of a measurement in a fit without it.
+    WithoutRow {
+        /// The measurement that is left out.
+        row: usize,
+    },
     /// What a model expects before anything is measured.
     Expected,
     /// A procedure with a seed of its own: see [`procedure`].
@@ -96,6 +101,7 @@ impl Stream {
             Self::Blocked { part: Part::Hyper, round, chain } => (19, of_round(round, chain)),
             Self::LeftOut { site } => (20, index(site, 32)),
             Self::Expected => (21, 0),
+            Self::WithoutRow { row } => (23, index(row, 32)),
             // counted from the top, as ever
             Self::Start(chain) => (u64::from(u32::MAX), u64::from(u32::MAX) - index(chain, 32)),
         };
@@ -150,6 +156,7 @@ mod tests {
         for i in of(32) {
             all.extend([Stream::Chain(i), Stream::Start(i), Stream::AfterSampling(i)]);
             all.extend([Stream::Prior(i), Stream::LeftOut { site: i }]);
+            all.push(Stream::WithoutRow { row: i });
         }
         for (round, search) in of(12).into_iter().flat_map(|r| of(20).map(|k| (r, k))) {
             all.push(Stream::Null { round, search });
@@ -174,7 +181,7 @@ mod tests {
         }
         // the kinds are told apart by the upper half, so what holds at the ends holds in between
         let kinds: BTreeMap<u64, _> = seen.into_iter().map(|(n, s)| (n >> 32, s)).collect();
-        assert_eq!(kinds.len(), 13);
+        assert_eq!(kinds.len(), 14);
     }
 
     #[test]

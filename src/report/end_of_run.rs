@@ -3,6 +3,7 @@
 use std::collections::BTreeMap;
 use std::fmt::Write as _;
 
+use super::text::after_number;
 use super::{LooRecord, Row, RunRecord, console_table, verdict, verdict_lines};
 
 /// The table, the errors against a known truth, leave-one-out figures, the verdict and the cost.
@@ -61,9 +62,8 @@ pub fn end_of_run(rows: &[Row], record: &RunRecord) -> String {
 
 /// Root mean squared errors by name, with the units that are known.
 pub fn rmse_line(rmse: &BTreeMap<String, f64>, units: &BTreeMap<String, String>) -> String {
-    let unit = |name: &String| units.get(name).map_or("", String::as_str);
-    let one =
-        |(name, e): (&String, &f64)| format!("{name} {e:.1} {}", unit(name)).trim_end().to_owned();
+    let unit = |name: &String| units.get(name).map_or(String::new(), |unit| after_number(unit));
+    let one = |(name, e): (&String, &f64)| format!("{name} {e:.1}{}", unit(name));
     let list: Vec<String> = rmse.iter().map(one).collect();
     format!("RMSE against the truth over the surface: {}", list.join(", "))
 }
@@ -97,6 +97,13 @@ mod tests {
     use super::super::samples;
     use super::*;
     use crate::diagnostics::verdict::{Physical, Share};
+
+    #[test]
+    fn an_error_without_a_unit_has_none() {
+        let rmse = BTreeMap::from([("a".to_owned(), 1.25), ("b".to_owned(), 2.0)]);
+        let units = BTreeMap::from([("a".to_owned(), "1".to_owned())]);
+        assert!(rmse_line(&rmse, &units).ends_with(": a 1.2, b 2.0"));
+    }
 
     #[test]
     fn all_that_is_known_is_said() {

@@ -10,12 +10,14 @@ use std::io::Write as _;
 use std::path::Path;
 
 use super::end_of_run::leave_one_out_figures;
+use super::files::{linked, list};
+use super::predicted::section;
 use super::svg::{k_plot, rank_plot, trace_plot};
 use super::table::{HEAVY_TAIL, Line, TITLES, lines};
 use super::text::{escape, shown};
 use super::{
-    Group, LeaveOneOut, LooRow, Provenance, ReportError, Row, RunRecord, SettingsRecord, Values,
-    verdict,
+    Group, LeaveOneOut, LooRow, Predictions, Provenance, ReportError, Row, RunRecord,
+    SettingsRecord, Values, verdict,
 };
 use crate::diagnostics::verdict::{Answer, Colour, Verdict};
 use crate::mesh::TriMesh;
@@ -44,6 +46,10 @@ pub struct Page<'a> {
     pub posterior: &'a Group,
     /// How well each measurement is predicted from the others, if that is known.
     pub loo: Option<&'a LeaveOneOut>,
+    /// Every measurement beside what is predicted of it; without any, nothing could be predicted.
+    pub predictions: &'a Predictions,
+    /// Names of the files in the folder of the page: they are links.
+    pub files: &'a [&'a str],
     /// The fields, if the model has any.
     pub surface: Option<Surface<'a>>,
 }
@@ -80,6 +86,7 @@ pub fn write_html(path: &Path, page: &Page<'_>) -> Result<(), ReportError> {
         None => (String::new(), "absent"),
     };
     let verdict = verdict(page.record, page.rows);
+    let absent = |is_there: bool| if is_there { "" } else { "absent" }.to_owned();
     let slots = [
         ("title", escape(page.title)),
         ("provenance", provenance(page.record)),
@@ -91,8 +98,14 @@ pub fn write_html(path: &Path, page: &Page<'_>) -> Result<(), ReportError> {
         ("equations", escape(page.equations)),
         ("summary", table(&lines(page.rows, false))),
         ("every_summary", table(&lines(page.rows, true))),
-        ("traces", traces(page.posterior)),
-        ("loo_class", if page.loo.is_some() { "" } else { "absent" }.to_owned()),
+        ("traces", traces(page.posterior, page.files)),
+        ("loo_class", absent(page.loo.is_some())),
+        ("predicted_class", absent(!page.predictions.rows.is_empty())),
+        ("predicted", predicted(page)),
+        ("predicted_file", linked("rows.csv", page.files)),
+        ("fields_file", linked("fields.vtp", page.files)),
+        ("files_class", absent(!page.files.is_empty())),
+        ("files", list(page.files)),
         ("loo", page.loo.map_or(String::new(), leave_one_out)),
         ("run", run(page.record)),
         ("scripts", scripts),
@@ -166,7 +179,12 @@ fn table(lines: &[Line]) -> String {
     html
 }
 
-fn traces(posterior: &Group) -> String {
+fn predicted(page: &Page<'_>) -> String {
+    let Predictions { rows, .. } = page.predictions;
+    if rows.is_empty() { String::new() } else { section(page.predictions) }
+}
+
+fn traces(posterior: &Group, files: &[&str]) -> String {
     let scalars = posterior.variables.iter().filter_map(|variable| match &variable.values {
         Values::Float(values) if variable.dims.len() == 2 => Some((variable, values)),
         _ => None,
@@ -184,10 +202,8 @@ fn traces(posterior: &Group) -> String {
     }
     if scalars.len() > MOST_TRACES {
         let more = scalars.len() - MOST_TRACES;
-        let _ = write!(
-            html,
-            "<p class=\"note\">{more} more scalar parameters are in posterior.zarr.</p>"
-        );
+        let file = linked("posterior.zarr", files);
+        let _ = write!(html, "<p class=\"note\">{more} more scalar parameters are in {file}.</p>");
     }
     html
 }

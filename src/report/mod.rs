@@ -15,10 +15,13 @@ mod error_bars;
 mod experiment_page;
 mod field_draws;
 pub mod figures;
+mod files;
 mod html;
 mod loo;
 mod loop_page;
 mod posterior;
+mod predicted;
+mod rows;
 mod run_record;
 #[cfg(test)]
 mod samples;
@@ -47,9 +50,11 @@ pub use loop_page::{
     TriedRound, loop_page,
 };
 pub use posterior::Posterior;
+pub use rows::{LEVELS, LeftOutBy, Predicted, PredictedRow, Predictions, write_rows};
 pub use run_record::{Provenance, RunRecord, Seconds, SettingsRecord};
 pub use summary::{Row, read_summary_json, write_summary_csv, write_summary_json};
 pub use table::{WIDTH, console_table};
+pub(crate) use text::{after_number, shown};
 pub use verdict::{
     MAX_DIVERGENT, MAX_R_HAT, MIN_E_BFMI, MIN_ESS, is_sampled, verdict, verdict_lines,
 };

@@ -2,7 +2,10 @@
 
 use std::collections::BTreeMap;
 
-use super::{LooRecord, LooRow, Provenance, Row, RunRecord, Seconds, SettingsRecord};
+use super::{
+    LeftOutBy, LooRecord, LooRow, Predicted, PredictedRow, Predictions, Provenance, Row, RunRecord,
+    Seconds, SettingsRecord,
+};
 use crate::diagnostics::Summary;
 use crate::diagnostics::verdict::{Questions, Verdict};
 
@@ -96,4 +99,27 @@ pub(super) fn loo_row(measurement: &str, site: usize, elpd: f64) -> LooRow {
         pareto_k: 0.5,
         left_out: false,
     }
+}
+
+/// Three brackets: one that fits, one at the edge that is not predicted from the others, one far off.
+pub(super) fn predictions() -> Predictions {
+    let predicted = |middle: f64, n_inside: usize| Predicted {
+        quantiles: [middle - 10.0, middle, middle + 10.0],
+        inside: std::array::from_fn(|i| i + n_inside >= 4),
+    };
+    let row = |line: u64, lower: f64, fitted, left_out| PredictedRow {
+        line,
+        protocol: "s1s2".to_owned(),
+        site: (line - 1).to_string(),
+        unit: "ms".to_owned(),
+        measured: [lower, lower + 10.0],
+        fitted,
+        left_out,
+    };
+    let rows = vec![
+        row(2, 230.0, predicted(235.0, 4), Some((predicted(240.0, 3), LeftOutBy::Weights))),
+        row(3, 240.0, predicted(235.0, 3), None),
+        row(4, 290.0, predicted(235.0, 0), Some((predicted(225.0, 1), LeftOutBy::Fit))),
+    ];
+    Predictions { rows, sets: vec![("all".to_owned(), vec![0, 1, 2])] }
 }

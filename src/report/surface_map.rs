@@ -15,6 +15,9 @@ const MARGIN: f64 = 12.0;
 const SHEET: f64 = 1e-3;
 /// A site this deep below the surface in front of it, as a share of the surface's length, is behind it.
 const BEHIND: f64 = 0.03;
+/// Radius of a dot, and of more than so many dots together as much area as these would have.
+const RADIUS: f64 = 6.0;
+const FULL_SIZE: f64 = 100.0;
 /// Greys of triangles, from those seen edge-on to those seen face-on.
 const GREYS: [&str; 4] = ["#c3ccd5", "#d3dae1", "#e0e5ea", "#e9edf1"];
 /// Ends of the diverging scale, below and above zero (Okabe and Ito), and its middle.
@@ -99,6 +102,7 @@ impl SurfaceMap {
     /// The surface with dots, coloured from −`limit` to `limit`; those behind it are faint.
     pub(super) fn draw(&self, label: &str, dots: &[Dot], limit: f64) -> String {
         let width = WIDTH * self.views.len() as f64;
+        let radius = RADIUS * (FULL_SIZE / dots.len().max(1) as f64).sqrt().min(1.0);
         let label = escape(label);
         let mut svg = format!(
             r#"<svg class="map" role="img" aria-label="{label}" viewBox="0 0 {width} {HEIGHT}" style="max-width:{width}px">"#
@@ -116,12 +120,12 @@ impl SurfaceMap {
             for (is_before, [x, y, _], dot) in shown {
                 let class = if is_before { "site" } else { "site behind" };
                 let (r, fill) = match colour(dot.value, limit) {
-                    Some(fill) => (6, fill),
-                    None => (3, "none".into()),
+                    Some(fill) => (radius, fill),
+                    None => (0.5 * radius, "none".into()),
                 };
                 let _ = write!(
                     svg,
-                    r#"<circle class="{class}" cx="{x:.1}" cy="{y:.1}" r="{r}" style="fill:{fill}"><title>{}</title></circle>"#,
+                    r#"<circle class="{class}" cx="{x:.1}" cy="{y:.1}" r="{r:.1}" style="fill:{fill}"><title>{}</title></circle>"#,
                     escape(&dot.title)
                 );
             }
@@ -239,6 +243,18 @@ mod tests {
         let svg =
             map.draw("residual", &[dot([3.0, 4.0, 1.0], 2.0), dot([9.0, 9.0, 1.0], f64::NAN)], 4.0);
         assert!(svg.contains("fill:none") && !svg.contains("behind"), "{svg}");
+    }
+
+    #[test]
+    fn many_dots_cover_no_more_than_a_hundred() {
+        let mesh = left_atrium(3.0).mesh;
+        let map = SurfaceMap::new(&mesh);
+        let radius = |n: usize| {
+            let dots: Vec<Dot> = (0..n).map(|_| dot(mesh.vertices()[0], 1.0)).collect();
+            let svg = map.draw("residual", &dots, 4.0);
+            svg.split_once(" r=\"").unwrap().1.split_once('"').unwrap().0.to_owned()
+        };
+        assert_eq!([radius(1), radius(100), radius(1600)], ["6.0", "6.0", "1.5"]);
     }
 
     #[test]

@@ -6,12 +6,12 @@ pub(super) fn escape(text: &str) -> String {
 }
 
 /// A unit as it is shown: nothing for a number without one.
-pub(super) fn shown(unit: &str) -> &str {
+pub(crate) fn shown(unit: &str) -> &str {
     if unit == "1" { "" } else { unit }
 }
 
 /// A unit after a number, with its space.
-pub(super) fn after_number(unit: &str) -> String {
+pub(crate) fn after_number(unit: &str) -> String {
     match shown(unit) {
         "" => String::new(),
         unit => format!(" {unit}"),

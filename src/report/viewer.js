@@ -91,7 +91,11 @@
   for (let i = 0; i < vertices.length; i += 3) {
     radius = Math.max(radius, Math.hypot(...centre.map((c, axis) => vertices[i + axis] - c)));
   }
-  const SITE_RADIUS = 0.025 * radius;
+  // All sites together cover as much of the surface as this many of full size, so that they do not hide the map.
+  const FULL_SIZE = 40;
+  const N_SITES = data.sites.length;
+  const SITE_RADIUS = 0.025 * radius * Math.min(1, Math.sqrt(FULL_SIZE / Math.max(N_SITES, 1)));
+  const sitesAreShown = () => element("sites").checked;
 
   // ---- with WebGL ---------------------------------------------------------------------------------------------
   /** Builds the scene; returns a function that shows an array. Throws where there is no WebGL. */
@@ -108,7 +112,7 @@
     geometry.computeVertexNormals();
     const surface = new THREE.Mesh(geometry, new THREE.MeshLambertMaterial({ vertexColors: true, side: THREE.DoubleSide }));
 
-    const ball = new THREE.SphereGeometry(SITE_RADIUS, 24, 16);
+    const ball = new THREE.SphereGeometry(SITE_RADIUS, ...(N_SITES > 10 * FULL_SIZE ? [8, 6] : [24, 16]));
     const red = new THREE.MeshLambertMaterial({ color: SITE });
     const sites = data.sites.map((at) => {
       const site = new THREE.Mesh(ball, red);
@@ -144,7 +148,7 @@
       const box = renderer.domElement.getBoundingClientRect();
       const at = new THREE.Vector2((event.clientX - box.x) / box.width, (event.clientY - box.y) / box.height);
       picker.setFromCamera(at.multiplyScalar(2).subScalar(1).multiply(new THREE.Vector2(1, -1)), camera);
-      const hit = picker.intersectObjects([surface, ...sites])[0];
+      const hit = picker.intersectObjects([surface, ...(sitesAreShown() ? sites : [])])[0];
       element("readout").textContent = hit ? describe(hit) : "";
     });
 
@@ -158,6 +162,7 @@
 
     return (array, scale) => {
       shown = array;
+      sites.forEach((site) => { site.visible = sitesAreShown(); });
       const linear = new THREE.Color();
       array.values.forEach((value, vertex) => {
         linear.setRGB(...colour(value, scale), THREE.SRGBColorSpace).toArray(colours.array, 3 * vertex);
@@ -209,6 +214,7 @@
     const place = ([x, y]) => [middle + zoom * x, height / 2 + zoom * y];
     context.lineWidth = 1;
     for (const { site, indices, corners, shade } of arranged.get(side)) {
+      if (site && !sitesAreShown()) continue;
       let fill = SITE;
       context.beginPath();
       if (site) {
@@ -259,5 +265,8 @@
     show(array, scale);
   };
   quantity.addEventListener("change", update);
+  element("sites").addEventListener("change", update);
+  element("site-count").textContent = N_SITES === 1 ? "1 measurement site" : `${N_SITES} measurement sites`;
+  element("with-sites").hidden = N_SITES === 0;
   if (arrays.length) update();
 })();

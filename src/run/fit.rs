@@ -5,7 +5,7 @@ use std::path::Path;
 use std::sync::OnceLock;
 
 use super::maps::{FittedMap, SurfaceMaps};
-use super::verdict::exact;
+use super::verdict::{LeftOut, exact};
 use super::{Problem, Watch};
 use crate::diagnostics::verdict::{Questions, Verdict};
 use crate::experiment::thinned;
@@ -102,7 +102,7 @@ pub struct Fit<'m> {
     pub(super) exceed: Vec<Exceedance>,
     posterior: OnceLock<Posterior>,
     maps: OnceLock<Option<SurfaceMaps>>,
-    loo: OnceLock<Option<LeaveOneOut>>,
+    left_out: OnceLock<Option<LeftOut>>,
     pub(super) questions: OnceLock<Questions>,
 }
 
@@ -124,7 +124,7 @@ impl<'m> Fit<'m> {
             exceed: vec![],
             posterior: OnceLock::new(),
             maps: OnceLock::new(),
-            loo: OnceLock::new(),
+            left_out: OnceLock::new(),
             questions: OnceLock::new(),
         }
     }
@@ -181,8 +181,12 @@ impl<'m> Fit<'m> {
     /// draws that are not from the posterior. Where importance weights cannot tell it, the measurement
     /// is left out in a short fit of its own, when this is first asked for.
     pub fn loo(&self) -> Option<&LeaveOneOut> {
+        self.left_out().map(|left| &left.loo)
+    }
+
+    pub(super) fn left_out(&self) -> Option<&LeftOut> {
         let made = || self.posterior().loo.clone().map(|loo| exact(self, loo));
-        self.loo.get_or_init(made).as_ref()
+        self.left_out.get_or_init(made).as_ref()
     }
 
     /// Every field and derived quantity over the surface; empty for a model without a surface.

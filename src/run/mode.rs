@@ -12,7 +12,7 @@ use crate::experiment::rms_error;
 use crate::infer::{InferError, Optimum, OptimumSettings, maximise};
 use crate::mesh::write_vtp;
 use crate::model::{Kind, MapSummary, Maps, Model};
-use crate::report::rmse_line;
+use crate::report::{rmse_line, shown};
 use crate::store::write_file;
 
 /// What the mode is, so that nobody takes it for the posterior's centre.
@@ -181,9 +181,10 @@ impl Mode<'_> {
             let own: Vec<f64> = values.by_ref().take(p.len).copied().collect();
             if p.kind != Kind::Scalar && p.len > LONGEST_VECTOR {
                 let name = format!("{}[…]", p.name);
-                return vec![[name, format!("{} values", p.len), p.unit.clone()]];
+                return vec![[name, format!("{} values", p.len), shown(&p.unit).to_owned()]];
             }
-            let line = |(i, x): (usize, &f64)| [p.element(i), significant(*x), p.unit.clone()];
+            let unit = shown(&p.unit);
+            let line = |(i, x): (usize, &f64)| [p.element(i), significant(*x), unit.to_owned()];
             own.iter().enumerate().map(line).collect()
         });
         lines.collect()

@@ -14,8 +14,8 @@ use super::{OutputFolder, RunError};
 use crate::mesh::write_vtp;
 use crate::model::equations;
 use crate::report::{
-    self, FieldDraws, Group, Page, PointData, RunRecord, Variable, write_draws, write_html,
-    write_loo, write_summary_csv, write_summary_json, write_zarr,
+    self, FieldDraws, Group, Page, PointData, Predictions, RunRecord, Variable, write_draws,
+    write_html, write_loo, write_rows, write_summary_csv, write_summary_json, write_zarr,
 };
 use crate::store::write_file;
 
@@ -24,7 +24,7 @@ impl Fit<'_> {
     ///
     /// ```text
     /// summary.csv summary.json draws.csv posterior.zarr loo.csv fields.vtp field_draws
-    /// measurements.csv warm_start.json report.html run.json
+    /// measurements.csv warm_start.json rows.csv report.html run.json
     /// ```
     /// Every file appears whole or not at all, the record last.
     ///
@@ -67,11 +67,26 @@ impl Fit<'_> {
             WarmStart::new(self.model(), self.chains()).write(&out.file(warm_start::FILE))?;
             files.push(warm_start::FILE);
         }
+        let predictions = self.write_predictions(out)?;
+        files.extend((!predictions.rows.is_empty()).then_some("rows.csv"));
         let record = self.record_after(begun.elapsed().as_secs_f64());
-        self.write_page(out, &record, &arrays)?;
+        let named: Vec<&str> = files.iter().copied().chain(["run.json"]).collect();
+        self.write_page(out, &record, &arrays, (&predictions, &named))?;
         record.write(&out.file("run.json"))?;
         files.extend(["report.html", "run.json"]);
         Ok(Results { folder: out.path().to_owned(), record, rows: posterior.rows.clone(), files })
+    }
+
+    /// Every measurement with its predictions; none for draws from the prior, which have seen none.
+    fn write_predictions(&self, out: &OutputFolder) -> Result<Predictions, RunError> {
+        if self.method == Method::Prior {
+            return Ok(Predictions::default());
+        }
+        let predictions = self.predictions();
+        if !predictions.rows.is_empty() {
+            write_rows(&out.file("rows.csv"), &predictions.rows)?;
+        }
+        Ok(predictions)
     }
 
     /// Maps and draws of the fields; the names of the files.
@@ -112,6 +127,7 @@ impl Fit<'_> {
         out: &OutputFolder,
         record: &RunRecord,
         arrays: &[VertexArray],
+        (predictions, files): (&Predictions, &[&str]),
     ) -> Result<(), RunError> {
         let surface = self.problem.loaded().surface();
         let sites: Vec<[f64; 3]> = surface.map_or(vec![], |s| {
@@ -131,6 +147,8 @@ impl Fit<'_> {
             rows: &posterior.rows,
             posterior: &posterior.posterior,
             loo: self.loo(),
+            predictions,
+            files,
             surface: surface.map(|s| report::Surface {
                 mesh: &s.mesh,
                 point_data: &data,

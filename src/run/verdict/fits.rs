@@ -4,21 +4,19 @@ use std::collections::BTreeMap;
 
 use rayon::prelude::*;
 
+use super::reading::{Reading, groups};
 use crate::diagnostics::quantile;
 use crate::diagnostics::verdict::{Fits, Misfit, Within};
-use crate::likelihood::OPEN_STEP;
 use crate::model::Observe;
 use crate::report::Values;
 use crate::run::Fit;
-use crate::table::{Measurements, Role, SITE};
+use crate::table::{Measurements, SITE};
 
 /// Most misfits that are named.
 const MOST_NAMED: usize = 3;
 /// A measurement beyond everything predicted by more than this many times what predictions reach from
 /// their median is impossible.
 const REACH: f64 = 3.0;
-/// A column with fewer rows per label than this, on average, makes no groups.
-const ROWS_PER_LABEL: usize = 3;
 
 /// One measurement and its predictions.
 struct Judged {
@@ -31,45 +29,20 @@ struct Judged {
     predicted: [f64; 2],
 }
 
-/// What a measurement says of the number that replicates are kept as: the lower end of a bracket.
-struct Reading {
-    low: f64,
-    high: f64,
-    /// Width of the bracket, or the step assumed where it is open; 0 for a number.
-    width: f64,
-}
-
 impl Reading {
-    fn of(cells: &[f64]) -> Self {
-        let width = OPEN_STEP;
-        match *cells {
-            [lower, upper] if lower.is_infinite() => {
-                Self { low: lower, high: upper - width, width }
-            }
-            [lower, upper] if upper.is_infinite() => Self { low: lower, high: upper, width },
-            [lower, upper] => Self { low: lower, high: lower, width: upper - lower },
-            _ => Self { low: cells[0], high: cells[0], width: 0.0 },
-        }
-    }
-
     /// Against replicates in ascending order.
     fn judged(&self, row: usize, sorted: &[f64]) -> Judged {
         let [q5, median, q95] = [0.05, 0.5, 0.95].map(|p| quantile(sorted, p));
-        let rounding = 1e-9 * (self.width + median.abs());
-        let outside = (self.low - q95).max(q5 - self.high).max(0.0);
-        let is_inside = outside <= rounding;
+        let rounding = self.rounding(median);
+        let outside = self.outside([q5, q95]);
         let (least, most) = (sorted[0], sorted[sorted.len() - 1]);
         let beyond = |reach: f64, by: f64| by > REACH * reach.max(self.width) + rounding;
         Judged {
             row,
-            is_inside,
+            is_inside: outside <= 0.0,
             is_impossible: beyond(most - median, self.low - most)
                 || beyond(median - least, least - self.high),
-            excess: if is_inside {
-                0.0
-            } else {
-                outside / (q95 - q5).max(self.width).max(rounding)
-            },
+            excess: outside / (q95 - q5).max(self.width).max(rounding),
             predicted: [q5, q95 + self.width],
         }
     }
@@ -85,10 +58,10 @@ impl Fit<'_> {
             return None;
         }
         let table = self.problem().measurements();
-        let (mut sets, sites) = (groups(&judged, table), sites(&judged, table));
-        let n_kept = sets.len();
-        sets.extend(sites);
-        let mut fits = Fits::new(&sets, n_kept);
+        let (mut all_sets, sites) = (sets(&judged, table), sites(&judged, table));
+        let n_kept = all_sets.len();
+        all_sets.extend(sites);
+        let mut fits = Fits::new(&all_sets, n_kept);
         let all = || judged.iter().flat_map(|(o, rows)| rows.iter().map(move |row| (*o, row)));
         fits.n_impossible = all().filter(|(_, row)| row.is_impossible).count();
         let mut outside: Vec<(&Observe, &Judged)> = all().filter(|(_, r)| !r.is_inside).collect();
@@ -141,27 +114,13 @@ pub(super) fn in_words(cells: &[f64]) -> String {
     }
 }
 
-/// All measurements, those of each statement, and those of each label of a column that says how they
-/// were made.
-fn groups(judged: &[(&Observe, Vec<Judged>)], table: &Measurements) -> Vec<Within> {
-    let all = || judged.iter().flat_map(|(_, rows)| rows);
-    let mut sets = vec![within("all", all())];
-    if judged.len() > 1 {
-        sets.extend(judged.iter().map(|(observe, rows)| within(observe.name, rows.iter())));
-    }
-    for name in table.columns() {
-        let labels = table.distinct(name);
-        let is_group = table.column(name).is_some_and(|c| c.numbers().is_none())
-            && !matches!(table.role(name), Role::Structural | Role::Fold)
-            && labels.len() > 1
-            && labels.len() * ROWS_PER_LABEL <= all().count();
-        for label in labels.iter().filter(|_| is_group) {
-            let own = all().filter(|judged| table.cell(judged.row, name) == Some(label));
-            sets.push(within(&format!("{name} {label}"), own));
-        }
-    }
-    sets.retain(|set| set.n > 0);
-    sets
+/// All measurements, and those that belong together.
+fn sets(judged: &[(&Observe, Vec<Judged>)], table: &Measurements) -> Vec<Within> {
+    let all: Vec<(&str, &Judged)> =
+        judged.iter().flat_map(|(o, rows)| rows.iter().map(|row| (o.name, row))).collect();
+    let rows: Vec<(&str, usize)> = all.iter().map(|(name, judged)| (*name, judged.row)).collect();
+    let set = |(name, own): &(String, Vec<usize>)| within(name, own.iter().map(|i| all[*i].1));
+    groups(&rows, table).iter().map(set).collect()
 }
 
 /// Those at each site that has several.

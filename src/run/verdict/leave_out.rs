@@ -3,9 +3,12 @@
 //! The fit starts from the draws of the fit with it, so that a short warm-up is enough. The measurement
 //! stays where it is in the model and only stops to count, so that both have the same unknowns.
 
+use std::collections::BTreeMap;
+
 use crate::infer::{LogDensity as _, Settings, Silent};
 use crate::model::{Model, Noise, RowId, Sampler};
 use crate::num::ln_sum_exp;
+use crate::random::Stream;
 use crate::report::LeaveOneOut;
 use crate::run::Fit;
 use crate::run::fit::Method;
@@ -22,12 +25,22 @@ const DRAWS: usize = 250;
 /// Draws of the run that a fit starts from.
 const EARLIER: usize = 200;
 
+/// How each measurement is predicted from the others.
+pub(in crate::run) struct LeftOut {
+    /// The figures of all measurements.
+    pub(in crate::run) loo: LeaveOneOut,
+    /// Replicates, of a bracket its lower end, of those that were left out in a fit of their own.
+    pub(in crate::run) replicates: BTreeMap<usize, Vec<f64>>,
+}
+
 /// `loo` with the elpd of those measurements whose Pareto k is too high from fits without them.
-pub(in crate::run) fn exact(fit: &Fit<'_>, mut loo: LeaveOneOut) -> LeaveOneOut {
-    let Method::Sampled(sampler) = fit.method() else { return loo };
+pub(in crate::run) fn exact(fit: &Fit<'_>, loo: LeaveOneOut) -> LeftOut {
+    let mut left = LeftOut { loo, replicates: BTreeMap::new() };
+    let Method::Sampled(sampler) = fit.method() else { return left };
     if !fit.converged() {
-        return loo;
+        return left;
     }
+    let loo = &mut left.loo;
     let ids = fit.model().row_ids();
     let threshold = loo.record.k_threshold;
     let mut high: Vec<usize> =
@@ -36,15 +49,17 @@ pub(in crate::run) fn exact(fit: &Fit<'_>, mut loo: LeaveOneOut) -> LeaveOneOut 
     let gradients: u64 = fit.chains().iter().map(|c| c.n_grad_warmup + c.n_grad_sampling).sum();
     let is_dear = gradients as f64 * fit.model().dim() as f64 > DEAR;
     for i in high.into_iter().take(if is_dear { MOST_DEAR } else { MOST }) {
-        if let Some(elpd) = without(fit, sampler, ids[i]) {
+        if let Some((elpd, replicates)) = without(fit, sampler, ids[i], i) {
             loo.set_exact(i, elpd);
+            left.replicates.insert(i, replicates);
         }
     }
-    loo
+    left
 }
 
-/// Log predictive density of a measurement in a fit without it; `None` if that fit fails.
-fn without(fit: &Fit<'_>, sampler: Sampler, id: RowId) -> Option<f64> {
+/// Log predictive density of measurement `i` in a fit without it, and replicates of it; `None` if that
+/// fit fails.
+fn without(fit: &Fit<'_>, sampler: Sampler, id: RowId, i: usize) -> Option<(f64, Vec<f64>)> {
     let loaded = fit.problem().loaded();
     let mut model =
         Model::new(fit.problem().declared(), loaded.basis(), &loaded.measurements).ok()?;
@@ -60,13 +75,16 @@ fn without(fit: &Fit<'_>, sampler: Sampler, id: RowId) -> Option<f64> {
         fit.chains().iter().map(|c| c.draw(c.n_draws() - 1).to_vec()).collect();
     let chains = sampler.sample(&model, &starts, &settings, &Silent).ok()?;
     let (cells, mut tape, mut locals) = (model.measured_row(id), model.tape(), vec![]);
-    let mut ln = vec![];
+    let (mut ln, mut replicates) = (vec![], vec![]);
+    let mut rng = Stream::WithoutRow { row: i }.rng(fit.settings.seed);
     for chain in chains {
         let chain = chain.ok()?;
         for i in 0..chain.n_draws() {
             model.locals_at(&mut tape, chain.draw(i), &[id], &mut locals);
             ln.push(model.row_ln(id, &cells, &locals, &Noise::default()));
+            replicates.push(model.row_replicate(id, &cells, &locals, &mut rng)[0]);
         }
     }
-    Some(ln_sum_exp(&ln) - (ln.len() as f64).ln()).filter(|elpd| elpd.is_finite())
+    let elpd = ln_sum_exp(&ln) - (ln.len() as f64).ln();
+    elpd.is_finite().then_some((elpd, replicates))
 }

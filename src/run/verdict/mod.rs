@@ -1,15 +1,18 @@
 //! What is asked of a fit besides how well it was sampled: the figures behind its verdict.
 //!
 //! [`doubts`] look at the measurements before anything is sampled, [`fits`] after; [`surface`] has what
-//! is asked of fields and parameters. [`leave_out`] fits again without a measurement.
+//! is asked of fields and parameters. [`leave_out`] fits again without a measurement, and [`rows`] has
+//! every measurement beside its predictions.
 
 mod doubts;
 mod fits;
 mod leave_out;
+mod reading;
+mod rows;
 mod surface;
 
 pub(super) use doubts::doubts;
-pub(super) use leave_out::exact;
+pub(super) use leave_out::{LeftOut, exact};
 
 use super::fit::{Fit, Method};
 use crate::diagnostics::verdict::Questions;

@@ -11,7 +11,9 @@ use super::simulation::Simulated;
 use crate::diagnostics::verdict::Verdict;
 use crate::experiment::INTERVALS;
 use crate::mesh::write_vtp;
-use crate::report::{ExperimentPage, Figure, PointData, Surface, write_experiment_page};
+use crate::report::{
+    ExperimentPage, Figure, PointData, Surface, after_number, write_experiment_page,
+};
 use crate::run::atrium::{AtriumRecord, MapDifference, Summary};
 use crate::run::{OutputFolder, Results};
 use crate::store::{Identity, write_file};
@@ -183,7 +185,10 @@ impl Findings<'_> {
     fn tiles(&self) -> Vec<(String, String)> {
         let errors = self.recovery.maps.iter();
         let mut tiles: Vec<(String, String)> = errors
-            .map(|map| (format!("{:.1} {}", map.rmse(), map.unit), format!("RMSE of {}", map.name)))
+            .map(|map| {
+                let rmse = format!("{:.1}{}", map.rmse(), after_number(&map.unit));
+                (rmse, format!("RMSE of {}", map.name))
+            })
             .collect();
         for (name, compared) in
             self.compared().iter().filter(|(name, _)| DRAWN.contains(&name.as_str()))

@@ -1,0 +1,190 @@
+//! Every measurement beside what is predicted of it: `rows.csv`, and the share of them in their intervals.
+
+use std::path::Path;
+
+use super::ReportError;
+use crate::store::write_file;
+
+/// Shares of probability of the central intervals that measurements are counted in.
+pub const LEVELS: [f64; 4] = [0.5, 0.8, 0.9, 0.95];
+/// Which of [`LEVELS`] the page draws and `rows.csv` tells.
+const NINETY: usize = 2;
+
+/// What is predicted of one measurement, noise included; of a bracket, of its middle.
+#[derive(Clone, Debug)]
+pub struct Predicted {
+    /// 5, 50 and 95 % quantiles; NaN if nothing is predicted.
+    pub quantiles: [f64; 3],
+    /// Whether the measurement lies in the central interval of each of [`LEVELS`]. A bracket does if it
+    /// is one of those between the ends of the interval, on the grid of its own width.
+    pub inside: [bool; 4],
+}
+
+/// How a measurement was left out.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum LeftOutBy {
+    /// By Pareto-smoothed importance weights of the posterior's draws.
+    Weights,
+    /// In a fit of its own.
+    Fit,
+}
+
+/// One measurement and its predictions.
+#[derive(Clone, Debug)]
+pub struct PredictedRow {
+    /// Line of the table.
+    pub line: u64,
+    /// Its `observe` statement.
+    pub protocol: String,
+    /// Its site: the label in the table, else its vertex; empty if it has neither.
+    pub site: String,
+    /// Unit of all its numbers.
+    pub unit: String,
+    /// The ends of a bracket, infinite where it is open; of a number, twice the number.
+    pub measured: [f64; 2],
+    /// From the posterior, which has seen it.
+    pub fitted: Predicted,
+    /// From all other measurements; absent where that is not known.
+    pub left_out: Option<(Predicted, LeftOutBy)>,
+}
+
+/// All measurements, and those that belong together.
+#[derive(Clone, Debug, Default)]
+pub struct Predictions {
+    /// In the order of the model's statements.
+    pub rows: Vec<PredictedRow>,
+    /// Names of sets, with indices into `rows`: all, each statement, each label of a text column.
+    pub sets: Vec<(String, Vec<usize>)>,
+}
+
+/// How many measurements of a set lie in their intervals.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub(super) struct Count {
+    pub(super) n: usize,
+    /// For each of [`LEVELS`].
+    pub(super) inside: [usize; 4],
+}
+
+impl Count {
+    fn of<'p>(all: impl Iterator<Item = &'p Predicted>) -> Self {
+        all.fold(Self::default(), |mut count, predicted| {
+            count.n += 1;
+            for (n, is_inside) in count.inside.iter_mut().zip(predicted.inside) {
+                *n += usize::from(is_inside);
+            }
+            count
+        })
+    }
+}
+
+impl Predictions {
+    /// Of a set: with the measurements, and from the others alone.
+    pub(super) fn counts(&self, set: &[usize]) -> [Count; 2] {
+        let rows = || set.iter().map(|i| &self.rows[*i]);
+        let left_out = rows().filter_map(|row| Some(&row.left_out.as_ref()?.0));
+        [Count::of(rows().map(|row| &row.fitted)), Count::of(left_out)]
+    }
+}
+
+impl Predicted {
+    /// Whether the measurement lies in the central 90 % interval.
+    pub(super) fn is_inside(&self) -> bool {
+        self.inside[NINETY]
+    }
+
+    fn cells(&self) -> [String; 4] {
+        let [q5, q50, q95] = self.quantiles.map(|q| q.to_string());
+        [q5, q50, q95, self.is_inside().to_string()]
+    }
+}
+
+impl PredictedRow {
+    /// Line and site, in words.
+    pub(super) fn place(&self) -> String {
+        match self.site.as_str() {
+            "" => format!("line {}", self.line),
+            site => format!("line {} (site {site})", self.line),
+        }
+    }
+
+    fn cells(&self) -> Vec<String> {
+        let [lower, upper] = self.measured.map(|x| x.to_string());
+        let mut cells = vec![
+            self.line.to_string(),
+            self.site.clone(),
+            self.protocol.clone(),
+            super::text::shown(&self.unit).to_owned(),
+            lower,
+            upper,
+        ];
+        cells.extend(self.fitted.cells());
+        match &self.left_out {
+            Some((predicted, by)) => {
+                cells.extend(predicted.cells());
+                cells.push(if *by == LeftOutBy::Fit { "fit" } else { "weights" }.to_owned());
+            }
+            None => cells.extend(std::iter::repeat_n(String::new(), 5)),
+        }
+        cells
+    }
+}
+
+/// Titles of `rows.csv`.
+const TITLES: [&str; 15] = [
+    "line",
+    "site",
+    "protocol",
+    "unit",
+    "measured_lower",
+    "measured_upper",
+    "predicted_q5",
+    "predicted_q50",
+    "predicted_q95",
+    "inside",
+    "loo_q5",
+    "loo_q50",
+    "loo_q95",
+    "loo_inside",
+    "loo_by",
+];
+
+/// Writes `rows.csv`, one line per measurement; `inside` asks for the central 90 % interval.
+///
+/// # Errors
+/// [`ReportError::Write`].
+pub fn write_rows(path: &Path, rows: &[PredictedRow]) -> Result<(), ReportError> {
+    write_file(path, |file| {
+        let mut table = csv::Writer::from_writer(file);
+        table.write_record(TITLES)?;
+        rows.iter().try_for_each(|row| table.write_record(row.cells()))?;
+        table.flush()
+    })
+    .map_err(ReportError::write(path))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::samples;
+    use super::*;
+
+    #[test]
+    fn the_table_has_a_line_per_measurement() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("rows.csv");
+        write_rows(&path, &samples::predictions().rows[..3]).unwrap();
+        insta::assert_snapshot!(std::fs::read_to_string(&path).unwrap(), @r"
+        line,site,protocol,unit,measured_lower,measured_upper,predicted_q5,predicted_q50,predicted_q95,inside,loo_q5,loo_q50,loo_q95,loo_inside,loo_by
+        2,1,s1s2,ms,230,240,225,235,245,true,230,240,250,true,weights
+        3,2,s1s2,ms,240,250,225,235,245,true,,,,,
+        4,3,s1s2,ms,290,300,225,235,245,false,215,225,235,false,fit
+        ");
+    }
+
+    #[test]
+    fn sets_are_counted_with_and_without_each_measurement() {
+        let predictions = samples::predictions();
+        let [fitted, left_out] = predictions.counts(&[0, 1, 2]);
+        assert_eq!(fitted, Count { n: 3, inside: [1, 2, 2, 2] });
+        assert_eq!(left_out, Count { n: 2, inside: [0, 1, 1, 2] });
+    }
+}
