@@ -55,7 +55,11 @@ fn expected(scenario: Scenario) -> (&'static [&'static str], &'static [&'static 
         Scenario::Outliers => (&["outliers"], &[]),
         Scenario::Region => (&["region"], &[]),
         Scenario::Patch => (&["patch"], &["dist_scar_mm"]),
-        Scenario::Two => (&["force_g", "catheter"], &[]),
+        Scenario::Two | Scenario::TwoLarge => (&["force_g", "catheter"], &[]),
+        Scenario::TwoLevels => (&["region", "force_g"], &[]),
+        Scenario::Hetero => (&["hetero(force_g)"], &[]),
+        Scenario::HeteroCatheter => (&["hetero(catheter)"], &[]),
+        Scenario::Interaction => (&["force_g"], &[]),
         Scenario::Cancel => (&[], &["force_g", "output_mA"]),
         Scenario::Misscaled => (&[], &["force_g"]),
         Scenario::Decoys => (&[], &["session"]),
@@ -85,8 +89,12 @@ impl Result {
         match scenario {
             Scenario::Null | Scenario::Repeated => self.findings.is_empty() && !self.unexplained,
             Scenario::Outside => self.findings.is_empty() && self.unexplained,
-            Scenario::Two => {
+            Scenario::Two | Scenario::TwoLarge | Scenario::TwoLevels => {
                 expected(scenario).0.iter().all(|name| self.findings.iter().any(|n| n == name))
+            }
+            // of a force that acts in one region, to name both and claim neither is honest
+            Scenario::Interaction if self.findings.is_empty() => {
+                self.ambiguous.iter().flatten().any(|name| name == "force_g")
             }
             Scenario::Cancel | Scenario::Misscaled | Scenario::Decoys => !self.is_wrong(scenario),
             _ => self.findings.first().is_some_and(|name| expected(scenario).0[0] == name),
@@ -101,7 +109,8 @@ impl Result {
     }
 
     fn is_better(&self, scenario: Scenario) -> bool {
-        if scenario == Scenario::Outliers {
+        use Scenario::{Hetero, HeteroCatheter, Outliers};
+        if matches!(scenario, Outliers | Hetero | HeteroCatheter) {
             return self.elpd.is_some_and(|[before, after]| after > before);
         }
         self.rmse.is_some_and(|[before, after]| after < before)
