@@ -157,6 +157,9 @@ pub struct Record {
     pub log_bf: f64,
     /// Share of null searches whose best candidate did as well; `None` in a round without them.
     pub p_null: Option<f64>,
+    /// The cause with which it was found together, where neither is found alone: the evidence is then with that in the
+    /// model, and the share of null searches is that of both.
+    pub beside: Option<Cause>,
     /// Why it was or was not taken.
     pub judgement: Judgement,
 }

@@ -30,7 +30,7 @@ fn engine() -> Engine {
 }
 
 fn outer(ln_site: f64) -> Outer {
-    Outer { other: vec![], ln_site, ln_noise: 0.3, ln_unit: None, outliers: None }
+    Outer { other: vec![], ln_site, ln_noise: 0.3, ln_unit: None, outliers: None, scatter: vec![] }
 }
 
 /// Covariance of the measurements at a site sd, with or without the dose.

@@ -147,7 +147,7 @@ fn next_round<'a>(
 ) -> Result<(Round, Option<Claim<'a>>), CriticismError> {
     let (number, found) = (rounds.len(), found(rounds));
     let searched = search(bench, &bench.engine, base, &found);
-    let best = searched.tried.first().map_or(f64::NEG_INFINITY, |t| t.log_bf);
+    let best = searched.best();
     // a later round without enough evidence claims nothing, whatever null searches come to
     let is_idle = number > 0 && best <= least_log_bf(number);
     let n = if is_idle { 0 } else { settings.nulls };

@@ -165,6 +165,13 @@ impl Maker<'_> {
         all.map(|candidate| Candidate { screen: Screen::None, ..candidate })
     }
 
+    /// Scatter that goes with a column.
+    fn scatter(&self, name: &str, form: Form) -> Candidate {
+        let cause = Cause::Hetero(name.to_owned());
+        let (level, screen) = (Level::Noise, Screen::Scatter);
+        Candidate { level, screen, ..self.candidate(cause, form, &[]) }
+    }
+
     fn of_numbers(&self, name: &str, x: &[f64]) -> Result<Vec<Candidate>, &'static str> {
         let mut values: Vec<f64> = x.iter().copied().filter(|x| x.is_finite()).collect();
         values.sort_by(f64::total_cmp);
@@ -181,6 +188,7 @@ impl Maker<'_> {
             forms.push(smooth(name, low, high, 3.0));
         }
         let mut found = self.on_observable(name, forms);
+        found.push(self.scatter(name, scaled(name, centre, scale)));
         if self.table.role(name) == Role::Distance {
             for share in INSIDE {
                 let at = (share * (values.len() - 1) as f64) as usize;
@@ -213,9 +221,12 @@ impl Maker<'_> {
         }
         if self.table.role(name) == Role::Region {
             let cause = Cause::Column(name.to_owned());
-            return Ok(forms.iter().flat_map(|form| self.everywhere(&cause, form)).collect());
+            let effects = forms.iter().flat_map(|form| self.everywhere(&cause, form));
+            return Ok(effects.chain([self.scatter(name, group(name))]).collect());
         }
-        Ok(self.on_observable(name, forms))
+        let mut found = self.on_observable(name, forms);
+        found.push(self.scatter(name, group(name)));
+        Ok(found)
     }
 }
 
