@@ -129,7 +129,7 @@ fn search_of(study: &Study, basis: &Basis, seed: u64, nulls: usize) -> Result {
     };
     // without enough evidence there is no claim, whatever the null searches come to
     let outcome = Some(search(0))
-        .filter(|quick| quick.rounds[0].tried.iter().all(|t| t.log_bf <= CLAIM))
+        .filter(|quick| quick.rounds[0].best() <= CLAIM)
         .unwrap_or_else(|| search(nulls));
     let scores = (!outcome.found().is_empty()).then(|| {
         [(&outcome.rounds[0].base.outer, &[][..]), (&outcome.last.outer, &outcome.found()[..])]
@@ -157,6 +157,10 @@ fn note(outcome: &Criticism) -> String {
         }
         let bar = round.nulls.get((0.95 * round.nulls.len() as f64) as usize);
         let _ = write!(note, " | null95 {:.1};", bar.copied().unwrap_or(f64::NAN));
+        if let Some(([a, b], log_bf)) = round.pair {
+            let [a, b] = [a, b].map(|c| &outcome.candidates[c].cause);
+            let _ = write!(note, " {a} and {b} {log_bf:.1};");
+        }
         for t in round.tried.iter().take(3) {
             let c = &outcome.candidates[t.candidate];
             let form = text(t.form.as_ref());

@@ -50,8 +50,9 @@ impl<'a> Judge<'_, 'a> {
             claim = self.of_pair(&mut tried_so_far);
         }
         let claimed = claim.as_ref().map_or(vec![], |claim: &Claim<'_>| claim.effects.clone());
-        let Self { searched: Searched { base, .. }, nulls, .. } = self;
-        (Round { tried: tried_so_far, nulls, base, left, claimed }, claim)
+        let Self { searched: Searched { base, pair, .. }, nulls, .. } = self;
+        let pair = pair.map(|pair| (pair.candidates, pair.log_bf));
+        (Round { tried: tried_so_far, pair, nulls, base, left, claimed }, claim)
     }
 
     /// What is claimed of the best pair, where no cause alone is: its first cause, if each predicts with the other in the

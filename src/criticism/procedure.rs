@@ -64,6 +64,13 @@ impl Criticism {
         found(&self.rounds)
     }
 
+    /// Scatter that is claimed: the candidate and its coefficients, ln of the factor by which errors are larger.
+    pub fn scatter(&self) -> Vec<(&Candidate, &[f64])> {
+        let found = self.found().into_iter().map(|f| &self.candidates[f]);
+        let scatter = self.last.outer.scatter.iter().map(Vec::as_slice);
+        found.filter(|candidate| candidate.is_scatter()).zip(scatter).collect()
+    }
+
     /// The causes that are claimed, in order.
     pub fn findings(&self) -> Vec<&Cause> {
         let mut causes: Vec<&Cause> =

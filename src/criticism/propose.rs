@@ -8,7 +8,7 @@ use super::candidate::{Candidate, Level, Screen, Unusable};
 use super::cause::Cause;
 use super::observable::readable;
 use super::units::{Unit, by_site, is_constant_within};
-use crate::model::forms::{above, all, families, family, group, path, scaled, smooth, surface};
+use crate::model::forms::{above, all, families, family, group, path, scaled, scaled_by, smooth, surface};
 use crate::model::{Form, Model};
 use crate::table::{FIELD_MODES, Measurements, Role, TypedColumn};
 
@@ -32,6 +32,8 @@ pub(super) fn mean_and_sd(x: &[f64]) -> (f64, f64) {
 
 /// Shares of the table's distances that may be inside a patch.
 const INSIDE: [f64; 12] = [0.1, 0.125, 0.15, 0.175, 0.2, 0.225, 0.25, 0.275, 0.3, 0.35, 0.4, 0.5];
+/// Most kinds of regions in each of which an effect of a number may differ.
+const MOST_REGIONS: usize = 5;
 /// Sites for each mode of a field that is tried, and its fewest modes.
 const SITES_PER_MODE: usize = 8;
 const LEAST_MODES: usize = 24;
@@ -172,6 +174,13 @@ impl Maker<'_> {
         Candidate { level, screen, ..self.candidate(cause, form, &[]) }
     }
 
+    /// Columns of regions in which an effect may differ.
+    fn regions(&self) -> impl Iterator<Item = &String> {
+        let is_region = |name: &&String| self.table.role(name) == Role::Region;
+        let is_few = |name: &&String| (2..=MOST_REGIONS).contains(&families(self.table, name).len());
+        self.table.columns().iter().filter(is_region).filter(is_few)
+    }
+
     fn of_numbers(&self, name: &str, x: &[f64]) -> Result<Vec<Candidate>, &'static str> {
         let mut values: Vec<f64> = x.iter().copied().filter(|x| x.is_finite()).collect();
         values.sort_by(f64::total_cmp);
@@ -187,6 +196,7 @@ impl Maker<'_> {
         if values.len() >= 4 {
             forms.push(smooth(name, low, high, 3.0));
         }
+        forms.extend(self.regions().map(|region| scaled_by(name, region, centre, scale)));
         let mut found = self.on_observable(name, forms);
         found.push(self.scatter(name, scaled(name, centre, scale)));
         if self.table.role(name) == Role::Distance {

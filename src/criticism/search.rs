@@ -13,6 +13,8 @@ use super::screen::{f_test, of_sites, of_units};
 
 /// p-value of the screen up to which a candidate is fitted.
 const GATE: f64 = 0.05;
+/// That of scatter, part of which the fit has taken for what sites differ by.
+const GATE_OF_SCATTER: f64 = 0.2;
 /// What a form with more coefficients must gain in log Bayes factor.
 const SIMPLER: f64 = 1.0;
 /// Shares of outlying measurements that are tried, and the sds of their further error in steps.
@@ -123,7 +125,8 @@ impl Pass<'_> {
                 Screen::None => 1.0,
             };
             let tried = Tried { candidate, p_screen, log_bf: f64::NEG_INFINITY, fit: None };
-            if screen != Screen::None && p_screen > GATE { tried } else { self.fitted(tried) }
+            let gate = if screen == Screen::Scatter { GATE_OF_SCATTER } else { GATE };
+            if screen != Screen::None && p_screen > gate { tried } else { self.fitted(tried) }
         };
         (0..candidates.len()).filter(is_new).map(one).collect()
     }
