@@ -10,8 +10,8 @@ use std::sync::Arc;
 
 use nalgebra::DVector;
 
-use crate::num::vector::dot;
 use crate::model::{Model, Noise, RowId, Split};
+use crate::num::vector::dot;
 
 /// An effect in its tried form: `sd Z β` on the named quantities, β ~ N(0, 1). One on nothing makes scatter: it
 /// multiplies the further error of a row by `exp(Z γ)`, with γ in [`Outer::scatter`].

@@ -5,8 +5,8 @@ use super::claim::Claim;
 use super::fit::LaplaceFit;
 use super::judgement::{Judgement, Record, Round, least_log_bf};
 use super::leave::leave_sites_out;
-use super::rivals::Duel;
 use super::outer::Free;
+use super::rivals::Duel;
 use super::search::{Searched, Tried, search};
 use super::units::LEAST_UNITS;
 

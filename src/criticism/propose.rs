@@ -8,7 +8,9 @@ use super::candidate::{Candidate, Level, Screen, Unusable};
 use super::cause::Cause;
 use super::observable::readable;
 use super::units::{Unit, by_site, is_constant_within};
-use crate::model::forms::{above, all, families, family, group, path, scaled, scaled_by, smooth, surface};
+use crate::model::forms::{
+    above, all, families, family, group, path, scaled, scaled_by, smooth, surface,
+};
 use crate::model::{Form, Model};
 use crate::table::{FIELD_MODES, Measurements, Role, TypedColumn};
 
@@ -177,7 +179,8 @@ impl Maker<'_> {
     /// Columns of regions in which an effect may differ.
     fn regions(&self) -> impl Iterator<Item = &String> {
         let is_region = |name: &&String| self.table.role(name) == Role::Region;
-        let is_few = |name: &&String| (2..=MOST_REGIONS).contains(&families(self.table, name).len());
+        let is_few =
+            |name: &&String| (2..=MOST_REGIONS).contains(&families(self.table, name).len());
         self.table.columns().iter().filter(is_region).filter(is_few)
     }
 

@@ -6,6 +6,9 @@ use super::engine::Outer;
 use super::fit::LaplaceFit;
 use super::outer::{Free, score, without_sites};
 
+/// A fit with these terms, and its score.
+type Fitted<'a> = &'a dyn Fn(&[usize]) -> Option<(LaplaceFit, f64)>;
+
 impl Bench<'_> {
     /// Log Bayes factor of the sites' random effect. With it and without it the model's fields have the resolution at
     /// which they say most: where sites differ and fields are finer than the model's, both are needed. So have the curves
@@ -15,7 +18,7 @@ impl Bench<'_> {
         let further = [vec![]].into_iter().chain(self.finer.iter().cloned()).chain(curves);
         let resolutions: Vec<Vec<usize>> =
             further.map(|terms| [&fit.active[..], &terms].concat()).collect();
-        let best = |of: &dyn Fn(&[usize]) -> Option<(LaplaceFit, f64)>| {
+        let best = |of: Fitted<'_>| {
             let fits = resolutions.iter().filter_map(|active| of(active));
             let (best, score) = fits.max_by(|a, b| a.1.total_cmp(&b.1))?;
             let refined = self.optimised(&best, Free::All).map_or(score, |(_, refined)| refined);

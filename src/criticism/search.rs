@@ -108,7 +108,9 @@ impl Pass<'_> {
     fn scored(&self) -> Vec<Tried> {
         let mut residual = residuals(self.engine, &self.base, self.bench.seed);
         let sites = of_sites(self.engine, &residual);
-        residual.iter_mut().for_each(|r| *r = r.abs());
+        for r in &mut residual {
+            *r = r.abs();
+        }
         let scatter = of_sites(self.engine, &residual);
         let units = of_units(self.engine, &self.base);
         let candidates = &self.bench.candidates;
@@ -139,7 +141,9 @@ impl Pass<'_> {
         let reference = score(base, step);
         let active = self.bench.and(&self.active, tried.candidate);
         if level == Level::Noise {
-            let Some((fit, score)) = self.with_noise(&active, tried.candidate) else { return tried };
+            let Some((fit, score)) = self.with_noise(&active, tried.candidate) else {
+                return tried;
+            };
             return Tried { log_bf: score - reference, fit: Some(fit), ..tried };
         }
         let Some(fit) = engine.fit(&base.outer, &active, Some(base)) else { return tried };
@@ -180,7 +184,8 @@ impl Pass<'_> {
         let (mut outer, step) = (self.base.outer.clone(), self.bench.step);
         // what is outlying has made the others' error look large
         outer.ln_noise = outer.ln_noise.min((step / 3.0).ln());
-        let all = OUTLYING_SHARES.iter().flat_map(|share| OUTLYING_STEPS.map(|size| (*share, size)));
+        let all =
+            OUTLYING_SHARES.iter().flat_map(|share| OUTLYING_STEPS.map(|size| (*share, size)));
         all.map(|(share, size)| Outer { outliers: Some((share, size * step)), ..outer.clone() })
             .collect()
     }
@@ -192,9 +197,8 @@ impl Pass<'_> {
         let coefficients: &[f64] = if n == 1 { &SCATTER_OF_NUMBER } else { &SCATTER_OF_LABEL };
         let all = (0..n).flat_map(|k| coefficients.iter().map(move |c| (k, *c)));
         let one = |(k, coefficient): (usize, f64)| {
-            let factor = |row| {
-                (2.0 * coefficient * engine.design(&engine.terms[candidate], row)[k]).exp()
-            };
+            let factor =
+                |row| (2.0 * coefficient * engine.design(&engine.terms[candidate], row)[k]).exp();
             let rows = engine.rows.len();
             let mean = (0..rows).map(factor).sum::<f64>() / rows as f64;
             let mut own = vec![0.0; n];

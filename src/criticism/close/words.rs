@@ -46,7 +46,9 @@ impl Story {
                 Extent::Coefficient(of) => of,
                 _ => format!("with {}", labels.get(k).map_or("", String::as_str)),
             };
-            Some(format!("scatter that goes with {column} (errors {factor:.1} times as large {of})"))
+            Some(format!(
+                "scatter that goes with {column} (errors {factor:.1} times as large {of})"
+            ))
         };
         self.criticism.scatter().into_iter().filter_map(one).collect()
     }

@@ -28,7 +28,9 @@ impl EffectForm for ScaledBy {
         let (z, _) = scaled(&self.column, self.centre, self.scale).design(table);
         let (mut design, n) = family(&self.by).design(table);
         for (own, z) in design.chunks_exact_mut(n.max(1)).zip(z) {
-            own.iter_mut().for_each(|label| *label *= z);
+            for label in own {
+                *label *= z;
+            }
         }
         (design, n)
     }
