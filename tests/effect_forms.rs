@@ -12,7 +12,7 @@ mod support;
 
 use eplat::criticism::rewrite;
 use eplat::infer::LogDensity as _;
-use eplat::model::forms::{above, all, family, group, logistic, scaled, smooth};
+use eplat::model::forms::{above, all, family, group, logistic, scaled, scaled_by, smooth};
 use eplat::model::{AddedEffect, Augmented, Declare, Form, Model, equations};
 use eplat::run::{Loaded, Problem};
 use eplat::table::Measurements;
@@ -26,6 +26,7 @@ fn effects() -> Vec<AddedEffect> {
         ("curve", "late", smooth("force_g", 0.0, 3.0, 3.0)),
         ("catheter", "erp, late", group("catheter")),
         ("kind", "late", family("catheter")),
+        ("local", "erp, late", scaled_by("force_g", "catheter", 1.5, 0.75)),
         ("patch", "erp", above("dist_mm", 12.0)),
         ("edge", "erp", logistic("dist_mm", 15.0, 2.5)),
         ("shift", "late", all()),

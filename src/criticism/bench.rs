@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
-use super::candidate::{Candidate, Unusable};
+use super::candidate::{Candidate, Level, Unusable};
 use super::checks::{Warning, check, copies};
 use super::engine::{Engine, Outer, TriedTerm};
 use super::error::CriticismError;
@@ -40,10 +40,12 @@ impl std::fmt::Debug for Subject<'_> {
 pub(super) struct Bench<'a> {
     pub(super) table: &'a Measurements,
     pub(super) candidates: Vec<Candidate>,
-    /// Its terms are those of the candidates, then that of the unit, then those of finer fields.
+    /// Its terms are those of the candidates, then that of the unit, those of finer fields and of empty cells.
     pub(super) engine: Engine,
     /// Terms of finer fields, once for each size.
     pub(super) finer: Vec<Vec<usize>>,
+    /// Of each column of which cells are empty, the term of what is measured there.
+    pub(super) absent: BTreeMap<String, usize>,
     /// Width of a protocol step.
     pub(super) step: f64,
     /// The unit with a random effect.
@@ -88,7 +90,8 @@ impl<'a> Start<'a> {
         base.active = if of_unit.is_some() { vec![engine.terms.len()] } else { vec![] };
         engine.terms.extend(of_unit);
         let finer = add_finer_fields(&mut engine, basis, table, &field_sd);
-        let bench = Bench { table, candidates, engine, finer, step, unit, seed };
+        let absent = add_absent(&mut engine, table, &each_once(&on), step);
+        let bench = Bench { table, candidates, engine, finer, absent, step, unit, seed };
         Ok(Self { bench, base, unusable, warnings })
     }
 }
@@ -98,6 +101,26 @@ impl Bench<'_> {
     pub(super) fn active(&self, candidates: &[usize]) -> Vec<usize> {
         let unit = self.unit.iter().map(|_| self.candidates.len());
         unit.chain(candidates.iter().copied()).collect()
+    }
+
+    /// The terms of a fit and a candidate. Where its column is empty it may act unseen: each such site has a value of
+    /// its own, or the sites that it cannot explain would hide what it explains at the others.
+    pub(super) fn and(&self, active: &[usize], candidate: usize) -> Vec<usize> {
+        let is_shift = self.candidates[candidate].level == Level::Observable;
+        let column = self.column(candidate).filter(|_| is_shift);
+        let absent = column.and_then(|column| self.absent.get(column));
+        let absent = absent.filter(|term| !active.contains(term));
+        active.iter().chain(absent).copied().chain([candidate]).collect()
+    }
+
+    /// A fit without the terms of empty cells, which no model file declares.
+    pub(super) fn declared(&self, fit: &LaplaceFit) -> Option<LaplaceFit> {
+        let is_declared = |term: &usize| !self.absent.values().any(|absent| absent == term);
+        let active: Vec<usize> = fit.active.iter().copied().filter(is_declared).collect();
+        if active == fit.active {
+            return Some(fit.clone());
+        }
+        self.engine.fit(&fit.outer, &active, None)
     }
 
     /// The same with another form of some candidates.
@@ -178,6 +201,38 @@ fn add_finer_fields(
     finer
 }
 
+/// Adds a term for each column of numbers of which cells are empty, at most at half of the sites: a value for each of
+/// these sites.
+fn add_absent(
+    engine: &mut Engine,
+    table: &Measurements,
+    on: &[String],
+    step: f64,
+) -> BTreeMap<String, usize> {
+    let (site, mut found) = (by_site(table), BTreeMap::new());
+    for column in covariates(&engine.model, table) {
+        let Some(numbers) = table.column(column).and_then(|c| c.numbers()) else { continue };
+        let mut sites: Vec<usize> =
+            (0..table.len()).filter(|r| numbers[*r].is_nan()).map(|r| site.group[r]).collect();
+        sites.sort_unstable();
+        sites.dedup();
+        if sites.is_empty() || 2 * sites.len() > site.n {
+            continue;
+        }
+        let n = sites.len();
+        let mut design = vec![0.0; table.len() * n];
+        for row in (0..table.len()).filter(|r| numbers[*r].is_nan()) {
+            if let Ok(k) = sites.binary_search(&site.group[row]) {
+                design[row * n + k] = 1.0;
+            }
+        }
+        found.insert(column.clone(), engine.terms.len());
+        let term = TriedTerm { on: on.to_vec(), design, n, sd: Some(step) };
+        engine.terms.push(Arc::new(term));
+    }
+    found
+}
+
 /// The base fit, before anything is tried: from the model's own start, noise at a third of a step. Sites that
 /// differ can be explained by smooth fields and random effects or by rough fields; the better of both counts.
 fn base_fit(engine: &Engine, step: f64) -> Result<LaplaceFit, CriticismError> {
@@ -191,6 +246,7 @@ fn base_fit(engine: &Engine, step: f64) -> Result<LaplaceFit, CriticismError> {
             ln_noise: third,
             ln_unit: active.first().map(|_| third),
             outliers: None,
+            scatter: vec![],
         };
         let start = engine.fit(&outer, &active, None)?;
         optimise(engine, &active, &start, Free::All, step)

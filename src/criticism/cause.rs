@@ -15,6 +15,8 @@ pub enum Cause {
     Protocol,
     /// Some measurements are much further off than the others.
     Outliers,
+    /// Scatter that goes with a column of the table.
+    Hetero(String),
     /// A smooth field over the surface.
     SpatialField,
     /// A slowness that varies along the paths of activation.
@@ -33,6 +35,7 @@ impl Cause {
 impl fmt::Display for Cause {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.write_str(match self {
+            Self::Hetero(name) => return write!(f, "hetero({name})"),
             Self::Column(name) => name,
             Self::Patch => "patch",
             Self::Protocol => "protocol",

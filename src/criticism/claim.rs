@@ -40,7 +40,8 @@ impl<'a> Claim<'a> {
     ) -> Result<Self, Refutation> {
         let effects = fields_of_patch(bench, taken);
         if effects.is_empty() {
-            return Ok(Self { bench: bench.clone(), effects: vec![taken], fit: fit.clone() });
+            let fit = bench.declared(fit).unwrap_or_else(|| fit.clone());
+            return Ok(Self { bench: bench.clone(), effects: vec![taken], fit });
         }
         let shared = (effects.len() as f64).sqrt();
         let sharp =

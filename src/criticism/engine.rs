@@ -11,8 +11,10 @@ use std::sync::Arc;
 use nalgebra::DVector;
 
 use crate::model::{Model, Noise, RowId, Split};
+use crate::num::vector::dot;
 
-/// An effect in its tried form: `sd Z β` on the named quantities, β ~ N(0, 1).
+/// An effect in its tried form: `sd Z β` on the named quantities, β ~ N(0, 1). One on nothing makes scatter: it
+/// multiplies the further error of a row by `exp(Z γ)`, with γ in [`Outer::scatter`].
 #[derive(Clone, Debug)]
 pub struct TriedTerm {
     /// Fields and `let`s that it acts on.
@@ -39,15 +41,14 @@ pub struct Outer {
     pub ln_unit: Option<f64>,
     /// Share and sd of outlying rows.
     pub outliers: Option<(f64, f64)>,
+    /// The coefficients of each term that makes scatter, in the order in which these are active.
+    pub scatter: Vec<Vec<f64>>,
 }
 
-impl Outer {
-    /// What spreads measurements beyond their likelihood.
-    pub fn noise(&self) -> Noise {
-        Noise {
-            variance: (2.0 * self.ln_noise).exp(),
-            outliers: self.outliers.map(|(share, sd)| (share, sd * sd)),
-        }
+impl TriedTerm {
+    /// Whether it makes scatter, and moves nothing.
+    pub fn is_scatter(&self) -> bool {
+        self.on.is_empty() && self.n > 0
     }
 }
 
@@ -130,6 +131,18 @@ impl Engine {
         let cells = &self.measured[row];
         let middle = cells.iter().sum::<f64>() / cells.len() as f64;
         if middle.is_finite() { middle } else { f64::NAN }
+    }
+
+    /// What spreads each row beyond its likelihood, with the terms `active`.
+    pub fn noise(&self, outer: &Outer, active: &[usize]) -> Vec<Noise> {
+        let terms = active.iter().map(|a| &*self.terms[*a]).filter(|term| term.is_scatter());
+        let scatter: Vec<(&TriedTerm, &Vec<f64>)> = terms.zip(&outer.scatter).collect();
+        let outliers = outer.outliers.map(|(share, sd)| (share, sd * sd));
+        let one = |row: usize| {
+            let ln: f64 = scatter.iter().map(|(t, s)| dot::<1>(self.design(t, row), s)).sum();
+            Noise { variance: (2.0 * (outer.ln_noise + ln)).exp(), outliers }
+        };
+        (0..self.rows.len()).map(one).collect()
     }
 
     /// How a row depends on a term's coefficients, without its sd.

@@ -23,6 +23,8 @@ pub struct LaplaceFit {
     pub ln_evidence: f64,
     /// Scalars of all rows at the mode.
     pub locals: Vec<f64>,
+    /// What spreads each row beyond its likelihood.
+    pub noise: Vec<Noise>,
     pub(super) linear: Linear,
     pub(super) factor: Cholesky<f64, Dyn>,
     /// Precision of each site's effect, and its coupling to x.
@@ -84,14 +86,9 @@ impl LaplaceFit {
         self.active.first().map(|a| &*engine.terms[*a]).filter(|term| term.sd.is_none())
     }
 
-    /// What spreads its rows beyond their likelihood.
-    pub fn noise(&self) -> Noise {
-        self.outer.noise()
-    }
-
-    /// A further error of one row.
-    pub(super) fn error(&self, rng: &mut dyn Rng) -> f64 {
-        let noise = self.noise();
+    /// A further error of a row.
+    pub(super) fn error(&self, row: usize, rng: &mut dyn Rng) -> f64 {
+        let noise = self.noise[row];
         let mut variance = noise.variance;
         if let Some((share, wide)) = noise.outliers
             && rng.random::<f64>() < share

@@ -5,8 +5,9 @@ use super::claim::Claim;
 use super::fit::LaplaceFit;
 use super::judgement::{Judgement, Record, Round, least_log_bf};
 use super::leave::leave_sites_out;
+use super::outer::Free;
 use super::rivals::Duel;
-use super::search::{Searched, Tried};
+use super::search::{Searched, Tried, search};
 use super::units::LEAST_UNITS;
 
 /// Share of null searches that the best candidate must beat.
@@ -29,7 +30,7 @@ impl<'a> Judge<'_, 'a> {
     pub(super) fn judge(self) -> (Round, Option<Claim<'a>>) {
         let base = &self.searched.base;
         let left = leave_sites_out(&self.bench.engine, base, self.bench.seed);
-        let duel = |best| Duel { best, base, left: &left, found: self.found };
+        let duel = |best| Duel { best, base, left: &left };
         let tried = &self.searched.tried;
         let mut tried_so_far: Vec<Record> = tried.iter().map(|t| self.record(t)).collect();
         let mut claim = None;
@@ -44,9 +45,50 @@ impl<'a> Judge<'_, 'a> {
                 break;
             }
         }
+        let is_ambiguous = |r: &Record| matches!(r.judgement, Judgement::NotToldApart(_));
+        if claim.is_none() && !tried_so_far.iter().any(is_ambiguous) {
+            claim = self.of_pair(&mut tried_so_far);
+        }
         let claimed = claim.as_ref().map_or(vec![], |claim: &Claim<'_>| claim.effects.clone());
-        let Self { searched: Searched { base, .. }, nulls, .. } = self;
-        (Round { tried: tried_so_far, nulls, base, left, claimed }, claim)
+        let Self { searched: Searched { base, pair, .. }, nulls, .. } = self;
+        let pair = pair.map(|pair| (pair.candidates, pair.log_bf));
+        (Round { tried: tried_so_far, pair, nulls, base, left, claimed }, claim)
+    }
+
+    /// What is claimed of the best pair, where no cause alone is: its first cause, if each predicts with the other in the
+    /// model, and has more evidence there than any further one. The second is left to the next round.
+    fn of_pair(&self, records: &mut [Record]) -> Option<Claim<'a>> {
+        let pair = self.searched.pair.filter(|pair| pair.log_bf > least_log_bf(self.number))?;
+        let p_null = self.p_null(pair.log_bf).filter(|share| *share <= LEVEL)?;
+        let [first, second] = pair.candidates;
+        let (taken, log_bf) = self.beside(second, first)?;
+        self.beside(first, second)?;
+        let bench = self.bench;
+        let (outer, base) = (&self.searched.base.outer, &self.searched.base);
+        let active = bench.active(&[self.found, &[taken]].concat());
+        let fit = bench.engine.fit(outer, &active, Some(base))?;
+        let record = records.iter_mut().find(|record| record.candidate == taken)?;
+        record.beside = Some(bench.candidates[second].cause.clone());
+        (record.judgement, record.log_bf, record.p_null) = (Judgement::Found, log_bf, Some(p_null));
+        Some(Claim { bench: bench.clone(), effects: vec![taken], fit })
+    }
+
+    /// A candidate of the cause of `own` that would be claimed with `other` in the model, and its evidence there.
+    fn beside(&self, other: usize, own: usize) -> Option<(usize, f64)> {
+        let (bench, base) = (self.bench, &self.searched.base);
+        let found = [self.found, &[other]].concat();
+        let fit = bench.engine.fit(&base.outer, &bench.active(&found), Some(base))?;
+        let (fit, _) = bench.optimised(&fit, Free::All)?;
+        let searched = search(bench, &bench.engine, fit, &found);
+        let best = searched.tried.first()?;
+        let cause = |candidate: usize| &bench.candidates[candidate].cause;
+        let is_enough = best.log_bf > least_log_bf(self.number + 1);
+        let fit = best.fit.as_ref().filter(|_| is_enough && cause(best.candidate) == cause(own))?;
+        let left = leave_sites_out(&bench.engine, &searched.base, bench.seed);
+        let duel = Duel { best, base: &searched.base, left: &left };
+        let holds = self.objection(&duel, fit).is_ok();
+        let is_alone = || bench.rivals(&searched.tried, &duel).is_empty();
+        (holds && is_alone()).then_some((best.candidate, best.log_bf))
     }
 
     fn is_enough(&self, tried: &Tried) -> bool {
@@ -75,6 +117,7 @@ impl<'a> Judge<'_, 'a> {
             p_screen: tried.p_screen,
             log_bf: tried.log_bf,
             p_null: self.p_null(tried.log_bf),
+            beside: None,
             judgement,
         }
     }

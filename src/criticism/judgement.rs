@@ -157,6 +157,9 @@ pub struct Record {
     pub log_bf: f64,
     /// Share of null searches whose best candidate did as well; `None` in a round without them.
     pub p_null: Option<f64>,
+    /// The cause with which it was found together, where neither is found alone: the evidence is then with that in the
+    /// model, and the share of null searches is that of both.
+    pub beside: Option<Cause>,
     /// Why it was or was not taken.
     pub judgement: Judgement,
 }
@@ -166,6 +169,8 @@ pub struct Record {
 pub struct Round {
     /// Every candidate, best first.
     pub tried: Vec<Record>,
+    /// The two candidates that explain most together and their log Bayes factor, less the price of a pair.
+    pub pair: Option<([usize; 2], f64)>,
     /// Best log Bayes factor of each null search, ascending.
     pub nulls: Vec<f64>,
     /// The fit that the candidates are compared with.
@@ -177,6 +182,12 @@ pub struct Round {
 }
 
 impl Round {
+    /// The most evidence of a candidate or a pair.
+    pub fn best(&self) -> f64 {
+        let all = self.tried.iter().map(|record| record.log_bf);
+        all.chain(self.pair.map(|(_, log_bf)| log_bf)).fold(f64::NEG_INFINITY, f64::max)
+    }
+
     /// The record of what is claimed.
     pub fn taken(&self) -> Option<&Record> {
         self.tried.iter().find(|record| record.judgement == Judgement::Found)

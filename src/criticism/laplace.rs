@@ -105,9 +105,11 @@ impl Engine {
             }
         }
         let linear = self.linear(&mut t, outer, active, &x, start);
-        let newton = Newton { engine: self, outer, linear: &linear, hidden };
+        let noise = self.noise(outer, active);
+        let newton = Newton { engine: self, outer, linear: &linear, noise: &noise, hidden };
         let (point, system) = newton.climb(&mut t, x, z)?;
-        Some(self.finish(outer, active, linear, point, system))
+        let fit = self.finish(outer, active, linear, point, system);
+        Some(LaplaceFit { noise, ..fit })
     }
 
     fn finish(
@@ -126,6 +128,7 @@ impl Engine {
         LaplaceFit {
             outer: outer.clone(),
             active: active.to_vec(),
+            noise: vec![],
             x: point.x,
             z: point.z,
             ln_evidence,

@@ -30,7 +30,7 @@ fn engine() -> Engine {
 }
 
 fn outer(ln_site: f64) -> Outer {
-    Outer { other: vec![], ln_site, ln_noise: 0.3, ln_unit: None, outliers: None }
+    Outer { other: vec![], ln_site, ln_noise: 0.3, ln_unit: None, outliers: None, scatter: vec![] }
 }
 
 /// Covariance of the measurements at a site sd, with or without the dose.
@@ -43,6 +43,24 @@ fn covariance(site: f64, with_dose: bool) -> DMatrix<f64> {
             + same(i == j, variance)
             + same(with_dose, 2.25 * DOSE[i] * DOSE[j])
     })
+}
+
+#[test]
+fn scatter_multiplies_the_error_of_each_row() {
+    let mut engine = engine();
+    let scatter = TriedTerm { on: vec![], design: DOSE.to_vec(), n: 1, sd: None };
+    engine.terms = vec![std::sync::Arc::new(scatter)];
+    let (y, mean) = (DVector::from_row_slice(&Y), DVector::from_element(7, 3.0));
+    for slope in [0.0, 0.4, -0.7] {
+        let outer = Outer { scatter: vec![vec![slope]], ..outer(1.0f64.ln()) };
+        let fit = engine.fit(&outer, &[0], None).unwrap();
+        let mut covariance = covariance(1.0, false);
+        for (i, dose) in DOSE.iter().enumerate() {
+            covariance[(i, i)] += (2.0 * (0.3 + slope * dose)).exp() - 0.6f64.exp();
+        }
+        let exact = ln_normal(&y, &mean, &covariance);
+        assert!((fit.ln_evidence - exact).abs() < 1e-6, "{slope}: {} {exact}", fit.ln_evidence);
+    }
 }
 
 fn ln_normal(y: &DVector<f64>, mean: &DVector<f64>, covariance: &DMatrix<f64>) -> f64 {

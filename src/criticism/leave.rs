@@ -134,7 +134,6 @@ fn predict(
     draws: usize,
     rng: &mut ChaCha8Rng,
 ) -> FromCavity {
-    let noise = fit.noise();
     let root = square_root(&cavity.covariance);
     let mut tallies = vec![Tally::default(); cavity.rows.len()];
     let mut ln = vec![];
@@ -146,12 +145,12 @@ fn predict(
             let (row, measured) = (&engine.rows[*r], &engine.measured[*r]);
             let own = &mut locals.as_slice()[at..at + row.n].to_vec();
             at += row.n;
-            total += engine.model.row_ln(row.id, measured, own, &noise);
+            total += engine.model.row_ln(row.id, measured, own, &fit.noise[*r]);
             if let Some(location) = engine.model.row_location(row.id, own) {
                 tally.sum += location;
                 tally.n += 1.0;
             }
-            own[row.observable] += fit.error(rng);
+            own[row.observable] += fit.error(*r, rng);
             let cells = engine.model.row_replicate(row.id, measured, own, rng);
             match order(&cells, measured) {
                 Ordering::Less => tally.below += 1.0,

@@ -6,7 +6,7 @@ use nalgebra::{Cholesky, DMatrix, DVector, Dyn, SymmetricEigen};
 
 use super::engine::{Engine, Outer};
 use super::fit::Linear;
-use crate::model::{Curvature, Tape};
+use crate::model::{Curvature, Noise, Tape};
 
 const MAX_STEPS: usize = 60;
 /// Gradient times step, twice what a step can gain, below which a point is the mode.
@@ -17,6 +17,8 @@ pub(super) struct Newton<'a> {
     pub(super) engine: &'a Engine,
     pub(super) outer: &'a Outer,
     pub(super) linear: &'a Linear,
+    /// What spreads each row beyond its likelihood.
+    pub(super) noise: &'a [Noise],
     /// Rows that are not seen, ascending.
     pub(super) hidden: &'a [usize],
 }
@@ -67,8 +69,8 @@ impl Newton<'_> {
     }
 
     fn point(&self, t: &mut Tape, x: DVector<f64>, z: Vec<f64>) -> Option<Point> {
-        let Self { engine, outer, linear, .. } = *self;
-        let (noise, tau) = (outer.noise(), outer.ln_site.exp());
+        let Self { engine, outer, linear, noise, .. } = *self;
+        let tau = outer.ln_site.exp();
         let n_linear = engine.split.linear.len();
         let u = engine.unknowns(&outer.other, &x);
         let mut prior = vec![0.0; u.len()];
@@ -101,7 +103,7 @@ impl Newton<'_> {
             moved.clear();
             moved.extend((0..row.n).filter(|l| *l == row.observable || is_moved(l)));
             let mut c =
-                engine.model.row_curvature(row.id, &engine.measured[r], own, &moved, &noise);
+                engine.model.row_curvature(row.id, &engine.measured[r], own, &moved, &noise[r]);
             value += c.value;
             clip(&mut c.hessian, row.n, &moved);
             for (l, g) in c.gradient.iter().enumerate() {

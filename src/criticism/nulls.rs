@@ -60,7 +60,7 @@ impl Nulls<'_> {
             return f64::INFINITY; // counts against a claim
         };
         let searched = search(bench, &simulated, fit, found);
-        searched.tried.iter().map(|t| t.log_bf).fold(f64::NEG_INFINITY, f64::max)
+        searched.best()
     }
 }
 
@@ -86,7 +86,7 @@ fn simulate(engine: &Engine, fit: &LaplaceFit, rng: &mut ChaCha8Rng) -> Vec<Vec<
             fit.linear.constant[row.first + l] + j.map(|(j, x)| j * x).sum::<f64>()
         };
         let mut own: Vec<f64> = (0..row.n).map(local).collect();
-        own[row.observable] += sites[row.site] + fit.error(rng);
+        own[row.observable] += sites[row.site] + fit.error(r, rng);
         engine.model.row_replicate(row.id, &engine.measured[r], &own, rng)
     };
     engine.rows.iter().enumerate().map(one).collect()

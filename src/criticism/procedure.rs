@@ -64,6 +64,13 @@ impl Criticism {
         found(&self.rounds)
     }
 
+    /// Scatter that is claimed: the candidate and its coefficients, ln of the factor by which errors are larger.
+    pub fn scatter(&self) -> Vec<(&Candidate, &[f64])> {
+        let found = self.found().into_iter().map(|f| &self.candidates[f]);
+        let scatter = self.last.outer.scatter.iter().map(Vec::as_slice);
+        found.filter(|candidate| candidate.is_scatter()).zip(scatter).collect()
+    }
+
     /// The causes that are claimed, in order.
     pub fn findings(&self) -> Vec<&Cause> {
         let mut causes: Vec<&Cause> =
@@ -147,7 +154,7 @@ fn next_round<'a>(
 ) -> Result<(Round, Option<Claim<'a>>), CriticismError> {
     let (number, found) = (rounds.len(), found(rounds));
     let searched = search(bench, &bench.engine, base, &found);
-    let best = searched.tried.first().map_or(f64::NEG_INFINITY, |t| t.log_bf);
+    let best = searched.best();
     // a later round without enough evidence claims nothing, whatever null searches come to
     let is_idle = number > 0 && best <= least_log_bf(number);
     let n = if is_idle { 0 } else { settings.nulls };

@@ -8,7 +8,9 @@ use super::candidate::{Candidate, Level, Screen, Unusable};
 use super::cause::Cause;
 use super::observable::readable;
 use super::units::{Unit, by_site, is_constant_within};
-use crate::model::forms::{above, all, families, family, group, path, scaled, smooth, surface};
+use crate::model::forms::{
+    above, all, families, family, group, path, scaled, scaled_by, smooth, surface,
+};
 use crate::model::{Form, Model};
 use crate::table::{FIELD_MODES, Measurements, Role, TypedColumn};
 
@@ -32,6 +34,8 @@ pub(super) fn mean_and_sd(x: &[f64]) -> (f64, f64) {
 
 /// Shares of the table's distances that may be inside a patch.
 const INSIDE: [f64; 12] = [0.1, 0.125, 0.15, 0.175, 0.2, 0.225, 0.25, 0.275, 0.3, 0.35, 0.4, 0.5];
+/// Most kinds of regions in each of which an effect of a number may differ.
+const MOST_REGIONS: usize = 5;
 /// Sites for each mode of a field that is tried, and its fewest modes.
 const SITES_PER_MODE: usize = 8;
 const LEAST_MODES: usize = 24;
@@ -165,6 +169,21 @@ impl Maker<'_> {
         all.map(|candidate| Candidate { screen: Screen::None, ..candidate })
     }
 
+    /// Scatter that goes with a column.
+    fn scatter(&self, name: &str, form: Form) -> Candidate {
+        let cause = Cause::Hetero(name.to_owned());
+        let (level, screen) = (Level::Noise, Screen::Scatter);
+        Candidate { level, screen, ..self.candidate(cause, form, &[]) }
+    }
+
+    /// Columns of regions in which an effect may differ.
+    fn regions(&self) -> impl Iterator<Item = &String> {
+        let is_region = |name: &&String| self.table.role(name) == Role::Region;
+        let is_few =
+            |name: &&String| (2..=MOST_REGIONS).contains(&families(self.table, name).len());
+        self.table.columns().iter().filter(is_region).filter(is_few)
+    }
+
     fn of_numbers(&self, name: &str, x: &[f64]) -> Result<Vec<Candidate>, &'static str> {
         let mut values: Vec<f64> = x.iter().copied().filter(|x| x.is_finite()).collect();
         values.sort_by(f64::total_cmp);
@@ -180,7 +199,9 @@ impl Maker<'_> {
         if values.len() >= 4 {
             forms.push(smooth(name, low, high, 3.0));
         }
+        forms.extend(self.regions().map(|region| scaled_by(name, region, centre, scale)));
         let mut found = self.on_observable(name, forms);
+        found.push(self.scatter(name, scaled(name, centre, scale)));
         if self.table.role(name) == Role::Distance {
             for share in INSIDE {
                 let at = (share * (values.len() - 1) as f64) as usize;
@@ -213,9 +234,12 @@ impl Maker<'_> {
         }
         if self.table.role(name) == Role::Region {
             let cause = Cause::Column(name.to_owned());
-            return Ok(forms.iter().flat_map(|form| self.everywhere(&cause, form)).collect());
+            let effects = forms.iter().flat_map(|form| self.everywhere(&cause, form));
+            return Ok(effects.chain([self.scatter(name, group(name))]).collect());
         }
-        Ok(self.on_observable(name, forms))
+        let mut found = self.on_observable(name, forms);
+        found.push(self.scatter(name, group(name)));
+        Ok(found)
     }
 }
 

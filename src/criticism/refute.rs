@@ -1,8 +1,7 @@
 //! Whether a cause predicts what was left out.
 
 use super::bench::Bench;
-use super::candidate::Level;
-use super::engine::Outer;
+use super::candidate::{Candidate, Level};
 use super::fit::LaplaceFit;
 use super::judgement::{Refutation, UnitScore};
 use super::leave::{Left, leave_sites_out, leave_units_out, squared_errors};
@@ -93,9 +92,13 @@ impl Bench<'_> {
     /// The fit without its last terms.
     fn without(&self, last: &[usize], fit: &LaplaceFit) -> Option<LaplaceFit> {
         let active = fit.active.strip_suffix(last)?;
-        let is_noise = last.iter().any(|c| self.candidates[*c].level == Level::Noise);
-        let outliers = fit.outer.outliers.filter(|_| !is_noise);
-        let outer = Outer { outliers, ..fit.outer.clone() };
+        let is = |of: &dyn Fn(&Candidate) -> bool| last.iter().any(|c| of(&self.candidates[*c]));
+        let is_outliers = is(&|c| c.level == Level::Noise && !c.is_scatter());
+        let mut outer = fit.outer.clone();
+        outer.outliers = outer.outliers.filter(|_| !is_outliers);
+        if is(&Candidate::is_scatter) {
+            outer.scatter.pop();
+        }
         let start = self.engine.fit(&outer, active, Some(fit))?;
         self.optimised(&start, Free::Spread).map(|(fit, _)| fit)
     }

@@ -1,23 +1,51 @@
 //! What remains unexplained: the evidence of the random effects.
 
 use super::bench::Bench;
+use super::candidate::Level;
 use super::engine::Outer;
 use super::fit::LaplaceFit;
 use super::outer::{Free, score, without_sites};
 
+/// A fit with these terms, and its score.
+type Fitted<'a> = &'a dyn Fn(&[usize]) -> Option<(LaplaceFit, f64)>;
+
 impl Bench<'_> {
-    /// Log Bayes factor of the sites' random effect, against nothing or the model's fields at a finer
-    /// resolution, whichever says more when fitted as well.
+    /// Log Bayes factor of the sites' random effect. With it and without it the model's fields have the resolution at
+    /// which they say most: where sites differ and fields are finer than the model's, both are needed. So have the curves
+    /// of what was found: where these do not follow the true ones, that is no further cause.
     pub(super) fn site_evidence(&self, fit: &LaplaceFit) -> f64 {
-        let finer = self.finer.iter().map(|terms| [&fit.active[..], terms].concat());
-        let without = [fit.active.clone()].into_iter().chain(finer);
-        let fits =
-            without.filter_map(|active| without_sites(&self.engine, &active, fit, self.step));
-        let Some((best, _)) = fits.max_by(|a, b| a.1.total_cmp(&b.1)) else {
-            return f64::INFINITY;
+        let curves = self.curves(&fit.active).map(|curve| vec![curve]);
+        let further = [vec![]].into_iter().chain(self.finer.iter().cloned()).chain(curves);
+        let resolutions: Vec<Vec<usize>> =
+            further.map(|terms| [&fit.active[..], &terms].concat()).collect();
+        let best = |of: Fitted<'_>| {
+            let fits = resolutions.iter().filter_map(|active| of(active));
+            let (best, score) = fits.max_by(|a, b| a.1.total_cmp(&b.1))?;
+            let refined = self.optimised(&best, Free::All).map_or(score, |(_, refined)| refined);
+            Some(refined.max(score))
         };
-        let best = self.optimised(&best, Free::All);
-        score(fit, self.step) - best.map_or(f64::NEG_INFINITY, |(_, score)| score)
+        let with = best(&|active| {
+            let start = self.engine.fit(&fit.outer, active, Some(fit))?;
+            self.optimised(&start, Free::Spread)
+        });
+        let without = best(&|active| without_sites(&self.engine, active, fit, self.step));
+        with.unwrap_or(score(fit, self.step)).max(score(fit, self.step))
+            - without.unwrap_or(f64::NEG_INFINITY)
+    }
+
+    /// The other forms of what was found on what is observed: a curve beside a line.
+    fn curves(&self, active: &[usize]) -> impl Iterator<Item = usize> {
+        let is_curve = |c: &usize| {
+            let candidate = &self.candidates[*c];
+            candidate.level == Level::Observable && candidate.edge().is_none()
+        };
+        let is_found = |c: &usize| {
+            let mut found = active.iter().filter_map(|a| self.candidates.get(*a));
+            found.any(|found| found.cause == self.candidates[*c].cause)
+        };
+        let is_new = |c: &usize| !active.contains(c);
+        let all = (0..self.candidates.len()).filter(is_new).filter(is_curve);
+        all.filter(is_found).collect::<Vec<_>>().into_iter()
     }
 
     /// Log Bayes factor of the units' random effect.

@@ -1,6 +1,7 @@
 //! Causes that the best candidate cannot be told apart from.
 
 use super::bench::Bench;
+use super::candidate::Level;
 use super::cause::Cause;
 use super::fit::LaplaceFit;
 use super::judgement::CLAIM;
@@ -32,8 +33,6 @@ pub(super) struct Duel<'a> {
     pub(super) base: &'a LaplaceFit,
     /// What the base leaves over.
     pub(super) left: &'a Left,
-    /// Candidates in the base.
-    pub(super) found: &'a [usize],
 }
 
 impl Bench<'_> {
@@ -50,7 +49,8 @@ impl Bench<'_> {
         // the base's fields have bent after the cause that they lack
         let fit = best.fit.as_ref().unwrap_or(base);
         let r2 = || r_squared_on_fields(&self.engine, fit, best.candidate, self.step);
-        if best.log_bf < DECISIVE && r2() > SPAN {
+        let moves = self.candidates[best.candidate].level != Level::Noise;
+        if moves && best.log_bf < DECISIVE && r2() > SPAN {
             rivals.push(Cause::SpatialField);
         }
         if self.adds_to_finer_fields(duel) < CLAIM {
@@ -123,12 +123,16 @@ impl Bench<'_> {
 
     /// What the best candidate adds to the score with another one in the model.
     fn adds(&self, duel: &Duel<'_>, other: &Tried) -> f64 {
-        let Duel { best, base, found, .. } = *duel;
-        let both = self.active(&[found, &[other.candidate, best.candidate][..]].concat());
+        let Duel { best, base, .. } = *duel;
         let with_both = || {
             let fit = other.fit.as_ref()?;
+            let both = self.and(&fit.active, best.candidate);
             let mut outer = fit.outer.clone();
-            outer.outliers = outer.outliers.or(best.fit.as_ref()?.outer.outliers);
+            let of_best = &best.fit.as_ref()?.outer;
+            outer.outliers = outer.outliers.or(of_best.outliers);
+            if self.candidates[best.candidate].is_scatter() {
+                outer.scatter.extend(of_best.scatter.last().cloned());
+            }
             let start = self.engine.fit(&outer, &both, Some(fit))?;
             let (_, both) = optimise(&self.engine, &both, &start, Free::Spread, self.step)?;
             Some(both - score(base, self.step) - other.log_bf)

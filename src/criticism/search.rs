@@ -13,11 +13,21 @@ use super::screen::{f_test, of_sites, of_units};
 
 /// p-value of the screen up to which a candidate is fitted.
 const GATE: f64 = 0.05;
+/// That of scatter, part of which the fit has taken for what sites differ by.
+const GATE_OF_SCATTER: f64 = 0.2;
 /// What a form with more coefficients must gain in log Bayes factor.
 const SIMPLER: f64 = 1.0;
 /// Shares of outlying measurements that are tried, and the sds of their further error in steps.
 const OUTLYING_SHARES: [f64; 2] = [0.05, 0.15];
 const OUTLYING_STEPS: [f64; 2] = [2.0, 5.0];
+/// Coefficients of scatter that are tried for a number, per standard deviation, and for each label alone: ln of the
+/// factor by which errors are larger.
+const SCATTER_OF_NUMBER: [f64; 4] = [-1.0, -0.5, 0.5, 1.0];
+const SCATTER_OF_LABEL: [f64; 2] = [1.0, 2.0];
+/// Causes of which every two are tried together, the best.
+const PAIRED: usize = 3;
+/// What a pair must explain more than a single cause to count as much: it is chosen among more.
+const PRICE_OF_PAIR: f64 = CLAIM;
 /// So far below the base, the sds of sites and noise would not bring them above it.
 const HOPELESS: f64 = 5.0;
 
@@ -34,6 +44,16 @@ pub(super) struct Tried {
     pub(super) fit: Option<LaplaceFit>,
 }
 
+/// Two causes that hide each other: each alone leaves the other's effect over, which makes sites differ so much
+/// that neither stands out.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Pair {
+    /// Numbers of the candidates, the one with more evidence alone first.
+    pub(super) candidates: [usize; 2],
+    /// Log Bayes factor of both against the base, less the price of a pair.
+    pub(super) log_bf: f64,
+}
+
 /// What a search came to.
 #[derive(Clone, Debug)]
 pub(super) struct Searched {
@@ -41,6 +61,16 @@ pub(super) struct Searched {
     pub(super) base: LaplaceFit,
     /// Every candidate, best first.
     pub(super) tried: Vec<Tried>,
+    /// The best pair.
+    pub(super) pair: Option<Pair>,
+}
+
+impl Searched {
+    /// The most evidence of a candidate or a pair.
+    pub(super) fn best(&self) -> f64 {
+        let single = self.tried.iter().map(|t| t.log_bf).fold(f64::NEG_INFINITY, f64::max);
+        self.pair.map_or(single, |pair| single.max(pair.log_bf))
+    }
 }
 
 /// Searches the rows of `engine`, measured or simulated. The base of what it finds is `base`, or a better one
@@ -55,10 +85,11 @@ pub(super) fn search(
     loop {
         let mut tried = pass.scored();
         pass.refine(&mut tried);
+        let pair = pass.paired(&tried);
         pass.simplest_first(&mut tried);
         match pass.better_base(&tried) {
             Some(better) => pass.base = better,
-            None => return Searched { base: pass.base, tried },
+            None => return Searched { base: pass.base, tried, pair },
         }
     }
 }
@@ -75,7 +106,12 @@ struct Pass<'s> {
 impl Pass<'_> {
     /// Scores every candidate whose cause is not in the base already.
     fn scored(&self) -> Vec<Tried> {
-        let sites = of_sites(self.engine, &residuals(self.engine, &self.base, self.bench.seed));
+        let mut residual = residuals(self.engine, &self.base, self.bench.seed);
+        let sites = of_sites(self.engine, &residual);
+        for r in &mut residual {
+            *r = r.abs();
+        }
+        let scatter = of_sites(self.engine, &residual);
         let units = of_units(self.engine, &self.base);
         let candidates = &self.bench.candidates;
         let is_new = |c: &usize| {
@@ -86,11 +122,13 @@ impl Pass<'_> {
             let screen = candidates[candidate].screen;
             let p_screen = match screen {
                 Screen::Sites => f_test(self.engine, &sites, candidate),
+                Screen::Scatter => f_test(self.engine, &scatter, candidate),
                 Screen::Units => f_test(self.engine, &units, candidate),
                 Screen::None => 1.0,
             };
             let tried = Tried { candidate, p_screen, log_bf: f64::NEG_INFINITY, fit: None };
-            if screen != Screen::None && p_screen > GATE { tried } else { self.fitted(tried) }
+            let gate = if screen == Screen::Scatter { GATE_OF_SCATTER } else { GATE };
+            if screen != Screen::None && p_screen > gate { tried } else { self.fitted(tried) }
         };
         (0..candidates.len()).filter(is_new).map(one).collect()
     }
@@ -101,9 +139,11 @@ impl Pass<'_> {
         let step = self.bench.step;
         let Candidate { level, screen, .. } = self.bench.candidates[tried.candidate];
         let reference = score(base, step);
-        let active = [&self.active[..], &[tried.candidate]].concat();
+        let active = self.bench.and(&self.active, tried.candidate);
         if level == Level::Noise {
-            let Some((fit, score)) = self.with_outliers(&active) else { return tried };
+            let Some((fit, score)) = self.with_noise(&active, tried.candidate) else {
+                return tried;
+            };
             return Tried { log_bf: score - reference, fit: Some(fit), ..tried };
         }
         let Some(fit) = engine.fit(&base.outer, &active, Some(base)) else { return tried };
@@ -118,20 +158,16 @@ impl Pass<'_> {
         Tried { log_bf, fit: Some(fit), ..tried }
     }
 
-    /// The fit with outliers, and its score averaged over their share and size.
-    fn with_outliers(&self, active: &[usize]) -> Option<(LaplaceFit, f64)> {
+    /// The fit with outliers or scatter, and its score averaged over what is tried of it.
+    fn with_noise(&self, active: &[usize], candidate: usize) -> Option<(LaplaceFit, f64)> {
         let (Self { engine, base, .. }, step) = (self, self.bench.step);
-        let mut outer = base.outer.clone();
-        // what is outlying has made the others' error look large
-        outer.ln_noise = outer.ln_noise.min((step / 3.0).ln());
+        let is_scatter = self.bench.candidates[candidate].is_scatter();
+        let outers = if is_scatter { self.scattering(candidate) } else { self.outlying() };
         let mut tried: Vec<(LaplaceFit, f64)> = vec![];
-        for share in OUTLYING_SHARES {
-            for size in OUTLYING_STEPS {
-                outer.outliers = Some((share, size * step));
-                let fit = engine.fit(&outer, active, Some(base))?;
-                let score = score(&fit, step);
-                tried.push((fit, score));
-            }
+        for outer in outers {
+            let fit = engine.fit(&outer, active, Some(base))?;
+            let score = score(&fit, step);
+            tried.push((fit, score));
         }
         let (best, most) = tried.iter().max_by(|a, b| a.1.total_cmp(&b.1))?;
         if *most < score(base, step) - HOPELESS {
@@ -141,6 +177,68 @@ impl Pass<'_> {
         let average = (total / tried.len() as f64).ln();
         let (fit, score) = optimise(engine, active, best, Free::Spread, step)?;
         Some((fit, score + average))
+    }
+
+    /// The base with each share and size of outliers.
+    fn outlying(&self) -> Vec<Outer> {
+        let (mut outer, step) = (self.base.outer.clone(), self.bench.step);
+        // what is outlying has made the others' error look large
+        outer.ln_noise = outer.ln_noise.min((step / 3.0).ln());
+        let all =
+            OUTLYING_SHARES.iter().flat_map(|share| OUTLYING_STEPS.map(|size| (*share, size)));
+        all.map(|(share, size)| Outer { outliers: Some((share, size * step)), ..outer.clone() })
+            .collect()
+    }
+
+    /// The base with each coefficient of scatter; the mean variance of errors stays what it is.
+    fn scattering(&self, candidate: usize) -> Vec<Outer> {
+        let Self { engine, base, .. } = self;
+        let n = engine.terms[candidate].n;
+        let coefficients: &[f64] = if n == 1 { &SCATTER_OF_NUMBER } else { &SCATTER_OF_LABEL };
+        let all = (0..n).flat_map(|k| coefficients.iter().map(move |c| (k, *c)));
+        let one = |(k, coefficient): (usize, f64)| {
+            let factor =
+                |row| (2.0 * coefficient * engine.design(&engine.terms[candidate], row)[k]).exp();
+            let rows = engine.rows.len();
+            let mean = (0..rows).map(factor).sum::<f64>() / rows as f64;
+            let mut own = vec![0.0; n];
+            own[k] = coefficient;
+            let mut outer = base.outer.clone();
+            outer.ln_noise -= 0.5 * mean.ln();
+            outer.scatter.push(own);
+            outer
+        };
+        all.map(one).collect()
+    }
+
+    /// The best two causes together. A patch has too many thresholds to be one of them, and scatter moves nothing.
+    fn paired(&self, tried: &[Tried]) -> Option<Pair> {
+        let candidate = |t: &Tried| &self.bench.candidates[t.candidate];
+        let mut best: Vec<&Tried> = vec![];
+        for t in tried.iter().filter(|t| t.fit.is_some()) {
+            let is_new = best.iter().all(|other| candidate(other).cause != candidate(t).cause);
+            let is_effect = candidate(t).level != Level::Noise && candidate(t).edge().is_none();
+            if is_new && is_effect && best.len() < PAIRED {
+                best.push(t);
+            }
+        }
+        let pairs = (1..best.len()).flat_map(|b| (0..b).map(move |a| (a, b)));
+        let scored = pairs.filter_map(|(a, b)| self.pair(best[a], best[b]));
+        scored.max_by(|a, b| a.log_bf.total_cmp(&b.log_bf))
+    }
+
+    /// Two candidates in one fit, if both at the spread of one alone explain more than this one.
+    fn pair(&self, one: &Tried, other: &Tried) -> Option<Pair> {
+        let (Self { engine, base, .. }, step) = (self, self.bench.step);
+        let fit = one.fit.as_ref()?;
+        let active = self.bench.and(&fit.active, other.candidate);
+        let both = engine.fit(&fit.outer, &active, Some(fit))?;
+        if score(&both, step) - score(base, step) <= one.log_bf {
+            return None;
+        }
+        let (_, both) = optimise(engine, &active, &both, Free::Spread, step)?;
+        let log_bf = both - score(base, step) - PRICE_OF_PAIR;
+        Some(Pair { candidates: [one.candidate, other.candidate], log_bf })
     }
 
     /// Fits the best form of each of the best causes again with the model's own unknowns free, as the base is:
@@ -185,7 +283,8 @@ impl Pass<'_> {
     fn better_base(&self, tried: &[Tried]) -> Option<LaplaceFit> {
         let (Self { engine, active, base, .. }, step) = (self, self.bench.step);
         let best = tried.first().filter(|t| t.log_bf > 1.0)?.fit.as_ref()?;
-        let outer = Outer { outliers: base.outer.outliers, ..best.outer.clone() };
+        let Outer { outliers, scatter, .. } = base.outer.clone();
+        let outer = Outer { outliers, scatter, ..best.outer.clone() };
         let start = engine.fit(&outer, active, Some(base))?;
         let (fit, score_there) = optimise(engine, active, &start, Free::All, step)?;
         (score_there > score(base, step) + 0.5).then_some(fit)

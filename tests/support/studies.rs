@@ -60,9 +60,19 @@ pub(crate) enum Scenario {
     Cancel,
     /// Sessions one after the other that differ; catheter, operator and temperature are constant in each.
     Decoys,
+    /// Region, which changes two fields, and force, which changes what is observed.
+    TwoLevels,
+    /// Force and catheter, each twice as large.
+    TwoLarge,
+    /// Scatter that grows as the force falls.
+    Hetero,
+    /// Scatter of one catheter.
+    HeteroCatheter,
+    /// Force, which acts in the veins alone; its mean there is no other than elsewhere.
+    Interaction,
 }
 
-pub(crate) const ALL: [Scenario; 19] = {
+pub(crate) const ALL: [Scenario; 24] = {
     use Scenario::*;
     [
         Null,
@@ -84,6 +94,11 @@ pub(crate) const ALL: [Scenario; 19] = {
         Misscaled,
         Cancel,
         Decoys,
+        TwoLevels,
+        TwoLarge,
+        Hetero,
+        HeteroCatheter,
+        Interaction,
     ]
 };
 
@@ -132,6 +147,8 @@ struct Site {
     parameters: [f64; 2],
     /// What is added to the ERP, ms.
     shift: f64,
+    /// Standard deviation of a further error of each measurement, ms.
+    scatter: f64,
 }
 
 const REGIONS: [&str; 7] = ["body", "PV1", "PV2", "PV3", "PV4", "LAA", "body"];
@@ -201,6 +218,7 @@ fn sites(heart: &Heart, rng: &mut ChaCha8Rng) -> Vec<Site> {
         s1: [400.0, 500.0, 600.0, 700.0][rng.random_range(0..4)],
         parameters: [tau_out[i].clamp(2.5, 18.0), apd_max[i].clamp(150.0, 235.0)],
         shift: 0.0,
+        scatter: 0.0,
     };
     vertices.iter().enumerate().map(one).collect()
 }
@@ -261,9 +279,24 @@ fn act(sites: &mut [Site], scenario: Scenario, rng: &mut ChaCha8Rng) {
             add(sites, 1.0, force);
             add(sites, 1.0, catheter);
         }
+        Scenario::TwoLarge => {
+            add(sites, 2.0, force);
+            add(sites, 2.0, catheter);
+        }
+        Scenario::TwoLevels => {
+            remodel(sites, |s| f64::from(u8::from(s.is_vein())));
+            add(sites, 1.0, force);
+        }
         Scenario::Cancel => {
             add(sites, 1.0, force);
             add(sites, 1.0, |s| -output(s));
+        }
+        Scenario::Hetero => spread(sites, |s| force(s).powi(2)),
+        Scenario::HeteroCatheter => spread(sites, |s| f64::from(u8::from(s.catheter == "C"))),
+        Scenario::Interaction => {
+            let own: Vec<Site> = sites[..N_TRAIN].iter().filter(|s| s.is_vein()).cloned().collect();
+            let (mean, _) = moments(&own, &force);
+            add(sites, 1.0, |s| if s.is_vein() { force(s) - mean } else { 0.0 });
         }
         Scenario::Drift => add(sites, 1.0, |s| -(-s.minute / 20.0).exp()),
         Scenario::Rate => add(sites, 1.0, Site::restitution),
@@ -287,6 +320,16 @@ fn add(sites: &mut [Site], size: f64, cause: impl Fn(&Site) -> f64) {
     let (mean, sd) = moments(&sites[..N_TRAIN], &cause);
     for site in sites {
         site.shift += size * EFFECT * (cause(site) - mean) / sd;
+    }
+}
+
+/// Gives measurements a further error whose sd goes with `cause`; its root mean square over the sites for training
+/// is [`EFFECT`].
+fn spread(sites: &mut [Site], cause: impl Fn(&Site) -> f64) {
+    let square = |s: &Site| cause(s).powi(2);
+    let rms = moments(&sites[..N_TRAIN], &square).0.sqrt();
+    for site in sites {
+        site.scatter = EFFECT * cause(site) / rms;
     }
 }
 
@@ -352,6 +395,9 @@ impl Visit<'_> {
         let mut error = 2.0 * rng.sample::<f64, _>(StandardNormal);
         if scenario == Scenario::Outliers && rng.random_bool(0.1) {
             error += 40.0 * rng.sample::<f64, _>(StandardNormal);
+        }
+        if site.scatter > 0.0 {
+            error += site.scatter * rng.sample::<f64, _>(StandardNormal);
         }
         let shown = erp + site.shift + error;
         let lower = grid + ((shown - grid) / 10.0).floor() * 10.0;

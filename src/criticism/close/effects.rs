@@ -40,7 +40,9 @@ pub(super) fn found(
         let log_bf = round.taken().map_or(f64::NAN, |taken| taken.log_bf);
         for (k, candidate) in round.claimed.iter().enumerate() {
             let found = &criticism.candidates[*candidate];
-            let Some(form) = found.form.clone() else { continue };
+            // scatter moves nothing that an effect could add to
+            let form = found.form.clone().filter(|_| !found.is_scatter());
+            let Some(form) = form else { continue };
             let (on, sd) = (found.on.clone(), found.sd);
             let mut name = found.cause.name();
             if k > 0 {

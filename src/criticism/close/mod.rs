@@ -119,7 +119,7 @@ impl<'m> Loop<'m> {
         let added: Vec<AddedEffect> = effects.iter().map(|(effect, ..)| effect.clone()).collect();
         let augmented =
             Augmented::new(self.declared, &added).with_outliers(criticism.last.outer.outliers);
-        let after = if criticism.found().is_empty() {
+        let after = if added.is_empty() && criticism.last.outer.outliers.is_none() {
             None
         } else {
             Some(self.sample(&augmented, "after", out, watch)?)

@@ -1,7 +1,8 @@
 //! The answer in words.
 
 use super::{FoundEffect, Story};
-use crate::criticism::CLAIM;
+use crate::criticism::{CLAIM, Candidate};
+use crate::model::forms::Extent;
 use crate::table::Role;
 
 impl Story {
@@ -16,7 +17,7 @@ impl Story {
         });
         let of_one_cause = |a: &FoundEffect, b: &FoundEffect| a.effect.form == b.effect.form;
         let effects = self.effects.chunk_by(of_one_cause).map(|effects| self.in_words(effects));
-        let lacked: Vec<String> = effects.chain(outliers).collect();
+        let lacked: Vec<String> = effects.chain(outliers).chain(self.scatter()).collect();
         if !lacked.is_empty() {
             return format!("{model} lacks {}.", lacked.join(" and "));
         }
@@ -30,6 +31,26 @@ impl Story {
             return format!("{model} lacks something that none of {n} candidate effects explains.");
         }
         format!("Nothing is missing from {model} that these data could show.")
+    }
+
+    /// Scatter that goes with a column, in words.
+    fn scatter(&self) -> Vec<String> {
+        let table = &self.loaded.measurements;
+        let one = |(candidate, ln): (&Candidate, &[f64])| {
+            let form = candidate.form.as_ref()?;
+            let column = form.column().unwrap_or_default();
+            let labels = form.labels(table);
+            let k = ln.iter().position(|ln| *ln != 0.0)?;
+            let factor = ln[k].exp();
+            let of = match form.extent() {
+                Extent::Coefficient(of) => of,
+                _ => format!("with {}", labels.get(k).map_or("", String::as_str)),
+            };
+            Some(format!(
+                "scatter that goes with {column} (errors {factor:.1} times as large {of})"
+            ))
+        };
+        self.criticism.scatter().into_iter().filter_map(one).collect()
     }
 
     /// The effects of one cause in words.
@@ -71,6 +92,12 @@ impl Story {
         let mut lines = vec![self.verdict()];
         let statements = self.effects.iter().map(|found| found.effect.statement());
         lines.extend(statements.map(|statement| format!("found     {statement}")));
+        for (candidate, _) in criticism.scatter() {
+            lines.push(format!(
+                "{} is in no model file: a likelihood in Widened(…, an error of each row) would declare it",
+                candidate.cause
+            ));
+        }
         for [a, b] in criticism.ambiguous() {
             lines.push(format!("ambiguous {a} or {b}: these data cannot tell"));
         }

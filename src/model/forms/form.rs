@@ -28,7 +28,7 @@ pub trait EffectForm: Any + Debug + Send + Sync {
     }
 
     /// A further column that the table must have.
-    fn also_requires(&self) -> Option<&'static str> {
+    fn also_requires(&self) -> Option<&str> {
         None
     }
 

@@ -13,6 +13,7 @@ mod group;
 mod logistic;
 mod path;
 mod scaled;
+mod scaled_by;
 mod smooth;
 mod surface;
 
@@ -24,5 +25,6 @@ pub use group::group;
 pub use logistic::logistic;
 pub use path::path;
 pub use scaled::scaled;
+pub use scaled_by::scaled_by;
 pub use smooth::smooth;
 pub use surface::surface;

@@ -20,7 +20,7 @@ impl EffectForm for Path {
     fn design(&self, table: &Measurements) -> (Vec<f64>, usize) {
         self.0.of_modes(table, true)
     }
-    fn also_requires(&self) -> Option<&'static str> {
+    fn also_requires(&self) -> Option<&str> {
         Some(SOURCE)
     }
     fn n_modes(&self) -> usize {
