@@ -43,8 +43,8 @@ impl<D: Real> Likelihood<D, Bracket> for Interval<D> {
         let sigma = (self.sigma * self.sigma + variance).sqrt();
         Interval { f: self.f, sigma }.ln_likelihood(y)
     }
-    fn location(&self) -> Option<f64> {
-        Some(self.f.re())
+    fn location(&self) -> Option<D> {
+        Some(self.f)
     }
     fn simulate(&self, like: &Bracket, rng: &mut dyn Rng) -> Bracket {
         self.simulate_widened(like, 0.0, rng)

@@ -104,8 +104,8 @@ impl<D: Real> Likelihood<D, Bracket> for TopHat<D> {
     fn ln_widened(&self, y: &Bracket, variance: D) -> D {
         self.ln_wide(y, variance)
     }
-    fn location(&self) -> Option<f64> {
-        Some(self.0.re())
+    fn location(&self) -> Option<D> {
+        Some(self.0)
     }
     fn simulate(&self, like: &Bracket, _: &mut dyn Rng) -> Bracket {
         like.containing(self.0.re())

@@ -39,7 +39,7 @@ impl<D: Real, Y: Observation, L: Likelihood<D, Y>> Likelihood<D, Y> for Widened<
     fn ln_widened(&self, y: &Y, variance: D) -> D {
         self.inner.ln_widened(y, self.sd * self.sd + variance)
     }
-    fn location(&self) -> Option<f64> {
+    fn location(&self) -> Option<D> {
         self.inner.location()
     }
     fn simulate(&self, like: &Y, rng: &mut dyn Rng) -> Y {
