@@ -1,11 +1,12 @@
 //! A Laplace fit, and what it says of rows that it had not seen.
 
-use nalgebra::{Cholesky, DMatrix, DVector, Dyn};
+use nalgebra::{DMatrix, DVector};
 
 use rand::{Rng, RngExt};
 use rand_distr::StandardNormal;
 
-use super::engine::{Engine, Outer, TriedTerm};
+use super::engine::{Engine, Outer, RowAt, TriedTerm};
+use super::newton::System;
 use crate::model::{Curvature, Noise};
 
 /// A Laplace fit.
@@ -26,10 +27,8 @@ pub struct LaplaceFit {
     /// What spreads each row beyond its likelihood.
     pub noise: Vec<Noise>,
     pub(super) linear: Linear,
-    pub(super) factor: Cholesky<f64, Dyn>,
-    /// Precision of each site's effect, and its coupling to x.
-    pub(super) precision: Vec<f64>,
-    pub(super) coupling: Vec<DVector<f64>>,
+    /// Minus the Hessian at the mode.
+    pub(super) system: System,
     pub(super) curvatures: Vec<Curvature>,
 }
 
@@ -49,6 +48,12 @@ impl Linear {
     /// Number of unknowns.
     pub(super) fn n(&self) -> usize {
         self.j.nrows()
+    }
+
+    /// Which scalars of a row what is integrated over moves: not a noise, for instance.
+    pub(super) fn moved(&self, row: &RowAt) -> Vec<usize> {
+        let is_moved = |l: usize| self.row(row.first + l).iter().any(|j| *j != 0.0);
+        (0..row.n).filter(|l| *l == row.observable || is_moved(*l)).collect()
     }
 
     /// How a scalar depends on the unknowns.
@@ -77,7 +82,7 @@ impl LaplaceFit {
         for k in first..n {
             unit[(k, k - first)] = 1.0;
         }
-        let covariance = self.factor.solve(&unit).rows(first, n - first).into_owned();
+        let covariance = self.system.factor.solve(&unit).rows(first, n - first).into_owned();
         (self.x.rows(first, n - first).into_owned(), covariance)
     }
 
@@ -130,9 +135,9 @@ impl LaplaceFit {
             a[at + row.observable] = 1.0;
             at += row.n;
         }
-        let (d, b) = (self.precision[site], &self.coupling[site]);
+        let (d, b) = (self.system.precision[site], &self.system.coupling[site]);
         g.ger(-tau / d, &a, b, 1.0);
-        let mut v = &g * self.factor.solve(&g.transpose());
+        let mut v = &g * self.system.factor.solve(&g.transpose());
         v.ger(tau * tau / d, &a, &a, 1.0);
         let covariance = (DMatrix::identity(total, total) - &v * k).lu().solve(&v)?;
         let covariance = 0.5 * (&covariance + covariance.transpose());

@@ -134,15 +134,13 @@ impl Engine {
             ln_evidence,
             locals: point.locals,
             linear,
-            factor: system.factor,
-            precision: system.precision,
-            coupling: system.coupling,
+            system,
             curvatures: point.curvatures,
         }
     }
 
     /// Minus the Hessian of the prior in the linear unknowns. Coefficients of GP terms are standard normal.
-    fn prior_curvature(&self, other: &[f64], x: &DVector<f64>) -> DMatrix<f64> {
+    pub(super) fn prior_curvature(&self, other: &[f64], x: &DVector<f64>) -> DMatrix<f64> {
         let n = self.split.linear.len();
         let free: Vec<usize> = (0..n).filter(|k| !self.split.is_eta[*k]).collect();
         let at: Vec<usize> = free.iter().map(|k| self.split.linear[*k]).collect();

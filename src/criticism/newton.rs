@@ -10,7 +10,7 @@ use crate::model::{Curvature, Noise, Tape};
 
 const MAX_STEPS: usize = 60;
 /// Gradient times step, twice what a step can gain, below which a point is the mode.
-const SMALL: f64 = 1e-7;
+const SMALL: f64 = 1e-9;
 
 /// What is climbed.
 pub(super) struct Newton<'a> {
@@ -33,14 +33,13 @@ pub(super) struct Point {
     pub(super) value: f64,
 }
 
-/// The linear system of a step: minus the Hessian, sites eliminated.
+/// Minus the Hessian, the sites' effects eliminated.
+#[derive(Clone, Debug)]
 pub(super) struct System {
     pub(super) factor: Cholesky<f64, Dyn>,
     /// Precision of each site's effect, and its coupling to x.
     pub(super) precision: Vec<f64>,
     pub(super) coupling: Vec<DVector<f64>>,
-    /// Gradient in the sites' effects.
-    slope: Vec<f64>,
 }
 
 impl Newton<'_> {
@@ -54,8 +53,9 @@ impl Newton<'_> {
         let mut point = self.point(t, x, z)?;
         for _ in 0..MAX_STEPS {
             let system = self.system(&point)?;
-            let (dx, dz) = system.step(&point);
-            let slopes = system.slope.iter().zip(&dz).map(|(slope, dz)| slope * dz).sum::<f64>();
+            let slope = self.slope(&point);
+            let (dx, dz) = system.solve(point.gradient.clone(), &slope);
+            let slopes = slope.iter().zip(&dz).map(|(slope, dz)| slope * dz).sum::<f64>();
             if dx.dot(&point.gradient) + slopes < SMALL {
                 return Some((point, system));
             }
@@ -89,7 +89,6 @@ impl Newton<'_> {
             *local += linear.row(l).iter().zip(x.iter()).map(|(j, x)| j * x).sum::<f64>();
         }
         let mut curvatures = Vec::with_capacity(engine.rows.len());
-        let mut moved = vec![];
         for (r, row) in engine.rows.iter().enumerate() {
             locals[row.first + row.observable] += tau * z[row.site];
             if self.hidden.binary_search(&r).is_ok() {
@@ -98,14 +97,13 @@ impl Newton<'_> {
                 continue;
             }
             let own = &locals[row.first..][..row.n];
-            // nothing that is integrated moves the others, a noise for instance
-            let is_moved = |l: &usize| linear.row(row.first + l).iter().any(|j| *j != 0.0);
-            moved.clear();
-            moved.extend((0..row.n).filter(|l| *l == row.observable || is_moved(l)));
+            let moved = linear.moved(row);
             let mut c =
                 engine.model.row_curvature(row.id, &engine.measured[r], own, &moved, &noise[r]);
             value += c.value;
-            clip(&mut c.hessian, row.n, &moved);
+            if let Some(clipped) = Clipped::of(&c.hessian, row.n, &moved) {
+                clipped.write(&mut c.hessian, row.n, &moved);
+            }
             for (l, g) in c.gradient.iter().enumerate() {
                 for (to, j) in gradient.iter_mut().zip(linear.row(row.first + l)) {
                     *to += g * j;
@@ -130,21 +128,42 @@ impl Newton<'_> {
         None
     }
 
-    /// Minus the Hessian at a point, sites eliminated.
+    /// Minus the Hessian at a point.
     fn system(&self, point: &Point) -> Option<System> {
-        let Self { engine, linear, .. } = *self;
-        let (n, tau) = (linear.n(), self.outer.ln_site.exp());
+        let hessians = point.curvatures.iter().map(|c| c.hessian.as_slice());
+        System::new(self.engine, self.linear, self.outer.ln_site.exp(), hessians)
+    }
+
+    /// Gradient in the sites' effects.
+    fn slope(&self, point: &Point) -> Vec<f64> {
+        let tau = self.outer.ln_site.exp();
+        let mut slope: Vec<f64> = point.z.iter().map(|z| -z).collect();
+        for (row, c) in self.engine.rows.iter().zip(&point.curvatures) {
+            slope[row.site] += tau * c.gradient[row.observable];
+        }
+        slope
+    }
+}
+
+impl System {
+    /// Of the Hessian of each row's log likelihood in its scalars, `(n, n)`.
+    pub(super) fn new<'h>(
+        engine: &Engine,
+        linear: &Linear,
+        tau: f64,
+        hessians: impl Iterator<Item = &'h [f64]>,
+    ) -> Option<Self> {
+        let n = linear.n();
         let mut precision = vec![1.0; engine.sites.len()];
         let mut coupling = vec![DVector::zeros(n); engine.sites.len()];
-        let mut slope: Vec<f64> = point.z.iter().map(|z| -z).collect();
         // K J: minus each row's Hessian times its rows of J
         let j = linear.j.select_columns(&linear.used);
         let mut kj = DMatrix::zeros(n, j.ncols());
         let mut first = 0;
-        for (row, c) in engine.rows.iter().zip(&point.curvatures) {
+        for (row, own) in engine.rows.iter().zip(hessians) {
             let is_own = |l: &&usize| **l < row.first + row.n;
             let end = first + linear.used[first..].iter().take_while(is_own).count();
-            let hessian = |l: usize, b: usize| c.hessian[l * row.n + linear.used[b] - row.first];
+            let hessian = |l: usize, b: usize| own[l * row.n + linear.used[b] - row.first];
             for a in first..end {
                 let mut own = kj.column_mut(a);
                 for b in first..end {
@@ -152,8 +171,7 @@ impl Newton<'_> {
                 }
             }
             let l = row.observable;
-            precision[row.site] -= tau * tau * c.hessian[l * row.n + l];
-            slope[row.site] += tau * c.gradient[l];
+            precision[row.site] -= tau * tau * own[l * row.n + l];
             for b in first..end {
                 coupling[row.site].axpy(-tau * hessian(l, b), &j.column(b), 1.0);
             }
@@ -170,38 +188,62 @@ impl Newton<'_> {
             s.ger(-1.0 / d, b, b, 1.0);
         }
         let factor = Cholesky::new(s)?;
-        Some(System { factor, precision, coupling, slope })
+        Some(Self { factor, precision, coupling })
     }
-}
 
-impl System {
-    fn step(&self, point: &Point) -> (DVector<f64>, Vec<f64>) {
-        let mut right = point.gradient.clone();
-        for ((b, d), g) in self.coupling.iter().zip(&self.precision).zip(&self.slope) {
+    /// Solves for the unknowns and the sites' effects.
+    pub(super) fn solve(
+        &self,
+        mut right: DVector<f64>,
+        of_sites: &[f64],
+    ) -> (DVector<f64>, Vec<f64>) {
+        for ((b, d), g) in self.coupling.iter().zip(&self.precision).zip(of_sites) {
             right.axpy(-g / d, b, 1.0);
         }
-        let dx = self.factor.solve(&right);
-        let dz = self.coupling.iter().zip(&self.precision).zip(&self.slope);
-        let dz = dz.map(|((b, d), g)| (g - b.dot(&dx)) / d).collect();
-        (dx, dz)
+        let x = self.factor.solve(&right);
+        let sites = self.coupling.iter().zip(&self.precision).zip(of_sites);
+        let sites = sites.map(|((b, d), g)| (g - b.dot(&x)) / d).collect();
+        (x, sites)
     }
 }
 
-/// Takes the positive part of a Hessian `(n, n)` in the scalars numbered `of` away: what is left is negative
-/// semidefinite.
-fn clip(hessian: &mut [f64], n: usize, of: &[usize]) {
-    let at = |a: usize, b: usize| of[a] * n + of[b];
-    if of.len() == 1 && hessian[at(0, 0)] <= 0.0 {
-        return;
+/// A Hessian of which a part is positive. What is left without that part is negative semidefinite.
+pub(super) struct Clipped(SymmetricEigen<f64, Dyn>);
+
+impl Clipped {
+    /// Of a Hessian `(n, n)` in the scalars numbered `of`; `None` if it has no positive part.
+    pub(super) fn of(hessian: &[f64], n: usize, of: &[usize]) -> Option<Self> {
+        let at = |a: usize, b: usize| hessian[of[a] * n + of[b]];
+        if of.len() == 1 && at(0, 0) <= 0.0 {
+            return None;
+        }
+        let matrix = DMatrix::from_fn(of.len(), of.len(), at);
+        let is_definite = Cholesky::new(-&matrix).is_some();
+        (!is_definite).then(|| Self(SymmetricEigen::new(matrix)))
     }
-    let matrix = DMatrix::from_fn(of.len(), of.len(), |a, b| hessian[at(a, b)]);
-    if Cholesky::new(-&matrix).is_some() {
-        return;
+
+    /// Writes what is left into the Hessian.
+    fn write(mut self, hessian: &mut [f64], n: usize, of: &[usize]) {
+        self.0.eigenvalues.apply(|e| *e = e.min(0.0));
+        let left = self.0.recompose();
+        for (a, b) in (0..of.len()).flat_map(|a| (0..of.len()).map(move |b| (a, b))) {
+            hessian[of[a] * n + of[b]] = left[(a, b)];
+        }
     }
-    let mut eigen = SymmetricEigen::new(matrix);
-    eigen.eigenvalues.apply(|e| *e = e.min(0.0));
-    let clipped = eigen.recompose();
-    for (a, b) in (0..of.len()).flat_map(|a| (0..of.len()).map(move |b| (a, b))) {
-        hessian[at(a, b)] = clipped[(a, b)];
+
+    /// The adjoint of the Hessian, where that of what is left is `bar` (Daleckii and Krein).
+    pub(super) fn carried(&self, bar: &DMatrix<f64>) -> DMatrix<f64> {
+        let (values, vectors) = (&self.0.eigenvalues, &self.0.eigenvectors);
+        let mut inner = vectors.transpose() * bar * vectors;
+        for (i, a) in values.iter().enumerate() {
+            for (j, b) in values.iter().enumerate() {
+                inner[(i, j)] *= match (*a < 0.0, *b < 0.0) {
+                    (true, true) => 1.0,
+                    (false, false) => 0.0,
+                    _ => a.min(*b) / (a.min(*b) - a.max(*b)),
+                };
+            }
+        }
+        vectors * inner * vectors.transpose()
     }
 }

@@ -72,7 +72,7 @@ fn simulate(engine: &Engine, fit: &LaplaceFit, rng: &mut ChaCha8Rng) -> Vec<Vec<
     let sites = normals(engine.sites.len()) * fit.outer.ln_site.exp();
     // precision = L Lᵀ
     let z = normals(fit.x.len());
-    let moved = fit.factor.l_dirty().tr_solve_lower_triangular(&z);
+    let moved = fit.system.factor.l_dirty().tr_solve_lower_triangular(&z);
     let mut x = moved.map_or_else(|| fit.x.clone(), |moved| &fit.x + moved);
     let units = fit.unit_term(engine).map_or(0, |term| term.n);
     let first = engine.split.linear.len();

@@ -98,17 +98,9 @@ pub(super) fn r_squared(engine: &Engine, term: usize, by: usize) -> f64 {
     explained / y.norm_squared()
 }
 
-/// Derivative of a row's predicted value in one of its scalars, by central differences: nine digits, of which
-/// a screen needs two.
-fn slope(engine: &Engine, row: &RowAt, own: &mut [f64], local: usize) -> Option<f64> {
-    let (centre, h) = (own[local], 1e-4 * own[local].abs().max(1.0));
-    let mut at = |x: f64| {
-        own[local] = x;
-        engine.model.row_location(row.id, own)
-    };
-    let ends = [at(centre + h), at(centre - h)];
-    own[local] = centre;
-    Some((ends[0]? - ends[1]?) / (2.0 * h))
+/// Derivative of a row's predicted value in each of its scalars.
+fn of_row(engine: &Engine, fit: &LaplaceFit, row: &RowAt) -> Option<Vec<f64>> {
+    engine.model.row_location_slopes(row.id, &fit.locals[row.first..][..row.n])
 }
 
 /// Slope of every row's predicted value in the standard normal coefficients of the fields,
@@ -121,9 +113,7 @@ fn slopes(engine: &Engine, fit: &LaplaceFit) -> Option<DMatrix<f64>> {
     }
     let mut slopes = DMatrix::zeros(engine.rows.len(), etas.len());
     for (r, row) in engine.rows.iter().enumerate() {
-        let mut own = fit.locals[row.first..][..row.n].to_vec();
-        for l in 0..row.n {
-            let slope = slope(engine, row, &mut own, l)?;
+        for (l, slope) in of_row(engine, fit, row)?.into_iter().enumerate() {
             for (k, eta) in etas.iter().enumerate() {
                 slopes[(r, k)] += slope * fit.design_row(row.first + l)[*eta];
             }
@@ -140,9 +130,8 @@ pub(super) fn field_sd(engine: &Engine, fit: &LaplaceFit, step: f64) -> BTreeMap
         let (mut squares, mut n) = (0.0, 0.0);
         for row in &engine.rows {
             let Some(local) = engine.model.local_of(row.id, field) else { continue };
-            let mut own = fit.locals[row.first..][..row.n].to_vec();
-            if let Some(slope) = slope(engine, row, &mut own, local) {
-                squares += slope.powi(2);
+            if let Some(slopes) = of_row(engine, fit, row) {
+                squares += slopes[local].powi(2);
                 n += 1.0;
             }
         }

@@ -1,14 +1,15 @@
 //! Logarithms of normal probabilities, exact in both tails.
 
-use crate::num::{LN_SQRT_2PI, Real};
+use crate::num::{LN_SQRT_2PI, Partials, Real};
 
-/// `ln Φ(z)` and its first two derivatives by the ratio `φ/Φ`.
+/// `ln Φ(z)` and its first three derivatives by the ratio `φ/Φ`.
 #[inline]
 pub(crate) fn ln_normal_below<D: Real>(z: D) -> D {
     let x = z.re();
     let value = ln_cdf(x);
     let ratio = (-0.5 * x * x - LN_SQRT_2PI - value).exp();
-    z.chain(value, ratio, -ratio * (x + ratio))
+    let bend = -ratio * (x + ratio);
+    z.chain([value, ratio, bend, -bend * (x + ratio) - ratio * (1.0 + bend)])
 }
 
 /// `ln (Φ(b) − Φ(a))`, a < b, as a function of two numbers with derivatives.
@@ -20,10 +21,12 @@ pub(crate) fn ln_normal_between<D: Real>(a: D, b: D) -> D {
     let value = high + (-(low - high).exp()).ln_1p();
     let density = |t: f64| (-0.5 * t * t - LN_SQRT_2PI - value).exp();
     let (da, db) = (-density(x), density(y));
-    let (u, v) = (a - x, b - y); // zero, but carrying the derivatives
-    let second =
-        u * u * (-x * da - da * da) + v * v * (-y * db - db * db) - u * v * (2.0 * da * db);
-    u * da + v * db + second * 0.5 + value
+    let relative = Partials {
+        first: [da, db],
+        second: [-x * da, 0.0, -y * db],
+        third: [(x * x - 1.0) * da, 0.0, 0.0, (y * y - 1.0) * db],
+    };
+    relative.ln().at(value, a, b)
 }
 
 /// `ln Φ(x)`, relative error below 1e-14 everywhere.

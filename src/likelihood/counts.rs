@@ -18,8 +18,8 @@ impl<D: Real> Likelihood<D, u32> for BernoulliLogit<D> {
     fn ln_likelihood(&self, y: &u32) -> D {
         ln_logistic(if *y == 0 { -self.0 } else { self.0 })
     }
-    fn location(&self) -> Option<f64> {
-        Some(logistic(self.0.re()))
+    fn location(&self) -> Option<D> {
+        Some(logistic(self.0))
     }
     fn simulate(&self, _: &u32, rng: &mut dyn Rng) -> u32 {
         u32::from(rng.random_bool(logistic(self.0.re())))

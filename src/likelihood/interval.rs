@@ -43,8 +43,8 @@ impl<D: Real> Likelihood<D, Bracket> for Interval<D> {
         let sigma = (self.sigma * self.sigma + variance).sqrt();
         Interval { f: self.f, sigma }.ln_likelihood(y)
     }
-    fn location(&self) -> Option<f64> {
-        Some(self.f.re())
+    fn location(&self) -> Option<D> {
+        Some(self.f)
     }
     fn simulate(&self, like: &Bracket, rng: &mut dyn Rng) -> Bracket {
         self.simulate_widened(like, 0.0, rng)
@@ -58,7 +58,7 @@ impl<D: Real> Likelihood<D, Bracket> for Interval<D> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::num::{Dual, Hyper, derivatives, variable};
+    use crate::num::{Dual, Hyper, Third, derivatives, variable};
 
     fn bracket(lower: f64, upper: f64) -> Bracket {
         Bracket::new(lower, upper).unwrap()
@@ -97,6 +97,14 @@ mod tests {
             let h = Interval::<Hyper>(Hyper::new(f, 1.0, 0.0, 0.0), Hyper::new(s, 0.0, 1.0, 0.0));
             let h = h.ln_likelihood(&y).eps1eps2;
             assert!((h - mixed).abs() < 1e-4 * (1.0 + mixed.abs()), "{y:?} {h} {mixed}");
+            let third = |e: f64| {
+                let f = Third::new(f + 0.8 * e, 1.0, 0.5, 0.8, 0.0, 0.0, 0.0, 0.0);
+                let s = Third::new(s - 0.6 * e, 0.2, 1.0, -0.6, 0.0, 0.0, 0.0, 0.0);
+                Interval::<Third>(f, s).ln_likelihood(&y)
+            };
+            let by_second = (third(e).eps1eps2 - third(-e).eps1eps2) / (2.0 * e);
+            let exact = third(0.0).eps1eps2eps3;
+            assert!((exact - by_second).abs() < 1e-5 * (1.0 + by_second.abs()), "{y:?} {exact}");
         }
     }
 }

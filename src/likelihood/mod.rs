@@ -79,7 +79,7 @@ pub trait Likelihood<D: Real, Y: Observation> {
         self.ln_likelihood(y)
     }
     /// The predicted value itself, in the unit of the measurement, if the likelihood has one.
-    fn location(&self) -> Option<f64> {
+    fn location(&self) -> Option<D> {
         None
     }
     /// Why this likelihood cannot take `y`, if it cannot.

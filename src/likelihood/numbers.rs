@@ -21,8 +21,8 @@ impl<D: Real> Likelihood<D, f64> for Normal<D> {
         let z = self.mu - *y;
         z * z / square * -0.5 - square.ln() * 0.5 - LN_SQRT_2PI
     }
-    fn location(&self) -> Option<f64> {
-        Some(self.mu.re())
+    fn location(&self) -> Option<D> {
+        Some(self.mu)
     }
     fn simulate(&self, like: &f64, rng: &mut dyn Rng) -> f64 {
         self.simulate_widened(like, 0.0, rng)

@@ -54,7 +54,7 @@ impl<D: Real, Y: Observation, L: Likelihood<D, Y>> Likelihood<D, Y> for Outliers
             plain
         }
     }
-    fn location(&self) -> Option<f64> {
+    fn location(&self) -> Option<D> {
         self.inner.location()
     }
     fn simulate(&self, like: &Y, rng: &mut dyn Rng) -> Y {

@@ -35,20 +35,20 @@ const GAUSS: [f64; 8] = [
 ];
 
 impl TopHat<f64> {
-    /// Log likelihood and its first two derivatives in `f`.
+    /// Log likelihood and its first three derivatives in `f`.
     ///
     /// With `z = (f − c_j)/s` at the nearest centre j the terms are `e^(−z²/2) e^(mz − m²/2)`,
     /// `m = i − j`: a geometric recurrence outwards, two exponentials in all. If m is drawn with
-    /// these weights the derivatives in z are `E m − z` and `Var m − 1`.
+    /// these weights the derivatives in z are `E m − z`, `Var m − 1` and m's third cumulant.
     #[inline(always)]
-    fn terms(f: f64, y: &Bracket) -> [f64; 3] {
+    fn terms(f: f64, y: &Bracket) -> [f64; 4] {
         let x = (f - y.lower) * y.inverse_s - 0.5;
         let j = lanes::within(x.round_ties_even(), 0.0, y.last);
         let z = x - j;
         let step = lanes::exp(lanes::within(z, -40.0, 40.0)); // beyond, neighbours weigh nothing
         let steps = [step, step.recip()];
         let (mut t, n) = ([1.0; 2], [y.last - j, j]);
-        let [mut s0, mut s1, mut s2] = [1.0, 0.0, 0.0];
+        let [mut s0, mut s1, mut s2, mut s3] = [1.0, 0.0, 0.0, 0.0];
         for (i, gauss) in GAUSS.iter().enumerate() {
             let m = (i + 1) as f64;
             let mut weight = [0.0; 2];
@@ -60,17 +60,20 @@ impl TopHat<f64> {
             s0 += above + below;
             s1 += m * (above - below);
             s2 += m * m * (above + below);
+            s3 += m * m * m * (above - below);
         }
         let (mean, s) = (s1 / s0, y.inverse_s);
         let value = lanes::ln(s0) - 0.5 * z * z + y.ln_norm;
-        [value, (mean - z) * s, (s2 / s0 - mean * mean - 1.0) * s * s]
+        let square = s2 / s0;
+        let third = s3 / s0 - 3.0 * square * mean + 2.0 * mean * mean * mean;
+        [value, (mean - z) * s, (square - mean * mean - 1.0) * s * s, third * s * s * s]
     }
 }
 
 impl TopHat<f64> {
     /// [`TopHat::terms`], not inlined: compiled with eplat, not again with every model.
     #[inline(never)]
-    fn terms_of_one(f: f64, y: &Bracket) -> [f64; 3] {
+    fn terms_of_one(f: f64, y: &Bracket) -> [f64; 4] {
         TopHat::terms(f, y)
     }
 }
@@ -78,8 +81,7 @@ impl TopHat<f64> {
 impl<D: Real> Likelihood<D, Bracket> for TopHat<D> {
     const WIDENS: bool = true;
     fn ln_likelihood(&self, y: &Bracket) -> D {
-        let [f, df, d2f] = TopHat::terms_of_one(self.0.re(), y);
-        self.0.chain(f, df, d2f)
+        self.0.chain(TopHat::terms_of_one(self.0.re(), y))
     }
     #[inline(always)]
     fn ln_likelihoods(rows: [(Self, &Bracket); LANES]) -> [D; LANES] {
@@ -87,21 +89,23 @@ impl<D: Real> Likelihood<D, Bracket> for TopHat<D> {
         for lane in 0..LANES {
             (f[lane], y[lane]) = (rows[lane].0.0.re(), *rows[lane].1);
         }
-        let [mut value, mut slope, mut curvature] = [[0.0; LANES]; 3];
+        let [mut value, mut slope, mut curvature, mut third] = [[0.0; LANES]; 4];
         for lane in 0..LANES {
-            [value[lane], slope[lane], curvature[lane]] = TopHat::terms(f[lane], &y[lane]);
+            [value[lane], slope[lane], curvature[lane], third[lane]] =
+                TopHat::terms(f[lane], &y[lane]);
         }
         let mut out = [D::from(0.0); LANES];
         for lane in 0..LANES {
-            out[lane] = rows[lane].0.0.chain(value[lane], slope[lane], curvature[lane]);
+            let chained = [value[lane], slope[lane], curvature[lane], third[lane]];
+            out[lane] = rows[lane].0.0.chain(chained);
         }
         out
     }
     fn ln_widened(&self, y: &Bracket, variance: D) -> D {
         self.ln_wide(y, variance)
     }
-    fn location(&self) -> Option<f64> {
-        Some(self.0.re())
+    fn location(&self) -> Option<D> {
+        Some(self.0)
     }
     fn simulate(&self, like: &Bracket, _: &mut dyn Rng) -> Bracket {
         like.containing(self.0.re())
@@ -119,7 +123,7 @@ impl<D: Real> Likelihood<D, Bracket> for TopHat<D> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::num::{Hyper, LN_SQRT_2PI, derivatives, variable};
+    use crate::num::{LN_SQRT_2PI, Third, derivatives, variable};
 
     fn bracket(lower: f64, upper: f64) -> Bracket {
         Bracket::new(lower, upper).unwrap()
@@ -164,13 +168,18 @@ mod tests {
         for f in [150.0, 199.0, 203.3, 209.99, 213.0, 260.0] {
             let value = |f: f64| TopHat(f).ln_likelihood(&y);
             let d = TopHat(variable::<1>(f, 0)).ln_likelihood(&y);
-            let h = Hyper::new(f, 1.0, 1.0, 0.0);
-            let h = TopHat(h).ln_likelihood(&y);
+            let of = |f: f64| {
+                let all = Third::from_re(f).derivative1().derivative2().derivative3();
+                TopHat(all).ln_likelihood(&y)
+            };
+            let h = of(f);
             let e = 1e-4;
             let first = (value(f + e) - value(f - e)) / (2.0 * e);
             let second = (value(f + e) - 2.0 * value(f) + value(f - e)) / (e * e);
             assert!((derivatives(&d)[0] - first).abs() < 1e-6 * (1.0 + first.abs()), "{f}");
             assert!((h.eps1eps2 - second).abs() < 1e-4, "{f}: {} {second}", h.eps1eps2);
+            let third = (of(f + e).eps1eps2 - of(f - e).eps1eps2) / (2.0 * e);
+            assert!((h.eps1eps2eps3 - third).abs() < 1e-6, "{f}: {} {third}", h.eps1eps2eps3);
         }
     }
 }

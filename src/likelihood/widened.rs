@@ -4,7 +4,7 @@ use rand::Rng;
 
 use super::{Bracket, Likelihood, Observation, TopHat};
 use crate::num::lanes::exp;
-use crate::num::{Argument, LN_SQRT_2PI, Real};
+use crate::num::{Argument, LN_SQRT_2PI, Partials, Real};
 
 /// A likelihood whose predicted value has a further normal error, such as that of an emulator.
 ///
@@ -39,7 +39,7 @@ impl<D: Real, Y: Observation, L: Likelihood<D, Y>> Likelihood<D, Y> for Widened<
     fn ln_widened(&self, y: &Y, variance: D) -> D {
         self.inner.ln_widened(y, self.sd * self.sd + variance)
     }
-    fn location(&self) -> Option<f64> {
+    fn location(&self) -> Option<D> {
         self.inner.location()
     }
     fn simulate(&self, like: &Y, rng: &mut dyn Rng) -> Y {
@@ -61,61 +61,53 @@ impl<D: Real, Y: Observation, L: Likelihood<D, Y>> Likelihood<D, Y> for Widened<
 /// ```
 /// With z the x of the nearest centre and d = s/√V the m-th beside it has e^(±mzd − m²d²/2) of its weight: a recurrence
 /// outwards, two exponentials in all.
-struct WideTerms {
-    value: f64,
-    f: f64,
-    v: f64,
-    ff: f64,
-    fv: f64,
-    vv: f64,
-}
-
-impl WideTerms {
-    fn new(f: f64, y: &Bracket, further: f64) -> Self {
-        let s = y.inverse_s.recip();
-        let variance = s * s + further;
-        let sd = variance.sqrt();
-        let nearest = ((f - y.lower) * y.inverse_s).clamp(0.0, y.last).floor();
-        let (z, d) = ((f - (y.lower + (nearest + 0.5) * s)) / sd, s / sd);
-        let (step, gauss) = (exp(z * d), exp(-0.5 * d * d));
-        let (mut sum, mut hermite) = (0.0, [0.0; 4]);
-        let mut add = |weight: f64, x: f64| {
-            let square = x * x;
-            sum += weight;
-            hermite[0] += weight * x;
-            hermite[1] += weight * (square - 1.0);
-            hermite[2] += weight * x * (square - 3.0);
-            hermite[3] += weight * (square * (square - 6.0) + 3.0);
-        };
-        add(1.0, z);
-        for (n, step, d) in [(y.last - nearest, step, d), (nearest, step.recip(), -d)] {
-            let (mut weight, mut ratio) = (1.0, step * gauss);
-            for m in 1..=n as u32 {
-                weight *= ratio;
-                ratio *= gauss * gauss;
-                add(weight, z - f64::from(m) * d);
-            }
-        }
-        let [h1, h2, h3, h4] = hermite.map(|h| h / sum);
-        let (f, v) = (-h1 / sd, 0.5 * h2 / variance);
-        let ln_norm = -(y.last + 1.0).ln() - LN_SQRT_2PI - sd.ln();
-        Self {
-            value: sum.ln() - 0.5 * z * z + ln_norm,
-            f,
-            v,
-            ff: h2 / variance - f * f,
-            fv: -0.5 * h3 / (variance * sd) - f * v,
-            vv: 0.25 * h4 / (variance * variance) - v * v,
+fn wide_terms(f: f64, y: &Bracket, further: f64) -> (f64, Partials) {
+    let s = y.inverse_s.recip();
+    let variance = s * s + further;
+    let sd = variance.sqrt();
+    let nearest = ((f - y.lower) * y.inverse_s).clamp(0.0, y.last).floor();
+    let (z, d) = ((f - (y.lower + (nearest + 0.5) * s)) / sd, s / sd);
+    let (step, gauss) = (exp(z * d), exp(-0.5 * d * d));
+    let (mut sum, mut hermite) = (0.0, [0.0; 6]);
+    let mut add = |weight: f64, x: f64| {
+        let square = x * x;
+        sum += weight;
+        hermite[0] += weight * x;
+        hermite[1] += weight * (square - 1.0);
+        hermite[2] += weight * x * (square - 3.0);
+        hermite[3] += weight * (square * (square - 6.0) + 3.0);
+        hermite[4] += weight * x * (square * (square - 10.0) + 15.0);
+        hermite[5] += weight * (square * (square * (square - 15.0) + 45.0) - 15.0);
+    };
+    add(1.0, z);
+    for (n, step, d) in [(y.last - nearest, step, d), (nearest, step.recip(), -d)] {
+        let (mut weight, mut ratio) = (1.0, step * gauss);
+        for m in 1..=n as u32 {
+            weight *= ratio;
+            ratio *= gauss * gauss;
+            add(weight, z - f64::from(m) * d);
         }
     }
+    // derivatives of p in f, of order 1 to 6, divided by p
+    let mut scale = 1.0;
+    let [f1, f2, f3, f4, f5, f6] = hermite.map(|h| {
+        scale /= -sd;
+        h / sum * scale
+    });
+    let ln_norm = -(y.last + 1.0).ln() - LN_SQRT_2PI - sd.ln();
+    let relative = Partials {
+        first: [f1, 0.5 * f2],
+        second: [f2, 0.5 * f3, 0.25 * f4],
+        third: [f3, 0.5 * f4, 0.25 * f5, 0.125 * f6],
+    };
+    (sum.ln() - 0.5 * z * z + ln_norm, relative.ln())
 }
 
 impl<D: Real> TopHat<D> {
-    /// ln p at numbers that carry derivatives: its Taylor polynomial in what they carry.
+    /// ln p at numbers that carry derivatives.
     pub(super) fn ln_wide(&self, y: &Bracket, variance: D) -> D {
-        let WideTerms { value, f, v, ff, fv, vv } = WideTerms::new(self.0.re(), y, variance.re());
-        let (df, dv) = (self.0 - self.0.re(), variance - variance.re());
-        df * (df * (0.5 * ff) + dv * fv + f) + dv * (dv * (0.5 * vv) + v) + value
+        let (value, partials) = wide_terms(self.0.re(), y, variance.re());
+        partials.at(value, self.0, variance)
     }
 }
 
@@ -124,7 +116,7 @@ mod tests {
     use super::*;
     use crate::dist::{Normal, StudentT};
     use crate::likelihood::Interval;
-    use crate::num::{Dual, Hyper, derivatives, variable};
+    use crate::num::{Dual, Hyper, Third, derivatives, variable};
 
     fn bracket(lower: f64, upper: f64) -> Bracket {
         Bracket::new(lower, upper).unwrap()
@@ -170,6 +162,17 @@ mod tests {
                 let h = Widened(TopHat(Hyper::new(f, *a, c, 0.0)), Hyper::new(sd, *b, d, 0.0));
                 let h = h.ln_likelihood(&y).eps1eps2;
                 assert!((h - mixed).abs() < 1e-4 * (1.0 + mixed.abs()), "{f} {sd}: {h} {mixed}");
+                let third = |e: f64| {
+                    let point = |x: f64, i: usize| {
+                        let seed = [[*a, *b][i], [c, d][i], [0.6, -1.1][i]];
+                        Third::new(x, seed[0], seed[1], seed[2], 0.0, 0.0, 0.0, 0.0)
+                    };
+                    let (f, sd) = (point(f + 0.6 * e, 0), point(sd - 1.1 * e, 1));
+                    Widened(TopHat(f), sd).ln_likelihood(&y)
+                };
+                let by_second = (third(e).eps1eps2 - third(-e).eps1eps2) / (2.0 * e);
+                let exact = third(0.0).eps1eps2eps3;
+                assert!((exact - by_second).abs() < 1e-4 * (1.0 + by_second.abs()), "{f} {sd}");
             }
         }
     }

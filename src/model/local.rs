@@ -7,7 +7,7 @@
 //! The constant and J depend on the other unknowns alone (amplitudes, lengthscales, noise: whatever
 //! has a bounded support).
 
-use super::laid_out::{FieldEntry, Model};
+use super::laid_out::{FieldEntry, Model, PriorEntry};
 use super::reported::{Kind, Parameter, Position};
 use super::rows::{Curvature, Noise};
 use super::tape::Tape;
@@ -59,6 +59,13 @@ impl Model {
         let other = (0..self.dim()).filter(|u| !kind.contains_key(u)).collect();
         let (linear, is_eta) = kind.into_iter().unzip();
         Split { linear, is_eta, other }
+    }
+
+    /// Whether the curvature of the prior in the linear unknowns depends on the others.
+    pub fn curvature_varies(&self, split: &Split) -> bool {
+        let is_linear = |entry: &PriorEntry| split.linear.binary_search(&entry.u.start).is_ok();
+        let depends = |entry: &PriorEntry| is_linear(entry) && !entry.mentions.is_empty();
+        self.prior_entries.iter().any(depends) || !self.densities.is_empty()
     }
 
     /// Values that the coefficients of GP terms are multiplied by.
@@ -161,6 +168,30 @@ impl Model {
         self.observes[id.observe].op.curvature(id.row, cells, locals, of, noise)
     }
 
+    /// As [`Model::row_curvature`], in every scalar and, last, in the variance of `noise`.
+    pub fn row_whole_curvature(
+        &self,
+        id: RowId,
+        cells: &[f64],
+        locals: &[f64],
+        noise: &Noise,
+    ) -> Curvature {
+        self.observes[id.observe].op.whole_curvature(id.row, cells, locals, noise)
+    }
+
+    /// The gradient of the second derivative of a row's log likelihood along `direction` of its scalars, `(n)`: in every
+    /// scalar and, last, in the variance of `noise`.
+    pub fn row_bend(
+        &self,
+        id: RowId,
+        cells: &[f64],
+        locals: &[f64],
+        direction: &[f64],
+        noise: &Noise,
+    ) -> Vec<f64> {
+        self.observes[id.observe].op.bend(id.row, cells, locals, direction, noise)
+    }
+
     /// Log likelihood of a row at these scalars, had `cells` been measured.
     pub fn row_ln(&self, id: RowId, cells: &[f64], locals: &[f64], noise: &Noise) -> f64 {
         self.observes[id.observe].op.ln_at(id.row, cells, locals, noise)
@@ -180,6 +211,11 @@ impl Model {
     /// The predicted value of a row at these scalars, in the unit of the measurement.
     pub fn row_location(&self, id: RowId, locals: &[f64]) -> Option<f64> {
         self.observes[id.observe].op.location(id.row, locals)
+    }
+
+    /// The derivative of a row's predicted value in each of its scalars.
+    pub fn row_location_slopes(&self, id: RowId, locals: &[f64]) -> Option<Vec<f64>> {
+        self.observes[id.observe].op.location_slopes(id.row, locals)
     }
 
     /// For each field its name and those of the parameters in mm that its kernels depend on.

@@ -11,7 +11,7 @@ use super::row_place::Place;
 use super::tape::Tape;
 use crate::likelihood::{Likelihood, Observation, Outliers};
 use crate::num::lanes::LANES;
-use crate::num::{Dual, Hyper, Num, Real, derivatives, variable};
+use crate::num::{Dual, Hyper, Num, Real, Third, derivatives, variable};
 
 /// Share of outlying measurements, and the variance of their further error.
 pub(super) type OutlierShare = (f64, f64);
@@ -57,12 +57,18 @@ pub(super) trait RowMath: Send + Sync {
     fn second(&self, row: Row<'_>, a: usize, b: usize) -> Hyper;
     /// Log likelihood of a row, had this been measured.
     fn ln_of(&self, row: Row<'_>, y: Measurement<'_>) -> f64;
-    /// As [`RowMath::ln_of`], with derivatives in its numbers `a` and `b`.
+    /// As [`RowMath::ln_of`], with derivatives in its numbers `a` and `b`; the number after the last is the
+    /// measurement's variance.
     fn second_of(&self, row: Row<'_>, y: Measurement<'_>, a: usize, b: usize) -> Hyper;
+    /// As [`RowMath::ln_of`], with derivatives twice along `direction` of its numbers and once in number `a`, or in
+    /// the variance as in [`RowMath::second_of`].
+    fn third_of(&self, row: Row<'_>, y: Measurement<'_>, direction: &[f64], a: usize) -> Third;
     /// A simulated measurement, made as that of the cells `like` was, or else as the row's own.
     fn simulate(&self, row: Row<'_>, like: Option<&[f64]>, rng: &mut dyn Rng) -> Vec<f64>;
     /// The predicted value, if the likelihood has one.
     fn location(&self, row: Row<'_>) -> Option<f64>;
+    /// Its derivative in number `a`.
+    fn location_slope(&self, row: Row<'_>, a: usize) -> Option<f64>;
     /// Why this likelihood cannot take the row's measurement, if it cannot.
     fn objection(&self, row: Row<'_>) -> Option<&'static str>;
 }
@@ -122,8 +128,7 @@ impl<F: RowFn<N>, const N: usize, const W: usize> RowsOf<F, N, W> {
         a: usize,
         b: usize,
     ) -> Outliers<impl Likelihood<Num<Hyper>, F::Y> + use<F, N, W>> {
-        let is = |a: usize, j: usize| f64::from(u8::from(a == j));
-        let number = |j: usize| Num(Hyper::new(row.numbers[j], is(a, j), is(b, j), 0.0));
+        let number = |j: usize| Num(hyper(row.numbers[j], j, a, b));
         self.likelihood(std::array::from_fn(number), row.i, row.outliers)
     }
 
@@ -176,6 +181,12 @@ impl<F: RowFn<N>, const N: usize, const W: usize> RowsOf<F, N, W> {
             scatter(place, i, &likelihood.ln_likelihood(&self.y[i]).0, t);
         }
     }
+}
+
+/// Number `j`, with derivatives if it is `a` or `b`.
+fn hyper(x: f64, j: usize, a: usize, b: usize) -> Hyper {
+    let is = |a: usize| f64::from(u8::from(a == j));
+    Hyper::new(x, is(a), is(b), 0.0)
 }
 
 /// Adds row `i`'s log likelihood to the density, and its derivatives to the adjoint.
@@ -267,7 +278,18 @@ impl<F: RowFn<N>, const N: usize, const W: usize> RowMath for RowsOf<F, N, W> {
 
     fn second_of(&self, row: Row<'_>, y: Measurement<'_>, a: usize, b: usize) -> Hyper {
         let measured = self.measurement(row.i, y.cells);
-        self.hyper(row, a, b).ln_widened(&measured, Num::from(y.variance)).0
+        self.hyper(row, a, b).ln_widened(&measured, Num(hyper(y.variance, N, a, b))).0
+    }
+
+    fn third_of(&self, row: Row<'_>, y: Measurement<'_>, direction: &[f64], a: usize) -> Third {
+        let measured = self.measurement(row.i, y.cells);
+        let number = |j: usize, x: f64, along: f64| {
+            let own = f64::from(u8::from(j == a));
+            Num(Third::new(x, along, along, own, 0.0, 0.0, 0.0, 0.0))
+        };
+        let numbers = std::array::from_fn(|j| number(j, row.numbers[j], direction[j]));
+        let likelihood = self.likelihood(numbers, row.i, row.outliers);
+        likelihood.ln_widened(&measured, number(N, y.variance, 0.0)).0
     }
 
     fn simulate(&self, row: Row<'_>, like: Option<&[f64]>, rng: &mut dyn Rng) -> Vec<f64> {
@@ -276,7 +298,11 @@ impl<F: RowFn<N>, const N: usize, const W: usize> RowMath for RowsOf<F, N, W> {
     }
 
     fn location(&self, row: Row<'_>) -> Option<f64> {
-        self.plain(row).location()
+        self.plain(row).location().map(|location| location.0)
+    }
+
+    fn location_slope(&self, row: Row<'_>, a: usize) -> Option<f64> {
+        self.hyper(row, a, usize::MAX).location().map(|location| location.0.eps1)
     }
 
     fn objection(&self, row: Row<'_>) -> Option<&'static str> {

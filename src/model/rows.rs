@@ -5,6 +5,7 @@ use rand::Rng;
 use super::row_math::{Measurement, OutlierShare, Row, RowMath};
 use super::row_place::Place;
 use super::tape::{LocalHessian, Tape};
+use crate::num::Hyper;
 
 /// What spreads a measurement beyond its likelihood, in the unit of the measurement.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -24,6 +25,21 @@ pub struct Curvature {
     pub gradient: Vec<f64>,
     /// Hessian, row-major `(n, n)`.
     pub hessian: Vec<f64>,
+}
+
+impl Curvature {
+    /// Of n scalars, with derivatives in those numbered `of`.
+    fn new(n: usize, of: &[usize], at: impl Fn(usize, usize) -> Hyper) -> Self {
+        let mut out = Self { value: 0.0, gradient: vec![0.0; n], hessian: vec![0.0; n * n] };
+        for (k, &a) in of.iter().enumerate() {
+            for &b in &of[k..] {
+                let l = at(a, b);
+                (out.value, out.gradient[a], out.gradient[b]) = (l.re, l.eps1, l.eps2);
+                (out.hessian[a * n + b], out.hessian[b * n + a]) = (l.eps1eps2, l.eps1eps2);
+            }
+        }
+        out
+    }
 }
 
 /// All measurements of one kind, and what a model can do with them. Of the numbers of a row the first W carry
@@ -128,18 +144,45 @@ impl Rows {
         of: &[usize],
         noise: &Noise,
     ) -> Curvature {
-        let (n, slots, numbers) = (locals.len(), self.place.slots(), self.place.numbers(locals));
+        let (slots, numbers) = (self.place.slots(), self.place.numbers(locals));
         let (row, y) =
             (self.noisy(i, &numbers, noise), Measurement { cells, variance: noise.variance });
-        let mut out = Curvature { value: 0.0, gradient: vec![0.0; n], hessian: vec![0.0; n * n] };
-        for (k, &a) in of.iter().enumerate() {
-            for &b in &of[k..] {
-                let l = self.math.second_of(row, y, slots[a], slots[b]);
-                (out.value, out.gradient[a], out.gradient[b]) = (l.re, l.eps1, l.eps2);
-                (out.hessian[a * n + b], out.hessian[b * n + a]) = (l.eps1eps2, l.eps1eps2);
-            }
-        }
-        out
+        Curvature::new(locals.len(), of, |a, b| self.math.second_of(row, y, slots[a], slots[b]))
+    }
+
+    /// As [`Rows::curvature`], in every scalar and, last, in the variance of `noise`.
+    pub(super) fn whole_curvature(
+        &self,
+        i: usize,
+        cells: &[f64],
+        locals: &[f64],
+        noise: &Noise,
+    ) -> Curvature {
+        let numbers = self.place.numbers(locals);
+        let (row, y) =
+            (self.noisy(i, &numbers, noise), Measurement { cells, variance: noise.variance });
+        let mut slots = self.place.slots();
+        slots.push(numbers.len());
+        let all: Vec<usize> = (0..slots.len()).collect();
+        Curvature::new(all.len(), &all, |a, b| self.math.second_of(row, y, slots[a], slots[b]))
+    }
+
+    /// The gradient of the second derivative along `direction`, `(n)`, of [`Rows::ln_at`], in every scalar and, last,
+    /// in the variance of `noise`.
+    pub(super) fn bend(
+        &self,
+        i: usize,
+        cells: &[f64],
+        locals: &[f64],
+        direction: &[f64],
+        noise: &Noise,
+    ) -> Vec<f64> {
+        let numbers = self.place.numbers(locals);
+        let direction = self.place.numbers(direction);
+        let (row, y) =
+            (self.noisy(i, &numbers, noise), Measurement { cells, variance: noise.variance });
+        let one = |slot| self.math.third_of(row, y, &direction, slot).eps1eps2eps3;
+        self.place.slots().into_iter().chain([numbers.len()]).map(one).collect()
     }
 
     /// A simulated measurement for row `i` at these scalars, as cells, without noise, made as `cells` were.
@@ -156,6 +199,13 @@ impl Rows {
     /// The predicted value of row `i` at these scalars, if the likelihood has one.
     pub(super) fn location(&self, i: usize, locals: &[f64]) -> Option<f64> {
         self.math.location(self.row(i, &self.place.numbers(locals)))
+    }
+
+    /// Its derivative in each scalar.
+    pub(super) fn location_slopes(&self, i: usize, locals: &[f64]) -> Option<Vec<f64>> {
+        let numbers = self.place.numbers(locals);
+        let slope = |slot| self.math.location_slope(self.row(i, &numbers), slot);
+        self.place.slots().into_iter().map(slope).collect()
     }
 
     /// The first row whose measurement this likelihood cannot take, and why.

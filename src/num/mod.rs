@@ -1,19 +1,21 @@
-//! Numbers that may carry derivatives: `f64`, [`Dual`] (W first derivatives) and [`Hyper`] (one
-//! entry of a Hessian), all from num-dual.
+//! Numbers that may carry derivatives: `f64`, [`Dual`] (W first derivatives), [`Hyper`] (one
+//! entry of a Hessian) and [`Third`] (one third derivative), all from num-dual.
 
 pub mod lanes;
 mod moments;
 mod number;
+mod taylor;
 mod together;
 pub mod vector;
 mod within;
 
 pub use moments::Moments;
 pub use number::Num;
+pub(crate) use taylor::Partials;
 pub use together::{Common, Join, Together};
 pub use within::{Within, within};
 
-use num_dual::{Derivative, DualNum, DualSVec64, HyperDual64};
+use num_dual::{Derivative, DualNum, DualSVec64, HyperDual64, HyperHyperDual64};
 
 /// A real number that may carry derivatives.
 ///
@@ -31,11 +33,11 @@ pub trait Real:
     + Send
     + Sync
 {
-    /// Whether it carries second derivatives.
-    const SECOND: bool = false;
-    /// `f(self)` from `f`, `f′` and `f″` at the real part.
+    /// The highest derivative that it carries: 0 to 3.
+    const ORDER: u32;
+    /// `f(self)` from `f`, `f′`, `f″` and `f‴` at the real part.
     #[must_use]
-    fn chain(self, f: f64, df: f64, d2f: f64) -> Self;
+    fn chain(self, f: [f64; 4]) -> Self;
 }
 
 /// Numbers made from a plain one, with decimals or without, or from one of their own kind. (`From<i32>`
@@ -100,6 +102,7 @@ macro_rules! made {
 }
 made!(Dual<W>, W);
 made!(Hyper);
+made!(Third);
 
 /// A value and `W` first derivatives.
 pub type Dual<const W: usize> = DualSVec64<W>;
@@ -107,26 +110,43 @@ pub type Dual<const W: usize> = DualSVec64<W>;
 /// A value, its derivatives in two directions, and the mixed second derivative.
 pub type Hyper = HyperDual64;
 
+/// A value, its derivatives in three directions, and the mixed second and third derivatives.
+pub type Third = HyperHyperDual64;
+
 impl Real for f64 {
+    const ORDER: u32 = 0;
     #[inline(always)]
-    fn chain(self, f: f64, _: f64, _: f64) -> Self {
+    fn chain(self, [f, ..]: [f64; 4]) -> Self {
         f
     }
 }
 
 impl<const W: usize> Real for Dual<W> {
+    const ORDER: u32 = 1;
     #[inline(always)]
-    fn chain(self, f: f64, df: f64, _: f64) -> Self {
+    fn chain(self, [f, df, ..]: [f64; 4]) -> Self {
         Self::new(f, Derivative::new(self.eps.0.map(|eps| eps * df)))
     }
 }
 
 impl Real for Hyper {
-    const SECOND: bool = true;
+    const ORDER: u32 = 2;
     #[inline(always)]
-    fn chain(self, f: f64, df: f64, d2f: f64) -> Self {
+    fn chain(self, [f, df, d2f, _]: [f64; 4]) -> Self {
         let mixed = self.eps1eps2 * df + self.eps1 * self.eps2 * d2f;
         Self::new(f, self.eps1 * df, self.eps2 * df, mixed)
+    }
+}
+
+impl Real for Third {
+    const ORDER: u32 = 3;
+    #[inline(always)]
+    fn chain(self, [f, df, d2f, d3f]: [f64; 4]) -> Self {
+        let [a, b, c] = [self.eps1, self.eps2, self.eps3];
+        let [ab, ac, bc] = [self.eps1eps2, self.eps1eps3, self.eps2eps3];
+        let mixed = self.eps1eps2eps3 * df + (a * bc + b * ac + c * ab) * d2f + a * b * c * d3f;
+        let second = [ab * df + a * b * d2f, ac * df + a * c * d2f, bc * df + b * c * d2f];
+        Self::new(f, a * df, b * df, c * df, second[0], second[1], second[2], mixed)
     }
 }
 
@@ -134,7 +154,7 @@ impl Real for Hyper {
 #[inline(always)]
 pub fn exp<D: Real>(x: D) -> D {
     let e = lanes::exp(x.re());
-    x.chain(e, e, e)
+    x.chain([e; 4])
 }
 
 /// ln Σ exp(terms), −∞ of none: the way to sum over what is not known (a mixture's kind, a hidden state).
@@ -185,13 +205,24 @@ mod tests {
     }
 
     #[test]
-    fn chain_agrees_with_the_crate_for_first_and_second_derivatives() {
+    fn chain_agrees_with_the_crate_for_every_derivative() {
         let x = variable::<2>(0.7, 1);
         let e = 0.7f64.exp();
-        let (by_chain, by_crate) = (derivatives(&x.chain(e, e, e)), derivatives(&x.exp()));
+        let (by_chain, by_crate) = (derivatives(&x.chain([e; 4])), derivatives(&x.exp()));
         assert!(by_chain.iter().zip(by_crate).all(|(a, b)| (a - b).abs() < 1e-15));
         let y = Hyper::new(0.7, 1.0, 2.0, 0.3);
-        let (by_chain, by_crate) = (y.chain(e, e, e), y.exp());
+        let (by_chain, by_crate) = (y.chain([e; 4]), y.exp());
         assert!((by_chain.eps1eps2 - by_crate.eps1eps2).abs() < 1e-15);
+        let z = Third::new(0.7, 1.0, 2.0, 0.3, -0.4, 0.6, 1.1, 0.2);
+        let (sin, cos) = 0.7f64.sin_cos();
+        let (by_chain, by_crate) = (z.chain([sin, cos, -sin, -cos]), z.sin());
+        for (a, b) in [
+            (by_chain.eps3, by_crate.eps3),
+            (by_chain.eps1eps3, by_crate.eps1eps3),
+            (by_chain.eps2eps3, by_crate.eps2eps3),
+            (by_chain.eps1eps2eps3, by_crate.eps1eps2eps3),
+        ] {
+            assert!((a - b).abs() < 1e-15, "{a} {b}");
+        }
     }
 }

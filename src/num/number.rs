@@ -290,10 +290,10 @@ impl<T: Real> Made<Self> for Num<T> {
 }
 
 impl<T: Real> Real for Num<T> {
-    const SECOND: bool = T::SECOND;
+    const ORDER: u32 = T::ORDER;
     #[inline(always)]
-    fn chain(self, f: f64, df: f64, d2f: f64) -> Self {
-        Self(self.0.chain(f, df, d2f))
+    fn chain(self, f: [f64; 4]) -> Self {
+        Self(self.0.chain(f))
     }
 }
 

@@ -3,7 +3,7 @@
 //! A function of a model, `f(CV_MAX, 0.05, tau_out(x))`, takes plain numbers in any place and gives what
 //! its arguments are together: a number with derivatives if one of them is, otherwise a plain one.
 
-use super::{Argument, Dual, Hyper, Num, Real};
+use super::{Argument, Dual, Hyper, Num, Real, Third};
 
 /// The number that an expression of two numbers is.
 #[diagnostic::on_unimplemented(
@@ -45,6 +45,7 @@ macro_rules! join {
 }
 join!(Dual<W>, W);
 join!(Hyper);
+join!(Third);
 
 impl<T: Real> Join<f64> for Num<T> {
     type Output = Self;

@@ -78,14 +78,16 @@ impl<const D: usize> Emulator<D> {
     /// A polynomial at numbers that carry derivatives: its Taylor polynomial in what they carry.
     #[inline]
     fn lift<T: Real>(&self, terms: &[Term<D>], x: [T; D], goes_on: bool) -> T {
-        let at = self.partials(terms, x.map(|x| x.re()), goes_on, T::SECOND);
+        let at = self.partials(terms, x.map(|x| x.re()), goes_on, T::ORDER);
         let step = x.map(|x| x - x.re());
         let mut sum = T::from(at.value);
         for d in 0..D {
             sum += step[d] * at.slope[d];
-            for e in 0..D {
-                if T::SECOND {
-                    sum += step[d] * step[e] * (0.5 * at.curvature[d][e]);
+            for e in 0..if T::ORDER > 1 { D } else { 0 } {
+                let square = step[d] * step[e];
+                sum += square * (0.5 * at.curvature[d][e]);
+                for f in 0..if T::ORDER > 2 { D } else { 0 } {
+                    sum += square * step[f] * (at.third[d][e][f] / 6.0);
                 }
             }
         }
@@ -94,17 +96,25 @@ impl<const D: usize> Emulator<D> {
 
     /// Not inlined: compiled with eplat, not again with every model.
     #[inline(never)]
-    fn partials(&self, terms: &[Term<D>], x: [f64; D], goes_on: bool, second: bool) -> Partials<D> {
+    fn partials(&self, terms: &[Term<D>], x: [f64; D], goes_on: bool, order: u32) -> Partials<D> {
         let mut bases = [Basis::default(); D];
         for d in 0..D {
             let highest = terms.iter().fold(1, |most, (of, _)| of[d].max(most));
-            bases[d].fill(x[d], self.ranges[d], usize::from(highest), goes_on, second);
+            bases[d].fill(x[d], self.ranges[d], usize::from(highest), goes_on);
         }
-        let mut sum = Partials { value: 0.0, slope: [0.0; D], curvature: [[0.0; D]; D] };
+        let mut sum = Partials {
+            value: 0.0,
+            slope: [0.0; D],
+            curvature: [[0.0; D]; D],
+            third: [[[0.0; D]; D]; D],
+        };
         for term in terms {
             sum.add(term, &bases);
-            if second {
+            if order > 1 {
                 sum.add_curvature(term, &bases);
+            }
+            if order > 2 {
+                sum.add_third(term, &bases);
             }
         }
         sum
@@ -218,28 +228,22 @@ fn degrees_up_to<const D: usize>(total: usize) -> Vec<[u8; D]> {
     all
 }
 
-/// `T_0` … at one input, and their first and second derivatives in it.
+/// `T_0` … at one input, and their first to third derivatives in it.
 #[derive(Clone, Copy, Default)]
 struct Basis {
     t: [f64; DEGREE + 1],
     dt: [f64; DEGREE + 1],
     ddt: [f64; DEGREE + 1],
+    dddt: [f64; DEGREE + 1],
 }
 
 impl Basis {
     /// Up to `highest`; `goes_on` says whether the terms go on straight beyond the range, or stay what they are at its end.
-    fn fill(
-        &mut self,
-        x: f64,
-        (lower, upper): (f64, f64),
-        highest: usize,
-        goes_on: bool,
-        second: bool,
-    ) {
+    fn fill(&mut self, x: f64, (lower, upper): (f64, f64), highest: usize, goes_on: bool) {
         let slope = 2.0 / (upper - lower);
         let u = (x - 0.5 * (lower + upper)) * slope;
         let end = u.clamp(-1.0, 1.0);
-        let Self { t, dt, ddt } = self;
+        let Self { t, dt, ddt, dddt } = self;
         (t[0], t[1], dt[1]) = (1.0, end, slope);
         for i in 2..=highest {
             t[i] = 2.0 * end * t[i - 1] - t[i - 2];
@@ -247,8 +251,9 @@ impl Basis {
         }
         let beyond = (u - end) / slope;
         if beyond == 0.0 {
-            for i in 2..=if second { highest } else { 0 } {
+            for i in 2..=highest {
                 ddt[i] = 2.0 * (2.0 * slope * dt[i - 1] + end * ddt[i - 1]) - ddt[i - 2];
+                dddt[i] = 2.0 * (3.0 * slope * ddt[i - 1] + end * dddt[i - 1]) - dddt[i - 2];
             }
         } else {
             for i in 0..=highest {
@@ -264,6 +269,7 @@ struct Partials<const D: usize> {
     value: f64,
     slope: [f64; D],
     curvature: [[f64; D]; D],
+    third: [[[f64; D]; D]; D],
 }
 
 impl<const D: usize> Partials<D> {
@@ -287,20 +293,37 @@ impl<const D: usize> Partials<D> {
     fn add_curvature(&mut self, (of, c): &Term<D>, bases: &[Basis; D]) {
         for d in 0..D {
             for e in 0..D {
-                let factor = |f: usize| {
-                    let Basis { t, dt, ddt } = &bases[f];
-                    [t, dt, ddt][usize::from(f == d) + usize::from(f == e)][usize::from(of[f])]
-                };
-                self.curvature[d][e] += c * (0..D).map(factor).product::<f64>();
+                self.curvature[d][e] += c * product(of, bases, &[d, e]);
+            }
+        }
+    }
+
+    /// Third derivatives of a term.
+    fn add_third(&mut self, (of, c): &Term<D>, bases: &[Basis; D]) {
+        for d in 0..D {
+            for e in 0..D {
+                for f in 0..D {
+                    self.third[d][e][f] += c * product(of, bases, &[d, e, f]);
+                }
             }
         }
     }
 }
 
+/// The product of a term's polynomials, differentiated in these inputs.
+fn product<const D: usize>(of: &[u8; D], bases: &[Basis; D], by: &[usize]) -> f64 {
+    let factor = |input: usize| {
+        let Basis { t, dt, ddt, dddt } = &bases[input];
+        let order = by.iter().filter(|d| **d == input).count();
+        [t, dt, ddt, dddt][order][usize::from(of[input])]
+    };
+    (0..D).map(factor).product()
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::num::{Hyper, derivatives, variable};
+    use crate::num::{Hyper, Third, derivatives, variable};
 
     const RANGES: [(f64, f64); 2] = [(1.0, 30.0), (120.0, 270.0)];
 
@@ -338,6 +361,9 @@ mod tests {
         });
         assert!(tt.abs() < 1e-15 && (ta + 3.0 / (14.5 * 75.0)).abs() < 1e-15);
         assert!((aa - 12.0 * v / (75.0 * 75.0)).abs() < 1e-15);
+        let number = |x: f64, by: f64| Third::new(x, by, by, by, 0.0, 0.0, 0.0, 0.0);
+        let aaa = e.mean([number(t, 0.0), number(a, 1.0)]).eps1eps2eps3;
+        assert!((aaa - 12.0 / 75f64.powi(3)).abs() < 1e-15);
     }
 
     #[test]

@@ -13,6 +13,7 @@ use crate::model::density::DensityAt;
 use crate::model::functions::{Columns as _, DensityFn, Terms as _};
 use crate::model::laid_out::Model;
 use crate::model::linear::Linear;
+use crate::model::local::RowId;
 use crate::model::scope::Local;
 use crate::model::tape::{Curved, LocalHessian, Op, Second, Tape};
 use crate::num::{Dual, Hyper, Num, derivatives, dual};
@@ -58,6 +59,28 @@ impl<'m> Hessian<'m> {
         for term in curved {
             term.pull(d);
         }
+        self.pull()
+    }
+
+    /// What an adjoint of the scalars of these rows, one after the other, is as an adjoint of the unknowns.
+    fn carried(&mut self, ids: &[RowId], adjoint: &[f64]) -> &[f64] {
+        let Self { model, d, .. } = self;
+        for zero in [&mut d.u, &mut d.v, &mut d.g, &mut d.gu] {
+            zero.fill(0.0);
+        }
+        let places = ids.iter().flat_map(|id| model.observes[id.observe].op.locals(id.row));
+        for ((value, offset), bar) in places.zip(adjoint) {
+            d.g[value] += bar;
+            if offset > 0 {
+                d.g[offset] += bar;
+            }
+        }
+        self.pull()
+    }
+
+    /// Carries the adjoints of the values to the unknowns.
+    fn pull(&mut self) -> &[f64] {
+        let Self { model, t, d, .. } = self;
         model.linear.iter().rev().for_each(|op| op.pull(t, d));
         model.fields.iter().rev().for_each(|field| field.op.pull(t, d));
         model.priors.iter().rev().for_each(|op| op.pull(t, d));
@@ -97,6 +120,16 @@ impl LogDensity for Model {
 }
 
 impl Model {
+    /// The Hessian of the log density without the measurements, times `direction`, `(dim)`.
+    pub fn prior_times(&self, u: &[f64], direction: &[f64]) -> Vec<f64> {
+        Hessian::at(self, u, false).times(direction).to_vec()
+    }
+
+    /// The gradient in the unknowns, `(dim)`, of Σ adjoint · scalar over the scalars of these rows.
+    pub fn locals_pulled(&self, u: &[f64], ids: &[RowId], adjoint: &[f64]) -> Vec<f64> {
+        Hessian::at(self, u, false).carried(ids, adjoint).to_vec()
+    }
+
     /// Columns `of` of the Hessian of the log density without the measurements, each `(dim)`.
     pub fn prior_hessian(&self, u: &[f64], of: &[usize]) -> Vec<Vec<f64>> {
         let mut hessian = Hessian::at(self, u, false);
