@@ -47,12 +47,12 @@ struct Pieces<'a> {
     shift: (DVector<f64>, Vec<f64>),
 }
 
-/// Adjoints of the scalars at fixed X, of their linear map, and of the variance of a further error.
+/// Adjoints of the scalars at fixed X and of their linear map; the gradient in two of the outer values.
 struct Adjoints {
     constant: Vec<f64>,
     linear: DMatrix<f64>,
     ln_site: f64,
-    variance: f64,
+    ln_noise: f64,
 }
 
 impl Engine {
@@ -71,7 +71,7 @@ impl Engine {
         Slope {
             other: pieces.of_other(&adjoints),
             ln_site: adjoints.ln_site,
-            ln_noise: 2.0 * (2.0 * fit.outer.ln_noise).exp() * adjoints.variance,
+            ln_noise: adjoints.ln_noise,
             ln_unit: of_units.sum(),
         }
     }
@@ -79,10 +79,9 @@ impl Engine {
 
 impl<'a> Pieces<'a> {
     fn new(engine: &'a Engine, fit: &'a LaplaceFit) -> Self {
-        let noise = fit.noise();
         let whole = |(r, row): (usize, &RowAt)| {
             let own = &fit.locals[row.first..][..row.n];
-            engine.model.row_whole_curvature(row.id, &engine.measured[r], own, &noise)
+            engine.model.row_whole_curvature(row.id, &engine.measured[r], own, &fit.noise[r])
         };
         let System { factor, coupling, .. } = &fit.system;
         let mut pieces = Self {
@@ -146,7 +145,7 @@ impl<'a> Pieces<'a> {
 
     /// q of a row and, last, half of how tr(V h) grows with the variance.
     fn bend(&self, r: usize) -> Vec<f64> {
-        let (engine, row, noise) = (self.engine, &self.engine.rows[r], self.fit.noise());
+        let (engine, row, noise) = (self.engine, &self.engine.rows[r], &self.fit.noise[r]);
         let spread = self.whole_spread(r);
         let own = &self.fit.locals[row.first..][..row.n];
         let eigen = nalgebra::SymmetricEigen::new(spread);
@@ -156,7 +155,7 @@ impl<'a> Pieces<'a> {
                 continue;
             }
             let direction: Vec<f64> = vector.iter().copied().collect();
-            let bend = engine.model.row_bend(row.id, &engine.measured[r], own, &direction, &noise);
+            let bend = engine.model.row_bend(row.id, &engine.measured[r], own, &direction, noise);
             sum.iter_mut().zip(bend).for_each(|(sum, bend)| *sum += 0.5 * value * bend);
         }
         sum
@@ -188,7 +187,7 @@ impl<'a> Pieces<'a> {
             constant: vec![0.0; engine.n_locals],
             linear: DMatrix::zeros(n, engine.n_locals),
             ln_site: 0.0,
-            variance: 0.0,
+            ln_noise: 0.0,
         };
         for (r, row) in engine.rows.iter().enumerate() {
             let (whole, bend) = (&self.rows[r], &self.bends[r]);
@@ -214,7 +213,7 @@ impl<'a> Pieces<'a> {
             all.linear.columns_mut(row.first, row.n).copy_from(&linear);
             let l = row.observable;
             all.ln_site += self.tau * (constant(l) * fit.z[row.site] + of_site[l]);
-            all.variance += constant(row.n);
+            all.ln_noise += 2.0 * fit.noise[r].variance * constant(row.n);
         }
         all
     }
