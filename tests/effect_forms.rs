@@ -10,7 +10,7 @@ mod outlying;
 mod plain;
 mod support;
 
-use eplat::criticism::rewrite;
+use eplat::criticism::{Findings, rewrite};
 use eplat::infer::LogDensity as _;
 use eplat::model::forms::{above, all, family, group, logistic, scaled, smooth};
 use eplat::model::{AddedEffect, Augmented, Declare, Form, Model, equations};
@@ -78,7 +78,11 @@ fn densities_on(declared: &dyn Declare, data: &Measurements) -> Vec<(f64, Vec<f6
 fn the_file_that_rewrite_writes_is_the_augmented_model() {
     let why = |effect| (effect, "Added.".to_owned());
     let added: Vec<(AddedEffect, String)> = effects().into_iter().map(why).collect();
-    let written = rewrite(include_str!("models/plain.rs"), &added, None).unwrap();
+    let written = rewrite(
+        include_str!("models/plain.rs"),
+        &Findings { effects: added, ..Findings::default() },
+    )
+    .unwrap();
     assert_eq!(written, include_str!("models/forms.rs"));
     are_equal(&Augmented::new(&plain::Plain, &effects()), &forms::Plain);
 }
@@ -86,7 +90,9 @@ fn the_file_that_rewrite_writes_is_the_augmented_model() {
 #[test]
 fn outliers_that_are_added_are_those_that_rewrite_writes() {
     let outliers = Some((0.1, 40.0));
-    let written = rewrite(include_str!("models/plain.rs"), &[], outliers).unwrap();
+    let written =
+        rewrite(include_str!("models/plain.rs"), &Findings { outliers, ..Findings::default() })
+            .unwrap();
     assert_eq!(written, include_str!("models/outlying.rs"));
     let augmented = Augmented::new(&plain::Plain, &[]).with_outliers(outliers);
     are_equal(&augmented, &outlying::Plain);
@@ -209,7 +215,11 @@ fn a_column_whose_name_has_signs_is_read_without_them() {
     found[0].form = scaled("force (g)", 1.5, 0.75);
     found[1].form = smooth("force (g)", 0.0, 3.0, 3.0);
     let added: Vec<_> = found.iter().map(|e| (e.clone(), "Added.".to_owned())).collect();
-    let written = rewrite(include_str!("models/plain.rs"), &added, None).unwrap();
+    let written = rewrite(
+        include_str!("models/plain.rs"),
+        &Findings { effects: added, ..Findings::default() },
+    )
+    .unwrap();
     assert_eq!(written, include_str!("models/forms.rs"));
     assert_eq!(densities_on(&forms::Plain, &table), densities(&forms::Plain));
     are_equal_on(&Augmented::new(&plain::Plain, &found), &forms::Plain, &table);

@@ -31,6 +31,15 @@ pub(super) struct PriorEntry {
     pub(super) mentions: Vec<usize>,
 }
 
+/// Deviations of places, one for each vertex, whose prior is normal with an sd that is learnt.
+#[derive(Debug)]
+pub(super) struct SpreadEntry {
+    /// Which of the model's priors is theirs.
+    pub(super) prior: usize,
+    /// The vertex of each.
+    pub(super) vertices: Vec<u32>,
+}
+
 #[derive(Debug)]
 pub(super) struct FieldEntry {
     pub(super) name: String,
@@ -96,6 +105,7 @@ pub struct Model {
     /// One for each of `priors`.
     pub(super) prior_entries: Vec<PriorEntry>,
     pub(super) fields: Vec<FieldEntry>,
+    pub(super) spreads: Vec<SpreadEntry>,
     pub(super) linear: Vec<Linear>,
     pub(super) maps: Vec<Map>,
     pub(super) offsets: Vec<Range<usize>>,
@@ -103,6 +113,8 @@ pub struct Model {
     pub(super) hooks: BTreeMap<(&'static str, &'static str), usize>,
     /// Share and sd of outliers that were added to every `observe`.
     pub(super) outliers: Option<(f64, f64)>,
+    /// Names of `observe`s whose rows were given a further error, and of its sd.
+    pub(super) row_errors: Vec<(String, String)>,
     /// Values that are known: the filled cells of columns with a prior.
     pub(super) constants: Vec<(usize, f64)>,
     /// Unknowns whose starting value is the middle of a declared range.
@@ -125,6 +137,7 @@ impl Model {
             priors: vec![],
             prior_entries: vec![],
             fields: vec![],
+            spreads: vec![],
             linear: vec![],
             densities: vec![],
             maps: vec![],
@@ -132,6 +145,7 @@ impl Model {
             hooks: BTreeMap::new(),
             constants: vec![],
             outliers: None,
+            row_errors: vec![],
             start: vec![],
             layout: [0; 3],
             effect_modes: 0,

@@ -16,7 +16,7 @@ use crate::num::{Dual, Hyper, Num, Real, derivatives, variable};
 /// Share of outlying measurements, and the variance of their further error.
 pub(super) type OutlierShare = (f64, f64);
 
-/// A row, and the N numbers that its likelihood depends on.
+/// A row, and the N numbers that its likelihood depends on, then the sd of a further error, 0 if it has none.
 #[derive(Clone, Copy)]
 pub(super) struct Row<'a> {
     pub(super) i: usize,
@@ -116,6 +116,18 @@ impl<F: RowFn<N>, const N: usize, const W: usize> RowsOf<F, N, W> {
         self.likelihood(std::array::from_fn(|j| Num(row.numbers[j])), row.i, row.outliers)
     }
 
+    /// The variance of the further error of a row.
+    fn further(row: Row<'_>) -> f64 {
+        row.numbers[N] * row.numbers[N]
+    }
+
+    /// As [`Self::further`], with derivatives in the numbers `a` and `b`.
+    fn further_hyper(row: Row<'_>, a: usize, b: usize) -> Num<Hyper> {
+        let is = |a: usize| f64::from(u8::from(a == N));
+        let sd = Num(Hyper::new(row.numbers[N], is(a), is(b), 0.0));
+        sd * sd
+    }
+
     fn hyper(
         &self,
         row: Row<'_>,
@@ -168,12 +180,17 @@ impl<F: RowFn<N>, const N: usize, const W: usize> RowsOf<F, N, W> {
         }
     }
 
-    /// As [`Self::backward_rows`], with the outliers that were added.
+    /// As [`Self::backward_rows`], with the outliers and the further error that were added.
     #[inline(never)]
-    fn backward_with_outliers(&self, place: &Place, outliers: OutlierShare, t: &mut Tape) {
+    fn backward_with_added(&self, place: &Place, outliers: OutlierShare, t: &mut Tape) {
+        let further = place.error.map(|sd| Num(Dual::from_re(t.v[sd] * t.v[sd])));
         for i in 0..self.y.len() {
             let likelihood = self.likelihood(Self::gather(place, &t.v, i), i, outliers);
-            scatter(place, i, &likelihood.ln_likelihood(&self.y[i]).0, t);
+            let value = match further {
+                Some(variance) => likelihood.ln_widened(&self.y[i], variance),
+                None => likelihood.ln_likelihood(&self.y[i]),
+            };
+            scatter(place, i, &value.0, t);
         }
     }
 }
@@ -246,33 +263,47 @@ impl<F: RowFn<N>, const N: usize, const W: usize> RowMath for RowsOf<F, N, W> {
     }
 
     fn backward(&self, place: &Place, outliers: Option<OutlierShare>, t: &mut Tape) {
-        match outliers {
-            Some(outliers) => self.backward_with_outliers(place, outliers, t),
-            None => Arch::new().dispatch(Backward { rows: self, place, t }),
+        if outliers.is_some() || place.error.is_some() {
+            self.backward_with_added(place, outliers.unwrap_or_default(), t);
+        } else {
+            Arch::new().dispatch(Backward { rows: self, place, t });
         }
     }
 
     fn ln(&self, row: Row<'_>) -> f64 {
-        self.plain(row).ln_likelihood(&self.y[row.i]).0
+        let (likelihood, y) = (self.plain(row), &self.y[row.i]);
+        match Self::further(row) {
+            0.0 => likelihood.ln_likelihood(y).0,
+            variance => likelihood.ln_widened(y, Num(variance)).0,
+        }
     }
 
     fn second(&self, row: Row<'_>, a: usize, b: usize) -> Hyper {
-        self.hyper(row, a, b).ln_likelihood(&self.y[row.i]).0
+        let (likelihood, y) = (self.hyper(row, a, b), &self.y[row.i]);
+        if Self::further(row) == 0.0 {
+            return likelihood.ln_likelihood(y).0;
+        }
+        likelihood.ln_widened(y, Self::further_hyper(row, a, b)).0
     }
 
     fn ln_of(&self, row: Row<'_>, y: Measurement<'_>) -> f64 {
         let measured = self.measurement(row.i, y.cells);
-        self.plain(row).ln_widened(&measured, Num(y.variance)).0
+        self.plain(row).ln_widened(&measured, Num(y.variance + Self::further(row))).0
     }
 
     fn second_of(&self, row: Row<'_>, y: Measurement<'_>, a: usize, b: usize) -> Hyper {
         let measured = self.measurement(row.i, y.cells);
-        self.hyper(row, a, b).ln_widened(&measured, Num::from(y.variance)).0
+        let variance = Self::further_hyper(row, a, b) + y.variance;
+        self.hyper(row, a, b).ln_widened(&measured, variance).0
     }
 
     fn simulate(&self, row: Row<'_>, like: Option<&[f64]>, rng: &mut dyn Rng) -> Vec<f64> {
         let like = like.map_or(self.y[row.i], |cells| self.measurement(row.i, cells));
-        self.plain(row).simulate(&like, rng).cells()
+        let likelihood = self.plain(row);
+        match row.numbers[N] {
+            0.0 => likelihood.simulate(&like, rng).cells(),
+            sd => likelihood.simulate_widened(&like, sd, rng).cells(),
+        }
     }
 
     fn location(&self, row: Row<'_>) -> Option<f64> {
