@@ -126,6 +126,11 @@ pub struct Model {
 }
 
 impl Model {
+    /// Whether places have deviations whose sd is learnt: `group(row.site) ~ Normal(0, sd)`.
+    pub fn has_spreads(&self) -> bool {
+        !self.spreads.is_empty()
+    }
+
     /// A model of which nothing is laid out yet.
     pub(super) fn empty(name: &'static str, source: String) -> Self {
         Model {

@@ -17,6 +17,9 @@ use crate::model::reported::Kind;
 use crate::num::{Num, Real};
 use crate::table::{Measurements, Probes};
 
+/// So many measurements of each label are many.
+const MANY: usize = 10;
+
 pub(super) struct Effect {
     name: String,
     pub(super) on: Vec<String>,
@@ -107,9 +110,13 @@ impl Builder<'_> {
         *self.mentions.entry(sd).or_default() += 1;
         let mut op = ParameterOp::<Deviating, 1, 2>::new(Deviating);
         op.put(&[sd as u32], u, v, n);
-        op.take_deviations();
+        if self.deviates(n) {
+            op.take_deviations();
+        }
         self.push_prior(&spread.decl(), Box::new(op), vec![sd], u..u + n, v);
-        self.note_spread(&spread.form);
+        if self.deviates(n) {
+            self.note_spread(&spread.form);
+        }
         self.label_last(&spread.form);
         let on: Vec<&str> = spread.on.iter().map(String::as_str).collect();
         self.push_effect(&spread.name, &on, Design::Form(spread.form.clone()), n);
@@ -166,6 +173,12 @@ impl Builder<'_> {
             data.require(column, &format!("effect {effect}"))?;
         }
         Ok(form.design(data).1)
+    }
+
+    /// Whether coefficients are better sampled as deviations: many measurements of each fix it, whatever the sd,
+    /// and its deviation would move with the sd.
+    pub(super) fn deviates(&self, n: usize) -> bool {
+        self.data.is_none_or(|data| data.len() <= MANY * n)
     }
 
     /// Notes that the last prior is that of deviations of places, where each label has a vertex of its own and each

@@ -45,7 +45,8 @@ impl Builder<'_> {
         prior: &AnyPrior,
     ) -> Result<bool, ModelError> {
         let mut op = (prior.make)();
-        let are_deviations = op.take_deviations();
+        let deviates = matches!(len, Len::Many(n) if self.deviates(n));
+        let are_deviations = deviates && op.take_deviations();
         self.laid_out(decl, len, prior, op)?;
         Ok(are_deviations)
     }

@@ -33,7 +33,8 @@ pub(in crate::run) fn exact(fit: &Fit<'_>, mut loo: LeaveOneOut) -> LeaveOneOut 
         (0..ids.len()).filter(|i| loo.rows[*i].pareto_k > threshold).collect();
     high.sort_by(|a, b| loo.rows[*b].pareto_k.total_cmp(&loo.rows[*a].pareto_k));
     let gradients: u64 = fit.chains().iter().map(|c| c.n_grad_warmup + c.n_grad_sampling).sum();
-    let is_dear = gradients as f64 * fit.model().dim() as f64 > DEAR;
+    // where each place has a deviation of its own nearly every measurement would have to be left out
+    let is_dear = fit.model().has_spreads() || gradients as f64 * fit.model().dim() as f64 > DEAR;
     for i in high.into_iter().take(if is_dear { MOST_DEAR } else { MOST }) {
         if let Some(elpd) = without(fit, sampler, ids[i]) {
             loo.set_exact(i, elpd);
