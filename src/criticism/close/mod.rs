@@ -214,8 +214,11 @@ impl<'m> Loop<'m> {
         let on_event = |event: &Event<'_>| watch.tell(&LoopEvent::Fit(event));
         let watch = Watch { on_event: &on_event, stop: watch.stop };
         let options = Options { watch, ..Options::default() };
-        let settings =
-            infer::Settings { seed: self.settings.search.seed, ..self.settings.sampling.clone() };
+        let settings = infer::Settings {
+            seed: self.settings.search.seed,
+            metric: problem.model().metric(),
+            ..self.settings.sampling.clone()
+        };
         let Some(out) = out else {
             return Ok(Box::new(problem.fit_with(&settings, &options)?));
         };
