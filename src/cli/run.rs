@@ -177,6 +177,7 @@ impl Command {
         let exceed = exceed.collect::<Result<Vec<_>, _>>().map_err(usage)?;
         let options = Options {
             exceed: &exceed,
+            weights_only: false,
             sampler: Some(self.sampler.choose(problem.model())?),
             warm_start: self.begin.init.as_deref(),
             watch,

@@ -6,7 +6,7 @@ use crate::diagnostics::quantile;
 use crate::model::{AddedEffect, Model, RowId};
 use crate::random::Stream;
 use crate::run::Fit;
-use crate::table::Measurements;
+use crate::table::{Measurements, PROTOCOL};
 
 /// Draws that it is made of.
 const DRAWS: usize = 400;
@@ -65,7 +65,8 @@ impl Contribution {
             .collect();
         let rows: Vec<usize> = ids.iter().map(|id| model.table_row(*id)).collect();
         let medians = rows.iter().zip(&added).map(|(row, draws)| (*row, quantiles(draws)[1]));
-        let column = first.form.column().map(String::from);
+        let offset = || (first.form.n_modes() == 0 && table.has(PROTOCOL)).then_some(PROTOCOL);
+        let column = first.form.column().or_else(offset).map(String::from);
         let (x, labels) = column.as_deref().map_or((vec![], vec![]), |name| places(table, name));
         let at: Vec<f64> =
             rows.iter().map(|row| x.get(*row).copied().unwrap_or(f64::NAN)).collect();

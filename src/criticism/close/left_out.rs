@@ -84,6 +84,14 @@ impl LeftOut {
         Some(Self { unit: unit.name.clone(), names, declared, before, after })
     }
 
+    /// Where the model before is the model as written: without effects, what it leaves over is that of the model
+    /// as written; with them both are those of the search.
+    pub(super) fn as_written_only(&mut self) {
+        if let (Some(declared), None) = (self.declared.take(), &self.after) {
+            self.before = declared;
+        }
+    }
+
     /// Residual of each row of the search's engine before and after (NaN if nothing was found).
     pub fn residuals(&self, criticism: &Criticism) -> Vec<[f64; 2]> {
         let one = |row: usize| {

@@ -213,7 +213,8 @@ impl<'m> Loop<'m> {
         let problem = Problem::new(declared, self.loaded.clone())?;
         let on_event = |event: &Event<'_>| watch.tell(&LoopEvent::Fit(event));
         let watch = Watch { on_event: &on_event, stop: watch.stop };
-        let options = Options { watch, ..Options::default() };
+        // sites are left out as a whole, not rows
+        let options = Options { watch, weights_only: true, ..Options::default() };
         let settings = infer::Settings {
             seed: self.settings.search.seed,
             metric: problem.model().metric(),

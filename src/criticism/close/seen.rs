@@ -47,6 +47,11 @@ impl Seen {
         before: Option<&Fit<'_>>,
         after: Option<&Fit<'_>>,
     ) -> Result<(), LoopError> {
+        if before.is_none() {
+            for left in self.left_units.iter_mut().chain([&mut self.left]) {
+                left.as_written_only();
+            }
+        }
         let (Some(joint), Some(held_out)) = (&of.joint, &mut self.held_out) else { return Ok(()) };
         let predict = |fit| joint.predict(&of.loaded, fit, of.settings.search.seed);
         held_out.before = before.map(predict).transpose()?;
