@@ -10,7 +10,7 @@ use std::io::{Write, stdout};
 use std::ops::ControlFlow;
 
 use eplat::criticism::{
-    Criticism, Left, SearchSettings, Subject, criticise, leave_sites_out, rewrite,
+    Criticism, Findings, Left, SearchSettings, Subject, criticise, leave_sites_out, rewrite,
 };
 use eplat::experiment::{Design, experiment};
 use eplat::manifold::eigenpairs;
@@ -76,7 +76,9 @@ pub(crate) fn run(out: &mut dyn Write) -> Result<(), Box<dyn Error>> {
     };
     let effects: Vec<(AddedEffect, String)> = outcome.found().iter().filter_map(found).collect();
     let model = "model! {\n    model ErpMap;\n    // … as above …\n}\n";
-    writeln!(out, "{}", rewrite(model, &effects, outcome.last.outer.outliers).unwrap_or_default())?;
+    let findings =
+        Findings { effects, outliers: outcome.last.outer.outliers, ..Findings::default() };
+    writeln!(out, "{}", rewrite(model, &findings).unwrap_or_default())?;
     Ok(())
 }
 

@@ -99,7 +99,7 @@ fn brackets_held(fit: &Fit<'_>, domain: &Domain, case: &Case, seed: u64) -> f64 
     let joint = Model::new(fit.problem().declared(), Some(&domain.basis), &table).unwrap();
     let draws = fit.thinned(400);
     let predicted = predict_rows(&joint, fit.model(), &draws, case.train.len(), seed);
-    let ranks: Vec<f64> = predicted.iter().map(|p| p.quantile).collect();
+    let ranks: Vec<f64> = predicted.rows.iter().map(|p| p.quantile).collect();
     100.0 * coverage(&ranks)[1]
 }
 

@@ -8,12 +8,16 @@ mod forms;
 mod outlying;
 #[path = "models/plain.rs"]
 mod plain;
+#[path = "models/spread.rs"]
+mod spread;
 mod support;
 
-use eplat::criticism::rewrite;
+use eplat::criticism::{Findings, rewrite};
 use eplat::infer::LogDensity as _;
 use eplat::model::forms::{above, all, family, group, logistic, scaled, scaled_by, smooth};
-use eplat::model::{AddedEffect, Augmented, Declare, Form, Model, equations};
+use eplat::model::{
+    AddedEffect, Augmented, Declare, Discrepancy, Form, Model, RowError, Spread, equations,
+};
 use eplat::run::{Loaded, Problem};
 use eplat::table::Measurements;
 use rand::RngExt as _;
@@ -79,7 +83,11 @@ fn densities_on(declared: &dyn Declare, data: &Measurements) -> Vec<(f64, Vec<f6
 fn the_file_that_rewrite_writes_is_the_augmented_model() {
     let why = |effect| (effect, "Added.".to_owned());
     let added: Vec<(AddedEffect, String)> = effects().into_iter().map(why).collect();
-    let written = rewrite(include_str!("models/plain.rs"), &added, None).unwrap();
+    let written = rewrite(
+        include_str!("models/plain.rs"),
+        &Findings { effects: added, ..Findings::default() },
+    )
+    .unwrap();
     assert_eq!(written, include_str!("models/forms.rs"));
     are_equal(&Augmented::new(&plain::Plain, &effects()), &forms::Plain);
 }
@@ -87,7 +95,9 @@ fn the_file_that_rewrite_writes_is_the_augmented_model() {
 #[test]
 fn outliers_that_are_added_are_those_that_rewrite_writes() {
     let outliers = Some((0.1, 40.0));
-    let written = rewrite(include_str!("models/plain.rs"), &[], outliers).unwrap();
+    let written =
+        rewrite(include_str!("models/plain.rs"), &Findings { outliers, ..Findings::default() })
+            .unwrap();
     assert_eq!(written, include_str!("models/outlying.rs"));
     let augmented = Augmented::new(&plain::Plain, &[]).with_outliers(outliers);
     are_equal(&augmented, &outlying::Plain);
@@ -210,7 +220,11 @@ fn a_column_whose_name_has_signs_is_read_without_them() {
     found[0].form = scaled("force (g)", 1.5, 0.75);
     found[1].form = smooth("force (g)", 0.0, 3.0, 3.0);
     let added: Vec<_> = found.iter().map(|e| (e.clone(), "Added.".to_owned())).collect();
-    let written = rewrite(include_str!("models/plain.rs"), &added, None).unwrap();
+    let written = rewrite(
+        include_str!("models/plain.rs"),
+        &Findings { effects: added, ..Findings::default() },
+    )
+    .unwrap();
     assert_eq!(written, include_str!("models/forms.rs"));
     assert_eq!(densities_on(&forms::Plain, &table), densities(&forms::Plain));
     are_equal_on(&Augmented::new(&plain::Plain, &found), &forms::Plain, &table);
@@ -221,6 +235,70 @@ fn a_column_whose_name_has_signs_is_read_without_them() {
     assert!(error.to_string().contains("no column `force_g`"), "{error}");
     // nor is what has a meaning of its own found in this way
     assert!(!renamed(&[("force_g", "site (1)"), ("dist_mm", "%site")]).has("site"));
+}
+
+/// What catheters and brackets differ by.
+fn discrepancy() -> Discrepancy {
+    Discrepancy {
+        spreads: vec![Spread {
+            name: "catheter_difference".into(),
+            sd: "catheter_sd".into(),
+            prior_sd: 10.0,
+            on: ["erp", "late"].map(String::from).to_vec(),
+            unit: "ms".into(),
+            form: group("catheter"),
+            why: "Why sites.".into(),
+        }],
+        row_errors: vec![RowError {
+            name: "row_error".into(),
+            prior_sd: 10.0,
+            unit: "ms".into(),
+            observes: vec!["s1s2".into()],
+            why: "Why rows.".into(),
+        }],
+    }
+}
+
+#[test]
+fn a_discrepancy_that_is_added_is_the_one_that_rewrite_writes() {
+    let (discrepancy, outliers) = (discrepancy(), Some((0.1, 40.0)));
+    let findings = Findings { discrepancy: discrepancy.clone(), outliers, ..Findings::default() };
+    let written = rewrite(include_str!("models/plain.rs"), &findings).unwrap();
+    assert_eq!(written, include_str!("models/spread.rs"));
+    let augmented =
+        Augmented::new(&plain::Plain, &[]).with_discrepancy(discrepancy).with_outliers(outliers);
+    are_equal(&augmented, &spread::Plain);
+    // the equations too
+    let shown = |declared: &dyn Declare| equations(&Model::outline(declared).unwrap());
+    assert!(shown(&augmented).contains("Widened(Interval(erp(x), noise), row_error)"));
+    assert!(shown(&augmented).contains("catheter_sd"), "{}", shown(&augmented));
+}
+
+/// The gradient by differences: of the sd of an error of rows, and of the sd of deviations.
+#[test]
+fn the_gradient_of_a_discrepancy_is_that_of_its_density() {
+    let augmented = Augmented::new(&plain::Plain, &[]).with_discrepancy(discrepancy());
+    let (basis, rows) = (basis(200, 12), rows());
+    let model = Model::new(&augmented, Some(&basis), &rows).unwrap();
+    let (mut evaluator, mut rng) = (model.evaluator(), rng(13));
+    let n = model.dim();
+    let u: Vec<f64> = model.initial().iter().map(|u| u + rng.random_range(-0.5..0.5)).collect();
+    let (mut gradient, mut other) = (vec![0.0; n], vec![0.0; n]);
+    evaluator.ln_density(&u, &mut gradient);
+    for i in 0..n {
+        let mut at = |step: f64| {
+            let mut u = u.clone();
+            u[i] += step;
+            evaluator.ln_density(&u, &mut other)
+        };
+        let slope = (at(1e-5) - at(-1e-5)) / 2e-5;
+        let name = &model.unknown_names()[i];
+        assert!(
+            (slope - gradient[i]).abs() < 1e-5 * (1.0 + slope.abs()),
+            "{name}: {slope} {}",
+            gradient[i]
+        );
+    }
 }
 
 /// What the language knows as a form ships as one, or `models/forms.rs` would not compile.

@@ -130,7 +130,7 @@ fn a_hidden_effect_is_found_written_and_told() {
     let (after, again) = (summary("loop/after/summary.json"), summary("again/summary.json"));
     let furthest = furthest_apart(&after, &again);
     assert!(furthest < 4.5, "{furthest} standard errors apart");
-    let before = summary("loop/before/summary.json");
+    let before = summary("loop/declared/summary.json");
     assert!(furthest_apart(&before, &again) > 4.5, "another model passes for the same");
 }
 
@@ -170,6 +170,64 @@ fn a_patch_is_written_with_an_effect_on_every_field() {
     let page = place.read("loop/report.html");
     assert!(page.contains(&format!("<h1>{lacks}</h1>")));
     assert!(page.contains("above(dist_scar_mm, "), "the form that was tried");
+    sites_differ_in_what_is_claimed(&place, "loop/erp_plus_patch.rs", &finding);
+}
+
+/// The model that is written lets sites and brackets differ, so that its intervals hold what they say, and those
+/// of the model as written hold less.
+fn sites_differ_in_what_is_claimed(place: &Workplace, file: &str, finding: &Value) {
+    let model = place.read(file);
+    for statement in [
+        "/// Added by `eplat loop`: what each site differs by, for reasons that no column tells.",
+        "param site_sd [ms] ~ HalfNormal(10.0);",
+        "effect site_difference on erp_s2, erp_s3 [ms] = group(row.site) ~ Normal(0.0, site_sd);",
+        "param row_error [ms] ~ HalfNormal(10.0);",
+        "~ Widened(TopHat(erp_s2(x)), row_error);",
+    ] {
+        assert!(model.contains(statement), "{statement}\n{model}");
+    }
+    let held_out = &finding["heldout"];
+    let of = |name: &str| held_out[name].as_f64().unwrap();
+    // 60 sites: three binomial errors
+    let (lowest, highest) = (0.9 - 3.0 * 0.0387, 0.9 + 2.6 * 0.0387);
+    assert!((lowest..=highest).contains(&of("coverage90_after")), "{held_out}");
+    assert!(of("coverage90_declared") < of("coverage90_after"), "{held_out}");
+    assert!(of("elpd_gain").abs() < 200.0, "a number that one row makes: {held_out}");
+    assert!(finding["fits"]["declared"]["questions"].is_array(), "{}", finding["fits"]);
+    // what one site makes of it is said
+    assert!(held_out.get("more_than_half_of_the_gain").is_some());
+}
+
+/// The columns tell nothing, but the intervals of the model as written are too narrow.
+#[test]
+fn intervals_that_are_too_narrow_are_told_and_mended() {
+    let study = studies::study(&studies::Heart::new(), studies::Scenario::Null, 1);
+    let place = Workplace::new();
+    place
+        .file("erp.rs", include_str!("../models/erp.rs"))
+        .file("train.csv", study.train.to_csv())
+        .file("heldout.csv", study.heldout.to_csv());
+    place.eplat("mesh atrium --edge 2 --out atrium.vtk");
+    let on = "--mesh atrium.vtk --units mm --data train.csv";
+    let output =
+        place.eplat(&format!("loop erp.rs {on} --heldout heldout.csv --nulls 19 --out loop"));
+    let (stdout, stderr) = (text(&output.stdout), text(&output.stderr));
+    assert!(matches!(output.status.code(), Some(0 | 3)), "{stderr}");
+    let finding = finding(&place, "loop");
+    assert_eq!(finding["findings"], serde_json::json!([]));
+    assert!(stdout.contains("but its intervals are too narrow: "), "{stdout}");
+    assert!(stdout.contains("allowed   sites differ by "), "{stdout}");
+    assert!(finding["as_written_too_narrow"].is_string(), "{finding}");
+    sites_differ_in_what_is_claimed(&place, "loop/erp_plus_discrepancy.rs", &finding);
+    let page = place.read("loop/report.html");
+    assert!(page.contains("but its intervals are too narrow"));
+    assert!(page.contains("loop/before") || page.contains("before/report.html"));
+    // nothing of what was tried is hidden
+    let tried = finding["tried"].as_array().unwrap();
+    assert!(tried.iter().all(|t| !t["verdict"].as_str().unwrap().is_empty()));
+    for record in tried {
+        assert!(page.contains(record["effect"].as_str().unwrap()), "{record}");
+    }
 }
 
 #[test]
@@ -208,13 +266,15 @@ fn the_page_tells(page: &str) {
     let story = [
         "<h1>Recovery lacks an effect of force_g on recovery.</h1>",
         "90 % interval",
-        "The model as declared",
+        "The model as written",
         "What it leaves over",
         "aria-label=\"residuals before\"",
         "What was tried",
         "The model with it",
         "<mark>  force_g [ms]",
         "Before and after",
+        "class=\"band\"",
+        "class=\"curve\"",
         "aria-label=\"residuals after\"",
         "What is still unexplained",
         "Columns not tried",
@@ -247,7 +307,7 @@ fn where_nothing_is_missing_nothing_is_claimed() {
     let page = place.read("loop/report.html");
     assert!(page.contains("<h1>Nothing is missing from Recovery that these data could show.</h1>"));
     assert!(page.contains("measurements, each site predicted from the others"));
-    let files = ["before", "finding.json", "report.html"];
+    let files = ["declared", "finding.json", "report.html"];
     let mut written: Vec<String> = std::fs::read_dir(place.path("loop"))
         .unwrap()
         .map(|entry| entry.unwrap().file_name().into_string().unwrap())

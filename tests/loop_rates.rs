@@ -40,6 +40,8 @@ struct Result {
     /// Held-out root mean squared error and log score, before and after; if anything was found.
     rmse: Option<[f64; 2]>,
     elpd: Option<[f64; 2]>,
+    /// Share of held-out rows in their 90 % intervals, before and after.
+    coverage: Option<[f64; 2]>,
     note: String,
 }
 
@@ -140,8 +142,9 @@ fn search_of(study: &Study, basis: &Basis, seed: u64, nulls: usize) -> Result {
         findings: outcome.findings().into_iter().map(ToString::to_string).collect(),
         ambiguous: outcome.ambiguous().into_iter().map(|p| p.map(ToString::to_string)).collect(),
         unexplained: outcome.is_unexplained(),
-        rmse: scores.map(|s| s.map(|[rmse, _]| rmse)),
-        elpd: scores.map(|s| s.map(|[_, elpd]| elpd)),
+        rmse: scores.map(|s| s.map(|[rmse, ..]| rmse)),
+        elpd: scores.map(|s| s.map(|[_, elpd, _]| elpd)),
+        coverage: scores.map(|s| s.map(|[.., coverage]| coverage)),
         note: note(&outcome),
     }
 }
@@ -172,15 +175,15 @@ fn note(outcome: &Criticism) -> String {
     note
 }
 
-/// Root mean squared error of the bracket's middle and log score of held-out rows, by the Laplace fit of the
-/// training rows.
+/// Root mean squared error of the bracket's middle, log score, and share in their 90 % intervals of held-out rows, by
+/// the Laplace fit of the training rows.
 fn heldout(
     case: &Subject<'_>,
     study: &Study,
     outcome: &Criticism,
     outer: &Outer,
     found: &[usize],
-) -> [f64; 2] {
+) -> [f64; 3] {
     let mut joint = with_heldout(&study.train, &study.heldout, &["s1s2", "s1s2s3"]);
     let basis = case.basis.unwrap();
     joint.place_at_indices(basis.n_vertices()).unwrap();
@@ -205,11 +208,26 @@ fn heldout(
     let active: Vec<usize> = (0..found.len()).collect();
     let fit = engine.fit_without(&hidden, outer, &active, None).unwrap();
     let left = leave_out(&engine, &fit, &hidden, 1);
-    let mut square = 0.0;
+    let (mut square, mut inside) = (0.0, 0.0);
     for r in &hidden {
         square += (left.predicted[*r] - engine.middle(*r)).powi(2);
+        inside += f64::from(u8::from(left.residual[*r].abs() < SCORE_90));
     }
-    [(square / hidden.len() as f64).sqrt(), left.elpd.iter().sum()]
+    let n = hidden.len() as f64;
+    [(square / n).sqrt(), left.elpd.iter().sum(), inside / n]
+}
+
+/// Normal score of the ends of a central 90 % interval.
+const SCORE_90: f64 = 1.645;
+/// What 90 % intervals must hold on average, in each scenario.
+const HOLD: [f64; 2] = [0.85, 0.95];
+
+/// Mean and its standard error.
+fn mean(x: &[f64]) -> [f64; 2] {
+    let n = x.len() as f64;
+    let mean = x.iter().sum::<f64>() / n;
+    let variance = x.iter().map(|x| (x - mean).powi(2)).sum::<f64>() / (n - 1.0);
+    [mean, (variance / n).sqrt()]
 }
 
 /// The lowest count out of `n` that is not below `share` at the level of 5 %.
@@ -244,16 +262,22 @@ fn row(scenario: Scenario, results: &[Result]) -> (String, Vec<String>) {
     let count = |what: &dyn Fn(&Result) -> bool| results.iter().filter(|r| what(r)).count();
     let right = count(&|r| r.is_right(scenario));
     let wrong = count(&|r| r.is_wrong(scenario));
-    let claims = results.iter().filter(|r| r.is_right(scenario) && r.rmse.is_some());
-    let (n_claims, better) =
-        claims.fold((0, 0), |(n, better), r| (n + 1, better + usize::from(r.is_better(scenario))));
+    let claims = || results.iter().filter(|r| r.is_right(scenario) && r.rmse.is_some());
+    let (n_claims, better) = claims()
+        .fold((0, 0), |(n, better), r| (n + 1, better + usize::from(r.is_better(scenario))));
+    let coverage =
+        |of: usize| mean(&claims().filter_map(|r| Some(r.coverage?[of])).collect::<Vec<_>>());
+    let (before, [held, error]) = (coverage(0)[0], coverage(1));
     let others = (count(&|r| !r.ambiguous.is_empty()), count(&|r| r.unexplained));
     let line = format!(
-        "{:<18} {n:>5} {right:>5} {wrong:>5} {:>9} {:>11} {:>8}",
+        "{:<18} {n:>5} {right:>5} {wrong:>5} {:>9} {:>11} {:>8}  {:.0} → {:.1} ± {:.1} %",
         format!("{scenario:?}"),
         others.0,
         others.1,
-        format!("{better}/{n_claims}")
+        format!("{better}/{n_claims}"),
+        100.0 * before,
+        100.0 * held,
+        100.0 * error
     );
     let mut failures = vec![];
     if right < least(n, bar(scenario)) {
@@ -265,10 +289,15 @@ fn row(scenario: Scenario, results: &[Result]) -> (String, Vec<String>) {
     // a column with empty cells leaves over what it does there
     let beside = count(&|r| r.is_right(scenario) && !r.findings.is_empty() && r.unexplained);
     if scenario != Scenario::Missing && n_claims - beside < least(n_claims, 0.95) {
-        failures.push(format!("{scenario:?}: unexplained beside {beside} of {n_claims} right names"));
+        failures
+            .push(format!("{scenario:?}: unexplained beside {beside} of {n_claims} right names"));
     }
     if better < least(n_claims, 0.95) {
         failures.push(format!("{scenario:?}: held-out error lower in {better} of {n_claims}"));
+    }
+    // two standard errors: a bar that is just met is missed by chance once in forty
+    if n_claims > 1 && (held + 2.0 * error < HOLD[0] || held - 2.0 * error > HOLD[1]) {
+        failures.push(format!("{scenario:?}: 90 % intervals hold {held:.3} ± {error:.3}"));
     }
     (line, failures)
 }
@@ -277,7 +306,9 @@ fn row(scenario: Scenario, results: &[Result]) -> (String, Vec<String>) {
 fn rates(scenarios: &[Scenario], seeds: RangeInclusive<u64>, nulls: usize) -> Vec<String> {
     let heart = Heart::new();
     let mut failures = vec![];
-    println!("scenario           seeds right wrong ambiguous unexplained held-out");
+    println!(
+        "scenario           seeds right wrong ambiguous unexplained held-out  in 90 % intervals"
+    );
     for scenario in scenarios {
         let results: Vec<Result> = seeds
             .clone()
@@ -327,6 +358,18 @@ fn a_patch_is_claimed_on_every_field_with_a_soft_edge() {
     assert_eq!(result.note.matches("[logistic(").count(), 2, "{result:?}");
     let [before, after] = result.rmse.unwrap();
     assert!(after < 0.8 * before, "{result:?}");
+}
+
+/// The model that is claimed lets sites differ: without that its intervals would be too narrow.
+#[test]
+fn intervals_after_a_right_claim_hold_what_they_say() {
+    let heart = Heart::new();
+    let seeds: Vec<u64> = (1..=6).collect();
+    let results: Vec<Result> =
+        seeds.into_par_iter().map(|seed| searched(&heart, Scenario::Force, seed, 19)).collect();
+    let right = results.iter().filter(|r| r.is_right(Scenario::Force));
+    let [held, error] = mean(&right.filter_map(|r| Some(r.coverage?[1])).collect::<Vec<_>>());
+    assert!(held + 2.0 * error > HOLD[0] && held - 2.0 * error < HOLD[1], "{held} ± {error}");
 }
 
 /// The rows of `heldout` with the brackets of `answers`, whose rows are the same.

@@ -42,6 +42,17 @@ impl Model {
         mentions.any(|mention| mention.name == "Outliers" && mention.arguments.is_some())
     }
 
+    /// Whether the likelihood of `observe` takes brackets as exact: no parameter of it is an error.
+    pub fn is_exact(&self, observe: &Observe) -> bool {
+        let is_param = |name: &Ident| {
+            let mut items = self.statements.iter().map(|statement| &statement.item);
+            items.any(|item| matches!(item, Item::Param(param) if param.name == *name))
+        };
+        let all = mentions(&observe.likelihood);
+        all.iter().any(|mention| mention.name == "TopHat")
+            && !all.iter().any(|mention| is_param(&mention.name))
+    }
+
     /// The fields and `let`s that `e` mentions, each once.
     fn values_in(&self, e: &Expr) -> Vec<&Ident> {
         let mut found: Vec<&Ident> = vec![];

@@ -1,72 +1,124 @@
-//! A model file with effects added: the user's own text, in which only what is new is new.
+//! A model file with statements added: the user's own text, in which only what is new is new.
 
 use std::fmt::Write as _;
+use std::ops::Range;
 
 use crate::file::File;
 use crate::grammar::{first_span, last_span, parse};
 use crate::mistake::Mistake;
-use crate::syntax::{Effect, Item, Model};
+use crate::print::print;
+use crate::syntax::{Expr, Ident, Item, Model, Param};
+
+/// What is added to a model.
+#[derive(Clone, Debug, Default)]
+pub struct Added {
+    /// `param` and `effect` statements, each with the lines above it that say why, in their order.
+    pub statements: Vec<(String, String)>,
+    /// Names of `observe`s whose likelihood is put within `Widened(…, SD)`, and of that parameter, which is
+    /// among the statements.
+    pub row_errors: Vec<(String, String)>,
+    /// Share and sd of outliers: every likelihood is put within `Outliers(…, share, sd)`.
+    pub outliers: Option<(f64, f64)>,
+}
 
 impl Model {
     /// Puts the likelihood of every `observe` within `Outliers(…, share, sd)`.
     pub fn add_outliers(&mut self, share: f64, sd: f64) {
         let [share, sd] = [share, sd].map(proc_macro2::Literal::f64_unsuffixed);
+        self.change_likelihoods(
+            |_, likelihood| syn::parse_quote!(Outliers(#likelihood, #share, #sd)),
+        );
+    }
+
+    /// Puts the likelihood of the `observe` of this name within `Widened(…, sd)`.
+    pub fn add_row_error(&mut self, observe: &str, sd: &str) {
+        let sd = Ident::new(sd, proc_macro2::Span::call_site());
+        self.change_likelihoods(|name, likelihood| {
+            if name == observe {
+                syn::parse_quote!(Widened(#likelihood, #sd))
+            } else {
+                likelihood.clone()
+            }
+        });
+    }
+
+    fn change_likelihoods(&mut self, change: impl Fn(&Ident, &Expr) -> Expr) {
         for statement in &mut self.statements {
             if let Item::Observe(observe) = &mut statement.item {
-                let likelihood = &observe.likelihood;
-                observe.likelihood = syn::parse_quote!(Outliers(#likelihood, #share, #sd));
+                observe.likelihood = change(&observe.name, &observe.likelihood);
             }
         }
     }
 }
 
 impl File {
-    /// `source`, which this file was read from, with more in its model: effects declared at its end,
-    /// each given by its statement and the line above it that says why; and, if there are `outliers`
-    /// (share, sd), every likelihood within `Outliers(…, share, sd)`.
+    /// `source`, which this file was read from, with more in its model. A parameter that a likelihood
+    /// mentions stands before the first `observe`, everything else at the end.
     ///
     /// # Errors
-    /// A text that is not one `effect` statement. What is written is printed from its tree.
-    pub fn with_effects(
-        &self,
-        source: &str,
-        effects: &[(String, String)],
-        outliers: Option<(f64, f64)>,
-    ) -> Result<String, Mistake> {
-        let end = self.brackets.end - 1;
-        let mut text = match outliers {
-            Some((share, sd)) => self.with_outliers(&source[..end], share, sd),
-            None => source[..end].to_owned(),
-        };
-        text.truncate(text.trim_end().len());
-        text.push('\n');
-        for (effect, why) in effects {
-            text.push('\n');
+    /// A text that is not one `param` or `effect` statement. What is written is printed from its tree.
+    pub fn with_added(&self, source: &str, added: &Added) -> Result<String, Mistake> {
+        let (mut errors, mut others) = (String::new(), String::new());
+        for (statement, why) in &added.statements {
+            let item = self::statement(statement)?;
+            let is_error = added.row_errors.iter().any(|(_, sd)| item.name() == sd);
+            let to = if is_error { &mut errors } else { &mut others };
+            to.push('\n');
             for line in why.lines() {
-                let _ = writeln!(text, "    /// {}", line.replace('\r', " "));
+                let _ = writeln!(to, "    /// {}", line.replace('\r', " "));
             }
-            let _ = writeln!(text, "    {}", self::effect(effect)?.text());
+            let _ = writeln!(to, "    {}", text(&item));
         }
-        Ok(text + &source[end..])
+        let end = self.brackets.end - 1;
+        let first = if errors.is_empty() { 0 } else { self.before_observes(source) };
+        let mut text = source[..first].trim_end().to_owned();
+        if !errors.is_empty() {
+            text = text + "\n" + &errors + "\n";
+        }
+        text += &self.with_likelihoods(source, first..end, added);
+        text.truncate(text.trim_end().len());
+        Ok(text + "\n" + &others + &source[end..])
     }
 
-    /// The text up to the end of the model with the likelihood of every `observe` in `Outliers(…)`.
-    fn with_outliers(&self, source: &str, share: f64, sd: f64) -> String {
-        let (mut text, mut done) = (String::new(), 0);
+    /// Where the line of the first `observe` begins, or of the comment above it.
+    fn before_observes(&self, source: &str) -> usize {
+        let name = self.model.observes().next().map(|observe| observe.name.span().byte_range());
+        let word = name.and_then(|name| source[..name.start].rfind("observe"));
+        let Some(word) = word else { return self.brackets.end - 1 };
+        let line_of = |at: usize| source[..at].rfind('\n').map_or(0, |end| end + 1);
+        let mut first = line_of(word);
+        if !source[first..word].trim().is_empty() {
+            return word; // something else stands before it on its line
+        }
+        while first > 0 {
+            let above = line_of(first - 1);
+            if !source[above..first].trim_start().starts_with("//") {
+                break;
+            }
+            first = above;
+        }
+        first
+    }
+
+    /// A part of the text with the likelihoods in it as they become.
+    fn with_likelihoods(&self, source: &str, part: Range<usize>, added: &Added) -> String {
+        let (mut text, mut done) = (String::new(), part.start);
         for observe in self.model.observes() {
             let start = first_span(&observe.likelihood).byte_range().start;
             let end = last_span(&observe.likelihood).byte_range().end;
             text += &source[done..start];
-            text += &outlying(&source[start..end], share, sd);
+            let mut likelihood = source[start..end].trim().to_owned();
+            for (_, sd) in added.row_errors.iter().filter(|(name, _)| observe.name == name) {
+                likelihood = format!("Widened({likelihood}, {sd})");
+            }
+            if let Some((share, sd)) = added.outliers {
+                likelihood = format!("Outliers({likelihood}, {share:?}, {sd:?})");
+            }
+            text += &likelihood;
             done = end;
         }
-        text + &source[done..]
+        text + &source[done..part.end]
     }
-}
-
-/// A likelihood with outliers, as it is written.
-fn outlying(likelihood: &str, share: f64, sd: f64) -> String {
-    format!("Outliers({}, {share:?}, {sd:?})", likelihood.trim())
 }
 
 /// Whether a text can be the name of a column or of an effect in a model file.
@@ -93,10 +145,10 @@ pub fn as_name(header: &str) -> String {
     tries.into_iter().find(|name| is_name(name)).unwrap_or_else(|| "unnamed".into())
 }
 
-/// One `effect` statement.
-fn effect(text: &str) -> Result<Effect, Mistake> {
+/// One `param` or `effect` statement.
+fn statement(text: &str) -> Result<Item, Mistake> {
     let wrong = |help: &str| {
-        let message = format!("`{text}` is not one effect");
+        let message = format!("`{text}` is not one statement");
         Mistake::at(proc_macro2::Span::call_site(), message, help)
     };
     let tokens = format!("model M; {text}").parse();
@@ -104,8 +156,20 @@ fn effect(text: &str) -> Result<Effect, Mistake> {
     let model = parse(tokens).map_err(|mistake| wrong(&mistake.message))?;
     let mut statements = model.statements.into_iter().map(|statement| statement.item);
     match (statements.next(), statements.next()) {
-        (Some(Item::Effect(effect)), None) => Ok(effect),
+        (Some(item @ (Item::Effect(_) | Item::Param(_))), None) => Ok(item),
         _ => Err(wrong("write `effect NAME on LET [unit] = linear(row.COLUMN) ~ PRIOR;`")),
+    }
+}
+
+/// The statement, as a person would write it.
+fn text(item: &Item) -> String {
+    match item {
+        Item::Effect(effect) => effect.text(),
+        Item::Param(Param { name, unit, prior, .. }) => {
+            let unit = unit.as_ref().map_or(String::new(), |unit| format!(" [{}]", unit.text));
+            format!("param {name}{unit} ~ {};", print(&prior.expr))
+        }
+        _ => String::new(),
     }
 }
 
@@ -120,8 +184,8 @@ mod tests {
         effects: &[(&str, &str)],
         outliers: Option<(f64, f64)>,
     ) -> Result<String, Mistake> {
-        let effects: Vec<_> = effects.iter().map(|(e, w)| ((*e).into(), (*w).into())).collect();
-        File::read(source)?.with_effects(source, &effects, outliers)
+        let statements = effects.iter().map(|(e, w)| ((*e).into(), (*w).into())).collect();
+        File::read(source)?.with_added(source, &Added { statements, row_errors: vec![], outliers })
     }
 
     #[test]
@@ -139,6 +203,27 @@ mod tests {
         let source = "// observe ä ~ b;\nmodel! {\n    model M;\n    observe s1s2(x):   Bracket [ms] ~ TopHat(erp(x)); // observe\n    observe y(x): Number ~ Normal(f(x), s); /* ~ */\n}\n";
         let text = rewritten(source, &[], Some((0.05, 50.0))).unwrap();
         let expected = "// observe ä ~ b;\nmodel! {\n    model M;\n    observe s1s2(x):   Bracket [ms] ~ Outliers(TopHat(erp(x)), 0.05, 50.0); // observe\n    observe y(x): Number ~ Outliers(Normal(f(x), s), 0.05, 50.0); /* ~ */\n}\n";
+        assert_eq!(text, expected);
+    }
+
+    #[test]
+    fn an_error_of_rows_is_declared_above_the_likelihoods_that_mention_it() {
+        let source = "model! {\n    model M;\n    let a(x) = 1.0;\n\n    // why\n    observe s1s2(x): Bracket [ms] ~ TopHat(a(x));\n    observe y(x): Number ~ Normal(a(x), 1.0);\n}\n";
+        let why = |what: &str| format!("why {what}");
+        let added = Added {
+            statements: vec![
+                ("param row_error [ms] ~ HalfNormal(10.0);".into(), why("rows")),
+                ("param site_sd [ms] ~ HalfNormal(10.0);".into(), why("sites")),
+                (
+                    "effect site on a [ms] = group(row.site) ~ Normal(0.0, site_sd);".into(),
+                    why("so"),
+                ),
+            ],
+            row_errors: vec![("s1s2".into(), "row_error".into())],
+            outliers: Some((0.05, 50.0)),
+        };
+        let text = File::read(source).unwrap().with_added(source, &added).unwrap();
+        let expected = "model! {\n    model M;\n    let a(x) = 1.0;\n\n    /// why rows\n    param row_error [ms] ~ HalfNormal(10.0);\n\n    // why\n    observe s1s2(x): Bracket [ms] ~ Outliers(Widened(TopHat(a(x)), row_error), 0.05, 50.0);\n    observe y(x): Number ~ Outliers(Normal(a(x), 1.0), 0.05, 50.0);\n\n    /// why sites\n    param site_sd [ms] ~ HalfNormal(10.0);\n\n    /// why so\n    effect site on a [ms] = group(row.site) ~ Normal(0.0, site_sd);\n}\n";
         assert_eq!(text, expected);
     }
 

@@ -4,7 +4,7 @@
 //! [`File::read`] finds the `model! { … }` of a model file first. [`check`] resolves the names of the
 //! tree and compares its units. What else is asked of a model's text is answered from the tree:
 //! what an expression mentions ([`names`]), the model as equations
-//! ([`equations()`]), and the same file with an effect added ([`File::with_effects`]).
+//! ([`equations()`]), and the same file with an effect added ([`File::with_added`]).
 //!
 //! Knows no numbers, no files and no data: everything here is tested on text alone.
 
@@ -24,7 +24,7 @@ mod units;
 pub mod vocabulary;
 
 pub use check::check;
-pub use edit::{as_name, is_name};
+pub use edit::{Added, as_name, is_name};
 pub use equations::equations;
 pub use file::File;
 pub use grammar::{parse, parse_text};

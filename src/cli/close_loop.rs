@@ -69,7 +69,7 @@ impl Command {
         };
         let files = story.write(&out, &file.source, &self.stem())?;
         self.show(&story, &files, &out, begun)?;
-        Ok(if story.converged() { ExitCode::SUCCESS } else { ExitCode::from(3) })
+        Ok(ExitCode::from(story.exit_code()))
     }
 
     /// Reads and checks everything.
@@ -91,7 +91,7 @@ impl Command {
         Loop::new(model, loaded, heldout, settings).map_err(usage)
     }
 
-    /// Runs with a bar for the search and the console of a run for both fits.
+    /// Runs with a bar for the search and the console of a run for the fits.
     fn watched<T>(&self, run: impl FnOnce(&LoopWatch<'_>) -> T) -> Result<T, Failure> {
         let (bar, is_terminal) = (self.bar(), std::io::stderr().is_terminal());
         Ok(Console::new()?.watching(|fit| {

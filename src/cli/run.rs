@@ -85,7 +85,7 @@ pub(super) struct SamplerArgs {
     /// Sampler [default: blocked for models with fields that measurements see, else nuts]
     #[arg(long, value_enum)]
     sampler: Option<SamplerArg>,
-    /// Shape of the mass matrix [default: diag]; asks for nuts, for the blocked sampler has no choice
+    /// Shape of the mass matrix [default: dense where an effect is a field, else diag]; asks for nuts, for the blocked sampler has no choice
     #[arg(long, value_enum)]
     metric: Option<MetricArg>,
     /// Threads; 0 means one per core. Changes no number
@@ -168,6 +168,11 @@ impl Command {
     ) -> Result<ExitCode, Failure> {
         let inputs = self.input.inputs(&self.model, model)?;
         let problem = Problem::load_watched(model, &inputs, &watch).map_err(usage)?;
+        let metric = match self.sampler.metric {
+            Some(_) => settings.metric,
+            None => problem.model().metric(),
+        };
+        let settings = &Settings { metric, ..settings.clone() };
         if self.instead.optimize {
             return self.optimise(&problem, out);
         }
@@ -175,6 +180,7 @@ impl Command {
         let exceed = exceed.collect::<Result<Vec<_>, _>>().map_err(usage)?;
         let options = Options {
             exceed: &exceed,
+            weights_only: false,
             sampler: Some(self.sampler.choose(problem.model())?),
             warm_start: self.begin.init.as_deref(),
             watch,

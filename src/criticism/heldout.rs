@@ -34,6 +34,28 @@ pub fn with_heldout(train: &Measurements, heldout: &Measurements, own: &[&str]) 
     train.followed_by(heldout, &measured)
 }
 
+/// Predictions of rows that were not fitted.
+#[derive(Clone, Debug)]
+pub struct Predictions {
+    /// Each row's.
+    pub rows: Vec<Predicted>,
+    /// Log likelihood of each row `(rows)` at each draw.
+    ln: Vec<Vec<f64>>,
+}
+
+impl Predictions {
+    /// The joint log predictive density of each of these sets of rows: a difference that the rows of a site
+    /// share counts once.
+    pub fn joint(&self, sets: &[Vec<usize>]) -> Vec<f64> {
+        let n = self.ln.first().map_or(0, Vec::len);
+        let one = |rows: &Vec<usize>| {
+            let total = |draw: usize| rows.iter().map(|row| self.ln[*row][draw]).sum();
+            ln_mean_exp(&(0..n).map(total).collect::<Vec<f64>>())
+        };
+        sets.iter().map(one).collect()
+    }
+}
+
 /// Predicts the rows of `model` from row `first` of its table on, from `draws` of the unknowns of
 /// `fitted`, the same model on fewer rows. The coefficients of labels that it
 /// has not seen are drawn from their prior.
@@ -43,7 +65,7 @@ pub fn predict_rows(
     draws: &[&[f64]],
     first: usize,
     seed: u64,
-) -> Vec<Predicted> {
+) -> Predictions {
     let ids: Vec<RowId> =
         model.row_ids().into_iter().filter(|id| model.table_row(*id) >= first).collect();
     let mut rng = Stream::HeldOut.rng(seed);
@@ -51,7 +73,17 @@ pub fn predict_rows(
     model.at_draws(fitted, draws, &ids, &mut rng, &mut |row, own, rng| {
         sums[row].add(model, ids[row], own, rng);
     });
-    ids.iter().zip(sums).map(|(id, sum)| sum.predicted(model, *id, &mut rng)).collect()
+    let rows = ids.iter().zip(&sums).map(|(id, sum)| sum.predicted(model, *id, &mut rng));
+    Predictions { rows: rows.collect(), ln: sums.into_iter().map(|sum| sum.ln).collect() }
+}
+
+/// ln of the mean of what these are the logarithms of.
+fn ln_mean_exp(ln: &[f64]) -> f64 {
+    let most = ln.iter().copied().fold(f64::NEG_INFINITY, f64::max);
+    if !most.is_finite() {
+        return most;
+    }
+    most + (ln.iter().map(|l| (l - most).exp()).sum::<f64>() / ln.len() as f64).ln()
 }
 
 #[derive(Clone, Debug, Default)]
@@ -79,14 +111,12 @@ impl Sum {
     fn predicted(&self, model: &Model, id: RowId, rng: &mut ChaCha8Rng) -> Predicted {
         let cells = model.measured_row(id);
         let measured = cells.iter().sum::<f64>() / cells.len() as f64;
-        let most = self.ln.iter().copied().fold(f64::NEG_INFINITY, f64::max);
-        let mean = self.ln.iter().map(|l| (l - most).exp()).sum::<f64>() / self.n;
         let u: f64 = rng.random();
         Predicted {
             table_row: model.table_row(id),
             value: self.value / self.n,
             measured: if measured.is_finite() { measured } else { f64::NAN },
-            ln_density: most + mean.ln(),
+            ln_density: ln_mean_exp(&self.ln),
             quantile: (self.below + u * (self.equal + 1.0)) / (self.n + 1.0),
         }
     }

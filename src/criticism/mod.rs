@@ -15,7 +15,7 @@
 //! | fits | `engine`, `fit`, `newton`, `laplace`, `slope`, `outer`, `leave`, `screen`, `fine` |
 //! | a round | `bench`, `search`, `nulls`, `refute`, `rivals`, `claim`, `judge`, `remainder` |
 //! | all | `procedure`; `heldout` and `rewrite` for what follows it |
-//! | with both fits | `close`, which calls [`run`](crate::run) and is what `eplat loop` does |
+//! | with the fits | `close`, which calls [`run`](crate::run) and is what `eplat loop` does |
 
 mod bench;
 mod candidate;
@@ -53,17 +53,17 @@ pub use candidate::{Candidate, Level, Screen, Unusable};
 pub use cause::Cause;
 pub use checks::{Warning, check_heldout};
 pub use close::{
-    FoundEffect, HeldOut, LeftOut, Loop, LoopError, LoopEvent, LoopSettings, LoopWatch, Size,
-    Story, Told,
+    Contribution, FoundEffect, HeldOut, LeftOut, Loop, LoopError, LoopEvent, LoopSettings,
+    LoopWatch, Narrow, Point, Size, Story, Told, Trouble,
 };
 pub use engine::{Engine, Outer, RowAt, TriedTerm};
 pub use error::CriticismError;
 pub use fine::FINER;
 pub use fit::{Cavity, LaplaceFit};
-pub use heldout::{Predicted, Score, predict_rows, score_of, with_heldout};
+pub use heldout::{Predicted, Predictions, Score, predict_rows, score_of, with_heldout};
 pub use judgement::{CLAIM, Judgement, Record, Refutation, Round, UnitScore, least_log_bf};
 pub use leave::{Left, leave_out, leave_sites_out, leave_units_out};
 pub use procedure::{Criticism, SearchSettings, criticise};
 pub use progress::{SearchProgress, Watch};
-pub use rewrite::rewrite;
+pub use rewrite::{Findings, rewrite};
 pub use units::{Unit, site_column};

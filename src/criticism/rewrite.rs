@@ -1,20 +1,39 @@
-//! The augmented model as a model file: the user's own text with the effects that were found.
+//! The augmented model as a model file: the user's own text with what was found.
 
-use eplat_language::{File, Mistake};
+use eplat_language::{Added, File, Mistake};
 
-use crate::model::AddedEffect;
+use crate::model::{AddedEffect, Discrepancy};
 
-/// `source` with these effects declared at the end of its model, each under a line that says why, and its
+/// What is written into a model file.
+#[derive(Clone, Debug, Default)]
+pub struct Findings {
+    /// What measurements differ by for reasons that no column tells.
+    pub discrepancy: Discrepancy,
+    /// Effects, each with a line that says why.
+    pub effects: Vec<(AddedEffect, String)>,
+    /// Share and sd of outliers.
+    pub outliers: Option<(f64, f64)>,
+}
+
+/// `source` with these findings: what sites differ by and effects are declared at the end of its model, each under a
+/// line that says why; an error of rows before its first `observe`, whose likelihood is put within `Widened(…)`; and
 /// likelihoods within `Outliers(…, share, sd)` if there are outliers.
 ///
 /// # Errors
 /// A text that is no model file, or an effect that cannot be written: of a column whose name is none.
-pub fn rewrite(
-    source: &str,
-    effects: &[(AddedEffect, String)],
-    outliers: Option<(f64, f64)>,
-) -> Result<String, Mistake> {
-    let written = effects.iter().map(|(effect, why)| (effect.statement(), why.clone()));
-    let written: Vec<(String, String)> = written.collect();
-    File::read(source)?.with_effects(source, &written, outliers)
+pub fn rewrite(source: &str, findings: &Findings) -> Result<String, Mistake> {
+    let Findings { discrepancy, effects, outliers } = findings;
+    let mut added = Added { outliers: *outliers, ..Added::default() };
+    for error in &discrepancy.row_errors {
+        added.statements.push((error.statement(), error.why.clone()));
+        let observes = error.observes.iter();
+        added.row_errors.extend(observes.map(|observe| (observe.clone(), error.name.clone())));
+    }
+    for spread in &discrepancy.spreads {
+        let [sd, effect] = spread.statements();
+        added.statements.push((sd, spread.why.clone()));
+        added.statements.push((effect, String::new()));
+    }
+    added.statements.extend(effects.iter().map(|(e, why)| (e.statement(), why.clone())));
+    File::read(source)?.with_added(source, &added)
 }

@@ -97,7 +97,14 @@ fn the_gradient_is_that_of_central_differences() {
     let initial = engine.model.initial();
     for outliers in [None, Some((0.1, 6.0))] {
         let other: Vec<f64> = engine.split.other.iter().map(|u| initial[*u] + 0.1).collect();
-        let outer = Outer { other, ln_site: 0.1, ln_noise: 0.3, ln_unit: Some(0.2), outliers, scatter: vec![] };
+        let outer = Outer {
+            other,
+            ln_site: 0.1,
+            ln_noise: 0.3,
+            ln_unit: Some(0.2),
+            outliers,
+            scatter: vec![],
+        };
         let fit = engine.fit(&outer, &[0, 1], None).unwrap();
         let pieces = Pieces::new(&engine, &fit);
         let has_positive_part = |r: &usize| {

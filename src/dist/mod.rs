@@ -62,6 +62,11 @@ pub trait Dist<D: Real> {
     fn gaussian(&self) -> Option<Gaussian> {
         None
     }
+    /// The `x` that is this far from the mean in standard deviations, of a normal prior: a deviation in
+    /// these units does not depend on the prior's own parameters.
+    fn at_deviation(&self, _: D) -> Option<D> {
+        None
+    }
     /// Whether the density is constant (an improper prior).
     fn is_flat(&self) -> bool {
         self.gaussian().is_some_and(|prior| prior.precision == 0.0)

@@ -48,6 +48,9 @@ impl<D: Real> Dist<D> for Normal<D> {
     fn gaussian(&self) -> Option<Gaussian> {
         Some(Gaussian { location: self.mu.re(), scale: self.sd.re(), precision: 1.0 })
     }
+    fn at_deviation(&self, z: D) -> Option<D> {
+        Some(self.mu + self.sd * z)
+    }
     fn centre(&self) -> f64 {
         self.mu.re()
     }

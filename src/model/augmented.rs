@@ -2,6 +2,7 @@
 
 use super::builder::Builder;
 use super::declare::Declare;
+use super::discrepancy::Discrepancy;
 use super::error::ModelError;
 use super::forms::Form;
 use super::functions::Decl;
@@ -38,20 +39,29 @@ impl AddedEffect {
 pub struct Augmented<'m> {
     model: &'m dyn Declare,
     effects: Vec<AddedEffect>,
+    discrepancy: Discrepancy,
     outliers: Option<(f64, f64)>,
 }
 
 impl std::fmt::Debug for Augmented<'_> {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         let mut f = f.debug_struct("Augmented");
-        f.field("effects", &self.effects).field("outliers", &self.outliers).finish_non_exhaustive()
+        f.field("effects", &self.effects).field("outliers", &self.outliers);
+        f.field("discrepancy", &self.discrepancy).finish_non_exhaustive()
     }
 }
 
 impl<'m> Augmented<'m> {
     /// `model` with `effects`.
     pub fn new(model: &'m dyn Declare, effects: &[AddedEffect]) -> Self {
-        Self { model, effects: effects.to_vec(), outliers: None }
+        let (effects, discrepancy) = (effects.to_vec(), Discrepancy::default());
+        Self { model, effects, discrepancy, outliers: None }
+    }
+
+    /// Lets sites, recordings or measurements differ by more than the model says.
+    #[must_use]
+    pub fn with_discrepancy(self, discrepancy: Discrepancy) -> Self {
+        Self { discrepancy, ..self }
     }
 
     /// Lets `share` of the measurements have a further error of standard deviation `sd`: every likelihood
@@ -67,15 +77,23 @@ impl Declare for Augmented<'_> {
         self.model.name()
     }
     fn source(&self) -> String {
-        let effects = self.effects.iter().map(|effect| format!("\n{}", effect.statement()));
-        self.model.source() + &effects.collect::<String>()
+        let effects = self.effects.iter().map(AddedEffect::statement);
+        let all = self.discrepancy.statements().into_iter().chain(effects);
+        all.fold(self.model.source(), |text, statement| text + "\n" + &statement)
     }
     fn declare(&self, b: &mut Builder<'_>) -> Result<(), ModelError> {
         b.want_offsets(self.effects.iter().flat_map(|effect| effect.on.iter().cloned()));
+        b.want_offsets(
+            self.discrepancy.spreads.iter().flat_map(|spread| spread.on.iter().cloned()),
+        );
+        self.discrepancy.row_errors.iter().for_each(|error| b.add_row_error(error));
         if let Some((share, sd)) = self.outliers {
             b.add_outliers(share, sd);
         }
         self.model.declare(b)?;
+        for spread in &self.discrepancy.spreads {
+            b.spread(spread)?;
+        }
         for effect in &self.effects {
             let decl = Decl {
                 name: effect.name.clone().into(),

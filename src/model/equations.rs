@@ -10,6 +10,9 @@ impl Model {
     /// A text that is no model; that of [`Model::source`] was compiled.
     pub fn syntax(&self) -> Result<eplat_language::syntax::Model, eplat_language::Mistake> {
         let mut tree = eplat_language::parse_text(&self.source)?;
+        for (observe, sd) in &self.row_errors {
+            tree.add_row_error(observe, sd);
+        }
         if let Some((share, sd)) = self.outliers {
             tree.add_outliers(share, sd);
         }

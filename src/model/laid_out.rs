@@ -15,6 +15,7 @@ use super::map::Map;
 use super::reported::{Parameter, Position};
 use super::rows::Rows;
 use super::tape::{Op, Tape};
+use crate::infer::MetricKind;
 use crate::num::Within;
 use crate::table::Measurements;
 
@@ -29,6 +30,15 @@ pub(super) struct PriorEntry {
     pub(super) len: usize,
     /// Values that its prior mentions.
     pub(super) mentions: Vec<usize>,
+}
+
+/// Deviations of places, one for each vertex, whose prior is normal with an sd that is learnt.
+#[derive(Debug)]
+pub(super) struct SpreadEntry {
+    /// Which of the model's priors is theirs.
+    pub(super) prior: usize,
+    /// The vertex of each.
+    pub(super) vertices: Vec<u32>,
 }
 
 #[derive(Debug)]
@@ -98,6 +108,7 @@ pub struct Model {
     /// One for each of `priors`.
     pub(super) prior_entries: Vec<PriorEntry>,
     pub(super) fields: Vec<FieldEntry>,
+    pub(super) spreads: Vec<SpreadEntry>,
     pub(super) linear: Vec<Linear>,
     pub(super) maps: Vec<Map>,
     pub(super) offsets: Vec<Range<usize>>,
@@ -105,6 +116,8 @@ pub struct Model {
     pub(super) hooks: BTreeMap<(&'static str, &'static str), usize>,
     /// Share and sd of outliers that were added to every `observe`.
     pub(super) outliers: Option<(f64, f64)>,
+    /// Names of `observe`s whose rows were given a further error, and of its sd.
+    pub(super) row_errors: Vec<(String, String)>,
     /// Values that are known: the filled cells of columns with a prior.
     pub(super) constants: Vec<(usize, f64)>,
     /// Unknowns whose starting value is the middle of a declared range.
@@ -116,6 +129,17 @@ pub struct Model {
 }
 
 impl Model {
+    /// The metric that suits NUTS: that of the warm-up draws' covariance where an effect is a field, whose smooth modes
+    /// and the model's own trends nearly do the same.
+    pub fn metric(&self) -> MetricKind {
+        if self.effect_modes > 0 { MetricKind::Dense } else { MetricKind::Diagonal }
+    }
+
+    /// Whether places have deviations whose sd is learnt: `group(row.site) ~ Normal(0, sd)`.
+    pub fn has_spreads(&self) -> bool {
+        !self.spreads.is_empty()
+    }
+
     /// A model of which nothing is laid out yet.
     pub(super) fn empty(name: &'static str, source: String) -> Self {
         Model {
@@ -127,6 +151,7 @@ impl Model {
             priors: vec![],
             prior_entries: vec![],
             fields: vec![],
+            spreads: vec![],
             linear: vec![],
             densities: vec![],
             maps: vec![],
@@ -134,6 +159,7 @@ impl Model {
             hooks: BTreeMap::new(),
             constants: vec![],
             outliers: None,
+            row_errors: vec![],
             start: vec![],
             layout: [0; 3],
             effect_modes: 0,

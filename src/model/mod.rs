@@ -9,8 +9,10 @@
 mod augmented;
 mod blocked;
 mod builder;
+mod coordinate;
 mod declare;
 mod density;
+mod discrepancy;
 mod equations;
 mod error;
 mod exceedance;
@@ -41,6 +43,7 @@ pub use augmented::{AddedEffect, Augmented};
 pub use blocked::Sampler;
 pub use declare::Declare;
 pub use density::Density;
+pub use discrepancy::{Discrepancy, RowError, Spread};
 pub use equations::equations;
 pub use error::ModelError;
 pub use exceedance::{Exceedance, ExceedanceError};

@@ -3,6 +3,7 @@
 use num_dual::DualStruct;
 use rand::Rng;
 
+use super::coordinate::Coordinate;
 use super::functions::{PriorFn, VectorFn};
 use super::scope::Local;
 use super::tape::{Op, Tape};
@@ -19,6 +20,7 @@ pub(super) struct ParameterOp<F, const N: usize, const W: usize> {
     pub(super) n: usize,
     /// The normaliser of a prior whose own parameters are constants: computed once.
     pub(super) ln_norm: f64,
+    pub(super) coordinate: Coordinate,
     pub(super) f: F,
 }
 
@@ -30,6 +32,9 @@ pub(super) trait PriorOp: Op {
     fn is_flat(&self) -> bool;
     /// Gives it places: of what its prior mentions, of its first unknown and first value; `n` numbers.
     fn put(&mut self, mentions: &[u32], u: usize, v: usize, n: usize);
+    /// Takes deviations in units of the sd as unknowns, if the prior is normal with an sd (or mean) that is
+    /// itself a parameter: a small sd then does not squeeze the space that is sampled. Whether it does.
+    fn take_deviations(&mut self) -> bool;
 }
 
 impl<F: PriorFn<N>, const N: usize, const W: usize> ParameterOp<F, N, W> {
@@ -37,7 +42,8 @@ impl<F: PriorFn<N>, const N: usize, const W: usize> ParameterOp<F, N, W> {
     pub(super) fn new(f: F) -> Self {
         // the normaliser of a prior that mentions nothing is computed once
         let ln_norm = if N == 0 { f.prior([Num(1.0); N]).ln_norm().0 } else { 0.0 };
-        Self { local: Local::new(&[]), u: 0, v: 0, n: 0, ln_norm, f }
+        let coordinate = Coordinate::of_support(N > 0);
+        Self { local: Local::new(&[]), u: 0, v: 0, n: 0, ln_norm, coordinate, f }
     }
 }
 
@@ -52,6 +58,11 @@ impl<F: PriorFn<N>, const N: usize, const W: usize> PriorOp for ParameterOp<F, N
 
     fn put(&mut self, mentions: &[u32], u: usize, v: usize, n: usize) {
         (self.local, self.u, self.v, self.n) = (Local::new(mentions), u, v, n);
+    }
+
+    fn take_deviations(&mut self) -> bool {
+        self.coordinate = self.coordinate.deviating(&self.f.prior([Num(1.0); N]));
+        self.coordinate.is_deviation()
     }
 }
 
@@ -69,20 +80,20 @@ impl<F: PriorFn<N>, const N: usize, const W: usize> Op for ParameterOp<F, N, W> 
     fn forward(&self, t: &mut Tape) {
         let dist = self.f.prior(self.local.plain(&t.v));
         for i in 0..self.n {
-            t.v[self.v + i] = dist.constrain(Num(t.u[self.u + i])).0;
+            t.v[self.v + i] = self.coordinate.x(&dist, Num(t.u[self.u + i])).0;
         }
     }
 
     fn initial(&self, t: &mut Tape) {
         let dist = self.f.prior(self.local.plain(&t.v));
-        t.u[self.u..][..self.n].fill(dist.unconstrain(dist.centre()));
+        t.u[self.u..][..self.n].fill(self.coordinate.u(&dist, dist.centre()));
         self.forward(t);
     }
 
     fn draw(&self, t: &mut Tape, rng: &mut dyn Rng) -> Option<()> {
         let dist = self.f.prior(self.local.plain(&t.v));
         for i in 0..self.n {
-            t.u[self.u + i] = dist.unconstrain(dist.sample(rng)?);
+            t.u[self.u + i] = self.coordinate.u(&dist, dist.sample(rng)?);
         }
         self.forward(t);
         Some(())
@@ -93,11 +104,8 @@ impl<F: PriorFn<N>, const N: usize, const W: usize> Op for ParameterOp<F, N, W> 
         t.lp += self.ln_norm * self.n as f64;
         for i in 0..self.n {
             let u = Num(variable::<W>(t.u[self.u + i], W - 1));
-            let x = dist.constrain(u);
-            let mut l = dist.ln_kernel(u, x);
-            if W > 1 {
-                l += dist.ln_norm();
-            }
+            let x = self.coordinate.x(&dist, u);
+            let l = self.coordinate.ln_prior(&dist, u, x);
             t.lp += l.re();
             // the adjoint of x, carried on to u and to the prior's own parameters
             let e = derivatives(&(l + x * t.g[self.v + i]).0);

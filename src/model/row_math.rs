@@ -16,7 +16,7 @@ use crate::num::{Dual, Hyper, Num, Real, Third, derivatives, variable};
 /// Share of outlying measurements, and the variance of their further error.
 pub(super) type OutlierShare = (f64, f64);
 
-/// A row, and the N numbers that its likelihood depends on.
+/// A row, and the N numbers that its likelihood depends on, then the sd of a further error, 0 if it has none.
 #[derive(Clone, Copy)]
 pub(super) struct Row<'a> {
     pub(super) i: usize,
@@ -122,6 +122,17 @@ impl<F: RowFn<N>, const N: usize, const W: usize> RowsOf<F, N, W> {
         self.likelihood(std::array::from_fn(|j| Num(row.numbers[j])), row.i, row.outliers)
     }
 
+    /// The variance of the further error of a row.
+    fn further(row: Row<'_>) -> f64 {
+        row.numbers[N] * row.numbers[N]
+    }
+
+    /// As [`Self::further`], with derivatives in the numbers `a` and `b`.
+    fn further_hyper(row: Row<'_>, a: usize, b: usize) -> Num<Hyper> {
+        let sd = Num(hyper(row.numbers[N], N, a, b));
+        sd * sd
+    }
+
     fn hyper(
         &self,
         row: Row<'_>,
@@ -173,12 +184,17 @@ impl<F: RowFn<N>, const N: usize, const W: usize> RowsOf<F, N, W> {
         }
     }
 
-    /// As [`Self::backward_rows`], with the outliers that were added.
+    /// As [`Self::backward_rows`], with the outliers and the further error that were added.
     #[inline(never)]
-    fn backward_with_outliers(&self, place: &Place, outliers: OutlierShare, t: &mut Tape) {
+    fn backward_with_added(&self, place: &Place, outliers: OutlierShare, t: &mut Tape) {
+        let further = place.error.map(|sd| Num(Dual::from_re(t.v[sd] * t.v[sd])));
         for i in 0..self.y.len() {
             let likelihood = self.likelihood(Self::gather(place, &t.v, i), i, outliers);
-            scatter(place, i, &likelihood.ln_likelihood(&self.y[i]).0, t);
+            let value = match further {
+                Some(variance) => likelihood.ln_widened(&self.y[i], variance),
+                None => likelihood.ln_likelihood(&self.y[i]),
+            };
+            scatter(place, i, &value.0, t);
         }
     }
 }
@@ -257,28 +273,38 @@ impl<F: RowFn<N>, const N: usize, const W: usize> RowMath for RowsOf<F, N, W> {
     }
 
     fn backward(&self, place: &Place, outliers: Option<OutlierShare>, t: &mut Tape) {
-        match outliers {
-            Some(outliers) => self.backward_with_outliers(place, outliers, t),
-            None => Arch::new().dispatch(Backward { rows: self, place, t }),
+        if outliers.is_some() || place.error.is_some() {
+            self.backward_with_added(place, outliers.unwrap_or_default(), t);
+        } else {
+            Arch::new().dispatch(Backward { rows: self, place, t });
         }
     }
 
     fn ln(&self, row: Row<'_>) -> f64 {
-        self.plain(row).ln_likelihood(&self.y[row.i]).0
+        let (likelihood, y) = (self.plain(row), &self.y[row.i]);
+        match Self::further(row) {
+            0.0 => likelihood.ln_likelihood(y).0,
+            variance => likelihood.ln_widened(y, Num(variance)).0,
+        }
     }
 
     fn second(&self, row: Row<'_>, a: usize, b: usize) -> Hyper {
-        self.hyper(row, a, b).ln_likelihood(&self.y[row.i]).0
+        let (likelihood, y) = (self.hyper(row, a, b), &self.y[row.i]);
+        if Self::further(row) == 0.0 {
+            return likelihood.ln_likelihood(y).0;
+        }
+        likelihood.ln_widened(y, Self::further_hyper(row, a, b)).0
     }
 
     fn ln_of(&self, row: Row<'_>, y: Measurement<'_>) -> f64 {
         let measured = self.measurement(row.i, y.cells);
-        self.plain(row).ln_widened(&measured, Num(y.variance)).0
+        self.plain(row).ln_widened(&measured, Num(y.variance + Self::further(row))).0
     }
 
     fn second_of(&self, row: Row<'_>, y: Measurement<'_>, a: usize, b: usize) -> Hyper {
         let measured = self.measurement(row.i, y.cells);
-        self.hyper(row, a, b).ln_widened(&measured, Num(hyper(y.variance, N, a, b))).0
+        let variance = Self::further_hyper(row, a, b) + Num(hyper(y.variance, N + 1, a, b));
+        self.hyper(row, a, b).ln_widened(&measured, variance).0
     }
 
     fn third_of(&self, row: Row<'_>, y: Measurement<'_>, direction: &[f64], a: usize) -> Third {
@@ -288,13 +314,18 @@ impl<F: RowFn<N>, const N: usize, const W: usize> RowMath for RowsOf<F, N, W> {
             Num(Third::new(x, along, along, own, 0.0, 0.0, 0.0, 0.0))
         };
         let numbers = std::array::from_fn(|j| number(j, row.numbers[j], direction[j]));
-        let likelihood = self.likelihood(numbers, row.i, row.outliers);
-        likelihood.ln_widened(&measured, number(N, y.variance, 0.0)).0
+        let further = number(N, row.numbers[N], direction[N]);
+        let variance = further * further + number(N + 1, y.variance, 0.0);
+        self.likelihood(numbers, row.i, row.outliers).ln_widened(&measured, variance).0
     }
 
     fn simulate(&self, row: Row<'_>, like: Option<&[f64]>, rng: &mut dyn Rng) -> Vec<f64> {
         let like = like.map_or(self.y[row.i], |cells| self.measurement(row.i, cells));
-        self.plain(row).simulate(&like, rng).cells()
+        let likelihood = self.plain(row);
+        match row.numbers[N] {
+            0.0 => likelihood.simulate(&like, rng).cells(),
+            sd => likelihood.simulate_widened(&like, sd, rng).cells(),
+        }
     }
 
     fn location(&self, row: Row<'_>) -> Option<f64> {

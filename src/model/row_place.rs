@@ -11,6 +11,8 @@ pub(super) struct Place {
     pub(super) hook: Vec<u32>,
     /// First offset of each `let` in sight on which an effect acts.
     pub(super) lets: Vec<Option<usize>>,
+    /// The sd of a further error of every row, where one was added to the model.
+    pub(super) error: Option<usize>,
     /// A row that does not count in the density.
     pub(super) left_out: Option<usize>,
 }
@@ -22,25 +24,31 @@ impl Place {
         let hook = |j: usize| self.hook.get(i * w + j).map_or(0, |at| *at as usize);
         let value = |j: usize| (self.index[i * w + j] as usize, hook(j));
         let lets = self.lets.iter().flatten().map(|at| (at + i, 0));
-        (0..w).map(value).chain(lets).collect()
+        (0..w).map(value).chain(lets).chain(self.error.map(|sd| (sd, 0))).collect()
     }
 
     /// Which of the numbers of a row each of [`Place::locals`] is: an offset that nobody sets is none.
     pub(super) fn slots(&self) -> Vec<usize> {
         let lets = self.lets.iter().enumerate().filter(|(_, at)| at.is_some());
-        (0..self.width).chain(lets.map(|(j, _)| self.width + j)).collect()
+        let error = self.error.map(|_| self.error_slot());
+        (0..self.width).chain(lets.map(|(j, _)| self.width + j)).chain(error).collect()
+    }
+
+    /// Which of the numbers of a row is the sd of its further error, the last: 0 without one.
+    pub(super) fn error_slot(&self) -> usize {
+        self.width + self.lets.len()
     }
 
     /// The numbers of a row from those of [`Place::locals`].
     pub(super) fn numbers(&self, locals: &[f64]) -> Vec<f64> {
-        let mut numbers = vec![0.0; self.width + self.lets.len()];
+        let mut numbers = vec![0.0; self.error_slot() + 1];
         self.slots().into_iter().zip(locals).for_each(|(slot, x)| numbers[slot] = *x);
         numbers
     }
 
     /// The numbers of row `i`.
     pub(super) fn numbers_at(&self, v: &[f64], i: usize) -> Vec<f64> {
-        let mut numbers = vec![0.0; self.width + self.lets.len()];
+        let mut numbers = vec![0.0; self.error_slot() + 1];
         self.fill(v, i, &mut numbers);
         numbers
     }
@@ -57,5 +65,6 @@ impl Place {
         for (x, at) in lets.iter_mut().zip(&self.lets) {
             *x = at.map_or(0.0, |at| v[at + i]);
         }
+        numbers[self.error_slot()] = self.error.map_or(0.0, |sd| v[sd]);
     }
 }

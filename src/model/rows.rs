@@ -61,21 +61,25 @@ impl Rows {
     /// Adds the log likelihood, and carries its derivatives to the adjoint.
     pub(super) fn backward(&self, t: &mut Tape) {
         self.math.backward(&self.place, self.outliers, t);
-        if self.place.lets.iter().any(Option::is_some) {
-            self.backward_of_offsets(t);
+        if self.place.error.is_some() || self.place.lets.iter().any(Option::is_some) {
+            self.backward_of_rare(t);
         }
     }
 
-    /// Carries the derivatives in the offsets of `let`s to the adjoint. These are rare: each takes an evaluation of
-    /// its own.
-    fn backward_of_offsets(&self, t: &mut Tape) {
-        let mut numbers = vec![0.0; self.place.width + self.place.lets.len()];
+    /// Carries the derivatives in the offsets of `let`s and in the sd of a further error to the adjoint. These are
+    /// rare: each takes an evaluation of its own.
+    fn backward_of_rare(&self, t: &mut Tape) {
+        let mut numbers = vec![0.0; self.place.error_slot() + 1];
         for i in (0..self.math.len()).filter(|i| self.place.left_out != Some(*i)) {
             self.place.fill(&t.v, i, &mut numbers);
+            let slope =
+                |number: usize| self.math.second(self.row(i, &numbers), number, usize::MAX).eps1;
             for (j, at) in self.place.lets.iter().enumerate() {
                 let Some(at) = at else { continue };
-                let offset = self.place.width + j;
-                t.g[at + i] += self.math.second(self.row(i, &numbers), offset, usize::MAX).eps1;
+                t.g[at + i] += slope(self.place.width + j);
+            }
+            if let Some(sd) = self.place.error {
+                t.g[sd] += slope(self.place.error_slot());
             }
         }
     }

@@ -6,7 +6,7 @@ use std::fmt::Write as _;
 
 use super::html::{STYLE, fill};
 use super::surface_map::{Dot, SurfaceMap, colour_scale};
-use super::svg::{evidence_plot, residual_plot};
+use super::svg::{Curve, evidence_plot, residual_plot};
 use super::text::{escape, tick};
 use crate::mesh::TriMesh;
 
@@ -19,14 +19,22 @@ pub struct LoopPage<'a> {
     pub model: &'a str,
     /// File of the measurements.
     pub data: &'a str,
+    /// What speaks against the fits: which, and what to do.
+    pub troubles: &'a [String],
     /// The answer, one sentence.
     pub verdict: &'a str,
+    /// What the intervals of the model as written hold, if that is too little.
+    pub narrow: Option<&'a str>,
+    /// What sites and measurements differ by, one line each.
+    pub spread: &'a [String],
     /// What was found: the effect's size in words, one line each.
     pub effects: &'a [String],
     /// The model as equations.
     pub before: &'a str,
-    /// The model with the effects; `None` if none was found.
+    /// The model with what was added to it; `None` if nothing was.
     pub after: Option<&'a str>,
+    /// Whether an effect was found.
+    pub is_found: bool,
     /// Errors of predictions; the first counts.
     pub comparisons: &'a [ErrorChange],
     /// What was tried, round by round.
@@ -50,12 +58,43 @@ pub struct ErrorChange {
     pub what: String,
     /// Number of measurements.
     pub n: usize,
-    /// By the model as declared.
+    /// Number of units (sites, mostly) that have a log predictive density each.
+    pub n_units: usize,
+    /// By the model as written, where the model before has more.
+    pub declared: Option<PredictionError>,
+    /// By the model before: as written, and what sites and measurements differ by.
     pub before: PredictionError,
-    /// By the model with what was found.
+    /// By the model with what was found too.
     pub after: Option<PredictionError>,
-    /// Gain in elpd and its standard error.
+    /// Gain in elpd from before to after and its standard error.
     pub elpd_gain: [f64; 2],
+    /// The unit that makes more than half of that, if one does.
+    pub most: Option<MostOfTheGain>,
+}
+
+/// A unit that makes more than half of a gain.
+#[derive(Clone, Debug, PartialEq)]
+pub struct MostOfTheGain {
+    /// The unit, in words.
+    pub unit: String,
+    /// The gain of the others and its standard error.
+    pub without: [f64; 2],
+}
+
+impl ErrorChange {
+    /// The gain with its standard error; what it is without a unit that makes most of it.
+    pub fn gain(&self) -> String {
+        let gain = with_error(self.elpd_gain);
+        match &self.most {
+            Some(MostOfTheGain { unit, without }) => {
+                format!(
+                    "{gain}, more than half of it at {unit}: without it {}",
+                    with_error(*without)
+                )
+            }
+            None => gain,
+        }
+    }
 }
 
 /// How well measurements were predicted; each with its standard error.
@@ -110,6 +149,8 @@ pub struct Residuals<'a> {
     pub sites: &'a [SiteResidual],
     /// Each row's against the column of the first effect found, if it reads one.
     pub against: Option<&'a Against>,
+    /// The first effect found (as `after`), if it is a field.
+    pub field: &'a [SiteResidual],
 }
 
 /// Residual of a site; NaN where only open brackets were measured.
@@ -125,15 +166,21 @@ pub struct SiteResidual {
     pub after: f64,
 }
 
-/// Residuals of rows against a column.
+/// Residuals of rows against a column, and the effect that explains them.
 #[derive(Clone, Debug)]
 pub struct Against {
     /// The column.
     pub column: String,
-    /// Cell, residual before, residual after.
+    /// Cell, residual without the effect, residual with it.
     pub rows: Vec<(f64, f64, f64)>,
     /// Names of places on the x axis.
     pub ticks: Vec<(f64, String)>,
+    /// The effect: its 5, 50 and 95 % quantiles at cells.
+    pub curve: Vec<(f64, [f64; 3])>,
+    /// The labels, if the column is one of labels: the points of the curve are theirs.
+    pub labels: Vec<String>,
+    /// Unit of the measurements.
+    pub unit: String,
 }
 
 /// The page as HTML.
@@ -145,7 +192,9 @@ pub fn loop_page(page: &LoopPage<'_>) -> String {
         ("model", escape(page.model)),
         ("data", escape(page.data)),
         ("style", STYLE.to_owned()),
+        ("troubles", paragraphs("trouble", page.troubles)),
         ("verdict", escape(page.verdict)),
+        ("narrow", page.narrow.map_or(String::new(), narrow)),
         ("effects", paragraphs("effect", page.effects)),
         ("tiles", page.comparisons.first().map_or(String::new(), |c| tiles(c, residuals.unit))),
         ("definitions", map.as_ref().map_or(String::new(), SurfaceMap::definitions)),
@@ -157,16 +206,22 @@ pub fn loop_page(page: &LoopPage<'_>) -> String {
             page.comparisons.first().map_or(String::new(), |c| error_line(c, residuals.unit)),
         ),
         ("tried", page.rounds.iter().enumerate().map(|(i, r)| round(i, r)).collect()),
+        ("spread", paragraphs("doubt", page.spread)),
         ("after_class", absent(page.after.is_none())),
+        ("found_class", absent(!page.is_found)),
         ("after", page.after.map_or(String::new(), |after| marked(page.before, after))),
         (
             "file",
             page.files.first().map_or(String::new(), |f| format!("{} runs by itself.", escape(f))),
         ),
         ("comparison", page.comparisons.iter().map(|c| comparison(c, residuals.unit)).collect()),
-        ("against", against(residuals, page.after.is_some())),
+        ("against", against(residuals, page.is_found)),
+        ("field", field(residuals, map.as_ref())),
         ("residuals_after", residual_figure(residuals, map.as_ref(), true)),
-        ("unexplained_number", if page.after.is_some() { "6" } else { "4" }.to_owned()),
+        (
+            "unexplained_number",
+            (4 + usize::from(page.after.is_some()) + usize::from(page.is_found)).to_string(),
+        ),
         ("unexplained", escape(page.unexplained)),
         ("not_tried", not_tried(page.not_tried)),
         ("warnings_class", absent(page.warnings.is_empty())),
@@ -195,23 +250,38 @@ fn percent([share, error]: [f64; 2]) -> String {
     format!("{:.0} ± {:.0} %", 100.0 * share, 100.0 * error)
 }
 
+fn narrow(text: &str) -> String {
+    format!("<p class=\"doubt\">As written its intervals are too narrow: {}.</p>", escape(text))
+}
+
+/// A unit as it stands behind a number; 1 is none.
+fn behind(unit: &str) -> String {
+    if matches!(unit, "" | "1") { String::new() } else { format!(" {}", escape(unit)) }
+}
+
 /// The three numbers of the first screen.
 fn tiles(c: &ErrorChange, unit: &str) -> String {
     let arrow = |of: &dyn Fn(&PredictionError) -> String| match &c.after {
         Some(after) => format!("{} → {}", of(&c.before), of(after)),
         None => of(&c.before),
     };
-    let (what, unit) = (escape(&c.what), escape(unit));
+    let what = escape(&c.what);
     let mut html = format!(
-        "<ul class=\"tiles\"><li><b>{} {unit}</b><span>error (rms) of {} {what}</span>",
+        "<ul class=\"tiles\"><li><b>{}{}</b><span>error (rms) of {} {what}</span>",
         arrow(&|e| tick(e.rmse[0])),
+        behind(unit),
         c.n
     );
     if c.after.is_some() {
+        let gain = c.most.as_ref().map_or(c.elpd_gain, |most| most.without);
+        let without = c.most.as_ref().map_or(String::new(), |most| {
+            format!(", without {} that makes more than half of it", escape(&most.unit))
+        });
         let _ = write!(
             html,
-            "<li><b>{}</b><span>gain in log predictive density (elpd)</span>",
-            with_error(c.elpd_gain)
+            "<li><b>{}</b><span>gain in log predictive density (elpd) of {} units{without}</span>",
+            with_error(gain),
+            c.n_units
         );
     }
     let _ = write!(
@@ -223,32 +293,37 @@ fn tiles(c: &ErrorChange, unit: &str) -> String {
 }
 
 fn error_line(c: &ErrorChange, unit: &str) -> String {
+    let e = c.declared.as_ref().unwrap_or(&c.before);
     format!(
-        "<p>Error of {} {}: {} {}; elpd {}; {} lie in their 90 % interval.</p>",
+        "<p>Error of {} {}, as written: {}{}; elpd {}; {} lie in their 90 % interval.</p>",
         c.n,
         escape(&c.what),
-        with_error(c.before.rmse),
-        escape(unit),
-        with_error(c.before.elpd),
-        percent(c.before.coverage90)
+        with_error(e.rmse),
+        behind(unit),
+        with_error(e.elpd),
+        percent(e.coverage90)
     )
 }
 
 fn comparison(c: &ErrorChange, unit: &str) -> String {
-    let Some(after) = &c.after else { return String::new() };
     let line = |name: &str, e: &PredictionError| {
         let (rmse, elpd) = (with_error(e.rmse), with_error(e.elpd));
         format!("<tr><td class=\"text\">{name}<td>{rmse}<td>{elpd}<td>{}", percent(e.coverage90))
     };
+    let before = if c.declared.is_some() { "before" } else { "as written" };
+    let declared = c.declared.as_ref().map_or(String::new(), |e| line("as written", e));
+    let after = c.after.as_ref().map_or(String::new(), |after| {
+        let gain = escape(&c.gain());
+        let gain = format!("<tr><td class=\"text\">gain, before to after<td><td>{gain}<td>");
+        line("after", after) + &gain
+    });
+    let unit = if behind(unit).is_empty() { String::new() } else { format!(",{}", behind(unit)) };
     format!(
-        "<table class=\"summary\"><thead><tr><th class=\"text\">{} {}<th>rms error, {}<th>elpd<th>in 90 % interval</thead>\
-         <tbody>{}{}<tr><td class=\"text\">gain<td><td>{}<td></tbody></table>",
+        "<table class=\"summary\"><thead><tr><th class=\"text\">{} {}<th>rms error{unit}<th>elpd<th>in 90 % interval</thead>\
+         <tbody>{declared}{}{after}</tbody></table>",
         c.n,
         escape(&c.what),
-        escape(unit),
-        line("before", &c.before),
-        line("after", after),
-        with_error(c.elpd_gain)
+        line(before, &c.before),
     )
 }
 
@@ -275,29 +350,74 @@ fn residual_figure(residuals: &Residuals<'_>, map: Option<&SurfaceMap>, is_after
             rows.map(|(i, site)| (i as f64, f64::NAN, of(site))).collect();
         let last = residuals.sites.len().saturating_sub(1);
         let ticks = [0, last].map(|i| (i as f64, residuals.sites[i].name.clone()));
-        return residual_plot(&rows, &ticks);
+        return residual_plot(&rows, &ticks, &[]);
     };
     let both = residuals.sites.iter().flat_map(|s| [s.before, s.after]);
     let limit = both.filter(|v| v.is_finite()).fold(f64::MIN_POSITIVE, |m, v| m.max(v.abs()));
-    let dot = |site: &SiteResidual| {
-        let value = of(site);
-        let text = if value.is_finite() { tick(value) } else { "open".into() };
-        let title = format!("{}: {text} {}", site.name, residuals.unit);
-        site.at.map(|at| Dot { at, value, title })
-    };
-    let dots: Vec<Dot> = residuals.sites.iter().filter_map(dot).collect();
+    let dots = dots(residuals.sites, residuals.unit, is_after);
     let label = if is_after { "residuals after" } else { "residuals before" };
     map.draw(label, &dots, limit) + &colour_scale(limit, residuals.unit)
 }
 
+/// The first effect that was found over the residuals that it explains.
 fn against(residuals: &Residuals<'_>, is_found: bool) -> String {
     let Some(against) = residuals.against.filter(|_| is_found) else { return String::new() };
-    format!(
-        "<p class=\"note\">Residual of each measurement ({}) against {}: hollow before, full after.</p>{}",
-        escape(residuals.unit),
+    let unit = if behind(&against.unit).is_empty() {
+        String::new()
+    } else {
+        format!(" ({})", escape(&against.unit))
+    };
+    let mut html = format!(
+        "<p class=\"note\">What each measurement leaves over{unit} against {}: hollow without the effect, full with it. \
+         Line: the effect, its median and 90 % interval.</p>{}",
         escape(&against.column),
-        residual_plot(&against.rows, &against.ticks)
-    )
+        residual_plot(&against.rows, &against.ticks, &curves(against))
+    );
+    if !against.labels.is_empty() {
+        html += "<table class=\"summary\"><thead><tr><th class=\"text\">label<th>median<th>90 % interval</thead><tbody>";
+        for (label, (_, [low, middle, high])) in against.labels.iter().zip(&against.curve) {
+            let [low, middle, high] = [low, middle, high].map(|x| tick(*x));
+            let (label, unit) = (escape(label), behind(&against.unit));
+            let _ = write!(
+                html,
+                "<tr><td class=\"text\">{label}<td>{middle}{unit}<td>{low} to {high}{unit}"
+            );
+        }
+        html += "</tbody></table>";
+    }
+    html
+}
+
+/// The curve of the effect; of labels, a stroke for each.
+fn curves(against: &Against) -> Vec<Curve> {
+    if against.labels.is_empty() {
+        return vec![against.curve.clone()];
+    }
+    let stroke =
+        |(x, quantiles): &(f64, [f64; 3])| vec![(x - 0.25, *quantiles), (x + 0.25, *quantiles)];
+    against.curve.iter().map(stroke).collect()
+}
+
+/// The field that was found, at each site.
+fn field(residuals: &Residuals<'_>, map: Option<&SurfaceMap>) -> String {
+    let (Some(map), false) = (map, residuals.field.is_empty()) else { return String::new() };
+    let values = residuals.field.iter().map(|site| site.after).filter(|v| v.is_finite());
+    let limit = values.fold(f64::MIN_POSITIVE, |most, v| most.max(v.abs()));
+    let note =
+        "<p class=\"note\">The field that was found: what it adds at each site, its median.</p>";
+    note.to_owned()
+        + &map.draw("the field that was found", &dots(residuals.field, residuals.unit, true), limit)
+        + &colour_scale(limit, residuals.unit)
+}
+
+fn dots(sites: &[SiteResidual], unit: &str, is_after: bool) -> Vec<Dot> {
+    let dot = |site: &SiteResidual| {
+        let value = if is_after { site.after } else { site.before };
+        let text = if value.is_finite() { tick(value) } else { "open".into() };
+        let title = format!("{}: {text}{}", site.name, behind(unit));
+        site.at.map(|at| Dot { at, value, title })
+    };
+    sites.iter().filter_map(dot).collect()
 }
 
 /// A round's evidence as a plot and a table.

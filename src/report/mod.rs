@@ -46,8 +46,8 @@ pub use field_draws::FieldDraws;
 pub use html::{Page, PointData, Surface, write_html};
 pub use loo::{LeaveOneOut, LooRecord, LooRow, read_loo, worst_k, write_loo};
 pub use loop_page::{
-    Against, ErrorChange, LoopPage, PredictionError, Residuals, SiteResidual, TriedEffect,
-    TriedRound, loop_page,
+    Against, ErrorChange, LoopPage, MostOfTheGain, PredictionError, Residuals, SiteResidual,
+    TriedEffect, TriedRound, loop_page,
 };
 pub use posterior::Posterior;
 pub use rows::{LEVELS, LeftOutBy, Predicted, PredictedRow, Predictions, write_rows};

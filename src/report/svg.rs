@@ -159,7 +159,11 @@ fn histogram(nulls: &[f64], x: impl Fn(f64) -> f64) -> String {
 }
 
 /// Residuals against a column: before (hollow) and after (full) at each x; `ticks` name places on the x axis.
-pub(super) fn residual_plot(points: &[(f64, f64, f64)], ticks: &[(f64, String)]) -> String {
+pub(super) fn residual_plot(
+    points: &[(f64, f64, f64)],
+    ticks: &[(f64, String)],
+    curves: &[Curve],
+) -> String {
     let xs = || points.iter().map(|p| p.0).filter(|x| x.is_finite());
     let (low, high) = (xs().fold(f64::INFINITY, f64::min), xs().fold(f64::NEG_INFINITY, f64::max));
     let pad = 0.04 * (high - low).max(f64::MIN_POSITIVE);
@@ -167,6 +171,7 @@ pub(super) fn residual_plot(points: &[(f64, f64, f64)], ticks: &[(f64, String)])
     let limit = points
         .iter()
         .flat_map(|p| [p.1, p.2])
+        .chain(curves.iter().flatten().flat_map(|(_, quantiles)| *quantiles))
         .filter(|v| v.is_finite())
         .fold(f64::MIN_POSITIVE, |limit, v| limit.max(v.abs()));
     let tall = 1.6 * HEIGHT;
@@ -186,10 +191,26 @@ pub(super) fn residual_plot(points: &[(f64, f64, f64)], ticks: &[(f64, String)])
             }
         }
     }
+    svg.extend(curves.iter().map(|curve| band(curve, &x, &y)));
     for (at, name) in ticks {
         svg += &below([x(*at), tall], "middle", &escape(name));
     }
     svg + "</svg>"
+}
+
+/// A median with its 5 and 95 % quantiles along x: `(x, [low, median, high])`.
+pub(super) type Curve = Vec<(f64, [f64; 3])>;
+
+/// A curve with its band.
+fn band(curve: &[(f64, [f64; 3])], x: &dyn Fn(f64) -> f64, y: &dyn Fn(f64) -> f64) -> String {
+    let path = |points: &mut dyn Iterator<Item = (f64, f64)>| {
+        let point = |(at, v): (f64, f64)| format!("{:.1} {:.1}", x(at), y(v));
+        points.map(point).collect::<Vec<_>>().join("L")
+    };
+    let low = path(&mut curve.iter().map(|(at, q)| (*at, q[0])));
+    let high = path(&mut curve.iter().rev().map(|(at, q)| (*at, q[2])));
+    let middle = path(&mut curve.iter().map(|(at, q)| (*at, q[1])));
+    format!(r#"<path class="band" d="M{low}L{high}Z"/><path class="curve" d="M{middle}"/>"#)
 }
 
 /// A label of the x axis, below the plot area at `x` that is so `tall`.

@@ -28,6 +28,9 @@ pub struct Options<'a> {
     pub warm_start: Option<&'a Path>,
     /// Events whose probability is mapped over the surface: [`Problem::exceedance`].
     pub exceed: &'a [Exceedance],
+    /// Leave-one-out by importance weights alone: no measurement is left out in a fit of its own, which
+    /// takes longer than the run if there are many.
+    pub weights_only: bool,
     /// Who is told how it goes on, and may stop it.
     pub watch: Watch<'a>,
     /// Time that the model's compilation took, s, for the run's record.
@@ -100,6 +103,8 @@ pub struct Fit<'m> {
     pub(super) seconds: f64,
     /// Events whose probability is mapped.
     pub(super) exceed: Vec<Exceedance>,
+    /// Whether no measurement is left out in a fit of its own.
+    pub(super) weights_only: bool,
     posterior: OnceLock<Posterior>,
     maps: OnceLock<Option<SurfaceMaps>>,
     left_out: OnceLock<Option<LeftOut>>,
@@ -122,6 +127,7 @@ impl<'m> Fit<'m> {
             compile_seconds: 0.0,
             seconds: 0.0,
             exceed: vec![],
+            weights_only: false,
             posterior: OnceLock::new(),
             maps: OnceLock::new(),
             left_out: OnceLock::new(),
@@ -185,7 +191,10 @@ impl<'m> Fit<'m> {
     }
 
     pub(super) fn left_out(&self) -> Option<&LeftOut> {
-        let made = || self.posterior().loo.clone().map(|loo| exact(self, loo));
+        let made = || {
+            let loo = self.posterior().loo.clone()?;
+            Some(if self.weights_only { LeftOut::by_weights(loo) } else { exact(self, loo) })
+        };
         self.left_out.get_or_init(made).as_ref()
     }
 

@@ -140,6 +140,7 @@ impl<'m> Problem<'m> {
         let seconds = self.seconds() + drawn.seconds;
         let mut fit = Fit::new(self, method, settings.clone(), drawn);
         fit.exceed = options.exceed.to_vec();
+        fit.weights_only = options.weights_only;
         (fit.compile_seconds, fit.seconds) = (options.compile_seconds, seconds);
         fit
     }
@@ -247,6 +248,7 @@ impl<'a, 'm> Job<'a, 'm> {
         let mut fit = Fit::new(self.problem, self.method(), self.settings, drawn);
         fit.hashes = self.hashes;
         fit.exceed = self.options.exceed.to_vec();
+        fit.weights_only = self.options.weights_only;
         (fit.compile_seconds, fit.seconds) = (self.options.compile_seconds, seconds);
         fit
     }

@@ -15,9 +15,9 @@ pub enum LoopEvent<'a> {
     Search(SearchProgress),
     /// All searches are done.
     Searched,
-    /// The model as declared, or the model with what was found, is sampled.
+    /// The model as written, with what sites and measurements differ by, or with what was found too, is sampled.
     Sample {
-        /// `before` or `after`, which is the folder of the fit.
+        /// `declared`, `before` or `after`, which is the folder of the fit.
         which: &'static str,
     },
     /// What the fit tells.
@@ -31,6 +31,7 @@ impl fmt::Display for LoopEvent<'_> {
                 write!(f, "search round {}: {done} searches on simulated data", round + 1)
             }
             Self::Searched => write!(f, "searched"),
+            Self::Sample { which: "declared" } => write!(f, "sample the model as written"),
             Self::Sample { which } => write!(f, "sample the model {which}"),
             Self::Fit(event) => write!(f, "{event}"),
         }

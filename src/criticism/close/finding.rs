@@ -28,7 +28,19 @@ impl Story {
             figures["unit"] = json!(left.unit);
             figures
         });
+        let fits = self.fits().map(|told| {
+            let verdict = json!({
+                "colour": told.verdict.colour(), "questions": told.verdict.answers,
+            });
+            (told.which, verdict)
+        });
+        let troubles = self.troubles();
+        let troubles: Vec<String> = troubles.iter().map(super::Trouble::text).collect();
         json!({
+            "doubtful": troubles,
+            "fits": fits.collect::<BTreeMap<_, _>>(),
+            "as_written_too_narrow": self.narrow(),
+            "discrepancy": self.discrepancy.statements(),
             "findings": names(criticism.findings()),
             "ambiguous": criticism.ambiguous().into_iter().map(names).collect::<Vec<_>>(),
             "unexplained": criticism.is_unexplained(),

@@ -1,11 +1,12 @@
-//! Predictions of rows that played no part in the search, from the draws of both fits.
+//! Predictions of rows that played no part in the search, from the draws of the fits.
 
 use std::collections::BTreeMap;
 
 use super::LoopError;
-use super::score::Scored;
+use super::score::{Scored, Scores};
 use crate::criticism::{
-    Candidate, Criticism, Predicted, Warning, check_heldout, predict_rows, with_heldout,
+    Candidate, Criticism, Predicted, Predictions, Warning, check_heldout, predict_rows,
+    site_column, with_heldout,
 };
 use crate::model::{Declare, Model};
 use crate::report::ErrorChange;
@@ -48,50 +49,72 @@ impl Joint {
         Ok(Self { table, held_out, first: loaded.measurements.len() })
     }
 
-    /// Predictions of the held-out rows by both fits.
+    /// The table that is held out.
+    pub(super) fn held_out(&self) -> &Measurements {
+        &self.held_out
+    }
+
+    /// Predictions of the held-out rows by a fit.
     pub(super) fn predict(
         &self,
         loaded: &Loaded,
-        criticism: &Criticism,
-        before: &Fit<'_>,
-        after: Option<&Fit<'_>>,
+        fit: &Fit<'_>,
         seed: u64,
-    ) -> Result<HeldOut, LoopError> {
-        let Self { table, held_out, first } = self;
-        let predict = |fit: &Fit<'_>| -> Result<Vec<Predicted>, LoopError> {
-            let all = Model::new(fit.problem().declared(), loaded.basis(), table)?;
-            Ok(predict_rows(&all, fit.model(), &fit.thinned(PREDICTION_DRAWS), *first, seed))
-        };
+    ) -> Result<Predictions, LoopError> {
+        let all = Model::new(fit.problem().declared(), loaded.basis(), &self.table)?;
+        Ok(predict_rows(&all, fit.model(), &fit.thinned(PREDICTION_DRAWS), self.first, seed))
+    }
+
+    /// With predictions by the model as written, before further ones are there.
+    pub(super) fn told(
+        &self,
+        loaded: &Loaded,
+        criticism: &Criticism,
+        declared: Predictions,
+        fit: &Fit<'_>,
+    ) -> HeldOut {
+        let Self { held_out, first, .. } = self;
         let cell = |row: usize, name: &str| held_out.cell(row, name).unwrap_or_default().to_owned();
         let is_measured =
-            |row: usize| before.model().observes.iter().any(|o| o.is_measured(held_out, row));
+            |row: usize| fit.model().observes.iter().any(|o| o.is_measured(held_out, row));
         let rows = || 0..held_out.len();
         let trained = loaded.measurements.columns().iter();
         let mut columns: Vec<&str> =
             criticism.candidates.iter().filter_map(Candidate::column).collect();
         columns.dedup();
-        Ok(HeldOut {
-            before: predict(before)?,
-            after: after.map(predict).transpose()?,
+        let column = site_column(held_out);
+        let site = |row: usize| match column {
+            Some(column) => format!("{column} {}", cell(row, column)),
+            None => format!("line {}", held_out.line(row)),
+        };
+        HeldOut {
+            declared,
+            before: None,
+            after: None,
             first: *first,
             is_measured: rows().map(is_measured).collect(),
             names: rows().map(|row| [cell(row, SITE), cell(row, PROTOCOL)]).collect(),
+            sites: rows().map(site).collect(),
             missing: trained.filter(|c| !held_out.has(c)).cloned().collect(),
             doubts: check_heldout(&loaded.measurements, held_out, &columns),
-        })
+        }
     }
 }
 
 /// Predictions of held-out rows.
 #[derive(Clone, Debug)]
 pub struct HeldOut {
-    before: Vec<Predicted>,
-    after: Option<Vec<Predicted>>,
+    declared: Predictions,
+    /// By the model before, where that is not the model as written.
+    pub(super) before: Option<Predictions>,
+    pub(super) after: Option<Predictions>,
     /// Row of the joint table of the first held-out row.
     first: usize,
     is_measured: Vec<bool>,
     /// Site and protocol.
     names: Vec<[String; 2]>,
+    /// The site of each row, in words.
+    sites: Vec<String>,
     /// Columns that are not in the held-out table.
     pub missing: Vec<String>,
     /// Doubts about its other columns.
@@ -99,11 +122,15 @@ pub struct HeldOut {
 }
 
 impl HeldOut {
+    fn before(&self) -> &Predictions {
+        self.before.as_ref().unwrap_or(&self.declared)
+    }
+
     /// `heldout_predictions.csv`: site, protocol, and the predicted values before and after.
     pub fn csv(&self) -> String {
         let mut lines: BTreeMap<usize, String> = BTreeMap::new();
-        let after = self.after.as_ref().unwrap_or(&self.before);
-        for (b, a) in self.before.iter().zip(after) {
+        let (before, after) = (self.before(), self.after.as_ref().unwrap_or(self.before()));
+        for (b, a) in before.rows.iter().zip(&after.rows) {
             let row = b.table_row - self.first;
             let [site, protocol] = &self.names[row];
             lines.insert(row, format!("{site},{protocol},{:.4},{:.4}\n", b.value, a.value));
@@ -112,15 +139,26 @@ impl HeldOut {
         lines.into_values().fold(header, |csv, line| csv + &line)
     }
 
-    /// Errors before and after; `None` unless there is something measured.
+    /// Errors as written, before and after; `None` unless there is something measured.
     pub fn comparison(&self) -> Option<ErrorChange> {
-        let scored = |all: &Vec<Predicted>| {
-            let is_measured = |p: &&Predicted| self.is_measured[p.table_row - self.first];
-            let predicted: Vec<Predicted> = all.iter().filter(is_measured).cloned().collect();
-            Scored { ln: predicted.iter().map(|p| p.ln_density).collect(), predicted }
+        let is_measured = |p: &Predicted| self.is_measured[p.table_row - self.first];
+        let mut sites: BTreeMap<&str, Vec<usize>> = BTreeMap::new();
+        for (i, p) in self.declared.rows.iter().enumerate().filter(|(_, p)| is_measured(p)) {
+            sites.entry(&self.sites[p.table_row - self.first]).or_default().push(i);
+        }
+        let names: Vec<String> = sites.keys().map(ToString::to_string).collect();
+        let sets: Vec<Vec<usize>> = sites.into_values().collect();
+        let scored = |all: &Predictions| Scored {
+            predicted: all.rows.iter().filter(|p| is_measured(p)).cloned().collect(),
+            ln: all.joint(&sets),
         };
-        let (before, after) = (scored(&self.before), self.after.as_ref().map(scored));
-        (!before.predicted.is_empty())
-            .then(|| Scored::compared("held-out measurements", &before, after.as_ref()))
+        let scores = Scores {
+            what: "held-out measurements".into(),
+            units: &names,
+            declared: self.before.as_ref().map(|_| scored(&self.declared)),
+            before: scored(self.before()),
+            after: self.after.as_ref().map(scored),
+        };
+        (!names.is_empty()).then(|| scores.compared())
     }
 }

@@ -1,4 +1,4 @@
-//! The whole loop: a search, the model with what was found, both fits, and the errors before and after.
+//! The whole loop: a search, the model with what was found, the fits, and the errors before and after.
 //!
 //! [`Loop::close`] gives a [`Story`], which is data: what was found, with its evidence, and how well each
 //! model predicts what it has not seen. `eplat loop` prints it; [`Story::write`] writes its files.
@@ -16,6 +16,8 @@
 //! # }
 //! ```
 
+mod contribution;
+mod discrepancy;
 mod effects;
 mod error;
 mod event;
@@ -23,29 +25,35 @@ mod files;
 mod finding;
 mod held_out;
 mod left_out;
+mod narrow;
 mod page;
 mod score;
+mod seen;
 mod sizes;
 mod story;
 mod words;
 
+pub use contribution::{Contribution, Point};
 pub use effects::FoundEffect;
 pub use error::LoopError;
 pub use event::{LoopEvent, LoopWatch};
 pub use held_out::HeldOut;
 pub use left_out::LeftOut;
+pub use narrow::Narrow;
 pub use sizes::Size;
-pub use story::{Story, Told};
+pub use story::{Story, Told, Trouble};
 
 use std::borrow::Cow;
 use std::collections::BTreeMap;
 
 use self::error::{LEAST_NULLS, LEAST_SITES};
 use self::held_out::Joint;
+use self::seen::Seen;
+use self::sizes::spread;
 use super::{Criticism, FINER, SearchSettings, Subject, criticise, site_column};
 use crate::infer;
 use crate::manifold::{Basis, eigenpairs_cached};
-use crate::model::{AddedEffect, Augmented, Declare, Model};
+use crate::model::{AddedEffect, Augmented, Declare, Discrepancy, Model};
 use crate::run::{Ended, Event, Fit, Keep, Loaded, Options, OutputFolder, Problem, Watch};
 use crate::table::Measurements;
 
@@ -54,7 +62,7 @@ use crate::table::Measurements;
 pub struct LoopSettings {
     /// The search. Its seed is that of everything else too.
     pub search: SearchSettings,
-    /// Both fits.
+    /// The fits.
     pub sampling: infer::Settings,
     /// Whether the eigenfunctions come from elsewhere, so that no further ones of the surface can be
     /// computed beside them.
@@ -103,8 +111,10 @@ impl<'m> Loop<'m> {
         Ok(Self { declared, joint: joint.transpose()?, loaded, settings })
     }
 
-    /// Closes it: searches, samples the model before and after, and compares their errors. With a folder the
-    /// fits are written to its folders `before` and `after`.
+    /// Closes it: searches, samples the models, and compares their errors. The model *as written* is sampled
+    /// always. Where something is found, or its intervals are too narrow, so is the model *before*, in which sites
+    /// and measurements differ as they do in the search; and the model *after*, which has what was found too.
+    /// With a folder the fits are written to its folders `declared`, `before` and `after`.
     ///
     /// # Errors
     /// A model that cannot be criticised or sampled; [`LoopError::Stopped`].
@@ -115,35 +125,57 @@ impl<'m> Loop<'m> {
     ) -> Result<Story, LoopError> {
         let criticism = self.search(watch)?;
         let effects = effects::found(self.declared, &criticism, &self.loaded.measurements)?;
-        let before = self.sample(self.declared, "before", out, watch)?;
+        let declared = self.sample(self.declared, "declared", out, watch)?;
+        let mut seen = Seen::new(&self, &criticism, &declared)?;
+        let narrow = Narrow::of(&seen.first(&criticism));
+        let discrepancy = self.discrepancy(&criticism, narrow.is_some())?;
         let added: Vec<AddedEffect> = effects.iter().map(|(effect, ..)| effect.clone()).collect();
-        let augmented =
-            Augmented::new(self.declared, &added).with_outliers(criticism.last.outer.outliers);
-        let after = if added.is_empty() && criticism.last.outer.outliers.is_none() {
-            None
-        } else {
-            Some(self.sample(&augmented, "after", out, watch)?)
+        let with = |effects: &[AddedEffect]| {
+            Augmented::new(self.declared, effects).with_discrepancy(discrepancy.clone())
         };
-        let seed = self.settings.search.seed;
-        let held_out = self
-            .joint
-            .as_ref()
-            .map(|joint| joint.predict(&self.loaded, &criticism, &before, after.as_deref(), seed));
-        let told = after.as_deref().map(Told::of);
+        let (plain, augmented) =
+            (with(&[]), with(&added).with_outliers(criticism.last.outer.outliers));
+        let before = (!discrepancy.is_empty()).then(|| self.sample(&plain, "before", out, watch));
+        let before = before.transpose()?;
+        // scatter alone is no model of its own
+        let is_found = !added.is_empty() || criticism.last.outer.outliers.is_some();
+        let after = is_found.then(|| self.sample(&augmented, "after", out, watch)).transpose()?;
+        seen.predict(&self, before.as_deref(), after.as_deref())?;
+        let table = &self.loaded.measurements;
+        let contribution = after.as_deref().and_then(|fit| Contribution::of(&added, fit, table));
         let effects = effects.into_iter().filter_map(|(effect, cause, why)| {
-            let size = Size::of(&effect, after.as_deref()?, &self.loaded.measurements);
+            let size = Size::of(&effect, after.as_deref()?, table);
             Some(FoundEffect { cause, effect, why, size })
         });
         Ok(Story {
             effects: effects.collect(),
-            before: Told::of(&before),
-            after: told,
-            held_out: held_out.transpose()?,
-            left: LeftOut::sites(&criticism, seed),
-            left_units: LeftOut::units(&criticism, seed),
+            contribution,
+            narrow,
+            spread: before.as_deref().map_or_else(Vec::new, |fit| spread(&discrepancy, fit)),
+            declared: Told::of("declared", &declared),
+            before: before.as_deref().map(|fit| Told::of("before", fit)),
+            after: after.as_deref().map(|fit| Told::of("after", fit)),
+            discrepancy,
+            held_out: seen.held_out,
+            left: seen.left,
+            left_units: seen.left_units,
             criticism,
             loaded: self.loaded,
         })
+    }
+
+    /// What sites and measurements differ by, if that is needed: where something is found, where they differ by
+    /// more than the model says, or where its intervals are too narrow.
+    fn discrepancy(
+        &self,
+        criticism: &Criticism,
+        is_narrow: bool,
+    ) -> Result<Discrepancy, LoopError> {
+        if criticism.found().is_empty() && !criticism.is_unexplained() && !is_narrow {
+            return Ok(Discrepancy::default());
+        }
+        let held_out = self.joint.as_ref().map(Joint::held_out);
+        discrepancy::discrepancy(self.declared, criticism, &self.loaded.measurements, held_out)
     }
 
     fn search(&self, watch: &LoopWatch<'_>) -> Result<Criticism, LoopError> {
@@ -182,9 +214,13 @@ impl<'m> Loop<'m> {
         let problem = Problem::new(declared, self.loaded.clone())?;
         let on_event = |event: &Event<'_>| watch.tell(&LoopEvent::Fit(event));
         let watch = Watch { on_event: &on_event, stop: watch.stop };
-        let options = Options { watch, ..Options::default() };
-        let settings =
-            infer::Settings { seed: self.settings.search.seed, ..self.settings.sampling.clone() };
+        // sites are left out as a whole, not rows
+        let options = Options { watch, weights_only: true, ..Options::default() };
+        let settings = infer::Settings {
+            seed: self.settings.search.seed,
+            metric: problem.model().metric(),
+            ..self.settings.sampling.clone()
+        };
         let Some(out) = out else {
             return Ok(Box::new(problem.fit_with(&settings, &options)?));
         };

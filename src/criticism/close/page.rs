@@ -1,6 +1,7 @@
 //! What `report.html` tells.
 
-use super::Story;
+use super::contribution::places;
+use super::{Story, Trouble};
 use crate::criticism::{Judgement, Record, Round, least_log_bf, site_column};
 use crate::report::{
     Against, LoopPage, Residuals, SiteResidual, TriedEffect, TriedRound, loop_page,
@@ -18,19 +19,24 @@ impl Story {
         let rounds = criticism.rounds.iter().enumerate();
         let effects = self.effects.iter().map(|found| found.size.in_words(&found.effect));
         loop_page(&LoopPage {
-            model: self.before.model,
+            model: self.declared.model,
             data: &self.loaded.measurements.file_name(),
+            troubles: &self.troubles().iter().map(Trouble::text).collect::<Vec<_>>(),
             verdict: &self.verdict(),
+            narrow: self.narrow().as_deref(),
+            spread: &self.spread,
             effects: &effects.collect::<Vec<_>>(),
-            before: &self.before.equations,
-            after: self.after.as_ref().map(|after| after.equations.as_str()),
+            before: &self.declared.equations,
+            after: self.after.as_ref().or(self.before.as_ref()).map(|fit| fit.equations.as_str()),
+            is_found: self.after.is_some(),
             comparisons: &self.comparisons(),
             rounds: &rounds.map(|(i, round)| self.tried(i, round)).collect::<Vec<_>>(),
             residuals: Residuals {
-                unit: &self.before.unit,
+                unit: &self.declared.unit,
                 mesh: surface.map(|s| &s.mesh),
                 sites: &self.site_residuals(),
                 against: self.against().as_ref(),
+                field: &self.field(),
             },
             unexplained: &self.remainder(),
             not_tried: &not_tried,
@@ -84,35 +90,55 @@ impl Story {
         engine.sites.iter().filter_map(one).collect()
     }
 
-    /// Residuals of rows against the column of the first effect; labels stand side by side.
+    /// What each measurement leaves over, without and with the effect, against the column that the effect
+    /// reads, and the effect itself. Without it: what everything else in the model after does not predict, so
+    /// that the effect is in it even where another part of the model before has taken it up.
     fn against(&self) -> Option<Against> {
-        let first = &self.effects.first()?.effect;
-        let name = first.form.column().unwrap_or("protocol");
-        let column = self.loaded.measurements.column(name)?; // a field has none
+        let contribution = self.contribution.as_ref()?;
+        let name = contribution.column.as_deref()?; // a field has none
         let engine = &self.criticism.engine;
-        let rows = (0..engine.rows.len()).map(|row| engine.table_row(row));
-        let mut labels = column.labels();
-        labels.sort_unstable();
-        let x: Vec<f64> = match column.numbers() {
-            Some(numbers) => rows.map(|row| numbers[row]).collect(),
-            None => rows
-                .map(|row| labels.iter().position(|l| l == column.text(row)))
-                .map(|label| label.map_or(f64::NAN, |label| label as f64))
-                // side by side, where rows share a label
-                .enumerate()
-                .map(|(i, label)| label + 0.03 * ((i % 11) as f64 - 5.0))
-                .collect(),
-        };
-        let ticks = if column.numbers().is_some() {
-            let finite = || x.iter().copied().filter(|x| x.is_finite());
-            let low = finite().fold(f64::INFINITY, f64::min);
-            let high = finite().fold(f64::NEG_INFINITY, f64::max);
+        let (places, labels) = places(&self.loaded.measurements, name);
+        let left = self.left_units.as_ref().unwrap_or(&self.left);
+        let rows = left.residuals(&self.criticism).into_iter().enumerate();
+        let rows = rows.map(|(row, [_, after])| {
+            let at = engine.table_row(row);
+            let effect = contribution.rows.get(&at).copied().unwrap_or(0.0);
+            // side by side, where rows share a label
+            let aside = if labels.is_empty() { 0.0 } else { 0.03 * ((row % 11) as f64 - 5.0) };
+            (places.get(at).copied().unwrap_or(f64::NAN) + aside, after + effect, after)
+        });
+        let rows: Vec<(f64, f64, f64)> = rows.collect();
+        let ticks = if labels.is_empty() {
+            let x = || rows.iter().map(|row| row.0).filter(|x| x.is_finite());
+            let (low, high) =
+                (x().fold(f64::INFINITY, f64::min), x().fold(f64::NEG_INFINITY, f64::max));
             vec![(low, format!("{low}")), (high, format!("{high}"))]
         } else {
             labels.iter().enumerate().map(|(i, label)| (i as f64, label.clone())).collect()
         };
-        let residuals = self.left.residuals(&self.criticism);
-        let rows = x.iter().zip(&residuals).map(|(x, [before, after])| (*x, *before, *after));
-        Some(Against { column: name.to_owned(), rows: rows.collect(), ticks })
+        let curve = contribution.curve.iter().map(|point| (point.x, point.quantiles));
+        Some(Against {
+            column: name.to_owned(),
+            rows,
+            ticks,
+            curve: curve.collect(),
+            labels,
+            unit: self.declared.unit.clone(),
+        })
+    }
+
+    /// The effect at each site, if it is a field.
+    fn field(&self) -> Vec<SiteResidual> {
+        let Some(contribution) = self.contribution.as_ref().filter(|c| c.column.is_none()) else {
+            return vec![];
+        };
+        let engine = &self.criticism.engine;
+        let mut sites = self.site_residuals();
+        let first = engine.sites.iter().filter_map(|rows| rows.first());
+        for (site, row) in sites.iter_mut().zip(first) {
+            let value = contribution.rows.get(&engine.table_row(*row));
+            site.after = value.copied().unwrap_or(f64::NAN);
+        }
+        sites
     }
 }

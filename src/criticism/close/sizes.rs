@@ -2,8 +2,8 @@
 
 use super::held_out::PREDICTION_DRAWS;
 use crate::diagnostics::quantile;
-use crate::model::AddedEffect;
 use crate::model::forms::Extent;
+use crate::model::{AddedEffect, Discrepancy};
 use crate::num::vector::dot;
 use crate::run::Fit;
 use crate::table::Measurements;
@@ -46,10 +46,36 @@ impl Size {
 
     /// With the quantities that it acts on.
     pub(super) fn in_words(&self, effect: &AddedEffect) -> String {
-        let ([low, high], on, unit) = (self.interval, effect.on.join(", "), &effect.unit);
-        let range = format!("{on}: {low:.1} to {high:.1} {unit}").replace('-', "−");
-        format!("{range} {} (90 % interval)", self.of)
+        let (on, interval) = (effect.on.join(", "), interval(self.interval, &effect.unit));
+        format!("{on}: {interval} {} (90 % interval)", self.of)
     }
+}
+
+/// An interval with as many digits as tell its ends apart, and its unit; the unit 1 is none.
+pub(super) fn interval([low, high]: [f64; 2], unit: &str) -> String {
+    let width = (high - low).abs();
+    let digits = if width > 0.0 { (1.0 - width.log10()).ceil().clamp(0.0, 6.0) } else { 1.0 };
+    let digits = digits as usize;
+    let unit = if matches!(unit, "" | "1") { String::new() } else { format!(" {unit}") };
+    format!("{low:.digits$} to {high:.digits$}{unit}").replace('-', "−")
+}
+
+/// What a discrepancy's sds are, one line each.
+pub(super) fn spread(discrepancy: &Discrepancy, fit: &Fit<'_>) -> Vec<String> {
+    let of = |sd: &str, unit: &str, what: &str| {
+        let row = fit.summary().iter().find(|row| row.name == sd)?;
+        Some(format!(
+            "{what} differ by {} (sd, 90 % interval)",
+            interval([row.summary.q5, row.summary.q95], unit)
+        ))
+    };
+    let spreads = discrepancy.spreads.iter().filter_map(|spread| {
+        let what = format!("{}s", spread.form.column().unwrap_or("label"));
+        of(&spread.sd, &spread.unit, &what)
+    });
+    let errors = discrepancy.row_errors.iter();
+    let errors = errors.filter_map(|error| of(&error.name, &error.unit, "measurements of a site"));
+    spreads.chain(errors).collect()
 }
 
 /// Draws of an effect's coefficients.
@@ -79,4 +105,16 @@ fn sd(x: &[f64]) -> f64 {
     let n = x.len() as f64;
     let mean = x.iter().sum::<f64>() / n;
     (x.iter().map(|x| (x - mean).powi(2)).sum::<f64>() / n).sqrt()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn an_interval_has_the_digits_that_tell_its_ends_apart() {
+        let all = [([0.701, 0.724], "1"), ([-11.36, -6.89], "ms"), ([0.0, 0.0], "ms")];
+        let said = all.map(|(ends, unit)| interval(ends, unit));
+        assert_eq!(said, ["0.701 to 0.724", "−11.4 to −6.9 ms", "0.0 to 0.0 ms"]);
+    }
 }

@@ -1,8 +1,9 @@
 //! What a loop came to, as data.
 
-use super::{FoundEffect, HeldOut, LeftOut};
+use super::{Contribution, FoundEffect, HeldOut, LeftOut, Narrow};
 use crate::criticism::{CLAIM, Criticism, Warning};
-use crate::model::equations;
+use crate::diagnostics::verdict::{Answer, Colour, Question, Verdict};
+use crate::model::{Discrepancy, equations};
 use crate::report::ErrorChange;
 use crate::run::{Fit, Loaded};
 
@@ -13,9 +14,19 @@ pub struct Story {
     pub criticism: Criticism,
     /// What was found, as effects of the model after.
     pub effects: Vec<FoundEffect>,
-    /// The model as declared, sampled.
-    pub before: Told,
-    /// The model with what was found, sampled; `None` if nothing was.
+    /// What the first of them adds to predictions.
+    pub contribution: Option<Contribution>,
+    /// Intervals of the model as written, if they are too narrow.
+    pub narrow: Option<Narrow>,
+    /// What sites and measurements differ by for reasons that no column tells; empty if that is not needed.
+    pub discrepancy: Discrepancy,
+    /// How much they do, one line each.
+    pub spread: Vec<String>,
+    /// The model as written, sampled.
+    pub declared: Told,
+    /// The model with that discrepancy, sampled; `None` if there is none.
+    pub before: Option<Told>,
+    /// The model with what was found too, sampled; `None` if nothing was.
     pub after: Option<Told>,
     /// Predictions of held-out rows, if there are any.
     pub held_out: Option<HeldOut>,
@@ -30,35 +41,83 @@ pub struct Story {
 /// What is told of a fit.
 #[derive(Clone, Debug)]
 pub struct Told {
+    /// Its folder: `declared`, `before` or `after`.
+    pub which: &'static str,
     /// Name of the model.
     pub model: &'static str,
     /// The model as equations.
     pub equations: String,
     /// Unit of what its first `observe` measures, empty if none is declared.
     pub unit: String,
-    /// Whether every diagnostic is fine.
-    pub converged: bool,
+    /// Whether it is worth believing.
+    pub verdict: Verdict,
+}
+
+/// What speaks against a fit.
+#[derive(Clone, Debug)]
+pub struct Trouble {
+    /// The fit's folder.
+    pub which: &'static str,
+    /// The question that is not answered green.
+    pub answer: Answer,
+}
+
+impl Trouble {
+    /// In words, for a line.
+    pub fn text(&self) -> String {
+        let Answer { question, colour, sentence, remedy, .. } = &self.answer;
+        let which = match self.which {
+            "declared" => "as written",
+            which => which,
+        };
+        let remedy = remedy.as_ref().map_or(String::new(), |remedy| format!(" → {remedy}"));
+        format!("{colour}: the model {which}, question *{question}*: {sentence}{remedy}")
+    }
 }
 
 impl Told {
-    pub(super) fn of(fit: &Fit<'_>) -> Self {
+    pub(super) fn of(which: &'static str, fit: &Fit<'_>) -> Self {
         let model = fit.model();
         let tree = model.syntax().ok();
         let observe = tree.as_ref().and_then(|tree| tree.observes().next());
         let unit = observe.and_then(|observe| observe.unit.as_ref());
         Self {
+            which,
             model: model.name,
             equations: equations(model),
             unit: unit.map_or_else(String::new, |unit| unit.text.clone()),
-            converged: fit.converged(),
+            verdict: fit.verdict(),
         }
     }
 }
 
 impl Story {
-    /// Whether every diagnostic of both fits is fine.
-    pub fn converged(&self) -> bool {
-        self.before.converged && self.after.as_ref().is_none_or(|after| after.converged)
+    /// The fits, the one that counts first.
+    pub fn fits(&self) -> impl Iterator<Item = &Told> {
+        self.after.iter().chain(&self.before).chain([&self.declared])
+    }
+
+    /// Exit code of the program, by the rule of a run: 3 where the draws of a fit do not come from the posterior,
+    /// 4 where another question is answered red of the fit that counts, else 0.
+    pub fn exit_code(&self) -> u8 {
+        let first = self.fits().next().map_or(0, |told| told.verdict.exit_code());
+        if self.fits().all(|told| told.verdict.converged()) { first } else { 3 }
+    }
+
+    /// What speaks against the fits, red first: which model, which question, the figures, what to do. That the
+    /// model as written does not fit is the loop's own subject: of it, only the sampling counts.
+    pub fn troubles(&self) -> Vec<Trouble> {
+        let mut troubles = vec![];
+        for told in self.fits() {
+            let is_compared = told.which != "declared" || self.before.is_none();
+            for answer in told.verdict.answers.iter().filter(|a| a.colour > Colour::Green) {
+                if is_compared || answer.question == Question::Sampled {
+                    troubles.push(Trouble { which: told.which, answer: answer.clone() });
+                }
+            }
+        }
+        troubles.sort_by_key(|trouble| std::cmp::Reverse(trouble.answer.colour));
+        troubles
     }
 
     /// Share and sd of outliers, if these were found.

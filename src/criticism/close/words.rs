@@ -1,14 +1,15 @@
 //! The answer in words.
 
-use super::{FoundEffect, Story};
+use super::{FoundEffect, Story, Trouble};
 use crate::criticism::{CLAIM, Candidate};
 use crate::model::forms::Extent;
+use crate::report::{ErrorChange, PredictionError};
 use crate::table::Role;
 
 impl Story {
     /// The answer in one sentence.
     pub fn verdict(&self) -> String {
-        let (criticism, model) = (&self.criticism, self.before.model);
+        let (criticism, model) = (&self.criticism, self.declared.model);
         let outliers = self.outliers().map(|(share, sd)| {
             format!(
                 "room for outliers ({:.0} % of the measurements, {sd:.2} further off)",
@@ -29,6 +30,11 @@ impl Story {
         let n = criticism.candidates.len();
         if criticism.is_unexplained() {
             return format!("{model} lacks something that none of {n} candidate effects explains.");
+        }
+        if let Some(narrow) = self.narrow() {
+            return format!(
+                "No effect is missing from {model} that these data could show, but its intervals are too narrow: {narrow}."
+            );
         }
         format!("Nothing is missing from {model} that these data could show.")
     }
@@ -51,6 +57,13 @@ impl Story {
             ))
         };
         self.criticism.scatter().into_iter().filter_map(one).collect()
+    }
+
+    /// What the intervals of the model as written hold, if that is too little.
+    pub fn narrow(&self) -> Option<String> {
+        let narrow = self.narrow.as_ref()?;
+        let (share, n, what) = (100.0 * narrow.share, narrow.n, &narrow.what);
+        Some(format!("{share:.0} % of {n} {what} lie in their 90 % intervals"))
     }
 
     /// The effects of one cause in words.
@@ -86,12 +99,18 @@ impl Story {
         ambiguous.chain(differences).collect::<Vec<_>>().join(" ")
     }
 
-    /// The answer in a few lines, for a terminal.
+    /// The answer in a few lines, for a terminal: what speaks against the fits first.
     pub fn text(&self) -> String {
         let criticism = &self.criticism;
-        let mut lines = vec![self.verdict()];
-        let statements = self.effects.iter().map(|found| found.effect.statement());
-        lines.extend(statements.map(|statement| format!("found     {statement}")));
+        let mut lines: Vec<String> = self.troubles().iter().map(Trouble::text).collect();
+        if !lines.is_empty() {
+            lines.push(String::new());
+        }
+        lines.push(self.verdict());
+        for found in &self.effects {
+            lines.push(format!("found     {}", found.effect.statement()));
+            lines.push(format!("          {}", found.size.in_words(&found.effect)));
+        }
         for (candidate, _) in criticism.scatter() {
             lines.push(format!(
                 "{} is in no model file: a likelihood in Widened(…, an error of each row) would declare it",
@@ -107,23 +126,32 @@ impl Story {
                 what.to_lowercase()
             ));
         }
-        for c in self.comparisons().iter().take(1) {
-            let after = c.after.unwrap_or(c.before);
-            lines.push(format!(
-                "error     rms {:.2} → {:.2}, elpd {:+.1} ± {:.1}, 90 % intervals cover {:.0} → {:.0} % of {} {}",
-                c.before.rmse[0],
-                after.rmse[0],
-                c.elpd_gain[0],
-                c.elpd_gain[1],
-                100.0 * c.before.coverage90[0],
-                100.0 * after.coverage90[0],
-                c.n,
-                c.what
-            ));
+        if let Some(narrow) = self.narrow() {
+            lines.push(format!("narrow    as written, {narrow}"));
+        }
+        lines.extend(self.spread.iter().map(|spread| format!("allowed   {spread}")));
+        if let Some(c) = self.comparisons().first() {
+            lines.extend(error_lines(c));
         }
         let unusable = criticism.unusable.iter();
         lines.extend(unusable.map(|u| format!("not tried {}: {}", u.column, u.why)));
         lines.extend(self.doubts().into_iter().map(|doubt| format!("doubt     {doubt}")));
         lines.join("\n")
     }
+}
+
+/// The errors of predictions: a line for each model, and what the effects gain.
+fn error_lines(c: &ErrorChange) -> Vec<String> {
+    let line = |which: &str, e: &PredictionError| {
+        let (rmse, share) = (e.rmse[0], 100.0 * e.coverage90[0]);
+        format!("  {which:<11} rms {rmse:<6.3} {share:.0} % in their 90 % intervals")
+    };
+    let mut lines = vec![format!("error     of {} {}:", c.n, c.what)];
+    let before = if c.declared.is_some() { "before" } else { "as written" };
+    lines.extend(c.declared.iter().map(|e| line("as written", e)));
+    lines.push(line(before, &c.before));
+    let Some(after) = &c.after else { return lines };
+    lines.push(line("after", after));
+    lines.push(format!("gain      {} in log predictive density from before to after", c.gain()));
+    lines
 }

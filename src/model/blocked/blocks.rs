@@ -2,6 +2,7 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
+use super::places::PlaceBlock;
 use crate::dist::Gaussian;
 use crate::infer::{BlockLayout, Group, Layout, Shape};
 use crate::model::gp::Field;
@@ -15,6 +16,8 @@ pub(super) struct Blocks<'m> {
     pub(super) layout: Layout,
     /// Group after group, as the layout has them.
     pub(super) fields: Vec<Block>,
+    /// Deviations of places, after the fields of the one group.
+    pub(super) places: Vec<PlaceBlock>,
 }
 
 /// What is precomputed of one field.
@@ -64,21 +67,27 @@ impl<'m> Blocks<'m> {
             let blocks = fields[first..].iter().map(|block| block.layout(model)).collect();
             groups.push(Group { n_seen: ops[0].n_probes(), blocks });
         }
-        let outer = outer(model, &fields);
-        let is_hyper = hyperparameters(model, &fields);
+        let places = PlaceBlock::all(model, &fields);
+        if let Some(group) = groups.first_mut() {
+            group.blocks.extend(places.iter().map(PlaceBlock::layout));
+        }
+        let is_outer = |prior: usize| is_outer(prior, &fields, &places);
+        let entries = model.prior_entries.iter().enumerate().filter(|(prior, _)| is_outer(*prior));
+        let outer: Vec<usize> = entries.flat_map(|(_, entry)| entry.u.clone()).collect();
+        let is_hyper = hyperparameters(model, &fields, &places);
         let hyper = (0..outer.len()).filter(|i| is_hyper.contains(&outer[*i])).collect();
-        Self { model, layout: Layout { groups, outer, hyper }, fields }
+        Self { model, layout: Layout { groups, outer, hyper }, fields, places }
     }
 
     /// The priors of outer unknowns.
     pub(super) fn priors(&self) -> impl DoubleEndedIterator<Item = &dyn Op> {
-        let is_outer = |prior: &usize| self.fields.iter().all(|block| block.mean != Some(*prior));
+        let is_outer = |prior: &usize| is_outer(*prior, &self.fields, &self.places);
         (0..self.model.priors.len()).filter(is_outer).map(|prior| &*self.model.priors[prior])
     }
 }
 
-/// The prior of a mean that is in the block, at these values.
-#[allow(clippy::expect_used, reason = "a mean is in the block because its prior is")]
+/// The prior of what is in the block, at these values.
+#[allow(clippy::expect_used, reason = "it is in the block because its prior is normal or flat")]
 pub(super) fn gaussian(model: &Model, prior: usize, values: &[f64]) -> Gaussian {
     model.priors[prior].gaussian(values).expect("normal or flat")
 }
@@ -147,16 +156,18 @@ impl Block {
     }
 }
 
-/// Unknowns that are neither coefficients of a GP term nor a mean in the block.
-pub(super) fn outer(model: &Model, fields: &[Block]) -> Vec<usize> {
-    let is_outer = |(prior, _): &(usize, _)| fields.iter().all(|block| block.mean != Some(*prior));
-    let entries = model.prior_entries.iter().enumerate().filter(is_outer);
-    entries.flat_map(|(_, entry)| entry.u.clone()).collect()
+/// Whether a prior is that of outer unknowns: neither of a mean in the block nor of deviations of places.
+fn is_outer(prior: usize, fields: &[Block], places: &[PlaceBlock]) -> bool {
+    fields.iter().all(|block| block.mean != Some(prior))
+        && places.iter().all(|block| block.prior != prior)
 }
 
-/// Unknowns that a field's mean, amplitudes and kernels depend on, also through their priors.
-fn hyperparameters(model: &Model, fields: &[Block]) -> BTreeSet<usize> {
+/// Unknowns that a field's mean, amplitudes and kernels and the sds of places depend on, also through their priors.
+fn hyperparameters(model: &Model, fields: &[Block], places: &[PlaceBlock]) -> BTreeSet<usize> {
     let mut values: BTreeSet<usize> = BTreeSet::new();
+    for block in places {
+        values.extend(&model.prior_entries[block.prior].mentions);
+    }
     for block in fields {
         let op = &model.fields[block.field].op;
         for term in &op.terms {

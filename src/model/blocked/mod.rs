@@ -5,12 +5,13 @@
 //! ```
 //! so that the terms of a field are one term with ζ standard normal. With fewer sites than modes, the
 //! sites see only n combinations w of them: θ = mean + L w with L Lᵀ = Φ diag(s) Φᵀ. A mean with a
-//! normal or flat prior that nothing else mentions is in the block too, as location + scale w; the
-//! rest of the unknowns is outer. What the sites do not see is drawn from its exact conditional
+//! normal or flat prior that nothing else mentions is in the block too, as location + scale w; so are
+//! deviations of places of learnt sd. The rest of the unknowns is outer. What the sites do not see is drawn from its exact conditional
 //! ([`restore`](super::restore)).
 
 mod blocks;
 mod on_tape;
+mod places;
 
 use std::collections::BTreeMap;
 
@@ -32,6 +33,9 @@ fn sizes(model: &Model) -> BTreeMap<usize, usize> {
     let mut sizes = BTreeMap::new();
     for field in &model.fields {
         *sizes.entry(field.group).or_insert(0) += size(field);
+    }
+    for (spread, size) in model.spreads.iter().zip(sizes.values_mut()) {
+        *size += spread.vertices.len();
     }
     sizes
 }

@@ -28,11 +28,8 @@ impl OnTape<'_> {
         for (u, x) in self.blocks.layout.outer.iter().zip(outer) {
             t.u[*u] = *x;
         }
-        for range in &model.offsets {
-            t.v[range.clone()].fill(0.0);
-        }
         model.priors.iter().for_each(|prior| prior.forward(t));
-        model.linear.iter().for_each(|linear| linear.forward(t));
+        self.set_offsets();
     }
 
     fn set_latent(&mut self, theta: &[f64]) {
@@ -41,6 +38,22 @@ impl OnTape<'_> {
             self.tape.v[at.clone()].copy_from_slice(&theta[first..][..at.len()]);
             first += at.len();
         }
+        for block in &self.blocks.places {
+            block.set_values(&theta[first..], &mut self.tape);
+            first += block.n();
+        }
+        if !self.blocks.places.is_empty() {
+            self.set_offsets();
+        }
+    }
+
+    /// What effects and linear predictors come to.
+    fn set_offsets(&mut self) {
+        let (model, t) = (self.blocks.model, &mut self.tape);
+        for range in &model.offsets {
+            t.v[range.clone()].fill(0.0);
+        }
+        model.linear.iter().for_each(|linear| linear.forward(t));
     }
 
     fn latent_slope(&self, theta_bar: &mut [f64]) {
@@ -48,6 +61,10 @@ impl OnTape<'_> {
         for at in &self.theta {
             theta_bar[first..][..at.len()].copy_from_slice(&self.tape.g[at.clone()]);
             first += at.len();
+        }
+        for block in &self.blocks.places {
+            block.slopes(&self.tape, &mut theta_bar[first..][..block.n()]);
+            first += block.n();
         }
     }
 
@@ -96,6 +113,11 @@ impl OnTape<'_> {
                 }
             }
         }
+        for (f, block) in (blocks.fields.len()..).zip(&blocks.places) {
+            let Design { offset, rows, scale } = &mut designs[0];
+            let own = (&mut offset[f], &mut rows[f][..], &mut scale[f][..]);
+            block.set_design(blocks.model, &self.tape.v, own);
+        }
     }
 }
 
@@ -115,6 +137,10 @@ impl Latent for OnTape<'_> {
                 out[at] = (position[model.prior_entries[prior].u.start] - location) / scale;
                 at += 1;
             }
+        }
+        for block in &self.blocks.places {
+            block.coefficients(position, &mut out[at..]);
+            at += block.n();
         }
     }
 
@@ -142,6 +168,10 @@ impl Latent for OnTape<'_> {
                 position[model.prior_entries[prior].u.start] = location + scale * block[at];
                 at += 1;
             }
+        }
+        for places in &self.blocks.places {
+            places.put(&block[at..], position);
+            at += places.n();
         }
         model.ln_density(&mut self.tape, position, &mut self.gradient)
     }
@@ -171,9 +201,11 @@ impl Latent for OnTape<'_> {
         let t = &mut self.tape;
         t.lp = 0.0;
         t.g.fill(0.0);
-        for observe in &self.blocks.model.observes {
+        let model = self.blocks.model;
+        for observe in &model.observes {
             observe.op.backward(t);
         }
+        model.linear.iter().rev().for_each(|linear| linear.backward(t));
         let value = t.lp;
         self.latent_slope(theta_bar);
         value
@@ -191,7 +223,6 @@ impl Latent for OnTape<'_> {
         self.slope(theta, theta_bar);
         let (model, t) = (self.blocks.model, &mut self.tape);
         model.densities.iter().for_each(|density| density.op.backward(t));
-        model.linear.iter().rev().for_each(|linear| linear.backward(t));
         self.blocks.priors().rev().for_each(|prior| prior.backward(t));
         for (bar, u) in outer_bar.iter_mut().zip(&self.blocks.layout.outer) {
             *bar = t.gu[*u];

@@ -51,6 +51,31 @@ model! {
     observe beats(x): Count ~ PoissonLog(rate(x));
 }
 
+model! {
+    /// Places that differ by more than the field, as far as that is learnt.
+    model Places;
+    field f(x) in -2.0..2.0 = m + alpha * gp(Rbf(rho), K = 12) where {
+        m     ~ Normal(0.5, 0.5);
+        alpha ~ InvGamma(3.0, 2.0);
+        rho [mm] ~ LogNormal(3.5, 0.5);
+    }
+    let rate(x) = f(x);
+    param place_sd ~ LogNormal(-0.7, 0.5);
+    effect difference on rate = group(row.place) ~ Normal(0.0, place_sd);
+    observe beats(x): Count ~ PoissonLog(rate(x));
+}
+
+/// Two rows at each of `n` places, whose labels are in another order than their vertices.
+fn places(n: usize) -> Model {
+    let cells = |line: String| line.split(',').map(String::from).collect::<Vec<_>>();
+    let row = |i: usize| cells(format!("beats,{},{},p{}", (7 * (i / 2)) % 60, i % 7 / 3, i / 2));
+    let header = cells("protocol,vertex,value,place".into());
+    let mut table =
+        Measurements::from_cells("test", header, (0..2 * n).map(row).collect()).unwrap();
+    table.place_at_indices(60).unwrap();
+    Model::new(&Places, Some(&basis(12)), &table).unwrap()
+}
+
 /// Patients with 3, 5 and 30 rows, mixed up.
 fn patients() -> Model {
     Model::new(&Patients, Some(&basis(12)), &rows("beats", 38)).unwrap()
@@ -328,6 +353,19 @@ fn coefficients_per_site_and_per_mode_agree() {
         let (z, what) = worst_z(&model, &of(true), &of(false));
         assert!(z < LARGEST_Z, "{n_rows} rows: {what}");
     }
+}
+
+#[test]
+fn deviations_of_places_are_in_the_block_and_agree_with_nuts() {
+    for n in [8, 30] {
+        let model = places(n);
+        let blocks = Blocks::new(&model);
+        assert_eq!((blocks.places.len(), blocks.layout.groups[0].blocks.len()), (1, 2));
+        let (z, what) = against_nuts(&model, Fault::None);
+        assert!(z < LARGEST_Z, "{n} places: {what}");
+    }
+    let (z, what) = against_nuts(&places(30), Fault::Design);
+    assert!(z > LARGEST_Z, "{what}");
 }
 
 #[test]

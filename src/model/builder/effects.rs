@@ -1,18 +1,24 @@
 //! `effect` statements, declared and added: additive offsets of fields and `let`s.
 
-use std::collections::BTreeSet;
+use std::collections::{BTreeMap, BTreeSet};
+use std::ops::Range;
 
 use super::{Builder, Len};
-use crate::dist::Support;
+use crate::dist::{Dist, HalfNormal, Normal, Support};
+use crate::model::discrepancy::Spread;
 use crate::model::error::ModelError;
 use crate::model::expression::AnyPrior;
 use crate::model::forms::Form;
-use crate::model::functions::Decl;
-use crate::model::laid_out::PriorEntry;
+use crate::model::functions::{Decl, PriorFn};
+use crate::model::laid_out::{PriorEntry, SpreadEntry};
 use crate::model::linear::Linear;
-use crate::model::parameter::NormalOp;
+use crate::model::parameter::{NormalOp, ParameterOp, PriorOp};
 use crate::model::reported::Kind;
+use crate::num::{Num, Real};
 use crate::table::{Measurements, Probes};
+
+/// So many measurements of each label are many.
+const MANY: usize = 10;
 
 pub(super) struct Effect {
     name: String,
@@ -62,7 +68,9 @@ impl Builder<'_> {
     ) -> Result<(), ModelError> {
         let name = decl.name.to_string();
         let n = self.n_coefficients(&name, &form)?;
-        self.param(decl, Len::Many(n), prior)?;
+        if self.coefficients(&decl, Len::Many(n), prior)? {
+            self.note_spread(&form);
+        }
         self.label_last(&form);
         self.push_effect(&name, on, Design::Form(form), n);
         Ok(())
@@ -90,6 +98,66 @@ impl Builder<'_> {
         Ok(())
     }
 
+    /// The offsets of a unit that is drawn at random, which is in no model file, and the parameter that is
+    /// their sd: as `param SD ~ HalfNormal(…);` and `effect NAME on … = FORM ~ Normal(0.0, SD);`.
+    ///
+    /// # Errors
+    /// A column that the table lacks.
+    pub(in crate::model) fn spread(&mut self, spread: &Spread) -> Result<(), ModelError> {
+        let sd = self.learnt_sd(&spread.sd, &spread.unit, spread.prior_sd);
+        let n = self.n_coefficients(&spread.name, &spread.form)?;
+        let (u, v) = (self.unknowns(n), self.values(n));
+        *self.mentions.entry(sd).or_default() += 1;
+        let mut op = ParameterOp::<Deviating, 1, 2>::new(Deviating);
+        op.put(&[sd as u32], u, v, n);
+        if self.deviates(n) {
+            op.take_deviations();
+        }
+        self.push_prior(&spread.decl(), Box::new(op), vec![sd], u..u + n, v);
+        if self.deviates(n) {
+            self.note_spread(&spread.form);
+        }
+        self.label_last(&spread.form);
+        let on: Vec<&str> = spread.on.iter().map(String::as_str).collect();
+        self.push_effect(&spread.name, &on, Design::Form(spread.form.clone()), n);
+        Ok(())
+    }
+
+    /// Declares the sds of the further errors that were added, as parameters below all others.
+    pub(super) fn declare_row_errors(&mut self) {
+        for error in std::mem::take(&mut self.further_errors) {
+            let sd = self.learnt_sd(&error.name, &error.unit, error.prior_sd);
+            self.row_errors.extend(error.observes.into_iter().map(|observe| (observe, sd)));
+        }
+    }
+
+    /// A parameter `~ HalfNormal(prior_sd)` that is in no model file; where its value is.
+    pub(super) fn learnt_sd(&mut self, name: &str, unit: &str, prior_sd: f64) -> usize {
+        let (u, v) = (self.unknowns(1), self.values(1));
+        let mut op = ParameterOp::<Positive, 0, 1>::new(Positive { sd: prior_sd });
+        op.put(&[], u, v, 1);
+        let text = format!("HalfNormal({prior_sd:?})");
+        let decl =
+            Decl { name: name.to_owned().into(), unit: unit.to_owned().into(), text: text.into() };
+        self.push_prior(&decl, Box::new(op), vec![], u..u + 1, v);
+        v
+    }
+
+    fn push_prior(
+        &mut self,
+        decl: &Decl,
+        op: Box<dyn PriorOp>,
+        mentions: Vec<usize>,
+        u: Range<usize>,
+        v: usize,
+    ) {
+        let (n, support) = (u.len(), op.support());
+        let kind = if mentions.is_empty() { Kind::Scalar } else { Kind::Vector };
+        self.push_parameter(decl, n, kind, vec![], support, v);
+        self.model.prior_entries.push(PriorEntry { u, v, len: n, mentions });
+        self.model.priors.push(op);
+    }
+
     fn push_effect(&mut self, name: &str, on: &[&str], design: Design, n: usize) {
         let on = on.iter().map(ToString::to_string).collect();
         if let Design::Form(form) = &design {
@@ -105,6 +173,33 @@ impl Builder<'_> {
             data.require(column, &format!("effect {effect}"))?;
         }
         Ok(form.design(data).1)
+    }
+
+    /// Whether coefficients are better sampled as deviations: many measurements of each fix it, whatever the sd,
+    /// and its deviation would move with the sd.
+    pub(super) fn deviates(&self, n: usize) -> bool {
+        self.data.is_none_or(|data| data.len() <= MANY * n)
+    }
+
+    /// Notes that the last prior is that of deviations of places, where each label has a vertex of its own and each
+    /// vertex one label: they can be sampled together with the fields there.
+    fn note_spread(&mut self, form: &Form) {
+        let Some(data) = self.data else { return };
+        let (z, n) = form.design(data);
+        let (mut vertices, mut of_vertex) = (vec![None; n], BTreeMap::new());
+        for (row, z) in z.chunks_exact(n.max(1)).enumerate() {
+            let ones: Vec<usize> = (0..n).filter(|label| z[*label] != 0.0).collect();
+            let (&[label], Some(vertex)) = (&ones[..], data.vertex(row)) else { return };
+            if z[label] != 1.0
+                || *vertices[label].get_or_insert(vertex) != vertex
+                || *of_vertex.entry(vertex).or_insert(label) != label
+            {
+                return;
+            }
+        }
+        let prior = self.model.priors.len() - 1;
+        let vertices: Option<Vec<u32>> = vertices.into_iter().collect();
+        self.model.spreads.extend(vertices.map(|vertices| SpreadEntry { prior, vertices }));
     }
 
     /// Names the last parameter's numbers after the form's labels.
@@ -159,6 +254,28 @@ impl Builder<'_> {
                 Ok(Linear { beta: effect.beta, n: 1, z: vec![], out, rows: 0, add: true })
             }
         }
+    }
+}
+
+/// `Normal(0.0, SD)`
+#[derive(Clone, Copy)]
+struct Deviating;
+
+impl PriorFn<1> for Deviating {
+    fn prior<T: Real>(&self, [sd]: [Num<T>; 1]) -> impl Dist<Num<T>> + use<T> {
+        Normal { mu: Num::from(0.0), sd }
+    }
+}
+
+/// `HalfNormal(…)`
+#[derive(Clone, Copy)]
+struct Positive {
+    sd: f64,
+}
+
+impl PriorFn<0> for Positive {
+    fn prior<T: Real>(&self, _: [Num<T>; 0]) -> impl Dist<Num<T>> + use<T> {
+        HalfNormal { sd: Num::from(self.sd) }
     }
 }
 

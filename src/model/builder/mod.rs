@@ -4,6 +4,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
 
 use crate::manifold::Basis;
+use crate::model::discrepancy::RowError;
 use crate::model::error::ModelError;
 use crate::model::laid_out::Model;
 use crate::table::Measurements;
@@ -104,6 +105,10 @@ pub struct Builder<'a> {
     offsets_on: Vec<String>,
     /// Share and sd of outliers that are added to every `observe`.
     outliers: Option<(f64, f64)>,
+    /// Further errors that are added, until their sds have places.
+    further_errors: Vec<RowError>,
+    /// Names of `observe`s whose rows have one, and where its sd is.
+    row_errors: Vec<(String, usize)>,
     /// First offset of (observe, field or let).
     hooks: BTreeMap<(&'static str, &'static str), usize>,
     /// First value of (observe, linear predictor).
@@ -146,6 +151,8 @@ impl<'a> Builder<'a> {
             effects: vec![],
             offsets_on: vec![],
             outliers: None,
+            further_errors: vec![],
+            row_errors: vec![],
             hooks: BTreeMap::new(),
             predictors: BTreeMap::new(),
             seen: BTreeSet::new(),
@@ -170,6 +177,13 @@ impl<'a> Builder<'a> {
     pub(super) fn add_outliers(&mut self, share: f64, sd: f64) {
         self.outliers = Some((share, sd));
         self.model.outliers = self.outliers;
+    }
+
+    /// Gives every measurement of some `observe`s, which are to come, a further error.
+    pub(super) fn add_row_error(&mut self, error: &RowError) {
+        self.further_errors.push(error.clone());
+        let observes = error.observes.iter().map(|observe| (observe.clone(), error.name.clone()));
+        self.model.row_errors.extend(observes);
     }
 
     fn values(&mut self, n: usize) -> usize {

@@ -34,6 +34,9 @@ impl Builder<'_> {
         };
         let place = self.place(name, &rows, mentions, width)?;
         let outliers = self.outliers.map(|(share, sd)| (share, sd * sd));
+        self.declare_row_errors();
+        let error = self.row_errors.iter().find(|(observe, _)| observe == name);
+        let place = row_place::Place { error: error.map(|(_, sd)| *sd), ..place };
         let (columns, op) = (math.cells(), Rows { place, outliers, math });
         self.model.observes.push(Observe { name, unit, columns, cells, rows, op });
         Ok(())
@@ -101,7 +104,7 @@ impl Builder<'_> {
         for (j, at) in hooked {
             (0..n).for_each(|r| hook[r * w + j] = (at + r) as u32);
         }
-        Ok(row_place::Place { width: w, index, hook, lets, left_out: None })
+        Ok(row_place::Place { width: w, index, hook, lets, error: None, left_out: None })
     }
 
     /// Where the value of a name lives that a row of the table sees; the first of several.

@@ -8,7 +8,7 @@ use crate::model::error::ModelError;
 use crate::model::expression::{AnyPrior, Names, prior};
 use crate::model::functions::{Decl, PriorFn, VectorFn};
 use crate::model::laid_out::PriorEntry;
-use crate::model::parameter::{ImputedOp, Known, SequenceFn, SequenceOp, support_of};
+use crate::model::parameter::{ImputedOp, Known, PriorOp, SequenceFn, SequenceOp, support_of};
 use crate::model::reported::{Kind, Parameter, Position};
 use crate::model::scope::Local;
 use crate::num::Num;
@@ -33,9 +33,34 @@ impl Builder<'_> {
         if let (Len::Each(column), Some(_)) = (len, &self.field) {
             return self.param_of_each_field(&decl, column, prior);
         }
-        let (at, mut op) = (self.local(prior.mentions, 0), (prior.make)());
+        self.laid_out(&decl, len, prior, (prior.make)())
+    }
+
+    /// As [`Builder::param`]: the coefficients of an effect, as deviations where their prior is normal with an
+    /// sd of its own; whether it is.
+    pub(super) fn coefficients(
+        &mut self,
+        decl: &Decl,
+        len: Len,
+        prior: &AnyPrior,
+    ) -> Result<bool, ModelError> {
+        let mut op = (prior.make)();
+        let deviates = matches!(len, Len::Many(n) if self.deviates(n));
+        let are_deviations = deviates && op.take_deviations();
+        self.laid_out(decl, len, prior, op)?;
+        Ok(are_deviations)
+    }
+
+    fn laid_out(
+        &mut self,
+        decl: &Decl,
+        len: Len,
+        prior: &AnyPrior,
+        mut op: Box<dyn PriorOp>,
+    ) -> Result<(), ModelError> {
+        let at = self.local(prior.mentions, 0);
         let mentions = at.iter().map(|at| *at as usize).collect();
-        let (u, v, n) = self.lay_out(&decl, len, mentions, op.support(), op.is_flat())?;
+        let (u, v, n) = self.lay_out(decl, len, mentions, op.support(), op.is_flat())?;
         op.put(&at, u, v, n);
         self.model.priors.push(op);
         Ok(())

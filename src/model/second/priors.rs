@@ -2,6 +2,7 @@
 
 use super::{change, unit};
 use crate::dist::{Dist, Sequence};
+use crate::model::coordinate::Coordinate;
 use crate::model::functions::PriorFn;
 use crate::model::parameter::{ImputedOp, NormalOp, ParameterOp, SequenceFn, SequenceOp};
 use crate::model::scope::Local;
@@ -13,13 +14,13 @@ impl<F: PriorFn<N>, const N: usize, const W: usize> Second for ParameterOp<F, N,
         let prior = self.f.prior(self.local.pushed(t, d));
         for i in 0..self.n {
             let u = Num(dual(t.u[self.u + i], [d.u[self.u + i]]));
-            d.v[self.v + i] = change(prior.constrain(u));
+            d.v[self.v + i] = change(self.coordinate.x(&prior, u));
         }
     }
 
     fn pull(&self, t: &Tape, d: &mut Tape) {
         let values = |i: usize| (self.u + i, self.v + i);
-        pull_prior(&self.f, &self.local, &(0..self.n).map(values), N > 0, t, d);
+        pull_prior(&self.f, &self.local, &(0..self.n).map(values), self.coordinate, t, d);
     }
 }
 
@@ -28,7 +29,7 @@ fn pull_prior<F: PriorFn<N>, const N: usize>(
     f: &F,
     local: &Local<N>,
     values: &(impl Iterator<Item = (usize, usize)> + Clone),
-    has_norm: bool,
+    coordinate: Coordinate,
     t: &Tape,
     d: &mut Tape,
 ) {
@@ -36,11 +37,8 @@ fn pull_prior<F: PriorFn<N>, const N: usize>(
         let prior = f.prior::<Hyper>(local.hyper(j, t, d));
         for (u, v) in values.clone() {
             let x_u = Num(Hyper::new(t.u[u], unit(j == N), d.u[u], 0.0));
-            let x = prior.constrain(x_u);
-            let mut l = prior.ln_kernel(x_u, x);
-            if has_norm {
-                l += prior.ln_norm();
-            }
+            let x = coordinate.x(&prior, x_u);
+            let l = coordinate.ln_prior(&prior, x_u, x);
             let bar = l.0.eps1eps2 + x.0.eps1eps2 * t.g[v] + x.0.eps1 * d.g[v];
             if j == N {
                 d.gu[u] += bar;
@@ -63,7 +61,7 @@ impl<F: PriorFn<N>, const N: usize, const W: usize> Second for ImputedOp<F, N, W
     fn pull(&self, t: &Tape, d: &mut Tape) {
         let missing = self.missing.iter().enumerate();
         let values = missing.map(|(i, row)| (self.u + i, self.v + row));
-        pull_prior(&self.f, &self.local, &values, true, t, d);
+        pull_prior(&self.f, &self.local, &values, Coordinate::of_support(true), t, d);
         for j in 0..N {
             let prior = self.f.prior::<Hyper>(self.local.hyper(j, t, d));
             let norm = prior.ln_norm();

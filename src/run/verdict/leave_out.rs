@@ -33,9 +33,16 @@ pub(in crate::run) struct LeftOut {
     pub(in crate::run) replicates: BTreeMap<usize, Vec<f64>>,
 }
 
+impl LeftOut {
+    /// With no measurement left out in a fit of its own.
+    pub(in crate::run) fn by_weights(loo: LeaveOneOut) -> Self {
+        Self { loo, replicates: BTreeMap::new() }
+    }
+}
+
 /// `loo` with the elpd of those measurements whose Pareto k is too high from fits without them.
 pub(in crate::run) fn exact(fit: &Fit<'_>, loo: LeaveOneOut) -> LeftOut {
-    let mut left = LeftOut { loo, replicates: BTreeMap::new() };
+    let mut left = LeftOut::by_weights(loo);
     let Method::Sampled(sampler) = fit.method() else { return left };
     if !fit.converged() {
         return left;
@@ -47,7 +54,8 @@ pub(in crate::run) fn exact(fit: &Fit<'_>, loo: LeaveOneOut) -> LeftOut {
         (0..ids.len()).filter(|i| loo.rows[*i].pareto_k > threshold).collect();
     high.sort_by(|a, b| loo.rows[*b].pareto_k.total_cmp(&loo.rows[*a].pareto_k));
     let gradients: u64 = fit.chains().iter().map(|c| c.n_grad_warmup + c.n_grad_sampling).sum();
-    let is_dear = gradients as f64 * fit.model().dim() as f64 > DEAR;
+    // where each place has a deviation of its own nearly every measurement would have to be left out
+    let is_dear = fit.model().has_spreads() || gradients as f64 * fit.model().dim() as f64 > DEAR;
     for i in high.into_iter().take(if is_dear { MOST_DEAR } else { MOST }) {
         if let Some((elpd, replicates)) = without(fit, sampler, ids[i], i) {
             loo.set_exact(i, elpd);

@@ -1,0 +1,120 @@
+//! What the search's base fit lets sites, recordings and measurements differ by, as statements of a model.
+
+use std::collections::BTreeMap;
+
+use eplat_language::as_name;
+use eplat_language::syntax::{Item, Model as Tree};
+
+use super::LoopError;
+use crate::criticism::Criticism;
+use crate::criticism::observable::observables;
+use crate::model::forms::group;
+use crate::model::{Declare, Discrepancy, Model, RowError, Spread};
+use crate::table::{Measurements, SITE, VERTEX};
+
+/// The same differences as in the base fit: of sites, where several measurements tell them from single errors; of
+/// recordings or sessions, where the search had them; and of single measurements where brackets are taken as exact.
+pub(super) fn discrepancy(
+    declared: &dyn Declare,
+    criticism: &Criticism,
+    table: &Measurements,
+    held_out: Option<&Measurements>,
+) -> Result<Discrepancy, LoopError> {
+    let outline = Model::outline(declared)?;
+    let Ok(tree) = outline.syntax() else { return Ok(Discrepancy::default()) };
+    let names = Names { tree: &tree, table };
+    let has_several = criticism.engine.sites.iter().any(|rows| rows.len() > 1);
+    let site = site_of(table, held_out).filter(|_| has_several);
+    let unit = criticism.unit_log_bf.as_ref().map(|(unit, _)| unit.as_str());
+    let mut targets: BTreeMap<String, Vec<String>> = BTreeMap::new();
+    for on in observables(&outline)? {
+        let own = targets.entry(names.unit_of(&on)).or_default();
+        if !own.contains(&on) {
+            own.push(on);
+        }
+    }
+    let mut spreads = vec![];
+    for (number, (of_unit, on)) in targets.into_iter().enumerate() {
+        let further = if number == 0 { String::new() } else { format!("_{}", on[0]) };
+        for column in site.into_iter().chain(unit).filter(|column| !names.has_spread(column)) {
+            let what = if Some(column) == site { "site".into() } else { as_name(column) };
+            spreads.push(Spread {
+                name: names.free(&format!("{what}_difference{further}")),
+                sd: names.free(&format!("{what}_sd{further}")),
+                prior_sd: criticism.step,
+                on: on.clone(),
+                unit: of_unit.clone(),
+                form: group(column),
+                why: format!(
+                    "Added by `eplat loop`: what each {} differs by, for reasons that no column tells.",
+                    what.trim_end_matches('_')
+                ),
+            });
+        }
+    }
+    Ok(Discrepancy { spreads, row_errors: names.row_errors(criticism.step) })
+}
+
+/// The column that names sites in both tables.
+fn site_of(table: &Measurements, held_out: Option<&Measurements>) -> Option<&'static str> {
+    let columns = || [SITE, VERTEX].into_iter().filter(|column| table.has(column));
+    let in_both = |column: &&str| held_out.is_none_or(|held_out| held_out.has(column));
+    columns().find(in_both).or_else(|| columns().next())
+}
+
+/// The names of a model and of its table.
+struct Names<'a> {
+    tree: &'a Tree,
+    table: &'a Measurements,
+}
+
+impl Names<'_> {
+    fn items(&self) -> impl Iterator<Item = &Item> {
+        self.tree.statements.iter().map(|statement| &statement.item)
+    }
+
+    fn unit_of(&self, name: &str) -> String {
+        let item = self.items().find(|item| item.name() == name);
+        item.and_then(Item::unit).map_or_else(String::new, |unit| unit.text.clone())
+    }
+
+    /// The name, or a longer one where the model or the table has it.
+    fn free(&self, name: &str) -> String {
+        let mut name = name.to_owned();
+        while self.table.has(&name) || self.items().any(|item| item.name() == &name) {
+            name += "_further";
+        }
+        name
+    }
+
+    /// Whether the model lets the labels of this column differ by itself.
+    fn has_spread(&self, column: &str) -> bool {
+        self.items().any(|item| match item {
+            Item::Effect(effect) => {
+                let is_group = effect.form.name.get_ident().is_some_and(|form| form == "group");
+                is_group && effect.form.columns.iter().any(|own| *own == as_name(column))
+            }
+            _ => false,
+        })
+    }
+
+    /// An error of the measurements whose likelihood has none.
+    fn row_errors(&self, step: f64) -> Vec<RowError> {
+        let mut exact: BTreeMap<String, Vec<String>> = BTreeMap::new();
+        for observe in self.tree.observes().filter(|observe| self.tree.is_exact(observe)) {
+            let unit = observe.unit.as_ref().map_or_else(String::new, |unit| unit.text.clone());
+            exact.entry(unit).or_default().push(observe.name.to_string());
+        }
+        let error = |(number, (unit, observes)): (usize, (String, Vec<String>))| {
+            let further = if number == 0 { String::new() } else { format!("_{}", observes[0]) };
+            RowError {
+                name: self.free(&format!("row_error{further}")),
+                prior_sd: step,
+                unit,
+                observes,
+                why: "Added by `eplat loop`: an error of each measurement; its bracket is not taken as exact.".into(),
+            }
+        };
+        exact.into_iter().enumerate().map(error).collect()
+    }
+}
