@@ -44,6 +44,7 @@ pub(super) fn as_written(criticism: &Criticism, fit: &Fit<'_>) -> Option<Laplace
         ln_noise: (LEAST_ERROR * criticism.step).ln(),
         ln_unit: None,
         outliers: None,
+        scatter: vec![],
     };
     engine.fit(&outer, &[], None)
 }
