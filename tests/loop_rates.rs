@@ -46,7 +46,7 @@ struct Result {
 /// What is right, and what else is no wrong name.
 fn expected(scenario: Scenario) -> (&'static [&'static str], &'static [&'static str]) {
     match scenario {
-        Scenario::Force | Scenario::Missing => (&["force_g"], &[]),
+        Scenario::Force | Scenario::Missing | Scenario::Interaction => (&["force_g"], &[]),
         Scenario::Catheter => (&["catheter"], &[]),
         Scenario::Drift => (&["t_min"], &[]),
         Scenario::Rate => (&["S1"], &[]),
@@ -59,7 +59,6 @@ fn expected(scenario: Scenario) -> (&'static [&'static str], &'static [&'static 
         Scenario::TwoLevels => (&["region", "force_g"], &[]),
         Scenario::Hetero => (&["hetero(force_g)"], &[]),
         Scenario::HeteroCatheter => (&["hetero(catheter)"], &[]),
-        Scenario::Interaction => (&["force_g"], &[]),
         Scenario::Cancel => (&[], &["force_g", "output_mA"]),
         Scenario::Misscaled => (&[], &["force_g"]),
         Scenario::Decoys => (&[], &["session"]),
@@ -265,7 +264,8 @@ fn row(scenario: Scenario, results: &[Result]) -> (String, Vec<String>) {
     // a column with empty cells leaves over what it does there
     let beside = count(&|r| r.is_right(scenario) && !r.findings.is_empty() && r.unexplained);
     if scenario != Scenario::Missing && n_claims - beside < least(n_claims, 0.95) {
-        failures.push(format!("{scenario:?}: unexplained beside {beside} of {n_claims} right names"));
+        failures
+            .push(format!("{scenario:?}: unexplained beside {beside} of {n_claims} right names"));
     }
     if better < least(n_claims, 0.95) {
         failures.push(format!("{scenario:?}: held-out error lower in {better} of {n_claims}"));
