@@ -48,7 +48,7 @@ struct Result {
 /// What is right, and what else is no wrong name.
 fn expected(scenario: Scenario) -> (&'static [&'static str], &'static [&'static str]) {
     match scenario {
-        Scenario::Force | Scenario::Missing => (&["force_g"], &[]),
+        Scenario::Force | Scenario::Missing | Scenario::Interaction => (&["force_g"], &[]),
         Scenario::Catheter => (&["catheter"], &[]),
         Scenario::Drift => (&["t_min"], &[]),
         Scenario::Rate => (&["S1"], &[]),
@@ -61,7 +61,6 @@ fn expected(scenario: Scenario) -> (&'static [&'static str], &'static [&'static 
         Scenario::TwoLevels => (&["region", "force_g"], &[]),
         Scenario::Hetero => (&["hetero(force_g)"], &[]),
         Scenario::HeteroCatheter => (&["hetero(catheter)"], &[]),
-        Scenario::Interaction => (&["force_g"], &[]),
         Scenario::Cancel => (&[], &["force_g", "output_mA"]),
         Scenario::Misscaled => (&[], &["force_g"]),
         Scenario::Decoys => (&[], &["session"]),
