@@ -17,6 +17,7 @@ mod field_draws;
 pub mod figures;
 mod html;
 mod loo;
+mod loop_errors;
 mod loop_page;
 mod posterior;
 mod run_record;
@@ -42,9 +43,9 @@ pub use experiment_page::{ExperimentPage, Figure, write_experiment_page};
 pub use field_draws::FieldDraws;
 pub use html::{Page, PointData, Surface, write_html};
 pub use loo::{LeaveOneOut, LooRecord, LooRow, read_loo, worst_k, write_loo};
+pub use loop_errors::{ErrorChange, MostOfTheGain, PredictionError};
 pub use loop_page::{
-    Against, ErrorChange, LoopPage, MostOfTheGain, PredictionError, Residuals, SiteResidual,
-    TriedEffect, TriedRound, loop_page,
+    Against, LoopPage, Residuals, SiteResidual, TriedEffect, TriedRound, loop_page,
 };
 pub use posterior::Posterior;
 pub use run_record::{Provenance, RunRecord, Seconds, SettingsRecord};

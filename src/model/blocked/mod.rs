@@ -75,4 +75,6 @@ impl Sampler {
 }
 
 #[cfg(test)]
+mod test_models;
+#[cfg(test)]
 mod tests;
