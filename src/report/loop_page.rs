@@ -152,7 +152,6 @@ pub fn loop_page(page: &LoopPage<'_>) -> String {
         ("tried", page.rounds.iter().enumerate().map(|(i, r)| round(i, r)).collect()),
         ("spread", paragraphs("doubt", page.spread)),
         ("after_class", absent(page.after.is_none())),
-        ("found_class", absent(!page.is_found)),
         ("after", page.after.map_or(String::new(), |after| marked(page.before, after))),
         (
             "file",
@@ -161,11 +160,15 @@ pub fn loop_page(page: &LoopPage<'_>) -> String {
         ("comparison", page.comparisons.iter().map(|c| comparison(c, residuals.unit)).collect()),
         ("against", against(residuals, page.is_found)),
         ("field", field(residuals, map.as_ref())),
-        ("residuals_after", residual_figure(residuals, map.as_ref(), true)),
         (
-            "unexplained_number",
-            (4 + usize::from(page.after.is_some()) + usize::from(page.is_found)).to_string(),
+            "residuals_after",
+            if page.is_found {
+                residual_figure(residuals, map.as_ref(), true)
+            } else {
+                String::new()
+            },
         ),
+        ("unexplained_number", if page.after.is_some() { "6" } else { "4" }.to_owned()),
         ("unexplained", escape(page.unexplained)),
         ("not_tried", not_tried(page.not_tried)),
         ("warnings_class", absent(page.warnings.is_empty())),
