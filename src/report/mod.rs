@@ -18,6 +18,7 @@ pub mod figures;
 mod files;
 mod html;
 mod loo;
+mod loop_errors;
 mod loop_page;
 mod posterior;
 mod predicted;
@@ -45,9 +46,9 @@ pub use experiment_page::{ExperimentPage, Figure, write_experiment_page};
 pub use field_draws::FieldDraws;
 pub use html::{Page, PointData, Surface, write_html};
 pub use loo::{LeaveOneOut, LooRecord, LooRow, read_loo, worst_k, write_loo};
+pub use loop_errors::{ErrorChange, MostOfTheGain, PredictionError};
 pub use loop_page::{
-    Against, ErrorChange, LoopPage, MostOfTheGain, PredictionError, Residuals, SiteResidual,
-    TriedEffect, TriedRound, loop_page,
+    Against, LoopPage, Residuals, SiteResidual, TriedEffect, TriedRound, loop_page,
 };
 pub use posterior::Posterior;
 pub use rows::{LEVELS, LeftOutBy, Predicted, PredictedRow, Predictions, write_rows};

@@ -107,7 +107,7 @@ fn curve(x: &[f64], added: &[Vec<f64>]) -> Vec<Point> {
         match parts.last_mut() {
             // the rows of a place stay together
             Some(part)
-                if part.len() < least || part.last().is_some_and(|last| x[*last] == x[row]) =>
+                if part.len() < least || part.last().is_some_and(|last| x[*last] >= x[row]) =>
             {
                 part.push(row);
             }

@@ -151,7 +151,10 @@ impl<'m> Loop<'m> {
             effects: effects.collect(),
             contribution,
             narrow,
-            spread: before.as_deref().map_or_else(Vec::new, |fit| spread(&discrepancy, fit)),
+            spread: after
+                .as_ref()
+                .or(before.as_ref())
+                .map_or(vec![], |fit| spread(&discrepancy, fit)),
             declared: Told::of("declared", &declared),
             before: before.as_deref().map(|fit| Told::of("before", fit)),
             after: after.as_deref().map(|fit| Told::of("after", fit)),

@@ -112,7 +112,7 @@ impl Story {
             let x = || rows.iter().map(|row| row.0).filter(|x| x.is_finite());
             let (low, high) =
                 (x().fold(f64::INFINITY, f64::min), x().fold(f64::NEG_INFINITY, f64::max));
-            vec![(low, format!("{low}")), (high, format!("{high}"))]
+            vec![(low, plain(low)), (high, plain(high))]
         } else {
             labels.iter().enumerate().map(|(i, label)| (i as f64, label.clone())).collect()
         };
@@ -141,4 +141,10 @@ impl Story {
         }
         sites
     }
+}
+
+/// A number with four digits at most.
+fn plain(x: f64) -> String {
+    let x: f64 = format!("{x:.3e}").parse().unwrap_or(x);
+    x.to_string().replace('-', "−")
 }

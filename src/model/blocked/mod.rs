@@ -94,4 +94,6 @@ impl Sampler {
 }
 
 #[cfg(test)]
+mod test_models;
+#[cfg(test)]
 mod tests;

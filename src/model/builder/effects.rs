@@ -59,6 +59,7 @@ impl Builder<'_> {
     ///
     /// # Errors
     /// Those of [`Builder::param`], and a column that the table lacks.
+    #[expect(clippy::needless_pass_by_value, reason = "the expansion makes one for each statement")]
     pub fn effect(
         &mut self,
         decl: Decl,
@@ -190,7 +191,7 @@ impl Builder<'_> {
         for (row, z) in z.chunks_exact(n.max(1)).enumerate() {
             let ones: Vec<usize> = (0..n).filter(|label| z[*label] != 0.0).collect();
             let (&[label], Some(vertex)) = (&ones[..], data.vertex(row)) else { return };
-            if z[label] != 1.0
+            if (z[label] - 1.0).abs() > 0.0
                 || *vertices[label].get_or_insert(vertex) != vertex
                 || *of_vertex.entry(vertex).or_insert(label) != label
             {
