@@ -94,6 +94,6 @@ impl Sampler {
 }
 
 #[cfg(test)]
-mod test_models;
+mod models_of_tests;
 #[cfg(test)]
 mod tests;

@@ -1,4 +1,4 @@
-use super::test_models::{Counts, Known, Patients, basis, patients, places, rows};
+use super::models_of_tests::{Counts, Known, Patients, basis, patients, places, rows};
 use super::*;
 use crate::diagnostics::{mcse_mean, mcse_sd, mean_and_sd};
 use crate::infer::{Blocked, Chain, ChainError, MarkovChain, Silent, jittered_starts};
