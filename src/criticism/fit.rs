@@ -5,8 +5,8 @@ use nalgebra::{DMatrix, DVector};
 use rand::{Rng, RngExt};
 use rand_distr::StandardNormal;
 
-use super::engine::{Engine, Outer, RowAt, TriedTerm};
-use super::newton::System;
+use super::engine::{Engine, Outer, TriedTerm};
+use super::system::{Linear, System};
 use crate::model::{Curvature, Noise};
 
 /// A Laplace fit.
@@ -30,36 +30,6 @@ pub struct LaplaceFit {
     /// Minus the Hessian at the mode.
     pub(super) system: System,
     pub(super) curvatures: Vec<Curvature>,
-}
-
-/// The scalars of all rows as a linear map, and the curvature of the prior.
-#[derive(Clone, Debug)]
-pub(super) struct Linear {
-    pub(super) constant: Vec<f64>,
-    /// (unknowns, scalars): a scalar's row of J is a column here.
-    pub(super) j: DMatrix<f64>,
-    /// Scalars that any unknown moves, ascending.
-    pub(super) used: Vec<usize>,
-    /// Minus the Hessian of the prior in the model's linear unknowns.
-    pub(super) prior: DMatrix<f64>,
-}
-
-impl Linear {
-    /// Number of unknowns.
-    pub(super) fn n(&self) -> usize {
-        self.j.nrows()
-    }
-
-    /// Which scalars of a row what is integrated over moves: not a noise, for instance.
-    pub(super) fn moved(&self, row: &RowAt) -> Vec<usize> {
-        let is_moved = |l: usize| self.row(row.first + l).iter().any(|j| *j != 0.0);
-        (0..row.n).filter(|l| *l == row.observable || is_moved(*l)).collect()
-    }
-
-    /// How a scalar depends on the unknowns.
-    pub(super) fn row(&self, local: usize) -> &[f64] {
-        &self.j.as_slice()[local * self.n()..][..self.n()]
-    }
 }
 
 /// What a site's rows would depend on, had they not been seen: mean and covariance of their scalars.

@@ -164,6 +164,14 @@ pub struct Record {
     pub judgement: Judgement,
 }
 
+impl Record {
+    /// Why it was or was not taken, in words.
+    pub fn verdict(&self) -> String {
+        let beside = self.beside.as_ref().map(|cause| format!(", with {cause} in the model"));
+        format!("{}{}", self.judgement, beside.unwrap_or_default())
+    }
+}
+
 /// One round of the search.
 #[derive(Clone, Debug)]
 pub struct Round {

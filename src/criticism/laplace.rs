@@ -10,8 +10,9 @@
 use nalgebra::{DMatrix, DVector};
 
 use super::engine::{Engine, Outer, TriedTerm};
-use super::fit::{LaplaceFit, Linear};
-use super::newton::{Newton, Point, System};
+use super::fit::LaplaceFit;
+use super::newton::{Newton, Point};
+use super::system::{Linear, System};
 use crate::model::{RowId, Tape};
 
 impl Engine {

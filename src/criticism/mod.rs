@@ -12,7 +12,7 @@
 //! |---|---|
 //! | words | `cause`, `candidate`, `progress`, `error` |
 //! | the table | `units`, `checks`, `propose` |
-//! | fits | `engine`, `fit`, `newton`, `laplace`, `slope`, `outer`, `leave`, `screen`, `fine` |
+//! | fits | `engine`, `system`, `fit`, `newton`, `laplace`, `slope`, `outer`, `leave`, `screen`, `fine` |
 //! | a round | `bench`, `search`, `nulls`, `refute`, `rivals`, `claim`, `judge`, `remainder` |
 //! | all | `procedure`; `heldout` and `rewrite` for what follows it |
 //! | with the fits | `close`, which calls [`run`](crate::run) and is what `eplat loop` does |
@@ -46,6 +46,7 @@ mod rivals;
 mod screen;
 mod search;
 mod slope;
+mod system;
 mod units;
 
 pub use bench::Subject;

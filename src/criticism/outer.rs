@@ -1,4 +1,5 @@
-//! The best outer values of a Laplace fit: hyperparameters, and the sds of sites and noise.
+//! The best outer values of a Laplace fit: hyperparameters, and the sds of sites and noise, by the exact gradient of
+//! the evidence (`slope`).
 
 use super::engine::{Engine, Outer};
 use super::fit::LaplaceFit;

@@ -29,6 +29,9 @@ const SCATTER_OF_LABEL: [f64; 2] = [1.0, 2.0];
 const PAIRED: usize = 3;
 /// What a pair must explain more than a single cause to count as much: it is chosen among more.
 const PRICE_OF_PAIR: f64 = CLAIM;
+/// What scatter must explain more: it moves no prediction, so that no site left out speaks against a wrong column. Without
+/// it two of 20 studies of nothing (seeds 501 to 520) ended in a claim, with 4.4 and 4.9.
+const PRICE_OF_SCATTER: f64 = CLAIM;
 /// So far below the base, the sds of sites and noise would not bring them above it.
 const HOPELESS: f64 = 5.0;
 
@@ -145,7 +148,9 @@ impl Pass<'_> {
             let Some((fit, score)) = self.with_noise(&active, tried.candidate) else {
                 return tried;
             };
-            return Tried { log_bf: score - reference, fit: Some(fit), ..tried };
+            let is_scatter = self.bench.candidates[tried.candidate].is_scatter();
+            let price = if is_scatter { PRICE_OF_SCATTER } else { 0.0 };
+            return Tried { log_bf: score - price - reference, fit: Some(fit), ..tried };
         }
         let Some(fit) = engine.fit(&base.outer, &active, Some(base)) else { return tried };
         let log_bf = score(&fit, step) - reference;

@@ -14,7 +14,8 @@ use nalgebra::{DMatrix, DVector};
 
 use super::engine::{Engine, RowAt};
 use super::fit::LaplaceFit;
-use super::newton::{Clipped, System};
+use super::newton::Clipped;
+use super::system::System;
 use crate::model::{Curvature, RowId};
 
 /// The gradient.

@@ -76,7 +76,8 @@ pub(super) fn leave_one_out_figures(loo: &LooRecord) -> String {
     match (loo.n_left_out, loo.n_high_k) {
         (0, 0) => format!("{figures}; Pareto k at most {k_threshold:.2} at all {n} measurements"),
         (left, 0) => format!(
-            "{figures}; {above} {left} of {n} measurements, each of which was left out in a fit of its own"
+            "{figures}; {above} {left} of {n} measurements: {} left out in a fit of its own",
+            if left == 1 { "it was" } else { "each was" }
         ),
         (left, high) => {
             let of_these = match left {

@@ -5,7 +5,7 @@
 //! NAME at a vertex = NAME[draw, 0] + eigenfunctions[vertex] · NAME[draw, 1:]
 //! ```
 //! Of a field `within LOW..HIGH` this is the sum x, and there is an array `NAME.within` (1, 2) of the ends:
-//! the field is LOW + s ln (1 + e^((x − LOW)/s))/(1 + e^((x − HIGH)/s)) with s = (HIGH − LOW)/20.
+//! the field is LOW + s ln((1 + e^((x − LOW)/s)) / (1 + e^((x − HIGH)/s))) with s = (HIGH − LOW)/20.
 
 use std::collections::BTreeMap;
 use std::io::{self, Seek, Write};

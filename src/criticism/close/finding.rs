@@ -15,6 +15,10 @@ impl Story {
         let criticism = &self.criticism;
         let rounds = criticism.rounds.iter().enumerate();
         let tried: Vec<Value> = rounds.flat_map(|(i, round)| self.tried_json(i, round)).collect();
+        let pairs = criticism.rounds.iter().filter_map(|round| round.pair);
+        let cause = |candidate: usize| criticism.candidates[candidate].cause.to_string();
+        let pairs =
+            pairs.map(|(pair, log_bf)| json!({ "effects": pair.map(cause), "log_bf": log_bf }));
         let unusable = criticism.unusable.iter();
         let unusable: Vec<Value> =
             unusable.map(|u| json!({ "column": u.column, "why": u.why })).collect();
@@ -55,6 +59,7 @@ impl Story {
             "not_tried": unusable,
             "warnings": warnings,
             "tried": tried,
+            "pairs": pairs.collect::<Vec<_>>(),
         })
     }
 
@@ -81,7 +86,7 @@ impl Story {
                 "p_screen": t.p_screen,
                 "log_bf": t.log_bf.is_finite().then_some(t.log_bf),
                 "p_null": t.p_null,
-                "verdict": t.judgement.to_string(),
+                "verdict": t.verdict(),
             })
         };
         round.tried.iter().map(one).collect()

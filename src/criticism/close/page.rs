@@ -56,7 +56,7 @@ impl Story {
                 p_screen: t.p_screen,
                 log_bf: t.log_bf,
                 p_null: t.p_null,
-                verdict: t.judgement.to_string(),
+                verdict: t.verdict(),
                 is_taken: t.judgement == Judgement::Found,
             }
         };
