@@ -7,7 +7,7 @@
 //! V_r = A_r H⁻¹ A_rᵀ,    s = H⁻¹ Σ_r A_rᵀ q_r,    q_r = ½ ∂tr(V_r h_r)/∂l_r
 //! ```
 //! X are the linear unknowns, the coefficients of terms and the random effects of sites; P is the curvature of their
-//! prior and h_r that of a row's log likelihood in its scalars. The last term is how the mode moves. All terms
+//! prior and `h_r` that of a row's log likelihood in its scalars. The last term is how the mode moves. All terms
 //! but the one with P add up to an adjoint of c and one of A, which the model carries on to its unknowns.
 
 use nalgebra::{DMatrix, DVector};
@@ -100,7 +100,7 @@ impl<'a> Pieces<'a> {
         pieces
     }
 
-    /// A_r H⁻¹: a row's scalars and the unknowns, `(n, unknowns)`; and the random effect of its site, `(n)`.
+    /// `A_r` H⁻¹: a row's scalars and the unknowns, `(n, unknowns)`; and the random effect of its site, `(n)`.
     fn covariance(&self, r: usize) -> (DMatrix<f64>, DVector<f64>) {
         let (row, fit) = (&self.engine.rows[r], self.fit);
         let (d, coupling) = (fit.system.precision[row.site], &fit.system.coupling[row.site]);
@@ -168,8 +168,8 @@ impl<'a> Pieces<'a> {
         let mut of_x = DVector::zeros(fit.x.len());
         let mut of_z = vec![0.0; engine.sites.len()];
         for (row, bend) in engine.rows.iter().zip(&self.bends) {
-            for l in 0..row.n {
-                of_x.axpy(bend[l], &fit.linear.j.column(row.first + l), 1.0);
+            for (l, q) in bend[..row.n].iter().enumerate() {
+                of_x.axpy(*q, &fit.linear.j.column(row.first + l), 1.0);
             }
             of_z[row.site] += self.tau * bend[row.observable];
         }

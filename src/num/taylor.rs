@@ -2,8 +2,8 @@
 
 use super::Real;
 
-/// Derivatives of a function of x and y. Number k of an order is that with k times y: of the second order f_xx, f_xy,
-/// f_yy.
+/// Derivatives of a function of x and y. Number k of an order is that with k times y: of the second order `f_xx`,
+/// `f_xy`, `f_yy`.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Partials {
     pub(crate) first: [f64; 2],

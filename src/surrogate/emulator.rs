@@ -86,8 +86,10 @@ impl<const D: usize> Emulator<D> {
             for e in 0..if T::ORDER > 1 { D } else { 0 } {
                 let square = step[d] * step[e];
                 sum += square * (0.5 * at.curvature[d][e]);
-                for f in 0..if T::ORDER > 2 { D } else { 0 } {
-                    sum += square * step[f] * (at.third[d][e][f] / 6.0);
+                for (step, third) in step.iter().zip(&at.third[d][e]) {
+                    if T::ORDER > 2 {
+                        sum += square * *step * (third / 6.0);
+                    }
                 }
             }
         }
