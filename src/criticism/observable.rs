@@ -42,3 +42,22 @@ pub(super) fn step_of(model: &Model) -> f64 {
 pub(super) fn readable(x: f64) -> f64 {
     format!("{x:.2e}").parse().unwrap_or(x)
 }
+
+/// As many decimals as three significant digits of `scale` have.
+pub(super) fn readable_to(x: f64, scale: f64) -> f64 {
+    let decimals = (2.0 - scale.abs().log10().floor()).clamp(0.0, 12.0);
+    format!("{x:.0$}", decimals as usize).parse().unwrap_or(x)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_is_written_into_a_model_file_has_few_digits() {
+        assert_eq!(readable(7.045994229658082).to_string(), "7.05");
+        assert_eq!(readable_to(14.915774999999993, 7.045).to_string(), "14.92");
+        assert_eq!(readable_to(1234567.891, 250.0).to_string(), "1234568");
+        assert_eq!(readable_to(-0.012346, 0.0034).to_string(), "-0.01235");
+    }
+}

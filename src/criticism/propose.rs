@@ -6,7 +6,7 @@ use eplat_language::as_name;
 
 use super::candidate::{Candidate, Level, Screen, Unusable};
 use super::cause::Cause;
-use super::observable::readable;
+use super::observable::{readable, readable_to};
 use super::units::{Unit, by_site, is_constant_within};
 use crate::model::forms::{
     above, all, families, family, group, path, scaled, scaled_by, smooth, surface,
@@ -194,6 +194,7 @@ impl Maker<'_> {
         if !(scale > 1e-9 * centre.abs().max(1e-9)) {
             return Err("it has one value only");
         }
+        let (centre, scale) = (readable_to(centre, scale), readable(scale));
         let mut forms = vec![scaled(name, centre, scale)];
         values.dedup();
         if values.len() >= 4 {

@@ -98,9 +98,8 @@ pub(super) fn tiles(c: &ErrorChange, unit: &str) -> String {
         });
         let _ = write!(
             html,
-            "<li><b>{}</b><span>gain in log predictive density (elpd) of {} units{without}</span>",
-            with_error(gain),
-            c.n_units
+            "<li><b>{}</b><span>gain in log predictive density (elpd){without}</span>",
+            with_error(gain)
         );
     }
     let _ = write!(

@@ -71,7 +71,7 @@ impl Trouble {
             which => which,
         };
         let remedy = remedy.as_ref().map_or(String::new(), |remedy| format!(" → {remedy}"));
-        format!("{colour}: the model {which}, question *{question}*: {sentence}{remedy}")
+        format!("{colour}: the model {which}, question {question}: {sentence}{remedy}")
     }
 }
 
