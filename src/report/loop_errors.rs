@@ -131,9 +131,15 @@ pub(super) fn comparison(c: &ErrorChange, unit: &str) -> String {
     let before = if c.declared.is_some() { "before" } else { "as written" };
     let declared = c.declared.as_ref().map_or(String::new(), |e| line("as written", e));
     let after = c.after.as_ref().map_or(String::new(), |after| {
-        let gain = escape(&c.gain());
+        let gain = with_error(c.elpd_gain);
+        let most = c.most.as_ref().map_or(String::new(), |most| {
+            let (unit, without) = (escape(&most.unit), with_error(most.without));
+            format!(
+                "<tr><td class=\"text\">without {unit}, more than half of it<td><td>{without}<td>"
+            )
+        });
         let gain = format!("<tr><td class=\"text\">gain, before to after<td><td>{gain}<td>");
-        line("after", after) + &gain
+        line("after", after) + &gain + &most
     });
     let unit = if behind(unit).is_empty() { String::new() } else { format!(",{}", behind(unit)) };
     format!(
