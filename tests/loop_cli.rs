@@ -134,10 +134,9 @@ fn a_hidden_effect_is_found_written_and_told() {
     assert!(furthest_apart(&before, &again) > 4.5, "another model passes for the same");
 }
 
-/// Different tissue differs in every field: one finding, an effect on each.
-#[test]
-fn a_patch_is_written_with_an_effect_on_every_field() {
-    let study = studies::study(&studies::Heart::new(), studies::Scenario::Patch, 111);
+/// What `eplat loop` leaves in `loop` of a study, and what it prints.
+fn closed(scenario: studies::Scenario, seed: u64) -> (Workplace, String) {
+    let study = studies::study(&studies::Heart::new(), scenario, seed);
     let place = Workplace::new();
     place
         .file("erp.rs", include_str!("../models/erp.rs"))
@@ -147,8 +146,15 @@ fn a_patch_is_written_with_an_effect_on_every_field() {
     let on = "--mesh atrium.vtk --units mm --data train.csv";
     let output =
         place.eplat(&format!("loop erp.rs {on} --heldout heldout.csv --nulls 19 --out loop"));
-    let (stdout, stderr) = (text(&output.stdout), text(&output.stderr));
+    let stderr = text(&output.stderr);
     assert!(matches!(output.status.code(), Some(0 | 3)), "{stderr}");
+    (place, text(&output.stdout))
+}
+
+/// Different tissue differs in every field: one finding, an effect on each.
+#[test]
+fn a_patch_is_written_with_an_effect_on_every_field() {
+    let (place, stdout) = closed(studies::Scenario::Patch, 111);
     let lacks = "Erp lacks an effect of dist_scar_mm on apd_max and tau_out.";
     assert!(stdout.contains(lacks), "{stdout}");
     let finding = finding(&place, "loop");
@@ -201,18 +207,7 @@ fn sites_differ_in_what_is_claimed(place: &Workplace, file: &str, finding: &Valu
 /// No column tells what sites differ by, so that the intervals of the model as written are too narrow.
 #[test]
 fn intervals_that_are_too_narrow_are_told_and_mended() {
-    let study = studies::study(&studies::Heart::new(), studies::Scenario::Outside, 7);
-    let place = Workplace::new();
-    place
-        .file("erp.rs", include_str!("../models/erp.rs"))
-        .file("train.csv", study.train.to_csv())
-        .file("heldout.csv", study.heldout.to_csv());
-    place.eplat("mesh atrium --edge 2 --out atrium.vtk");
-    let on = "--mesh atrium.vtk --units mm --data train.csv";
-    let output =
-        place.eplat(&format!("loop erp.rs {on} --heldout heldout.csv --nulls 19 --out loop"));
-    let (stdout, stderr) = (text(&output.stdout), text(&output.stderr));
-    assert!(matches!(output.status.code(), Some(0 | 3)), "{stderr}");
+    let (place, stdout) = closed(studies::Scenario::Outside, 7);
     let finding = finding(&place, "loop");
     assert_eq!(finding["findings"], serde_json::json!([]));
     assert!(stdout.contains("narrow    as written, "), "{stdout}");

@@ -8,6 +8,7 @@ use rand_chacha::ChaCha8Rng;
 
 use super::leave::order;
 use crate::model::{Model, Noise, RowId};
+use crate::num::ln_mean_exp;
 use crate::random::Stream;
 use crate::table::{MEASURED, Measurements};
 
@@ -75,15 +76,6 @@ pub fn predict_rows(
     });
     let rows = ids.iter().zip(&sums).map(|(id, sum)| sum.predicted(model, *id, &mut rng));
     Predictions { rows: rows.collect(), ln: sums.into_iter().map(|sum| sum.ln).collect() }
-}
-
-/// ln of the mean of what these are the logarithms of.
-fn ln_mean_exp(ln: &[f64]) -> f64 {
-    let most = ln.iter().copied().fold(f64::NEG_INFINITY, f64::max);
-    if !most.is_finite() {
-        return most;
-    }
-    most + (ln.iter().map(|l| (l - most).exp()).sum::<f64>() / ln.len() as f64).ln()
 }
 
 #[derive(Clone, Debug, Default)]

@@ -11,6 +11,7 @@ use super::engine::Engine;
 use super::fit::{Cavity, LaplaceFit};
 use super::units::Unit;
 use crate::diagnostics::normal_quantile;
+use crate::num::ln_mean_exp;
 use crate::random::Stream;
 
 /// Draws from each cavity. The log of an average over them is off by a tenth of a nat or two, and there is one
@@ -166,9 +167,7 @@ fn predict(
         (normal_quantile(rank), tally.sum / tally.n)
     };
     let rows = tallies.iter().map(one).collect();
-    let most = ln.iter().copied().fold(f64::NEG_INFINITY, f64::max);
-    let mean = ln.iter().map(|l| (l - most).exp()).sum::<f64>() / draws as f64;
-    FromCavity { rows, elpd: most + mean.ln() }
+    FromCavity { rows, elpd: ln_mean_exp(&ln) }
 }
 
 /// Compares measurements by their first finite cell.

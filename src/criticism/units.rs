@@ -41,6 +41,12 @@ pub fn site_column(table: &Measurements) -> Option<&'static str> {
     [SITE, VERTEX].into_iter().find(|column| table.has(column))
 }
 
+/// The site of a row in words: its column with the cell, else the row's line.
+pub(super) fn site_name(table: &Measurements, row: usize) -> String {
+    let cell = |column| Some(format!("{column} {}", table.cell(row, column)?));
+    site_column(table).and_then(cell).unwrap_or_else(|| format!("line {}", table.line(row)))
+}
+
 /// Rows by site: column `site`, else `vertex`, else each row alone.
 pub(super) fn by_site(table: &Measurements) -> Unit {
     site_column(table).map_or_else(

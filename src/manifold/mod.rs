@@ -26,3 +26,5 @@ pub use interpolate::interpolate_biharmonic;
 pub use laplacian::{Csr, Laplacian};
 pub use path::integrate_along_paths;
 pub use sites::{maximin, nearest_vertex, random_maximin};
+#[cfg(test)]
+pub(crate) use test_meshes::made_up;

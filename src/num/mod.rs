@@ -167,6 +167,11 @@ pub fn ln_sum_exp<D: Real>(terms: &[D]) -> D {
     terms.iter().fold(D::from(0.0), |sum, term| sum + (*term - top).exp()).ln() + top
 }
 
+/// ln of the mean of eˣ, −∞ where every x is.
+pub(crate) fn ln_mean_exp(x: &[f64]) -> f64 {
+    ln_sum_exp(x) - (x.len() as f64).ln()
+}
+
 /// The number `re` whose derivative `index` is 1.
 #[inline(always)]
 pub fn variable<const W: usize>(re: f64, index: usize) -> Dual<W> {

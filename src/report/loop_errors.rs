@@ -2,7 +2,7 @@
 
 use std::fmt::Write as _;
 
-use super::text::{escape, tick};
+use super::text::{after_number, escape, tick};
 
 /// Errors of the same predictions by two models.
 #[derive(Clone, Debug)]
@@ -75,7 +75,7 @@ fn percent([share, error]: [f64; 2]) -> String {
 
 /// A unit as it stands behind a number; 1 is none.
 pub(super) fn behind(unit: &str) -> String {
-    if matches!(unit, "" | "1") { String::new() } else { format!(" {}", escape(unit)) }
+    escape(&after_number(unit))
 }
 
 /// The three numbers of the first screen.

@@ -15,13 +15,11 @@ use std::fmt::Write as _;
 
 use crate::random::procedure;
 
+use super::chebyshev::{DEGREE, Derivatives, Partials, Term};
 use super::design::random_hypercube;
 use super::gp::Gp;
 use super::sparse::few_terms;
 use crate::num::{Real, exp};
-
-/// Highest degree of a term.
-const DEGREE: usize = 8;
 
 /// Most terms of the mean, and of ln sd.
 const MOST_TERMS: usize = 120;
@@ -32,9 +30,6 @@ const LN_SD_TOLERANCE: f64 = 0.1;
 
 /// Points of the box at which terms are fitted, and as many others at which they are judged.
 const N_POINTS: usize = 2000;
-
-/// Which of Chebyshev's polynomials each input has, and the coefficient of their product.
-pub type Term<const D: usize> = ([u8; D], f64);
 
 /// The mean and standard deviation of an output at D inputs.
 #[derive(Debug, Clone, PartialEq)]
@@ -78,7 +73,8 @@ impl<const D: usize> Emulator<D> {
     /// A polynomial at numbers that carry derivatives: its Taylor polynomial in what they carry.
     #[inline]
     fn lift<T: Real>(&self, terms: &[Term<D>], x: [T; D], goes_on: bool) -> T {
-        let at = self.partials(terms, x.map(|x| x.re()), goes_on, T::ORDER);
+        let how = Derivatives { goes_on, order: T::ORDER };
+        let at = Partials::of(terms, x.map(|x| x.re()), &self.ranges, how);
         let step = x.map(|x| x - x.re());
         let mut sum = T::from(at.value);
         for d in 0..D {
@@ -91,32 +87,6 @@ impl<const D: usize> Emulator<D> {
                         sum += square * *step * (third / 6.0);
                     }
                 }
-            }
-        }
-        sum
-    }
-
-    /// Not inlined: compiled with eplat, not again with every model.
-    #[inline(never)]
-    fn partials(&self, terms: &[Term<D>], x: [f64; D], goes_on: bool, order: u32) -> Partials<D> {
-        let mut bases = [Basis::default(); D];
-        for d in 0..D {
-            let highest = terms.iter().fold(1, |most, (of, _)| of[d].max(most));
-            bases[d].fill(x[d], self.ranges[d], usize::from(highest), goes_on);
-        }
-        let mut sum = Partials {
-            value: 0.0,
-            slope: [0.0; D],
-            curvature: [[0.0; D]; D],
-            third: [[[0.0; D]; D]; D],
-        };
-        for term in terms {
-            sum.add(term, &bases);
-            if order > 1 {
-                sum.add_curvature(term, &bases);
-            }
-            if order > 2 {
-                sum.add_third(term, &bases);
             }
         }
         sum
@@ -228,98 +198,6 @@ fn degrees_up_to<const D: usize>(total: usize) -> Vec<[u8; D]> {
         all = all.into_iter().flat_map(of).collect();
     }
     all
-}
-
-/// `T_0` … at one input, and their first to third derivatives in it.
-#[derive(Clone, Copy, Default)]
-struct Basis {
-    t: [f64; DEGREE + 1],
-    dt: [f64; DEGREE + 1],
-    ddt: [f64; DEGREE + 1],
-    dddt: [f64; DEGREE + 1],
-}
-
-impl Basis {
-    /// Up to `highest`; `goes_on` says whether the terms go on straight beyond the range, or stay what they are at its end.
-    fn fill(&mut self, x: f64, (lower, upper): (f64, f64), highest: usize, goes_on: bool) {
-        let slope = 2.0 / (upper - lower);
-        let u = (x - 0.5 * (lower + upper)) * slope;
-        let end = u.clamp(-1.0, 1.0);
-        let Self { t, dt, ddt, dddt } = self;
-        (t[0], t[1], dt[1]) = (1.0, end, slope);
-        for i in 2..=highest {
-            t[i] = 2.0 * end * t[i - 1] - t[i - 2];
-            dt[i] = 2.0 * (slope * t[i - 1] + end * dt[i - 1]) - dt[i - 2];
-        }
-        let beyond = (u - end) / slope;
-        if beyond == 0.0 {
-            for i in 2..=highest {
-                ddt[i] = 2.0 * (2.0 * slope * dt[i - 1] + end * ddt[i - 1]) - ddt[i - 2];
-                dddt[i] = 2.0 * (3.0 * slope * ddt[i - 1] + end * dddt[i - 1]) - dddt[i - 2];
-            }
-        } else {
-            for i in 0..=highest {
-                t[i] += if goes_on { beyond * dt[i] } else { 0.0 };
-                dt[i] = if goes_on { dt[i] } else { 0.0 };
-            }
-        }
-    }
-}
-
-/// A function's value and derivatives at a point.
-struct Partials<const D: usize> {
-    value: f64,
-    slope: [f64; D],
-    curvature: [[f64; D]; D],
-    third: [[[f64; D]; D]; D],
-}
-
-impl<const D: usize> Partials<D> {
-    /// Value and slopes of a term: by products from the left and from the right.
-    #[inline]
-    fn add(&mut self, (of, c): &Term<D>, bases: &[Basis; D]) {
-        let mut left = [*c; D];
-        for d in 1..D {
-            left[d] = left[d - 1] * bases[d - 1].t[usize::from(of[d - 1])];
-        }
-        let mut right = 1.0;
-        for d in (0..D).rev() {
-            let (basis, i) = (&bases[d], usize::from(of[d]));
-            self.slope[d] += left[d] * right * basis.dt[i];
-            right *= basis.t[i];
-        }
-        self.value += c * right;
-    }
-
-    /// Second derivatives of a term.
-    fn add_curvature(&mut self, (of, c): &Term<D>, bases: &[Basis; D]) {
-        for d in 0..D {
-            for e in 0..D {
-                self.curvature[d][e] += c * product(of, bases, &[d, e]);
-            }
-        }
-    }
-
-    /// Third derivatives of a term.
-    fn add_third(&mut self, (of, c): &Term<D>, bases: &[Basis; D]) {
-        for d in 0..D {
-            for e in 0..D {
-                for f in 0..D {
-                    self.third[d][e][f] += c * product(of, bases, &[d, e, f]);
-                }
-            }
-        }
-    }
-}
-
-/// The product of a term's polynomials, differentiated in these inputs.
-fn product<const D: usize>(of: &[u8; D], bases: &[Basis; D], by: &[usize]) -> f64 {
-    let factor = |input: usize| {
-        let Basis { t, dt, ddt, dddt } = &bases[input];
-        let order = by.iter().filter(|d| **d == input).count();
-        [t, dt, ddt, dddt][order][usize::from(of[input])]
-    };
-    (0..D).map(factor).product()
 }
 
 #[cfg(test)]

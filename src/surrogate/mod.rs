@@ -3,6 +3,7 @@
 //! Knows designs, fits and the polynomials the project made from its own strip simulations; it
 //! knows nothing of fields, measurements or sampling.
 
+mod chebyshev;
 pub mod cubic;
 pub mod design;
 pub mod emulated;
@@ -18,6 +19,7 @@ pub mod sensitivity;
 pub mod sobol;
 mod sparse;
 
+pub use chebyshev::Term;
 pub use cubic::{Cubic, CubicFit, FitError};
 pub use emulator::{Departure, Emulator};
 pub use erp_fit::{

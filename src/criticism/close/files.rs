@@ -43,8 +43,10 @@ impl Story {
                 name: stem.to_owned(),
                 mistake: mistake.message,
             })?;
-            let causes: Vec<String> =
-                self.criticism.findings().into_iter().map(Cause::name).collect();
+            // scatter by a column is named, but in no file
+            let is_written = |cause: &&Cause| !matches!(cause, Cause::Hetero(_));
+            let causes = self.criticism.findings().into_iter().filter(is_written);
+            let causes: Vec<String> = causes.map(Cause::name).collect();
             let what = if causes.is_empty() { "discrepancy".into() } else { causes.join("_") };
             texts.push((format!("{stem}_plus_{what}.rs"), text));
         }

@@ -4,9 +4,10 @@ use std::collections::BTreeMap;
 
 use super::LoopError;
 use super::score::{Scored, Scores};
+use crate::criticism::units::site_name;
 use crate::criticism::{
     Candidate, Criticism, Predicted, Predictions, Warning, check_heldout, predict_rows,
-    site_column, with_heldout,
+    with_heldout,
 };
 use crate::model::{Declare, Model};
 use crate::report::ErrorChange;
@@ -82,11 +83,6 @@ impl Joint {
         let mut columns: Vec<&str> =
             criticism.candidates.iter().filter_map(Candidate::column).collect();
         columns.dedup();
-        let column = site_column(held_out);
-        let site = |row: usize| match column {
-            Some(column) => format!("{column} {}", cell(row, column)),
-            None => format!("line {}", held_out.line(row)),
-        };
         HeldOut {
             declared,
             before: None,
@@ -94,7 +90,7 @@ impl Joint {
             first: *first,
             is_measured: rows().map(is_measured).collect(),
             names: rows().map(|row| [cell(row, SITE), cell(row, PROTOCOL)]).collect(),
-            sites: rows().map(site).collect(),
+            sites: rows().map(|row| site_name(held_out, row)).collect(),
             missing: trained.filter(|c| !held_out.has(c)).cloned().collect(),
             doubts: check_heldout(&loaded.measurements, held_out, &columns),
         }

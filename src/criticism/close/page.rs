@@ -2,7 +2,8 @@
 
 use super::contribution::places;
 use super::{Story, Trouble};
-use crate::criticism::{Judgement, Record, Round, least_log_bf, site_column};
+use crate::criticism::units::site_name;
+use crate::criticism::{Judgement, Record, Round, least_log_bf};
 use crate::report::{
     Against, LoopPage, Residuals, SiteResidual, TriedEffect, TriedRound, loop_page,
 };
@@ -74,11 +75,7 @@ impl Story {
         let mesh = self.loaded.surface().map(|surface| &surface.mesh);
         let one = |rows: &Vec<usize>| {
             let first = engine.table_row(*rows.first()?);
-            let column = site_column(table);
-            let name = column.and_then(|c| table.cell(first, c)).map_or_else(
-                || format!("line {}", table.line(first)),
-                |cell| format!("{} {cell}", column.unwrap_or_default()),
-            );
+            let name = site_name(table, first);
             let mean = |k: usize| {
                 let own = rows.iter().map(|r| residuals[*r][k]).filter(|v| v.is_finite());
                 let own: Vec<f64> = own.collect();

@@ -2,7 +2,8 @@
 
 use super::left_out::as_written;
 use super::{HeldOut, LeftOut, Loop, LoopError};
-use crate::criticism::{Criticism, site_column};
+use crate::criticism::Criticism;
+use crate::criticism::units::site_name;
 use crate::report::ErrorChange;
 use crate::run::Fit;
 
@@ -28,11 +29,10 @@ impl Seen {
         let written = as_written(criticism, declared);
         let table = &of.loaded.measurements;
         let name = |rows: &Vec<usize>| {
-            let row = criticism.engine.table_row(*rows.first()?);
-            let cell = |column| Some(format!("{column} {}", table.cell(row, column)?));
-            site_column(table).and_then(cell).or_else(|| Some(format!("line {}", table.line(row))))
+            let first = rows.first();
+            first.map_or(String::new(), |row| site_name(table, criticism.engine.table_row(*row)))
         };
-        let names = criticism.engine.sites.iter().map(|rows| name(rows).unwrap_or_default());
+        let names = criticism.engine.sites.iter().map(name);
         Ok(Self {
             held_out: held_out.transpose()?,
             left: LeftOut::sites(criticism, written.as_ref(), names.collect(), seed),

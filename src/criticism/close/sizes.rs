@@ -5,8 +5,9 @@ use crate::diagnostics::quantile;
 use crate::model::forms::Extent;
 use crate::model::{AddedEffect, Discrepancy};
 use crate::num::vector::dot;
+use crate::report::after_number;
 use crate::run::Fit;
-use crate::table::Measurements;
+use crate::table::{Measurements, SITE, VERTEX};
 
 /// The size of an effect.
 #[derive(Clone, Debug)]
@@ -56,8 +57,8 @@ pub(super) fn interval([low, high]: [f64; 2], unit: &str) -> String {
     let width = (high - low).abs();
     let digits = if width > 0.0 { (1.0 - width.log10()).ceil().clamp(0.0, 6.0) } else { 1.0 };
     let digits = digits as usize;
-    let unit = if matches!(unit, "" | "1") { String::new() } else { format!(" {unit}") };
-    format!("{low:.digits$} to {high:.digits$}{unit}").replace('-', "−")
+    let numbers = format!("{low:.digits$} to {high:.digits$}").replace('-', "−");
+    numbers + &after_number(unit)
 }
 
 /// What a discrepancy's sds are, one line each.
@@ -70,11 +71,14 @@ pub(super) fn spread(discrepancy: &Discrepancy, fit: &Fit<'_>) -> Vec<String> {
         ))
     };
     let spreads = discrepancy.spreads.iter().filter_map(|spread| {
-        let what = format!("{}s", spread.form.column().unwrap_or("label"));
+        let what = match spread.form.column() {
+            Some(SITE | VERTEX) => "sites".into(),
+            column => format!("units of `{}`", column.unwrap_or_default()),
+        };
         of(&spread.sd, &spread.unit, &what)
     });
     let errors = discrepancy.row_errors.iter();
-    let errors = errors.filter_map(|error| of(&error.name, &error.unit, "measurements of a site"));
+    let errors = errors.filter_map(|error| of(&error.name, &error.unit, "single measurements"));
     spreads.chain(errors).collect()
 }
 

@@ -1,5 +1,5 @@
 use super::*;
-use crate::manifold::Basis;
+use crate::manifold::made_up as basis;
 use crate::model::Declare;
 use crate::prelude::*;
 use crate::table::Measurements;
@@ -25,16 +25,6 @@ model! {
     effect shift on total = scaled(row.dose, 0.1, 0.5) ~ Normal(0.0, 2.0);
     observe y(row): Number ~ StudentT(nu, total(row), noise);
     density extra = (tau - share[2]) * (share[2] - tau) * nu;
-}
-
-/// Made-up modes at 12 vertices.
-fn basis() -> Basis {
-    let entry =
-        |i: usize| if i.is_multiple_of(6) { 0.01 } else { ((i * 37 % 29) as f64 - 14.0) / 900.0 };
-    Basis {
-        eigenvalues: (0..6).map(|k| 4e-4 * f64::from(k)).collect(),
-        eigenfunctions: (0..72).map(entry).collect(),
-    }
 }
 
 fn rows() -> Measurements {

@@ -7,7 +7,7 @@ use std::collections::BTreeMap;
 
 use crate::infer::{LogDensity as _, Settings, Silent};
 use crate::model::{Model, Noise, RowId, Sampler};
-use crate::num::ln_sum_exp;
+use crate::num::ln_mean_exp;
 use crate::random::Stream;
 use crate::report::LeaveOneOut;
 use crate::run::Fit;
@@ -93,6 +93,6 @@ fn without(fit: &Fit<'_>, sampler: Sampler, id: RowId, i: usize) -> Option<(f64,
             replicates.push(model.row_replicate(id, &cells, &locals, &mut rng)[0]);
         }
     }
-    let elpd = ln_sum_exp(&ln) - (ln.len() as f64).ln();
+    let elpd = ln_mean_exp(&ln);
     elpd.is_finite().then_some((elpd, replicates))
 }
