@@ -14,7 +14,9 @@ mod support;
 
 use eplat::criticism::{Findings, rewrite};
 use eplat::infer::LogDensity as _;
-use eplat::model::forms::{above, all, family, group, logistic, scaled, scaled_by, smooth};
+use eplat::model::forms::{
+    above, all, family, group, logistic, saturating, scaled, scaled_by, smooth,
+};
 use eplat::model::{
     AddedEffect, Augmented, Declare, Discrepancy, Form, Model, RowError, Spread, equations,
 };
@@ -31,6 +33,7 @@ fn effects() -> Vec<AddedEffect> {
         ("catheter", "erp, late", group("catheter")),
         ("kind", "late", family("catheter")),
         ("local", "erp, late", scaled_by("force_g", "catheter", 1.5, 0.75)),
+        ("force_curve", "late", saturating("force_g", 1.4)),
         ("patch", "erp", above("dist_mm", 12.0)),
         ("edge", "erp", logistic("dist_mm", 15.0, 2.5)),
         ("shift", "late", all()),

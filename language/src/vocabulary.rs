@@ -188,6 +188,7 @@ pub const FORMS: &[Shape] = &[
     form("linear", None, 0, "linear(row.a, row.b)"),
     form("scaled", Some(1), 2, "scaled(row.a, CENTRE, SCALE)"),
     form("scaled_by", Some(2), 2, "scaled_by(row.a, row.label, CENTRE, SCALE)"),
+    form("saturating", Some(1), 1, "saturating(row.a, CENTRE)"),
     form("smooth", Some(1), 3, "smooth(row.a, LOW, HIGH, DEGREE)"),
     form("above", Some(1), 1, "above(row.a, THRESHOLD)"),
     form("logistic", Some(1), 2, "logistic(row.a, CENTRE, SCALE)"),

@@ -61,10 +61,16 @@ pub(super) fn without_sites(
     fit: &LaplaceFit,
     step: f64,
 ) -> Option<(LaplaceFit, f64)> {
-    let ln_noise = fit.outer.ln_noise.max((step / 3.0).ln()); // it must take up what sites differ by
-    let outer = Outer { ln_site: f64::NEG_INFINITY, ln_noise, ..fit.outer.clone() };
-    let start = engine.fit(&outer, active, None)?;
-    optimise(engine, active, &start, Free::Spread, step)
+    let Outer { ln_noise, ln_site, .. } = fit.outer;
+    // the noise must take up what sites differ by, unless finer fields do
+    let both = 0.5 * ((2.0 * ln_noise).exp() + (2.0 * ln_site).exp()).ln();
+    let from = |ln_noise: f64| {
+        let outer = Outer { ln_site: f64::NEG_INFINITY, ln_noise, ..fit.outer.clone() };
+        let start = engine.fit(&outer, active, None)?;
+        optimise(engine, active, &start, Free::Spread, step)
+    };
+    let fits = [ln_noise.max((step / 3.0).ln()), both].into_iter().filter_map(from);
+    fits.max_by(|a, b| a.1.total_cmp(&b.1))
 }
 
 /// The score of a fit as it is.

@@ -9,7 +9,7 @@ use super::cause::Cause;
 use super::observable::{readable, readable_to};
 use super::units::{Unit, by_site, is_constant_within};
 use crate::model::forms::{
-    above, all, families, family, group, path, scaled, scaled_by, smooth, surface,
+    above, all, families, family, group, path, saturating, scaled, scaled_by, smooth, surface,
 };
 use crate::model::{Form, Model};
 use crate::table::{FIELD_MODES, Measurements, Role, TypedColumn};
@@ -34,6 +34,8 @@ pub(super) fn mean_and_sd(x: &[f64]) -> (f64, f64) {
 
 /// Shares of the table's distances that may be inside a patch.
 const INSIDE: [f64; 12] = [0.1, 0.125, 0.15, 0.175, 0.2, 0.225, 0.25, 0.275, 0.3, 0.35, 0.4, 0.5];
+/// A positive number of which the greatest is so many times the least may act the less, the more there is.
+const CURVED: f64 = 1.5;
 /// Most kinds of regions in each of which an effect of a number may differ.
 const MOST_REGIONS: usize = 5;
 /// Sites for each mode of a field that is tried, and its fewest modes.
@@ -202,6 +204,9 @@ impl Maker<'_> {
         }
         forms.extend(self.regions().map(|region| scaled_by(name, region, centre, scale)));
         let mut found = self.on_observable(name, forms);
+        if low > 0.0 && high > CURVED * low {
+            found.push(self.saturating(name, x, readable_to(values[values.len() / 2], scale)));
+        }
         found.push(self.scatter(name, scaled(name, centre, scale)));
         if self.table.role(name) == Role::Distance {
             for share in INSIDE {
@@ -211,6 +216,16 @@ impl Maker<'_> {
             }
         }
         Ok(found)
+    }
+
+    /// An effect of a positive number that grows less and less, of one step per standard deviation.
+    fn saturating(&self, name: &str, x: &[f64], centre: f64) -> Candidate {
+        let form = saturating(name, centre);
+        let design = form.design(self.table).0.into_iter().zip(x);
+        let present: Vec<f64> = design.filter(|(_, x)| x.is_finite()).map(|(z, _)| z).collect();
+        let sd = mean_and_sd(&present).1;
+        let cause = Cause::Column(name.to_owned());
+        Candidate { sd: readable(self.step / sd), ..self.candidate(cause, form, &self.on) }
     }
 
     /// Effects of a column on what is observed.

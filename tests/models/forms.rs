@@ -30,6 +30,9 @@ model! {
     effect local on erp, late [ms] = scaled_by(row.force_g, row.catheter, 1.5, 0.75) ~ Normal(0.0, 10.0);
 
     /// Added.
+    effect force_curve on late [ms] = saturating(row.force_g, 1.4) ~ Normal(0.0, 10.0);
+
+    /// Added.
     effect patch on erp [ms] = above(row.dist_mm, 12.0) ~ Normal(0.0, 10.0);
 
     /// Added.
