@@ -4,6 +4,9 @@
 #[path = "models/language.rs"]
 #[allow(dead_code, reason = "one of its models is sampled here")]
 mod language;
+#[path = "models/normal_fields.rs"]
+#[allow(dead_code, reason = "one of its models is sampled here")]
+mod normal_fields;
 #[path = "support/posterior.rs"]
 mod posterior;
 mod support;
@@ -167,6 +170,14 @@ fn blocked_with_fewer_sites_than_modes() {
 #[test]
 fn blocked_with_fewer_modes_than_sites() {
     check(&Job::new(erp_model(40), Sampler::Blocked, settings()));
+}
+
+#[test]
+fn integrated() {
+    let basis = support::basis(60, 24);
+    let rows = support::numbers_on(&basis, &["direct"]);
+    let model = Model::new(&normal_fields::one_noise::OneNoise, Some(&basis), &rows).unwrap();
+    check(&Job::new(model, Sampler::Integrated, settings()));
 }
 
 #[test]

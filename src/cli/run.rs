@@ -97,6 +97,8 @@ pub(super) struct SamplerArgs {
 enum SamplerArg {
     /// Whitened fields and their hyperparameters in alternating moves
     Blocked,
+    /// Fields integrated out: every measurement normal about a linear function of fields
+    Integrated,
     /// NUTS on all unknowns
     Nuts,
 }
@@ -120,6 +122,12 @@ impl SamplerArgs {
                 ))
             }
             (Some(SamplerArg::Blocked), _) => Ok(Sampler::Blocked),
+            (Some(SamplerArg::Integrated), _) if !Sampler::Integrated.takes(model) => {
+                Err(Failure::usage(
+                    "--sampler integrated: it needs a model of which every measurement is Normal(…) about a sum of fields, without effects, and no more than 12 unknowns besides the fields\nhelp: leave it out: what suits the model is chosen",
+                ))
+            }
+            (Some(SamplerArg::Integrated), _) => Ok(Sampler::Integrated),
             (None, None) => Ok(Sampler::of(model)),
         }
     }

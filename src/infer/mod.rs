@@ -49,6 +49,7 @@ mod density;
 mod draws;
 mod error;
 mod hamiltonian;
+mod integrated;
 mod kernel;
 mod laplace;
 mod markov;
@@ -72,6 +73,7 @@ pub use blocked::{
 pub use density::{Evaluator, LogDensity};
 pub use draws::{Chain, ChainResult, Divergence, Draw, Transition};
 pub use error::{ChainError, ChainFailure, InferError};
+pub use integrated::{Integrated, sample_integrated};
 pub use laplace::{Laplace, LaplaceDraws};
 pub use markov::MarkovChain;
 pub use nuts::Nuts;

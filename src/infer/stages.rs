@@ -62,6 +62,22 @@ impl Stage {
     }
 }
 
+impl Stage {
+    /// The warm-up of an integrated chain: after 20, 40 and 70 % and at its end the chains meet, and the proposal that
+    /// they share is fitted anew.
+    pub fn integrated(n: usize) -> Vec<Self> {
+        const ENDS: [f64; 4] = [0.2, 0.4, 0.7, 1.0];
+        let mut before = 0;
+        let round = |end: f64| {
+            let end = (n as f64 * end).round() as usize;
+            let length = end - before;
+            before = end;
+            Self { length, metric: None, meets: true }
+        };
+        ENDS.map(round).into()
+    }
+}
+
 /// Where a chain is in its warm-up. A *round* is what lies between two meetings.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub(super) struct WarmUp {

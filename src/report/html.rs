@@ -311,6 +311,7 @@ fn sampler(settings: &SettingsRecord) -> String {
     let target = settings.target_accept;
     match settings.sampler.as_str() {
         "nuts" => format!("NUTS, target acceptance {target}, {} metric", settings.metric),
+        "integrated" => "integrated".to_owned(),
         "blocked" => format!("blocked, target acceptance {target}"),
         "laplace" => "none: normal approximation at the mode".to_owned(),
         other => format!("none: {other}"),

@@ -1,5 +1,6 @@
 //! Draws of unknowns as what they mean: parameters, log likelihoods, replicated measurements.
 
+use rand_chacha::ChaCha8Rng;
 use rayon::prelude::*;
 
 use super::text::after_number;
@@ -14,6 +15,10 @@ use crate::table::Measurements;
 const POOLED: &str = "measurements";
 const POOLED_DIM: &str = "measurement";
 
+/// Numbers that the log likelihoods of all measurements may have, and so may their replicates: 64 MB. Of a table with
+/// more than two thousand rows not every draw is asked.
+const MOST: usize = 8_000_000;
+
 /// Everything the draws of a model say, in the groups that `ArviZ` knows.
 #[derive(Clone, Debug)]
 pub struct Posterior {
@@ -22,7 +27,8 @@ pub struct Posterior {
     /// What the sampler did at each draw (chain, draw).
     pub sample_stats: Group,
     /// Log likelihood of each measurement (chain, draw, measurement), of all `observe`s and all `density`s
-    /// with a term per row together: one array, so that `az.loo(run)` needs no name.
+    /// with a term per row together: one array, so that `az.loo(run)` needs no name. Of every draw, or, of a large
+    /// table, of every second, third … draw.
     pub log_likelihood: Group,
     /// A replicate of each measurement (chain, draw, row), and of all of them together; of a bracket, its lower end.
     pub posterior_predictive: Group,
@@ -52,14 +58,18 @@ struct Drawn {
 impl Posterior {
     /// From chains of equal length; `seed` is the run's.
     pub fn new(model: &Model, data: &Measurements, chains: &[Chain], seed: u64) -> Self {
-        let drawn: Vec<Drawn> =
-            chains.par_iter().enumerate().map(|(i, chain)| drawn(model, chain, seed, i)).collect();
         let shape = [chains.len(), chains.first().map_or(0, Chain::n_draws)];
+        let places = places(model, data);
+        let step = (places.len() * shape[0] * shape[1]).div_ceil(MOST).max(1);
+        let of_chain = |(i, chain): (usize, &Chain)| {
+            drawn(model, chain, step, Stream::AfterSampling(i).rng(seed))
+        };
+        let drawn: Vec<Drawn> = chains.par_iter().enumerate().map(of_chain).collect();
         let quantities: Vec<Quantity<'_>> = quantities(model).collect();
         let posterior = variables(&quantities, &drawn, shape);
         let (rows, strays) = rows(&quantities, &posterior, shape);
-        let places = places(model, data);
-        let log_likelihood = log_likelihood(&drawn, &places, shape);
+        let asked = [shape[0], shape[1].div_ceil(step)];
+        let log_likelihood = log_likelihood(&drawn, &places, asked);
         // densities come last: nothing is simulated from them
         let observed_places = &places[..model.observes.iter().map(|o| o.rows.len()).sum()];
         Self {
@@ -69,7 +79,7 @@ impl Posterior {
             strays,
             sample_stats: sample_stats(chains, shape),
             log_likelihood,
-            posterior_predictive: predictive(model, &drawn, observed_places, shape),
+            posterior_predictive: predictive(model, &drawn, observed_places, asked),
             observed_data: observed(model, observed_places),
             constant_data: constant(model, data),
         }
@@ -92,13 +102,16 @@ impl Posterior {
     }
 }
 
-fn drawn(model: &Model, chain: &Chain, seed: u64, index: usize) -> Drawn {
-    let mut rng = Stream::AfterSampling(index).rng(seed);
+/// The draws of a chain; likelihoods and replicates of every `step`-th.
+fn drawn(model: &Model, chain: &Chain, step: usize, mut rng: ChaCha8Rng) -> Drawn {
     let (mut tape, mut out) = (model.tape(), Drawn::default());
     for i in 0..chain.n_draws() {
         model.forward(&mut tape, chain.draw(i));
         model.report(&tape, &mut rng, &mut out.reported);
         model.let_values(&tape, &mut out.reported);
+        if !i.is_multiple_of(step) {
+            continue;
+        }
         model.pointwise(&tape, &mut out.log_likelihood);
         for observe in &model.observes {
             let replicate = observe.simulate(&tape, &mut rng);

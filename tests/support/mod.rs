@@ -31,6 +31,22 @@ pub(crate) fn table(header: &str, rows: &[String]) -> Measurements {
         .unwrap()
 }
 
+/// Eighty numbers at fewer places, of a smooth function and noise, by two catheters.
+pub(crate) fn numbers_on(basis: &Basis, protocols: &[&str]) -> Measurements {
+    let mut rng = rng(7);
+    let line = |i: usize| {
+        let vertex = rng.random_range(0..basis.n_vertices());
+        let smooth = 100.0 * (basis.at(vertex)[1] + basis.at(vertex)[2]);
+        let value = 1.0 + smooth + rng.random_range(-0.6..0.6);
+        let catheter = ["A", "B"][i % 2];
+        format!("{},{vertex},{value},{catheter}", protocols[i / 2 % protocols.len()])
+    };
+    let lines: Vec<String> = (0..80).map(line).collect();
+    let mut rows = table("protocol,vertex,value,catheter", &lines);
+    rows.place_at_indices(basis.n_vertices()).unwrap();
+    rows
+}
+
 /// Fifty rows of every protocol of the model `Mixed`, at as many vertices.
 pub(crate) fn mixed_rows() -> Measurements {
     let mut rng = rng(3);

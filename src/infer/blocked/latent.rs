@@ -67,7 +67,7 @@ pub enum Shape {
 
 impl BlockLayout {
     /// Number of columns.
-    pub(super) fn width(&self) -> usize {
+    pub(in crate::infer) fn width(&self) -> usize {
         self.n_coefficients + usize::from(self.mean_precision.is_some())
     }
 }
@@ -84,7 +84,7 @@ impl Group {
     }
 
     /// First column of each block.
-    pub(super) fn starts(&self) -> Vec<usize> {
+    pub(in crate::infer) fn starts(&self) -> Vec<usize> {
         let mut at = 0;
         let next = |block: &BlockLayout| {
             at += block.width();
@@ -106,7 +106,7 @@ impl Layout {
     }
 
     /// The outer unknowns of a position.
-    pub(super) fn outer_of(&self, position: &[f64]) -> Vec<f64> {
+    pub(in crate::infer) fn outer_of(&self, position: &[f64]) -> Vec<f64> {
         self.outer.iter().map(|i| position[*i]).collect()
     }
 

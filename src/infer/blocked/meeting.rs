@@ -11,6 +11,9 @@ use rand::RngExt;
 use rand_distr::StandardNormal;
 use serde::{Deserialize, Serialize};
 
+/// Least variance of a hyperparameter in the proposal.
+const FLOOR: f64 = 1e-3;
+
 /// What a chain takes from one round to the next.
 #[derive(Clone, Debug)]
 pub(super) struct Link {
@@ -64,7 +67,7 @@ impl Shared {
                 let outer = layout.outer_of(draw);
                 layout.hyper.iter().map(|i| outer[*i]).collect()
             };
-            proposal.fit(&settings.earlier.iter().map(hyper).collect::<Vec<_>>());
+            proposal.fit(&settings.earlier.iter().map(hyper).collect::<Vec<_>>(), FLOOR);
         }
         Self { stand_in, proposal }
     }
@@ -88,7 +91,7 @@ impl Shared {
             new.stand_in.fit(&samples, Trust::FULL, density.layout());
         }
         if !density.layout().hyper.is_empty() {
-            new.proposal.fit(&hyper);
+            new.proposal.fit(&hyper, FLOOR);
         }
         new
     }

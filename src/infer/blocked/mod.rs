@@ -22,6 +22,8 @@ mod together;
 mod whiten;
 
 pub use chain::Blocked;
+pub(super) use proposal::Proposal;
+
 pub use latent::{BlockLayout, Design, Group, Latent, LatentGaussian, Layout, Shape};
 
 use super::draws::ChainResult;

@@ -13,7 +13,7 @@ use serde::{Deserialize, Serialize};
 
 /// Random-walk steps, independent draws of all hyperparameters, and of one given the others, in turn.
 #[derive(Clone, Debug, Serialize, Deserialize)]
-pub(super) struct Proposal {
+pub(in crate::infer) struct Proposal {
     centre: Vec<f64>,
     /// Scale below and above the centre.
     scale: Vec<[f64; 2]>,
@@ -36,14 +36,14 @@ enum Step {
 
 impl Proposal {
     /// Mean acceptance that the random walk's length is tuned to.
-    pub(super) const TARGET: f64 = 0.3;
+    pub(in crate::infer) const TARGET: f64 = 0.3;
     /// Long steps find other regimes, short ones are accepted at the edge of one.
     const LENGTHS: [f64; 3] = [1.0, 2.0, 0.4];
     /// Degrees of freedom of independent draws: heavier tails than the posterior's.
     const NU: usize = 5;
 
     /// Independent steps with these scales.
-    pub(super) fn new(scales: &[f64]) -> Self {
+    pub(in crate::infer) fn new(scales: &[f64]) -> Self {
         let n = scales.len();
         let unit: Vec<f64> =
             (0..n * n).map(|k| f64::from(u8::from(k.is_multiple_of(n + 1)))).collect();
@@ -57,10 +57,9 @@ impl Proposal {
         }
     }
 
-    /// Takes medians, scales and covariance of these draws; what cannot be factorised changes nothing.
-    pub(super) fn fit(&mut self, draws: &[Vec<f64>]) {
-        /// Added to each variance: a hyperparameter that did not move must move.
-        const FLOOR: f64 = 1e-3;
+    /// Takes medians, scales and covariance of these draws; what cannot be factorised changes nothing. `floor` is added to
+    /// each variance: a hyperparameter that did not move must move.
+    pub(in crate::infer) fn fit(&mut self, draws: &[Vec<f64>], floor: f64) {
         let (n, count) = (self.centre.len(), draws.len() as f64);
         let mut new = self.clone();
         for i in 0..n {
@@ -69,7 +68,7 @@ impl Proposal {
             let centre = h[h.len() / 2];
             let side = |half: &[f64]| {
                 let squares: f64 = half.iter().map(|h| (h - centre).powi(2)).sum();
-                (squares / half.len().max(1) as f64 + FLOOR).sqrt()
+                (squares / half.len().max(1) as f64 + floor).sqrt()
             };
             new.centre[i] = centre;
             new.scale[i] = [side(&h[..h.len() / 2]), side(&h[h.len() / 2..])];
@@ -77,7 +76,7 @@ impl Proposal {
         let y: Vec<Vec<f64>> = draws.iter().map(|h| new.standard(h)).collect();
         let covariance = DMatrix::from_fn(n, n, |i, j| {
             let sum: f64 = y.iter().map(|y| y[i] * y[j]).sum();
-            sum / count + if i == j { FLOOR / new.middle(i).powi(2) } else { 0.0 }
+            sum / count + if i == j { floor / new.middle(i).powi(2) } else { 0.0 }
         });
         if let Some(cholesky) = Cholesky::new(covariance) {
             let (factor, precision) = (cholesky.l(), cholesky.inverse());
@@ -98,13 +97,13 @@ impl Proposal {
     }
 
     /// Whether step `k` of a transition is a random-walk step, whose length adapts.
-    pub(super) fn is_walk(&self, k: usize) -> bool {
+    pub(in crate::infer) fn is_walk(&self, k: usize) -> bool {
         matches!(self.step(k), Step::Walk(_))
     }
 
     /// Writes the `k`-th proposal of a transition from `present`; returns the ln ratio of the
     /// densities of proposing the way back and the way there.
-    pub(super) fn draw(
+    pub(in crate::infer) fn draw(
         &self,
         k: usize,
         length: f64,
@@ -216,7 +215,7 @@ mod tests {
             let x: f64 = rng.sample(StandardNormal);
             vec![x + 0.5 * x * x, 0.7 * x - rng.random::<f64>().ln()]
         };
-        proposal.fit(&(0..400).map(|_| skew(&mut rng)).collect::<Vec<_>>());
+        proposal.fit(&(0..400).map(|_| skew(&mut rng)).collect::<Vec<_>>(), 1e-3);
         // h₀ ~ Gamma(2, 1), h₁ | h₀ ~ N(h₀, 1)
         let ln_p = |h: &[f64]| {
             if h[0] > 0.0 {

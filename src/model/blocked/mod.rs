@@ -17,11 +17,17 @@ use std::collections::BTreeMap;
 
 use blocks::Blocks;
 
-use crate::infer::{self, ChainResult, InferError, Progress, Settings, sample_blocked};
+use crate::infer::{
+    self, ChainResult, InferError, LatentGaussian as _, Progress, Settings, sample_blocked,
+    sample_integrated,
+};
 use crate::model::laid_out::{FieldEntry, Model};
 
 /// Most numbers that the blocks of fields that share rows may have together.
 const MOST: usize = 400;
+
+/// Most unknowns that the integrated sampler's proposals can follow.
+const MOST_OUTER: usize = 12;
 
 /// Numbers of a field's block: one per site or one per mode, whichever are fewer.
 fn size(field: &FieldEntry) -> usize {
@@ -43,6 +49,8 @@ fn sizes(model: &Model) -> BTreeMap<usize, usize> {
 /// Which sampler a model is sampled with.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Sampler {
+    /// Fields integrated out in closed form, where all measurements are normal about them; the rest by Metropolis.
+    Integrated,
     /// Fields whitened in a block, their hyperparameters by Metropolis, the rest by NUTS.
     Blocked,
     /// NUTS on all unknowns.
@@ -50,10 +58,10 @@ pub enum Sampler {
 }
 
 impl Sampler {
-    /// The blocked sampler where it can be used, unless the fields that share rows have so many numbers that
-    /// their Cholesky factors cost more than they save; else NUTS.
+    /// The integrated sampler where it can be used. Else the blocked one where that can, unless the fields that share
+    /// rows have so many numbers that their Cholesky factors cost more than they save; else NUTS.
     pub fn of(model: &Model) -> Self {
-        Self::up_to(model, MOST)
+        if Self::Integrated.takes(model) { Self::Integrated } else { Self::up_to(model, MOST) }
     }
 
     fn up_to(model: &Model, most: usize) -> Self {
@@ -62,14 +70,21 @@ impl Sampler {
     }
 
     /// Whether it can sample the model: the blocked sampler needs a field, and measurements that see
-    /// every field; NUTS samples all models.
+    /// every field; the integrated one in addition that every measurement is normal about a linear function of fields,
+    /// without effects; NUTS samples all models.
     pub fn takes(self, model: &Model) -> bool {
-        self == Self::Nuts || model.has_fields() && model.fields.iter().all(|f| size(f) > 0)
+        let is_seen = || model.has_fields() && model.fields.iter().all(|f| size(f) > 0);
+        match self {
+            Self::Nuts => true,
+            Self::Blocked => is_seen(),
+            Self::Integrated => is_seen() && is_normal(model),
+        }
     }
 
     /// Its name for tables and records.
     pub fn name(self) -> &'static str {
         match self {
+            Self::Integrated => "integrated",
             Self::Blocked => "blocked",
             Self::Nuts => "nuts",
         }
@@ -87,10 +102,23 @@ impl Sampler {
         progress: &dyn Progress,
     ) -> Result<Vec<ChainResult>, InferError> {
         match self {
+            Self::Integrated => {
+                let blocks = Blocks::shaped(model, &|_| false);
+                sample_integrated(&blocks, starts, settings, progress)
+            }
             Self::Blocked => sample_blocked(&Blocks::new(model), starts, settings, progress),
             Self::Nuts => infer::sample(model, starts, settings, progress),
         }
     }
+}
+
+/// Whether every measurement is normal about a linear function of fields, with an sd that these do not change, and few
+/// unknowns are left without the fields.
+fn is_normal(model: &Model) -> bool {
+    let is_plain = model.linear.is_empty() && model.spreads.is_empty();
+    let is_normal = || model.syntax().is_ok_and(|tree| tree.is_normal());
+    let n_outer = || Blocks::shaped(model, &|_| false).layout().outer.len();
+    is_plain && is_normal() && (1..=MOST_OUTER).contains(&n_outer())
 }
 
 #[cfg(test)]

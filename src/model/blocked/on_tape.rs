@@ -247,7 +247,9 @@ impl LatentGaussian for Blocks<'_> {
     fn latent(&self) -> Box<dyn Latent + '_> {
         let k = self.model.fields.iter().map(|f| f.op.k).max().unwrap_or(0);
         let ops = || self.fields.iter().map(|block| &self.model.fields[block.field].op);
-        let n = ops().map(Field::n_probes).max().unwrap_or(0);
+        let triangular = self.fields.iter().filter(|block| block.is_triangular);
+        let n = triangular.map(|block| self.model.fields[block.field].op.n_probes());
+        let n = n.max().unwrap_or(0);
         Box::new(OnTape {
             blocks: self,
             tape: self.model.tape(),

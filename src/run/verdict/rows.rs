@@ -5,6 +5,7 @@ use rayon::prelude::*;
 use super::LeftOut;
 use super::reading::{Reading, groups};
 use crate::diagnostics::{loo_weights, quantile, relative_efficiency, weighted_quantile};
+use crate::infer::Chain;
 use crate::model::Observe;
 use crate::report::{LEVELS, LeftOutBy, Predicted, PredictedRow, Predictions, Values, Variable};
 use crate::run::Fit;
@@ -74,8 +75,8 @@ impl<'f> Replicates<'f> {
         let ln_likelihood = posterior.log_likelihood.variables.first()?;
         let sizes = posterior.rows.iter().map(|row| (row.summary.sd / row.summary.mcse).powi(2));
         let sizes: Vec<f64> = sizes.collect();
-        let [chains, draws] = [0, 1].map(|d| ln_likelihood.dims.get(d).map_or(0, |dim| dim.1));
-        let r_eff = relative_efficiency(&sizes, chains, draws);
+        let draws = fit.chains().first().map_or(0, Chain::n_draws);
+        let r_eff = relative_efficiency(&sizes, fit.chains().len(), draws);
         Some(Self { values, n, ln_likelihood, left_out: fit.left_out(), r_eff })
     }
 
