@@ -3,15 +3,17 @@
 //! ```text
 //! yᵢ = (hᵢ − cᵢ)/sᵢ,  sᵢ below or above the centre cᵢ        y ~ t₅(0, L Lᵀ)
 //! ```
-//! Hyperparameters are skew (the logarithm of a short lengthscale or a small amplitude falls off slowly
-//! on one side), hence a scale for either side. What is left of y is elliptical enough.
+//! Each hyperparameter has one scale below the centre and one above it, because hyperparameters are
+//! skew: the logarithm of a short lengthscale or of a small amplitude falls off slowly on one side.
+//! After this scaling y is elliptical enough.
 
 use nalgebra::{Cholesky, DMatrix};
 use rand::{Rng, RngExt as _};
 use rand_distr::StandardNormal;
 use serde::{Deserialize, Serialize};
 
-/// Random-walk steps, independent draws of all hyperparameters, and of one given the others, in turn.
+/// Three kinds of proposals in turn: random-walk steps, independent draws of all hyperparameters,
+/// and draws of one hyperparameter given the others.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub(super) struct Proposal {
     centre: Vec<f64>,
@@ -28,7 +30,7 @@ pub(super) struct Proposal {
 /// What is proposed in a step.
 #[derive(Clone, Copy, Debug, PartialEq)]
 enum Step {
-    /// A random walk, of this length relative to the one that adapts.
+    /// A random-walk step. Its length is this number times the length that adapts.
     Walk(f64),
     All,
     One(usize),
@@ -37,12 +39,13 @@ enum Step {
 impl Proposal {
     /// Mean acceptance that the random walk's length is tuned to.
     pub(super) const TARGET: f64 = 0.3;
-    /// Long steps find other regimes, short ones are accepted at the edge of one.
+    /// Lengths of random-walk steps. Long steps find other regimes; short ones are accepted at the
+    /// edge of one.
     const LENGTHS: [f64; 3] = [1.0, 2.0, 0.4];
-    /// Degrees of freedom of independent draws: heavier tails than the posterior's.
+    /// Degrees of freedom of independent draws. Their tails are to be heavier than the posterior's.
     const NU: usize = 5;
 
-    /// Independent steps with these scales.
+    /// A first proposal, whose steps are independent and have these scales.
     pub(super) fn new(scales: &[f64]) -> Self {
         let n = scales.len();
         let unit: Vec<f64> =
@@ -57,9 +60,10 @@ impl Proposal {
         }
     }
 
-    /// Takes medians, scales and covariance of these draws; what cannot be factorised changes nothing.
+    /// Fits medians, scales and covariance to these draws. Where the covariance has no factor,
+    /// nothing changes.
     pub(super) fn fit(&mut self, draws: &[Vec<f64>]) {
-        /// Added to each variance: a hyperparameter that did not move must move.
+        /// Added to each variance, so that a hyperparameter that has not moved yet can move.
         const FLOOR: f64 = 1e-3;
         let (n, count) = (self.centre.len(), draws.len() as f64);
         let mut new = self.clone();
@@ -102,8 +106,8 @@ impl Proposal {
         matches!(self.step(k), Step::Walk(_))
     }
 
-    /// Writes the `k`-th proposal of a transition from `present`; returns the ln ratio of the
-    /// densities of proposing the way back and the way there.
+    /// Writes the `k`-th proposal of a transition from `present`. Returns ln of the ratio of two
+    /// densities: that of proposing the way back, over that of proposing the way there.
     pub(super) fn draw(
         &self,
         k: usize,
@@ -146,8 +150,8 @@ impl Proposal {
         y
     }
 
-    /// y(i) given the other y, which is Student's t of more degrees of freedom (Ding 2016, "On the
-    /// conditional distribution of the multivariate t distribution").
+    /// Draws y(i) given the other y. This is Student's t with more degrees of freedom (Ding 2016,
+    /// "On the conditional distribution of the multivariate t distribution").
     fn given_the_others(&self, i: usize, y: &[f64], rng: &mut impl Rng) -> f64 {
         let n = y.len();
         let row = &self.precision[i * n..][..n];
@@ -194,7 +198,7 @@ impl Proposal {
     }
 }
 
-/// What a standard normal number is multiplied by to become Student's t.
+/// The factor that makes a standard normal number one of Student's t.
 fn student_scale(nu: usize, rng: &mut impl Rng) -> f64 {
     let chi_square: f64 = (0..nu).map(|_| rng.sample::<f64, _>(StandardNormal).powi(2)).sum();
     (nu as f64 / chi_square).sqrt()
