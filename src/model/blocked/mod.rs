@@ -3,10 +3,15 @@
 //! ```text
 //! Σ_terms amplitude √S_k η_k = √s_k ζ_k      s_k = Σ_terms (amplitude √S_k)²
 //! ```
-//! so that the terms of a field are one term with ζ standard normal. With fewer sites than modes, the
-//! sites see only n combinations w of them: θ = mean + L w with L Lᵀ = Φ diag(s) Φᵀ. A mean with a
-//! normal or flat prior that nothing else mentions is in the block too, as location + scale w; so are
-//! deviations of places of learnt sd. The rest of the unknowns is outer. What the sites do not see is drawn from its exact conditional
+//! So the terms of a field are one term, with ζ standard normal. If there are fewer sites than
+//! modes, the sites see only n combinations w of them: θ = mean + L w with L Lᵀ = Φ diag(s) Φᵀ.
+//!
+//! Two further things are in a block:
+//!
+//! - a mean that nothing else mentions, if its prior is normal or flat, as location + scale w;
+//! - deviations of places whose sd is learnt.
+//!
+//! All other unknowns are outer. What the sites do not see is drawn from its exact conditional
 //! ([`restore`](super::restore)).
 
 mod blocks;
@@ -20,15 +25,16 @@ use blocks::Blocks;
 use crate::infer::{self, ChainResult, InferError, Progress, Settings, sample_blocked};
 use crate::model::laid_out::{FieldEntry, Model};
 
-/// Most numbers that the blocks of fields that share rows may have together.
+/// The blocked sampler is not the default if the blocks of fields that share rows have more numbers
+/// than this.
 const MOST: usize = 400;
 
-/// Numbers of a field's block: one per site or one per mode, whichever are fewer.
+/// How many numbers the block of a field has: one per site or one per mode, whichever are fewer.
 fn size(field: &FieldEntry) -> usize {
     field.op.k.min(field.op.n_probes())
 }
 
-/// Numbers of the fields of each group, which share rows.
+/// How many numbers the fields of each group have. The fields of a group share rows.
 fn sizes(model: &Model) -> BTreeMap<usize, usize> {
     let mut sizes = BTreeMap::new();
     for field in &model.fields {
@@ -40,18 +46,19 @@ fn sizes(model: &Model) -> BTreeMap<usize, usize> {
     sizes
 }
 
-/// Which sampler a model is sampled with.
+/// The sampler of a model.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Sampler {
-    /// Fields whitened in a block, their hyperparameters by Metropolis, the rest by NUTS.
+    /// The blocked sampler: whitened fields and free unknowns by trajectories, hyperparameters by
+    /// Metropolis.
     Blocked,
     /// NUTS on all unknowns.
     Nuts,
 }
 
 impl Sampler {
-    /// The blocked sampler where it can be used, unless the fields that share rows have so many numbers that
-    /// their Cholesky factors cost more than they save; else NUTS.
+    /// The default: the blocked sampler if it can be used, else NUTS. It is NUTS, too, if fields
+    /// that share rows have so many numbers that their Cholesky factors cost more than they save.
     pub fn of(model: &Model) -> Self {
         Self::up_to(model, MOST)
     }
@@ -61,8 +68,8 @@ impl Sampler {
         if is_small && Self::Blocked.takes(model) { Self::Blocked } else { Self::Nuts }
     }
 
-    /// Whether it can sample the model: the blocked sampler needs a field, and measurements that see
-    /// every field; NUTS samples all models.
+    /// Whether this sampler can sample the model. NUTS samples all models. The blocked sampler
+    /// needs a field, and measurements that see every field.
     pub fn takes(self, model: &Model) -> bool {
         self == Self::Nuts || model.has_fields() && model.fields.iter().all(|f| size(f) > 0)
     }
