@@ -5,13 +5,14 @@ use std::ops::ControlFlow;
 /// How far a search is.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct SearchProgress {
-    /// Number of the round, from 0; none once it is asked whether sites differ by more than was found.
+    /// Number of the round, from 0. `None` at the end, when the question is whether sites differ by
+    /// more than was found.
     pub round: Option<usize>,
-    /// Simulated data sets that are done in it.
+    /// How many simulated data sets are done in it.
     pub done: usize,
     /// Of how many.
     pub of: usize,
 }
 
-/// Is told how far a search is, from any thread; `Break` stops it.
+/// Is told, from any thread, how far a search is. If it returns `Break`, the search stops.
 pub type Watch<'w> = dyn Fn(SearchProgress) -> ControlFlow<()> + Sync + 'w;

@@ -9,7 +9,8 @@ pub(super) struct Local<const N: usize> {
 }
 
 impl<const N: usize> Local<N> {
-    /// The numbers at these places, of which there must be N.
+    /// The numbers at these places. If there are fewer than N, the others are `v[0]`, which is
+    /// zero.
     pub(super) fn new(places: &[u32]) -> Self {
         let mut at = [0; N];
         at.iter_mut().zip(places).for_each(|(at, place)| *at = *place);

@@ -1,4 +1,4 @@
-//! What a loop came to, as data.
+//! The result of a loop, as data.
 
 use super::{Contribution, FoundEffect, HeldOut, LeftOut, Narrow};
 use crate::criticism::{CLAIM, Criticism, Warning};
@@ -12,7 +12,7 @@ use crate::run::{Fit, Loaded};
 pub struct Difference {
     /// Sites, or the units of a column.
     pub what: String,
-    /// Log Bayes factor of a further random effect of theirs.
+    /// Log Bayes factor of a further random effect of them.
     pub log_bf: f64,
     /// Whether that is more than chance would give.
     pub is_unexplained: bool,
@@ -49,7 +49,7 @@ pub struct Story {
     pub loaded: Loaded,
 }
 
-/// What is told of a fit.
+/// What is reported of a fit.
 #[derive(Clone, Debug)]
 pub struct Told {
     /// Its folder: `declared`, `before` or `after`.
@@ -103,20 +103,22 @@ impl Told {
 }
 
 impl Story {
-    /// The fits, the one that counts first.
+    /// The fits. The first is the one that counts.
     pub fn fits(&self) -> impl Iterator<Item = &Told> {
         self.after.iter().chain(&self.before).chain([&self.declared])
     }
 
-    /// Exit code of the program, by the rule of a run: 3 where the draws of a fit do not come from the posterior,
-    /// 4 where another question is answered red of the fit that counts, else 0.
+    /// Exit code of the program, by the rule of a run. It is 3 if the draws of any fit do not come
+    /// from the posterior. It is 4 if another question is answered red for the fit that counts.
+    /// Else it is 0.
     pub fn exit_code(&self) -> u8 {
         let first = self.fits().next().map_or(0, |told| told.verdict.exit_code());
         if self.fits().all(|told| told.verdict.converged()) { first } else { 3 }
     }
 
-    /// What speaks against the fits, red first: which model, which question, the figures, what to do. That the
-    /// model as written does not fit is the loop's own subject: of it, only the sampling counts.
+    /// What speaks against the fits, red first: which model, which question, the figures, what to
+    /// do. For the model as written only the sampling counts, because it is the loop's own subject
+    /// that this model does not fit.
     pub fn troubles(&self) -> Vec<Trouble> {
         let mut troubles = vec![];
         for told in self.fits() {
@@ -136,7 +138,8 @@ impl Story {
         self.criticism.last.outer.outliers
     }
 
-    /// The errors that count, first: those of held-out measurements, else of what was left out as a whole.
+    /// The errors that count, which are reported first: those of held-out measurements, else those
+    /// of what was left out as a whole.
     pub fn comparisons(&self) -> Vec<ErrorChange> {
         let held_out = self.held_out.as_ref().and_then(HeldOut::comparison);
         let left = self.left_units.iter().chain([&self.left]);
@@ -158,7 +161,7 @@ impl Story {
             .collect()
     }
 
-    /// Those that do differ.
+    /// Those of them that do differ.
     pub(super) fn unexplained(&self) -> impl Iterator<Item = Difference> {
         self.differences().into_iter().filter(|difference| difference.is_unexplained)
     }
