@@ -1,4 +1,5 @@
-//! What every step of a search works on.
+//! The bench: the model laid out with everything that a search tries. Every step of the search
+//! works on it.
 
 use std::collections::BTreeMap;
 use std::sync::Arc;
@@ -23,7 +24,7 @@ use crate::table::Measurements;
 pub struct Subject<'a> {
     /// The model as declared.
     pub model: &'a dyn Declare,
-    /// Eigenpairs, for a model with fields.
+    /// Eigenpairs of the surface, if the model has fields.
     pub basis: Option<&'a Basis>,
     /// The measurements.
     pub table: &'a Measurements,
@@ -35,20 +36,23 @@ impl std::fmt::Debug for Subject<'_> {
     }
 }
 
-/// A model laid out with everything that is tried. A round does not change it: what it claims makes another.
+/// A model laid out with everything that is tried. A round does not change its bench; what the
+/// round claims makes another one.
 #[derive(Clone, Debug)]
 pub(super) struct Bench<'a> {
     pub(super) table: &'a Measurements,
     pub(super) candidates: Vec<Candidate>,
-    /// Its terms are those of the candidates, then that of the unit, those of finer fields and of empty cells.
+    /// Its terms are, in this order, those of the candidates, that of the unit, those of finer
+    /// fields, and those of empty cells.
     pub(super) engine: Engine,
     /// Terms of finer fields, once for each size.
     pub(super) finer: Vec<Vec<usize>>,
-    /// Of each column of which cells are empty, the term of what is measured there.
+    /// For each column with empty cells, the term that gives each site with an empty cell a value
+    /// of its own.
     pub(super) absent: BTreeMap<String, usize>,
     /// Width of a protocol step.
     pub(super) step: f64,
-    /// The unit with a random effect.
+    /// The unit with a random effect, if there is one.
     pub(super) unit: Option<Unit>,
     /// Seed of every random stream.
     pub(super) seed: u64,
@@ -103,8 +107,9 @@ impl Bench<'_> {
         unit.chain(candidates.iter().copied()).collect()
     }
 
-    /// The terms of a fit and a candidate. Where its column is empty it may act unseen: each such site has a value of
-    /// its own, or the sites that it cannot explain would hide what it explains at the others.
+    /// The terms of a fit, and a candidate. Where the candidate's column is empty, its effect may
+    /// act unseen. So each site with an empty cell gets a value of its own. Otherwise these sites,
+    /// which the candidate cannot explain, would hide what it explains at the others.
     pub(super) fn and(&self, active: &[usize], candidate: usize) -> Vec<usize> {
         let is_shift = self.candidates[candidate].level == Level::Observable;
         let column = self.column(candidate).filter(|_| is_shift);
@@ -113,7 +118,7 @@ impl Bench<'_> {
         active.iter().chain(absent).copied().chain([candidate]).collect()
     }
 
-    /// A fit without the terms of empty cells, which no model file declares.
+    /// The fit without the terms of empty cells, because no model file declares these.
     pub(super) fn declared(&self, fit: &LaplaceFit) -> Option<LaplaceFit> {
         let is_declared = |term: &usize| !self.absent.values().any(|absent| absent == term);
         let active: Vec<usize> = fit.active.iter().copied().filter(is_declared).collect();
@@ -123,12 +128,12 @@ impl Bench<'_> {
         self.engine.fit(&fit.outer, &active, None)
     }
 
-    /// The same with another form of some candidates.
+    /// The same bench, with another form of some candidates.
     pub(super) fn with_form(&self, which: &[usize], form: &Form) -> Self {
         self.with(which, |candidate| candidate.form = Some(form.clone()))
     }
 
-    /// The same with some candidates changed.
+    /// The same bench, with some candidates changed.
     pub(super) fn with(&self, which: &[usize], change: impl Fn(&mut Candidate)) -> Self {
         let mut other = self.clone();
         for c in which {
@@ -148,15 +153,16 @@ impl Bench<'_> {
         self.candidates[candidate].column()
     }
 
-    /// What is left out as a whole to confirm an effect of `column`, or of none; `None` for the site.
+    /// The unit that is left out as a whole to confirm an effect of `column`, or of no column.
+    /// `None` stands for the site.
     pub(super) fn left_out(&self, column: Option<&str>) -> Option<Unit> {
         let unit = Some(unit_of(self.table, column)).filter(|unit| *unit != by_site(self.table));
         if column.is_some() { unit } else { unit.or_else(|| self.unit.clone()) }
     }
 }
 
-/// Lays the model out for Laplace fits, without anything to try. Copies of rows are left aside: they would
-/// make errors look small, so that whatever sites differ by would look like a cause.
+/// Lays the model out for Laplace fits, without anything to try. Copies of rows are left aside.
+/// They would make errors look small, so that any difference between sites would look like a cause.
 fn laid_out(subject: &Subject<'_>, on: &[String]) -> Result<Engine, CriticismError> {
     let Subject { model, basis, table } = *subject;
     let outline = Model::outline(model)?;
@@ -185,7 +191,7 @@ fn each_once(on: &[String]) -> Vec<String> {
     once
 }
 
-/// Adds the terms of finer fields; their numbers, once for each size.
+/// Adds the terms of finer fields. Returns their numbers, once for each size.
 fn add_finer_fields(
     engine: &mut Engine,
     basis: Option<&Basis>,
@@ -201,8 +207,8 @@ fn add_finer_fields(
     finer
 }
 
-/// Adds a term for each column of numbers of which cells are empty, at most at half of the sites: a value for each of
-/// these sites.
+/// Adds a term for each column of numbers that has empty cells, if these are at most at half of the
+/// sites. The term has a value for each of these sites.
 fn add_absent(
     engine: &mut Engine,
     table: &Measurements,
@@ -233,8 +239,9 @@ fn add_absent(
     found
 }
 
-/// The base fit, before anything is tried: from the model's own start, noise at a third of a step. Sites that
-/// differ can be explained by smooth fields and random effects or by rough fields; the better of both counts.
+/// The base fit, before anything is tried. It starts from the model's own start, with noise of a
+/// third of a step. Differences of sites can be explained in two ways: by smooth fields and random
+/// effects, or by rough fields. The better of the two is taken.
 fn base_fit(engine: &Engine, step: f64) -> Result<LaplaceFit, CriticismError> {
     let initial = engine.model.initial();
     let active: Vec<usize> = (0..engine.terms.len()).collect();

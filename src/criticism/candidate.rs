@@ -23,7 +23,7 @@ pub enum Screen {
     /// An F-test of the units' random effects on the candidate's design. These effects leave no
     /// residuals of sites over, so that the test of sites would see nothing.
     Units,
-    /// The same F-test of the sites' mean absolute residuals: how far they scatter.
+    /// The same F-test of the sites' mean absolute residuals: of how far they scatter.
     Scatter,
     /// There is no test: the candidate is always fitted.
     None,
@@ -38,8 +38,8 @@ pub struct Candidate {
     pub on: Vec<String>,
     /// What it acts on.
     pub level: Level,
-    /// How it depends on a row; `None` for outliers. At the level of noise it is ln of the factor by which the error of a
-    /// row is larger, and moves nothing that is predicted.
+    /// How it depends on a row; `None` for outliers. A candidate for scatter moves nothing that is
+    /// predicted. Its value is ln of the factor by which the error of a row is larger.
     pub form: Option<Form>,
     /// Prior sd of its coefficients, in the unit of what it acts on.
     pub sd: f64,
@@ -53,12 +53,12 @@ impl Candidate {
         self.form.as_ref()?.column()
     }
 
-    /// Whether it is scatter that goes with a column.
+    /// Whether it is scatter that depends on a column.
     pub fn is_scatter(&self) -> bool {
         self.level == Level::Noise && self.form.is_some()
     }
 
-    /// The edge of a patch, as long as that is sharp.
+    /// The threshold of a patch, if its edge is sharp.
     pub(super) fn edge(&self) -> Option<&Above> {
         self.form.as_ref()?.downcast()
     }

@@ -9,24 +9,24 @@ use eplat_language::as_name;
 pub enum Cause {
     /// A column of the table, by its name.
     Column(String),
-    /// Tissue of its own, nearer to something than a threshold.
+    /// A patch of different tissue: what is nearer to something than a threshold.
     Patch,
     /// An offset between protocols.
     Protocol,
     /// Some measurements are much further off than the others.
     Outliers,
-    /// Scatter that goes with a column of the table.
+    /// Scatter that depends on a column of the table.
     Hetero(String),
     /// A smooth field over the surface.
     SpatialField,
     /// A slowness that varies along the paths of activation.
     SlownessField,
-    /// What the model's own fields would follow if they had more modes.
+    /// Detail that the model's own fields would follow if they had more modes.
     Short,
 }
 
 impl Cause {
-    /// Its name where that must be one in a model file.
+    /// Its name in a form that a model file allows.
     pub fn name(&self) -> String {
         as_name(&self.to_string())
     }

@@ -1,4 +1,5 @@
-//! What is doubtful about a table before anything is fitted to it: named warnings, and rows that are copies.
+//! What is doubtful about a table before anything is fitted to it: warnings with a name each, and
+//! rows that are copies.
 
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -8,8 +9,8 @@ use crate::table::{Content, MEASURED, Measurements, TypedColumn};
 /// A doubt about a table.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Warning {
-    /// Name of the check: `repeated_rows`, `not_a_number`, `missing_in_group`, `scale_in_group`, `few_units`;
-    /// of held-out rows `heldout_label`, `heldout_scale`, `heldout_not_a_number`.
+    /// Name of the check: `repeated_rows`, `not_a_number`, `missing_in_group`, `scale_in_group` or
+    /// `few_units`; for held-out rows `heldout_label`, `heldout_scale` or `heldout_not_a_number`.
     pub check: &'static str,
     /// The column, if it is about one.
     pub column: Option<String>,
@@ -17,14 +18,15 @@ pub struct Warning {
     pub text: String,
 }
 
-/// Most labels of a column by which others are compared.
+/// A column with more labels than this is not used to compare other columns by.
 const MOST_GROUPS: usize = 12;
-/// Fewer values than this say nothing of their group.
+/// A group with fewer values than this is not compared.
 const LEAST_VALUES: usize = 3;
-/// Groups whose ranges are apart and whose medians differ by more than this factor hardly share a unit.
+/// Two groups hardly share a unit if their ranges are apart and their medians differ by more than
+/// this factor.
 const SCALE: f64 = 5.0;
 
-/// All checks of a table; `covariates` are the columns that may be tried.
+/// Makes all checks of a table. `covariates` are the columns that may be tried.
 pub(super) fn check(table: &Measurements, covariates: &[&String]) -> Vec<Warning> {
     let labels: Vec<&String> = covariates
         .iter()
@@ -66,7 +68,7 @@ fn groups(table: &Measurements, by: &str, values: &[f64]) -> BTreeMap<String, Ve
     groups
 }
 
-/// Rows that repeat an earlier one in every column, each with that one.
+/// Rows that repeat an earlier row in every column, each with that row.
 fn repeats(table: &Measurements) -> Vec<(usize, usize)> {
     let mut seen: BTreeMap<Vec<&str>, usize> = BTreeMap::new();
     let first = |row| *seen.entry(table.cells(row)).or_insert(row);
@@ -74,8 +76,9 @@ fn repeats(table: &Measurements) -> Vec<(usize, usize)> {
     firsts.into_iter().zip(0..table.len()).filter(|(first, row)| first != row).collect()
 }
 
-/// Rows that are copies of others: they repeat them in every column, at sites that have names, and no measurement
-/// was repeated with another result. What is neither `covariates` nor says where and how it was measured is a result.
+/// Rows that are copies of others: they repeat them in every column, at sites that have names, in a
+/// table in which no measurement was repeated with another result. A column counts as a result if
+/// it is not among `covariates` and does not say where and how the row was measured.
 pub(super) fn copies<'t>(table: &'t Measurements, covariates: &[&String]) -> Vec<usize> {
     let is_result = |column: &String| {
         MEASURED.contains(&column.as_str())
@@ -95,7 +98,7 @@ pub(super) fn copies<'t>(table: &'t Measurements, covariates: &[&String]) -> Vec
     repeats(table).into_iter().map(|(_, row)| row).collect()
 }
 
-/// Rows that are the same in every column, and how often they count.
+/// Warns of rows that are the same in every column, and says how often they count.
 fn repeated_rows(table: &Measurements, covariates: &[&String]) -> Option<Warning> {
     let repeats = repeats(table);
     let (first, row) = repeats.first()?;
@@ -111,7 +114,8 @@ fn repeated_rows(table: &Measurements, covariates: &[&String]) -> Option<Warning
     Some(Warning { check: "repeated_rows", column: None, text })
 }
 
-/// A column of numbers with some cells that are none, which makes it a column of labels.
+/// Warns of a column of numbers in which some cells are no numbers: it is read as a column of
+/// labels.
 fn not_a_number(table: &Measurements, column: &str) -> Option<Warning> {
     let own = table.column(column)?;
     let Content::Mixed { numbers, first } = own.content() else { return None };
@@ -128,7 +132,7 @@ fn not_a_number(table: &Measurements, column: &str) -> Option<Warning> {
     Some(Warning { check: "not_a_number", column: Some(column.into()), text })
 }
 
-/// A covariate that varies over too few units to be confirmed.
+/// Warns of a covariate that varies over too few units to be confirmed.
 fn few_units(table: &Measurements, column: &str) -> Option<Warning> {
     let unit = occasion_of(table, column, &by_site(table))?;
     if unit.n >= LEAST_UNITS || table.distinct(column).len() < 2 {
@@ -141,7 +145,7 @@ fn few_units(table: &Measurements, column: &str) -> Option<Warning> {
     Some(Warning { check: "few_units", column: Some(column.into()), text })
 }
 
-/// A column that is empty throughout one group and filled in another.
+/// Warns of a column that is empty throughout one group and filled in another.
 fn missing_in_group(
     column: &str,
     by: &str,
@@ -160,7 +164,7 @@ fn missing_in_group(
     Some(Warning { check: "missing_in_group", column: Some(column.into()), text })
 }
 
-/// A column whose values in two groups are apart by so much that they can hardly share a unit.
+/// Warns of a column whose values in two groups are so far apart that they can hardly share a unit.
 fn scale_in_group(column: &str, by: &str, groups: &BTreeMap<String, Vec<f64>>) -> Option<Warning> {
     let spans = groups.iter().filter_map(|(label, values)| Span::of(label, values)).collect();
     let [low, high] = apart(spans)?;
@@ -175,7 +179,7 @@ fn scale_in_group(column: &str, by: &str, groups: &BTreeMap<String, Vec<f64>>) -
     Some(Warning { check: "scale_in_group", column: Some(column.into()), text })
 }
 
-/// Doubts about these columns of held-out rows, beside those of `train`.
+/// Doubts about these columns of held-out rows, in comparison with those of `train`.
 pub fn check_heldout(
     train: &Measurements,
     heldout: &Measurements,
@@ -194,7 +198,7 @@ pub fn check_heldout(
     columns.iter().filter(|column| heldout.has(column)).filter_map(one).collect()
 }
 
-/// A label of which the rows for training know nothing.
+/// Warns of a label that does not occur in the rows for training.
 fn heldout_label(heldout: &Measurements, column: &str, known: &[String]) -> Option<Warning> {
     let labels = heldout.distinct(column);
     let label = labels.iter().find(|label| !known.contains(label))?;
@@ -207,7 +211,7 @@ fn heldout_label(heldout: &Measurements, column: &str, known: &[String]) -> Opti
     Some(Warning { check: "heldout_label", column: Some(column.into()), text })
 }
 
-/// Numbers that can hardly be in the unit of those trained on.
+/// Warns of numbers that can hardly be in the same unit as those for training.
 fn heldout_scale(column: &str, train: &[f64], heldout: &[f64]) -> Option<Warning> {
     let spans = [Span::of("rows trained on", train)?, Span::of("held-out rows", heldout)?];
     let [low, high] = apart(spans.into())?;
@@ -222,7 +226,7 @@ fn heldout_scale(column: &str, train: &[f64], heldout: &[f64]) -> Option<Warning
     Some(Warning { check: "heldout_scale", column: Some(column.into()), text })
 }
 
-/// The first two neighbours, by their medians, that can hardly share a unit.
+/// Sorts the groups by their medians. Gives the first two neighbours that can hardly share a unit.
 fn apart(mut spans: Vec<Span<'_>>) -> Option<[Span<'_>; 2]> {
     spans.sort_by(|a, b| a.median.total_cmp(&b.median));
     let pair = spans
@@ -241,7 +245,7 @@ struct Span<'a> {
 }
 
 impl<'a> Span<'a> {
-    /// `None` unless they are enough, and positive.
+    /// `None` if they are too few, or not all positive.
     fn of(label: &'a str, values: &[f64]) -> Option<Self> {
         let mut x: Vec<f64> = values.iter().copied().filter(|v| v.is_finite()).collect();
         x.sort_by(f64::total_cmp);

@@ -1,4 +1,4 @@
-//! A cause that was found, as it will predict.
+//! A claim: a cause that was found, with the effects by which it will predict.
 
 use super::bench::Bench;
 use super::candidate::{Candidate, Level};
@@ -11,27 +11,28 @@ use super::propose::mean_and_sd;
 use crate::model::Form;
 use crate::model::forms::{Above, logistic};
 
-/// Least scale of the edge of a patch, in standard deviations of the distances.
+/// Least scale of a soft edge of a patch, in standard deviations of the distances.
 const LEAST_SCALE: f64 = 0.1;
 
 /// What a round claims.
 #[derive(Clone, Debug)]
 pub(super) struct Claim<'a> {
-    /// The candidates, those that are claimed as they are claimed.
+    /// The bench. Its candidates that are claimed have the form in which they are claimed.
     pub(super) bench: Bench<'a>,
-    /// The effects of one cause: candidates.
+    /// The effects of one cause, as numbers of candidates.
     pub(super) effects: Vec<usize>,
     /// The fit, of which they are the last terms.
     pub(super) fit: LaplaceFit,
 }
 
 impl<'a> Claim<'a> {
-    /// What to claim of a candidate. One field is enough to find a patch of different tissue, and a sharp edge is found
-    /// more easily than a soft one; but such tissue differs in every field, and which sites are just inside an edge
-    /// is chosen to fit them. So a patch is claimed on every field, with an edge as soft as its place is uncertain.
+    /// What to claim of a candidate. A patch of different tissue is found on one field and with a
+    /// sharp edge, because that is easier. But such tissue differs in every field. And a sharp edge
+    /// is placed so that the sites just inside it fit. So a patch is claimed on every field, with
+    /// an edge that is as soft as its place is uncertain.
     ///
     /// # Errors
-    /// Why this predicts nothing of what was left out.
+    /// Why this claim does not predict what was left out.
     pub(super) fn of(
         bench: &Bench<'a>,
         taken: usize,
@@ -56,8 +57,8 @@ impl<'a> Claim<'a> {
     }
 }
 
-/// The candidates of the same patch on fields, the one that was found first; on what is observed, where there is
-/// no field; none of what is no patch.
+/// The candidates of the same patch, one for each field; the one that was found comes first. Where
+/// there is no field, only the one that was found. Empty if the candidate is no patch.
 fn fields_of_patch(bench: &Bench<'_>, taken: usize) -> Vec<usize> {
     let found = &bench.candidates[taken];
     if found.edge().is_none() {
@@ -76,12 +77,13 @@ struct Patch<'a> {
     bench: &'a Bench<'a>,
     taken: usize,
     effects: &'a [usize],
-    /// The fit with the one that was found.
+    /// The fit with the effect that was found.
     fit: &'a LaplaceFit,
 }
 
 impl Patch<'_> {
-    /// The edge of the patch: of the thresholds that were tried, each with its evidence, mean and spread.
+    /// Centre and scale of the edge: mean and spread of the thresholds that were tried, each
+    /// weighted by its evidence.
     fn edge(&self) -> Option<Form> {
         let Above { column, .. } = self.bench.candidates[self.taken].edge()?;
         let least = LEAST_SCALE * mean_and_sd(self.bench.table.column(column)?.numbers()?).1;
@@ -115,8 +117,8 @@ impl Patch<'_> {
         edges.map(|edge| edge.threshold).collect()
     }
 
-    /// The best fit with the effects of `bench` on every field in the place of the one that was found, and its
-    /// score.
+    /// The best fit with the effects of `bench` on every field in the place of the effect that was
+    /// found, and its score.
     fn fitted(&self, bench: &Bench<'_>) -> Option<(LaplaceFit, f64)> {
         let others: Vec<usize> =
             self.fit.active.iter().copied().filter(|c| *c != self.taken).collect();

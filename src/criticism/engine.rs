@@ -1,10 +1,12 @@
-//! A model with what criticism adds to it.
+//! The engine: a model with what criticism adds to it.
 //!
 //! ```text
 //! scalars of a row = constant + J x + τ a z_site + Σ_terms s Z β
 //! ```
-//! `x` are the model's linear unknowns ([`Split`]), `z_site ~ N(0, 1)` a random effect shared by a
-//! site's rows with sd τ, and β ~ N(0, 1) the coefficients of the terms that are tried.
+//! - `x` are the model's linear unknowns ([`Split`]).
+//! - `z_site ~ N(0, 1)` is a random effect that a site's rows share; τ is its sd, and `a` is 1 for
+//!   the scalar that it acts on, else 0.
+//! - β ~ N(0, 1) are the coefficients of the terms that are tried.
 
 use std::sync::Arc;
 
@@ -13,8 +15,9 @@ use nalgebra::DVector;
 use crate::model::{Model, Noise, RowId, Split};
 use crate::num::vector::dot;
 
-/// An effect in its tried form: `sd Z β` on the named quantities, β ~ N(0, 1). One on nothing makes scatter: it
-/// multiplies the further error of a row by `exp(Z γ)`, with γ in [`Outer::scatter`].
+/// An effect in the form in which it is tried: `sd Z β` on the named quantities, β ~ N(0, 1). A
+/// term that acts on nothing makes scatter: it multiplies the further error of a row by `exp(Z γ)`,
+/// with γ in [`Outer::scatter`].
 #[derive(Clone, Debug)]
 pub struct TriedTerm {
     /// Fields and `let`s that it acts on.
@@ -23,12 +26,12 @@ pub struct TriedTerm {
     pub design: Vec<f64>,
     /// Number of coefficients.
     pub n: usize,
-    /// What the design is multiplied by; `None` for the random effect of a unit, whose sd is one of the
-    /// outer values ([`Outer::ln_unit`]).
+    /// What the design is multiplied by. `None` for the random effect of a unit, whose sd is one of
+    /// the outer values ([`Outer::ln_unit`]).
     pub sd: Option<f64>,
 }
 
-/// Everything of a fit that is not integrated out.
+/// The outer values of a fit: everything that is not integrated over.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Outer {
     /// The model's other unknowns, unconstrained.
@@ -37,11 +40,11 @@ pub struct Outer {
     pub ln_site: f64,
     /// ln sd of the further error of rows.
     pub ln_noise: f64,
-    /// ln sd of the random effect of units (recordings, sessions), where they have one.
+    /// ln sd of the random effect of units (recordings, sessions), if there is one.
     pub ln_unit: Option<f64>,
     /// Share and sd of outlying rows.
     pub outliers: Option<(f64, f64)>,
-    /// The coefficients of each term that makes scatter, in the order in which these are active.
+    /// The coefficients of each active term that makes scatter, in the order of the active terms.
     pub scatter: Vec<Vec<f64>>,
 }
 
@@ -63,11 +66,12 @@ pub struct RowAt {
     pub first: usize,
     /// Number of scalars.
     pub n: usize,
-    /// The scalar, from `first` on, that is its observable: what site effects act on.
+    /// Which of its scalars, counted from `first`, is its observable. Site effects act on this one.
     pub observable: usize,
 }
 
-/// A model laid out for Laplace fits. It is cheap to copy: copies share the model and the designs.
+/// A model laid out for Laplace fits. Copies are cheap, because they share the model and the
+/// designs.
 #[derive(Clone, Debug)]
 pub struct Engine {
     /// The model, with offsets for everything that is tried.
@@ -86,8 +90,9 @@ pub struct Engine {
 }
 
 impl Engine {
-    /// Lays `model` out; `observable[o]` is what site effects act on in the rows of `observe` number o,
-    /// `site_of` gives the site of each row of the table, of which those in `unused` are left aside.
+    /// Lays `model` out. `observable[o]` is what site effects act on in the rows of `observe`
+    /// number o. `site_of` gives the site of each row of the table. Rows of the table in `unused`
+    /// are left aside.
     pub fn new(
         model: Model,
         observable: &[String],
@@ -115,7 +120,7 @@ impl Engine {
         Self { model: Arc::new(model), split, rows, sites, terms, measured, n_locals: first }
     }
 
-    /// The same rows with other measurements: simulated data need no new layout.
+    /// The same engine with other measurements. So simulated data need no new layout.
     #[must_use]
     pub fn measuring(&self, measured: Vec<Vec<f64>>) -> Self {
         Self { measured, ..self.clone() }
@@ -126,14 +131,15 @@ impl Engine {
         self.model.table_row(self.rows[row].id)
     }
 
-    /// What was measured in a row: its cell, or the middle of its bracket; NaN if that is open.
+    /// What was measured in a row: its cell, or the middle of its bracket. NaN if the bracket is
+    /// open.
     pub fn middle(&self, row: usize) -> f64 {
         let cells = &self.measured[row];
         let middle = cells.iter().sum::<f64>() / cells.len() as f64;
         if middle.is_finite() { middle } else { f64::NAN }
     }
 
-    /// What spreads each row beyond its likelihood, with the terms `active`.
+    /// The further errors of each row, beyond its likelihood, with the terms `active`.
     pub fn noise(&self, outer: &Outer, active: &[usize]) -> Vec<Noise> {
         let terms = active.iter().map(|a| &*self.terms[*a]).filter(|term| term.is_scatter());
         let scatter: Vec<(&TriedTerm, &Vec<f64>)> = terms.zip(&outer.scatter).collect();
@@ -145,12 +151,12 @@ impl Engine {
         (0..self.rows.len()).map(one).collect()
     }
 
-    /// How a row depends on a term's coefficients, without its sd.
+    /// How a row depends on a term's coefficients. The term's sd is not multiplied in.
     pub fn design<'e>(&self, term: &'e TriedTerm, row: usize) -> &'e [f64] {
         &term.design[self.table_row(row) * term.n..][..term.n]
     }
 
-    /// All unknowns of the model from the two kinds.
+    /// Puts the linear and the other unknowns together to all unknowns of the model.
     pub fn unknowns(&self, other: &[f64], x: &DVector<f64>) -> Vec<f64> {
         let mut u = vec![0.0; other.len() + self.split.linear.len()];
         for (at, value) in self.split.other.iter().zip(other) {

@@ -10,7 +10,8 @@ pub enum CriticismError {
     /// The model does not fit its data.
     #[error(transparent)]
     Model(#[from] ModelError),
-    /// An `observe` of parameters alone.
+    /// An `observe` that depends on parameters alone, so that there is nothing an effect could act
+    /// on.
     #[error(
         "observe {observe}: its likelihood mentions no field and no `let`, so that there is nothing an effect could act on\nhelp: name what is predicted, `let mean(row) = …;`, and mention `mean(row)` in the likelihood"
     )]

@@ -1,7 +1,8 @@
-//! What the model's modes leave out: its own fields at a finer resolution.
+//! Finer fields: what the model's modes leave out of its own fields.
 //!
-//! Sites may differ by more than the model says because its truncated expansion cannot follow its own fields.
-//! Such differences are alike at neighbouring sites; those of a cause that no column tells are not.
+//! Sites may differ by more than the model says because its truncated expansion cannot follow its
+//! own fields. Such differences are alike at neighbouring sites. Differences that come from a cause
+//! that no column tells are not.
 
 use std::collections::BTreeMap;
 
@@ -11,16 +12,16 @@ use crate::manifold::Basis;
 use crate::model::Model;
 use crate::table::Measurements;
 
-/// Modes that are looked at, in multiples of the model's.
+/// Number of modes that finer fields have, in multiples of the model's.
 pub const FINER: usize = 4;
 
-/// Standard deviations that are tried, in protocol steps. What is larger is no detail of a field but
-/// something that the model lacks.
+/// Standard deviations of finer fields that are tried, in protocol steps. What is larger is no
+/// detail of a field but something that the model lacks.
 const SIZES: [f64; 2] = [0.25, 0.5];
 
-/// Further modes for every field, once for each of [`SIZES`]; their lengthscale is the distance between
-/// sites. `field_sd` is the change of each field that moves what is observed by one step. None for a model
-/// without fields, or where `basis` has no further modes.
+/// Terms with further modes of every field, once for each of [`SIZES`]. Their lengthscale is the
+/// distance between sites. `field_sd` has, for each field, the change that moves what is observed
+/// by one step. Empty for a model without fields, or if `basis` has no further modes.
 pub(super) fn finer_fields(
     model: &Model,
     basis: Option<&Basis>,

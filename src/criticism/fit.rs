@@ -12,19 +12,19 @@ use crate::model::{Curvature, Noise};
 /// A Laplace fit.
 #[derive(Clone, Debug)]
 pub struct LaplaceFit {
-    /// What it was made at.
+    /// The outer values at which it was made.
     pub outer: Outer,
-    /// Terms in it.
+    /// The terms in it.
     pub active: Vec<usize>,
-    /// Mode: linear unknowns, then coefficients of the terms.
+    /// The mode: of the linear unknowns, then of the coefficients of the terms.
     pub x: DVector<f64>,
-    /// Mode of the sites' random effects, in units of their sd.
+    /// The mode of the sites' random effects, in units of their sd.
     pub z: Vec<f64>,
-    /// Log evidence, up to a constant of the data alone.
+    /// Log evidence, up to a constant that depends on the data alone.
     pub ln_evidence: f64,
     /// Scalars of all rows at the mode.
     pub locals: Vec<f64>,
-    /// What spreads each row beyond its likelihood.
+    /// The further errors of each row, beyond its likelihood.
     pub noise: Vec<Noise>,
     pub(super) linear: Linear,
     /// Minus the Hessian at the mode.
@@ -32,7 +32,7 @@ pub struct LaplaceFit {
     pub(super) curvatures: Vec<Curvature>,
 }
 
-/// What a site's rows would depend on, had they not been seen: mean and covariance of their scalars.
+/// Mean and covariance of the scalars of a site's rows, given everything but these rows.
 #[derive(Clone, Debug)]
 pub struct Cavity {
     /// The rows.
@@ -44,8 +44,9 @@ pub struct Cavity {
 }
 
 impl LaplaceFit {
-    /// Mean and covariance of the coefficients of all active terms, in the order of `active`. They are
-    /// standard normal a priori: a term's effect is its sd times its design times them.
+    /// Mean and covariance of the coefficients of all active terms, in the order of `active`. A
+    /// priori these are standard normal. A term's effect is its sd times its design times its
+    /// coefficients.
     pub fn coefficients(&self, engine: &Engine) -> (DVector<f64>, DMatrix<f64>) {
         let (first, n) = (engine.split.linear.len(), self.x.len());
         let mut unit = DMatrix::zeros(n, n - first);
@@ -61,7 +62,7 @@ impl LaplaceFit {
         self.active.first().map(|a| &*engine.terms[*a]).filter(|term| term.sd.is_none())
     }
 
-    /// A further error of a row.
+    /// The further errors of a row.
     pub(super) fn error(&self, row: usize, rng: &mut dyn Rng) -> f64 {
         let noise = self.noise[row];
         let mut variance = noise.variance;
@@ -78,7 +79,7 @@ impl LaplaceFit {
         self.linear.row(local)
     }
 
-    /// What these rows, all of one site, would depend on, had they not been seen.
+    /// The cavity of these rows, all of one site: their scalars, given everything but these rows.
     pub fn cavity(&self, engine: &Engine, rows: &[usize]) -> Option<Cavity> {
         let site = engine.rows[*rows.first()?].site;
         let tau = self.outer.ln_site.exp();

@@ -19,16 +19,17 @@ pub struct Predicted {
     pub table_row: usize,
     /// Mean of the predicted value; NaN if the likelihood has none.
     pub value: f64,
-    /// Middle of what was measured; NaN if it was not, or is open.
+    /// Middle of what was measured. NaN if nothing was measured, or if the bracket is open.
     pub measured: f64,
     /// Log predictive density.
     pub ln_density: f64,
-    /// Randomised quantile of the measurement among replicates.
+    /// Quantile of the measurement among its replicates. Ties are broken at random.
     pub quantile: f64,
 }
 
-/// A table for predictions: the rows of `train`, then those of `heldout`. Where these hold no
-/// measurement, a row of `train` of the same protocol lends its own: predictions do not depend on it.
+/// A table for predictions: the rows of `train`, then those of `heldout`. A held-out row without a
+/// measurement borrows that of a row of `train` of the same protocol; predictions do not depend on
+/// it.
 pub fn with_heldout(train: &Measurements, heldout: &Measurements, own: &[&str]) -> Measurements {
     let mut measured = MEASURED.to_vec();
     measured.extend(own);
@@ -38,15 +39,15 @@ pub fn with_heldout(train: &Measurements, heldout: &Measurements, own: &[&str]) 
 /// Predictions of rows that were not fitted.
 #[derive(Clone, Debug)]
 pub struct Predictions {
-    /// Each row's.
+    /// The prediction of each row.
     pub rows: Vec<Predicted>,
     /// Log likelihood of each row `(rows)` at each draw.
     ln: Vec<Vec<f64>>,
 }
 
 impl Predictions {
-    /// The joint log predictive density of each of these sets of rows: a difference that the rows of a site
-    /// share counts once.
+    /// The joint log predictive density of each of these sets of rows. So a difference that the
+    /// rows of a site share counts once.
     pub fn joint(&self, sets: &[Vec<usize>]) -> Vec<f64> {
         let n = self.ln.first().map_or(0, Vec::len);
         let one = |rows: &Vec<usize>| {
@@ -57,9 +58,9 @@ impl Predictions {
     }
 }
 
-/// Predicts the rows of `model` from row `first` of its table on, from `draws` of the unknowns of
-/// `fitted`, the same model on fewer rows. The coefficients of labels that it
-/// has not seen are drawn from their prior.
+/// Predicts the rows of `model`, beginning with row `first` of its table. `draws` are draws of the
+/// unknowns of `fitted`, the same model on fewer rows. Coefficients of labels that `fitted` has not
+/// seen are drawn from their prior.
 pub fn predict_rows(
     model: &Model,
     fitted: &Model,
@@ -117,7 +118,8 @@ impl Sum {
 /// How well measurements were predicted.
 #[derive(Clone, Copy, Debug)]
 pub struct Score {
-    /// Root mean squared error of the middle of what was measured.
+    /// Root mean squared difference between the predicted value and the middle of what was
+    /// measured.
     pub rmse: f64,
     /// Sum of log predictive densities.
     pub elpd: f64,
@@ -127,7 +129,7 @@ pub struct Score {
     pub n: usize,
 }
 
-/// The score of predictions whose rows were measured.
+/// The score of those predictions whose rows were measured.
 pub fn score_of(predicted: &[Predicted]) -> Score {
     let n = predicted.len();
     let errors: Vec<f64> = predicted

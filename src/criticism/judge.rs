@@ -1,4 +1,4 @@
-//! What the candidates of a round are: a finding, causes that cannot be told apart, or nothing.
+//! The judgement of a round: a finding, causes that cannot be told apart, or nothing.
 
 use super::bench::Bench;
 use super::claim::Claim;
@@ -21,7 +21,7 @@ pub(super) struct Judge<'j, 'a> {
     pub(super) searched: Searched,
     /// Best log Bayes factor of each null search.
     pub(super) nulls: Vec<f64>,
-    /// Candidates in the base.
+    /// Candidates that earlier rounds found, which are in the base.
     pub(super) found: &'j [usize],
 }
 
@@ -55,8 +55,9 @@ impl<'a> Judge<'_, 'a> {
         (Round { tried: tried_so_far, pair, nulls, base, left, claimed }, claim)
     }
 
-    /// What is claimed of the best pair, where no cause alone is: its first cause, if each predicts with the other in the
-    /// model, and has more evidence there than any further one. The second is left to the next round.
+    /// What is claimed of the best pair, where no single cause is claimed. Each of the two must
+    /// predict with the other in the model, and must have more evidence there than any further
+    /// cause. Then the first is claimed. The second is left to the next round.
     fn of_pair(&self, records: &mut [Record]) -> Option<Claim<'a>> {
         let pair = self.searched.pair.filter(|pair| pair.log_bf > least_log_bf(self.number))?;
         let p_null = self.p_null(pair.log_bf).filter(|share| *share <= LEVEL)?;
@@ -73,7 +74,8 @@ impl<'a> Judge<'_, 'a> {
         Some(Claim { bench: bench.clone(), effects: vec![taken], fit })
     }
 
-    /// A candidate of the cause of `own` that would be claimed with `other` in the model, and its evidence there.
+    /// The candidate of the cause of `own` that would be claimed if `other` were in the model, and
+    /// its evidence there.
     fn beside(&self, other: usize, own: usize) -> Option<(usize, f64)> {
         let (bench, base) = (self.bench, &self.searched.base);
         let found = [self.found, &[other]].concat();
@@ -95,13 +97,13 @@ impl<'a> Judge<'_, 'a> {
         tried.log_bf > least_log_bf(self.number)
     }
 
-    /// Share of null searches that did as well.
+    /// Share of null searches that did as well as this log Bayes factor, or better.
     fn p_null(&self, log_bf: f64) -> Option<f64> {
         let above = self.nulls.iter().filter(|n| **n >= log_bf).count();
         (!self.nulls.is_empty()).then(|| (1 + above) as f64 / (1 + self.nulls.len()) as f64)
     }
 
-    /// What is said of a candidate that the round does not get to.
+    /// The judgement of a candidate that the round does not get to.
     fn record(&self, tried: &Tried) -> Record {
         let least = least_log_bf(self.number);
         let judgement = if self.is_enough(tried) {
@@ -122,7 +124,7 @@ impl<'a> Judge<'_, 'a> {
         }
     }
 
-    /// What is claimed of a candidate, or why nothing is.
+    /// The claim of a candidate, or why nothing is claimed.
     fn claimed(&self, duel: &Duel<'_>, fit: &LaplaceFit) -> Result<Claim<'a>, Judgement> {
         self.objection(duel, fit)?;
         let rivals = self.bench.rivals(&self.searched.tried, duel);

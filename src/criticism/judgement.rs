@@ -10,8 +10,9 @@ use crate::model::Form;
 /// Least log Bayes factor of a claim.
 pub const CLAIM: f64 = 3.0;
 
-/// Least log Bayes factor of a claim in round `number`, from 0. Every further round is another chance of a
-/// wrong name, and its base is a model that was chosen by the same data.
+/// Least log Bayes factor of a claim in round `number`, counted from 0. It is larger in later
+/// rounds for two reasons: each is another chance of a wrong name, and its base is a model that was
+/// chosen by the same data.
 pub fn least_log_bf(number: usize) -> f64 {
     if number == 0 { CLAIM } else { 2.0 * CLAIM }
 }
@@ -21,18 +22,18 @@ pub fn least_log_bf(number: usize) -> f64 {
 pub enum Judgement {
     /// It is claimed.
     Found,
-    /// The screen stopped it: it was not fitted.
+    /// The screen stopped it, so it was not fitted.
     ScreenedOut,
     /// It explains too little.
     TooLittle {
         /// Its log Bayes factor.
         log_bf: f64,
-        /// What is asked.
+        /// The log Bayes factor that is asked for.
         least: f64,
     },
-    /// Another candidate with more evidence ended the round.
+    /// The round ended with another candidate, which has more evidence.
     LessEvidence,
-    /// Searches on simulated data, in which nothing is missing, did as well too often.
+    /// Searches on simulated data did as well too often, although nothing is missing there.
     ByChance {
         /// Share of these searches.
         share: f64,
@@ -46,21 +47,21 @@ pub enum Judgement {
     },
     /// It does not predict what was left out.
     Refuted(Refutation),
-    /// Other causes explain as much: neither is claimed.
+    /// Other causes explain as much, so none of them is claimed.
     NotToldApart(Vec<Cause>),
 }
 
 /// Why predictions of what was left out speak against a cause.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Refutation {
-    /// The log score of sites, each predicted from the others, gains no more than chance would.
+    /// Each site is predicted from the others. The log score gains no more than chance would.
     Sites {
         /// Sum over the sites.
         gain: f64,
         /// Its standard error.
         se: f64,
     },
-    /// Units, each predicted from the others, are predicted no better than chance would have it.
+    /// Each unit is predicted from the others. The predictions gain no more than chance would.
     Units {
         /// Column that names the units.
         unit: String,
@@ -78,8 +79,8 @@ pub enum Refutation {
     },
     /// The model cannot be fitted with an effect on every field.
     NoFitOnEveryField,
-    /// A patch is found on one field with a sharp edge, and claimed on every field with a soft one: it is
-    /// this claim that does not predict.
+    /// A patch does not predict in the form in which it is claimed: on every field with a soft
+    /// edge. It was found on one field with a sharp edge.
     OnEveryField(Box<Refutation>),
 }
 
@@ -153,12 +154,13 @@ pub struct Record {
     pub form: Option<Form>,
     /// p-value of the screen.
     pub p_screen: f64,
-    /// Log Bayes factor; −∞ if the screen stopped it.
+    /// Log Bayes factor. −∞ if the screen stopped it.
     pub log_bf: f64,
     /// Share of null searches whose best candidate did as well; `None` in a round without them.
     pub p_null: Option<f64>,
-    /// The cause with which it was found together, where neither is found alone: the evidence is then with that in the
-    /// model, and the share of null searches is that of both.
+    /// The other cause of the pair, where two causes are found together and neither alone. The
+    /// evidence is then that with the other cause in the model, and the share of null searches is
+    /// that of the pair.
     pub beside: Option<Cause>,
     /// Why it was or was not taken.
     pub judgement: Judgement,
@@ -177,20 +179,21 @@ impl Record {
 pub struct Round {
     /// Every candidate, best first.
     pub tried: Vec<Record>,
-    /// The two candidates that explain most together and their log Bayes factor, less the price of a pair.
+    /// The two candidates that explain most together, and their log Bayes factor, less the price of
+    /// a pair.
     pub pair: Option<([usize; 2], f64)>,
     /// Best log Bayes factor of each null search, ascending.
     pub nulls: Vec<f64>,
     /// The fit that the candidates are compared with.
     pub base: LaplaceFit,
-    /// What it leaves over.
+    /// What that fit leaves over.
     pub left: Left,
     /// The effects of the cause that is claimed: candidates, as they are claimed. Empty if none is.
     pub claimed: Vec<usize>,
 }
 
 impl Round {
-    /// The most evidence of a candidate or a pair.
+    /// The largest log Bayes factor of a candidate or a pair.
     pub fn best(&self) -> f64 {
         let all = self.tried.iter().map(|record| record.log_bf);
         all.chain(self.pair.map(|(_, log_bf)| log_bf)).fold(f64::NEG_INFINITY, f64::max)

@@ -3,9 +3,9 @@
 //! ```text
 //! p(y | τ, σ, other) ≈ p(y, x̂, ẑ, β̂) (2π)^(d/2) det(−∇²)^(−½)
 //! ```
-//! σ is the sd of a further normal error of every row ([`Noise`](crate::model::Noise)). Random effects
-//! touch only their own site, so that they are eliminated one by one: the matrix that is factored has the
-//! size of (x, β).
+//! σ is the sd of a further normal error of every row ([`Noise`](crate::model::Noise)). A random
+//! effect of a site touches only the rows of that site. So these effects are eliminated one by one,
+//! and the matrix that is factored has the size of (x, β).
 
 use nalgebra::{DMatrix, DVector};
 
@@ -16,8 +16,8 @@ use super::system::{Linear, System};
 use crate::model::{RowId, Tape};
 
 impl Engine {
-    /// The scalars as a linear map at these other unknowns, terms included; the model's part is taken from
-    /// `last` if that was made at the same.
+    /// The scalars as a linear map at these other unknowns, terms included. The model's part is
+    /// taken from `last` if that was made at the same unknowns.
     fn linear(
         &self,
         t: &mut Tape,
@@ -72,8 +72,8 @@ impl Engine {
         }
     }
 
-    /// The Laplace approximation at `outer` with the terms `active`, climbing from `start` (a mode with
-    /// fewer terms will do); `None` where there is no mode.
+    /// The Laplace approximation at `outer` with the terms `active`. The climb to the mode begins
+    /// at `start`, which may be a mode with fewer terms. `None` if there is no mode.
     pub fn fit(
         &self,
         outer: &Outer,
@@ -83,7 +83,7 @@ impl Engine {
         self.fit_without(&[], outer, active, start)
     }
 
-    /// As [`Engine::fit`], rows whose number is in `hidden` (ascending) unseen.
+    /// As [`Engine::fit`], but the rows whose number is in `hidden` (ascending) are not seen.
     pub fn fit_without(
         &self,
         hidden: &[usize],

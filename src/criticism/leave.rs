@@ -1,4 +1,5 @@
-//! Predictions of what a Laplace fit has not seen: each site from the others, or units left out as a whole.
+//! Predictions of what a Laplace fit has not seen: of each site from the other sites, or of units
+//! that are left out as a whole.
 
 use std::cmp::Ordering;
 
@@ -14,16 +15,18 @@ use crate::diagnostics::normal_quantile;
 use crate::num::ln_mean_exp;
 use crate::random::Stream;
 
-/// Draws from each cavity. The log of an average over them is off by a tenth of a nat or two, and there is one
-/// for every site: too few would drown what an effect gains.
+/// Number of draws from each cavity. The log of an average over them is off by a tenth of a nat or
+/// two, and there is one such average for every site. With too few draws these errors would drown
+/// what an effect gains.
 const DRAWS: usize = 2048;
-/// Draws that residuals need.
+/// Number of draws for residuals, which need fewer.
 const FEW: usize = 128;
 
-/// What rows would have been, had their site not been seen.
+/// What a fit says of rows, given everything but their own site.
 #[derive(Clone, Debug)]
 pub struct Left {
-    /// Normal score of each row's randomised leave-one-site-out quantile.
+    /// Each row's quantile among its leave-one-site-out predictions, as a normal score. Ties are
+    /// broken at random.
     pub residual: Vec<f64>,
     /// Predicted value of each row.
     pub predicted: Vec<f64>,
@@ -31,8 +34,8 @@ pub struct Left {
     pub elpd: Vec<f64>,
 }
 
-/// Leave-one-site-out predictions from one fit; the same `seed` gives the same random numbers for
-/// every fit, so that differences between fits are not noise.
+/// Leave-one-site-out predictions from one fit. The same `seed` gives every fit the same random
+/// numbers, so that differences between fits are not noise.
 pub fn leave_sites_out(engine: &Engine, fit: &LaplaceFit, seed: u64) -> Left {
     leave(engine, fit, &all_rows(engine), seed, DRAWS)
 }
@@ -46,8 +49,8 @@ fn all_rows(engine: &Engine) -> Vec<usize> {
     (0..engine.rows.len()).collect()
 }
 
-/// As [`leave_sites_out`], of these rows alone (ascending); where `fit` has not seen them, their
-/// predictions.
+/// As [`leave_sites_out`], but of these rows alone (ascending). If `fit` has not seen them, these
+/// are its predictions of them.
 pub fn leave_out(engine: &Engine, fit: &LaplaceFit, of: &[usize], seed: u64) -> Left {
     leave(engine, fit, of, seed, DRAWS)
 }
@@ -80,8 +83,9 @@ fn leave(engine: &Engine, fit: &LaplaceFit, of: &[usize], seed: u64, draws: usiz
 /// Most folds of [`leave_units_out`].
 const FOLDS: usize = 20;
 
-/// As [`leave_sites_out`], each unit predicted from the others by a fit that has not seen it (at most 20
-/// folds); `elpd` is of folds, sites counting as independent given the fit. `None` where a fit fails.
+/// As [`leave_sites_out`], but each unit is predicted from the others, by a fit that has not seen
+/// it (at most 20 folds). `elpd` is then that of folds; given the fit, sites count as independent.
+/// `None` if one of the fits fails.
 pub fn leave_units_out(engine: &Engine, fit: &LaplaceFit, unit: &Unit, seed: u64) -> Option<Left> {
     let (n, folds) = (engine.rows.len(), unit.n.min(FOLDS));
     let mut all = Left { residual: vec![0.0; n], predicted: vec![f64::NAN; n], elpd: vec![] };
@@ -98,7 +102,8 @@ pub fn leave_units_out(engine: &Engine, fit: &LaplaceFit, unit: &Unit, seed: u64
     Some(all)
 }
 
-/// Sum of squared errors in each fold of [`leave_units_out`]; a row without a middle has none.
+/// Sum of squared errors in each fold of [`leave_units_out`]. A row whose measurement has no middle
+/// does not count.
 pub(super) fn squared_errors(engine: &Engine, left: &Left, unit: &Unit) -> Vec<f64> {
     let mut squares = vec![0.0; left.elpd.len()];
     for (row, predicted) in left.predicted.iter().enumerate() {
@@ -110,7 +115,7 @@ pub(super) fn squared_errors(engine: &Engine, left: &Left, unit: &Unit) -> Vec<f
     squares
 }
 
-/// What a cavity says of its rows.
+/// The predictions of a site's rows by their cavity.
 struct FromCavity {
     /// Residual and predicted value of each row.
     rows: Vec<(f64, f64)>,
@@ -118,7 +123,7 @@ struct FromCavity {
     elpd: f64,
 }
 
-/// How a row's measurement compares with the draws of its prediction.
+/// A row's measurement in comparison with draws of its prediction.
 #[derive(Clone, Copy, Default)]
 struct Tally {
     below: f64,
@@ -178,7 +183,7 @@ pub(super) fn order(a: &[f64], b: &[f64]) -> Ordering {
     key(a).total_cmp(&key(b))
 }
 
-/// `R Rᵀ = covariance`, also where it is singular.
+/// R with `R Rᵀ = covariance`. The covariance may be singular.
 fn square_root(covariance: &DMatrix<f64>) -> DMatrix<f64> {
     let mut eigen = nalgebra::SymmetricEigen::new(covariance.clone());
     eigen.eigenvalues.apply(|e| *e = e.max(0.0).sqrt());

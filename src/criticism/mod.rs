@@ -1,10 +1,12 @@
 //! What a model lacks: the loop of residual, missing effect, new model, error before and after.
 //!
-//! A search is made on Laplace fits ([`Engine`]) of the model with an offset on whatever its
-//! likelihoods compare with their measurements: a random effect of each site, a further error of each
-//! row, and the effects that are tried ([`Candidate`]). What is claimed must beat the same search on
-//! data simulated from the model without it ([`criticise`]). Knows nothing of electrophysiology; what
-//! columns mean it asks the table ([`Role`](crate::table::Role)).
+//! A search works on Laplace fits ([`Engine`]) of the model. What a likelihood compares with its
+//! measurement has an offset, which holds a random effect of each site and the effects that are
+//! tried ([`Candidate`]). Each row has a further error. What is claimed must do better than the
+//! same search on data simulated from the model without it ([`criticise`]).
+//!
+//! Knows nothing of electrophysiology. What columns mean it asks the table
+//! ([`Role`](crate::table::Role)).
 //!
 //! Files, each of which uses only those above it:
 //!

@@ -7,21 +7,22 @@ use super::system::{Linear, System};
 use crate::model::{Curvature, Noise, Tape};
 
 const MAX_STEPS: usize = 60;
-/// Gradient times step, twice what a step can gain, below which a point is the mode.
+/// A point is the mode if gradient times step is below this. That product is twice what a step can
+/// gain.
 const SMALL: f64 = 1e-9;
 
-/// What is climbed.
+/// The log density that is climbed.
 pub(super) struct Newton<'a> {
     pub(super) engine: &'a Engine,
     pub(super) outer: &'a Outer,
     pub(super) linear: &'a Linear,
-    /// What spreads each row beyond its likelihood.
+    /// The further errors of each row, beyond its likelihood.
     pub(super) noise: &'a [Noise],
     /// Rows that are not seen, ascending.
     pub(super) hidden: &'a [usize],
 }
 
-/// What the iteration knows at a point.
+/// What is computed at a point.
 pub(super) struct Point {
     pub(super) x: DVector<f64>,
     pub(super) z: Vec<f64>,
@@ -32,7 +33,8 @@ pub(super) struct Point {
 }
 
 impl Newton<'_> {
-    /// The mode from a start, and the system there; `None` where there is none.
+    /// The mode that is reached from a start, and the linear system there. `None` if there is no
+    /// mode.
     pub(super) fn climb(
         &self,
         t: &mut Tape,
@@ -103,7 +105,7 @@ impl Newton<'_> {
         value.is_finite().then_some(Point { x, z, locals, curvatures, gradient, value })
     }
 
-    /// The first point along a step that is higher.
+    /// Shortens the step until its end is higher. Gives that point.
     fn search(&self, t: &mut Tape, point: &Point, dx: &DVector<f64>, dz: &[f64]) -> Option<Point> {
         let mut length = 1.0;
         for _ in 0..12 {
@@ -134,11 +136,12 @@ impl Newton<'_> {
     }
 }
 
-/// A Hessian of which a part is positive. What is left without that part is negative semidefinite.
+/// A Hessian with positive eigenvalues. If these are set to 0, what is left is negative
+/// semidefinite.
 pub(super) struct Clipped(SymmetricEigen<f64, Dyn>);
 
 impl Clipped {
-    /// Of a Hessian `(n, n)` in the scalars numbered `of`; `None` if it has no positive part.
+    /// From a Hessian `(n, n)` in the scalars numbered `of`. `None` if nothing is positive.
     pub(super) fn of(hessian: &[f64], n: usize, of: &[usize]) -> Option<Self> {
         let at = |a: usize, b: usize| hessian[of[a] * n + of[b]];
         if of.len() == 1 && at(0, 0) <= 0.0 {
@@ -149,7 +152,7 @@ impl Clipped {
         (!is_definite).then(|| Self(SymmetricEigen::new(matrix)))
     }
 
-    /// Writes what is left into the Hessian.
+    /// Writes what is left without its positive part into the Hessian.
     fn write(mut self, hessian: &mut [f64], n: usize, of: &[usize]) {
         self.0.eigenvalues.apply(|e| *e = e.min(0.0));
         let left = self.0.recompose();
@@ -158,7 +161,8 @@ impl Clipped {
         }
     }
 
-    /// The adjoint of the Hessian, where that of what is left is `bar` (Daleckii and Krein).
+    /// The adjoint of the Hessian, if `bar` is the adjoint of what is left of it (Daleckii and
+    /// Krein).
     pub(super) fn carried(&self, bar: &DMatrix<f64>) -> DMatrix<f64> {
         let (values, vectors) = (&self.0.eigenvalues, &self.0.eigenvectors);
         let mut inner = vectors.transpose() * bar * vectors;

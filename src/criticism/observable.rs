@@ -6,7 +6,7 @@ use crate::model::{Model, Observe};
 /// For each `observe` of a model, the first field or `let` that its likelihood mentions.
 ///
 /// # Errors
-/// One that mentions parameters alone: there is nothing that an effect could act on.
+/// An `observe` that mentions parameters alone: there is nothing that an effect could act on.
 pub(super) fn observables(model: &Model) -> Result<Vec<String>, CriticismError> {
     let no_text = |_| CriticismError::NoObservable { observe: model.name.into() };
     let tree = model.syntax().map_err(no_text)?;
@@ -18,7 +18,8 @@ pub(super) fn observables(model: &Model) -> Result<Vec<String>, CriticismError> 
     model.observes.iter().map(one).collect()
 }
 
-/// The median width of the brackets; for other measurements, half their standard deviation.
+/// The size of a protocol step: the median width of the brackets, or half the standard deviation of
+/// other measurements.
 pub(super) fn step_of(model: &Model) -> f64 {
     let (mut widths, mut values) = (vec![], vec![]);
     for cells in model.observes.iter().flat_map(Observe::observed) {
@@ -38,12 +39,12 @@ pub(super) fn step_of(model: &Model) -> f64 {
     if sd > 0.0 { readable(sd / 2.0) } else { 1.0 }
 }
 
-/// Three significant digits, for what is written into a model file.
+/// Rounds to three significant digits, for what is written into a model file.
 pub(super) fn readable(x: f64) -> f64 {
     format!("{x:.2e}").parse().unwrap_or(x)
 }
 
-/// As many decimals as three significant digits of `scale` have.
+/// Rounds to as many decimals as `scale` has with three significant digits.
 pub(super) fn readable_to(x: f64, scale: f64) -> f64 {
     let decimals = (2.0 - scale.abs().log10().floor()).clamp(0.0, 12.0);
     format!("{x:.0$}", decimals as usize).parse().unwrap_or(x)

@@ -1,5 +1,5 @@
-//! The best outer values of a Laplace fit: hyperparameters, and the sds of sites and noise, by the exact gradient of
-//! the evidence (`slope`).
+//! The best outer values of a Laplace fit: hyperparameters, and the sds of sites and noise. They
+//! are found by the exact gradient of the evidence (`slope`).
 
 use super::engine::{Engine, Outer};
 use super::fit::LaplaceFit;
@@ -8,14 +8,14 @@ use crate::infer::{Evaluator, LogDensity, OptimumSettings, maximise};
 /// Which outer values are free.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Free {
-    /// All.
+    /// All of them.
     All,
     /// The sds of sites, of noise and of units.
     Spread,
 }
 
-/// Log prior of the sds: half-normal, one protocol step wide; softly kept from vanishing, where a
-/// bracket would become a box without curvature.
+/// Log prior of the sds. It is half-normal, one protocol step wide. It also keeps sds softly from
+/// vanishing, because a bracket without a further error would be a box without curvature.
 fn ln_prior(outer: &Outer, step: f64) -> f64 {
     let site = Some(outer.ln_site).filter(|ln| ln.is_finite());
     one(outer.ln_noise, LEAST_NOISE, step)[0]
@@ -23,14 +23,14 @@ fn ln_prior(outer: &Outer, step: f64) -> f64 {
         + outer.ln_unit.map_or(0.0, |unit| one(unit, LEAST_SITE, step)[0])
 }
 
-/// The prior of a sd, and its slope in ln sd.
+/// The log prior of one sd, and its slope in ln sd.
 fn one(ln_sd: f64, least: f64, step: f64) -> [f64; 2] {
     let square = (2.0 * ln_sd).exp() / (step * step);
     let below = (least - (ln_sd - step.ln())).max(0.0);
     [-0.5 * square - 0.5 * below * below / 0.09, below / 0.09 - square]
 }
 
-/// ln of the least sds, in steps.
+/// ln of the sds below which the prior falls off, in steps.
 const LEAST_SITE: f64 = -3.0;
 const LEAST_NOISE: f64 = -1.6;
 
@@ -54,7 +54,7 @@ pub(super) fn optimise(
     Some((fit, score))
 }
 
-/// The best fit without random effects of sites at these hyperparameters, and its score.
+/// The best fit without random effects of sites, at these hyperparameters; and its score.
 pub(super) fn without_sites(
     engine: &Engine,
     active: &[usize],
@@ -123,7 +123,7 @@ impl LogDensity for Climb<'_> {
 
 struct Climber<'a> {
     climb: &'a Climb<'a>,
-    /// The last fit, from which the next one sets out.
+    /// The last fit, from which the next one starts.
     last: LaplaceFit,
 }
 

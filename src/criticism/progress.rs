@@ -13,5 +13,5 @@ pub struct SearchProgress {
     pub of: usize,
 }
 
-/// Is told how far a search is, from any thread; `Break` stops it.
+/// Is told, from any thread, how far a search is. If it returns `Break`, the search stops.
 pub type Watch<'w> = dyn Fn(SearchProgress) -> ControlFlow<()> + Sync + 'w;

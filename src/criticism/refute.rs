@@ -23,8 +23,9 @@ impl Gain {
 }
 
 impl Bench<'_> {
-    /// Why predictions of what was left out speak against a cause's effects, the last terms of `fit`, if they do:
-    /// of sites, and of the units over which the cause varies. `left` is what the fit without it leaves over.
+    /// Whether predictions of what was left out speak against a cause, and why. Its effects are the
+    /// last terms of `fit`. What is left out is sites, and units over which the cause varies.
+    /// `left` is what the fit without the effects leaves over.
     pub(super) fn refutation(
         &self,
         effects: &[usize],
@@ -54,7 +55,8 @@ impl Bench<'_> {
         })
     }
 
-    /// Whether a field predicts what was left out better than another field does, beyond the error of that.
+    /// Whether a field predicts what was left out better than another field does, by more than the
+    /// error of the difference.
     pub(super) fn is_better_field(&self, field: &LaplaceFit, than: &LaplaceFit) -> bool {
         let sites = |fit: &LaplaceFit| leave_sites_out(&self.engine, fit, self.seed).elpd;
         let gained = match self.left_out(None).filter(|unit| unit.n >= LEAST_UNITS) {
@@ -72,7 +74,7 @@ impl Bench<'_> {
         }
     }
 
-    /// What one fit gains on another where units are left out as a whole.
+    /// What one fit gains on another if units are left out as a whole.
     fn unit_gain(&self, before: &LaplaceFit, after: &LaplaceFit, unit: &Unit) -> Option<Gain> {
         let [before, after] = [self.leave_out(before, unit)?, self.leave_out(after, unit)?];
         let squares = |left: &Left| squared_errors(&self.engine, left, unit);
@@ -82,7 +84,8 @@ impl Bench<'_> {
         })
     }
 
-    /// Predictions of each unit from the others, everything at its best, as it will be reported.
+    /// Predictions of each unit from the others, with all outer values at their best, as they will
+    /// be reported.
     fn leave_out(&self, fit: &LaplaceFit, unit: &Unit) -> Option<Left> {
         let best = self.optimised(fit, Free::All);
         let fit = best.map_or_else(|| fit.clone(), |(fit, _)| fit);

@@ -15,12 +15,17 @@ pub struct Findings {
     pub outliers: Option<(f64, f64)>,
 }
 
-/// `source` with these findings: what sites differ by and effects are declared at the end of its model, each under a
-/// line that says why; an error of rows before its first `observe`, whose likelihood is put within `Widened(…)`; and
-/// likelihoods within `Outliers(…, share, sd)` if there are outliers.
+/// `source` with these findings:
+///
+/// - what sites differ by, and effects, are declared at the end of its model, each under a line
+///   that says why;
+/// - a further error of rows is declared before its first `observe`, whose likelihood is put within
+///   `Widened(…)`;
+/// - if there are outliers, likelihoods are put within `Outliers(…, share, sd)`.
 ///
 /// # Errors
-/// A text that is no model file, or an effect that cannot be written: of a column whose name is none.
+/// The text is no model file, or an effect cannot be written because the name of its column is no
+/// name in a model file.
 pub fn rewrite(source: &str, findings: &Findings) -> Result<String, Mistake> {
     let Findings { discrepancy, effects, outliers } = findings;
     let mut added = Added { outliers: *outliers, ..Added::default() };

@@ -1,4 +1,4 @@
-//! Causes that the best candidate cannot be told apart from.
+//! Rivals: causes that the best candidate cannot be told apart from.
 
 use super::bench::Bench;
 use super::candidate::Level;
@@ -11,20 +11,22 @@ use super::screen::{r_squared, r_squared_on_fields};
 use super::search::Tried;
 use crate::model::forms::Extent;
 
-/// A runner-up within this log Bayes factor is a rival.
+/// A runner-up is a rival if its log Bayes factor is less than this below the best.
 const RIVAL: f64 = 2.0;
-/// A winner that adds less than this with its rival in the model is not told apart from it.
+/// A winner is not told apart from a rival if it adds less than this with the rival in the model.
 const ADDS: f64 = 1.0;
-/// R² on the fitted fields' span beyond which a covariate could be the fields' own, unless it adds [`DECISIVE`]
-/// to them.
+/// If more than this share of a covariate (R²) lies in the span of the fitted fields, it could be
+/// the fields' own doing, unless it adds [`DECISIVE`] to them.
 const SPAN: f64 = 0.8;
-/// R² of a covariate on another beyond which they are the same.
+/// If R² of one covariate on another is above this, they are the same.
 const SAME: f64 = 0.95;
-/// R² of a covariate on another beyond which it must add [`DECISIVE`] with that in the model: how the two are
-/// written down, rather than the data, could prefer one. Of covariates without any relation, with up to five
-/// labels over 40 sites, one in a thousand is above.
+/// If R² of one covariate on another is above this, it must add [`DECISIVE`] with the other in the
+/// model. Otherwise the way in which the two are written down, rather than the data, could prefer
+/// one. Of unrelated covariates with up to five labels over 40 sites, one in a thousand is above
+/// this.
 const ALIKE: f64 = 0.4;
-/// A log Bayes factor that no way of writing the same thing down makes up for: odds of 150 to 1.
+/// No difference in how the same thing is written down makes up for this log Bayes factor: odds of
+/// 150 to 1.
 const DECISIVE: f64 = 5.0;
 
 /// The best candidate and what it is compared with.
@@ -59,7 +61,7 @@ impl Bench<'_> {
         rivals
     }
 
-    /// What the best candidate adds where the model's fields may have as many modes as they want.
+    /// What the best candidate adds if the model's fields may have as many modes as they want.
     fn adds_to_finer_fields(&self, duel: &Duel<'_>) -> f64 {
         let Some(fit) = &duel.best.fit else { return 0.0 };
         let best = |fit: &LaplaceFit| {
@@ -101,7 +103,8 @@ impl Bench<'_> {
         is_one && (alike > ALIKE || other.fit.as_ref().is_some_and(predicts))
     }
 
-    /// Whether the labels of one column follow from those of another: no design tells their effects apart.
+    /// Whether the labels of one column follow from those of another. No design tells the effects
+    /// of such columns apart.
     fn is_coarser(&self, other: &Tried, best: &Tried) -> bool {
         let is_label = |t: &Tried| {
             let form = &self.candidates[t.candidate].form;
@@ -112,9 +115,10 @@ impl Bench<'_> {
             && r_squared(&self.engine, other.candidate, best.candidate) > SAME
     }
 
-    /// The fits of two candidates, if both are fields: these follow each other over the rows without being
-    /// the same cause. One has more evidence, which is of neighbours too; the other is its rival if it has as
-    /// much, or says more of where nothing was measured.
+    /// The fits of two candidates, if both are fields. Fields follow each other over the rows
+    /// without being the same cause. The one with more evidence, which is also evidence about
+    /// neighbours, is the better. The other is its rival if it has as much evidence, or says more
+    /// about places where nothing was measured.
     fn fields<'t>(&self, best: &'t Tried, other: &'t Tried) -> Option<[&'t LaplaceFit; 2]> {
         let is_field = |t: &Tried| self.candidates[t.candidate].is_field();
         let fits = best.fit.as_ref().zip(other.fit.as_ref())?;

@@ -1,4 +1,4 @@
-//! How covariates go with what a fit leaves over, with its fields, and with each other.
+//! How covariates go together with what a fit leaves over, with its fields, and with each other.
 
 use std::collections::BTreeMap;
 
@@ -8,7 +8,8 @@ use super::engine::{Engine, RowAt};
 use super::fit::LaplaceFit;
 use super::observable::readable;
 
-/// p-value of the F-test of values of groups of rows on a design's means over these.
+/// p-value of an F-test: of one value for each group of rows, on the means of a design over these
+/// groups.
 pub(super) fn f_test(engine: &Engine, groups: &[(f64, Vec<usize>)], term: usize) -> f64 {
     let term = &engine.terms[term];
     let n = groups.len();
@@ -52,7 +53,8 @@ pub(super) fn of_units(engine: &Engine, fit: &LaplaceFit) -> Vec<(f64, Vec<usize
     (0..term.n).map(own).filter(|(_, rows): &(f64, Vec<usize>)| !rows.is_empty()).collect()
 }
 
-/// Share of a term's variance over the rows that a smooth through the model's fields could take up.
+/// The share of a term's variance over the rows that a smooth function of the model's fields could
+/// take up.
 pub(super) fn r_squared_on_fields(
     engine: &Engine,
     fit: &LaplaceFit,
@@ -79,7 +81,7 @@ pub(super) fn r_squared_on_fields(
     if total > 0.0 { 1.0 - left / total } else { 0.0 }
 }
 
-/// Share of a term's variance over the rows that the design of another explains.
+/// The share of a term's variance over the rows that the design of another term explains.
 pub(super) fn r_squared(engine: &Engine, term: usize, by: usize) -> f64 {
     if engine.terms[term].n == 0 || engine.terms[by].n == 0 {
         return 0.0; // outliers have no design
@@ -122,8 +124,8 @@ fn slopes(engine: &Engine, fit: &LaplaceFit) -> Option<DMatrix<f64>> {
     Some(slopes)
 }
 
-/// The change of each field that moves what is observed by one protocol step, from the rms slope over
-/// the rows of a fit; fields that nothing observed depends on are left out.
+/// The change of each field that moves what is observed by one protocol step. It comes from the rms
+/// slope over the rows of a fit. Fields on which nothing observed depends are left out.
 pub(super) fn field_sd(engine: &Engine, fit: &LaplaceFit, step: f64) -> BTreeMap<String, f64> {
     let mut found = BTreeMap::new();
     for field in engine.model.field_names() {

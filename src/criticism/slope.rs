@@ -1,4 +1,4 @@
-//! The gradient of a Laplace evidence in what is not integrated out.
+//! The gradient of a Laplace evidence in the outer values, which are not integrated over.
 //!
 //! ```text
 //! ln p(y | η) ≈ L(X̂; η) − ½ ln det H,    H = −∇²L = P − Σ_r A_rᵀ h_r A_r,    scalars of row r: l_r = c_r + A_r X
@@ -6,9 +6,12 @@
 //! d/dη = ∂L/∂η + ½ Σ_r tr(V_r ∂h_r/∂η) + Σ_r tr(h_r A_r H⁻¹ ∂A_rᵀ/∂η) − ½ tr(H⁻¹ ∂P/∂η) + s · ∂∇L/∂η
 //! V_r = A_r H⁻¹ A_rᵀ,    s = H⁻¹ Σ_r A_rᵀ q_r,    q_r = ½ ∂tr(V_r h_r)/∂l_r
 //! ```
-//! X are the linear unknowns, the coefficients of terms and the random effects of sites; P is the curvature of their
-//! prior and `h_r` that of a row's log likelihood in its scalars. The last term is how the mode moves. All terms
-//! but the one with P add up to an adjoint of c and one of A, which the model carries on to its unknowns.
+//! X are the linear unknowns, the coefficients of terms and the random effects of sites. P is the
+//! curvature of their prior, and `h_r` that of a row's log likelihood in its scalars. The last term
+//! is how the mode moves.
+//!
+//! All terms but the one with P add up to an adjoint of c and one of A. The model carries these on
+//! to its unknowns.
 
 use nalgebra::{DMatrix, DVector};
 
@@ -39,16 +42,18 @@ struct Pieces<'a> {
     tau: f64,
     /// Curvature of each row in all of its scalars and, last, in the variance of a further error.
     rows: Vec<Curvature>,
-    /// H⁻¹ in the scalars' linear map: S⁻¹ J, and S⁻¹ times the coupling of each site.
+    /// The parts of H⁻¹ times the linear map of the scalars: S⁻¹ J, and S⁻¹ times the coupling of
+    /// each site.
     solved: DMatrix<f64>,
     solved_sites: DMatrix<f64>,
-    /// q of each row, its variance last.
+    /// q of each row. The last number of a row belongs to the variance.
     bends: Vec<Vec<f64>>,
-    /// s: of the unknowns and of the sites.
+    /// s, of the unknowns and of the sites.
     shift: (DVector<f64>, Vec<f64>),
 }
 
-/// Adjoints of the scalars at fixed X and of their linear map; the gradient in two of the outer values.
+/// Adjoints of the scalars at fixed X, and of their linear map; and the gradient in two of the
+/// outer values.
 struct Adjoints {
     constant: Vec<f64>,
     linear: DMatrix<f64>,
@@ -255,8 +260,9 @@ impl<'a> Pieces<'a> {
         sum.iter().copied().collect()
     }
 
-    /// −½ tr(H⁻¹ ∂P/∂other). The curvature of the prior is exact; how it changes is taken by differences of it, since
-    /// no fit is needed for them, and only where the prior of a linear unknown depends on others.
+    /// −½ tr(H⁻¹ ∂P/∂other). The curvature of the prior is exact. How it changes is computed by
+    /// differences, which need no fit, and only if the prior of a linear unknown depends on other
+    /// unknowns.
     fn of_prior_curvature(&self) -> DVector<f64> {
         const STEP: f64 = 1e-4;
         let (engine, fit) = (self.engine, self.fit);

@@ -1,6 +1,8 @@
-//! The linear system of a Laplace fit: how scalars depend on what is integrated out, and its Hessian.
+//! The linear system of a Laplace fit: how scalars depend on what is integrated over, and the
+//! Hessian in that.
 //!
-//! Random effects touch only their own site, so that they are eliminated one by one.
+//! A random effect of a site touches only the rows of that site, so these effects are eliminated
+//! one by one.
 
 use nalgebra::{Cholesky, DMatrix, DVector, Dyn};
 
@@ -10,7 +12,7 @@ use super::engine::{Engine, RowAt};
 #[derive(Clone, Debug)]
 pub(super) struct Linear {
     pub(super) constant: Vec<f64>,
-    /// (unknowns, scalars): a scalar's row of J is a column here.
+    /// J transposed, (unknowns, scalars): the row of J of a scalar is a column here.
     pub(super) j: DMatrix<f64>,
     /// Scalars that any unknown moves, ascending.
     pub(super) used: Vec<usize>,
@@ -24,7 +26,8 @@ impl Linear {
         self.j.nrows()
     }
 
-    /// Which scalars of a row what is integrated over moves: not a noise, for instance.
+    /// The scalars of a row that depend on what is integrated over. A noise, for instance, does
+    /// not.
     pub(super) fn moved(&self, row: &RowAt) -> Vec<usize> {
         let is_moved = |l: usize| self.row(row.first + l).iter().any(|j| *j != 0.0);
         (0..row.n).filter(|l| *l == row.observable || is_moved(*l)).collect()
@@ -36,7 +39,7 @@ impl Linear {
     }
 }
 
-/// Minus the Hessian, the sites' effects eliminated.
+/// Minus the Hessian, after the sites' effects were eliminated.
 #[derive(Clone, Debug)]
 pub(super) struct System {
     pub(super) factor: Cholesky<f64, Dyn>,
@@ -46,7 +49,7 @@ pub(super) struct System {
 }
 
 impl System {
-    /// Of the Hessian of each row's log likelihood in its scalars, `(n, n)`.
+    /// The system, from the Hessian of each row's log likelihood in its scalars, `(n, n)`.
     pub(super) fn new<'h>(
         engine: &Engine,
         linear: &Linear,

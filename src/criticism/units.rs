@@ -1,4 +1,4 @@
-//! The unit over which a covariate varies: what cross-validation must leave out as a whole.
+//! The unit over which a covariate varies: cross-validation must leave it out as a whole.
 
 use std::collections::BTreeMap;
 
@@ -36,12 +36,12 @@ impl Unit {
 /// Fewer units than this cannot confirm an effect.
 pub(super) const LEAST_UNITS: usize = 5;
 
-/// The column that names sites; without one each row is a site.
+/// The column that names sites. Without it, each row is a site of its own.
 pub fn site_column(table: &Measurements) -> Option<&'static str> {
     [SITE, VERTEX].into_iter().find(|column| table.has(column))
 }
 
-/// The site of a row in words: its column with the cell, else the row's line.
+/// The site of a row in words: the column of sites with the row's cell, else the row's line.
 pub(super) fn site_name(table: &Measurements, row: usize) -> String {
     let cell = |column| Some(format!("{column} {}", table.cell(row, column)?));
     site_column(table).and_then(cell).unwrap_or_else(|| format!("line {}", table.line(row)))
@@ -66,9 +66,9 @@ fn by_label(table: &Measurements, column: &str) -> Unit {
     Unit { name: column.into(), group, n: groups.len() }
 }
 
-/// The unit that has a random effect in every fit, if there is one: the coarsest occasion within which one
-/// of these columns is constant. What varies over a few recordings alone must explain more than
-/// recordings differ by anyway.
+/// The unit that has a random effect in every fit, if there is one: the coarsest occasion within
+/// which one of these columns is constant. It is there because a column that varies only over a few
+/// recordings must explain more than recordings differ by anyway.
 pub(super) fn random_unit<'t>(
     table: &Measurements,
     columns: impl Iterator<Item = &'t String>,
@@ -80,8 +80,9 @@ pub(super) fn random_unit<'t>(
     units.flatten().filter(|unit| unit.n >= LEAST_UNITS).min_by_key(|unit| unit.n)
 }
 
-/// What is left out as a whole to see whether an effect of `column` (or of none) predicts: the folds of
-/// the table, else the coarsest occasion within which it is constant, else the site.
+/// The unit that is left out as a whole to see whether an effect of `column` (or of no column)
+/// predicts. It is the folds of the table, else the coarsest occasion within which the column is
+/// constant, else the site.
 pub(super) fn unit_of(table: &Measurements, column: Option<&str>) -> Unit {
     if let Some(fold) = table.columns().iter().find(|c| table.role(c) == Role::Fold) {
         return by_label(table, fold);

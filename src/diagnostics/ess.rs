@@ -11,7 +11,7 @@ pub fn ess_bulk(chains: &[&[f64]]) -> f64 {
     effective_size(&normal_scores(split(chains)))
 }
 
-/// Effective sample size for the tails: the lesser of those of the 5 % and the 95 % quantile.
+/// Effective sample size for the tails: the smaller of those of the 5 % and the 95 % quantile.
 pub fn ess_tail(chains: &[&[f64]]) -> f64 {
     let Some(sorted) = sorted(chains) else { return f64::NAN };
     let at = |probability| ess_quantile(chains, quantile(&sorted, probability));

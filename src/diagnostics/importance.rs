@@ -1,4 +1,4 @@
-//! How well draws from an approximation q stand for the density p that it approximates.
+//! How well draws from an approximation q represent the density p that it approximates.
 //!
 //! # Source
 //! Yao, Vehtari, Simpson & Gelman 2018, "Yes, but did it work?: evaluating variational inference"; Vehtari,
@@ -16,7 +16,7 @@ pub struct Importance {
     pub k_threshold: f64,
     /// Number of independent draws from p that the weighted draws are worth: `1 / Σ w²`.
     pub ess: f64,
-    /// Log of the mean ratio: of the integral of p if q integrates to 1.
+    /// Log of the mean ratio. If q integrates to 1, this is the log of the integral of p.
     pub ln_mean: f64,
     /// Its Monte Carlo standard error.
     pub ln_mean_se: f64,
@@ -32,7 +32,7 @@ fn spread(x: &[f64]) -> f64 {
     ends.1 - ends.0
 }
 
-/// From `log_ratios` (S), ln p − ln q of independent draws from q; −∞ where p is 0.
+/// The figures of `log_ratios` (S): ln p − ln q of independent draws from q, −∞ where p is 0.
 pub fn importance(log_ratios: &[f64]) -> Importance {
     let n = log_ratios.len() as f64;
     let supported = |ratio: &f64| *ratio != f64::NEG_INFINITY;

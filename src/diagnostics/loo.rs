@@ -65,8 +65,9 @@ pub fn loo(log_likelihood: &[f64], n: usize, r_eff: f64) -> Loo {
     }
 }
 
-/// Weights (S, their sum 1) under which draws of the posterior stand for draws of the posterior without
-/// one measurement, from the measurement's log likelihood in each draw; `None` if one is not finite.
+/// Weights (S, their sum is 1) that make draws of the posterior represent the posterior without one
+/// measurement. They come from the log likelihood of the measurement in each draw. `None` if one of
+/// these is not finite.
 ///
 /// They can be relied on where the measurement's Pareto k is at most [`Loo::k_threshold`].
 pub fn loo_weights(log_likelihood: &[f64], r_eff: f64) -> Option<Vec<f64>> {
@@ -81,10 +82,11 @@ pub fn standard_error(pointwise: &[f64]) -> f64 {
     (pointwise.len() as f64).sqrt() * sd
 }
 
-/// Mean over quantities of their effective sample size for the mean per draw, as `ArviZ` has it; 1
-/// for a single chain.
+/// The mean number of independent draws that one draw is worth: the effective sample size for the
+/// mean, per draw, averaged over the quantities as `ArviZ` does it. It is 1 for a single chain.
 ///
-/// A quantity that never varies, whose size is NaN, counts as drawn independently.
+/// A quantity that never varies has the effective sample size NaN, and counts as drawn
+/// independently.
 pub fn relative_efficiency(ess_mean: &[f64], n_chains: usize, n_draws: usize) -> f64 {
     if n_chains < 2 || ess_mean.is_empty() {
         return 1.0;

@@ -25,8 +25,9 @@ pub fn mcse_sd(chains: &[&[f64]]) -> f64 {
     (of_variance / variance / 4.0).sqrt()
 }
 
-/// Monte Carlo standard error of a quantile: half the span of the order statistics at ± one
-/// standard error of its probability, which is beta distributed.
+/// Monte Carlo standard error of a quantile. The standard error of its probability comes from a
+/// beta distribution. The result is half the span between the order statistics one such error below
+/// and one above.
 pub fn mcse_quantile(chains: &[&[f64]], probability: f64) -> f64 {
     /// Φ(−1) and Φ(1), with the digits that `ArviZ` has.
     const ONE_SIGMA: [f64; 2] = [0.158_655_3, 0.841_344_7];

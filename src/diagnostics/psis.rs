@@ -1,5 +1,5 @@
-//! Pareto-smoothed importance sampling: the largest weights replaced by the expected order
-//! statistics of a generalised Pareto distribution fitted to them.
+//! Pareto-smoothed importance sampling. A generalised Pareto distribution is fitted to the largest
+//! weights, and its expected order statistics take their place.
 //!
 //! Knows only log ratios; nothing of what the weights are for.
 //!
@@ -24,9 +24,11 @@ pub(super) struct Smoothed {
 
 /// Smooths the importance ratios of S draws, each worth `r_eff` independent ones.
 ///
-/// Ratios that are all equal have k = 0.  A tail that cannot be fitted (fewer than five draws, or its
-/// smallest quarter tied) keeps its weights and has k = ∞, so that nobody relies on it (differs from
-/// `ArviZ`, which raises an error or returns NaN).  A ratio that is not finite makes every weight NaN.
+/// - Ratios that are all equal have k = 0.
+/// - A tail that cannot be fitted keeps its weights and has k = ∞, so that nobody relies on it.
+///   This is a tail of fewer than five draws, or one whose smallest quarter is tied. It differs
+///   from `ArviZ`, which raises an error or returns NaN.
+/// - A ratio that is not finite makes every weight NaN.
 pub(super) fn smooth(log_ratios: &[f64], r_eff: f64) -> Smoothed {
     let n = log_ratios.len();
     let largest = log_ratios.iter().copied().fold(f64::NEG_INFINITY, f64::max);
@@ -54,8 +56,8 @@ pub(super) fn smooth(log_ratios: &[f64], r_eff: f64) -> Smoothed {
     Smoothed { log_weights, log_sum: largest + norm, pareto_k }
 }
 
-/// `ln Σ exp`. Where no value is finite it is NaN, so that it passes for no figure; [`crate::num::ln_sum_exp`],
-/// which priors and likelihoods use, is −∞ there.
+/// `ln Σ exp`. If no value is finite, the result is NaN, so that it cannot be taken for a figure.
+/// [`crate::num::ln_sum_exp`], which priors and likelihoods use, is −∞ there.
 pub(super) fn log_sum_exp(values: &[f64]) -> f64 {
     let largest = values.iter().copied().fold(f64::NEG_INFINITY, f64::max);
     largest + values.iter().map(|x| (x - largest).exp()).sum::<f64>().ln()
@@ -92,8 +94,9 @@ struct GeneralisedPareto {
 }
 
 impl GeneralisedPareto {
-    /// Fits ascending excesses `x` by the mean of the profile posterior of `b = −k/σ`; k is drawn
-    /// towards 0.5 as if by ten more excesses. `None` if the smallest quarter is tied.
+    /// Fits ascending excesses `x`, by the mean of the profile posterior of `b = −k/σ`. The
+    /// estimate of k is drawn towards 0.5, as ten more excesses would do. `None` if the smallest
+    /// quarter is tied.
     fn fit(x: &[f64]) -> Option<Self> {
         let n = x.len() as f64;
         let quartile = x[(n / 4.0 + 0.5) as usize - 1];

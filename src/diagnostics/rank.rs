@@ -3,8 +3,8 @@
 use super::special::normal_quantile;
 use super::{Split, is_valid, mean_and_sd, split};
 
-/// Rank-normalised split R̂, the larger of the bulk's and the folded draws'; converged chains have
-/// less than 1.01.  NaN for a single chain or chains that never move.
+/// Rank-normalised split R̂: the larger of two, that of the draws and that of the folded draws.
+/// Converged chains have less than 1.01. NaN for a single chain or for chains that never move.
 pub fn r_hat(chains: &[&[f64]]) -> f64 {
     if chains.len() < 2 || !is_valid(chains) {
         return f64::NAN;

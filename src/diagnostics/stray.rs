@@ -1,4 +1,4 @@
-//! Where in the chains the disagreement lies that R̂ measures.
+//! Which stretch of which chain makes R̂ large.
 
 use std::ops::Range;
 
@@ -13,14 +13,15 @@ pub struct Stray {
     pub mean: f64,
     /// Mean of all other draws of all chains.
     pub rest_mean: f64,
-    /// Standard deviation of those.
+    /// Standard deviation of all other draws.
     pub rest_sd: f64,
 }
 
-/// The stretch (a chain, or a half, quarter … sixteenth of one, beginning at any half of its own
-/// length) that adds most to the variance between stretches: n (mean of n draws − mean of all)².
+/// The stretch that adds most to the variance between stretches: n (mean of its n draws − mean of
+/// all)². A stretch is a chain, or a half, quarter … sixteenth of one; it may begin at any multiple
+/// of half of its own length.
 ///
-/// `None` for draws that do not vary, are not finite or are fewer than 32 a chain.
+/// `None` if the draws do not vary, are not finite, or are fewer than 32 in a chain.
 pub fn stray(chains: &[&[f64]]) -> Option<Stray> {
     const HALVINGS: u32 = 4;
     let all = || chains.iter().flat_map(|chain| chain.iter().copied());

@@ -26,9 +26,10 @@ impl<D: Real> Dist<D> for FlatPositive {
 }
 
 family! {
-    /// The constant density 1 on `(lower, upper)`, either of which may be infinite: a Stan parameter
-    /// with bounds and no prior. Not normalised, so that bounds which depend on parameters cut a flat
-    /// density out of the plane; [`Uniform`](super::Uniform) is the density 1/(upper − lower).
+    /// The constant density 1 on `(lower, upper)`, either of which may be infinite: what a Stan
+    /// parameter with bounds and no prior has. It is not normalised. So bounds that depend on
+    /// parameters cut a region out of a flat density, and do not give narrow intervals a higher
+    /// density. [`Uniform`](super::Uniform) has the density 1/(upper − lower) instead.
     FlatBetween(lower: "lower end", upper: "upper end");
     /// Normal distribution cut off outside `(lower, upper)`, either of which may be infinite: density
     /// `Normal(x; mu, sd) / (Φ((upper − mu)/sd) − Φ((lower − mu)/sd))`.
@@ -93,7 +94,7 @@ impl<D: Real> Bounds<D> {
         }
     }
 
-    /// A point inside, `step` from the only finite end.
+    /// A point inside the bounds. If only one end is finite, it is `step` away from that.
     fn inside(&self, step: f64) -> f64 {
         let (a, b) = (self.lower.re(), self.upper.re());
         match self.are_finite() {
@@ -105,7 +106,7 @@ impl<D: Real> Bounds<D> {
     }
 }
 
-/// What [`Bounds`] say of a prior that has them.
+/// The methods of a prior that follow from its [`Bounds`].
 macro_rules! bounded {
     () => {
         fn support(&self) -> Support {
@@ -173,7 +174,7 @@ impl<D: Real> Dist<D> for TruncatedNormal<D> {
         let is_inside = self.lower.re() < mu && mu < self.upper.re();
         if is_inside { mu } else { self.bounds().inside(self.sd.re()) }
     }
-    /// By rejection; `None` if the bounds leave next to nothing.
+    /// A draw by rejection; `None` if the bounds leave next to no probability.
     fn sample(&self, rng: &mut dyn Rng) -> Option<f64> {
         const TRIES: usize = 100_000;
         let draw = |_| self.mu.re() + self.sd.re() * rng.sample::<f64, _>(StandardNormal);

@@ -1,7 +1,7 @@
-//! Priors of parameters, each with the transform that takes its support to the real line.
+//! Priors of parameters. Each has the transform that takes its support to the real line.
 //!
-//! A prior is written `Normal(0.0, 10.0)` in a model file: a function of the same name as its type,
-//! whose arguments are numbers or earlier parameters.
+//! A model file writes a prior as `Normal(0.0, 10.0)`. This calls a function that has the name of
+//! the prior's type. Its arguments are numbers or earlier parameters.
 
 use rand::Rng;
 
@@ -26,10 +26,11 @@ pub enum Support {
     Described(&'static str),
 }
 
-/// A prior: its support's transform and its density in the unconstrained coordinate `u`.
+/// A prior: the transform of its support, and its density in the unconstrained coordinate `u`.
 ///
 /// With `x = constrain(u)` the log density of `u` is `ln p(x) + ln |dx/du| = ln_kernel + ln_norm`.
-/// The two parts are separate because `ln_norm` is a constant while the prior's own parameters are.
+/// The two parts are separate because `ln_norm` is a constant if the prior's own parameters are
+/// constants.
 #[diagnostic::on_unimplemented(
     message = "`{Self}` is not a prior",
     label = "expected a prior such as Normal(0.0, 1.0), HalfNormal(5.0), InvGamma(1.0, 5.0), Flat; a vector `param p(3)` also takes Dirichlet(1.0) and Ordered(Normal(0.0, 1.0))"
@@ -53,17 +54,19 @@ pub trait Dist<D: Real> {
     fn ln_norm(&self) -> D;
     /// A typical value, from which the search for a starting point sets out.
     fn centre(&self) -> f64;
-    /// A draw; `None` where there is no sampler: an improper prior, or parameters out of range.
+    /// A draw. `None` where none can be made: the prior is improper, or its parameters are out of
+    /// range.
     fn sample(&self, rng: &mut dyn Rng) -> Option<f64> {
         let _ = rng;
         None
     }
-    /// The prior as one of a coefficient in a Gaussian block, if it is normal or flat.
+    /// If the prior is normal or flat, the prior of `x` as a linear function of a Gaussian
+    /// coefficient.
     fn gaussian(&self) -> Option<Gaussian> {
         None
     }
-    /// The `x` that is this far from the mean in standard deviations, of a normal prior: a deviation in
-    /// these units does not depend on the prior's own parameters.
+    /// For a normal prior, the `x` that is this far from the mean in standard deviations. The
+    /// density of this distance does not depend on the prior's own parameters.
     fn at_deviation(&self, _: D) -> Option<D> {
         None
     }
@@ -73,7 +76,8 @@ pub trait Dist<D: Real> {
     }
 }
 
-/// `x = location + scale w` with w normal, of mean 0 and this precision; 0 if it is flat.
+/// `x = location + scale w`. The coefficient w is normal with mean 0 and this precision, or flat if
+/// the precision is 0.
 #[derive(Clone, Copy, Debug)]
 pub struct Gaussian {
     /// The mean, in the unit of x.

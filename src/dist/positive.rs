@@ -11,7 +11,7 @@ family! {
     HalfNormal(sd: "standard deviation of the unfolded normal");
     /// Cauchy distribution folded at zero: density `2 / (π scale (1 + (x/scale)²))` for `x > 0`.
     HalfCauchy(scale: "median");
-    /// Gamma distribution: density `scale`-free `rateᵃ xᵃ⁻¹ e^(−rate x) / Γ(a)`, `a` = shape.
+    /// Gamma distribution: density `rateᵃ xᵃ⁻¹ e^(−rate x) / Γ(a)`, `a` = shape.
     Gamma(shape: "shape", rate: "rate, the inverse of the scale");
     /// Inverse gamma distribution: density `bᵃ x^(−a−1) e^(−b/x) / Γ(a)`, `a` = shape, `b` = scale.
     InvGamma(shape: "shape", scale: "scale");

@@ -3,8 +3,10 @@
 //! ```text
 //! θ(x) = mean + amplitude · Σ_k η_k √S(√λ_k) φ_k(x),   η_k ~ Normal(0, 1)
 //! ```
-//! with the spectral density S of a stationary kernel in two dimensions, angular frequency
-//! w = √λ and lengthscale ℓ in mm, so that the field's standard deviation is near `amplitude`.
+//! S is the spectral density of a stationary kernel in two dimensions. Its argument is the angular
+//! frequency w = √λ; its lengthscale ℓ is in mm. So the standard deviation of the field is near
+//! `amplitude`.
+//!
 //! Knows nothing of meshes, only of a [`Basis`].
 //!
 //! # Source

@@ -5,9 +5,10 @@
 //! ```text
 //! S(w) = 2π ∫₀^∞ k₁(r) k₂(r) J₀(wr) r dr
 //! ```
-//! by Gauss and Legendre's rule on panels, each twice as long as the one before, up to the distance at
-//! which the product has decayed to 1e-13. The nodes do not depend on derivatives: the sum over them of
-//! numbers that carry derivatives has those of the integral.
+//! It is computed by Gauss and Legendre's rule on panels. Each panel ends at twice the distance of
+//! the one before it; the last ends where the product has decayed to 1e-13. The nodes do not depend
+//! on derivatives, so a sum over numbers that carry derivatives has the derivatives of the
+//! integral.
 
 use std::f64::consts::TAU;
 use std::ops::{Add, Mul};
@@ -17,10 +18,11 @@ use crate::num::Real;
 
 /// The kernel `k₁ k₂`, of unit variance if both are.
 ///
-/// Written `Rbf(a) * Matern52(b)`. Two squared exponentials give one, in closed form. Any others take
-/// about 4 µs and 1.6 µs per mode for every gradient, where a kernel that ships takes a few ns per mode;
-/// frequencies above 128 over the distance at which the product has decayed take several times that.
-/// Frequencies with less than 1e-13 of the largest density have none.
+/// It is written `Rbf(a) * Matern52(b)`. The product of two squared exponentials is another one, in
+/// closed form. Other products are computed by quadrature. This takes about 4 µs, and 1.6 µs per
+/// mode, for every gradient; a kernel that ships takes a few ns per mode. Frequencies above 128
+/// over the distance at which the product has decayed take several times that. Where the density is
+/// less than 1e-13 of the largest, it is 0.
 #[derive(Clone, Copy, Debug)]
 pub struct Product<D, A, B> {
     a: A,
@@ -46,7 +48,8 @@ const DECAYED: f64 = 1e-13;
 
 const NODES: usize = 16;
 
-/// Gauss and Legendre's nodes in (0, 1) and their weights; the others are their negatives.
+/// Gauss and Legendre's nodes in (0, 1) and their weights. The nodes in (−1, 0) are their
+/// negatives.
 const RULE: [(f64, f64); NODES / 2] = [
     (0.095_012_509_837_637_44, 0.189_450_610_455_068_5),
     (0.281_603_550_779_258_9, 0.182_603_415_044_923_58),
@@ -90,7 +93,7 @@ impl<D: Real, A: Covariance<D>, B: Covariance<D>> Product<D, A, B> {
         self
     }
 
-    /// Where the product has decayed, to an eighth.
+    /// The distance at which the product has decayed, to the next eighth.
     fn decayed(&self) -> f64 {
         let floor = self.covariance(0.0).re().abs() * DECAYED;
         let is_left = |r: f64| self.covariance(r).re().abs() > floor;

@@ -8,7 +8,8 @@ use crate::num::Real;
 
 /// The kernel `k₁ + k₂` of a sum of two independent fields: `S = S₁ + S₂`.
 ///
-/// Written `Rbf(a) + Matern32(b)`. Its variance is the sum of the variances: 2 of two kernels that ship.
+/// It is written `Rbf(a) + Matern32(b)`. Its variance is the sum of the variances: 2 for two
+/// kernels that ship.
 #[derive(Clone, Copy, Debug)]
 pub struct Sum<D, A, B> {
     a: A,

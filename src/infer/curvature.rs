@@ -5,8 +5,9 @@ use super::density::Evaluator;
 /// Conditional standard deviation of every coordinate, (−∂²ln π/∂qᵢ²)^−½; `missing` where the curvature
 /// has the wrong sign.
 ///
-/// No scale is larger than a thousand times the coordinate (or 1): where a likelihood has saturated
-/// the curvature is next to nothing, or rounding, and no step size would suit the scale it gives.
+/// No scale is larger than a thousand times the coordinate (or 1). Where a likelihood has
+/// saturated, the curvature is next to nothing, or rounding, and would give a scale that no step
+/// size suits.
 pub(super) fn conditional_scales(
     evaluator: &mut dyn Evaluator,
     position: &[f64],

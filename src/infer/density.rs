@@ -15,8 +15,8 @@ pub trait Evaluator: Send {
 
     /// Calls `take` with each column of the Hessian at `position`, `(dim)`, in order.
     ///
-    /// For a density that does not say what its second derivatives are, by central differences of the
-    /// gradient; NaN next to a wall.
+    /// If a density does not have second derivatives of its own, these are central differences of
+    /// the gradient. They are NaN next to a point without support.
     fn hessian(&mut self, position: &[f64], take: &mut dyn FnMut(usize, &[f64])) {
         let (mut moved, zeros) = (position.to_vec(), vec![0.0; position.len()]);
         let (mut ends, mut column) = ([zeros.clone(), zeros.clone()], zeros);

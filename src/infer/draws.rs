@@ -19,7 +19,7 @@ pub struct Transition {
 }
 
 impl Transition {
-    /// Of a chain that stays where it is.
+    /// The transition of a chain that stays where it is.
     pub(super) const NONE: Self =
         Self { accept: 1.0, energy: 0.0, depth: 0, n_leapfrog: 0, diverging: false };
 }
@@ -82,7 +82,8 @@ pub struct Chain {
 }
 
 impl Chain {
-    /// What a sampler would say of `n` independent draws; positions and densities are to be filled in.
+    /// The record of `n` independent draws, as if a sampler had made them. Positions and densities
+    /// are to be filled in.
     pub fn of_independent_draws(n: usize) -> Self {
         Self {
             accept: vec![1.0; n],

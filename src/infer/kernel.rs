@@ -17,14 +17,15 @@ use serde::{Deserialize, Serialize};
 /// Energy error beyond which a trajectory counts as divergent.
 const MAX_ENERGY_ERROR: f64 = 1000.0;
 
-/// What a chain is between two transitions, without its density: the rest of [`Kernel`] is memory.
+/// The state of a chain between two transitions, without its density. Everything else in a
+/// [`Kernel`] is scratch memory.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub(super) struct KernelState {
     position: Vec<f64>,
     gradient: Vec<f64>,
     ln_density: f64,
     metric: Metric,
-    /// Words drawn from the random stream.
+    /// How many words were drawn from the random stream.
     word: u128,
     n_evaluations: u64,
 }
@@ -81,7 +82,8 @@ impl<E: Evaluator> Kernel<E> {
         &self.flow.hamiltonian.evaluator
     }
 
-    /// The density's evaluator, to move what it depends on besides the point, and the point.
+    /// The density's evaluator and the point. The evaluator may be changed in what it depends on
+    /// besides the point.
     pub(super) fn parts(&mut self) -> (&mut E, &mut PhasePoint) {
         (&mut self.flow.hamiltonian.evaluator, &mut self.point)
     }
@@ -99,7 +101,8 @@ impl<E: Evaluator> Kernel<E> {
         }
     }
 
-    /// Goes on from `state`, on the same density with the same random stream, as if nothing had been.
+    /// Goes on from `state`, as if the chain had not been interrupted. The density and the random
+    /// stream must be the same.
     pub(super) fn restore(&mut self, state: KernelState) {
         self.point.position = state.position;
         self.point.gradient = state.gradient;
@@ -158,8 +161,8 @@ impl<E: Evaluator> Kernel<E> {
         }
     }
 
-    /// Moves the current point by one trajectory of a random length, 0.5 to 1.5 times `time`, whose
-    /// end is accepted or rejected: plain Hamiltonian Monte Carlo.
+    /// Moves the current point by one trajectory of plain Hamiltonian Monte Carlo. Its length is
+    /// random, 0.5 to 1.5 times `time`; its end is accepted or rejected.
     pub(super) fn static_transition(&mut self, step_size: f64, time: f64) -> Transition {
         self.flow.hamiltonian.refresh_force(&mut self.point);
         self.refresh_momentum();

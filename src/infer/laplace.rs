@@ -25,7 +25,7 @@ use std::time::Instant;
 #[derive(Debug)]
 pub struct Laplace {
     mode: DVector<f64>,
-    /// Of the precision P.
+    /// The factor L of the precision P.
     factor: Cholesky<f64, Dyn>,
 }
 
@@ -99,11 +99,11 @@ impl Laplace {
 }
 
 impl LaplaceDraws {
-    /// As many draws from what the `weights` (all draws of `drawn`, summing to 1) make of them, by systematic
-    /// resampling: a draw of weight w occurs S w times, rounded up or down.
+    /// As many draws again, chosen from `drawn` by systematic resampling. `weights` are those of
+    /// all draws of `drawn` and sum to 1. A draw of weight w occurs S w times, rounded up or down.
     ///
-    /// A draw follows its copies, so that effective sample sizes count it once. The draws are in random order, so
-    /// that a fixed offset serves as well as a random one.
+    /// Copies of a draw follow each other, so that effective sample sizes count them once. Apart
+    /// from that the draws are in random order; this makes a fixed offset as good as a random one.
     pub fn resample(drawn: &[Self], weights: &[f64]) -> Vec<Chain> {
         let places = drawn.iter().flat_map(|d| (0..d.chain.n_draws()).map(move |i| (&d.chain, i)));
         let places: Vec<(&Chain, usize)> = places.collect();

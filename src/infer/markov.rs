@@ -14,7 +14,7 @@ pub trait MarkovChain {
     /// [`ChainFailure::RanAway`], [`ChainFailure::NoStepSize`].
     fn adapt(&mut self) -> Result<Option<Transition>, ChainError>;
 
-    /// The next draw. What is left of the warm-up comes first.
+    /// The next draw. If the warm-up is not over, it is finished first.
     ///
     /// # Errors
     /// Those of [`MarkovChain::adapt`].
@@ -33,14 +33,15 @@ pub trait MarkovChain {
     fn n_evaluations(&self) -> [u64; 2];
 }
 
-/// What a run of several chains needs besides: to keep them, and to let them learn from each other.
+/// What a run of several chains also needs: to save each chain, and to let the chains learn from
+/// each other.
 pub(super) trait Together: MarkovChain + Send {
-    /// All that the rest of a chain depends on.
+    /// Everything that the rest of a chain depends on.
     type State: Serialize + DeserializeOwned + Send;
 
     fn state(&self) -> Self::State;
 
-    /// Goes on from `state` as if nothing had been.
+    /// Goes on from `state`, as if the chain had not been interrupted.
     fn restore(&mut self, state: Self::State) -> Result<(), ChainError>;
 
     /// Transitions of the warm-up so far.
@@ -56,11 +57,11 @@ pub(super) trait Together: MarkovChain + Send {
         false
     }
 
-    /// Fits what the chains share to what all have seen, and lets them go on.
+    /// Fits what the chains share to what all of them have seen. After this they go on.
     fn meet(chains: Vec<&mut Self>) -> Vec<Result<(), ChainError>> {
         chains.iter().map(|_| Ok(())).collect()
     }
 
-    /// A failure at an iteration of the present phase.
+    /// The error that reports this failure, at the present iteration and phase.
     fn error(&self, iteration: usize, failure: ChainFailure) -> ChainError;
 }

@@ -21,7 +21,8 @@ impl DrawMoments {
         Self { n: 0, position: Moments::new(dim), gradient: Moments::new(dim), products }
     }
 
-    /// Of these draws, each `(dim)`, as far as `density` supports them.
+    /// The moments of these draws, each `(dim)`. Draws that `density` does not support are left
+    /// out.
     pub(super) fn of(density: &dyn LogDensity, draws: &[Vec<f64>], dense: bool) -> Self {
         let mut moments = Self::new(density.dim(), dense);
         let mut evaluator = density.evaluator();
@@ -70,8 +71,8 @@ impl DrawMoments {
 
     /// Writes scale = (var q / var ∇)^¼ per coordinate: for a normal, its standard deviation.
     ///
-    /// The minimiser of the Fisher divergence over diagonal metrics.  A coordinate whose variances
-    /// are not usable (all draws equal, overflow) keeps its scale.
+    /// This scale minimises the Fisher divergence over diagonal metrics. A coordinate whose
+    /// variances cannot be used (all draws are equal, or they overflow) keeps its scale.
     pub(super) fn fisher_scales(&self, scale: &mut [f64]) {
         let variances = self.position.squares().iter().zip(self.gradient.squares());
         for (scale, (position, gradient)) in scale.iter_mut().zip(variances) {
@@ -82,8 +83,8 @@ impl DrawMoments {
         }
     }
 
-    /// Lower factor of the sample covariance with its correlations shrunk by n/(n + dim);
-    /// `None` if it is not positive definite or was not asked for.
+    /// The lower factor of the sample covariance, whose correlations are shrunk by n/(n + dim).
+    /// `None` if this is not positive definite, or if no dense metric is wanted.
     pub(super) fn shrunk_covariance_factor(&self) -> Option<Vec<f64>> {
         let products = self.products.as_ref()?;
         let dim = self.position.counts().len();

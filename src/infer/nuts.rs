@@ -21,7 +21,7 @@ pub struct Nuts<'d> {
     chain: usize,
     seed: u64,
     warm_up: WarmUp,
-    /// What it learns from, in the warm-up.
+    /// What the chain learns in the warm-up; `None` afterwards.
     adaptation: Option<Adaptation>,
     step_size: f64,
     n_evaluations_warmup: u64,
@@ -29,7 +29,7 @@ pub struct Nuts<'d> {
     start: Vec<f64>,
 }
 
-/// All that the rest of a chain depends on.
+/// Everything that the rest of a chain depends on.
 #[derive(Debug, Serialize, Deserialize)]
 pub(super) struct NutsState {
     kernel: KernelState,
@@ -40,7 +40,7 @@ pub(super) struct NutsState {
 }
 
 impl<'d> Nuts<'d> {
-    /// A chain from `start`, `(dim)`. Of the settings, `chains`, `draws` and `threads` do not matter.
+    /// A chain from `start`, `(dim)`. The settings `chains`, `draws` and `threads` are not used.
     ///
     /// # Errors
     /// Those of [`sample`](super::sample); [`InferError::Chain`] where the chain cannot begin.
@@ -56,14 +56,14 @@ impl<'d> Nuts<'d> {
         Ok(Self::begin(density, start, &settings, 0, &learnt)?)
     }
 
-    /// With these stages of warm-up instead of [`Stage::nuts`].
+    /// The same chain with these stages of warm-up, instead of those of [`Stage::nuts`].
     #[must_use]
     pub fn with_warm_up(self, stages: Vec<Stage>) -> Self {
         let alone = stages.into_iter().map(|stage| Stage { meets: false, ..stage });
         Self { warm_up: WarmUp::new(alone.collect()), ..self }
     }
 
-    /// Chain number `chain` of a run, from what is `learnt` beforehand.
+    /// Chain number `chain` of a run. `learnt` is what is known of scales beforehand.
     pub(super) fn begin(
         density: &'d dyn LogDensity,
         start: &[f64],

@@ -1,6 +1,6 @@
 //! Maximises a log density by L-BFGS with a strong-Wolfe line search.
 //!
-//! Points without support (−∞, NaN) are walls: the line search steps back from them.
+//! Points without support (−∞, NaN) act as walls: the line search steps back from them.
 //!
 //! # Source
 //! Nocedal & Wright 2006, algorithms 7.4 (two-loop recursion), 3.5 and 3.6 (line search).
@@ -17,7 +17,7 @@ pub struct OptimumSettings {
     pub max_iterations: usize,
     /// Converged when the largest gradient entry is below this.
     pub gradient_tolerance: f64,
-    /// Stops, unconverged, once three iterations running gain less than this each (nats).
+    /// Stops, unconverged, once each of three successive iterations gains less than this (nats).
     pub least_gain: f64,
 }
 
@@ -148,7 +148,8 @@ impl Memory {
         }
     }
 
-    /// The two-loop recursion; the gradient scaled to length ≤ 1 before anything is known.
+    /// The direction by the two-loop recursion. Before anything is known, it is the gradient scaled
+    /// to a length of at most 1.
     fn ascent_direction(&self, gradient: &[f64]) -> Vec<f64> {
         let mut direction = gradient.to_vec();
         let Some((step, change, _)) = self.pairs.back() else {
@@ -181,7 +182,7 @@ struct LineSearch<'a> {
     evaluator: &'a mut dyn Evaluator,
     from: &'a Point,
     direction: Vec<f64>,
-    /// A step so short that it can gain no more than this is not tried.
+    /// A step is not tried if it is so short that it can gain no more than this.
     least_gain: f64,
 }
 
@@ -192,7 +193,8 @@ impl LineSearch<'_> {
     const C2: f64 = 0.9;
     const MAX_STEPS: u32 = 50;
 
-    /// A step that satisfies both conditions, else the best that at least gains; `None` without gain.
+    /// A step that satisfies both conditions. If there is none, the best step that gains at all;
+    /// `None` if no step gains.
     ///
     /// The bracket [low, high] holds such a step: `low` gains, `high` (once finite) is too far.
     fn run(mut self) -> Option<Point> {

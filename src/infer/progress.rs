@@ -48,7 +48,7 @@ pub trait Progress: Sync {
     fn should_stop(&self) -> bool {
         false
     }
-    /// Where the run is kept while it samples, and goes on from.
+    /// Where the run is saved while it samples, and from where it goes on after an interruption.
     fn checkpoint(&self) -> Option<&Checkpoint> {
         None
     }

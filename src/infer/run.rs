@@ -1,4 +1,4 @@
-//! The chains of a run: progress, checkpoints and meetings around their steps.
+//! The chains of a run: their steps, and around these progress, checkpoints and meetings.
 
 use super::draws::{Chain, ChainResult, Transition};
 use super::error::{ChainError, ChainFailure, InferError};
@@ -9,14 +9,15 @@ use crate::store::{Checkpoint, Keeper, take_chains};
 use rayon::prelude::*;
 use std::time::{Duration, Instant};
 
-/// An interrupted chain: how often it had met the others, its state, its draws.
+/// An interrupted chain: how often it had met the others, its state and its draws.
 type Kept<C> = (usize, <C as Together>::State, Chain);
 
-/// All chains after a meeting: how many there had been, and each with its draws or its failure.
+/// All chains after a meeting: how many meetings there had been, and for each chain its draws or
+/// its failure.
 type Met<C> = (usize, Vec<Result<(<C as Together>::State, Chain), ChainError>>);
 
-/// Runs chains that have been begun, or goes on with them where they were interrupted, on the threads
-/// at hand; results in order.
+/// Runs chains that have been begun. If they were interrupted, it goes on with them. Uses the
+/// threads of the current pool; the results are in order.
 ///
 /// # Errors
 /// [`InferError::Checkpoint`].
@@ -45,7 +46,7 @@ pub(super) fn run<C: Together>(
     }
 }
 
-/// Does something with a chain that has not failed; where that fails, so has the chain.
+/// Does something with a chain that has not failed. If this fails, the chain counts as failed.
 fn go_on<C>(chain: &mut Result<C, ChainError>, with: impl Fn(&mut C) -> Result<(), ChainError>) {
     if let Err(error) = chain.as_mut().map_or(Ok(()), with) {
         *chain = Err(error);
@@ -56,8 +57,8 @@ fn is_stopped<C>(chain: &Result<C, ChainError>) -> bool {
     matches!(chain, Err(ChainError { failure: ChainFailure::Stopped, .. }))
 }
 
-/// Takes up what was kept: of each chain the newest state, which is its own if it was kept since the
-/// chains last met.
+/// Takes up what was saved, of each chain its newest state. This is the chain's own file if it was
+/// written since the last meeting.
 fn restore<C: Together>(
     chains: &mut [Result<Under<'_, C>, ChainError>],
     checkpoint: Option<&Checkpoint>,
@@ -86,7 +87,7 @@ fn restore<C: Together>(
     Ok(())
 }
 
-/// Lets the chains meet. From here on an interrupted run goes on from this.
+/// Lets the chains meet, and saves them. An interruption after this goes on from here.
 fn meet<C: Together>(
     chains: &mut [Result<Under<'_, C>, ChainError>],
     checkpoint: Option<&Checkpoint>,
@@ -179,7 +180,7 @@ impl<'a, C: Together> Under<'a, C> {
         Chain { n_grad_warmup, n_grad_sampling, ..self.record }
     }
 
-    /// Between two transitions: keeps the chain now and then, and stops on request.
+    /// What is done between two transitions: saves the chain now and then, and stops on request.
     fn pause(&mut self, iteration: usize) -> Result<(), ChainError> {
         let stops = self.progress.should_stop();
         if self.keeper.is_due(stops) {

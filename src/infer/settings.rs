@@ -33,8 +33,8 @@ pub struct Settings {
     pub threads: usize,
     /// The shape of the metric.
     pub metric: MetricKind,
-    /// Draws of a similar density, each `(dim)`: warm-up begins with what they tell about scales,
-    /// so that it can be short. Empty: it begins with nothing.
+    /// Draws of a similar density, each `(dim)`. The warm-up begins with what they tell about
+    /// scales, so that it can be short. If empty, it begins with no such knowledge.
     pub earlier: Vec<Vec<f64>>,
 }
 
@@ -83,7 +83,7 @@ impl Settings {
     }
 }
 
-/// Settings that make sense, and one start of the right length per chain.
+/// Checks that the settings make sense, and that there is one start of the right length per chain.
 pub(super) fn check_starts(
     density: &dyn LogDensity,
     starts: &[Vec<f64>],
@@ -106,7 +106,7 @@ pub(super) fn check_starts(
     Ok(())
 }
 
-/// As many threads as the settings say.
+/// A pool of as many threads as the settings say.
 pub(super) fn thread_pool(settings: &Settings) -> Result<rayon::ThreadPool, InferError> {
     let threads = settings.threads;
     rayon::ThreadPoolBuilder::new()

@@ -15,8 +15,9 @@ pub struct Stage {
 
 /// From how many draws a metric is learnt.
 ///
-/// Two windows overlap: the metric comes from the older one, which is dropped for the younger
-/// whenever that has filled, so early draws are forgotten and no draw is waited for.
+/// Two windows overlap. The metric comes from the older one. Whenever the younger one has filled,
+/// it takes the older one's place. So early draws are forgotten, and the metric never has to wait
+/// for draws.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Window(pub usize);
 
@@ -24,8 +25,9 @@ impl Stage {
     const EARLY: Window = Window(10);
     pub(super) const LATE: Window = Window(80);
 
-    /// The warm-up of a NUTS chain; `knows_metric` where earlier draws have told about scales, so that
-    /// a full window must come before that is forgotten.
+    /// The warm-up of a NUTS chain. `knows_metric` says that earlier draws have told about scales;
+    /// then the first stage is left out, so that a full window comes before that knowledge is
+    /// forgotten.
     ///
     /// ```text
     /// 0 ───── 30 % ──────────────── 85 % ───────── 100 %
@@ -41,12 +43,13 @@ impl Stage {
         ]
     }
 
-    /// The warm-up of a blocked chain: after 10, 20, 30, 40, 60 and 100 % the chains meet, and what
-    /// they share is fitted anew. Many meetings: chains under a stand-in that claims too much spread
-    /// slowly, so that its successor, fitted to their draws, still claims too much, if less.
+    /// The warm-up of a blocked chain. The chains meet after 10, 20, 30, 40, 60 and 100 %, and what
+    /// they share is fitted anew. There are many meetings because a stand-in may claim to know too
+    /// much. Chains under it spread slowly, so its successor, which is fitted to their draws, still
+    /// claims too much, but less.
     ///
-    /// Where earlier draws have told what the hyperparameters' steps must be (`knows_hyper`), the first
-    /// meeting is at the beginning.
+    /// If `knows_hyper`, draws of an earlier run have told how the hyperparameters' steps should
+    /// be. The first meeting is then at the beginning.
     pub fn blocked(n: usize, knows_hyper: bool) -> Vec<Self> {
         const ENDS: [f64; 6] = [0.1, 0.2, 0.3, 0.4, 0.6, 1.0];
         let (mut stages, mut before) = (vec![], 0);

@@ -8,18 +8,20 @@ use crate::random::Stream;
 use rand::RngExt;
 use rand_distr::StandardNormal;
 
-/// Largest jitter per coordinate: where the density is flatter than this the sampler explores.
+/// Largest jitter per coordinate. Where the density is flatter than this, exploring it is left to
+/// the sampler.
 const LARGEST_SCALE: f64 = 1.0;
 
 /// One start per chain: an early-stopped climb from `initial` `(dim)`, then normal jitter.
 ///
-/// The climb stops once an iteration gains less than dim/100 nats: it has then reached the typical
-/// set's level, dim/2 below the mode, and the joint mode of a hierarchical model, a corner far
-/// from the mass, is not approached.  The jitter has each coordinate's conditional standard
-/// deviation (at most 1), which on a normal lowers the log density by dim/2 on average however
-/// correlated it is: where its draws lie.  Where the density falls off faster than its curvature
-/// tells (a bracket is flat inside and steep outside) the jitter shrinks until it loses less than
-/// dim + 10 nats.
+/// The climb stops once an iteration gains less than dim/100 nats. By then it has reached the level
+/// of the typical set, dim/2 below the mode. It does not go on to the joint mode: in a hierarchical
+/// model this is a corner far from the mass.
+///
+/// The jitter has each coordinate's conditional standard deviation (at most 1). On a normal
+/// density, however correlated, this lowers the log density by dim/2 on average, which is where its
+/// draws lie. Some densities fall off faster than their curvature tells: a bracket is flat inside
+/// and steep outside. There the jitter shrinks until it loses less than dim + 10 nats.
 ///
 /// # Errors
 /// Those of [`maximise`] at `initial`; [`InferError::NoStart`] if no jittered point has support.
@@ -40,7 +42,8 @@ pub fn jittered_starts(
     (0..chains).map(|chain| jitter(&mut *evaluator, &optimum, &scales, chain, seed)).collect()
 }
 
-/// The first point near enough to the optimum in log density, among ever smaller jitters.
+/// Tries ever smaller jitters. Gives the first point that is near enough to the optimum in log
+/// density.
 fn jitter(
     evaluator: &mut dyn Evaluator,
     optimum: &Optimum,

@@ -1,8 +1,8 @@
 //! NUTS trees on an abstract trajectory: doubling, multinomial choice of the next point, U-turn and
 //! divergence stops.
 //!
-//! Knows nothing of Hamiltonians, gradients or random generators: a [`Trajectory`] moves, weighs,
-//! chooses and judges turns, and the tests run the very same code on integers, where every
+//! Knows nothing of Hamiltonians, gradients or random generators. A [`Trajectory`] moves, weighs,
+//! chooses and judges turns. So the tests can run the very same code on integers, where every
 //! transition probability is exact.
 //!
 //! # Source
@@ -20,8 +20,8 @@ pub(super) enum Direction {
 
 /// A path of weighted points that can be walked both ways from a start.
 ///
-/// A *span* is what is remembered of a run of consecutive points: enough to tell whether it turns
-/// back on itself.  Spans are kept in order of travel.
+/// A *span* is what is remembered of a run of consecutive points. It is enough to tell whether the
+/// run turns back on itself. Spans are kept in order of travel.
 pub(super) trait Trajectory {
     /// The outermost point reached in one direction.
     type Edge;
@@ -30,19 +30,21 @@ pub(super) trait Trajectory {
     /// The memory of consecutive points.
     type Span;
 
-    /// Moves `edge` one point outwards; its ln weight relative to the start, `None` on divergence.
+    /// Moves `edge` one point outwards. Returns its ln weight relative to the start, or `None` if
+    /// it diverges.
     fn step(&mut self, edge: &mut Self::Edge, direction: Direction) -> Option<f64>;
     /// Writes `edge` as a proposal and as a span of one point.
     fn leaf(&mut self, edge: &Self::Edge, proposal: &mut Self::Proposal, span: &mut Self::Span);
-    /// Replaces `current` by `other` with this probability (≤ 1); `other` is scratch afterwards.
+    /// Replaces `current` by `other` with this probability (at most 1). What `other` holds
+    /// afterwards means nothing.
     fn choose(
         &mut self,
         current: &mut Self::Proposal,
         other: &mut Self::Proposal,
         probability: f64,
     );
-    /// Appends `next`, which follows `span` in order of travel; whether the whole or either
-    /// junction turns.
+    /// Appends `next`, which follows `span` in order of travel. Returns whether the whole turns, or
+    /// either junction.
     fn join(&mut self, span: &mut Self::Span, next: &Self::Span) -> bool;
     /// Reverses the order of travel of `span`.
     fn reverse(&mut self, span: &mut Self::Span);
@@ -61,7 +63,8 @@ impl<T: Trajectory> Subtree<T> {
     }
 }
 
-/// Memory for one tree, used again for every draw: the whole tree first, then one subtree a depth.
+/// Memory for one tree, used again for every draw: first the whole tree, then one subtree for each
+/// depth.
 pub(super) struct Workspace<T: Trajectory> {
     tree: Subtree<T>,
     subtrees: Vec<Subtree<T>>,

@@ -37,7 +37,8 @@ impl DualAveraging {
     const T0: f64 = 10.0;
     const KAPPA: f64 = 0.75;
 
-    /// Starts at `step_size`, leaning towards ten times it: large steps are cheap to try.
+    /// Starts at `step_size`, and leans towards ten times that, because large steps are cheap to
+    /// try.
     pub(super) fn new(step_size: f64, delta: f64) -> Self {
         let ln_epsilon = step_size.ln();
         let mu = (10.0 * step_size).ln();
@@ -65,7 +66,8 @@ impl DualAveraging {
     }
 }
 
-/// Doubles or halves ε until the acceptance of one leapfrog step crosses 0.8; `None` if no ε does.
+/// Doubles or halves ε until the acceptance of one leapfrog step crosses 0.8. `None` if no ε
+/// reaches it.
 fn initial_step_size<E: Evaluator>(kernel: &mut Kernel<E>) -> Option<f64> {
     const MAX_DOUBLINGS: u32 = 100;
     let mut step_size = 1.0;
@@ -98,12 +100,12 @@ impl Adaptation {
     /// The fewest draws that a diagonal metric is made of.
     const LEAST: usize = 10;
 
-    /// Whether so much is known beforehand that a metric can be made of it.
+    /// Whether enough is known beforehand to make a metric.
     pub(super) fn is_enough(learnt: &DrawMoments) -> bool {
         learnt.n() >= Stage::LATE.0
     }
 
-    /// Sets the chain's first step size, and its first metric where enough is `learnt` before.
+    /// Sets the chain's first step size. Sets its first metric, too, if enough was `learnt` before.
     /// `None` if no step size works.
     pub(super) fn begin<E: Evaluator>(
         kernel: &mut Kernel<E>,
@@ -135,7 +137,7 @@ impl Adaptation {
         self.step_size.averaged_step_size()
     }
 
-    /// Learns from the transition that `warm_up` has next.
+    /// Learns from the transition that was just made; `warm_up` says what adapts at it.
     pub(super) fn update<E: Evaluator>(
         &mut self,
         warm_up: &WarmUp,
@@ -167,7 +169,8 @@ impl Adaptation {
         }
     }
 
-    /// A dense metric moves every ε, so the step size starts anew.
+    /// With a new dense metric the step size that suits it is another one, so its adaptation starts
+    /// anew.
     fn set_dense<E: Evaluator>(&mut self, kernel: &mut Kernel<E>) {
         if let Some(factor) = self.older.shrunk_covariance_factor() {
             kernel.hamiltonian().metric = Metric::Dense(factor);

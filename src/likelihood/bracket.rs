@@ -39,8 +39,8 @@ impl Bracket {
 
     /// The bracket that contains `value` on the grid of a protocol that gave `self`.
     ///
-    /// The grid has the width of `self`. An open bracket has none, so that a grid of [`OPEN_STEP`] is
-    /// counted from its closed end.
+    /// The grid has the width of `self`. An open bracket has no width; its grid has steps of
+    /// [`OPEN_STEP`], counted from its closed end.
     pub(super) fn containing(&self, value: f64) -> Self {
         let width =
             if (self.upper - self.lower).is_finite() { self.upper - self.lower } else { OPEN_STEP };

@@ -1,12 +1,12 @@
-//! A measurement of one of two kinds, unknown of which.
+//! A measurement that comes from one of two likelihoods, and nobody knows from which.
 
 use rand::{Rng, RngExt as _};
 
 use super::{Likelihood, Observation};
 use crate::num::{Real, ln_sum_exp};
 
-/// `Mixture(share, A, B)`: the likelihood `A` with probability `share`, otherwise `B`; which of them a
-/// measurement came from is summed over.
+/// `Mixture(share, A, B)`: the likelihood is `A` with the probability `share`, otherwise `B`. The
+/// two cases are summed over.
 #[derive(Clone, Copy, Debug)]
 pub struct Mixture<D, A, B>(pub D, pub A, pub B);
 

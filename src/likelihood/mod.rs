@@ -31,9 +31,11 @@ pub use widened::Widened;
     label = "expected Bracket, Number or Count"
 )]
 pub trait Observation: Copy + std::fmt::Debug + Send + Sync + 'static {
-    /// Columns that hold it; the name of the `observe` statement may stand in for `value`.
+    /// Columns that hold it. For the column `value`, a column with the name of the `observe`
+    /// statement will do, too.
     const COLUMNS: &'static [&'static str];
-    /// From the values of [`Self::COLUMNS`], NaN where a cell is empty; `None` if nothing was measured.
+    /// The measurement from the values of [`Self::COLUMNS`], which are NaN where a cell is empty.
+    /// `None` if nothing was measured.
     ///
     /// # Errors
     /// What is wrong with the values, as a sentence.
@@ -52,8 +54,8 @@ pub trait Likelihood<D: Real, Y: Observation> {
     fn ln_likelihood(&self, y: &Y) -> D;
     /// Log likelihoods of several rows, each with its own likelihood and measurement.
     ///
-    /// Worth writing where [`Likelihood::ln_likelihood`] is long: `TopHat`'s fills vector registers with
-    /// a number from each row.
+    /// A likelihood should have a version of its own if [`Likelihood::ln_likelihood`] is long: that
+    /// of `TopHat` fills vector registers with a number from each row.
     #[inline(always)]
     fn ln_likelihoods(rows: [(Self, &Y); LANES]) -> [D; LANES]
     where
@@ -63,8 +65,9 @@ pub trait Likelihood<D: Real, Y: Observation> {
     }
     /// A measurement as the protocol behind `like` would give it.
     fn simulate(&self, like: &Y, rng: &mut dyn Rng) -> Y;
-    /// As [`Likelihood::simulate`], if the predicted value were spread by a further normal error of this
-    /// standard deviation; as there where [`Likelihood::ln_widened`] does not say how.
+    /// As [`Likelihood::simulate`], but the predicted value is spread by a further normal error of
+    /// this standard deviation. If [`Likelihood::ln_widened`] does not say how to widen the
+    /// likelihood, it is the same as [`Likelihood::simulate`].
     fn simulate_widened(&self, like: &Y, sd: f64, rng: &mut dyn Rng) -> Y {
         let _ = sd;
         self.simulate(like, rng)
@@ -72,8 +75,8 @@ pub trait Likelihood<D: Real, Y: Observation> {
     /// Whether [`Likelihood::ln_widened`] says how this likelihood is widened.
     const WIDENS: bool = false;
     /// Log likelihood of `y` if the predicted value were spread by a further normal error of this
-    /// variance: what criticism widens a model by, and the error of an emulator. A likelihood that does not
-    /// say how is not widened.
+    /// variance. Criticism widens a model in this way, and so does the error of an emulator. A
+    /// likelihood that does not say how is not widened.
     fn ln_widened(&self, y: &Y, variance: D) -> D {
         let _ = variance;
         self.ln_likelihood(y)

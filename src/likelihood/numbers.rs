@@ -1,4 +1,5 @@
-//! Priors as likelihoods of a number: noise with heavy tails, numbers that are positive.
+//! Priors that also serve as likelihoods of a number: for noise with heavy tails, and for positive
+//! numbers.
 
 use rand::{Rng, RngExt};
 use rand_distr::StandardNormal;

@@ -1,4 +1,4 @@
-//! Measurements of which some are further off than their likelihood says.
+//! Measurements some of which are further off than their likelihood says.
 
 use rand::{Rng, RngExt};
 

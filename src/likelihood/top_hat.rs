@@ -37,9 +37,10 @@ const GAUSS: [f64; 8] = [
 impl TopHat<f64> {
     /// Log likelihood and its first three derivatives in `f`.
     ///
-    /// With `z = (f − c_j)/s` at the nearest centre j the terms are `e^(−z²/2) e^(mz − m²/2)`,
-    /// `m = i − j`: a geometric recurrence outwards, two exponentials in all. If m is drawn with
-    /// these weights the derivatives in z are `E m − z`, `Var m − 1` and m's third cumulant.
+    /// Let `z = (f − c_j)/s` at the nearest centre j. Then the terms are `e^(−z²/2) e^(mz − m²/2)`
+    /// with `m = i − j`. They follow from each other outwards by a geometric recurrence, which
+    /// takes one exponential in all. If m is drawn with these weights, the derivatives in z are `E
+    /// m − z`, `Var m − 1` and the third cumulant of m.
     #[inline(always)]
     fn terms(f: f64, y: &Bracket) -> [f64; 4] {
         let x = (f - y.lower) * y.inverse_s - 0.5;
@@ -71,7 +72,8 @@ impl TopHat<f64> {
 }
 
 impl TopHat<f64> {
-    /// [`TopHat::terms`], not inlined: compiled with eplat, not again with every model.
+    /// [`TopHat::terms`], not inlined, so that it is compiled with eplat and not again with every
+    /// model.
     #[inline(never)]
     fn terms_of_one(f: f64, y: &Bracket) -> [f64; 4] {
         TopHat::terms(f, y)

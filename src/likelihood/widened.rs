@@ -59,8 +59,9 @@ impl<D: Real, Y: Observation, L: Likelihood<D, Y>> Likelihood<D, Y> for Widened<
 /// p = (1/N) Σᵢ Normal(f; cᵢ, V),   V = s² + v;   with x = (f − cᵢ)/√V and Hₖ the mean of Heₖ(x) under the terms:
 /// ∂ᵏp/∂fᵏ = (−1)ᵏ Hₖ p/V^(k/2),   ∂p/∂v = ½ ∂²p/∂f²
 /// ```
-/// With z the x of the nearest centre and d = s/√V the m-th beside it has e^(±mzd − m²d²/2) of its weight: a recurrence
-/// outwards, two exponentials in all.
+/// Let z be the x of the nearest centre and d = s/√V. The m-th centre beside it has the weight
+/// e^(±mzd − m²d²/2), relative to the nearest. The weights follow from each other outwards by a
+/// recurrence, which takes two exponentials in all.
 fn wide_terms(f: f64, y: &Bracket, further: f64) -> (f64, Partials) {
     let s = y.inverse_s.recip();
     let variance = s * s + further;

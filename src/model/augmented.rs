@@ -58,14 +58,15 @@ impl<'m> Augmented<'m> {
         Self { model, effects, discrepancy, outliers: None }
     }
 
-    /// Lets sites, recordings or measurements differ by more than the model says.
+    /// Adds a discrepancy: sites, recordings or measurements may differ by more than the model
+    /// says.
     #[must_use]
     pub fn with_discrepancy(self, discrepancy: Discrepancy) -> Self {
         Self { discrepancy, ..self }
     }
 
-    /// Lets `share` of the measurements have a further error of standard deviation `sd`: every likelihood
-    /// within `Outliers(…, share, sd)`.
+    /// Adds outliers: a `share` of the measurements has a further error of standard deviation `sd`.
+    /// Every likelihood is put within `Outliers(…, share, sd)`.
     #[must_use]
     pub fn with_outliers(self, outliers: Option<(f64, f64)>) -> Self {
         Self { outliers, ..self }

@@ -1,25 +1,27 @@
-//! The unknown behind a parameter: which number of the whole line a sampler moves.
+//! The unknown behind a parameter: the number that a sampler moves, which may be any real number.
 
 use crate::dist::{Dist, Gaussian};
 use crate::num::{LN_SQRT_2PI, Num, Real};
 
-/// How an unknown `u` makes a parameter `x`.
+/// How a parameter `x` is computed from its unknown `u`.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Coordinate {
-    /// Whether the prior's normaliser is no constant: its own parameters are parameters.
+    /// Whether the normaliser of the prior varies, because the prior's own parameters are
+    /// parameters of the model.
     has_norm: bool,
-    /// Whether `u` is the deviation from a normal prior's mean in units of its sd. Its density knows nothing
-    /// of either, so that a small sd does not squeeze the space that is sampled.
+    /// Whether `u` is the deviation from the mean of a normal prior, in units of its sd. The
+    /// density of `u` then depends on neither, so that a small sd does not squeeze the space that
+    /// is sampled.
     is_deviation: bool,
 }
 
 impl Coordinate {
-    /// That of the prior's support.
+    /// The coordinate that belongs to the prior's support.
     pub(super) fn of_support(has_norm: bool) -> Self {
         Self { has_norm, is_deviation: false }
     }
 
-    /// Deviations, if this prior is normal and its mean or sd a parameter.
+    /// The deviation, if this prior is normal and its mean or sd is a parameter.
     pub(super) fn deviating(self, dist: &impl Dist<Num<f64>>) -> Self {
         Self { is_deviation: self.has_norm && dist.at_deviation(Num(0.0)).is_some(), ..self }
     }
@@ -44,7 +46,7 @@ impl Coordinate {
         }
     }
 
-    /// Log density of the unknown, without a normaliser that is a constant.
+    /// Log density of the unknown. The normaliser is left out if it is a constant.
     #[inline]
     pub(super) fn ln_prior<D: Real>(
         self,

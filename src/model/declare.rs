@@ -12,7 +12,7 @@ pub trait Declare: Sync {
     fn name(&self) -> &'static str;
     /// The model as it stands in its file, between the brackets of `model! { … }`.
     fn source(&self) -> String;
-    /// Makes the builder's calls, one per statement.
+    /// Calls the builder, once for each statement.
     ///
     /// # Errors
     /// What does not fit between the model and the builder's data.
@@ -34,8 +34,9 @@ impl Model {
         b.finish()
     }
 
-    /// As [`Model::new`], with an offset, zero unless somebody sets it, in every row for each of these
-    /// fields and `let`s that its likelihood depends on: where criticism adds what it tries.
+    /// As [`Model::new`], with an offset in every row for each of these fields and `let`s that its
+    /// likelihood depends on. An offset is zero unless somebody sets it. This is how criticism adds
+    /// what it tries.
     ///
     /// # Errors
     /// Those of [`Model::new`].

@@ -1,4 +1,5 @@
-//! `density` statements: the way out of the language, to any log density of parameters and columns.
+//! `density` statements: any log density of parameters and columns, for what the language cannot
+//! say otherwise.
 
 use std::marker::PhantomData;
 
@@ -10,13 +11,13 @@ use super::scope::Local;
 use super::tape::{Curved, Op, Tape};
 use crate::num::{Dual, Num};
 
-/// What a model can do with a density besides the gradient.
+/// What a model asks of a density besides the gradient.
 pub(super) trait LogTerms: Op + Curved {
-    /// Whether it gives a term for each row.
+    /// Whether it has a term for each row.
     fn is_per_row(&self) -> bool;
     /// The numeric columns that the model reads: each one's name, and the table's columns behind it.
     fn columns(&self) -> Vec<(&'static str, Vec<String>)>;
-    /// Takes the cells of each column, of so many rows.
+    /// Takes the cells of each column, for this many rows.
     fn read(&mut self, cells: Vec<Vec<f64>>, n_rows: usize);
     /// The terms, after a forward pass.
     fn terms(&self, t: &Tape) -> Vec<f64>;
@@ -29,18 +30,18 @@ pub(super) trait LogTerms: Op + Curved {
 pub struct Density {
     /// The statement's name.
     pub name: &'static str,
-    /// Whether it reads the table: a likelihood then, otherwise a part of the prior.
+    /// Whether it reads the table. If so it is a likelihood, otherwise a part of the prior.
     pub reads_data: bool,
-    /// Rows of the table, from 0, that have a term each; none if the density is one number.
+    /// Rows of the table, from 0, that have a term each. Empty if the density is one number.
     pub rows: Vec<usize>,
-    /// Rows that were read before the first that has a term.
+    /// How many rows were read before the first one that has a term.
     skipped: usize,
     pub(super) op: Box<dyn LogTerms>,
 }
 
 impl Density {
-    /// On the `rows` that it reads. One term per row is asked of a density only once there are values
-    /// to evaluate it at: see [`Density::settle`].
+    /// The density on the `rows` that it reads. Which of them have a term is found only once there
+    /// are values to evaluate it at: see [`Density::settle`].
     pub(super) fn new(
         name: &'static str,
         reads_data: bool,
@@ -51,7 +52,7 @@ impl Density {
         Self { name, reads_data, rows, skipped: 0, op }
     }
 
-    /// Finds which of its rows have a term: the last ones.
+    /// Finds which of its rows have a term: if it has n terms, the last n.
     ///
     /// # Errors
     /// [`ModelError::Terms`].
@@ -81,7 +82,7 @@ impl Density {
     }
 }
 
-/// Asked of the type alone: without data there is nothing to evaluate.
+/// This is asked of the type, because without data there is nothing to evaluate.
 fn is_per_row<S, C, D, T: Terms<D>>(_: impl Fn(S, C) -> T) -> bool {
     T::PER_ROW
 }

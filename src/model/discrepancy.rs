@@ -1,9 +1,10 @@
-//! What measurements differ by for reasons that no column tells, as statements that a model lacks.
+//! A discrepancy: what measurements differ by for reasons that no column tells. It is added as
+//! statements that the model lacks.
 
 use super::forms::Form;
 use super::functions::Decl;
 
-/// A difference between the labels of a column, drawn at random, of learnt size:
+/// A random difference between the labels of a column, whose size is learnt:
 /// `param SD [unit] ~ HalfNormal(…); effect NAME on … [unit] = group(row.COLUMN) ~ Normal(0.0, SD);`
 #[derive(Clone, Debug, PartialEq)]
 pub struct Spread {
@@ -23,7 +24,7 @@ pub struct Spread {
     pub why: String,
 }
 
-/// A further normal error of every measurement of some `observe`s, of learnt size:
+/// A further normal error of every measurement of some `observe`s, whose size is learnt:
 /// `param NAME [unit] ~ HalfNormal(…);` and `Widened(…, NAME)`.
 #[derive(Clone, Debug, PartialEq)]
 pub struct RowError {
@@ -42,9 +43,9 @@ pub struct RowError {
 /// Everything that measurements differ by for reasons that no column tells.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Discrepancy {
-    /// Of sites, recordings, sessions.
+    /// Differences of sites, recordings or sessions.
     pub spreads: Vec<Spread>,
-    /// Of single measurements.
+    /// Further errors of single measurements.
     pub row_errors: Vec<RowError>,
 }
 

@@ -7,7 +7,8 @@ impl Model {
     /// The syntax tree of the model, with what was added to it.
     ///
     /// # Errors
-    /// A text that is no model; that of [`Model::source`] was compiled.
+    /// The text is no model. This cannot be where it comes from [`Model::source`], which was
+    /// compiled.
     pub fn syntax(&self) -> Result<eplat_language::syntax::Model, eplat_language::Mistake> {
         let mut tree = eplat_language::parse_text(&self.source)?;
         for (observe, sd) in &self.row_errors {

@@ -9,7 +9,7 @@ use crate::table::near;
 pub struct Exceedance {
     /// Name of a field or derived quantity.
     pub map: String,
-    /// Whether it is to lie above the level, not below.
+    /// Whether the map is to lie above the level; otherwise below.
     pub is_above: bool,
     /// The level, in the map's unit.
     pub level: f64,
@@ -39,7 +39,7 @@ pub enum ExceedanceError {
 }
 
 impl Exceedance {
-    /// From `NAME > NUMBER` or `NAME < NUMBER`, where NAME is one of `maps`.
+    /// Reads `NAME > NUMBER` or `NAME < NUMBER`, where NAME is one of `maps`.
     ///
     /// # Errors
     /// [`ExceedanceError`].
@@ -67,7 +67,7 @@ impl Exceedance {
         format!("P_{}_{}_{}", self.map, if self.is_above { "gt" } else { "lt" }, self.level)
     }
 
-    /// The share of `values` in which it holds; NaN without values.
+    /// The share of `values` for which the event holds; NaN if there are no values.
     pub(super) fn share(&self, values: &[f64]) -> f64 {
         let holds = |x: &&f64| if self.is_above { **x > self.level } else { **x < self.level };
         values.iter().filter(holds).count() as f64 / values.len() as f64

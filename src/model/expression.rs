@@ -1,7 +1,9 @@
-//! Expressions of a model file as objects, which the [`Builder`](super::expansion::Builder) gives places.
+//! Expressions of a model file as objects. The [`Builder`](super::expansion::Builder) gives them
+//! places.
 //!
-//! What a model's own program compiles is what such an object holds, and nothing else: all else is compiled
-//! once, with the library. See [`shipped`](super::shipped) for priors and kernels that are not even that.
+//! The program of a model compiles what these objects hold, and nothing else. All the rest is
+//! compiled once, with the library. Shipped priors and kernels are not even compiled with the
+//! model: see [`shipped`](super::shipped).
 
 use super::density::{DensityAt, LogTerms};
 use super::functions::{DensityFn, KernelFn, LetFn, PriorFn, RowFn, ScalarFn};
@@ -22,7 +24,7 @@ pub struct AnyPrior {
     pub(super) make: Box<dyn Fn() -> Box<dyn PriorOp>>,
 }
 
-/// Makes a scalar of the places of what it mentions.
+/// Makes a scalar, given the places of what it mentions.
 type MakeScalar = dyn Fn(&[u32]) -> Box<dyn Scalar>;
 
 /// A field's mean or amplitude.

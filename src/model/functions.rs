@@ -1,9 +1,10 @@
-//! The functions that [`model!`](crate::prelude::model) writes: every expression of a model file becomes the body of one
-//! function, in an implementation of one of these traits. Not for people.
+//! The functions that [`model!`](crate::prelude::model) writes. Every expression of a model file
+//! becomes the body of one function, in an implementation of one of these traits. They are not
+//! meant to be written by hand.
 //!
-//! Such a function takes exactly the numbers that its expression mentions, in the order in which the builder
-//! is told their names, and is generic over the number type: values, first derivatives and second ones come from
-//! the same text.
+//! Such a function takes exactly the numbers that its expression mentions, in the order in which
+//! the builder is told their names. It is generic over the number type, so values, first
+//! derivatives and second derivatives come from the same text.
 
 use std::borrow::Cow;
 
@@ -24,7 +25,7 @@ pub struct Decl {
 }
 
 impl Decl {
-    /// Of words that stand in a model file.
+    /// Made of words that stand in a model file.
     pub const fn new(name: &'static str, unit: &'static str, text: &'static str) -> Self {
         Self { name: Cow::Borrowed(name), unit: Cow::Borrowed(unit), text: Cow::Borrowed(text) }
     }
@@ -36,7 +37,8 @@ pub trait PriorFn<const N: usize>: Send + Sync + 'static {
     fn prior<T: Real>(&self, s: [Num<T>; N]) -> impl Dist<Num<T>> + use<Self, T, N>;
 }
 
-/// The prior of a vector, of each number or of the whole, as a function of the N numbers that it mentions.
+/// The prior of a vector as a function of the N numbers that it mentions: a prior of each number,
+/// or of the whole.
 pub trait VectorFn<const N: usize>: Send + Sync + 'static {
     /// The prior.
     fn prior<T: Real>(&self, s: [Num<T>; N]) -> impl Vector<Num<T>> + use<Self, T, N>;
@@ -54,7 +56,8 @@ pub trait KernelFn<const N: usize>: Send + Sync + 'static {
     fn kernel<T: Real>(s: [Num<T>; N]) -> impl Kernel<Num<T>> + use<Self, T, N>;
 }
 
-/// A `let` as a function of its row: the numbers that it mentions, then an offset for each `let` among these.
+/// A `let` as a function of its row. Its arguments are the numbers that it mentions, then an offset
+/// for each `let` among these.
 pub trait LetFn<const N: usize>: Send + Sync + 'static {
     /// The numeric columns that the model reads.
     type Columns: Columns;
@@ -62,7 +65,8 @@ pub trait LetFn<const N: usize>: Send + Sync + 'static {
     fn value<T: Real>(s: [Num<T>; N], row: &Self::Columns) -> Num<T>;
 }
 
-/// A likelihood as a function of its row: the numbers that it mentions, then an offset for each `let` among these.
+/// A likelihood as a function of its row. Its arguments are the numbers that it mentions, then an
+/// offset for each `let` among these.
 pub trait RowFn<const N: usize>: Send + Sync + 'static {
     /// The numeric columns that the model reads.
     type Columns: Columns;
@@ -90,7 +94,7 @@ pub trait DensityFn<const N: usize>: Send + Sync + 'static {
     ) -> impl Terms<Num<T>> + use<Self, T, N>;
 }
 
-/// What a density gives: a number, or one for each of the table's last rows.
+/// The value of a density: one number, or one for each of the table's last rows.
 #[diagnostic::on_unimplemented(
     message = "a density gives a `D` (all in one) or a `Vec<D>` (a term per row), not `{Self}`",
     label = "expected a function `fn f<D: Real>(…) -> D` or `-> Vec<D>`"
@@ -176,7 +180,7 @@ pub fn column_of<'a, C: Column>(cells: &mut std::slice::Iter<'a, Vec<f64>>) -> &
     cells.next().map_or(&[], |cells| C::rows(cells))
 }
 
-/// A plain number or a number with derivatives, as the latter.
+/// Makes a number with derivatives of a plain number; a number with derivatives stays what it is.
 #[inline(always)]
 pub fn number<T: Real>(x: impl Argument<Num<T>>) -> Num<T> {
     x.number()

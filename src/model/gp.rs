@@ -5,9 +5,10 @@
 //! ```
 //! A probe is a row of K numbers: the eigenfunctions at a vertex, or any linear functional of them.
 //!
-//! The constant mode φ₀ is collinear with a flat mean. Where the mean is such a parameter, the sampled
-//! one is `m' = m + Σ_terms amplitude √S(0) φ₀ η₀`: exact, of unit Jacobian, and η₀ stays standard
-//! normal and independent of everything else, to be drawn afterwards ([`Field::restore`]).
+//! The constant mode φ₀ and a flat mean move the field in the same way. If the mean is a flat
+//! parameter that nothing else mentions, both are *collapsed*: instead of m, the sampler moves `m'
+//! = m + Σ_terms amplitude √S(0) φ₀ η₀`. This is exact, with the Jacobian 1. η₀ stays standard
+//! normal and independent of everything else, so it is drawn afterwards ([`Field::restore`]).
 
 use std::marker::PhantomData;
 
@@ -22,13 +23,13 @@ use crate::field::Kernel;
 use crate::num::vector::dot;
 use crate::num::{Dual, LN_SQRT_2PI, derivatives};
 
-/// √S at the basis's frequencies, and its derivatives.
+/// √S at the frequencies of the basis, with its derivatives in what it depends on.
 pub(super) trait Spectrum: Bent + Send + Sync {
     /// Number of derivatives.
     fn width(&self) -> usize;
     /// `c_k = √S(w_k)`, and `dc` its derivatives, (width, modes).
     fn push(&self, v: &[f64], frequency: &[f64], c: &mut [f64], dc: &mut [f64]);
-    /// Carries the adjoint of `c` on.
+    /// Carries the adjoint of `c` to what it depends on.
     fn pull(&self, bar: &[f64], dc: &[f64], g: &mut [f64]);
     /// √S at one frequency.
     fn at(&self, v: &[f64], frequency: f64) -> f64;
@@ -110,7 +111,7 @@ impl<F: KernelFn<N>, const N: usize> NullaryFnOnce for Push<'_, F, N> {
 pub(super) struct Term {
     pub(super) amplitude: Box<dyn Scalar>,
     pub(super) spectrum: Box<dyn Spectrum>,
-    /// Number of sampled modes: K, or K − 1 where the constant mode is collapsed.
+    /// Number of sampled modes: K, or K − 1 if the constant mode is collapsed.
     pub(super) k: usize,
     /// First unknown.
     pub(super) eta: usize,
@@ -118,7 +119,7 @@ pub(super) struct Term {
     pub(super) work: usize,
 }
 
-/// A mean whose constant mode is collapsed: the mean's value in `v`, and φ₀.
+/// A mean with which the constant mode is collapsed: where its value is in `v`, and φ₀.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Collapsed {
     pub(super) mean: usize,
@@ -129,7 +130,7 @@ pub(super) struct Collapsed {
 #[derive(Debug)]
 pub(super) struct Field {
     pub(super) mean: Box<dyn Scalar>,
-    /// The value that is the mean, if it is a hyperparameter that nothing else mentions.
+    /// The value that is the mean, if the mean is a hyperparameter that nothing else mentions.
     pub(super) lone_mean: Option<usize>,
     pub(super) terms: Vec<Term>,
     pub(super) collapsed: Option<Collapsed>,
@@ -163,8 +164,8 @@ impl Field {
         (self.mean.value(&t.v), &t.work[self.work..][..self.k])
     }
 
-    /// Takes the collapsed η₀ of every term from `eta0`, standard normal; returns them and the mean that
-    /// goes with them.
+    /// Takes the collapsed η₀ of every term from `eta0`, which is standard normal. Returns them,
+    /// and the mean m that goes with them.
     pub(super) fn restore(
         &self,
         t: &Tape,

@@ -32,7 +32,7 @@ pub(super) struct PriorEntry {
     pub(super) mentions: Vec<usize>,
 }
 
-/// Deviations of places, one for each vertex, whose prior is normal with an sd that is learnt.
+/// Deviations of places: one for each vertex. Their prior is normal, and its sd is learnt.
 #[derive(Debug)]
 pub(super) struct SpreadEntry {
     /// Which of the model's priors is theirs.
@@ -46,17 +46,19 @@ pub(super) struct FieldEntry {
     pub(super) name: String,
     pub(super) unit: String,
     pub(super) range: Option<(f64, f64)>,
-    /// What its sum of mean and processes is bent into; the tape holds the sum.
+    /// The range into which its sum of mean and processes is bent. The tape holds the sum, not the
+    /// bent value.
     pub(super) within: Option<Within>,
     /// Which label it belongs to, if there is one field for each.
     pub(super) label: Option<usize>,
-    /// Whether its mean depends on a flat parameter: it then has no prior width.
+    /// Whether its mean depends on a flat parameter. The field then has no prior width.
     pub(super) has_flat_mean: bool,
-    /// First sampled mode: 1 where the constant mode is collapsed.
+    /// First sampled mode: 1 if the constant mode is collapsed, else 0.
     pub(super) first: usize,
     /// The vertices that its rows are at, ascending.
     pub(super) probes: Vec<u32>,
-    /// Fields of different groups share no row, and those of one have the same probes.
+    /// Number of its group. Fields of different groups share no row; fields of the same group have
+    /// the same probes.
     pub(super) group: usize,
     pub(super) op: Field,
 }
@@ -105,7 +107,7 @@ pub struct Model {
     /// Log densities in order of declaration.
     pub densities: Vec<Density>,
     pub(super) priors: Vec<Box<dyn Op>>,
-    /// One for each of `priors`.
+    /// What is known of each of `priors`.
     pub(super) prior_entries: Vec<PriorEntry>,
     pub(super) fields: Vec<FieldEntry>,
     pub(super) spreads: Vec<SpreadEntry>,
@@ -116,7 +118,8 @@ pub struct Model {
     pub(super) hooks: BTreeMap<(&'static str, &'static str), usize>,
     /// Share and sd of outliers that were added to every `observe`.
     pub(super) outliers: Option<(f64, f64)>,
-    /// Names of `observe`s whose rows were given a further error, and of its sd.
+    /// Names of the `observe`s whose rows were given a further error, each with the name of the
+    /// error's sd.
     pub(super) row_errors: Vec<(String, String)>,
     /// Values that are known: the filled cells of columns with a prior.
     pub(super) constants: Vec<(usize, f64)>,
@@ -129,8 +132,9 @@ pub struct Model {
 }
 
 impl Model {
-    /// The metric that suits NUTS: that of the warm-up draws' covariance where an effect is a field, whose smooth modes
-    /// and the model's own trends nearly do the same.
+    /// The metric that suits NUTS. If an effect is a field, it is dense (the covariance of the
+    /// warm-up draws), because the smooth modes of such a field and the model's own trends nearly
+    /// do the same.
     pub fn metric(&self) -> MetricKind {
         if self.effect_modes > 0 { MetricKind::Dense } else { MetricKind::Diagonal }
     }
@@ -166,7 +170,7 @@ impl Model {
         }
     }
 
-    /// Complains about measurements that a likelihood cannot take, and about terms without a row.
+    /// Refuses measurements that a likelihood cannot take, and terms without a row.
     pub(super) fn check(&mut self, data: &Measurements) -> Result<(), ModelError> {
         let mut t = self.tape();
         self.forward(&mut t, &self.initial());
@@ -274,7 +278,7 @@ impl Model {
         self.priors.iter().rev().for_each(|prior| prior.backward(t));
     }
 
-    /// Where a search for a starting point sets out: priors at a typical value, field means in the
+    /// Where the search for a starting point begins: priors at a typical value, field means in the
     /// middle of their declared range, coefficients zero.
     pub fn initial(&self) -> Vec<f64> {
         let mut t = self.tape();
@@ -287,12 +291,14 @@ impl Model {
         t.u
     }
 
-    /// The parameters of the last forward pass in their order, with the constant modes drawn.
+    /// The parameters of the last forward pass in their order. Constant modes that are collapsed
+    /// are drawn.
     pub fn report(&self, t: &Tape, rng: &mut dyn Rng, out: &mut Vec<f64>) {
         self.report_with(t, &mut || rng.sample(StandardNormal), out);
     }
 
-    /// The parameters of the last forward pass in their order, the constant modes at their mode, zero.
+    /// The parameters of the last forward pass in their order. Constant modes that are collapsed
+    /// are at their mode, zero.
     pub fn report_mode(&self, t: &Tape, out: &mut Vec<f64>) {
         self.report_with(t, &mut || 0.0, out);
     }
@@ -321,7 +327,8 @@ impl Model {
         self.lets.iter().for_each(|values| values.values(t, out));
     }
 
-    /// Name and rows of what has a log likelihood per row: `observe`s, then `density`s with a term each.
+    /// Name and rows of everything that has a log likelihood per row: the `observe`s, then the
+    /// `density`s with a term for each row.
     pub fn measured(&self) -> impl Iterator<Item = (&'static str, &[usize])> {
         let observes = self.observes.iter().map(|o| (o.name, o.rows.as_slice()));
         observes.chain(self.densities.iter().map(|d| (d.name, d.rows.as_slice())))
@@ -364,8 +371,8 @@ impl Model {
 }
 
 impl Observe {
-    /// Whether a row of a table with the same columns holds a measurement of this kind: all that it is
-    /// computed from, or an end of a bracket.
+    /// Whether a row of a table with the same columns holds a measurement of this kind: everything
+    /// that the measurement is computed from, or an end of a bracket.
     pub fn is_measured(&self, table: &Measurements, row: usize) -> bool {
         let has = |column: &String| table.cell(row, column).is_some_and(|cell| !cell.is_empty());
         let is_computed = self.cells.len() != self.columns.len();

@@ -1,9 +1,10 @@
-//! `let`s as numbers to report: what an expression was worth at each draw.
+//! `let`s as numbers to report: the value of an expression at each draw.
 
 use super::map::MapFn;
 use super::tape::Tape;
 
-/// A value on the tape, and an offset that effects may have added to it (`v[0]`, which is zero, if none).
+/// The place of a value on the tape, and that of an offset that effects may have added to it
+/// (`v[0]`, which is zero, if none).
 pub(super) type Local = [u32; 2];
 
 /// The values of a `let` that depends on rows or on labels, or on parameters of a model without fields.
@@ -23,9 +24,9 @@ pub struct LetValues {
 /// Where the values come from.
 #[derive(Debug)]
 pub(super) enum Values {
-    /// Of a linear predictor: as they lie on the tape.
+    /// A linear predictor: they lie on the tape one after the other.
     Linear(Vec<Local>),
-    /// Of an expression: its scalars `(len, n)`, and the offset of each value.
+    /// An expression: the places of its scalars `(len, n)`, and the offset of each value.
     Expression { at: Box<dyn MapFn>, scalars: Vec<Local>, offset: Vec<u32> },
 }
 

@@ -1,11 +1,11 @@
-//! A model as criticism sees it: rows that depend on few scalars each, and these scalars linear in
-//! everything that is Gaussian.
+//! A model as criticism sees it. Each row depends on a few scalars, and these are linear in every
+//! unknown that is Gaussian.
 //!
 //! ```text
 //! scalars of a row = constant + J x,   x: unknowns on the whole line (coefficients, means, …)
 //! ```
-//! The constant and J depend on the other unknowns alone (amplitudes, lengthscales, noise: whatever
-//! has a bounded support).
+//! The constant and J depend only on the other unknowns, which have a bounded support: amplitudes,
+//! lengthscales, noise.
 
 use super::laid_out::{FieldEntry, Model, PriorEntry};
 use super::reported::{Kind, Parameter, Position};
@@ -16,7 +16,7 @@ use crate::infer::LogDensity as _;
 use rand::Rng;
 use std::collections::BTreeMap;
 
-/// Which unknowns a row's scalars are linear in, and which they are not.
+/// The unknowns in which a row's scalars are linear, and the others.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Split {
     /// Unknowns on the whole line: coefficients of GP terms, means, coefficients of effects.
@@ -36,7 +36,8 @@ pub struct RowId {
     pub row: usize,
 }
 
-/// What is done with a row at a draw: its number, its scalars, and where its random numbers are from.
+/// Is called for a row at a draw, with the number of the row, its scalars, and a source of random
+/// numbers.
 pub type Visit<'a> = dyn FnMut(usize, &[f64], &mut dyn Rng) + 'a;
 
 impl Model {
@@ -82,9 +83,10 @@ impl Model {
         self.observes.iter().enumerate().flat_map(rows).collect()
     }
 
-    /// Visits these rows at draws of `fitted`, the same model on other rows: the number of the row among
-    /// `ids`, its scalars, and where its random numbers are from. What `fitted` lacks, such as the
-    /// coefficient or the field of a new label, is drawn from its prior: see [`Model::draw_unknown`].
+    /// Visits these rows at draws of `fitted`, the same model on other rows. `visit` gets the
+    /// number of the row among `ids`, its scalars, and a source of random numbers. Unknowns that
+    /// `fitted` lacks, such as the coefficient or the field of a new label, are drawn from their
+    /// prior: see [`Model::draw_unknown`].
     pub fn at_draws(
         &self,
         fitted: &Self,
@@ -109,8 +111,9 @@ impl Model {
         }
     }
 
-    /// Which unknown of `fitted`, the same model on the first of these rows, each unknown is, by its
-    /// name. Of two with one name, such as the empty cells in line 7 of two files, it is the first.
+    /// For each unknown, the unknown of `fitted` with the same name, if there is one. `fitted` is
+    /// the same model on the first of these rows. Two unknowns may have the same name, such as the
+    /// empty cells in line 7 of two files; then it is the first.
     pub(super) fn unknowns_in(&self, fitted: &Self) -> Vec<Option<usize>> {
         let names = fitted.unknown_names().into_iter().enumerate();
         let mut names: BTreeMap<String, usize> = names.map(|(i, name)| (name, i)).collect();
@@ -155,8 +158,8 @@ impl Model {
         t.lp
     }
 
-    /// Log likelihood of a row at these scalars, had `cells` been measured, with gradient and Hessian in the
-    /// scalars numbered `of`; zero in the others.
+    /// Log likelihood of a row at these scalars, if `cells` had been measured. It comes with the
+    /// gradient and the Hessian in the scalars numbered `of`; in the others they are zero.
     pub fn row_curvature(
         &self,
         id: RowId,
@@ -168,7 +171,8 @@ impl Model {
         self.observes[id.observe].op.curvature(id.row, cells, locals, of, noise)
     }
 
-    /// As [`Model::row_curvature`], in every scalar and, last, in the variance of `noise`.
+    /// As [`Model::row_curvature`], but in every scalar and, as the last one, in the variance of
+    /// `noise`.
     pub fn row_whole_curvature(
         &self,
         id: RowId,
@@ -179,8 +183,8 @@ impl Model {
         self.observes[id.observe].op.whole_curvature(id.row, cells, locals, noise)
     }
 
-    /// The gradient of the second derivative of a row's log likelihood along `direction` of its scalars, `(n)`: in every
-    /// scalar and, last, in the variance of `noise`.
+    /// The gradient of the second derivative of a row's log likelihood along `direction` of its
+    /// scalars, `(n)`. It is in every scalar and, as the last one, in the variance of `noise`.
     pub fn row_bend(
         &self,
         id: RowId,
@@ -192,12 +196,13 @@ impl Model {
         self.observes[id.observe].op.bend(id.row, cells, locals, direction, noise)
     }
 
-    /// Log likelihood of a row at these scalars, had `cells` been measured.
+    /// Log likelihood of a row at these scalars, if `cells` had been measured.
     pub fn row_ln(&self, id: RowId, cells: &[f64], locals: &[f64], noise: &Noise) -> f64 {
         self.observes[id.observe].op.ln_at(id.row, cells, locals, noise)
     }
 
-    /// A measurement simulated for a row at these scalars, made as `cells` were: a bracket has their width.
+    /// A measurement that is simulated for a row at these scalars. It is made as `cells` were: a
+    /// bracket has the width of theirs.
     pub fn row_replicate(
         &self,
         id: RowId,
@@ -218,7 +223,7 @@ impl Model {
         self.observes[id.observe].op.location_slopes(id.row, locals)
     }
 
-    /// For each field its name and those of the parameters in mm that its kernels depend on.
+    /// For each field, its name and the names of the parameters in mm on which its kernels depend.
     pub fn lengthscales(&self) -> Vec<(&str, Vec<String>)> {
         let named = |v: usize| {
             let holds = |p: &&Parameter| matches!(p.position, Position::Values(at) if (at..at + p.len).contains(&v));
@@ -242,7 +247,8 @@ impl Model {
         self.observes[id.observe].observed_row(id.row)
     }
 
-    /// Takes a row out of the density, its place among the rows kept: what the others say of it.
+    /// Takes a row out of the density, but keeps its place among the rows: the posterior is then
+    /// that given the other rows.
     pub fn leave_out(&mut self, id: RowId) {
         self.observes[id.observe].op.place.left_out = Some(id.row);
     }

@@ -1,4 +1,4 @@
-//! One derived quantity as a function of a row or a place.
+//! A derived quantity as a function of a row or of a place.
 
 use super::error::ModelError;
 use super::functions::{Columns, LetFn};
@@ -12,7 +12,7 @@ pub(super) type ReadCell<'a> = &'a mut dyn FnMut(&str) -> Result<f64, ModelError
 pub(super) struct Map {
     /// The `let`.
     pub(super) of: &'static str,
-    /// Its name or, of a `let` that has a map for each label, with the label.
+    /// Its name. If the `let` has a map for each label, the name is followed by the label.
     pub(super) name: String,
     pub(super) unit: String,
     pub(super) range: Option<(f64, f64)>,
@@ -32,7 +32,8 @@ pub(super) enum Source {
 pub(super) trait MapFn: Send + Sync {
     /// Takes the columns of one more row.
     fn read(&mut self, cell: ReadCell<'_>) -> Result<(), ModelError>;
-    /// The value at these scalars, in one of the rows taken or at a place that is in no table.
+    /// The value at these scalars, in one of the rows that were taken, or at a place that is in no
+    /// table.
     fn value(&self, s: &[f64], row: Option<usize>) -> f64;
 }
 

@@ -48,8 +48,8 @@ pub struct Summaries {
     pub maps: Vec<MapSummary>,
     /// Share of draws at each vertex in which a field or derived quantity is outside its range.
     pub unphysical: Vec<f64>,
-    /// For each exceedance asked for, its probability at each vertex over the physical draws; NaN where there
-    /// is none, or no such map.
+    /// For each exceedance that was asked for, its probability at each vertex over the physical
+    /// draws. NaN where there are no such draws, or if there is no such map.
     pub exceeded: Vec<Vec<f64>>,
 }
 
@@ -70,14 +70,14 @@ pub struct Maps<'m> {
     basis: &'m Basis,
 }
 
-/// What one draw contributes: the value vector and each field's mean and weights.
+/// What is kept of one draw: the value vector, and the mean and weights of each field.
 struct Draw {
     v: Vec<f64>,
     fields: Vec<(f64, Vec<f64>)>,
 }
 
 impl<'m> Maps<'m> {
-    /// Of `model` on the surface of `basis`.
+    /// The maps of `model` on the surface of `basis`.
     pub fn new(model: &'m Model, basis: &'m Basis) -> Self {
         Self { model, basis }
     }
@@ -104,9 +104,10 @@ impl<'m> Maps<'m> {
         fields.chain(lets).collect()
     }
 
-    /// Derived quantities at one place from the sums of the fields there; NaN where a field or a
-    /// derived quantity is outside its declared range, for beyond it a surrogate means nothing.
-    /// `outside` says of each field and derived quantity whether it is outside its own range.
+    /// Derived quantities at one place, from the sums of the fields there. They are NaN if a field
+    /// or a derived quantity is outside its declared range, because a surrogate means nothing
+    /// there. `outside` gets, for each field and derived quantity, whether it is outside its own
+    /// range.
     fn derived(
         &self,
         v: &[f64],
@@ -161,7 +162,8 @@ impl<'m> Maps<'m> {
         out
     }
 
-    /// Sets the fields' values at the measurements' places, as if a draw had given `fields`.
+    /// Sets the values of the fields at the places of the measurements, as if a draw had had these
+    /// `fields`.
     pub fn set_at_probes(&self, t: &mut Tape, fields: &[Vec<f64>]) {
         for (entry, field) in self.model.fields.iter().zip(fields) {
             for (i, vertex) in entry.probes.iter().enumerate() {
@@ -170,9 +172,10 @@ impl<'m> Maps<'m> {
         }
     }
 
-    /// Means, standard deviations and quantiles over draws of unknowns, each vertex's share of unphysical
-    /// draws, and the probabilities asked for. Fields are averaged over all draws, derived quantities
-    /// over the physical ones. One vertex at a time is in memory with all its draws.
+    /// Means, standard deviations and quantiles over draws of unknowns, the share of unphysical
+    /// draws at each vertex, and the probabilities that were asked for. Fields are averaged over
+    /// all draws, derived quantities over the physical ones. Only one vertex with all its draws is
+    /// in memory at a time.
     pub fn summarise(&self, draws: &[&[f64]], asked: &[Exceedance]) -> Summaries {
         let draws: Vec<Draw> = self.unpack(draws);
         let names = self.names();
@@ -204,8 +207,9 @@ impl<'m> Maps<'m> {
         }
     }
 
-    /// For each field and draw of unknowns the mean of its sum and the weights of the first `n_modes` eigenfunctions,
-    /// (draw, 1 + n_modes); and `n_modes`, that of the field with most.
+    /// For each field and draw of unknowns, the mean of its sum and the weights of the first
+    /// `n_modes` eigenfunctions, (draw, 1 + n_modes); and `n_modes`, which is that of the field
+    /// with most modes.
     pub fn coefficients(&self, draws: &[&[f64]]) -> (usize, Vec<(&'m str, Vec<f64>)>) {
         let draws = self.unpack(draws);
         let fields = &self.model.fields;
@@ -243,8 +247,9 @@ impl<'m> Maps<'m> {
         vertices.par_iter().map(at).collect()
     }
 
-    /// The rank of `truth` (a map for each field and derived quantity, n_vertices) among draws of
-    /// unknowns: the share of physical draws below it, NaN where there is neither.
+    /// The rank of `truth` among draws of unknowns: the share of physical draws below it. It is NaN
+    /// if there are no such draws, or no truth. `truth` is a map (n_vertices) for each field and
+    /// derived quantity.
     pub fn ranks(&self, draws: &[&[f64]], truth: &[&[f64]]) -> Vec<Vec<f64>> {
         let draws: Vec<Draw> = self.unpack(draws);
         let n = truth.len();
@@ -306,7 +311,8 @@ impl<'m> Maps<'m> {
         }
     }
 
-    /// Hands over the values of all maps at a vertex, draw by draw, and which are outside their range.
+    /// Gives the values of all maps at a vertex, draw by draw, and says which are outside their
+    /// range.
     fn each_at(
         &self,
         vertex: usize,

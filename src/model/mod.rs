@@ -1,10 +1,12 @@
 //! A model laid out on its data: what the statements of [`model!`](crate::prelude::model) become.
 //!
-//! One value vector `v` holds every number of one evaluation: constrained parameters, field values at
-//! probes, linear predictors, offsets. A measurement depends on W of them: a row is W indices into
-//! `v`, its likelihood is evaluated in a dual number of width W, and its derivatives are added at the
-//! same indices of the adjoint `g`. Everything between parameters and `v` is linear or a kernel's
-//! spectral density, with a hand-written adjoint. Nothing here knows the EP simulator.
+//! One value vector `v` holds every number of one evaluation: constrained parameters, field values
+//! at probes, linear predictors, offsets. A measurement depends on W of them, so a row is W indices
+//! into `v`. Its likelihood is evaluated in a dual number of width W, and its derivatives are added
+//! at the same indices of the adjoint `g`.
+//!
+//! Everything between parameters and `v` is linear, or the spectral density of a kernel, and has a
+//! hand-written adjoint. Nothing here knows the EP simulator.
 
 mod augmented;
 mod blocked;
@@ -56,7 +58,8 @@ pub use reported::{Kind, Parameter};
 pub use rows::{Curvature, Noise};
 pub use tape::Tape;
 
-/// What the expansion of [`model!`](crate::prelude::model) names; not for people.
+/// What the code refers to that [`model!`](crate::prelude::model) expands to. It is not meant to be
+/// used by hand.
 #[doc(hidden)]
 pub mod expansion {
     pub use super::builder::{Builder, Computed, Len, Place, Range};

@@ -10,7 +10,8 @@ use super::tape::{Op, Tape};
 use crate::dist::{Dist, Gaussian, Normal, Sequence, Support, Vector as _};
 use crate::num::{Dual, LN_SQRT_2PI, Num, Real, derivatives, variable};
 
-/// One parameter, or `n` with the same prior; the last of the W derivatives is the parameter's own.
+/// One parameter, or `n` with the same prior. The last of the W derivatives is that in the
+/// parameter itself.
 pub(super) struct ParameterOp<F, const N: usize, const W: usize> {
     pub(super) local: Local<N>,
     /// First unknown.
@@ -18,7 +19,7 @@ pub(super) struct ParameterOp<F, const N: usize, const W: usize> {
     /// First value.
     pub(super) v: usize,
     pub(super) n: usize,
-    /// The normaliser of a prior whose own parameters are constants: computed once.
+    /// If the prior's own parameters are constants, its normaliser, which is computed once.
     pub(super) ln_norm: f64,
     pub(super) coordinate: Coordinate,
     pub(super) f: F,
@@ -30,15 +31,17 @@ pub(super) trait PriorOp: Op {
     fn support(&self) -> Support;
     /// Whether the prior is flat.
     fn is_flat(&self) -> bool;
-    /// Gives it places: of what its prior mentions, of its first unknown and first value; `n` numbers.
+    /// Gives it places: those of what its prior mentions, its first unknown and its first value. It
+    /// has `n` numbers.
     fn put(&mut self, mentions: &[u32], u: usize, v: usize, n: usize);
-    /// Takes deviations in units of the sd as unknowns, if the prior is normal with an sd (or mean) that is
-    /// itself a parameter: a small sd then does not squeeze the space that is sampled. Whether it does.
+    /// Takes deviations in units of the sd as unknowns, if the prior is normal and its sd (or mean)
+    /// is itself a parameter. A small sd then does not squeeze the space that is sampled. Returns
+    /// whether it does.
     fn take_deviations(&mut self) -> bool;
 }
 
 impl<F: PriorFn<N>, const N: usize, const W: usize> ParameterOp<F, N, W> {
-    /// Without places.
+    /// The operation before it has places.
     pub(super) fn new(f: F) -> Self {
         // the normaliser of a prior that mentions nothing is computed once
         let ln_norm = if N == 0 { f.prior([Num(1.0); N]).ln_norm().0 } else { 0.0 };
@@ -66,7 +69,8 @@ impl<F: PriorFn<N>, const N: usize, const W: usize> PriorOp for ParameterOp<F, N
     }
 }
 
-/// The support of a prior; that of one whose bounds move with what it mentions is only known while it runs.
+/// The support of a prior. If its bounds depend on what the prior mentions, they are only known
+/// while it runs.
 pub(super) fn support_of<F: PriorFn<N>, const N: usize>(f: &F) -> Support {
     let support = |x: f64| f.prior([Num(x); N]).support();
     if support(1.0) == support(0.5) { support(1.0) } else { Support::Between }
@@ -115,8 +119,8 @@ impl<F: PriorFn<N>, const N: usize, const W: usize> Op for ParameterOp<F, N, W> 
     }
 }
 
-/// The cells of a column, each with the same prior: the empty ones are unknowns, the others tell of what the prior
-/// mentions. The last of the W derivatives is a cell's own.
+/// The cells of a column, each with the same prior. The empty ones are unknowns; the filled ones
+/// tell about what the prior mentions. The last of the W derivatives is that in the cell itself.
 pub(super) struct ImputedOp<F, const N: usize, const W: usize> {
     pub(super) local: Local<N>,
     /// First unknown.
@@ -176,7 +180,7 @@ impl<F: PriorFn<N>, const N: usize, const W: usize> Op for ImputedOp<F, N, W> {
     }
 }
 
-/// `n` coefficients `~ Normal(0, sd)`, the sd known only at run time.
+/// `n` coefficients `~ Normal(0, sd)`, where the sd is known only at run time.
 #[derive(Debug)]
 pub(super) struct NormalOp {
     /// First unknown.
@@ -222,7 +226,7 @@ pub(super) trait SequenceFn<const N: usize>: Send + Sync + 'static {
     fn sequence<T: Real>(&self, s: [Num<T>; N]) -> impl Sequence<Num<T>> + use<Self, T, N>;
 }
 
-/// A [`VectorFn`] as what its prior turns out to be.
+/// A [`VectorFn`] as the kind of prior that it turns out to be.
 #[derive(Clone, Copy)]
 pub(super) struct Known<F>(pub(super) F);
 
@@ -240,15 +244,15 @@ impl<F: VectorFn<N>, const N: usize> SequenceFn<N> for Known<F> {
     }
 }
 
-/// A vector of `n` numbers that depend on each other; of the W derivatives the last is a number's
-/// own unknown, the one before it a number of the carry.
+/// A vector of `n` numbers that depend on each other. Of the W derivatives, the last is that in a
+/// number's own unknown, and the one before it that in a number of the carry.
 pub(super) struct SequenceOp<F, const N: usize, const W: usize> {
     pub(super) local: Local<N>,
     /// First unknown.
     pub(super) u: usize,
     /// First value.
     pub(super) v: usize,
-    /// Where the carry that each number finds is kept.
+    /// Where the carry that each number finds is kept: what the numbers before it leave behind.
     pub(super) work: usize,
     pub(super) n: usize,
     pub(super) n_carry: usize,

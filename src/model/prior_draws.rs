@@ -1,4 +1,4 @@
-//! Draws of a model's unknowns from its priors, as chains that look like a sampler's.
+//! Draws of a model's unknowns from its priors, in chains like those of a sampler.
 
 use std::time::Instant;
 
@@ -14,8 +14,8 @@ use crate::infer::{Chain, Settings};
 use crate::random::Stream;
 
 impl Model {
-    /// Independent draws from the prior, as many as the settings say; nothing else of them counts.
-    /// The measurements are left aside.
+    /// Independent draws from the prior, as many as the settings say. Nothing else in the settings
+    /// is used. The measurements are left aside.
     ///
     /// # Errors
     /// [`ModelError::NoPriorDraw`], [`ModelError::DensityInPrior`].
@@ -43,9 +43,10 @@ impl Model {
         Ok(out)
     }
 
-    /// Draws of the unknowns as they may be before anything is measured, for a look at what the model
-    /// expects: as [`Model::prior_draws`], but a field's mean with a flat prior stands in the middle of
-    /// the field's range. `None` where another prior cannot be drawn from.
+    /// Draws of the unknowns as they may be before anything is measured. They serve for a look at
+    /// what the model expects. They are those of [`Model::prior_draws`], but a field's mean with a
+    /// flat prior stands in the middle of the field's range. `None` if some other prior cannot be
+    /// drawn from.
     pub fn plausible(&self, n: usize, rng: &mut ChaCha8Rng) -> Option<Vec<Vec<f64>>> {
         let mut tape = self.tape();
         let mut draw = || {
@@ -63,8 +64,9 @@ impl Model {
         (0..n).map(|_| draw()).collect()
     }
 
-    /// Draws the unknowns `u[i]` that are not `known`, such as the coefficients of labels that were not fitted, from
-    /// their priors given the others; where a prior cannot be drawn from they stay as they are.
+    /// Draws the unknowns `u[i]` that are not `known` from their priors given the others, for
+    /// instance the coefficients of labels that were not fitted. If a prior cannot be drawn from,
+    /// its unknowns stay as they are.
     pub fn draw_unknown(&self, tape: &mut Tape, u: &mut [f64], known: &[bool], rng: &mut dyn Rng) {
         tape.u.copy_from_slice(u);
         for (prior, entry) in self.priors.iter().zip(&self.prior_entries) {
@@ -85,8 +87,8 @@ impl Model {
         }
     }
 
-    /// Complains about what `fitted`, the same model on the first of these rows, lacks and no prior can
-    /// be drawn from for.
+    /// Refuses a model with an unknown that `fitted` lacks and whose prior cannot be drawn from.
+    /// `fitted` is the same model on the first of these rows.
     ///
     /// # Errors
     /// [`ModelError::NoPriorDraw`]
@@ -105,7 +107,7 @@ impl Model {
         Ok(())
     }
 
-    /// The parameter behind each prior: all but the coefficients of fields.
+    /// The parameter behind each prior. These are all parameters but the coefficients of fields.
     fn declared(&self) -> impl Iterator<Item = &Parameter> {
         self.parameters.iter().filter(|p| p.kind != Kind::Eta)
     }

@@ -4,8 +4,8 @@
 //! ζ_k = Σ_terms a_k η_k,  a_k = amplitude √S_k / √s_k        Σ_terms a_k² = 1
 //! diag(√s) Φᵀ = V Lᵀ      w = Vᵀ ζ                           VᵀV = I
 //! ```
-//! so w and ζ are standard normal if η is, and given w: ζ = V w + (I − V Vᵀ) ε, given ζ:
-//! η = a ζ + (I − a aᵀ) ε, with ε standard normal.
+//! So w and ζ are standard normal if η is. Given w, ζ = V w + (I − V Vᵀ) ε. Given ζ, η = a ζ + (I −
+//! a aᵀ) ε. In both, ε is standard normal.
 
 use rand::{Rng, RngExt};
 use rand_distr::StandardNormal;
@@ -13,7 +13,7 @@ use rand_distr::StandardNormal;
 use super::gp::{Field, Term};
 use crate::num::vector::{axpy, dot};
 
-/// What the sites of a field determine.
+/// What the sites of a field determine of its coefficients.
 pub(super) struct Seen<'a> {
     /// w of every site, or ζ of every mode.
     pub(super) w: &'a [f64],
@@ -71,7 +71,8 @@ pub(super) fn coefficients(
     directions(modes, &shares.scale).chunks_exact(op.k).map(|row| dot::<8>(row, &zeta)).collect()
 }
 
-/// Writes η of every term into a position: a draw from their conditional given what the sites see.
+/// Writes η of every term into a position. It is drawn from its conditional given what the sites
+/// see.
 pub(super) fn weights_of(
     op: &Field,
     modes: &[f64],
@@ -120,8 +121,8 @@ fn normal(n: usize, rng: &mut dyn Rng) -> Vec<f64> {
     (0..n).map(|_| rng.sample(StandardNormal)).collect()
 }
 
-/// V, one direction `(k)` per site: Gram–Schmidt on the rows of Φ diag(√s), each orthogonalised
-/// twice. A row that the earlier ones determine to rounding gives a zero direction.
+/// V, one direction `(k)` per site, by Gram–Schmidt on the rows of Φ diag(√s), each orthogonalised
+/// twice. If the rows before one determine it to rounding, its direction is zero.
 fn directions(modes: &[f64], scale: &[f64]) -> Vec<f64> {
     const ROUNDING: f64 = 1e-14;
     let k = scale.len();

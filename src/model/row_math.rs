@@ -1,4 +1,5 @@
-//! The likelihood of an `observe` statement on its rows: what a model's own program compiles of it.
+//! The likelihood of an `observe` statement on its rows: the part of it that is compiled with each
+//! model.
 
 use num_dual::DualStruct;
 use pulp::{Arch, Simd, WithSimd};
@@ -16,7 +17,8 @@ use crate::num::{Dual, Hyper, Num, Real, Third, derivatives, variable};
 /// Share of outlying measurements, and the variance of their further error.
 pub(super) type OutlierShare = (f64, f64);
 
-/// A row, and the N numbers that its likelihood depends on, then the sd of a further error, 0 if it has none.
+/// A row: the N numbers that its likelihood depends on, then the sd of a further error, which is 0
+/// if there is none.
 #[derive(Clone, Copy)]
 pub(super) struct Row<'a> {
     pub(super) i: usize,
@@ -27,7 +29,7 @@ pub(super) struct Row<'a> {
 /// Where a measurement of a row comes from.
 #[derive(Clone, Copy)]
 pub(super) struct Measurement<'a> {
-    /// Its cells; where these hold none it is the row's own.
+    /// The cells of the measurement. If these hold none, the row's own measurement is meant.
     pub(super) cells: &'a [f64],
     /// Variance of a normal error that it has beyond its likelihood.
     pub(super) variance: f64,
@@ -49,21 +51,23 @@ pub(super) trait RowMath: Send + Sync {
     fn len(&self) -> usize;
     /// The measurement of row `i` as cells.
     fn measured(&self, i: usize) -> Vec<f64>;
-    /// Adds the log likelihood of all rows, and its derivatives in the numbers that carry them to the adjoint.
+    /// Adds the log likelihood of all rows to the density, and its derivatives to the adjoint. They
+    /// are those in the numbers that carry derivatives.
     fn backward(&self, place: &Place, outliers: Option<OutlierShare>, t: &mut Tape);
     /// Log likelihood of a row.
     fn ln(&self, row: Row<'_>) -> f64;
     /// As [`RowMath::ln`], with derivatives in its numbers `a` and `b`.
     fn second(&self, row: Row<'_>, a: usize, b: usize) -> Hyper;
-    /// Log likelihood of a row, had this been measured.
+    /// Log likelihood of a row, if `y` had been measured.
     fn ln_of(&self, row: Row<'_>, y: Measurement<'_>) -> f64;
-    /// As [`RowMath::ln_of`], with derivatives in its numbers `a` and `b`; the number after the last is the
-    /// measurement's variance.
+    /// As [`RowMath::ln_of`], with derivatives in its numbers `a` and `b`. The number after the
+    /// last one stands for the variance of the measurement.
     fn second_of(&self, row: Row<'_>, y: Measurement<'_>, a: usize, b: usize) -> Hyper;
-    /// As [`RowMath::ln_of`], with derivatives twice along `direction` of its numbers and once in number `a`, or in
-    /// the variance as in [`RowMath::second_of`].
+    /// As [`RowMath::ln_of`], with two derivatives along `direction` of its numbers and one in
+    /// number `a`, which may be the variance as in [`RowMath::second_of`].
     fn third_of(&self, row: Row<'_>, y: Measurement<'_>, direction: &[f64], a: usize) -> Third;
-    /// A simulated measurement, made as that of the cells `like` was, or else as the row's own.
+    /// A simulated measurement. It is made as the measurement `like` was, or else as the row's own:
+    /// a bracket has its width.
     fn simulate(&self, row: Row<'_>, like: Option<&[f64]>, rng: &mut dyn Rng) -> Vec<f64>;
     /// The predicted value, if the likelihood has one.
     fn location(&self, row: Row<'_>) -> Option<f64>;
@@ -73,20 +77,21 @@ pub(super) trait RowMath: Send + Sync {
     fn objection(&self, row: Row<'_>) -> Option<&'static str>;
 }
 
-/// The likelihood F of N numbers, of which the first W carry derivatives; the others are the offsets of `let`s.
+/// The likelihood F of N numbers. The first W carry derivatives; the others are the offsets of
+/// `let`s.
 pub(super) struct RowsOf<F: RowFn<N>, const N: usize, const W: usize> {
     columns: Vec<F::Columns>,
     y: Vec<F::Y>,
 }
 
 impl<F: RowFn<N>, const N: usize, const W: usize> RowsOf<F, N, W> {
-    /// Of no row yet.
+    /// A likelihood without rows.
     pub(super) fn new() -> Self {
         Self { columns: vec![], y: vec![] }
     }
 
-    /// The numbers of row `i`; `number` makes them of (which, value), offsets of `let`s being number W and up. An
-    /// offset that nobody sets is a constant, which the compiler sees.
+    /// The numbers of row `i`. The offsets of `let`s are those from W on. An offset that nobody
+    /// sets is a constant, and the compiler sees that.
     #[inline(always)]
     fn gather(place: &Place, v: &[f64], i: usize) -> [Num<Dual<W>>; N] {
         let mut s = [Num(Dual::from(0.0)); N];
@@ -106,8 +111,8 @@ impl<F: RowFn<N>, const N: usize, const W: usize> RowsOf<F, N, W> {
         s
     }
 
-    /// The likelihood of a row, with the outliers that were added. Not inlined, so that a model's expressions are
-    /// compiled once for all that is not the gradient.
+    /// The likelihood of a row, with the outliers that were added. It is not inlined, so that the
+    /// expressions of a model are compiled only once for everything but the gradient.
     #[inline(never)]
     fn likelihood<D: Real>(
         &self,
@@ -143,7 +148,7 @@ impl<F: RowFn<N>, const N: usize, const W: usize> RowsOf<F, N, W> {
         self.likelihood(std::array::from_fn(number), row.i, row.outliers)
     }
 
-    /// A measurement of row `i` from its cells; the row's own where these hold none.
+    /// A measurement of row `i` from its cells, or the row's own if these hold none.
     fn measurement(&self, i: usize, cells: &[f64]) -> F::Y {
         F::Y::read(cells).ok().flatten().unwrap_or(self.y[i])
     }

@@ -7,13 +7,13 @@ pub(super) struct Place {
     pub(super) width: usize,
     /// (rows, W): where each of these lives.
     pub(super) index: Vec<u32>,
-    /// (rows, W): an offset added to it, or empty if no effect acts on a field here.
+    /// (rows, W): the offset that is added to each. Empty if no effect acts on a field here.
     pub(super) hook: Vec<u32>,
     /// First offset of each `let` in sight on which an effect acts.
     pub(super) lets: Vec<Option<usize>>,
     /// The sd of a further error of every row, where one was added to the model.
     pub(super) error: Option<usize>,
-    /// A row that does not count in the density.
+    /// A row that is left out of the density.
     pub(super) left_out: Option<usize>,
 }
 
@@ -27,14 +27,16 @@ impl Place {
         (0..w).map(value).chain(lets).chain(self.error.map(|sd| (sd, 0))).collect()
     }
 
-    /// Which of the numbers of a row each of [`Place::locals`] is: an offset that nobody sets is none.
+    /// For each of [`Place::locals`], which of the numbers of a row it is. The offset of a `let`
+    /// that nobody sets is not among them.
     pub(super) fn slots(&self) -> Vec<usize> {
         let lets = self.lets.iter().enumerate().filter(|(_, at)| at.is_some());
         let error = self.error.map(|_| self.error_slot());
         (0..self.width).chain(lets.map(|(j, _)| self.width + j)).chain(error).collect()
     }
 
-    /// Which of the numbers of a row is the sd of its further error, the last: 0 without one.
+    /// Which of the numbers of a row is the sd of its further error: the last. It is 0 if there is
+    /// no such error.
     pub(super) fn error_slot(&self) -> usize {
         self.width + self.lets.len()
     }
@@ -53,7 +55,7 @@ impl Place {
         numbers
     }
 
-    /// As [`Place::numbers_at`], into memory that is there.
+    /// As [`Place::numbers_at`], but writes into `numbers`.
     pub(super) fn fill(&self, v: &[f64], i: usize, numbers: &mut [f64]) {
         let (own, lets) = numbers.split_at_mut(self.width);
         for (x, at) in own.iter_mut().zip(&self.index[i * self.width..]) {

@@ -7,10 +7,10 @@ use super::row_place::Place;
 use super::tape::{LocalHessian, Tape};
 use crate::num::Hyper;
 
-/// What spreads a measurement beyond its likelihood, in the unit of the measurement.
+/// Errors of a measurement beyond those of its likelihood, in the unit of the measurement.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Noise {
-    /// Variance of a normal error of every measurement.
+    /// Variance of a further normal error of every measurement.
     pub variance: f64,
     /// Share of outlying measurements, and the variance of their further error.
     pub outliers: Option<(f64, f64)>,
@@ -28,7 +28,7 @@ pub struct Curvature {
 }
 
 impl Curvature {
-    /// Of n scalars, with derivatives in those numbered `of`.
+    /// The curvature in n scalars, with derivatives in those numbered `of`.
     fn new(n: usize, of: &[usize], at: impl Fn(usize, usize) -> Hyper) -> Self {
         let mut out = Self { value: 0.0, gradient: vec![0.0; n], hessian: vec![0.0; n * n] };
         for (k, &a) in of.iter().enumerate() {
@@ -42,8 +42,8 @@ impl Curvature {
     }
 }
 
-/// All measurements of one kind, and what a model can do with them. Of the numbers of a row the first W carry
-/// derivatives, the others are the offsets of its `let`s.
+/// All measurements of one kind, and what a model can do with them. The first W numbers of a row
+/// carry derivatives; the others are the offsets of its `let`s.
 #[derive(Debug)]
 pub(super) struct Rows {
     pub(super) place: Place,
@@ -66,8 +66,8 @@ impl Rows {
         }
     }
 
-    /// Carries the derivatives in the offsets of `let`s and in the sd of a further error to the adjoint. These are
-    /// rare: each takes an evaluation of its own.
+    /// Carries to the adjoint the derivatives in the offsets of `let`s and in the sd of a further
+    /// error. These are rare, so each takes an evaluation of its own.
     fn backward_of_rare(&self, t: &mut Tape) {
         let mut numbers = vec![0.0; self.place.error_slot() + 1];
         for i in (0..self.math.len()).filter(|i| self.place.left_out != Some(*i)) {
@@ -133,13 +133,15 @@ impl Rows {
         Row { i, numbers, outliers: noise.outliers.or(self.outliers).unwrap_or_default() }
     }
 
-    /// Log likelihood of row `i` at these scalars, under `noise`, had `cells` been measured.
+    /// Log likelihood of row `i` at these scalars, with the further errors of `noise`, if `cells`
+    /// had been measured.
     pub(super) fn ln_at(&self, i: usize, cells: &[f64], locals: &[f64], noise: &Noise) -> f64 {
         let y = Measurement { cells, variance: noise.variance };
         self.math.ln_of(self.noisy(i, &self.place.numbers(locals), noise), y)
     }
 
-    /// As [`Rows::ln_at`], with gradient and Hessian `(n, n)` in the scalars numbered `of`, zero in the others.
+    /// As [`Rows::ln_at`], with gradient and Hessian `(n, n)` in the scalars numbered `of`; in the
+    /// others they are zero.
     pub(super) fn curvature(
         &self,
         i: usize,
@@ -154,7 +156,8 @@ impl Rows {
         Curvature::new(locals.len(), of, |a, b| self.math.second_of(row, y, slots[a], slots[b]))
     }
 
-    /// As [`Rows::curvature`], in every scalar and, last, in the variance of `noise`.
+    /// As [`Rows::curvature`], but in every scalar and, as the last one, in the variance of
+    /// `noise`.
     pub(super) fn whole_curvature(
         &self,
         i: usize,
@@ -171,8 +174,8 @@ impl Rows {
         Curvature::new(all.len(), &all, |a, b| self.math.second_of(row, y, slots[a], slots[b]))
     }
 
-    /// The gradient of the second derivative along `direction`, `(n)`, of [`Rows::ln_at`], in every scalar and, last,
-    /// in the variance of `noise`.
+    /// The gradient of the second derivative of [`Rows::ln_at`] along `direction`, `(n)`. It is in
+    /// every scalar and, as the last one, in the variance of `noise`.
     pub(super) fn bend(
         &self,
         i: usize,
@@ -189,7 +192,8 @@ impl Rows {
         self.place.slots().into_iter().chain([numbers.len()]).map(one).collect()
     }
 
-    /// A simulated measurement for row `i` at these scalars, as cells, without noise, made as `cells` were.
+    /// A simulated measurement for row `i` at these scalars, as cells, without further errors. It
+    /// is made as `cells` were: a bracket has the width of theirs.
     pub(super) fn replicate(
         &self,
         i: usize,

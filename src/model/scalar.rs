@@ -10,7 +10,7 @@ use crate::num::{Dual, Num};
 /// A scalar of the value vector.
 pub(super) trait Scalar: Bent + Send + Sync {
     fn value(&self, v: &[f64]) -> f64;
-    /// Carries the adjoint `bar` of the value on.
+    /// Carries the adjoint `bar` of the value to what it depends on.
     fn pull(&self, v: &[f64], bar: f64, g: &mut [f64]);
     /// The values that it depends on.
     fn mentions(&self) -> Vec<usize>;
@@ -40,7 +40,7 @@ impl<F: ScalarFn<N>, const N: usize> Scalar for ScalarAt<F, N> {
     }
 }
 
-/// A number that is written.
+/// A plain number in the model file.
 pub(super) struct Constant(pub(super) f64);
 
 impl Scalar for Constant {

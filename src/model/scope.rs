@@ -9,7 +9,8 @@ pub(super) struct Local<const N: usize> {
 }
 
 impl<const N: usize> Local<N> {
-    /// At these places, as many as there are.
+    /// The numbers at these places. If there are fewer than N, the others are `v[0]`, which is
+    /// zero.
     pub(super) fn new(places: &[u32]) -> Self {
         let mut at = [0; N];
         at.iter_mut().zip(places).for_each(|(at, place)| *at = *place);
@@ -22,7 +23,7 @@ impl<const N: usize> Local<N> {
         std::array::from_fn(|i| Num(v[self.at[i] as usize]))
     }
 
-    /// Their values, each with a derivative of its own; further derivatives, up to W, are zero.
+    /// Their values, each with a derivative of its own. Further derivatives, up to W, are zero.
     #[inline(always)]
     pub(super) fn dual<const W: usize>(&self, v: &[f64]) -> [Num<Dual<W>>; N] {
         std::array::from_fn(|i| Num(variable(v[self.at[i] as usize], i)))
@@ -39,7 +40,8 @@ impl<const N: usize> Local<N> {
         self.scatter_array(&derivatives(&x.0), g);
     }
 
-    /// Adds these derivatives to the adjoint; those beyond N belong to somebody else.
+    /// Adds these derivatives to the adjoint. Those from number N on belong to something else and
+    /// are not added.
     #[inline(always)]
     pub(super) fn scatter_array<const W: usize>(&self, e: &[f64; W], g: &mut [f64]) {
         for (at, e) in self.at.iter().zip(e) {

@@ -1,10 +1,12 @@
 //! Priors and kernels that ship, compiled with the library.
 //!
-//! Most priors of a model file are a word that ships with plain numbers, `InvGamma(1.0, 5.0)`, and most kernels
-//! such a word with one parameter, `Rbf(rho)`. What the sampler needs of them (values, first and second
-//! derivatives) is then no code of the model: it is here. The macro writes such an expression in [`Written`];
-//! whether its type is one of those below, and not one of the same name that the file declares, is decided by
-//! the compiler: a method of the type itself goes before one of a trait.
+//! Most priors of a model file are a shipped word with plain numbers, `InvGamma(1.0, 5.0)`. Most
+//! kernels are a shipped word with one parameter, `Rbf(rho)`. What the sampler needs of these
+//! (values, first and second derivatives) is compiled here, and not with the model.
+//!
+//! The macro puts such an expression into [`Written`]. A file may declare a type of its own with
+//! the same name as a shipped one. The compiler decides which of them it is: a method of the type
+//! itself goes before a method of a trait.
 
 use super::expression::{AnyKernel, AnyPrior, Names, kernel, prior};
 use super::functions::{KernelFn, PriorFn};
@@ -20,7 +22,7 @@ use crate::num::{Num, Real};
 #[derive(Debug)]
 pub struct Written<E>(pub E);
 
-/// A prior of the model's own: code of the model's program.
+/// A prior that does not ship: its code is compiled with the model.
 pub trait OwnPrior: Sized {
     /// The prior `f`.
     fn prior<F: PriorFn<0> + Copy>(self, f: F) -> AnyPrior {
@@ -30,7 +32,7 @@ pub trait OwnPrior: Sized {
 
 impl<P: Dist<Num<f64>>> OwnPrior for Written<P> {}
 
-/// A kernel of the model's own: code of the model's program.
+/// A kernel that does not ship: its code is compiled with the model.
 pub trait OwnKernel: Sized {
     /// The kernel F, of one parameter.
     fn kernel<F: KernelFn<1>>(self, mentions: Names, _: F) -> AnyKernel {
@@ -104,7 +106,7 @@ impl PriorFn<0> for FlatPositive {
 }
 shipped!(FlatPositive);
 
-/// Kernels of one lengthscale, a parameter: in mm, and in the units of the paper's code.
+/// Kernels with one parameter, the lengthscale: in mm, or in the units of the paper's code.
 macro_rules! kernels {
     ($($Kernel:ident)*) => {$(
         impl KernelFn<1> for $Kernel<Num<f64>> {

@@ -1,4 +1,4 @@
-//! The scratch memory of one evaluation, and the operations that a model is a list of.
+//! The scratch memory of one evaluation, and the operations of which a model is a list.
 
 use pulp::{Arch, NullaryFnOnce};
 use rand::Rng;
@@ -17,7 +17,7 @@ pub struct Tape {
     pub(super) v: Vec<f64>,
     /// Adjoint of `v`.
     pub(super) g: Vec<f64>,
-    /// What an operation keeps from its forward pass for its backward pass.
+    /// What operations keep from their forward pass for their backward pass.
     pub(super) work: Vec<f64>,
     /// Log density so far.
     pub(super) lp: f64,
@@ -43,7 +43,7 @@ pub(super) trait Op: Second + Send + Sync {
     fn backward(&self, t: &mut Tape);
 }
 
-/// Operations of a model file's expressions say nothing of themselves: less to compile with each model.
+/// A `Debug` that prints only the name of the type, so that less is compiled with each model.
 macro_rules! opaque {
     ($($T:ty),*) => {$(
         impl std::fmt::Debug for $T {
@@ -56,10 +56,10 @@ macro_rules! opaque {
 pub(super) use opaque;
 opaque!(dyn Op);
 
-/// How an operation changes along a direction. `t` holds a point after a backward pass, `d` the
-/// change of each of its numbers.
+/// How an operation changes along a direction. `t` holds a point after a backward pass. `d` holds
+/// the change of each of its numbers.
 pub(super) trait Second {
-    /// Writes the change of its values from that of unknowns and of earlier values.
+    /// Writes the change of its values. It follows from that of unknowns and of earlier values.
     fn push(&self, _t: &Tape, _d: &mut Tape) {}
     /// Adds the change of the adjoints that its backward pass adds.
     fn pull(&self, _t: &Tape, _d: &mut Tape) {}
@@ -105,7 +105,7 @@ impl LocalHessian {
     }
 }
 
-/// What a scalar or a spectrum adds to the change of the adjoints by its own curvature.
+/// What the curvature of a scalar or a spectrum adds to the change of the adjoints.
 pub(super) trait Bent {
     /// Adds Σ bars · ∂²value/∂s∂s · ṡ for its values, at each of `frequency` if it is a spectrum.
     fn bend(&self, t: &Tape, bars: &[f64], frequency: &[f64], d: &mut Tape);
@@ -138,7 +138,7 @@ struct AddRows<'a> {
 impl NullaryFnOnce for AddRows<'_> {
     type Output = ();
 
-    /// Four rows at a time, so that `y` is read and written a quarter as often.
+    /// Takes four rows at a time, so that `y` is read and written only a quarter as often.
     #[inline(always)]
     fn call(self) {
         let Self { x, rows, y } = self;

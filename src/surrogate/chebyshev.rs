@@ -7,10 +7,10 @@
 /// Highest degree of a term.
 pub(super) const DEGREE: usize = 8;
 
-/// Which of Chebyshev's polynomials each input has, and the coefficient of their product.
+/// The degree of Chebyshev's polynomial in each input, and the coefficient of the product.
 pub type Term<const D: usize> = ([u8; D], f64);
 
-/// `T_0` … at one input, and their first to third derivatives in it.
+/// `T_0`, `T_1`, … at one input, and their first to third derivatives in it.
 #[derive(Clone, Copy, Default)]
 struct Basis {
     t: [f64; DEGREE + 1],
@@ -20,7 +20,7 @@ struct Basis {
 }
 
 impl Basis {
-    /// Up to `highest`.
+    /// The polynomials up to degree `highest`.
     fn fill(&mut self, x: f64, (lower, upper): (f64, f64), highest: usize, how: Derivatives) {
         let Derivatives { goes_on, order } = how;
         let slope = 2.0 / (upper - lower);
@@ -47,10 +47,11 @@ impl Basis {
     }
 }
 
-/// What is asked of polynomials.
+/// How polynomials are evaluated.
 #[derive(Clone, Copy)]
 pub(super) struct Derivatives {
-    /// Whether they go on straight beyond their range, or stay what they are at its end.
+    /// Whether they go on as straight lines beyond their range. If not, they keep their value at
+    /// its end.
     pub(super) goes_on: bool,
     /// The highest derivative.
     pub(super) order: u32,
@@ -65,7 +66,8 @@ pub(super) struct Partials<const D: usize> {
 }
 
 impl<const D: usize> Partials<D> {
-    /// Of the sum of `terms`. Not inlined: compiled with eplat, not again with every model.
+    /// The value and derivatives of the sum of `terms`. Not inlined, so that it is compiled with
+    /// eplat and not again with every model.
     #[inline(never)]
     pub(super) fn of(
         terms: &[Term<D>],

@@ -1,7 +1,8 @@
-//! The emulators of the ERP model: `tau_in` is 0.05 ms, `tau_open` 120 ms and `cv_max` anything; what this leaves open
-//! is in the standard deviation.
+//! The emulators of the ERP model, for `tau_in` = 0.05 ms and `tau_open` = 120 ms. `cv_max` is no
+//! input; what this leaves open is in the standard deviation.
 //!
-//! Fitted where 160 < ERP_S2 ≤ 280 ms. Those of all five parameters ([`five`](super::five)) must be told `cv_max`, and are no nearer.
+//! They are fitted where 160 < ERP_S2 ≤ 280 ms. The emulators of all five parameters
+//! ([`five`](super::five)) must be told `cv_max`, and are no closer to the simulator.
 
 use super::Emulator;
 use crate::num::{Common, Together};
@@ -27,7 +28,8 @@ where
     erp::ERP_S2.sd((tau_out, apd_max).together())
 }
 
-/// ERP under S1S2S3 (S1 600 ms, S2 300 ms), ms, from `tau_out` and `apd_max` in ms; void where [`erp_s2`] is above 280.
+/// ERP under S1S2S3 (S1 600 ms, S2 300 ms), ms, from `tau_out` and `apd_max` in ms. It is void
+/// where [`erp_s2`] is above 280.
 #[inline]
 pub fn erp_s3<A, B>(tau_out: A, apd_max: B) -> Common<(A, B), 2>
 where

@@ -1,14 +1,20 @@
-//! A Gaussian process as a model evaluates it: its mean and the logarithm of its sd as polynomials.
+//! The form in which a model evaluates a Gaussian process: polynomials for its mean and for the
+//! logarithm of its sd.
 //!
-//! Knows a box of inputs and two lists of terms; it knows nothing of what they mean. A process of
-//! 63 points costs 4000 multiplications per sd; both polynomials together cost some hundred, and carry derivatives.
+//! Knows a box of inputs and two lists of terms. It knows nothing of what they mean. A Gaussian
+//! process of 63 points costs 4000 multiplications for one sd. Both polynomials together cost some
+//! hundred, and carry derivatives.
 //!
 //! ```text
 //! f(x) = Σ c T_i(u₁) … T_k(u_D),   u_d = x_d scaled from its range to −1..1,   T_i Chebyshev's polynomials
 //! ```
-//! Of all terms up to degree 8 the few are kept that come near the process over the box, where a difference counts
-//! in its predictive standard deviations: where it knows little, its mean needs no following. What they are off adds to the sd.
-//! Beyond its range each `T_i` goes on straight in the mean and stays what it is at the end in the sd.
+//! Of all terms up to degree 8 only a few are kept: those that bring the polynomials near the
+//! process over the box. A difference counts in predictive standard deviations of the process, so
+//! where the process knows little, its mean need not be followed. What difference is left adds to
+//! the sd.
+//!
+//! Beyond the range of an input, the mean goes on as a straight line, and the sd keeps its value at
+//! the end.
 
 use std::borrow::Cow;
 use std::fmt::Write as _;
@@ -24,11 +30,12 @@ use crate::num::{Real, exp};
 /// Most terms of the mean, and of ln sd.
 const MOST_TERMS: usize = 120;
 
-/// How far the mean may be off, in predictive standard deviations, and ln sd; root mean square.
+/// How far the mean may be off, in predictive standard deviations, and how far ln sd may be off;
+/// both root mean square.
 const TOLERANCE: f64 = 0.4;
 const LN_SD_TOLERANCE: f64 = 0.1;
 
-/// Points of the box at which terms are fitted, and as many others at which they are judged.
+/// Number of points of the box at which terms are fitted. They are judged at as many others.
 const N_POINTS: usize = 2000;
 
 /// The mean and standard deviation of an output at D inputs.
@@ -38,7 +45,7 @@ pub struct Emulator<const D: usize> {
     pub ranges: [(f64, f64); D],
     /// Terms of the mean.
     pub mean: Cow<'static, [Term<D>]>,
-    /// The same of the logarithm of the standard deviation.
+    /// Terms of the logarithm of the standard deviation.
     pub ln_sd: Cow<'static, [Term<D>]>,
 }
 
@@ -58,8 +65,8 @@ impl<const D: usize> Emulator<D> {
         self.lift(&self.mean, x, true)
     }
 
-    /// Standard deviation of an output at `x`, in its unit: how well the prediction is known, and what the inputs
-    /// leave open.
+    /// Standard deviation of an output at `x`, in its unit. It holds both how well the prediction
+    /// is known and what the inputs leave open.
     #[inline]
     pub fn sd<T: Real>(&self, x: [T; D]) -> T {
         exp(self.lift(&self.ln_sd, x, false))
@@ -70,7 +77,7 @@ impl<const D: usize> Emulator<D> {
         x.iter().zip(self.ranges).all(|(x, (lower, upper))| (lower..=upper).contains(x))
     }
 
-    /// A polynomial at numbers that carry derivatives: its Taylor polynomial in what they carry.
+    /// A polynomial at numbers that carry derivatives.
     #[inline]
     fn lift<T: Real>(&self, terms: &[Term<D>], x: [T; D], goes_on: bool) -> T {
         let how = Derivatives { goes_on, order: T::ORDER };
@@ -92,7 +99,7 @@ impl<const D: usize> Emulator<D> {
         sum
     }
 
-    /// The emulator of `gp` over `ranges`, and how well it stands for it.
+    /// Makes the emulator of `gp` over `ranges`, and says how far it is from `gp`.
     pub fn of(gp: &Gp, ranges: [(f64, f64); D]) -> (Self, Departure) {
         let [fitted, judged] = [1, 2].map(|seed| Sampled::of(gp, &ranges, seed));
         let degrees = degrees_up_to::<D>(DEGREE);
@@ -120,7 +127,7 @@ impl<const D: usize> Emulator<D> {
         (emulator, departure)
     }
 
-    /// Rust source of a static `name`; the file that includes it has `Emulator` in scope.
+    /// Rust source of a static `name`. The file that includes it must have `Emulator` in scope.
     pub fn to_rust(&self, name: &str, doc: &str) -> String {
         let mut text = String::new();
         for line in doc.lines() {

@@ -14,10 +14,11 @@ use super::gp::{Gp, GpError};
 use super::inputs::{ERP_INPUTS, input_range};
 use crate::ep::table::Columns;
 
-/// Rows with `start < ERP_S2 ≤ end` (ms) are fitted: beyond it ERP_S3 is discontinuous.
+/// Rows with `start < ERP_S2 ≤ end` (ms) are fitted. Above this range ERP_S3 is discontinuous.
 ///
 /// # Source
-/// The upper bound is the paper's (its authors' code has 285), the lower one the authors'.
+/// The upper bound is that of the paper's text; the authors' code has 285. The lower bound is the
+/// authors'.
 pub const DEFAULT_FILTER: Range<f64> = 160.0..280.0;
 
 /// What a fit needs of a strip table's row; an absent ERP is an empty cell.
@@ -156,7 +157,8 @@ use super::cubic::Cubic;
 pub struct Emulated<const D: usize> {
     /// What a model evaluates.
     pub emulator: Emulator<D>,
-    /// What it was made from, in one line: points, leave-one-out errors, departure from the Gaussian process.
+    /// How good it is, in one line: points, leave-one-out errors, departure from the Gaussian
+    /// process.
     pub quality: String,
 }
 

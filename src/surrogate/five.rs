@@ -1,6 +1,6 @@
 //! The emulators of all five parameters: ERP, and APD90 and CV of a beat S2 ms after the train.
 //!
-//! What S2 does to a beat goes through what the gate has not regained when it comes,
+//! S2 acts on a beat through one number r: what the gate has not regained when S2 comes.
 //!
 //! ```text
 //! r = exp(−(S2 − ERP_S2)/tau_open),   1 at the ERP and 0 after a long rest
@@ -9,11 +9,14 @@
 //! APD90    = g(cv_max, tau_in, tau_out, apd_max, r)
 //! CV/cv_max = h(ln(cv_max tau_in), tau_in/tau_out, tau_open, r)
 //! ```
-//! `cv_max tau_in` is a length: that of the upstroke, which the strip's spacing resolves more or less well;
-//! `tau_in/tau_out` is how strongly the tissue is excitable.
+//! `cv_max tau_in` is the length of the upstroke, which the strip's spacing resolves more or less
+//! well. `tau_in/tau_out` says how excitable the tissue is.
 //!
-//! Fitted over the parameters' valid ranges, where there is an ERP_S2; ERP_S3 where this is at most 270 ms; APD90
-//! and CV at `cv_max` from 0.3 m/s and at least 50 ms after ERP_S2.
+//! Where they are fitted, within the valid ranges of the parameters:
+//!
+//! - ERP_S2: wherever there is one.
+//! - ERP_S3: where ERP_S2 is at most 270 ms.
+//! - APD90 and CV: with `cv_max` from 0.3 m/s, and at least 50 ms after ERP_S2.
 
 use super::Emulator;
 use crate::num::{Common, Real, Together, exp};
@@ -67,7 +70,8 @@ where
     exp((erp_s2 - s2) / tau_open)
 }
 
-/// ERP under S1S2S3 (S1 600 ms, S2 300 ms), ms, from [`erp_s2`] in place of `apd_max`; void where this is above 270 ms.
+/// ERP under S1S2S3 (S1 600 ms, S2 300 ms), ms. In place of `apd_max` it takes [`erp_s2`]. It is
+/// void where this is above 270 ms.
 #[inline]
 pub fn erp_s3<A, B, C, D, E>(
     cv_max: A,

@@ -13,16 +13,19 @@ use super::gp::GpError;
 use super::inputs::{N_INPUTS, input_range};
 use crate::ep::table::Columns;
 
-/// Beats less than this after ERP_S2 (ms) are left out: they start late, and APD changes with every ms.
+/// Beats less than this after ERP_S2 (ms) are left out: they start late, and their APD changes with
+/// every ms.
 const MARGIN: f64 = 50.0;
 
-/// Least time (ms) from ERP_S2 to the S2 of an ERP_S3: nearer, that S2 fails or nearly does, and ERP_S3 jumps.
+/// Least time (ms) from ERP_S2 to the S2 of an ERP_S3. If they are nearer, that S2 fails or nearly
+/// does, and ERP_S3 jumps.
 const CONDITIONED: f64 = 30.0;
 
-/// Of strips with a smaller `cv_max` (m/s) no beat is fitted: between stimulus and middle it lags behind its S2.
+/// No beat of a strip with a smaller `cv_max` (m/s) is fitted: between stimulus and middle it lags
+/// behind its S2.
 const SLOWEST: f64 = 0.3;
 
-/// Range of r of beats, and of the S2 before an S3.
+/// Range of r: of beats, and of the S2 before an S3.
 const UNRECOVERED: (f64, f64) = (0.0, 0.8);
 const UNRECOVERED_S2: (f64, f64) = (0.05, 0.9);
 
@@ -86,7 +89,7 @@ pub struct LeftOut {
     slow: usize,
     /// Beats too soon after ERP_S2, or without capture or recovery.
     early: usize,
-    /// Valid beats beside another of their strip.
+    /// Valid beats of a strip of which another beat was fitted.
     siblings: usize,
 }
 
@@ -128,9 +131,9 @@ type Points<const D: usize> = Vec<([f64; D], f64)>;
 
 /// Fits the emulators to strips and to one valid beat of each.
 ///
-/// One, because beats of a strip share what the inputs leave open (`tau_open` in APD90, `apd_max` in CV), which a process
-/// through several of them would take for structure: its nugget would be far too small, and so would its errors
-/// at beats left out.
+/// Only one beat, because the beats of a strip share what the inputs leave open (`tau_open` in
+/// APD90, `apd_max` in CV). A process through several of them would take this for structure. Its
+/// nugget would be far too small, and so would its errors at beats left out.
 ///
 /// # Errors
 /// [`GpError`]
@@ -159,7 +162,7 @@ pub fn fit_five(strips: &[StripRow], beats: &[BeatRow]) -> Result<FiveFit, GpErr
     })
 }
 
-/// ERP_S3 where the S2 before it is no marginal beat.
+/// ERP_S3 of the strips in which the S2 before it is not marginal.
 fn conditioned(strips: &[StripRow], erp_s2: &Emulator<5>) -> Points<5> {
     let point = |strip: &StripRow| {
         strip.erp_s2_ms.filter(|erp| *erp <= S2 - CONDITIONED)?;

@@ -20,13 +20,15 @@ const N_SPLINES: usize = 10;
 /// Pieces between their knots.
 const N_PIECES: usize = N_SPLINES - 3;
 
-/// Weight of an effective degree of freedom in the score: above 1 against wiggly smooths.
+/// Weight of an effective degree of freedom in the score. Above 1, it counts against wiggly
+/// smooths.
 const GAMMA: f64 = 1.4;
 
 /// Penalties that are tried: 10⁻³ to 10³, the same for all inputs.
 const GRID: usize = 11;
 
-/// A level that could go into any of the smooths goes into none: this tiny penalty on every coefficient.
+/// A tiny penalty on every coefficient. A constant could go into any of the smooths; with this it
+/// goes into none.
 const RIDGE: f64 = 1.5e-8;
 
 /// A fitted additive model.
@@ -87,7 +89,8 @@ pub enum GamError {
 }
 
 impl Smooth {
-    /// The smooth at `x`, in the unit of the output; as at the nearer end outside [`Smooth::range`].
+    /// The smooth at `x`, in the unit of the output. Outside [`Smooth::range`] it is the value at
+    /// the nearer end.
     pub fn at(&self, x: f64) -> f64 {
         let (first, weights) = splines(x, self.range);
         let terms = weights.iter().zip(&self.coefficients[first..]);
@@ -153,7 +156,7 @@ fn range(inputs: &[Vec<f64>], d: usize) -> (f64, f64) {
     (values().fold(f64::INFINITY, f64::min), values().fold(f64::NEG_INFINITY, f64::max))
 }
 
-/// All B-splines at all rows, `(n, n_inputs × N_SPLINES)`, less their means, and these.
+/// All B-splines at all rows less their means, `(n, n_inputs × N_SPLINES)`; and these means.
 fn centred_basis(inputs: &[Vec<f64>], ranges: &[(f64, f64)]) -> (DMatrix<f64>, Vec<f64>) {
     let mut basis = DMatrix::zeros(inputs.len(), ranges.len() * N_SPLINES);
     for (i, row) in inputs.iter().enumerate() {

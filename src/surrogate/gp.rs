@@ -5,10 +5,11 @@
 //! ```text
 //! y = hᵀβ + f + ε,   h = (1, x),   f ~ GP(0, σ² exp(−½ Σ_d ((x_d − x'_d)/ℓ_d)²)),   ε ~ N(0, σ² g),   β flat
 //! ```
-//! The nugget g stands for everything that the inputs leave open: parameters that vary without being inputs, and
-//! the rounding of the output.  ℓ and g maximise the restricted likelihood (times a weak prior
-//! of ℓ), in which β and σ² have closed forms.
-//! With R the correlations of the points, everything follows from the inverse of one matrix:
+//! The nugget g stands for everything that the inputs leave open: parameters that vary without
+//! being inputs, and the rounding of the output. ℓ and g maximise the restricted likelihood times a
+//! weak prior of ℓ. In this likelihood β and σ² have closed forms.
+//!
+//! Let R be the correlations of the points. Everything follows from the inverse of one matrix:
 //!
 //! ```text
 //! [R + gI  H]⁻¹   [Q  B]
@@ -16,8 +17,8 @@
 //! mean(x) = cᵀ M (y, 0),   variance(x) = σ² (1 + g − cᵀ M c),   c = (r(x), h(x))
 //! left out: yᵢ − mean₋ᵢ(xᵢ) = (Qy)ᵢ/Qᵢᵢ,   variance₋ᵢ(xᵢ) = σ²/Qᵢᵢ
 //! ```
-//! Where an output varies faster in one corner than elsewhere, one σ² is too sure of itself: it is raised until points
-//! left out are off by one predictive standard deviation, root mean square.
+//! An output may vary faster in one corner than elsewhere. One σ² for all is then too small. So it
+//! is raised until points left out are off by one predictive standard deviation, root mean square.
 //!
 //! # Source
 //! Santner, Williams and Notz 2018, "The Design and Analysis of Computer Experiments", 3.3 and 4.1; Dubrule 1983
@@ -32,10 +33,12 @@ use crate::infer::{OptimumSettings, maximise};
 #[path = "gp_evidence.rs"]
 mod evidence;
 
-/// ln ℓ (in half widths of the inputs' ranges, the same of all) and ln g from which the search begins.
+/// ln ℓ and ln g from which the search begins. ℓ is in half widths of the inputs' ranges, and the
+/// same for all inputs.
 const STARTS: [(f64, f64); 2] = [(0.0, -4.0), (1.2, -8.0)];
 
-/// Further starts, a Latin hypercube over these ranges of each ln ℓ and of ln g.
+/// Number of further starts. They are a Latin hypercube over the ranges of ln ℓ (of each input) and
+/// of ln g below.
 const N_FURTHER: usize = 4;
 const START_RANGES: [(f64, f64); 2] = [(-1.0, 2.5), (-12.0, -1.0)];
 
@@ -103,8 +106,8 @@ fn starts(n_inputs: usize) -> Vec<Vec<f64>> {
 }
 
 impl Gp {
-    /// The process given `outputs` `(n)` at `inputs` `(n, n_inputs)`: of several maxima the one that predicts points
-    /// left out best.
+    /// The process given `outputs` `(n)` at `inputs` `(n, n_inputs)`. There may be several maxima;
+    /// this is the one that best predicts points left out.
     ///
     /// # Errors
     /// [`GpError`]
@@ -115,8 +118,9 @@ impl Gp {
             .ok_or(GpError::Degenerate { n_points: outputs.len() })
     }
 
-    /// As [`Gp::fit`], but the maximum above equal lengthscales, the smoothest: what shares of variance are taken
-    /// from, since a rougher process puts its roughness into interactions.
+    /// As [`Gp::fit`], but the maximum that is reached from equal lengthscales, which is the
+    /// smoothest. Shares of variance are taken from this one, since a rougher process puts its
+    /// roughness into interactions.
     ///
     /// # Errors
     /// [`GpError`]
@@ -124,7 +128,7 @@ impl Gp {
         Self::maxima(inputs, outputs)?.next().ok_or(GpError::Degenerate { n_points: outputs.len() })
     }
 
-    /// The processes at the maxima above each start.
+    /// The processes at the maxima that are reached from each start.
     fn maxima(inputs: &[Vec<f64>], outputs: &[f64]) -> Result<impl Iterator<Item = Self>, GpError> {
         if outputs.is_empty() {
             return Err(GpError::NoPoints);
@@ -142,7 +146,7 @@ impl Gp {
         Ok(starts(n_inputs).into_iter().filter_map(move |start| Self::climb(&points, &start)))
     }
 
-    /// The process at the maximum above `start`.
+    /// The process at the maximum that is reached from `start`.
     fn climb(points: &Points, start: &[f64]) -> Option<Self> {
         let settings =
             OptimumSettings { max_iterations: 100, gradient_tolerance: 1e-3, least_gain: 1e-4 };
@@ -166,7 +170,8 @@ impl Gp {
         (squares / self.n_points() as f64).sqrt()
     }
 
-    /// By how much the standard deviations were raised to those of the points left out; 1 if not at all.
+    /// The factor by which the standard deviations were raised to fit the points left out; 1 if not
+    /// at all.
     pub fn raised(&self) -> f64 {
         self.raised
     }

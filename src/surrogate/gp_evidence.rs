@@ -7,11 +7,12 @@ use faer::{Mat, Side};
 
 use crate::infer::{Evaluator, LogDensity};
 
-/// Smallest g: what keeps R invertible where the output is smooth and exact.
+/// Smallest g. It keeps R invertible where the output is smooth and exact.
 const LEAST_NUGGET: f64 = 1e-7;
 
-/// Mean of the normal prior of ln ℓ (in half widths of the inputs' ranges), of standard deviation 1: with a much longer
-/// lengthscale the process is a polynomial, and only rounding would tell how long.
+/// Mean of the normal prior of ln ℓ, whose standard deviation is 1; ℓ is in half widths of the
+/// inputs' ranges. The prior is needed because with a much longer lengthscale the process is a
+/// polynomial, and only rounding would tell how long it is.
 const LN_LENGTHSCALE: f64 = 1.0;
 
 /// Inputs scaled to −1..1, and outputs.

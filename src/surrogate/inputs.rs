@@ -1,4 +1,5 @@
-//! The parameters of the cell as inputs of surrogates: which vary in a design, and what the others are.
+//! The parameters of the cell as inputs of surrogates: which of them vary in a design, and which
+//! values the others have.
 
 use super::design::latin_hypercube;
 use crate::ep::Parameters;
@@ -8,14 +9,15 @@ use crate::ep::table::rounded;
 /// Number of parameters.
 pub const N_INPUTS: usize = RANGES.len();
 
-/// Places of `cv_max`, `tau_out` and `apd_max` in [`RANGES`]: what varies in the design of the ERP surrogates.
+/// Places of `cv_max`, `tau_out` and `apd_max` in [`RANGES`]. These vary in the design of the ERP
+/// surrogates.
 ///
 /// # Source
 /// Coveney et al. 2022, Methods, "surrogate functions"
 pub const ERP_INPUTS: [usize; 3] = [0, 2, 4];
 
-/// What a parameter is where it does not vary, in the order of [`RANGES`]; `tau_in` and `tau_open` are the
-/// paper's, the others near the middle of their ranges.
+/// The value of each parameter where it does not vary, in the order of [`RANGES`]. `tau_in` and
+/// `tau_open` are the paper's; the others are near the middle of their ranges.
 pub const NOMINAL: [f64; N_INPUTS] = [0.7, 0.05, 10.0, 120.0, 200.0];
 
 /// The place in [`RANGES`] of the parameter `name`.

@@ -35,7 +35,8 @@ use crate::num::{Common, Together};
 
 /// ERP under S1S2 (S1 600 ms), ms, from `tau_out` and `apd_max` in ms.
 ///
-/// Fitted to strip simulations with 160 < ERP_S2 ≤ 280 ms; outside it extrapolates.
+/// It is fitted to strip simulations with 160 < ERP_S2 ≤ 280 ms. Outside this range it
+/// extrapolates.
 #[inline(always)]
 pub fn erp_s2<A, B>(tau_out: A, apd_max: B) -> Common<(A, B), 2>
 where
@@ -47,8 +48,8 @@ where
 
 /// ERP under S1S2S3 (S1 600 ms, S2 300 ms), ms, from `tau_out` and `apd_max` in ms.
 ///
-/// A smooth polynomial everywhere, for use inside a model. Where [`erp_s2`] is above 285 ms it means
-/// nothing, because the S2 at 300 ms fails or nearly does.
+/// It is a smooth polynomial everywhere, for use inside a model. Where [`erp_s2`] is above 285 ms
+/// it means nothing, because the S2 at 300 ms fails or nearly does.
 #[inline(always)]
 pub fn erp_s3<A, B>(tau_out: A, apd_max: B) -> Common<(A, B), 2>
 where

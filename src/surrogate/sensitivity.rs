@@ -16,13 +16,13 @@ use super::sobol::{SobolIndex, sobol};
 use crate::ep::cell::RANGES;
 use crate::ep::table::Columns;
 
-/// Largest share of the box of Sobol's inputs in which nothing is valid.
+/// At most this share of the box of Sobol's inputs may be void.
 const VOID_SHARE: f64 = 0.05;
 
-/// Points of the box at which its void share is counted.
+/// Number of points of the box at which its void share is counted.
 const N_PROBES: usize = 2000;
 
-/// Place of `apd_max` among the parameters: the input whose range gives way where the box is void.
+/// Place of `apd_max` among the parameters. Its range is cut where too much of the box is void.
 const APD_MAX: usize = 4;
 
 /// What the analysis needs of a strip table's row; an absent outcome is an empty cell, or no column at all.
@@ -59,7 +59,8 @@ impl SensitivityRow {
     }
 }
 
-/// An outcome: its name, its unit, whether it is void where ERP_S2 is beyond the limit, and its cell.
+/// An outcome: its name, its unit, whether it is void where ERP_S2 is above the limit, and its
+/// cell.
 pub type Output = (&'static str, &'static str, bool, fn(&SensitivityRow) -> Option<f64>);
 
 /// The outcomes that are analysed where a table has them.
@@ -98,7 +99,7 @@ pub struct OutcomeSensitivity {
     pub leave_one_out: f64,
     /// Sobol indices of the Gaussian process over `sobol_box`.
     pub sobol: Vec<SobolIndex>,
-    /// Over which values the inputs vary for them, each in its unit.
+    /// The box for these indices: over which values each input varies, in its unit.
     pub sobol_box: Vec<(f64, f64)>,
 }
 
@@ -110,7 +111,7 @@ pub enum SensitivityError {
         "no parameter varies over the rows\nhelp: make the table from `eplat surrogate design --vary all --n 500`"
     )]
     NothingVaries,
-    /// No box without void.
+    /// No box can be found of which 95 % is valid.
     #[error(
         "ERP_S2 is above the limit in most of the inputs' ranges\nhelp: give a wider --erp-up-to, or a design with smaller apd_max"
     )]
@@ -133,11 +134,13 @@ pub enum SensitivityError {
     },
 }
 
-/// Analyses a table: additive models over the rows with ERP_S2 up to `limit` (ms), Sobol indices over boxes.
+/// Analyses a table: additive models over the rows with ERP_S2 up to `limit` (ms), and Sobol
+/// indices over boxes.
 ///
-/// Beyond the limit the S2 at 300 ms fails and ERP_S3 jumps. Sobol indices need inputs that vary independently over a box,
-/// and what is valid is none: for outcomes of or after that S2 the upper end of `apd_max` is lowered until ERP_S2 stays
-/// below `limit` in 95 % of the box. The other outcomes are smooth over all rows and have the whole box.
+/// Beyond the limit the S2 at 300 ms fails and ERP_S3 jumps. Sobol indices need inputs that vary
+/// independently over a box, and the valid region is no box. So, for outcomes of or after that S2,
+/// the upper end of `apd_max` is lowered until ERP_S2 stays below `limit` in 95 % of the box. The
+/// other outcomes are smooth over all rows and have the whole box.
 ///
 /// # Errors
 /// [`SensitivityError`]
@@ -200,7 +203,7 @@ fn within(u: &[f64], ranges: &[(f64, f64)]) -> Vec<f64> {
     u.iter().zip(ranges).map(|(u, (lower, upper))| lower + u * (upper - lower)).collect()
 }
 
-/// The inputs' valid ranges, that of `apd_max` as far up as ERP_S2 stays up to `limit`.
+/// The inputs' valid ranges. That of `apd_max` goes only as far up as ERP_S2 stays up to `limit`.
 fn valid_box(
     rows: &[&SensitivityRow],
     inputs: &[usize],

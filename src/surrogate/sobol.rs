@@ -1,4 +1,5 @@
-//! Sobol indices: the shares of a function's variance that its inputs cause, alone and in all.
+//! Sobol indices: the shares of a function's variance that each input causes, alone and together
+//! with others.
 //!
 //! Knows a function on the unit cube; it knows nothing of what the inputs mean.
 //!
@@ -34,7 +35,7 @@ pub struct Estimate {
 pub struct SobolIndex {
     /// First-order: what the input causes alone.
     pub first: Estimate,
-    /// Total: with everything that it takes part in.
+    /// Total: what the input causes alone and together with others.
     pub total: Estimate,
 }
 

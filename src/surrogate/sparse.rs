@@ -1,4 +1,5 @@
-//! Least squares with few terms: which of many functions are worth their coefficient.
+//! Least squares with few terms: of many functions, only those are kept that are worth their
+//! coefficient.
 //!
 //! Knows columns of numbers and a target; it knows nothing of what they mean.
 //!
@@ -15,11 +16,13 @@ use crate::num::vector::dot;
 use faer::Mat;
 use faer::linalg::solvers::SolveLstsq;
 
-/// A column of which the ones chosen leave less than this share of its square is taken for one of their sums.
+/// If the chosen columns leave less than this share of a column's square, it is taken for a sum of
+/// them.
 const DEPENDENT: f64 = 1e-8;
 
-/// Places of at most `most` of `columns`, each `(n)`, and their coefficients: the first that are within `tolerance`
-/// (root mean square) of `target` `(n)`, in the order of the columns.
+/// Chooses at most `most` of `columns`, each `(n)`. It stops at the first choice that is within
+/// `tolerance` (root mean square) of `target` `(n)`. Returns the places of the chosen columns, in
+/// the order of `columns`, and their coefficients.
 pub(super) fn few_terms(
     columns: &[Vec<f64>],
     target: &[f64],
@@ -56,7 +59,7 @@ pub(super) fn few_terms(
     chosen.into_iter().enumerate().map(|(k, place)| (place, coefficients[(k, 0)])).collect()
 }
 
-/// `a` less what it has of `direction`.
+/// `a` less its component along `direction`.
 fn subtract(a: &mut [f64], direction: &[f64]) {
     let share = dot::<1>(a, direction) / dot::<1>(direction, direction);
     a.iter_mut().zip(direction).for_each(|(a, d)| *a -= share * d);

@@ -1,4 +1,4 @@
-//! What the first effect that was found adds to each prediction, and the curve of it.
+//! What the first effect that was found adds to each prediction, and its curve along a column.
 
 use std::collections::BTreeMap;
 
@@ -8,9 +8,9 @@ use crate::random::Stream;
 use crate::run::Fit;
 use crate::table::{Measurements, PROTOCOL};
 
-/// Draws that it is made of.
+/// Number of draws that it is computed from.
 const DRAWS: usize = 400;
-/// Most places along a column at which the curve is drawn.
+/// Most points of the curve.
 const MOST_POINTS: usize = 40;
 
 /// What the effects of the first cause add to what is predicted, in the unit of the measurement.
@@ -18,25 +18,27 @@ const MOST_POINTS: usize = 40;
 pub struct Contribution {
     /// The column that they read, if they read one.
     pub column: Option<String>,
-    /// Median of each row of the table that is measured.
+    /// The median of what they add, for each row of the table that is measured.
     pub rows: BTreeMap<usize, f64>,
-    /// Along the column.
+    /// The curve along the column.
     pub curve: Vec<Point>,
-    /// Labels of the column, if it is one of labels: each of the curve's points is one of them.
+    /// Labels of the column, if it is one of labels. Each of the curve's points is then one of
+    /// them.
     pub labels: Vec<String>,
 }
 
 /// A point of the curve: the mean of the rows there.
 #[derive(Clone, Copy, Debug)]
 pub struct Point {
-    /// The cell, or the number of the label.
+    /// The mean cell of these rows, or the number of their label.
     pub x: f64,
     /// 5, 50 and 95 % quantiles.
     pub quantiles: [f64; 3],
 }
 
 impl Contribution {
-    /// From the draws of the model after: what is predicted, less what would be without the effects.
+    /// Computed from the draws of the model after: what is predicted, less what would be predicted
+    /// without the effects.
     pub(super) fn of(
         effects: &[AddedEffect],
         after: &Fit<'_>,
@@ -97,7 +99,8 @@ pub(super) fn places(table: &Measurements, column: &str) -> (Vec<f64>, Vec<Strin
     (x.collect(), labels)
 }
 
-/// Quantiles over the draws of the mean of the rows at the same place, or in the same of some forty parts.
+/// The curve. Rows at the same place stay together; rows are joined until there are some forty
+/// points at most. Each point has the quantiles, over the draws, of the mean of its rows.
 fn curve(x: &[f64], added: &[Vec<f64>]) -> Vec<Point> {
     let mut order: Vec<usize> = (0..x.len()).filter(|row| x[*row].is_finite()).collect();
     order.sort_by(|a, b| x[*a].total_cmp(&x[*b]));

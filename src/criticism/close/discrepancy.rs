@@ -1,4 +1,5 @@
-//! What the search's base fit lets sites, recordings and measurements differ by, as statements of a model.
+//! The differences of sites, recordings and measurements that the search's base fit allows, as
+//! statements of a model.
 
 use std::collections::BTreeMap;
 
@@ -12,8 +13,12 @@ use crate::model::forms::group;
 use crate::model::{Declare, Discrepancy, Model, RowError, Spread};
 use crate::table::{Measurements, SITE, VERTEX};
 
-/// The same differences as in the base fit: of sites, where several measurements tell them from single errors; of
-/// recordings or sessions, where the search had them; and of single measurements where brackets are taken as exact.
+/// The same differences as in the base fit:
+///
+/// - of sites, if there are several measurements per site, which tell them from errors of single
+///   measurements;
+/// - of recordings or sessions, if the search had them;
+/// - of single measurements, if brackets are taken as exact.
 pub(super) fn discrepancy(
     declared: &dyn Declare,
     criticism: &Criticism,
@@ -62,7 +67,7 @@ fn site_of(table: &Measurements, held_out: Option<&Measurements>) -> Option<&'st
     columns().find(in_both).or_else(|| columns().next())
 }
 
-/// The names of a model and of its table.
+/// The names that are taken by a model and by its table.
 struct Names<'a> {
     tree: &'a Tree,
     table: &'a Measurements,
@@ -78,7 +83,7 @@ impl Names<'_> {
         item.and_then(Item::unit).map_or_else(String::new, |unit| unit.text.clone())
     }
 
-    /// The name, or a longer one where the model or the table has it.
+    /// The name, or a longer one if the model or the table has it already.
     fn free(&self, name: &str) -> String {
         let mut name = name.to_owned();
         while self.table.has(&name) || self.items().any(|item| item.name() == &name) {
@@ -87,7 +92,7 @@ impl Names<'_> {
         name
     }
 
-    /// Whether the model lets the labels of this column differ by itself.
+    /// Whether the model has a difference of the labels of this column already.
     fn has_spread(&self, column: &str) -> bool {
         self.items().any(|item| match item {
             Item::Effect(effect) => {
@@ -98,7 +103,7 @@ impl Names<'_> {
         })
     }
 
-    /// An error of the measurements whose likelihood has none.
+    /// A further error of the measurements whose likelihood has none.
     fn row_errors(&self, step: f64) -> Vec<RowError> {
         let mut exact: BTreeMap<String, Vec<String>> = BTreeMap::new();
         for observe in self.tree.observes().filter(|observe| self.tree.is_exact(observe)) {

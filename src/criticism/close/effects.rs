@@ -21,7 +21,8 @@ pub struct FoundEffect {
     pub size: Size,
 }
 
-/// What was found as effects with names of their own, each with its cause and why it is there.
+/// What was found, as effects with names of their own. Each has its cause and a sentence that says
+/// why it is there.
 pub(super) fn found(
     declared: &dyn Declare,
     criticism: &Criticism,

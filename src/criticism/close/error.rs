@@ -44,7 +44,7 @@ pub enum LoopError {
         /// How many there are.
         n: usize,
     },
-    /// A held-out site is trained on.
+    /// A site is both held out and trained on.
     #[error(
         "{file}, line {line}: {column} {site} is also in {train}: it would be predicted from itself\nhelp: hold out whole sites"
     )]
@@ -77,7 +77,7 @@ pub enum LoopError {
     /// The search.
     #[error(transparent)]
     Criticism(CriticismError),
-    /// One of the two fits, or a file that cannot be written.
+    /// One of the fits failed, or a file cannot be written.
     #[error(transparent)]
     Run(Box<RunError>),
     /// The held-out table.

@@ -15,7 +15,8 @@ pub enum LoopEvent<'a> {
     Search(SearchProgress),
     /// All searches are done.
     Searched,
-    /// The model as written, with what sites and measurements differ by, or with what was found too, is sampled.
+    /// A model is sampled: the model as written, the one with what sites and measurements differ
+    /// by, or the one with what was found too.
     Sample {
         /// `declared`, `before` or `after`, which is the folder of the fit.
         which: &'static str,
@@ -52,7 +53,7 @@ impl LoopWatch<'_> {
         (self.on_event)(event);
     }
 
-    /// For a search.
+    /// The same watch, for a search.
     pub(super) fn search(&self, progress: SearchProgress) -> ControlFlow<()> {
         self.tell(&LoopEvent::Search(progress));
         if self.stop.load(Ordering::Relaxed) {

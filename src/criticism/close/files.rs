@@ -5,9 +5,10 @@ use crate::criticism::{Cause, Findings, rewrite};
 use crate::run::OutputFolder;
 
 impl Story {
-    /// Writes everything but the fits, the page last: the model with what was found (`source` is the
-    /// text of its file, `stem` that file's name without its ending), the predictions of held-out rows,
-    /// `finding.json` and `report.html`. Gives the names of all files, those of the fits included.
+    /// Writes everything but the fits: the model with what was found, the predictions of held-out
+    /// rows, `finding.json` and, last, `report.html`. `source` is the text of the model file,
+    /// `stem` its name without its ending. Returns the names of all files, those of the fits
+    /// included.
     ///
     /// # Errors
     /// A text without a model; a file that cannot be written.

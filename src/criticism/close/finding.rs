@@ -63,7 +63,8 @@ impl Story {
         })
     }
 
-    /// The interval of each effect: by the finding's name, of its further effects by their own.
+    /// The interval of each effect. The first effect of a finding is named after the finding,
+    /// further effects after themselves.
     fn intervals(&self) -> BTreeMap<String, [f64; 2]> {
         let mut intervals = BTreeMap::new();
         for found in &self.effects {

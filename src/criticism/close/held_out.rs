@@ -66,7 +66,7 @@ impl Joint {
         Ok(predict_rows(&all, fit.model(), &fit.thinned(PREDICTION_DRAWS), self.first, seed))
     }
 
-    /// With predictions by the model as written, before further ones are there.
+    /// A record with predictions by the model as written, before there are further ones.
     pub(super) fn told(
         &self,
         loaded: &Loaded,
@@ -101,7 +101,7 @@ impl Joint {
 #[derive(Clone, Debug)]
 pub struct HeldOut {
     declared: Predictions,
-    /// By the model before, where that is not the model as written.
+    /// Predictions by the model before, if that is not the model as written.
     pub(super) before: Option<Predictions>,
     pub(super) after: Option<Predictions>,
     /// Row of the joint table of the first held-out row.

@@ -8,20 +8,21 @@ use crate::diagnostics::quantile;
 use crate::report::ErrorChange;
 use crate::run::Fit;
 
-/// Further error of a measurement in the approximation of the model as written, in protocol steps: a bracket
-/// without any would be a box without curvature.
+/// Further error of a measurement in the approximation of the model as written, in protocol steps.
+/// Without it a bracket would be a box without curvature.
 const LEAST_ERROR: f64 = 0.1;
-/// Draws that the hyperparameters of the model as written are the median of.
+/// Number of draws whose median gives the hyperparameters of the model as written.
 const DRAWS: usize = 400;
 
-/// Predictions of what was left out from the rest, by the model as written, before and, if anything was found, after.
+/// Predictions of what was left out from the rest: by the model as written, by the model before
+/// and, if anything was found, by the model after.
 #[derive(Clone, Debug)]
 pub struct LeftOut {
     /// What was left out as a whole: `site`, or a column.
     pub unit: String,
     /// Names of what was left out.
     pub names: Vec<String>,
-    /// By the model as written; `None` where it has no such approximation.
+    /// By the model as written; `None` if it has no such approximation.
     pub declared: Option<Left>,
     /// By the model before: with the differences of the search's base fit.
     pub before: Left,
@@ -29,7 +30,8 @@ pub struct LeftOut {
     pub after: Option<Left>,
 }
 
-/// The Laplace approximation of the model as written, at the median of its hyperparameters' draws.
+/// The Laplace approximation of the model as written, at the median of its draws of
+/// hyperparameters.
 pub(super) fn as_written(criticism: &Criticism, fit: &Fit<'_>) -> Option<LaplaceFit> {
     let engine = &criticism.engine;
     let draws = fit.thinned(DRAWS);
@@ -68,8 +70,8 @@ impl LeftOut {
         }
     }
 
-    /// Predictions of each of the search's units from the others, by the same fits; `None` where
-    /// the site is the unit, and where a fit without one of them fails.
+    /// Predictions of each of the search's units from the others, by the same fits. `None` if the
+    /// site is the unit, or if a fit without one of the units fails.
     pub(super) fn units(
         criticism: &Criticism,
         as_written: Option<&LaplaceFit>,
@@ -85,8 +87,9 @@ impl LeftOut {
         Some(Self { unit: unit.name.clone(), names, declared, before, after })
     }
 
-    /// Where the model before is the model as written: without effects, what it leaves over is that of the model
-    /// as written; with them both are those of the search.
+    /// To be called where the model before is the model as written. If nothing was found, the
+    /// predictions before are then those of the model as written. If something was found, both are
+    /// those of the search.
     pub(super) fn as_written_only(&mut self) {
         if let (Some(declared), None) = (self.declared.take(), &self.after) {
             self.before = declared;

@@ -1,7 +1,8 @@
 //! The whole loop: a search, the model with what was found, the fits, and the errors before and after.
 //!
-//! [`Loop::close`] gives a [`Story`], which is data: what was found, with its evidence, and how well each
-//! model predicts what it has not seen. `eplat loop` prints it; [`Story::write`] writes its files.
+//! [`Loop::close`] gives a [`Story`]. This is data: what was found, with its evidence, and how well
+//! each model predicts what it has not seen. `eplat loop` prints it, and [`Story::write`] writes
+//! its files.
 //!
 //! ```no_run
 //! use eplat::criticism::{Loop, LoopSettings, LoopWatch};
@@ -60,16 +61,16 @@ use crate::table::Measurements;
 /// How a loop is closed.
 #[derive(Clone, Debug, Default)]
 pub struct LoopSettings {
-    /// The search. Its seed is that of everything else too.
+    /// How the search is made. Everything else has the same seed.
     pub search: SearchSettings,
-    /// The fits.
+    /// How the fits are sampled.
     pub sampling: infer::Settings,
-    /// Whether the eigenfunctions come from elsewhere, so that no further ones of the surface can be
-    /// computed beside them.
+    /// Whether the eigenfunctions come from a file of the user's. Further ones of the surface can
+    /// then not be computed beside them.
     pub basis_is_given: bool,
 }
 
-/// A model with its measurements, checked before anything slow is done.
+/// A model with its measurements. They are checked before anything slow is done.
 pub struct Loop<'m> {
     declared: &'m dyn Declare,
     loaded: Loaded,
@@ -84,8 +85,8 @@ impl std::fmt::Debug for Loop<'_> {
 }
 
 impl<'m> Loop<'m> {
-    /// Of a model and what it is laid out on. `held_out` are measurements that play no part in the search:
-    /// the error before and after is theirs.
+    /// The loop of a model and what it is laid out on. `held_out` are measurements that play no
+    /// part in the search; the errors before and after are errors at these.
     ///
     /// # Errors
     /// Too few sites or searches; sites that are held out and trained on; what does not fit between the
@@ -111,9 +112,14 @@ impl<'m> Loop<'m> {
         Ok(Self { declared, joint: joint.transpose()?, loaded, settings })
     }
 
-    /// Closes it: searches, samples the models, and compares their errors. The model *as written* is sampled
-    /// always. Where something is found, or its intervals are too narrow, so is the model *before*, in which sites
-    /// and measurements differ as they do in the search; and the model *after*, which has what was found too.
+    /// Closes the loop: searches, samples the models, and compares their errors. Up to three models
+    /// are sampled:
+    ///
+    /// - the model *as written*, always;
+    /// - the model *before*, in which sites and measurements differ as they do in the search, if
+    ///   something is found or the intervals of the model as written are too narrow;
+    /// - the model *after*, which has what was found too, if something is found.
+    ///
     /// With a folder the fits are written to its folders `declared`, `before` and `after`.
     ///
     /// # Errors
@@ -167,8 +173,8 @@ impl<'m> Loop<'m> {
         })
     }
 
-    /// What sites and measurements differ by, if that is needed: where something is found, where they differ by
-    /// more than the model says, or where its intervals are too narrow.
+    /// What sites and measurements differ by. It is needed where something is found, where they
+    /// differ by more than the model says, or where the intervals of the model are too narrow.
     fn discrepancy(
         &self,
         criticism: &Criticism,
@@ -193,8 +199,8 @@ impl<'m> Loop<'m> {
         Ok(criticism)
     }
 
-    /// More modes than the model has, to tell what these cannot follow from what no field explains; of a
-    /// basis from elsewhere all that are there.
+    /// More modes than the model has. They tell what the model's modes cannot follow from what no
+    /// field explains. If the basis comes from elsewhere, all its modes are taken.
     fn finer_basis(&self) -> Result<Option<Cow<'_, Basis>>, LoopError> {
         let Some(domain) = &self.loaded.domain else { return Ok(None) };
         if self.settings.basis_is_given {
@@ -235,7 +241,7 @@ impl<'m> Loop<'m> {
     }
 }
 
-/// The sites of a table by name, each with a row; `column` names them.
+/// The sites of a table by name, each with one of its rows. `column` is the column that names them.
 fn sites(table: &Measurements, column: Option<&str>) -> BTreeMap<String, usize> {
     let site = |row: usize| match column {
         Some(column) => table.cell(row, column).unwrap_or_default().to_owned(),
@@ -244,7 +250,7 @@ fn sites(table: &Measurements, column: Option<&str>) -> BTreeMap<String, usize> 
     (0..table.len()).map(|row| (site(row), row)).collect()
 }
 
-/// Complains about too few sites.
+/// Refuses a table with too few sites.
 fn check_sites(table: &Measurements) -> Result<(), LoopError> {
     let n = sites(table, site_column(table)).len();
     if n >= LEAST_SITES {
@@ -253,7 +259,7 @@ fn check_sites(table: &Measurements) -> Result<(), LoopError> {
     Err(LoopError::TooFewSites { file: table.file().into(), n })
 }
 
-/// Complains about sites that would be predicted from themselves.
+/// Refuses sites that would be predicted from their own measurements.
 fn check_apart(train: &Measurements, held_out: &Measurements) -> Result<(), LoopError> {
     let Some(column) = site_column(train).filter(|column| held_out.has(column)) else {
         return Ok(());

@@ -2,9 +2,9 @@
 
 use crate::report::ErrorChange;
 
-/// What 90 % intervals hold.
+/// The share that 90 % intervals should hold.
 const LEVEL: f64 = 0.9;
-/// Standard errors below it at which a right model falls short once in a hundred times.
+/// How many standard errors below that share a right model falls once in a hundred times.
 const ERRORS: f64 = 2.33;
 
 /// Intervals of the model as written that are too narrow.
@@ -19,8 +19,8 @@ pub struct Narrow {
 }
 
 impl Narrow {
-    /// Of what was predicted by the model as written. Rows of a site lie in or out together, so that the binomial
-    /// error is that of the number of sites.
+    /// The intervals of what the model as written predicts, if they are too narrow. The rows of a
+    /// site lie in or out together, so the binomial error is that of the number of sites.
     pub(super) fn of(errors: &ErrorChange) -> Option<Self> {
         let share = errors.declared.unwrap_or(errors.before).coverage90[0];
         let error = (LEVEL * (1.0 - LEVEL) / errors.n_units as f64).sqrt();

@@ -9,7 +9,7 @@ use crate::report::{
 };
 
 impl Story {
-    /// The page, with `files` as those beside it.
+    /// The page. `files` are the files beside it.
     pub fn page(&self, files: &[String]) -> String {
         let criticism = &self.criticism;
         let surface = self.loaded.surface();
@@ -87,9 +87,10 @@ impl Story {
         engine.sites.iter().filter_map(one).collect()
     }
 
-    /// What each measurement leaves over, without and with the effect, against the column that the effect
-    /// reads, and the effect itself. Without it: what everything else in the model after does not predict, so
-    /// that the effect is in it even where another part of the model before has taken it up.
+    /// What each measurement leaves over, without and with the effect, against the column that the
+    /// effect reads; and the effect itself. *Without* is what everything else in the model after
+    /// does not predict. So the effect shows even where another part of the model before has taken
+    /// it up.
     fn against(&self) -> Option<Against> {
         let contribution = self.contribution.as_ref()?;
         let name = contribution.column.as_deref()?; // a field has none

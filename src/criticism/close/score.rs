@@ -18,7 +18,7 @@ pub(super) struct Scores<'a> {
     pub(super) what: String,
     /// Names of the units that have a log predictive density each.
     pub(super) units: &'a [String],
-    /// By the model as written, unless that is the model before.
+    /// By the model as written. `None` if that is the model before.
     pub(super) declared: Option<Scored>,
     pub(super) before: Scored,
     pub(super) after: Option<Scored>,
@@ -50,7 +50,7 @@ fn total(x: &[f64]) -> [f64; 2] {
     [x.iter().sum(), standard_error(x)]
 }
 
-/// The unit that makes more than half of a gain, if one does.
+/// The unit that alone makes more than half of a gain, if there is one.
 fn most_of(gains: &[f64], units: &[String]) -> Option<MostOfTheGain> {
     let all: f64 = gains.iter().sum();
     let (unit, most) = gains.iter().copied().enumerate().max_by(|a, b| a.1.total_cmp(&b.1))?;

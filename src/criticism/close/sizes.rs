@@ -12,8 +12,8 @@ use crate::table::{Measurements, SITE, VERTEX};
 /// The size of an effect.
 #[derive(Clone, Debug)]
 pub struct Size {
-    /// Central 90 % interval of its one coefficient, of the greatest difference between two labels, of
-    /// the range of its curve over the table or, of a field, of its sd there.
+    /// Central 90 % interval of the size. The size is the one coefficient, the greatest difference
+    /// between two labels, the range of the curve over the table or, for a field, its sd there.
     pub interval: [f64; 2],
     /// What it is the size of, in words.
     pub of: String,
@@ -45,14 +45,15 @@ impl Size {
         Self { interval: [quantile(&values, 0.05), quantile(&values, 0.95)], of }
     }
 
-    /// With the quantities that it acts on.
+    /// The size in words, with the quantities that the effect acts on.
     pub(super) fn in_words(&self, effect: &AddedEffect) -> String {
         let (on, interval) = (effect.on.join(", "), interval(self.interval, &effect.unit));
         format!("{on}: {interval} {} (90 % interval)", self.of)
     }
 }
 
-/// An interval with as many digits as tell its ends apart, and its unit; the unit 1 is none.
+/// An interval with as many digits as are needed to tell its ends apart, and its unit. The unit 1
+/// is not written.
 pub(super) fn interval([low, high]: [f64; 2], unit: &str) -> String {
     let width = (high - low).abs();
     let digits = if width > 0.0 { (1.0 - width.log10()).ceil().clamp(0.0, 6.0) } else { 1.0 };

@@ -1,4 +1,4 @@
-//! What a loop came to, as data.
+//! The result of a loop, as data.
 
 use super::{Contribution, FoundEffect, HeldOut, LeftOut, Narrow};
 use crate::criticism::{CLAIM, Criticism, Warning};
@@ -38,7 +38,7 @@ pub struct Story {
     pub loaded: Loaded,
 }
 
-/// What is told of a fit.
+/// What is reported of a fit.
 #[derive(Clone, Debug)]
 pub struct Told {
     /// Its folder: `declared`, `before` or `after`.
@@ -92,20 +92,22 @@ impl Told {
 }
 
 impl Story {
-    /// The fits, the one that counts first.
+    /// The fits. The first is the one that counts.
     pub fn fits(&self) -> impl Iterator<Item = &Told> {
         self.after.iter().chain(&self.before).chain([&self.declared])
     }
 
-    /// Exit code of the program, by the rule of a run: 3 where the draws of a fit do not come from the posterior,
-    /// 4 where another question is answered red of the fit that counts, else 0.
+    /// Exit code of the program, by the rule of a run. It is 3 if the draws of any fit do not come
+    /// from the posterior. It is 4 if another question is answered red for the fit that counts.
+    /// Else it is 0.
     pub fn exit_code(&self) -> u8 {
         let first = self.fits().next().map_or(0, |told| told.verdict.exit_code());
         if self.fits().all(|told| told.verdict.converged()) { first } else { 3 }
     }
 
-    /// What speaks against the fits, red first: which model, which question, the figures, what to do. That the
-    /// model as written does not fit is the loop's own subject: of it, only the sampling counts.
+    /// What speaks against the fits, red first: which model, which question, the figures, what to
+    /// do. For the model as written only the sampling counts, because it is the loop's own subject
+    /// that this model does not fit.
     pub fn troubles(&self) -> Vec<Trouble> {
         let mut troubles = vec![];
         for told in self.fits() {
@@ -125,7 +127,8 @@ impl Story {
         self.criticism.last.outer.outliers
     }
 
-    /// The errors that count, first: those of held-out measurements, else of what was left out as a whole.
+    /// The errors that count, which are reported first: those of held-out measurements, else those
+    /// of what was left out as a whole.
     pub fn comparisons(&self) -> Vec<ErrorChange> {
         let held_out = self.held_out.as_ref().and_then(HeldOut::comparison);
         let left = self.left_units.iter().chain([&self.left]);

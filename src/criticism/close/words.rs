@@ -39,7 +39,7 @@ impl Story {
         format!("Nothing is missing from {model} that these data could show.")
     }
 
-    /// Scatter that goes with a column, in words.
+    /// Scatter that depends on a column, in words.
     fn scatter(&self) -> Vec<String> {
         let table = &self.loaded.measurements;
         let one = |(candidate, ln): (&Candidate, &[f64])| {
@@ -99,7 +99,7 @@ impl Story {
         ambiguous.chain(differences).collect::<Vec<_>>().join(" ")
     }
 
-    /// The answer in a few lines, for a terminal: what speaks against the fits first.
+    /// The answer in a few lines, for a terminal. What speaks against the fits comes first.
     pub fn text(&self) -> String {
         let criticism = &self.criticism;
         let mut lines: Vec<String> = self.troubles().iter().map(Trouble::text).collect();

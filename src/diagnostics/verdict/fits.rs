@@ -7,14 +7,15 @@ use crate::diagnostics::special::beta_above;
 
 /// Share of measurements that the predictive intervals are made for.
 const LEVEL: f64 = 0.9;
-/// Probability of amber for the share of rows in their intervals, all sets together, under a right
-/// model whose rows are independent.
+/// A right model with independent rows is amber with this probability, because of the share of rows
+/// in their intervals, all sets together.
 const FALSE_ALARM: f64 = 0.01;
-/// A set with at least this share of its rows in their intervals is left alone, however many rows it has.
+/// A set with at least this share of its rows in their intervals is never a reason for amber,
+/// however many rows it has.
 const GOOD_ENOUGH: f64 = 0.85;
-/// A model that has fewer than this share of rows in their intervals does not fit.
+/// A model does not fit if fewer than this share of the rows are in their intervals.
 const ABSURD: f64 = 0.5;
-/// A model that is impossibly far from more than this share of rows, and at least two, does not fit.
+/// A model does not fit if more than this share of the rows, and at least two, are impossible.
 const MOST_IMPOSSIBLE: f64 = 0.01;
 
 /// How many of a set of measurements lie in their 90 % predictive intervals.
@@ -34,10 +35,12 @@ impl Within {
         self.inside as f64 / self.n as f64
     }
 
-    /// Probability that as many measurements or more lie outside, if each does with probability 10 %.
+    /// Probability that as many measurements or more lie outside, if each does so with probability
+    /// 10 %.
     ///
-    /// Intervals of measurements that the model was fitted to hold more than they say, so that a right
-    /// model falls below this probability more rarely than it tells.
+    /// The model was fitted to these measurements, so their intervals hold more than they say. A
+    /// right model therefore falls below a given probability more rarely than the probability
+    /// tells.
     pub fn p_value(&self) -> f64 {
         let outside = self.n - self.inside;
         if outside == 0 {
@@ -97,23 +100,25 @@ pub enum Doubt {
         observe: String,
         /// Declared unit.
         unit: String,
-        /// How many of its measurements.
+        /// How many of its measurements are far.
         n: usize,
-        /// Of how many.
+        /// How many measurements it has.
         of: usize,
-        /// Lines of the first of them.
+        /// Lines of the first of those that are far.
         lines: Vec<u64>,
-        /// Smallest and largest of them.
+        /// Smallest and largest of those that are far.
         measured: [f64; 2],
-        /// Smallest and largest that the model expects.
+        /// Smallest and largest value that the model expects of those.
         expected: [f64; 2],
-        /// What all of them times this would be expected, if anything.
+        /// A factor that would bring all of them near, if there is one: the table may be in another
+        /// unit.
         factor: Option<f64>,
     },
 }
 
 impl Doubt {
-    /// A contradiction, or most of a statement's measurements out of range, is red.
+    /// Red for a contradiction, and where at least half of a statement's measurements (and at least
+    /// two) are out of range; else amber.
     pub fn colour(&self) -> Colour {
         match self {
             Self::Contradiction { .. } => Colour::Red,
@@ -130,7 +135,7 @@ pub struct Fits {
     pub sets: Vec<Within>,
     /// How many sets were looked at, each site among them.
     pub n_sets: usize,
-    /// The set that speaks loudest against the model.
+    /// The set with the smallest probability under the model.
     pub worst: Option<Within>,
     /// How many measurements are impossible.
     pub n_impossible: usize,
@@ -142,7 +147,8 @@ pub struct Fits {
 }
 
 impl Fits {
-    /// Of these sets, all measurements first; `n_kept` of them are reported, with the worst.
+    /// The figures of these sets, the first of which is all measurements. The first `n_kept` of
+    /// them are reported, and the worst of all.
     pub fn new(sets: &[Within], n_kept: usize) -> Self {
         let worst = sets.iter().min_by(|a, b| a.p_value().total_cmp(&b.p_value()));
         Self {
@@ -161,7 +167,7 @@ impl Fits {
         (worst * self.n_sets as f64).min(1.0)
     }
 
-    /// Whether the worst set has too few measurements in their intervals for chance.
+    /// Whether the worst set has fewer measurements in their intervals than chance would explain.
     pub fn is_misfit(&self) -> bool {
         let is_low = self.worst.as_ref().is_some_and(|worst| worst.share() < GOOD_ENOUGH);
         is_low && self.p_value() < FALSE_ALARM

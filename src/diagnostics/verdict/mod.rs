@@ -8,8 +8,9 @@
 //! | *informed* | did the measurements change what was believed before? |
 //! | *trusted* | how much of the surface is far from every site? |
 //!
-//! Here are the figures, their thresholds and the colours. Knows nothing of how the figures are made,
-//! nor of how they are put into words. `docs/verdict.md` tells how often a right model gets amber.
+//! This room has the figures, their thresholds and the colours. It knows nothing of how the figures
+//! are computed, nor of how they are put into words. `docs/verdict.md` tells how often a right
+//! model gets amber.
 
 mod fits;
 mod surface;
@@ -110,7 +111,7 @@ impl Verdict {
         self.answers.iter().map(|answer| answer.colour).max().unwrap_or_default()
     }
 
-    /// Whether the draws come from the posterior, whatever they say.
+    /// Whether the draws come from the posterior, whether or not that posterior is worth believing.
     pub fn converged(&self) -> bool {
         let sampled = self.answer(Question::Sampled);
         sampled.is_none_or(|answer| answer.colour != Colour::Red)
@@ -132,8 +133,8 @@ impl Verdict {
     }
 }
 
-/// The figures behind every question but *sampled*; a question that makes no sense for the model, or
-/// for how the draws were made, has none.
+/// The figures behind every question but *sampled*. A question that was not asked has none: it
+/// makes no sense for the model, or for how the draws were made.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Questions {
     /// The measurements against their predictive intervals.

@@ -4,13 +4,15 @@ use serde::{Deserialize, Serialize};
 
 use super::Colour;
 
-/// Larger shares outside the declared ranges are amber. With five sites a right model has up to 0.29.
+/// A larger share outside the declared ranges is amber. With five sites a right model has up to
+/// 0.29.
 const UNPHYSICAL: f64 = 0.35;
-/// Larger ones are red: the posterior lies where the model means nothing.
+/// A larger share is red: most of the posterior lies where the model means nothing.
 const MOSTLY_UNPHYSICAL: f64 = 0.5;
-/// A field that is informed on less of the surface than this was not learnt about: not even near a site.
+/// A field that is informed on a smaller share of the surface than this was not learnt about, not
+/// even near a site.
 const UNINFORMED: f64 = 0.01;
-/// More of the surface than this, too far from every site, is amber.
+/// It is amber if a larger share of the surface than this is too far from every site.
 const TOO_FAR: f64 = 0.5;
 
 /// A share of something with a name, from 0 to 1.
@@ -27,7 +29,7 @@ pub struct Share {
 pub struct Physical {
     /// Share of (vertex, draw) pairs at which any of them is outside.
     pub outside: f64,
-    /// Of each that declares a range, the share at which it is outside.
+    /// For each map that declares a range, the share at which it is outside.
     pub maps: Vec<Share>,
     /// Share of vertices at which every draw is outside.
     pub void: f64,
@@ -47,8 +49,9 @@ impl Physical {
 /// The posterior against the prior.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Informed {
-    /// Of each field, the share of the surface on which its 90 % interval is at most half as wide as
-    /// before the measurements: as its prior's or nine tenths of its declared range, whichever is less.
+    /// For each field, the share of the surface on which it is informed: its 90 % interval is at
+    /// most half as wide as before the measurements. The width before is that of its prior or nine
+    /// tenths of its declared range, whichever is less.
     pub fields: Vec<Share>,
     /// Parameters whose 90 % interval is hardly narrower than their prior's.
     pub uninformed: Vec<String>,

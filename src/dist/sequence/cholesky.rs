@@ -1,4 +1,4 @@
-//! Cholesky factors of covariance and correlation matrices, of numbers that carry derivatives.
+//! Cholesky factors of covariance and correlation matrices whose numbers carry derivatives.
 
 use std::ops::Index;
 
@@ -22,8 +22,8 @@ impl<D, const N: usize> Index<usize> for CholeskyFactor<D, N> {
 }
 
 impl<D: Real, const N: usize> CholeskyFactor<D, N> {
-    /// The factor of `diag(sd) L Lᵀ diag(sd)`: a correlation matrix given scales, one for all or one
-    /// for each row.
+    /// The factor of `diag(sd) L Lᵀ diag(sd)`: it makes a covariance matrix of a correlation
+    /// matrix. `sd` is one standard deviation for all rows, or one for each row.
     #[must_use]
     pub fn scaled<const M: usize, K>(mut self, sd: impl OneOrEach<D, M, K>) -> Self {
         let sd = sd.each();
@@ -35,7 +35,8 @@ impl<D: Real, const N: usize> CholeskyFactor<D, N> {
         self
     }
 
-    /// `L z`: of independent standard normal numbers z, normal numbers of this covariance.
+    /// `L z`. If z are independent standard normal numbers, these are normal numbers with this
+    /// covariance.
     #[must_use]
     pub fn times(&self, z: [D; N]) -> [D; N] {
         std::array::from_fn(|i| (0..=i).fold(D::from(0.0), |sum, j| sum + self.0[i][j] * z[j]))
@@ -50,7 +51,7 @@ impl<D: Real, const N: usize> CholeskyFactor<D, N> {
 
 /// The Cholesky factor of a covariance matrix of numbers or parameters.
 ///
-/// Not a number where the matrix is not symmetric or not positive definite.
+/// Its numbers are NaN if the matrix is not symmetric or not positive definite.
 pub fn cholesky<D: Real, T: Argument<D>, const N: usize>(
     covariance: [[T; N]; N],
 ) -> CholeskyFactor<D, N> {
@@ -72,13 +73,13 @@ pub fn cholesky<D: Real, T: Argument<D>, const N: usize>(
     CholeskyFactor(l)
 }
 
-/// The Cholesky factor of the correlation matrix behind the numbers of a
-/// [`LkjCholesky`](super::LkjCholesky), whose order they have.
+/// The Cholesky factor of the correlation matrix that the numbers of a parameter with the prior
+/// [`LkjCholesky`](super::LkjCholesky) describe. The numbers are in the order of that prior.
 pub fn correlation_cholesky<T: CorrelationRows>(below_the_diagonal: T) -> T::Factor {
     below_the_diagonal.factor()
 }
 
-/// As many numbers as stand below the diagonal of a matrix of 2 to 12 rows.
+/// An array of the numbers below the diagonal of a matrix of 2 to 12 rows.
 #[diagnostic::on_unimplemented(
     message = "`{Self}` does not fill the part of a matrix below its diagonal",
     label = "expected a parameter of 1, 3, 6, 10, 15, … numbers: N(N − 1)/2, N up to 12"
@@ -86,7 +87,7 @@ pub fn correlation_cholesky<T: CorrelationRows>(below_the_diagonal: T) -> T::Fac
 pub trait CorrelationRows {
     /// A [`CholeskyFactor`].
     type Factor;
-    /// The numbers in their places, and a diagonal that makes every row's length 1.
+    /// Puts the numbers in their places, and adds the diagonal that makes every row's length 1.
     fn factor(self) -> Self::Factor;
 }
 

@@ -9,8 +9,8 @@ use crate::num::Real;
 /// Dirichlet distribution of proportions: density `Γ(Σ aᵢ)/Π Γ(aᵢ) Π xᵢ^(aᵢ−1)`, `a` = concentrations;
 /// uniform where all are 1.
 ///
-/// Made by breaking a stick: `xᵢ = (1 − Σ_{j<i} xⱼ) zᵢ` with `zᵢ = logistic(uᵢ − ln(n − 1 − i))`,
-/// so that `u = 0` is the middle of the simplex.
+/// The numbers are made by breaking a stick: `xᵢ = (1 − Σ_{j<i} xⱼ) zᵢ` with `zᵢ = logistic(uᵢ −
+/// ln(n − 1 − i))`. So `u = 0` is the middle of the simplex.
 #[derive(Clone, Copy, Debug)]
 pub struct Dirichlet<D, const N: usize> {
     /// One concentration for all proportions (N = 1), or one for each.
@@ -36,7 +36,7 @@ impl<D: Real, const N: usize> Dirichlet<D, N> {
     }
 }
 
-/// How far `u` is shifted so that 0 breaks off an equal share.
+/// How far `u` is shifted, so that `u = 0` breaks off an equal share.
 fn equal_share(i: usize, n: usize) -> f64 {
     ((n - 1 - i) as f64).ln()
 }

@@ -7,17 +7,19 @@ use crate::dist::{Support, ln_gamma, ln_logistic};
 use crate::num::Real;
 
 family! {
-    /// Lewandowski, Kurowicka and Joe's distribution of correlation matrices R: density `∝ det(R)^(eta − 1)`;
-    /// uniform where `eta` is 1, and the larger `eta`, the nearer to no correlation.
+    /// Lewandowski, Kurowicka and Joe's distribution of correlation matrices R, with the density `∝
+    /// det(R)^(eta − 1)`. It is uniform if `eta` is 1. The larger `eta` is, the nearer R is to no
+    /// correlation.
     ///
-    /// The n = N(N − 1)/2 numbers are what stands below the diagonal of the Cholesky factor L of
-    /// `R = L Lᵀ`, row by row: `L₁₀, L₂₀, L₂₁, L₃₀, …` (rows and columns counted from 0). The diagonal
-    /// follows from them, as every row of L has length 1:
-    /// [`correlation_cholesky`](super::correlation_cholesky) gives the whole of L. Of N = 2 the one
-    /// number is the correlation.
+    /// The n = N(N − 1)/2 numbers of the parameter are those below the diagonal of the Cholesky
+    /// factor L of `R = L Lᵀ`, row by row: `L₁₀, L₂₀, L₂₁, L₃₀, …` (rows and columns counted from
+    /// 0). The diagonal follows from them, because every row of L has length 1.
+    /// [`correlation_cholesky`](super::correlation_cholesky) gives the whole of L. If N = 2, the
+    /// one number is the correlation.
     ///
-    /// Made by canonical partial correlations: `Lᵢⱼ = zᵢⱼ √(1 − Σ_{k<j} Lᵢₖ²)`, `zᵢⱼ = tanh(u/2)`, which
-    /// are independent, `(z + 1)/2 ~ Beta(a, a)` with `a = eta + (N − 2 − j)/2`.
+    /// The numbers are made from canonical partial correlations: `Lᵢⱼ = zᵢⱼ √(1 − Σ_{k<j} Lᵢₖ²)`,
+    /// `zᵢⱼ = tanh(u/2)`. These are independent, with `(z + 1)/2 ~ Beta(a, a)` and `a = eta + (N −
+    /// 2 − j)/2`.
     ///
     /// # Source
     /// Lewandowski, Kurowicka and Joe 2009, "Generating random correlation matrices based on vines and
@@ -25,7 +27,7 @@ family! {
     LkjCholesky(eta: "shape, positive");
 }
 
-/// N of a matrix with at least `n` numbers below its diagonal.
+/// The number of rows N of the smallest matrix with at least `n` numbers below its diagonal.
 fn n_rows(n: usize) -> usize {
     let mut rows = 2;
     while rows * (rows - 1) / 2 < n {

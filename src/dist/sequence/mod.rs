@@ -1,7 +1,7 @@
 //! Priors of whole vectors, whose numbers depend on each other.
 //!
-//! Such a vector is made number after number: each from an unknown of its own and from what the
-//! numbers before it leave behind.
+//! Such a vector is made one number after the other. Each number comes from an unknown of its own,
+//! and from the *carry*: what the numbers before it leave behind.
 
 use rand::Rng;
 

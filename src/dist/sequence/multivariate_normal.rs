@@ -19,11 +19,14 @@ pub struct MultivariateNormal<D, const N: usize, const M: usize> {
 
 /// `MultivariateNormal(mean, covariance)`, the mean one number for all or one for each.
 ///
-/// The covariance is a matrix of numbers or parameters, `[[4.0, 1.0], [1.0, 2.0]]`, or a Cholesky factor:
-/// `correlation_cholesky(l).scaled(sd)` of a parameter `l` with prior
-/// [`LkjCholesky`](super::LkjCholesky) and of standard deviations `sd`, one or one for each.
-/// Each number is its own unknown. Where data say little about each number but much about `sd`, write
-/// `param z(3) ~ Normal(0.0, 1.0)` and use `correlation_cholesky(l).scaled(sd).times(z)` instead.
+/// The covariance is either a matrix of numbers or parameters, `[[4.0, 1.0], [1.0, 2.0]]`, or a
+/// Cholesky factor. A factor is written `correlation_cholesky(l).scaled(sd)`, with a parameter `l`
+/// whose prior is [`LkjCholesky`](super::LkjCholesky) and with standard deviations `sd`, one for
+/// all or one for each.
+///
+/// Each number is an unknown of its own. If data say little about each number but much about `sd`,
+/// write `param z(3) ~ Normal(0.0, 1.0)` and use `correlation_cholesky(l).scaled(sd).times(z)`
+/// instead.
 #[allow(non_snake_case)]
 pub fn MultivariateNormal<D: Real, const N: usize, const M: usize, K>(
     mean: impl OneOrEach<D, M, K>,

@@ -8,14 +8,14 @@ use crate::dist::Support;
 use crate::num::{LN_SQRT_2PI, Real};
 
 family! {
-    /// Normal numbers of standard deviation `sd` given that they sum to zero: deviations of groups
-    /// from a common level that is a parameter of its own.
+    /// Normal numbers of standard deviation `sd`, given that they sum to zero. Use it for the
+    /// deviations of groups from a common level that is a parameter of its own.
     ///
     /// ```text
     /// x ~ Normal(0, sd² (I − 1 1ᵀ/n)),   density of the n − 1 unknowns  Π Normal(uᵢ; 0, sd)
     /// ```
-    /// Every number has the standard deviation `sd √(1 − 1/n)`. The transform is an isometry:
-    /// `Σ xᵢ² = Σ uᵢ²`, and no number is treated otherwise than another.
+    /// Every number has the standard deviation `sd √(1 − 1/n)`. The transform is an isometry, `Σ
+    /// xᵢ² = Σ uᵢ²`, and treats all numbers alike.
     ///
     /// # Source
     /// The density of Stan's `sum_to_zero_vector` with a `normal(0, sd)`, there not normalised: n
@@ -23,8 +23,8 @@ family! {
     SumToZero(sd: "standard deviation of each number before the condition");
 }
 
-/// `xᵢ = rest/(n − i) + √((n − 1 − i)/(n − i)) uᵢ`: mean and spread of a normal number, given those
-/// before, of which `rest` is minus the sum.
+/// `xᵢ = rest/(n − i) + √((n − 1 − i)/(n − i)) uᵢ`: the mean and the spread of a normal number
+/// given those before it. `rest` is minus the sum of those before it.
 fn spread(i: usize, n: usize) -> f64 {
     ((n - 1 - i) as f64 / (n - i) as f64).sqrt()
 }

@@ -1,7 +1,9 @@
-//! Which kind of prior stands behind a vector: one of each of its numbers, or one of all.
+//! Two kinds of priors may stand behind a vector: a prior of each of its numbers, or one of the
+//! vector as a whole.
 //!
-//! A model file writes both alike, `param w(3) ~ Normal(0.0, 1.0)` and `param share(3) ~ Dirichlet(1.0)`.
-//! The type of the prior tells them apart, so that a user's own needs no keyword.
+//! A model file writes both in the same way: `param w(3) ~ Normal(0.0, 1.0)` and `param share(3) ~
+//! Dirichlet(1.0)`. The type of the prior tells them apart, so a prior of a user's own needs no
+//! keyword.
 
 use rand::Rng;
 
@@ -17,12 +19,12 @@ use crate::num::Real;
 pub trait VectorPrior<D: Real, Kind> {
     /// The prior with its kind.
     type Vector: Vector<D>;
-    /// With its kind.
+    /// The prior together with its kind.
     fn vector(self) -> Self::Vector;
 }
 
-/// A prior that says itself of which kind it is. Exactly one of [`Vector::of_numbers`] and
-/// [`Vector::of_vector`] may be called.
+/// A prior that says itself of which kind it is. Only the one of [`Vector::of_numbers`] and
+/// [`Vector::of_vector`] that fits its kind may be called.
 pub trait Vector<D: Real> {
     /// Whether it is a prior of the whole vector.
     const IS_WHOLE: bool;
@@ -79,7 +81,7 @@ impl<D: Real, T: Sequence<D>> Vector<D> for OfVector<T> {
     }
 }
 
-/// What stands for the kind that a prior is not of; never evaluated.
+/// A placeholder for the kind that a prior is not of. It is never evaluated.
 #[derive(Clone, Copy, Debug)]
 struct Other;
 

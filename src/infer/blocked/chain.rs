@@ -19,14 +19,14 @@ use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
 use std::sync::Arc;
 
-/// Steps of the hyperparameters after each trajectory, for each of them: the more there are, the
-/// shorter their steps.
+/// After each trajectory there are this many steps of the hyperparameters for each of them. The
+/// more there are, the shorter they are.
 const STEPS_EACH: usize = 2;
-/// Times both moves are made between two kept draws: hyperparameters are known by slow random steps,
-/// and a sweep costs less than keeping a draw is worth.
+/// How often both moves are made between two kept draws. Hyperparameters move by slow random steps,
+/// and a sweep costs less than a kept draw.
 const SWEEPS: usize = 3;
-/// Mean length of a trajectory of the whitened coefficients alone, in units of their standard
-/// deviation.
+/// Mean length of a trajectory, in standard deviations of the whitened coefficients. It is used
+/// where these are all that a trajectory moves.
 const TIME: f64 = 1.6;
 
 /// What does not change in a chain.
@@ -39,28 +39,29 @@ pub(super) struct Fixed<'d> {
     target_accept: f64,
 }
 
-/// A chain of the blocked sampler. Alone it learns from its own draws; with others, from those of all.
+/// A chain of the blocked sampler. A single chain learns from its own draws, a chain of a run from
+/// the draws of all chains.
 pub struct Blocked<'d> {
     pub(super) fixed: Fixed<'d>,
     pub(super) shared: Arc<Shared>,
     pub(super) warm_up: WarmUp,
     pub(super) kernel: Kernel<Conditional<'d>>,
-    /// Of hyperparameter moves and of completing draws.
+    /// Random numbers for moves of the hyperparameters, and for what a draw does not determine.
     pub(super) rng: ChaCha8Rng,
-    /// ln of the hyperparameter steps' length.
+    /// ln of the length of the hyperparameters' steps.
     pub(super) ln_length: f64,
-    /// What it learns in this round of the warm-up.
+    /// What the chain learns in this round of the warm-up; `None` once the warm-up is over.
     pub(super) learning: Option<(Adaptation, Lesson)>,
     pub(super) step_size: f64,
-    /// Evaluations in earlier rounds.
+    /// Evaluations of the likelihood in earlier rounds.
     pub(super) n_evaluations: u64,
     pub(super) hyper: [Vec<f64>; 2],
     pub(super) position: Vec<f64>,
 }
 
 impl<'d> Blocked<'d> {
-    /// A chain from `start`, `(dim)`. Of the settings, `chains`, `draws`, `threads` and `metric` do not
-    /// matter.
+    /// A chain from `start`, `(dim)`. The settings `chains`, `draws`, `threads` and `metric` are
+    /// not used.
     ///
     /// # Errors
     /// Those of [`sample_blocked`](super::sample_blocked); [`InferError::Chain`] where the chain cannot
@@ -166,8 +167,9 @@ impl<'d> Blocked<'d> {
         self.kernel.n_evaluations() + self.kernel.evaluator().n_trials
     }
 
-    /// What lies between two kept draws: both moves, several times. The transition reported is the
-    /// last, diverging if any of them was, with the leapfrog steps of all.
+    /// Makes both moves several times: what lies between two kept draws. The transition that is
+    /// returned is the last one, but with the leapfrog steps of all, and it counts as diverging if
+    /// any of them diverged.
     fn sweeps(&mut self) -> (Transition, Option<[Vec<f64>; 2]>) {
         let (mut n_leapfrog, mut divergence) = (0, None);
         let mut last = None;
@@ -190,13 +192,14 @@ impl<'d> Blocked<'d> {
         (Transition { n_leapfrog, diverging, ..last }, divergence)
     }
 
-    /// Writes the density's own position for an inner one; its log density there.
+    /// Writes the position in the density's own unknowns for an inner one, and returns the log
+    /// density there.
     fn complete(&mut self, inner: &[f64]) -> f64 {
         self.kernel.parts().0.join(inner, &mut self.rng, &mut self.position)
     }
 
-    /// The whitened coefficients alone are nearly standard normal: a quarter of a period is a fresh draw,
-    /// at half the price of the period that NUTS needs to see a U-turn.
+    /// Moves the inner unknowns. Whitened coefficients alone are nearly standard normal, so that a
+    /// quarter of a period makes a fresh draw. NUTS would need twice as long, to see a U-turn.
     fn move_inner(&mut self) -> Transition {
         if self.kernel.evaluator().is_standard() {
             self.kernel.static_transition(self.step_size, TIME)
@@ -286,7 +289,7 @@ impl std::fmt::Debug for Blocked<'_> {
 }
 
 impl MarkovChain for Blocked<'_> {
-    /// In the last two thirds of each round draws are taken to learn from.
+    /// The draws in the last two thirds of each round are kept to learn from.
     fn adapt(&mut self) -> Result<Option<Transition>, ChainError> {
         if self.must_meet() {
             Self::meet(vec![self]).into_iter().collect::<Result<(), _>>()?;

@@ -1,8 +1,10 @@
 //! The two conditionals that the sampler alternates between, at one state of a chain.
 //!
-//! *Inner*: whitened coefficients z and free outer unknowns given the hyperparameters, a density for NUTS
-//! whose U is fixed, so that no derivative goes through the Cholesky factor. *Hyper*: the
-//! hyperparameters given z and the rest, one factor and one likelihood per value.
+//! - *Inner*: the whitened coefficients z and the free outer unknowns, given the hyperparameters.
+//!   This is the density of the trajectories. The Cholesky factor U is fixed in it, so that no
+//!   derivative goes through U.
+//! - *Hyper*: the hyperparameters, given z and the rest. Each value takes one factorisation and one
+//!   likelihood.
 
 use super::groups::Whitening;
 use super::latent::{Latent, Layout};
@@ -23,11 +25,11 @@ pub(super) struct Conditional<'d> {
     free: Vec<usize>,
     pub(super) outer: Vec<f64>,
     whitening: Whitening,
-    /// ln p(outer) at the present outer unknowns.
+    /// ln p(outer) at the present values of the outer unknowns.
     ln_prior: f64,
     trial_outer: Vec<f64>,
     trial: Whitening,
-    /// Likelihood evaluations by hyperparameter moves.
+    /// How often moves of the hyperparameters have evaluated the likelihood.
     pub(super) n_trials: u64,
     w: Vec<f64>,
     theta: Vec<f64>,
@@ -85,7 +87,7 @@ impl<'d> Conditional<'d> {
         &self.w
     }
 
-    /// Whether the whitened coefficients are all there is to move inside.
+    /// Whether the inner move has nothing to move but the whitened coefficients.
     pub(super) fn is_standard(&self) -> bool {
         self.free.is_empty()
     }
@@ -102,9 +104,10 @@ impl<'d> Conditional<'d> {
         }
     }
 
-    /// Proposes these hyperparameters, z and the rest staying as they are; moves there with the
-    /// Metropolis–Hastings probability, which is returned. `ln_ratio` is that of the proposal. `ln_density` is the present value and is
-    /// kept up to date; `uniform` decides.
+    /// Proposes these hyperparameters, while z and the rest stay as they are. Moves there with the
+    /// Metropolis–Hastings probability, which is returned. `ln_ratio` is the proposal's own part of
+    /// that probability. `ln_density` is the present log density and is kept up to date. `uniform`,
+    /// a uniform random number, decides.
     pub(super) fn move_hyper(
         &mut self,
         position: &[f64],
@@ -181,7 +184,8 @@ impl<'d> Conditional<'d> {
         }
     }
 
-    /// ln π of the inner conditional, up to nothing: the whole density in these coordinates.
+    /// ln π of the inner conditional. No constant is left out: it is the whole density in these
+    /// coordinates.
     fn inner(&mut self, position: &[f64], gradient: &mut [f64]) -> f64 {
         let (z, free) = position.split_at(self.w.len());
         let (z_bar, free_bar) = gradient.split_at_mut(z.len());

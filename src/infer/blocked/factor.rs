@@ -1,4 +1,5 @@
-//! Cholesky factor of a small matrix with one column more, in rows of whole vector registers.
+//! The Cholesky factor of a small matrix with one further column, in rows of whole vector
+//! registers.
 
 const LANES: usize = 4;
 
@@ -7,14 +8,13 @@ pub(super) type Lanes = [f64; LANES];
 
 /// U of `B = UᵀU` for a symmetric `(n, n)`, and `U⁻ᵀ c` for one further column c.
 ///
-/// Rows are padded to whole lanes, and rows n to the next whole number of lanes mean nothing but
-/// entry (n, n).
+/// Rows are padded to whole lanes. From row n on, only entry (n, n) means anything.
 #[derive(Clone, Debug)]
 pub(super) struct Upper {
     n: usize,
     /// Lanes of a row.
     width: usize,
-    /// Row-major; below the diagonal anything.
+    /// Row-major. What is below the diagonal means nothing.
     rows: Vec<Lanes>,
 }
 
@@ -40,8 +40,9 @@ impl Upper {
         self.rows.as_flattened()[LANES * self.width * i + self.n]
     }
 
-    /// Sets `leftᵀ right`, columns 0 to n of two matrices of rows as long as these; `support` has, for
-    /// each four columns of the left, the rows that are not zero there.
+    /// Sets the matrix to `leftᵀ right`, of columns 0 to n of two matrices whose rows are as long
+    /// as these. For each four columns of the left matrix, `support` has the rows that are not zero
+    /// there.
     #[inline(always)]
     pub(super) fn set_product(&mut self, left: &[Lanes], right: &[Lanes], support: &[Vec<usize>]) {
         let width = self.width;
@@ -60,8 +61,8 @@ impl Upper {
         }
     }
 
-    /// Factorises in place. Returns ln|U| and what is left of entry (n, n), which is
-    /// `B(n, n) − |U⁻ᵀ c|²`; or `None` if B is not positive definite.
+    /// Factorises in place. Returns ln|U| and what is left of entry (n, n), which is `B(n, n) −
+    /// |U⁻ᵀ c|²`. Returns `None` if B is not positive definite.
     #[inline(always)]
     pub(super) fn factorise(&mut self) -> Option<(f64, f64)> {
         let (n, width) = (self.n, self.width);

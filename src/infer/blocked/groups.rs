@@ -6,8 +6,8 @@ use super::latent::{Design, Layout};
 use super::stand_in::StandIn;
 use super::whiten::GroupWhitening;
 
-/// Coordinates z of all coefficients w at one value of the hyperparameters: group by group those of
-/// [`GroupWhitening`].
+/// The coordinates z of all coefficients w at one value of the hyperparameters. They are those of
+/// [`GroupWhitening`], one group after the other.
 #[derive(Clone, Debug)]
 pub(super) struct Whitening {
     pub(super) designs: Vec<Design>,
@@ -16,7 +16,7 @@ pub(super) struct Whitening {
     pub(super) ln_evidence: f64,
 }
 
-/// A group, and which of all numbers are its own.
+/// A group, and which coefficients and latent values belong to it.
 #[derive(Clone, Debug)]
 struct Part {
     whitening: GroupWhitening,

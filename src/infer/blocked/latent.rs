@@ -14,10 +14,13 @@ use rand::Rng;
 /// θ_f(place) = offset_f + A_f(place, ·) w_f
 /// ```
 /// The design A and the offsets depend on the *hyperparameters*, which are some of the outer
-/// unknowns. A place's likelihood depends on the values of the group's blocks there, and on no other
-/// place's; so two groups know of each other through the outer unknowns alone.
-/// Whatever of the density's own unknowns the likelihood does not see is drawn from its exact
-/// conditional by [`Latent::join`].
+/// unknowns.
+///
+/// The likelihood of a place depends only on the values of the group's blocks at that place. So two
+/// groups are connected through the outer unknowns alone.
+///
+/// Some of the density's own unknowns may not be seen by the likelihood. [`Latent::join`] draws
+/// them from their exact conditional.
 pub trait LatentGaussian: LogDensity {
     /// Sizes and structure.
     fn layout(&self) -> &Layout;
@@ -39,7 +42,7 @@ pub struct Layout {
 /// Blocks that the likelihood sees at the same places.
 #[derive(Clone, Debug)]
 pub struct Group {
-    /// Number of places, which is the number of values that are seen of each block.
+    /// Number of places. It is also the number of values of each block that are seen.
     pub n_seen: usize,
     /// The blocks.
     pub blocks: Vec<BlockLayout>,
@@ -50,7 +53,7 @@ pub struct Group {
 pub struct BlockLayout {
     /// Number of standard normal coefficients.
     pub n_coefficients: usize,
-    /// The prior precision of a mean that follows them, with a last column: 1, or 0 if it is flat.
+    /// If a mean follows them as a last column, its prior precision: 1, or 0 if it is flat.
     pub mean_precision: Option<f64>,
     /// What is known of the design beforehand.
     pub shape: Shape,
@@ -59,9 +62,10 @@ pub struct BlockLayout {
 /// What is known of a design for all hyperparameters.
 #[derive(Clone, Debug)]
 pub enum Shape {
-    /// Lower triangular, a coefficient per place.
+    /// Lower triangular, with a coefficient for each place.
     Triangular,
-    /// These modes `(n_seen, n_coefficients)`, each times a scale.
+    /// These modes `(n_seen, n_coefficients)`, each multiplied by a scale that depends on the
+    /// hyperparameters.
     Scaled(Vec<f64>),
 }
 
@@ -73,7 +77,7 @@ impl BlockLayout {
 }
 
 impl Group {
-    /// Number of coefficients: those of all blocks, of each block followed by its mean.
+    /// Number of coefficients of all blocks. The coefficients of a block are followed by its mean.
     pub fn n_coefficients(&self) -> usize {
         self.blocks.iter().map(BlockLayout::width).sum()
     }
@@ -123,13 +127,13 @@ pub struct Design {
     pub offset: Vec<f64>,
     /// Per block, row-major `(n_seen, width)`; the column of a mean is ones from the start.
     pub rows: Vec<Vec<f64>>,
-    /// Per block `(width)`: what each mode is multiplied by ([`Shape::Scaled`]), and the ones of a
-    /// mean.
+    /// Per block `(width)`: what each mode is multiplied by (only for [`Shape::Scaled`]), and a 1
+    /// for a mean.
     pub scale: Vec<Vec<f64>>,
 }
 
 impl Design {
-    /// Of this group, with columns of ones for the means.
+    /// The design of this group, with columns of ones for the means.
     pub fn new(group: &Group) -> Self {
         let rows = |block: &BlockLayout| {
             let width = block.width();
@@ -152,8 +156,8 @@ pub trait Latent: Send {
     /// Writes the coefficients of all blocks at a position `(dim)`.
     fn coefficients(&mut self, position: &[f64], coefficients: &mut [f64]);
 
-    /// A position of these outer unknowns and coefficients, drawing what they do not determine;
-    /// returns the density's own log density there.
+    /// Writes a position with these outer unknowns and coefficients, and draws what they do not
+    /// determine. Returns the density's own log density there.
     fn join(
         &mut self,
         outer: &[f64],
@@ -162,8 +166,8 @@ pub trait Latent: Send {
         position: &mut [f64],
     ) -> f64;
 
-    /// Takes these outer unknowns for [`Latent::ln_likelihood`] and [`Latent::slope`], and writes
-    /// the groups' designs; returns ln p(outer). Out of support: −∞.
+    /// Sets the outer unknowns for [`Latent::ln_likelihood`] and [`Latent::slope`], and writes the
+    /// designs of the groups. Returns ln p(outer), which is −∞ out of support.
     fn set_outer(&mut self, outer: &[f64], designs: &mut [Design]) -> f64;
 
     /// Log likelihood of all places at these latent values `(group, block, place)`.
@@ -172,8 +176,8 @@ pub trait Latent: Send {
     /// As [`Latent::ln_likelihood`], with its gradient in the latent values.
     fn slope(&mut self, theta: &[f64], theta_bar: &mut [f64]) -> f64;
 
-    /// ln p(outer) plus log likelihood, with the gradient in both; the design stays as it is, so
-    /// that the gradient in a hyperparameter is meaningless.
+    /// ln p(outer) plus log likelihood, with the gradient in the outer unknowns and in the latent
+    /// values. The design is not changed, so that the gradient in a hyperparameter means nothing.
     fn slopes(
         &mut self,
         outer: &[f64],

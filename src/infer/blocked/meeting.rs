@@ -1,4 +1,5 @@
-//! What the chains share: a first version from their starts, and fits to the draws of all.
+//! What the chains share: the stand-in and the proposal of the hyperparameters. A first version is
+//! made at the chains' starts; at each meeting they are fitted to the draws of all chains.
 
 use super::groups::Whitening;
 use super::latent::LatentGaussian;
@@ -27,7 +28,7 @@ pub(super) struct Link {
     pub(super) n_evaluations: u64,
 }
 
-/// What is learnt from in a round.
+/// What a chain collects in a round to learn from.
 #[derive(Clone, Debug, Default, Serialize, Deserialize)]
 pub(super) struct Lesson {
     pub(super) samples: Vec<Sample>,
@@ -35,7 +36,7 @@ pub(super) struct Lesson {
     pub(super) hyper: Vec<Vec<f64>>,
 }
 
-/// Shared by all chains; nothing here changes between two meetings.
+/// What all chains share. It changes only at a meeting.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub(super) struct Shared {
     pub(super) stand_in: StandIn,
@@ -43,16 +44,17 @@ pub(super) struct Shared {
 }
 
 impl Shared {
-    /// Draws of an earlier run that can stand for the first round.
+    /// With this many draws of an earlier run the first round is not needed.
     const ENOUGH: usize = 80;
 
-    /// Whether earlier draws stand for the first round.
+    /// Whether draws of an earlier run take the place of the first round.
     pub(super) fn knows_hyper(density: &dyn LatentGaussian, settings: &Settings) -> bool {
         settings.earlier.len() >= Self::ENOUGH && !density.layout().hyper.is_empty()
     }
 
-    /// At the chains' starts. Draws of an earlier run shape the proposal; the stand-in is of the
-    /// present likelihood, which may have terms where those draws are far off.
+    /// What the chains share at their starts. Draws of an earlier run shape the proposal. They do
+    /// not shape the stand-in, which is made from the present likelihood: this may have terms where
+    /// those draws are far off.
     pub(super) fn first(
         density: &dyn LatentGaussian,
         starts: &[Vec<f64>],
@@ -72,8 +74,8 @@ impl Shared {
         Self { stand_in, proposal }
     }
 
-    /// Fitted to what the chains have seen; `is_last` at the end of the warm-up, where the step size
-    /// has been tuned to the stand-in: it stays.
+    /// What the chains share after a meeting, fitted to what they have seen. At the end of the
+    /// warm-up (`is_last`) the stand-in stays as it is, because the step size has been tuned to it.
     #[must_use]
     pub(super) fn fitted(
         &self,
@@ -112,7 +114,7 @@ pub(super) fn first_link(density: &dyn LatentGaussian, start: &[f64]) -> Link {
     link
 }
 
-/// Gives all chains the geometric means of their step sizes, scales and lengths.
+/// Sets the step sizes, scales and step lengths of all chains to their geometric means.
 pub(super) fn agree(links: &mut [Link]) {
     let n = links.len() as f64;
     let mean = |of: &dyn Fn(&Link) -> f64| links.iter().map(of).sum::<f64>() / n;
@@ -127,8 +129,9 @@ pub(super) fn agree(links: &mut [Link]) {
     }
 }
 
-/// A Gaussian variational fit by its fixed point W = E[−∇² ln L], the mean over the stand-in's own
-/// posterior at the chains' starting hyperparameters, first over a spread about the starts.
+/// The first stand-in: a Gaussian variational fit by its fixed point W = E[−∇² ln L]. The mean is
+/// over the stand-in's own posterior at the chains' starting hyperparameters, and in the first step
+/// over a small spread about the starts.
 fn first_stand_in(density: &dyn LatentGaussian, links: &[Link], seed: u64) -> StandIn {
     const PASSES: usize = 12;
     const PER_CHAIN: usize = 16;
@@ -174,7 +177,7 @@ fn spread(start: &[f64], z: &[f64], w: &mut [f64]) {
     }
 }
 
-/// Steps on the scale of each hyperparameter's conditional at a start.
+/// The first proposal: steps on the scale of each hyperparameter's conditional at a start.
 fn first_proposal(density: &dyn LatentGaussian, start: &[f64]) -> Proposal {
     let layout = density.layout();
     let scales = conditional_scales(&mut *density.evaluator(), start, 1.0);

@@ -1,13 +1,19 @@
 //! The blocked sampler: for densities with many Gaussian coefficients that the likelihood sees
 //! through few values.
 //!
-//! Two alternating moves, both exact for any stand-in ([`whiten`]): the whitened coefficients and the
-//! free unknowns by NUTS given the hyperparameters; the hyperparameters by Metropolis given the
-//! whitened coefficients. The funnel between the hyperparameters of a block and its coefficients is
-//! gone, because the whitened coefficients hardly depend on them.
+//! Two moves alternate. Both are exact whatever the stand-in ([`whiten`]) is:
 //!
-//! In the warm-up the chains meet several times, and the stand-in and the hyperparameters' proposal
-//! are fitted anew to the draws of all ([`meeting`]); while sampling, nothing changes.
+//! - Given the hyperparameters, a trajectory moves the whitened coefficients and the free unknowns.
+//!   It is one of NUTS, or, where there are no free unknowns, one of random length, accepted or rejected.
+//! - Given the whitened coefficients, Metropolis steps move the hyperparameters.
+//!
+//! Without whitening, the hyperparameters of a block and its coefficients would form a funnel. The
+//! whitened coefficients hardly depend on the hyperparameters, so there is none.
+//!
+//! In the warm-up the chains meet several times. At each meeting the stand-in and the proposal of
+//! the hyperparameters are fitted to the draws of all chains ([`meeting`]). While sampling, nothing
+//! changes.
+//!
 //! Knows nothing of fields, kernels, meshes or models: only [`LatentGaussian`].
 
 mod chain;
@@ -34,9 +40,9 @@ use super::settings::{Settings, check_starts, thread_pool};
 
 /// Samples `density` with one blocked chain from each of `starts`, each `(dim)`.
 ///
-/// The result is that of [`super::sample()`], with the draws in the density's own unknowns; steps,
-/// energies and the metric are those of the whitened coordinates, a diagonal metric whatever
-/// `settings.metric` says, and evaluations of the likelihood count as gradients.
+/// The result has the form of that of [`super::sample()`], and its draws are of the density's own
+/// unknowns. Step sizes, energies and the metric are those of the whitened coordinates. The metric
+/// is diagonal whatever `settings.metric` says. Evaluations of the likelihood count as gradients.
 ///
 /// # Errors
 /// Those of [`super::sample()`].

@@ -3,15 +3,17 @@
 //! ```text
 //! yᵢ = (hᵢ − cᵢ)/sᵢ,  sᵢ below or above the centre cᵢ        y ~ t₅(0, L Lᵀ)
 //! ```
-//! Hyperparameters are skew (the logarithm of a short lengthscale or a small amplitude falls off slowly
-//! on one side), hence a scale for either side. What is left of y is elliptical enough.
+//! Each hyperparameter has one scale below the centre and one above it, because hyperparameters are
+//! skew: the logarithm of a short lengthscale or of a small amplitude falls off slowly on one side.
+//! After this scaling y is elliptical enough.
 
 use nalgebra::{Cholesky, DMatrix};
 use rand::{Rng, RngExt as _};
 use rand_distr::StandardNormal;
 use serde::{Deserialize, Serialize};
 
-/// Random-walk steps, independent draws of all hyperparameters, and of one given the others, in turn.
+/// Three kinds of proposals in turn: random-walk steps, independent draws of all hyperparameters,
+/// and draws of one hyperparameter given the others.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub(in crate::infer) struct Proposal {
     centre: Vec<f64>,
@@ -28,7 +30,7 @@ pub(in crate::infer) struct Proposal {
 /// What is proposed in a step.
 #[derive(Clone, Copy, Debug, PartialEq)]
 enum Step {
-    /// A random walk, of this length relative to the one that adapts.
+    /// A random-walk step. Its length is this number times the length that adapts.
     Walk(f64),
     All,
     One(usize),
@@ -39,7 +41,7 @@ impl Proposal {
     pub(in crate::infer) const TARGET: f64 = 0.3;
     /// Long steps find other regimes, short ones are accepted at the edge of one.
     const LENGTHS: [f64; 3] = [1.0, 2.0, 0.4];
-    /// Degrees of freedom of independent draws: heavier tails than the posterior's.
+    /// Degrees of freedom of independent draws. Their tails are to be heavier than the posterior's.
     const NU: usize = 5;
 
     /// Independent steps with these scales.
@@ -145,8 +147,8 @@ impl Proposal {
         y
     }
 
-    /// y(i) given the other y, which is Student's t of more degrees of freedom (Ding 2016, "On the
-    /// conditional distribution of the multivariate t distribution").
+    /// Draws y(i) given the other y. This is Student's t with more degrees of freedom (Ding 2016,
+    /// "On the conditional distribution of the multivariate t distribution").
     fn given_the_others(&self, i: usize, y: &[f64], rng: &mut impl Rng) -> f64 {
         let n = y.len();
         let row = &self.precision[i * n..][..n];
@@ -193,7 +195,7 @@ impl Proposal {
     }
 }
 
-/// What a standard normal number is multiplied by to become Student's t.
+/// The factor that makes a standard normal number one of Student's t.
 fn student_scale(nu: usize, rng: &mut impl Rng) -> f64 {
     let chi_square: f64 = (0..nu).map(|_| rng.sample::<f64, _>(StandardNormal).powi(2)).sum();
     (nu as f64 / chi_square).sqrt()

@@ -1,11 +1,12 @@
-//! The Gaussian stand-in for the likelihood: per place an information matrix W and a centre y.
+//! The Gaussian stand-in for the likelihood: for each place an information matrix W and a centre y.
 //!
 //! ```text
 //! ln L(θ_site) ≈ const − ½ (θ − y)ᵀ W (θ − y)
 //! ```
-//! Fitted to pairs of latent values and gradients g by regressing g on θ: W = −Cov(g, θ) Cov(θ)⁻¹
-//! and W (y − E θ) = E g, which for a Gaussian likelihood is exact whatever the pairs. A poor
-//! stand-in costs the sampler speed, never exactness.
+//! It is fitted to pairs of latent values θ and gradients g, by regressing g on θ: W = −Cov(g, θ)
+//! Cov(θ)⁻¹ and W (y − E θ) = E g. For a Gaussian likelihood this is exact whatever the pairs.
+//!
+//! A poor stand-in costs the sampler speed, never exactness.
 
 use super::latent::{Group, Layout, Shape};
 use nalgebra::{Cholesky, DMatrix, DVector};
@@ -79,11 +80,11 @@ pub(super) struct GroupStandIn {
     gram: Vec<Vec<f64>>,
 }
 
-/// How far a fit may go from the samples it is made from.
+/// How far a fit may go beyond the samples that it is made from.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Trust {
-    /// Least information about a latent value, in units of 1/variance in the sample: at least a
-    /// trace, so that y exists. The most is 1, which the posterior itself cannot exceed.
+    /// Least information about a latent value, in units of 1/variance in the sample. There must be
+    /// some, or y would not exist. The most is 1: the posterior itself cannot have more.
     pub(super) least: f64,
     /// Largest distance of y from the mean, in standard deviations of the sample.
     pub(super) reach: f64,
@@ -92,7 +93,8 @@ pub(super) struct Trust {
 impl Trust {
     /// For samples of the posterior.
     pub(super) const FULL: Self = Self { least: 1e-4, reach: f64::INFINITY };
-    /// For samples of an approximation: each fit at most doubles its spread, or moves it by two.
+    /// For samples of an approximation. Each fit may at most double its spread, or move it by two
+    /// standard deviations.
     pub(super) const CAUTIOUS: Self = Self { least: 0.25, reach: 2.0 };
 }
 
@@ -110,7 +112,7 @@ impl GroupStandIn {
         }
     }
 
-    /// Fits every place to `samples`; a place whose samples do not vary keeps what it had.
+    /// Fits every place to `samples`. A place whose samples do not vary keeps its stand-in.
     fn fit(&mut self, samples: &[Sample], trust: Trust, group: &Group) {
         for place in 0..self.n_seen {
             if let Some((information, centre)) = self.fit_place(samples, trust, place) {
@@ -126,7 +128,8 @@ impl GroupStandIn {
         self.set_gram(group);
     }
 
-    /// In coordinates x = L⁻¹(θ − E θ) with L Lᵀ = Cov θ, where Cov x = I and g turns into Lᵀg.
+    /// Works in the coordinates x = L⁻¹(θ − E θ) with L Lᵀ = Cov θ, where Cov x = I and g becomes
+    /// Lᵀg.
     fn fit_place(
         &self,
         samples: &[Sample],

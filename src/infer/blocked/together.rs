@@ -1,4 +1,4 @@
-//! What several blocked chains need of each: its state, and to meet the others.
+//! What a run of several blocked chains needs: the state of each chain, and their meetings.
 
 use super::chain::Blocked;
 use super::meeting::{Lesson, Link, Shared, agree};
@@ -11,14 +11,15 @@ use crate::random::Part;
 use serde::{Deserialize, Serialize};
 use std::sync::Arc;
 
-/// All that the rest of a chain depends on and that is not made again from the outer unknowns.
+/// Everything that the rest of a chain depends on, except what is computed again from the outer
+/// unknowns.
 #[derive(Debug, Serialize, Deserialize)]
 pub(in crate::infer) struct BlockedState {
     shared: Shared,
     warm_up: WarmUp,
     outer: Vec<f64>,
     kernel: KernelState,
-    /// Words drawn from the hyperparameters' random stream.
+    /// How many words were drawn from the random stream of the hyperparameters.
     word: u128,
     ln_length: f64,
     learning: Option<(Adaptation, Lesson)>,

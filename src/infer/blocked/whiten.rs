@@ -1,14 +1,15 @@
 //! Coordinates in which a group's coefficients are nearly standard normal, at given hyperparameters.
 //!
-//! With the stand-in (W, y) and the design (A, b), I₀ the prior precisions, a zero for a flat mean:
+//! The stand-in is (W, y), the design (A, b). I₀ is the diagonal matrix of prior precisions, which
+//! has a zero for a flat mean.
 //!
 //! ```text
 //! B = I₀ + AᵀWA = UᵀU     s = U⁻ᵀ AᵀW(y − b)     w = U⁻¹(s + z)     θ = b + A w
 //! −½ wᵀI₀w − ln|U| = −½ zᵀz + ½ (θ − y)ᵀW(θ − y) + κ
 //! κ = ½ sᵀs − ½ (y − b)ᵀW(y − b) − ln|U|
 //! ```
-//! an identity, so that the stand-in cancels from the density and exp κ is its evidence. With y − b as
-//! a further column of A, one factorisation gives U, s and κ.
+//! The second line is an identity. So the stand-in cancels from the density, and exp κ is its
+//! evidence. If y − b is a further column of A, one factorisation gives U, s and κ.
 
 use super::factor::{Lanes, Upper, add_lanes, columns, lanes};
 use super::latent::{Design, Group, Shape};
@@ -24,9 +25,9 @@ pub(super) struct GroupWhitening {
     starts: Vec<usize>,
     /// The diagonal of I₀.
     prior_precision: Vec<f64>,
-    /// Whether all designs are scaled modes, whose products are known.
+    /// Whether all designs are scaled modes. Their products are known beforehand.
     is_scaled: bool,
-    /// `[A d]` with d = y − b, row after row `(n_latent)`, and W times it.
+    /// `[A d]` with d = y − b, row after row `(n_latent)`; then W times this.
     augmented: [Vec<Lanes>; 2],
     /// The rows of `[A d]` that are not zero in each of its lanes.
     support: Vec<Vec<usize>>,
@@ -125,7 +126,7 @@ impl GroupWhitening {
         }
     }
 
-    /// All of it but I₀ for scaled blocks, from products that are known.
+    /// Everything but I₀, where the blocks are scaled: from products that are known beforehand.
     #[inline(always)]
     fn set_gram(&mut self, design: &Design, stand_in: &GroupStandIn) {
         for f in 0..self.n_blocks() {

@@ -1,4 +1,4 @@
-//! Which unknowns are in blocks, and what makes a block's design.
+//! Which unknowns are in blocks, and what the design of a block is computed from.
 
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -14,9 +14,9 @@ use crate::model::tape::{Op, add_rows};
 pub(super) struct Blocks<'m> {
     pub(super) model: &'m Model,
     pub(super) layout: Layout,
-    /// Group after group, as the layout has them.
+    /// The fields, group after group, in the order of the layout.
     pub(super) fields: Vec<Block>,
-    /// Deviations of places, after the fields of the one group.
+    /// Deviations of places. They come after the fields; there is then one group only.
     pub(super) places: Vec<PlaceBlock>,
 }
 
@@ -25,20 +25,21 @@ pub(super) struct Blocks<'m> {
 pub(super) struct Block {
     /// Which of the model's fields it is.
     pub(super) field: usize,
-    /// Its group, and its number there.
+    /// Its group, and its number within the group.
     pub(super) at: (usize, usize),
     /// Whether its design is triangular: a coefficient per site.
     pub(super) is_triangular: bool,
-    /// Which of the model's priors is that of its mean, if that is in the block.
+    /// Which of the model's priors is that of its mean; `None` if the mean is not in the block.
     pub(super) mean: Option<usize>,
     /// The sites' modes `(n_sites, k)`, without padding.
     pub(super) modes: Vec<f64>,
-    /// Products φᵢ φⱼ of every pair of sites j ≤ i `(k, pairs)`; empty unless the sites are fewer.
+    /// Products φᵢ φⱼ of every pair of sites j ≤ i `(k, pairs)`. Empty unless there are fewer sites
+    /// than modes.
     products: Vec<f64>,
 }
 
 impl<'m> Blocks<'m> {
-    /// With a coefficient per site or per mode, whichever are fewer in a group.
+    /// Each group has a coefficient per site or one per mode, whichever are fewer.
     pub(super) fn new(model: &'m Model) -> Self {
         Self::shaped(model, &|ops| {
             let n_latent: usize = ops.iter().map(|op| op.n_probes()).sum();
@@ -47,8 +48,8 @@ impl<'m> Blocks<'m> {
         })
     }
 
-    /// With a coefficient per site (triangular designs) or per mode, as `is_triangular` says of a
-    /// group's fields: either is exact.
+    /// Each group has a coefficient per site (its designs are triangular) or one per mode.
+    /// `is_triangular` decides from the group's fields; either is exact.
     pub(super) fn shaped(model: &'m Model, is_triangular: &dyn Fn(&[&Field]) -> bool) -> Self {
         let mut members: BTreeMap<usize, Vec<usize>> = BTreeMap::new();
         for (field, entry) in model.fields.iter().enumerate() {
@@ -86,7 +87,7 @@ impl<'m> Blocks<'m> {
     }
 }
 
-/// The prior of what is in the block, at these values.
+/// The prior, at these values, of a number that is in a block.
 #[allow(clippy::expect_used, reason = "it is in the block because its prior is normal or flat")]
 pub(super) fn gaussian(model: &Model, prior: usize, values: &[f64]) -> Gaussian {
     model.priors[prior].gaussian(values).expect("normal or flat")
@@ -126,8 +127,8 @@ impl Block {
         }
     }
 
-    /// L of the covariance with these variances of the modes. A site that the earlier ones
-    /// determine to rounding has a zero column.
+    /// The factor L of the covariance of the sites' values, given these variances of the modes. If
+    /// the sites before one determine it to rounding, its column is zero.
     pub(super) fn lower(
         &self,
         variances: &[f64],
@@ -156,13 +157,15 @@ impl Block {
     }
 }
 
-/// Whether a prior is that of outer unknowns: neither of a mean in the block nor of deviations of places.
+/// Whether a prior is one of outer unknowns: not of a mean in a block, and not of deviations of
+/// places.
 fn is_outer(prior: usize, fields: &[Block], places: &[PlaceBlock]) -> bool {
     fields.iter().all(|block| block.mean != Some(prior))
         && places.iter().all(|block| block.prior != prior)
 }
 
-/// Unknowns that a field's mean, amplitudes and kernels and the sds of places depend on, also through their priors.
+/// The unknowns on which a field's mean, amplitudes and kernels and the sds of places depend,
+/// directly or through their priors.
 fn hyperparameters(model: &Model, fields: &[Block], places: &[PlaceBlock]) -> BTreeSet<usize> {
     let mut values: BTreeSet<usize> = BTreeSet::new();
     for block in places {

@@ -3,10 +3,15 @@
 //! ```text
 //! Σ_terms amplitude √S_k η_k = √s_k ζ_k      s_k = Σ_terms (amplitude √S_k)²
 //! ```
-//! so that the terms of a field are one term with ζ standard normal. With fewer sites than modes, the
-//! sites see only n combinations w of them: θ = mean + L w with L Lᵀ = Φ diag(s) Φᵀ. A mean with a
-//! normal or flat prior that nothing else mentions is in the block too, as location + scale w; so are
-//! deviations of places of learnt sd. The rest of the unknowns is outer. What the sites do not see is drawn from its exact conditional
+//! So the terms of a field are one term, with ζ standard normal. If there are fewer sites than
+//! modes, the sites see only n combinations w of them: θ = mean + L w with L Lᵀ = Φ diag(s) Φᵀ.
+//!
+//! Two further things are in a block:
+//!
+//! - a mean that nothing else mentions, if its prior is normal or flat, as location + scale w;
+//! - deviations of places whose sd is learnt.
+//!
+//! All other unknowns are outer. What the sites do not see is drawn from its exact conditional
 //! ([`restore`](super::restore)).
 
 mod blocks;
@@ -23,7 +28,8 @@ use crate::infer::{
 };
 use crate::model::laid_out::{FieldEntry, Model};
 
-/// Most numbers that the blocks of fields that share rows may have together.
+/// The blocked sampler is not the default if the blocks of fields that share rows have more numbers
+/// than this.
 const MOST: usize = 400;
 
 /// Most unknowns that the integrated sampler's proposals can follow.
@@ -34,7 +40,7 @@ fn size(field: &FieldEntry) -> usize {
     field.op.k.min(field.op.n_probes())
 }
 
-/// Numbers of the fields of each group, which share rows.
+/// How many numbers the fields of each group have. The fields of a group share rows.
 fn sizes(model: &Model) -> BTreeMap<usize, usize> {
     let mut sizes = BTreeMap::new();
     for field in &model.fields {
@@ -46,7 +52,7 @@ fn sizes(model: &Model) -> BTreeMap<usize, usize> {
     sizes
 }
 
-/// Which sampler a model is sampled with.
+/// The sampler of a model.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Sampler {
     /// Fields integrated out in closed form, where all measurements are normal about them; the rest by Metropolis.

@@ -22,7 +22,7 @@ pub(super) struct OnTape<'m> {
 }
 
 impl OnTape<'_> {
-    /// Values of everything but the fields, from outer unknowns.
+    /// Computes the values of everything but the fields, from the outer unknowns.
     fn forward(&mut self, outer: &[f64]) {
         let (model, t) = (self.blocks.model, &mut self.tape);
         for (u, x) in self.blocks.layout.outer.iter().zip(outer) {
@@ -47,7 +47,7 @@ impl OnTape<'_> {
         }
     }
 
-    /// What effects and linear predictors come to.
+    /// Computes the values of effects and linear predictors.
     fn set_offsets(&mut self) {
         let (model, t) = (self.blocks.model, &mut self.tape);
         for range in &model.offsets {

@@ -5,22 +5,24 @@ use crate::infer::{BlockLayout, Shape};
 use crate::model::laid_out::Model;
 use crate::model::tape::Tape;
 
-/// One deviation for each place, all with the same normal prior. Given the fields' values they are what is left
-/// over, so that they are whitened together with these: in turn, neither could move far.
+/// One deviation for each place, all with the same normal prior. Given the fields' values, the
+/// deviations are what is left over. So they are whitened together with the fields: if the two were
+/// moved in turn, neither could move far.
 #[derive(Debug)]
 pub(super) struct PlaceBlock {
     /// Which of the model's priors is theirs.
     pub(super) prior: usize,
-    /// First unknown, and first value.
+    /// The first unknown, and the first value.
     u: usize,
     v: usize,
-    /// Which of them each place has.
+    /// Which of the deviations each place has.
     number: Vec<usize>,
     is_triangular: bool,
 }
 
 impl PlaceBlock {
-    /// Those of the model whose places are those of all its fields, if these are in one group.
+    /// The deviations of the model whose places are those of all its fields, if the fields are in
+    /// one group.
     pub(super) fn all(model: &Model, fields: &[Block]) -> Vec<Self> {
         let Some(first) = fields.first() else { return vec![] };
         let places = &model.fields[first.field].probes;
@@ -73,7 +75,7 @@ impl PlaceBlock {
         }
     }
 
-    /// Puts the values at the places where effects read them.
+    /// Writes the values to where effects read them.
     pub(super) fn set_values(&self, theta: &[f64], t: &mut Tape) {
         for (theta, number) in theta.iter().zip(&self.number) {
             t.v[self.v + number] = *theta;

@@ -17,7 +17,7 @@ use crate::model::reported::Kind;
 use crate::num::{Num, Real};
 use crate::table::{Measurements, Probes};
 
-/// So many measurements of each label are many.
+/// Above this number of measurements per label, a coefficient is not sampled as a deviation.
 const MANY: usize = 10;
 
 pub(super) struct Effect {
@@ -29,9 +29,9 @@ pub(super) struct Effect {
 
 /// What an effect multiplies its coefficients by.
 enum Design {
-    /// `linear(row.a, row.b)`: columns as they are, every cell filled in.
+    /// `linear(row.a, row.b)`: the columns as they are. No cell may be empty.
     Columns(Vec<String>),
-    /// Anything else.
+    /// A form.
     Form(Form),
 }
 
@@ -77,7 +77,8 @@ impl Builder<'_> {
         Ok(())
     }
 
-    /// An effect that is in no model file: coefficients `~ Normal(0, sd)`; `decl` has that prior as its text.
+    /// An effect that is in no model file. Its coefficients are `~ Normal(0, sd)`; `decl` has that
+    /// prior as its text.
     ///
     /// # Errors
     /// A column that the table lacks.
@@ -99,8 +100,9 @@ impl Builder<'_> {
         Ok(())
     }
 
-    /// The offsets of a unit that is drawn at random, which is in no model file, and the parameter that is
-    /// their sd: as `param SD ~ HalfNormal(…);` and `effect NAME on … = FORM ~ Normal(0.0, SD);`.
+    /// A random effect of the labels of a column that is in no model file, and its sd. It is laid
+    /// out as if `param SD ~ HalfNormal(…);` and `effect NAME on … = FORM ~ Normal(0.0, SD);` were
+    /// declared.
     ///
     /// # Errors
     /// A column that the table lacks.
@@ -124,7 +126,8 @@ impl Builder<'_> {
         Ok(())
     }
 
-    /// Declares the sds of the further errors that were added, as parameters below all others.
+    /// Declares the sds of the further errors that were added, as if each were a `param` after all
+    /// others.
     pub(super) fn declare_row_errors(&mut self) {
         for error in std::mem::take(&mut self.further_errors) {
             let sd = self.learnt_sd(&error.name, &error.unit, error.prior_sd);
@@ -132,7 +135,8 @@ impl Builder<'_> {
         }
     }
 
-    /// A parameter `~ HalfNormal(prior_sd)` that is in no model file; where its value is.
+    /// Declares a parameter `~ HalfNormal(prior_sd)` that is in no model file. Returns where its
+    /// value is.
     pub(super) fn learnt_sd(&mut self, name: &str, unit: &str, prior_sd: f64) -> usize {
         let (u, v) = (self.unknowns(1), self.values(1));
         let mut op = ParameterOp::<Positive, 0, 1>::new(Positive { sd: prior_sd });
@@ -176,14 +180,16 @@ impl Builder<'_> {
         Ok(form.design(data).1)
     }
 
-    /// Whether coefficients are better sampled as deviations: many measurements of each fix it, whatever the sd,
-    /// and its deviation would move with the sd.
+    /// Whether `n` coefficients are better sampled as deviations, in units of their sd. They are
+    /// not if there are many measurements of each: these fix the coefficient whatever the sd is, so
+    /// that its deviation would have to move with the sd.
     pub(super) fn deviates(&self, n: usize) -> bool {
         self.data.is_none_or(|data| data.len() <= MANY * n)
     }
 
-    /// Notes that the last prior is that of deviations of places, where each label has a vertex of its own and each
-    /// vertex one label: they can be sampled together with the fields there.
+    /// Notes that the last prior is that of deviations of places, if each label has a vertex of its
+    /// own and each vertex one label. Such deviations can be sampled together with the fields
+    /// there.
     fn note_spread(&mut self, form: &Form) {
         let Some(data) = self.data else { return };
         let (z, n) = form.design(data);
@@ -203,14 +209,14 @@ impl Builder<'_> {
         self.model.spreads.extend(vertices.map(|vertices| SpreadEntry { prior, vertices }));
     }
 
-    /// Names the last parameter's numbers after the form's labels.
+    /// Names the numbers of the last parameter after the labels of the form.
     fn label_last(&mut self, form: &Form) {
         if let (Some(data), Some(parameter)) = (self.data, self.model.parameters.last_mut()) {
             parameter.labels = form.labels(data);
         }
     }
 
-    /// Makes every effect's design act on the offsets of its targets.
+    /// Lets every effect add to the offsets of the fields and `let`s that it acts on.
     pub(super) fn apply_effects(&mut self) -> Result<(), ModelError> {
         for effect in std::mem::take(&mut self.effects) {
             let mut hit = BTreeSet::new();
@@ -280,7 +286,7 @@ impl PriorFn<0> for Positive {
     }
 }
 
-/// Complains unless the modes that a form needs are known at the rows.
+/// Refuses a form that needs more modes than are known at the rows.
 fn check_modes(effect: &str, form: &Form, data: &Measurements) -> Result<(), ModelError> {
     let (field, k) = (effect.to_owned(), form.n_modes());
     match data.probes().map(Probes::n_modes) {

@@ -1,5 +1,5 @@
-//! `field` statements: hyperparameters, terms, one field or one for each label, and whether the constant mode is
-//! collapsed.
+//! `field` statements: their hyperparameters and terms, whether there is one field or one for each
+//! label, and whether the constant mode is collapsed.
 
 use std::collections::BTreeSet;
 use std::sync::Arc;
@@ -25,12 +25,14 @@ pub(super) struct Declared {
     range: Option<(f64, f64)>,
     within: Option<Within>,
     labels: Option<Arc<Labels>>,
-    /// Whether no row sees fields of two labels: each then needs its own rows' places alone.
+    /// Whether no row sees fields of two labels. Each field then needs only the places of its own
+    /// rows.
     is_apart: bool,
 }
 
 impl Declared {
-    /// How many fields it is: one for each label, and one where there are no data to have labels.
+    /// How many fields the statement makes: one for each label. Without data there are no labels,
+    /// and it makes one.
     fn n_fields(&self) -> usize {
         self.labels.as_ref().map_or(1, |labels| labels.names.len().max(1))
     }
@@ -50,17 +52,18 @@ struct Modes {
     phi0: Option<f64>,
 }
 
-/// A mean or an amplitude, once for each label, on its way from [`Builder::scalar`] to the field.
+/// A mean or an amplitude, once for each label: what [`Builder::scalar`] returns, for the field to
+/// take.
 #[derive(Debug)]
 pub struct Scalars(Vec<Box<dyn Scalar>>);
 
-/// A Gaussian process, once for each label, on its way from [`Builder::term`] to the field.
+/// A Gaussian process, once for each label: what [`Builder::term`] returns, for the field to take.
 #[derive(Debug)]
 pub struct Terms(Vec<Term>);
 
 impl Builder<'_> {
-    /// `field name(x, label) [unit] range = …`: its hyperparameters follow, then its mean and terms, then
-    /// [`Builder::end_field`].
+    /// `field name(x, label) [unit] range = …`. Calls for its hyperparameters must follow, then for
+    /// its mean and terms, then [`Builder::end_field`].
     ///
     /// # Errors
     /// A label column that the data lack.
@@ -101,7 +104,8 @@ impl Builder<'_> {
         Terms(terms.collect())
     }
 
-    /// The end of a field; `lone_mean` names the hyperparameter that is its mean, if that is all the mean is.
+    /// The end of a field. If the mean of the field is a hyperparameter and nothing else,
+    /// `lone_mean` is the name of that.
     ///
     /// # Errors
     /// No surface, or fewer modes than K.
@@ -185,7 +189,8 @@ impl Builder<'_> {
         });
     }
 
-    /// The coefficients of each term: parameters of the model. Gives the length of the terms' work.
+    /// Declares the coefficients of each term, which are parameters of the model. Returns the
+    /// length of the terms' work.
     fn coefficients_of(&mut self, field: &str, terms: &mut [Term], first: usize) -> usize {
         let mut used = 0;
         for (i, term) in terms.iter_mut().enumerate() {
@@ -270,7 +275,8 @@ impl Builder<'_> {
         }
     }
 
-    /// Whether the mean is a flat hyperparameter that nothing else mentions: see [`super::super::gp`].
+    /// Whether the mean is a flat hyperparameter that nothing else mentions. The constant mode is
+    /// then collapsed: see [`super::super::gp`].
     fn collapse(
         &mut self,
         mean: Option<usize>,

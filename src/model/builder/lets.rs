@@ -1,4 +1,5 @@
-//! What is reported of a `let`: once every `observe` is laid out, where the scalars of its values live.
+//! What is reported of a `let`. It is laid out after every `observe`, when it is known where the
+//! numbers behind its values are.
 
 use std::collections::BTreeSet;
 use std::sync::Arc;
@@ -18,24 +19,24 @@ pub(super) struct Declared {
     /// What its expression mentions.
     mentions: Place,
     differs: Differs,
-    /// The expression; none of a linear predictor.
+    /// The expression; `None` for a linear predictor.
     make: Option<fn() -> Box<dyn MapFn>>,
 }
 
-/// What the values of a `let` differ by.
+/// What makes the values of a `let` differ from each other.
 #[derive(Clone, Debug, PartialEq)]
 enum Differs {
-    /// Nothing: it is one number.
+    /// Nothing: it has one value.
     Not,
-    /// A place alone: the maps of a run have it.
+    /// The place alone. The maps of a run show such a `let`.
     Place,
-    /// The label of each row of the table, by number.
+    /// A label. Holds the number of the label of each row of the table.
     Label(Vec<usize>),
     Row,
 }
 
 impl Differs {
-    /// What an expression of both differs by.
+    /// What makes an expression differ that depends on both.
     fn and(self, other: Self) -> Self {
         match (self, other) {
             (Self::Not, other) | (other, Self::Not) => other,
@@ -49,8 +50,8 @@ impl Differs {
 type Row = (&'static str, usize, usize);
 
 impl Builder<'_> {
-    /// Most values of a `let` that are reported: beyond it they are predictors by the thousand, of
-    /// which the replicated measurements tell enough.
+    /// A `let` with more values than this is not reported. Such a `let` is a predictor with
+    /// thousands of values, of which the replicated measurements tell enough.
     const MOST: usize = 200;
 
     /// `let name(row) [unit] in range = expr;`
@@ -86,7 +87,8 @@ impl Builder<'_> {
         self.names.push((name.into(), Source::Linear { beta, columns: columns.to_vec() }));
     }
 
-    /// The value of a field that is bent into its range: a `let` of its sum, which the field's own map shows.
+    /// The value of a field that is bent into its range. It is laid out as a `let` of the field's
+    /// sum, but reported by the field's own map.
     pub(super) fn link(&mut self, name: &'static str) {
         let mentions = Place { numbers: &[], lets: &[], reads_row: false };
         let differs = Differs::Place;
@@ -95,15 +97,15 @@ impl Builder<'_> {
         self.names.push((name.into(), Source::Let));
     }
 
-    /// Whether this is the value of a field that is bent into its range.
+    /// Whether this is the `let` of a field that is bent into its range.
     fn is_link(&self, name: &str) -> bool {
         let is_it =
             |l: &Declared| l.name == name && l.make.is_none() && l.differs == Differs::Place;
         self.lets.iter().any(is_it)
     }
 
-    /// A map over the vertices of a `let` that depends on parameters and fields alone: one, or one for each label of
-    /// the fields that it depends on.
+    /// The map over the vertices of a `let` that depends on parameters and fields alone. There is
+    /// one map, or one for each label of the fields that it depends on.
     fn maps_of(
         &mut self,
         name: &'static str,
@@ -189,7 +191,8 @@ impl Builder<'_> {
         Ok(())
     }
 
-    /// A row of an `observe` that depends on the `let` for each of its values; none where a map shows it.
+    /// For each value of the `let`, a row of an `observe` that depends on it. Empty where a map
+    /// shows the `let`.
     fn rows_of(&self, declared: &Declared) -> Vec<Row> {
         let has_maps = !self.model.fields.is_empty();
         let acted = self.acts(declared.name);
@@ -263,7 +266,8 @@ impl Builder<'_> {
         self.hooks.get(&(observe, name)).map_or(0, |at| at + i) as u32
     }
 
-    /// Labels of a parameter that the `let` mentions, if they tell the rows apart; else their lines.
+    /// Names of the rows: the labels of a parameter that the `let` mentions, if these tell the rows
+    /// apart; else the lines of the rows.
     fn labels_of(&self, names: &[&'static str], rows: &[Row], data: &Measurements) -> Vec<String> {
         for name in names {
             let Source::Each { labels, .. } = self.source(name) else { continue };

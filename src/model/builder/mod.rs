@@ -1,4 +1,5 @@
-//! What the macro calls, one call for each statement: lays out unknowns and values, and makes operations.
+//! What the macro calls, with one call for each statement. It gives every unknown and value its
+//! place, and makes the operations.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
@@ -15,18 +16,19 @@ mod lets;
 mod observes;
 mod params;
 
-/// How many numbers a parameter is.
+/// How many numbers a parameter has.
 #[derive(Clone, Copy, Debug)]
 pub enum Len {
     /// `param sigma`
     One,
     /// `param w(3)`
     Many(usize),
-    /// `param b(operator)`: one per label
+    /// `param b(operator)`: one for each label
     Each(&'static str),
 }
 
-/// What a likelihood or a `let` mentions: names of numbers, and of the `let`s through which they are seen.
+/// What a likelihood or a `let` mentions: names of numbers, and of the `let`s through which it
+/// depends on them.
 #[derive(Clone, Copy, Debug)]
 pub struct Place {
     /// Parameters, fields, labelled parameters, linear predictors, imputed columns.
@@ -66,7 +68,7 @@ pub(super) struct Labels {
 /// What a name stands for in a row.
 #[derive(Clone, Debug)]
 enum Source {
-    /// So many numbers from `v` on.
+    /// This many numbers, from `v` on.
     Scalars {
         v: usize,
         len: usize,
@@ -101,13 +103,13 @@ pub struct Builder<'a> {
     probes: Vec<u32>,
     names: Vec<(String, Source)>,
     effects: Vec<effects::Effect>,
-    /// Names that offsets are wanted for besides those of effects.
+    /// Names that get an offset although no effect acts on them.
     offsets_on: Vec<String>,
     /// Share and sd of outliers that are added to every `observe`.
     outliers: Option<(f64, f64)>,
-    /// Further errors that are added, until their sds have places.
+    /// Further errors that are to be added. They move to `row_errors` when their sds have places.
     further_errors: Vec<RowError>,
-    /// Names of `observe`s whose rows have one, and where its sd is.
+    /// Names of `observe`s whose rows have a further error, and where its sd is.
     row_errors: Vec<(String, usize)>,
     /// First offset of (observe, field or let).
     hooks: BTreeMap<(&'static str, &'static str), usize>,
@@ -116,7 +118,8 @@ pub struct Builder<'a> {
     /// (`let`, observe that depends on it)
     seen: BTreeSet<(&'static str, &'static str)>,
     lets: Vec<lets::Declared>,
-    /// Values whose prior is flat, with their unknown; and values that expressions mention, how often.
+    /// Values whose prior is flat, each with its unknown. In `mentions`: how often expressions
+    /// mention a value.
     flat: BTreeMap<usize, usize>,
     mentions: BTreeMap<usize, usize>,
     /// The field or block whose hyperparameters are being declared.
@@ -136,7 +139,8 @@ impl std::fmt::Debug for Builder<'_> {
 }
 
 impl<'a> Builder<'a> {
-    /// For an empty `model`. Without `data` no measurement is laid out: enough to show a model.
+    /// A builder for an empty `model`. Without `data` no measurement is laid out; this is enough to
+    /// show a model.
     pub(super) fn new(
         model: Model,
         basis: Option<&'a Basis>,
@@ -168,18 +172,20 @@ impl<'a> Builder<'a> {
         }
     }
 
-    /// Asks for an offset, zero by itself, wherever a likelihood depends on one of these names.
+    /// Asks for an offset wherever a likelihood depends on one of these names. It is zero unless it
+    /// is set.
     pub(super) fn want_offsets(&mut self, on: impl IntoIterator<Item = String>) {
         self.offsets_on.extend(on);
     }
 
-    /// Lets this share of the measurements of every `observe` to come have a further error of this sd.
+    /// Adds outliers to every `observe` that follows: this share of its measurements has a further
+    /// error of this sd.
     pub(super) fn add_outliers(&mut self, share: f64, sd: f64) {
         self.outliers = Some((share, sd));
         self.model.outliers = self.outliers;
     }
 
-    /// Gives every measurement of some `observe`s, which are to come, a further error.
+    /// Adds a further error to every measurement of some `observe`s, which must follow.
     pub(super) fn add_row_error(&mut self, error: &RowError) {
         self.further_errors.push(error.clone());
         let observes = error.observes.iter().map(|observe| (observe.clone(), error.name.clone()));
@@ -202,7 +208,8 @@ impl<'a> Builder<'a> {
         &found.expect("names are declared before use").1
     }
 
-    /// Where the numbers behind these names live, of labelled ones that of number `label`.
+    /// Where the numbers behind these names live. If a name has one for each label, it is that of
+    /// number `label`.
     fn local(&mut self, names: &[&str], label: usize) -> Vec<u32> {
         let mut at = vec![];
         for name in names {
@@ -219,7 +226,7 @@ impl<'a> Builder<'a> {
         at
     }
 
-    /// Everything is declared.
+    /// Finishes the model: everything is declared.
     pub(super) fn finish(mut self) -> Result<Model, ModelError> {
         self.apply_effects()?;
         self.lay_out_lets()?;

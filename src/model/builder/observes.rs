@@ -1,5 +1,5 @@
-//! `observe` and `density` statements: reads the rows, and finds where in the value vector each row's
-//! scalars live.
+//! `observe` and `density` statements. Reads the rows, and finds where in the value vector the
+//! scalars of each row live.
 
 use super::{Builder, Computed, Place, Source};
 use crate::model::density::Density;
@@ -63,7 +63,7 @@ impl Builder<'_> {
         Ok(())
     }
 
-    /// For each row, where in `v` each number that the likelihood mentions lives.
+    /// For each row, the places in `v` of the numbers that the likelihood mentions.
     fn place(
         &mut self,
         observe: &'static str,
@@ -107,7 +107,8 @@ impl Builder<'_> {
         Ok(row_place::Place { width: w, index, hook, lets, error: None, left_out: None })
     }
 
-    /// Where the value of a name lives that a row of the table sees; the first of several.
+    /// The place of the value of a name that a row of the table sees; if there are several values,
+    /// of the first.
     pub(super) fn value_at(&self, source: &Source, row: usize) -> usize {
         match source {
             Source::Scalars { v, .. } => *v,
@@ -157,8 +158,8 @@ impl Builder<'_> {
         Ok(out)
     }
 
-    /// A column, or all the numbered columns x1, x2, … of the table; the `expected` ones of these if it
-    /// has neither.
+    /// The column `x`, or all the numbered columns x1, x2, … of the table. If it has neither, the
+    /// `expected` ones of these.
     fn numbered(&self, name: &str, expected: usize) -> Vec<String> {
         let numbers = |n: usize| (1..=n).map(|i| format!("{name}{i}"));
         match self.data {
@@ -212,7 +213,7 @@ struct Read {
     cells: Vec<String>,
 }
 
-/// Hands the measurements and the columns of these rows to the likelihood.
+/// Gives the likelihood the measurements and the columns of these rows.
 fn read_rows(
     math: &mut dyn RowMath,
     data: &Measurements,
@@ -237,8 +238,8 @@ fn read_rows(
     Ok(Read { rows, cells: names })
 }
 
-/// As [`read_rows`], each measurement computed by `from (text)`; a row in which one of the columns that it
-/// reads is empty holds none.
+/// As [`read_rows`], but each measurement is computed by `from (text)`. A row holds no measurement
+/// if one of the columns that this reads is empty.
 fn compute_rows(
     math: &mut dyn RowMath,
     data: &Measurements,
@@ -296,7 +297,8 @@ fn read_cells(
     Ok((names.iter().map(ToString::to_string).collect(), cells))
 }
 
-/// The rows of a `density` statement, and their cells of each column that it `reads`; nothing of the others.
+/// The rows of a `density` statement, and their cells of each column that it `reads`. The other
+/// columns have no cells.
 fn read_columns(
     all: &[(&'static str, Vec<String>)],
     table: &Measurements,

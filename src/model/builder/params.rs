@@ -14,7 +14,7 @@ use crate::model::scope::Local;
 use crate::num::Num;
 
 impl Builder<'_> {
-    /// What follows, up to [`Builder::end_block`], are the parameters of the block `name`.
+    /// Begins the block `name`. The parameters up to [`Builder::end_block`] belong to it.
     pub fn block(&mut self, name: &'static str) {
         self.prefix = Some(name);
     }
@@ -36,8 +36,8 @@ impl Builder<'_> {
         self.laid_out(&decl, len, prior, (prior.make)())
     }
 
-    /// As [`Builder::param`]: the coefficients of an effect, as deviations where their prior is normal with an
-    /// sd of its own; whether it is.
+    /// As [`Builder::param`], for the coefficients of an effect. They are sampled as deviations if
+    /// their prior is normal with an sd of its own. Returns whether they are.
     pub(super) fn coefficients(
         &mut self,
         decl: &Decl,
@@ -66,8 +66,9 @@ impl Builder<'_> {
         Ok(())
     }
 
-    /// `name(label) [unit] ~ prior;` of a field for each label: a parameter of each field, as if it were spelled
-    /// out, so that a sampler may treat it as part of its field.
+    /// `name(label) [unit] ~ prior;` in a field that there is for each label. It becomes a
+    /// parameter of each of these fields, as if it were written out, so that a sampler may treat it
+    /// as part of its field.
     fn param_of_each_field(
         &mut self,
         decl: &Decl,
@@ -86,7 +87,7 @@ impl Builder<'_> {
         Ok(())
     }
 
-    /// First unknown and first value of a parameter, and how many it has.
+    /// The first unknown and the first value of a parameter, and how many numbers it has.
     fn lay_out(
         &mut self,
         decl: &Decl,
@@ -163,10 +164,11 @@ impl Builder<'_> {
         });
     }
 
-    /// `param name(n) [unit] ~ prior;`, the prior one of each number or of the whole. M1 is N + 1, M2 is N + 2.
+    /// `param name(n) [unit] ~ prior;`. The prior is that of each number, or of the whole vector.
+    /// M1 is N + 1, M2 is N + 2.
     ///
     /// # Errors
-    /// A prior of the whole that is of another length or no density.
+    /// A prior of the whole vector that has another length, or that is no density.
     pub fn vector<F: VectorFn<N> + Copy, const N: usize, const M1: usize, const M2: usize>(
         &mut self,
         decl: Decl,

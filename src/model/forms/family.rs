@@ -8,7 +8,8 @@ struct Family {
     column: String,
 }
 
-/// One coefficient per label without its trailing digits: PV1, PV2, … are PV.
+/// One coefficient per family of labels. A family is a label without its trailing digits: PV1, PV2,
+/// … are PV.
 pub fn family(column: &str) -> Form {
     Family { column: column.into() }.into()
 }

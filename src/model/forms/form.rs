@@ -13,11 +13,13 @@ use crate::table::Measurements;
 ///
 /// The effect's offset in a row is the row of the [design](Self::design) times the coefficients.
 pub trait EffectForm: Any + Debug + Send + Sync {
-    /// The design, row-major (rows of the table, n), and n. It is 0 where a cell is empty.
+    /// The design, row-major (rows of the table, n), and n, the number of coefficients. It is 0
+    /// where a cell is empty.
     fn design(&self, table: &Measurements) -> (Vec<f64>, usize);
 
-    /// The form as it is written in a model file, with `row` for the row. `number` writes a number, and
-    /// [`Form::row`] a column. Only forms that `eplat loop` tries, or code adds, are ever written.
+    /// The form as it is written in a model file, with `row` for the row. `number` writes a number;
+    /// [`Form::row`] writes a column. It is needed only for forms that `eplat loop` tries, or that
+    /// code adds to a model.
     fn written(&self, _number: fn(f64) -> String) -> String {
         format!("{self:?}")
     }
@@ -42,12 +44,13 @@ pub trait EffectForm: Any + Debug + Send + Sync {
         0
     }
 
-    /// What the size of such an effect is the size of.
+    /// What is called the size of such an effect.
     fn extent(&self) -> Extent {
         Extent::Range("from its least to its greatest over the measurements".into())
     }
 
-    /// The effect in words, as what a model lacks; `on` are the quantities that it acts on.
+    /// The effect in words, as something that a model lacks. `on` are the quantities that it acts
+    /// on.
     fn in_words(&self, on: &str) -> String {
         match self.column() {
             Some(column) => format!("an effect of {column} on {on}"),
@@ -56,7 +59,7 @@ pub trait EffectForm: Any + Debug + Send + Sync {
     }
 }
 
-/// What the size of an effect is the size of; the text says it behind a number and a unit.
+/// What is called the size of an effect. In a text it stands behind a number and a unit.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Extent {
     /// Its one coefficient.
@@ -69,7 +72,7 @@ pub enum Extent {
     Sd(String),
 }
 
-/// A form of any kind. Two are equal if they are written in the same way.
+/// A form of any kind. Two forms are equal if they are written in the same way.
 #[derive(Clone, Debug)]
 pub struct Form(Arc<dyn EffectForm>);
 
@@ -132,7 +135,7 @@ pub fn of_number<Z: AsRef<[f64]>>(
     (z, n)
 }
 
-/// A column of the design for each label; `label` gives that of a cell.
+/// A design with a column for each label. `label` gives the label of a cell.
 pub fn of_labels(
     table: &Measurements,
     column: &str,

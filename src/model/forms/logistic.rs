@@ -10,8 +10,9 @@ struct Logistic {
     scale: f64,
 }
 
-/// From 0 to 1 around the centre, 1/(1 + exp(−(c − centre)/scale)), the scale greater than 0. It is 0.12 and
-/// 0.88 two scales from the centre; 0 where the cell is empty.
+/// A soft edge, from 0 to 1 around the centre: 1/(1 + exp(−(c − centre)/scale)), the scale greater
+/// than 0. Two scales below and above the centre it is 0.12 and 0.88. It is 0 where the cell is
+/// empty.
 pub fn logistic(column: &str, centre: f64, scale: f64) -> Form {
     Logistic { column: column.into(), centre, scale }.into()
 }

@@ -7,8 +7,8 @@ use crate::table::{Measurements, SOURCE};
 #[derive(Debug)]
 struct Path(Surface);
 
-/// The integral of a field as that of [`surface`](super::surface()) along the geodesic path from the vertex in
-/// column `source`.
+/// The integral of a field along the geodesic path from the vertex in the column `source`. The
+/// field is as that of [`surface`](super::surface()).
 pub fn path(modes: f64, lengthscale: f64) -> Form {
     Path(Surface { modes: modes as usize, lengthscale }).into()
 }

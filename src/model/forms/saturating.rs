@@ -9,8 +9,9 @@ struct Saturating {
     centre: f64,
 }
 
-/// (c − centre)/(c + centre): from −1 at c = 0 to 1 for a c without bound, most of it around the centre, which is positive.
-/// A negative c counts as 0; an empty cell has 0, as the centre has.
+/// (c − centre)/(c + centre), with a positive centre: it goes from −1 at c = 0 towards 1 as c
+/// grows, and changes most around the centre. A negative c counts as 0. It is 0 at the centre, and
+/// where the cell is empty.
 pub fn saturating(column: &str, centre: f64) -> Form {
     Saturating { column: column.into(), centre }.into()
 }

@@ -13,8 +13,9 @@ struct ScaledBy {
     scale: f64,
 }
 
-/// (c − centre)/scale with a coefficient of its own for each label of column `by`, labels without their trailing
-/// digits: an effect that differs from region to region. 0 where the cell of c is empty.
+/// (c − centre)/scale, with a coefficient of its own for each family of labels of the column `by`:
+/// an effect that differs from region to region. A family is a label without its trailing digits.
+/// It is 0 where the cell of c is empty.
 pub fn scaled_by(column: &str, by: &str, centre: f64, scale: f64) -> Form {
     ScaledBy { column: column.into(), by: by.into(), centre, scale }.into()
 }

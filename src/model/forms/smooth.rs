@@ -11,8 +11,8 @@ struct Smooth {
     degree: usize,
 }
 
-/// Legendre polynomials of degree k = 1 to `degree`, each over k, of an argument that goes from −1 at `low`
-/// to 1 at `high`.
+/// Legendre polynomials of degree k = 1 to `degree`, each divided by k. Their argument goes from −1
+/// at `low` to 1 at `high`.
 pub fn smooth(column: &str, low: f64, high: f64, degree: f64) -> Form {
     Smooth { column: column.into(), low, high, degree: degree as usize }.into()
 }
@@ -35,7 +35,7 @@ impl EffectForm for Smooth {
     }
 }
 
-/// Legendre polynomials of degree 1 to n, each over its degree.
+/// Legendre polynomials of degree 1 to n, each divided by its degree.
 fn legendre(x: f64, n: usize) -> Vec<f64> {
     let mut p = vec![1.0, x];
     for k in 2..=n {

@@ -12,7 +12,8 @@ pub(super) struct Surface {
     pub(super) lengthscale: f64,
 }
 
-/// A field at the row's place, Matérn-3/2 of that lengthscale in mm, in the surface's first `modes` modes.
+/// The value of a field at the row's place. The field has a Matérn-3/2 kernel of that lengthscale
+/// in mm, and the first `modes` modes of the surface.
 pub fn surface(modes: f64, lengthscale: f64) -> Form {
     Surface { modes: modes as usize, lengthscale }.into()
 }
@@ -36,7 +37,7 @@ impl EffectForm for Surface {
 }
 
 impl Surface {
-    /// Design of the field at each row or, `along` the paths, of its integral.
+    /// The design of the field at each row, or, if `along` paths, of its integral.
     pub(super) fn of_modes(&self, table: &Measurements, along: bool) -> (Vec<f64>, usize) {
         let Some(probes) = table.probes() else { return (vec![], self.modes) };
         let kernel = Matern32(self.lengthscale);

@@ -5,8 +5,9 @@
 //! rows       ġ = H_row ṡ                   H_row from second-order numbers, once per position
 //! backward   ġ on to u: d/dε of the adjoint pass at u + ε u̇
 //! ```
-//! Each operation states how its values and its adjoints change along a direction; nothing is
-//! differenced. What an operation computes from a few scalars is differentiated by [`Hyper`].
+//! Each operation says how its values and its adjoints change along a direction. Nothing is
+//! computed by differences. What an operation computes from a few scalars is differentiated by
+//! [`Hyper`].
 
 use crate::infer::{Evaluator, LogDensity};
 use crate::model::density::DensityAt;
@@ -27,7 +28,7 @@ pub(super) struct Hessian<'m> {
 }
 
 impl<'m> Hessian<'m> {
-    /// At `u`; `with_rows` if the measurements count.
+    /// The Hessian at `u`. `with_rows` says whether the measurements count.
     pub(super) fn at(model: &'m Model, u: &[f64], with_rows: bool) -> Self {
         let (mut t, d) = (model.tape(), model.tape());
         let mut gradient = vec![0.0; u.len()];
@@ -62,7 +63,7 @@ impl<'m> Hessian<'m> {
         self.pull()
     }
 
-    /// What an adjoint of the scalars of these rows, one after the other, is as an adjoint of the unknowns.
+    /// Carries an adjoint of the scalars of these rows, one row after the other, to the unknowns.
     fn carried(&mut self, ids: &[RowId], adjoint: &[f64]) -> &[f64] {
         let Self { model, d, .. } = self;
         for zero in [&mut d.u, &mut d.v, &mut d.g, &mut d.gu] {
