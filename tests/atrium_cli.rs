@@ -37,7 +37,7 @@ fn succeeds(place: &Workplace, arguments: &str) -> String {
 
 fn maps(place: &Workplace, folder: &str) -> BTreeMap<String, Vec<f64>> {
     let file = place.path(folder).join("beat.vtp");
-    mesh::read(&file, Units::Mm).unwrap().point_data
+    mesh::read(&file, Units::Mm).unwrap().scalars()
 }
 
 #[test]
@@ -48,7 +48,7 @@ fn a_sheet_is_paced_and_its_maps_read_back() {
     let said = succeeds(&place, arguments);
     assert!(said.contains("beat 2 of 2: 1813 of 1813 vertices activated"), "{said}");
     let surface = mesh::read(&place.path("beat/beat.vtp"), Units::Mm).unwrap();
-    let [lat, apd90] = ["lat", "apd90"].map(|name| &surface.point_data[name]);
+    let [lat, apd90] = ["lat", "apd90"].map(|name| surface.point_data[name].values());
     let of = |values: &[f64], x: f64| {
         let near =
             surface.mesh.vertices().iter().zip(values).filter(|(p, _)| (p[0] - x).abs() < 1e-9);

@@ -219,7 +219,7 @@ impl Workplace {
     }
 
     fn maps(&self, file: &str) -> BTreeMap<String, Vec<f64>> {
-        mesh::read(&self.path(file), Units::Mm).unwrap().point_data
+        mesh::read(&self.path(file), Units::Mm).unwrap().scalars()
     }
 
     fn json(&self, file: &str) -> Value {

@@ -64,7 +64,8 @@ impl Loaded {
         }
         let surface = surface(&inputs.mesh, watch)?;
         let basis = eigenpairs(inputs, &surface, &outline, watch)?;
-        let domain = Domain { surface, basis, scale: inputs.mesh.scale() };
+        let scale = surface.units.in_mm();
+        let domain = Domain { surface, basis, scale };
         let (measurements, truth) = match (table, &inputs.data) {
             (Some(table), _) => (domain.place(checked(table, &outline)?, watch)?, vec![]),
             (None, DataSource::Synthetic(design)) => domain.measure(model, design, watch)?,
@@ -215,7 +216,9 @@ fn checked(table: Measurements, outline: &Model) -> Result<Measurements, RunErro
 pub fn surface(mesh: &MeshSource, watch: &Watch<'_>) -> Result<Surface, RunError> {
     let (file, surface) = match mesh {
         MeshSource::Embedded { edge } => (None, Surface::left_atrium(*edge)),
-        MeshSource::File { path, units } => (Some(path.as_path()), mesh::read(path, *units)?),
+        MeshSource::File { path, reading } => {
+            (Some(path.as_path()), mesh::read(path, reading.clone())?)
+        }
         MeshSource::Surface(surface) => return Ok((**surface).clone()),
     };
     watch.tell(&Event::Surface {
@@ -240,7 +243,7 @@ fn eigenpairs(
         needed => needed,
     };
     let basis = if let Some(path) = &inputs.basis {
-        on_kept_vertices(Basis::read_npz(path)?, surface).in_unit_of(inputs.mesh.scale())
+        on_kept_vertices(Basis::read_npz(path)?, surface).in_unit_of(surface.units.in_mm())
     } else {
         let is_synthetic = matches!(inputs.data, DataSource::Synthetic(_));
         let truth = if is_synthetic { TRUTH_MODES.min(most) } else { 0 };
