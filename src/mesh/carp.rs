@@ -1,10 +1,9 @@
 //! openCARP's meshes: points in `BASE.pts`, elements with region tags in `BASE.elem` and fibres of the
 //! elements in `BASE.lon`, in micrometres.
 
+use super::bytes::{read_bytes, write_whole};
 use super::content::{Cells, Content};
-use super::format::read_bytes;
 use super::text::Lines;
-use super::write::write_whole;
 use super::{Array, Data, MeshError, Surface, Units};
 use std::collections::BTreeMap;
 use std::fmt::Write as _;
@@ -179,9 +178,9 @@ pub(super) fn write(path: &Path, surface: &Surface) -> Result<Vec<String>, MeshE
     }
     write_whole(&elem, text.as_bytes())?;
     let mut kept = vec![REGION];
-    let name = FIBRES[..1].iter().chain(&OTHER_NAMES).copied();
+    let mut names = FIBRES[..1].iter().chain(&OTHER_NAMES).copied();
     if let Some((name, fibres)) =
-        name.filter_map(|name| Some((name, surface.triangle_fibres(name)?))).next()
+        names.find_map(|name| Some((name, surface.triangle_fibres(name)?)))
     {
         kept.push(name);
         let sheet = surface.triangle_fibres(FIBRES[1]);
@@ -234,7 +233,9 @@ mod tests {
         let file = |extension: &str| folder.path().join(format!("la.1.{extension}"));
         fs::write(file("pts"), PTS).unwrap();
         fs::write(file("elem"), elem).unwrap();
-        lon.iter().for_each(|text| fs::write(file("lon"), text).unwrap());
+        if let Some(text) = lon {
+            fs::write(file("lon"), text).unwrap();
+        }
         let name = folder.path().to_str().unwrap().to_owned();
         read(&base, None).map_err(|error| error.to_string().replace(&name, ""))
     }

@@ -19,8 +19,9 @@ pub(super) fn to_vertices(mesh: &TriMesh, cells: &Array) -> Array {
     let carry = if are_labels(cells) { largest_share } else { mean };
     let values = around.iter().flat_map(|triangles| {
         (0..cells.width()).map(|k| {
-            let known = triangles.iter().map(|&t| (cells.row(t as usize)[k], areas[t as usize]));
-            carry(known.filter(|(value, _)| !value.is_nan()).collect())
+            let all = triangles.iter().map(|&t| (cells.row(t as usize)[k], areas[t as usize]));
+            let mut known: Vec<_> = all.filter(|(value, _)| !value.is_nan()).collect();
+            carry(&mut known)
         })
     });
     Array::new(cells.width(), values.collect())
@@ -29,7 +30,9 @@ pub(super) fn to_vertices(mesh: &TriMesh, cells: &Array) -> Array {
 fn triangles_around(mesh: &TriMesh) -> Vec<Vec<u32>> {
     let mut around = vec![vec![]; mesh.n_vertices()];
     for (t, triangle) in (0u32..).zip(mesh.triangles()) {
-        triangle.iter().for_each(|&v| around[v as usize].push(t));
+        for &v in triangle {
+            around[v as usize].push(t);
+        }
     }
     around
 }
@@ -46,40 +49,27 @@ fn are_labels(array: &Array) -> bool {
         })
 }
 
-fn mean(known: Vec<(f64, f64)>) -> f64 {
+fn mean(known: &mut [(f64, f64)]) -> f64 {
     let (sum, area) = known.iter().fold((0.0, 0.0), |(s, a), (x, w)| (s + x * w, a + w));
     if area > 0.0 { sum / area } else { f64::NAN }
 }
 
 /// The value with most area; of equals the smallest.
-fn largest_share(mut known: Vec<(f64, f64)>) -> f64 {
+fn largest_share(known: &mut [(f64, f64)]) -> f64 {
     known.sort_by(|a, b| a.0.total_cmp(&b.0));
     let shares = known.chunk_by(|a, b| a.0.total_cmp(&b.0).is_eq());
     let shares = shares.map(|same| (same[0].0, same.iter().map(|(_, area)| area).sum::<f64>()));
     shares.fold((f64::NAN, 0.0), |best, next| if next.1 > best.1 { next } else { best }).0
 }
 
-/// Fibres of triangles at the vertices: the axis in the tangent plane that is nearest to those around,
-/// weighted by area, of length 1; 0 where none is known.
+/// Fibres of triangles at the vertices: the axis that is nearest to those around, weighted by area, of
+/// length 1; 0 where none is known. It is not projected: how far fibres point out of a surface tells
+/// whether they are its own, and who uses them looks at that first.
 pub(super) fn fibres_to_vertices(mesh: &TriMesh, cells: &[[f64; 3]]) -> Vec<[f64; 3]> {
+    let units: Vec<Vector3<f64>> = cells.iter().map(|f| unit(vector(*f))).collect();
+    let weighted = |t: &u32| (mesh.triangle_area(*t as usize), units[*t as usize]);
     let around = triangles_around(mesh);
-    let normals: Vec<Vector3<f64>> = (0..mesh.n_triangles()).map(|t| normal(mesh, t)).collect();
-    let at_vertex = |triangles: &Vec<u32>| {
-        let weighted = triangles.iter().map(|&t| {
-            let n = normals[t as usize];
-            (n.norm(), in_plane(vector(cells[t as usize]), n))
-        });
-        let n = sum_along_first(triangles.iter().map(|&t| normals[t as usize]));
-        in_plane(axis(weighted), n).into()
-    };
-    around.iter().map(at_vertex).collect()
-}
-
-/// Fibres at vertices as they lie in the tangent plane, of length 1; 0 where there is none.
-pub(super) fn fibres_in_surface(mesh: &TriMesh, vertices: &[[f64; 3]]) -> Vec<[f64; 3]> {
-    let around = triangles_around(mesh);
-    let normal_at = |v: usize| sum_along_first(around[v].iter().map(|&t| normal(mesh, t as usize)));
-    (0..vertices.len()).map(|v| in_plane(vector(vertices[v]), normal_at(v)).into()).collect()
+    around.iter().map(|triangles| axis(triangles.iter().map(weighted)).into()).collect()
 }
 
 /// Fibres of vertices in the triangles: the axis nearest to the three corners', in the plane.
@@ -97,18 +87,17 @@ fn normal(mesh: &TriMesh, t: usize) -> Vector3<f64> {
     area_vector(mesh.triangles()[t].map(|v| vector(mesh.vertices()[v as usize])))
 }
 
-/// The sum of normals, each turned to the side of the first: neighbours may run either way.
-fn sum_along_first(mut normals: impl Iterator<Item = Vector3<f64>>) -> Vector3<f64> {
-    let Some(first) = normals.next() else { return Vector3::zeros() };
-    normals.fold(first, |sum, n| if n.dot(&first) < 0.0 { sum - n } else { sum + n })
+/// The unit vector along `f` less its part along `n`; 0 if nothing is left.
+fn in_plane(f: Vector3<f64>, n: Vector3<f64>) -> Vector3<f64> {
+    let (f, n) = (unit(f), unit(n));
+    let flat = f - n * f.dot(&n);
+    if flat.norm() > 1e-9 { unit(flat) } else { Vector3::zeros() }
 }
 
-/// The unit vector along `f` less its part along `n`; 0 if nothing is left, or `f` is not finite.
-fn in_plane(f: Vector3<f64>, n: Vector3<f64>) -> Vector3<f64> {
-    let flat = f - n * (f.dot(&n) / n.norm_squared());
-    let length = flat.norm();
-    let is_known = length > 1e-9 * f.norm() && length.is_finite();
-    if is_known { flat / length } else { Vector3::zeros() }
+/// `f` with length 1; 0 if it has none, or is not finite.
+fn unit(f: Vector3<f64>) -> Vector3<f64> {
+    let length = f.norm();
+    if length > 0.0 && length.is_finite() { f / length } else { Vector3::zeros() }
 }
 
 /// The axis with most of `Σ w f fᵀ`; 0 if all are.
@@ -146,17 +135,23 @@ mod tests {
     }
 
     #[test]
-    fn fibres_have_no_sign_and_lie_in_the_surface() {
+    fn fibres_have_no_sign() {
         let mesh = sheet();
-        let cells = [[1.0, 0.0, 5.0], [-1.0, 0.0, 0.3], [-2.0, 0.0, 0.0]];
+        let cells = [[1.0, 0.0, 0.0], [-1.0, 0.0, 0.0], [-2.0, 0.0, 0.0]];
         for f in fibres_to_vertices(&mesh, &cells) {
             assert!((f[0].abs() - 1.0).abs() < 1e-12 && f[1].abs() + f[2].abs() < 1e-12, "{f:?}");
         }
-        let vertices = [[1.0, 1.0, 3.0], [-1.0, -1.0, 0.0], [2.0, 2.0, 0.0], [0.0; 3], [0.0; 3]];
-        let flat = fibres_in_surface(&mesh, &vertices);
-        assert!((flat[0][0] - 0.5f64.sqrt()).abs() < 1e-12 && flat[0][2].abs() < 1e-12);
-        assert_eq!(flat[4], [0.0; 3]);
-        for f in fibres_to_triangles(&mesh, &vertices) {
+        // Vertex 3 has the second and, with twice its area, the third triangle.
+        let f = fibres_to_vertices(&mesh, &[[0.0; 3], [1.0, 0.0, 0.0], [f64::NAN, 0.0, 0.0]]);
+        assert_eq!((f[0], f[4], f[3][0].abs()), ([0.0; 3], [0.0; 3], 1.0));
+        let f = fibres_to_vertices(&mesh, &[[0.0; 3], [0.0, 1.0, 0.0], [0.0, 0.0, -9.0]]);
+        assert_eq!((f[3][1].abs(), f[3][2].abs()), (0.0, 1.0));
+    }
+
+    #[test]
+    fn fibres_of_vertices_lie_in_the_triangles() {
+        let vertices = [[1.0, 1.0, 1.0], [-1.0, -1.0, 0.0], [2.0, 2.0, 0.0], [0.0; 3], [0.0; 3]];
+        for f in fibres_to_triangles(&sheet(), &vertices) {
             assert!((f[0] - f[1]).abs() < 1e-12 && (f[0].abs() - 0.5f64.sqrt()).abs() < 1e-12);
         }
     }

@@ -26,7 +26,7 @@ pub(super) struct Cells {
     triangles: Vec<[u32; 3]>,
     /// For each triangle the cell that it is of.
     cell_of: Vec<u32>,
-    n_cells: usize,
+    n_seen: usize,
     n_split: usize,
     n_skipped: usize,
 }
@@ -34,19 +34,12 @@ pub(super) struct Cells {
 impl Cells {
     /// No cells yet, of a file with this many vertices.
     pub(super) fn new(n_vertices: usize) -> Self {
-        Self {
-            n_vertices,
-            triangles: vec![],
-            cell_of: vec![],
-            n_cells: 0,
-            n_split: 0,
-            n_skipped: 0,
-        }
+        Self { n_vertices, triangles: vec![], cell_of: vec![], n_seen: 0, n_split: 0, n_skipped: 0 }
     }
 
     /// Number of cells so far: the number of the next one.
     pub(super) fn len(&self) -> usize {
-        self.n_cells
+        self.n_seen
     }
 
     /// The next cell is a polygon, cut into a fan of triangles; one of less than three corners, a point or
@@ -64,7 +57,7 @@ impl Cells {
             self.push([*first, pair[0], pair[1]])?;
         }
         self.n_skipped += usize::from(rest.len() < 2);
-        self.n_cells += 1;
+        self.n_seen += 1;
         Ok(())
     }
 
@@ -76,13 +69,13 @@ impl Cells {
         for (i, t) in corners.windows(3).enumerate() {
             self.push(if i % 2 == 0 { [t[0], t[1], t[2]] } else { [t[1], t[0], t[2]] })?;
         }
-        self.n_cells += 1;
+        self.n_seen += 1;
         Ok(())
     }
 
     /// The next `n` cells are points or lines.
     pub(super) fn skip(&mut self, n: usize) {
-        self.n_cells += n;
+        self.n_seen += n;
         self.n_skipped += n;
     }
 
@@ -90,14 +83,14 @@ impl Cells {
         let index = |corner: i64| {
             let is_there = usize::try_from(corner).is_ok_and(|i| i < self.n_vertices);
             u32::try_from(corner).ok().filter(|_| is_there).ok_or(MeshError::IndexOutOfRange {
-                triangle: self.n_cells,
+                triangle: self.n_seen,
                 index: corner,
                 n_vertices: self.n_vertices,
             })
         };
         let [a, b, c] = corners;
         self.triangles.push([index(a)?, index(b)?, index(c)?]);
-        self.cell_of.push(self.n_cells as u32);
+        self.cell_of.push(self.n_seen as u32);
         Ok(())
     }
 
@@ -108,7 +101,7 @@ impl Cells {
         point_data: Data,
         cell_data: impl IntoIterator<Item = (String, Array)>,
     ) -> Content {
-        let whole = cell_data.into_iter().filter(|(_, array)| array.n_rows() == self.n_cells);
+        let whole = cell_data.into_iter().filter(|(_, array)| array.n_rows() == self.n_seen);
         let cell_data = whole.map(|(name, array)| (name, array.pick(&self.cell_of))).collect();
         let mut remarks = vec![];
         if self.n_split > 0 {

@@ -96,9 +96,9 @@ pub enum MeshError {
     },
     /// Several pieces are about as large as each other.
     #[error(
-        "there are several surfaces, and none is much the largest: {}\n\
+        "there are several surfaces, and none is much the largest:{}\n\
          help: choose one with --piece 1, --piece 2, …; or join them in a mesh editor",
-        pieces.iter().zip(1..).map(|(piece, n)| format!("\n  {n}: {piece}")).collect::<String>()
+        listed(pieces)
     )]
     SeveralPieces {
         /// The large ones, the largest first.
@@ -272,6 +272,13 @@ impl fmt::Display for Piece {
         let Self { n_vertices, area, centre } = self;
         write!(f, "{n_vertices} vertices, {:.1} cm², centred at ({})", area / 100.0, place(centre))
     }
+}
+
+/// One line for each piece, with its number.
+fn listed(pieces: &[Piece]) -> String {
+    let lines: Vec<String> =
+        pieces.iter().zip(1..).map(|(piece, n)| format!("\n  {n}: {piece}")).collect();
+    lines.concat()
 }
 
 /// Coordinates in mm, to a tenth.

@@ -1,11 +1,11 @@
 //! The picture of a mesh that cannot be mended: a VTP file in which the places are marked.
 
+use super::bytes::write_whole;
 use super::content::Content;
 use super::geometry::{Geometry, Rows};
 use super::mend::Refusal;
 use super::pieces::Pieces;
 use super::vtk;
-use super::write::write_whole;
 use std::path::Path;
 
 /// Writes what was read to `file` (mm), with point data `fault`, 1 at the vertices at fault, or `piece`,
@@ -21,16 +21,15 @@ pub(super) fn mark(
         return String::new();
     };
     let n = content.vertices.len() as u32;
-    let (name, marked): (&str, Vec<f64>) = match pieces {
-        Some(pieces) => (
-            "piece",
-            (0..n).map(|v| pieces.rank_of(v).map_or(0.0, |rank| rank as f64 + 1.0)).collect(),
-        ),
-        None => {
-            let mut fault = vec![0.0; content.vertices.len()];
-            refusal.vertices.iter().for_each(|v| fault[*v as usize] = 1.0);
-            ("fault", fault)
+    let (name, marked): (&str, Vec<f64>) = if let Some(pieces) = pieces {
+        let number = |v: u32| pieces.rank_of(v).map_or(0.0, |rank| rank as f64 + 1.0);
+        ("piece", (0..n).map(number).collect())
+    } else {
+        let mut fault = vec![0.0; content.vertices.len()];
+        for v in &refusal.vertices {
+            fault[*v as usize] = 1.0;
         }
+        ("fault", fault)
     };
     let geometry = Geometry {
         vertices: &content.vertices,

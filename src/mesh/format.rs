@@ -1,8 +1,8 @@
 //! Which kind of file a mesh is in.
 
+use super::bytes::read_bytes;
 use super::content::Content;
 use super::{MeshError, carp, npz, obj, ply, stl, vtk};
-use std::fs;
 use std::path::{Path, PathBuf};
 
 const EXTENSIONS: &str = ".vtp, .vtu, .vtk, .ply, .stl, .obj, .pts (openCARP) or .npz";
@@ -26,15 +26,6 @@ pub enum Format {
     Carp,
     /// `NumPy` arrays, .npz.
     Npz,
-}
-
-/// Whether numbers are written as text or as bytes, where a format has both.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Encoding {
-    /// Text, in the shortest form that reads back the same.
-    Ascii,
-    /// Bytes.
-    Binary,
 }
 
 impl Format {
@@ -111,9 +102,4 @@ pub(super) fn read_content(path: &Path) -> Result<Content, MeshError> {
         }
         other => other,
     })
-}
-
-/// The bytes of a file.
-pub(super) fn read_bytes(path: &Path) -> Result<Vec<u8>, MeshError> {
-    fs::read(path).map_err(|source| MeshError::Read { path: path.into(), source })
 }

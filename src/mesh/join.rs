@@ -15,7 +15,9 @@ pub(super) fn equal(vertices: &[[f64; 3]]) -> Vec<u32> {
     sorted.sort_unstable_by(|a, b| order(a, b).then(a.cmp(b)));
     let mut first = vec![0; vertices.len()];
     for same in sorted.chunk_by(|a, b| order(a, b).is_eq()) {
-        same.iter().for_each(|v| first[*v as usize] = same[0]);
+        for v in same {
+            first[*v as usize] = same[0];
+        }
     }
     first
 }

@@ -4,6 +4,7 @@
 //! guessed from the size, and said. This layer knows nothing of eigenfunctions, fields or physics.
 
 mod atrium;
+mod bytes;
 mod carp;
 mod carry;
 mod content;
@@ -35,9 +36,10 @@ mod vtk;
 mod write;
 
 pub use atrium::{Atrium, REGION_NAMES, left_atrium};
+pub use bytes::Encoding;
 pub use data::{Array, Data};
 pub use error::{MeshError, Piece, Place};
-pub use format::{Encoding, Format, files};
+pub use format::{Format, files};
 pub use read::{Reading, read, repair};
 pub use refine::Refined;
 pub use surface::Surface;

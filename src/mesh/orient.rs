@@ -34,7 +34,9 @@ pub(super) fn orient(triangles: &mut [[u32; 3]]) -> Result<usize, MeshError> {
         let minority = n_turned * 2 <= piece.len();
         turned.extend(piece.into_iter().filter(|&t| turn[t] == Some(minority)));
     }
-    turned.iter().for_each(|&t| triangles[t].swap(1, 2));
+    for &t in &turned {
+        triangles[t].swap(1, 2);
+    }
     Ok(turned.len())
 }
 

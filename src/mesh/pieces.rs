@@ -23,7 +23,9 @@ impl Pieces {
         for t in triangles {
             let corners = t.map(|v| vector(vertices[v as usize]));
             area[piece_of[t[0] as usize] as usize] += 0.5 * area_vector(corners).norm();
-            t.iter().for_each(|v| is_used[*v as usize] = true);
+            for v in t {
+                is_used[*v as usize] = true;
+            }
         }
         let (mut n_vertices, mut sum) = (vec![0_usize; n_pieces], vec![[0.0; 3]; n_pieces]);
         for v in (0..vertices.len()).filter(|v| is_used[*v]) {

@@ -16,7 +16,9 @@ pub(super) fn across(vertices: &[[f64; 3]], triangles: &[[u32; 3]], piece: Optio
     let joined: Vec<[u32; 3]> =
         triangles.iter().filter(|t| is_finite(t)).map(|t| t.map(|v| first[v as usize])).collect();
     let pieces = Pieces::new(vertices, &joined);
+    // Whether there is such a piece is asked when it is chosen.
     let wanted = piece.unwrap_or(1).saturating_sub(1);
+    let wanted = if wanted < pieces.ranked.len() { wanted } else { 0 };
     let inside = || (0..vertices.len()).filter(|v| pieces.rank_of(*v as u32) == Some(wanted));
     let extent = |k: usize| {
         let (low, high) = inside().fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), v| {

@@ -2,8 +2,8 @@
 //!
 //! Corners at the same place become one vertex; vertices are numbered as they first occur, as VTK does.
 
+use super::bytes::Encoding;
 use super::content::{Cells, Content};
-use super::format::Encoding;
 use super::geometry::Geometry;
 use super::text::Lines;
 use super::{Data, MeshError, Place, Units, area_vector, join, vector};

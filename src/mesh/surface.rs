@@ -95,14 +95,13 @@ impl Surface {
         Some(at_vertices.values().to_vec())
     }
 
-    /// The fibres `name` at the vertices, vectors of length 1 in the surface: of the point data, else the
-    /// mean axis of the triangles around, whose vectors have no sign. 0 where none is known.
+    /// The fibres `name` at the vertices: of the point data as they are, else the mean axis of the triangles
+    /// around, whose vectors have no sign; 0 where none is known.
     pub fn fibres(&self, name: &str) -> Option<Vec<[f64; 3]>> {
-        if let Some(vectors) = vectors(&self.point_data, name) {
-            return Some(carry::fibres_in_surface(&self.mesh, &vectors));
-        }
-        let cells = vectors(&self.cell_data, name)?;
-        Some(carry::fibres_to_vertices(&self.mesh, &cells))
+        vectors(&self.point_data, name).or_else(|| {
+            let cells = vectors(&self.cell_data, name)?;
+            Some(carry::fibres_to_vertices(&self.mesh, &cells))
+        })
     }
 
     /// The fibres `name` in the triangles: of the cell data, else the mean axis of the three corners.

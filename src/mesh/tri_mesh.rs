@@ -279,8 +279,8 @@ mod tests {
         vertex 3 belongs to no triangle
         help: drop unused vertices before making a TriMesh; `eplat::mesh::read` does
 
-        the edge between vertices 0 and 2 belongs to 3 triangles ([0, 1, 2]), expected 1 or 2
-        help: a surface may not branch; delete the surplus triangles (`eplat mesh repair IN OUT` drops those that are there twice)
+        the edge between vertices 0 and 2, at (1.0, 0.5, 0.0), belongs to 3 triangles ([0, 1, 2]), expected 1 or 2
+        help: a surface may not branch: delete the surplus triangles there in a mesh editor
         ");
     }
 }

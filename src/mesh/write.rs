@@ -2,11 +2,10 @@
 //!
 //! A file appears under its name only when it is whole.
 
-use super::format::{Encoding, Format};
+use super::bytes::{Encoding, write_whole};
+use super::format::Format;
 use super::geometry::{Geometry, rows};
 use super::{MeshError, Surface, TriMesh, carp, npz, obj, ply, stl, vtk};
-use crate::store::write_file;
-use std::io::Write as _;
 use std::path::Path;
 
 /// Writes `mesh` and its `point_data` (name, one value per vertex; NaN allowed) as XML .vtp.
@@ -68,10 +67,4 @@ impl Surface {
         let all = self.point_data.keys().chain(self.cell_data.keys()).cloned();
         Ok(if has_data { vec![] } else { all.collect() })
     }
-}
-
-/// Writes under a temporary name in the same folder and renames.
-pub(super) fn write_whole(path: &Path, bytes: &[u8]) -> Result<(), MeshError> {
-    write_file(path, |file| file.write_all(bytes))
-        .map_err(|source| MeshError::Write { path: path.into(), source })
 }

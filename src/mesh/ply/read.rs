@@ -141,7 +141,7 @@ impl Body<'_> {
     fn word(&mut self, what: &dyn Fn() -> String) -> Result<f64, MeshError> {
         let start = self.rest.iter().position(|byte| !byte.is_ascii_whitespace());
         let (blank, rest) = self.rest.split_at(start.unwrap_or(self.rest.len()));
-        self.n_lines += blank.iter().filter(|byte| **byte == b'\n').count();
+        self.n_lines += blank.split(|byte| *byte == b'\n').count() - 1;
         let end = rest.iter().position(u8::is_ascii_whitespace).unwrap_or(rest.len());
         let (word, rest) = rest.split_at(end);
         self.rest = rest;
@@ -174,9 +174,11 @@ impl Body<'_> {
 }
 
 #[cfg(test)]
+#[allow(clippy::float_cmp, reason = "the same bytes")]
 mod tests {
     use super::*;
     use crate::mesh::Units;
+    use std::fmt::Write as _;
 
     const HEADER: &str = "ply\nformat FORMAT 1.0\ncomment lengths in cm\nelement material 1\nproperty list uchar float knots\n\
         element vertex 4\nproperty float x\nproperty double y\nproperty short z\nproperty uchar red\nproperty float v_0\n\
@@ -196,14 +198,20 @@ mod tests {
             put(&y.to_le_bytes());
             put(&z.to_le_bytes());
             put(&[red]);
-            [1.0_f32, 2.0, 3.0].iter().for_each(|v| put(&v.to_le_bytes()));
+            for v in [1.0_f32, 2.0, 3.0] {
+                put(&v.to_le_bytes());
+            }
         }
         for (region, corners) in [(5_i32, &[0_i32, 1, 2, 3][..]), (-6, &[0, 1, 3])] {
             put(&region.to_le_bytes());
             put(&(corners.len() as u16).to_le_bytes());
-            corners.iter().for_each(|c| put(&c.to_le_bytes()));
+            for corner in corners {
+                put(&corner.to_le_bytes());
+            }
             put(&[2]);
-            [0.25_f64, 0.5].iter().for_each(|uv| put(&uv.to_le_bytes()));
+            for uv in [0.25_f64, 0.5] {
+                put(&uv.to_le_bytes());
+            }
         }
         bytes
     }
@@ -211,7 +219,7 @@ mod tests {
     fn text() -> Vec<u8> {
         let mut text = HEADER.replace("FORMAT", "ascii") + "1 7\n";
         for (x, y, z, red) in POINTS {
-            text += &format!("{x} {y} {z} {red} 1 2 3\n");
+            let _ = writeln!(text, "{x} {y} {z} {red} 1 2 3");
         }
         (text + "5 4 0 1 2 3 2 0.25 0.5\n-6 3 0 1 3 2 0.25 0.5\n").into_bytes()
     }

@@ -1,6 +1,6 @@
 //! Writes a .ply file, as text or little-endian bytes in double precision.
 
-use crate::mesh::format::Encoding;
+use crate::mesh::bytes::Encoding;
 use crate::mesh::geometry::{Geometry, Rows};
 use crate::mesh::names::encoded;
 use std::fmt::Write as _;

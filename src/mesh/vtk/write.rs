@@ -1,6 +1,6 @@
 //! Writes VTK files: XML (.vtp, .vtu) for ParaView, and the legacy format (.vtk).
 
-use super::super::format::Encoding;
+use super::super::bytes::Encoding;
 use super::super::geometry::{Geometry, Rows};
 use super::super::names::encoded;
 use base64::Engine;

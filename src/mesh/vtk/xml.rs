@@ -21,7 +21,7 @@ pub(in super::super) fn parse_xml(path: &Path, bytes: &[u8]) -> Result<Content, 
     };
     let (head, appended) = cut_out(bytes).map_err(|got| wrong(1, "appended data", got))?;
     let text = str::from_utf8(head).map_err(|error| {
-        let line = head[..error.valid_up_to()].iter().filter(|byte| **byte == b'\n').count() + 1;
+        let line = head[..error.valid_up_to()].split(|byte| *byte == b'\n').count();
         wrong(line, "XML in UTF-8", "bytes that are no text".into())
     })?;
     let closed = match appended {
@@ -39,8 +39,8 @@ pub(in super::super) fn parse_xml(path: &Path, bytes: &[u8]) -> Result<Content, 
         return Err(reader.wrong(root, "<PolyData> or <UnstructuredGrid>", got));
     };
     let mut content = pieces(&reader, dataset)?;
-    let comments = root.descendants().filter(Node::is_comment);
-    content.units = comments.filter_map(|n| Units::in_comment(n.text()?)).next();
+    let mut comments = root.descendants().filter(Node::is_comment);
+    content.units = comments.find_map(|n| Units::in_comment(n.text()?));
     Ok(content)
 }
 

@@ -44,11 +44,11 @@ pub(super) fn unstructured_grid<'a>(
     })
 }
 
+/// Corners of all cells, and where each cell ends.
+type Lists = (Vec<f64>, Vec<f64>);
+
 /// The arrays `connectivity` and `offsets`; `None` if the element has none.
-fn lists<'a>(
-    reader: &Reader<'a>,
-    node: Node<'a, 'a>,
-) -> Result<Option<(Vec<f64>, Vec<f64>)>, MeshError> {
+fn lists<'a>(reader: &Reader<'a>, node: Node<'a, 'a>) -> Result<Option<Lists>, MeshError> {
     if !node.children().any(|n| n.has_tag_name("DataArray")) {
         return Ok(None);
     }
