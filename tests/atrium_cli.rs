@@ -173,7 +173,7 @@ fn bad_input_is_named_and_nothing_is_left_behind() {
         ("--pace 130", "--pace 130 is no vertex of the surface, which has 130"),
         ("--pace 0,130", "--pace 130 is no vertex"),
         ("--pace-region region=7", "no vertex has this value; the lowest are [0.0, 1.0]"),
-        ("--pace-region rim=1", "no point data rim; it has: apd_max_mean, fib_0"),
+        ("--pace-region rim=1", "no data rim; it has: apd_max_mean, fib_0"),
         ("--pace-region region", "expected NAME=VALUE"),
         ("--pace 0 --pace-region region=1", "cannot be used with"),
         ("--beats 1", "--pace <VERTEX>"),

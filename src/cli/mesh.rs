@@ -42,6 +42,19 @@ pub(super) enum Command {
         #[arg(long, default_value_t = 1e-6)]
         tolerance: f64,
     },
+    /// Write a surface with fewer vertices, and say how far it moves and its fields are off; `run` does the
+    /// same with a mesh of more than 100,000 vertices
+    Decimate {
+        /// Mesh: .vtp, .vtu, .vtk, .ply, .stl, .obj, .pts (openCARP) or .npz
+        input: PathBuf,
+        /// File to write, in mm: an extension as above
+        output: PathBuf,
+        #[command(flatten)]
+        reading: ReadingArgs,
+        /// Vertices that are left
+        #[arg(long, value_name = "N", default_value_t = 20_000)]
+        vertices: usize,
+    },
     /// Compute the smallest eigenpairs of the Laplace–Beltrami operator, in the file's unit
     Basis {
         /// Mesh: .vtp, .vtu, .vtk, .ply, .stl, .obj, .pts (openCARP) or .npz
@@ -103,6 +116,11 @@ impl Command {
                 }
                 let reading = Reading { tolerance: Some(tolerance), ..reading.of(&input) };
                 write_surface(&output, &mesh::read(&input, reading)?, Encoding::Binary)
+            }
+            Self::Decimate { input, output, reading, vertices } => {
+                Format::of(&output)?;
+                let surface = mesh::read(&input, reading.of(&input))?.decimated(vertices)?;
+                write_surface(&output, &surface, Encoding::Binary)
             }
             Self::Basis { file, reading, modes, out } => {
                 let surface = mesh::read(&file, reading.of(&file))?;

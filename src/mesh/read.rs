@@ -145,6 +145,7 @@ fn piece(
         units: Units::Mm,
         notes: vec![],
         vertex_of,
+        fine: None,
     })
 }
 

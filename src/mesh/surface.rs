@@ -2,6 +2,7 @@
 
 use super::{Array, Data, TriMesh, Units, carry, data};
 use std::collections::BTreeMap;
+use std::sync::Arc;
 
 /// One connected surface.
 #[derive(Clone, Debug)]
@@ -25,7 +26,34 @@ pub struct Surface {
     pub notes: Vec<String>,
     /// For each vertex of the file the one of `mesh`; [`DROPPED`] if there is none.
     pub(super) vertex_of: Vec<u32>,
+    /// The surface that this one was decimated from.
+    pub(super) fine: Option<Arc<Fine>>,
 }
+
+/// A surface before it lost vertices, and where these are on what is left.
+#[derive(Clone, Debug)]
+pub struct Fine {
+    /// The surface with all its vertices.
+    pub surface: Surface,
+    /// For each of them three vertices of the coarse surface, and their weights.
+    pub(super) places: Vec<OnTriangle>,
+    /// Mean and largest distance of a vertex from the coarse surface, mm.
+    pub distances: [f64; 2],
+}
+
+impl Fine {
+    /// Values at the vertices of the coarse surface at those of the fine one, linear in each triangle.
+    pub fn carry(&self, coarse: &[f64]) -> Vec<f64> {
+        let at = |(corners, weights): &OnTriangle| {
+            let parts = corners.iter().zip(weights).filter(|(_, w)| **w > 0.0);
+            parts.map(|(v, w)| w * coarse[*v as usize]).sum()
+        };
+        self.places.iter().map(at).collect()
+    }
+}
+
+/// A place on a triangle: its corners and their weights.
+pub(super) type OnTriangle = ([u32; 3], [f64; 3]);
 
 /// Stands for a vertex that was dropped.
 pub(super) const DROPPED: u32 = u32::MAX;
@@ -46,6 +74,7 @@ impl Surface {
             units: Units::Mm,
             notes: vec![],
             vertex_of: all,
+            fine: None,
         }
     }
 
@@ -62,6 +91,11 @@ impl Surface {
     /// The vertex of `mesh` that is at the place of vertex `source` of the file; `None` if it was dropped.
     pub fn vertex_of_source(&self, source: usize) -> Option<u32> {
         self.vertex_of.get(source).copied().filter(|vertex| *vertex != DROPPED)
+    }
+
+    /// The surface that this one was decimated from.
+    pub fn fine(&self) -> Option<&Fine> {
+        self.fine.as_deref()
     }
 
     /// Every scalar of the point data (n_vertices); an array of several components gives `name_0`,

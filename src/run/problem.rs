@@ -15,6 +15,11 @@ use crate::mesh::{self, Surface};
 use crate::model::{Declare, Exceedance, Maps, Model};
 use crate::table::{FIELD_MODES, Measurements};
 
+/// Vertices of a mesh file beyond which a surface is decimated, and to how many: edges of about 1 mm on
+/// an atrium, far below the wavelength of any mode that is used.
+const LARGEST: usize = 100_000;
+const WORKING: usize = 20_000;
+
 /// A surface with what fields on it are made of.
 #[derive(Clone, Debug)]
 pub struct Domain {
@@ -217,7 +222,11 @@ pub fn surface(mesh: &MeshSource, watch: &Watch<'_>) -> Result<Surface, RunError
     let (file, surface) = match mesh {
         MeshSource::Embedded { edge } => (None, Surface::left_atrium(*edge)),
         MeshSource::File { path, reading } => {
-            (Some(path.as_path()), mesh::read(path, reading.clone())?)
+            let mut surface = mesh::read(path, reading.clone())?;
+            if surface.mesh.n_vertices() > LARGEST {
+                surface = surface.decimated(WORKING).map_err(RunError::from)?;
+            }
+            (Some(path.as_path()), surface)
         }
         MeshSource::Surface(surface) => return Ok((**surface).clone()),
     };

@@ -99,6 +99,14 @@ impl Fit<'_> {
             arrays.iter().map(|array| (array.name.as_str(), array.values.as_slice())).collect();
         domain.surface.write_maps(&out.file("fields.vtp"), &named)?;
         let mut files = vec!["fields.vtp"];
+        if let Some(fine) = domain.surface.fine() {
+            let carried: Vec<(&str, Vec<f64>)> =
+                named.iter().map(|(name, values)| (*name, fine.carry(values))).collect();
+            let carried: Vec<(&str, &[f64])> =
+                carried.iter().map(|(name, values)| (*name, &values[..])).collect();
+            fine.surface.write_maps(&out.file("fields_full.vtp"), &carried)?;
+            files.push("fields_full.vtp");
+        }
         if let Some(draws) = field_draws(self.model(), &domain.basis, &self.map_draws()) {
             draws.write(&out.file(FieldDraws::FILE))?;
             files.push(FieldDraws::FILE);
