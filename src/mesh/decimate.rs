@@ -4,6 +4,7 @@
 //! P. Heckbert (1997). One end of an edge goes, the other stays where it is: what is left are vertices of
 //! the file, with their numbers and data.
 
+use super::carry::are_labels;
 use super::connectivity::Connectivity;
 use super::nearest::nearest;
 use super::quadric::Quadric;
@@ -16,11 +17,11 @@ use std::collections::BinaryHeap;
 type Point = Vector3<f64>;
 
 /// Smallest shape of a new triangle: 4√3 area over the sum of the squared sides, 1 if they are equal.
-const THINNEST: f64 = 0.15;
+const THINNEST: f64 = 0.3;
 /// Weight of the border's shape beside the surface's.
 const BORDER: f64 = 10.0;
 /// Weight of an edge's length to the fourth beside the quadric error: even triangles in flat places.
-const EVEN: f64 = 1e-4;
+const EVEN: f64 = 1e-2;
 
 impl Surface {
     /// This surface with about `n_vertices`; more where fewer would fold it or change its topology.
@@ -98,7 +99,8 @@ fn note(coarse: &Surface, fine: &Fine) -> String {
 fn errors(fine_data: &Data, coarse: &Data, fine: &Fine) -> Vec<String> {
     let error = |(name, array): (&String, &super::Array)| {
         let back = fine.carry(coarse.get(name)?.scalars()?);
-        let pairs = array.scalars()?.iter().zip(back);
+        let scalars = array.scalars().filter(|_| !are_labels(array))?;
+        let pairs = scalars.iter().zip(back);
         let known = pairs.filter(|(a, b)| a.is_finite() && b.is_finite());
         let (n, sum) =
             known.fold((0_u32, 0.0), |(n, sum), (a, b)| (n + 1, sum + (a - b) * (a - b)));

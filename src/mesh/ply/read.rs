@@ -21,10 +21,10 @@ pub(in crate::mesh) fn parse(path: &Path, bytes: &[u8]) -> Result<Content, MeshE
     for element in &header.elements {
         match element.name.as_str() {
             "vertex" => {
-                let table = body.table(element, None)?;
-                (vertices, point_data) = split_points(&body, table)?;
+                let columns = body.table(element, None)?;
+                (vertices, point_data) = split_points(&body, columns)?;
             }
-            "face" => face_data = body.table(element, Some(&mut faces))?,
+            "face" => face_data = named(body.table(element, Some(&mut faces))?),
             "tristrips" => drop(body.table(element, Some(&mut strips))?),
             _ => drop(body.table(element, None)?),
         }
@@ -54,14 +54,25 @@ impl Lists {
     }
 }
 
+/// The single numbers of an element, by the name in the header.
+type Columns = Vec<(String, Array)>;
+
+/// The columns under the names that the arrays had before they were put into a header.
+fn named(columns: Columns) -> Data {
+    columns.into_iter().map(|(name, array)| (decoded(&name), array)).collect()
+}
+
 /// x, y and z, and the other numbers.
-fn split_points(body: &Body, mut data: Data) -> Result<(Vec<[f64; 3]>, Data), MeshError> {
-    let [x, y, z] = ["x", "y", "z"].map(|name| data.remove(name));
-    let (Some(x), Some(y), Some(z)) = (x, y, z) else {
+fn split_points(body: &Body, mut columns: Columns) -> Result<(Vec<[f64; 3]>, Data), MeshError> {
+    let mut take = |axis: &str| {
+        let at = columns.iter().position(|(name, _)| name == axis)?;
+        Some(columns.swap_remove(at).1)
+    };
+    let (Some(x), Some(y), Some(z)) = (take("x"), take("y"), take("z")) else {
         return Err(body.wrong("properties x, y and z of the vertices", "not all of them"));
     };
     let [x, y, z] = [x.values(), y.values(), z.values()];
-    Ok(((0..x.len()).map(|i| [x[i], y[i], z[i]]).collect(), data))
+    Ok(((0..x.len()).map(|i| [x[i], y[i], z[i]]).collect(), named(columns)))
 }
 
 /// What follows the header.
@@ -74,12 +85,12 @@ struct Body<'a> {
 }
 
 impl Body<'_> {
-    /// The single numbers of an element, by name; the list of corners, if there is one, goes to `lists`.
+    /// The single numbers of an element; the list of corners, if there is one, goes to `lists`.
     fn table(
         &mut self,
         element: &Element,
         mut lists: Option<&mut Lists>,
-    ) -> Result<Data, MeshError> {
+    ) -> Result<Columns, MeshError> {
         let Element { name, n, properties } = element;
         let mut columns: Vec<Vec<f64>> = vec![vec![]; properties.len()];
         // Elements without properties take no room: there is nothing to read.
@@ -96,10 +107,8 @@ impl Body<'_> {
                 lists.ends.push(lists.corners.len());
             }
         }
-        let named = properties.iter().zip(columns).filter(|(property, _)| property.count.is_none());
-        let scalars =
-            named.map(|(property, column)| (decoded(&property.name), Array::from(column)));
-        Ok(scalars.collect())
+        let columns = properties.iter().zip(columns).filter(|(p, _)| p.count.is_none());
+        Ok(columns.map(|(property, column)| (property.name.clone(), column.into())).collect())
     }
 
     fn list(

@@ -49,7 +49,11 @@ fn header(geometry: &Geometry, encoding: Encoding) -> String {
 
 fn properties(text: &mut String, arrays: &[Rows]) {
     for Rows { name, width, .. } in arrays {
-        let name = encoded(name);
+        // x, y and z are the place.
+        let name = match encoded(name).as_str() {
+            axis @ ("x" | "y" | "z") => format!("%{:02X}", axis.as_bytes()[0]),
+            name => name.to_owned(),
+        };
         for k in 0..*width {
             let part = if *width == 1 { String::new() } else { format!("_{k}") };
             let _ = writeln!(text, "property double {name}{part}");
