@@ -1,6 +1,6 @@
 //! Decimation: the surface stays where it is, its topology, sites and fields too.
 
-#![allow(clippy::unwrap_used, clippy::print_stdout, reason = "tests")]
+#![allow(clippy::unwrap_used, clippy::print_stdout, clippy::float_cmp, reason = "tests")]
 
 #[path = "support/skipped.rs"]
 mod skipped;
@@ -62,6 +62,12 @@ fn fields_and_sites_find_their_way_there_and_back() {
         .zip(fine.point_data["smooth"].values())
         .map(|(a, b)| (a - b).abs())
         .fold(0.0, f64::max);
+    // Regions stay labels: most vertices have their own, none has one between two.
+    let regions = coarse.fine().unwrap().carry(coarse.point_data["region"].values());
+    let pairs = regions.iter().zip(fine.point_data["region"].values());
+    let n_same = pairs.filter(|(a, b)| a.total_cmp(b).is_eq()).count();
+    assert!(n_same as f64 > 0.95 * regions.len() as f64, "{n_same} of {}", regions.len());
+    assert!(regions.iter().all(|region| region.fract() == 0.0));
     println!("a smooth field of ±2 is off by at most {worst:.4}");
     assert!(worst < 0.05, "{worst}");
     let distance =

@@ -8,7 +8,7 @@ use super::carry::are_labels;
 use super::connectivity::Connectivity;
 use super::nearest::nearest;
 use super::quadric::Quadric;
-use super::surface::{DROPPED, OnTriangle};
+use super::surface::{DROPPED, OnTriangle, heaviest};
 use super::{Data, Fine, MeshError, Surface, TriMesh, data, vector};
 use nalgebra::Vector3;
 use std::cmp::Ordering;
@@ -45,10 +45,6 @@ impl Surface {
         let root = |v: usize| number[root(&parent, v as u32) as usize];
         let places = places(&self.mesh, &mesh, root);
         let distances = distances(&self.mesh, &mesh, &places);
-        let heaviest = |(corners, weights): &OnTriangle| {
-            let most = (0..3).max_by(|a, b| weights[*a].total_cmp(&weights[*b]));
-            corners[most.unwrap_or(0)]
-        };
         let nearest: Vec<u32> = places.iter().map(heaviest).collect();
         let vertex_of = self.vertex_of.iter().map(|v| match *v {
             DROPPED => DROPPED,

@@ -42,14 +42,25 @@ pub struct Fine {
 }
 
 impl Fine {
-    /// Values at the vertices of the coarse surface at those of the fine one, linear in each triangle.
+    /// Values at the vertices of the coarse surface at those of the fine one: linear in each triangle; a
+    /// label (see [`Surface::scalar`]) is that of the nearest corner.
     pub fn carry(&self, coarse: &[f64]) -> Vec<f64> {
-        let at = |(corners, weights): &OnTriangle| {
-            let parts = corners.iter().zip(weights).filter(|(_, w)| **w > 0.0);
+        let are_labels = carry::are_labels(&coarse.to_vec().into());
+        let at = |place: &OnTriangle| {
+            if are_labels {
+                return coarse[heaviest(place) as usize];
+            }
+            let parts = place.0.iter().zip(place.1).filter(|(_, w)| *w > 0.0);
             parts.map(|(v, w)| w * coarse[*v as usize]).sum()
         };
         self.places.iter().map(at).collect()
     }
+}
+
+/// The corner that is nearest to a place, as far as weights tell.
+pub(super) fn heaviest((corners, weights): &OnTriangle) -> u32 {
+    let most = (0..3).max_by(|a, b| weights[*a].total_cmp(&weights[*b]));
+    corners[most.unwrap_or(0)]
 }
 
 /// A place on a triangle: its corners and their weights.
