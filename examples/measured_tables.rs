@@ -61,7 +61,7 @@ fn restitution(path: &Path) -> Result<String, Box<dyn Error>> {
 /// Arrival times at sites as far apart as can be, in patches about the first of them.
 fn arrival_times(path: &Path) -> Result<String, Box<dyn Error>> {
     let surface = mesh::read(path, Units::Mm)?;
-    let lat = surface.point_data.get("LAT").or_else(|| surface.point_data.get("lat"));
+    let lat = surface.scalar("LAT").or_else(|| surface.scalar("lat"));
     let lat = lat.ok_or("no point data LAT")?;
     let geodesic = Geodesic::new(&surface.mesh)?;
     let measured = |v: &usize| lat[*v].is_finite();

@@ -37,7 +37,7 @@ fn succeeds(place: &Workplace, arguments: &str) -> String {
 
 fn maps(place: &Workplace, folder: &str) -> BTreeMap<String, Vec<f64>> {
     let file = place.path(folder).join("beat.vtp");
-    mesh::read(&file, Units::Mm).unwrap().point_data
+    mesh::read(&file, Units::Mm).unwrap().scalars()
 }
 
 #[test]
@@ -48,7 +48,7 @@ fn a_sheet_is_paced_and_its_maps_read_back() {
     let said = succeeds(&place, arguments);
     assert!(said.contains("beat 2 of 2: 1813 of 1813 vertices activated"), "{said}");
     let surface = mesh::read(&place.path("beat/beat.vtp"), Units::Mm).unwrap();
-    let [lat, apd90] = ["lat", "apd90"].map(|name| &surface.point_data[name]);
+    let [lat, apd90] = ["lat", "apd90"].map(|name| surface.point_data[name].values());
     let of = |values: &[f64], x: f64| {
         let near =
             surface.mesh.vertices().iter().zip(values).filter(|(p, _)| (p[0] - x).abs() < 1e-9);
@@ -173,7 +173,7 @@ fn bad_input_is_named_and_nothing_is_left_behind() {
         ("--pace 130", "--pace 130 is no vertex of the surface, which has 130"),
         ("--pace 0,130", "--pace 130 is no vertex"),
         ("--pace-region region=7", "no vertex has this value; the lowest are [0.0, 1.0]"),
-        ("--pace-region rim=1", "no point data rim; it has: apd_max_mean, fib_0"),
+        ("--pace-region rim=1", "no data rim; it has: apd_max_mean, fib_0"),
         ("--pace-region region", "expected NAME=VALUE"),
         ("--pace 0 --pace-region region=1", "cannot be used with"),
         ("--beats 1", "--pace <VERTEX>"),

@@ -136,7 +136,7 @@ fn an_ensemble_is_the_mean_of_its_draws() {
     assert!(said.contains("5 of 5 draws of tau_out, apd_max"), "{said}");
     assert!(said.contains("20.00 % of pairs out of range"), "{said}");
     let maps = |folder: &str| {
-        mesh::read(&place.path(folder).join("beat.vtp"), Units::Mm).unwrap().point_data
+        mesh::read(&place.path(folder).join("beat.vtp"), Units::Mm).unwrap().scalars()
     };
     let many = maps("many");
     let mut apd90 = vec![];

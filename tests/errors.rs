@@ -65,7 +65,14 @@ fn transcript(place: &Workplace, commands: &[&str]) -> String {
         assert!(stderr.lines().count() <= 24, "{arguments}: more than a screen\n{stderr}");
         assert!(!stderr.contains("panicked"), "{arguments}: {stderr}");
         assert!(output.stdout.is_empty(), "{arguments}: {}", text(&output.stdout));
-        assert_eq!(place.names(), before, "{arguments} leaves files behind");
+        let mut after = place.names();
+        // The one file that an error leaves, and names, is the picture of where a mesh is at fault.
+        after.retain(|name| {
+            let is_picture = name.ends_with("_faults.vtp") && stderr.contains(name.as_str());
+            is_picture.then(|| std::fs::remove_file(place.path(name)).unwrap());
+            !is_picture
+        });
+        assert_eq!(after, before, "{arguments} leaves files behind");
         all.push(format!("$ eplat {arguments}\nexit {}\n{stderr}", code.unwrap()));
     }
     all.join("\n")
@@ -83,7 +90,7 @@ fn workplace() -> Workplace {
 #[test]
 fn files_that_are_not_there_or_not_what_they_should_be() {
     let place = workplace();
-    place.file("model.txt", "").file("la.stl", "solid").file("empty.rs", "");
+    place.file("model.txt", "").file("la.gts", "").file("empty.rs", "");
     insta::assert_snapshot!(transcript(
         &place,
         &[
@@ -91,7 +98,7 @@ fn files_that_are_not_there_or_not_what_they_should_be() {
             "run model.txt",
             "run empty.rs",
             "run erp.rs --mesh missing.vtk --units mm",
-            "run erp.rs --mesh la.stl --units mm",
+            "run erp.rs --mesh la.gts",
             "run erp.rs --mesh embedded --data missing.csv",
             "run erp.rs --basis missing.npz",
         ]
@@ -104,7 +111,7 @@ fn command_lines_that_make_no_sense() {
     insta::assert_snapshot!(transcript(
         &place,
         &[
-            "run erp.rs --mesh sheet.vtk",
+            "run erp.rs --units mm",
             "run erp.rs --mesh sheet.vtk --units inch",
             "run erp.rs --mesh embedded --units mm",
             "run erp.rs --data sites.csv",
@@ -133,6 +140,10 @@ fn meshes_that_are_no_surface() {
         .file("index.vtk", vtk(corners, &[[0, 1, 2], [1, 3, 5]]))
         .file("branching.vtk", vtk(corners, &[[0, 1, 2], [1, 0, 3], [0, 1, 4]]))
         .file("tiny.vtk", vtk(corners, &[[0, 1, 2], [1, 3, 2]]))
+        .file(
+            "two.vtk",
+            vtk(&format!("{corners}90 0 0\n99 0 0\n90 9 0\n"), &[[0, 1, 2], [5, 6, 7]]),
+        )
         .file("not.vtk", "hello");
     insta::assert_snapshot!(transcript(
         &place,
@@ -142,6 +153,9 @@ fn meshes_that_are_no_surface() {
             "run erp.rs --mesh index.vtk --units mm",
             "run erp.rs --mesh branching.vtk --units mm",
             "run erp.rs --mesh tiny.vtk --units cm",
+            "run erp.rs --mesh tiny.vtk",
+            "run erp.rs --mesh two.vtk --units mm",
+            "run erp.rs --mesh two.vtk --units mm --piece 3",
             "run erp.rs --mesh not.vtk --units mm",
         ]
     ));

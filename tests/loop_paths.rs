@@ -40,17 +40,8 @@ mod declared {
 
 fn surface() -> (Surface, Basis) {
     let mesh = left_atrium(3.0).mesh;
-    let n = mesh.n_vertices();
     let basis = eigenpairs(&mesh, 24).unwrap();
-    let surface = Surface {
-        mesh,
-        source_vertex: (0..n as u32).collect(),
-        n_source_vertices: n,
-        dropped: vec![],
-        point_data: BTreeMap::new(),
-        notes: vec![],
-    };
-    (surface, basis)
+    (Surface::new(mesh, BTreeMap::new()), basis)
 }
 
 /// `n` sites, folds by octants, and arrival times from vertex 0.

@@ -84,7 +84,7 @@ proptest! {
             Err(MeshError::RepeatedVertex { triangle, vertex }) => {
                 prop_assert!(triangles[triangle].iter().filter(|&&v| v == vertex).count() > 1);
             }
-            Err(MeshError::NonManifoldEdge { edge, triangles: sharing }) => {
+            Err(MeshError::NonManifoldEdge { edge, triangles: sharing, .. }) => {
                 let has = |t: &[u32; 3]| edge.iter().all(|v| t.contains(v));
                 prop_assert_eq!(triangles.iter().filter(|t| has(t)).count(), sharing.len());
                 prop_assert!(sharing.len() > 2);

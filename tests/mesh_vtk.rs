@@ -155,12 +155,14 @@ fn all_dialects_read_the_same() {
         assert_eq!(surface.mesh.triangles(), OCTAHEDRON, "{dialect:?}");
         let rounded = POINTS.map(|p| p.map(|x| f64::from(x as f32)));
         assert_eq!(surface.mesh.vertices(), rounded, "{dialect:?}");
-        let data = &surface.point_data;
+        let data = surface.scalars();
         assert!(same(&data["LAT (ms)"], &LAT), "{dialect:?}");
         assert_eq!(data["region"], [0.0, 1.0, 200.0, 3.0, 4.0, 255.0]);
         assert_eq!(data["id"][2], 19_999_999_999.0);
         assert_eq!(data["fibre_1"], [-8.0, -5.0, -2.0, 1.0, 4.0, 7.0]);
         assert!(!data.contains_key("centre_0"), "cell data are no point data");
+        assert_eq!(surface.cell_data["centre"].row(7), [21.0, 22.0, 23.0], "{dialect:?}");
+        assert_eq!(surface.point_data["fibre"].width(), 3);
     }
 }
 
@@ -224,7 +226,7 @@ proptest! {
         prop_assert_eq!(&surface.mesh, &mesh);
         // Text knows only one NaN.
         let equal = |a: f64, b: f64| a.to_bits() == b.to_bits() || a.is_nan() && b.is_nan();
-        prop_assert!(surface.point_data[&name].iter().zip(values).all(|(&a, b)| equal(a, b)));
+        prop_assert!(surface.point_data[&name].values().iter().zip(values).all(|(&a, b)| equal(a, b)));
     }
 }
 
@@ -262,6 +264,20 @@ fn strips_become_triangles_that_run_alike() {
 }
 
 #[test]
+fn polygons_pixels_and_strips_of_a_grid_are_split_and_keep_their_data() {
+    let text = "# vtk DataFile Version 4.2\nt\nASCII\nDATASET UNSTRUCTURED_GRID\nPOINTS 8 double\n\
+        0 0 0 40 0 0 0 40 0 40 40 0 80 0 0 80 40 0 120 0 0 120 40 0\nCELLS 5 20\n2 0 1\n4 0 1 2 3\n\
+        4 1 4 5 3\n4 5 4 7 6\n1 3\nCELL_TYPES 5\n3 8 9 6 1\nCELL_DATA 5\nSCALARS n int\n\
+        LOOKUP_TABLE default\n7 8 9 10 11\n";
+    let surface = read_bytes(text.as_bytes()).unwrap();
+    let triangles = [[0, 1, 3], [0, 3, 2], [1, 4, 5], [1, 5, 3], [5, 4, 7], [7, 4, 6]];
+    assert_eq!(surface.mesh.triangles(), triangles);
+    assert_eq!(surface.cell_data["n"].values(), [8.0, 8.0, 9.0, 9.0, 10.0, 10.0]);
+    let notes = ["2 polygons cut into triangles", "2 cells left out: points or lines"];
+    assert_eq!(surface.notes[..2], notes);
+}
+
+#[test]
 fn other_writers_habits_are_understood() {
     let text = "# vtk DataFile Version 4.2\r\n\r\nascii\r\ndataset polydata\r\npoints 3 DOUBLE\r\n\
         0 0 0 1e1\t0 0\r\n\r\n0 1E+1 0\r\nlines 1 3\r\n2 0 1\r\npolygons 1 4\r\n3 0 1 2\r\n\
@@ -274,7 +290,7 @@ fn other_writers_habits_are_understood() {
     let good = text.replace("normals n vtktypefloat\r\n", "");
     let surface = read_bytes(good.as_bytes()).unwrap();
     assert_eq!(surface.mesh.vertices(), [[0.0, 0.0, 0.0], [10.0, 0.0, 0.0], [0.0, 10.0, 0.0]]);
-    let data = &surface.point_data["a"];
+    let data = surface.point_data["a"].values();
     assert!(data[0].is_nan());
     assert_eq!(data[1..], [f64::INFINITY, -0.0025]);
 }
@@ -307,17 +323,21 @@ fn syntax_errors_name_line_or_byte() {
 
 #[test]
 fn a_file_that_is_no_surface_says_why() {
+    let with_type = |kind: &str| {
+        let types = format!("5 {kind} 5");
+        let text = String::from_utf8_lossy(&file(DIALECTS[4])).replacen("5 5 5", &types, 1);
+        message(text.as_bytes())
+    };
     let texts = [
-        message(&octahedron_text("POLYGONS 2 9\n3 0 1 2\n4 0 2 3 4")),
+        message(&octahedron_text("POLYGONS 2 9\n3 0 1 2\n4 0 2 3 6")),
         message(&octahedron_text("POLYGONS 2 8\n3 0 1 2\n3 0 2 6")),
         message(&octahedron_text("POLYGONS 2 8\n3 0 1 2\n3 0 2 -1")),
-        message(&octahedron_text("POLYGONS 2 8\n3 0 1 2\n3 2 2 3")),
+        message(&octahedron_text("POLYGONS 2 8\n3 0 1 1\n3 2 2 3")),
         message(&octahedron_text("POLYGONS 3 12\n3 0 1 2\n3 0 2 3\n3 2 0 5")),
         message(&octahedron_text("POLYGONS 0 0")),
         message(&text("0 0 0 1 0 nan 1 1 0", 3, "POLYGONS 1 4\n3 0 1 2")),
-        message(
-            &String::from_utf8_lossy(&file(DIALECTS[4])).replacen("5 5 5", "5 9 5", 1).into_bytes(),
-        ),
+        with_type("9"),
+        with_type("10"),
     ];
     insta::assert_snapshot!(texts.join("\n\n"));
 }
@@ -325,8 +345,8 @@ fn a_file_that_is_no_surface_says_why() {
 #[test]
 fn wrong_names_and_folders_are_told() {
     let folder = TempDir::new().unwrap();
-    let stl = folder.path().join("mesh.stl");
-    std::fs::write(&stl, "solid").unwrap();
+    let stl = folder.path().join("mesh.gts");
+    std::fs::write(&stl, "").unwrap();
     let missing = folder.path().join("mesh.vtk");
     let mesh = TriMesh::new(POINTS.to_vec(), OCTAHEDRON.to_vec()).unwrap();
     let texts = [
@@ -358,10 +378,9 @@ fn the_largest_piece_is_kept_and_the_rest_is_reported() {
     assert_eq!((surface.n_source_vertices, surface.dropped.as_slice()), (10, [3].as_slice()));
     assert_eq!(surface.vertex_of_source(7), Some(3));
     assert_eq!((surface.vertex_of_source(3), surface.vertex_of_source(10)), (None, None));
-    assert_eq!(surface.point_data["n"], [4.0, 5.0, 6.0, 7.0, 8.0, 9.0]);
+    assert_eq!(surface.point_data["n"].values(), [4.0, 5.0, 6.0, 7.0, 8.0, 9.0]);
     insta::assert_snapshot!(surface.notes.join("\n"), @r"
-    kept the largest piece (6 vertices); dropped 1 smaller piece (3 vertices)
-    dropped 1 vertex that belongs to no triangle
+    mended: left out 1 other piece (3 vertices), left out 1 unused point
     read as mm: 80.0 × 80.0 × 80.5 mm, area 111 cm²
     ");
 }
@@ -382,7 +401,7 @@ fn a_wrong_unit_is_noticed() {
     WARNING: an area of 1.11e-4 cm² is not a left atrium's (20 to 600 cm²); with --units mm it would be 111 cm²: is the file in mm?
     read as m: 80000 × 80000 × 80500 mm, area 1.11e8 cm²
     WARNING: an area of 1.11e8 cm² is not a left atrium's (20 to 600 cm²); with --units mm it would be 111 cm²: is the file in mm?
-    dropped 3 vertices that belong to no triangle
+    mended: left out 3 unused points
     read as mm: 40.0 × 40.0 × 40.5 mm, area 14.0 cm²
     WARNING: an area of 14.0 cm² is not a left atrium's (20 to 600 cm²); no unit of length makes it one; this is fine for a patch or a test shape
     ");
@@ -408,7 +427,7 @@ fn the_clinical_shell_reads_with_its_stray_piece_dropped() {
     assert_eq!(surface.dropped, [62]);
     // Area of the largest piece by PyVista.
     assert!((surface.mesh.area() - 17_525.705_908_402).abs() < 1e-6);
-    let lat = &surface.point_data["LAT"];
+    let lat = surface.point_data["LAT"].values();
     let range = lat.iter().fold([f64::MAX, f64::MIN], |[a, b], &x| [a.min(x), b.max(x)]);
     assert_eq!(range, [20.0, 175.0]);
     let Some(path) = shared_data("synthetic/clinical/mesh.vtk") else { return };

@@ -83,6 +83,7 @@ fn record() -> RunRecord {
         provenance: Provenance {
             mesh: Some("patient <7>/atrium.vtk".to_owned()),
             n_vertices: 5166,
+            mesh_notes: vec![],
             data: "brackets.csv".to_owned(),
             n_rows: 20,
             n_sites: 10,

@@ -219,7 +219,7 @@ impl Workplace {
     }
 
     fn maps(&self, file: &str) -> BTreeMap<String, Vec<f64>> {
-        mesh::read(&self.path(file), Units::Mm).unwrap().point_data
+        mesh::read(&self.path(file), Units::Mm).unwrap().scalars()
     }
 
     fn json(&self, file: &str) -> Value {
@@ -409,7 +409,6 @@ fn a_truth_that_is_given_is_measured() {
     };
     let said = refused("--truth sphere.vtk --units mm");
     assert!(said.contains("expected point data tau_out_true or tau_out, found none"), "{said}");
-    assert!(refused("--mesh sphere.vtk").contains("--units"));
     assert!(refused("--sites 0").contains("--sites: expected a positive number, got 0"));
     let said = refused("--mesh sphere.vtk --units mm --pace 482");
     assert!(said.contains("--pace 482 is no vertex of the surface, which has 482"), "{said}");

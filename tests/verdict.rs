@@ -273,8 +273,7 @@ fn vertices_without_a_physical_draw_are_not_known() {
 
 fn point_data(folder: &std::path::Path, name: &str) -> Vec<f64> {
     let surface: Surface = eplat::mesh::read(&folder.join("fields.vtp"), Units::Mm).unwrap();
-    let array = surface.point_data.iter().find(|(n, _)| *n == name);
-    array.unwrap_or_else(|| panic!("no {name}")).1.clone()
+    surface.scalar(name).unwrap_or_else(|| panic!("no {name}"))
 }
 
 #[test]

@@ -11,8 +11,8 @@ use clap::Args;
 use indicatif::{ProgressBar, ProgressStyle};
 
 use super::interrupt::{INTERRUPTED, farewell, stop_flag};
+use super::reading::ReadingArgs;
 use crate::error::Failure;
-use crate::mesh::Units;
 use crate::run::OutputFolder;
 use crate::run::atrium::{
     Atrium, AtriumError, AtriumSettings, Beat, Begin, Ended, Event, Ground, Numerics,
@@ -56,16 +56,15 @@ pub(super) struct AtriumArgs {
 
 #[derive(Debug, Args)]
 struct TissueArgs {
-    /// Surface with parameter fields as point data (.vtp or .vtk), such as fields.vtp of a run; the
+    /// Surface with parameter fields as point data, such as fields.vtp of a run; the
     /// embedded left atrium with 0.4 mm edges without it
     #[arg(long, value_name = "F.vtp", conflicts_with = "run")]
     fields: Option<PathBuf>,
     /// Output folder of a run: its fields.vtp is the surface
     #[arg(long, value_name = "DIR")]
     run: Option<PathBuf>,
-    /// Unit of the file's coordinates: mm, cm, um or m
-    #[arg(long, default_value = "mm")]
-    units: Units,
+    #[command(flatten)]
+    reading: ReadingArgs,
     /// Cut every triangle into four, this many times: fronts need edges below 0.5 mm
     #[arg(long, value_name = "N", default_value_t = 0)]
     refine: u32,
@@ -84,7 +83,7 @@ struct TissueArgs {
     /// APD_max: a number, ms, or the name of a field
     #[arg(long, value_name = "X", default_value = "apd_max_mean")]
     apd_max: Source,
-    /// Point data with a vector at every vertex, along which conduction is faster
+    /// Vectors of points or triangles along which conduction is faster
     #[arg(long, value_name = "NAME", requires = "anisotropy")]
     fibres: Option<String>,
     /// CV along the fibres over CV across, 1 or more
@@ -179,13 +178,14 @@ impl AtriumArgs {
     }
 
     fn ground(&self) -> Result<Ground, AtriumError> {
-        let TissueArgs { fields, run, units, .. } = &self.tissue;
+        let TissueArgs { fields, run, reading, .. } = &self.tissue;
         match (run, fields) {
             (Some(run), _) => {
-                let ground = Ground::read(&run.join("fields.vtp"), *units)?;
+                let file = run.join("fields.vtp");
+                let ground = Ground::read(&file, reading.of(&file))?;
                 if self.draws.is_some() { ground.with_draws_of(run) } else { Ok(ground) }
             }
-            (None, Some(file)) => Ground::read(file, *units),
+            (None, Some(file)) => Ground::read(file, reading.of(file)),
             (None, None) => Ok(Ground::embedded()),
         }
     }

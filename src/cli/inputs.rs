@@ -1,12 +1,12 @@
 //! Options that say what a model is run on.
 
 use std::path::{Path, PathBuf};
-use std::str::FromStr as _;
 
 use clap::Args;
 
+use super::reading::ReadingArgs;
 use crate::error::Failure;
-use crate::mesh::Units;
+use crate::mesh::Reading;
 use crate::model::{Declare, Model};
 use crate::run::{
     DataSource, Design, Inputs, Loaded, MeshSource, Problem, RunError, Watch, hash_file,
@@ -30,13 +30,12 @@ fn command_line(arguments: impl Iterator<Item = String>) -> String {
 /// Options that say what a model is run on.
 #[derive(Debug, Args)]
 pub(super) struct InputArgs {
-    /// Surface mesh, VTK; needs --units. `embedded` is the procedural left atrium, the default for a
-    /// synthetic experiment
-    #[arg(long, value_name = "FILE.vtk")]
+    /// Surface mesh: VTK (.vtp, .vtu, .vtk), .ply, .stl, .obj, openCARP's .pts, or .npz. `embedded` is the
+    /// procedural left atrium, the default for a synthetic experiment
+    #[arg(long, value_name = "FILE")]
     mesh: Option<PathBuf>,
-    /// Unit of the mesh's coordinates: mm, cm, um or m
-    #[arg(long, value_name = "UNIT", value_parser = Units::from_str, requires = "mesh")]
-    units: Option<Units>,
+    #[command(flatten)]
+    reading: ReadingArgs,
     /// Eigenpairs of the mesh from elsewhere, in its unit: arrays `eigenvalues` (K) and
     /// `eigenfunctions` (vertices, K); `eplat mesh basis` writes the same
     #[arg(long, value_name = "FILE.npz")]
@@ -72,19 +71,20 @@ impl InputArgs {
     /// The surface that is named. A table must name its own: its vertices are not those of another.
     fn mesh(&self, declared: &dyn Declare) -> Result<MeshSource, Failure> {
         let fields = || Ok::<_, Failure>(Model::outline(declared)?.has_fields());
-        match (self.mesh.as_deref(), self.units) {
-            (Some(path), None) if path == Path::new(EMBEDDED) => Ok(MeshSource::default()),
-            (Some(path), Some(_)) if path == Path::new(EMBEDDED) => Err(Failure::usage(
-                "--mesh embedded is in mm\nhelp: leave --units out; for a file of this name write ./embedded",
+        let ReadingArgs { units, piece } = self.reading;
+        let is_said = units.is_some() || piece.is_some();
+        match self.mesh.as_deref() {
+            Some(path) if path == Path::new(EMBEDDED) && is_said => Err(Failure::usage(
+                "--mesh embedded is in mm and in one piece\nhelp: leave --units and --piece out; for a file of this name write ./embedded",
             )),
-            (Some(path), None) => Err(Failure::usage(format!(
-                "--mesh {}: the unit of its coordinates is missing\nhelp: add --units mm, cm, um or m",
-                path.display()
-            ))),
-            (None, _) if self.data.is_some() && fields()? => Err(Failure::usage(
-                "--data without --mesh: the model has a field, and the table's rows lie on a surface\nhelp: name it with --mesh FILE.vtk --units mm; --mesh embedded is the procedural left atrium",
+            Some(path) if path == Path::new(EMBEDDED) => Ok(MeshSource::default()),
+            None if is_said => Err(Failure::usage(
+                "--units and --piece say how a mesh is read, and there is no --mesh\nhelp: name it with --mesh FILE",
             )),
-            (file, units) => Ok(source(file.zip(units))),
+            None if self.data.is_some() && fields()? => Err(Failure::usage(
+                "--data without --mesh: the model has a field, and the table's rows lie on a surface\nhelp: name it with --mesh FILE; --mesh embedded is the procedural left atrium",
+            )),
+            file => Ok(source(file.map(|path| (path, self.reading.of(path))))),
         }
     }
 
@@ -120,10 +120,10 @@ pub(super) fn usage(error: RunError) -> Failure {
 }
 
 /// The surface in a file, or the embedded atrium.
-pub(super) fn source(file: Option<(&Path, Units)>) -> MeshSource {
-    file.map_or_else(MeshSource::default, |(path, units)| MeshSource::File {
+pub(super) fn source(file: Option<(&Path, Reading)>) -> MeshSource {
+    file.map_or_else(MeshSource::default, |(path, reading)| MeshSource::File {
         path: path.to_owned(),
-        units,
+        reading,
     })
 }
 

@@ -1,8 +1,9 @@
 //! `eplat mesh …`
 
+use super::reading::ReadingArgs;
 use crate::error::Failure;
 use crate::manifold::{eigenpairs, maximin, random_maximin};
-use crate::mesh::{self, Atrium, Encoding, Format, REGION_NAMES, Surface, Units};
+use crate::mesh::{self, Atrium, Data, Encoding, Format, REGION_NAMES, Reading, Surface};
 use clap::Subcommand;
 use std::io::{self, Write};
 use std::path::{Path, PathBuf};
@@ -12,45 +13,54 @@ use std::path::{Path, PathBuf};
 pub(super) enum Command {
     /// Print size, topology and quality of a mesh
     Info {
-        /// VTK file (.vtk or .vtp)
+        /// Mesh: .vtp, .vtu, .vtk, .ply, .stl, .obj, .pts (openCARP) or .npz
         file: PathBuf,
-        /// Unit of the file's coordinates: mm, cm, um or m
-        #[arg(long, default_value = "mm")]
-        units: Units,
+        #[command(flatten)]
+        reading: ReadingArgs,
     },
-    /// Write the largest piece of a mesh in another format, in mm
+    /// Write a mesh in another format, in mm, with its data as far as the format has a place for them
     Convert {
-        /// VTK file (.vtk or .vtp)
+        /// Mesh: .vtp, .vtu, .vtk, .ply, .stl, .obj, .pts (openCARP) or .npz
         input: PathBuf,
-        /// File to write: .vtp or .vtk
+        /// File to write: an extension as above; openCARP's are three files, in µm
         output: PathBuf,
-        /// Unit of the input's coordinates: mm, cm, um or m
-        #[arg(long, default_value = "mm")]
-        units: Units,
-        /// Write .vtk as text instead of binary
+        #[command(flatten)]
+        reading: ReadingArgs,
+        /// Write .vtk, .ply and .stl as text instead of bytes
         #[arg(long)]
         ascii: bool,
     },
     /// Join equal vertices, drop degenerate and double triangles, orient all alike, keep the largest piece
     Repair {
-        /// VTK file (.vtk or .vtp)
+        /// Mesh: .vtp, .vtu, .vtk, .ply, .stl, .obj, .pts (openCARP) or .npz
         input: PathBuf,
-        /// File to write: .vtp or .vtk, in mm
+        /// File to write, in mm: an extension as above
         output: PathBuf,
-        /// Unit of the input's coordinates: mm, cm, um or m
-        #[arg(long, default_value = "mm")]
-        units: Units,
+        #[command(flatten)]
+        reading: ReadingArgs,
         /// Vertices closer than this are joined, mm
         #[arg(long, default_value_t = 1e-6)]
         tolerance: f64,
     },
+    /// Write a surface with fewer vertices, and say how far it moves and its fields are off; `run` does the
+    /// same with a mesh of more than 100,000 vertices
+    Decimate {
+        /// Mesh: .vtp, .vtu, .vtk, .ply, .stl, .obj, .pts (openCARP) or .npz
+        input: PathBuf,
+        /// File to write, in mm: an extension as above
+        output: PathBuf,
+        #[command(flatten)]
+        reading: ReadingArgs,
+        /// Vertices that are left
+        #[arg(long, value_name = "N", default_value_t = 20_000)]
+        vertices: usize,
+    },
     /// Compute the smallest eigenpairs of the Laplace–Beltrami operator, in the file's unit
     Basis {
-        /// VTK file (.vtk or .vtp)
+        /// Mesh: .vtp, .vtu, .vtk, .ply, .stl, .obj, .pts (openCARP) or .npz
         file: PathBuf,
-        /// Unit of the file's coordinates: mm, cm, um or m
-        #[arg(long, default_value = "mm")]
-        units: Units,
+        #[command(flatten)]
+        reading: ReadingArgs,
         /// Number of modes
         #[arg(long, default_value_t = 32)]
         modes: usize,
@@ -60,11 +70,10 @@ pub(super) enum Command {
     },
     /// Choose measurement sites spread over the surface, away from its openings
     Sites {
-        /// VTK file (.vtk or .vtp)
+        /// Mesh: .vtp, .vtu, .vtk, .ply, .stl, .obj, .pts (openCARP) or .npz
         file: PathBuf,
-        /// Unit of the file's coordinates: mm, cm, um or m
-        #[arg(long, default_value = "mm")]
-        units: Units,
+        #[command(flatten)]
+        reading: ReadingArgs,
         /// Number of sites
         #[arg(long, short, default_value_t = 10)]
         n: usize,
@@ -83,7 +92,7 @@ pub(super) enum Command {
         /// Length of the edges, mm
         #[arg(long, default_value_t = 1.5)]
         edge: f64,
-        /// File to write: .vtp or .vtk
+        /// File to write: .vtp, .vtu, .vtk, .ply, .stl, .obj, .pts (openCARP) or .npz
         #[arg(long)]
         out: PathBuf,
     },
@@ -92,35 +101,42 @@ pub(super) enum Command {
 impl Command {
     pub(super) fn run(self) -> Result<(), Failure> {
         match self {
-            Self::Info { file, units } => info(&mesh::read(&file, units)?),
-            Self::Convert { input, output, units, ascii } => {
+            Self::Info { file, reading } => info(&mesh::read(&file, reading.of(&file))?),
+            Self::Convert { input, output, reading, ascii } => {
                 Format::of(&output)?;
                 let encoding = if ascii { Encoding::Ascii } else { Encoding::Binary };
-                write_surface(&output, &mesh::read(&input, units)?, encoding)
+                write_surface(&output, &mesh::read(&input, reading.of(&input))?, encoding)
             }
-            Self::Repair { input, output, units, tolerance } => {
+            Self::Repair { input, output, reading, tolerance } => {
                 Format::of(&output)?;
                 if !(0.0..=10.0).contains(&tolerance) {
                     return Err(Failure::usage(format_args!(
                         "--tolerance {tolerance}: expected 0 to 10 mm\nhelp: 0 joins only vertices that are equal"
                     )));
                 }
-                write_surface(&output, &mesh::repair(&input, units, tolerance)?, Encoding::Binary)
+                let reading = Reading { tolerance: Some(tolerance), ..reading.of(&input) };
+                write_surface(&output, &mesh::read(&input, reading)?, Encoding::Binary)
             }
-            Self::Basis { file, units, modes, out } => {
-                let surface = mesh::read(&file, units)?;
+            Self::Decimate { input, output, reading, vertices } => {
+                Format::of(&output)?;
+                let surface = mesh::read(&input, reading.of(&input))?.decimated(vertices)?;
+                write_surface(&output, &surface, Encoding::Binary)
+            }
+            Self::Basis { file, reading, modes, out } => {
+                let surface = mesh::read(&file, reading.of(&file))?;
                 print_notes(&surface);
+                let units = surface.units;
                 let basis = eigenpairs(&surface.mesh, modes)?.in_unit_of(1.0 / units.in_mm());
                 basis.write_npz(&out)?;
                 eprintln!("wrote {} ({modes} modes, lengths in {units})", out.display());
                 Ok(())
             }
-            Self::Sites { file, units, n, exclude, random, seed } => {
-                let surface = mesh::read(&file, units)?;
+            Self::Sites { file, reading, n, exclude, random, seed } => {
+                let surface = mesh::read(&file, reading.of(&file))?;
                 print_notes(&surface);
                 let choose = if random { random_maximin } else { maximin };
                 let sites = choose(&surface.mesh, n, exclude, seed)?;
-                print_sites(&surface, &sites, units)
+                print_sites(&surface, &sites)
             }
             Self::Atrium { edge, out } => atrium(edge, &out),
         }
@@ -131,7 +147,6 @@ fn info(surface: &Surface) -> Result<(), Failure> {
     let mesh = &surface.mesh;
     let [low, high] = mesh.bounding_box();
     let loops: Vec<String> = mesh.boundary_loops().iter().map(|l| l.len().to_string()).collect();
-    let arrays: Vec<&str> = surface.point_data.keys().map(String::as_str).collect();
     let mut out = io::stdout().lock();
     let mut row =
         |name: &str, value: String| writeln!(out, "{name:<22}{value}").map_err(Failure::from);
@@ -146,17 +161,29 @@ fn info(surface: &Surface) -> Result<(), Failure> {
     row("smallest angle", format!("{:.2}°", mesh.min_angle()))?;
     row("Euler characteristic", mesh.euler_characteristic().to_string())?;
     row("openings", format!("{} (edges: {})", loops.len(), or_none(&loops.join(", "))))?;
-    row("point data", or_none(&arrays.join(", ")).into())?;
+    row("point data", or_none(&arrays(&surface.point_data)).into())?;
+    if !surface.cell_data.is_empty() {
+        row("cell data", arrays(&surface.cell_data))?;
+    }
     print_notes(surface);
     Ok(())
 }
 
+/// Names of arrays, with the width of those that are not scalars.
+fn arrays(data: &Data) -> String {
+    let name = |(name, array): (&String, &mesh::Array)| match array.width() {
+        1 => name.clone(),
+        width => format!("{name} ({width})"),
+    };
+    data.iter().map(name).collect::<Vec<_>>().join(", ")
+}
+
 /// Sites as the first columns of a table of measurements: vertex and x, y, z as in the file.
-fn print_sites(surface: &Surface, sites: &[u32], units: Units) -> Result<(), Failure> {
+fn print_sites(surface: &Surface, sites: &[u32]) -> Result<(), Failure> {
     let mut out = io::stdout().lock();
     writeln!(out, "site,vertex,x,y,z")?;
     for (site, &vertex) in sites.iter().enumerate() {
-        let [x, y, z] = surface.mesh.vertices()[vertex as usize].map(|x| x / units.in_mm());
+        let [x, y, z] = surface.mesh.vertices()[vertex as usize].map(|x| x / surface.units.in_mm());
         let source = surface.source_vertex[vertex as usize];
         writeln!(out, "{site},{source},{x},{y},{z}")?;
     }
@@ -175,8 +202,12 @@ fn print_notes(surface: &Surface) {
 
 fn write_surface(path: &Path, surface: &Surface, encoding: Encoding) -> Result<(), Failure> {
     print_notes(surface);
-    surface.write(path, encoding)?;
-    eprintln!("wrote {} ({} vertices, mm)", path.display(), surface.mesh.n_vertices());
+    let left_out = surface.write(path, encoding)?;
+    if !left_out.is_empty() {
+        eprintln!("left out, as the format has no place for them: {}", left_out.join(", "));
+    }
+    let units = if Format::of(path)? == Format::Carp { "um" } else { "mm" };
+    eprintln!("wrote {} ({} vertices, {units})", path.display(), surface.mesh.n_vertices());
     Ok(())
 }
 
@@ -192,7 +223,7 @@ fn atrium(edge: f64, out: &Path) -> Result<(), Failure> {
     }
     let surface = Surface::left_atrium(edge);
     write_surface(out, &surface, Encoding::Binary)?;
-    let regions = &surface.point_data["region"];
+    let regions = surface.point_data["region"].values();
     for (region, name) in (0_u8..).zip(REGION_NAMES) {
         let n = regions.iter().filter(|r| r.total_cmp(&f64::from(region)).is_eq()).count();
         eprintln!("region {region}: {name}, {n} vertices");

@@ -12,6 +12,7 @@ mod interrupt;
 mod mesh;
 mod models;
 mod progress;
+mod reading;
 mod report;
 mod run;
 mod rustc;

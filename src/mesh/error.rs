@@ -80,16 +80,50 @@ pub enum MeshError {
     },
     /// More than two triangles share an edge.
     #[error(
-        "the edge between vertices {} and {} belongs to {} triangles ({triangles:?}), expected 1 or 2\n\
-         help: a surface may not branch; delete the surplus triangles \
-         (`eplat mesh repair IN OUT` drops those that are there twice)",
-        edge[0], edge[1], triangles.len()
+        "the edge between vertices {} and {}, at ({}), belongs to {} triangles ({triangles:?}), expected 1 or 2{}\n\
+         help: a surface may not branch: delete the surplus triangles there in a mesh editor",
+        edge[0], edge[1], place(&middle(at)), triangles.len(), and_others(*n_edges)
     )]
     NonManifoldEdge {
         /// The two ends of the edge.
         edge: [u32; 2],
+        /// Where they are, mm.
+        at: [[f64; 3]; 2],
         /// All triangles that have it.
         triangles: Vec<u32>,
+        /// How many such edges there are.
+        n_edges: usize,
+    },
+    /// Several pieces are about as large as each other.
+    #[error(
+        "there are several surfaces, and none is much the largest:{}\n\
+         help: choose one with --piece 1, --piece 2, …; or join them in a mesh editor",
+        listed(pieces)
+    )]
+    SeveralPieces {
+        /// The large ones, the largest first.
+        pieces: Vec<Piece>,
+    },
+    /// There are fewer pieces than the number of the one that is asked for.
+    #[error(
+        "there is no piece {piece}: the mesh has {n_pieces}\n\
+         help: pieces are counted from 1, the largest first; leave --piece out for the largest"
+    )]
+    NoPiece {
+        /// The number that was asked for.
+        piece: usize,
+        /// How many pieces there are.
+        n_pieces: usize,
+    },
+    /// The size of the surface is an atrium's in no unit.
+    #[error(
+        "the unit of the coordinates is unknown: the surface is {across} across, and in no unit is that \
+         an atrium's size (30 to 150 mm)\n\
+         help: add --units mm, cm, um or m"
+    )]
+    NoUnits {
+        /// Its largest extent in the file's unit.
+        across: f64,
     },
     /// The surface has only one side, like a Möbius strip.
     #[error(
@@ -122,6 +156,16 @@ pub enum MeshError {
         expected: usize,
         /// Number of values.
         got: usize,
+    },
+    /// Bytes, lines or arrays that a format does not have, such as tetrahedra.
+    #[error("{}: {what}\nhelp: {help}", path.display())]
+    Unsupported {
+        /// The file.
+        path: PathBuf,
+        /// What it holds.
+        what: String,
+        /// What to do.
+        help: &'static str,
     },
     /// Not the name of a unit of length.
     #[error(
@@ -201,17 +245,60 @@ pub enum MeshError {
         got: String,
     },
     /// The file was read, but what it holds is not a valid surface.
-    #[error("{}: {source}", path.display())]
+    #[error("{}: {source}{picture}", path.display())]
     Invalid {
         /// The file.
         path: PathBuf,
         /// What is wrong.
         source: Box<MeshError>,
+        /// A last line that names the file in which the places are marked; empty if there is none.
+        picture: String,
     },
 }
 
-const PARSE_HELP: &str = "legacy VTK 2.0 to 5.1 is read, ASCII or BINARY, POLYDATA or UNSTRUCTURED_GRID of triangles, and .vtp with its arrays inline; \
-     save the mesh so from ParaView or PyVista";
+/// A connected piece of a mesh.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Piece {
+    /// Number of its vertices.
+    pub n_vertices: usize,
+    /// Area, mm².
+    pub area: f64,
+    /// The mean of its vertices, mm.
+    pub centre: [f64; 3],
+}
+
+impl fmt::Display for Piece {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Self { n_vertices, area, centre } = self;
+        write!(f, "{n_vertices} vertices, {:.1} cm², centred at ({})", area / 100.0, place(centre))
+    }
+}
+
+/// One line for each piece, with its number.
+fn listed(pieces: &[Piece]) -> String {
+    let lines: Vec<String> =
+        pieces.iter().zip(1..).map(|(piece, n)| format!("\n  {n}: {piece}")).collect();
+    lines.concat()
+}
+
+/// Coordinates in mm, to a tenth.
+fn place([x, y, z]: &[f64; 3]) -> String {
+    format!("{x:.1}, {y:.1}, {z:.1}")
+}
+
+fn middle([a, b]: &[[f64; 3]; 2]) -> [f64; 3] {
+    std::array::from_fn(|k| 0.5 * (a[k] + b[k]))
+}
+
+fn and_others(n: usize) -> String {
+    match n {
+        1 => String::new(),
+        2 => "; 1 other edge does so too".into(),
+        n => format!("; {} other edges do so too", n - 1),
+    }
+}
+
+const PARSE_HELP: &str = "save the mesh again, for instance as .vtp or .vtk from ParaView or PyVista; docs/meshes.md says what is read";
 
 fn extension(path: &std::path::Path) -> String {
     path.extension()

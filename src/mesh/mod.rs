@@ -1,28 +1,55 @@
-//! Triangle surfaces: validation, topology, files, repair and the procedural left atrium.
+//! Triangle surfaces: validation, topology, files, mending and the procedural left atrium.
 //!
-//! Lengths are millimetres once a surface is in memory; a file's own unit is an explicit input.
-//! This layer knows nothing of eigenfunctions, fields or physics.
+//! Lengths are millimetres once a surface is in memory; a file's own unit is given, told by the file, or
+//! guessed from the size, and said. This layer knows nothing of eigenfunctions, fields or physics.
 
 mod atrium;
+mod bytes;
+mod carp;
+mod carry;
+mod connectivity;
+mod content;
+mod data;
+mod decimate;
 mod error;
+mod faults;
+mod flat;
 mod format;
+mod geometry;
+mod join;
+mod mend;
+mod names;
+mod nearest;
+mod npy;
+mod npz;
+mod obj;
+mod orient;
+mod pieces;
+mod ply;
+mod quadric;
+mod read;
 mod refine;
-mod repair;
+mod size;
+mod stl;
 mod surface;
+mod text;
 mod topology;
 mod tri_mesh;
 mod units;
 mod vtk;
+mod write;
 
 pub use atrium::{Atrium, REGION_NAMES, left_atrium};
-pub use error::{MeshError, Place};
-pub use format::{Format, write};
+pub use bytes::Encoding;
+pub use data::{Array, Data};
+pub use error::{MeshError, Piece, Place};
+pub use format::{Format, files};
+pub use read::{Reading, read, repair};
 pub use refine::Refined;
-pub use repair::repair;
-pub use surface::{Surface, read};
+pub use surface::{Fine, Surface};
 pub use tri_mesh::TriMesh;
 pub use units::Units;
-pub use vtk::{Encoding, write_vtk, write_vtp};
+pub use write::{write_vtk, write_vtp};
 
 use nalgebra::Vector3;
 

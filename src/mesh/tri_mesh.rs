@@ -136,18 +136,21 @@ pub(super) fn validate(vertices: &[[f64; 3]], triangles: &[[u32; 3]]) -> Result<
         }
     }
     let sides = topology::sides(triangles);
-    match topology::edges(&sides).find(|edge| edge.len() > 2) {
+    let mut bad = topology::edges(&sides).filter(|edge| edge.len() > 2);
+    match bad.next() {
         None => Ok(()),
         Some(edge) => Err(MeshError::NonManifoldEdge {
             edge: edge[0].ends,
+            at: edge[0].ends.map(|v| vertices[v as usize]),
             triangles: edge.iter().map(|side| side.triangle).collect(),
+            n_edges: 1 + bad.count(),
         }),
     }
 }
 
 /// Whether a triangle's height is lost in rounding beside its longest edge: its angles, and with
 /// them every operator on the mesh, would be noise.
-fn is_flat([a, b, c]: [Vector3<f64>; 3]) -> bool {
+pub(super) fn is_flat([a, b, c]: [Vector3<f64>; 3]) -> bool {
     let longest = [b - a, c - b, a - c].iter().map(Vector3::norm_squared).fold(0.0, f64::max);
     area_vector([a, b, c]).norm() <= 1e-14 * longest
 }
@@ -276,8 +279,8 @@ mod tests {
         vertex 3 belongs to no triangle
         help: drop unused vertices before making a TriMesh; `eplat::mesh::read` does
 
-        the edge between vertices 0 and 2 belongs to 3 triangles ([0, 1, 2]), expected 1 or 2
-        help: a surface may not branch; delete the surplus triangles (`eplat mesh repair IN OUT` drops those that are there twice)
+        the edge between vertices 0 and 2, at (1.0, 0.5, 0.0), belongs to 3 triangles ([0, 1, 2]), expected 1 or 2
+        help: a surface may not branch: delete the surplus triangles there in a mesh editor
         ");
     }
 }

@@ -237,7 +237,8 @@ fn leave_one_out(loo: &LeaveOneOut) -> String {
 
 /// What was fitted to what, when, by which version and command.
 fn provenance(record: &RunRecord) -> String {
-    let Provenance { mesh, n_vertices, data, n_rows, n_sites, command, date } = &record.provenance;
+    let Provenance { mesh, n_vertices, data, n_rows, n_sites, command, date, .. } =
+        &record.provenance;
     let how = match record.settings.sampler.as_str() {
         "prior" => "Draws from the prior, laid out on",
         "laplace" => "A normal approximation of the posterior, given",

@@ -101,6 +101,9 @@ pub struct Provenance {
     pub mesh: Option<String>,
     /// Vertices of the surface.
     pub n_vertices: usize,
+    /// What was mended of the surface's file, how its unit is known, and its size.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub mesh_notes: Vec<String>,
     /// The table's file, or what it is.
     pub data: String,
     /// Measurements that the model takes.

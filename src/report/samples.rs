@@ -39,6 +39,7 @@ pub(super) fn record() -> RunRecord {
         provenance: Provenance {
             mesh: Some("atrium <1>.vtk".to_owned()),
             n_vertices: 5166,
+            mesh_notes: vec![],
             data: "brackets.csv".to_owned(),
             n_rows: 20,
             n_sites: 10,

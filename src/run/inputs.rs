@@ -8,7 +8,7 @@ use sha2::{Digest as _, Sha256};
 
 use super::RunError;
 use crate::experiment::Design;
-use crate::mesh::{Surface, Units};
+use crate::mesh::{self, Reading, Surface};
 use crate::table::Measurements;
 
 /// Edge length of the embedded atrium, mm: about 5,000 vertices.
@@ -50,12 +50,12 @@ pub enum MeshSource {
         /// Length of its edges, mm.
         edge: f64,
     },
-    /// A VTK file.
+    /// A mesh file.
     File {
         /// The file.
         path: PathBuf,
-        /// Unit of its coordinates.
-        units: Units,
+        /// How it is read; a unit is one by `into()`.
+        reading: Reading,
     },
     /// A surface in memory, mm.
     Surface(Box<Surface>),
@@ -80,14 +80,6 @@ impl MeshSource {
             Self::Embedded { .. } => "the embedded left atrium".into(),
             Self::File { path, .. } => path.display().to_string(),
             Self::Surface(_) => "a surface in memory".into(),
-        }
-    }
-
-    /// Length in mm of the unit of the mesh's file.
-    pub fn scale(&self) -> f64 {
-        match self {
-            Self::File { units, .. } => units.in_mm(),
-            Self::Embedded { .. } | Self::Surface(_) => 1.0,
         }
     }
 }
@@ -139,7 +131,7 @@ impl Inputs {
     pub(super) fn hashed(&self) -> Result<BTreeMap<String, String>, RunError> {
         let mut hashes = BTreeMap::new();
         if let MeshSource::File { path, .. } = &self.mesh {
-            hashes.insert("mesh".into(), hash_file(path)?);
+            hashes.insert("mesh".into(), hash_mesh(path)?);
         }
         if let MeshSource::Surface(surface) = &self.mesh {
             hashes.insert("mesh".into(), hash_surface(surface));
@@ -170,6 +162,18 @@ pub fn hash(bytes: &[u8]) -> String {
 /// [`RunError::Read`].
 pub fn hash_file(path: &Path) -> Result<String, RunError> {
     Ok(hash(&fs::read(path).map_err(RunError::read(path))?))
+}
+
+/// SHA-256 of a mesh, hexadecimal: of its file, or of its files one behind the other.
+///
+/// # Errors
+/// [`RunError::Read`].
+pub fn hash_mesh(path: &Path) -> Result<String, RunError> {
+    let mut hasher = Sha256::new();
+    for file in mesh::files(path) {
+        hasher.update(fs::read(&file).map_err(RunError::read(&file))?);
+    }
+    Ok(format!("{:x}", hasher.finalize()))
 }
 
 /// SHA-256 of a surface in memory.

@@ -123,9 +123,9 @@ impl SurfaceMaps {
         push("known".to_owned(), "1", self.known());
         // an earlier run's fields.vtp as the mesh has maps of these names already
         let n_own = arrays.len();
-        for (name, values) in &surface.point_data {
-            if arrays[..n_own].iter().all(|own| own.name != *name) {
-                let (name, unit, values) = (name.clone(), String::new(), values.clone());
+        for (name, values) in surface.scalars() {
+            if arrays[..n_own].iter().all(|own| own.name != name) {
+                let unit = String::new();
                 arrays.push(VertexArray { name, unit, values, is_quantile: false });
             }
         }

@@ -83,7 +83,7 @@ pub use error::RunError;
 pub use event::{Event, Watch};
 pub use fit::{Fit, Method, Options};
 pub use folder::OutputFolder;
-pub use inputs::{DataSource, Inputs, MeshSource, Origin, hash, hash_file};
+pub use inputs::{DataSource, Inputs, MeshSource, Origin, hash, hash_file, hash_mesh};
 pub use keep::Keep;
 pub use maps::FittedMap;
 pub use mode::Mode;

@@ -15,6 +15,11 @@ use crate::mesh::{self, Surface};
 use crate::model::{Declare, Exceedance, Maps, Model};
 use crate::table::{FIELD_MODES, Measurements};
 
+/// Vertices of a mesh file beyond which a surface is decimated, and to how many: edges of about 1 mm on
+/// an atrium, far below the wavelength of any mode that is used.
+const LARGEST: usize = 100_000;
+const WORKING: usize = 20_000;
+
 /// A surface with what fields on it are made of.
 #[derive(Clone, Debug)]
 pub struct Domain {
@@ -64,7 +69,8 @@ impl Loaded {
         }
         let surface = surface(&inputs.mesh, watch)?;
         let basis = eigenpairs(inputs, &surface, &outline, watch)?;
-        let domain = Domain { surface, basis, scale: inputs.mesh.scale() };
+        let scale = surface.units.in_mm();
+        let domain = Domain { surface, basis, scale };
         let (measurements, truth) = match (table, &inputs.data) {
             (Some(table), _) => (domain.place(checked(table, &outline)?, watch)?, vec![]),
             (None, DataSource::Synthetic(design)) => domain.measure(model, design, watch)?,
@@ -215,7 +221,13 @@ fn checked(table: Measurements, outline: &Model) -> Result<Measurements, RunErro
 pub fn surface(mesh: &MeshSource, watch: &Watch<'_>) -> Result<Surface, RunError> {
     let (file, surface) = match mesh {
         MeshSource::Embedded { edge } => (None, Surface::left_atrium(*edge)),
-        MeshSource::File { path, units } => (Some(path.as_path()), mesh::read(path, *units)?),
+        MeshSource::File { path, reading } => {
+            let mut surface = mesh::read(path, reading.clone())?;
+            if surface.mesh.n_vertices() > LARGEST {
+                surface = surface.decimated(WORKING).map_err(RunError::from)?;
+            }
+            (Some(path.as_path()), surface)
+        }
         MeshSource::Surface(surface) => return Ok((**surface).clone()),
     };
     watch.tell(&Event::Surface {
@@ -240,7 +252,7 @@ fn eigenpairs(
         needed => needed,
     };
     let basis = if let Some(path) = &inputs.basis {
-        on_kept_vertices(Basis::read_npz(path)?, surface).in_unit_of(inputs.mesh.scale())
+        on_kept_vertices(Basis::read_npz(path)?, surface).in_unit_of(surface.units.in_mm())
     } else {
         let is_synthetic = matches!(inputs.data, DataSource::Synthetic(_));
         let truth = if is_synthetic { TRUTH_MODES.min(most) } else { 0 };

@@ -85,6 +85,7 @@ impl Fit<'_> {
         Provenance {
             mesh: surface.map(|_| loaded.origin.mesh.clone()),
             n_vertices: surface.map_or(0, |surface| surface.mesh.n_vertices()),
+            mesh_notes: surface.map_or_else(Vec::new, |surface| surface.notes.clone()),
             data: loaded.origin.data.clone(),
             n_rows: self.model().row_ids().len(),
             n_sites: self.problem.measurements().vertices().len(),

@@ -11,7 +11,6 @@ use super::maps::{VertexArray, field_draws};
 use super::results::{Results, VERSION};
 use super::warm_start::{self, WarmStart};
 use super::{OutputFolder, RunError};
-use crate::mesh::write_vtp;
 use crate::model::equations;
 use crate::report::{
     self, FieldDraws, Group, Page, PointData, Predictions, RunRecord, Variable, write_draws,
@@ -98,8 +97,16 @@ impl Fit<'_> {
         let Some(domain) = &self.problem.loaded().domain else { return Ok(vec![]) };
         let named: Vec<(&str, &[f64])> =
             arrays.iter().map(|array| (array.name.as_str(), array.values.as_slice())).collect();
-        write_vtp(&out.file("fields.vtp"), &domain.surface.mesh, &named)?;
+        domain.surface.write_maps(&out.file("fields.vtp"), &named)?;
         let mut files = vec!["fields.vtp"];
+        if let Some(fine) = domain.surface.fine() {
+            let carried: Vec<(&str, Vec<f64>)> =
+                named.iter().map(|(name, values)| (*name, fine.carry(values))).collect();
+            let carried: Vec<(&str, &[f64])> =
+                carried.iter().map(|(name, values)| (*name, &values[..])).collect();
+            fine.surface.write_maps(&out.file("fields_full.vtp"), &carried)?;
+            files.push("fields_full.vtp");
+        }
         if let Some(draws) = field_draws(self.model(), &domain.basis, &self.map_draws()) {
             draws.write(&out.file(FieldDraws::FILE))?;
             files.push(FieldDraws::FILE);

@@ -178,10 +178,9 @@ impl Plan {
     /// # Errors
     /// [`StudyError::Plan`] for an unknown unit, [`StudyError::Mesh`].
     pub fn surface(&self) -> Result<Surface, StudyError> {
-        let (Some(path), Some(units)) = (&self.mesh, &self.units) else {
-            return Ok(Surface::left_atrium(ATRIUM_EDGE));
-        };
-        let units = Units::from_str(units).map_err(|why| self.fault(format!("units: {why}")))?;
+        let Some(path) = &self.mesh else { return Ok(Surface::left_atrium(ATRIUM_EDGE)) };
+        let units = self.units.as_deref().map(Units::from_str).transpose();
+        let units = units.map_err(|why| self.fault(format!("units: {why}")))?;
         Ok(mesh::read(&self.beside(path), units)?)
     }
 
@@ -216,13 +215,10 @@ impl Plan {
                     .to_owned(),
             );
         }
-        match (&self.mesh, &self.units) {
-            (Some(_), None) => {
-                Err("mesh without units\nhelp: add units = \"mm\" (or cm, um, m)".to_owned())
-            }
-            (None, Some(_)) => Err("units without a mesh".to_owned()),
-            _ => Ok(()),
+        if self.mesh.is_none() && self.units.is_some() {
+            return Err("units without a mesh".to_owned());
         }
+        Ok(())
     }
 
     /// All blocks, in the order of their results.

@@ -11,7 +11,7 @@ use super::outcome::Outcome;
 use super::plan::{Block, Estimate, Plan};
 use crate::diagnostics::mean_and_sd;
 use crate::experiment::INTERVALS;
-use crate::run::hash_file;
+use crate::run::{hash_file, hash_mesh};
 use crate::store::write_file;
 
 /// Columns that say which case a row is, and how it went.
@@ -54,7 +54,7 @@ impl Results {
     pub fn open(folder: &Path, plan: &Plan) -> Result<Self, StudyError> {
         let mut inputs = BTreeMap::from([("model", hash_file(&plan.beside(&plan.model))?)]);
         if let Some(mesh) = &plan.mesh {
-            inputs.insert("mesh", hash_file(&plan.beside(mesh))?);
+            inputs.insert("mesh", hash_mesh(&plan.beside(mesh))?);
         }
         let results = Self { folder: folder.to_owned() };
         let record =

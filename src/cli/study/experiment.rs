@@ -5,7 +5,6 @@
 use std::io::Write as _;
 use std::path::PathBuf;
 use std::process::ExitCode;
-use std::str::FromStr as _;
 use std::sync::{Mutex, PoisonError};
 
 use clap::Args;
@@ -15,9 +14,9 @@ use super::super::inputs::{source, telling};
 use super::super::interrupt::INTERRUPTED;
 use super::super::models::Compiled;
 use super::super::progress::Console;
+use super::super::reading::ReadingArgs;
 use super::super::run::SamplerArgs;
 use crate::error::Failure;
-use crate::mesh::Units;
 use crate::run::OutputFolder;
 use crate::study::{
     ExperimentSettings, ExperimentWatch, Findings, KnownTruth, SimulationEvent, SimulationPlan,
@@ -27,16 +26,15 @@ use crate::study::{
 /// Options of `eplat study experiment`.
 #[derive(Debug, Args)]
 pub(in crate::cli) struct ExperimentArgs {
-    /// Surface mesh, VTK; needs --units [default: the embedded procedural left atrium]
-    #[arg(long, value_name = "FILE.vtk", requires = "units", conflicts_with = "truth")]
+    /// Surface mesh [default: the embedded procedural left atrium]
+    #[arg(long, value_name = "FILE", conflicts_with = "truth")]
     mesh: Option<PathBuf>,
-    /// Surface with the true fields tau_out and apd_max, or tau_out_true and apd_max_true, as point data;
-    /// needs --units [default: a truth is drawn]
-    #[arg(long, value_name = "FILE.vtp", requires = "units")]
+    /// Surface with the true fields tau_out and apd_max, or tau_out_true and apd_max_true, as point data
+    /// [default: a truth is drawn]
+    #[arg(long, value_name = "FILE.vtp")]
     truth: Option<PathBuf>,
-    /// Unit of the file's coordinates: mm, cm, um or m
-    #[arg(long, value_name = "UNIT", value_parser = Units::from_str)]
-    units: Option<Units>,
+    #[command(flatten)]
+    reading: ReadingArgs,
     /// Seed of every random stream
     #[arg(long, default_value_t = 1)]
     seed: u64,
@@ -64,7 +62,7 @@ impl ExperimentArgs {
         let Self { seed, lengthscale, sites, resolution, ref simulation, .. } = *self;
         let file = self.truth.as_deref().or(self.mesh.as_deref());
         ExperimentSettings {
-            mesh: source(file.zip(self.units)),
+            mesh: source(file.map(|path| (path, self.reading.of(path)))),
             truth_is_given: self.truth.is_some(),
             seed,
             lengthscale,

@@ -3,7 +3,6 @@
 //! A blended distance field is triangulated, cut open at five planes and remeshed to the wanted edge
 //! length.  Deterministic: no random numbers, and the same for any number of threads.
 
-mod connectivity;
 mod polygonise;
 mod remesh;
 mod shape;

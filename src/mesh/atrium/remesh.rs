@@ -4,7 +4,7 @@
 //! # Source
 //! Botsch and Kobbelt 2004, A remeshing approach to multiresolution modeling, §4.
 
-use super::connectivity::Connectivity;
+use super::super::connectivity::Connectivity;
 use super::polygonise::Soup;
 use super::shape::Shape;
 use crate::mesh::area_vector;

@@ -1,6 +1,7 @@
 //! The attribute arrays of a legacy VTK file: `POINT_DATA` and `CELL_DATA`.
 
 use super::super::MeshError;
+use super::super::names::decoded;
 use super::scanner::Scanner;
 use super::types::Kind;
 
@@ -115,7 +116,7 @@ fn array(
     n: usize,
     n_components: usize,
 ) -> Result<Array, MeshError> {
-    let name = decode(name);
+    let name = decoded(name);
     let n_values = n.saturating_mul(n_components);
     let values = match (Kind::named(kind), kind.to_ascii_lowercase().as_str()) {
         (Some(kind), _) => scan.reals(n_values, kind, &name)?,
@@ -167,30 +168,4 @@ pub(super) fn word(scan: &Scanner, words: &[String], index: usize) -> Result<Str
 pub(super) fn count(scan: &Scanner, words: &[String], index: usize) -> Result<usize, MeshError> {
     let word = word(scan, words, index)?;
     word.parse().map_err(|_| scan.error("a count", format!("{word:?} in {:?}", words.join(" "))))
-}
-
-/// Array names are percent-encoded.
-fn decode(name: &str) -> String {
-    let mut bytes = Vec::with_capacity(name.len());
-    let mut rest = name.as_bytes();
-    while let Some((&byte, tail)) = rest.split_first() {
-        let code = (byte == b'%').then(|| tail.get(..2)).flatten();
-        let code = code.and_then(|hex| u8::from_str_radix(std::str::from_utf8(hex).ok()?, 16).ok());
-        bytes.push(code.unwrap_or(byte));
-        rest = if code.is_some() { &tail[2..] } else { tail };
-    }
-    String::from_utf8_lossy(&bytes).into_owned()
-}
-
-#[cfg(test)]
-mod tests {
-    use super::decode;
-
-    #[test]
-    fn names_are_percent_decoded() {
-        assert_eq!(decode("LAT%20(ms)"), "LAT (ms)");
-        assert_eq!(decode("100%25"), "100%");
-        assert_eq!(decode("a%zz%4"), "a%zz%4");
-        assert_eq!(decode("%C2%B5V"), "µV");
-    }
 }

@@ -1,8 +1,10 @@
 //! Cells of a legacy VTK file, in the old list form and in the offsets form of version 5.
 
 use super::super::MeshError;
+use super::super::content;
 use super::scanner::Scanner;
 use super::types::Kind;
+use std::path::Path;
 
 /// Cells as lists of point numbers.
 #[derive(Debug, Default)]
@@ -85,6 +87,45 @@ impl Cells {
     pub(super) fn len(&self) -> usize {
         self.starts.len().saturating_sub(1)
     }
+}
+
+/// Adds a cell of an unstructured grid, whose type is `kind`, to the triangles of the file `path`.
+///
+/// # Errors
+/// `NotATriangle` for a cell that is no triangle, polygon, strip, line or point.
+pub(super) fn add_typed(
+    cells: &mut content::Cells,
+    kind: i64,
+    corners: &[i64],
+    path: &Path,
+) -> Result<(), MeshError> {
+    match (kind, corners) {
+        (1..=4, _) => cells.skip(1),
+        (5, [_, _, _]) | (7, [_, _, _, ..]) | (9, [_, _, _, _]) => cells.polygon(corners)?,
+        (6, [_, _, _, ..]) => cells.strip(corners)?,
+        // A pixel's corners stand row by row.
+        (8, &[a, b, c, d]) => cells.polygon(&[a, b, d, c])?,
+        _ => {
+            let got = format!("{} with {} points", cell_type(kind), corners.len());
+            return Err(MeshError::NotATriangle { path: path.into(), cell: cells.len(), got });
+        }
+    }
+    Ok(())
+}
+
+fn cell_type(number: i64) -> String {
+    let name = match number {
+        5 => "a triangle",
+        6 => "a triangle strip",
+        7 => "a polygon",
+        8 => "a pixel",
+        9 => "a quadrilateral",
+        10 => "a tetrahedron",
+        12 => "a hexahedron",
+        22 => "a quadratic triangle",
+        _ => return format!("of VTK type {number}"),
+    };
+    format!("{name} (VTK type {number})")
 }
 
 fn integer_array(scan: &mut Scanner, keyword: &str, n: usize) -> Result<Vec<i64>, MeshError> {

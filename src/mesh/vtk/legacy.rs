@@ -1,23 +1,12 @@
 //! The legacy VTK format, versions 2.0 to 5.1: header, geometry and attributes.
 
-use super::super::{MeshError, tri_mesh};
-use super::attributes::{self, Array, count, skip_metadata, word};
-use super::cells::Cells;
+use super::super::content::{self, Content};
+use super::super::{Array, Data, MeshError, Units};
+use super::attributes::{self, count, skip_metadata, word};
+use super::cells::{Cells, add_typed};
 use super::scanner::Scanner;
 use super::types::Kind;
-use std::collections::BTreeMap;
 use std::path::Path;
-
-/// What a file holds, in its own unit, not yet checked to be a surface.
-#[derive(Debug, Default)]
-pub(in super::super) struct Content {
-    /// Coordinates.
-    pub(in super::super) vertices: Vec<[f64; 3]>,
-    /// Triangles; every index exists.
-    pub(in super::super) triangles: Vec<[u32; 3]>,
-    /// One value per vertex; an array of several components is split into `name_0`, `name_1`, ….
-    pub(in super::super) point_data: BTreeMap<String, Vec<f64>>,
-}
 
 /// Reads `bytes`, the content of `path`.
 ///
@@ -25,15 +14,16 @@ pub(in super::super) struct Content {
 /// `Parse` and `Truncated` with the place, `NotATriangle`, and `IndexOutOfRange`.
 pub(in super::super) fn parse(path: &Path, bytes: &[u8]) -> Result<Content, MeshError> {
     let mut scan = Scanner::new(path, bytes);
-    read_header(&mut scan)?;
+    let units = read_header(&mut scan)?;
     let mut parser = Parser::default();
     while let Some(words) = scan.words() {
         parser.section(&mut scan, &words)?;
     }
-    parser.finish(&scan)
+    Ok(Content { units, ..parser.finish(&scan)? })
 }
 
-fn read_header(scan: &mut Scanner) -> Result<(), MeshError> {
+/// Reads the first three lines; the title may name the unit.
+fn read_header(scan: &mut Scanner) -> Result<Option<Units>, MeshError> {
     const FIRST: &str = "a first line \"# vtk DataFile Version 2.0\" (up to 5.1)";
     let first = scan.line().ok_or_else(|| scan.truncated(FIRST))?;
     let version = first.trim().strip_prefix("# vtk DataFile Version ");
@@ -41,13 +31,14 @@ fn read_header(scan: &mut Scanner) -> Result<(), MeshError> {
     if !major.is_some_and(|major| (1..=5).contains(&major)) {
         return Err(scan.error(FIRST, quoted(&first)));
     }
-    scan.line().ok_or_else(|| scan.truncated("a title line"))?;
+    let title = scan.line().ok_or_else(|| scan.truncated("a title line"))?;
+    let units = Units::in_comment(&title);
     let encoding = scan.line().ok_or_else(|| scan.truncated("ASCII or BINARY"))?;
     match encoding.trim().to_ascii_uppercase().as_str() {
-        "ASCII" => Ok(()),
+        "ASCII" => Ok(units),
         "BINARY" => {
             scan.is_binary = true;
-            Ok(())
+            Ok(units)
         }
         _ => Err(scan.error("ASCII or BINARY", quoted(&encoding))),
     }
@@ -73,11 +64,15 @@ enum Target {
 struct Parser {
     dataset: String,
     vertices: Option<Vec<[f64; 3]>>,
+    /// `POLYGONS` or `CELLS`.
     cells: Option<Cells>,
     cell_types: Vec<i64>,
     strips: Option<Cells>,
+    /// `VERTICES` and `LINES`, which attributes of cells count first.
+    n_others: usize,
     target: Target,
-    point_data: BTreeMap<String, Vec<f64>>,
+    point_data: Data,
+    cell_data: Data,
 }
 
 impl Parser {
@@ -89,7 +84,7 @@ impl Parser {
             "POINTS" => self.points(scan, words)?,
             "POLYGONS" | "CELLS" => self.cells = Some(read_cells(scan, words)?),
             "TRIANGLE_STRIPS" => self.strips = Some(read_cells(scan, words)?),
-            "VERTICES" | "LINES" => drop(read_cells(scan, words)?),
+            "VERTICES" | "LINES" => self.n_others += read_cells(scan, words)?.len(),
             "CELL_TYPES" => {
                 let n = count(scan, words, 1)?;
                 self.cell_types = scan.integers(n, Kind::I32, "CELL_TYPES")?;
@@ -148,29 +143,18 @@ impl Parser {
                 quoted(&words.join(" ")),
             ));
         };
-        let arrays = arrays?;
-        if matches!(self.target, Target::Points) {
-            for array in &arrays {
-                self.keep(array, n_vertices);
-            }
-        }
+        let (data, n) = match self.target {
+            Target::File => return arrays.map(drop),
+            Target::Points => (&mut self.point_data, n_vertices),
+            Target::Cells(n) => (&mut self.cell_data, n),
+        };
+        // Arrays of text were skipped: they have no numbers.
+        let arrays = arrays?.into_iter();
+        let whole = arrays.filter(|a| {
+            a.n_components > 0 && n.checked_mul(a.n_components) == Some(a.values.len()) && n > 0
+        });
+        data.extend(whole.map(|a| (a.name, Array::new(a.n_components, a.values))));
         Ok(())
-    }
-
-    /// Keeps a numeric array that has a tuple for every vertex.
-    fn keep(&mut self, array: &Array, n_vertices: usize) {
-        if array.n_components == 0 || array.values.len() != n_vertices * array.n_components {
-            return;
-        }
-        for component in 0..array.n_components {
-            let name = if array.n_components == 1 {
-                array.name.clone()
-            } else {
-                format!("{}_{component}", array.name)
-            };
-            let values = array.values.iter().skip(component).step_by(array.n_components);
-            self.point_data.insert(name, values.copied().collect());
-        }
     }
 
     fn finish(self, scan: &Scanner) -> Result<Content, MeshError> {
@@ -179,74 +163,25 @@ impl Parser {
         }
         let vertices = self.vertices.ok_or_else(|| scan.truncated("a POINTS section"))?;
         let cells = self.cells.unwrap_or_default();
+        let mut all = content::Cells::new(vertices.len());
         if self.dataset == "UNSTRUCTURED_GRID" {
-            check_types(scan, &cells, &self.cell_types)?;
+            if self.cell_types.len() != cells.len() {
+                let expected = format!("CELL_TYPES {}, one per cell", cells.len());
+                return Err(scan.error(&expected, self.cell_types.len().to_string()));
+            }
+            for (corners, kind) in cells.iter().zip(self.cell_types) {
+                add_typed(&mut all, kind, corners, scan.path())?;
+            }
+        } else {
+            all.skip(self.n_others);
+            cells.iter().try_for_each(|corners| all.polygon(corners))?;
+            self.strips.iter().flat_map(Cells::iter).try_for_each(|strip| all.strip(strip))?;
         }
-        let mut triangles = Vec::with_capacity(cells.len());
-        for (cell, points) in cells.iter().enumerate() {
-            let &[a, b, c] = points else {
-                let got = format!("a polygon of {} points", points.len());
-                return Err(MeshError::NotATriangle { path: scan.path().into(), cell, got });
-            };
-            triangles.push([a, b, c]);
-        }
-        for strip in self.strips.iter().flat_map(Cells::iter) {
-            // Every other triangle of a strip runs the other way round.
-            triangles.extend(
-                strip
-                    .windows(3)
-                    .enumerate()
-                    .map(|(i, t)| if i % 2 == 0 { [t[0], t[1], t[2]] } else { [t[1], t[0], t[2]] }),
-            );
-        }
-        let triangles = indices(&triangles, vertices.len()).map_err(|source| {
-            MeshError::Invalid { path: scan.path().into(), source: source.into() }
-        })?;
-        Ok(Content { vertices, triangles, point_data: self.point_data })
+        Ok(all.into_content(vertices, self.point_data, self.cell_data))
     }
-}
-
-fn indices(triangles: &[[i64; 3]], n_vertices: usize) -> Result<Vec<[u32; 3]>, MeshError> {
-    let mut checked = Vec::with_capacity(triangles.len());
-    for (triangle, &corners) in triangles.iter().enumerate() {
-        tri_mesh::check_range(corners, triangle, n_vertices)?;
-        checked.push(corners.map(|index| index as u32));
-    }
-    Ok(checked)
 }
 
 fn read_cells(scan: &mut Scanner, words: &[String]) -> Result<Cells, MeshError> {
     let (first, second) = (count(scan, words, 1)?, count(scan, words, 2)?);
     Cells::read(scan, &words[0], first, second)
-}
-
-/// Every cell of an unstructured grid must be a triangle, VTK's type 5.
-fn check_types(scan: &Scanner, cells: &Cells, types: &[i64]) -> Result<(), MeshError> {
-    if types.len() != cells.len() {
-        let expected = format!("CELL_TYPES {}, one per cell", cells.len());
-        return Err(scan.error(&expected, types.len().to_string()));
-    }
-    match types.iter().position(|&kind| kind != 5) {
-        None => Ok(()),
-        Some(cell) => Err(MeshError::NotATriangle {
-            path: scan.path().into(),
-            cell,
-            got: cell_type(types[cell]),
-        }),
-    }
-}
-
-fn cell_type(number: i64) -> String {
-    let name = match number {
-        1 => "a vertex",
-        3 => "a line",
-        6 => "a triangle strip",
-        7 => "a polygon",
-        9 => "a quadrilateral",
-        10 => "a tetrahedron",
-        12 => "a hexahedron",
-        22 => "a quadratic triangle",
-        _ => return format!("of VTK type {number}"),
-    };
-    format!("{name} (VTK type {number})")
 }

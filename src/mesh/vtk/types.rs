@@ -1,8 +1,8 @@
-//! The number types a legacy VTK file may hold, and their big-endian bytes.
+//! The number types a file may hold, and their bytes.
 
 /// A number type of the format.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Kind {
+pub(in super::super) enum Kind {
     I8,
     U8,
     I16,
@@ -35,7 +35,7 @@ impl Kind {
     }
 
     /// Bytes of one number.
-    pub(super) fn size(self) -> usize {
+    pub(in super::super) fn size(self) -> usize {
         match self {
             Self::I8 | Self::U8 => 1,
             Self::I16 | Self::U16 => 2,
@@ -52,6 +52,18 @@ impl Kind {
             Self::U64 => self.bits(bytes) as f64,
             _ => self.integer(bytes) as f64,
         }
+    }
+
+    /// The number in `bytes` ([`Self::size`] of them) in either order, as a real.
+    pub(in super::super) fn read(self, bytes: &[u8], is_big_endian: bool) -> f64 {
+        if is_big_endian {
+            return self.real(bytes);
+        }
+        let mut reversed = [0; 8];
+        let reversed = &mut reversed[..self.size().min(bytes.len())];
+        reversed.copy_from_slice(&bytes[..reversed.len()]);
+        reversed.reverse();
+        self.real(reversed)
     }
 
     /// The number in `bytes` ([`Self::size`] of them) of an integer type; a number that does not
@@ -81,6 +93,9 @@ mod tests {
     #[allow(clippy::float_cmp, reason = "bytes must come back exactly")]
     fn big_endian_numbers_come_back() {
         assert_eq!(Kind::F64.real(&(-2.5f64).to_be_bytes()), -2.5);
+        assert_eq!(Kind::F64.read(&(-2.5f64).to_le_bytes(), false), -2.5);
+        assert_eq!(Kind::U16.read(&[1, 2], false), 513.0);
+        assert_eq!(Kind::U16.read(&[1, 2], true), 258.0);
         assert_eq!(Kind::F32.real(&1.25f32.to_be_bytes()), 1.25);
         assert_eq!(Kind::I16.real(&(-3i16).to_be_bytes()), -3.0);
         assert_eq!(Kind::U8.real(&[200]), 200.0);

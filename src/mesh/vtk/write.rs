@@ -1,62 +1,83 @@
-//! Writes VTK files: XML (.vtp) for ParaView, and the legacy format (.vtk).
-//!
-//! A file appears under its name only when it is whole.
+//! Writes VTK files: XML (.vtp, .vtu) for ParaView, and the legacy format (.vtk).
 
-use super::super::{MeshError, TriMesh};
-use crate::store::write_file;
+use super::super::bytes::Encoding;
+use super::super::geometry::{Geometry, Rows};
+use super::super::names::encoded;
 use base64::Engine;
 use base64::engine::general_purpose::STANDARD;
 use std::fmt::Write as _;
-use std::io::Write as _;
-use std::path::Path;
 
-/// How a legacy VTK file holds its numbers.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Encoding {
-    /// Text, in the shortest form that reads back the same.
-    Ascii,
-    /// Big-endian bytes.
-    Binary,
+/// XML `PolyData`.
+pub(in super::super) fn vtp(geometry: &Geometry) -> Vec<u8> {
+    let (n_points, n_cells) = (geometry.vertices.len(), geometry.triangles.len());
+    let mut xml = begun("PolyData");
+    let _ = writeln!(xml, "<Piece NumberOfPoints=\"{n_points}\" NumberOfPolys=\"{n_cells}\">");
+    points(&mut xml, geometry);
+    xml.push_str("<Polys>\n");
+    corners(&mut xml, geometry);
+    xml.push_str("</Polys>\n");
+    ended(xml, geometry, "PolyData")
 }
 
-/// Writes `mesh` and its `point_data` (name, one value per vertex; NaN allowed) as XML .vtp.
-///
-/// # Errors
-/// `DataLength` for an array of another length, `Write` if the file cannot be written.
-pub fn write_vtp(
-    path: &Path,
-    mesh: &TriMesh,
-    point_data: &[(&str, &[f64])],
-) -> Result<(), MeshError> {
-    check_lengths(mesh, point_data)?;
-    let (n_points, n_cells) = (mesh.n_vertices(), mesh.n_triangles());
-    let connectivity = mesh.triangles().iter().flatten().map(|&v| i64::from(v).to_le_bytes());
-    let offsets = (1..=n_cells as i64).map(|i| (3 * i).to_le_bytes());
-    let mut xml = format!(
+/// XML `UnstructuredGrid`.
+pub(in super::super) fn vtu(geometry: &Geometry) -> Vec<u8> {
+    let (n_points, n_cells) = (geometry.vertices.len(), geometry.triangles.len());
+    let mut xml = begun("UnstructuredGrid");
+    let _ = writeln!(xml, "<Piece NumberOfPoints=\"{n_points}\" NumberOfCells=\"{n_cells}\">");
+    points(&mut xml, geometry);
+    xml.push_str("<Cells>\n");
+    corners(&mut xml, geometry);
+    data_array(&mut xml, "UInt8", "types", 1, geometry.triangles.iter().map(|_| [TRIANGLE]));
+    xml.push_str("</Cells>\n");
+    ended(xml, geometry, "UnstructuredGrid")
+}
+
+/// VTK's number of the cell type.
+const TRIANGLE: u8 = 5;
+
+fn begun(kind: &str) -> String {
+    format!(
         "<?xml version=\"1.0\"?>\n\
-         <VTKFile type=\"PolyData\" version=\"1.0\" byte_order=\"LittleEndian\" header_type=\"UInt64\">\n\
-         <PolyData>\n<Piece NumberOfPoints=\"{n_points}\" NumberOfPolys=\"{n_cells}\">\n<Points>\n"
-    );
-    let coordinates = mesh.vertices().iter().flatten().map(|x| x.to_le_bytes());
-    data_array(&mut xml, "Float64", "Points", 3, coordinates);
-    xml.push_str("</Points>\n<Polys>\n");
-    data_array(&mut xml, "Int64", "connectivity", 1, connectivity);
-    data_array(&mut xml, "Int64", "offsets", 1, offsets);
-    xml.push_str("</Polys>\n<PointData>\n");
-    for (name, values) in point_data {
-        data_array(&mut xml, "Float64", name, 1, values.iter().map(|x| x.to_le_bytes()));
+         <VTKFile type=\"{kind}\" version=\"1.0\" byte_order=\"LittleEndian\" header_type=\"UInt64\">\n\
+         <!-- lengths in mm -->\n<{kind}>\n"
+    )
+}
+
+fn points(xml: &mut String, geometry: &Geometry) {
+    xml.push_str("<Points>\n");
+    let coordinates = geometry.vertices.iter().flatten().map(|x| x.to_le_bytes());
+    data_array(xml, "Float64", "Points", 3, coordinates);
+    xml.push_str("</Points>\n");
+}
+
+fn corners(xml: &mut String, geometry: &Geometry) {
+    let connectivity = geometry.triangles.iter().flatten().map(|&v| i64::from(v).to_le_bytes());
+    data_array(xml, "Int64", "connectivity", 1, connectivity);
+    let offsets = (1..=geometry.triangles.len() as i64).map(|i| (3 * i).to_le_bytes());
+    data_array(xml, "Int64", "offsets", 1, offsets);
+}
+
+fn ended(mut xml: String, geometry: &Geometry, kind: &str) -> Vec<u8> {
+    for (section, arrays) in
+        [("PointData", &geometry.point_data), ("CellData", &geometry.cell_data)]
+    {
+        let _ = writeln!(xml, "<{section}>");
+        for Rows { name, width, values } in arrays {
+            data_array(&mut xml, "Float64", name, *width, values.iter().map(|x| x.to_le_bytes()));
+        }
+        let _ = writeln!(xml, "</{section}>");
     }
-    xml.push_str("</PointData>\n</Piece>\n</PolyData>\n</VTKFile>\n");
-    write_whole(path, xml.as_bytes())
+    let _ = write!(xml, "</Piece>\n</{kind}>\n</VTKFile>\n");
+    xml.into_bytes()
 }
 
 /// One array inline: base64 of its length in bytes and then its numbers.
-fn data_array(
+fn data_array<const N: usize>(
     xml: &mut String,
     kind: &str,
     name: &str,
     n_components: usize,
-    numbers: impl Iterator<Item = [u8; 8]>,
+    numbers: impl Iterator<Item = [u8; N]>,
 ) {
     let mut bytes = vec![0; 8];
     numbers.for_each(|number| bytes.extend(number));
@@ -75,18 +96,9 @@ fn escape(name: &str) -> String {
     name.replace('&', "&amp;").replace('<', "&lt;").replace('>', "&gt;").replace('"', "&quot;")
 }
 
-/// Writes `mesh` and its `point_data` (name, one value per vertex; NaN allowed) as legacy VTK 3.0.
-///
-/// # Errors
-/// `DataLength` for an array of another length, `Write` if the file cannot be written.
-pub fn write_vtk(
-    path: &Path,
-    mesh: &TriMesh,
-    point_data: &[(&str, &[f64])],
-    encoding: Encoding,
-) -> Result<(), MeshError> {
-    check_lengths(mesh, point_data)?;
-    let (n_points, n_cells) = (mesh.n_vertices(), mesh.n_triangles());
+/// Legacy VTK 3.0; `encoding` says whether numbers are text or big-endian bytes.
+pub(in super::super) fn legacy(geometry: &Geometry, encoding: Encoding) -> Vec<u8> {
+    let (n_points, n_cells) = (geometry.vertices.len(), geometry.triangles.len());
     let format = match encoding {
         Encoding::Ascii => "ASCII",
         Encoding::Binary => "BINARY",
@@ -94,20 +106,14 @@ pub fn write_vtk(
     let mut out = Legacy { bytes: Vec::new(), encoding };
     out.line(&format!("# vtk DataFile Version 3.0\nsurface in mm\n{format}\nDATASET POLYDATA"));
     out.line(&format!("POINTS {n_points} double"));
-    mesh.vertices().iter().for_each(|p| out.reals(p));
+    geometry.vertices.iter().for_each(|p| out.reals(p));
     out.end_array();
     out.line(&format!("POLYGONS {n_cells} {}", 4 * n_cells));
-    mesh.triangles().iter().for_each(|&[a, b, c]| out.integers([3, a, b, c]));
+    geometry.triangles.iter().for_each(|&[a, b, c]| out.integers([3, a, b, c]));
     out.end_array();
-    if !point_data.is_empty() {
-        out.line(&format!("POINT_DATA {n_points}\nFIELD FieldData {}", point_data.len()));
-    }
-    for (name, values) in point_data {
-        out.line(&format!("{} 1 {n_points} double", percent_encode(name)));
-        values.iter().for_each(|&x| out.reals(&[x]));
-        out.end_array();
-    }
-    write_whole(path, &out.bytes)
+    out.section("POINT_DATA", n_points, &geometry.point_data);
+    out.section("CELL_DATA", n_cells, &geometry.cell_data);
+    out.bytes
 }
 
 struct Legacy {
@@ -116,6 +122,17 @@ struct Legacy {
 }
 
 impl Legacy {
+    fn section(&mut self, keyword: &str, n: usize, arrays: &[Rows]) {
+        if !arrays.is_empty() {
+            self.line(&format!("{keyword} {n}\nFIELD FieldData {}", arrays.len()));
+        }
+        for Rows { name, width, values } in arrays {
+            self.line(&format!("{} {width} {n} double", encoded(name)));
+            values.chunks(*width).for_each(|row| self.reals(row));
+            self.end_array();
+        }
+    }
+
     fn line(&mut self, text: &str) {
         self.bytes.extend(text.bytes());
         self.bytes.push(b'\n');
@@ -149,37 +166,9 @@ impl Legacy {
     }
 }
 
-/// Array names are one word in this format: anything else is written as `%` and two hex digits.
-fn percent_encode(name: &str) -> String {
-    let mut encoded = String::new();
-    for byte in name.bytes() {
-        if byte.is_ascii_graphic() && !matches!(byte, b'%' | b'"') {
-            encoded.push(char::from(byte));
-        } else {
-            let _ = write!(encoded, "%{byte:02X}");
-        }
-    }
-    encoded
-}
-
-fn check_lengths(mesh: &TriMesh, point_data: &[(&str, &[f64])]) -> Result<(), MeshError> {
-    let expected = mesh.n_vertices();
-    match point_data.iter().find(|(_, values)| values.len() != expected) {
-        None => Ok(()),
-        Some((name, values)) => {
-            Err(MeshError::DataLength { name: (*name).into(), expected, got: values.len() })
-        }
-    }
-}
-
-/// Writes under a temporary name in the same folder and renames.
-fn write_whole(path: &Path, bytes: &[u8]) -> Result<(), MeshError> {
-    write_file(path, |file| file.write_all(bytes))
-        .map_err(|source| MeshError::Write { path: path.into(), source })
-}
-
 #[cfg(test)]
 mod tests {
+    use super::super::super::{TriMesh, write_vtp};
     use super::*;
 
     fn triangle() -> TriMesh {
@@ -210,10 +199,5 @@ mod tests {
         assert_eq!(connectivity, [0i64, 1, 2].map(i64::to_le_bytes));
         assert_eq!(decode(&xml, "offsets"), (8, vec![3i64.to_le_bytes()]));
         assert_eq!(decode(&xml, "Points").1[2], 0.5f64.to_le_bytes());
-    }
-
-    #[test]
-    fn names_are_one_word_in_the_legacy_format() {
-        assert_eq!(percent_encode("LAT (ms) 5%"), "LAT%20(ms)%205%25");
     }
 }

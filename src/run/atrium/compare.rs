@@ -45,7 +45,7 @@ impl Earlier {
             let (here, there) = (here.len(), there.len());
             return Err(AtriumError::OtherMesh { file, there, here });
         }
-        let maps = surface.point_data;
+        let maps = surface.scalars();
         match BeatMap::NAMES.into_iter().find(|name| of(&maps, name).is_none()) {
             Some(name) => Err(AtriumError::NoMap { file, name }),
             None => Ok(Self { maps }),

@@ -118,6 +118,6 @@ impl Beat {
     pub fn read(folder: &Path) -> Result<Self, AtriumError> {
         let record = AtriumRecord::read(folder)?;
         let surface = mesh::read(&folder.join(BEAT), Units::Mm)?;
-        Ok(Self { maps: surface.point_data.into_iter().collect(), record })
+        Ok(Self { maps: surface.scalars().into_iter().collect(), record })
     }
 }

@@ -7,7 +7,7 @@ use std::path::Path;
 use sha2::{Digest as _, Sha256};
 
 use super::AtriumError;
-use crate::mesh::{self, Surface, Units};
+use crate::mesh::{self, Reading, Surface};
 use crate::report::FieldDraws;
 use crate::store::Identity;
 
@@ -36,12 +36,12 @@ impl Ground {
         Self { surface, draws: None, hashes: BTreeMap::new() }
     }
 
-    /// The surface in a file, .vtp or .vtk, whose coordinates are in `units`.
+    /// The surface in a file; `reading` may be the unit of its coordinates.
     ///
     /// # Errors
     /// [`AtriumError::Mesh`], [`AtriumError::Io`].
-    pub fn read(file: &Path, units: Units) -> Result<Self, AtriumError> {
-        let surface = mesh::read(file, units)?;
+    pub fn read(file: &Path, reading: impl Into<Reading>) -> Result<Self, AtriumError> {
+        let surface = mesh::read(file, reading)?;
         Self::of(surface).with_hash("hash of the surface", file)
     }
 
@@ -65,8 +65,8 @@ impl Ground {
         Ok(self)
     }
 
-    /// Names of the point data.
+    /// Names of the data.
     pub(super) fn names(&self) -> Vec<String> {
-        self.surface.point_data.keys().cloned().collect()
+        self.surface.names()
     }
 }

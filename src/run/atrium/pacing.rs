@@ -59,16 +59,16 @@ fn region(
     ground: &Ground,
     refined: &Refined,
 ) -> Result<Vec<bool>, AtriumError> {
-    let Some(field) = ground.surface.point_data.get(name) else {
+    let Some(field) = ground.surface.scalar(name) else {
         return Err(AtriumError::NoPointData {
-            what: format!("--pace-region {name}={value}: the surface has no point data {name}"),
+            what: format!("--pace-region {name}={value}: the surface has no data {name}"),
             found: ground.names(),
             help: "give one of these names, or vertices with --pace".to_owned(),
         });
     };
     let is_in: Vec<bool> = field.iter().map(|x| (x - value).abs() < 1e-9).collect();
     if !is_in.contains(&true) {
-        let mut lowest = field.clone();
+        let mut lowest = field;
         lowest.sort_by(f64::total_cmp);
         lowest.dedup();
         lowest.truncate(LISTED);

@@ -67,8 +67,8 @@ fn columns(ground: &Ground, settings: &TissueSettings) -> Result<[Column; 5], At
     let TissueSettings { cv_max, tau_in, tau_out, tau_open, apd_max, .. } = settings;
     let column = |source: &Source, (name, ..): (&str, &str, f64, f64)| match source {
         Source::Number(number) => Ok(Column::Number(*number)),
-        Source::Field(field) => match ground.surface.point_data.get(field) {
-            Some(values) => Ok(Column::Field { name: field.clone(), values: values.clone() }),
+        Source::Field(field) => match ground.surface.scalar(field) {
+            Some(values) => Ok(Column::Field { name: field.clone(), values }),
             None => Err(AtriumError::NoPointData {
                 what: format!("{name} is to be {field:?}, but the surface has no such field"),
                 found: ground.names(),
@@ -95,18 +95,13 @@ fn fibres(
     let (Some(name), Some(ratio)) = (&settings.fibres, settings.anisotropy) else {
         return Ok(None);
     };
-    let component = |k: usize| ground.surface.point_data.get(&format!("{name}_{k}"));
-    let (Some(x), Some(y), Some(z), None) =
-        (component(0), component(1), component(2), component(3))
-    else {
+    let Some(given) = ground.surface.fibres(name) else {
         return Err(AtriumError::NoPointData {
             what: format!("--fibres {name}: the surface has no vectors of this name"),
             found: ground.names(),
-            help: "fibres are point data of three components, NAME_0 to NAME_2 in this list; \
-                   vectors of cells become so by ParaView's filter Cell Data to Point Data"
+            help: "fibres are data of three components, of points or of triangles, NAME_0 to NAME_2 in this list"
                 .to_owned(),
         });
     };
-    let given = (0..x.len()).map(|v| [x[v], y[v], z[v]]).collect();
     Ok(Some(Fibres::new(&refined.mesh, &refined.carry(given, halfway), ratio)?))
 }

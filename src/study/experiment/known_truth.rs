@@ -7,7 +7,7 @@ use super::ExperimentSettings;
 use crate::experiment::{Design, Experiment, TRUTH_MODES, conduction, experiment};
 use crate::manifold::eigenpairs_cached;
 use crate::model::{Declare, Model};
-use crate::run::{self, Domain, Loaded, MeshSource, Origin, Problem, Watch, hash, hash_file};
+use crate::run::{self, Domain, Loaded, MeshSource, Origin, Problem, Watch, hash, hash_mesh};
 use crate::study::StudyError;
 
 /// Range of `CV_max` over the surface, m/s.
@@ -44,6 +44,7 @@ impl<'m> KnownTruth<'m> {
         let fields = settings.given(&surface)?;
         // what a file holds besides would stand beside maps of the same names
         surface.point_data.clear();
+        surface.cell_data.clear();
         let most = surface.mesh.n_vertices() - 1;
         let modes = Model::outline(model)?.n_modes().max(TRUTH_MODES);
         let basis = eigenpairs_cached(&surface.mesh, modes.min(most))?;
@@ -88,7 +89,7 @@ fn hashes(
         ("data".to_owned(), hash(made.measurements.to_csv().as_bytes())),
     ]);
     if let MeshSource::File { path, .. } = mesh {
-        hashes.insert("mesh".to_owned(), hash_file(path)?);
+        hashes.insert("mesh".to_owned(), hash_mesh(path)?);
     }
     Ok(hashes)
 }

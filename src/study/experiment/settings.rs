@@ -54,7 +54,7 @@ impl ExperimentSettings {
         if !self.truth_is_given {
             return Ok(None);
         }
-        let data = &surface.point_data;
+        let data = surface.scalars();
         let field = |field: &&'static str| {
             let found = data.get(&format!("{field}_true")).or_else(|| data.get(*field));
             let file = match &self.mesh {
