@@ -18,7 +18,7 @@ pub use atrium::{Atrium, REGION_NAMES, left_atrium};
 pub use error::{MeshError, Place};
 pub use format::{Format, write};
 pub use refine::Refined;
-pub use repair::repair;
+pub use repair::{repair, repair_arrays};
 pub use surface::{Surface, read};
 pub use tri_mesh::TriMesh;
 pub use units::Units;

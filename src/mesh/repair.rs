@@ -16,15 +16,38 @@ use std::path::Path;
 /// As [`super::read`], for what cannot be repaired: a coordinate that is not finite, corners on one line, an edge of
 /// three or more triangles, and a surface that cannot be oriented (`NotOrientable`).
 pub fn repair(path: &Path, units: Units, tolerance: f64) -> Result<Surface, MeshError> {
-    let mut content = surface::read_content(path, units)?;
-    let invalid =
-        |source: MeshError| MeshError::Invalid { path: path.into(), source: source.into() };
-    tri_mesh::check_finite(&content.vertices).map_err(invalid)?;
+    let content = surface::read_content(path, units)?;
+    mend(content, units, tolerance)
+        .map_err(|source| MeshError::Invalid { path: path.into(), source: source.into() })
+}
+
+/// As [`repair`], of a surface in memory: `vertices` in mm, `triangles` as their indices, and
+/// `point_data` by name (one value per vertex).
+///
+/// # Errors
+/// As [`repair`], and `DataLength`.
+pub fn repair_arrays(
+    vertices: Vec<[f64; 3]>,
+    triangles: Vec<[u32; 3]>,
+    point_data: BTreeMap<String, Vec<f64>>,
+) -> Result<Surface, MeshError> {
+    let expected = vertices.len();
+    if let Some((name, values)) = point_data.iter().find(|(_, values)| values.len() != expected) {
+        return Err(MeshError::DataLength { name: name.clone(), expected, got: values.len() });
+    }
+    mend(Content { vertices, triangles, point_data }, Units::Mm, 0.0)
+}
+
+fn mend(mut content: Content, units: Units, tolerance: f64) -> Result<Surface, MeshError> {
+    tri_mesh::check_finite(&content.vertices)?;
+    for (triangle, corners) in content.triangles.iter().enumerate() {
+        tri_mesh::check_range(corners.map(i64::from), triangle, content.vertices.len())?;
+    }
     let n_joined = join_vertices(&mut content, tolerance);
     let n_dropped = drop_degenerate(&mut content.triangles);
-    tri_mesh::validate(&content.vertices, &content.triangles).map_err(invalid)?;
-    let n_turned = orient(&mut content.triangles).map_err(invalid)?;
-    let mut surface = surface::largest_piece(content, units).map_err(invalid)?;
+    tri_mesh::validate(&content.vertices, &content.triangles)?;
+    let n_turned = orient(&mut content.triangles)?;
+    let mut surface = surface::largest_piece(content, units)?;
     let done = format!(
         "joined {n_joined} vertices, dropped {n_dropped} triangles (a vertex twice, or there twice), \
          turned {n_turned} triangles"

@@ -1,0 +1,127 @@
+//! `eplat import` and what `eplat check` and `eplat run` make of its folders.
+#![allow(clippy::unwrap_used, reason = "tests")]
+
+#[path = "support/carto.rs"]
+mod carto;
+#[path = "support/program.rs"]
+mod program;
+
+use std::io::Write as _;
+use std::path::Path;
+use std::process::Output;
+
+use npyz::zip::ZipWriter;
+use npyz::zip::write::FileOptions;
+use program::{Workplace, shared, text};
+
+fn transcript(output: &Output) -> String {
+    let code = output.status.code().unwrap();
+    format!("exit {code}\n--- stdout\n{}--- stderr\n{}", text(&output.stdout), text(&output.stderr))
+}
+
+/// The tiny CARTO study in the folder `study`, and in `study.zip`.
+fn with_carto(place: &Workplace) {
+    let mut archive = ZipWriter::new(std::fs::File::create(place.path("study.zip")).unwrap());
+    for (name, bytes) in carto::files() {
+        place.file(&format!("study/{name}"), &bytes);
+        archive.start_file(format!("export/{name}"), FileOptions::default()).unwrap();
+        archive.write_all(&bytes).unwrap();
+    }
+    archive.finish().unwrap();
+}
+
+fn ok(place: &Workplace, arguments: &str) -> String {
+    let output = place.eplat(arguments);
+    assert_eq!(output.status.code(), Some(0), "{arguments}\n{}", transcript(&output));
+    text(&output.stdout)
+}
+
+#[test]
+fn a_carto_study_becomes_a_surface_and_a_table() {
+    let place = Workplace::new();
+    with_carto(&place);
+    insta::assert_snapshot!(ok(&place, "import study --out la"));
+    insta::assert_snapshot!(place.read("la/measurements.csv"));
+    let record: serde_json::Value = serde_json::from_str(&place.read("la/import.json")).unwrap();
+    assert_eq!(record["measurements"]["lat"], 8);
+    assert_eq!(record["units"]["bipolar"], "mV");
+    let sources = record["sources"].as_array().unwrap();
+    // all but the two files of the point that is a location only
+    assert_eq!(sources.len(), carto::files().len() - 2);
+    assert!(sources.iter().all(|s| s["sha256"].as_str().unwrap().len() == 64));
+    // an archive of it gives the same table
+    ok(&place, "import study.zip --out zipped");
+    assert_eq!(place.read("zipped/measurements.csv"), place.read("la/measurements.csv"));
+}
+
+#[test]
+fn run_and_check_take_the_folder_as_it_is() {
+    let place = Workplace::new();
+    with_carto(&place);
+    ok(&place, "import study --out la");
+    place.file("lat.rs", include_str!("../models/lat.rs"));
+    place.file("voltage.rs", include_str!("../models/voltage.rs"));
+    let inputs = "--mesh la/surface.vtp --units mm --data la/measurements.csv";
+    let said = ok(&place, &format!("check lat.rs {inputs}"));
+    assert!(said.contains("observe lat: 8 measurements"), "{said}");
+    let run = place
+        .eplat(&format!("run voltage.rs {inputs} --warmup 200 --draws 100 --chains 2 --out out"));
+    let left_out = "left out rows that the model does not observe: 10 of `unipolar`, 8 of `lat`";
+    assert!(text(&run.stderr).contains(left_out), "{}", transcript(&run));
+    assert!(place.path("out/summary.csv").exists(), "{}", transcript(&run));
+}
+
+#[test]
+fn values_on_the_mesh_are_taken_where_that_is_asked() {
+    let place = Workplace::new();
+    with_carto(&place);
+    let said = ok(&place, "import study --out la --mesh-values --thin 15");
+    assert!(said.contains("the mapping system has interpolated them"), "{said}");
+    assert!(said.contains("left out: vertices without a value (1)"), "{said}");
+    let table = place.read("la/measurements.csv");
+    let mut sites: Vec<&str> =
+        table.lines().skip(1).map(|l| l.split(',').next().unwrap()).collect();
+    sites.dedup();
+    // every third vertex of ten, in both directions
+    assert_eq!(sites.len(), 16, "{table}");
+}
+
+#[test]
+fn what_cannot_be_imported_is_said_and_nothing_is_written() {
+    let place = Workplace::new();
+    with_carto(&place);
+    place.file("notes/a.docx", "x").file("raw/a.dat", [0; 64]).file("raw/b.dat", [0; 64]);
+    place.file("broken/1-LA.mesh", carto::mesh().replacen("   1 =  6.0", "   9 =  6.0", 1));
+    place.file("there/a", "x");
+    let said: Vec<String> = [
+        "import nothing --out out",
+        "import notes --out out",
+        "import raw --out out",
+        "import broken --out out",
+        "import study --out out --map 3-RA",
+        "import study --out out --map 2-Empty",
+        "import study --out out --within 0",
+        "import study --out out --source 100",
+        "import study --out there",
+        "import study --out there --force",
+    ]
+    .iter()
+    .map(|arguments| format!("$ eplat {arguments}\n{}", transcript(&place.eplat(arguments))))
+    .collect();
+    insta::assert_snapshot!(said.join("\n"));
+    assert_eq!(place.read("there/a"), "x");
+    ok(&place, "import study --out la");
+    let refused = place.eplat("import study --out la");
+    assert_eq!(refused.status.code(), Some(1));
+    ok(&place, "import study --out la --force");
+}
+
+#[test]
+fn the_export_of_a_real_system_is_imported() {
+    let Some(study) = shared("carto_export") else { return };
+    let place = Workplace::new();
+    let output = place.command("import").arg(&study).args(["--out", "la"]).output().unwrap();
+    let said = transcript(&output).replace(&study.display().to_string(), "carto_export");
+    insta::assert_snapshot!(said);
+    assert!(Path::new(&place.path("la/surface.vtp")).exists());
+}
