@@ -298,6 +298,7 @@ fn the_help_of_every_command() {
         "run",
         "show",
         "check",
+        "import",
         "loop",
         "compare",
         "report",

@@ -76,7 +76,7 @@ fn values_on_the_mesh_are_taken_where_that_is_asked() {
     let place = Workplace::new();
     with_carto(&place);
     let said = ok(&place, "import study --out la --mesh-values --thin 15");
-    assert!(said.contains("the mapping system has interpolated them"), "{said}");
+    assert!(said.contains("they are interpolated or simulated"), "{said}");
     assert!(said.contains("left out: vertices without a value (1)"), "{said}");
     let table = place.read("la/measurements.csv");
     let mut sites: Vec<&str> =

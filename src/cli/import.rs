@@ -118,7 +118,9 @@ impl Command {
         for remark in study.remarks.iter().chain(&map.remarks) {
             writeln!(out, "  {remark}")?;
         }
-        write!(out, "{}", coverage::histogram(&import::distances(&selected.rows)))?;
+        if !selected.is_on_mesh {
+            write!(out, "{}", coverage::histogram_text(&import::distances(&selected.rows)))?;
+        }
         writeln!(out, "wrote {}", self.out.display())?;
         Ok(())
     }
@@ -133,6 +135,15 @@ impl Command {
         let table = Measurements::read(&self.out.join("measurements.csv"))?;
         let said = coverage::in_words(compiled, selected.surface.as_ref(), &table);
         write!(out, "{said}")?;
+        let folder = self.out.display();
+        let mesh = match &selected.surface {
+            Some(_) => format!("--mesh {folder}/surface.vtp --units mm"),
+            None => "--mesh FILE --units UNIT".into(),
+        };
+        writeln!(
+            out,
+            "next: eplat run MODEL.rs {mesh} --data {folder}/measurements.csv --out OUT"
+        )?;
         Ok(())
     }
 }

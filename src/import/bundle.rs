@@ -42,6 +42,8 @@ pub(super) struct Bundle {
     archive: Option<ZipArchive<File>>,
     /// Names, with `/` between folders.
     names: Vec<String>,
+    /// Which of these a name in lower case is.
+    index: BTreeMap<String, usize>,
     /// Size in bytes and SHA-256 of what was read.
     read: BTreeMap<String, (u64, String)>,
 }
@@ -51,8 +53,13 @@ impl Bundle {
     pub(super) fn open(path: &Path) -> Result<Self, ImportError> {
         let read = |reason: std::io::Error| unreadable(path, &reason.to_string(), HELP);
         let is_folder = fs::metadata(path).map_err(read)?.is_dir();
-        let mut bundle =
-            Self { path: path.into(), archive: None, names: vec![], read: BTreeMap::new() };
+        let mut bundle = Self {
+            path: path.into(),
+            archive: None,
+            names: vec![],
+            index: BTreeMap::new(),
+            read: BTreeMap::new(),
+        };
         if is_folder {
             list(path, "", DEPTH, &mut bundle.names).map_err(read)?;
         } else if has_extension(&path.to_string_lossy(), "zip") {
@@ -68,6 +75,8 @@ impl Bundle {
             bundle.names.push(name.to_string_lossy().into_owned());
         }
         bundle.names.sort();
+        let lower = bundle.names.iter().map(|name| name.to_lowercase());
+        bundle.index = lower.zip(0..).collect();
         Ok(bundle)
     }
 
@@ -93,11 +102,10 @@ impl Bundle {
 
     /// The file of this name, upper and lower case alike.
     pub(super) fn find(&self, name: &str) -> Option<String> {
-        let is_same = self.names.binary_search_by(|own| own.as_str().cmp(name)).is_ok();
-        if is_same {
+        if self.names.binary_search_by(|own| own.as_str().cmp(name)).is_ok() {
             return Some(name.into());
         }
-        self.names.iter().find(|own| own.eq_ignore_ascii_case(name)).cloned()
+        self.index.get(&name.to_lowercase()).map(|k| self.names[*k].clone())
     }
 
     /// A file of [`Bundle::names`].

@@ -43,6 +43,12 @@ impl Incidence {
     }
 }
 
+/// Distances of points from a surface, mm.
+pub fn from_surface(mesh: &TriMesh, points: &[[f64; 3]]) -> Vec<f64> {
+    let triangles = Incidence::new(mesh);
+    points.iter().map(|point| triangles.nearest(mesh, *point).1).collect()
+}
+
 /// Distance of a point from a triangle: from its plane if the foot lies inside, else from its nearest edge.
 fn distance(p: Vector3<f64>, [a, b, c]: [Vector3<f64>; 3]) -> f64 {
     let normal = (b - a).cross(&(c - a));

@@ -22,11 +22,12 @@ mod write;
 use std::path::Path;
 
 pub use bundle::Source;
+pub use distance::from_surface;
 pub use error::ImportError;
 pub use on_mesh::Given;
 pub use select::{Options, Row, Selected, select};
 pub use study::{Ground, Map, Point, QUANTITIES, Reading, Shell, Site, Study, Value};
-pub use write::{distances, write};
+pub use write::{distances, histogram, write};
 
 use crate::table::{Measurements, decode};
 use bundle::{Bundle, has_extension};

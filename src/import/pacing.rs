@@ -83,23 +83,32 @@ pub(super) fn read(path: &Path, table: &Table) -> Result<Study, ImportError> {
     Ok(Study { format: "pacing log".into(), maps: vec![map], remarks: vec![] })
 }
 
-/// The ends of the bracket, or the captured and the longer failed tries that contradict each other.
-fn bracket(tries: &[Try]) -> Result<(Option<f64>, Option<f64>), (Vec<&Try>, Vec<&Try>)> {
+/// Lower and upper end; an open end is `None`.
+type Ends = (Option<f64>, Option<f64>);
+
+/// Tries that captured, and longer ones that did not.
+struct Contradiction<'t> {
+    captured: Vec<&'t Try>,
+    failed: Vec<&'t Try>,
+}
+
+/// The ends of the bracket, or the tries that contradict each other.
+fn bracket(tries: &[Try]) -> Result<Ends, Contradiction<'_>> {
     let (yes, no): (Vec<&Try>, Vec<&Try>) = tries.iter().partition(|t| t.captured);
     let upper = yes.iter().map(|t| t.interval).min_by(f64::total_cmp);
     let lower = no.iter().map(|t| t.interval).max_by(f64::total_cmp);
     match (lower, upper) {
         (Some(lower), Some(upper)) if upper <= lower => {
-            let early = yes.into_iter().filter(|t| t.interval <= lower).collect();
-            let late = no.into_iter().filter(|t| t.interval >= upper).collect();
-            Err((early, late))
+            let captured = yes.into_iter().filter(|t| t.interval <= lower).collect();
+            let failed = no.into_iter().filter(|t| t.interval >= upper).collect();
+            Err(Contradiction { captured, failed })
         }
         ends => Ok(ends),
     }
 }
 
 /// The contradiction in words, with its lines.
-fn told(table: &Table, key: &Key, (yes, no): &(Vec<&Try>, Vec<&Try>)) -> String {
+fn told(table: &Table, key: &Key, contradiction: &Contradiction) -> String {
     let list = |tries: &[&Try]| {
         let one = |t: &&Try| format!("{} ms (line {})", t.interval, table.line(t.row));
         tries.iter().map(one).collect::<Vec<_>>().join(", ")
@@ -111,8 +120,8 @@ fn told(table: &Table, key: &Key, (yes, no): &(Vec<&Try>, Vec<&Try>)) -> String 
     });
     format!(
         "contradiction at site {site}, {protocol}{s1}{s2}: captured at {}, but not at {}",
-        list(yes),
-        list(no)
+        list(&contradiction.captured),
+        list(&contradiction.failed)
     )
 }
 
@@ -174,7 +183,7 @@ impl Columns {
         table: &Table,
         (site, protocol, s1, s2): &Key,
         tries: &[Try],
-        (lower, upper): (Option<f64>, Option<f64>),
+        (lower, upper): Ends,
     ) -> Result<Point, DataError> {
         let first = tries[0].row;
         let mut point = Point::at(site.clone(), place(table, first)?);

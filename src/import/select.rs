@@ -99,6 +99,8 @@ pub fn select(study: &mut Study, options: &Options) -> Result<Selected, ImportEr
     }
     selected.note_no_surface();
     selected.find_source(options.source)?;
+    // rows count the vertices of the file that is written
+    selected.surface = selected.surface.map(|s| Surface::new(s.mesh, s.point_data));
     Ok(selected)
 }
 
@@ -114,7 +116,10 @@ fn chosen(study: &mut Study, options: &Options) -> Result<Map, ImportError> {
     };
     let what = match (&found[..], &options.map) {
         ([one], _) => return Ok(study.maps.remove(*one)),
-        (_, Some(name)) => format!("the study has no map `{name}`; it has"),
+        ([], Some(name)) => format!("the study has no map `{name}`; it has"),
+        (several, Some(name)) => {
+            format!("{} maps are called `{name}`; the study has", several.len())
+        }
         ([], None) if study.maps.len() == 1 => return Ok(study.maps.remove(0)),
         ([], None) => "no map of the study has both a surface and measurements; it has".into(),
         (several, None) => format!("{} maps of the study can be imported; it has", several.len()),
@@ -230,7 +235,7 @@ impl Selected {
         (self.rows, self.is_on_mesh) = (rows, true);
         let why = if is_choice { "as asked" } else { "the map has no points with a value" };
         self.map.remarks.push(format!(
-            "the values on the mesh are taken as measurements ({why}): the mapping system has interpolated them, so that neighbours are not independent and fits will be too sure; --thin MM spreads them out"
+            "the values on the mesh are taken as measurements ({why}): they are interpolated or simulated, so that neighbours are not independent and fits will be too sure; --thin MM spreads them out"
         ));
         for (n, what) in [
             (n_empty, "vertices without a value"),
@@ -284,8 +289,11 @@ fn spread(surface: &Surface, candidates: &[usize], distance: f64) -> Vec<usize> 
             (0..3).map(|k| (p[k] - q[k]).powi(2)).sum::<f64>() < distance * distance
         };
         let [i, j, k] = cell(p);
-        let around = (-1..=1).flat_map(|a| (-1..=1).map(move |b| (a, b)));
-        let mut around = around.flat_map(|(a, b)| (-1..=1).map(move |c| [i + a, j + b, k + c]));
+        let around = (-1_i64..=1).flat_map(|a| (-1_i64..=1).map(move |b| (a, b)));
+        let mut around = around.flat_map(|(a, b)| {
+            (-1_i64..=1)
+                .map(move |c| [i.saturating_add(a), j.saturating_add(b), k.saturating_add(c)])
+        });
         if !around.any(|key| cells.get(&key).is_some_and(|own| own.iter().any(is_near))) {
             cells.entry([i, j, k]).or_default().push(*v);
             kept.push(*v);

@@ -154,14 +154,16 @@ impl Selected {
     }
 }
 
-/// How far the sites lie from the surface: for each range of distances in mm, how many sites.
+/// How far the sites of rows lie from the surface: see [`histogram`].
 pub fn distances(rows: &[Row]) -> Vec<(String, usize)> {
+    histogram(rows.iter().map(|row| (row.site.as_str(), row.off_surface)).collect())
+}
+
+/// For each range of distances in mm, how many sites lie so far from the surface; nothing where no
+/// distance is known. A site counts once.
+pub fn histogram(mut sites: Vec<(&str, f64)>) -> Vec<(String, usize)> {
     const ENDS: [f64; 7] = [0.0, 1.0, 2.0, 3.0, 5.0, 10.0, f64::INFINITY];
-    let mut sites: Vec<(&str, f64)> = rows
-        .iter()
-        .filter(|row| row.off_surface.is_finite())
-        .map(|row| (row.site.as_str(), row.off_surface))
-        .collect();
+    sites.retain(|(_, distance)| distance.is_finite());
     sites.sort_by(|a, b| a.0.cmp(b.0));
     sites.dedup_by(|a, b| a.0 == b.0);
     let range = |ends: &[f64]| {

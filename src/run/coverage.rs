@@ -14,14 +14,15 @@ pub struct Coverage {
     pub missing: Option<String>,
 }
 
-/// What `table`, which may not be placed yet, has for `model`. `None` where no row is of a protocol of the
+/// What `table`, which may not be placed yet, has for `model` on a surface, in whose file's unit (mm each)
+/// places are. `None` where no row is of a protocol of the
 /// model, so that the two have nothing to do with each other.
 ///
 /// The model is laid out as for a run, on a basis of made-up numbers: what it reads of the table does not
 /// depend on them.
 pub fn coverage(
     model: &dyn Declare,
-    surface: Option<&Surface>,
+    surface: Option<(&Surface, f64)>,
     table: &Measurements,
 ) -> Option<Coverage> {
     let outline = Model::outline(model).ok()?;
@@ -45,7 +46,7 @@ pub fn coverage(
 fn laid_out(
     model: &dyn Declare,
     outline: &Model,
-    surface: Option<&Surface>,
+    surface: Option<(&Surface, f64)>,
     table: &Measurements,
 ) -> Result<(), String> {
     let first = |text: String| text.lines().next().unwrap_or_default().to_owned();
@@ -53,7 +54,7 @@ fn laid_out(
     let readers = outline.readers();
     table.drop_unread(&readers);
     table.check_protocols(&readers).map_err(|e| first(e.to_string()))?;
-    let Some(surface) = surface else {
+    let Some((surface, scale)) = surface else {
         let is_free = !outline.has_fields();
         let laid_out = Model::new(model, None, &table).map(drop);
         return if is_free { laid_out.map_err(|e| first(e.to_string())) } else { Ok(()) };
@@ -63,7 +64,7 @@ fn laid_out(
     if n_modes > n_vertices {
         return Err(format!("{n_modes} modes, more than the surface has vertices ({n_vertices})"));
     }
-    table.place_on(surface, 1.0).map_err(|e| first(e.to_string()))?;
+    table.place_on(surface, scale).map_err(|e| first(e.to_string()))?;
     // one mode is enough for the lengths of paths
     let one = made_up(n_vertices, 1);
     table.probe(surface, &one).map_err(|e| first(e.to_string()))?;

@@ -30,7 +30,7 @@ pub(crate) fn surface(kind: &str) -> String {
 
 /// File `k` of two, with two points each: the second of file 2 is not used.
 pub(crate) fn dxl(k: usize) -> String {
-    let used = if k == 2 { 0 } else { 1 };
+    let used = i32::from(k != 2);
     format!(
         "St. Jude Medical. File Revision : 5.2\nExport Data Element : DxL\nTotal number of data points (columns):,2\nThis is file {k} of 2 for map,SR µV\nBegin data\npt number:,{0},{1}\nroving x:,{2},{3}\nroving y:,0,6\nroving z:,0.5,0.5\nrov LAT:,3.51,3.525\nref LAT:,3.5,3.5\nend time:,4,4\npeak2peak:,1.5,0.25\nutilized:,1,{used}\ndisplayed:,1,1\nSeg data len:,8\nExported seconds:,8\nSample rate:,2034.5\nrov trace:,A,B\n0,0\nEOF\n",
         2 * k - 1,

@@ -253,9 +253,9 @@ mod tests {
     fn empty_colours_are_noticed() {
         let text = example::mesh();
         let (before, _) = text.split_once("[VerticesColorsSection]").unwrap();
-        let empty = before.to_owned()
-            + "[VerticesColorsSection]\n; Unipolar Bipolar\n\n"
-            + &(0..102).map(|v| format!("{v} = -10000 -10000\n")).collect::<String>();
+        let colours: Vec<String> = (0..102).map(|v| format!("{v} = -10000 -10000")).collect();
+        let head = "[VerticesColorsSection]\n; Unipolar Bipolar\n\n";
+        let empty = before.to_owned() + head + &colours.join("\n");
         assert!(parse("m.mesh", &empty).unwrap().has_empty_colours);
     }
 

@@ -56,19 +56,16 @@ pub(super) fn is_carto(bundle: &mut Bundle) -> bool {
 /// A file that is there and damaged.
 pub(super) fn read(bundle: &mut Bundle) -> Result<Study, ImportError> {
     let mut study = Study { format: "CARTO 3 export".into(), ..Study::default() };
-    let listed = match study_file(bundle) {
-        Some(file) => {
-            let folder = folder_of(&file).to_owned();
-            listed(&file, &folder, &decode(&bundle.read(&file)?))?
-        }
-        None => {
-            study.remarks.push(
-                "no study file (<Study name=…>): maps are taken from the .mesh files, without tags"
-                    .into(),
-            );
-            let meshes = bundle.with_extension("mesh");
-            meshes.into_iter().map(Entry::of_mesh).collect()
-        }
+    let listed = if let Some(file) = study_file(bundle) {
+        let folder = folder_of(&file).to_owned();
+        listed(&file, &folder, &decode(&bundle.read(&file)?))?
+    } else {
+        study.remarks.push(
+            "no study file (<Study name=…>): maps are taken from the .mesh files, without tags"
+                .into(),
+        );
+        let meshes = bundle.with_extension("mesh");
+        meshes.iter().map(|name| Entry::of_mesh(name)).collect()
     };
     for entry in listed {
         study.maps.push(entry.read(bundle)?);
@@ -87,9 +84,9 @@ struct Entry {
 }
 
 impl Entry {
-    fn of_mesh(name: String) -> Self {
-        let folder = folder_of(&name).to_owned();
-        let base = base_of(&name);
+    fn of_mesh(name: &str) -> Self {
+        let folder = folder_of(name).to_owned();
+        let base = base_of(name);
         let stem = base.get(..base.len().saturating_sub(".mesh".len())).unwrap_or(base);
         Self { name: stem.into(), folder, meshes: vec![base.into()], ..Self::default() }
     }

@@ -49,15 +49,14 @@ pub(super) fn add(
             point.cells.insert("tag".into(), tags.join(" + "));
         }
         let own = files.get(&id).and_then(|file| bundle.find(&format!("{folder}{file}")));
-        match own {
-            Some(file) => exported(&mut point, &row, &file, map, bundle)?,
-            None => {
-                missing.exports += 1;
-                point.measure("bipolar", valid(row.bipolar));
-                point.measure("unipolar", valid(row.unipolar));
-                point.measure("lat", valid(row.lat));
-                point.know("impedance_ohm", valid(row.impedance));
-            }
+        if let Some(file) = own {
+            exported(&mut point, &row, &file, map, bundle)?;
+        } else {
+            missing.exports += 1;
+            point.measure("bipolar", valid(row.bipolar));
+            point.measure("unipolar", valid(row.unipolar));
+            point.measure("lat", valid(row.lat));
+            point.know("impedance_ohm", valid(row.impedance));
         }
         let force = format!("{folder}{}_{}_ContactForce.txt", map.name, point.name);
         match bundle.find(&force) {

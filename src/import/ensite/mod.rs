@@ -1,5 +1,5 @@
 //! EnSite: the contact mapping of Precision, and EnSite X. A map is a folder with a surface (XML of
-//! version SJM_DIF_5.0) and tables of points.
+//! version `SJM_DIF_5.0`) and tables of points.
 //!
 //! Not yet tried on a real export: every import says so.
 //!

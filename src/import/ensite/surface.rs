@@ -1,4 +1,4 @@
-//! The surface of EnSite: XML of version SJM_DIF_5.0. What kind of map its values are stands in the
+//! The surface of EnSite: XML of version `SJM_DIF_5.0`. What kind of map its values are stands in the
 //! comment before them.
 
 use roxmltree::{Document, Node};
@@ -108,7 +108,9 @@ impl Surface {
             let is_unmapped = |v: &usize| (status[*v] - UNMAPPED).abs() < 0.5;
             let unmapped: Vec<usize> = (0..n).filter(is_unmapped).collect();
             for values in self.shell.data.values_mut() {
-                unmapped.iter().for_each(|v| values[*v] = f64::NAN);
+                for v in &unmapped {
+                    values[*v] = f64::NAN;
+                }
             }
             self.n_unmapped = unmapped.len();
         }

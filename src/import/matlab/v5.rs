@@ -9,6 +9,7 @@
 use std::io::Read as _;
 
 use flate2::read::ZlibDecoder;
+use num_traits::ToPrimitive as _;
 
 use super::{Found, Matrix};
 use crate::import::ImportError;
@@ -257,7 +258,7 @@ impl Element<'_> {
                 let (chunks, _) = self.bytes.as_chunks::<{ size_of::<$t>() }>();
                 let read =
                     if mat.is_big_endian { <$t>::from_be_bytes } else { <$t>::from_le_bytes };
-                chunks.iter().map(|bytes| read(*bytes) as f64).collect()
+                chunks.iter().filter_map(|bytes| read(*bytes).to_f64()).collect()
             }};
         }
         match self.kind {
