@@ -72,6 +72,46 @@ fn run_and_check_take_the_folder_as_it_is() {
 }
 
 #[test]
+fn the_table_saved_by_a_spreadsheet_is_the_same() {
+    let place = Workplace::new();
+    with_carto(&place);
+    ok(&place, "import study --out la");
+    place.file("lat.rs", include_str!("../models/lat.rs"));
+    let german = |cell: &str| cell.replace('.', ",");
+    let saved: Vec<String> = place
+        .read("la/measurements.csv")
+        .lines()
+        .map(|line| line.split(',').map(german).collect::<Vec<_>>().join(";") + ";;\r\n")
+        .collect();
+    place.file(
+        "saved.csv",
+        "\u{feff}".to_owned() + &saved.concat().replacen("value", "Value [ms]", 1),
+    );
+    let check = |table: &str| {
+        let command = format!("check lat.rs --mesh la/surface.vtp --units mm --data {table}");
+        let output = place.eplat(&command);
+        assert_eq!(output.status.code(), Some(0), "{}", transcript(&output));
+        let density = text(&output.stdout);
+        let density = density.lines().find(|line| line.starts_with("log density")).unwrap();
+        (density.split(';').next().unwrap().to_owned(), text(&output.stderr))
+    };
+    let (density, said) = check("saved.csv");
+    assert_eq!(density, check("la/measurements.csv").0);
+    assert!(said.contains("read with semicolons between cells and decimal commas"), "{said}");
+}
+
+#[test]
+fn one_of_several_maps_is_named() {
+    let place = Workplace::new();
+    let mesh = carto::mesh();
+    place.file("two/A.mesh", &mesh).file("two/B.mesh", &mesh);
+    insta::assert_snapshot!(transcript(&place.eplat("import two --out out")));
+    let said = ok(&place, "import two --out out --map B");
+    assert!(said.contains("no study file"), "{said}");
+    assert!(said.contains("the map has no points with a value"), "{said}");
+}
+
+#[test]
 fn values_on_the_mesh_are_taken_where_that_is_asked() {
     let place = Workplace::new();
     with_carto(&place);

@@ -18,13 +18,12 @@ fn blocks<'p>(page: &'p str, language: &str) -> Vec<&'p str> {
 fn shell() -> String {
     let n = 10;
     let vertex = |v: usize| (6 * (v % n), 6 * (v / n));
-    let lines = |line: &dyn Fn(usize) -> String| (0..n * n).map(line).collect::<String>();
+    let lines = |line: &dyn Fn(usize) -> String| (0..n * n).map(line).collect::<Vec<_>>().concat();
     let points = lines(&|v| format!("{} {} 0\n", vertex(v).0, vertex(v).1));
     let times = lines(&|v| format!("{}\n", vertex(v).0 + vertex(v).1));
     let squares = (0..n * (n - 1)).filter(|v| v % n < n - 1);
-    let triangles: String = squares
-        .map(|v| format!("3 {} {} {}\n3 {} {} {}\n", v, v + 1, v + n, v + 1, v + n + 1, v + n))
-        .collect();
+    let square = |v| format!("3 {} {} {}\n3 {} {} {}\n", v, v + 1, v + n, v + 1, v + n + 1, v + n);
+    let triangles = squares.map(square).collect::<Vec<String>>().concat();
     format!(
         "# vtk DataFile Version 3.0\nshell\nASCII\nDATASET POLYDATA\nPOINTS 100 double\n{points}POLYGONS 162 648\n{triangles}POINT_DATA 100\nSCALARS activation_times double\nLOOKUP_TABLE default\n{times}"
     )
