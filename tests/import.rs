@@ -141,6 +141,7 @@ fn what_cannot_be_imported_is_said_and_nothing_is_written() {
         "import study --out out --map 3-RA",
         "import study --out out --map 2-Empty",
         "import study --out out --within 0",
+        "import study --out out --units cm",
         "import study --out out --source 100",
         "import study --out there",
         "import study --out there --force",

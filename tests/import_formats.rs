@@ -41,9 +41,10 @@ fn openep_of_either_version_gives_the_same() {
     let place = Workplace::new();
     place.file("case.mat", mat::openep(None));
     place.file("v73/case.mat", include_bytes!("studies/openep_v73.mat"));
+    place.file("v73/notes.txt", "a folder with the file and something else");
     insta::assert_snapshot!(ok(&place, "import case.mat --out a"));
     insta::assert_snapshot!(place.read("a/measurements.csv"));
-    let said = ok(&place, "import v73/case.mat --out b");
+    let said = ok(&place, "import v73 --out b");
     assert!(said.contains("OpenEP, MATLAB file of version 7.3"), "{said}");
     assert_eq!(place.read("a/measurements.csv"), place.read("b/measurements.csv"));
     let surfaces =
@@ -116,6 +117,10 @@ C;6;6;0;600;290;;yes;9,25;;\r
     place.file("log.csv", log);
     insta::assert_snapshot!(ok(&place, "import log.csv --mesh sheet.vtk --out a"));
     insta::assert_snapshot!(place.read("a/measurements.csv"));
+    let record: serde_json::Value = serde_json::from_str(&place.read("a/import.json")).unwrap();
+    let names: Vec<&str> =
+        record["sources"].as_array().unwrap().iter().map(|s| s["name"].as_str().unwrap()).collect();
+    assert_eq!(names, ["log.csv", "sheet.vtk"]);
     let said = ok(&place, "import log.csv --out b --closed");
     assert!(said.contains("left out: brackets with an open end (1)"), "{said}");
     assert!(said.contains("no surface: --mesh FILE places the measurements now"), "{said}");

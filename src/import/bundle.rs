@@ -152,6 +152,13 @@ impl Bundle {
     }
 }
 
+/// A file that another reader reads.
+pub(super) fn source_of(path: &Path) -> Result<Source, ImportError> {
+    let bytes = fs::read(path).map_err(|e| unreadable(path, &e.to_string(), HELP))?;
+    let sha256 = format!("{:x}", Sha256::digest(&bytes));
+    Ok(Source { name: path.display().to_string(), bytes: bytes.len() as u64, sha256 })
+}
+
 /// Whether a file's name ends in this extension, upper and lower case alike.
 pub(super) fn has_extension(name: &str, extension: &str) -> bool {
     Path::new(name).extension().is_some_and(|e| e.eq_ignore_ascii_case(extension))

@@ -41,24 +41,24 @@ const KNOWN: &str = "eplat reads an export of CARTO 3 or EnSite (folder or zip),
 /// Nothing there is known, or a file is damaged.
 pub fn read(path: &Path, given: &Given) -> Result<(Study, Vec<Source>), ImportError> {
     let mut bundle = Bundle::open(path)?;
-    let study = match the_file(&bundle) {
-        Some(file) => read_file(&file, path, given, &mut bundle)?,
-        None if carto::is_carto(&mut bundle) => carto::read(&mut bundle)?,
-        None if ensite::is_ensite(&mut bundle) => ensite::read(&mut bundle)?,
-        None => return Err(unknown(&mut bundle)),
+    if bundle.is_file() {
+        let file = bundle.names().first().cloned().unwrap_or_default();
+        let study = read_file(&file, path, given, &mut bundle)?;
+        let mut sources = bundle.sources();
+        sources.extend(given.mesh.as_deref().map(bundle::source_of).transpose()?);
+        return Ok((study, sources));
+    }
+    given.check_unused(path)?;
+    let study = if carto::is_carto(&mut bundle) {
+        carto::read(&mut bundle)?
+    } else if ensite::is_ensite(&mut bundle) {
+        ensite::read(&mut bundle)?
+    } else if let [file] = &bundle.with_extension("mat")[..] {
+        openep::read(file, bundle.read(file)?)?
+    } else {
+        return Err(unknown(&mut bundle));
     };
     Ok((study, bundle.sources()))
-}
-
-/// The file, if one was given that is no archive; in an archive or folder the only file of OpenEP.
-fn the_file(bundle: &Bundle) -> Option<String> {
-    if bundle.is_file() {
-        return bundle.names().first().cloned();
-    }
-    match &bundle.with_extension("mat")[..] {
-        [one] => Some(one.clone()),
-        _ => None,
-    }
 }
 
 /// A study in one file, by its extension.
@@ -69,6 +69,9 @@ fn read_file(
     bundle: &mut Bundle,
 ) -> Result<Study, ImportError> {
     let is = |extension: &str| has_extension(file, extension);
+    if is("mat") || is("mesh") {
+        given.check_unused(path)?;
+    }
     if is("mat") {
         return openep::read(file, bundle.read(file)?);
     }

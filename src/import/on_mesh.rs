@@ -39,6 +39,27 @@ const ALIASES: [(&str, &[&str]); 3] = [
 ];
 
 impl Given {
+    /// Complains about anything that is said of an export, which tells all of it.
+    pub(super) fn check_unused(&self, path: &Path) -> Result<(), ImportError> {
+        let said = [
+            ("--mesh", self.mesh.is_some()),
+            ("--units", self.units.is_some()),
+            ("--as", self.quantity.is_some()),
+            ("--array", self.array.is_some()),
+            ("--frame", self.frame.is_some()),
+        ];
+        match said.iter().find(|(_, is_said)| *is_said) {
+            None => Ok(()),
+            Some((option, _)) => Err(ImportError::Unusable {
+                file: path.display().to_string(),
+                what: format!(
+                    "{option} is not for an export, which has its surface and says its quantities"
+                ),
+                help: format!("leave {option} out"),
+            }),
+        }
+    }
+
     /// Reads and mends a mesh.
     pub(super) fn surface(&self, path: &Path) -> Result<Surface, ImportError> {
         let is_carp = path.extension().is_some_and(|e| e == "pts" || e == "elem");
