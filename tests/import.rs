@@ -101,6 +101,25 @@ fn the_table_saved_by_a_spreadsheet_is_the_same() {
 }
 
 #[test]
+fn what_is_damaged_of_a_study_does_not_end_it() {
+    let place = Workplace::new();
+    with_carto(&place);
+    place.file("study/1-LA_P1_Point_Export.xml", "<Point ID=\"1\"><Annot");
+    place.file("study/2-Empty.mesh", "no mesh");
+    std::fs::remove_file(place.path("study/1-LA_P2_Point_Export.xml")).unwrap();
+    let said = ok(&place, "import study --out la");
+    for expected in [
+        "the own files of 1 points cannot be read (1-LA_P1_Point_Export.xml: no valid XML",
+        "1 points have no file of their own",
+        "(2-Empty.mesh, line 1: expected #TriangulatedMeshVersion2.0, got `no mesh`)",
+        "10 measurements of bipolar",
+        "6 measurements of lat",
+    ] {
+        assert!(said.contains(expected), "{expected}\n{said}");
+    }
+}
+
+#[test]
 fn one_of_several_maps_is_named() {
     let place = Workplace::new();
     let mesh = carto::mesh();
@@ -138,6 +157,7 @@ fn what_cannot_be_imported_is_said_and_nothing_is_written() {
         "import notes --out out",
         "import raw --out out",
         "import broken --out out",
+        "import study/1-LA_P1_Point_Export.xml --out out",
         "import study --out out --map 3-RA",
         "import study --out out --map 2-Empty",
         "import study --out out --within 0",

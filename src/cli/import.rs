@@ -102,11 +102,7 @@ impl Command {
         let map = &selected.map;
         writeln!(out, "{}: {}", study.format, self.path.display())?;
         for other in &study.maps {
-            let remarks = match &other.remarks[..] {
-                [] => String::new(),
-                remarks => format!(" ({})", remarks.join("; ")),
-            };
-            writeln!(out, "not imported: {}{remarks}", other.in_words().trim_start())?;
+            writeln!(out, "not imported: {}", other.in_words().trim_start())?;
         }
         writeln!(out, "map {}", map.name)?;
         for (protocol, n) in selected.counts() {

@@ -123,7 +123,9 @@ fn unknown(bundle: &mut Bundle) -> ImportError {
     let sample = names.iter().take(50);
     let n_binary = sample.clone().filter(|name| is_binary(name)).count();
     let archives = names.iter().filter(|name| bundle::has_extension(name, "zip")).count();
-    let help = if names.len() > 1 && archives > 0 {
+    let help = if bundle.is_file() && bundle::has_extension(&names.concat(), "xml") {
+        "if this belongs to an export, give the folder that it lies in".to_owned()
+    } else if names.len() > 1 && archives > 0 {
         "the folder holds archives: give one of them".to_owned()
     } else if names.len() > 1 && 2 * n_binary > sample.len() {
         format!(

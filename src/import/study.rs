@@ -139,7 +139,14 @@ impl Map {
             [] => "no values on it".into(),
             names => format!("{} on it", names.join(", ")),
         };
-        format!("  {}: {ground}, {on_mesh}, {measured} points with a measurement", self.name)
+        let remarks = match &self.remarks[..] {
+            [] => String::new(),
+            remarks => format!(" ({})", remarks.join("; ")),
+        };
+        format!(
+            "  {}: {ground}, {on_mesh}, {measured} points with a measurement{remarks}",
+            self.name
+        )
     }
 }
 

@@ -67,10 +67,28 @@ pub(super) fn read(bundle: &mut Bundle) -> Result<Study, ImportError> {
         let meshes = bundle.with_extension("mesh");
         meshes.iter().map(|name| Entry::of_mesh(name)).collect()
     };
+    let mut first = None;
     for entry in listed {
-        study.maps.push(entry.read(bundle)?);
+        let name = entry.name.clone();
+        match entry.read(bundle) {
+            Ok(map) => study.maps.push(map),
+            // a map with a damaged file does not keep the others from being imported
+            Err(error) => {
+                let remarks = vec![first_line(&error)];
+                study.maps.push(Map { name, remarks, ..Map::default() });
+                first = first.or(Some(error));
+            }
+        }
     }
-    Ok(study)
+    match first {
+        Some(error) if !study.maps.iter().any(Map::is_usable) => Err(error),
+        _ => Ok(study),
+    }
+}
+
+/// What an error says is wrong, without its help.
+fn first_line(error: &ImportError) -> String {
+    error.to_string().lines().next().unwrap_or_default().to_owned()
 }
 
 /// A map as the study file lists it.

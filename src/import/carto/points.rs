@@ -25,7 +25,7 @@ const PLACE_ALONE: &str = "Location Only";
 /// Adds the points of the map to it.
 ///
 /// # Errors
-/// A file that is there and damaged. A file that is missing is a remark.
+/// A damaged list of points. What is missing or damaged of one point is a remark.
 pub(super) fn add(
     map: &mut Map,
     folder: &str,
@@ -49,10 +49,12 @@ pub(super) fn add(
             point.cells.insert("tag".into(), tags.join(" + "));
         }
         let own = files.get(&id).and_then(|file| bundle.find(&format!("{folder}{file}")));
-        if let Some(file) = own {
-            exported(&mut point, &row, &file, map, bundle)?;
-        } else {
-            missing.exports += 1;
+        let read = own.map(|file| exported(&mut point, &row, &file, map, bundle));
+        if !matches!(read, Some(Ok(()))) {
+            match read {
+                Some(Err(error)) => missing.damaged.push(super::first_line(&error)),
+                _ => missing.exports += 1,
+            }
             point.measure("bipolar", valid(row.bipolar));
             point.measure("unipolar", valid(row.unipolar));
             point.measure("lat", valid(row.lat));
@@ -76,10 +78,12 @@ pub(super) fn add(
     Ok(())
 }
 
-/// Files of points that are not there.
+/// Files of points that are not there, or cannot be read.
 #[derive(Default)]
 struct Missing {
     exports: usize,
+    /// What is wrong with those that are there and cannot be read.
+    damaged: Vec<String>,
     forces: usize,
 }
 
@@ -90,6 +94,12 @@ impl Missing {
             map.remarks.push(format!(
                 "{} points have no file of their own (NAME_P*_Point_Export.xml): their values are those of NAME_car.txt, and no window of interest is known",
                 self.exports
+            ));
+        }
+        if let Some(first) = self.damaged.first() {
+            map.remarks.push(format!(
+                "the own files of {} points cannot be read ({first}): their values are those of NAME_car.txt",
+                self.damaged.len()
             ));
         }
         if self.forces > 0 && self.forces < n {
@@ -159,6 +169,7 @@ fn point_files(
 }
 
 /// What stands in the file of a point: annotations, window of interest, voltages, impedances, catheter.
+/// Nothing is taken of a file that cannot be read.
 fn exported(
     point: &mut Point,
     row: &Row,
