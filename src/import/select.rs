@@ -264,7 +264,12 @@ impl Selected {
             }
             _ => None,
         };
-        let earliest = self.rows.iter().filter_map(time).min_by(|a, b| a.0.total_cmp(&b.0));
+        let earlier = |a: &(f64, u32), b: &(f64, u32)| a.0.total_cmp(&b.0);
+        let of_rows = self.rows.iter().filter_map(time).min_by(earlier);
+        // what was thinned out counts, too
+        let values = surface.point_data.get("lat").filter(|_| self.is_on_mesh);
+        let on_mesh = values.into_iter().flatten().copied().zip(0..);
+        let earliest = on_mesh.filter(|(ms, _)| ms.is_finite()).min_by(earlier).or(of_rows);
         self.source = given.or(earliest.map(|(_, vertex)| vertex));
         if let (Some((ms, vertex)), None) = (earliest, given) {
             self.map.remarks.push(format!(
