@@ -6,7 +6,7 @@
 //! |---|---|
 //! | 7 | [`cli`] |
 //! | 6 | [`study`], [`criticism`] |
-//! | 5 | [`run`], [`report`] |
+//! | 5 | [`run`], [`report`], [`import`] |
 //! | 4 | [`experiment`]; `models/*.rs`, through [`prelude`] only |
 //! | 3 | [`model`](mod@model) |
 //! | 2 | [`table`], [`field`], [`surrogate`], [`infer`], [`diagnostics`] |
@@ -24,6 +24,7 @@ pub mod ep;
 pub mod error;
 pub mod experiment;
 pub mod field;
+pub mod import;
 pub mod infer;
 pub mod likelihood;
 pub mod manifold;

@@ -46,7 +46,7 @@ mod voltage;
 /// The model in a file of the folder `models`, with its text.
 macro_rules! shipped {
     ($file:literal, $model:expr) => {
-        Compiled { source: include_str!(concat!("../models/", $file)), model: $model }
+        Compiled { file: $file, source: include_str!(concat!("../models/", $file)), model: $model }
     };
 }
 

@@ -15,7 +15,7 @@ use proc_macro2::{Delimiter, TokenStream, TokenTree};
 const LAYERS: &[(u32, &[&str])] = &[
     (7, &["main", "cli"]),
     (6, &["study", "criticism"]),
-    (5, &["run", "report"]),
+    (5, &["run", "report", "import"]),
     (4, &["experiment"]),
     (3, &["model", "prelude"]),
     (2, &["table", "field", "surrogate", "infer", "diagnostics"]),

@@ -299,6 +299,7 @@ fn the_help_of_every_command() {
         "run",
         "show",
         "check",
+        "import",
         "loop",
         "compare",
         "report",

@@ -140,10 +140,11 @@ fn library_beside_this_program() -> Option<PathBuf> {
 /// The program around the model: `main.rs`, left alone if it is there already.
 #[allow(clippy::unnecessary_debug_formatting, reason = "escapes as Rust needs it")]
 fn write_main(package: &Path, model: &Path, name: &str) -> std::io::Result<PathBuf> {
+    let file = model.file_name().unwrap_or(model.as_os_str());
     let text = format!(
         "#![recursion_limit = \"512\"]\n\n#[path = {model:?}]\nmod model;\n\n\
          fn main() -> std::process::ExitCode {{\n    \
-         eplat::cli::main(&[eplat::cli::Compiled {{ source: include_str!({model:?}), model: &model::{name} }}])\n}}\n"
+         eplat::cli::main(&[eplat::cli::Compiled {{ file: {file:?}, source: include_str!({model:?}), model: &model::{name} }}])\n}}\n"
     );
     let main = package.join("src").join("main.rs");
     fs::create_dir_all(package.join("src"))?;

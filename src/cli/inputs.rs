@@ -11,6 +11,7 @@ use crate::model::{Declare, Model};
 use crate::run::{
     DataSource, Design, Inputs, Loaded, MeshSource, Problem, RunError, Watch, hash_file,
 };
+use crate::table::Measurements;
 
 /// What `--mesh` calls the procedural left atrium.
 const EMBEDDED: &str = "embedded";
@@ -53,6 +54,11 @@ impl InputArgs {
     /// Whether measurements were given.
     pub(super) fn has_data(&self) -> bool {
         self.data.is_some()
+    }
+
+    /// The table that was given, as it is read.
+    pub(super) fn table(&self) -> Result<Option<Measurements>, Failure> {
+        Ok(self.data.as_deref().map(Measurements::read).transpose()?)
     }
 
     /// As the library takes them; the draws depend on the file of the model too.

@@ -6,7 +6,9 @@ mod check;
 mod close_loop;
 mod compare;
 mod compile;
+mod coverage;
 mod design;
+mod import;
 mod inputs;
 mod interrupt;
 mod mesh;
@@ -42,6 +44,8 @@ enum Command {
     Show(show::Command),
     /// Validate a model's input without sampling, and time its gradient
     Check(check::Command),
+    /// Make a surface and a table of measurements of a laboratory's study
+    Import(import::Command),
     /// Find what a model lacks, add it, and tell the error before and after
     Loop(close_loop::Command),
     /// Choose where to measure next
@@ -72,6 +76,7 @@ pub fn main(models: &[Compiled]) -> ExitCode {
         Command::Run(command) => command.run(models),
         Command::Show(command) => command.run(models),
         Command::Check(command) => command.run(models),
+        Command::Import(command) => done(command.run(models)),
         Command::Loop(command) => command.run(models),
         Command::Compare(command) => command.run(),
         Command::Report(command) => command.run(),

@@ -11,6 +11,8 @@ use crate::model::Declare;
 /// A model that is compiled into this program.
 #[derive(Clone, Copy)]
 pub struct Compiled {
+    /// Name of its file, without folders.
+    pub file: &'static str,
     /// Its source, as it was compiled.
     pub source: &'static str,
     /// The model.

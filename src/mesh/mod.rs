@@ -44,7 +44,7 @@ pub use bytes::Encoding;
 pub use data::{Array, Data};
 pub use error::{MeshError, Piece, Place};
 pub use format::{Format, files};
-pub use read::{Reading, read, repair};
+pub use read::{Reading, mended, read, repair};
 pub use refine::Refined;
 pub use surface::{Fine, Surface};
 pub use tri_mesh::TriMesh;

@@ -8,7 +8,8 @@ use super::pieces::Pieces;
 use super::size::{across, size_notes};
 use super::surface::DROPPED;
 use super::units::Known;
-use super::{MeshError, Surface, TriMesh, Units, data, format};
+use super::{MeshError, Surface, TriMesh, Units, data, format, tri_mesh};
+use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
 /// How a mesh file is read.
@@ -47,28 +48,54 @@ impl From<Option<Units>> for Reading {
 /// [`MeshError`]: `Extension`, `Read`, `Parse`, `Truncated`, `NotATriangle`, `Unsupported`; or `Invalid`
 /// with what cannot be mended without a choice (vertices and triangles counted as in the file).
 pub fn read(path: &Path, reading: impl Into<Reading>) -> Result<Surface, MeshError> {
-    let reading = reading.into();
-    let mut content = format::read_content(path)?;
-    let invalid = |source: MeshError, picture: String| MeshError::Invalid {
+    let invalid = |(source, picture): (MeshError, String)| MeshError::Invalid {
         path: path.into(),
         source: source.into(),
         picture,
     };
-    let (units, known) = units(&content, &reading).map_err(|e| invalid(e, String::new()))?;
+    surface(format::read_content(path)?, &reading.into()).map_err(invalid)
+}
+
+/// The surface of these arrays, mended as [`read`] mends that of a file: `vertices` in mm, `triangles` as their
+/// indices, and `scalars` by name (one value per vertex).
+///
+/// # Errors
+/// `DataLength`, `NotFinite`, `IndexOutOfRange`; or what cannot be mended without a choice.
+pub fn mended(
+    vertices: Vec<[f64; 3]>,
+    triangles: Vec<[u32; 3]>,
+    scalars: BTreeMap<String, Vec<f64>>,
+) -> Result<Surface, MeshError> {
+    let expected = vertices.len();
+    if let Some((name, values)) = scalars.iter().find(|(_, values)| values.len() != expected) {
+        return Err(MeshError::DataLength { name: name.clone(), expected, got: values.len() });
+    }
+    tri_mesh::check_finite(&vertices)?;
+    for (triangle, corners) in triangles.iter().enumerate() {
+        tri_mesh::check_range(corners.map(i64::from), triangle, vertices.len())?;
+    }
+    let point_data = scalars.into_iter().map(|(name, values)| (name, values.into())).collect();
+    let content = Content { vertices, triangles, point_data, ..Content::default() };
+    surface(content, &Reading::from(Units::Mm)).map_err(|(error, _)| error)
+}
+
+/// The surface of what a file holds, or why there is none and where that is marked.
+fn surface(mut content: Content, reading: &Reading) -> Result<Surface, (MeshError, String)> {
+    let invalid = |error: MeshError| (error, String::new());
+    let (units, known) = units(&content, reading).map_err(invalid)?;
     for x in content.vertices.iter_mut().flatten() {
         *x *= units.in_mm();
     }
     let refused = |refusal: Refusal, pieces: Option<&Pieces>| {
         let picture = mark(reading.faults.as_deref(), &content, &refusal, pieces);
-        invalid(refusal.error, picture)
+        (refusal.error, picture)
     };
     let mended = mend(&content.vertices, &content.triangles, reading.tolerance)
         .map_err(|refusal| refused(refusal, None))?;
     let pieces = Pieces::new(&content.vertices, &mended.triangles);
     let chosen =
         pieces.choose(reading.piece).map_err(|error| refused(error.into(), Some(&pieces)))?;
-    let mut surface =
-        piece(&content, &mended, &pieces, chosen).map_err(|e| invalid(e, String::new()))?;
+    let mut surface = piece(&content, &mended, &pieces, chosen).map_err(invalid)?;
     surface.units = units;
     surface.notes = notes(&content, &mended, &surface);
     surface.notes.extend(size_notes(&surface.mesh, units, known));

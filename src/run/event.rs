@@ -38,7 +38,11 @@ pub enum Event<'a> {
         n_rows: usize,
         /// Number of vertices at which something was measured.
         n_sites: usize,
+        /// How the file was read, where that was a choice.
+        notes: &'a [String],
     },
+    /// The table has rows of quantities that the model does not read: protocol and number.
+    Unread(&'a [(String, usize)]),
     /// A synthetic experiment was made, as no measurements were given.
     Experiment {
         /// Number of measurements.
@@ -127,9 +131,15 @@ impl fmt::Display for Event<'_> {
             Self::Basis { n_modes, wavelength } => {
                 write!(f, "basis  {n_modes} modes, down to a wavelength of {wavelength:.0} mm")
             }
-            Self::Measurements { file, n_rows, n_sites } => {
+            Self::Measurements { file, n_rows, n_sites, notes } => {
                 let (rows, sites) = (count(*n_rows, "row"), count(*n_sites, "site"));
-                write!(f, "data   {file}: {rows} at {sites}")
+                write!(f, "data   {file}: {rows} at {sites}")?;
+                notes.iter().try_for_each(|note| write!(f, "\n       {note}"))
+            }
+            Self::Unread(left_out) => {
+                let each = left_out.iter().map(|(protocol, n)| format!("{n} of `{protocol}`"));
+                let all = each.collect::<Vec<_>>().join(", ");
+                write!(f, "data   left out rows that the model does not observe: {all}")
             }
             Self::Experiment { n_measurements, n_sites, lengthscale, repaired } => write!(
                 f,

@@ -57,6 +57,7 @@
 pub mod atrium;
 mod check;
 mod compare;
+mod coverage;
 mod error;
 mod event;
 mod fit;
@@ -79,6 +80,7 @@ pub use crate::experiment::Design;
 pub use crate::infer::Settings;
 pub use check::Check;
 pub use compare::{CompareError, Comparison};
+pub use coverage::{Coverage, coverage};
 pub use error::RunError;
 pub use event::{Event, Watch};
 pub use fit::{Fit, Method, Options};

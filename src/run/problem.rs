@@ -64,7 +64,7 @@ impl Loaded {
         let is_own_surface = !matches!(inputs.mesh, MeshSource::Embedded { .. });
         let is_on_a_surface = outline.has_fields() || is_own_surface && table.is_some();
         if !is_on_a_surface {
-            let measurements = without_a_surface(table, &outline)?;
+            let measurements = without_a_surface(table, &outline, watch)?;
             return Ok(Self { measurements, hashes, origin, ..Self::default() });
         }
         let surface = surface(&inputs.mesh, watch)?;
@@ -72,7 +72,7 @@ impl Loaded {
         let scale = surface.units.in_mm();
         let domain = Domain { surface, basis, scale };
         let (measurements, truth) = match (table, &inputs.data) {
-            (Some(table), _) => (domain.place(checked(table, &outline)?, watch)?, vec![]),
+            (Some(table), _) => (domain.place(checked(table, &outline, watch)?, watch)?, vec![]),
             (None, DataSource::Synthetic(design)) => domain.measure(model, design, watch)?,
             (None, _) => (Measurements::default(), vec![]),
         };
@@ -201,15 +201,24 @@ impl std::fmt::Debug for Problem<'_> {
 fn without_a_surface(
     table: Option<Measurements>,
     outline: &Model,
+    watch: &Watch<'_>,
 ) -> Result<Measurements, RunError> {
     match (table, outline.readers().first()) {
-        (Some(table), _) => checked(table, outline),
+        (Some(table), _) => checked(table, outline, watch),
         (None, None) => Ok(Measurements::default()),
         (None, Some(observe)) => Err(RunError::NoMeasurements { model: outline.name, observe }),
     }
 }
 
-fn checked(table: Measurements, outline: &Model) -> Result<Measurements, RunError> {
+fn checked(
+    mut table: Measurements,
+    outline: &Model,
+    watch: &Watch<'_>,
+) -> Result<Measurements, RunError> {
+    let unread = table.drop_unread(&outline.readers());
+    if !unread.is_empty() {
+        watch.tell(&Event::Unread(&unread));
+    }
     table.check_protocols(&outline.readers())?;
     Ok(table)
 }
@@ -288,7 +297,8 @@ impl Domain {
     fn place(&self, table: Measurements, watch: &Watch<'_>) -> Result<Measurements, RunError> {
         let table = self.placed(table)?;
         let (file, n_rows, n_sites) = (table.file(), table.len(), table.vertices().len());
-        watch.tell(&Event::Measurements { file, n_rows, n_sites });
+        let notes = table.notes();
+        watch.tell(&Event::Measurements { file, n_rows, n_sites, notes });
         Ok(table)
     }
 

@@ -16,6 +16,8 @@ pub const PROTOCOL: &str = "protocol";
 pub const SOURCE: &str = "source";
 /// The column that is then added: length of the geodesic path from there, mm.
 pub const PATH: &str = "path_mm";
+/// Quantities that the export of a mapping system has for every point; `protocol` names them.
+pub const EXPORTED: [&str; 3] = ["bipolar", "unipolar", "lat"];
 /// The columns that hold what was measured, whatever the model.
 pub const MEASURED: [&str; 3] = ["lower", "upper", "value"];
 
@@ -75,7 +77,7 @@ impl FromStr for Role {
 }
 
 /// Columns that say where and how a row was measured, or hold the result.
-const STRUCTURAL: [&str; 12] = [
+pub(super) const STRUCTURAL: [&str; 12] = [
     SITE,
     VERTEX,
     PROTOCOL,

@@ -140,6 +140,50 @@ mod tests {
         assert!(e.contains("line 2 has 1 cells, the header has 2"), "{e}");
     }
 
+    fn of_file(bytes: &[u8]) -> Result<Measurements, DataError> {
+        let file = tempfile::NamedTempFile::with_suffix(".csv").unwrap();
+        std::fs::write(file.path(), bytes).unwrap();
+        Measurements::read(file.path())
+    }
+
+    #[test]
+    fn the_habits_of_spreadsheets_are_read() {
+        let t = of_file(b"sep=;\r\nVertex;Lower [ms];Force [g];Ort;;\r\n3;250,5;12,25;Vorhof \xE4;;\r\n;;;;;\r\n4;240;9;\"a;b\";;\r\n").unwrap();
+        assert_eq!(t.columns(), ["vertex", "lower", "Force [g]", "Ort"]);
+        assert!((t.number(0, "lower", "it").unwrap() - 250.5).abs() < 1e-12);
+        assert!((t.number(0, "force_g", "it").unwrap() - 12.25).abs() < 1e-12);
+        assert_eq!((t.cell(0, "Ort"), t.cell(1, "Ort")), (Some("Vorhof \u{e4}"), Some("a;b")));
+        assert_eq!((t.len(), t.line(1)), (2, 5));
+        assert_eq!(t.notes(), ["read with semicolons between cells and decimal commas"]);
+        let doubtful = of_file(b"a;b\n1,234;x\n").unwrap_err().to_string();
+        let expected = "line 2, column `a`: `1,234` may mean 1.234 or 1234";
+        assert!(doubtful.contains(expected), "{doubtful}");
+        assert!(of_file(b"a,b\n1,2\n").unwrap().notes().is_empty());
+    }
+
+    #[test]
+    fn cells_are_quoted_where_they_need_it() {
+        let t = of_file(b"a;b\n\"x,y\";\"say \"\"no\"\"\"\n").unwrap();
+        assert_eq!(t.to_csv(), "a,b\n\"x,y\",\"say \"\"no\"\"\"\n");
+    }
+
+    #[test]
+    fn rows_of_an_export_that_nothing_reads_are_dropped() {
+        let text = "protocol,value\nbipolar,1\nlat,20\nUnipolar,3\nlat,21\ns1s2,7\n";
+        let mut t = table(text);
+        assert_eq!(
+            t.drop_unread(&["lat", "s1s2"]),
+            [("bipolar".into(), 1), ("Unipolar".into(), 1)]
+        );
+        assert_eq!(t.to_csv(), "protocol,value\nlat,20\nlat,21\ns1s2,7\n");
+        assert_eq!(t.line(0), 3);
+        // others than those of an export are not dropped, nor is everything
+        let mut other = table("protocol,value\nS1S3,1\n");
+        assert!(other.drop_unread(&["s1s2"]).is_empty());
+        let mut all = table("protocol,value\nlat,1\n");
+        assert!(all.drop_unread(&["s1s2"]).is_empty() && all.len() == 1);
+    }
+
     #[test]
     fn rows_go_to_the_observe_of_their_protocol() {
         let t = table("protocol,lower,upper\nS1S2,1,2\nS1S2S3,3,4\ns1s2,5,6\n");

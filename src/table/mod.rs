@@ -7,16 +7,19 @@
 mod column;
 mod columns;
 mod error;
+mod habits;
 mod measurements;
 mod placement;
 mod probes;
 mod read;
+mod text;
 mod typed;
 
 pub use column::{Content, TypedColumn};
-pub use columns::{Columns, MEASURED, PATH, PROTOCOL, Role, SITE, SOURCE, VERTEX};
+pub use columns::{Columns, EXPORTED, MEASURED, PATH, PROTOCOL, Role, SITE, SOURCE, VERTEX};
 pub use error::{DataError, near};
 pub use measurements::Measurements;
 pub use placement::Placement;
 pub use probes::{FIELD_MODES, ProbeError, Probes};
+pub use text::decode;
 pub use typed::Table;

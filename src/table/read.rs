@@ -3,31 +3,60 @@
 use std::fs;
 use std::path::Path;
 
-use super::{DataError, Table};
+use super::{DataError, Table, decode, habits};
 
-/// Reads a CSV file with a header line.
+/// Reads a CSV file with a header line, as programs and spreadsheets write them: see
+/// [`habits`].
 ///
 /// # Errors
-/// No such file, ragged rows, no rows.
+/// No such file, ragged rows, no rows, a number that may be read in two ways.
 pub(super) fn read(path: &Path) -> Result<Table, DataError> {
     let file = path.display().to_string();
     let unreadable = |e: csv::Error| unreadable(&file, &e);
     let bytes = fs::read(path).map_err(|e| unreadable(e.into()))?;
-    let mut reader = csv::ReaderBuilder::new().trim(csv::Trim::All).from_reader(bytes.as_slice());
-    let header: Vec<String> =
-        reader.headers().map_err(unreadable)?.iter().map(String::from).collect();
-    let (mut lines, mut cells, mut counted) = (vec![], vec![], (0, 1));
+    let text = decode(&bytes);
+    // a first line that tells Excel the separator
+    let named = text.lines().next().and_then(|line| line.trim().strip_prefix("sep="));
+    let (delimiter, skipped) = match named.map(str::as_bytes) {
+        Some([sign]) => (*sign, text.find('\n').map_or(text.len(), |at| at + 1)),
+        _ => (habits::delimiter(&text), 0),
+    };
+    let bytes = &text.as_bytes()[skipped..];
+    let mut reader =
+        csv::ReaderBuilder::new().trim(csv::Trim::All).delimiter(delimiter).from_reader(bytes);
+    let mut header: Vec<String> =
+        reader.headers().map_err(unreadable)?.iter().map(habits::plain).collect();
+    let (mut lines, mut cells, mut counted) = (vec![], vec![], (0, 1 + u64::from(skipped > 0)));
     for record in reader.records() {
         let record = record.map_err(unreadable)?;
+        if delimiter != b',' && record.iter().all(str::is_empty) {
+            continue; // a row of separators alone
+        }
         let begin = record.position().map_or(0, csv::Position::byte) as usize;
         // a record begins with the blank lines before it
         let blank = bytes[begin..].iter().take_while(|b| b.is_ascii_whitespace()).count();
         let passed = bytes[counted.0..begin + blank].split(|b| *b == b'\n').count() - 1;
         counted = (begin + blank, counted.1 + passed as u64);
         lines.push(counted.1);
-        cells.push(record.iter().map(String::from).collect());
+        cells.push(record.iter().map(String::from).collect::<Vec<String>>());
     }
-    Table::new(file, header, lines, &cells)
+    habits::drop_empty_columns(&mut header, &mut cells);
+    let mut notes = vec![];
+    if delimiter != b',' {
+        let at = |row: usize, column: usize, problem: String| DataError::Cell {
+            file: file.clone(),
+            line: lines[row],
+            column: header[column].clone(),
+            problem,
+            help: "write numbers as 1234.5, or with decimal commas and nothing between thousands"
+                .into(),
+        };
+        let has_commas = habits::decimal_commas(&mut cells, &at)?;
+        let sign = if delimiter == b'\t' { "tabs" } else { "semicolons" };
+        let commas = if has_commas { " and decimal commas" } else { "" };
+        notes.push(format!("read with {sign} between cells{commas}"));
+    }
+    Ok(Table::new(file, header, lines, &cells)?.with_notes(notes))
 }
 
 fn unreadable(file: &str, error: &csv::Error) -> DataError {
@@ -45,11 +74,21 @@ fn unreadable(file: &str, error: &csv::Error) -> DataError {
 impl Table {
     /// The table as CSV text.
     pub fn to_csv(&self) -> String {
-        let mut out = self.columns().join(",") + "\n";
-        for row in 0..self.len() {
-            out += &self.cells(row).join(",");
-            out.push('\n');
-        }
-        out
+        let header: Vec<&str> = self.columns().iter().map(String::as_str).collect();
+        let rows = (0..self.len()).map(|row| self.cells(row));
+        let line = |cells: Vec<&str>| {
+            let quoted: Vec<String> = cells.into_iter().map(quoted).collect();
+            quoted.join(",") + "\n"
+        };
+        std::iter::once(header).chain(rows).map(line).collect()
+    }
+}
+
+/// A cell with quotes where it needs them.
+fn quoted(cell: &str) -> String {
+    if cell.contains([',', '"', '\n', '\r']) {
+        format!("\"{}\"", cell.replace('"', "\"\""))
+    } else {
+        cell.to_owned()
     }
 }

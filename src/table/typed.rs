@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use super::column::TypedColumn;
-use super::columns::{Columns, PROTOCOL, Role, SITE};
+use super::columns::{Columns, EXPORTED, PROTOCOL, Role, SITE};
 use super::error::{DataError, edit_distance};
 
 /// A table: one row per measurement, columns by name, each parsed once.
@@ -16,6 +16,8 @@ pub struct Table {
     /// The columns' names, in order.
     header: Vec<String>,
     roles: Columns,
+    /// Sentences on how the file was read.
+    notes: Vec<String>,
 }
 
 impl Table {
@@ -36,7 +38,17 @@ impl Table {
             TypedColumn::parse(name, cells.iter().map(|row| row[k].as_str()))
         };
         let columns = header.iter().enumerate().map(column).collect();
-        Ok(Self { file, lines, columns, header, roles: Columns::default() })
+        Ok(Self { file, lines, columns, header, ..Self::default() })
+    }
+
+    /// The same with sentences on how its file was read.
+    pub(super) fn with_notes(self, notes: Vec<String>) -> Self {
+        Self { notes, ..self }
+    }
+
+    /// Sentences for the user on how its file was read, where that was a choice.
+    pub fn notes(&self) -> &[String] {
+        &self.notes
     }
 
     /// Number of rows.
@@ -70,12 +82,13 @@ impl Table {
         &self.header
     }
 
-    /// A column by its name in the header; or else by its name in a model file, where that is one
-    /// column's alone and no other meaning goes with it.
+    /// A column by its name in the header; or else by its name in a model file, upper and lower case
+    /// alike, where that is one column's alone and no other meaning goes with it.
     pub fn column(&self, name: &str) -> Option<&TypedColumn> {
         let own = self.columns.iter().find(|column| column.name() == name);
         own.or_else(|| {
-            let mut all = self.columns.iter().filter(|column| column.read_as() == name);
+            let is_named = |column: &&TypedColumn| column.read_as().eq_ignore_ascii_case(name);
+            let mut all = self.columns.iter().filter(is_named);
             let (first, second) = (all.next()?, all.next());
             (second.is_none() && self.role(name) != Role::Structural).then_some(first)
         })
@@ -140,6 +153,40 @@ impl Table {
     pub fn rows_of(&self, observe: &str) -> Vec<usize> {
         let Some(protocol) = self.column(PROTOCOL) else { return (0..self.len()).collect() };
         (0..self.len()).filter(|&row| protocol.text(row).eq_ignore_ascii_case(observe)).collect()
+    }
+
+    /// Drops the rows of an [`EXPORTED`] quantity that none of `observes` reads, and gives its name and
+    /// their number: a table of a mapping system's export holds voltages and times together, and a model
+    /// reads what it is about.
+    pub fn drop_unread(&mut self, observes: &[&str]) -> Vec<(String, usize)> {
+        let Some(protocol) = self.column(PROTOCOL) else { return vec![] };
+        let is = |a: &str, b: &&str| a.eq_ignore_ascii_case(b);
+        let is_unread = |cell: &str| {
+            EXPORTED.iter().any(|known| is(cell, known)) && !observes.iter().any(|o| is(cell, o))
+        };
+        let mut dropped: Vec<(String, usize)> = vec![];
+        let mut kept = vec![];
+        for row in 0..self.len() {
+            let cell = protocol.text(row);
+            if !is_unread(cell) {
+                kept.push(row);
+            } else if let Some(own) = dropped.iter_mut().find(|(name, _)| name == cell) {
+                own.1 += 1;
+            } else {
+                dropped.push((cell.to_owned(), 1));
+            }
+        }
+        if kept.is_empty() {
+            return vec![]; // the table is about something else, which the caller says
+        }
+        if !dropped.is_empty() {
+            self.lines = kept.iter().map(|row| self.lines[*row]).collect();
+            for column in &mut self.columns {
+                let cells = kept.iter().map(|row| column.text(*row));
+                *column = TypedColumn::parse(column.name(), cells);
+            }
+        }
+        dropped
     }
 
     /// Complains about the first row whose `protocol` is none of `observes`.

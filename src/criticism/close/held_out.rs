@@ -34,6 +34,7 @@ impl Joint {
         mut held_out: Measurements,
     ) -> Result<Self, LoopError> {
         let outline = Model::outline(declared)?;
+        held_out.drop_unread(&outline.readers());
         held_out.check_protocols(&outline.readers())?;
         let place = |table: &mut Measurements| -> Result<(), LoopError> {
             let Some(domain) = &loaded.domain else { return Ok(()) };
