@@ -78,13 +78,13 @@ fn values_on_a_mesh_are_measurements_at_its_vertices() {
     place.file("sheet.vtk", SHEET);
     place.file("lat.dat", "0\n6\n12\n-1\n9\n15\n6\n12\n18\n");
     place.file("short.dat", "0\n6\n");
-    insta::assert_snapshot!(ok(&place, "import sheet.vtk --out a"));
+    insta::assert_snapshot!(ok(&place, "import sheet.vtk --units mm --out a"));
     let from_mesh = place.read("a/measurements.csv");
     assert_eq!(column(&from_mesh, "vertex"), ["0", "1", "2", "4", "5", "6", "7", "8"]);
     assert_eq!(column(&from_mesh, "value")[4], "15");
-    ok(&place, "import lat.dat --mesh sheet.vtk --out b");
+    ok(&place, "import lat.dat --mesh sheet.vtk --units mm --out b");
     assert_eq!(place.read("b/measurements.csv"), from_mesh);
-    ok(&place, "import sheet.vtk --out c --thin 10 --array Activation --as unipolar");
+    ok(&place, "import sheet.vtk --units mm --out c --thin 10 --array Activation --as unipolar");
     let thinned = place.read("c/measurements.csv");
     assert_eq!(column(&thinned, "protocol"), ["unipolar"; 4]);
     assert_eq!(column(&thinned, "vertex"), ["0", "2", "6", "8"]);
@@ -115,7 +115,7 @@ C;6;6;0;600;290;;yes;9,25;;\r
 ;;;;;;;;;;\r
 ";
     place.file("log.csv", log);
-    insta::assert_snapshot!(ok(&place, "import log.csv --mesh sheet.vtk --out a"));
+    insta::assert_snapshot!(ok(&place, "import log.csv --mesh sheet.vtk --units mm --out a"));
     insta::assert_snapshot!(place.read("a/measurements.csv"));
     let record: serde_json::Value = serde_json::from_str(&place.read("a/import.json")).unwrap();
     let names: Vec<&str> =
@@ -142,7 +142,7 @@ fn the_clinical_shell_gives_lat_at_its_vertices() {
     };
     let said = import("all", &[]);
     // the 62 vertices without a value are those of the piece that is dropped
-    assert!(said.contains("dropped 1 smaller piece (62 vertices)"), "{said}");
+    assert!(said.contains("left out 1 other piece (62 vertices)"), "{said}");
     assert!(said.contains("models/lat.rs: 8786 lat"), "{said}");
     let n_all = place.read("all/measurements.csv").lines().count() - 1;
     assert!(said.contains(&format!("  {n_all} measurements of lat")), "{said}");

@@ -4,7 +4,6 @@
 #[path = "models/normal_fields.rs"]
 mod models;
 #[path = "support/posterior.rs"]
-#[allow(dead_code, reason = "a part of it is used here")]
 mod posterior;
 mod support;
 

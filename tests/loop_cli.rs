@@ -342,7 +342,6 @@ fn what_cannot_be_criticised_is_refused_at_once() {
         format!("loop recovery.rs {ON} --rounds 2"),
         format!("loop recovery.rs {ON} --column catheter=tool"),
         format!("loop recovery.rs {ON} --column cathether=unit"),
-        "loop recovery.rs --mesh sheet.vtk --data data/train.csv".to_owned(),
         format!("loop recovery.rs {sheet} --data few.csv"),
         format!("loop recovery.rs {sheet} --data other.csv"),
         format!("loop recovery.rs {ON} --heldout same.csv"),

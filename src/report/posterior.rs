@@ -86,7 +86,7 @@ impl Posterior {
     }
 
     /// All groups, for [`super::write_zarr`].
-    pub fn groups(&self) -> Vec<Group> {
+    pub fn groups(&self) -> Vec<&Group> {
         [
             &self.posterior,
             &self.sample_stats,
@@ -97,7 +97,6 @@ impl Posterior {
         ]
         .into_iter()
         .filter(|group| !group.variables.is_empty())
-        .cloned()
         .collect()
     }
 }

@@ -9,6 +9,7 @@
 
 use flate2::{Compression, write::GzEncoder};
 use serde_json::{Map, Value, json};
+use std::borrow::Borrow;
 use std::collections::{BTreeMap, BTreeSet};
 use std::fs;
 use std::io::{self, Write as _};
@@ -30,15 +31,16 @@ type Nodes = Map<String, Value>;
 /// `path` has changed.
 pub fn write_zarr(
     path: &Path,
-    groups: &[Group],
+    groups: &[impl Borrow<Group>],
     attributes: &Map<String, Value>,
 ) -> Result<(), ReportError> {
     if path.exists() && !path.join("zarr.json").is_file() {
         return Err(ReportError::Occupied { path: path.to_owned() });
     }
+    let groups: Vec<&Group> = groups.iter().map(Borrow::borrow).collect();
     let names: Vec<&str> = groups.iter().map(|group| group.name.as_str()).collect();
     check_names("/", &names)?;
-    groups.iter().try_for_each(check_group)?;
+    groups.iter().try_for_each(|group| check_group(group))?;
     write_folder(path, |root| {
         let mut nodes = Nodes::new();
         for group in groups {

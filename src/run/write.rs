@@ -116,12 +116,14 @@ impl Fit<'_> {
 
     fn write_zarr(&self, out: &OutputFolder, arrays: &[VertexArray]) -> Result<(), RunError> {
         let mut groups = self.posterior().groups();
+        let fields;
         if self.problem.loaded().domain.is_some() {
             let variable = |VertexArray { name, unit, values, .. }: &VertexArray| {
                 Variable::new(name, unit, &[("vertex", values.len())], values.clone())
             };
             let variables = arrays.iter().map(variable).collect();
-            groups.push(Group { name: "fields".into(), variables });
+            fields = Group { name: "fields".into(), variables };
+            groups.push(&fields);
         }
         let mut attributes = Map::new();
         attributes.insert("model".into(), json!(self.model().name));

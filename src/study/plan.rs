@@ -303,7 +303,7 @@ mod tests {
             read(&SMALL.replace("[10.0]", "[0.0]")),
             read(&SMALL.replace("[5, 10]", "[]")),
             read(&SMALL.replace("designs = 2", "designs = 0")),
-            read(&format!("{SMALL}mesh = \"la.vtk\"\n")),
+            read(&format!("{SMALL}units = \"inch\"\n")),
             read(&format!("{SMALL}estimate = \"map\"\n")),
         ];
         let said: Vec<String> = said.into_iter().map(|plan| plan.unwrap_err()).collect();

@@ -5,7 +5,7 @@
 //! P = T + AᵀWA,  b = Aᵀg₀:    ln ∫ = ℓ₀ + ½ bᵀP⁻¹b − ½ ln |P| + const,    w | data ~ N(P⁻¹b, P⁻¹)
 //! ```
 //! ℓ₀, g₀ and W are asked of the likelihood at θ₀, where all coefficients are 0, and one unit beside it. The products
-//! ΦᵀWΦ cost n K² for n places. Where the outer unknowns change W by a factor alone, as a noise does that all
+//! `ΦᵀWΦ` cost n K² for n places. Where the outer unknowns change W by a factor alone, as a noise does that all
 //! measurements share, they are those of the first time, times the factor.
 
 use crate::infer::blocked::{BlockLayout, Design, Group, Latent, Layout, Shape};
@@ -57,11 +57,11 @@ struct Products {
     slope: Vec<f64>,
     /// Offset of each block.
     offset: Vec<f64>,
-    /// ΦᵀWΦ.
+    /// `ΦᵀWΦ`.
     gram: Mat<f64>,
-    /// Φᵀg₀.
+    /// `Φᵀg₀`.
     moment: Vec<f64>,
-    /// ΦᵀW 1 of each block, `(width, block)`: what a change of its offset does to the moment.
+    /// `ΦᵀW` 1 of each block, `(width, block)`: what a change of its offset does to the moment.
     of_offset: Mat<f64>,
 }
 
@@ -220,8 +220,9 @@ impl Here<'_> {
         let (n, blocks) = (self.group.n_seen, self.group.blocks.len());
         let each = || (0..blocks).flat_map(move |f| (0..blocks).map(move |h| (f, h)));
         let largest = |x: &[f64]| x.iter().fold(0.0f64, |most, x| most.max(x.abs()));
-        let most = largest(&known.information);
-        let first = known.information.iter().position(|w| w.abs() == most)?;
+        let by_size = known.information.iter().enumerate();
+        let (first, most) = by_size.max_by(|a, b| a.1.abs().total_cmp(&b.1.abs()))?;
+        let most = most.abs();
         let (pair, place) = (first / n, first % n);
         let factor =
             self.information(pair / blocks, pair % blocks, place) / known.information[first];
