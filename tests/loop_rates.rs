@@ -130,7 +130,7 @@ fn search_of(study: &Study, basis: &Basis, seed: u64, nulls: usize) -> Result {
     };
     // without enough evidence there is no claim, whatever the null searches come to
     let outcome = Some(search(0))
-        .filter(|quick| quick.rounds[0].best() <= CLAIM && quick.site.log_bf <= CLAIM)
+        .filter(|quick| quick.rounds[0].best() <= CLAIM)
         .unwrap_or_else(|| search(nulls));
     let scores = (!outcome.found().is_empty()).then(|| {
         [(&outcome.rounds[0].base.outer, &[][..]), (&outcome.last.outer, &outcome.found()[..])]
@@ -152,8 +152,7 @@ fn search_of(study: &Study, basis: &Basis, seed: u64, nulls: usize) -> Result {
 fn note(outcome: &Criticism) -> String {
     let text = |form: Option<&Form>| form.map_or("outliers".into(), Form::text);
     let mut note =
-        format!("site {:.1} of sd {:.1}", outcome.site.log_bf, outcome.last.outer.ln_site.exp());
-    let _ = write!(note, " (null {:.1?})", outcome.site.nulls.last().unwrap_or(&f64::NAN));
+        format!("site {:.1} of sd {:.1}", outcome.site_log_bf, outcome.last.outer.ln_site.exp());
     for round in &outcome.rounds {
         for c in round.claimed.iter().map(|c| &outcome.candidates[*c]) {
             let _ = write!(note, " [{} on {}]", text(c.form.as_ref()), c.on.join("+"));

@@ -97,9 +97,7 @@ impl Command {
         Ok(Console::new()?.watching(|fit| {
             let on_event = |event: &LoopEvent<'_>| match event {
                 LoopEvent::Search(SearchProgress { round, done, of }) => {
-                    bar.set_message(round.map_or("for sites that differ".into(), |round| {
-                        format!("round {}", round + 1)
-                    }));
+                    bar.set_message((round + 1).to_string());
                     bar.set_position(*done as u64);
                     if !is_terminal && done == of {
                         eprintln!("{event}");
@@ -114,7 +112,7 @@ impl Command {
     }
 
     fn bar(&self) -> ProgressBar {
-        let template = "search {msg} {bar:24} {pos:>3}/{len} simulated, ETA {eta}";
+        let template = "search round {msg} {bar:24} {pos:>3}/{len} simulated, ETA {eta}";
         let style = ProgressStyle::with_template(template);
         let style = style.unwrap_or_else(|_| ProgressStyle::default_bar());
         ProgressBar::new(self.nulls as u64).with_style(style)

@@ -5,11 +5,13 @@ use super::claim::Claim;
 use super::fit::LaplaceFit;
 use super::judgement::{Judgement, Record, Round, least_log_bf};
 use super::leave::leave_sites_out;
-use super::nulls::{LEVEL, share_above};
 use super::outer::Free;
 use super::rivals::Duel;
 use super::search::{Searched, Tried, search};
 use super::units::LEAST_UNITS;
+
+/// Share of null searches that the best candidate must beat.
+const LEVEL: f64 = 0.05;
 
 /// The search of a round with all that it is judged by.
 pub(super) struct Judge<'j, 'a> {
@@ -97,7 +99,8 @@ impl<'a> Judge<'_, 'a> {
 
     /// Share of null searches that did as well as this log Bayes factor, or better.
     fn p_null(&self, log_bf: f64) -> Option<f64> {
-        (!self.nulls.is_empty()).then(|| share_above(&self.nulls, log_bf))
+        let above = self.nulls.iter().filter(|n| **n >= log_bf).count();
+        (!self.nulls.is_empty()).then(|| (1 + above) as f64 / (1 + self.nulls.len()) as f64)
     }
 
     /// The judgement of a candidate that the round does not get to.

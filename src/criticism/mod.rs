@@ -56,8 +56,8 @@ pub use candidate::{Candidate, Level, Screen, Unusable};
 pub use cause::Cause;
 pub use checks::{Warning, check_heldout};
 pub use close::{
-    Contribution, Difference, FoundEffect, HeldOut, LeftOut, Loop, LoopError, LoopEvent,
-    LoopSettings, LoopWatch, Narrow, Point, Size, Story, Told, Trouble,
+    Contribution, FoundEffect, HeldOut, LeftOut, Loop, LoopError, LoopEvent, LoopSettings,
+    LoopWatch, Narrow, Point, Size, Story, Told, Trouble,
 };
 pub use engine::{Engine, Outer, RowAt, TriedTerm};
 pub use error::CriticismError;
@@ -68,6 +68,5 @@ pub use judgement::{CLAIM, Judgement, Record, Refutation, Round, UnitScore, leas
 pub use leave::{Left, leave_out, leave_sites_out, leave_units_out};
 pub use procedure::{Criticism, SearchSettings, criticise};
 pub use progress::{SearchProgress, Watch};
-pub use remainder::SiteEvidence;
 pub use rewrite::{Findings, rewrite};
 pub use units::{Unit, site_column};

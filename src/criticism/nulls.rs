@@ -40,7 +40,7 @@ impl Nulls<'_> {
         let one = |k: usize| -> Result<f64, CriticismError> {
             let best = self.best(k);
             let done = 1 + done.fetch_add(1, Ordering::Relaxed);
-            let progress = SearchProgress { round: Some(self.round), done, of: self.n };
+            let progress = SearchProgress { round: self.round, done, of: self.n };
             if watch(progress).is_break() { Err(CriticismError::Cancelled) } else { Ok(best) }
         };
         let nulls: Result<Vec<f64>, _> = (0..self.n).into_par_iter().map(one).collect();
@@ -64,19 +64,10 @@ impl Nulls<'_> {
     }
 }
 
-/// Share of null searches that as much evidence as there is may have.
-pub(super) const LEVEL: f64 = 0.05;
-
-/// Share of all searches, the one of the measured data and those of `nulls`, that found as much.
-pub(super) fn share_above(nulls: &[f64], log_bf: f64) -> f64 {
-    let above = nulls.iter().filter(|null| **null >= log_bf).count();
-    (1 + above) as f64 / (1 + nulls.len()) as f64
-}
-
 /// Another data set from a fit: fields anew from their prior, random effects and errors too, and what else is
 /// unknown from its posterior. The fitted fields would not do: they have bent after the cause that they lack, and
 /// what is simulated from them has it still.
-pub(super) fn simulate(engine: &Engine, fit: &LaplaceFit, rng: &mut ChaCha8Rng) -> Vec<Vec<f64>> {
+fn simulate(engine: &Engine, fit: &LaplaceFit, rng: &mut ChaCha8Rng) -> Vec<Vec<f64>> {
     let mut normals = |n: usize| DVector::from_fn(n, |_, _| rng.sample::<f64, _>(StandardNormal));
     let sites = normals(engine.sites.len()) * fit.outer.ln_site.exp();
     // precision = L Lᵀ

@@ -13,7 +13,6 @@ use super::judgement::{CLAIM, Judgement, Round, least_log_bf};
 use super::nulls::Nulls;
 use super::outer::Free;
 use super::progress::Watch;
-use super::remainder::SiteEvidence;
 use super::search::search;
 use super::units::Unit;
 
@@ -47,8 +46,8 @@ pub struct Criticism {
     pub engine: Engine,
     /// The rounds, at least one.
     pub rounds: Vec<Round>,
-    /// The evidence of the sites' random effect after everything that was found.
-    pub site: SiteEvidence,
+    /// Log Bayes factor of the sites' random effect after everything that was found.
+    pub site_log_bf: f64,
     /// That of the units' (recordings, sessions), where they have one, and the column that names them.
     pub unit_log_bf: Option<(String, f64)>,
     /// What is left out as a whole, where that is not the site.
@@ -99,7 +98,7 @@ impl Criticism {
 
     /// Whether sites differ by more than the model with its findings says.
     pub fn is_unexplained(&self) -> bool {
-        self.site.is_unexplained() || self.unit_log_bf.as_ref().is_some_and(|(_, bf)| *bf > CLAIM)
+        self.site_log_bf > CLAIM || self.unit_log_bf.as_ref().is_some_and(|(_, bf)| *bf > CLAIM)
     }
 }
 
@@ -132,7 +131,7 @@ pub fn criticise(
     let found = found(&rounds);
     let unit_evidence = |unit: &Unit| (unit.name.clone(), bench.unit_evidence(&last, &found));
     Ok(Criticism {
-        site: bench.site_evidence(&last, settings.nulls, watch)?,
+        site_log_bf: bench.site_evidence(&last),
         unit_log_bf: bench.unit.as_ref().map(unit_evidence),
         unit: bench.left_out(None),
         step: bench.step,

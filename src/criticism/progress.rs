@@ -5,9 +5,9 @@ use std::ops::ControlFlow;
 /// How far a search is.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct SearchProgress {
-    /// Number of the round, from 0; none once it is asked whether sites differ by more than was found.
-    pub round: Option<usize>,
-    /// Simulated data sets that are done in it.
+    /// Number of the round, from 0.
+    pub round: usize,
+    /// Searches on simulated data that are done in it.
     pub done: usize,
     /// Of how many.
     pub of: usize,

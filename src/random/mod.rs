@@ -34,11 +34,6 @@ pub enum Stream {
         /// The search within the round, below 2²⁰.
         search: usize,
     },
-    /// The evidence of sites on data simulated without differences between them.
-    SiteNull {
-        /// The data set.
-        search: usize,
-    },
     /// Predictions of held-out measurements.
     HeldOut,
     /// Draws from the prior, as those of a chain.
@@ -106,7 +101,6 @@ impl Stream {
             Self::Blocked { part: Part::Hyper, round, chain } => (19, of_round(round, chain)),
             Self::LeftOut { site } => (20, index(site, 32)),
             Self::Expected => (21, 0),
-            Self::SiteNull { search } => (24, index(search, 32)),
             Self::WithoutRow { row } => (23, index(row, 32)),
             // counted from the top, as ever
             Self::Start(chain) => (u64::from(u32::MAX), u64::from(u32::MAX) - index(chain, 32)),
@@ -163,7 +157,6 @@ mod tests {
             all.extend([Stream::Chain(i), Stream::Start(i), Stream::AfterSampling(i)]);
             all.extend([Stream::Prior(i), Stream::LeftOut { site: i }]);
             all.push(Stream::WithoutRow { row: i });
-            all.push(Stream::SiteNull { search: i });
         }
         for (round, search) in of(12).into_iter().flat_map(|r| of(20).map(|k| (r, k))) {
             all.push(Stream::Null { round, search });
@@ -188,7 +181,7 @@ mod tests {
         }
         // the kinds are told apart by the upper half, so what holds at the ends holds in between
         let kinds: BTreeMap<u64, _> = seen.into_iter().map(|(n, s)| (n >> 32, s)).collect();
-        assert_eq!(kinds.len(), 15);
+        assert_eq!(kinds.len(), 14);
     }
 
     #[test]

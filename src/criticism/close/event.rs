@@ -28,11 +28,8 @@ pub enum LoopEvent<'a> {
 impl fmt::Display for LoopEvent<'_> {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
-            Self::Search(SearchProgress { round: Some(round), done, .. }) => {
+            Self::Search(SearchProgress { round, done, .. }) => {
                 write!(f, "search round {}: {done} searches on simulated data", round + 1)
-            }
-            Self::Search(SearchProgress { round: None, done, .. }) => {
-                write!(f, "whether sites differ by more: {done} simulated data sets")
             }
             Self::Searched => write!(f, "searched"),
             Self::Sample { which: "declared" } => write!(f, "sample the model as written"),

@@ -42,7 +42,7 @@ pub use held_out::HeldOut;
 pub use left_out::LeftOut;
 pub use narrow::Narrow;
 pub use sizes::Size;
-pub use story::{Difference, Story, Told, Trouble};
+pub use story::{Story, Told, Trouble};
 
 use std::borrow::Cow;
 use std::collections::BTreeMap;

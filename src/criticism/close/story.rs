@@ -7,17 +7,6 @@ use crate::model::{Discrepancy, equations};
 use crate::report::ErrorChange;
 use crate::run::{Fit, Loaded};
 
-/// What may differ by more than the model with its findings says.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Difference {
-    /// Sites, or the units of a column.
-    pub what: String,
-    /// Log Bayes factor of a further random effect of theirs.
-    pub log_bf: f64,
-    /// Whether that is more than chance would give.
-    pub is_unexplained: bool,
-}
-
 /// What a loop came to.
 #[derive(Debug)]
 pub struct Story {
@@ -146,24 +135,16 @@ impl Story {
         held_out.into_iter().chain(left.map(|left| left.comparison(&self.criticism))).collect()
     }
 
-    /// What may differ by more than the model with its findings says.
-    pub fn differences(&self) -> Vec<Difference> {
-        let units = self.criticism.unit_log_bf.iter().map(|(name, log_bf)| Difference {
-            what: format!("Units of `{name}`"),
-            log_bf: *log_bf,
-            is_unexplained: *log_bf > CLAIM,
-        });
-        let site = &self.criticism.site;
-        let (log_bf, is_unexplained) = (site.log_bf, site.is_unexplained());
-        [Difference { what: "Sites".into(), log_bf, is_unexplained }]
-            .into_iter()
-            .chain(units)
-            .collect()
+    /// What may differ by more than the model with its findings says, and the log Bayes factor of that.
+    pub fn differences(&self) -> Vec<(String, f64)> {
+        let units = self.criticism.unit_log_bf.iter();
+        let units = units.map(|(name, bf)| (format!("Units of `{name}`"), *bf));
+        [("Sites".to_owned(), self.criticism.site_log_bf)].into_iter().chain(units).collect()
     }
 
     /// Those that do differ.
-    pub(super) fn unexplained(&self) -> impl Iterator<Item = Difference> {
-        self.differences().into_iter().filter(|difference| difference.is_unexplained)
+    pub(super) fn unexplained(&self) -> impl Iterator<Item = (String, f64)> {
+        self.differences().into_iter().filter(|(_, log_bf)| *log_bf > CLAIM)
     }
 
     /// What the checks of both tables say.

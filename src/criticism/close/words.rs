@@ -1,7 +1,7 @@
 //! The answer in words.
 
-use super::{Difference, FoundEffect, Story, Trouble};
-use crate::criticism::Candidate;
+use super::{FoundEffect, Story, Trouble};
+use crate::criticism::{CLAIM, Candidate};
 use crate::model::forms::Extent;
 use crate::report::{ErrorChange, PredictionError};
 use crate::table::Role;
@@ -84,10 +84,9 @@ impl Story {
         let ambiguous = self.criticism.ambiguous().into_iter().map(|[a, b]| {
             format!("{a} and {b} explain the same: these data cannot tell them apart.")
         });
-        let differences = self.differences().into_iter().map(|difference| {
-            let Difference { what, log_bf, is_unexplained } = difference;
+        let differences = self.differences().into_iter().map(|(what, log_bf)| {
             let shown = (10.0 * log_bf).round() / 10.0 + 0.0; // no −0
-            if is_unexplained {
+            if log_bf > CLAIM {
                 format!(
                     "{what} differ by more than the model says (log Bayes factor {shown:.1}), for a reason that is not among the columns."
                 )
@@ -121,7 +120,7 @@ impl Story {
         for [a, b] in criticism.ambiguous() {
             lines.push(format!("ambiguous {a} or {b}: these data cannot tell"));
         }
-        for Difference { what, log_bf, .. } in self.unexplained() {
+        for (what, log_bf) in self.unexplained() {
             lines.push(format!(
                 "remains   {} differ by more than the model says (log Bayes factor {log_bf:.1}), for a reason that is not among the columns",
                 what.to_lowercase()
