@@ -14,6 +14,7 @@ use std::sync::Mutex;
 use std::sync::atomic::AtomicBool;
 
 use eplat::mesh::{self, Units};
+use eplat::report::FieldDraws;
 use eplat::run::atrium::{
     Atrium, AtriumSettings, Beat, Event, Ground, PacingSettings, TissueSettings, Watch,
 };
@@ -202,6 +203,77 @@ fn bad_input_is_named_and_nothing_is_left_behind() {
     for (more, expected) in cases {
         let said = fails(more);
         assert!(said.contains(expected), "{more}: {said}");
+    }
+}
+
+/// The numbers of a file of openCARP with one number behind each node.
+fn nodal(place: &Workplace, file: &str) -> Vec<f64> {
+    let text = place.read(file);
+    let mut lines = text.lines();
+    let n: usize = lines.next().unwrap().parse().unwrap();
+    assert_eq!(lines.next(), Some("intra"));
+    let number = |(node, line): (usize, &str)| {
+        let (own, value) = line.split_once(' ').unwrap();
+        assert_eq!(own, node.to_string());
+        value.parse().unwrap()
+    };
+    let values: Vec<f64> = lines.enumerate().map(number).collect();
+    assert_eq!(values.len(), n);
+    values
+}
+
+#[test]
+fn a_calibrated_atrium_goes_out_as_files_of_opencarp() {
+    let place = place();
+    // the fields of a run, with two draws of one of them
+    fs::create_dir(place.path("run")).unwrap();
+    fs::copy(place.path("fields.vtp"), place.path("run/fields.vtp")).unwrap();
+    let sheet = mesh::read(&place.path("fields.vtp"), Units::Mm).unwrap();
+    let n = sheet.mesh.n_vertices();
+    let draws = FieldDraws {
+        n_modes: 1,
+        eigenfunctions: (0..n).map(|v| v as f64 / n as f64).collect(),
+        coefficients: BTreeMap::from([("tau_out".into(), vec![8.0, 1.0, 28.0, 4.0])]),
+        within: BTreeMap::new(),
+    };
+    draws.write(&place.path("run/field_draws.npz")).unwrap();
+    let arguments = "export --run run --draws 2 --refine 1 --cv-max 0.5 --out carp";
+    let output = place.eplat(arguments);
+    let told = String::from_utf8(output.stdout.clone()).unwrap();
+    assert!(output.status.success(), "{}", said(&output));
+    let atrium = mesh::read(&place.path("carp/atrium.pts"), None).unwrap();
+    let fine = atrium.mesh.n_vertices();
+    assert!(told.starts_with(&format!("wrote carp: {fine} nodes, the mean and 2 draws")), "{told}");
+    assert!((atrium.mesh.area() / sheet.mesh.area() - 1.0).abs() < 1e-9);
+    // APD_max = tau_close ln(1 + tau_out (1 − V_gate)²/(4 tau_in)), at a node of the file
+    let apd_max = sheet.point_data["apd_max_mean"].values();
+    let set = |set: &str| {
+        ["tau_in", "tau_out", "tau_open", "tau_close"]
+            .map(|name| nodal(&place, &format!("carp/{set}/mMS.{name}")))
+    };
+    for folder in ["mean", "draw_001", "draw_002"] {
+        let [tau_in, tau_out, tau_open, tau_close] = set(folder);
+        assert_eq!((tau_in[7], tau_open[7], tau_in.len()), (0.05, 120.0, fine));
+        let duration = tau_close[7] * (1.0 + tau_out[7] * 0.81 / (4.0 * 0.05)).ln();
+        assert!((duration - apd_max[7]).abs() < 1e-9, "{folder}: {duration}");
+    }
+    let drawn = set("draw_001")[1][7];
+    assert!((drawn - (8.0 + 7.0 / n as f64)).abs() < 1e-12, "{drawn}");
+    // 28 to 32 ms: above 30 the nearest that is allowed
+    assert!(set("draw_002")[1].iter().all(|tau_out| *tau_out <= 30.0));
+    assert!(told.contains("% of (node, draw) pairs had a parameter outside its range"), "{told}");
+    // D = tau_in/2 (CV/0.4)² = 0.0390625 mm²/ms is 0.390625 S/m, twice of which counts by half
+    let par = place.read("carp/mean/mMS.par");
+    assert!(par.contains("gregion[0].g_il = 0.78125\n"), "{par}");
+    assert!(par.contains("adjustment[3].variable = \"mMS.tau_close\"\n"), "{par}");
+    for (more, expected) in [
+        ("--out carp", "carp: it exists"),
+        ("--cv-max tau_out_mean --out other", "--cv-max is a field"),
+        ("--draws 3 --out other", "the run kept 2 draws"),
+    ] {
+        let output = place.eplat(&format!("export --run run {more}"));
+        assert!(said(&output).contains(expected), "{}", said(&output));
+        assert!(!place.path("other").exists());
     }
 }
 

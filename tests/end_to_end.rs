@@ -300,6 +300,8 @@ fn the_help_of_every_command() {
         "show",
         "check",
         "import",
+        "export",
+        "mesh decimate",
         "loop",
         "compare",
         "report",

@@ -84,6 +84,12 @@ fn values_on_a_mesh_are_measurements_at_its_vertices() {
     assert_eq!(column(&from_mesh, "value")[4], "15");
     ok(&place, "import lat.dat --mesh sheet.vtk --units mm --out b");
     assert_eq!(place.read("b/measurements.csv"), from_mesh);
+    ok(&place, "mesh convert sheet.vtk sheet.pts --units mm");
+    ok(&place, "import lat.dat --mesh sheet.pts --out carp");
+    let from_carp = place.read("carp/measurements.csv");
+    for name in ["vertex", "value", "x"] {
+        assert_eq!(column(&from_carp, name), column(&from_mesh, name));
+    }
     ok(&place, "import sheet.vtk --units mm --out c --thin 10 --array Activation --as unipolar");
     let thinned = place.read("c/measurements.csv");
     assert_eq!(column(&thinned, "protocol"), ["unipolar"; 4]);

@@ -55,7 +55,7 @@ pub(super) struct AtriumArgs {
 }
 
 #[derive(Debug, Args)]
-struct TissueArgs {
+pub(super) struct TissueArgs {
     /// Surface with parameter fields as point data, such as fields.vtp of a run; the
     /// embedded left atrium with 0.4 mm edges without it
     #[arg(long, value_name = "F.vtp", conflicts_with = "run")]
@@ -135,7 +135,21 @@ fn named_value(text: &str) -> Result<(String, f64), String> {
 }
 
 impl TissueArgs {
-    fn settings(&self) -> TissueSettings {
+    /// The surface, with the draws of its run where these are asked for.
+    pub(super) fn ground(&self, with_draws: bool) -> Result<Ground, AtriumError> {
+        let Self { fields, run, reading, .. } = self;
+        match (run, fields) {
+            (Some(run), _) => {
+                let file = run.join("fields.vtp");
+                let ground = Ground::read(&file, reading.of(&file))?;
+                if with_draws { ground.with_draws_of(run) } else { Ok(ground) }
+            }
+            (None, Some(file)) => Ground::read(file, reading.of(file)),
+            (None, None) => Ok(Ground::embedded()),
+        }
+    }
+
+    pub(super) fn settings(&self) -> TissueSettings {
         TissueSettings {
             refine: self.refine,
             cv_max: self.cv_max.clone(),
@@ -177,19 +191,6 @@ impl AtriumArgs {
         }
     }
 
-    fn ground(&self) -> Result<Ground, AtriumError> {
-        let TissueArgs { fields, run, reading, .. } = &self.tissue;
-        match (run, fields) {
-            (Some(run), _) => {
-                let file = run.join("fields.vtp");
-                let ground = Ground::read(&file, reading.of(&file))?;
-                if self.draws.is_some() { ground.with_draws_of(run) } else { Ok(ground) }
-            }
-            (None, Some(file)) => Ground::read(file, reading.of(file)),
-            (None, None) => Ok(Ground::embedded()),
-        }
-    }
-
     fn begin(&self) -> Result<Begin, Failure> {
         let seconds = self.checkpoint_every;
         let every = Duration::try_from_secs_f64(seconds).map_err(|_| {
@@ -201,8 +202,8 @@ impl AtriumArgs {
     }
 
     pub(super) fn run(&self) -> Result<ExitCode, Failure> {
-        let atrium =
-            Atrium::new(self.ground()?, &self.settings()).map_err(|error| match error {
+        let atrium = Atrium::new(self.tissue.ground(self.draws.is_some())?, &self.settings())
+            .map_err(|error| match error {
                 AtriumError::Snapshots(_) => Failure::usage(error),
                 other => other.into(),
             })?;

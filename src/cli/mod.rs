@@ -8,6 +8,7 @@ mod compare;
 mod compile;
 mod coverage;
 mod design;
+mod export;
 mod import;
 mod inputs;
 mod interrupt;
@@ -46,6 +47,8 @@ enum Command {
     Check(check::Command),
     /// Make a surface and a table of measurements of a laboratory's study
     Import(import::Command),
+    /// Write a calibrated atrium as files of openCARP: its surface, and the parameters at every node
+    Export(Box<export::Command>),
     /// Find what a model lacks, add it, and tell the error before and after
     Loop(close_loop::Command),
     /// Choose where to measure next
@@ -77,6 +80,7 @@ pub fn main(models: &[Compiled]) -> ExitCode {
         Command::Show(command) => command.run(models),
         Command::Check(command) => command.run(models),
         Command::Import(command) => done(command.run(models)),
+        Command::Export(command) => done(command.run()),
         Command::Loop(command) => command.run(models),
         Command::Compare(command) => command.run(),
         Command::Report(command) => command.run(),

@@ -33,7 +33,7 @@ use crate::table::{Measurements, decode};
 use bundle::{Bundle, has_extension};
 
 /// What can be read, for messages.
-const KNOWN: &str = "eplat reads an export of CARTO 3 or EnSite (folder or zip), an OpenEP file (.mat), a mesh with values at its vertices (.vtk, .vtp), openCARP's .dat and .igb (with --mesh), and a pacing log (.csv)";
+const KNOWN: &str = "eplat reads an export of CARTO 3 or EnSite (folder or zip), an OpenEP file (.mat), a mesh with values at its vertices (.vtk, .vtp, .vtu, .ply, .npz, openCARP's .pts), openCARP's .dat and .igb (with --mesh), and a pacing log (.csv)";
 
 /// Reads the study at `path`, a folder, an archive or a file, and what its files are.
 ///
@@ -102,7 +102,7 @@ fn read_file(
         let values = opencarp::igb(file, &bundle.read(file)?, given.frame)?;
         return on_mesh::read_values(path, values, given);
     }
-    if ["vtk", "vtp", "vtu", "ply", "pts"].into_iter().any(is) {
+    if ["vtk", "vtp", "vtu", "ply", "npz", "pts"].into_iter().any(is) {
         bundle.read(file)?;
         return on_mesh::read(path, given);
     }

@@ -59,6 +59,22 @@ pub enum AtriumError {
         /// The parameter and its range.
         source: OutOfRange,
     },
+    /// The folder to write is there.
+    #[error(
+        "--out {}: it exists\nhelp: name another folder, or remove this one", folder.display()
+    )]
+    Occupied {
+        /// The folder.
+        folder: PathBuf,
+    },
+    /// A field where openCARP needs one number.
+    #[error(
+        "--{name} is a field, but openCARP takes a conductivity for each region\nhelp: give a number"
+    )]
+    OneNumber {
+        /// The option.
+        name: &'static str,
+    },
     /// The simulation to compare with is of another mesh.
     #[error(
         "--compare {}: it is of another mesh: {there} vertices there, {here} here\n\
