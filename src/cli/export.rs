@@ -47,7 +47,7 @@ impl Command {
         if edge > 0.5 {
             writeln!(
                 out,
-                "edges of {edge:.2} mm are too long for a front: --refine 1 halves them"
+                "edges of {edge:.2} mm are too long for a front: one more --refine halves them"
             )?;
         }
         writeln!(out, "not tried with openCARP itself: check a single beat before you rely on it")?;
