@@ -8,6 +8,8 @@ mod forms;
 mod outlying;
 #[path = "models/plain.rs"]
 mod plain;
+#[path = "models/scatter.rs"]
+mod scatter_model;
 #[path = "models/spread.rs"]
 mod spread;
 mod support;
@@ -257,6 +259,7 @@ fn discrepancy() -> Discrepancy {
             prior_sd: 10.0,
             unit: "ms".into(),
             observes: vec!["s1s2".into()],
+            scatter: None,
             why: "Why rows.".into(),
         }],
     }
@@ -277,10 +280,43 @@ fn a_discrepancy_that_is_added_is_the_one_that_rewrite_writes() {
     assert!(shown(&augmented).contains("catheter_sd"), "{}", shown(&augmented));
 }
 
-/// The gradient by differences: of the sd of an error of rows, and of the sd of deviations.
+/// The same, where the error of rows goes with their catheter; and that effect.
+fn scatter() -> (Discrepancy, AddedEffect) {
+    let mut discrepancy = discrepancy();
+    discrepancy.row_errors[0].scatter = Some("ln_scatter");
+    discrepancy.row_errors[0].observes = vec!["s1s2".into(), "direct".into()];
+    let effect = AddedEffect {
+        name: "hetero_catheter".into(),
+        on: vec!["ln_scatter".into()],
+        unit: String::new(),
+        form: group("catheter"),
+        sd: 1.0,
+    };
+    (discrepancy, effect)
+}
+
+#[test]
+fn scatter_that_is_added_is_the_one_that_rewrite_writes() {
+    let (discrepancy, effect) = scatter();
+    let findings = Findings {
+        discrepancy: discrepancy.clone(),
+        effects: vec![(effect.clone(), "Why scatter.".into())],
+        ..Findings::default()
+    };
+    let written = rewrite(include_str!("models/plain.rs"), &findings).unwrap();
+    assert_eq!(written, include_str!("models/scatter.rs"));
+    let augmented = Augmented::new(&plain::Plain, &[effect]).with_discrepancy(discrepancy);
+    are_equal(&augmented, &scatter_model::Plain);
+    let shown = equations(&Model::outline(&augmented).unwrap());
+    assert!(shown.contains("row_error * ln_scatter(x).exp()"), "{shown}");
+}
+
+/// The gradient by differences: of the sd of an error of rows, of ln of its factor, and of the sd of
+/// deviations.
 #[test]
 fn the_gradient_of_a_discrepancy_is_that_of_its_density() {
-    let augmented = Augmented::new(&plain::Plain, &[]).with_discrepancy(discrepancy());
+    let (discrepancy, effect) = scatter();
+    let augmented = Augmented::new(&plain::Plain, &[effect]).with_discrepancy(discrepancy);
     let (basis, rows) = (basis(200, 12), rows());
     let model = Model::new(&augmented, Some(&basis), &rows).unwrap();
     let (mut evaluator, mut rng) = (model.evaluator(), rng(13));

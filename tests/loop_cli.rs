@@ -204,6 +204,38 @@ fn sites_differ_in_what_is_claimed(place: &Workplace, file: &str, finding: &Valu
     assert!(held_out.get("more_than_half_of_the_gain").is_some());
 }
 
+/// Scatter of one catheter: the model that is written has an error that goes with the catheter, and runs to the same fit.
+#[test]
+fn scatter_is_written_as_an_error_that_goes_with_its_column() {
+    let (place, stdout) = closed(studies::Scenario::HeteroCatheter, 301);
+    assert!(stdout.contains("Erp lacks scatter that goes with catheter (errors "), "{stdout}");
+    let finding = finding(&place, "loop");
+    assert_eq!(finding["findings"], serde_json::json!(["hetero(catheter)"]));
+    let file = "loop/erp_plus_hetero_catheter.rs";
+    let model = place.read(file);
+    for statement in [
+        "let ln_scatter(row) = 0.0;",
+        "~ Widened(TopHat(erp_s2(x)), row_error * ln_scatter(x).exp());",
+        "effect hetero_catheter on ln_scatter = group(row.catheter) ~ Normal(0.0, 1.0);",
+    ] {
+        assert!(model.contains(statement), "{statement}\n{model}");
+    }
+    // ln of the factor between two catheters: that of 20 ms against 3.5 is 1.7
+    let interval = &finding["effect_interval"]["hetero(catheter)"];
+    let [low, high] = [0, 1].map(|end| interval[end].as_f64().unwrap());
+    assert!(low > 0.0 && low < 1.7 && high > 1.0, "{interval}");
+    assert!(finding["heldout"]["elpd_gain"].as_f64().unwrap() > 0.0, "{}", finding["heldout"]);
+    let on = "--mesh atrium.vtk --units mm --data train.csv";
+    let again = place.eplat(&format!("run {file} {on} --out again"));
+    assert!(matches!(again.status.code(), Some(0 | 3 | 4)), "{}", text(&again.stderr));
+    let summary = |file: &str| -> Value { serde_json::from_str(&place.read(file)).unwrap() };
+    let [after, again, before] =
+        ["loop/after", "again", "loop/before"].map(|at| summary(&format!("{at}/summary.json")));
+    let furthest = furthest_apart(&after, &again);
+    assert!(furthest < 4.5, "{furthest} standard errors apart");
+    assert!(furthest_apart(&before, &again) > 4.5, "another model passes for the same");
+}
+
 /// No column tells what sites differ by, so that the intervals of the model as written are too narrow.
 #[test]
 fn intervals_that_are_too_narrow_are_told_and_mended() {

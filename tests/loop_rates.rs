@@ -153,6 +153,9 @@ fn note(outcome: &Criticism) -> String {
     let text = |form: Option<&Form>| form.map_or("outliers".into(), Form::text);
     let mut note =
         format!("site {:.1} of sd {:.1}", outcome.site_log_bf, outcome.last.outer.ln_site.exp());
+    if let Some(finer) = outcome.finer_log_bf {
+        let _ = write!(note, ", finer {finer:.1}");
+    }
     for round in &outcome.rounds {
         for c in round.claimed.iter().map(|c| &outcome.candidates[*c]) {
             let _ = write!(note, " [{} on {}]", text(c.form.as_ref()), c.on.join("+"));

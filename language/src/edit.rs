@@ -7,45 +7,73 @@ use crate::file::File;
 use crate::grammar::{first_span, last_span, parse};
 use crate::mistake::Mistake;
 use crate::print::print;
-use crate::syntax::{Expr, Ident, Item, Model, Param};
+use crate::syntax::{Expr, Ident, Item, Let, Model, Observe, Param, Value};
 
 /// What is added to a model.
 #[derive(Clone, Debug, Default)]
 pub struct Added {
-    /// `param` and `effect` statements, each with the lines above it that say why, in their order.
+    /// `param`, `let` and `effect` statements, each with the lines above it that say why, in their order.
     pub statements: Vec<(String, String)>,
-    /// Names of `observe`s whose likelihood is put within `Widened(…, SD)`, and of that parameter, which is
-    /// among the statements.
-    pub row_errors: Vec<(String, String)>,
+    /// `observe`s whose measurements have a further error.
+    pub row_errors: Vec<FurtherError>,
     /// Share and sd of outliers: every likelihood is put within `Outliers(…, share, sd)`.
     pub outliers: Option<(f64, f64)>,
+}
+
+/// A further error of the measurements of an `observe`. Its likelihood is put within `Widened(…, SD)` or,
+/// with scatter, within `Widened(…, SD * SCATTER(row).exp())`.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct FurtherError {
+    /// The name of the `observe`.
+    pub observe: String,
+    /// The parameter that is its sd; its statement is added too.
+    pub sd: String,
+    /// The `let` of the row that is ln of a factor of the sd; its statement is added too.
+    pub scatter: Option<String>,
+}
+
+impl FurtherError {
+    /// The sd of the row of this name, as a model file writes it.
+    fn text(&self, row: &Ident) -> String {
+        match &self.scatter {
+            Some(scatter) => format!("{} * {scatter}({row}).exp()", self.sd),
+            None => self.sd.clone(),
+        }
+    }
+
+    /// Whether a statement of this name must stand before the likelihood.
+    fn mentions(&self, name: &Ident) -> bool {
+        name == &self.sd || self.scatter.as_ref().is_some_and(|scatter| name == scatter)
+    }
 }
 
 impl Model {
     /// Puts the likelihood of every `observe` within `Outliers(…, share, sd)`.
     pub fn add_outliers(&mut self, share: f64, sd: f64) {
         let [share, sd] = [share, sd].map(proc_macro2::Literal::f64_unsuffixed);
-        self.change_likelihoods(
-            |_, likelihood| syn::parse_quote!(Outliers(#likelihood, #share, #sd)),
-        );
+        self.change_likelihoods(|observe| {
+            let likelihood = &observe.likelihood;
+            syn::parse_quote!(Outliers(#likelihood, #share, #sd))
+        });
     }
 
-    /// Puts the likelihood of the `observe` of this name within `Widened(…, sd)`.
-    pub fn add_row_error(&mut self, observe: &str, sd: &str) {
-        let sd = Ident::new(sd, proc_macro2::Span::call_site());
-        self.change_likelihoods(|name, likelihood| {
-            if name == observe {
-                syn::parse_quote!(Widened(#likelihood, #sd))
-            } else {
-                likelihood.clone()
+    /// Gives the measurements of an `observe` a further error.
+    pub fn add_row_error(&mut self, error: &FurtherError) {
+        self.change_likelihoods(|observe| {
+            let likelihood = &observe.likelihood;
+            match syn::parse_str::<Expr>(&error.text(&observe.row)) {
+                Ok(sd) if observe.name == error.observe => {
+                    syn::parse_quote!(Widened(#likelihood, #sd))
+                }
+                _ => likelihood.clone(),
             }
         });
     }
 
-    fn change_likelihoods(&mut self, change: impl Fn(&Ident, &Expr) -> Expr) {
+    fn change_likelihoods(&mut self, change: impl Fn(&Observe) -> Expr) {
         for statement in &mut self.statements {
             if let Item::Observe(observe) = &mut statement.item {
-                observe.likelihood = change(&observe.name, &observe.likelihood);
+                observe.likelihood = change(observe);
             }
         }
     }
@@ -56,12 +84,12 @@ impl File {
     /// mentions stands before the first `observe`, everything else at the end.
     ///
     /// # Errors
-    /// A text that is not one `param` or `effect` statement. What is written is printed from its tree.
+    /// A text that is not one `param`, `let` or `effect` statement. What is written is printed from its tree.
     pub fn with_added(&self, source: &str, added: &Added) -> Result<String, Mistake> {
         let (mut errors, mut others) = (String::new(), String::new());
         for (statement, why) in &added.statements {
             let item = self::statement(statement)?;
-            let is_error = added.row_errors.iter().any(|(_, sd)| item.name() == sd);
+            let is_error = added.row_errors.iter().any(|error| error.mentions(item.name()));
             let to = if is_error { &mut errors } else { &mut others };
             to.push('\n');
             for line in why.lines() {
@@ -108,8 +136,8 @@ impl File {
             let end = last_span(&observe.likelihood).byte_range().end;
             text += &source[done..start];
             let mut likelihood = source[start..end].trim().to_owned();
-            for (_, sd) in added.row_errors.iter().filter(|(name, _)| observe.name == name) {
-                likelihood = format!("Widened({likelihood}, {sd})");
+            for error in added.row_errors.iter().filter(|error| observe.name == error.observe) {
+                likelihood = format!("Widened({likelihood}, {})", error.text(&observe.row));
             }
             if let Some((share, sd)) = added.outliers {
                 likelihood = format!("Outliers({likelihood}, {share:?}, {sd:?})");
@@ -145,7 +173,7 @@ pub fn as_name(header: &str) -> String {
     tries.into_iter().find(|name| is_name(name)).unwrap_or_else(|| "unnamed".into())
 }
 
-/// One `param` or `effect` statement.
+/// One `param`, `let` or `effect` statement.
 fn statement(text: &str) -> Result<Item, Mistake> {
     let wrong = |help: &str| {
         let message = format!("`{text}` is not one statement");
@@ -156,7 +184,7 @@ fn statement(text: &str) -> Result<Item, Mistake> {
     let model = parse(tokens).map_err(|mistake| wrong(&mistake.message))?;
     let mut statements = model.statements.into_iter().map(|statement| statement.item);
     match (statements.next(), statements.next()) {
-        (Some(item @ (Item::Effect(_) | Item::Param(_))), None) => Ok(item),
+        (Some(item @ (Item::Effect(_) | Item::Param(_) | Item::Let(_))), None) => Ok(item),
         _ => Err(wrong("write `effect NAME on LET [unit] = linear(row.COLUMN) ~ PRIOR;`")),
     }
 }
@@ -168,6 +196,9 @@ fn text(item: &Item) -> String {
         Item::Param(Param { name, unit, prior, .. }) => {
             let unit = unit.as_ref().map_or(String::new(), |unit| format!(" [{}]", unit.text));
             format!("param {name}{unit} ~ {};", print(&prior.expr))
+        }
+        Item::Let(Let { name, row, value: Value::Expr(value), .. }) => {
+            format!("let {name}({row}) = {};", print(value))
         }
         _ => String::new(),
     }
@@ -219,7 +250,11 @@ mod tests {
                     why("so"),
                 ),
             ],
-            row_errors: vec![("s1s2".into(), "row_error".into())],
+            row_errors: vec![FurtherError {
+                observe: "s1s2".into(),
+                sd: "row_error".into(),
+                scatter: None,
+            }],
             outliers: Some((0.05, 50.0)),
         };
         let text = File::read(source).unwrap().with_added(source, &added).unwrap();

@@ -24,7 +24,7 @@ mod units;
 pub mod vocabulary;
 
 pub use check::check;
-pub use edit::{Added, as_name, is_name};
+pub use edit::{Added, FurtherError, as_name, is_name};
 pub use equations::equations;
 pub use file::File;
 pub use grammar::{parse, parse_text};

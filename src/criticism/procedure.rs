@@ -48,6 +48,8 @@ pub struct Criticism {
     pub rounds: Vec<Round>,
     /// Log Bayes factor of the sites' random effect after everything that was found.
     pub site_log_bf: f64,
+    /// That of fields with [`FINER`](super::FINER) times as many modes, if the surface has them.
+    pub finer_log_bf: Option<f64>,
     /// That of the units' (recordings, sessions), where they have one, and the column that names them.
     pub unit_log_bf: Option<(String, f64)>,
     /// What is left out as a whole, where that is not the site.
@@ -132,6 +134,7 @@ pub fn criticise(
     let unit_evidence = |unit: &Unit| (unit.name.clone(), bench.unit_evidence(&last, &found));
     Ok(Criticism {
         site_log_bf: bench.site_evidence(&last),
+        finer_log_bf: bench.finer_evidence(&last),
         unit_log_bf: bench.unit.as_ref().map(unit_evidence),
         unit: bench.left_out(None),
         step: bench.step,

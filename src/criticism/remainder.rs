@@ -33,6 +33,17 @@ impl Bench<'_> {
             - without.unwrap_or(f64::NEG_INFINITY)
     }
 
+    /// Log Bayes factor of fields with more modes beside the random effects, the best of the sizes
+    /// that are tried; `None` if the surface has no more.
+    pub(super) fn finer_evidence(&self, fit: &LaplaceFit) -> Option<f64> {
+        let scores = self.finer.iter().filter_map(|terms| {
+            let active = [&fit.active[..], terms].concat();
+            let start = self.engine.fit(&fit.outer, &active, Some(fit))?;
+            Some(self.optimised(&start, Free::Spread)?.1)
+        });
+        Some(scores.reduce(f64::max)? - score(fit, self.step))
+    }
+
     /// The other forms of what was found on what is observed: a curve beside a line.
     fn curves(&self, active: &[usize]) -> impl Iterator<Item = usize> {
         let is_curve = |c: &usize| {

@@ -20,7 +20,7 @@ pub struct Findings {
 /// - what sites differ by, and effects, are declared at the end of its model, each under a line
 ///   that says why;
 /// - a further error of rows is declared before its first `observe`, whose likelihood is put within
-///   `Widened(…)`;
+///   `Widened(…)`, and so is the `let` by which that error goes with a column;
 /// - if there are outliers, likelihoods are put within `Outliers(…, share, sd)`.
 ///
 /// # Errors
@@ -31,8 +31,12 @@ pub fn rewrite(source: &str, findings: &Findings) -> Result<String, Mistake> {
     let mut added = Added { outliers: *outliers, ..Added::default() };
     for error in &discrepancy.row_errors {
         added.statements.push((error.statement(), error.why.clone()));
-        let observes = error.observes.iter();
-        added.row_errors.extend(observes.map(|observe| (observe.clone(), error.name.clone())));
+        added.row_errors.extend(error.of_observes());
+    }
+    let why =
+        "Added by `eplat loop`: ln of a factor of that error, by which scatter goes with a column.";
+    for scatter in discrepancy.scatter() {
+        added.statements.push((scatter, why.into()));
     }
     for spread in &discrepancy.spreads {
         let [sd, effect] = spread.statements();

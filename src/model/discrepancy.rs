@@ -1,6 +1,8 @@
 //! A discrepancy: what measurements differ by for reasons that no column tells. It is added as
 //! statements that the model lacks.
 
+use eplat_language::FurtherError;
+
 use super::forms::Form;
 use super::functions::Decl;
 
@@ -36,6 +38,9 @@ pub struct RowError {
     pub unit: String,
     /// The `observe`s.
     pub observes: Vec<String>,
+    /// The name of a `let` of the row that is added too: ln of a factor of the sd, 0 but for the
+    /// effects on it. Then the likelihood is `Widened(…, NAME * SCATTER(row).exp())`.
+    pub scatter: Option<&'static str>,
     /// Why it is there, a sentence.
     pub why: String,
 }
@@ -73,6 +78,15 @@ impl RowError {
         let unit = in_brackets(&self.unit);
         format!("param {}{unit} ~ HalfNormal({:?});", self.name, self.prior_sd)
     }
+
+    /// The `observe`s, each with its further error.
+    pub fn of_observes(&self) -> impl Iterator<Item = FurtherError> {
+        self.observes.iter().map(|observe| FurtherError {
+            observe: observe.clone(),
+            sd: self.name.clone(),
+            scatter: self.scatter.map(String::from),
+        })
+    }
 }
 
 impl Discrepancy {
@@ -81,10 +95,20 @@ impl Discrepancy {
         self.spreads.is_empty() && self.row_errors.is_empty()
     }
 
+    /// The statements of the factors of further errors.
+    pub fn scatter(&self) -> Vec<String> {
+        let mut names: Vec<&str> = self.row_errors.iter().filter_map(|e| e.scatter).collect();
+        names.dedup();
+        names.into_iter().map(|name| format!("let {name}(row) = 0.0;")).collect()
+    }
+
     /// All its statements.
     pub fn statements(&self) -> Vec<String> {
         let errors = self.row_errors.iter().map(RowError::statement);
-        errors.chain(self.spreads.iter().flat_map(Spread::statements)).collect()
+        errors
+            .chain(self.scatter())
+            .chain(self.spreads.iter().flat_map(Spread::statements))
+            .collect()
     }
 }
 

@@ -11,8 +11,8 @@ impl Model {
     /// compiled.
     pub fn syntax(&self) -> Result<eplat_language::syntax::Model, eplat_language::Mistake> {
         let mut tree = eplat_language::parse_text(&self.source)?;
-        for (observe, sd) in &self.row_errors {
-            tree.add_row_error(observe, sd);
+        for error in &self.row_errors {
+            tree.add_row_error(error);
         }
         if let Some((share, sd)) = self.outliers {
             tree.add_outliers(share, sd);

@@ -120,7 +120,7 @@ pub struct Model {
     pub(super) outliers: Option<(f64, f64)>,
     /// Names of the `observe`s whose rows were given a further error, each with the name of the
     /// error's sd.
-    pub(super) row_errors: Vec<(String, String)>,
+    pub(super) row_errors: Vec<eplat_language::FurtherError>,
     /// Values that are known: the filled cells of columns with a prior.
     pub(super) constants: Vec<(usize, f64)>,
     /// Unknowns whose starting value is the middle of a declared range.

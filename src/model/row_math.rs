@@ -1,14 +1,14 @@
 //! The likelihood of an `observe` statement on its rows: the part of it that is compiled with each
 //! model.
 
-use num_dual::DualStruct;
+use num_dual::{DualNum, DualStruct};
 use pulp::{Arch, Simd, WithSimd};
 use rand::Rng;
 
 use super::error::ModelError;
 use super::functions::{Columns, RowFn};
 use super::map::ReadCell;
-use super::row_place::Place;
+use super::row_place::{ERROR, Place};
 use super::tape::Tape;
 use crate::likelihood::{Likelihood, Observation, Outliers};
 use crate::num::lanes::LANES;
@@ -18,7 +18,7 @@ use crate::num::{Dual, Hyper, Num, Real, Third, derivatives, variable};
 pub(super) type OutlierShare = (f64, f64);
 
 /// A row: the N numbers that its likelihood depends on, then the sd of a further error, which is 0
-/// if there is none.
+/// if there is none, and ln of a factor of that sd.
 #[derive(Clone, Copy)]
 pub(super) struct Row<'a> {
     pub(super) i: usize,
@@ -127,14 +127,20 @@ impl<F: RowFn<N>, const N: usize, const W: usize> RowsOf<F, N, W> {
         self.likelihood(std::array::from_fn(|j| Num(row.numbers[j])), row.i, row.outliers)
     }
 
-    /// The variance of the further error of a row.
+    /// The sd of the further error of a row.
+    fn further_sd(row: Row<'_>) -> f64 {
+        row.numbers[N] * row.numbers[N + 1].exp()
+    }
+
+    /// Its variance.
     fn further(row: Row<'_>) -> f64 {
-        row.numbers[N] * row.numbers[N]
+        Self::further_sd(row).powi(2)
     }
 
     /// As [`Self::further`], with derivatives in the numbers `a` and `b`.
     fn further_hyper(row: Row<'_>, a: usize, b: usize) -> Num<Hyper> {
-        let sd = Num(hyper(row.numbers[N], N, a, b));
+        let [sd, ln] = [N, N + 1].map(|j| Num(hyper(row.numbers[j], j, a, b)));
+        let sd = sd * ln.exp();
         sd * sd
     }
 
@@ -192,11 +198,14 @@ impl<F: RowFn<N>, const N: usize, const W: usize> RowsOf<F, N, W> {
     /// As [`Self::backward_rows`], with the outliers and the further error that were added.
     #[inline(never)]
     fn backward_with_added(&self, place: &Place, outliers: OutlierShare, t: &mut Tape) {
-        let further = place.error.map(|sd| Num(Dual::from_re(t.v[sd] * t.v[sd])));
         for i in 0..self.y.len() {
             let likelihood = self.likelihood(Self::gather(place, &t.v, i), i, outliers);
-            let value = match further {
-                Some(variance) => likelihood.ln_widened(&self.y[i], variance),
+            let value = match place.error {
+                Some(error) => {
+                    let ln = error.scatter.map_or(0.0, |at| t.v[at + i]);
+                    let variance = (t.v[error.sd] * ln.exp()).powi(2);
+                    likelihood.ln_widened(&self.y[i], Num(Dual::from_re(variance)))
+                }
                 None => likelihood.ln_likelihood(&self.y[i]),
             };
             scatter(place, i, &value.0, t);
@@ -308,7 +317,7 @@ impl<F: RowFn<N>, const N: usize, const W: usize> RowMath for RowsOf<F, N, W> {
 
     fn second_of(&self, row: Row<'_>, y: Measurement<'_>, a: usize, b: usize) -> Hyper {
         let measured = self.measurement(row.i, y.cells);
-        let variance = Self::further_hyper(row, a, b) + Num(hyper(y.variance, N + 1, a, b));
+        let variance = Self::further_hyper(row, a, b) + Num(hyper(y.variance, N + ERROR, a, b));
         self.hyper(row, a, b).ln_widened(&measured, variance).0
     }
 
@@ -319,15 +328,16 @@ impl<F: RowFn<N>, const N: usize, const W: usize> RowMath for RowsOf<F, N, W> {
             Num(Third::new(x, along, along, own, 0.0, 0.0, 0.0, 0.0))
         };
         let numbers = std::array::from_fn(|j| number(j, row.numbers[j], direction[j]));
-        let further = number(N, row.numbers[N], direction[N]);
-        let variance = further * further + number(N + 1, y.variance, 0.0);
+        let [sd, ln] = [N, N + 1].map(|j| number(j, row.numbers[j], direction[j]));
+        let sd = sd * ln.exp();
+        let variance = sd * sd + number(N + ERROR, y.variance, 0.0);
         self.likelihood(numbers, row.i, row.outliers).ln_widened(&measured, variance).0
     }
 
     fn simulate(&self, row: Row<'_>, like: Option<&[f64]>, rng: &mut dyn Rng) -> Vec<f64> {
         let like = like.map_or(self.y[row.i], |cells| self.measurement(row.i, cells));
         let likelihood = self.plain(row);
-        match row.numbers[N] {
+        match Self::further_sd(row) {
             0.0 => likelihood.simulate(&like, rng).cells(),
             sd => likelihood.simulate_widened(&like, sd, rng).cells(),
         }

@@ -66,10 +66,10 @@ impl Rows {
         }
     }
 
-    /// Carries to the adjoint the derivatives in the offsets of `let`s and in the sd of a further
+    /// Carries to the adjoint the derivatives in the offsets of `let`s and in a further
     /// error. These are rare, so each takes an evaluation of its own.
     fn backward_of_rare(&self, t: &mut Tape) {
-        let mut numbers = vec![0.0; self.place.error_slot() + 1];
+        let mut numbers = vec![0.0; self.place.n_numbers()];
         for i in (0..self.math.len()).filter(|i| self.place.left_out != Some(*i)) {
             self.place.fill(&t.v, i, &mut numbers);
             let slope =
@@ -78,8 +78,10 @@ impl Rows {
                 let Some(at) = at else { continue };
                 t.g[at + i] += slope(self.place.width + j);
             }
-            if let Some(sd) = self.place.error {
-                t.g[sd] += slope(self.place.error_slot());
+            let Some(error) = self.place.error else { continue };
+            t.g[error.sd] += slope(self.place.error_slot());
+            if let Some(at) = error.scatter {
+                t.g[at + i] += slope(self.place.error_slot() + 1);
             }
         }
     }

@@ -2,6 +2,7 @@
 
 use std::collections::BTreeMap;
 
+use super::FoundEffect;
 use crate::diagnostics::quantile;
 use crate::model::{AddedEffect, Model, RowId};
 use crate::random::Stream;
@@ -40,12 +41,14 @@ impl Contribution {
     /// Computed from the draws of the model after: what is predicted, less what would be predicted
     /// without the effects.
     pub(super) fn of(
-        effects: &[AddedEffect],
+        effects: &[FoundEffect],
         after: &Fit<'_>,
         table: &Measurements,
     ) -> Option<Self> {
-        let first = effects.first()?;
-        let own: Vec<&AddedEffect> = effects.iter().filter(|e| e.form == first.form).collect();
+        let moving = effects.iter().filter(|found| !found.is_scatter());
+        let moving: Vec<&AddedEffect> = moving.map(|found| &found.effect).collect();
+        let first = moving.first()?;
+        let own: Vec<&&AddedEffect> = moving.iter().filter(|e| e.form == first.form).collect();
         let model = after.model();
         let names = model.unknown_names();
         let is_own = |name: &str| own.iter().any(|e| name.split('[').next() == Some(&e.name));

@@ -4,7 +4,7 @@
 use std::collections::BTreeMap;
 
 use eplat_language::as_name;
-use eplat_language::syntax::{Item, Model as Tree};
+use eplat_language::syntax::{Item, Model as Tree, Observe};
 
 use super::LoopError;
 use crate::criticism::Criticism;
@@ -18,7 +18,8 @@ use crate::table::{Measurements, SITE, VERTEX};
 /// - of sites, if there are several measurements per site, which tell them from errors of single
 ///   measurements;
 /// - of recordings or sessions, if the search had them;
-/// - of single measurements, if brackets are taken as exact.
+/// - of single measurements, if brackets are taken as exact, or if scatter was found, which is
+///   that of this error.
 pub(super) fn discrepancy(
     declared: &dyn Declare,
     criticism: &Criticism,
@@ -57,7 +58,17 @@ pub(super) fn discrepancy(
             });
         }
     }
-    Ok(Discrepancy { spreads, row_errors: names.row_errors(criticism.step) })
+    let scatter = (!criticism.scatter().is_empty()).then(|| names.scatter());
+    Ok(Discrepancy { spreads, row_errors: names.row_errors(criticism.step, scatter) })
+}
+
+/// Names of the `let` that is ln of the factor by which scatter goes with a column. The first that
+/// is free is taken.
+const SCATTER: [&str; 3] = ["ln_scatter", "ln_scatter_of_rows", "ln_scatter_found"];
+
+/// The name of that `let` in this model.
+pub(super) fn scatter_on(tree: &Tree, table: &Measurements) -> &'static str {
+    Names { tree, table }.scatter()
 }
 
 /// The column that names sites in both tables.
@@ -103,12 +114,17 @@ impl Names<'_> {
         })
     }
 
-    /// A further error of the measurements whose likelihood has none.
-    fn row_errors(&self, step: f64) -> Vec<RowError> {
-        let mut exact: BTreeMap<String, Vec<String>> = BTreeMap::new();
-        for observe in self.tree.observes().filter(|observe| self.tree.is_exact(observe)) {
+    fn scatter(&self) -> &'static str {
+        SCATTER.into_iter().find(|name| self.free(name) == *name).unwrap_or(SCATTER[0])
+    }
+
+    /// A further error of the measurements whose likelihood has none; with scatter, of all.
+    fn row_errors(&self, step: f64, scatter: Option<&'static str>) -> Vec<RowError> {
+        let mut of_unit: BTreeMap<String, Vec<String>> = BTreeMap::new();
+        let has_error = |observe: &&Observe| scatter.is_some() || self.tree.is_exact(observe);
+        for observe in self.tree.observes().filter(has_error) {
             let unit = observe.unit.as_ref().map_or_else(String::new, |unit| unit.text.clone());
-            exact.entry(unit).or_default().push(observe.name.to_string());
+            of_unit.entry(unit).or_default().push(observe.name.to_string());
         }
         let error = |(number, (unit, observes)): (usize, (String, Vec<String>))| {
             let further = if number == 0 { String::new() } else { format!("_{}", observes[0]) };
@@ -117,9 +133,10 @@ impl Names<'_> {
                 prior_sd: step,
                 unit,
                 observes,
+                scatter,
                 why: "Added by `eplat loop`: an error of each measurement; its bracket is not taken as exact.".into(),
             }
         };
-        exact.into_iter().enumerate().map(error).collect()
+        of_unit.into_iter().enumerate().map(error).collect()
     }
 }

@@ -3,10 +3,14 @@
 use eplat_language::syntax::Item;
 
 use super::LoopError;
+use super::discrepancy::scatter_on;
 use super::sizes::Size;
 use crate::criticism::{Cause, Criticism};
 use crate::model::{AddedEffect, Declare, Model};
 use crate::table::Measurements;
+
+/// Prior sd of the coefficients of scatter: errors e times as large or as small.
+const SD_OF_SCATTER: f64 = 1.0;
 
 /// An effect that was found.
 #[derive(Clone, Debug)]
@@ -21,6 +25,22 @@ pub struct FoundEffect {
     pub size: Size,
 }
 
+impl FoundEffect {
+    /// Whether it moves nothing that is predicted, but is ln of a factor of the measurements' error.
+    pub fn is_scatter(&self) -> bool {
+        matches!(self.cause, Cause::Hetero(_))
+    }
+
+    /// Its size in words.
+    pub(super) fn size_in_words(&self) -> String {
+        if !self.is_scatter() {
+            return self.size.in_words(&self.effect);
+        }
+        let [low, high] = self.size.interval.map(f64::exp);
+        format!("errors {low:.1} to {high:.1} times as large {} (90 % interval)", self.size.of)
+    }
+}
+
 /// What was found, as effects with names of their own. Each has its cause and a sentence that says
 /// why it is there.
 pub(super) fn found(
@@ -28,7 +48,8 @@ pub(super) fn found(
     criticism: &Criticism,
     table: &Measurements,
 ) -> Result<Vec<(AddedEffect, Cause, String)>, LoopError> {
-    let tree = Model::outline(declared)?.syntax();
+    let tree = Model::outline(declared)?.syntax().ok();
+    let on_scatter = tree.as_ref().map_or("", |tree| scatter_on(tree, table)).to_owned();
     let items: Vec<&Item> =
         tree.iter().flat_map(|tree| &tree.statements).map(|s| &s.item).collect();
     let item_of = |name: &str| items.iter().find(|item| item.name() == name);
@@ -41,10 +62,12 @@ pub(super) fn found(
         let log_bf = round.taken().map_or(f64::NAN, |taken| taken.log_bf);
         for (k, candidate) in round.claimed.iter().enumerate() {
             let found = &criticism.candidates[*candidate];
-            // scatter moves nothing that an effect could add to
-            let form = found.form.clone().filter(|_| !found.is_scatter());
-            let Some(form) = form else { continue };
-            let (on, sd) = (found.on.clone(), found.sd);
+            let Some(form) = found.form.clone() else { continue };
+            let (on, sd) = if found.is_scatter() {
+                (vec![on_scatter.clone()], SD_OF_SCATTER)
+            } else {
+                (found.on.clone(), found.sd)
+            };
             let mut name = found.cause.name();
             if k > 0 {
                 name = format!("{name}_{}", on.join("_"));

@@ -44,9 +44,7 @@ impl Story {
                 name: stem.to_owned(),
                 mistake: mistake.message,
             })?;
-            // scatter by a column is named, but in no file
-            let is_written = |cause: &&Cause| !matches!(cause, Cause::Hetero(_));
-            let causes = self.criticism.findings().into_iter().filter(is_written);
+            let causes = self.criticism.findings().into_iter();
             let causes: Vec<String> = causes.map(Cause::name).collect();
             let what = if causes.is_empty() { "discrepancy".into() } else { causes.join("_") };
             texts.push((format!("{stem}_plus_{what}.rs"), text));

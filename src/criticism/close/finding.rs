@@ -55,6 +55,7 @@ impl Story {
             "data": self.loaded.measurements.file_name(),
             "nulls": criticism.rounds.iter().map(|r| r.nulls.clone()).collect::<Vec<_>>(),
             "site_log_bf": criticism.site_log_bf,
+            "finer_log_bf": criticism.finer_log_bf,
             "unit_log_bf": criticism.unit_log_bf.as_ref().map(|(_, log_bf)| log_bf),
             "not_tried": unusable,
             "warnings": warnings,

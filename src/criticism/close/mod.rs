@@ -143,18 +143,18 @@ impl<'m> Loop<'m> {
             (with(&[]), with(&added).with_outliers(criticism.last.outer.outliers));
         let before = (!discrepancy.is_empty()).then(|| self.sample(&plain, "before", out, watch));
         let before = before.transpose()?;
-        // scatter alone is no model of its own
         let is_found = !added.is_empty() || criticism.last.outer.outliers.is_some();
         let after = is_found.then(|| self.sample(&augmented, "after", out, watch)).transpose()?;
         seen.predict(&self, before.as_deref(), after.as_deref())?;
         let table = &self.loaded.measurements;
-        let contribution = after.as_deref().and_then(|fit| Contribution::of(&added, fit, table));
         let effects = effects.into_iter().filter_map(|(effect, cause, why)| {
             let size = Size::of(&effect, after.as_deref()?, table);
             Some(FoundEffect { cause, effect, why, size })
         });
+        let effects: Vec<FoundEffect> = effects.collect();
+        let contribution = after.as_deref().and_then(|fit| Contribution::of(&effects, fit, table));
         Ok(Story {
-            effects: effects.collect(),
+            effects,
             contribution,
             narrow,
             spread: after

@@ -1,7 +1,7 @@
 //! The result of a loop, as data.
 
 use super::{Contribution, FoundEffect, HeldOut, LeftOut, Narrow};
-use crate::criticism::{CLAIM, Criticism, Warning};
+use crate::criticism::{CLAIM, Criticism, FINER, Warning};
 use crate::diagnostics::verdict::{Answer, Colour, Question, Verdict};
 use crate::model::{Discrepancy, equations};
 use crate::report::ErrorChange;
@@ -145,6 +145,14 @@ impl Story {
     /// Those that do differ.
     pub(super) fn unexplained(&self) -> impl Iterator<Item = (String, f64)> {
         self.differences().into_iter().filter(|(_, log_bf)| *log_bf > CLAIM)
+    }
+
+    /// Detail that the model's fields would follow if they had more modes, in words.
+    pub fn short(&self) -> Option<String> {
+        let log_bf = self.criticism.finer_log_bf.filter(|log_bf| *log_bf > CLAIM)?;
+        Some(format!(
+            "fields with {FINER} times as many modes say more (log Bayes factor {log_bf:.1}): raise K in the model"
+        ))
     }
 
     /// What the checks of both tables say.

@@ -1,8 +1,7 @@
 //! The answer in words.
 
 use super::{FoundEffect, Story, Trouble};
-use crate::criticism::{CLAIM, Candidate};
-use crate::model::forms::Extent;
+use crate::criticism::CLAIM;
 use crate::report::{ErrorChange, PredictionError};
 use crate::table::Role;
 
@@ -18,7 +17,7 @@ impl Story {
         });
         let of_one_cause = |a: &FoundEffect, b: &FoundEffect| a.effect.form == b.effect.form;
         let effects = self.effects.chunk_by(of_one_cause).map(|effects| self.in_words(effects));
-        let lacked: Vec<String> = effects.chain(outliers).chain(self.scatter()).collect();
+        let lacked: Vec<String> = effects.chain(outliers).collect();
         if !lacked.is_empty() {
             return format!("{model} lacks {}.", lacked.join(" and "));
         }
@@ -39,26 +38,6 @@ impl Story {
         format!("Nothing is missing from {model} that these data could show.")
     }
 
-    /// Scatter that depends on a column, in words.
-    fn scatter(&self) -> Vec<String> {
-        let table = &self.loaded.measurements;
-        let one = |(candidate, ln): (&Candidate, &[f64])| {
-            let form = candidate.form.as_ref()?;
-            let column = form.column().unwrap_or_default();
-            let labels = form.labels(table);
-            let k = ln.iter().position(|ln| *ln != 0.0)?;
-            let factor = ln[k].exp();
-            let of = match form.extent() {
-                Extent::Coefficient(of) => of,
-                _ => format!("with {}", labels.get(k).map_or("", String::as_str)),
-            };
-            Some(format!(
-                "scatter that goes with {column} (errors {factor:.1} times as large {of})"
-            ))
-        };
-        self.criticism.scatter().into_iter().filter_map(one).collect()
-    }
-
     /// What the intervals of the model as written hold, if that is too little.
     pub fn narrow(&self) -> Option<String> {
         let narrow = self.narrow.as_ref()?;
@@ -68,6 +47,12 @@ impl Story {
 
     /// The effects of one cause in words.
     fn in_words(&self, effects: &[FoundEffect]) -> String {
+        if let [found] = effects
+            && found.is_scatter()
+        {
+            let column = found.effect.form.column().unwrap_or_default();
+            return format!("scatter that goes with {column} ({})", found.size_in_words());
+        }
         let on: Vec<&str> =
             effects.iter().flat_map(|found| &found.effect.on).map(String::as_str).collect();
         let on = on.join(" and ");
@@ -96,7 +81,8 @@ impl Story {
                 )
             }
         });
-        ambiguous.chain(differences).collect::<Vec<_>>().join(" ")
+        let short = self.short().map(|short| format!("The model's own fields are short: {short}."));
+        ambiguous.chain(differences).chain(short).collect::<Vec<_>>().join(" ")
     }
 
     /// The answer in a few lines, for a terminal. What speaks against the fits comes first.
@@ -109,13 +95,7 @@ impl Story {
         lines.push(self.verdict());
         for found in &self.effects {
             lines.push(format!("found     {}", found.effect.statement()));
-            lines.push(format!("          {}", found.size.in_words(&found.effect)));
-        }
-        for (candidate, _) in criticism.scatter() {
-            lines.push(format!(
-                "{} is in no model file: a likelihood in Widened(…, an error of each row) would declare it",
-                candidate.cause
-            ));
+            lines.push(format!("          {}", found.size_in_words()));
         }
         for [a, b] in criticism.ambiguous() {
             lines.push(format!("ambiguous {a} or {b}: these data cannot tell"));
@@ -126,6 +106,7 @@ impl Story {
                 what.to_lowercase()
             ));
         }
+        lines.extend(self.short().map(|short| format!("short     {short}")));
         if let Some(narrow) = self.narrow() {
             lines.push(format!("narrow    as written, {narrow}"));
         }

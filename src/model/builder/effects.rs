@@ -131,7 +131,8 @@ impl Builder<'_> {
     pub(super) fn declare_row_errors(&mut self) {
         for error in std::mem::take(&mut self.further_errors) {
             let sd = self.learnt_sd(&error.name, &error.unit, error.prior_sd);
-            self.row_errors.extend(error.observes.into_iter().map(|observe| (observe, sd)));
+            let observes = error.observes.into_iter();
+            self.row_errors.extend(observes.map(|observe| (observe, sd, error.scatter)));
         }
     }
 

@@ -109,8 +109,9 @@ pub struct Builder<'a> {
     outliers: Option<(f64, f64)>,
     /// Further errors that are to be added. They move to `row_errors` when their sds have places.
     further_errors: Vec<RowError>,
-    /// Names of `observe`s whose rows have a further error, and where its sd is.
-    row_errors: Vec<(String, usize)>,
+    /// Names of `observe`s whose rows have a further error, where its sd is, and the `let` that is
+    /// ln of a factor of it.
+    row_errors: Vec<(String, usize, Option<&'static str>)>,
     /// First offset of (observe, field or let).
     hooks: BTreeMap<(&'static str, &'static str), usize>,
     /// First value of (observe, linear predictor).
@@ -188,8 +189,7 @@ impl<'a> Builder<'a> {
     /// Adds a further error to every measurement of some `observe`s, which must follow.
     pub(super) fn add_row_error(&mut self, error: &RowError) {
         self.further_errors.push(error.clone());
-        let observes = error.observes.iter().map(|observe| (observe.clone(), error.name.clone()));
-        self.model.row_errors.extend(observes);
+        self.model.row_errors.extend(error.of_observes());
     }
 
     fn values(&mut self, n: usize) -> usize {

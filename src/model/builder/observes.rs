@@ -35,8 +35,12 @@ impl Builder<'_> {
         let place = self.place(name, &rows, mentions, width)?;
         let outliers = self.outliers.map(|(share, sd)| (share, sd * sd));
         self.declare_row_errors();
-        let error = self.row_errors.iter().find(|(observe, _)| observe == name);
-        let place = row_place::Place { error: error.map(|(_, sd)| *sd), ..place };
+        let error = self.row_errors.iter().find(|(observe, ..)| observe == name).cloned();
+        let error = error.map(|(_, sd, scatter)| row_place::Error {
+            sd,
+            scatter: scatter.map(|scatter| self.hook(name, scatter, rows.len())),
+        });
+        let place = row_place::Place { error, ..place };
         let (columns, op) = (math.cells(), Rows { place, outliers, math });
         self.model.observes.push(Observe { name, unit, columns, cells, rows, op });
         Ok(())
