@@ -17,7 +17,7 @@ use crate::run::Problem;
 /// `eplat check MODEL.rs`
 #[derive(Debug, Args)]
 pub(super) struct Command {
-    /// Model file (.rs), for instance models/erp.rs
+    /// Model file (.rs), or the name of a model that ships, for instance erp
     model: PathBuf,
     #[command(flatten)]
     input: InputArgs,
@@ -25,9 +25,9 @@ pub(super) struct Command {
 
 impl Command {
     pub(super) fn run(&self, compiled: &[Compiled]) -> Result<ExitCode, Failure> {
-        let file = ModelFile::read(&self.model)?;
+        let file = ModelFile::read(&self.model, compiled)?;
         let Some(model) = file.find(compiled)? else { return run_compiled(&file) };
-        let problem = self.input.problem(&self.model, model)?;
+        let problem = self.input.problem(&file, model)?;
         let check = problem.check()?;
         let mut out = std::io::stdout().lock();
         writeln!(out, "{check}")?;

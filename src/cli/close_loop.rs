@@ -25,7 +25,7 @@ use crate::table::{Columns, Measurements, Role};
 /// `eplat loop MODEL.rs`
 #[derive(Debug, Args)]
 pub(super) struct Command {
-    /// Model file (.rs), for instance models/erp.rs
+    /// Model file (.rs), or the name of a model that ships, for instance erp
     model: PathBuf,
     #[command(flatten)]
     input: InputArgs,
@@ -54,7 +54,7 @@ pub(super) struct Command {
 impl Command {
     pub(super) fn run(&self, compiled: &[Compiled]) -> Result<ExitCode, Failure> {
         let begun = Instant::now();
-        let file = ModelFile::read(&self.model)?;
+        let file = ModelFile::read(&self.model, compiled)?;
         let Some(model) = file.find(compiled)? else { return run_compiled(&file) };
         if !self.input.has_data() {
             return Err(Failure::usage(
@@ -62,7 +62,7 @@ impl Command {
             ));
         }
         let out = OutputFolder::open(self.folder())?;
-        let prepared = self.prepare(model)?;
+        let prepared = self.prepare(&file, model)?;
         let story = match self.watched(|watch| prepared.close(Some(&out), watch))? {
             Err(LoopError::Stopped) => return Ok(ExitCode::from(INTERRUPTED)),
             closed => closed?,
@@ -73,8 +73,8 @@ impl Command {
     }
 
     /// Reads and checks everything.
-    fn prepare<'m>(&self, model: &'m dyn Declare) -> Result<Loop<'m>, Failure> {
-        let mut loaded = self.input.load(&self.model, model)?;
+    fn prepare<'m>(&self, file: &ModelFile, model: &'m dyn Declare) -> Result<Loop<'m>, Failure> {
+        let mut loaded = self.input.load(file, model)?;
         let roles = self.columns.iter();
         let roles = roles.fold(Columns::default(), |all, (name, role)| all.with(name, *role));
         loaded.measurements.set_roles(roles)?;

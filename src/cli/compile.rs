@@ -137,6 +137,34 @@ fn library_beside_this_program() -> Option<PathBuf> {
     dated.filter(|(time, _)| *time <= linked).max().map(|(_, path)| path)
 }
 
+/// What a model of the user's own is compiled against.
+#[derive(Clone, Copy, Debug)]
+pub(super) enum Library {
+    /// The library beside this program, in a checkout.
+    Beside,
+    /// The library that an installed program has built from its own sources.
+    Built,
+    /// An installed program has not built it yet.
+    ToBuild,
+}
+
+/// What there is now.
+pub(super) fn library() -> Library {
+    let unpacked = cache::folder().map(|cache| unpacked_in(&cache));
+    if library_beside_this_program().is_some() {
+        Library::Beside
+    } else if unpacked.is_some_and(|folder| folder.is_dir()) {
+        Library::Built
+    } else {
+        Library::ToBuild
+    }
+}
+
+/// Where the sources of this build of eplat are unpacked.
+fn unpacked_in(cache: &Path) -> PathBuf {
+    cache.join("eplat").join(&cache::key(&[identity().as_bytes()])[..16])
+}
+
 /// The program around the model: `main.rs`, left alone if it is there already.
 #[allow(clippy::unnecessary_debug_formatting, reason = "escapes as Rust needs it")]
 fn write_main(package: &Path, model: &Path, name: &str) -> std::io::Result<PathBuf> {
@@ -175,15 +203,18 @@ fn with_rustc(main: &Path, built: &Path, library: &Path) -> std::io::Result<Outp
 }
 
 fn with_cargo(cache: &Path, package: &Path, built: &Path) -> std::io::Result<Output> {
-    let eplat = cache.join("eplat").join(&cache::key(&[identity().as_bytes()])[..16]);
+    let eplat = unpacked_in(cache);
     if !eplat.is_dir() {
         eprintln!("building the library that models are compiled against: minutes, this once …");
         fs::create_dir_all(cache.join("eplat"))?;
         write_folder(&eplat, unpack)?;
     }
     let name = format!("model-{}", package.file_name().unwrap_or_default().display());
-    let profile =
-        MANIFEST.split("[profile.release]").nth(1).and_then(|text| text.split("\n\n").next());
+    let profile = MANIFEST
+        .split("[profile.release]")
+        .nth(1)
+        .and_then(|text| text.split("[profile.test]").next())
+        .map(str::trim_end);
     let manifest = format!(
         "[package]\nname = \"{name}\"\nversion = \"0.0.0\"\nedition = \"2024\"\n\n\
          [dependencies]\neplat = {{ path = \"{}\" }}\n\n[workspace]\n\n[profile.release]{}\n\n\

@@ -26,7 +26,7 @@ pub(super) enum Command {
 
 #[derive(Debug, Args)]
 pub(super) struct NextArgs {
-    /// Model file (.rs), for instance models/erp.rs
+    /// Model file (.rs), or the name of a model that ships, for instance erp
     model: PathBuf,
     #[command(flatten)]
     input: InputArgs,
@@ -67,9 +67,9 @@ impl Command {
 
 impl NextArgs {
     fn run(&self, compiled: &[Compiled]) -> Result<ExitCode, Failure> {
-        let file = ModelFile::read(&self.model)?;
+        let file = ModelFile::read(&self.model, compiled)?;
         let Some(declared) = file.find(compiled)? else { return run_compiled(&file) };
-        let problem = self.input.problem(&self.model, declared)?;
+        let problem = self.input.problem(&file, declared)?;
         let ranking = self.rank(&problem).map_err(usage)?;
         writeln!(std::io::stdout().lock(), "{}", ranking.text())?;
         if let Some(path) = &self.out {

@@ -4,13 +4,12 @@ use std::path::{Path, PathBuf};
 
 use clap::Args;
 
+use super::models::ModelFile;
 use super::reading::ReadingArgs;
 use crate::error::Failure;
 use crate::mesh::Reading;
 use crate::model::{Declare, Model};
-use crate::run::{
-    DataSource, Design, Inputs, Loaded, MeshSource, Problem, RunError, Watch, hash_file,
-};
+use crate::run::{DataSource, Design, Inputs, Loaded, MeshSource, Problem, RunError, Watch, hash};
 use crate::table::Measurements;
 
 /// What `--mesh` calls the procedural left atrium.
@@ -62,13 +61,17 @@ impl InputArgs {
     }
 
     /// As the library takes them; the draws depend on the file of the model too.
-    pub(super) fn inputs(&self, model: &Path, declared: &dyn Declare) -> Result<Inputs, Failure> {
+    pub(super) fn inputs(
+        &self,
+        model: &ModelFile,
+        declared: &dyn Declare,
+    ) -> Result<Inputs, Failure> {
         let mesh = self.mesh(declared)?;
         let data = match &self.data {
             Some(path) => DataSource::File(path.clone()),
             None => DataSource::Synthetic(Design { seed: self.seed, ..Design::default() }),
         };
-        let hashes = [("model".to_owned(), hash_file(model)?)].into();
+        let hashes = [("model".to_owned(), hash(model.source.as_bytes()))].into();
         let arguments = std::env::args_os().skip(1);
         let command = command_line(arguments.map(|a| a.to_string_lossy().into_owned()));
         Ok(Inputs { mesh, basis: self.basis.clone(), data, hashes, command })
@@ -97,14 +100,14 @@ impl InputArgs {
     /// The model declared in `file` on everything that it needs; says on stderr what that is.
     pub(super) fn problem<'m>(
         &self,
-        file: &Path,
+        file: &ModelFile,
         declared: &'m dyn Declare,
     ) -> Result<Problem<'m>, Failure> {
         Problem::load_watched(declared, &self.inputs(file, declared)?, &telling()).map_err(usage)
     }
 
     /// Reads or makes everything that the model declared in `file` needs; says on stderr what it is.
-    pub(super) fn load(&self, file: &Path, declared: &dyn Declare) -> Result<Loaded, Failure> {
+    pub(super) fn load(&self, file: &ModelFile, declared: &dyn Declare) -> Result<Loaded, Failure> {
         Loaded::new(declared, &self.inputs(file, declared)?, &telling()).map_err(usage)
     }
 }

@@ -6,10 +6,13 @@ mod check;
 mod close_loop;
 mod compare;
 mod compile;
+mod completions;
 mod coverage;
 mod design;
+mod doctor;
 mod export;
 mod import;
+mod init;
 mod inputs;
 mod interrupt;
 mod mesh;
@@ -56,6 +59,12 @@ enum Command {
     Design(design::Command),
     /// Compare two runs by how well they predict the same measurements
     Compare(compare::Command),
+    /// Make a folder to begin in: a model, a table of measurements, and what to do with them
+    Init(init::Command),
+    /// Print what makes a shell complete commands and options
+    Completions(completions::Command),
+    /// Say what this machine has for eplat, and what runs on it
+    Doctor(doctor::Command),
     /// Print again what the end of a run said; the exit code is that of the run
     Report(report::Command),
     /// Look at, convert, repair or make a surface mesh
@@ -83,6 +92,9 @@ pub fn main(models: &[Compiled]) -> ExitCode {
         Command::Export(command) => done(command.run()),
         Command::Loop(command) => command.run(models),
         Command::Compare(command) => command.run(),
+        Command::Init(command) => done(command.run(models)),
+        Command::Completions(command) => done(command.run()),
+        Command::Doctor(command) => command.run(),
         Command::Report(command) => command.run(),
         Command::Mesh(command) => done(command.run()),
         Command::Simulate(command) => command.run(),

@@ -32,17 +32,26 @@ pub(super) struct ModelFile {
 }
 
 impl ModelFile {
-    /// Reads it.
-    pub(super) fn read(path: &Path) -> Result<Self, Failure> {
+    /// Reads it, or takes the model that ships under this name, such as `erp`.
+    pub(super) fn read(path: &Path, compiled: &[Compiled]) -> Result<Self, Failure> {
+        let names = || compiled.iter().filter_map(|c| c.file.strip_suffix(".rs"));
+        if let Some(shipped) =
+            compiled.iter().find(|c| Path::new(c.file).with_extension("") == path)
+        {
+            return Ok(Self { path: shipped.file.into(), source: shipped.source.into() });
+        }
         if path.extension().is_none_or(|e| e != "rs") {
             return Err(Failure::new(format_args!(
-                "{}: expected a model file (.rs)\nhelp: a model is Rust source with one `model! {{ … }}`; see models/erp.rs",
-                path.display()
+                "{}: expected a model file (.rs), or the name of a model that ships\nhelp: these are {}; `eplat show NAME --source` prints one to edit",
+                path.display(),
+                names().collect::<Vec<_>>().join(", ")
             )));
         }
         let source = fs::read_to_string(path).map_err(|error| {
+            let stem = path.file_stem().unwrap_or_default();
+            let name = names().find(|name| stem == *name).unwrap_or("erp");
             Failure::new(format_args!(
-                "cannot read the model file {}: {error}\nhelp: the models that ship are in the folder models, for instance models/erp.rs",
+                "cannot read the model file {}: {error}\nhelp: `{name}` is the name of a model that ships with eplat and needs no file",
                 path.display()
             ))
         })?;

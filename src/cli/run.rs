@@ -15,7 +15,7 @@ use super::report::exit_code;
 use crate::error::Failure;
 use crate::infer::{MetricKind, Settings};
 use crate::model::{Declare, Model, Sampler};
-use crate::run::{Ended, Options, OutputFolder, Problem, Results, Watch};
+use crate::run::{Ended, Inputs, Options, OutputFolder, Problem, Results, Watch};
 
 /// What the exit code says, for scripts.
 const EXIT_CODES: &str = "Exit code:
@@ -30,7 +30,7 @@ const EXIT_CODES: &str = "Exit code:
 #[derive(Debug, Args)]
 #[command(after_help = EXIT_CODES)]
 pub(super) struct Command {
-    /// Model file (.rs), for instance models/erp.rs
+    /// Model file (.rs), or the name of a model that ships, for instance erp
     model: PathBuf,
     #[command(flatten)]
     input: InputArgs,
@@ -161,21 +161,22 @@ impl Command {
     pub(super) fn run(&self, compiled: &[Compiled]) -> Result<ExitCode, Failure> {
         let settings = self.sampler.settings(self.input.seed)?;
         self.begin.keep()?;
-        let file = ModelFile::read(&self.model)?;
+        let file = ModelFile::read(&self.model, compiled)?;
         let Some(model) = file.find(compiled)? else { return run_compiled(&file) };
         let out = OutputFolder::open(self.folder())?;
-        Console::new()?.watching(|watch| self.fit(model, &settings, &out, watch))
+        let inputs = self.input.inputs(&file, model)?;
+        Console::new()?.watching(|watch| self.fit(model, &inputs, &settings, &out, watch))
     }
 
     fn fit(
         &self,
         model: &dyn Declare,
+        inputs: &Inputs,
         settings: &Settings,
         out: &OutputFolder,
         watch: Watch<'_>,
     ) -> Result<ExitCode, Failure> {
-        let inputs = self.input.inputs(&self.model, model)?;
-        let problem = Problem::load_watched(model, &inputs, &watch).map_err(usage)?;
+        let problem = Problem::load_watched(model, inputs, &watch).map_err(usage)?;
         let metric = match self.sampler.metric {
             Some(_) => settings.metric,
             None => problem.model().metric(),

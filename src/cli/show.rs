@@ -13,13 +13,20 @@ use crate::model::{Model, equations};
 /// `eplat show MODEL.rs`
 #[derive(Debug, Args)]
 pub(super) struct Command {
-    /// Model file (.rs), for instance models/erp.rs
+    /// Model file (.rs), or the name of a model that ships, for instance erp
     model: PathBuf,
+    /// Print the text of the model file instead, to be edited
+    #[arg(long)]
+    source: bool,
 }
 
 impl Command {
     pub(super) fn run(&self, compiled: &[Compiled]) -> Result<ExitCode, Failure> {
-        let file = ModelFile::read(&self.model)?;
+        let file = ModelFile::read(&self.model, compiled)?;
+        if self.source {
+            write!(std::io::stdout().lock(), "{}", file.source)?;
+            return Ok(ExitCode::SUCCESS);
+        }
         let Some(model) = file.find(compiled)? else { return super::compile::run_compiled(&file) };
         let text = equations(&Model::outline(model)?);
         write!(std::io::stdout().lock(), "{text}")?;

@@ -1,0 +1,110 @@
+//! `eplat init DIR`: a folder to begin in, with a model, a table and what to do with them.
+
+use std::io::Write as _;
+use std::path::{Path, PathBuf};
+
+use clap::Args;
+
+use super::inputs::telling;
+use super::models::{Compiled, ModelFile};
+use crate::error::Failure;
+use crate::model::Model;
+use crate::run::{DataSource, Design, Inputs, Loaded, MeshSource};
+use crate::store::write_folder;
+
+const TABLE: &str = "measurements.csv";
+
+/// `eplat init DIR`
+#[derive(Debug, Args)]
+pub(super) struct Command {
+    /// Folder to make; it must not be there yet
+    dir: PathBuf,
+    /// Model to begin with, by its name: erp (refractory periods), voltage, lat (arrival times), joint, …
+    #[arg(long, default_value = "erp")]
+    model: PathBuf,
+    /// Seed of the example's measurements
+    #[arg(long, default_value_t = 1)]
+    seed: u64,
+}
+
+impl Command {
+    /// Makes the folder, whole or not at all.
+    pub(super) fn run(&self, compiled: &[Compiled]) -> Result<(), Failure> {
+        let dir = &self.dir;
+        if dir.exists() {
+            return Err(Failure::usage(format_args!(
+                "{} is there already\nhelp: name a folder that eplat may make",
+                dir.display()
+            )));
+        }
+        let file = ModelFile::read(&self.model, compiled)?;
+        let unshipped = || {
+            Failure::usage(format_args!(
+                "{} is no model that ships\nhelp: a model of your own needs no folder made for it",
+                self.model.display()
+            ))
+        };
+        let model = file.find(compiled)?.ok_or_else(unshipped)?;
+        if !Model::outline(model)?.has_fields() {
+            return Err(Failure::usage(format_args!(
+                "{} has no example measurements, because it has no fields on a surface\nhelp: choose erp, voltage, lat or joint, or copy the model with `eplat show {} --source`",
+                self.model.display(),
+                self.model.display()
+            )));
+        }
+        let design = Design { seed: self.seed, ..Design::default() };
+        let inputs = Inputs {
+            mesh: MeshSource::default(),
+            data: DataSource::Synthetic(design),
+            ..Inputs::default()
+        };
+        let loaded = Loaded::new(model, &inputs, &telling())?;
+        let name = file.path.file_name().unwrap_or_default().to_string_lossy().into_owned();
+        let texts = [
+            (name.clone(), file.source.clone()),
+            (TABLE.into(), loaded.measurements.to_csv()),
+            ("README.md".into(), readme(&name, loaded.measurements.columns())),
+        ];
+        let write = |folder: &Path| {
+            texts.iter().try_for_each(|(name, text)| std::fs::write(folder.join(name), text))
+        };
+        write_folder(dir, write).map_err(|error| Failure::io("write", dir, &error))?;
+        let mut out = std::io::stdout().lock();
+        writeln!(out, "{}: {name}, {TABLE}, README.md", dir.display())?;
+        writeln!(out, "next: cd {} && {}", dir.display(), command("run", &name))?;
+        Ok(())
+    }
+}
+
+fn command(what: &str, model: &str) -> String {
+    format!("eplat {what} {model} --mesh embedded --data {TABLE}")
+}
+
+/// What the folder is for, and what to do in it.
+fn readme(model: &str, columns: &[String]) -> String {
+    let stem = model.trim_end_matches(".rs");
+    format!(
+        "# A calibration with eplat
+
+- `{model}` is the model. Change it as you like; a changed model needs Rust (https://rustup.rs), the
+  model as it is needs nothing.
+- `{TABLE}` holds measurements of an example, made by eplat on its own atrium. Put yours in their place,
+  in the same columns: `{columns}`. The place of a row is a `vertex` of the mesh, counted from 0, or
+  `x`, `y`, `z` in the mesh's unit. Further columns are kept; `eplat loop` tries each as a cause.
+- Your mesh (.vtp, .vtk, .ply, .stl, .obj, openCARP) takes the place of `embedded`. `eplat import` makes
+  mesh and table of a study that a mapping system exported.
+
+```sh
+{check}    # what is there, before anything is computed
+{run}      # the posterior, in out/{stem}
+{close}     # what the model lacks, in out/{stem}-loop; it needs 10 sites or more
+```
+
+Open `out/{stem}/report.html`. Its verdict says what to believe and what to do about the rest.
+",
+        columns = columns.join("`, `"),
+        check = command("check", model),
+        run = command("run", model),
+        close = command("loop", model),
+    )
+}
