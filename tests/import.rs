@@ -10,9 +10,9 @@ use std::io::Write as _;
 use std::path::Path;
 use std::process::Output;
 
-use npyz::zip::ZipWriter;
-use npyz::zip::write::FileOptions;
 use program::{Workplace, shared, text};
+use zip::ZipWriter;
+use zip::write::SimpleFileOptions;
 
 fn transcript(output: &Output) -> String {
     let code = output.status.code().unwrap();
@@ -24,7 +24,7 @@ fn with_carto(place: &Workplace) {
     let mut archive = ZipWriter::new(std::fs::File::create(place.path("study.zip")).unwrap());
     for (name, bytes) in carto::files() {
         place.file(&format!("study/{name}"), &bytes);
-        archive.start_file(format!("export/{name}"), FileOptions::default()).unwrap();
+        archive.start_file(format!("export/{name}"), SimpleFileOptions::default()).unwrap();
         archive.write_all(&bytes).unwrap();
     }
     archive.finish().unwrap();

@@ -7,9 +7,10 @@ use std::fs::{self, File};
 use std::io::Read as _;
 use std::path::{Path, PathBuf};
 
-use npyz::zip::ZipArchive;
 use serde::Serialize;
 use sha2::{Digest as _, Sha256};
+use zip::ZipArchive;
+use zip::result::ZipError;
 
 use super::ImportError;
 
@@ -65,10 +66,14 @@ impl Bundle {
         } else if has_extension(&path.to_string_lossy(), "zip") {
             let file = File::open(path).map_err(read)?;
             let help = "the archive is damaged or of a rare kind; unpack it and give the folder";
-            let archive =
-                ZipArchive::new(file).map_err(|e| unreadable(path, &e.to_string(), help))?;
-            let is_file = |name: &&str| !name.ends_with('/');
-            bundle.names = archive.file_names().filter(is_file).map(String::from).collect();
+            let broken = |e: ZipError| unreadable(path, &e.to_string(), help);
+            let archive = ZipArchive::new(file).map_err(broken)?;
+            for name in archive.file_names() {
+                let name = name.map_err(broken)?;
+                if !name.ends_with('/') {
+                    bundle.names.push(name.into_owned());
+                }
+            }
             bundle.archive = Some(archive);
         } else {
             let name = path.file_name().unwrap_or(path.as_os_str());
@@ -203,15 +208,15 @@ fn list(folder: &Path, prefix: &str, depth: usize, names: &mut Vec<String>) -> s
 mod tests {
     use std::io::Write as _;
 
-    use npyz::zip::ZipWriter;
-    use npyz::zip::write::FileOptions;
+    use zip::ZipWriter;
+    use zip::write::SimpleFileOptions;
 
     use super::*;
 
     fn zip(name: &str, bytes: &[u8]) -> tempfile::NamedTempFile {
         let mut file = tempfile::NamedTempFile::with_suffix(".zip").unwrap();
         let mut writer = ZipWriter::new(&mut file);
-        writer.start_file(name, FileOptions::default()).unwrap();
+        writer.start_file(name, SimpleFileOptions::default()).unwrap();
         writer.write_all(bytes).unwrap();
         writer.finish().unwrap();
         drop(writer);

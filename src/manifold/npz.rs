@@ -3,12 +3,9 @@
 //! Knows nothing of meshes.
 
 use super::{Basis, ManifoldError};
-use crate::store::write_file;
-use npyz::npz::{NpzArchive, NpzWriter, file_name_from_array_name};
-use npyz::zip::{CompressionMethod, write::FileOptions};
-use npyz::{DType, NpyFile, Order, TypeChar, WriterBuilder};
-use std::fs::File;
-use std::io::{self, BufReader, Read, Seek, Write};
+use crate::store::{NpzReader, NpzWriter, Packing, write_file};
+use npyz::{DType, NpyFile, Order, TypeChar};
+use std::io::{self, Read, Seek, Write};
 use std::path::Path;
 
 impl Basis {
@@ -19,7 +16,7 @@ impl Basis {
     /// [`ManifoldError::File`] when the file cannot be read, [`ManifoldError::Array`] when an array
     /// is absent, of another type or shape, not finite, or the eigenvalues do not ascend from 0.
     pub fn read_npz(path: &Path) -> Result<Self, ManifoldError> {
-        let mut archive = NpzArchive::open(path).map_err(|error| unreadable(path, &error))?;
+        let mut archive = NpzReader::open(path).map_err(|error| unreadable(path, &error))?;
         let eigenvalues = Array::read(&mut archive, path, "eigenvalues", 1)?;
         let eigenfunctions = Array::read(&mut archive, path, "eigenfunctions", 2)?;
         let n_modes = eigenvalues.values.len();
@@ -56,23 +53,16 @@ impl Basis {
     }
 
     fn write_arrays(&self, writer: impl Write + Seek) -> io::Result<()> {
-        let mut archive = NpzWriter::new(writer);
+        let mut archive = NpzWriter::new(writer, Packing::Stored);
         let (n_vertices, n_modes) = (self.n_vertices() as u64, self.n_modes() as u64);
         let arrays: [(&str, &[u64], &[f64]); 2] = [
             ("eigenvalues", &[n_modes], &self.eigenvalues),
             ("eigenfunctions", &[n_vertices, n_modes], &self.eigenfunctions),
         ];
         for (name, shape, values) in arrays {
-            // Mantissas do not compress: stored as they are, like numpy.savez.
-            let options = FileOptions::default()
-                .compression_method(CompressionMethod::Stored)
-                .large_file(values.len() > 1 << 28);
-            let mut array =
-                archive.array(name, options)?.default_dtype().shape(shape).begin_nd()?;
-            array.extend(values.iter().copied())?;
-            array.finish()?;
+            archive.array(name, shape, values)?;
         }
-        archive.zip_writer().finish()?.flush()
+        archive.finish()
     }
 }
 
@@ -85,18 +75,18 @@ struct Array {
 
 impl Array {
     fn read(
-        archive: &mut NpzArchive<BufReader<File>>,
+        archive: &mut NpzReader,
         path: &Path,
         name: &'static str,
         n_dimensions: usize,
     ) -> Result<Self, ManifoldError> {
         let broken = |error: io::Error| unreadable(path, &error);
-        let found: Vec<String> = archive.array_names().map(str::to_owned).collect();
+        let found = archive.names().map_err(broken)?;
         if !found.iter().any(|other| other == name) {
             let got = format!("no such array (the file has: {})", found.join(", "));
             return Err(wrong(path, name, "an array", got));
         }
-        let bytes = entry(archive, name).map_err(broken)?;
+        let bytes = archive.bytes(name).map_err(broken)?;
         let file = NpyFile::new(bytes.as_slice()).map_err(broken)?;
         if file.shape().len() != n_dimensions {
             let expected = format!("{n_dimensions} dimension(s)");
@@ -131,13 +121,6 @@ impl Array {
                 .collect(),
         }
     }
-}
-
-/// The bytes of one array, read to the end because only there the archive checks their sum.
-fn entry(archive: &mut NpzArchive<BufReader<File>>, name: &str) -> io::Result<Vec<u8>> {
-    let mut bytes = vec![];
-    archive.zip_archive().by_name(&file_name_from_array_name(name))?.read_to_end(&mut bytes)?;
-    Ok(bytes)
 }
 
 /// The numbers of an array, or `None` when it is not of floats.
@@ -220,14 +203,11 @@ mod tests {
     fn read_arrays(arrays: &[(&str, &[u64], &[f64])]) -> Result<Basis, ManifoldError> {
         let folder = tempdir().unwrap();
         let path = folder.path().join("basis.npz");
-        let mut archive = NpzWriter::create(&path).unwrap();
+        let mut archive = NpzWriter::new(fs::File::create(&path).unwrap(), Packing::Deflated);
         for (name, shape, values) in arrays {
-            let array = archive.array(name, FileOptions::default()).unwrap();
-            let mut array = array.default_dtype().shape(shape).begin_nd().unwrap();
-            array.extend(values.iter().copied()).unwrap();
-            array.finish().unwrap();
+            archive.array(name, shape, values).unwrap();
         }
-        archive.zip_writer().finish().unwrap().flush().unwrap();
+        archive.finish().unwrap();
         Basis::read_npz(&path)
     }
 

@@ -5,13 +5,11 @@ use super::content::{Cells, Content};
 use super::geometry::{Geometry, Rows};
 use super::npy::{self, Npy};
 use super::{Array, Data, MeshError, Place, Units};
-use crate::store::write_file;
-use npyz::npz::{NpzWriter, array_name_from_file_name};
-use npyz::zip::{CompressionMethod, ZipArchive, write::FileOptions};
-use npyz::{AutoSerialize, WriterBuilder};
+use crate::store::{NpzWriter, Packing, array_name, write_file};
 use std::collections::BTreeMap;
 use std::io::{self, Cursor, Read as _, Seek, Write};
 use std::path::Path;
+use zip::ZipArchive;
 
 /// How many bytes an honest file inflates to, for each of its own.
 const MOST_INFLATED: u64 = 64;
@@ -76,15 +74,14 @@ fn unzip(bytes: &[u8]) -> Result<BTreeMap<String, Npy>, String> {
     let mut budget = MOST_INFLATED * bytes.len() as u64;
     for index in 0..archive.len() {
         let entry = archive.by_index(index).map_err(|e| broken(&e))?;
-        let Some(name) = array_name_from_file_name(entry.name()).map(str::to_owned) else {
-            continue;
-        };
+        let name = entry.name().map_err(|e| broken(&e))?.into_owned();
+        let Some(name) = array_name(&name) else { continue };
         let mut inflated = vec![];
         entry.take(budget + 1).read_to_end(&mut inflated).map_err(|e| broken(&e))?;
         let left = budget.checked_sub(inflated.len() as u64);
         budget = left.ok_or("more than an honest file inflates to")?;
         if let Some(array) = npy::parse(&inflated).map_err(|got| format!("{got} in {name}"))? {
-            arrays.insert(name, array);
+            arrays.insert(name.to_owned(), array);
         }
     }
     Ok(arrays)
@@ -100,31 +97,19 @@ pub(super) fn write(path: &Path, geometry: &Geometry) -> Result<(), MeshError> {
 }
 
 fn write_arrays(writer: impl Write + Seek, geometry: &Geometry) -> io::Result<()> {
-    let mut archive = NpzWriter::new(writer);
+    let mut archive = NpzWriter::new(writer, Packing::Deflated);
     let (n, m) = (geometry.vertices.len() as u64, geometry.triangles.len() as u64);
-    array(&mut archive, "points", &[n, 3], geometry.vertices.as_flattened())?;
-    array(&mut archive, "triangles", &[m, 3], geometry.triangles.as_flattened())?;
-    array(&mut archive, SCALE, &[1], &[1.0])?;
+    archive.array("points", &[n, 3], geometry.vertices.as_flattened())?;
+    archive.array("triangles", &[m, 3], geometry.triangles.as_flattened())?;
+    archive.array(SCALE, &[1], &[1.0])?;
     for (section, data) in
         [("point_data", &geometry.point_data), ("cell_data", &geometry.cell_data)]
     {
         for Rows { name, width, values } in data {
             let shape = [(values.len() / width) as u64, *width as u64];
             let shape = if *width == 1 { &shape[..1] } else { &shape[..] };
-            array(&mut archive, &format!("{section}/{name}"), shape, values)?;
+            archive.array(&format!("{section}/{name}"), shape, values)?;
         }
     }
-    archive.zip_writer().finish()?.flush()
-}
-
-fn array<T: AutoSerialize + Copy>(
-    archive: &mut NpzWriter<impl Write + Seek>,
-    name: &str,
-    shape: &[u64],
-    values: &[T],
-) -> io::Result<()> {
-    let options = FileOptions::default().compression_method(CompressionMethod::Deflated);
-    let mut array = archive.array(name, options)?.default_dtype().shape(shape).begin_nd()?;
-    array.extend(values.iter().copied())?;
-    array.finish()
+    archive.finish()
 }

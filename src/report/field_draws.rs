@@ -11,13 +11,11 @@ use std::collections::BTreeMap;
 use std::io::{self, Seek, Write};
 use std::path::Path;
 
-use npyz::WriterBuilder as _;
-use npyz::npz::{NpzArchive, NpzWriter};
-use npyz::zip::{CompressionMethod, DateTime, write::FileOptions};
+use npyz::NpyFile;
 
 use super::ReportError;
 use crate::num::Within;
-use crate::store::write_file;
+use crate::store::{NpzReader, NpzWriter, Packing, write_file};
 
 const EIGENFUNCTIONS: &str = "eigenfunctions";
 
@@ -72,7 +70,7 @@ impl FieldDraws {
     }
 
     fn write_arrays(&self, writer: impl Write + Seek) -> io::Result<()> {
-        let mut archive = NpzWriter::new(writer);
+        let mut archive = NpzWriter::new(writer, Packing::Stored);
         let eigenfunctions = (EIGENFUNCTIONS, self.n_modes, &self.eigenfunctions);
         let fields = self.coefficients.iter().map(|(n, c)| (n.as_str(), 1 + self.n_modes, c));
         let ends = |(name, within): (&String, &Within)| {
@@ -81,18 +79,10 @@ impl FieldDraws {
         let ends: Vec<(String, Vec<f64>)> = self.within.iter().map(ends).collect();
         let ends = ends.iter().map(|(name, ends)| (name.as_str(), 2, ends));
         for (name, width, values) in std::iter::once(eigenfunctions).chain(fields).chain(ends) {
-            // the same draws are the same bytes at any time of day
-            let options = FileOptions::default()
-                .last_modified_time(DateTime::default())
-                .compression_method(CompressionMethod::Stored)
-                .large_file(values.len() > 1 << 28);
             let shape = [(values.len() / width.max(1)) as u64, width as u64];
-            let mut array =
-                archive.array(name, options)?.default_dtype().shape(&shape).begin_nd()?;
-            array.extend(values.iter().copied())?;
-            array.finish()?;
+            archive.array(name, &shape, values)?;
         }
-        archive.zip_writer().finish()?.flush()
+        archive.finish()
     }
 
     /// Reads what [`FieldDraws::write`] wrote.
@@ -100,11 +90,11 @@ impl FieldDraws {
     /// # Errors
     /// [`ReportError::Read`], [`ReportError::Malformed`].
     pub fn read(path: &Path) -> Result<Self, ReportError> {
-        let mut archive = NpzArchive::open(path).map_err(ReportError::read(path))?;
-        let mut names: Vec<String> = archive.array_names().map(str::to_owned).collect();
-        names.sort();
+        let mut archive = NpzReader::open(path).map_err(ReportError::read(path))?;
+        let names = archive.names().map_err(ReportError::read(path))?;
         let mut matrix = |name: &str| -> io::Result<(usize, Vec<f64>)> {
-            let file = archive.by_name(name)?.ok_or_else(|| io::Error::other("it is absent"))?;
+            let bytes = archive.bytes(name)?;
+            let file = NpyFile::new(bytes.as_slice())?;
             let shape = file.shape().to_vec();
             let values = file.into_vec::<f64>()?;
             match shape[..] {

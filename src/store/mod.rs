@@ -6,7 +6,9 @@
 mod atomic;
 pub mod cache;
 mod checkpoint;
+mod npz;
 
 pub use atomic::{NewFile, write_file, write_file_durably, write_folder};
 pub use checkpoint::{Checkpoint, CheckpointError, Identity, differences};
 pub(crate) use checkpoint::{Keeper, take_chain, take_chains};
+pub use npz::{NpzReader, NpzWriter, Packing, array_name};

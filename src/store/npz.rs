@@ -1,0 +1,114 @@
+//! `NumPy`'s `.npz`: arrays by name, in a zip archive. Knows nothing of what they mean.
+
+use std::fs::File;
+use std::io::{self, BufReader, Read as _, Seek, Write};
+use std::path::Path;
+
+use npyz::{AutoSerialize, WriterBuilder as _};
+use zip::write::SimpleFileOptions;
+use zip::{CompressionMethod, DateTime, ZipArchive, ZipWriter};
+
+/// Ending of an array's name in the archive.
+const ENDING: &str = ".npy";
+/// Numbers in an array from which on its file needs 64-bit sizes.
+const LARGE: usize = 1 << 28;
+
+/// Whether arrays are deflated. Mantissas do not get smaller by it, coordinates and counts do.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Packing {
+    /// As they are, like `numpy.savez`.
+    Stored,
+    /// Like `numpy.savez_compressed`.
+    Deflated,
+}
+
+/// An archive that is being written.
+#[derive(Debug)]
+pub struct NpzWriter<W: Write + Seek> {
+    zip: ZipWriter<W>,
+    packing: CompressionMethod,
+}
+
+impl<W: Write + Seek> NpzWriter<W> {
+    /// An empty archive.
+    pub fn new(writer: W, packing: Packing) -> Self {
+        let packing = match packing {
+            Packing::Stored => CompressionMethod::Stored,
+            Packing::Deflated => CompressionMethod::Deflated,
+        };
+        Self { zip: ZipWriter::new(writer), packing }
+    }
+
+    /// Appends an array: `values` row after row in this `shape`.
+    ///
+    /// # Errors
+    /// What the writer says; a second array of this name.
+    pub fn array<T: AutoSerialize + Copy>(
+        &mut self,
+        name: &str,
+        shape: &[u64],
+        values: &[T],
+    ) -> io::Result<()> {
+        // the same arrays are the same bytes at any time of day
+        let options = SimpleFileOptions::default()
+            .last_modified_time(DateTime::default())
+            .compression_method(self.packing)
+            .large_file(values.len() > LARGE);
+        self.zip.start_file(format!("{name}{ENDING}"), options)?;
+        let array = npyz::WriteOptions::new().default_dtype().shape(shape);
+        let mut array = array.writer(&mut self.zip).begin_nd()?;
+        array.extend(values.iter().copied())?;
+        array.finish()
+    }
+
+    /// Ends the archive.
+    ///
+    /// # Errors
+    /// What the writer says.
+    pub fn finish(self) -> io::Result<()> {
+        self.zip.finish()?.flush()
+    }
+}
+
+/// An archive that is read.
+#[derive(Debug)]
+pub struct NpzReader(ZipArchive<BufReader<File>>);
+
+impl NpzReader {
+    /// Opens a file.
+    ///
+    /// # Errors
+    /// There is no such file, or it is no archive.
+    pub fn open(path: &Path) -> io::Result<Self> {
+        Ok(Self(ZipArchive::new(BufReader::new(File::open(path)?))?))
+    }
+
+    /// Names of the arrays, sorted.
+    ///
+    /// # Errors
+    /// A name that is no text.
+    pub fn names(&self) -> io::Result<Vec<String>> {
+        let mut names = vec![];
+        for file in self.0.file_names() {
+            names.extend(array_name(&file?).map(String::from));
+        }
+        names.sort();
+        Ok(names)
+    }
+
+    /// The bytes of the array's `.npy`, read to the end, because only there the archive checks their
+    /// sum.
+    ///
+    /// # Errors
+    /// No such array; a damaged archive.
+    pub fn bytes(&mut self, name: &str) -> io::Result<Vec<u8>> {
+        let mut bytes = vec![];
+        self.0.by_name(&format!("{name}{ENDING}"))?.read_to_end(&mut bytes)?;
+        Ok(bytes)
+    }
+}
+
+/// The name of the array in this file of an archive, if it is one.
+pub fn array_name(file: &str) -> Option<&str> {
+    file.strip_suffix(ENDING)
+}
