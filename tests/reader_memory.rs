@@ -1,0 +1,185 @@
+//! How much memory the readers take, whatever a file claims: damaged files of every format, counted by the allocator.
+//!
+//! One test alone in its program, so that nothing else is counted.
+#![allow(clippy::unwrap_used, clippy::print_stdout, reason = "a test")]
+
+#[allow(dead_code, reason = "another test uses the rest")]
+#[path = "support/carto.rs"]
+mod carto;
+#[allow(dead_code, reason = "another test uses the rest")]
+#[path = "support/mat.rs"]
+mod mat;
+
+use std::fs;
+use std::path::{Path, PathBuf};
+
+use eplat::import::{Given, read};
+use eplat::mesh::{self, Encoding, Surface};
+use peak_alloc::PeakAlloc;
+use rand::{Rng, RngExt as _, SeedableRng as _};
+use rand_chacha::ChaCha8Rng;
+use tempfile::TempDir;
+
+#[global_allocator]
+static COUNTED: PeakAlloc = PeakAlloc;
+
+/// Bytes that a reader may take for each byte of a file.
+const MOST: f64 = 10.0;
+/// What it may take beside, for any file: messages, lists of names, the test's own folder.
+const BESIDE: f64 = 256.0 * 1024.0;
+/// Damages of each file.
+const DAMAGES: usize = 60;
+
+/// What `of` takes at its peak beyond what is held now.
+fn peak<T>(of: impl FnOnce() -> T) -> f64 {
+    COUNTED.reset_peak_usage();
+    let before = COUNTED.current_usage();
+    drop(of());
+    COUNTED.peak_usage().saturating_sub(before) as f64
+}
+
+/// Other bytes, other digits, all bits set in a row as of a huge count, or an early end.
+fn damaged(bytes: &[u8], rng: &mut impl Rng) -> Vec<u8> {
+    let mut bytes = bytes.to_vec();
+    for _ in 0..rng.random_range(1..6) {
+        // half of them where headers are
+        let reach = if rng.random() { bytes.len().min(600) } else { bytes.len() };
+        let at = rng.random_range(0..reach);
+        match bytes[at] {
+            b'0'..=b'9' => bytes[at] = b'0' + rng.random_range(0..10u8),
+            _ if rng.random() => bytes[at] = rng.random(),
+            _ => bytes.iter_mut().skip(at).take(8).for_each(|byte| *byte = 0xff),
+        }
+    }
+    if rng.random_range(0..4) == 0 {
+        bytes.truncate(rng.random_range(0..bytes.len()));
+    }
+    bytes
+}
+
+/// A digit more in each number of the first lines: counts that the file cannot hold.
+fn longer(bytes: &[u8]) -> Vec<Vec<u8>> {
+    let ends = (1..bytes.len().min(600))
+        .filter(|i| bytes[i - 1].is_ascii_digit() && !bytes[*i].is_ascii_digit());
+    let put = |at: usize| [&bytes[..at], b"99999", &bytes[at..]].concat();
+    ends.map(put).collect()
+}
+
+/// Damages `file`, one of those that `path` stands for, and reads; the most that was taken of what is allowed.
+fn worst(path: &Path, file: &Path, rng: &mut ChaCha8Rng, read: &dyn Fn(&Path)) -> (f64, f64) {
+    let bytes = fs::read(file).unwrap();
+    let n_others =
+        mesh::files(path).iter().filter(|own| *own != file).map(|own| size(own)).sum::<f64>();
+    let whole = peak(|| read(path)) / (bytes.len() as f64 + n_others);
+    let mut worst = 0.0f64;
+    let hostile = (0..DAMAGES).map(|_| damaged(&bytes, rng)).collect::<Vec<_>>();
+    for hostile in hostile.into_iter().chain(longer(&bytes)) {
+        fs::write(file, &hostile).unwrap();
+        let n = hostile.len() as f64 + n_others;
+        drop(hostile);
+        worst = worst.max(peak(|| read(path)) / (MOST * n + BESIDE));
+    }
+    fs::write(file, bytes).unwrap();
+    (whole, worst)
+}
+
+fn size(path: &Path) -> f64 {
+    fs::metadata(path).map_or(0.0, |file| file.len() as f64)
+}
+
+/// A surface with an array of points, in every format.
+fn meshes(folder: &Path) -> Vec<PathBuf> {
+    let mesh = mesh::left_atrium(2.0).mesh;
+    let values: Vec<f64> = (0..mesh.n_vertices()).map(|i| (i as f64).sqrt()).collect();
+    let surface = Surface::new(mesh, [("lat".into(), values)].into());
+    let all = [
+        ("b.vtp", Encoding::Binary),
+        ("b.vtu", Encoding::Binary),
+        ("b.vtk", Encoding::Binary),
+        ("a.vtk", Encoding::Ascii),
+        ("b.ply", Encoding::Binary),
+        ("a.ply", Encoding::Ascii),
+        ("b.npz", Encoding::Binary),
+        ("a.obj", Encoding::Ascii),
+        ("a.stl", Encoding::Ascii),
+        ("b.stl", Encoding::Binary),
+        ("a.pts", Encoding::Ascii),
+    ];
+    let written = |(name, encoding): (&str, Encoding)| {
+        surface.write(&folder.join(name), encoding).unwrap();
+        folder.join(name)
+    };
+    all.into_iter().map(written).collect()
+}
+
+/// Studies of one file each, with many rows.
+fn studies(folder: &Path) -> Vec<PathBuf> {
+    let log: String = (0..4000)
+        .map(|i| {
+            format!("S{};{},5;0;0;600;{};yes;{},5\n", i / 8, i / 8, 300 - 10 * (i % 8), i % 30)
+        })
+        .collect();
+    let log = format!("site;x [mm];y [mm];z [mm];S1 [ms];S2 [ms];captured;force [g]\n{log}");
+    let numbers: String = (0..20_000).map(|i| format!("{}.5\n", i % 977)).collect();
+    let mut igb = b"x:20000 y:1 z:1 t:1 type:float systeme:little_endian ".to_vec();
+    igb.resize(1024, b' ');
+    igb.extend((0..20_000).flat_map(|i| (i as f32).to_le_bytes()));
+    let all: [(&str, Vec<u8>); 5] = [
+        ("log.csv", log.into()),
+        ("map.dat", numbers.into()),
+        ("map.igb", igb),
+        ("case.mat", mat::openep(None)),
+        ("new.mat", include_bytes!("studies/openep_v73.mat").to_vec()),
+    ];
+    let written = |(name, bytes): (&str, Vec<u8>)| {
+        fs::write(folder.join(name), bytes).unwrap();
+        folder.join(name)
+    };
+    all.into_iter().map(written).collect()
+}
+
+#[test]
+fn no_reader_takes_more_than_ten_times_the_file() {
+    let folder = TempDir::new().unwrap();
+    let mut rng = ChaCha8Rng::seed_from_u64(18);
+    let mut failed = vec![];
+    let mut judge = |name: &str, (whole, worst): (f64, f64)| {
+        println!(
+            "{name:10} {whole:5.1} times the file; damaged at most {:3.0} % of what is allowed",
+            100.0 * worst
+        );
+        if worst > 1.0 {
+            failed.push(name.to_owned());
+        }
+    };
+    let read_mesh = |path: &Path| drop(mesh::read(path, None));
+    for path in meshes(folder.path()) {
+        for file in mesh::files(&path) {
+            let name = file.file_name().unwrap().to_string_lossy().into_owned();
+            judge(&name, worst(&path, &file, &mut rng, &read_mesh));
+        }
+    }
+    let read_study = |path: &Path| {
+        let given = Given { mesh: None, quantity: Some("lat".into()), ..Given::default() };
+        drop(read(path, &given));
+    };
+    for path in studies(folder.path()) {
+        let name = path.file_name().unwrap().to_string_lossy().into_owned();
+        judge(&name, worst(&path, &path, &mut rng, &read_study));
+    }
+    // a file of a study of CARTO, the largest, beside the others
+    let carto_folder = folder.path().join("carto");
+    fs::create_dir(&carto_folder).unwrap();
+    for (name, bytes) in carto::files() {
+        let path = carto_folder.join(name);
+        fs::create_dir_all(path.parent().unwrap()).unwrap();
+        fs::write(path, bytes).unwrap();
+    }
+    let all: f64 = carto::files().iter().map(|(_, bytes)| bytes.len() as f64).sum();
+    let taken = peak(|| drop(read(&carto_folder, &Given::default())));
+    judge("CARTO", (taken / all, taken / (MOST * all + BESIDE)));
+    assert!(failed.is_empty(), "{failed:?} take more than ten times their size");
+    // a program that counts nothing would pass as well
+    let seen = peak(|| vec![1u8; 1 << 20]);
+    assert!(seen >= f64::from(1 << 20), "{seen}");
+}
