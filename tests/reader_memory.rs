@@ -11,10 +11,13 @@ mod carto;
 mod mat;
 
 use std::fs;
+use std::io::Write as _;
 use std::path::{Path, PathBuf};
 
 use eplat::import::{Given, read};
 use eplat::mesh::{self, Encoding, Surface};
+use npyz::zip::write::FileOptions;
+use npyz::zip::{CompressionMethod, ZipWriter};
 use peak_alloc::PeakAlloc;
 use rand::{Rng, RngExt as _, SeedableRng as _};
 use rand_chacha::ChaCha8Rng;
@@ -138,6 +141,44 @@ fn studies(folder: &Path) -> Vec<PathBuf> {
     all.into_iter().map(written).collect()
 }
 
+/// What is compressed grows by less than its limit allows: arrays of zeros that zlib packs a thousandfold.
+fn bombs(folder: &Path) {
+    let zeros = vec![0_u8; 64 << 20];
+    for (name, inside, growth) in [("z.npz", "points.npy", 32.0), ("z.zip", "study.xml", 64.0)] {
+        let path = folder.join(name);
+        let mut archive = ZipWriter::new(fs::File::create(&path).unwrap());
+        let packed = FileOptions::default().compression_method(CompressionMethod::Deflated);
+        archive.start_file(inside, packed).unwrap();
+        archive.write_all(&zeros).unwrap();
+        archive.finish().unwrap();
+        let n = size(&path);
+        let taken = peak(|| match name {
+            "z.npz" => mesh::read(&path, None).is_err(),
+            _ => read(&path, &Given::default()).is_err(),
+        });
+        // a vector that grows has room for twice what is in it
+        let allowed = 2.0 * (growth * n).max(f64::from(1 << 20)) + MOST * n + BESIDE;
+        println!("{name:10} {:5.1} times the file", taken / n);
+        assert!(taken < allowed, "{name} of {n} bytes takes {taken}, {allowed} are allowed");
+    }
+    // many arrays that name the same appended bytes
+    let array = "<DataArray type=\"UInt8\" Name=\"NAME\" format=\"appended\" offset=\"0\"/>";
+    let arrays: String = (0..2000).map(|i| array.replace("NAME", &format!("a{i}"))).collect();
+    let n = 100_000_u32;
+    let points = "<Points><DataArray type=\"Float32\" NumberOfComponents=\"3\" format=\"appended\" offset=\"0\"/></Points>";
+    let head = format!(
+        "<VTKFile type=\"PolyData\" header_type=\"UInt32\"><PolyData><Piece NumberOfPoints=\"{n}\"><PointData>{arrays}</PointData>{points}</Piece></PolyData><AppendedData encoding=\"raw\">_"
+    );
+    let bytes =
+        [head.as_bytes(), &n.to_le_bytes(), &vec![1; n as usize], b"</AppendedData></VTKFile>"]
+            .concat();
+    let path = folder.join("same.vtp");
+    fs::write(&path, &bytes).unwrap();
+    let taken = peak(|| mesh::read(&path, None).is_err());
+    println!("{:10} {:5.1} times the file", "same.vtp", taken / bytes.len() as f64);
+    assert!(taken < MOST * bytes.len() as f64 + 2.0 * 1024.0 * 1024.0, "{taken}");
+}
+
 #[test]
 fn no_reader_takes_more_than_ten_times_the_file() {
     let folder = TempDir::new().unwrap();
@@ -178,6 +219,7 @@ fn no_reader_takes_more_than_ten_times_the_file() {
     let all: f64 = carto::files().iter().map(|(_, bytes)| bytes.len() as f64).sum();
     let taken = peak(|| drop(read(&carto_folder, &Given::default())));
     judge("CARTO", (taken / all, taken / (MOST * all + BESIDE)));
+    bombs(folder.path());
     assert!(failed.is_empty(), "{failed:?} take more than ten times their size");
     // a program that counts nothing would pass as well
     let seen = peak(|| vec![1u8; 1 << 20]);
