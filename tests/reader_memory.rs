@@ -28,6 +28,8 @@ static COUNTED: PeakAlloc = PeakAlloc;
 
 /// Bytes that a reader may take for each byte of a file.
 const MOST: f64 = 10.0;
+/// The same of a table: a cell is a text of 24 bytes, though it be one letter.
+const MOST_OF_TABLES: f64 = 20.0;
 /// What it may take beside, for any file: messages, lists of names, the test's own folder.
 const BESIDE: f64 = 256.0 * 1024.0;
 /// Damages of each file.
@@ -80,7 +82,8 @@ fn worst(path: &Path, file: &Path, rng: &mut ChaCha8Rng, read: &dyn Fn(&Path)) -
         fs::write(file, &hostile).unwrap();
         let n = hostile.len() as f64 + n_others;
         drop(hostile);
-        worst = worst.max(peak(|| read(path)) / (MOST * n + BESIDE));
+        let most = if path.extension().is_some_and(|e| e == "csv") { MOST_OF_TABLES } else { MOST };
+        worst = worst.max(peak(|| read(path)) / (most * n + BESIDE));
     }
     fs::write(file, bytes).unwrap();
     (whole, worst)
@@ -115,6 +118,15 @@ fn meshes(folder: &Path) -> Vec<PathBuf> {
     all.into_iter().map(written).collect()
 }
 
+/// The triangulation of an OpenEP file.
+fn large_surface() -> mat::Value {
+    let mesh = mesh::left_atrium(2.5).mesh;
+    let corners = |t: &[u32; 3]| t.iter().map(|v| f64::from(v + 1)).collect();
+    let places = mat::Value::Rows(mesh.vertices().iter().map(|p| p.to_vec()).collect());
+    let corners = mat::Value::Rows(mesh.triangles().iter().map(corners).collect());
+    mat::Value::Struct(vec![("X", places), ("Triangulation", corners)])
+}
+
 /// Studies of one file each, with many rows.
 fn studies(folder: &Path) -> Vec<PathBuf> {
     let log: String = (0..4000)
@@ -131,7 +143,7 @@ fn studies(folder: &Path) -> Vec<PathBuf> {
         ("log.csv", log.into()),
         ("map.dat", numbers.into()),
         ("map.igb", igb),
-        ("case.mat", mat::openep(None)),
+        ("case.mat", mat::openep(Some(large_surface()))),
         ("new.mat", include_bytes!("studies/openep_v73.mat").to_vec()),
     ];
     let written = |(name, bytes): (&str, Vec<u8>)| {
