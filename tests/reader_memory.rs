@@ -3,10 +3,8 @@
 //! One test alone in its program, so that nothing else is counted.
 #![allow(clippy::unwrap_used, clippy::print_stdout, reason = "a test")]
 
-#[allow(dead_code, reason = "another test uses the rest")]
 #[path = "support/carto.rs"]
 mod carto;
-#[allow(dead_code, reason = "another test uses the rest")]
 #[path = "support/mat.rs"]
 mod mat;
 
@@ -129,13 +127,14 @@ fn large_surface() -> mat::Value {
 
 /// Studies of one file each, with many rows.
 fn studies(folder: &Path) -> Vec<PathBuf> {
-    let log: String = (0..4000)
-        .map(|i| {
-            format!("S{};{},5;0;0;600;{};yes;{},5\n", i / 8, i / 8, 300 - 10 * (i % 8), i % 30)
-        })
-        .collect();
+    let row = |i: usize| {
+        let (site, s2, force) = (i / 8, 300 - 10 * (i % 8), i % 30);
+        format!("S{site};{site},5;0;0;600;{s2};yes;{force},5\n")
+    };
+    let log = (0..4000).map(row).collect::<Vec<_>>().concat();
     let log = format!("site;x [mm];y [mm];z [mm];S1 [ms];S2 [ms];captured;force [g]\n{log}");
-    let numbers: String = (0..20_000).map(|i| format!("{}.5\n", i % 977)).collect();
+    let number = |i: usize| format!("{}.5\n", i % 977);
+    let numbers = (0..20_000).map(number).collect::<Vec<_>>().concat();
     let mut igb = b"x:20000 y:1 z:1 t:1 type:float systeme:little_endian ".to_vec();
     igb.resize(1024, b' ');
     igb.extend((0..20_000).flat_map(|i| (i as f32).to_le_bytes()));

@@ -126,15 +126,15 @@ mod tests {
 
     #[test]
     fn its_probabilities_add_up_to_one() {
-        fn total<L: Cumulative<f64>>(censored: Censored<L>) -> f64 {
+        fn total<L: Cumulative<f64>>(censored: &Censored<L>) -> f64 {
             let h = 1e-5;
             let above = |i: i32| censored.floor + (f64::from(i) + 0.5) * h;
             let density: f64 =
                 (0..2_000_000).map(|i| censored.ln_likelihood(&above(i)).exp() * h).sum();
             density + censored.ln_likelihood(&censored.floor).exp()
         }
-        let normal = total(Censored(Normal::<f64>(0.3, 0.5), 0.05));
-        let positive = total(Censored(LogNormal::<f64>(-1.0, 0.5), 0.05));
+        let normal = total(&Censored(Normal::<f64>(0.3, 0.5), 0.05));
+        let positive = total(&Censored(LogNormal::<f64>(-1.0, 0.5), 0.05));
         assert!(
             (normal - 1.0).abs() < 1e-7 && (positive - 1.0).abs() < 1e-7,
             "{normal} {positive}"

@@ -134,10 +134,11 @@ fn drawn(
     chain: &Chain,
     step: usize,
     mut rng: ChaCha8Rng,
-    mut log_likelihood: &mut [f64],
-    mut predicted: &mut [f64],
+    log_likelihood: &mut [f64],
+    predicted: &mut [f64],
 ) -> Vec<f64> {
-    let (mut tape, mut reported, mut pointwise) = (model.tape(), vec![], vec![]);
+    let (mut tape, mut reported) = (model.tape(), vec![]);
+    let (mut pointwise, mut replicates): (Vec<f64>, Vec<f64>) = (vec![], vec![]);
     for i in 0..chain.n_draws() {
         let is_asked = i.is_multiple_of(step);
         if is_asked {
@@ -152,20 +153,16 @@ fn drawn(
         }
         pointwise.clear();
         model.pointwise(&tape, &mut pointwise);
-        put(&mut log_likelihood, pointwise.iter().copied());
+        replicates.clear();
         for observe in &model.observes {
-            let replicate = observe.simulate(&tape, &mut rng);
-            put(&mut predicted, replicate.iter().map(|cells| cells[0]));
+            let simulated = observe.simulate(&tape, &mut rng);
+            replicates.extend(simulated.iter().map(|cells| cells[0]));
         }
+        let (n, m) = (pointwise.len(), replicates.len());
+        log_likelihood[i / step * n..][..n].copy_from_slice(&pointwise);
+        predicted[i / step * m..][..m].copy_from_slice(&replicates);
     }
     reported
-}
-
-/// Writes these numbers at the beginning, and leaves the rest.
-fn put(to: &mut &mut [f64], numbers: impl ExactSizeIterator<Item = f64>) {
-    let (own, rest) = std::mem::take(to).split_at_mut(numbers.len());
-    own.iter_mut().zip(numbers).for_each(|(own, number)| *own = number);
-    *to = rest;
 }
 
 /// Elements `from..from + len` of every draw's `width` numbers.
