@@ -31,7 +31,7 @@ fn main() -> Result<(), Box<dyn Error>> {
 /// The whole example, printed to `out`, with its files in `folder`.
 pub(crate) fn run(out: &mut dyn Write, folder: &Path) -> Result<(), Box<dyn Error>> {
     // A coarse left atrium, so that this is quick, and brackets of a known truth at twenty sites. Your
-    // own would be MeshSource::File { path, reading } and DataSource::File(path).
+    // own would be MeshSource::File { path, reading, whole } and DataSource::File(path).
     let inputs = Inputs {
         mesh: MeshSource::Embedded { edge: 2.5 },
         data: DataSource::Synthetic(Design { n_sites: 20, ..Design::default() }),

@@ -8,8 +8,8 @@ pub use crate::dist::{
 };
 pub use crate::field::{Covariance, Kernel, Matern12, Matern32, Matern52, Rbf, authors};
 pub use crate::likelihood::{
-    BernoulliLogit, BinomialLogit, Bracket, Count, Interval, Likelihood, Mixture, NegBinomialLog,
-    Number, Observation, OrderedLogit, Outliers, PoissonLog, TopHat, Widened,
+    BernoulliLogit, BinomialLogit, Bracket, Censored, Count, Interval, Likelihood, Mixture,
+    NegBinomialLog, Number, Observation, OrderedLogit, Outliers, PoissonLog, TopHat, Widened,
 };
 pub use crate::model::{EffectForm, forms};
 pub use crate::num::{Argument, Num, Real, ln_sum_exp};

@@ -176,6 +176,13 @@ fn measured_data_without_fields() {
 }
 
 #[test]
+fn censored_voltages() {
+    let row = |i: usize| format!("{},{}", 0.03 * i as f64, ["a", "b"][i % 2]);
+    let data = table("bipolar,catheter", &(0..12).map(row).collect::<Vec<_>>());
+    check(&posteriors::censored::CensoredVoltage, &data);
+}
+
+#[test]
 fn effects_of_every_form() {
     check(&forms::Plain, &rows(30, &["s1s2", "direct"]));
 }

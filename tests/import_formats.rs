@@ -53,6 +53,31 @@ fn openep_of_either_version_gives_the_same() {
 }
 
 #[test]
+fn tags_and_electrodes_of_openep_are_columns() {
+    let place = Workplace::new();
+    let electrodes = mat::Value::Texts(vec!["A 1-2", "A 3-4", "µ 1-2", "A 1-2"]);
+    let tags = mat::Value::Texts(vec!["", "scar", "", "  phrenic "]);
+    let more = vec![("tags", tags), ("electrodeNames_bip", electrodes)];
+    place.file("case.mat", mat::openep_with(None, more));
+    ok(&place, "import case.mat --out a");
+    let table = place.read("a/measurements.csv");
+    let column = |name: &str| {
+        let k = table.lines().next().unwrap().split(',').position(|title| title == name).unwrap();
+        let cells = table.lines().skip(1).map(|line| line.split(',').nth(k).unwrap().to_owned());
+        let site = table.lines().next().unwrap().split(',').position(|title| title == "site");
+        let sites = table.lines().skip(1).map(|line| line.split(',').nth(site.unwrap()).unwrap());
+        sites.map(str::to_owned).zip(cells).collect::<std::collections::BTreeSet<_>>()
+    };
+    let pairs = |all: &[(&str, &str)]| {
+        all.iter().map(|(a, b)| ((*a).to_owned(), (*b).to_owned())).collect()
+    };
+    let tags = pairs(&[("P1", ""), ("P2", "scar"), ("P3", ""), ("P4", "phrenic")]);
+    assert_eq!(column("tag"), tags);
+    let electrodes = pairs(&[("P1", "A 1-2"), ("P2", "A 3-4"), ("P3", "µ 1-2"), ("P4", "A 1-2")]);
+    assert_eq!(column("electrode"), electrodes);
+}
+
+#[test]
 fn what_openep_cannot_be_read_from_says_the_remedy() {
     let place = Workplace::new();
     place.file("object.mat", mat::openep(Some(mat::Value::Object("TriRep"))));

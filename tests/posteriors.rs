@@ -164,6 +164,41 @@ fn a_gaussian_process_agrees_with_a_grid_over_its_three_parameters() {
     assert_agrees(&draws(&models::curve::Curve, None, &data, 1500), exact);
 }
 
+/// A reading in the noise counts by its probability, Φ((floor − level)/noise), whatever is written there.
+#[test]
+fn censored_voltages_of_two_catheters_agree_with_a_grid() {
+    const FLOOR: f64 = 0.1;
+    const N: usize = 40;
+    let mut rng = rng(31);
+    let noise = [0.05, 0.15];
+    let mut reading = |i: usize| {
+        let y = 0.12 + noise[i % 2] * rng.sample::<f64, _>(StandardNormal);
+        if y > FLOOR { y } else { 0.05 * (i % 3) as f64 }
+    };
+    let y: Vec<f64> = (0..2 * N).map(&mut reading).collect();
+    let n_low = y.iter().filter(|y| **y <= FLOOR).count();
+    assert!((25..45).contains(&n_low), "{n_low} of 80 in the noise");
+    let point = |q: &[f64]| {
+        let ln_row = |(i, y): (usize, &f64)| {
+            let (level, sd) = (q[0], q[1 + i % 2]);
+            if *y > FLOOR {
+                -0.5 * ((y - level) / sd).powi(2) - sd.ln()
+            } else {
+                (0.5 * libm::erfc((level - FLOOR) / sd * std::f64::consts::FRAC_1_SQRT_2)).ln()
+            }
+        };
+        let prior = -0.5 * ((q[0] / 2.0).powi(2) + q[1] * q[1] + q[2] * q[2]);
+        (q.to_vec(), prior + y.iter().enumerate().map(ln_row).sum::<f64>())
+    };
+    let exact = grid_moments(&[(0.06, 0.18), (0.02, 0.12), (0.06, 0.36)], 48, point);
+    let row = |i: usize| format!("{},{}", y[i], ["lasso", "grid"][i % 2]);
+    let data = table("bipolar,catheter", &(0..2 * N).map(row).collect::<Vec<_>>());
+    let twin = draws(&models::uncensored::Uncensored, None, &data, 1500);
+    let twin = worst_error(&twin, &exact.0, &exact.1);
+    assert!(twin > 5.0 * LIMIT, "readings in the noise taken as they stand go unseen: {twin}");
+    assert_agrees(&draws(&models::censored::CensoredVoltage, None, &data, 1500), exact);
+}
+
 /// Concentrations by the midpoint rule in fine steps.
 fn concentrations([k_a, k_m, v_m]: [f64; 3], time: &[f64]) -> Vec<f64> {
     const STEP: f64 = 0.0125;

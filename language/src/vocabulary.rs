@@ -58,6 +58,7 @@ use Role::{Inner, Inverse, Other, Same};
 const BOTH: &[Class] = &[Prior, Likelihood(&["Number"])];
 const COUNT: &[Class] = &[Likelihood(&["Count"])];
 const BRACKET: &[Class] = &[Likelihood(&["Bracket"])];
+const NUMBER: &[Class] = &[Likelihood(&["Number"])];
 const NORMAL_ERRORS: &[Class] = &[Likelihood(&["Bracket", "Number"])];
 const ANY: &[Class] = &[Likelihood(&["Bracket", "Number", "Count"])];
 
@@ -109,6 +110,7 @@ pub const WORDS: &[Word] = &[
     word("BinomialLogit", COUNT, &[("n", Other), ("eta", Other)]),
     word("NegBinomialLog", COUNT, &[("eta", Other), ("phi", Other)]),
     word("OrderedLogit", COUNT, &[("eta", Other), ("cut", Other)]),
+    word("Censored", NUMBER, &[("likelihood", Inner), ("floor", Same)]),
     word("Outliers", ANY, &[("likelihood", Inner), ("share", Other), ("sd", Same)]),
     word("Widened", NORMAL_ERRORS, &[("likelihood", Inner), ("sd", Same)]),
     word("Mixture", ANY, &[("share", Other), ("a", Inner), ("b", Inner)]),

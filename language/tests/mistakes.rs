@@ -178,6 +178,14 @@ fn each_mistake_is_told_in_words() {
             "Normal(f(x), 1): `Normal` is not a likelihood of a `Count`; a Bracket takes ",
         ),
         (
+            "observe z(x): Number ~ Censored(Outliers(Normal(f(x), 1), 0.1, 5.0), 0.05);",
+            "Outliers(Normal(f(x), 1), 0.1, 5.0): `Outliers` cannot be censored; Censored takes Normal(mean, sd) or LogNormal(mean, sd); ",
+        ),
+        (
+            "observe z(x): Bracket ~ Censored(TopHat(f(x)), 0.05);",
+            "Censored(TopHat(f(x)), 0.05): `Censored` is not a likelihood of a `Bracket`; a Bracket takes ",
+        ),
+        (
             "let h(x) = linear(x.dose; beta);",
             "beta: let h: `beta` has 3 coefficients, the design has 1 columns; declare `param beta(1) ~ …;`",
         ),
@@ -239,6 +247,7 @@ fn what_is_right_is_no_mistake() {
         "param w(2) ~ Ordered(Normal(mu, 1)); density w2 = half(w[0]) + beta[1];",
         "observe z(row): Number from (row.dose.ln() / LOW) ~ Mixture(0.1, Normal(mu, 1), Normal(0, 2));",
         "observe z(row): Count ~ Outliers(PoissonLog(mu), 0.1, 3);",
+        "observe z(row): Number ~ Outliers(Widened(Censored(LogNormal(mu, 1), row.dose), 2), 0.1, 3);",
         "param t ~ TruncatedNormal(0, 1, -mu, mu * 2 + 1);",
     ] {
         let said = in_words(&format!("{ABOVE}{statement} observe y(x): Number ~ Normal(g(x), 1);"));

@@ -90,6 +90,11 @@ mistakes! {
         param noise [mV] ~ HalfNormal(1.0);
         observe y(row): Number ~ Normal(t, noise);
     } => "observe y: `noise`: expected [ms] like `t`, got [mV]";
+    a_floor_unlike_the_measurement: {
+        param t [mV] ~ Flat;
+        param low [ms] ~ Flat;
+        observe y(row): Number [mV] ~ Censored(Normal(t, 1.0), low);
+    } => "observe y: `low`: expected [mV] like the measurement, got [ms]";
     a_prior_of_another_unit: {
         param tau [mm] ~ HalfNormal(1.0);
         param b(3) [ms] ~ Normal(0.0, tau);

@@ -36,7 +36,7 @@ pub(super) struct Command {
     /// Mesh that a pacing log, or values in a .dat or .igb file, belong to
     #[arg(long, value_name = "FILE")]
     mesh: Option<PathBuf>,
-    /// Unit of a mesh file's coordinates: mm, cm, um or m [default: mm; um of openCARP's]
+    /// Unit of a mesh file's coordinates: mm, cm, um or m [default: what the file says, or guessed from the size]
     #[arg(long, value_name = "UNIT", value_parser = Units::from_str)]
     units: Option<Units>,
     /// What the values of a mesh, .dat or .igb file are, where its name does not tell

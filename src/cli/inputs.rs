@@ -36,6 +36,9 @@ pub(super) struct InputArgs {
     mesh: Option<PathBuf>,
     #[command(flatten)]
     reading: ReadingArgs,
+    /// Keep every vertex of a mesh of more than 100,000, which is otherwise decimated to 20,000
+    #[arg(long)]
+    whole_mesh: bool,
     /// Eigenpairs of the mesh from elsewhere, in its unit: arrays `eigenvalues` (K) and
     /// `eigenfunctions` (vertices, K); `eplat mesh basis` writes the same
     #[arg(long, value_name = "FILE.npz")]
@@ -81,19 +84,19 @@ impl InputArgs {
     fn mesh(&self, declared: &dyn Declare) -> Result<MeshSource, Failure> {
         let fields = || Ok::<_, Failure>(Model::outline(declared)?.has_fields());
         let ReadingArgs { units, piece } = self.reading;
-        let is_said = units.is_some() || piece.is_some();
+        let is_said = units.is_some() || piece.is_some() || self.whole_mesh;
         match self.mesh.as_deref() {
             Some(path) if path == Path::new(EMBEDDED) && is_said => Err(Failure::usage(
-                "--mesh embedded is in mm and in one piece\nhelp: leave --units and --piece out; for a file of this name write ./embedded",
+                "--mesh embedded is in mm and in one piece\nhelp: leave --units, --piece and --whole-mesh out; for a file of this name write ./embedded",
             )),
             Some(path) if path == Path::new(EMBEDDED) => Ok(MeshSource::default()),
             None if is_said => Err(Failure::usage(
-                "--units and --piece say how a mesh is read, and there is no --mesh\nhelp: name it with --mesh FILE",
+                "--units, --piece and --whole-mesh say how a mesh is read, and there is no --mesh\nhelp: name it with --mesh FILE",
             )),
             None if self.data.is_some() && fields()? => Err(Failure::usage(
                 "--data without --mesh: the model has a field, and the table's rows lie on a surface\nhelp: name it with --mesh FILE; --mesh embedded is the procedural left atrium",
             )),
-            file => Ok(source(file.map(|path| (path, self.reading.of(path))))),
+            file => Ok(source(file.map(|path| (path, self.reading.of(path))), self.whole_mesh)),
         }
     }
 
@@ -129,10 +132,11 @@ pub(super) fn usage(error: RunError) -> Failure {
 }
 
 /// The surface in a file, or the embedded atrium.
-pub(super) fn source(file: Option<(&Path, Reading)>) -> MeshSource {
+pub(super) fn source(file: Option<(&Path, Reading)>, whole: bool) -> MeshSource {
     file.map_or_else(MeshSource::default, |(path, reading)| MeshSource::File {
         path: path.to_owned(),
         reading,
+        whole,
     })
 }
 

@@ -125,6 +125,20 @@ impl OpenEp<'_> {
         Ok(())
     }
 
+    /// The texts of a field of `userdata.electric`, one for each point; none if they are not there.
+    fn texts(&self, field: &str, map: &mut Map) -> Result<Vec<String>, ImportError> {
+        Ok(match self.mat.find(&["userdata", "electric", field])? {
+            Some(Found::Texts(texts)) => texts,
+            Some(Found::Other) => {
+                map.remarks.push(format!(
+                    "userdata.electric.{field} is left out: texts are read of files that are saved with -v7"
+                ));
+                vec![]
+            }
+            _ => vec![],
+        })
+    }
+
     fn add_points(&self, map: &mut Map) -> Result<(), ImportError> {
         let electric = |path: &[&str]| self.matrix(&[&["electric"], path].concat());
         let Some(places) = self.columns(&["electric", "egmX"], 3)? else {
@@ -137,6 +151,9 @@ impl OpenEp<'_> {
         let bipolar = electric(&["voltages", "bipolar"])?;
         let unipolar = electric(&["voltages", "unipolar"])?;
         let include = electric(&["include"])?;
+        let texts = [("tags", "tag"), ("electrodeNames_bip", "electrode")];
+        let texts = texts.map(|(field, column)| Ok((column, self.texts(field, map)?)));
+        let texts = texts.into_iter().collect::<Result<Vec<_>, ImportError>>()?;
         let samples = electric(&["sampleFrequency"])?.map_or(SAMPLES, |m| m.at(0, 0));
         if !(samples > 0.0) {
             let help = "set userdata.electric.sampleFrequency, in samples per second";
@@ -156,6 +173,11 @@ impl OpenEp<'_> {
                 continue;
             }
             let mut point = Point::at(format!("P{}", row + 1), Site::At(place));
+            for (column, texts) in &texts {
+                if let Some(text) = texts.get(row).filter(|text| !text.is_empty()) {
+                    point.cells.insert((*column).into(), text.clone());
+                }
+            }
             point.measure("bipolar", value(&bipolar, row));
             point.measure("unipolar", value(&unipolar, row));
             if let Some((at, reference)) = value(&at, row).zip(value(&reference, row)) {

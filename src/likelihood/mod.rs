@@ -9,6 +9,7 @@ use crate::num::Real;
 use crate::num::lanes::LANES;
 
 mod bracket;
+mod censored;
 mod counts;
 mod interval;
 mod mixture;
@@ -18,6 +19,7 @@ mod top_hat;
 mod widened;
 
 pub use bracket::{Bracket, OPEN_STEP};
+pub use censored::{Censored, Cumulative};
 pub use counts::{BernoulliLogit, BinomialLogit, NegBinomialLog, OrderedLogit, PoissonLog};
 pub use interval::Interval;
 pub use mixture::Mixture;
@@ -47,7 +49,7 @@ pub trait Observation: Copy + std::fmt::Debug + Send + Sync + 'static {
 /// A likelihood of a measurement of kind `Y`.
 #[diagnostic::on_unimplemented(
     message = "`{Self}` is not a likelihood of a `{Y}`",
-    label = "a Bracket takes TopHat(f) or Interval(f, sigma); a Number takes Normal(mu, sd), StudentT, Cauchy, Laplace, LogNormal, Gamma or Exponential; a Count takes PoissonLog(eta), BernoulliLogit(eta), BinomialLogit(n, eta), NegBinomialLog(eta, phi) or OrderedLogit(eta, cut); any of these as Outliers(likelihood, share, sd), Mixture(share, A, B) or, of normal errors, Widened(likelihood, sd)"
+    label = "a Bracket takes TopHat(f) or Interval(f, sigma); a Number takes Normal(mu, sd), StudentT, Cauchy, Laplace, LogNormal, Gamma or Exponential, or Censored(Normal(mu, sd), floor); a Count takes PoissonLog(eta), BernoulliLogit(eta), BinomialLogit(n, eta), NegBinomialLog(eta, phi) or OrderedLogit(eta, cut); any of these as Outliers(likelihood, share, sd), Mixture(share, A, B) or, of normal errors, Widened(likelihood, sd)"
 )]
 pub trait Likelihood<D: Real, Y: Observation> {
     /// Log likelihood of `y`.

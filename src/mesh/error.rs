@@ -1,5 +1,6 @@
 //! What can be wrong with a surface or its file.
 
+use super::Atrium;
 use std::fmt;
 use std::path::PathBuf;
 use thiserror::Error;
@@ -31,6 +32,16 @@ pub enum MeshError {
          help: a surface of at least one triangle is needed; point clouds are not read"
     )]
     Empty,
+    /// The procedural atrium cannot have edges of this length.
+    #[error(
+        "the procedural atrium cannot have edges of {edge} mm, expected {} to {} mm\n\
+         help: longer edges do not resolve the veins, shorter ones take too long",
+        Atrium::EDGE_RANGE.start(), Atrium::EDGE_RANGE.end()
+    )]
+    Edge {
+        /// The length, mm.
+        edge: f64,
+    },
     /// A coordinate is NaN or infinite.
     #[error(
         "vertex {vertex} is at ({}, {}, {}), expected three finite numbers\n\

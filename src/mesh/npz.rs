@@ -12,7 +12,7 @@ use std::path::Path;
 use zip::ZipArchive;
 
 /// How many bytes an honest file inflates to, for each of its own.
-const MOST_INFLATED: u64 = 64;
+const MOST_INFLATED: u64 = 32;
 /// A scalar that eplat writes: mm in one unit of the coordinates.
 const SCALE: &str = "mm_per_unit";
 

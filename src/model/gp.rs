@@ -231,4 +231,14 @@ impl Op for Field {
         }
         self.mean.pull(&t.v, mean_bar, &mut t.g);
     }
+
+    fn ln_density(&self, t: &mut Tape) {
+        for term in &self.terms {
+            let mut squares = 0.0;
+            for eta in &t.u[term.eta..][..term.k] {
+                squares += eta * eta;
+            }
+            t.lp -= 0.5 * squares + LN_SQRT_2PI * term.k as f64;
+        }
+    }
 }

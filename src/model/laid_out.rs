@@ -243,6 +243,18 @@ impl Model {
         }
     }
 
+    /// Computes the values that [`Model::report`] and [`Model::let_values`] read. Where there is no `let` to
+    /// report, these are the parameters, and the fields at all places are left as they were.
+    pub fn forward_reported(&self, t: &mut Tape, u: &[f64]) {
+        if !self.lets.is_empty() {
+            return self.forward(t, u);
+        }
+        t.u.copy_from_slice(u);
+        for prior in &self.priors {
+            prior.forward(t);
+        }
+    }
+
     /// Log density and gradient.
     pub fn ln_density(&self, t: &mut Tape, u: &[f64], gradient: &mut [f64]) -> f64 {
         self.forward(t, u);
@@ -265,6 +277,19 @@ impl Model {
             prior.backward(t);
         }
         gradient.copy_from_slice(&t.gu);
+        t.lp
+    }
+
+    /// Log density without its gradient: the same number as [`Model::ln_density`] gives.
+    pub(super) fn ln_density_alone(&self, t: &mut Tape, u: &[f64]) -> f64 {
+        self.forward(t, u);
+        t.lp = 0.0;
+        t.g.fill(0.0);
+        t.gu.fill(0.0);
+        self.observes.iter().for_each(|observe| observe.op.backward(t));
+        self.densities.iter().for_each(|density| density.op.ln_density(t));
+        self.fields.iter().rev().for_each(|field| field.op.ln_density(t));
+        self.priors.iter().rev().for_each(|prior| prior.ln_density(t));
         t.lp
     }
 

@@ -41,6 +41,10 @@ pub(super) trait Op: Second + Send + Sync {
     }
     /// Adds this operation's log density, and carries adjoints from its values to what they came from.
     fn backward(&self, t: &mut Tape);
+    /// Adds the same log density; of the adjoints nothing is asked.
+    fn ln_density(&self, t: &mut Tape) {
+        self.backward(t);
+    }
 }
 
 /// A `Debug` that prints only the name of the type, so that less is compiled with each model.

@@ -2,11 +2,13 @@
 //!
 //! Knows nothing of files, models or samplers.
 
+use std::sync::Arc;
+
 /// The values of one array, in row-major order.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Values {
-    /// 64-bit floats; NaN where a value does not exist.
-    Float(Vec<f64>),
+    /// 64-bit floats; NaN where a value does not exist. Two arrays may share them.
+    Float(Arc<Vec<f64>>),
     /// 64-bit integers, e.g. `tree_depth`.
     Int(Vec<i64>),
     /// Flags, e.g. `diverging`.
@@ -34,6 +36,12 @@ impl Values {
 
 impl From<Vec<f64>> for Values {
     fn from(values: Vec<f64>) -> Self {
+        Self::Float(Arc::new(values))
+    }
+}
+
+impl From<Arc<Vec<f64>>> for Values {
+    fn from(values: Arc<Vec<f64>>) -> Self {
         Self::Float(values)
     }
 }

@@ -102,8 +102,9 @@ impl LeaveOneOut {
         record.elpd_loo = elpd_of.iter().sum();
         record.se = standard_error(&elpd_of);
         record.p_loo -= better;
-        record.n_left_out += 1;
-        record.n_high_k -= 1;
+        record.n_left_out = self.rows.iter().filter(|row| row.left_out).count();
+        let is_high = |row: &&LooRow| row.pareto_k > record.k_threshold && !row.left_out;
+        record.n_high_k = self.rows.iter().filter(is_high).count();
         record.worst = worst_k(&self.rows, record.k_threshold);
     }
 }

@@ -1,5 +1,7 @@
 //! Draws of unknowns as what they mean: parameters, log likelihoods, replicated measurements.
 
+use std::sync::Arc;
+
 use rand_chacha::ChaCha8Rng;
 use rayon::prelude::*;
 
@@ -44,14 +46,11 @@ pub struct Posterior {
     pub loo: Option<LeaveOneOut>,
 }
 
-/// One chain's draws.
-#[derive(Default)]
-struct Drawn {
-    /// (draw, number of all quantities)
-    reported: Vec<f64>,
-    /// (draw, measurement of all `observe`s)
+/// What is asked of every `step`-th draw, of all chains (chain, draw, measurement): 64 MB each, so that they are made
+/// where they stay.
+struct Asked {
+    step: usize,
     log_likelihood: Vec<f64>,
-    /// (draw, measurement of all `observe`s)
     predicted: Vec<f64>,
 }
 
@@ -61,17 +60,17 @@ impl Posterior {
         let shape = [chains.len(), chains.first().map_or(0, Chain::n_draws)];
         let places = places(model, data);
         let step = (places.len() * shape[0] * shape[1]).div_ceil(MOST).max(1);
-        let of_chain = |(i, chain): (usize, &Chain)| {
-            drawn(model, chain, step, Stream::AfterSampling(i).rng(seed))
-        };
-        let drawn: Vec<Drawn> = chains.par_iter().enumerate().map(of_chain).collect();
-        let quantities: Vec<Quantity<'_>> = quantities(model).collect();
-        let posterior = variables(&quantities, &drawn, shape);
-        let (rows, strays) = rows(&quantities, &posterior, shape);
-        let asked = [shape[0], shape[1].div_ceil(step)];
-        let log_likelihood = log_likelihood(&drawn, &places, asked);
         // densities come last: nothing is simulated from them
         let observed_places = &places[..model.observes.iter().map(|o| o.rows.len()).sum()];
+        let n_asked = [shape[0], shape[1].div_ceil(step)];
+        let room = |places: &[String]| vec![0.0; n_asked[0] * n_asked[1] * places.len()];
+        let mut asked =
+            Asked { step, log_likelihood: room(&places), predicted: room(observed_places) };
+        let reported = asked.fill(model, chains, seed);
+        let quantities: Vec<Quantity<'_>> = quantities(model).collect();
+        let posterior = variables(&quantities, &reported, shape);
+        let (rows, strays) = rows(&quantities, &posterior, shape);
+        let log_likelihood = log_likelihood(asked.log_likelihood, &places, n_asked);
         Self {
             posterior,
             loo: leave_one_out(model, data, &log_likelihood, &rows, shape),
@@ -79,7 +78,7 @@ impl Posterior {
             strays,
             sample_stats: sample_stats(chains, shape),
             log_likelihood,
-            posterior_predictive: predictive(model, &drawn, observed_places, asked),
+            posterior_predictive: predictive(model, asked.predicted, observed_places, n_asked),
             observed_data: observed(model, observed_places),
             constant_data: constant(model, data),
         }
@@ -101,35 +100,74 @@ impl Posterior {
     }
 }
 
-/// The draws of a chain; likelihoods and replicates of every `step`-th.
-fn drawn(model: &Model, chain: &Chain, step: usize, mut rng: ChaCha8Rng) -> Drawn {
-    let (mut tape, mut out) = (model.tape(), Drawn::default());
-    for i in 0..chain.n_draws() {
-        model.forward(&mut tape, chain.draw(i));
-        model.report(&tape, &mut rng, &mut out.reported);
-        model.let_values(&tape, &mut out.reported);
-        if !i.is_multiple_of(step) {
-            continue;
-        }
-        model.pointwise(&tape, &mut out.log_likelihood);
-        for observe in &model.observes {
-            let replicate = observe.simulate(&tape, &mut rng);
-            out.predicted.extend(replicate.iter().map(|cells| cells[0]));
-        }
+impl Asked {
+    /// Makes them, and what is reported of every draw: for each chain (draw, number of all quantities).
+    fn fill(&mut self, model: &Model, chains: &[Chain], seed: u64) -> Vec<Vec<f64>> {
+        let step = self.step;
+        let of_chain = |(i, ((chain, log_likelihood), predicted))| {
+            let rng = Stream::AfterSampling(i).rng(seed);
+            drawn(model, chain, step, rng, log_likelihood, predicted)
+        };
+        let parts = chains
+            .iter()
+            .zip(parts(&mut self.log_likelihood, chains.len()))
+            .zip(parts(&mut self.predicted, chains.len()));
+        parts.collect::<Vec<_>>().into_par_iter().enumerate().map(of_chain).collect()
     }
-    out
 }
 
-/// Elements `from..from + len` of every draw's `width` numbers, chain after chain.
-fn columns(
-    drawn: &[Drawn],
-    part: fn(&Drawn) -> &[f64],
-    width: usize,
-    from: usize,
-    len: usize,
+/// `n` equal parts.
+fn parts(values: &mut [f64], n: usize) -> Vec<&mut [f64]> {
+    let length = values.len() / n.max(1);
+    let mut rest = values;
+    let mut part = |_| {
+        let (own, others) = std::mem::take(&mut rest).split_at_mut(length);
+        rest = others;
+        own
+    };
+    (0..n).map(&mut part).collect()
+}
+
+/// What is reported of the draws of a chain; writes likelihoods and replicates of every `step`-th.
+fn drawn(
+    model: &Model,
+    chain: &Chain,
+    step: usize,
+    mut rng: ChaCha8Rng,
+    log_likelihood: &mut [f64],
+    predicted: &mut [f64],
 ) -> Vec<f64> {
-    let rows = drawn.iter().flat_map(|d| part(d).chunks_exact(width.max(1)));
-    rows.flat_map(|row| &row[from..from + len]).copied().collect()
+    let (mut tape, mut reported) = (model.tape(), vec![]);
+    let (mut pointwise, mut replicates): (Vec<f64>, Vec<f64>) = (vec![], vec![]);
+    for i in 0..chain.n_draws() {
+        let is_asked = i.is_multiple_of(step);
+        if is_asked {
+            model.forward(&mut tape, chain.draw(i));
+        } else {
+            model.forward_reported(&mut tape, chain.draw(i));
+        }
+        model.report(&tape, &mut rng, &mut reported);
+        model.let_values(&tape, &mut reported);
+        if !is_asked {
+            continue;
+        }
+        pointwise.clear();
+        model.pointwise(&tape, &mut pointwise);
+        replicates.clear();
+        for observe in &model.observes {
+            let simulated = observe.simulate(&tape, &mut rng);
+            replicates.extend(simulated.iter().map(|cells| cells[0]));
+        }
+        let (n, m) = (pointwise.len(), replicates.len());
+        log_likelihood[i / step * n..][..n].copy_from_slice(&pointwise);
+        predicted[i / step * m..][..m].copy_from_slice(&replicates);
+    }
+    reported
+}
+
+/// Elements `from..from + len` of every draw's `width` numbers.
+fn columns(drawn: &[f64], width: usize, from: usize, len: usize) -> Vec<f64> {
+    drawn.chunks_exact(width.max(1)).flat_map(|row| &row[from..from + len]).copied().collect()
 }
 
 /// A parameter, or a `let` that is no map.
@@ -167,11 +205,16 @@ fn quantities(model: &Model) -> impl Iterator<Item = Quantity<'_>> {
     parameters.chain(model.lets.iter().map(Quantity::of_let))
 }
 
-fn variables(quantities: &[Quantity<'_>], drawn: &[Drawn], [chains, draws]: [usize; 2]) -> Group {
+fn variables(
+    quantities: &[Quantity<'_>],
+    reported: &[Vec<f64>],
+    [chains, draws]: [usize; 2],
+) -> Group {
     let (width, mut from) = (quantities.iter().map(|q| q.len).sum(), 0);
     let mut variables = vec![];
     for q in quantities {
-        let values = columns(drawn, |d| &d.reported, width, from, q.len);
+        let of_chain = |reported: &Vec<f64>| columns(reported, width, from, q.len);
+        let values: Vec<f64> = reported.iter().flat_map(of_chain).collect();
         from += q.len;
         let dim = format!("{}_dim", q.name);
         let mut dims = vec![("chain", chains), ("draw", draws)];
@@ -198,7 +241,7 @@ fn rows(
         let Some(Values::Float(values)) = variable.map(|v| &v.values) else { continue };
         jobs.extend((0..q.len).map(|i| (q, i, values)));
     }
-    let row = |(q, i, values): &(&Quantity<'_>, usize, &Vec<f64>)| {
+    let row = |(q, i, values): &(&Quantity<'_>, usize, &Arc<Vec<f64>>)| {
         let column: Vec<f64> = values.iter().skip(*i).step_by(q.len).copied().collect();
         let chains: Vec<&[f64]> = column.chunks_exact(draws.max(1)).take(chains).collect();
         let row = Row { name: q.element(*i), unit: q.unit.to_owned(), summary: summarise(&chains) };
@@ -234,7 +277,7 @@ fn places(model: &Model, data: &Measurements) -> Vec<String> {
 }
 
 /// All measurements together, over `dims` and the measurement, with its labels; nothing without measurements.
-fn pooled(values: Vec<f64>, dims: &[(&str, usize)], places: &[String]) -> Vec<Variable> {
+fn pooled(values: impl Into<Values>, dims: &[(&str, usize)], places: &[String]) -> Vec<Variable> {
     if places.is_empty() {
         return vec![];
     }
@@ -245,9 +288,7 @@ fn pooled(values: Vec<f64>, dims: &[(&str, usize)], places: &[String]) -> Vec<Va
     ]
 }
 
-fn log_likelihood(drawn: &[Drawn], places: &[String], [chains, draws]: [usize; 2]) -> Group {
-    let n = places.len();
-    let values = columns(drawn, |d| &d.log_likelihood, n, 0, n);
+fn log_likelihood(values: Vec<f64>, places: &[String], [chains, draws]: [usize; 2]) -> Group {
     let variables = pooled(values, &[("chain", chains), ("draw", draws)], places);
     Group { name: "log_likelihood".into(), variables }
 }
@@ -268,22 +309,26 @@ fn leave_one_out(
 
 fn predictive(
     model: &Model,
-    drawn: &[Drawn],
+    predicted: Vec<f64>,
     places: &[String],
     [chains, draws]: [usize; 2],
 ) -> Group {
-    let width = places.len();
+    let all = Arc::new(predicted);
     let mut from = 0;
     let variable = |observe: &Observe| {
         let n = observe.rows.len();
-        let values = columns(drawn, |d| &d.predicted, width, from, n);
+        // of a single statement they are the same numbers
+        let values = if n == places.len() {
+            Arc::clone(&all)
+        } else {
+            Arc::new(columns(&all, places.len(), from, n))
+        };
         from += n;
         let dim = row_dimension(observe);
         let dims = [("chain", chains), ("draw", draws), (dim.as_str(), n)];
         Variable::new(observe.name, &observe.unit, &dims, values)
     };
     let mut variables: Vec<Variable> = model.observes.iter().map(variable).collect();
-    let all = columns(drawn, |d| &d.predicted, width, 0, width);
     variables.extend(pooled(all, &[("chain", chains), ("draw", draws)], places));
     Group { name: "posterior_predictive".into(), variables }
 }

@@ -8,6 +8,7 @@
 //! Zarr core specification version 3; `string` and `vlen-utf8` as in the zarr-extensions registry.
 
 use flate2::{Compression, write::GzEncoder};
+use rayon::prelude::*;
 use serde_json::{Map, Value, json};
 use std::borrow::Borrow;
 use std::collections::{BTreeMap, BTreeSet};
@@ -138,12 +139,12 @@ fn write_array(folder: &Path, variable: &Variable) -> io::Result<Value> {
     fs::create_dir(folder)?;
     if n_values > 0 {
         let chunk_length = n_values / n_chunks;
-        for chunk in 0..n_chunks {
+        (0..n_chunks).into_par_iter().try_for_each(|chunk| {
             let range = chunk * chunk_length..(chunk + 1) * chunk_length;
             let file = folder.join(chunk_key(variable.dims.len(), chunk));
             fs::create_dir_all(file.parent().unwrap_or(folder))?;
-            fs::write(file, gzip(&encode(&variable.values, range))?)?;
-        }
+            fs::write(file, gzip(&encode(&variable.values, range))?)
+        })?;
     }
     let metadata = array_metadata(variable, n_chunks);
     write_metadata(folder, &metadata)?;

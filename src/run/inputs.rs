@@ -47,7 +47,7 @@ pub struct Origin {
 pub enum MeshSource {
     /// The embedded procedural left atrium.
     Embedded {
-        /// Length of its edges, mm.
+        /// Length of its edges, mm, in [`Atrium::EDGE_RANGE`](crate::mesh::Atrium::EDGE_RANGE).
         edge: f64,
     },
     /// A mesh file.
@@ -56,6 +56,8 @@ pub enum MeshSource {
         path: PathBuf,
         /// How it is read; a unit is one by `into()`.
         reading: Reading,
+        /// Whether every vertex is kept. Else a mesh of more than 100,000 is decimated to 20,000.
+        whole: bool,
     },
     /// A surface in memory, mm.
     Surface(Box<Surface>),
@@ -130,8 +132,11 @@ impl Inputs {
     /// SHA-256 of the files, of a table in memory, and what was given, by role.
     pub(super) fn hashed(&self) -> Result<BTreeMap<String, String>, RunError> {
         let mut hashes = BTreeMap::new();
-        if let MeshSource::File { path, .. } = &self.mesh {
+        if let MeshSource::File { path, whole, .. } = &self.mesh {
             hashes.insert("mesh".into(), hash_mesh(path)?);
+            if *whole {
+                hashes.insert("whole_mesh".into(), hash(b"true"));
+            }
         }
         if let MeshSource::Surface(surface) = &self.mesh {
             hashes.insert("mesh".into(), hash_surface(surface));

@@ -11,7 +11,7 @@ use super::{Event, RunError, Watch};
 use crate::diagnostics::verdict::Doubt;
 use crate::experiment::{Design, TRUTH_MODES, experiment};
 use crate::manifold::{Basis, eigenpairs_cached};
-use crate::mesh::{self, Surface};
+use crate::mesh::{self, Atrium, MeshError, Surface};
 use crate::model::{Declare, Exceedance, Maps, Model};
 use crate::table::{FIELD_MODES, Measurements};
 
@@ -229,10 +229,13 @@ fn checked(
 /// [`RunError::Mesh`].
 pub fn surface(mesh: &MeshSource, watch: &Watch<'_>) -> Result<Surface, RunError> {
     let (file, surface) = match mesh {
+        MeshSource::Embedded { edge } if !Atrium::EDGE_RANGE.contains(edge) => {
+            return Err(MeshError::Edge { edge: *edge }.into());
+        }
         MeshSource::Embedded { edge } => (None, Surface::left_atrium(*edge)),
-        MeshSource::File { path, reading } => {
+        MeshSource::File { path, reading, whole } => {
             let mut surface = mesh::read(path, reading.clone())?;
-            if surface.mesh.n_vertices() > LARGEST {
+            if surface.mesh.n_vertices() > LARGEST && !whole {
                 surface = surface.decimated(WORKING).map_err(RunError::from)?;
             }
             (Some(path.as_path()), surface)

@@ -5,6 +5,7 @@ use std::sync::Mutex;
 use std::sync::atomic::{AtomicBool, Ordering};
 
 use super::*;
+use crate::mesh;
 use crate::table::Measurements;
 
 mod conjugate {
@@ -121,4 +122,33 @@ fn problems_and_fits_can_be_handed_to_other_threads() {
     shared::<Problem<'static>>();
     shared::<Fit<'static>>();
     shared::<RunError>();
+}
+
+#[test]
+fn an_atrium_of_too_long_edges_is_an_error() {
+    for edge in [3.5, 0.0, f64::NAN] {
+        let mesh = MeshSource::Embedded { edge };
+        let error = problem::surface(&mesh, &Watch::default()).unwrap_err().to_string();
+        assert!(error.contains(&format!("edges of {edge} mm, expected 0.2 to 3 mm")), "{error}");
+    }
+}
+
+#[test]
+fn a_large_mesh_is_kept_whole_on_request() {
+    const SIDE: u32 = 317; // 100,489 vertices
+    let place = |i: u32| [0.3 * f64::from(i % SIDE), 0.3 * f64::from(i / SIDE), 0.0];
+    let corners = (0..SIDE * (SIDE - 1)).filter(|i| i % SIDE < SIDE - 1);
+    let cut = |i: u32| [[i, i + 1, i + SIDE], [i + 1, i + SIDE + 1, i + SIDE]];
+    let triangles: Vec<[u32; 3]> = corners.flat_map(cut).collect();
+    let sheet = mesh::TriMesh::new((0..SIDE * SIDE).map(place).collect(), triangles).unwrap();
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("sheet.npz");
+    let written = mesh::Surface::new(sheet, std::collections::BTreeMap::new());
+    written.write(&path, mesh::Encoding::Binary).unwrap();
+    let n_vertices = |whole: bool| {
+        let reading = mesh::Units::Mm.into();
+        let mesh = MeshSource::File { path: path.clone(), reading, whole };
+        problem::surface(&mesh, &Watch::default()).unwrap().mesh.n_vertices()
+    };
+    assert_eq!([n_vertices(true), n_vertices(false)], [(SIDE * SIDE) as usize, 20_000]);
 }

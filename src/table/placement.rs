@@ -87,10 +87,14 @@ fn index(table: &Table, row: usize, column: &str, n: usize) -> Result<usize, Dat
 fn by_index(table: &Table, row: usize, column: &str, surface: &Surface) -> Result<u32, DataError> {
     let index = index(table, row, column, surface.n_source_vertices)?;
     surface.vertex_of_source(index).ok_or_else(|| {
-        let problem =
-            format!("vertex {index} is not on the surface: it belongs to a piece that was dropped");
-        let help =
-            "only the mesh's largest connected piece is used; move the site or mend the mesh";
+        // joined vertices are on the surface where they were joined
+        let why = if surface.dropped.is_empty() {
+            "it belongs to no triangle that is left"
+        } else {
+            "it belongs to another piece, or to no triangle that is left"
+        };
+        let problem = format!("vertex {index} is not on the surface: {why}");
+        let help = "the surface is one connected piece, without triangles that have no area or are there twice; name another vertex, or give the site as x, y, z";
         table.cell_error(row, column, problem, help)
     })
 }

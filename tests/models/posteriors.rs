@@ -121,3 +121,25 @@ pub(crate) mod counts {
         observe outlier(row): Number ~ StudentT(phi + 1.0, eta(row), phi);
     }
 }
+
+/// Voltages of two catheters, each with a noise of its own, of which none below the floor is told.
+pub(crate) mod censored {
+    use super::*;
+    model! {
+        model CensoredVoltage;
+        param level [mV] ~ Normal(0.0, 2.0);
+        param noise(catheter) [mV] ~ HalfNormal(1.0);
+        observe bipolar(row): Number [mV] ~ Censored(Normal(level, noise(row)), 0.1);
+    }
+}
+
+/// The same with all readings taken as they stand.
+pub(crate) mod uncensored {
+    use super::*;
+    model! {
+        model Uncensored;
+        param level [mV] ~ Normal(0.0, 2.0);
+        param noise(catheter) [mV] ~ HalfNormal(1.0);
+        observe bipolar(row): Number [mV] ~ Normal(level, noise(row));
+    }
+}

@@ -8,6 +8,8 @@ pub(crate) enum Value {
     /// Whole numbers in a column.
     Int32(Vec<i32>),
     Struct(Vec<(&'static str, Value)>),
+    /// A column of cells with a text each.
+    Texts(Vec<&'static str>),
     /// An object of a class.
     Object(&'static str),
 }
@@ -54,6 +56,15 @@ impl Value {
                 body.extend(fields.iter().flat_map(|(_, value)| value.bytes("")));
                 matrix(2, [1, 1], name, &body)
             }
+            Self::Texts(texts) => {
+                let cell = |text: &&str| {
+                    let units: Vec<u8> = text.encode_utf16().flat_map(u16::to_le_bytes).collect();
+                    let n = text.encode_utf16().count() as i32;
+                    matrix(4, [i32::from(n > 0), n], "", &element(4, &units))
+                };
+                let cells: Vec<u8> = texts.iter().flat_map(cell).collect();
+                matrix(1, [texts.len() as i32, 1], name, &cells)
+            }
             Self::Object(class) => {
                 let flags = [17_u32.to_le_bytes(), [0; 4]].concat();
                 let parts = [
@@ -81,6 +92,11 @@ pub(crate) fn file(name: &str, value: &Value) -> Vec<u8> {
 /// A data set of OpenEP: a sheet of 3 × 3 vertices, 6 mm apart, and four points, the same as
 /// `tests/python/openep_v73.py` writes.
 pub(crate) fn openep(tri_rep: Option<Value>) -> Vec<u8> {
+    openep_with(tri_rep, vec![])
+}
+
+/// The same with further fields of `electric`.
+pub(crate) fn openep_with(tri_rep: Option<Value>, more: Vec<(&'static str, Value)>) -> Vec<u8> {
     use Value::{Int32, Rows, Struct};
     let vertex = |v: usize| vec![6.0 * (v % 3) as f64, 6.0 * (v / 3) as f64, 0.0];
     let corners = |v: usize| {
@@ -102,7 +118,7 @@ pub(crate) fn openep(tri_rep: Option<Value>) -> Vec<u8> {
         place[2] = 0.5;
         place
     };
-    let electric = Struct(vec![
+    let mut electric = vec![
         ("egmX", Rows((0..4).map(place).collect())),
         (
             "annotations",
@@ -116,7 +132,9 @@ pub(crate) fn openep(tri_rep: Option<Value>) -> Vec<u8> {
             "voltages",
             Struct(vec![("bipolar", Rows([1.0, 1.5, f64::NAN, 2.0].map(|x| vec![x]).to_vec()))]),
         ),
-    ]);
+    ];
+    electric.extend(more);
+    let electric = Struct(electric);
     let surface = Struct(vec![("triRep", tri_rep), ("act_bip", Rows((0..9).map(value).collect()))]);
     file("userdata", &Struct(vec![("surface", surface), ("electric", electric)]))
 }

@@ -13,7 +13,7 @@ use crate::print;
 use crate::syntax::{Ident, Observe};
 use crate::vocabulary::{Class, KINDS, Role, Word, find, listed, nearest};
 
-const LIKELIHOODS: &str = "a Bracket takes TopHat(f) or Interval(f, sigma); a Number takes Normal(mu, sd), StudentT, Cauchy, Laplace, LogNormal, Gamma or Exponential; a Count takes PoissonLog(eta), BernoulliLogit(eta), BinomialLogit(n, eta), NegBinomialLog(eta, phi) or OrderedLogit(eta, cut); any of these as Outliers(likelihood, share, sd), Mixture(share, A, B) or, of normal errors, Widened(likelihood, sd)";
+const LIKELIHOODS: &str = "a Bracket takes TopHat(f) or Interval(f, sigma); a Number takes Normal(mu, sd), StudentT, Cauchy, Laplace, LogNormal, Gamma or Exponential, or Censored(Normal(mu, sd), floor); a Count takes PoissonLog(eta), BernoulliLogit(eta), BinomialLogit(n, eta), NegBinomialLog(eta, phi) or OrderedLogit(eta, cut); any of these as Outliers(likelihood, share, sd), Mixture(share, A, B) or, of normal errors, Widened(likelihood, sd)";
 
 /// A prior of one number or of a vector.
 pub(super) fn prior(e: &Expr, around: &Around) -> Vec<Mistake> {
@@ -75,8 +75,31 @@ pub(super) fn likelihood(observe: &Observe, around: &Around) -> Vec<Mistake> {
             let message = format!("`{}` is not a likelihood of a `{kind}`", word.name);
             mistakes.push(Mistake::at(span_of(e), message, LIKELIHOODS));
         }
+        mistakes.extend(censored(word, e, around, &takes));
     });
     mistakes
+}
+
+/// What `Censored` cannot take, of what would do for the kind of measurement.
+fn censored(
+    word: &Word,
+    e: &Expr,
+    around: &Around,
+    takes: &dyn Fn(&Word) -> bool,
+) -> Option<Mistake> {
+    const CENSORED: &str = "Censored takes Normal(mean, sd) or LogNormal(mean, sd); Widened and Outliers go around it: Outliers(Censored(Normal(mean, sd), floor), share, sd)";
+    let Expr::Call(call) = e else { return None };
+    let inner = call.args.first().filter(|_| word.name == "Censored" && takes(word))?;
+    let mut mistake = None;
+    let mut is_outer = true;
+    each(inner, around, &mut |word, e| {
+        let is_known = !takes(word) || matches!(word.name, "Normal" | "LogNormal");
+        if std::mem::take(&mut is_outer) && !is_known {
+            let message = format!("`{}` cannot be censored", word.name);
+            mistake = Some(Mistake::at(span_of(e), message, CENSORED));
+        }
+    });
+    mistake
 }
 
 /// The word that an expression is or calls, and those within it: the two parts of a mixture.

@@ -62,7 +62,7 @@ impl ExperimentArgs {
         let Self { seed, lengthscale, sites, resolution, ref simulation, .. } = *self;
         let file = self.truth.as_deref().or(self.mesh.as_deref());
         ExperimentSettings {
-            mesh: source(file.map(|path| (path, self.reading.of(path)))),
+            mesh: source(file.map(|path| (path, self.reading.of(path))), false),
             truth_is_given: self.truth.is_some(),
             seed,
             lengthscale,

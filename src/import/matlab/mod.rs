@@ -36,6 +36,8 @@ impl Matrix {
 pub(super) enum Found {
     /// Numbers.
     Matrix(Matrix),
+    /// Cells of text, an empty one for whatever else a cell holds; of files of version 5 alone.
+    Texts(Vec<String>),
     /// A struct.
     Struct,
     /// An object of a class, which only MATLAB can read.

@@ -48,8 +48,10 @@ const MATRIX: u32 = 14;
 const COMPRESSED: u32 = 15;
 
 /// Classes of matrices.
+const CELL: u8 = 1;
 const STRUCT: u8 = 2;
 const OBJECT: u8 = 3;
+const CHAR: u8 = 4;
 const OPAQUE: u8 = 17;
 const NUMBERS: std::ops::RangeInclusive<u8> = 6..=15;
 
@@ -195,6 +197,7 @@ impl<'b> Head<'b> {
     fn find(mut self, fields: &[&str], depth: usize) -> Result<Option<Found>, ImportError> {
         match (fields, self.class) {
             ([], STRUCT) => Ok(Some(Found::Struct)),
+            ([], CELL) => Ok(Some(Found::Texts(self.texts(DEPTH)?))),
             ([], class) if NUMBERS.contains(&class) => {
                 self.matrix().map(|m| Some(Found::Matrix(m)))
             }
@@ -229,6 +232,35 @@ impl<'b> Head<'b> {
         Ok(None)
     }
 
+    /// The text of each cell; of several texts within one, all of them.
+    fn texts(mut self, depth: usize) -> Result<Vec<String>, ImportError> {
+        let (n, mat) = (self.n(), self.rest.mat);
+        let mut texts = vec![];
+        while texts.len() < n && self.rest.at < self.rest.bytes.len() {
+            let cell = self.rest.element()?;
+            let is_matrix = cell.kind == MATRIX;
+            texts.push(if is_matrix {
+                Head::read(mat, cell.bytes)?.text(depth)?
+            } else {
+                String::new()
+            });
+        }
+        Ok(texts)
+    }
+
+    /// What is written in a cell; nothing if it holds no text.
+    fn text(mut self, depth: usize) -> Result<String, ImportError> {
+        match self.class {
+            CHAR => Ok(self.rest.element()?.characters(self.rest.mat)),
+            CELL if depth > 0 => {
+                let mut texts = self.texts(depth - 1)?;
+                texts.retain(|text| !text.is_empty());
+                Ok(texts.join(" + "))
+            }
+            _ => Ok(String::new()),
+        }
+    }
+
     fn matrix(mut self) -> Result<Matrix, ImportError> {
         let n = self.n();
         let rows = self.dimensions.first().copied().unwrap_or(0);
@@ -245,6 +277,21 @@ impl<'b> Head<'b> {
 impl Element<'_> {
     fn text(&self) -> String {
         text(self.bytes)
+    }
+
+    /// Text in UTF-8, or in UTF-16 with or without MATLAB's name for it.
+    fn characters(&self, mat: &Mat) -> String {
+        let text = match self.kind {
+            4 | 17 => {
+                let read = if mat.is_big_endian { u16::from_be_bytes } else { u16::from_le_bytes };
+                let (units, _) = self.bytes.as_chunks::<2>();
+                char::decode_utf16(units.iter().map(|unit| read(*unit)))
+                    .map(|c| c.unwrap_or(char::REPLACEMENT_CHARACTER))
+                    .collect()
+            }
+            _ => self.text(),
+        };
+        text.trim().to_owned()
     }
 
     fn dimensions(&self, mat: &Mat) -> Vec<usize> {

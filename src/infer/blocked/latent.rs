@@ -3,6 +3,7 @@
 
 use crate::infer::density::LogDensity;
 use rand::Rng;
+use std::sync::Arc;
 
 /// A density whose unknowns are the coefficients w of some blocks, and *outer* unknowns.
 ///
@@ -66,7 +67,7 @@ pub enum Shape {
     Triangular,
     /// These modes `(n_seen, n_coefficients)`, each multiplied by a scale that depends on the
     /// hyperparameters.
-    Scaled(Vec<f64>),
+    Scaled(Arc<Vec<f64>>),
 }
 
 impl BlockLayout {
@@ -143,9 +144,14 @@ impl Design {
             }
             rows
         };
+        Self { rows: group.blocks.iter().map(rows).collect(), ..Self::without_rows(group) }
+    }
+
+    /// As [`Design::new`], for who asks for offsets and scales alone.
+    pub(in crate::infer) fn without_rows(group: &Group) -> Self {
         Self {
             offset: vec![0.0; group.blocks.len()],
-            rows: group.blocks.iter().map(rows).collect(),
+            rows: group.blocks.iter().map(|_| vec![]).collect(),
             scale: group.blocks.iter().map(|block| vec![1.0; block.width()]).collect(),
         }
     }

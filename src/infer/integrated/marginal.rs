@@ -67,17 +67,12 @@ struct Products {
 
 impl<'d> Marginal<'d> {
     pub(super) fn new(latent: Box<dyn Latent + 'd>, layout: &'d Layout) -> Self {
-        let design = |group: &Group| {
-            let mut design = Design::new(group);
-            design.rows.iter_mut().for_each(Vec::clear);
-            design
-        };
         let n_latent = layout.n_latent();
         let most = layout.groups.iter().map(|group| group.blocks.len()).max().unwrap_or(0);
         Self {
             latent,
             layout,
-            designs: layout.groups.iter().map(design).collect(),
+            designs: layout.groups.iter().map(Design::without_rows).collect(),
             products: layout.groups.iter().map(|_| None).collect(),
             theta: vec![0.0; n_latent],
             slope: vec![0.0; n_latent],

@@ -107,7 +107,7 @@ pub(super) struct Packing {
 }
 
 impl Packing {
-    /// The bytes of one array; `budget` is how many more may be inflated, and falls.
+    /// The bytes of one array; `budget` is how many more there may be, and falls.
     ///
     /// # Errors
     /// What is there instead of them.
@@ -115,7 +115,10 @@ impl Packing {
         let number = |bytes: &mut Bytes| bytes.number(self.header, self.is_big_endian);
         if !self.is_zlib {
             let length = number(&mut bytes)?;
-            return bytes.take(length);
+            let taken = bytes.take(length)?;
+            *budget =
+                budget.checked_sub(length).ok_or("more than the file has, in several arrays")?;
+            return Ok(taken);
         }
         let (n_blocks, size, last) =
             (number(&mut bytes)?, number(&mut bytes)?, number(&mut bytes)?);
@@ -161,11 +164,11 @@ mod tests {
         let joint = STANDARD.encode([&header[..], &data].concat());
         let apart = format!("{}\n {}", STANDARD.encode(header), STANDARD.encode(data));
         for text in [joint, apart] {
-            let unpacked = PLAIN.unpack(Bytes::base64(text.as_bytes()), &mut 0);
+            let unpacked = PLAIN.unpack(Bytes::base64(text.as_bytes()), &mut 1000);
             assert_eq!(unpacked.unwrap(), data);
         }
         for wrong in ["", "BQA", "BQAAAA==", "BQAAAA==ZX", "B*AA", "=AAA", "//////////8="] {
-            assert!(PLAIN.unpack(Bytes::base64(wrong.as_bytes()), &mut 0).is_err(), "{wrong}");
+            assert!(PLAIN.unpack(Bytes::base64(wrong.as_bytes()), &mut 1000).is_err(), "{wrong}");
         }
     }
 

@@ -1,5 +1,7 @@
 //! Which unknowns are in blocks, and what the design of a block is computed from.
 
+use std::sync::Arc;
+
 use std::collections::{BTreeMap, BTreeSet};
 
 use super::places::PlaceBlock;
@@ -32,7 +34,7 @@ pub(super) struct Block {
     /// Which of the model's priors is that of its mean; `None` if the mean is not in the block.
     pub(super) mean: Option<usize>,
     /// The sites' modes `(n_sites, k)`, without padding.
-    pub(super) modes: Vec<f64>,
+    pub(super) modes: Arc<Vec<f64>>,
     /// Products φᵢ φⱼ of every pair of sites j ≤ i `(k, pairs)`. Empty unless there are fewer sites
     /// than modes.
     products: Vec<f64>,
@@ -109,7 +111,7 @@ impl Block {
                 products.extend(rows().take(i + 1).map(|right| left[k] * right[k]));
             }
         }
-        let modes = rows().flatten().copied().collect();
+        let modes = Arc::new(rows().flatten().copied().collect());
         Self { field, at, is_triangular, mean, modes, products }
     }
 
@@ -122,7 +124,7 @@ impl Block {
             shape: if self.is_triangular {
                 Shape::Triangular
             } else {
-                Shape::Scaled(self.modes.clone())
+                Shape::Scaled(Arc::clone(&self.modes))
             },
         }
     }

@@ -18,7 +18,6 @@ pub(super) struct OnTape<'m> {
     pub(super) c: Vec<f64>,
     pub(super) variances: Vec<f64>,
     pub(super) covariance: Vec<f64>,
-    pub(super) gradient: Vec<f64>,
 }
 
 impl OnTape<'_> {
@@ -173,7 +172,7 @@ impl Latent for OnTape<'_> {
             places.put(&block[at..], position);
             at += places.n();
         }
-        model.ln_density(&mut self.tape, position, &mut self.gradient)
+        model.ln_density_alone(&mut self.tape, position)
     }
 
     fn set_outer(&mut self, outer: &[f64], designs: &mut [Design]) -> f64 {
@@ -257,7 +256,6 @@ impl LatentGaussian for Blocks<'_> {
             c: vec![0.0; k],
             variances: vec![0.0; k],
             covariance: vec![0.0; n * (n + 1) / 2],
-            gradient: vec![0.0; self.model.dim()],
         })
     }
 }

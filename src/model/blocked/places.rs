@@ -52,11 +52,11 @@ impl PlaceBlock {
     pub(super) fn layout(&self) -> BlockLayout {
         let n = self.n();
         let one = |(i, j): (usize, usize)| f64::from(u8::from(i == j));
-        let modes = (0..n).flat_map(|i| (0..n).map(move |j| (i, j))).map(one).collect();
+        let modes: Vec<f64> = (0..n).flat_map(|i| (0..n).map(move |j| (i, j))).map(one).collect();
         BlockLayout {
             n_coefficients: n,
             mean_precision: None,
-            shape: if self.is_triangular { Shape::Triangular } else { Shape::Scaled(modes) },
+            shape: if self.is_triangular { Shape::Triangular } else { Shape::Scaled(modes.into()) },
         }
     }
 

@@ -84,6 +84,7 @@ impl<'m> Simulated<'m> {
         let (mut tape, mut locals) = (model.tape(), vec![]);
         let mut replicates = vec![Vec::with_capacity(draws.len()); ids.len()];
         let mut locations = vec![vec![]; ids.len()];
+        let measured: Vec<Vec<f64>> = ids.iter().map(|id| model.measured_row(*id)).collect();
         for (d, draw) in draws.iter().enumerate() {
             model.locals_at(&mut tape, draw, ids, &mut locals);
             let mut rest = locals.as_slice();
@@ -95,9 +96,8 @@ impl<'m> Simulated<'m> {
                     locations[i].push(x.to_bits());
                 }
                 let is_sound = own.iter().chain(&location).all(|x| x.is_finite());
-                let replicate = is_sound.then(|| {
-                    ends(&model.row_replicate(*id, &model.measured_row(*id), own, &mut rng))
-                });
+                let replicate =
+                    is_sound.then(|| ends(&model.row_replicate(*id, &measured[i], own, &mut rng)));
                 replicates[i].push(replicate.filter(|ends| ends.iter().all(|x| x.is_finite())));
             }
         }
