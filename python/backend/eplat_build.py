@@ -1,7 +1,7 @@
 """Builds the wheel: maturin's backend, with the program put into the package first.
 
-maturin packs a module or a program, not both. Both are built from one selection of packages, so that everything below
-them is compiled once.
+maturin packs a module or a program, not both. Everything below the two is compiled once: their dependencies have the
+same features (Cargo.toml says which are there for this alone).
 """
 
 import json
@@ -26,7 +26,7 @@ PACKAGED = ROOT / "python" / "eplat" / "bin"
 
 def _program():
     """The built program's path."""
-    command = ["cargo", "build", "--release", "--locked", "--package", "eplat", "--package", "eplat-python"]
+    command = ["cargo", "build", "--release", "--locked", "--package", "eplat", "--bin", "eplat"]
     command += ["--message-format", "json-render-diagnostics"]
     built = subprocess.run(command, cwd=ROOT, stdout=subprocess.PIPE, text=True)
     if built.returncode:

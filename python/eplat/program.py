@@ -68,6 +68,7 @@ def _listen(child: subprocess.Popen[str], ended: Ended, on_event: Callable[[Even
             ended.error = event["text"]
         else:
             on_event(event)
+    child.stderr.close()
     child.wait()
 
 
