@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+import math
 import sys
 import time
 from collections.abc import Callable
 from typing import Any
 
 from .program import Event
+
+#: The line is written over no more often, s.
+SECONDS = 0.2
 
 
 class Line:
@@ -19,6 +23,7 @@ class Line:
         self._what = ""
         self._begun = time.monotonic()
         self._width = 0
+        self._shown = -math.inf
 
     def __call__(self, event: Event) -> None:
         """Shows an event, if it tells how far the run is."""
@@ -28,8 +33,13 @@ class Line:
             self._of = event["chains"] * (event["warmup"] + event["draws"])
         elif kind == "progress":
             self._chains[event["chain"]] = event["done"]
-            self._show(f"{self._what}{event['phase']}", sum(self._chains.values()), self._of)
+            done = sum(self._chains.values())
+            self._show(f"{self._what}{event['phase']}", done, self._of)
+            if done == self._of:
+                self._write("sampled: now maps, predictions and files")
         elif kind == "search":
+            if event["done"] <= 1:
+                self._begun = time.monotonic()
             self._show(f"search round {event['round']}", event["done"], event["of"])
         elif kind == "sample":
             self._what = f"model {event['which']}: "
@@ -37,11 +47,15 @@ class Line:
             self._write(event["text"])
 
     def _show(self, what: str, done: int, of: int) -> None:
+        now = time.monotonic()
+        if now < self._shown + SECONDS and done < of:
+            return
+        self._shown = now
         share = done / of if of else 0.0
-        spent = time.monotonic() - self._begun
+        spent = now - self._begun
         left = f", {spent * (1 / share - 1):.0f} s left" if 0 < share < 1 else ""
         bar = "━" * round(24 * share)
-        self._write(f"{what:<20} {bar:<24} {100 * share:3.0f} %{left}")
+        self._write(f"{what:<24} {bar:<24} {100 * share:3.0f} %{left}")
 
     def _write(self, text: str) -> None:
         print("\r" + text.ljust(self._width), end="", file=sys.stderr, flush=True)

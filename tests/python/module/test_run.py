@@ -119,6 +119,6 @@ def test_the_line_of_progress_is_written_over(tmp_path, capsys):
     eplat.run("erp", out=tmp_path / "out", progress=True, **SMALL)
     line = capsys.readouterr().err
     assert line.startswith("\r") and line.endswith("\n") and line.count("\n") == 1
-    assert "sampling" in line and "100 %" in line
+    assert "sampling" in line and "100 %" in line and "now maps, predictions and files" in line
     eplat.run("erp", out=tmp_path / "out", progress=False, **SMALL)
     assert capsys.readouterr().err == ""
