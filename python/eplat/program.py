@@ -32,8 +32,8 @@ class Ended:
     """What it said besides events."""
 
 
-def call(arguments: list[str], on_event: Callable[[Event], None]) -> tuple[Ended, BaseException | None]:
-    """Runs `eplat ARGUMENTS --json` to its end; `on_event` is called with every event.
+def call(arguments: list[str], on_event: Callable[[Event], None], folder: str) -> tuple[Ended, BaseException | None]:
+    """Runs `eplat ARGUMENTS --json` in `folder` to its end; `on_event` is called with every event.
 
     An interrupt is passed on, and the program is given the time to keep its run; a second one ends it at once. Whatever
     interrupted it is returned, too.
@@ -41,6 +41,7 @@ def call(arguments: list[str], on_event: Callable[[Event], None]) -> tuple[Ended
     # of its own group: a terminal's Ctrl-C would else reach it beside what is passed on, and twice means at once
     child = subprocess.Popen(
         [PROGRAM, *arguments, "--json"],
+        cwd=folder,
         stdin=subprocess.DEVNULL,
         stdout=subprocess.DEVNULL,
         stderr=subprocess.PIPE,

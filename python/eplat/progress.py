@@ -73,7 +73,8 @@ def shown(progress: Any) -> Callable[[Event], None]:
     `None` means a line where a person reads it: on a terminal or in a notebook.
     """
     if callable(progress):
-        return progress
+        told: Callable[[Event], None] = progress
+        return told
     if progress is None:
         progress = sys.stderr.isatty() or _is_notebook()
     return Line() if progress else _nobody

@@ -69,7 +69,8 @@ class Result:
         self._folder = _folder  # a temporary folder lasts as long as its result
         if not (self.path / "run.json").is_file():
             raise UsageError(
-                f"{self.path} has no run.json: it holds no finished run\nhelp: eplat.resume(path) goes on with an interrupted one"
+                f"{self.path} has no run.json: it holds no finished run\n"
+                "help: eplat.resume(path) goes on with an interrupted one"
             )
 
     @cached_property

@@ -8,7 +8,7 @@ import warnings
 from collections.abc import Callable
 from pathlib import Path
 from tempfile import mkdtemp
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 
@@ -24,10 +24,13 @@ from .surface import Surface, read_mesh
 INPUTS = "inputs"
 COMMAND = "command.json"
 INTERRUPTED = 130
+#: Exit codes after which there is a result, with what its verdict says.
+DONE = (0, 3, 4)
 #: Events that tell of something lost.
 LOST = ("chain_failed", "not_kept", "doubts")
 
 _Path = str | os.PathLike[str]
+_Kind = TypeVar("_Kind", Result, LoopResult)
 
 
 def run(
@@ -51,8 +54,8 @@ def run(
     out: the folder for all files. Without it: a temporary one, which is removed with the result.
     progress: None shows a line on a terminal and in a notebook, True always, False never; a function is called with
         every event (docs/outputs.md).
-    settings: the options of `eplat run`, with underscores: chains=4, warmup=1000, draws=1000, seed=1, laplace=True,
-        exceed=["erp_s2 > 250"], resume=True, …
+    settings: the options of `eplat run`, with underscores: chains=4, warmup=1000, draws=1000, seed=1,
+        laplace=True, exceed=["erp_s2 > 250"], resume=True, …
 
     Raises `EplatError` with the program's text; `TypeError` for a setting that does not exist; `Interrupted`, which is a
     `KeyboardInterrupt`, after which `eplat.resume(error.path)` goes on. Warns with `VerdictWarning` if the verdict is
@@ -96,11 +99,11 @@ def resume(path: _Path, *, progress: bool | None | Callable[[Event], None] = Non
     """
     command = Path(path) / INPUTS / COMMAND
     if not command.is_file():
-        raise UsageError(f"{path} holds no run of eplat.run\nhelp: after `eplat run` give its command again with --resume")
+        raise UsageError(
+            f"{path} holds no run of eplat.run\nhelp: after `eplat run` give its command again with --resume"
+        )
     job = _Call("run", path, [])
-    job.arguments = json.loads(command.read_text(encoding="utf-8"))
-    if "--resume" not in job.arguments:
-        job.arguments.append("--resume")
+    job.again(json.loads(command.read_text(encoding="utf-8")))
     return job.result(Result, progress)
 
 
@@ -111,6 +114,7 @@ class _Call:
         self._temporary = out is None
         self.out = Path(mkdtemp(prefix="eplat-")) if out is None else Path(out).absolute()
         self.arguments = [command, *options]
+        self._folder = os.getcwd()
 
     def inputs(self, model: _Path, mesh: Any, data: Any, units: str | None) -> None:
         """Names the inputs; those in memory are written beside the results."""
@@ -121,10 +125,17 @@ class _Call:
             if data is not None:
                 self.arguments += ["--data", self.table(data, "data")]
             self.arguments += ["--out", str(self.out)]
-            self._file(COMMAND).write_text(json.dumps(self.arguments), encoding="utf-8")
+            command = {"arguments": self.arguments, "folder": self._folder}
+            self._file(COMMAND).write_text(json.dumps(command), encoding="utf-8")
         except BaseException:
             self._discard()
             raise
+
+    def again(self, command: dict[str, Any]) -> None:
+        """Takes the arguments of an earlier call, to go on with its run."""
+        self.arguments, self._folder = command["arguments"], command["folder"]
+        if "--resume" not in self.arguments:
+            self.arguments.append("--resume")
 
     def table(self, table: Any, name: str) -> str:
         """The file of a table."""
@@ -141,7 +152,7 @@ class _Call:
         if isinstance(mesh, (str, os.PathLike)):
             return os.fspath(mesh)
         surface = read_mesh(mesh)
-        arrays = {f"point_data/{name}": values for name, values in surface.point_data.items()}
+        arrays: dict[str, Any] = {f"point_data/{name}": values for name, values in surface.point_data.items()}
         if isinstance(mesh, Surface) and units is None:
             arrays["mm_per_unit"] = np.ones(1)
         file = self._file("mesh.npz")
@@ -156,20 +167,21 @@ class _Call:
             raise EplatError(f"cannot write to {self.out}: {error}\nhelp: name another folder with out=") from error
         return folder / name
 
-    def result(self, kind: type[Any], progress: Any) -> Any:
+    def result(self, kind: type[_Kind], progress: Any) -> _Kind:
         """Calls the program; what it left, unless it failed."""
-        show, lost = shown(progress), []
+        show = shown(progress)
+        lost: list[str] = []
 
         def on_event(event: Event) -> None:
             lost.extend([event["text"]] if event["event"] in LOST else [])
             show(event)
 
-        ended, interrupt = call(self.arguments, on_event)
+        ended, interrupt = call(self.arguments, on_event, self._folder)
         if isinstance(show, Line):
             show.end()
         if interrupt or ended.code == INTERRUPTED:
-            self._interrupted(interrupt)
-        if ended.code not in (0, 3, 4):
+            raise self._interrupted(interrupt, ended.code in DONE) from None
+        if ended.code not in DONE:
             self._discard()
             raise _error(ended)
         result = kind(self.out, Temporary(self.out) if self._temporary else None)
@@ -179,16 +191,19 @@ class _Call:
             warnings.warn(str(result.verdict), VerdictWarning, stacklevel=3)
         return result
 
-    def _interrupted(self, interrupt: BaseException | None) -> None:
+    def _interrupted(self, interrupt: BaseException | None, is_done: bool) -> BaseException:
+        is_kept = (self.out / "checkpoint").is_dir()
+        if not is_done and not is_kept:
+            self._discard()
         if interrupt and not isinstance(interrupt, KeyboardInterrupt):
-            raise interrupt
-        if (self.out / "run.json").is_file():
-            text = f"interrupted, but the run was done: eplat.Result({str(self.out)!r})"
-        elif (self.out / "checkpoint").is_dir():
+            return interrupt
+        if is_done:
+            text = f"interrupted, but it was done: its files are in {self.out}"
+        elif is_kept:
             text = f"interrupted: the run is kept; go on with eplat.resume({str(self.out)!r})"
         else:
-            text = f"interrupted before there was anything to keep in {self.out}"
-        raise Interrupted(text, self.out) from None
+            text = "interrupted before there was anything to keep"
+        return Interrupted(text, self.out)
 
     def _discard(self) -> None:
         if self._temporary:

@@ -26,7 +26,10 @@ def arguments(command: str, settings: Mapping[str, Any]) -> list[str]:
     for name, value in settings.items():
         option = name.replace("_", "-")
         if option == _WITHOUT_DRAWS:
-            raise TypeError("optimize: a mode has no draws\nhelp: `eplat run MODEL --optimize` finds it; laplace=True draws around it")
+            raise TypeError(
+                "optimize: a mode has no draws\n"
+                "help: `eplat run MODEL --optimize` finds it; laplace=True draws around it"
+            )
         if option not in options:
             raise TypeError(_unknown(command, name, options))
         found += _option(name, options[option], value)

@@ -80,7 +80,9 @@ def simulate_strip(
     The same numbers as `eplat simulate strip`. A set outside the valid ranges is not simulated. On all cores; other
     threads of Python go on.
     """
-    columns = np.broadcast_arrays(*(np.atleast_1d(np.asarray(v, float)) for v in (cv_max, tau_in, tau_out, tau_open, apd_max)))
+    columns = np.broadcast_arrays(
+        *(np.atleast_1d(np.asarray(v, float)) for v in (cv_max, tau_in, tau_out, tau_open, apd_max))
+    )
     if columns[0].ndim != 1:
         raise ValueError(f"parameters: expected numbers or arrays (n,), got {columns[0].shape}")
     pacing = dict(s1=s1, s2=s2, beats=beats, strength=strength, test_strength=test_strength)

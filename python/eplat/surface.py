@@ -45,7 +45,8 @@ def read_mesh(
     if hasattr(mesh, "points") and hasattr(mesh, "faces"):
         return _of_pyvista(mesh)
     if isinstance(mesh, (tuple, list)) and len(mesh) == 2:
-        return _surface(*mesh, {})
+        vertices, triangles = mesh
+        return _surface(vertices, triangles, {})
     raise TypeError(
         "mesh: expected a path, a pyvista.PolyData, a pair (vertices, triangles), a Surface or 'embedded', "
         f"got {type(mesh).__name__}"

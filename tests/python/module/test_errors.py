@@ -11,7 +11,9 @@ import eplat
 def test_an_error_is_the_text_of_the_program(tmp_path):
     with pytest.raises(eplat.EplatError) as raised:
         eplat.run("erp", "embedded", tmp_path / "none.csv")
-    said = program("run", "models/erp.rs", "--mesh", "embedded", "--data", tmp_path / "none.csv", cwd=Path(__file__).parents[3])
+    said = program(
+        "run", "models/erp.rs", "--mesh", "embedded", "--data", tmp_path / "none.csv", cwd=Path(__file__).parents[3]
+    )
     assert said.stderr.endswith(f"error: {raised.value}\n") and said.returncode == 1
     assert not isinstance(raised.value, eplat.UsageError)
 
@@ -100,7 +102,7 @@ else:
 """
 
 
-def test_an_interrupt_leaves_a_run_that_can_be_gone_on_with(tmp_path):
+def test_an_interrupt_leaves_a_run_that_can_be_gone_on_with(tmp_path, monkeypatch):
     settings = dict(chains=2, warmup=1500, draws=3000)
     whole = eplat.run("erp", out=tmp_path / "whole", **settings)
     out = tmp_path / "cut"
@@ -110,7 +112,8 @@ def test_an_interrupt_leaves_a_run_that_can_be_gone_on_with(tmp_path):
     assert Path(said.stdout.splitlines()[1]) == out
     assert (out / "checkpoint").is_dir() and not (out / "run.json").exists()
     told = []
-    result = eplat.resume(out, progress=told.append)
+    monkeypatch.chdir(tmp_path)
+    result = eplat.resume("cut", progress=told.append)
     assert "resumed" in [event["event"] for event in told]
     assert draws(result.path) == draws(whole.path)
     # and what is complete is only read

@@ -18,7 +18,9 @@ def closed(tmp_path_factory):
     value = 90 + 10 * np.sin(0.5 * x) + 8 * np.cos(0.4 * y) - 12 * force + 2 * noise
     lower = 10 * np.floor(value / 10)
     site = np.arange(len(x))
-    table = pandas.DataFrame(dict(site=site, vertex=site, protocol="S1S2", lower=lower, upper=lower + 10, force_g=force, wall_mm=wall))
+    table = pandas.DataFrame(
+        dict(site=site, vertex=site, protocol="S1S2", lower=lower, upper=lower + 10, force_g=force, wall_mm=wall)
+    )
     heldout = table[table.site % 3 == 2]
     train = table[table.site % 3 != 2]
     told = []

@@ -81,7 +81,19 @@ def test_defaults_of_a_strip_are_those_of_the_program():
     import inspect
 
     parameters = inspect.signature(eplat.simulate_strip).parameters
-    for name in ("s1", "s2", "beats", "strength", "test_strength", "shortest", "longest", "length", "width", "spacing", "dt"):
+    for name in (
+        "s1",
+        "s2",
+        "beats",
+        "strength",
+        "test_strength",
+        "shortest",
+        "longest",
+        "length",
+        "width",
+        "spacing",
+        "dt",
+    ):
         option = help.split(f"--{name.replace('_', '-')} <", 1)[1]
         default = option.split("[default: ", 1)[1].split("]", 1)[0]
         assert float(default) == parameters[name].default, name
@@ -98,7 +110,16 @@ def test_a_paced_surface_is_that_of_the_program(tmp_path):
     mesh, apd_max, fibres = paced_sheet()
     told = []
     beat = eplat.simulate_atrium(
-        mesh, pace=[0], tau_out=8.0, apd_max=apd_max, fibres=fibres, anisotropy=2.0, beats=2, s1=320, last=320, progress=told.append
+        mesh,
+        pace=[0],
+        tau_out=8.0,
+        apd_max=apd_max,
+        fibres=fibres,
+        anisotropy=2.0,
+        beats=2,
+        s1=320,
+        last=320,
+        progress=told.append,
     )
     np.savez(tmp_path / "mesh.npz", points=mesh[0], triangles=mesh[1], apd=apd_max, fib=fibres, mm_per_unit=np.ones(1))
     line = "simulate atrium --fields mesh.npz --pace 0 --tau-out 8 --apd-max apd --fibres fib --anisotropy 2 --beats 2"

@@ -22,7 +22,9 @@ def test_they_are_kept_without_outputs_and_short(path):
     assert len(notebook.cells) < 40
     for cell in notebook.cells:
         if cell.cell_type == "code":
-            assert not cell.outputs and cell.execution_count is None, f"{path.name}: clear the outputs before you commit it"
+            assert not cell.outputs and cell.execution_count is None, (
+                f"{path.name}: clear the outputs before you commit it"
+            )
 
 
 @pytest.mark.parametrize("path", NOTEBOOKS, ids=lambda path: path.stem)

@@ -4,7 +4,7 @@ import sys
 import sysconfig
 from pathlib import Path
 
-from conftest import ROOT, program
+from conftest import ROOT
 
 import eplat
 
@@ -17,7 +17,9 @@ def test_the_program_is_installed_and_of_the_same_version():
 
 
 def test_its_exit_code_is_that_of_the_program(tmp_path):
-    said = subprocess.run([sys.executable, "-m", "eplat", "run", "none.rs"], cwd=tmp_path, capture_output=True, text=True)
+    said = subprocess.run(
+        [sys.executable, "-m", "eplat", "run", "none.rs"], cwd=tmp_path, capture_output=True, text=True
+    )
     assert said.returncode == 1 and said.stderr.startswith("error: cannot read the model file none.rs")
 
 

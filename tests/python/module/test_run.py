@@ -93,9 +93,11 @@ def test_a_model_as_text_or_path_runs_and_options_become_settings(tmp_path):
 
 
 def test_lists_become_options(tmp_path):
-    result = eplat.run("erp", out=tmp_path / "out", sampler="nuts", chains=1, warmup=50, draws=50, exceed=["erp_s2 > 250", "tau_out<5"])
+    result = eplat.run(
+        "erp", out=tmp_path / "out", sampler="nuts", chains=1, warmup=50, draws=50, exceed=["erp_s2 > 250", "tau_out<5"]
+    )
     assert {"P_erp_s2_gt_250", "P_tau_out_lt_5"} <= set(result.maps)
-    command = json.loads((tmp_path / "out/inputs/command.json").read_text())
+    command = json.loads((tmp_path / "out/inputs/command.json").read_text())["arguments"]
     assert "--sampler=nuts" in command and "--exceed=erp_s2 > 250" in command
 
 
