@@ -6,6 +6,7 @@ one's own can be compiled into it.
 
 from __future__ import annotations
 
+import contextlib
 import json
 import os
 import signal
@@ -84,15 +85,17 @@ def _event(line: str) -> Event | None:
 
 
 def _end(child: subprocess.Popen[str], ended: Ended) -> None:
-    _signal(child, signal.SIGINT)
+    _stop(child)
     try:
         _listen(child, ended, lambda _: None)
-    except BaseException:
-        _signal(child, signal.SIGKILL)
-        raise
+    except KeyboardInterrupt:
+        _stop(child, at_once=True)
 
 
-def _signal(child: subprocess.Popen[str], number: signal.Signals) -> None:
-    """To the program and to what it has started, such as a compiler."""
-    if child.poll() is None:
-        os.killpg(child.pid, number)
+def _stop(child: subprocess.Popen[str], at_once: bool = False) -> None:
+    """The program, and what it has started, such as a compiler."""
+    if os.name != "posix":
+        child.kill() if at_once else child.terminate()
+    elif child.poll() is None:
+        with contextlib.suppress(ProcessLookupError):  # it may just have ended
+            os.killpg(child.pid, signal.SIGKILL if at_once else signal.SIGINT)

@@ -121,6 +121,27 @@ def test_an_interrupt_leaves_a_run_that_can_be_gone_on_with(tmp_path, monkeypatc
     assert draws(eplat.run("erp", out=out, resume=True, **settings).path) == draws(whole.path)
 
 
+def test_a_second_interrupt_ends_the_program_at_once(tmp_path, monkeypatch):
+    import eplat.program
+
+    listen, children = eplat.program._listen, []
+
+    def interrupted(child, *more):
+        children.append(child)
+        if len(children) == 2:  # while the program keeps its run
+            raise KeyboardInterrupt
+        listen(child, *more)
+
+    def interrupt(event):
+        if event["event"] == "sampling":
+            raise KeyboardInterrupt
+
+    monkeypatch.setattr(eplat.program, "_listen", interrupted)
+    with pytest.raises(eplat.Interrupted):
+        eplat.run("erp", out=tmp_path / "out", progress=interrupt, warmup=100_000)
+    assert children[0] is children[1] and children[0].returncode is not None
+
+
 def test_what_a_function_of_progress_raises_ends_the_run(tmp_path):
     def fail(event):
         raise KeyError(event["event"])
