@@ -15,7 +15,7 @@ fn main() -> ExitCode {
     // what an earlier run left
     let _ = fs::remove_dir_all(&folder);
     let mut tests = Command::new(env!("CARGO"));
-    tests.args(["test", "--workspace"]).args((!cfg!(debug_assertions)).then_some("--release"));
+    tests.arg("test").args((!cfg!(debug_assertions)).then_some("--release"));
     let passed = match tests.args(std::env::args().skip(1)).status() {
         Ok(status) => status.success(),
         Err(error) => {

@@ -327,6 +327,11 @@ fn where_nothing_is_missing_nothing_is_claimed() {
     assert!(matches!(output.status.code(), Some(0 | 3)), "{}", text(&output.stderr));
     let finding = finding(&place, "loop");
     assert_eq!(finding, serde_json::from_slice::<Value>(&output.stdout).unwrap());
+    let told = text(&output.stderr);
+    let told: Vec<Value> = told.lines().map(|line| serde_json::from_str(line).unwrap()).collect();
+    let mut searches = told.iter().filter(|event| event["event"] == "search");
+    assert_eq!(searches.next_back().unwrap()["done"], 19);
+    assert!(told.iter().any(|event| event["event"] == "sample" && event["which"] == "declared"));
     assert_eq!(finding["findings"], serde_json::json!([]));
     assert_eq!(finding["heldout"], Value::Null);
     let left = &finding["leave_one_site_out"];

@@ -9,9 +9,12 @@ use std::time::Duration;
 
 use clap::Args;
 use indicatif::{ProgressBar, ProgressStyle};
+use serde_json::json;
 
 use super::interrupt::{INTERRUPTED, farewell, stop_flag};
 use super::reading::ReadingArgs;
+use super::run::tell_complete;
+use super::voice::{bar_target, note, tell, tell_progress, voice};
 use crate::error::Failure;
 use crate::run::OutputFolder;
 use crate::run::atrium::{
@@ -209,19 +212,18 @@ impl AtriumArgs {
             })?;
         introduce(&atrium);
         if let Some((fields, n)) = atrium.drawn() {
-            eprintln!("{} of {n} draws of {}", self.draws.unwrap_or(0), fields.join(", "));
+            let (asked, fields) = (self.draws.unwrap_or(0), fields.join(", "));
+            note(format_args!("{asked} of {n} draws of {fields}"));
         }
         let out = OutputFolder::open(&self.out)?;
         let bar = AtriumBar::new(atrium.total_time())?;
         let stop = stop_flag()?;
         let watch = Watch { stop: &stop, on_event: &|event| bar.show(event) };
         match atrium.simulate_into(&self.out, self.begin()?, watch)? {
-            Ended::Before => {
-                eprintln!("complete: there is nothing left to do in {}", self.out.display());
-            }
+            Ended::Before => tell_complete(&self.out),
             Ended::Now(beat) => {
                 bar.finish();
-                tell(&atrium, &beat, &self.out);
+                tell_beat(&atrium, &beat, &self.out);
             }
             Ended::Interrupted => {
                 farewell(&out);
@@ -236,60 +238,62 @@ impl AtriumArgs {
 pub(super) fn introduce(atrium: &Atrium) {
     for warning in atrium.warnings() {
         match warning {
-            Warning::LongEdges { .. } => eprintln!(
-                "warning: fronts need edges below 0.5 mm, or they slow down and block\nhelp: --refine N halves edges N times"
+            Warning::LongEdges { .. } => note(
+                "warning: fronts need edges below 0.5 mm, or they slow down and block\nhelp: --refine N halves edges N times",
             ),
-            Warning::TiltedFibres { degrees } => eprintln!(
+            Warning::TiltedFibres { degrees } => note(format_args!(
                 "warning: fibres leave the surface at up to {degrees:.0}° and are laid into it"
-            ),
+            )),
         }
     }
     let (mesh, pacing) = (atrium.mesh(), atrium.pacing());
-    eprintln!(
+    note(format_args!(
         "{} vertices, edges {:.2} mm; {} stimuli at {} vertices, {:.0} ms in all",
         mesh.n_vertices(),
         mesh.mean_edge_length(),
         pacing.times.len(),
         pacing.vertices.len(),
         pacing.end
-    );
+    ));
 }
 
 /// Says on stderr what came of a simulation and where it is.
-pub(super) fn tell(atrium: &Atrium, beat: &Beat, out: &Path) {
+pub(super) fn tell_beat(atrium: &Atrium, beat: &Beat, out: &Path) {
     tell_summary(atrium, beat);
     if let Some(file) = &atrium.settings().compare {
-        eprintln!("against {}:", file.display());
+        note(format_args!("against {}:", file.display()));
     }
     for (name, difference) in &beat.record.compared {
-        eprintln!(
+        note(format_args!(
             "  {name:<6} RMSE {:6.2} ms, mean difference {:+6.2} ms, {} vertices",
             difference.rmse_ms, difference.mean_difference_ms, difference.vertices
-        );
+        ));
     }
-    eprintln!("{:.1} s; written to {}", beat.record.seconds, out.display());
+    let seconds = beat.record.seconds;
+    let text = format_args!("{seconds:.1} s; written to {}", out.display());
+    tell("written", text, json!({ "folder": out, "seconds": seconds }));
 }
 
 /// Says on stderr how far the activation came.
 fn tell_summary(atrium: &Atrium, beat: &Beat) {
     match beat.record.summary {
-        Summary::One { activated_vertices, latest_activation_ms } => eprintln!(
+        Summary::One { activated_vertices, latest_activation_ms } => note(format_args!(
             "beat {} of {}: {activated_vertices} of {} vertices activated, the last after {latest_activation_ms:.1} ms",
             beat.record.measured_beat,
             atrium.pacing().times.len(),
             beat.record.vertices
-        ),
+        )),
         Summary::Many { draws, captured_pairs, pairs_in_range } => {
             let captured = beat.maps.iter().find(|(name, _)| name == "captured");
             let always = captured
                 .map_or(0, |(_, shares)| shares.iter().filter(|share| **share >= 1.0).count());
-            eprintln!(
+            note(format_args!(
                 "{draws} draws: {:.2} % of (vertex, draw) pairs captured, all draws at {always} of {} vertices; {:.2} % of pairs \
                  out of range: simulated at the nearest valid values, left out of the maps",
                 100.0 * captured_pairs,
                 beat.record.vertices,
                 100.0 * (1.0 - pairs_in_range)
-            );
+            ));
         }
     }
 }
@@ -305,7 +309,7 @@ impl AtriumBar {
     /// Of `total` ms.
     pub(super) fn new(total: f64) -> Result<Self, Failure> {
         let style = ProgressStyle::with_template("{bar:30} {pos}/{len} ms, {eta} left")?;
-        let bar = ProgressBar::new(total as u64).with_style(style);
+        let bar = ProgressBar::with_draw_target(Some(total as u64), bar_target()).with_style(style);
         Ok(Self { bar, is_terminal: std::io::stderr().is_terminal(), total })
     }
 
@@ -313,25 +317,35 @@ impl AtriumBar {
         match event {
             Event::Time(time) => self.at(time),
             Event::Resumed { folder, seconds } => {
-                eprintln!("resume {}: {seconds:.1} s of it are done", folder.display());
+                let text =
+                    format_args!("resume {}: {seconds:.1} s of it are done", folder.display());
+                tell("resumed", text, json!({ "folder": folder, "seconds": seconds }));
             }
             Event::NotKept(reason) => {
-                eprintln!("warning: the simulation could not be kept for --resume: {reason}");
+                let text = format_args!(
+                    "warning: the simulation could not be kept for --resume: {reason}"
+                );
+                tell("not_kept", text, json!({ "reason": reason }));
             }
         }
     }
 
     /// `time` ms are done.
     fn at(&self, time: f64) {
-        let tenth = |time: f64| (10.0 * time / self.total) as u64;
+        let part = |time: f64, of: f64| (of * time / self.total) as u64;
         let before = self.bar.position();
         if time as u64 == before {
             return;
         }
         self.bar.set_position(time as u64);
-        if !self.is_terminal && tenth(time) > tenth(before as f64) {
+        if voice().json && part(time, 100.0) > part(before as f64, 100.0) {
+            tell_progress("time", json!({ "done": time as u64, "of": self.total as u64 }));
+        } else if voice().is_words()
+            && !self.is_terminal
+            && part(time, 10.0) > part(before as f64, 10.0)
+        {
             let eta = self.bar.eta().as_secs();
-            eprintln!("{} of {} ms, {eta} s left", time as u64, self.total as u64);
+            note(format_args!("{} of {} ms, {eta} s left", time as u64, self.total as u64));
         }
     }
 

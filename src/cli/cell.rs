@@ -5,7 +5,9 @@
 use std::path::PathBuf;
 
 use clap::Args;
+use serde_json::json;
 
+use super::voice::tell;
 use crate::ep::Parameters;
 use crate::ep::cell::{OutOfRange, RANGES};
 use crate::ep::paced_cell::CellProtocol;
@@ -57,12 +59,13 @@ impl CellArgs {
         write_trace(out.path(), &trace)?;
         write_restitution(out.path(), &curve)?;
         let captured = curve.iter().filter(|point| point.beat.is_some()).count();
-        eprintln!(
+        let text = format_args!(
             "{} S1 beats; {captured} of {} S2 beats captured; written to {}",
             self.beats,
             curve.len(),
             out.path().display()
         );
+        tell("written", text, json!({ "folder": out.path(), "captured": captured }));
         Ok(())
     }
 

@@ -9,10 +9,12 @@ use clap::Args;
 use indicatif::{ProgressBar, ProgressStyle};
 
 use super::compile::run_compiled;
+use super::events::loop_event;
 use super::inputs::InputArgs;
 use super::interrupt::INTERRUPTED;
 use super::models::{Compiled, ModelFile};
 use super::progress::Console;
+use super::voice::{Voice, bar_target, tell};
 use crate::criticism::{
     Loop, LoopError, LoopEvent, LoopSettings, LoopWatch, SearchProgress, SearchSettings, Story,
 };
@@ -46,9 +48,8 @@ pub(super) struct Command {
     /// Threads; 0 means one per core. Changes no number
     #[arg(long, default_value_t = 0)]
     threads: usize,
-    /// Print finding.json on stdout
-    #[arg(long)]
-    json: bool,
+    #[command(flatten)]
+    pub(super) voice: Voice,
 }
 
 impl Command {
@@ -99,13 +100,13 @@ impl Command {
                 LoopEvent::Search(SearchProgress { round, done, of }) => {
                     bar.set_message((round + 1).to_string());
                     bar.set_position(*done as u64);
-                    if !is_terminal && done == of {
-                        eprintln!("{event}");
+                    if self.voice.json || !is_terminal && done == of {
+                        tell_loop_event(event);
                     }
                 }
                 LoopEvent::Searched => bar.finish_and_clear(),
                 LoopEvent::Fit(event) => (fit.on_event)(event),
-                _ => eprintln!("{event}"),
+                LoopEvent::Sample { .. } => tell_loop_event(event),
             };
             run(&LoopWatch { on_event: &on_event, stop: fit.stop })
         }))
@@ -115,7 +116,7 @@ impl Command {
         let template = "search round {msg} {bar:24} {pos:>3}/{len} simulated, ETA {eta}";
         let style = ProgressStyle::with_template(template);
         let style = style.unwrap_or_else(|_| ProgressStyle::default_bar());
-        ProgressBar::new(self.nulls as u64).with_style(style)
+        ProgressBar::with_draw_target(Some(self.nulls as u64), bar_target()).with_style(style)
     }
 
     fn show(
@@ -126,7 +127,7 @@ impl Command {
         begun: Instant,
     ) -> Result<(), Failure> {
         let mut stdout = std::io::stdout().lock();
-        if self.json {
+        if self.voice.json {
             writeln!(stdout, "{:#}", story.finding())?;
             return Ok(());
         }
@@ -150,6 +151,12 @@ impl Command {
         let default = || Path::new("out").join(format!("{}-loop", self.stem()));
         self.out.clone().unwrap_or_else(default)
     }
+}
+
+/// Tells one event, with its figures.
+fn tell_loop_event(event: &LoopEvent<'_>) {
+    let (name, fields) = loop_event(event);
+    tell(name, event, fields);
 }
 
 /// Too few searches are a matter of the command line.

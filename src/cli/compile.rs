@@ -6,15 +6,18 @@
 //! sources embedded here. The result is kept under a hash of model and eplat: an unchanged model
 //! starts at once.
 
+use std::collections::BTreeMap;
 use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::{Command, ExitCode, Output, Stdio};
 use std::time::Instant;
 
 use include_dir::{Dir, include_dir};
+use serde_json::json;
 
 use super::models::ModelFile;
 use super::rustc::rendered;
+use super::voice::tell;
 use crate::error::Failure;
 use crate::store::cache;
 use crate::store::write_folder;
@@ -76,7 +79,11 @@ fn compiled(file: &ModelFile) -> Result<PathBuf, Failure> {
     if program.is_file() {
         return Ok(program);
     }
-    eprintln!("compiling {} …", file.path.display());
+    tell(
+        "compiling",
+        format_args!("compiling {} …", file.path.display()),
+        json!({ "file": file.path }),
+    );
     let package = cache.join("packages").join(&cache::key(&[place.as_bytes()])[..16]);
     let main =
         write_main(&package, &path, &name).map_err(|e| Failure::io("write", &package, &e))?;
@@ -205,7 +212,8 @@ fn with_rustc(main: &Path, built: &Path, library: &Path) -> std::io::Result<Outp
 fn with_cargo(cache: &Path, package: &Path, built: &Path) -> std::io::Result<Output> {
     let eplat = unpacked_in(cache);
     if !eplat.is_dir() {
-        eprintln!("building the library that models are compiled against: minutes, this once …");
+        let text = "building the library that models are compiled against: minutes, this once …";
+        tell("building_library", text, json!({}));
         fs::create_dir_all(cache.join("eplat"))?;
         write_folder(&eplat, unpack)?;
     }
@@ -255,8 +263,19 @@ fn unpack(folder: &Path) -> std::io::Result<()> {
     fs::write(folder.join("language/Cargo.toml"), LANGUAGE_MANIFEST)?;
     fs::write(folder.join("macros/Cargo.toml"), MACROS_MANIFEST)?;
     fs::write(folder.join("README.md"), "")?;
-    fs::write(folder.join("Cargo.toml"), without_targets(MANIFEST))?;
+    let manifest = without_targets(MANIFEST).replace(", \"python\"]", "]");
+    fs::write(folder.join("Cargo.toml"), manifest)?;
     fs::write(folder.join("Cargo.lock"), LOCK)
+}
+
+/// The texts of the models that ship, by the names of their files without the ending.
+pub fn shipped_models() -> BTreeMap<String, &'static str> {
+    let models = MODELS.files().filter(|file| file.path().extension().is_some_and(|e| e == "rs"));
+    let named = models.filter_map(|file| {
+        let name = file.path().file_stem()?.to_str()?;
+        Some((name.to_owned(), file.contents_utf8()?))
+    });
+    named.collect()
 }
 
 /// The manifest without its tests and benches, which are not embedded.

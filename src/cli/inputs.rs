@@ -5,6 +5,7 @@ use std::path::{Path, PathBuf};
 use clap::Args;
 
 use super::models::ModelFile;
+use super::progress::tell_event;
 use super::reading::ReadingArgs;
 use crate::error::Failure;
 use crate::mesh::Reading;
@@ -115,9 +116,9 @@ impl InputArgs {
     }
 }
 
-/// Prints every event to stderr.
+/// Tells every event on stderr.
 pub(super) fn telling() -> Watch<'static> {
-    Watch { on_event: &|event| eprintln!("{event}"), ..Watch::default() }
+    Watch { on_event: &tell_event, ..Watch::default() }
 }
 
 /// A model that needs measurements is a matter of the command line.

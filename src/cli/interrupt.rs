@@ -6,9 +6,11 @@ use std::sync::{Arc, OnceLock};
 use std::time::Duration;
 
 use clap::Args;
+use serde_json::json;
 use signal_hook::consts::{SIGINT, SIGTERM};
 use signal_hook::flag;
 
+use super::voice::tell;
 use crate::error::Failure;
 use crate::run::{Keep, OutputFolder};
 
@@ -63,8 +65,10 @@ pub(super) fn stop_flag() -> Result<Arc<AtomicBool>, Failure> {
 
 /// What the user is told after Ctrl-C.
 pub(super) fn farewell(out: &OutputFolder) {
-    eprintln!(
+    let checkpoint = out.checkpoint();
+    let text = format_args!(
         "interrupted: the run is kept in {}\nhelp: go on with the same command line and --resume",
-        out.checkpoint().display()
+        checkpoint.display()
     );
+    tell("interrupted", text, json!({ "folder": out.path() }));
 }

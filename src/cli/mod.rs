@@ -10,6 +10,7 @@ mod completions;
 mod coverage;
 mod design;
 mod doctor;
+mod events;
 mod export;
 mod import;
 mod init;
@@ -17,6 +18,7 @@ mod inputs;
 mod interrupt;
 mod mesh;
 mod models;
+mod options;
 mod progress;
 mod reading;
 mod report;
@@ -26,12 +28,16 @@ mod show;
 mod simulate;
 mod study;
 mod surrogate;
+mod voice;
 
 use std::process::ExitCode;
 
 use clap::{Parser, Subcommand};
 
+pub use compile::shipped_models;
 pub use models::Compiled;
+pub use options::{CommandOption, Takes, options};
+use voice::{Voice, Voiced, speak, tell_failure};
 
 #[derive(Debug, Parser)]
 #[command(name = "eplat", version, about, max_term_width = 100)]
@@ -71,20 +77,33 @@ enum Command {
     #[command(subcommand)]
     Mesh(mesh::Command),
     /// Run the electrophysiology simulator
-    #[command(subcommand)]
-    Simulate(simulate::Command),
+    Simulate(Voiced<simulate::Command>),
     /// Calibrate many synthetic truths from a plan, here or as a Slurm job array
-    #[command(subcommand)]
-    Study(study::Command),
+    Study(Voiced<study::Command>),
     /// Make surrogates of the simulator, in this order: design, run, fit; sensitivity tells what matters
-    #[command(subcommand)]
-    Surrogate(surrogate::Command),
+    Surrogate(Voiced<surrogate::Command>),
+}
+
+impl Command {
+    /// How the command speaks on stderr.
+    fn voice(&self) -> Voice {
+        match self {
+            Self::Run(command) => command.voice,
+            Self::Loop(command) => command.voice,
+            Self::Simulate(Voiced { voice, .. })
+            | Self::Study(Voiced { voice, .. })
+            | Self::Surrogate(Voiced { voice, .. }) => *voice,
+            _ => Voice::default(),
+        }
+    }
 }
 
 /// Runs the command line of this process; `models` are compiled into it.
 pub fn main(models: &[Compiled]) -> ExitCode {
     let done = |result: Result<(), _>| result.map(|()| ExitCode::SUCCESS);
-    let outcome = match Cli::parse().command {
+    let command = Cli::parse().command;
+    speak(command.voice());
+    let outcome = match command {
         Command::Run(command) => command.run(models),
         Command::Show(command) => command.run(models),
         Command::Check(command) => command.run(models),
@@ -97,13 +116,13 @@ pub fn main(models: &[Compiled]) -> ExitCode {
         Command::Doctor(command) => command.run(),
         Command::Report(command) => command.run(),
         Command::Mesh(command) => done(command.run()),
-        Command::Simulate(command) => command.run(),
+        Command::Simulate(voiced) => voiced.command.run(),
         Command::Design(command) => command.run(models),
-        Command::Study(command) => command.run(models),
-        Command::Surrogate(command) => done(command.run()),
+        Command::Study(voiced) => voiced.command.run(models),
+        Command::Surrogate(voiced) => done(voiced.command.run()),
     };
     outcome.unwrap_or_else(|failure| {
-        eprintln!("error: {failure}");
+        tell_failure(&failure);
         ExitCode::from(failure.code())
     })
 }

@@ -6,7 +6,9 @@ use std::sync::{Arc, Mutex, PoisonError};
 
 use indicatif::{MultiProgress, ProgressBar, ProgressStyle};
 
+use super::events::run_event;
 use super::interrupt::stop_flag;
+use super::voice::{tell, tell_progress, voice};
 use crate::error::Failure;
 use crate::infer::{ChainProgress, Phase, Settings};
 use crate::run::{Event, Watch};
@@ -32,6 +34,7 @@ impl Console {
 
     fn print(&self, event: &Event<'_>) {
         if let Event::Progress(progress) = event {
+            tell_progress("progress", run_event(event).1);
             if let Some(bars) = &*self.bars.lock().unwrap_or_else(PoisonError::into_inner) {
                 bars.show(progress, event);
             }
@@ -40,8 +43,9 @@ impl Console {
         if let Event::ChainFailed(_) = event {
             self.finish();
         }
-        eprintln!("{event}");
-        if let Event::Sampling { settings, .. } = event {
+        tell_event(event);
+        let Event::Sampling { settings, .. } = event else { return };
+        if voice().is_words() {
             *self.bars.lock().unwrap_or_else(PoisonError::into_inner) =
                 Some(ChainBars::new(settings));
         }
@@ -52,6 +56,12 @@ impl Console {
         let bars = self.bars.lock().unwrap_or_else(PoisonError::into_inner).take();
         bars.iter().flat_map(|bars| &bars.bars).for_each(ProgressBar::abandon);
     }
+}
+
+/// Tells one event, with its figures.
+pub(super) fn tell_event(event: &Event<'_>) {
+    let (name, fields) = run_event(event);
+    tell(name, event, fields);
 }
 
 /// Where every chain stands.
@@ -99,7 +109,7 @@ impl ChainBars {
             Phase::Sampling => p.iteration == p.total,
         };
         if !self.is_terminal && phase_ends {
-            eprintln!("{event}");
+            tell_event(event);
         }
     }
 }

@@ -5,6 +5,7 @@ use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
 use clap::{Args, ValueEnum};
+use serde_json::json;
 
 use super::compile::{COMPILE_SECONDS, run_compiled};
 use super::inputs::{InputArgs, usage};
@@ -12,6 +13,7 @@ use super::interrupt::{self, BeginArgs, INTERRUPTED};
 use super::models::{Compiled, ModelFile};
 use super::progress::Console;
 use super::report::exit_code;
+use super::voice::{Voice, tell};
 use crate::error::Failure;
 use crate::infer::{MetricKind, Settings};
 use crate::model::{Declare, Model, Sampler};
@@ -47,9 +49,8 @@ pub(super) struct Command {
     /// Map the probability of an event too, for instance `erp_s2 > 250` (in quotes); may be given again
     #[arg(long, value_name = "EVENT", conflicts_with = "optimize")]
     exceed: Vec<String>,
-    /// Print the summary and the run record as JSON on stdout
-    #[arg(long)]
-    json: bool,
+    #[command(flatten)]
+    pub(super) voice: Voice,
 }
 
 /// What to do instead of sampling.
@@ -203,7 +204,7 @@ impl Command {
         }
         match problem.run_into(out, settings, &options, &self.begin.keep()?)? {
             Ended::Before => {
-                eprintln!("complete: there is nothing left to do in {}", out.path().display());
+                tell_complete(out.path());
                 Ok(ExitCode::SUCCESS)
             }
             Ended::Stopped => {
@@ -217,7 +218,7 @@ impl Command {
     /// Shows what the results say; the exit code tells whether to rely on them.
     fn show(&self, results: &Results) -> Result<ExitCode, Failure> {
         let mut stdout = std::io::stdout().lock();
-        if self.json {
+        if self.voice.json {
             writeln!(stdout, "{}", results.json())?;
         } else {
             let (text, folder) = (results.text(), results.folder.display());
@@ -231,7 +232,7 @@ impl Command {
         let mode = problem.mode()?;
         let files = mode.write(out.path())?.join(", ");
         let mut stdout = std::io::stdout().lock();
-        if self.json {
+        if self.voice.json {
             writeln!(stdout, "{}", mode.json())?;
         } else {
             let folder = out.path().display();
@@ -251,6 +252,12 @@ impl Command {
         };
         self.out.clone().unwrap_or_else(|| Path::new("out").join(name))
     }
+}
+
+/// Tells that the folder holds the finished run.
+pub(super) fn tell_complete(folder: &Path) {
+    let text = format_args!("complete: there is nothing left to do in {}", folder.display());
+    tell("complete", text, json!({ "folder": folder }));
 }
 
 /// How long the compilation of this program took, if it was compiled for this run.

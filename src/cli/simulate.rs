@@ -6,10 +6,11 @@ use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
 use clap::{Args, Subcommand};
-use indicatif::{ProgressBar, ProgressStyle};
+use serde_json::json;
 
 use super::atrium::AtriumArgs;
 use super::cell::CellArgs;
+use super::voice::{Count, note, tell};
 use crate::ep::table::{StripTable, curve_intervals, finish_rows, new_file, read_parameters};
 use crate::ep::{Grid, GridError, Protocol};
 use crate::error::Failure;
@@ -150,19 +151,21 @@ impl StripFiles<'_> {
         let parameters = read_parameters(self.parameters)?;
         let file = new_file(self.out)?;
         let in_range = parameters.iter().filter(|p| p.validate().is_ok()).count();
-        let bar = ProgressBar::new(in_range as u64)
-            .with_style(ProgressStyle::with_template("{bar:30} {pos}/{len} strips, {eta} left")?);
-        bar.tick();
-        let table = StripTable::simulate(&parameters, grid, &protocol, &|n| bar.inc(n as u64))?;
-        bar.finish_and_clear();
+        let bar = Count::new("strips", in_range as u64, "{bar:30} {pos}/{len} strips, {eta} left")?;
+        let table = StripTable::simulate(&parameters, grid, &protocol, &|n| bar.add(n))?;
+        bar.finish();
         finish_rows(file, &table.rows)?;
         let (n, absent) = (table.rows.len(), table.n_without_erp_s3());
-        eprintln!("{n} strips, {absent} without ERP_S3, written to {}", self.out.display());
+        tell(
+            "written",
+            format_args!("{n} strips, {absent} without ERP_S3, written to {}", self.out.display()),
+            json!({ "file": self.out, "strips": n, "without_erp_s3": absent }),
+        );
         if table.n_refused > 0 {
-            eprintln!(
+            note(format_args!(
                 "{} of them outside the valid ranges: not simulated, the reason is in the last columns",
                 table.n_refused
-            );
+            ));
         }
         Ok(curves.map_or(Ok(()), |file| finish_rows(file, &table.curves))?)
     }

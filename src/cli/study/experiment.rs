@@ -8,14 +8,16 @@ use std::process::ExitCode;
 use std::sync::{Mutex, PoisonError};
 
 use clap::Args;
+use serde_json::json;
 
-use super::super::atrium::{AtriumBar, introduce, tell};
+use super::super::atrium::{AtriumBar, introduce, tell_beat};
 use super::super::inputs::{source, telling};
 use super::super::interrupt::INTERRUPTED;
 use super::super::models::Compiled;
 use super::super::progress::Console;
 use super::super::reading::ReadingArgs;
-use super::super::run::SamplerArgs;
+use super::super::run::{SamplerArgs, tell_complete};
+use super::super::voice::{note, tell};
 use crate::error::Failure;
 use crate::run::OutputFolder;
 use crate::study::{
@@ -82,12 +84,12 @@ impl ExperimentArgs {
             return Err(Failure::new("this program was compiled without the model models/erp.rs"));
         };
         let truth = KnownTruth::new(shipped.model, shipped.source, &settings, &telling())?;
-        eprintln!(
+        note(format_args!(
             "data   {} brackets at {} sites; {:.1} % of the truth's vertices repaired",
             truth.problem().measurements().len(),
             self.sites,
             100.0 * truth.repaired()
-        );
+        ));
         let sampler = self.sampler.choose(truth.problem().model())?;
         let teller = Teller::default();
         let findings = Console::new()?.watching(|run| {
@@ -97,10 +99,11 @@ impl ExperimentArgs {
         if let Some(findings) = findings {
             return self.show(&findings);
         }
-        eprintln!(
+        let text = format_args!(
             "interrupted: what is done is kept in {}\nhelp: go on with the same command line",
             self.out.display()
         );
+        tell("interrupted", text, json!({ "folder": self.out }));
         Ok(ExitCode::from(INTERRUPTED))
     }
 
@@ -164,7 +167,7 @@ impl Teller {
         let mut bar = self.bar.lock().unwrap_or_else(PoisonError::into_inner);
         match event {
             SimulationEvent::Begins(which, atrium) => {
-                eprintln!("atrium with the {which} fields");
+                note(format_args!("atrium with the {which} fields"));
                 introduce(atrium);
                 *bar = AtriumBar::new(atrium.total_time()).ok();
             }
@@ -173,14 +176,12 @@ impl Teller {
                     bar.show(event);
                 }
             }
-            SimulationEvent::WasComplete(folder) => {
-                eprintln!("complete: there is nothing left to do in {}", folder.display());
-            }
+            SimulationEvent::WasComplete(folder) => tell_complete(folder),
             SimulationEvent::Ends(atrium, beat, folder) => {
                 if let Some(bar) = bar.take() {
                     bar.finish();
                 }
-                tell(atrium, beat, folder);
+                tell_beat(atrium, beat, folder);
             }
         }
     }

@@ -10,10 +10,11 @@ use std::process::ExitCode;
 use std::sync::atomic::AtomicBool;
 
 use clap::{Args, Subcommand};
-use indicatif::{ProgressBar, ProgressStyle};
+use serde_json::json;
 
 use super::compile::run_compiled;
 use super::models::{Compiled, ModelFile};
+use super::voice::{Count, tell};
 use crate::error::Failure;
 use crate::study::{
     Block, JobArray, Plan, Results, Study, StudyError, Table, Task, summarise, table_text,
@@ -140,17 +141,21 @@ impl RunArgs {
         let mine = |block: &Block| self.task.is_none_or(|task| task.has(block));
         let blocks: Vec<Block> = plan.blocks().into_iter().filter(mine).collect();
         let (n_cases, n_left) = (plan.cases().len(), results.missing(&blocks).len());
-        eprintln!(
-            "study  {}: {n_cases} calibrations on each of {} truths, of which {n_left} are left to do",
-            file.path.display(),
-            blocks.len()
+        let (model, truths) = (&file.path, blocks.len());
+        let text = format_args!(
+            "study  {}: {n_cases} calibrations on each of {truths} truths, of which {n_left} are left to do",
+            model.display()
         );
-        let bar = ProgressBar::new((n_left * n_cases) as u64).with_style(
-            ProgressStyle::with_template("{bar:30} {pos}/{len} calibrations, {eta} left")?,
-        );
+        let more = json!({ "model": model, "cases": n_cases, "truths": truths, "left": n_left });
+        tell("study", text, more);
+        let bar = Count::new(
+            "calibrations",
+            (n_left * n_cases) as u64,
+            "{bar:30} {pos}/{len} calibrations, {eta} left",
+        )?;
         let never = AtomicBool::new(false);
-        study.complete(&results, &blocks, self.threads, &never, &|| bar.inc(1))?;
-        bar.finish_and_clear();
+        study.complete(&results, &blocks, self.threads, &never, &|| bar.add(1))?;
+        bar.finish();
         if self.task.is_none() {
             conclude(&results, &results.merge(&plan, false)?)?;
         }

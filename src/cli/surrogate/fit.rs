@@ -6,6 +6,8 @@ use std::path::{Path, PathBuf};
 
 use clap::{Args, ValueEnum};
 
+use super::super::voice::note;
+use super::tell_written;
 use crate::ep::table::{read_rows, write_text};
 use crate::error::Failure;
 use crate::report::figures::contours;
@@ -58,7 +60,7 @@ impl FitArgs {
         let rows: Vec<ErpRow> = table.into_iter().map(|(_, row)| row).collect();
         let filter = self.erp_above..self.erp_up_to;
         let valid = Valid::of(&rows, &filter);
-        eprintln!("{valid}");
+        note(&valid);
         match self.form {
             Form::Cubic => {
                 let fit = fit_erp(&rows, &filter)?;
@@ -73,11 +75,11 @@ impl FitArgs {
                 let both = emulate_erp(&valid)?;
                 write_text(&self.out, &erp_emulators_to_rust(&both))?;
                 let [s2, s3] = &both;
-                eprintln!("  ERP_S2: {}\n  ERP_S3: {}", s2.quality, s3.quality);
+                note(format_args!("  ERP_S2: {}\n  ERP_S3: {}", s2.quality, s3.quality));
                 self.draw(|t, a| [s2.emulator.mean([t, a]), s3.emulator.mean([t, a])])?;
             }
         }
-        eprintln!("written to {}", self.out.display());
+        tell_written(&self.out);
         Ok(())
     }
 
@@ -87,7 +89,7 @@ impl FitArgs {
         let beats: Vec<BeatRow> = read_rows(curves)?.into_iter().map(|r| r.1).collect();
         let fit = fit_five(&strips, &beats)?;
         write_text(&self.out, &fit.to_rust())?;
-        eprintln!(
+        note(format_args!(
             "{} strips, {} beats; {}\n  ERP_S2: {}\n  ERP_S3: {}\n  APD90: {}\n  CV/cv_max: {}\nwritten to {}",
             strips.len(),
             beats.len(),
@@ -97,7 +99,7 @@ impl FitArgs {
             fit.apd90.quality,
             fit.cv_ratio.quality,
             self.out.display()
-        );
+        ));
         Ok(())
     }
 
@@ -125,14 +127,14 @@ impl FitArgs {
         let s2 = |t: f64, a: f64| valid(t, a, 0);
         let s3 = |t: f64, a: f64| valid(t, a, 1);
         write_text(figure, &contours(&[("ERP_S2 (ms)", &s2), ("ERP_S3 (ms)", &s3)]))?;
-        eprintln!("picture written to {}", figure.display());
+        note(format_args!("picture written to {}", figure.display()));
         Ok(())
     }
 }
 
 fn report_cubic(name: &str, fit: &CubicFit) {
-    eprintln!(
+    note(format_args!(
         "  {name}: {} used, residual RMSE {:.3} ms, max {:.2} ms, leave-one-out RMSE {:.3} ms",
         fit.n_points, fit.rmse, fit.max_error, fit.leave_one_out
-    );
+    ));
 }

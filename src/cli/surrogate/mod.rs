@@ -5,11 +5,13 @@
 mod fit;
 mod sensitivity;
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use clap::{Args, Subcommand};
+use serde_json::json;
 
 use super::simulate::StripFiles;
+use super::voice::{note, tell};
 use crate::ep::table::{ParameterRow, finish_rows, new_file};
 use crate::ep::{Grid, Protocol};
 use crate::error::Failure;
@@ -84,6 +86,11 @@ impl Command {
     }
 }
 
+/// Tells where the result is.
+fn tell_written(file: &Path) {
+    tell("written", format_args!("written to {}", file.display()), json!({ "file": file }));
+}
+
 /// Places of the parameters that `names` names.
 fn varied(names: &str) -> Result<Vec<usize>, Failure> {
     if names == "all" {
@@ -107,7 +114,8 @@ fn design(args: &DesignArgs) -> Result<(), Failure> {
     let points = design_points(args.n as usize, &varied(&args.vary)?, args.seed);
     let rows: Vec<ParameterRow> = points.into_iter().map(ParameterRow::from).collect();
     finish_rows(new_file(&args.out)?, &rows)?;
-    eprintln!("{} parameter sets written to {}", rows.len(), args.out.display());
+    note(format_args!("{} parameter sets", rows.len()));
+    tell_written(&args.out);
     Ok(())
 }
 

@@ -7,6 +7,8 @@ use std::path::PathBuf;
 
 use clap::Args;
 
+use super::super::voice::note;
+use super::tell_written;
 use crate::ep::cell::RANGES;
 use crate::ep::table::{read_rows, write_text};
 use crate::error::Failure;
@@ -36,19 +38,19 @@ impl SensitivityArgs {
         let rows: Vec<SensitivityRow> = table.into_iter().map(|(_, row)| row).collect();
         let result = analyse(&rows, self.erp_up_to)?;
         write_text(&self.out, &result.to_csv())?;
-        eprintln!(
+        note(format_args!(
             "of {} rows left out: {} with ERP_S2 above {} ms, {} without ERP_S2",
             rows.len(),
             result.n_beyond,
             self.erp_up_to,
             result.n_without_erp_s2
-        );
-        eprint!("{}", table_of(&result));
+        ));
+        note(table_of(&result).trim_end());
         if let Some(figure) = &self.figure {
             write_text(figure, &main_effects(&result))?;
-            eprintln!("picture written to {}", figure.display());
+            note(format_args!("picture written to {}", figure.display()));
         }
-        eprintln!("written to {}", self.out.display());
+        tell_written(&self.out);
         Ok(())
     }
 }
