@@ -14,12 +14,12 @@ use std::path::{Path, PathBuf};
 
 use eplat::import::{Given, read};
 use eplat::mesh::{self, Encoding, Surface};
-use npyz::zip::write::FileOptions;
-use npyz::zip::{CompressionMethod, ZipWriter};
 use peak_alloc::PeakAlloc;
 use rand::{Rng, RngExt as _, SeedableRng as _};
 use rand_chacha::ChaCha8Rng;
 use tempfile::TempDir;
+use zip::write::SimpleFileOptions;
+use zip::{CompressionMethod, ZipWriter};
 
 #[global_allocator]
 static COUNTED: PeakAlloc = PeakAlloc;
@@ -158,7 +158,7 @@ fn bombs(folder: &Path) {
     for (name, inside, growth) in [("z.npz", "points.npy", 32.0), ("z.zip", "study.xml", 64.0)] {
         let path = folder.join(name);
         let mut archive = ZipWriter::new(fs::File::create(&path).unwrap());
-        let packed = FileOptions::default().compression_method(CompressionMethod::Deflated);
+        let packed = SimpleFileOptions::default().compression_method(CompressionMethod::Deflated);
         archive.start_file(inside, packed).unwrap();
         archive.write_all(&zeros).unwrap();
         archive.finish().unwrap();

@@ -15,6 +15,7 @@ use std::time::Instant;
 use include_dir::{Dir, include_dir};
 use serde_json::json;
 
+use super::cargo::counted;
 use super::models::ModelFile;
 use super::rustc::rendered;
 use super::voice::tell;
@@ -211,7 +212,8 @@ fn with_rustc(main: &Path, built: &Path, library: &Path) -> std::io::Result<Outp
 
 fn with_cargo(cache: &Path, package: &Path, built: &Path) -> std::io::Result<Output> {
     let eplat = unpacked_in(cache);
-    if !eplat.is_dir() {
+    let is_first = !eplat.is_dir();
+    if is_first {
         let text = "building the library that models are compiled against: minutes, this once …";
         tell("building_library", text, json!({}));
         fs::create_dir_all(cache.join("eplat"))?;
@@ -234,14 +236,15 @@ fn with_cargo(cache: &Path, package: &Path, built: &Path) -> std::io::Result<Out
     if !package.join("Cargo.lock").exists() {
         fs::write(package.join("Cargo.lock"), LOCK)?;
     }
-    let target = cache.join("target");
-    let output = Command::new("cargo")
+    let (target, manifest) = (cache.join("target"), package.join("Cargo.toml"));
+    let mut command = Command::new("cargo");
+    command
         .args(["build", "--release", "--quiet"])
         .args(["--message-format", "json", "--manifest-path"])
-        .arg(package.join("Cargo.toml"))
+        .arg(&manifest)
         .env("CARGO_TARGET_DIR", &target)
-        .stdin(Stdio::null())
-        .output()?;
+        .stdin(Stdio::null());
+    let output = if is_first { counted(&mut command, &manifest)? } else { command.output()? };
     if output.status.success() {
         fs::copy(target.join("release").join(name), built)?;
     }

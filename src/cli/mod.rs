@@ -1,6 +1,7 @@
 //! The command line: one file per command, one enum that is matched once.
 
 mod atrium;
+mod cargo;
 mod cell;
 mod check;
 mod close_loop;

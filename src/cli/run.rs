@@ -83,7 +83,8 @@ pub(super) struct SamplerArgs {
     /// steps and fewer divergences
     #[arg(long, default_value_t = 0.95)]
     target_accept: f64,
-    /// Sampler [default: blocked for models with fields that measurements see, else nuts]
+    /// Sampler [default: integrated where every measurement is normal about a linear function of fields,
+    /// else blocked where every field is measured, else nuts]
     #[arg(long, value_enum)]
     sampler: Option<SamplerArg>,
     /// Shape of the mass matrix [default: dense where an effect is a field, else diag]; asks for nuts, for the blocked sampler has no choice

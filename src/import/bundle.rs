@@ -219,7 +219,6 @@ mod tests {
         writer.start_file(name, SimpleFileOptions::default()).unwrap();
         writer.write_all(bytes).unwrap();
         writer.finish().unwrap();
-        drop(writer);
         file
     }
 

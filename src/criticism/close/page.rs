@@ -18,7 +18,7 @@ impl Story {
         let not_tried: Vec<[String; 2]> =
             criticism.unusable.iter().map(|u| [u.column.clone(), u.why.clone()]).collect();
         let rounds = criticism.rounds.iter().enumerate();
-        let effects = self.effects.iter().map(|found| found.size_in_words());
+        let effects = self.effects.iter().map(super::FoundEffect::size_in_words);
         loop_page(&LoopPage {
             model: self.declared.model,
             data: &self.loaded.measurements.file_name(),
