@@ -39,19 +39,22 @@ fn the_commands_of_a_folder_that_is_made_run() {
 }
 
 #[test]
-fn every_model_with_fields_begins_and_the_others_say_why_not() {
+fn models_with_an_example_begin_and_the_others_say_why_not() {
     let place = Workplace::new();
-    for (number, model) in ["voltage", "lat", "joint"].into_iter().enumerate() {
-        let made = place.eplat(&format!("init w{number} --model {model}"));
+    for model in ["erp_robust", "voltage"] {
+        let made = place.eplat(&format!("init {model} --model {model}"));
         assert!(made.status.success(), "{model}: {}", text(&made.stderr));
-        let on = format!("--mesh embedded --data w{number}/measurements.csv");
-        let checked = place.eplat(&format!("check w{number}/{model}.rs {on}"));
+        let on = format!("--mesh embedded --data {model}/measurements.csv");
+        let checked = place.eplat(&format!("check {model}/{model}.rs {on}"));
         assert!(checked.status.success(), "{model}: {}", text(&checked.stderr));
     }
-    let none = place.eplat("init other --model eight_schools");
-    assert_eq!(none.status.code(), Some(2));
-    assert!(text(&none.stderr).contains("has no fields on a surface"), "{}", text(&none.stderr));
-    assert_eq!(place.names(), ["w0", "w1", "w2"]);
+    for (model, why) in [("lat", "no fields on a surface"), ("joint", "reads the column `s2_ms`")] {
+        let none = place.eplat(&format!("init other --model {model}"));
+        let said = text(&none.stderr);
+        assert_eq!(none.status.code(), Some(2), "{said}");
+        assert!(said.contains(why) && said.contains("choose erp, erp_robust or voltage"), "{said}");
+    }
+    assert_eq!(place.names(), ["erp_robust", "voltage"]);
 }
 
 #[test]

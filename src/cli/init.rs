@@ -13,13 +13,15 @@ use crate::run::{DataSource, Design, Inputs, Loaded, MeshSource};
 use crate::store::write_folder;
 
 const TABLE: &str = "measurements.csv";
+/// Models to begin with.
+const EXAMPLES: &str = "erp, erp_robust or voltage";
 
 /// `eplat init DIR`
 #[derive(Debug, Args)]
 pub(super) struct Command {
     /// Folder to make; it must not be there yet
     dir: PathBuf,
-    /// Model to begin with, by its name: erp (refractory periods), voltage, lat (arrival times), joint, …
+    /// Model to begin with: `erp` or `erp_robust` (refractory periods), or `voltage`
     #[arg(long, default_value = "erp")]
     model: PathBuf,
     /// Seed of the example's measurements
@@ -45,20 +47,18 @@ impl Command {
             ))
         };
         let model = file.find(compiled)?.ok_or_else(unshipped)?;
-        if !Model::outline(model)?.has_fields() {
-            return Err(Failure::usage(format_args!(
-                "{} has no example measurements, because it has no fields on a surface\nhelp: choose erp, voltage, lat or joint, or copy the model with `eplat show {} --source`",
-                self.model.display(),
-                self.model.display()
-            )));
-        }
         let design = Design { seed: self.seed, ..Design::default() };
         let inputs = Inputs {
             mesh: MeshSource::default(),
             data: DataSource::Synthetic(design),
             ..Inputs::default()
         };
-        let loaded = Loaded::new(model, &inputs, &telling())?;
+        let made = if Model::outline(model)?.has_fields() {
+            Loaded::new(model, &inputs, &telling()).map_err(|error| error.to_string())
+        } else {
+            Err("the model has no fields on a surface".into())
+        };
+        let loaded = made.map_err(|why| self.without_example(&why))?;
         let name = file.path.file_name().unwrap_or_default().to_string_lossy().into_owned();
         let texts = [
             (name.clone(), file.source.clone()),
@@ -73,6 +73,15 @@ impl Command {
         writeln!(out, "{}: {name}, {TABLE}, README.md", dir.display())?;
         writeln!(out, "next: cd {} && {}", dir.display(), command("run", &name))?;
         Ok(())
+    }
+
+    /// Why no example of this model can be made, and which have one.
+    fn without_example(&self, why: &str) -> Failure {
+        let why = why.lines().next().unwrap_or_default();
+        Failure::usage(format_args!(
+            "{0} has no example measurements: {why}\nhelp: choose {EXAMPLES}, or print the model with `eplat show {0} --source`",
+            self.model.display()
+        ))
     }
 }
 

@@ -49,6 +49,8 @@ struct Cli {
 
 #[derive(Debug, Subcommand)]
 enum Command {
+    /// Make a folder to begin in: a model, a table of measurements, and what to do with them
+    Init(init::Command),
     /// Sample a model's posterior and write the results
     Run(run::Command),
     /// Print a model as equations, with parameters, units and supports
@@ -66,12 +68,6 @@ enum Command {
     Design(design::Command),
     /// Compare two runs by how well they predict the same measurements
     Compare(compare::Command),
-    /// Make a folder to begin in: a model, a table of measurements, and what to do with them
-    Init(init::Command),
-    /// Print what makes a shell complete commands and options
-    Completions(completions::Command),
-    /// Say what this machine has for eplat, and what runs on it
-    Doctor(doctor::Command),
     /// Print again what the end of a run said; the exit code is that of the run
     Report(report::Command),
     /// Look at, convert, repair or make a surface mesh
@@ -83,6 +79,10 @@ enum Command {
     Study(Voiced<study::Command>),
     /// Make surrogates of the simulator, in this order: design, run, fit; sensitivity tells what matters
     Surrogate(Voiced<surrogate::Command>),
+    /// Say what this machine has for eplat, and what runs on it
+    Doctor(doctor::Command),
+    /// Print what makes a shell complete commands and options
+    Completions(completions::Command),
 }
 
 impl Command {

@@ -80,7 +80,9 @@ impl NpzReader {
     /// # Errors
     /// There is no such file, or it is no archive.
     pub fn open(path: &Path) -> io::Result<Self> {
-        Ok(Self(ZipArchive::new(BufReader::new(File::open(path)?))?))
+        let file = BufReader::new(File::open(path)?);
+        let damaged = |error| format!("no .npz archive, or a damaged one ({error})");
+        Ok(Self(ZipArchive::new(file).map_err(|error| io::Error::other(damaged(error)))?))
     }
 
     /// Names of the arrays, sorted.
