@@ -12,7 +12,9 @@ import numpy as np
 import pyvista as pv
 
 QUANTITY, TITLE, UNIT = "erp_s2", "ERP_S2", "ms"
-PANELS = [("true", "truth", "viridis"), ("mean", "posterior mean", "viridis"), ("sd", "posterior sd", "magma")]
+MAPS = [("true", "truth", "viridis"), ("mean", "posterior mean", "viridis"), ("sd", "posterior sd", "magma")]
+# ms by which the truth lies above or below its 90 % interval; grey where it lies in it
+BEYOND = ("beyond", "beyond its 90 % interval", "coolwarm")
 VIEWS = [("front", (0.45, -1.0, 0.3)), ("back", (-0.35, 1.0, 0.3))]
 
 
@@ -34,22 +36,30 @@ def main(run, out):
     surface = pv.read(run / "fields.vtp")
     rows = np.genfromtxt(run / "measurements.csv", delimiter=",", names=True, dtype=None, encoding="utf-8")
     sites = surface.points[np.unique(rows["vertex"])]
-    values = {suffix: surface[f"{QUANTITY}_{suffix}"] for suffix, *_ in PANELS}
+    values = {suffix: surface[f"{QUANTITY}_{suffix}"] for suffix, *_ in MAPS}
+    low, high, true = surface[f"{QUANTITY}_q5"], surface[f"{QUANTITY}_q95"], values["true"]
+    beyond = np.where(true < low, true - low, np.where(true > high, true - high, np.nan))
+    surface[f"{QUANTITY}_beyond"] = beyond
+    known = np.isfinite(low) & np.isfinite(true)
+    share = 100 * np.mean(np.isnan(beyond[known]))
+    most = np.nanmax(np.abs(beyond))
     both = np.concatenate([values["true"], values["mean"]])
     shared = (np.nanmin(both), np.nanmax(both))
-    limits = {"true": shared, "mean": shared, "sd": (0.0, np.nanpercentile(values["sd"], 99))}
+    limits = {"true": shared, "mean": shared, "sd": (0.0, np.nanpercentile(values["sd"], 99)),
+              "beyond": (-most, most)}
 
-    figure, axes = plt.subplots(2, 3, figsize=(10.2, 6.0), gridspec_kw={"wspace": 0.04, "hspace": 0.03})
-    for column, (suffix, title, colours) in enumerate(PANELS):
+    figure, axes = plt.subplots(2, 4, figsize=(13.4, 6.0), gridspec_kw={"wspace": 0.04, "hspace": 0.03})
+    for column, (suffix, title, colours) in enumerate([*MAPS, BEYOND]):
         for row, (name, direction) in enumerate(VIEWS):
             axes[row, column].imshow(
                 picture(surface, sites, f"{QUANTITY}_{suffix}", limits[suffix], colours, direction))
             axes[row, column].set(xticks=[], yticks=[], ylabel=name if column == 0 else None)
             axes[row, column].spines[:].set_visible(False)
-        axes[0, column].set_title(f"{TITLE}: {title}", fontsize=11)
+        title = f"truth {title}" if suffix == "beyond" else f"{TITLE}: {title}"
+        axes[0, column].set_title(title, fontsize=11)
         scale = plt.cm.ScalarMappable(plt.Normalize(*limits[suffix]), colours)
         bar = figure.colorbar(scale, ax=axes[:, column], orientation="horizontal", pad=0.02, shrink=0.8, aspect=28)
-        bar.set_label(UNIT, fontsize=9)
+        bar.set_label(f"{UNIT}; {share:.0f} % of the surface lies in it" if suffix == "beyond" else UNIT, fontsize=9)
         bar.ax.tick_params(labelsize=9)
         bar.outline.set_visible(False)
     figure.savefig(out, dpi=110, bbox_inches="tight", pil_kwargs={"optimize": True})
