@@ -1,7 +1,7 @@
 //! The model language of eplat, as text: one grammar, read once.
 //!
 //! [`parse`] turns the tokens of a `model! { … }` into one typed tree, [`syntax::Model`];
-//! [`File::read`] finds the `model! { … }` of a model file first. [`check`] resolves the names of the
+//! [`File::read`] finds the `model! { … }` of a model file first. [`check()`] resolves the names of the
 //! tree and compares its units. What else is asked of a model's text is answered from the tree:
 //! what an expression mentions ([`names`]), the model as equations
 //! ([`equations()`]), and the same file with an effect added ([`File::with_added`]).

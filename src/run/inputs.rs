@@ -132,8 +132,13 @@ impl Inputs {
     /// SHA-256 of the files, of a table in memory, and what was given, by role.
     pub(super) fn hashed(&self) -> Result<BTreeMap<String, String>, RunError> {
         let mut hashes = BTreeMap::new();
-        if let MeshSource::File { path, whole, .. } = &self.mesh {
+        if let MeshSource::File { path, reading, whole } = &self.mesh {
             hashes.insert("mesh".into(), hash_mesh(path)?);
+            // the same file in another unit is another surface, and so is another piece of it
+            let choices = (reading.units, reading.piece, reading.tolerance);
+            if choices != (None, None, None) {
+                hashes.insert("mesh_reading".into(), hash(format!("{choices:?}").as_bytes()));
+            }
             if *whole {
                 hashes.insert("whole_mesh".into(), hash(b"true"));
             }

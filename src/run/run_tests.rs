@@ -5,7 +5,7 @@ use std::sync::Mutex;
 use std::sync::atomic::{AtomicBool, Ordering};
 
 use super::*;
-use crate::mesh;
+use crate::mesh::{self, Reading, Units};
 use crate::table::Measurements;
 
 mod conjugate {
@@ -130,6 +130,21 @@ fn an_atrium_of_too_long_edges_is_an_error() {
         let mesh = MeshSource::Embedded { edge };
         let error = problem::surface(&mesh, &Watch::default()).unwrap_err().to_string();
         assert!(error.contains(&format!("edges of {edge} mm, expected 0.2 to 3 mm")), "{error}");
+    }
+}
+
+#[test]
+fn the_same_file_in_another_unit_is_another_input() {
+    let file = tempfile::NamedTempFile::with_suffix(".vtk").unwrap();
+    let hashed = |units, piece| {
+        let reading = Reading { units, piece, ..Reading::default() };
+        let mesh = MeshSource::File { path: file.path().into(), reading, whole: false };
+        Inputs { mesh, ..Inputs::default() }.hashed().unwrap()
+    };
+    let all = [(None, None), (Some(Units::Mm), None), (Some(Units::Cm), None), (None, Some(2))];
+    let all = all.map(|(units, piece)| hashed(units, piece));
+    for (a, one) in all.iter().enumerate() {
+        assert!(all[..a].iter().all(|other| other != one), "{one:?}");
     }
 }
 

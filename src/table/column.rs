@@ -1,5 +1,7 @@
 //! One column of a table. Its cells are parsed once, when the column is made.
 
+use std::collections::BTreeMap;
+
 use eplat_language::as_name;
 
 /// What the cells of a column hold. A missing value is an empty cell.
@@ -35,10 +37,10 @@ impl TypedColumn {
     /// From the texts of the cells, one per row.
     pub fn parse<'t>(name: &str, cells: impl Iterator<Item = &'t str>) -> Self {
         let mut texts: Vec<String> = vec![];
-        let mut index = std::collections::BTreeMap::new();
+        let mut index: BTreeMap<&'t str, u32> = BTreeMap::new();
         let text_of: Vec<u32> = cells
             .map(|cell| {
-                *index.entry(cell.to_owned()).or_insert_with(|| {
+                *index.entry(cell).or_insert_with(|| {
                     texts.push(cell.to_owned());
                     (texts.len() - 1) as u32
                 })

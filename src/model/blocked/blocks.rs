@@ -11,7 +11,7 @@ use crate::model::gp::Field;
 use crate::model::laid_out::Model;
 use crate::model::tape::{Op, add_rows};
 
-/// A model seen as a [`LatentGaussian`].
+/// A model seen as a [`LatentGaussian`](crate::infer::LatentGaussian).
 #[derive(Debug)]
 pub(super) struct Blocks<'m> {
     pub(super) model: &'m Model,
