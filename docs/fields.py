@@ -13,7 +13,7 @@ import pyvista as pv
 
 QUANTITY, TITLE, UNIT = "erp_s2", "ERP_S2", "ms"
 MAPS = [("true", "truth", "viridis"), ("mean", "posterior mean", "viridis"), ("sd", "posterior sd", "magma")]
-# ms by which the truth lies above or below its 90 % interval; grey where it lies in it
+# ms by which the truth lies above (red) or below (blue) its 90 % interval; grey where it lies inside
 BEYOND = ("beyond", "beyond its 90 % interval", "coolwarm")
 VIEWS = [("front", (0.45, -1.0, 0.3)), ("back", (-0.35, 1.0, 0.3))]
 
@@ -59,7 +59,7 @@ def main(run, out):
         axes[0, column].set_title(title, fontsize=11)
         scale = plt.cm.ScalarMappable(plt.Normalize(*limits[suffix]), colours)
         bar = figure.colorbar(scale, ax=axes[:, column], orientation="horizontal", pad=0.02, shrink=0.8, aspect=28)
-        bar.set_label(f"{UNIT}; {share:.0f} % of the surface lies in it" if suffix == "beyond" else UNIT, fontsize=9)
+        bar.set_label(f"{UNIT}; {share:.0f} % of the surface lies inside" if suffix == "beyond" else UNIT, fontsize=9)
         bar.ax.tick_params(labelsize=9)
         bar.outline.set_visible(False)
     figure.savefig(out, dpi=110, bbox_inches="tight", pil_kwargs={"optimize": True})

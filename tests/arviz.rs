@@ -12,17 +12,7 @@ use program::{Workplace, text};
 
 /// A Python with ArviZ of at least 1, or none.
 fn python() -> Option<PathBuf> {
-    let named = std::env::var_os("EPLAT_PYTHON").map(PathBuf::from);
-    let usual = ["python3.13", "python3.12", "python3"].map(PathBuf::from);
-    let test = "import sys, arviz; sys.exit(int(arviz.__version__[0]) < 1)";
-    let fits = |python: &PathBuf| {
-        Command::new(python).args(["-c", test]).output().is_ok_and(|output| output.status.success())
-    };
-    let found = named.into_iter().chain(usual).find(fits);
-    if found.is_none() {
-        program::skipped::skipped("no Python with ArviZ >= 1 found (EPLAT_PYTHON)");
-    }
-    found
+    program::python("import sys, arviz; sys.exit(int(arviz.__version__[0]) < 1)", "ArviZ >= 1")
 }
 
 /// Runs `arguments` into `out`, and the scripts of `tests/python` on what that leaves.

@@ -72,7 +72,7 @@ fn a_model_that_ships_needs_no_file() {
     );
     assert!(unknown.contains("erp, erp_emulated"), "{unknown}");
     let absent = text(&place.eplat("run models/voltage.rs").stderr);
-    assert!(absent.contains("`voltage` is the name of a model that ships"), "{absent}");
+    assert!(absent.contains("`eplat show erp --source` prints a model that ships"), "{absent}");
 }
 
 #[test]

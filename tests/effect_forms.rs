@@ -283,7 +283,7 @@ fn a_discrepancy_that_is_added_is_the_one_that_rewrite_writes() {
 /// The same, where the error of rows goes with their catheter; and that effect.
 fn scatter() -> (Discrepancy, AddedEffect) {
     let mut discrepancy = discrepancy();
-    discrepancy.row_errors[0].scatter = Some("ln_scatter");
+    discrepancy.row_errors[0].scatter = Some("ln_scatter".into());
     discrepancy.row_errors[0].observes = vec!["s1s2".into(), "direct".into()];
     let effect = AddedEffect {
         name: "hetero_catheter".into(),

@@ -12,19 +12,11 @@ use program::text;
 
 /// A Python that has the package and what its tests need, or none.
 fn python() -> Option<PathBuf> {
-    let named = std::env::var_os("EPLAT_PYTHON").map(PathBuf::from);
-    let usual = ["python3.13", "python3.12", "python3"].map(PathBuf::from);
     // not the sources, which the tests' own folder could be taken for
-    let test = "import eplat._eplat, pytest, nbclient, arviz, pandas, pyvista";
-    let fits = |python: &PathBuf| {
-        let mut command = Command::new(python);
-        command.args(["-c", test]).output().is_ok_and(|output| output.status.success())
-    };
-    let found = named.into_iter().chain(usual).find(fits);
-    if found.is_none() {
-        program::skipped::skipped("no Python with eplat, pytest and nbclient found (EPLAT_PYTHON)");
-    }
-    found
+    program::python(
+        "import eplat._eplat, pytest, nbclient, arviz, pandas, pyvista",
+        "eplat, pytest and nbclient",
+    )
 }
 
 /// Runs the tests in a file of `tests/python/module`; pytest says which failed.

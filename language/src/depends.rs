@@ -55,6 +55,12 @@ impl Model {
             && !all.iter().any(|mention| is_param(&mention.name))
     }
 
+    /// Whether the likelihood of `observe` has a normal error, so that it can stand within `Widened(…)`.
+    pub fn widens(&self, observe: &Observe) -> bool {
+        let is_normal = |name: &Ident| ["TopHat", "Interval", "Normal"].iter().any(|n| name == n);
+        mentions(&observe.likelihood).iter().any(|mention| is_normal(&mention.name))
+    }
+
     /// Whether every measurement is `Normal(MU, SD)`: MU a linear function of fields that are not bent into a range, SD
     /// without any field.
     pub fn is_normal(&self) -> bool {
@@ -147,6 +153,27 @@ mod tests {
         assert!(!model.is_normal() && model.has_outliers());
         let without = MODEL.replace("Outliers(", "Widened(");
         assert!(!File::read(&without).unwrap().model.has_outliers());
+    }
+
+    #[test]
+    fn what_has_a_normal_error_can_be_widened() {
+        for (likelihood, widens) in [
+            ("TopHat(f(x))", true),
+            ("Outliers(Normal(f(x), s), 0.1, 9.0)", true),
+            ("StudentT(4.0, f(x), s)", false),
+        ] {
+            let text = format!(
+                "model! {{
+                    model M;
+                    param s ~ HalfNormal(1.0);
+                    field f(x) = m + gp(Rbf(2.0), K = 4) where {{ m ~ Flat; }}
+                    observe a(x): Number ~ {likelihood};
+                }}"
+            );
+            let model = File::read(&text).unwrap().model;
+            let of = model.observes().next().unwrap();
+            assert_eq!(model.widens(of), widens, "{likelihood}");
+        }
     }
 
     #[test]

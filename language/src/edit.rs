@@ -33,11 +33,13 @@ pub struct FurtherError {
 }
 
 impl FurtherError {
-    /// The sd of the row of this name, as a model file writes it.
-    fn text(&self, row: &Ident) -> String {
-        match &self.scatter {
-            Some(scatter) => format!("{} * {scatter}({row}).exp()", self.sd),
-            None => self.sd.clone(),
+    /// The sd of the row of this name.
+    fn of(&self, row: &Ident) -> Expr {
+        let name = |name: &str| Ident::new(name, proc_macro2::Span::call_site());
+        let sd = name(&self.sd);
+        match self.scatter.as_deref().map(name) {
+            Some(scatter) => syn::parse_quote!(#sd * #scatter(#row).exp()),
+            None => syn::parse_quote!(#sd),
         }
     }
 
@@ -60,12 +62,11 @@ impl Model {
     /// Gives the measurements of an `observe` a further error.
     pub fn add_row_error(&mut self, error: &FurtherError) {
         self.change_likelihoods(|observe| {
-            let likelihood = &observe.likelihood;
-            match syn::parse_str::<Expr>(&error.text(&observe.row)) {
-                Ok(sd) if observe.name == error.observe => {
-                    syn::parse_quote!(Widened(#likelihood, #sd))
-                }
-                _ => likelihood.clone(),
+            let (likelihood, sd) = (&observe.likelihood, error.of(&observe.row));
+            if observe.name == error.observe {
+                syn::parse_quote!(Widened(#likelihood, #sd))
+            } else {
+                likelihood.clone()
             }
         });
     }
@@ -137,7 +138,7 @@ impl File {
             text += &source[done..start];
             let mut likelihood = source[start..end].trim().to_owned();
             for error in added.row_errors.iter().filter(|error| observe.name == error.observe) {
-                likelihood = format!("Widened({likelihood}, {})", error.text(&observe.row));
+                likelihood = format!("Widened({likelihood}, {})", print(&error.of(&observe.row)));
             }
             if let Some((share, sd)) = added.outliers {
                 likelihood = format!("Outliers({likelihood}, {share:?}, {sd:?})");

@@ -28,9 +28,9 @@ struct Resolve {
 }
 
 /// Runs `command`, a `cargo build` with messages in JSON of the package with this manifest, and counts the
-/// packages that are built.
+/// packages that are built, if cargo tells how many there are.
 pub(super) fn counted(command: &mut Command, manifest: &Path) -> io::Result<Output> {
-    let total = n_packages(manifest).unwrap_or(0);
+    let Some(total) = n_packages(manifest) else { return command.output() };
     let template = "{bar:30} {pos} of {len} packages, {elapsed}";
     let count = Count::new("library_packages", total, template);
     let count = count.map_err(|failure| io::Error::other(failure.to_string()))?;

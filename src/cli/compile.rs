@@ -10,7 +10,7 @@ use std::collections::BTreeMap;
 use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::{Command, ExitCode, Output, Stdio};
-use std::time::Instant;
+use std::time::{Instant, SystemTime};
 
 use include_dir::{Dir, include_dir};
 use serde_json::json;
@@ -134,15 +134,20 @@ fn identity() -> String {
 /// the library is asked for, which `cargo run` does not.)
 fn library_beside_this_program() -> Option<PathBuf> {
     let program = std::env::current_exe().ok()?;
+    let linked = fs::metadata(&program).and_then(|m| m.modified()).ok()?;
+    newest_library(&program.parent()?.join("deps"), Some(linked))
+}
+
+/// The newest library of eplat in a folder of compiled crates, made no later than `last`.
+fn newest_library(folder: &Path, last: Option<SystemTime>) -> Option<PathBuf> {
     let modified = |path: &Path| fs::metadata(path).and_then(|m| m.modified()).ok();
-    let linked = modified(&program)?;
-    let libraries = fs::read_dir(program.parent()?.join("deps")).ok()?.flatten().map(|e| e.path());
+    let libraries = fs::read_dir(folder).ok()?.flatten().map(|e| e.path());
     let is_eplat = |path: &PathBuf| {
         let name = path.file_name().unwrap_or_default().to_string_lossy();
         name.starts_with("libeplat-") && name.ends_with(".rlib")
     };
     let dated = libraries.filter(is_eplat).filter_map(|path| Some((modified(&path)?, path)));
-    dated.filter(|(time, _)| *time <= linked).max().map(|(_, path)| path)
+    dated.filter(|(time, _)| last.is_none_or(|last| *time <= last)).max().map(|(_, path)| path)
 }
 
 /// What a model of the user's own is compiled against.
@@ -158,10 +163,13 @@ pub(super) enum Library {
 
 /// What there is now.
 pub(super) fn library() -> Library {
-    let unpacked = cache::folder().map(|cache| unpacked_in(&cache));
+    let is_built = |cache: PathBuf| {
+        let compiled = newest_library(&cache.join("target/release/deps"), None);
+        unpacked_in(&cache).is_dir() && compiled.is_some()
+    };
     if library_beside_this_program().is_some() {
         Library::Beside
-    } else if unpacked.is_some_and(|folder| folder.is_dir()) {
+    } else if cache::folder().is_some_and(is_built) {
         Library::Built
     } else {
         Library::ToBuild

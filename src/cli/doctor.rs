@@ -30,7 +30,9 @@ impl Command {
     /// Prints a line for each thing that is looked at; exit code 1 if something does not run.
     #[expect(clippy::unused_self, reason = "as every command")]
     pub(super) fn run(&self) -> Result<ExitCode, Failure> {
-        let lines = [program(), memory(), kept(), toolchain(), compiled_against()];
+        let (kept, toolchain) = (kept(), toolchain());
+        let runs_own = kept.is_well && toolchain.is_well;
+        let lines = [program(), memory(), kept, toolchain, compiled_against()];
         let mut out = std::io::stdout().lock();
         for Line { what, is_well, text, remedy } in &lines {
             writeln!(out, "{} {what:<13} {text}", if *is_well { "ok " } else { "NO " })?;
@@ -38,13 +40,12 @@ impl Command {
                 writeln!(out, "                  → {remedy}")?;
             }
         }
-        let is_well = |what: &str| lines.iter().all(|line| line.what != what || line.is_well);
-        let own = is_well("Rust") && is_well("cache");
-        writeln!(
-            out,
-            "\nModels that ship run{}.",
-            if own { ", and so do models of your own" } else { "; models of your own do not yet" }
-        )?;
+        let own = if runs_own {
+            ", and so do models of your own"
+        } else {
+            "; models of your own do not yet"
+        };
+        writeln!(out, "\nModels that ship run{own}.")?;
         Ok(ExitCode::from(u8::from(!lines.iter().all(|line| line.is_well))))
     }
 }

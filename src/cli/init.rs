@@ -95,21 +95,25 @@ fn readme(model: &str, columns: &[String]) -> String {
     format!(
         "# A calibration with eplat
 
-- `{model}` is the model. Change it as you like; a changed model needs Rust (https://rustup.rs), the
-  model as it is needs nothing.
-- `{TABLE}` holds measurements of an example, made by eplat on its own atrium. Put yours in their place,
-  in the same columns: `{columns}`. The place of a row is a `vertex` of the mesh, counted from 0, or
-  `x`, `y`, `z` in the mesh's unit. Further columns are kept; `eplat loop` tries each as a cause.
-- Your mesh (.vtp, .vtk, .ply, .stl, .obj, openCARP) takes the place of `embedded`. `eplat import` makes
-  mesh and table of a study that a mapping system exported.
+- `{model}` is the model. As it is it needs nothing. Once you change it, it is compiled, which needs Rust
+  (https://rustup.rs).
+- `{TABLE}` holds measurements of an example, which eplat made on its own atrium. Put yours in
+  their place, in the same columns: `{columns}`.
+  A row is placed by a `vertex` of the mesh, counted from 0, or by `x`, `y`, `z` in the mesh's unit.
+  Further columns are kept; `eplat loop` tries each as a cause.
+- Your mesh (.vtp, .vtk, .ply, .stl, .obj, openCARP) takes the place of `embedded`. `eplat import`
+  makes mesh and table of a study that a mapping system exported.
+
+Look at what is there, before anything is computed; then compute the posterior (`out/{stem}`); then ask
+what the model lacks (`out/{stem}-loop`; this needs 10 sites or more):
 
 ```sh
-{check}    # what is there, before anything is computed
-{run}      # the posterior, in out/{stem}
-{close}     # what the model lacks, in out/{stem}-loop; it needs 10 sites or more
+{check}
+{run}
+{close}
 ```
 
-Open `out/{stem}/report.html`. Its verdict says what to believe and what to do about the rest.
+Open `out/{stem}/report.html`. Its verdict says what to believe, and what to do about the rest.
 ",
         columns = columns.join("`, `"),
         check = command("check", model),

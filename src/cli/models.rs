@@ -47,11 +47,20 @@ impl ModelFile {
                 names().collect::<Vec<_>>().join(", ")
             )));
         }
+        Self::of_file(path)
+    }
+
+    /// Reads it.
+    pub(super) fn of_file(path: &Path) -> Result<Self, Failure> {
+        if path.extension().is_none_or(|e| e != "rs") {
+            return Err(Failure::new(format_args!(
+                "{}: expected a model file (.rs)\nhelp: a model is Rust source with one `model! {{ … }}`; `eplat show erp --source` prints one",
+                path.display()
+            )));
+        }
         let source = fs::read_to_string(path).map_err(|error| {
-            let stem = path.file_stem().unwrap_or_default();
-            let name = names().find(|name| stem == *name).unwrap_or("erp");
             Failure::new(format_args!(
-                "cannot read the model file {}: {error}\nhelp: `{name}` is the name of a model that ships with eplat and needs no file",
+                "cannot read the model file {}: {error}\nhelp: `eplat show erp --source` prints a model that ships, for a file of your own",
                 path.display()
             ))
         })?;

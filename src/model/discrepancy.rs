@@ -40,7 +40,7 @@ pub struct RowError {
     pub observes: Vec<String>,
     /// The name of a `let` of the row that is added too: ln of a factor of the sd, 0 but for the
     /// effects on it. Then the likelihood is `Widened(…, NAME * SCATTER(row).exp())`.
-    pub scatter: Option<&'static str>,
+    pub scatter: Option<String>,
     /// Why it is there, a sentence.
     pub why: String,
 }
@@ -84,7 +84,7 @@ impl RowError {
         self.observes.iter().map(|observe| FurtherError {
             observe: observe.clone(),
             sd: self.name.clone(),
-            scatter: self.scatter.map(String::from),
+            scatter: self.scatter.clone(),
         })
     }
 }
@@ -97,7 +97,8 @@ impl Discrepancy {
 
     /// The statements of the factors of further errors.
     pub fn scatter(&self) -> Vec<String> {
-        let mut names: Vec<&str> = self.row_errors.iter().filter_map(|e| e.scatter).collect();
+        let names = self.row_errors.iter().filter_map(|error| error.scatter.as_deref());
+        let mut names: Vec<&str> = names.collect();
         names.dedup();
         names.into_iter().map(|name| format!("let {name}(row) = 0.0;")).collect()
     }

@@ -1,5 +1,6 @@
 //! A model with its data: a log density over unconstrained unknowns, and what its draws mean.
 
+use std::borrow::Cow;
 use std::collections::BTreeMap;
 use std::ops::Range;
 
@@ -18,6 +19,9 @@ use super::tape::{Op, Tape};
 use crate::infer::MetricKind;
 use crate::num::Within;
 use crate::table::Measurements;
+
+/// First offset of (observe, field or `let`).
+pub(super) type Hooks = BTreeMap<(&'static str, Cow<'static, str>), usize>;
 
 /// Where the numbers of a declared parameter live, and what its prior depends on.
 #[derive(Clone, Debug)]
@@ -115,7 +119,7 @@ pub struct Model {
     pub(super) maps: Vec<Map>,
     pub(super) offsets: Vec<Range<usize>>,
     /// First offset of (observe, field or let).
-    pub(super) hooks: BTreeMap<(&'static str, &'static str), usize>,
+    pub(super) hooks: Hooks,
     /// Share and sd of outliers that were added to every `observe`.
     pub(super) outliers: Option<(f64, f64)>,
     /// Names of the `observe`s whose rows were given a further error, each with the name of the
@@ -160,7 +164,7 @@ impl Model {
             densities: vec![],
             maps: vec![],
             offsets: vec![],
-            hooks: BTreeMap::new(),
+            hooks: Hooks::new(),
             constants: vec![],
             outliers: None,
             row_errors: vec![],
@@ -207,100 +211,6 @@ impl Model {
     /// Number of reported numbers: parameters, with the constant modes that are drawn afterwards.
     pub fn n_reported(&self) -> usize {
         self.parameters.iter().map(|p| p.len).sum()
-    }
-
-    /// Fresh scratch memory.
-    pub fn tape(&self) -> Tape {
-        let [n_u, n_v, n_work] = self.layout;
-        let mut v = vec![0.0; n_v];
-        for (at, x) in &self.constants {
-            v[*at] = *x;
-        }
-        Tape {
-            u: vec![0.0; n_u],
-            gu: vec![0.0; n_u],
-            v,
-            g: vec![0.0; n_v],
-            work: vec![0.0; n_work],
-            lp: 0.0,
-        }
-    }
-
-    /// Computes all values from the unknowns.
-    pub fn forward(&self, t: &mut Tape, u: &[f64]) {
-        t.u.copy_from_slice(u);
-        for range in &self.offsets {
-            t.v[range.clone()].fill(0.0);
-        }
-        for prior in &self.priors {
-            prior.forward(t);
-        }
-        for field in &self.fields {
-            field.op.forward(t);
-        }
-        for linear in &self.linear {
-            linear.forward(t);
-        }
-    }
-
-    /// Computes the values that [`Model::report`] and [`Model::let_values`] read. Where there is no `let` to
-    /// report, these are the parameters, and the fields at all places are left as they were.
-    pub fn forward_reported(&self, t: &mut Tape, u: &[f64]) {
-        if !self.lets.is_empty() {
-            return self.forward(t, u);
-        }
-        t.u.copy_from_slice(u);
-        for prior in &self.priors {
-            prior.forward(t);
-        }
-    }
-
-    /// Log density and gradient.
-    pub fn ln_density(&self, t: &mut Tape, u: &[f64], gradient: &mut [f64]) -> f64 {
-        self.forward(t, u);
-        t.lp = 0.0;
-        t.g.fill(0.0);
-        t.gu.fill(0.0);
-        for observe in &self.observes {
-            observe.op.backward(t);
-        }
-        for density in &self.densities {
-            density.op.backward(t);
-        }
-        for linear in self.linear.iter().rev() {
-            linear.backward(t);
-        }
-        for field in self.fields.iter().rev() {
-            field.op.backward(t);
-        }
-        for prior in self.priors.iter().rev() {
-            prior.backward(t);
-        }
-        gradient.copy_from_slice(&t.gu);
-        t.lp
-    }
-
-    /// Log density without its gradient: the same number as [`Model::ln_density`] gives.
-    pub(super) fn ln_density_alone(&self, t: &mut Tape, u: &[f64]) -> f64 {
-        self.forward(t, u);
-        t.lp = 0.0;
-        t.g.fill(0.0);
-        t.gu.fill(0.0);
-        self.observes.iter().for_each(|observe| observe.op.backward(t));
-        self.densities.iter().for_each(|density| density.op.ln_density(t));
-        self.fields.iter().rev().for_each(|field| field.op.ln_density(t));
-        self.priors.iter().rev().for_each(|prior| prior.ln_density(t));
-        t.lp
-    }
-
-    /// Log density of everything but the measurements, after a forward pass.
-    pub(super) fn backward_without_rows(&self, t: &mut Tape) {
-        t.lp = 0.0;
-        t.g.fill(0.0);
-        t.gu.fill(0.0);
-        self.densities.iter().for_each(|density| density.op.backward(t));
-        self.fields.iter().rev().for_each(|field| field.op.backward(t));
-        self.priors.iter().rev().for_each(|prior| prior.backward(t));
     }
 
     /// Where the search for a starting point begins: priors at a typical value, field means in the

@@ -14,6 +14,7 @@ use super::tape::Tape;
 use crate::dist::Support;
 use crate::infer::LogDensity as _;
 use rand::Rng;
+use std::borrow::Cow;
 use std::collections::BTreeMap;
 
 /// The unknowns in which a row's scalars are linear, and the others.
@@ -133,8 +134,8 @@ impl Model {
     /// Which of a row's scalars an offset on `target` is added to, if any.
     pub fn local_of(&self, id: RowId, target: &str) -> Option<usize> {
         let observe = &self.observes[id.observe];
-        let find = |(key, at): (&(&str, &str), &usize)| {
-            (key.0 == observe.name && key.1 == target).then_some(at + id.row)
+        let find = |((of, on), at): (&(&str, Cow<'_, str>), &usize)| {
+            (*of == observe.name && on == target).then_some(at + id.row)
         };
         let at = self.hooks.iter().find_map(find)?;
         observe.op.locals(id.row).iter().position(|(value, offset)| *value == at || *offset == at)

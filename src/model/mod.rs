@@ -29,6 +29,7 @@ mod local;
 mod map;
 mod maps;
 mod parameter;
+mod passes;
 mod prior_draws;
 mod reported;
 mod restore;

@@ -134,13 +134,10 @@ impl Inputs {
         let mut hashes = BTreeMap::new();
         if let MeshSource::File { path, reading, whole } = &self.mesh {
             hashes.insert("mesh".into(), hash_mesh(path)?);
-            // the same file in another unit is another surface, and so is another piece of it
-            let choices = (reading.units, reading.piece, reading.tolerance);
-            if choices != (None, None, None) {
+            // the same file in another unit is another surface, and so are another piece and all vertices
+            let choices = (reading.units, reading.piece, reading.tolerance, *whole);
+            if choices != (None, None, None, false) {
                 hashes.insert("mesh_reading".into(), hash(format!("{choices:?}").as_bytes()));
-            }
-            if *whole {
-                hashes.insert("whole_mesh".into(), hash(b"true"));
             }
         }
         if let MeshSource::Surface(surface) = &self.mesh {

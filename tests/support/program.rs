@@ -69,6 +69,21 @@ pub(crate) fn text(bytes: &[u8]) -> String {
     String::from_utf8(bytes.to_vec()).unwrap()
 }
 
+/// A Python on which `test` runs without an error: `$EPLAT_PYTHON`, or a usual one. None is said, as that `what` was not
+/// found.
+pub(crate) fn python(test: &str, what: &str) -> Option<PathBuf> {
+    let named = std::env::var_os("EPLAT_PYTHON").map(PathBuf::from);
+    let usual = ["python3.13", "python3.12", "python3"].map(PathBuf::from);
+    let fits = |python: &PathBuf| {
+        Command::new(python).args(["-c", test]).output().is_ok_and(|output| output.status.success())
+    };
+    let found = named.into_iter().chain(usual).find(fits);
+    if found.is_none() {
+        skipped::skipped(&format!("no Python with {what} found (EPLAT_PYTHON)"));
+    }
+    found
+}
+
 /// A file of the reference data: `$EPLAT_SHARED`, or `../shared` beside the checkout.
 pub(crate) fn shared(file: &str) -> Option<PathBuf> {
     let beside = || Path::new(env!("CARGO_MANIFEST_DIR")).join("../shared");

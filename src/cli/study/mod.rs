@@ -131,7 +131,7 @@ impl PlanArgs {
 impl RunArgs {
     fn run(&self, compiled: &[Compiled]) -> Result<ExitCode, Failure> {
         let plan = Plan::read(&self.plan.plan)?;
-        let file = ModelFile::read(&plan.beside(&plan.model), compiled)?;
+        let file = ModelFile::of_file(&plan.beside(&plan.model))?;
         let Some(model) = file.find(compiled)? else { return run_compiled(&file) };
         let surface = plan.surface()?;
         let basis = Study::basis(model, &surface.mesh)?;

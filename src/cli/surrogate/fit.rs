@@ -90,16 +90,16 @@ impl FitArgs {
         let fit = fit_five(&strips, &beats)?;
         write_text(&self.out, &fit.to_rust())?;
         note(format_args!(
-            "{} strips, {} beats; {}\n  ERP_S2: {}\n  ERP_S3: {}\n  APD90: {}\n  CV/cv_max: {}\nwritten to {}",
+            "{} strips, {} beats; {}\n  ERP_S2: {}\n  ERP_S3: {}\n  APD90: {}\n  CV/cv_max: {}",
             strips.len(),
             beats.len(),
             fit.left_out,
             fit.erp_s2.quality,
             fit.erp_s3.quality,
             fit.apd90.quality,
-            fit.cv_ratio.quality,
-            self.out.display()
+            fit.cv_ratio.quality
         ));
+        tell_written(&self.out);
         Ok(())
     }
 

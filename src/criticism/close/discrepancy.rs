@@ -58,17 +58,16 @@ pub(super) fn discrepancy(
             });
         }
     }
-    let scatter = (!criticism.scatter().is_empty()).then(|| names.scatter());
-    Ok(Discrepancy { spreads, row_errors: names.row_errors(criticism.step, scatter) })
+    let scatter = (!criticism.scatter().is_empty()).then(|| names.free(SCATTER));
+    Ok(Discrepancy { spreads, row_errors: names.row_errors(criticism.step, scatter.as_deref()) })
 }
 
-/// Names of the `let` that is ln of the factor by which scatter goes with a column. The first that
-/// is free is taken.
-const SCATTER: [&str; 3] = ["ln_scatter", "ln_scatter_of_rows", "ln_scatter_found"];
+/// The `let` that is ln of the factor by which scatter goes with a column.
+const SCATTER: &str = "ln_scatter";
 
 /// The name of that `let` in this model.
-pub(super) fn scatter_on(tree: &Tree, table: &Measurements) -> &'static str {
-    Names { tree, table }.scatter()
+pub(super) fn scatter_on(tree: &Tree, table: &Measurements) -> String {
+    Names { tree, table }.free(SCATTER)
 }
 
 /// The column that names sites in both tables.
@@ -114,14 +113,13 @@ impl Names<'_> {
         })
     }
 
-    fn scatter(&self) -> &'static str {
-        SCATTER.into_iter().find(|name| self.free(name) == *name).unwrap_or(SCATTER[0])
-    }
-
-    /// A further error of the measurements whose likelihood has none; with scatter, of all.
-    fn row_errors(&self, step: f64, scatter: Option<&'static str>) -> Vec<RowError> {
+    /// A further error of the measurements whose likelihood has none; with scatter, of all that can
+    /// have one.
+    fn row_errors(&self, step: f64, scatter: Option<&str>) -> Vec<RowError> {
         let mut of_unit: BTreeMap<String, Vec<String>> = BTreeMap::new();
-        let has_error = |observe: &&Observe| scatter.is_some() || self.tree.is_exact(observe);
+        let has_error = |observe: &&Observe| {
+            self.tree.is_exact(observe) || scatter.is_some() && self.tree.widens(observe)
+        };
         for observe in self.tree.observes().filter(has_error) {
             let unit = observe.unit.as_ref().map_or_else(String::new, |unit| unit.text.clone());
             of_unit.entry(unit).or_default().push(observe.name.to_string());
@@ -133,8 +131,12 @@ impl Names<'_> {
                 prior_sd: step,
                 unit,
                 observes,
-                scatter,
-                why: "Added by `eplat loop`: an error of each measurement; its bracket is not taken as exact.".into(),
+                scatter: scatter.map(String::from),
+                why: match scatter {
+                    Some(_) => "Added by `eplat loop`: a further error of each measurement.",
+                    None => "Added by `eplat loop`: an error of each measurement; its bracket is not taken as exact.",
+                }
+                .into(),
             }
         };
         of_unit.into_iter().enumerate().map(error).collect()

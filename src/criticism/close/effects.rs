@@ -49,7 +49,7 @@ pub(super) fn found(
     table: &Measurements,
 ) -> Result<Vec<(AddedEffect, Cause, String)>, LoopError> {
     let tree = Model::outline(declared)?.syntax().ok();
-    let on_scatter = tree.as_ref().map_or("", |tree| scatter_on(tree, table)).to_owned();
+    let on_scatter = tree.as_ref().map_or_else(String::new, |tree| scatter_on(tree, table));
     let items: Vec<&Item> =
         tree.iter().flat_map(|tree| &tree.statements).map(|s| &s.item).collect();
     let item_of = |name: &str| items.iter().find(|item| item.name() == name);

@@ -15,7 +15,7 @@ impl Story {
                 100.0 * share
             )
         });
-        let of_one_cause = |a: &FoundEffect, b: &FoundEffect| a.effect.form == b.effect.form;
+        let of_one_cause = |a: &FoundEffect, b: &FoundEffect| a.cause == b.cause;
         let effects = self.effects.chunk_by(of_one_cause).map(|effects| self.in_words(effects));
         let lacked: Vec<String> = effects.chain(outliers).collect();
         if !lacked.is_empty() {

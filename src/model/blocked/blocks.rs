@@ -1,8 +1,7 @@
 //! Which unknowns are in blocks, and what the design of a block is computed from.
 
-use std::sync::Arc;
-
 use std::collections::{BTreeMap, BTreeSet};
+use std::sync::Arc;
 
 use super::places::PlaceBlock;
 use crate::dist::Gaussian;

@@ -132,7 +132,7 @@ impl Builder<'_> {
         for error in std::mem::take(&mut self.further_errors) {
             let sd = self.learnt_sd(&error.name, &error.unit, error.prior_sd);
             let observes = error.observes.into_iter();
-            self.row_errors.extend(observes.map(|observe| (observe, sd, error.scatter)));
+            self.row_errors.extend(observes.map(|observe| (observe, sd, error.scatter.clone())));
         }
     }
 
@@ -227,7 +227,7 @@ impl Builder<'_> {
                 let mut out = vec![];
                 for ((_, target), at) in self.hooks.iter().filter(|((o, _), _)| *o == observe) {
                     if effect.on.iter().any(|on| on == target) {
-                        hit.insert(*target);
+                        hit.insert(target.clone());
                         out.push(*at);
                     }
                 }

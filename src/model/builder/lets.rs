@@ -263,7 +263,7 @@ impl Builder<'_> {
 
     /// The offset that effects have added to `name` in this row.
     fn offset(&self, name: &'static str, (observe, i, _): Row) -> u32 {
-        self.hooks.get(&(observe, name)).map_or(0, |at| at + i) as u32
+        self.hooks.get(&(observe, name.into())).map_or(0, |at| at + i) as u32
     }
 
     /// Names of the rows: the labels of a parameter that the `let` mentions, if these tell the rows

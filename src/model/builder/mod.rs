@@ -7,7 +7,7 @@ use std::sync::Arc;
 use crate::manifold::Basis;
 use crate::model::discrepancy::RowError;
 use crate::model::error::ModelError;
-use crate::model::laid_out::Model;
+use crate::model::laid_out::{Hooks, Model};
 use crate::table::Measurements;
 
 mod effects;
@@ -111,9 +111,9 @@ pub struct Builder<'a> {
     further_errors: Vec<RowError>,
     /// Names of `observe`s whose rows have a further error, where its sd is, and the `let` that is
     /// ln of a factor of it.
-    row_errors: Vec<(String, usize, Option<&'static str>)>,
+    row_errors: Vec<(String, usize, Option<String>)>,
     /// First offset of (observe, field or let).
-    hooks: BTreeMap<(&'static str, &'static str), usize>,
+    hooks: Hooks,
     /// First value of (observe, linear predictor).
     predictors: BTreeMap<(&'static str, &'static str), usize>,
     /// (`let`, observe that depends on it)
@@ -158,7 +158,7 @@ impl<'a> Builder<'a> {
             outliers: None,
             further_errors: vec![],
             row_errors: vec![],
-            hooks: BTreeMap::new(),
+            hooks: Hooks::new(),
             predictors: BTreeMap::new(),
             seen: BTreeSet::new(),
             lets: vec![],

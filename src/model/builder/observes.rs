@@ -1,6 +1,8 @@
 //! `observe` and `density` statements. Reads the rows, and finds where in the value vector the
 //! scalars of each row live.
 
+use std::borrow::Cow;
+
 use super::{Builder, Computed, Place, Source};
 use crate::model::density::Density;
 use crate::model::error::ModelError;
@@ -202,10 +204,15 @@ impl Builder<'_> {
             || self.offsets_on.iter().any(|on| on == name)
     }
 
-    fn hook(&mut self, observe: &'static str, name: &'static str, n: usize) -> usize {
+    fn hook(
+        &mut self,
+        observe: &'static str,
+        name: impl Into<Cow<'static, str>>,
+        n: usize,
+    ) -> usize {
         let at = self.values(n);
         self.model.offsets.push(at..at + n);
-        self.hooks.insert((observe, name), at);
+        self.hooks.insert((observe, name.into()), at);
         at
     }
 }

@@ -1,0 +1,101 @@
+//! Passes over a laid-out model: from the unknowns to all values, and back to the gradient.
+
+use super::laid_out::Model;
+use super::tape::{Op, Tape};
+
+impl Model {
+    /// Fresh scratch memory.
+    pub fn tape(&self) -> Tape {
+        let [n_u, n_v, n_work] = self.layout;
+        let mut v = vec![0.0; n_v];
+        for (at, x) in &self.constants {
+            v[*at] = *x;
+        }
+        Tape {
+            u: vec![0.0; n_u],
+            gu: vec![0.0; n_u],
+            v,
+            g: vec![0.0; n_v],
+            work: vec![0.0; n_work],
+            lp: 0.0,
+        }
+    }
+
+    /// Computes all values from the unknowns.
+    pub fn forward(&self, t: &mut Tape, u: &[f64]) {
+        t.u.copy_from_slice(u);
+        for range in &self.offsets {
+            t.v[range.clone()].fill(0.0);
+        }
+        for prior in &self.priors {
+            prior.forward(t);
+        }
+        for field in &self.fields {
+            field.op.forward(t);
+        }
+        for linear in &self.linear {
+            linear.forward(t);
+        }
+    }
+
+    /// Computes the values that [`Model::report`] and [`Model::let_values`] read. Where there is no `let` to
+    /// report, these are the parameters, and the fields at all places are left as they were.
+    pub fn forward_reported(&self, t: &mut Tape, u: &[f64]) {
+        if !self.lets.is_empty() {
+            return self.forward(t, u);
+        }
+        t.u.copy_from_slice(u);
+        for prior in &self.priors {
+            prior.forward(t);
+        }
+    }
+
+    /// Log density and gradient.
+    pub fn ln_density(&self, t: &mut Tape, u: &[f64], gradient: &mut [f64]) -> f64 {
+        self.forward(t, u);
+        t.lp = 0.0;
+        t.g.fill(0.0);
+        t.gu.fill(0.0);
+        for observe in &self.observes {
+            observe.op.backward(t);
+        }
+        for density in &self.densities {
+            density.op.backward(t);
+        }
+        for linear in self.linear.iter().rev() {
+            linear.backward(t);
+        }
+        for field in self.fields.iter().rev() {
+            field.op.backward(t);
+        }
+        for prior in self.priors.iter().rev() {
+            prior.backward(t);
+        }
+        gradient.copy_from_slice(&t.gu);
+        t.lp
+    }
+
+    /// Log density without its gradient: the same number as [`Model::ln_density`] gives. Rows have value
+    /// and slopes at once, so only what comes after them is saved.
+    pub(super) fn ln_density_alone(&self, t: &mut Tape, u: &[f64]) -> f64 {
+        self.forward(t, u);
+        t.lp = 0.0;
+        t.g.fill(0.0);
+        t.gu.fill(0.0);
+        self.observes.iter().for_each(|observe| observe.op.backward(t));
+        self.densities.iter().for_each(|density| density.op.ln_density(t));
+        self.fields.iter().rev().for_each(|field| field.op.ln_density(t));
+        self.priors.iter().rev().for_each(|prior| prior.ln_density(t));
+        t.lp
+    }
+
+    /// Log density of everything but the measurements, after a forward pass.
+    pub(super) fn backward_without_rows(&self, t: &mut Tape) {
+        t.lp = 0.0;
+        t.g.fill(0.0);
+        t.gu.fill(0.0);
+        self.densities.iter().for_each(|density| density.op.backward(t));
+        self.fields.iter().rev().for_each(|field| field.op.backward(t));
+        self.priors.iter().rev().for_each(|prior| prior.backward(t));
+    }
+}
