@@ -302,7 +302,7 @@ fn a_run_starts_from_an_earlier_one_on_fewer_measurements() {
     error: --init: the run in first is of the model Erp, not of ErpExact
     help: name a run of this model, or start without --init
 
-    error: cannot read nowhere/warm_start.json: No such file or directory (os error 2)
+    error: cannot read nowhere/unknowns.npz: No such file or directory (os error 2)
     help: check the path; it is relative to the folder you are in
     ");
 }

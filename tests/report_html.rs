@@ -83,12 +83,12 @@ fn record() -> RunRecord {
         provenance: Provenance {
             mesh: Some("patient <7>/atrium.vtk".to_owned()),
             n_vertices: 5166,
-            mesh_notes: vec![],
             data: "brackets.csv".to_owned(),
             n_rows: 20,
             n_sites: 10,
             command: "eplat run models/erp.rs --data brackets.csv".to_owned(),
             date: "2026-11-22".to_owned(),
+            ..Provenance::default()
         },
         settings: SettingsRecord {
             sampler,

@@ -15,7 +15,7 @@
 from ._eplat import __version__
 from .errors import CrashError, EplatError, Interrupted, UsageError, VerdictWarning
 from .models import model_source, models
-from .results import Answer, LoopResult, Result, Verdict
+from .results import Answer, Forecast, LoopResult, Result, Verdict
 from .runs import loop, resume, run
 from .simulator import Beat, Strips, simulate_atrium, simulate_strip
 from .surface import Surface, eigenbasis, read_mesh
@@ -25,6 +25,7 @@ __all__ = [
     "Beat",
     "CrashError",
     "EplatError",
+    "Forecast",
     "Interrupted",
     "LoopResult",
     "Result",

@@ -16,6 +16,8 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+from .errors import CrashError, EplatError, UsageError
+
 PROGRAM = Path(__file__).parent / "bin" / ("eplat.exe" if os.name == "nt" else "eplat")
 
 Event = dict[str, Any]
@@ -99,3 +101,13 @@ def _stop(child: subprocess.Popen[str], at_once: bool = False) -> None:
     elif child.poll() is None:
         with contextlib.suppress(ProcessLookupError):  # it may just have ended
             os.killpg(child.pid, signal.SIGKILL if at_once else signal.SIGINT)
+
+
+def failure(ended: Ended) -> EplatError:
+    """The exception for a call that failed, with the program's text."""
+    text = ended.error or "\n".join(ended.words)
+    if ended.code < 0:
+        text = f"the program was ended by signal {-ended.code}\n{text}".rstrip()
+        return CrashError(text)
+    text = text.removeprefix("error: ") or f"the program ended with exit code {ended.code}"
+    return {1: EplatError, 2: UsageError}.get(ended.code, CrashError)(text)

@@ -9,6 +9,7 @@ import shutil
 import weakref
 from functools import cached_property
 from pathlib import Path
+from tempfile import mkdtemp
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
@@ -16,6 +17,7 @@ from numpy.typing import NDArray
 
 from . import _eplat
 from .errors import UsageError
+from .program import call, failure
 
 if TYPE_CHECKING:
     import pandas
@@ -126,6 +128,33 @@ class Result:
         """A line per measurement: what was measured, and what is predicted of it."""
         return self._table("rows.csv")
 
+    def predict(self, table: Any, mesh: str | os.PathLike[str] | None = None) -> Forecast:
+        """What the run expects of measurements at new rows or sites.
+
+        table: a `pandas.DataFrame` or the path of a CSV, with the columns of the table that was fitted. What was
+            measured may be there, and is then compared with what is predicted; its cells may be empty.
+        mesh: the file of the run's mesh, if it is no longer where it was.
+
+        Raises `EplatError` with the program's text.
+        """
+        folder = Path(mkdtemp(prefix="eplat-"))
+        kept = Temporary(folder)
+        if isinstance(table, (str, os.PathLike)):
+            file = os.fspath(table)
+        elif hasattr(table, "to_csv"):
+            file = str(folder / "table.csv")
+            table.to_csv(file, index=False)
+        else:
+            raise TypeError(f"table: expected a pandas.DataFrame or a path, got {type(table).__name__}")
+        arguments = ["predict", str(self.path.absolute()), file, "--out", str(folder)]
+        arguments += ["--mesh", os.fspath(mesh)] if mesh is not None else []
+        ended, interrupt = call(arguments, lambda _: None, os.getcwd())
+        if interrupt:
+            raise interrupt
+        if ended.code != 0:
+            raise failure(ended)
+        return Forecast(folder, kept)
+
     @property
     def report(self) -> Path:
         """The page to look at in a browser."""
@@ -146,6 +175,32 @@ class Result:
 
     def _repr_html_(self) -> str:
         return f"<pre>{html.escape(repr(self))}\n{html.escape(str(self.verdict))}</pre>"
+
+
+class Forecast:
+    """What a run expects at the rows of a table that was not fitted."""
+
+    def __init__(self, path: Path, folder: Temporary | None = None) -> None:
+        self.path = path
+        """The folder: predictions.csv and predictions.zarr (docs/outputs.md)."""
+        self._folder = folder
+
+    @cached_property
+    def table(self) -> pandas.DataFrame:
+        """A line per row: mean, sd and quantiles of the measurement, and whether what was measured lies inside."""
+        import pandas
+
+        return pandas.read_csv(self.path / "predictions.csv")
+
+    @cached_property
+    def draws(self) -> xarray.DataTree:
+        """Replicated measurements (chain, draw, row) in the group `predictions`. Needs ArviZ >= 1."""
+        import arviz
+
+        return arviz.from_zarr(str(self.path / "predictions.zarr")).load()
+
+    def __repr__(self) -> str:
+        return f"<eplat.Forecast of {len(self.table)} rows>"
 
 
 class LoopResult:

@@ -12,9 +12,9 @@ from typing import Any, TypeVar
 
 import numpy as np
 
-from .errors import CrashError, EplatError, Interrupted, UsageError, VerdictWarning
+from .errors import EplatError, Interrupted, UsageError, VerdictWarning
 from .models import model_file
-from .program import Ended, Event, call
+from .program import Event, call, failure
 from .progress import Line, shown
 from .results import LoopResult, Result, Temporary
 from .settings import arguments
@@ -183,7 +183,7 @@ class _Call:
             raise self._interrupted(interrupt, ended.code in DONE) from None
         if ended.code not in DONE:
             self._discard()
-            raise _error(ended)
+            raise failure(ended)
         result = kind(self.out, Temporary(self.out) if self._temporary else None)
         for text in lost:
             warnings.warn(text, VerdictWarning, stacklevel=3)
@@ -208,12 +208,3 @@ class _Call:
     def _discard(self) -> None:
         if self._temporary:
             Temporary(self.out).remove()
-
-
-def _error(ended: Ended) -> EplatError:
-    text = ended.error or "\n".join(ended.words)
-    if ended.code < 0:
-        text = f"the program was ended by signal {-ended.code}\n{text}".rstrip()
-        return CrashError(text)
-    text = text.removeprefix("error: ") or f"the program ended with exit code {ended.code}"
-    return {1: EplatError, 2: UsageError}.get(ended.code, CrashError)(text)

@@ -38,6 +38,9 @@ pub(super) struct Command {
     /// Output folder [default: out/NAME-loop, after the model file's name]
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
+    /// Replace a finished loop of another model that is in the output folder
+    #[arg(long)]
+    force: bool,
     /// Searches on data simulated from the base fit, at least 19: what a claim must beat
     #[arg(long, default_value_t = 99)]
     nulls: usize,
@@ -63,6 +66,9 @@ impl Command {
             ));
         }
         let out = OutputFolder::open(self.folder())?;
+        if !self.force {
+            OutputFolder::open(out.file("declared"))?.refuse_another(model.name())?;
+        }
         let prepared = self.prepare(&file, model)?;
         let story = match self.watched(|watch| prepared.close(Some(&out), watch))? {
             Err(LoopError::Stopped) => return Ok(ExitCode::from(INTERRUPTED)),

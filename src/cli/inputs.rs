@@ -10,7 +10,9 @@ use super::reading::ReadingArgs;
 use crate::error::Failure;
 use crate::mesh::Reading;
 use crate::model::{Declare, Model};
-use crate::run::{DataSource, Design, Inputs, Loaded, MeshSource, Problem, RunError, Watch, hash};
+use crate::run::{
+    DataSource, Design, Inputs, Loaded, MeshSource, ModelText, Problem, RunError, Watch,
+};
 use crate::table::Measurements;
 
 /// What `--mesh` calls the procedural left atrium.
@@ -75,10 +77,11 @@ impl InputArgs {
             Some(path) => DataSource::File(path.clone()),
             None => DataSource::Synthetic(Design { seed: self.seed, ..Design::default() }),
         };
-        let hashes = [("model".to_owned(), hash(model.source.as_bytes()))].into();
+        let path = std::path::absolute(&model.path).ok();
+        let text = Some(ModelText { text: model.source.clone(), path });
         let arguments = std::env::args_os().skip(1);
         let command = command_line(arguments.map(|a| a.to_string_lossy().into_owned()));
-        Ok(Inputs { mesh, basis: self.basis.clone(), data, hashes, command })
+        Ok(Inputs { mesh, basis: self.basis.clone(), data, model: text, command })
     }
 
     /// The surface that is named. A table must name its own: its vertices are not those of another.

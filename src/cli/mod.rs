@@ -20,6 +20,8 @@ mod interrupt;
 mod mesh;
 mod models;
 mod options;
+mod panic;
+mod predict;
 mod progress;
 mod reading;
 mod report;
@@ -57,6 +59,8 @@ enum Command {
     Show(show::Command),
     /// Validate a model's input without sampling, and time its gradient
     Check(check::Command),
+    /// Predict measurements at new rows or sites from a finished run
+    Predict(predict::Command),
     /// Make a surface and a table of measurements of a laboratory's study
     Import(import::Command),
     /// Write a calibrated atrium as files of openCARP: its surface, and the parameters at every node
@@ -91,6 +95,7 @@ impl Command {
         match self {
             Self::Run(command) => command.voice,
             Self::Loop(command) => command.voice,
+            Self::Predict(command) => command.voice,
             Self::Simulate(Voiced { voice, .. })
             | Self::Study(Voiced { voice, .. })
             | Self::Surrogate(Voiced { voice, .. }) => *voice,
@@ -101,9 +106,13 @@ impl Command {
 
 /// Runs the command line of this process; `models` are compiled into it.
 pub fn main(models: &[Compiled]) -> ExitCode {
-    let done = |result: Result<(), _>| result.map(|()| ExitCode::SUCCESS);
     let command = Cli::parse().command;
     speak(command.voice());
+    panic::told(|| run(command, models))
+}
+
+fn run(command: Command, models: &[Compiled]) -> ExitCode {
+    let done = |result: Result<(), _>| result.map(|()| ExitCode::SUCCESS);
     let outcome = match command {
         Command::Run(command) => command.run(models),
         Command::Show(command) => command.run(models),
@@ -115,6 +124,7 @@ pub fn main(models: &[Compiled]) -> ExitCode {
         Command::Init(command) => done(command.run(models)),
         Command::Completions(command) => done(command.run()),
         Command::Doctor(command) => command.run(),
+        Command::Predict(command) => command.run(models),
         Command::Report(command) => command.run(),
         Command::Mesh(command) => done(command.run()),
         Command::Simulate(voiced) => voiced.command.run(),

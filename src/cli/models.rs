@@ -7,6 +7,7 @@ use eplat_language::{File, Mistake};
 
 use crate::error::Failure;
 use crate::model::Declare;
+use crate::run::Inputs;
 
 /// A model that is compiled into this program.
 #[derive(Clone, Copy)]
@@ -65,6 +66,13 @@ impl ModelFile {
             ))
         })?;
         Ok(Self { path: path.to_owned(), source })
+    }
+
+    /// That of a finished run.
+    pub(super) fn of_run(inputs: &Inputs) -> Self {
+        let model = inputs.model.clone();
+        let (text, path) = model.map_or_else(Default::default, |m| (m.text, m.path));
+        Self { path: path.unwrap_or_default(), source: text }
     }
 
     /// Its model's tree.

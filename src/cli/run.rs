@@ -26,6 +26,7 @@ const EXIT_CODES: &str = "Exit code:
   2    wrong use of the command line
   3    the draws do not come from the posterior: sampling did not converge
   4    converged, but the verdict is red: the model does not fit, or is mostly unphysical
+  70   a panic: a function of the model's file ended the program, or a fault of eplat did
   130  interrupted";
 
 /// `eplat run MODEL.rs`
@@ -40,6 +41,9 @@ pub(super) struct Command {
     /// with --laplace out/NAME-laplace, with --prior out/NAME-prior]
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
+    /// Replace a finished run of another model that is in the output folder
+    #[arg(long)]
+    force: bool,
     #[command(flatten)]
     sampler: SamplerArgs,
     #[command(flatten)]
@@ -166,6 +170,9 @@ impl Command {
         let file = ModelFile::read(&self.model, compiled)?;
         let Some(model) = file.find(compiled)? else { return run_compiled(&file) };
         let out = OutputFolder::open(self.folder())?;
+        if !self.force {
+            out.refuse_another(model.name())?;
+        }
         let inputs = self.input.inputs(&file, model)?;
         Console::new()?.watching(|watch| self.fit(model, &inputs, &settings, &out, watch))
     }

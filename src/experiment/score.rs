@@ -7,12 +7,13 @@ use crate::model::Model;
 /// Central intervals whose coverage is counted.
 pub const INTERVALS: [f64; 3] = [0.5, 0.9, 0.95];
 
-/// At most `most` draws of all chains, evenly spaced.
+/// At most `most` draws (but one at least of each chain), evenly spaced in each chain.
 pub fn thinned(chains: &[Chain], most: usize) -> Vec<&[f64]> {
-    let all: Vec<&[f64]> =
-        chains.iter().flat_map(|c| (0..c.n_draws()).map(|i| c.draw(i))).collect();
-    let step = all.len().div_ceil(most).max(1);
-    all.into_iter().step_by(step).collect()
+    let most = (most / chains.len().max(1)).max(1);
+    let of_chain = |chain: &'_ Chain| chain.n_draws().div_ceil(most).max(1);
+    let draws =
+        chains.iter().flat_map(|c| (0..c.n_draws()).step_by(of_chain(c)).map(|i| c.draw(i)));
+    draws.collect()
 }
 
 /// Whether every unknown has an R̂ that short chains can have.

@@ -3,7 +3,7 @@
 use super::text::escape;
 
 /// What each file holds.
-const HOLDS: [(&str, &str); 11] = [
+const HOLDS: [(&str, &str); 12] = [
     ("rows.csv", "every measurement with its predictions"),
     ("fields.vtp", "maps at every vertex, for ParaView"),
     ("summary.csv", "a line per parameter"),
@@ -11,9 +11,10 @@ const HOLDS: [(&str, &str); 11] = [
     ("draws.csv", "every draw of every parameter"),
     ("posterior.zarr", "the same and more, a folder for ArviZ"),
     ("loo.csv", "leave-one-out elpd and Pareto k of every measurement"),
-    ("measurements.csv", "the table of the synthetic experiment"),
+    ("model.rs", "the model, as it was fitted"),
+    ("measurements.csv", "the table that was fitted"),
     ("field_draws.npz", "draws of whole fields"),
-    ("warm_start.json", "where a later run may start (--init)"),
+    ("unknowns.npz", "draws as the sampler saw them, for --init and `eplat predict`"),
     ("run.json", "the record of the run"),
 ];
 

@@ -51,8 +51,10 @@ pub use loop_page::{
     Against, LoopPage, Residuals, SiteResidual, TriedEffect, TriedRound, loop_page,
 };
 pub use posterior::Posterior;
-pub use rows::{LEVELS, LeftOutBy, Predicted, PredictedRow, Predictions, write_rows};
-pub use run_record::{Provenance, RunRecord, Seconds, SettingsRecord};
+pub use rows::{
+    Forecasted, LEVELS, LeftOutBy, Predicted, PredictedRow, Predictions, write_forecast, write_rows,
+};
+pub use run_record::{Provenance, RunRecord, Seconds, SettingsRecord, SurfaceRecord};
 pub use summary::{Row, read_summary_json, write_summary_csv, write_summary_json};
 pub use table::{WIDTH, console_table};
 pub(crate) use text::{after_number, shown};

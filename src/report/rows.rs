@@ -4,6 +4,7 @@ use std::path::Path;
 
 use super::ReportError;
 use crate::store::write_file;
+use crate::table::{Measurements, SITE};
 
 /// Shares of probability of the central intervals that measurements are counted in.
 pub const LEVELS: [f64; 4] = [0.5, 0.8, 0.9, 0.95];
@@ -88,7 +89,7 @@ impl Predictions {
 
 impl Predicted {
     /// Whether the measurement lies in the central 90 % interval.
-    pub(super) fn is_inside(&self) -> bool {
+    pub fn is_inside(&self) -> bool {
         self.inside[NINETY]
     }
 
@@ -99,6 +100,26 @@ impl Predicted {
 }
 
 impl PredictedRow {
+    /// A row of a table, of which nothing is predicted yet.
+    pub fn at(table: &Measurements, row: usize, protocol: &str, unit: &str) -> Self {
+        let site = table.cell(row, SITE).map(str::to_owned);
+        let vertex = || table.vertex(row).map(|v| v.to_string());
+        Self {
+            line: table.line(row),
+            protocol: protocol.to_owned(),
+            site: site.or_else(vertex).unwrap_or_default(),
+            unit: unit.to_owned(),
+            measured: [f64::NAN; 2],
+            fitted: Predicted { quantiles: [f64::NAN; 3], inside: [false; LEVELS.len()] },
+            left_out: None,
+        }
+    }
+
+    /// Whether there is a measurement.
+    pub fn is_measured(&self) -> bool {
+        !self.measured[0].is_nan()
+    }
+
     /// Line and site, in words.
     pub(super) fn place(&self) -> String {
         match self.site.as_str() {
@@ -107,16 +128,16 @@ impl PredictedRow {
         }
     }
 
+    /// Line, site, protocol, unit, and what was measured.
+    fn head(&self) -> Vec<String> {
+        let known = |x: f64| if x.is_nan() { String::new() } else { x.to_string() };
+        let [lower, upper] = self.measured.map(known);
+        let unit = super::text::shown(&self.unit).to_owned();
+        vec![self.line.to_string(), self.site.clone(), self.protocol.clone(), unit, lower, upper]
+    }
+
     fn cells(&self) -> Vec<String> {
-        let [lower, upper] = self.measured.map(|x| x.to_string());
-        let mut cells = vec![
-            self.line.to_string(),
-            self.site.clone(),
-            self.protocol.clone(),
-            super::text::shown(&self.unit).to_owned(),
-            lower,
-            upper,
-        ];
+        let mut cells = self.head();
         cells.extend(self.fitted.cells());
         match &self.left_out {
             Some((predicted, by)) => {
@@ -157,6 +178,44 @@ pub fn write_rows(path: &Path, rows: &[PredictedRow]) -> Result<(), ReportError>
         let mut table = csv::Writer::from_writer(file);
         table.write_record(TITLES)?;
         rows.iter().try_for_each(|row| table.write_record(row.cells()))?;
+        table.flush()
+    })
+    .map_err(ReportError::write(path))
+}
+
+/// A row of a table that was not fitted: what is predicted of it, and moments of the prediction.
+#[derive(Clone, Copy, Debug)]
+pub struct Forecasted<'f> {
+    /// The row.
+    pub row: &'f PredictedRow,
+    /// Posterior mean of the value about which the likelihood spreads.
+    pub expected: f64,
+    /// Mean of replicates, noise included.
+    pub mean: f64,
+    /// Their standard deviation.
+    pub sd: f64,
+}
+
+/// Writes `predictions.csv`, one line per row; `inside` is empty where nothing was measured.
+///
+/// # Errors
+/// [`ReportError::Write`].
+pub fn write_forecast<'f>(
+    path: &Path,
+    rows: impl Iterator<Item = Forecasted<'f>>,
+) -> Result<(), ReportError> {
+    write_file(path, |file| {
+        let mut table = csv::Writer::from_writer(file);
+        let moments = ["expected", "mean", "sd"];
+        table.write_record(TITLES[..6].iter().chain(&moments).chain(&TITLES[6..10]))?;
+        for Forecasted { row, expected, mean, sd } in rows {
+            let mut cells = row.head();
+            cells.extend([expected, mean, sd].map(|x| x.to_string()));
+            let [quantiles @ .., inside] = row.fitted.cells();
+            cells.extend(quantiles);
+            cells.push(if row.is_measured() { inside } else { String::new() });
+            table.write_record(cells)?;
+        }
         table.flush()
     })
     .map_err(ReportError::write(path))

@@ -4,7 +4,7 @@ use serde::{Deserialize, Deserializer, Serialize};
 use std::collections::BTreeMap;
 use std::fs;
 use std::io::Write as _;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use super::{Approximation, LooRecord, ReportError};
 use crate::diagnostics::verdict::{Questions, Verdict};
@@ -96,6 +96,9 @@ pub struct RunRecord {
 /// What was fitted to what, when, and by which command.
 #[derive(Clone, Debug, Default, Serialize, Deserialize)]
 pub struct Provenance {
+    /// The model's file, an absolute path; absent where it has none.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub model: Option<PathBuf>,
     /// The surface's file, or what it is; absent for a model without one.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub mesh: Option<String>,
@@ -104,6 +107,12 @@ pub struct Provenance {
     /// What was mended of the surface's file, how its unit is known, and its size.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub mesh_notes: Vec<String>,
+    /// How to read or make the surface again; absent where it was in memory.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub surface: Option<SurfaceRecord>,
+    /// The file of eigenpairs from elsewhere, an absolute path.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub basis: Option<PathBuf>,
     /// The table's file, or what it is.
     pub data: String,
     /// Measurements that the model takes.
@@ -114,6 +123,33 @@ pub struct Provenance {
     pub command: String,
     /// The day it ended, UTC: YYYY-MM-DD.
     pub date: String,
+}
+
+/// How to read or make a surface again.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum SurfaceRecord {
+    /// The procedural left atrium.
+    Embedded {
+        /// Length of its edges, mm.
+        edge: f64,
+    },
+    /// A mesh file.
+    File {
+        /// An absolute path.
+        path: PathBuf,
+        /// Unit of its coordinates, if it was given.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        units: Option<String>,
+        /// Which piece of it, from 1, if that was given.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        piece: Option<usize>,
+        /// Distance within which vertices were joined, mm, if that was given.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        tolerance: Option<f64>,
+        /// Whether every vertex was kept of a large one.
+        whole: bool,
+    },
 }
 
 /// Sampler settings.

@@ -39,12 +39,12 @@ pub(super) fn record() -> RunRecord {
         provenance: Provenance {
             mesh: Some("atrium <1>.vtk".to_owned()),
             n_vertices: 5166,
-            mesh_notes: vec![],
             data: "brackets.csv".to_owned(),
             n_rows: 20,
             n_sites: 10,
             command: "eplat run erp.rs".to_owned(),
             date: "2026-11-22".to_owned(),
+            ..Provenance::default()
         },
         settings: SettingsRecord {
             chains: 4,

@@ -103,6 +103,44 @@ pub enum RunError {
         /// Name, value there, value here.
         differences: Vec<String>,
     },
+    /// The output folder holds results that are not of the model that is run.
+    #[error(
+        "{} holds {holds}; one of {model} would replace it\nhelp: name another folder with --out, or give --force",
+        folder.display()
+    )]
+    Occupied {
+        /// The folder.
+        folder: PathBuf,
+        /// What it holds, in words.
+        holds: String,
+        /// The model that is run.
+        model: String,
+    },
+    /// The folder of a finished run does not hold what it takes to go back to it.
+    #[error(
+        "{} does not hold the {what}\nhelp: {remedy}",
+        folder.display()
+    )]
+    NotKept {
+        /// The folder.
+        folder: PathBuf,
+        /// What is not there.
+        what: &'static str,
+        /// What to do.
+        remedy: &'static str,
+    },
+    /// The inputs are not those of the finished run.
+    #[error(
+        "the run in {} was made from other inputs: {}\nhelp: give them as they were, or repeat the run",
+        folder.display(),
+        differences.join("; ")
+    )]
+    OtherInputs {
+        /// The folder.
+        folder: PathBuf,
+        /// Name, value there, value here.
+        differences: Vec<String>,
+    },
     /// No chain came through.
     #[error("every chain failed; the first:\n{}", failures.first().map_or(String::new(), ToString::to_string))]
     EveryChainFailed {

@@ -5,6 +5,7 @@ use std::io::Write as _;
 use std::path::{Path, PathBuf};
 
 use super::RunError;
+use crate::report::RunRecord;
 use crate::store::write_file;
 
 /// An output folder that can be written to; it is made when there are results.
@@ -21,6 +22,24 @@ impl OutputFolder {
         let existing = path.ancestors().find(|p| p.exists()).unwrap_or(Path::new("."));
         tempfile::tempfile_in(existing).map_err(RunError::unwritable(path))?;
         Ok(Self(path.to_owned()))
+    }
+
+    /// Refuses a folder with a finished run of another model than `model`: writing would replace it.
+    ///
+    /// # Errors
+    /// [`RunError::Occupied`].
+    pub fn refuse_another(&self, model: &str) -> Result<(), RunError> {
+        let record = self.file("run.json");
+        if !record.exists() {
+            return Ok(());
+        }
+        let holds = match RunRecord::read(&record) {
+            Ok(record) if record.model == model => return Ok(()),
+            Ok(record) => format!("a finished run of the model {}", record.model),
+            Err(_) => "a run.json that is not of this version of eplat".to_owned(),
+        };
+        let (folder, model) = (self.0.clone(), model.to_owned());
+        Err(RunError::Occupied { folder, holds, model })
     }
 
     /// Makes the folder, once there is something to put in it.

@@ -3,16 +3,21 @@
 use std::collections::BTreeMap;
 use std::fs;
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
 use sha2::{Digest as _, Sha256};
 
 use super::RunError;
 use crate::experiment::Design;
 use crate::mesh::{self, Reading, Surface};
+use crate::report::SurfaceRecord;
 use crate::table::Measurements;
 
 /// Edge length of the embedded atrium, mm: about 5,000 vertices.
 const ATRIUM_EDGE: f64 = 1.5;
+
+/// What the model's text is called among the hashes of a run.
+pub(super) const MODEL_ROLE: &str = "model";
 
 /// Where a problem's surface and measurements come from. The default is the paper's synthetic
 /// experiment on the embedded left atrium.
@@ -24,14 +29,22 @@ pub struct Inputs {
     pub basis: Option<PathBuf>,
     /// The measurements.
     pub data: DataSource,
-    /// SHA-256 of what else the draws depend on, by role: of the model's file, for instance. It is kept
-    /// in the run's record, and a run goes on only with the same.
-    pub hashes: BTreeMap<String, String>,
+    /// The model's file. The run's folder keeps its text, and a run goes on only with the same.
+    pub model: Option<ModelText>,
     /// The command line that asked for the run, for its record; empty if there was none.
     pub command: String,
 }
 
-/// What a problem's inputs are called.
+/// The text of a model's file.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct ModelText {
+    /// The text.
+    pub text: String,
+    /// The file, an absolute path; absent for a text that has none.
+    pub path: Option<PathBuf>,
+}
+
+/// What a problem's inputs are called, and what it takes to go back to them.
 #[derive(Clone, Debug, Default)]
 pub struct Origin {
     /// The surface.
@@ -40,6 +53,14 @@ pub struct Origin {
     pub data: String,
     /// The command line; empty if there was none.
     pub command: String,
+    /// The model's file, where it has one.
+    pub model: Option<ModelText>,
+    /// The table as it was given, CSV; absent where it was made.
+    pub table: Option<Arc<[u8]>>,
+    /// How to read or make the surface again; absent for one in memory.
+    pub surface: Option<SurfaceRecord>,
+    /// The file of eigenpairs from elsewhere, an absolute path.
+    pub basis: Option<PathBuf>,
 }
 
 /// Where the surface comes from.
@@ -84,6 +105,33 @@ impl MeshSource {
             Self::Surface(_) => "a surface in memory".into(),
         }
     }
+
+    /// What it takes to read or make it again, if it can be.
+    fn record(&self) -> Result<Option<SurfaceRecord>, RunError> {
+        Ok(match self {
+            Self::Embedded { edge } => Some(SurfaceRecord::Embedded { edge: *edge }),
+            Self::File { path, reading, whole } => Some(SurfaceRecord::File {
+                path: absolute(path)?,
+                units: reading.units.map(|units| units.to_string()),
+                piece: reading.piece,
+                tolerance: reading.tolerance,
+                whole: *whole,
+            }),
+            Self::Surface(_) => None,
+        })
+    }
+
+    /// The surface of a record.
+    pub(super) fn recorded(record: &SurfaceRecord) -> Result<Self, RunError> {
+        Ok(match record {
+            SurfaceRecord::Embedded { edge } => Self::Embedded { edge: *edge },
+            SurfaceRecord::File { path, units, piece, tolerance, whole } => {
+                let units = units.as_deref().map(str::parse).transpose()?;
+                let reading = Reading { units, piece: *piece, tolerance: *tolerance, faults: None };
+                Self::File { path: path.clone(), reading, whole: *whole }
+            }
+        })
+    }
 }
 
 /// Where the measurements come from.
@@ -116,17 +164,28 @@ impl From<&Path> for DataSource {
 }
 
 impl Inputs {
-    /// What the surface and the measurements are called.
-    pub(super) fn origin(&self) -> Origin {
-        Origin {
+    /// What the surface and the measurements are called, and what it takes to go back to them.
+    pub(super) fn origin(&self) -> Result<Origin, RunError> {
+        let (data, table) = match &self.data {
+            DataSource::Synthetic(_) => ("a synthetic experiment".into(), None),
+            DataSource::File(path) => {
+                let bytes = fs::read(path).map_err(RunError::read(path))?;
+                (path.display().to_string(), Some(bytes))
+            }
+            DataSource::Table(table) => {
+                ("a table in memory".into(), Some(table.to_csv().into_bytes()))
+            }
+        };
+        let basis = self.basis.as_deref().map(absolute).transpose()?;
+        Ok(Origin {
             mesh: self.mesh.name(),
-            data: match &self.data {
-                DataSource::Synthetic(_) => "a synthetic experiment".into(),
-                DataSource::File(path) => path.display().to_string(),
-                DataSource::Table(_) => "a table in memory".into(),
-            },
+            data,
             command: self.command.clone(),
-        }
+            model: self.model.clone(),
+            table: table.map(Arc::from),
+            surface: self.mesh.record()?,
+            basis,
+        })
     }
 
     /// SHA-256 of the files, of a table in memory, and what was given, by role.
@@ -153,9 +212,15 @@ impl Inputs {
                 hashes.insert("data".into(), hash(table.to_csv().as_bytes()))
             }
         };
-        hashes.extend(self.hashes.clone());
+        let model = self.model.as_ref().map(|m| (MODEL_ROLE.to_owned(), hash(m.text.as_bytes())));
+        hashes.extend(model);
         Ok(hashes)
     }
+}
+
+/// The path from the root, for records.
+fn absolute(path: &Path) -> Result<PathBuf, RunError> {
+    std::path::absolute(path).map_err(RunError::read(path))
 }
 
 /// SHA-256, hexadecimal.

@@ -30,7 +30,7 @@
 //! assert_eq!(fit.verdict().colour(), Colour::Green);
 //!
 //! // what a further measurement would give: the posterior's spread and the error of the measurement
-//! let further = &fit.predict(&table)?[0];
+//! let further = &fit.predict(&table)?.rows[0];
 //! assert!((further.sd - 5.8).abs() < 0.7);
 //!
 //! # let out = tempfile::tempdir()?;
@@ -47,6 +47,7 @@
 //! | `eplat run --optimize`, `--laplace`, `--prior` | [`Problem::mode`], [`Problem::laplace`], [`Problem::prior`] |
 //! | `eplat check` | [`Problem::check`] |
 //! | `eplat report` | [`Results::read`] |
+//! | `eplat predict` | [`Fit::predict`]; of a finished run [`Inputs::of_run`] and [`Problem::predict`] |
 //! | `eplat compare` | [`Comparison::of`] |
 //! | `eplat design next` | [`Fit::next`] |
 //! | `eplat simulate atrium` | [`atrium`] |
@@ -62,6 +63,7 @@ mod error;
 mod event;
 mod fit;
 mod folder;
+mod forecast;
 mod inputs;
 mod keep;
 mod maps;
@@ -72,6 +74,7 @@ mod problem;
 mod record;
 mod results;
 mod sample;
+mod unknowns;
 mod verdict;
 mod warm_start;
 mod write;
@@ -85,12 +88,12 @@ pub use error::RunError;
 pub use event::{Event, Watch};
 pub use fit::{Fit, Method, Options};
 pub use folder::OutputFolder;
-pub use inputs::{DataSource, Inputs, MeshSource, Origin, hash, hash_file, hash_mesh};
+pub use forecast::{Forecast, Prediction};
+pub use inputs::{DataSource, Inputs, MeshSource, ModelText, Origin, hash, hash_file, hash_mesh};
 pub use keep::Keep;
 pub use maps::FittedMap;
 pub use mode::Mode;
 pub use next::{Candidates, Ranking};
-pub use predict::Prediction;
 pub use problem::{Domain, Loaded, Problem, surface};
 pub use results::Results;
 pub use sample::Ended;

@@ -1,33 +1,26 @@
-//! What a fit says of measurements that it has not seen.
+//! What a fit, or a finished run, says of measurements that it has not seen.
 
-use super::{Fit, RunError};
-use crate::diagnostics::quantile;
+use std::path::PathBuf;
+
+use super::forecast::{Forecast, Prediction};
+use super::results::{MEASUREMENTS, MODEL};
+use super::unknowns::{self, KEPT, Unknowns};
+use super::verdict::{Reading, unweighted};
+use super::{DataSource, Fit, Inputs, MeshSource, ModelText, Problem, Results, RunError};
 use crate::model::{Model, RowId};
 use crate::random::Stream;
+use crate::report::PredictedRow;
+use crate::store::differences;
 use crate::table::{MEASURED, Measurements};
 
-/// Most draws that predictions are made of.
-const PREDICTION_DRAWS: usize = 1000;
-
-/// What a fit says of one row of a table.
-#[derive(Clone, Debug)]
-pub struct Prediction {
-    /// Row of the table, from 0.
-    pub row: usize,
-    /// The `observe` statement that would take it.
-    pub observe: String,
-    /// Posterior mean of the value about which the likelihood spreads; NaN if it has none.
-    pub expected: f64,
-    /// Mean of replicated measurements, noise included; of a bracket, of its middle.
-    pub mean: f64,
-    /// Their standard deviation.
-    pub sd: f64,
-    /// Their 5, 50 and 95 % quantiles.
-    pub quantiles: [f64; 3],
-}
+/// Numbers that the replicates of a table may have; of a large one fewer draws are taken, but no fewer
+/// than [`LEAST_DRAWS`].
+const NUMBERS: usize = 20_000_000;
+const LEAST_DRAWS: usize = 100;
 
 impl Fit<'_> {
-    /// The posterior predictive distribution of every row of `table`, from at most 1000 draws.
+    /// The posterior predictive distribution of every row of `table`, from at most 1000 draws (of more
+    /// than 20,000 rows from fewer).
     ///
     /// The table has the columns of the one that was fitted, without the measured ones if nothing was
     /// measured yet: predictions do not depend on them (a bracket's width is that of the first fitted
@@ -39,44 +32,121 @@ impl Fit<'_> {
     /// [`RunError::Data`] and [`RunError::Probe`] for rows that do not fit the model or lie off the
     /// surface; [`RunError::Model`] where the model cannot be laid out on them, and where they have a new
     /// label and the prior of what belongs to it cannot be drawn from, such as `Flat`.
-    pub fn predict(&self, table: &Measurements) -> Result<Vec<Prediction>, RunError> {
+    pub fn predict(&self, table: &Measurements) -> Result<Forecast, RunError> {
+        let draws = self.thinned(most_draws(table));
+        self.problem.forecast(&draws, self.chains().len(), self.settings.seed, table)
+    }
+}
+
+impl Inputs {
+    /// What a finished run was made from: the model's text and the table from its folder, the surface
+    /// as its record tells. Files that have changed since are found by [`Problem::predict`].
+    ///
+    /// # Errors
+    /// [`RunError::NotKept`] where the surface was in memory; [`RunError::Read`] where the folder has no
+    /// model.
+    pub fn of_run(run: &Results) -> Result<Self, RunError> {
+        let (copy, table) = (run.folder.join(MODEL), run.folder.join(MEASUREMENTS));
+        let text = std::fs::read_to_string(&copy).map_err(RunError::read(&copy))?;
+        let provenance = &run.record.provenance;
+        // the file itself has its modules beside it, the copy has not
+        let is_same = |path: &PathBuf| std::fs::read_to_string(path).is_ok_and(|now| now == text);
+        let path = provenance.model.clone().filter(is_same).unwrap_or(copy);
+        let mesh = match &provenance.surface {
+            Some(record) => MeshSource::recorded(record)?,
+            None if provenance.mesh.is_none() => MeshSource::default(),
+            None => {
+                return Err(RunError::NotKept {
+                    folder: run.folder.clone(),
+                    what: "surface, which was in memory",
+                    remedy: "give the surface again",
+                });
+            }
+        };
+        let data = if table.exists() { DataSource::File(table) } else { DataSource::default() };
+        let (basis, model) = (provenance.basis.clone(), ModelText { text, path: Some(path) });
+        Ok(Self { mesh, basis, data, model: Some(model), command: provenance.command.clone() })
+    }
+}
+
+impl Problem<'_> {
+    /// As [`Fit::predict`], from the draws that an earlier run of this problem left in its folder.
+    ///
+    /// # Errors
+    /// Those of [`Fit::predict`]; [`RunError::OtherInputs`] where the problem is not what the run was
+    /// made from; [`RunError::Report`] for a folder without draws.
+    pub fn predict(&self, run: &Results, table: &Measurements) -> Result<Forecast, RunError> {
+        let here = &self.loaded().hashes;
+        let kept =
+            run.record.hashes.clone().into_iter().filter(|(role, _)| here.contains_key(role));
+        let kept = kept.collect();
+        let here = here.iter().filter(|(role, _)| run.record.hashes.contains_key(*role));
+        let mut differences =
+            differences(&kept, &here.map(|(role, hash)| (role.clone(), hash.clone())).collect());
+        let unknowns = Unknowns::read(&run.folder.join(unknowns::FILE))?;
+        if unknowns.about.model != self.model().name {
+            differences.push(format!("model {}, here {}", unknowns.about.model, self.model().name));
+        } else if unknowns.about.unknowns != self.model().unknown_names() {
+            differences.push("names of the unknowns".to_owned());
+        }
+        if !differences.is_empty() {
+            return Err(RunError::OtherInputs { folder: run.folder.clone(), differences });
+        }
+        let n_chains = unknowns.chains.len();
+        let most = most_draws(table).div_ceil(n_chains);
+        let of_chain = |chain: &'_ Vec<Vec<f64>>| chain.len().div_ceil(most).max(1);
+        let chains = unknowns.chains.iter();
+        let draws = chains.flat_map(|chain| chain.iter().step_by(of_chain(chain)));
+        let draws: Vec<&[f64]> = draws.map(Vec::as_slice).collect();
+        self.forecast(&draws, n_chains, run.record.seed, table)
+    }
+
+    fn forecast(
+        &self,
+        draws: &[&[f64]],
+        n_chains: usize,
+        seed: u64,
+        table: &Measurements,
+    ) -> Result<Forecast, RunError> {
+        let placed = self.placed(table)?;
         let joint = self.with_rows(table)?;
-        let first = self.problem.measurements().len();
+        let first = self.measurements().len();
         let ids = joint.row_ids().into_iter();
         let ids: Vec<RowId> = ids.filter(|id| joint.table_row(*id) >= first).collect();
-        joint.check_new(self.model(), &mut Stream::HeldOut.rng(self.settings.seed))?;
-        let mut rng = Stream::HeldOut.rng(self.settings.seed);
+        joint.check_new(self.model(), &mut Stream::HeldOut.rng(seed))?;
+        let mut rng = Stream::HeldOut.rng(seed);
         let mut replicates: Vec<Replicates> = ids.iter().map(|_| Replicates::default()).collect();
-        let draws = self.thinned(PREDICTION_DRAWS);
-        joint.at_draws(self.model(), &draws, &ids, &mut rng, &mut |row, own, rng| {
+        joint.at_draws(self.model(), draws, &ids, &mut rng, &mut |row, own, rng| {
             let (id, replicates) = (ids[row], &mut replicates[row]);
             let cells = joint.row_replicate(id, &joint.measured_row(id), own, rng);
             replicates.values.push(cells.iter().sum::<f64>() / cells.len() as f64);
             replicates.expected += joint.row_location(id, own).unwrap_or(f64::NAN);
         });
         let predictions = ids.iter().zip(replicates).map(|(id, replicates)| {
-            let observe = joint.observes[id.observe].name.to_owned();
-            replicates.prediction(joint.table_row(*id) - first, observe)
+            replicates.prediction(&joint, *id, &placed, joint.table_row(*id) - first)
         });
-        let mut predictions: Vec<Prediction> = predictions.collect();
-        predictions.sort_by_key(|prediction| prediction.row);
-        Ok(predictions)
+        let mut rows: Vec<Prediction> = predictions.collect();
+        rows.sort_by_key(|prediction| prediction.row);
+        Ok(Forecast { rows, n_chains })
     }
 
-    /// The model on the rows that were fitted, then those of `table`.
+    /// The table on the surface.
+    fn placed(&self, table: &Measurements) -> Result<Measurements, RunError> {
+        match &self.loaded().domain {
+            Some(domain) => domain.placed(table.clone()),
+            None => Ok(table.clone()),
+        }
+    }
+
+    /// The model on the rows that were fitted, then those of `table`, whose own places were found.
     fn with_rows(&self, table: &Measurements) -> Result<Model, RunError> {
-        let loaded = self.problem.loaded();
-        let place = |table: Measurements| match &loaded.domain {
-            Some(domain) => domain.placed(table),
-            None => Ok(table),
-        };
+        let loaded = self.loaded();
         table.check_protocols(&self.model().readers())?;
-        place(table.clone())?; // its errors name its own lines
         let mut lent = MEASURED.to_vec();
         let cells = self.model().observes.iter().flat_map(|observe| &observe.cells);
         lent.extend(cells.map(String::as_str));
-        let joint = place(loaded.measurements.followed_by(table, &lent))?;
-        Ok(Model::new(self.problem.declared(), loaded.basis(), &joint)?)
+        let joint = self.placed(&loaded.measurements.followed_by(table, &lent))?;
+        Ok(Model::new(self.declared(), loaded.basis(), &joint)?)
     }
 }
 
@@ -89,20 +159,46 @@ struct Replicates {
 }
 
 impl Replicates {
-    fn prediction(mut self, row: usize, observe: String) -> Prediction {
+    /// Of row `row` of `table`, which is `id` of the model `joint`.
+    fn prediction(self, joint: &Model, id: RowId, table: &Measurements, row: usize) -> Prediction {
         let n = self.values.len() as f64;
         let mean = self.values.iter().sum::<f64>() / n;
         let squares: f64 = self.values.iter().map(|x| (x - mean).powi(2)).sum();
-        self.values.sort_by(f64::total_cmp);
+        let (observe, cells) = (&joint.observes[id.observe], joint.measured_row(id));
+        let reading = Reading::of(&cells);
+        let lower_ends = self.values.iter().map(|middle| middle - 0.5 * reading.width);
+        let told = PredictedRow {
+            fitted: unweighted(lower_ends, &reading),
+            measured: if was_measured(table, row, &observe.cells) {
+                [cells[0], cells[cells.len() - 1]]
+            } else {
+                [f64::NAN; 2]
+            },
+            ..PredictedRow::at(table, row, observe.name, &observe.unit)
+        };
         Prediction {
             row,
-            observe,
+            told,
             expected: self.expected / n,
             mean,
             sd: (squares / (n - 1.0)).sqrt(),
-            quantiles: [0.05, 0.5, 0.95].map(|p| quantile(&self.values, p)),
+            replicates: self.values,
         }
     }
+}
+
+/// Whether the row has what was measured: of a bracket one end is enough.
+fn was_measured(table: &Measurements, row: usize, columns: &[String]) -> bool {
+    let is_there = |column: &String| table.cell(row, column).is_some_and(|cell| !cell.is_empty());
+    if columns.len() == 2 && columns.iter().all(|column| MEASURED.contains(&column.as_str())) {
+        return columns.iter().any(is_there);
+    }
+    columns.iter().all(is_there)
+}
+
+/// How many draws are taken at the rows of `table`.
+fn most_draws(table: &Measurements) -> usize {
+    (NUMBERS / table.len().max(1)).clamp(LEAST_DRAWS, KEPT)
 }
 
 #[cfg(test)]
@@ -179,23 +275,57 @@ mod tests {
     #[test]
     fn a_further_measurement_has_the_conjugate_predictive() {
         let fit = fitted(&conjugate::Conjugate, table("y", &["12.0", "13.5", "11.25"]));
-        let predicted = fit.predict(&table("y", &["", "99.0"])).unwrap();
+        let predicted = fit.predict(&table("y", &["", "99.0"])).unwrap().rows;
         assert_eq!(predicted.iter().map(|p| p.row).collect::<Vec<_>>(), [0, 1]);
         let (mean, sd) = ((10.0 / 4.0 + 12.0 + 13.5 + 11.25) / 3.25, (1.0f64 + 1.0 / 3.25).sqrt());
         for p in &predicted {
             assert!(is_normal(p, mean, sd * sd), "{p:?}");
             assert!((p.expected - mean).abs() < 5.0 * 0.56 / 1000f64.sqrt(), "{p:?}");
-            let [low, _, high] = p.quantiles;
+            let [low, _, high] = p.told.fitted.quantiles;
             assert!((high - low - 2.0 * 1.645 * sd).abs() < 0.4, "{p:?}");
         }
-        let again = fit.predict(&table("y", &["", "99.0"])).unwrap();
+        let again = fit.predict(&table("y", &["", "99.0"])).unwrap().rows;
         assert_eq!(format!("{predicted:?}"), format!("{again:?}"));
+    }
+
+    /// The folder of a run has what it takes: the same numbers, to the last bit.
+    #[test]
+    fn a_finished_run_predicts_what_its_fit_did() {
+        let folder = tempfile::tempdir().unwrap();
+        let model = Some(ModelText { text: "the text".into(), path: None });
+        let data = table("y", &["12.0", "13.5", "11.25"]).into();
+        let inputs = Inputs { data, model, ..Inputs::default() };
+        let fit = Problem::load(&conjugate::Conjugate, &inputs).unwrap();
+        let fit = fit.fit(&Settings { seed: 3, ..Settings::default() }).unwrap();
+        fit.write(folder.path()).unwrap();
+        let run = Results::read(folder.path()).unwrap();
+        let inputs = Inputs::of_run(&run).unwrap();
+        let again = Problem::load(&conjugate::Conjugate, &inputs).unwrap();
+        let new = table("y", &["12.5", "", "30.0"]);
+        let predicted = again.predict(&run, &new).unwrap();
+        assert_eq!(format!("{predicted:?}"), format!("{:?}", fit.predict(&new).unwrap()));
+        assert_eq!((predicted.n_chains, predicted.n_draws()), (4, 1000));
+        let measured = predicted.rows.iter().map(|p| p.told.is_measured());
+        assert_eq!(measured.collect::<Vec<_>>(), [true, false, true]);
+        let inside = [0, 2].map(|i| predicted.rows[i].told.fitted.is_inside());
+        assert_eq!(inside, [true, false]);
+
+        std::fs::write(folder.path().join("measurements.csv"), "y\n12.0\n").unwrap();
+        let another = Problem::load(&conjugate::Conjugate, &inputs).unwrap();
+        let error = another.predict(&run, &new).unwrap_err().to_string();
+        assert!(error.contains("was made from other inputs: data is "), "{error}");
+        let other = Problem::load(
+            &doses::Doses,
+            &Inputs { data: table("dose,y", &["1.0,2.0"]).into(), ..Inputs::default() },
+        );
+        let error = other.unwrap().predict(&run, &new).unwrap_err().to_string();
+        assert!(error.contains("model Conjugate, here Doses"), "{error}");
     }
 
     #[test]
     fn a_new_label_has_its_prior_and_a_fitted_one_its_posterior() {
         let fit = fitted(&sites::Sites, table("site,y", &["a,9.0", "b,-1.0"]));
-        let predicted = fit.predict(&table("site,y", &["c,", "b,"])).unwrap();
+        let predicted = fit.predict(&table("site,y", &["c,", "b,"])).unwrap().rows;
         assert!(is_normal(&predicted[0], 5.0, 9.0 + 0.25), "{:?}", predicted[0]);
         let precision = 1.0 / 9.0 + 4.0;
         let mean = (5.0 / 9.0 - 4.0) / precision;
@@ -205,7 +335,7 @@ mod tests {
     #[test]
     fn a_new_label_without_a_prior_is_refused() {
         let fit = fitted(&flat_sites::FlatSites, table("site,y", &["a,9.0", "b,-1.0"]));
-        assert_eq!(fit.predict(&table("site,y", &["b,"])).unwrap().len(), 1);
+        assert_eq!(fit.predict(&table("site,y", &["b,"])).unwrap().rows.len(), 1);
         let error = fit.predict(&table("site,y", &["c,"])).unwrap_err().to_string();
         assert!(error.starts_with("level[c] ~ Flat: no draw can be made"), "{error}");
     }
@@ -214,7 +344,7 @@ mod tests {
     #[test]
     fn an_empty_cell_is_that_of_its_own_table() {
         let fit = fitted(&doses::Doses, table("dose,y", &[",50.0", "2.0,20.0"]));
-        let predicted = fit.predict(&table("dose,y", &[",", "3.0,"])).unwrap();
+        let predicted = fit.predict(&table("dose,y", &[",", "3.0,"])).unwrap().rows;
         assert!(is_normal(&predicted[0], 20.0, 25.0 + 0.01), "{:?}", predicted[0]);
         assert!(is_normal(&predicted[1], 30.0, 0.01), "{:?}", predicted[1]);
     }
@@ -228,7 +358,7 @@ mod tests {
         let inputs = Inputs { mesh, data: table(header, &rows).into(), ..Inputs::default() };
         let problem = Problem::load(&patients::Patients, &inputs).unwrap();
         let fit = problem.fit(&Settings { seed: 3, ..Settings::default() }).unwrap();
-        let predicted = fit.predict(&table(header, &["0,c,", "40,c,", "90,b,"])).unwrap();
+        let predicted = fit.predict(&table(header, &["0,c,", "40,c,", "90,b,"])).unwrap().rows;
         let basis = problem.loaded().basis().unwrap();
         for (p, vertex) in predicted.iter().zip([0, 40]) {
             let modes = basis.at(vertex).iter().zip(&basis.eigenvalues).take(8);

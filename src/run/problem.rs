@@ -5,7 +5,7 @@ use std::f64::consts::PI;
 use std::sync::{Arc, OnceLock};
 use std::time::Instant;
 
-use super::inputs::{DataSource, Inputs, MeshSource, Origin};
+use super::inputs::{DataSource, Inputs, MODEL_ROLE, MeshSource, ModelText, Origin, hash};
 use super::verdict::doubts;
 use super::{Event, RunError, Watch};
 use crate::diagnostics::verdict::Doubt;
@@ -55,7 +55,7 @@ impl Loaded {
     /// table, or does not fit between them.
     pub fn new(model: &dyn Declare, inputs: &Inputs, watch: &Watch<'_>) -> Result<Self, RunError> {
         let outline = Model::outline(model)?;
-        let (hashes, origin) = (inputs.hashed()?, inputs.origin());
+        let (hashes, origin) = (inputs.hashed()?, inputs.origin()?);
         let table = match &inputs.data {
             DataSource::Synthetic(_) => None,
             DataSource::File(path) => Some(Measurements::read(path)?),
@@ -77,6 +77,12 @@ impl Loaded {
             (None, _) => (Measurements::default(), vec![]),
         };
         Ok(Self { domain: Some(Arc::new(domain)), measurements, truth, hashes, origin })
+    }
+
+    /// Takes this text for that of the model: one that was made from it.
+    pub fn is_of(&mut self, model: ModelText) {
+        self.hashes.insert(MODEL_ROLE.into(), hash(model.text.as_bytes()));
+        self.origin.model = Some(model);
     }
 
     /// The surface, if the model is on one.

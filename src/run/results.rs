@@ -11,6 +11,11 @@ use crate::report::{Row, RunRecord, end_of_run, read_summary_json, verdict};
 /// Of this build.
 pub(super) const VERSION: &str = env!("CARGO_PKG_VERSION");
 
+/// The model's text in a run's folder.
+pub(super) const MODEL: &str = "model.rs";
+/// The table that was fitted.
+pub(super) const MEASUREMENTS: &str = "measurements.csv";
+
 /// A finished run as its folder has it.
 #[derive(Clone, Debug)]
 pub struct Results {

@@ -8,7 +8,7 @@ use super::fit::{Drawn, Fit, Method, Options};
 use super::inputs::hash_file;
 use super::mode::climb;
 use super::results::{Results, VERSION};
-use super::{Event, Keep, OutputFolder, Problem, RunError, Watch, keep, warm_start};
+use super::{Event, Keep, OutputFolder, Problem, RunError, Watch, keep, unknowns, warm_start};
 use crate::diagnostics::importance;
 use crate::infer::{
     ChainError, ChainFailure, ChainProgress, InferError, Laplace, LaplaceDraws, LogDensity as _,
@@ -189,7 +189,7 @@ impl<'a, 'm> Job<'a, 'm> {
         let (mut settings, mut hashes) = (settings.clone(), problem.loaded().hashes.clone());
         let starts = match options.warm_start {
             Some(folder) => {
-                hashes.insert("init".into(), hash_file(&folder.join(warm_start::FILE))?);
+                hashes.insert("init".into(), hash_file(&folder.join(unknowns::FILE))?);
                 warm_start::starts(folder, model, &mut settings, &options.watch)?
             }
             None => jittered_starts(model, &model.initial(), settings.chains, settings.seed)?,

@@ -4,37 +4,22 @@
 //! measurements, which therefore may be more, or others.
 
 use std::collections::BTreeMap;
-use std::io;
 use std::path::{Path, PathBuf};
 
-use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
+use super::unknowns::{FILE, Unknowns};
 use super::{Event, RunError, Watch};
-use crate::infer::{Chain, LogDensity as _, Settings, jittered_starts};
+use crate::infer::{LogDensity as _, Settings, jittered_starts};
 use crate::model::Model;
-use crate::store::write_file;
 
-/// The file in an output folder.
-pub(super) const FILE: &str = "warm_start.json";
-/// Draws that are kept, over all chains: scales and correlations are known well enough.
-const KEPT: usize = 200;
+/// Draws that scales and correlations are learnt from, over all chains.
+const LEARNT_FROM: usize = 200;
 
 /// Why a run cannot start from an earlier one.
 #[derive(Debug, Error)]
 #[non_exhaustive]
 pub enum WarmStartError {
-    /// The file is not what an earlier run wrote.
-    #[error(
-        "--init: {}: {reason}\nhelp: the file was edited or comes from another version; start without --init",
-        path.display()
-    )]
-    Malformed {
-        /// The file.
-        path: PathBuf,
-        /// What is wrong with it.
-        reason: String,
-    },
     /// The earlier run is of another model.
     #[error(
         "--init: the run in {} is of the model {theirs}, not of {ours}\nhelp: name a run of this model, or start without --init",
@@ -59,54 +44,21 @@ pub enum WarmStartError {
     },
 }
 
-/// Draws of a run as its sampler saw them, by the names of its unknowns.
-#[derive(Debug, Serialize, Deserialize)]
-pub(super) struct WarmStart {
-    model: String,
-    unknowns: Vec<String>,
-    /// `(chain, draw, unknown)`, evenly thinned, the last of each chain first.
-    draws: Vec<Vec<Vec<f64>>>,
-}
-
-impl WarmStart {
-    pub(super) fn new(model: &Model, chains: &[Chain]) -> Self {
-        let thinned = |chain: &Chain| {
-            let step = (chain.n_draws() * chains.len()).div_ceil(KEPT);
-            (0..chain.n_draws()).rev().step_by(step).map(|i| chain.draw(i).to_vec()).collect()
-        };
-        Self {
-            model: model.name.into(),
-            unknowns: model.unknown_names(),
-            draws: chains.iter().map(thinned).collect(),
+impl Unknowns {
+    /// Fewer draws of each chain, the last first.
+    fn latest(mut self) -> Self {
+        let n: usize = self.chains.iter().map(Vec::len).sum();
+        let step = n.div_ceil(LEARNT_FROM).max(1);
+        for chain in &mut self.chains {
+            *chain = chain.iter().rev().step_by(step).cloned().collect();
         }
-    }
-
-    pub(super) fn write(&self, path: &Path) -> Result<(), RunError> {
-        let written =
-            write_file(path, |file| serde_json::to_writer(file, self).map_err(io::Error::from));
-        written.map_err(RunError::write(path))
-    }
-
-    fn read(path: &Path) -> Result<Self, RunError> {
-        let text = std::fs::read(path).map_err(RunError::read(path))?;
-        let malformed =
-            |reason: String| WarmStartError::Malformed { path: path.to_owned(), reason }.into();
-        let new: Self =
-            serde_json::from_slice(&text).map_err(|error| malformed(error.to_string()))?;
-        let n = new.unknowns.len();
-        match new.draws.iter().flatten().find(|draw| draw.len() != n) {
-            Some(draw) => Err(malformed(format!("a draw of {} numbers, expected {n}", draw.len()))),
-            None if new.draws.iter().any(Vec::is_empty) || new.draws.is_empty() => {
-                Err(malformed("a chain without draws".to_owned()))
-            }
-            None => Ok(new),
-        }
+        self
     }
 
     /// The draws as unknowns of `model`; what is new there is taken from `usual` starts in turn.
     fn matched(&self, model: &Model, usual: &[Vec<f64>]) -> Vec<Vec<Vec<f64>>> {
         let at: BTreeMap<&String, usize> =
-            self.unknowns.iter().enumerate().map(|(i, name)| (name, i)).collect();
+            self.about.unknowns.iter().enumerate().map(|(i, name)| (name, i)).collect();
         let from: Vec<Option<usize>> =
             model.unknown_names().iter().map(|name| at.get(name).copied()).collect();
         let draw = |draw: &Vec<f64>, usual: &Vec<f64>| {
@@ -115,7 +67,7 @@ impl WarmStart {
         let chain = |chain: &Vec<Vec<f64>>| {
             chain.iter().zip(usual.iter().cycle()).map(|(d, u)| draw(d, u)).collect()
         };
-        self.draws.iter().map(chain).collect()
+        self.chains.iter().map(chain).collect()
     }
 
     /// Names that `model` has and the earlier run had not, and the other way round.
@@ -124,7 +76,7 @@ impl WarmStart {
         let without = |a: &[String], b: &[String]| {
             a.iter().filter(|name| !b.contains(name)).cloned().collect()
         };
-        [without(&here, &self.unknowns), without(&self.unknowns, &here)]
+        [without(&here, &self.about.unknowns), without(&self.about.unknowns, &here)]
     }
 }
 
@@ -135,9 +87,9 @@ pub(super) fn starts(
     settings: &mut Settings,
     watch: &Watch<'_>,
 ) -> Result<Vec<Vec<f64>>, RunError> {
-    let earlier = WarmStart::read(&folder.join(FILE))?;
-    if earlier.model != model.name {
-        let (folder, theirs, ours) = (folder.to_owned(), earlier.model, model.name);
+    let earlier = Unknowns::read(&folder.join(FILE))?.latest();
+    if earlier.about.model != model.name {
+        let (folder, theirs, ours) = (folder.to_owned(), earlier.about.model, model.name);
         return Err(WarmStartError::AnotherModel { folder, theirs, ours }.into());
     }
     let usual = jittered_starts(model, &model.initial(), settings.chains, settings.seed)?;

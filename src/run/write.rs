@@ -2,14 +2,15 @@
 
 use std::io::Write as _;
 use std::path::Path;
+use std::sync::Arc;
 use std::time::Instant;
 
 use serde_json::{Map, json};
 
 use super::fit::{Fit, Method};
 use super::maps::{VertexArray, field_draws};
-use super::results::{Results, VERSION};
-use super::warm_start::{self, WarmStart};
+use super::results::{MEASUREMENTS, MODEL, Results, VERSION};
+use super::unknowns::{self, Unknowns};
 use super::{OutputFolder, RunError};
 use crate::model::equations;
 use crate::report::{
@@ -22,8 +23,8 @@ impl Fit<'_> {
     /// Writes all that `eplat run` leaves into a folder.
     ///
     /// ```text
-    /// summary.csv summary.json draws.csv posterior.zarr loo.csv fields.vtp field_draws
-    /// measurements.csv warm_start.json rows.csv report.html run.json
+    /// summary.csv summary.json draws.csv posterior.zarr loo.csv fields.vtp field_draws.npz
+    /// model.rs measurements.csv unknowns.npz rows.csv report.html run.json
     /// ```
     /// Every file appears whole or not at all, the record last.
     ///
@@ -55,16 +56,10 @@ impl Fit<'_> {
             files.push("loo.csv");
         }
         files.extend(self.write_surface(out, &arrays)?);
-        if !self.problem.loaded().truth.is_empty() {
-            let text = self.problem.measurements().to_csv();
-            let path = out.file("measurements.csv");
-            write_file(&path, |file| file.write_all(text.as_bytes()))
-                .map_err(RunError::write(&path))?;
-            files.push("measurements.csv");
-        }
+        files.extend(self.write_inputs(out)?);
         if self.method != Method::Prior {
-            WarmStart::new(self.model(), self.chains()).write(&out.file(warm_start::FILE))?;
-            files.push(warm_start::FILE);
+            Unknowns::new(self.model(), self.chains()).write(&out.file(unknowns::FILE))?;
+            files.push(unknowns::FILE);
         }
         let predictions = self.write_predictions(out)?;
         files.extend((!predictions.rows.is_empty()).then_some("rows.csv"));
@@ -74,6 +69,23 @@ impl Fit<'_> {
         record.write(&out.file("run.json"))?;
         files.extend(["report.html", "run.json"]);
         Ok(Results { folder: out.path().to_owned(), record, rows: posterior.rows.clone(), files })
+    }
+
+    /// The model's text and the table, as they were given; the names of the files.
+    fn write_inputs(&self, out: &OutputFolder) -> Result<Vec<&'static str>, RunError> {
+        let (origin, table) = (&self.problem.loaded().origin, self.problem.measurements());
+        let made = || (!table.is_empty()).then(|| Arc::from(table.to_csv().into_bytes()));
+        let source = origin.model.as_ref().map(|model| Arc::from(model.text.as_bytes()));
+        let contents: [(_, Option<Arc<[u8]>>); 2] =
+            [(MODEL, source), (MEASUREMENTS, origin.table.clone().or_else(made))];
+        let mut files = vec![];
+        for (name, bytes) in contents {
+            let Some(bytes) = bytes else { continue };
+            let path = out.file(name);
+            write_file(&path, |file| file.write_all(&bytes)).map_err(RunError::write(&path))?;
+            files.push(name);
+        }
+        Ok(files)
     }
 
     /// Every measurement with its predictions; none for draws from the prior, which have seen none.

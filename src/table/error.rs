@@ -15,6 +15,30 @@ pub enum DataError {
         /// From the operating system or the CSV reader.
         reason: String,
     },
+    /// No text.
+    #[error("{file}: {what}, not a CSV text\nhelp: {help}")]
+    NotText {
+        /// File name.
+        file: String,
+        /// What it is.
+        what: &'static str,
+        /// What to do.
+        help: &'static str,
+    },
+    /// Two columns of one name.
+    #[error(
+        "{file}: columns {first} and {second} are both called `{column}`\nhelp: rename one, or leave it out"
+    )]
+    Doubled {
+        /// File name.
+        file: String,
+        /// The name.
+        column: String,
+        /// Number of the first, from 1.
+        first: usize,
+        /// Number of the second.
+        second: usize,
+    },
     /// A header at most.
     #[error(
         "{file}: the table is empty\nhelp: one row per measurement is expected below the header line"

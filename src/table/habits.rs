@@ -1,8 +1,45 @@
 //! Habits of spreadsheets: semicolons between cells, decimal commas, empty rows and columns, headers with
 //! capitals and units.
 
+use std::borrow::Cow;
+
 use super::DataError;
 use super::columns::STRUCTURAL;
+
+/// What the bytes are instead of text, and what to do.
+pub(super) fn packed(bytes: &[u8]) -> Option<(&'static str, &'static str)> {
+    let kinds: [(&[u8], _, _); 3] = [
+        (b"\x1F\x8B", "a gzip archive", "unpack it with `gunzip`, and name the file that it makes"),
+        (
+            b"PK\x03\x04",
+            "an Excel workbook or another zip archive",
+            "save the sheet as CSV, or unpack the archive",
+        ),
+        (b"\xD0\xCF\x11\xE0", "an old Excel workbook", "save the sheet as CSV"),
+    ];
+    let kind = kinds.into_iter().find(|(begin, ..)| bytes.starts_with(begin))?;
+    Some((kind.1, kind.2))
+}
+
+/// The text with empty lines for those that begin with `#`, so that lines keep their numbers; and how
+/// many these were.
+pub(super) fn without_comments(text: Cow<'_, str>) -> (Cow<'_, str>, usize) {
+    let is_comment = |line: &&str| line.starts_with('#');
+    let n = text.lines().filter(is_comment).count();
+    if n == 0 {
+        return (text, 0);
+    }
+    let kept = text.split_inclusive('\n').map(|line| if is_comment(&line) { "\n" } else { line });
+    (Cow::Owned(kept.collect()), n)
+}
+
+/// The first two columns of one name.
+pub(super) fn doubled(header: &[String]) -> Option<(usize, usize)> {
+    let second =
+        (0..header.len()).find(|i| !header[*i].is_empty() && header[..*i].contains(&header[*i]))?;
+    let first = header[..second].iter().position(|name| *name == header[second])?;
+    Some((first, second))
+}
 
 /// What separates the cells, told by the header line: a comma, a semicolon or a tab, whichever is there
 /// most often outside quotes.

@@ -147,6 +147,20 @@ mod tests {
     }
 
     #[test]
+    fn what_is_no_plain_table_is_named() {
+        let said = |bytes: &[u8]| of_file(bytes).unwrap_err().to_string();
+        assert!(
+            said(b"\x1F\x8B\x08\0a,b").contains("a gzip archive, not a CSV text\nhelp: unpack")
+        );
+        assert!(said(b"PK\x03\x04xl").contains("an Excel workbook"));
+        let doubled = said(b"a,Value,value\n1,2,3\n");
+        assert!(doubled.contains("columns 2 and 3 are both called `value`"), "{doubled}");
+        let commented = of_file(b"# made by hand\n\na,b\n1,2\n# later\n3,x\n").unwrap();
+        assert_eq!((commented.len(), commented.line(0), commented.line(1)), (2, 4, 6));
+        assert_eq!(commented.notes(), ["2 lines that begin with # are left out"]);
+    }
+
+    #[test]
     fn the_habits_of_spreadsheets_are_read() {
         let t = of_file(b"sep=;\r\nVertex;Lower [ms];Force [g];Ort;;\r\n3;250,5;12,25;Vorhof \xE4;;\r\n;;;;;\r\n4;240;9;\"a;b\";;\r\n").unwrap();
         assert_eq!(t.columns(), ["vertex", "lower", "Force [g]", "Ort"]);

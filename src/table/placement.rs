@@ -18,7 +18,7 @@ impl Placement {
     /// the mesh file's unit, `scale` mm each).
     ///
     /// # Errors
-    /// Neither is there, or a row lies off the surface.
+    /// Neither is there, the two disagree, or a row lies off the surface.
     pub fn on_surface(table: &Table, surface: &Surface, scale: f64) -> Result<Self, DataError> {
         let by_vertex = table.has(VERTEX);
         if !by_vertex && ["x", "y", "z"].iter().all(|name| !table.has(name)) {
@@ -26,7 +26,8 @@ impl Placement {
         }
         let vertex = |row: usize| {
             if by_vertex {
-                by_index(table, row, VERTEX, surface)
+                let vertex = by_index(table, row, VERTEX, surface)?;
+                agrees(table, row, vertex, surface, scale).map(|()| vertex)
             } else {
                 by_position(table, row, surface, scale)
             }
@@ -99,6 +100,30 @@ fn by_index(table: &Table, row: usize, column: &str, surface: &Surface) -> Resul
     })
 }
 
+/// Where a row has both, the vertex lies at its x, y, z.
+fn agrees(
+    table: &Table,
+    row: usize,
+    vertex: u32,
+    surface: &Surface,
+    scale: f64,
+) -> Result<(), DataError> {
+    let cell = |name: &str| table.column(name)?.numbers()?.get(row).copied();
+    let point = [cell("x"), cell("y"), cell("z")].map(|x| x.map_or(f64::NAN, |x| scale * x));
+    let here = surface.mesh.vertices()[vertex as usize];
+    let distance = (0..3).map(|i| (here[i] - point[i]).powi(2)).sum::<f64>().sqrt();
+    if distance.is_nan() || distance <= MAX_DISTANCE {
+        return Ok(());
+    }
+    let index = table.cell(row, VERTEX).unwrap_or_default();
+    let problem = format!(
+        "vertex {index} is {distance:.1} mm from this row's x, y, z; at most {MAX_DISTANCE} mm is expected"
+    );
+    let help =
+        "one of the two is of another mesh, or in another unit (--units); leave the wrong one out";
+    Err(table.cell_error(row, "vertex, x, y, z", problem, help))
+}
+
 fn by_position(table: &Table, row: usize, surface: &Surface, scale: f64) -> Result<u32, DataError> {
     let who = "the placement on the mesh (as there is no column `vertex`)";
     let mut point = [0.0; 3];
@@ -125,5 +150,28 @@ fn no_place(table: &Table) -> DataError {
             DataError::NoColumn { file, column, who, available, guess }
         }
         near_miss => near_miss,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use crate::mesh::Surface;
+    use crate::table::Measurements;
+
+    #[test]
+    fn a_vertex_must_lie_at_its_row_s_position() {
+        let surface = Surface::left_atrium(6.0);
+        let [x, y, z] = surface.mesh.vertices()[7];
+        let place = |shift: f64, x_cell: bool| {
+            let x = if x_cell { (x + shift).to_string() } else { String::new() };
+            let cells = ["7".to_owned(), x, y.to_string(), z.to_string()].to_vec();
+            let header = ["vertex", "x", "y", "z"].map(String::from).to_vec();
+            let mut table = Measurements::from_cells("t.csv", header, vec![cells]).unwrap();
+            table.place_on(&surface, 1.0).map(|()| table.vertex(0)).map_err(|e| e.to_string())
+        };
+        assert_eq!(place(4.0, true), Ok(Some(7)));
+        assert_eq!(place(9.0, false), Ok(Some(7)), "a position is not whole without its x");
+        let error = place(9.0, true).unwrap_err();
+        assert!(error.contains("vertex 7 is 9.0 mm from this row's x, y, z"), "{error}");
     }
 }

@@ -9,12 +9,16 @@ use super::{DataError, Table, decode, habits};
 /// [`habits`].
 ///
 /// # Errors
-/// No such file, ragged rows, no rows, a number that may be read in two ways.
+/// No such file, no text, ragged rows, no rows, two columns of one name, a number that may be read in
+/// two ways.
 pub(super) fn read(path: &Path) -> Result<Table, DataError> {
     let file = path.display().to_string();
     let unreadable = |e: csv::Error| unreadable(&file, &e);
     let bytes = fs::read(path).map_err(|e| unreadable(e.into()))?;
-    let text = decode(&bytes);
+    if let Some((what, help)) = habits::packed(&bytes) {
+        return Err(DataError::NotText { file, what, help });
+    }
+    let (text, n_comments) = habits::without_comments(decode(&bytes));
     // a first line that tells Excel the separator
     let named = text.lines().next().and_then(|line| line.trim().strip_prefix("sep="));
     let (delimiter, skipped) = match named.map(str::as_bytes) {
@@ -41,7 +45,14 @@ pub(super) fn read(path: &Path) -> Result<Table, DataError> {
         cells.push(record.iter().map(String::from).collect::<Vec<String>>());
     }
     habits::drop_empty_columns(&mut header, &mut cells);
+    if let Some((first, second)) = habits::doubled(&header) {
+        let column = header[first].clone();
+        return Err(DataError::Doubled { file, column, first: first + 1, second: second + 1 });
+    }
     let mut notes = vec![];
+    if n_comments > 0 {
+        notes.push(format!("{n_comments} lines that begin with # are left out"));
+    }
     if delimiter != b',' {
         let at = |row: usize, column: usize, problem: String| DataError::Cell {
             file: file.clone(),

@@ -51,11 +51,13 @@ use self::error::{LEAST_NULLS, LEAST_SITES};
 use self::held_out::Joint;
 use self::seen::Seen;
 use self::sizes::spread;
-use super::{Criticism, FINER, SearchSettings, Subject, criticise, site_column};
+use super::{Criticism, FINER, Findings, SearchSettings, Subject, criticise, rewrite, site_column};
 use crate::infer;
 use crate::manifold::{Basis, eigenpairs_cached};
 use crate::model::{AddedEffect, Augmented, Declare, Discrepancy, Model};
-use crate::run::{Ended, Event, Fit, Keep, Loaded, Options, OutputFolder, Problem, Watch};
+use crate::run::{
+    Ended, Event, Fit, Keep, Loaded, ModelText, Options, OutputFolder, Problem, Watch,
+};
 use crate::table::Measurements;
 
 /// How a loop is closed.
@@ -131,7 +133,7 @@ impl<'m> Loop<'m> {
     ) -> Result<Story, LoopError> {
         let criticism = self.search(watch)?;
         let effects = effects::found(self.declared, &criticism, &self.loaded.measurements)?;
-        let declared = self.sample(self.declared, "declared", out, watch)?;
+        let declared = self.sample(self.declared, "declared", None, out, watch)?;
         let mut seen = Seen::new(&self, &criticism, &declared)?;
         let narrow = Narrow::of(&seen.first(&criticism));
         let discrepancy = self.discrepancy(&criticism, narrow.is_some())?;
@@ -141,10 +143,21 @@ impl<'m> Loop<'m> {
         };
         let (plain, augmented) =
             (with(&[]), with(&added).with_outliers(criticism.last.outer.outliers));
-        let before = (!discrepancy.is_empty()).then(|| self.sample(&plain, "before", out, watch));
+        let outliers = criticism.last.outer.outliers;
+        let whys = effects.iter().map(|(effect, _, why)| (effect.clone(), why.clone())).collect();
+        let findings =
+            Findings { discrepancy: discrepancy.clone(), effects: vec![], outliers: None };
+        let before = (!discrepancy.is_empty()).then(|| {
+            let text = self.rewritten(&findings)?;
+            self.sample(&plain, "before", text, out, watch)
+        });
         let before = before.transpose()?;
-        let is_found = !added.is_empty() || criticism.last.outer.outliers.is_some();
-        let after = is_found.then(|| self.sample(&augmented, "after", out, watch)).transpose()?;
+        let is_found = !added.is_empty() || outliers.is_some();
+        let after = is_found.then(|| {
+            let text = self.rewritten(&Findings { effects: whys, outliers, ..findings })?;
+            self.sample(&augmented, "after", text, out, watch)
+        });
+        let after = after.transpose()?;
         seen.predict(&self, before.as_deref(), after.as_deref())?;
         let table = &self.loaded.measurements;
         let effects = effects.into_iter().filter_map(|(effect, cause, why)| {
@@ -211,16 +224,31 @@ impl<'m> Loop<'m> {
         Ok(Some(Cow::Owned(eigenpairs_cached(&domain.surface.mesh, n_modes)?)))
     }
 
-    /// Samples a model, in the folder of the fit if there is one.
+    /// The model's text with what was found, if the model has one.
+    fn rewritten(&self, findings: &Findings) -> Result<Option<ModelText>, LoopError> {
+        let Some(model) = &self.loaded.origin.model else { return Ok(None) };
+        let name = || self.declared.name().to_owned();
+        let text = rewrite(&model.text, findings)
+            .map_err(|mistake| LoopError::ModelText { name: name(), mistake: mistake.message })?;
+        Ok(Some(ModelText { text, path: None }))
+    }
+
+    /// Samples a model, in the folder of the fit if there is one. `text` is its text, if that is not
+    /// the one that was loaded.
     fn sample<'d>(
         &self,
         declared: &'d dyn Declare,
         which: &'static str,
+        text: Option<ModelText>,
         out: Option<&OutputFolder>,
         watch: &LoopWatch<'_>,
     ) -> Result<Box<Fit<'d>>, LoopError> {
         watch.tell(&LoopEvent::Sample { which });
-        let problem = Problem::new(declared, self.loaded.clone())?;
+        let mut loaded = self.loaded.clone();
+        if let Some(text) = text {
+            loaded.is_of(text);
+        }
+        let problem = Problem::new(declared, loaded)?;
         let on_event = |event: &Event<'_>| watch.tell(&LoopEvent::Fit(event));
         let watch = Watch { on_event: &on_event, stop: watch.stop };
         // sites are left out as a whole, not rows

@@ -13,6 +13,8 @@ mod surface;
 
 pub(super) use doubts::doubts;
 pub(super) use leave_out::{LeftOut, exact};
+pub(super) use reading::Reading;
+pub(super) use rows::unweighted;
 
 use super::fit::{Fit, Method};
 use crate::diagnostics::verdict::Questions;

@@ -8,15 +8,15 @@ const ROWS_PER_LABEL: usize = 3;
 
 /// What a measurement says of the number that replicates are kept as: the lower end of a bracket.
 #[derive(Debug)]
-pub(super) struct Reading {
+pub(in crate::run) struct Reading {
     pub(super) low: f64,
     pub(super) high: f64,
     /// Width of the bracket, or the step assumed where it is open; 0 for a number.
-    pub(super) width: f64,
+    pub(in crate::run) width: f64,
 }
 
 impl Reading {
-    pub(super) fn of(cells: &[f64]) -> Self {
+    pub(in crate::run) fn of(cells: &[f64]) -> Self {
         let width = OPEN_STEP;
         match *cells {
             [lower, upper] if lower.is_infinite() => {

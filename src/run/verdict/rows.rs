@@ -9,7 +9,6 @@ use crate::infer::Chain;
 use crate::model::Observe;
 use crate::report::{LEVELS, LeftOutBy, Predicted, PredictedRow, Predictions, Values, Variable};
 use crate::run::Fit;
-use crate::table::SITE;
 
 impl Fit<'_> {
     /// Every measurement beside what is predicted of it, in the order of the model's statements.
@@ -27,17 +26,12 @@ impl Fit<'_> {
         };
         let one = |(i, (observe, own)): (usize, &(&Observe, usize))| {
             let (row, cells) = (observe.rows[*own], observe.observed_row(*own));
-            let site = table.cell(row, SITE).map(str::to_owned);
-            let vertex = || table.vertex(row).map(|v| v.to_string());
             let reading = Reading::of(&cells);
             PredictedRow {
-                line: table.line(row),
-                protocol: observe.name.to_owned(),
-                site: site.or_else(vertex).unwrap_or_default(),
-                unit: observe.unit.clone(),
                 measured: [cells[0], cells[cells.len() - 1]],
                 fitted: replicates.fitted(i, &reading),
                 left_out: replicates.left_out(i, &reading),
+                ..PredictedRow::at(table, row, observe.name, &observe.unit)
             }
         };
         let rows = places.par_iter().enumerate().map(one).collect();
@@ -105,7 +99,7 @@ impl<'f> Replicates<'f> {
 }
 
 /// Draws that are all worth the same.
-fn unweighted(drawn: impl Iterator<Item = f64>, reading: &Reading) -> Predicted {
+pub(in crate::run) fn unweighted(drawn: impl Iterator<Item = f64>, reading: &Reading) -> Predicted {
     let mut sorted: Vec<f64> = drawn.filter(|value| value.is_finite()).collect();
     sorted.sort_unstable_by(f64::total_cmp);
     predicted(&|p| quantile(&sorted, p), reading)

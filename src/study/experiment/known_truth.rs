@@ -7,7 +7,9 @@ use super::ExperimentSettings;
 use crate::experiment::{Design, Experiment, TRUTH_MODES, conduction, experiment};
 use crate::manifold::eigenpairs_cached;
 use crate::model::{Declare, Model};
-use crate::run::{self, Domain, Loaded, MeshSource, Origin, Problem, Watch, hash, hash_mesh};
+use crate::run::{
+    self, Domain, Loaded, MeshSource, ModelText, Origin, Problem, Watch, hash, hash_mesh,
+};
 use crate::study::StudyError;
 
 /// Range of `CV_max` over the surface, m/s.
@@ -59,7 +61,8 @@ impl<'m> KnownTruth<'m> {
         let origin = Origin {
             mesh: settings.mesh.name(),
             data: "a synthetic experiment".into(),
-            command: String::new(),
+            model: Some(ModelText { text: text.to_owned(), path: None }),
+            ..Origin::default()
         };
         let domain_of = Some(Arc::clone(&domain));
         let loaded = Loaded { domain: domain_of, measurements, truth, hashes, origin };

@@ -44,6 +44,23 @@ def test_the_posterior_is_one_that_arviz_knows(synthetic):
     assert len(arviz.summary(posterior)) >= 6
 
 
+def test_new_rows_are_predicted_from_a_finished_run(synthetic, table):
+    new = table.head(3).copy()
+    new.loc[new.index[1], ["lower", "upper"]] = np.nan
+    forecast = synthetic.predict(new)
+    predicted = forecast.table
+    assert list(predicted["protocol"]) == list(new["protocol"])
+    assert list(predicted["measured_lower"].isna()) == [False, True, False]
+    assert np.all(predicted["sd"] > 0) and np.all(predicted["predicted_q5"] < predicted["predicted_q95"])
+    with pytest.raises(eplat.EplatError, match="column"):
+        synthetic.predict(new.drop(columns=["vertex"]))
+    with pytest.raises(TypeError, match="DataFrame"):
+        synthetic.predict(3)
+    pytest.importorskip("arviz")
+    rows = sum(values.shape[2] for values in forecast.draws["predictions"].data_vars.values())
+    assert rows == 3
+
+
 def test_the_mesh_has_the_maps(synthetic):
     pytest.importorskip("pyvista")
     mesh = synthetic.mesh

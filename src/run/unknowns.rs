@@ -1,0 +1,143 @@
+//! `unknowns.npz`: draws as the sampler saw them, from which a later run starts and predictions are made.
+//!
+//! ```text
+//! draws (n, unknown)   chain (n): from 0   about: UTF-8 of {"model": …, "unknowns": [name, …]}
+//! ```
+
+use std::io::{self, Seek, Write};
+use std::path::Path;
+
+use npyz::{Deserialize as NpyNumber, NpyFile};
+use serde::{Deserialize, Serialize};
+
+use crate::experiment::thinned;
+use crate::infer::Chain;
+use crate::model::Model;
+use crate::report::ReportError;
+use crate::store::{NpzReader, NpzWriter, Packing, write_file};
+
+/// The file in an output folder.
+pub(super) const FILE: &str = "unknowns.npz";
+/// Most draws that are kept, over all chains.
+pub(super) const KEPT: usize = 1000;
+
+/// Whose draws they are.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub(super) struct About {
+    /// The model.
+    pub(super) model: String,
+    /// Names of the unknowns.
+    pub(super) unknowns: Vec<String>,
+}
+
+/// Draws of a run by the names of its unknowns.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) struct Unknowns {
+    pub(super) about: About,
+    /// `(chain, draw, unknown)`, evenly thinned.
+    pub(super) chains: Vec<Vec<Vec<f64>>>,
+}
+
+impl Unknowns {
+    pub(super) fn new(model: &Model, chains: &[Chain]) -> Self {
+        let about = About { model: model.name.into(), unknowns: model.unknown_names() };
+        let own = |chain: &Chain| {
+            let most = (KEPT / chains.len()).max(1);
+            let draws = thinned(std::slice::from_ref(chain), most).into_iter();
+            draws.map(<[f64]>::to_vec).collect()
+        };
+        Self { about, chains: chains.iter().map(own).collect() }
+    }
+
+    /// # Errors
+    /// [`ReportError::Write`].
+    pub(super) fn write(&self, path: &Path) -> Result<(), ReportError> {
+        write_file(path, |file| self.write_arrays(file))
+            .map_err(|source| ReportError::Write { path: path.to_owned(), source })
+    }
+
+    fn write_arrays(&self, writer: impl Write + Seek) -> io::Result<()> {
+        let chain = self.chains.iter().enumerate();
+        let chain: Vec<i64> = chain.flat_map(|(i, draws)| vec![i as i64; draws.len()]).collect();
+        let draws: Vec<f64> = self.chains.iter().flatten().flatten().copied().collect();
+        let about = serde_json::to_vec(&self.about)?;
+        let shape = [chain.len() as u64, self.about.unknowns.len() as u64];
+        let mut archive = NpzWriter::new(writer, Packing::Stored);
+        archive.array("draws", &shape, &draws)?;
+        archive.array("chain", &shape[..1], &chain)?;
+        archive.array("about", &[about.len() as u64], &about)?;
+        archive.finish()
+    }
+
+    /// Reads what [`Unknowns::write`] wrote.
+    ///
+    /// # Errors
+    /// [`ReportError::Read`], [`ReportError::Malformed`].
+    pub(super) fn read(path: &Path) -> Result<Self, ReportError> {
+        let unread = |source| ReportError::Read { path: path.to_owned(), source };
+        let malformed = |reason: String| ReportError::Malformed { path: path.to_owned(), reason };
+        let mut archive = NpzReader::open(path).map_err(unread)?;
+        let wrong = |error: io::Error| malformed(error.to_string());
+        let about: Vec<u8> = array(&mut archive, "about").map_err(wrong)?;
+        let about: About = serde_json::from_slice(&about).map_err(|e| malformed(e.to_string()))?;
+        let chain: Vec<i64> = array(&mut archive, "chain").map_err(wrong)?;
+        let draws: Vec<f64> = array(&mut archive, "draws").map_err(wrong)?;
+        let width = about.unknowns.len();
+        if draws.len() != chain.len() * width || draws.is_empty() {
+            let (n, got) = (chain.len(), draws.len());
+            return Err(malformed(format!(
+                "expected {n} draws of {width} numbers, got {got} numbers"
+            )));
+        }
+        let mut chains: Vec<Vec<Vec<f64>>> = vec![];
+        for (of, draw) in chain.into_iter().zip(draws.chunks_exact(width)) {
+            let n = chains.len() as i64;
+            match chains.last_mut() {
+                Some(own) if of == n - 1 => own.push(draw.to_vec()),
+                _ if of == n => chains.push(vec![draw.to_vec()]),
+                _ => return Err(malformed(format!("chain {of} after chain {}", n - 1))),
+            }
+        }
+        Ok(Self { about, chains })
+    }
+}
+
+/// An array of the archive, row after row.
+fn array<T: NpyNumber>(archive: &mut NpzReader, name: &str) -> io::Result<Vec<T>> {
+    let bytes = archive.bytes(name)?;
+    NpyFile::new(bytes.as_slice())?.into_vec()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn two_chains() -> Unknowns {
+        let unknowns = vec!["mean".to_owned(), "ln sd".to_owned()];
+        let chains = vec![vec![vec![1.0, 0.1], vec![2.0, -0.2]], vec![vec![1.0 / 3.0, 7.0]]];
+        Unknowns { about: About { model: "M".into(), unknowns }, chains }
+    }
+
+    #[test]
+    fn draws_read_back_to_the_last_bit() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join(FILE);
+        two_chains().write(&path).unwrap();
+        assert_eq!(Unknowns::read(&path).unwrap(), two_chains());
+    }
+
+    #[test]
+    fn what_does_not_fit_together_is_refused() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join(FILE);
+        let refused = |unknowns: &Unknowns| {
+            unknowns.write(&path).unwrap();
+            Unknowns::read(&path).unwrap_err().to_string()
+        };
+        let none = refused(&Unknowns { chains: vec![], ..two_chains() });
+        assert!(none.contains("expected 0 draws of 2 numbers, got 0 numbers"), "{none}");
+        std::fs::write(&path, "not an archive").unwrap();
+        assert!(Unknowns::read(&path).is_err());
+        assert!(Unknowns::read(&folder.path().join("none.npz")).is_err());
+    }
+}
