@@ -2,6 +2,8 @@
 
 #![allow(clippy::unwrap_used, clippy::expect_used, reason = "tests")]
 
+#[path = "report_html/packed.rs"]
+mod packed;
 #[path = "support/skipped.rs"]
 mod skipped;
 #[path = "report_html/viewer.rs"]

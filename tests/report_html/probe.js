@@ -19,8 +19,9 @@
   /** RGBA of a view as paper would show it, 128 × 128. */
   const picture = async (pane) => {
     window.dispatchEvent(new Event("beforeprint"));
-    const image = all(".printed")[pane];
-    for (let i = 0; i < 100 && !(image.complete && image.naturalWidth); i++) await wait(20);
+    const image = new Image();
+    image.src = all(".printed")[pane].src;
+    for (let i = 0; i < 500 && !(image.complete && image.naturalWidth); i++) await wait(10);
     const canvas = document.createElement("canvas");
     canvas.width = canvas.height = 128;
     const context = canvas.getContext("2d");

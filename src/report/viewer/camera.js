@@ -116,10 +116,10 @@ function newCamera({ vertices, axes }, onTurn) {
     });
   };
 
-  /** Sets the camera up for a picture of this shape: the surface fits whichever side is shorter. */
+  /** Sets the camera up for a picture of this shape: a narrow one shows as much of the width as a wide one. */
   const frame = (width, height) => {
     camera.aspect = width / height;
-    camera.fov = 2 * DEGREES * Math.atan(Math.tan(16 / DEGREES) / Math.min(1, camera.aspect));
+    camera.fov = 2 * DEGREES * Math.atan(Math.tan(16 / DEGREES) * Math.max(1, 1.1 / camera.aspect));
     camera.updateProjectionMatrix();
     camera.updateMatrixWorld();
   };

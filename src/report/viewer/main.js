@@ -45,7 +45,7 @@ const threshold = { isOn: false, value: NaN, of: undefined };
 /** The threshold as it holds for an array: only for the one that is chosen, and one comparable with it. */
 function thresholdOf(array, first) {
   if (!threshold.isOn) return undefined;
-  if (!areComparable(array, first)) return { tell: () => `The threshold is one of ${first.name} alone.` };
+  if (!areComparable(array, first)) return { tell: () => `The threshold is for ${first.name} only.` };
   const tell = ({ values, unit }) =>
     tellShare(shareAbove(surface, areas, values, threshold.value), threshold.value, unit);
   return { value: threshold.value, fades: element("fades").value, tell };
