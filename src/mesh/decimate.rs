@@ -58,6 +58,7 @@ impl Surface {
             point_data: data::pick(&self.point_data, &kept),
             cell_data: data::pick(&self.cell_data, &cells),
             units: self.units,
+            axes: self.axes,
             notes: self.notes.clone(),
             vertex_of: vertex_of.collect(),
             fine: None,

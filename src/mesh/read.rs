@@ -6,7 +6,7 @@ use super::faults::mark;
 use super::mend::{Done, Mended, Refusal, mend};
 use super::pieces::Pieces;
 use super::size::{across, size_notes};
-use super::surface::DROPPED;
+use super::surface::{Axes, DROPPED};
 use super::units::Known;
 use super::{MeshError, Surface, TriMesh, Units, data, format, tri_mesh};
 use std::collections::BTreeMap;
@@ -170,6 +170,7 @@ fn piece(
         cell_data: data::pick(&content.cell_data, &origin),
         source_vertex,
         units: Units::Mm,
+        axes: Axes::Unknown,
         notes: vec![],
         vertex_of,
         fine: None,

@@ -21,6 +21,8 @@ pub struct Surface {
     pub cell_data: Data,
     /// The unit of the file's coordinates.
     pub units: Units,
+    /// Where its coordinates point.
+    pub axes: Axes,
     /// Sentences for the user: what was mended or dropped, the unit, size and area, and a doubt about the
     /// unit.
     pub notes: Vec<String>,
@@ -28,6 +30,16 @@ pub struct Surface {
     pub(super) vertex_of: Vec<u32>,
     /// The surface that this one was decimated from.
     pub(super) fine: Option<Arc<Fine>>,
+}
+
+/// Where the coordinates of a surface point in the body.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Axes {
+    /// x to the patient's left, y to the back, z to the head.
+    Patient,
+    /// Not known: no format of meshes tells it.
+    #[default]
+    Unknown,
 }
 
 /// A surface before it lost vertices, and where these are on what is left.
@@ -83,6 +95,7 @@ impl Surface {
             point_data: scalars.into_iter().map(|(name, values)| (name, values.into())).collect(),
             cell_data: Data::new(),
             units: Units::Mm,
+            axes: Axes::Unknown,
             notes: vec![],
             vertex_of: all,
             fine: None,
@@ -96,7 +109,8 @@ impl Surface {
     pub fn left_atrium(edge: f64) -> Self {
         let atrium = super::left_atrium(edge);
         let region = atrium.region.iter().map(|region| f64::from(*region)).collect();
-        Self::new(atrium.mesh, BTreeMap::from([("region".into(), region)]))
+        let surface = Self::new(atrium.mesh, BTreeMap::from([("region".into(), region)]));
+        Self { axes: Axes::Patient, ..surface }
     }
 
     /// The vertex of `mesh` that is at the place of vertex `source` of the file; `None` if it was dropped.

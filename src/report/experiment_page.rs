@@ -1,6 +1,6 @@
 //! `report.html` of an experiment on known truth: every map beside its truth, in small views and to turn.
 //!
-//! The small views are drawn by `viewer.js` from the data that it shows large.
+//! The small views are drawn by the viewer from the data that it shows large.
 
 use std::io::Write as _;
 use std::path::Path;
@@ -60,7 +60,7 @@ pub fn write_experiment_page(path: &Path, page: &ExperimentPage<'_>) -> Result<(
         ("figures", page.figures.iter().map(figure).collect()),
         ("table", escape(page.table)),
         ("settings", page.settings.iter().map(term).collect()),
-        ("scripts", scripts(&page.surface)?),
+        ("scripts", scripts(path, &page.surface)?),
     ];
     let html = fill(PAGE, &slots);
     write_file(path, |file| file.write_all(html.as_bytes())).map_err(ReportError::write(path))

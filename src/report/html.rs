@@ -1,16 +1,15 @@
 //! `report.html`: one run as one file that needs no network.
 //!
-//! The page is `page.html` with its slots filled; the fields are drawn by `viewer.js` on the three.js bundle of
-//! `assets/three`, or without WebGL on a plain canvas.
+//! The page is `page.html` with its slots filled; the fields are drawn by the scripts in `viewer` with the three.js
+//! bundle of `assets/three`, or without WebGL on a plain canvas.
 
-use base64::{Engine as _, engine::general_purpose::STANDARD as BASE64};
-use serde_json::{Value, json};
 use std::fmt::Write as _;
 use std::io::Write as _;
 use std::path::Path;
 
 use super::end_of_run::leave_one_out_figures;
 use super::files::{linked, list};
+use super::packed::packed;
 use super::predicted::section;
 use super::svg::{k_plot, rank_plot, trace_plot};
 use super::table::{HEAVY_TAIL, Line, TITLES, lines};
@@ -20,13 +19,25 @@ use super::{
     SettingsRecord, Values, verdict,
 };
 use crate::diagnostics::verdict::{Answer, Colour, Verdict};
-use crate::mesh::TriMesh;
+use crate::mesh::{Axes, TriMesh};
 use crate::store::write_file;
 
 const PAGE: &str = include_str!("page.html");
 pub(super) const STYLE: &str = include_str!("page.css");
-pub(super) const VIEWER: &str = include_str!("viewer.html");
-const SCRIPT: &str = include_str!("viewer.js");
+pub(super) const VIEWER: &str = include_str!("viewer/viewer.html");
+/// One function around all files, so that none of their names reaches the page.
+const SCRIPT: &str = concat!(
+    "\"use strict\";\n(async () => {\n",
+    include_str!("viewer/decode.js"),
+    include_str!("viewer/colours.js"),
+    include_str!("viewer/threshold.js"),
+    include_str!("viewer/camera.js"),
+    include_str!("viewer/webgl.js"),
+    include_str!("viewer/raster.js"),
+    include_str!("viewer/pane.js"),
+    include_str!("viewer/main.js"),
+    "})().catch((error) => { document.getElementById(\"trouble\").textContent = `The maps cannot be shown: ${error.message}`; });\n"
+);
 const THREE: &str = include_str!("../../assets/three/three.bundle.min.js");
 /// More scalars than this are too many to look at; the page says how many are left out.
 const MOST_TRACES: usize = 16;
@@ -63,6 +74,8 @@ pub struct Surface<'a> {
     pub point_data: &'a [PointData<'a>],
     /// Measurement sites, mm.
     pub sites: &'a [[f64; 3]],
+    /// Where its coordinates point: the standard views are named by it.
+    pub axes: Axes,
 }
 
 /// One array over the vertices.
@@ -82,7 +95,7 @@ pub struct PointData<'a> {
 /// [`ReportError::PointData`] if an array has not one value per vertex; [`ReportError::Write`].
 pub fn write_html(path: &Path, page: &Page<'_>) -> Result<(), ReportError> {
     let (scripts, surface_class) = match &page.surface {
-        Some(surface) => (scripts(surface)?, ""),
+        Some(surface) => (scripts(path, surface)?, ""),
         None => (String::new(), "absent"),
     };
     let verdict = verdict(page.record, page.rows);
@@ -319,39 +332,14 @@ fn sampler(settings: &SettingsRecord) -> String {
     }
 }
 
-/// The data of the viewer, three.js and the viewer, as script elements.
-pub(super) fn scripts(surface: &Surface<'_>) -> Result<String, ReportError> {
+/// The data of the viewer, three.js and the viewer, as script elements of the page at `path`.
+pub(super) fn scripts(path: &Path, surface: &Surface<'_>) -> Result<String, ReportError> {
     // `<` cannot end the element early when it is written as an escape, which JSON allows in any text.
-    let data = viewer_data(surface)?.to_string().replace('<', "\\u003c");
+    let data = packed(path, surface)?.to_string().replace('<', "\\u003c");
     Ok(format!(
         "<script type=\"application/json\" id=\"data\">{data}</script>\n\
          <script>{THREE}</script>\n<script>{SCRIPT}</script>"
     ))
-}
-
-/// Coordinates and values as little-endian float32, triangles as uint32, in base64.
-fn viewer_data(surface: &Surface<'_>) -> Result<Value, ReportError> {
-    let n_vertices = surface.mesh.n_vertices();
-    let floats = |values: &mut dyn Iterator<Item = f64>| {
-        BASE64.encode(values.flat_map(|v| (v as f32).to_le_bytes()).collect::<Vec<u8>>())
-    };
-    let mut arrays = Vec::new();
-    for PointData { name, unit, values } in surface.point_data {
-        if values.len() != n_vertices {
-            let (expected, got) = (n_vertices, values.len());
-            return Err(ReportError::PointData { name: (*name).to_owned(), expected, got });
-        }
-        let values = floats(&mut values.iter().copied());
-        arrays.push(json!({ "name": name, "unit": shown(unit), "values": values }));
-    }
-    let triangles = surface.mesh.triangles().as_flattened().iter();
-    let triangles: Vec<u8> = triangles.flat_map(|index| index.to_le_bytes()).collect();
-    Ok(json!({
-        "vertices": floats(&mut surface.mesh.vertices().as_flattened().iter().copied()),
-        "triangles": BASE64.encode(triangles),
-        "arrays": arrays,
-        "sites": surface.sites,
-    }))
 }
 
 #[cfg(test)]

@@ -20,6 +20,7 @@ mod html;
 mod loo;
 mod loop_errors;
 mod loop_page;
+mod packed;
 mod posterior;
 mod predicted;
 mod rows;

@@ -174,6 +174,7 @@ impl Fit<'_> {
                 mesh: &s.mesh,
                 point_data: &data,
                 sites: &sites,
+                axes: s.axes,
             }),
         };
         Ok(write_html(&out.file("report.html"), &page)?)

@@ -176,7 +176,12 @@ impl Findings<'_> {
             figures: &self.figures(),
             table: &self.text(),
             settings: &settings,
-            surface: Surface { mesh: &surface.mesh, point_data: &data, sites: &sites },
+            surface: Surface {
+                mesh: &surface.mesh,
+                point_data: &data,
+                sites: &sites,
+                axes: surface.axes,
+            },
         };
         Ok(write_experiment_page(&out.file("report.html"), &page)?)
     }
