@@ -20,6 +20,7 @@ mod interrupt;
 mod mesh;
 mod models;
 mod options;
+mod plot;
 mod progress;
 mod reading;
 mod report;
@@ -70,6 +71,8 @@ enum Command {
     Compare(compare::Command),
     /// Print again what the end of a run said; the exit code is that of the run
     Report(report::Command),
+    /// Draw what a command left as pictures for print, SVG and PNG
+    Plot(plot::Command),
     /// Look at, convert, repair or make a surface mesh
     #[command(subcommand)]
     Mesh(mesh::Command),
@@ -91,6 +94,7 @@ impl Command {
         match self {
             Self::Run(command) => command.voice,
             Self::Loop(command) => command.voice,
+            Self::Plot(command) => command.voice,
             Self::Simulate(Voiced { voice, .. })
             | Self::Study(Voiced { voice, .. })
             | Self::Surrogate(Voiced { voice, .. }) => *voice,
@@ -116,6 +120,7 @@ pub fn main(models: &[Compiled]) -> ExitCode {
         Command::Completions(command) => done(command.run()),
         Command::Doctor(command) => command.run(),
         Command::Report(command) => command.run(),
+        Command::Plot(command) => done(command.run()),
         Command::Mesh(command) => done(command.run()),
         Command::Simulate(voiced) => voiced.command.run(),
         Command::Design(command) => command.run(models),

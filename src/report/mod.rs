@@ -20,6 +20,7 @@ mod html;
 mod loo;
 mod loop_errors;
 mod loop_page;
+pub mod plot;
 mod posterior;
 mod predicted;
 mod rows;
@@ -51,8 +52,10 @@ pub use loop_page::{
     Against, LoopPage, Residuals, SiteResidual, TriedEffect, TriedRound, loop_page,
 };
 pub use posterior::Posterior;
-pub use rows::{LEVELS, LeftOutBy, Predicted, PredictedRow, Predictions, write_rows};
-pub use run_record::{Provenance, RunRecord, Seconds, SettingsRecord};
+pub use rows::{
+    LEVELS, LeftOutBy, Predicted, PredictedRow, Predictions, read_rows, write_rows,
+};
+pub use run_record::{EMBEDDED_ATRIUM, Provenance, RunRecord, Seconds, SettingsRecord};
 pub use summary::{Row, read_summary_json, write_summary_csv, write_summary_json};
 pub use table::{WIDTH, console_table};
 pub(crate) use text::{after_number, shown};
