@@ -30,16 +30,11 @@ pub type Panel<'a> = (&'a str, &'a dyn Fn(f64, f64) -> Option<f64>);
 
 /// Filled contours of each panel, 10 ms apart, `tau_out` to the right and `apd_max` upwards; white where void.
 pub fn contours(panels: &[Panel<'_>]) -> String {
-    open(panels.len(), 1) + &contour_panels(panels).1 + "</svg>\n"
-}
-
-/// Size and elements of [`contours`]; of font size 12.
-pub(super) fn contour_panels(panels: &[Panel<'_>]) -> ([f64; 2], String) {
     let (x_range, y_range) = (input_range(ERP_INPUTS[1]), input_range(ERP_INPUTS[2]));
     let at = |(lower, upper): (f64, f64), i: usize| {
         lower + (upper - lower) * (i as f64 + 0.5) / CELLS as f64
     };
-    let mut svg = String::new();
+    let mut svg = open(panels.len(), 1);
     for (place, (title, f)) in panels.iter().enumerate() {
         let value =
             |i: usize, j: usize| f(at(x_range, i), at(y_range, j)).map(|v| (v / STEP).floor());
@@ -50,7 +45,7 @@ pub(super) fn contour_panels(panels: &[Panel<'_>]) -> ([f64; 2], String) {
         svg += &filled(&grid);
         svg += "</g>";
     }
-    ([panels.len() as f64 * PITCH[0], PITCH[1]], svg)
+    svg + "</svg>\n"
 }
 
 /// Runs of cells in the same band, and the band's lower end in its middle cell.

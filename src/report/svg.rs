@@ -37,7 +37,7 @@ pub(super) fn trace_plot(chains: &[&[f64]]) -> String {
         let _ = write!(svg, r#"<text class="tick" x="-6" y="{}">log</text>"#, HEIGHT / 2.0);
     }
     for (chain, draws) in chains.iter().enumerate() {
-        let points = envelope(draws).into_iter().map(|(at, v)| (TRACE_WIDTH * at, y(v)));
+        let points = envelope(draws, TRACE_BINS).into_iter().map(|(at, v)| (TRACE_WIDTH * at, y(v)));
         svg += &line(points, COLOURS[chain % COLOURS.len()]);
     }
     svg + "</svg>"
@@ -250,9 +250,9 @@ fn line(points: impl Iterator<Item = (f64, f64)>, colour: &str) -> String {
     format!(r#"<path class="chain" stroke="{colour}" d="{path}"/>"#)
 }
 
-/// Smallest and largest finite draw of each bin, at the bin's middle as a share of the chain.
-pub(super) fn envelope(draws: &[f64]) -> Vec<(f64, f64)> {
-    let bins = TRACE_BINS.min(draws.len());
+/// Smallest and largest finite draw of each of at most so many bins, at the bin's middle as a share of the chain.
+pub(super) fn envelope(draws: &[f64], most: usize) -> Vec<(f64, f64)> {
+    let bins = most.min(draws.len());
     let bounds = |bin: usize| bin * draws.len() / bins..(bin + 1) * draws.len() / bins;
     let mut points = Vec::new();
     for bin in 0..bins {
@@ -274,7 +274,7 @@ mod tests {
     fn a_spike_of_one_draw_stays_visible() {
         let mut draws = vec![0.0; 5000];
         draws[1234] = 7.0;
-        let points = envelope(&draws);
+        let points = envelope(&draws, TRACE_BINS);
         assert_eq!(points.len(), 2 * TRACE_BINS);
         assert!(points.iter().any(|&(at, v)| v > 6.9 && (at - 0.2468).abs() < 1.0 / 160.0));
     }

@@ -251,6 +251,7 @@ impl Finding {
             .take(n)
             .map(|(dots, when)| Block {
                 title: format!("{} {when}", in_unit("measured − predicted from the other sites", unit)),
+                unit: shown(unit).into(),
                 values: None,
                 palette: Palette::Difference,
                 range,

@@ -5,6 +5,7 @@ use std::path::{Path, PathBuf};
 
 use super::super::rows::read_rows;
 use super::super::summary::read_summary_json;
+use super::super::text::shown;
 use super::super::zarr::read_integers;
 use super::super::{EMBEDDED_ATRIUM, PredictedRow, ReportError, Row, RunRecord};
 use super::palette::Palette;
@@ -85,7 +86,9 @@ impl Finished {
         let [mean, sd] = ["mean", "sd"].map(|what| maps.array(name, what));
         let (named, unit) = (format!("field_{name}"), self.unit(name));
         let sides = surface::sides(&maps.ground);
-        let block = |what: &str, values, palette| Block::new(format!("{name}: {what}{unit}"), values, palette);
+        let block = |what: &str, values, palette| {
+            Block::new(format!("{name}: {what}{}", in_brackets(unit)), unit, values, palette)
+        };
         let mean = block("posterior mean", mean, Palette::Values);
         if uncertainty == Uncertainty::Beside {
             let sd = block("posterior standard deviation", sd, Palette::Spread);
@@ -110,14 +113,15 @@ impl Finished {
             let difference: Vec<f64> = mean.iter().zip(truth).map(|(mean, truth)| mean - truth).collect();
             let unit = self.unit(name);
             let block = |what: &str, values, palette| {
-                let title = format!("{name}: {what}{unit}");
-                Block { range: range(palette, &[truth, mean]), ..Block::new(title, values, palette) }
+                let title = format!("{name}: {what}{}", in_brackets(unit));
+                let range = range(palette, &[truth, mean]);
+                Block { range, ..Block::new(title, unit, values, palette) }
             };
-            let off = format!("{name}: mean − truth{unit}");
+            let off = format!("{name}: mean − truth{}", in_brackets(unit));
             let blocks = [
                 block("truth", truth, Palette::Values),
                 block("posterior mean", mean, Palette::Values),
-                Block::new(off, &difference, Palette::Difference),
+                Block::new(off, unit, &difference, Palette::Difference),
             ];
             let shows = format!("{name}: truth, posterior mean and their difference");
             surface::picture(format!("truth_{name}"), shows, &maps.ground, &blocks)
@@ -138,7 +142,7 @@ impl Finished {
             let most = values.iter().copied().filter(|x| x.is_finite()).fold(0.0, f64::max);
             // a probability is told on the whole scale, a share that is small throughout on its own
             let most = if name.starts_with("P_") || most <= 0.0 { 1.0 } else { most };
-            let block = Block { range: [0.0, most], ..Block::new(what.clone(), values, Palette::Spread) };
+            let block = Block { range: [0.0, most], ..Block::new(what.clone(), "", values, Palette::Spread) };
             surface::picture(format!("share_{name}"), what, &maps.ground, &[block])
         };
         Ok(maps.arrays.keys().filter(is_share).map(picture).collect())
@@ -185,13 +189,15 @@ impl Finished {
         Ok(scalars)
     }
 
-    /// ` (ms)`, or nothing.
-    fn unit(&self, name: &str) -> String {
-        match self.record.units.get(name).map(|unit| super::super::text::shown(unit)) {
-            None | Some("") => String::new(),
-            Some(unit) => format!(" ({unit})"),
-        }
+    /// Empty for a number without one.
+    fn unit(&self, name: &str) -> &str {
+        self.record.units.get(name).map_or("", |unit| shown(unit))
     }
+}
+
+/// ` (ms)`, or nothing.
+fn in_brackets(unit: &str) -> String {
+    if unit.is_empty() { String::new() } else { format!(" ({unit})") }
 }
 
 impl Maps {

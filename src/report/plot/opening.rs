@@ -120,8 +120,8 @@ fn label<'n>(
         }
     }
     let x = x.clamp(half + 1.0, size[0] - half - 1.0);
-    // the baseline is below the middle of the letters
-    let y = (y + 0.36 * FONT).clamp(FONT, size[1] - 3.0);
+    // the baseline is below the middle of the letters; the view's name is above all labels
+    let y = (y + 0.36 * FONT).clamp(2.0 * FONT + 1.0, size[1] - 3.0);
     let is_free = others
         .iter()
         .all(|other| (x - other.x).abs() > half + other.half + 3.0 || (y - other.y).abs() > FONT);

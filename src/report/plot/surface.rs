@@ -13,14 +13,16 @@ use crate::mesh::TriMesh;
 
 const COLUMNS: usize = 3;
 /// A view's cell: width, and most height.
-const CELL: [f64; 2] = [200.0, 186.0];
+const CELL: [f64; 2] = [206.0, 186.0];
+/// Room in a cell for labels at its sides, and for the view's name at its top.
+const MARGIN: [f64; 2] = [26.0, 14.0];
 const LEFT: f64 = 6.0;
 /// Above the views of a block: its title.
 const TITLE: f64 = 22.0;
 /// Below all blocks: what the marks are.
 const LEGEND: f64 = 24.0;
 /// The colour bar.
-const BAR: [f64; 3] = [622.0, 14.0, 170.0];
+const BAR: [f64; 3] = [640.0, 14.0, 170.0];
 /// Of a site, and of more than so many sites together as much area as these would have.
 const RADIUS: f64 = 2.6;
 const FULL_SIZE: f64 = 60.0;
@@ -43,6 +45,8 @@ pub(super) struct Ground {
 #[derive(Debug)]
 pub(super) struct Block<'a> {
     pub(super) title: String,
+    /// Of the bar's numbers; empty for shares.
+    pub(super) unit: String,
     /// One value per vertex; NaN where there is none. `None` for a grey surface.
     pub(super) values: Option<&'a [f64]>,
     pub(super) palette: Palette,
@@ -74,9 +78,14 @@ pub(super) fn range(palette: Palette, arrays: &[&[f64]]) -> [f64; 2] {
 
 impl<'a> Block<'a> {
     /// An array over its whole range, with the sites.
-    pub(super) fn new(title: String, values: &'a [f64], palette: Palette) -> Self {
+    pub(super) fn new(
+        title: String,
+        unit: &str,
+        values: &'a [f64],
+        palette: Palette,
+    ) -> Self {
         let range = range(palette, &[values]);
-        Self { title, values: Some(values), palette, range, fades: None, dots: &[] }
+        Self { title, unit: unit.into(), values: Some(values), palette, range, fades: None, dots: &[] }
     }
 
     fn share(&self, value: f64) -> f64 {
@@ -114,7 +123,7 @@ pub(super) fn picture(
     let mut picture = Picture::new(name, shows, height);
     let shape = Shape::new(&ground.mesh);
     let openings = openings(&ground.mesh, ground.is_atrium);
-    let frames = Frame::all(&views, &ground.mesh, cell, 9.0);
+    let frames = Frame::all(&views, &ground.mesh, cell, MARGIN);
     let scale = frames.first().map_or(1.0, |frame| frame.scale);
     for (number, frame) in frames.into_iter().enumerate() {
         let seen = Seen::new(&shape, frame);
@@ -178,7 +187,8 @@ fn colour_bar(picture: &mut Picture, block: &Block<'_>, middle: f64) {
     let mut svg = group(x, top);
     let _ = write!(
         svg,
-        r##"<rect width="{width}" height="{height}" fill="none" stroke="#444" stroke-width=".7"/>"##
+        r##"<rect width="{width}" height="{height}" fill="none" stroke="#444" stroke-width=".7"/><text x="0" y="-7">{}</text>"##,
+        escape(&block.unit)
     );
     for (share, label) in Scale::within(block.range[0], block.range[1], 7.0) {
         let y = height * (1.0 - share);
@@ -246,4 +256,4 @@ pub(super) fn sides(ground: &Ground) -> &'static str {
 }
 
 /// Right of the views there is room for the bar and its ticks.
-const _: () = assert!(LEFT + COLUMNS as f64 * CELL[0] < BAR[0] && BAR[0] + 70.0 < WIDTH);
+const _: () = assert!(LEFT + COLUMNS as f64 * CELL[0] < BAR[0] && BAR[0] + 3.0 * BAR[1] < WIDTH - 26.0);

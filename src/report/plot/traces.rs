@@ -6,7 +6,7 @@ use std::fmt::Write as _;
 use super::super::Row;
 use super::super::axes::{Axes, Axis, COLOURS, Scale, group, line};
 use super::super::svg::{RANK_BINS, envelope, rank_counts};
-use super::super::text::{escape, shown, tick};
+use super::super::text::{escape, shown};
 use super::picture::{Picture, WIDTH};
 
 /// Parameters in a picture.
@@ -15,12 +15,14 @@ const PER_PICTURE: usize = 10;
 const HEIGHT: f64 = 50.0;
 const PITCH: f64 = 76.0;
 const ABOVE: f64 = 22.0;
-const BELOW: f64 = 24.0;
+const BELOW: f64 = 38.0;
 /// Left of the traces; their width; left of the ranks; their width.
 const LEFT: f64 = 66.0;
 const TRACE: f64 = 430.0;
 const RANKS: f64 = 538.0;
 const RANK: f64 = 160.0;
+/// A trace is drawn as the range of its values in this many bins, each narrower than its line.
+const BINS: usize = 800;
 
 /// A parameter's draws by chain.
 #[derive(Clone, Debug)]
@@ -67,19 +69,19 @@ fn trace(scalar: &Scalar, row: Option<&Row>, is_last: bool) -> String {
         let decades = (low.log10().floor() as i32)..=(high.log10().ceil() as i32);
         let decades = decades.map(|power| (scale.share(f64::from(power)), 10f64.powi(power)));
         let inside = decades.filter(|(share, _)| (-1e-9..=1.0 + 1e-9).contains(share));
-        ticks = inside.map(|(share, value)| (share, tick(value))).collect();
+        ticks = inside.map(|(share, value)| (share, power_of_ten(value))).collect();
     }
     let n_draws = scalar.chains.iter().map(Vec::len).max().unwrap_or(0);
     let x = if is_last { draws_axis(n_draws) } else { vec![] };
     let axes = Axes {
         size: [TRACE, HEIGHT],
         title: "",
-        x: Axis { label: "", ticks: x, has_lines: false },
+        x: Axis { label: if is_last { "draw" } else { "" }, ticks: x, has_lines: false },
         y: Axis { label: "", ticks, has_lines: true },
     };
     let mut svg = axes.svg();
     for (k, chain) in scalar.chains.iter().enumerate() {
-        let places = envelope(chain).into_iter();
+        let places = envelope(chain, BINS).into_iter();
         let places = places.map(|(at, v)| [TRACE * at, HEIGHT * (1.0 - scale.share(on_scale(v)))]);
         let colour = COLOURS[k % COLOURS.len()];
         let style = format!(r#"fill="none" stroke="{colour}" stroke-width=".6" opacity=".8""#);
@@ -99,6 +101,11 @@ fn trace(scalar: &Scalar, row: Option<&Row>, is_last: bool) -> String {
     svg
 }
 
+/// `0.01`, `100`; with an exponent where that is shorter.
+fn power_of_ten(value: f64) -> String {
+    if (1e-3..1e5).contains(&value) { value.to_string() } else { format!("{value:e}").replace('-', "−") }
+}
+
 fn draws_axis(n_draws: usize) -> Vec<(f64, String)> {
     Scale::within(0.0, n_draws as f64, 5.0)
 }
@@ -112,14 +119,16 @@ fn ranks(scalar: &Scalar, is_last: bool) -> String {
     let most = counts.iter().flatten().copied().max().unwrap_or(0) as f64;
     let top = most.max(2.0 * level);
     let y = |count: f64| HEIGHT * (1.0 - count / top);
-    let ticks = if is_last { vec![(0.0, "0".into()), (0.5, "rank".into()), (1.0, "1".into())] } else { vec![] };
+    let ticks = if is_last { Scale::between(0.0, 1.0).labelled() } else { vec![] };
+    let label = if is_last { "rank among all draws" } else { "" };
     let axes = Axes {
         size: [RANK, HEIGHT],
         title: "",
-        x: Axis { label: "", ticks, has_lines: false },
+        x: Axis { label, ticks, has_lines: false },
         y: Axis::default(),
     };
     let mut svg = axes.svg();
+    svg += r##"<text x="0" y="-6" fill="#555">ranks by chain</text>"##;
     let _ = write!(
         svg,
         r##"<path d="M0 {:.1}H{RANK}" stroke="#888" stroke-dasharray="3 3" fill="none"/>"##,

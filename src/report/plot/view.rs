@@ -57,13 +57,19 @@ pub(super) struct Frame {
 }
 
 impl Frame {
-    /// For every view, on the largest scale on which each fits its cell with a margin around it, units.
-    pub(super) fn all(views: &[View], mesh: &TriMesh, size: [f64; 2], margin: f64) -> Vec<Self> {
+    /// For every view, on the largest scale on which each fits its cell with these margins at the sides and at top and
+    /// bottom, units.
+    pub(super) fn all(
+        views: &[View],
+        mesh: &TriMesh,
+        size: [f64; 2],
+        margin: [f64; 2],
+    ) -> Vec<Self> {
         let [low, high] = mesh.bounding_box().map(Vector3::from);
         let (centre, extent) = (0.5 * (low + high), high - low);
         let fits = |view: &View| {
             let along = |axis: &Vector3<f64>| extent.dot(&axis.abs()).max(f64::MIN_POSITIVE);
-            let [wide, high] = size.map(|size| size - 2.0 * margin);
+            let [wide, high] = [0, 1].map(|k| size[k] - 2.0 * margin[k]);
             (wide / along(&view.right)).min(high / along(&view.up))
         };
         let scale = views.iter().map(fits).fold(f64::INFINITY, f64::min);
@@ -125,14 +131,14 @@ mod tests {
     #[test]
     fn every_view_fits_its_cell_on_one_scale() {
         let mesh = left_atrium(3.0).mesh;
-        let frames = Frame::all(&views(&mesh, true), &mesh, [200.0, 100.0], 4.0);
+        let frames = Frame::all(&views(&mesh, true), &mesh, [200.0, 100.0], [4.0, 6.0]);
         let mut most = 0.0_f64;
         for frame in &frames {
             assert!((frame.scale - frames[0].scale).abs() < 1e-15);
             for vertex in mesh.vertices() {
                 let [x, y, _] = frame.project(*vertex);
-                assert!(x > 3.99 && x < 196.01 && y > 3.99 && y < 96.01);
-                most = most.max((x - 100.0).abs() / 96.0).max((y - 50.0).abs() / 46.0);
+                assert!(x > 3.99 && x < 196.01 && y > 5.99 && y < 94.01);
+                most = most.max((x - 100.0).abs() / 96.0).max((y - 50.0).abs() / 44.0);
             }
         }
         assert!(most > 0.999, "{most}");
