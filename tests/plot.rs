@@ -53,7 +53,9 @@ fn every_picture_of_a_run_is_whole() {
     let line = "run/figures/field_apd_max.png  apd_max, posterior mean and standard deviation, from six sides\n";
     assert!(stdout.contains(line), "{stdout}");
     let svg = place.read("run/figures/field_apd_max.svg");
-    for label in ["anterior", "inferior", "mitral valve", "LSPV", "20 mm", "measurement sites", ">ms<"] {
+    for label in
+        ["anterior", "inferior", "mitral valve", "LSPV", "20 mm", "measurement sites", ">ms<"]
+    {
         assert!(svg.contains(label), "{label}");
     }
 
@@ -164,7 +166,11 @@ fn surrogates_are_drawn_from_the_table_of_strips() {
     let (_, names) = place.plot("erp");
     assert_eq!(names, ["surrogate_cubic", "error_cubic", "surrogate_gp", "error_gp"]);
     // as `eplat surrogate fit` reports it
-    assert!(place.read("erp/figures/error_cubic.svg").contains("ERP_S2: surrogate − simulator, RMS 0.46 ms"));
+    assert!(
+        place
+            .read("erp/figures/error_cubic.svg")
+            .contains("ERP_S2: surrogate − simulator, RMS 0.46 ms")
+    );
     let stderr = place.refused("erp --only fields", 2);
     assert!(stderr.contains("there are cubic, gp"), "{stderr}");
 }
@@ -175,7 +181,10 @@ fn a_folder_of_nothing_is_refused() {
     place.file("empty/notes.csv", "a,b\n1,2\n");
     for folder in ["empty", "absent"] {
         let stderr = place.refused(folder, 1);
-        assert!(stderr.contains(&format!("{folder}: nothing to draw; expected run.json")), "{stderr}");
+        assert!(
+            stderr.contains(&format!("{folder}: nothing to draw; expected run.json")),
+            "{stderr}"
+        );
         assert!(!place.path(&format!("{folder}/figures")).exists());
     }
 }

@@ -91,7 +91,8 @@ impl Left {
 /// The first CSV file by name that is a table of strips.
 fn strips(folder: &Path) -> Option<PathBuf> {
     let entries = fs::read_dir(folder).ok()?.filter_map(|entry| Some(entry.ok()?.path()));
-    let mut tables: Vec<PathBuf> = entries.filter(|path| path.extension().is_some_and(|e| e == "csv")).collect();
+    let mut tables: Vec<PathBuf> =
+        entries.filter(|path| path.extension().is_some_and(|e| e == "csv")).collect();
     tables.sort();
     tables.into_iter().find(|path| read_rows::<ErpRow>(path).is_ok())
 }
@@ -113,7 +114,10 @@ impl Command {
             let is_wanted = self.only.is_empty() || self.only.iter().any(|only| only == kind);
             for picture in if is_wanted { self.pictures(&left, kind)? } else { vec![] } {
                 fs::create_dir_all(&out).map_err(|error| {
-                    Failure::new(format_args!("cannot make {}: {error}\nhelp: choose another --out", out.display()))
+                    Failure::new(format_args!(
+                        "cannot make {}: {error}\nhelp: choose another --out",
+                        out.display()
+                    ))
                 })?;
                 written.push(self.write(kind, &picture, &out)?);
             }
@@ -133,7 +137,12 @@ impl Command {
     }
 
     /// Writes a picture and says so: on stdout, one line for each of its files.
-    fn write(&self, kind: &str, picture: &Picture, out: &Path) -> Result<serde_json::Value, Failure> {
+    fn write(
+        &self,
+        kind: &str,
+        picture: &Picture,
+        out: &Path,
+    ) -> Result<serde_json::Value, Failure> {
         let files = picture.write(out)?;
         if self.voice.json {
             let text = format!("{}, {}", files[0].display(), files[1].display());

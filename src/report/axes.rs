@@ -208,7 +208,10 @@ mod tests {
         assert_eq!(labels(small), ["0", "0.2", "0.4", "0.6", "0.8", "1"]);
         assert_eq!(labels(Scale::around([-0.3, 0.3].into_iter()))[2..4], ["−0.1", "0"]);
         let inside = Scale::within(187.0, 233.4, 7.0);
-        assert_eq!(inside.iter().map(|tick| &tick.1[..]).collect::<Vec<_>>(), ["190", "200", "210", "220", "230"]);
+        assert_eq!(
+            inside.iter().map(|tick| &tick.1[..]).collect::<Vec<_>>(),
+            ["190", "200", "210", "220", "230"]
+        );
         assert!((inside[0].0 - 3.0 / 46.4).abs() < 1e-12);
     }
 

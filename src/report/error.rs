@@ -93,7 +93,9 @@ pub enum ReportError {
         dims: Vec<(String, usize)>,
     },
     /// A drawing has what this program cannot turn into pixels.
-    #[error("picture {picture}: {what} cannot be painted\nhelp: this is a mistake of eplat; please report it")]
+    #[error(
+        "picture {picture}: {what} cannot be painted\nhelp: this is a mistake of eplat; please report it"
+    )]
     Drawing {
         /// Name of the picture.
         picture: String,

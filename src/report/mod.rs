@@ -52,9 +52,7 @@ pub use loop_page::{
     Against, LoopPage, Residuals, SiteResidual, TriedEffect, TriedRound, loop_page,
 };
 pub use posterior::Posterior;
-pub use rows::{
-    LEVELS, LeftOutBy, Predicted, PredictedRow, Predictions, read_rows, write_rows,
-};
+pub use rows::{LEVELS, LeftOutBy, Predicted, PredictedRow, Predictions, read_rows, write_rows};
 pub use run_record::{EMBEDDED_ATRIUM, Provenance, RunRecord, Seconds, SettingsRecord};
 pub use summary::{Row, read_summary_json, write_summary_csv, write_summary_json};
 pub use table::{WIDTH, console_table};

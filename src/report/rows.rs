@@ -226,7 +226,8 @@ mod tests {
         rows[1].measured[1] = f64::INFINITY;
         write_rows(&path, &rows).unwrap();
         let read = read_rows(&path).unwrap();
-        let cells = |rows: &[PredictedRow]| rows.iter().map(PredictedRow::cells).collect::<Vec<_>>();
+        let cells =
+            |rows: &[PredictedRow]| rows.iter().map(PredictedRow::cells).collect::<Vec<_>>();
         assert_eq!(cells(&read), cells(&rows));
         std::fs::write(&path, "line,site\n2,1\n").unwrap();
         let refusal = read_rows(&path).unwrap_err().to_string();

@@ -37,7 +37,8 @@ pub(super) fn trace_plot(chains: &[&[f64]]) -> String {
         let _ = write!(svg, r#"<text class="tick" x="-6" y="{}">log</text>"#, HEIGHT / 2.0);
     }
     for (chain, draws) in chains.iter().enumerate() {
-        let points = envelope(draws, TRACE_BINS).into_iter().map(|(at, v)| (TRACE_WIDTH * at, y(v)));
+        let points =
+            envelope(draws, TRACE_BINS).into_iter().map(|(at, v)| (TRACE_WIDTH * at, y(v)));
         svg += &line(points, COLOURS[chain % COLOURS.len()]);
     }
     svg + "</svg>"

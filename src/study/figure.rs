@@ -72,11 +72,13 @@ pub fn write_figure(path: &Path, studies: &[(String, Vec<Group>)]) -> Result<(),
 pub fn pictures(studies: &[(String, Vec<Group>)], kind: &str) -> Vec<Picture> {
     let (of, shows) = match kind {
         "errors" => (ERROR, "root mean squared errors of maps against the number of sites"),
-        _ => (COVERAGE, "share of the surface whose truth lies in the 90 % interval, against the number of sites"),
+        _ => (
+            COVERAGE,
+            "share of the surface whose truth lies in the 90 % interval, against the number of sites",
+        ),
     };
     let figure = figure_of(studies, of);
-    let picture = (!figure.rows.is_empty()).then(|| plot::error_bars(kind, shows, &figure));
-    picture.into_iter().collect()
+    plot::error_bars(kind, shows, &figure)
 }
 
 fn figure(studies: &[(String, Vec<Group>)]) -> ErrorBars {
@@ -103,7 +105,11 @@ fn figure_of(studies: &[(String, Vec<Group>)], of: &str) -> ErrorBars {
     };
     let panel = |name: &String, resolution: f64| Panel {
         title: format!("brackets of {resolution}"),
-        y_label: format!("{} of {}", if of == ERROR { "RMSE" } else { "coverage" }, &name[of.len()..]),
+        y_label: format!(
+            "{} of {}",
+            if of == ERROR { "RMSE" } else { "coverage" },
+            &name[of.len()..]
+        ),
         points: lines
             .iter()
             .map(|(study, l)| {

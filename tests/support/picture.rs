@@ -48,9 +48,8 @@ impl Picture {
         if n_ink * 400 < self.pixels.len() {
             faults.push(format!("all but blank: {n_ink} pixels"));
         }
-        let is_rim = |x: usize, y: usize| {
-            x < RIM || y < RIM || x + RIM >= width || y + RIM >= height
-        };
+        let is_rim =
+            |x: usize, y: usize| x < RIM || y < RIM || x + RIM >= width || y + RIM >= height;
         let places = (0..self.pixels.len()).map(|i| (i % width, i / width));
         let cut = places.filter(|(x, y)| is_rim(*x, *y)).find(|(x, y)| is_ink(&&self.at(*x, *y)));
         if let Some((x, y)) = cut {
@@ -74,7 +73,8 @@ pub(crate) fn checked(folder: &Path, stdout: &str) -> Vec<String> {
         let document = roxmltree::Document::parse(&text).unwrap();
         let root = document.root_element();
         assert_eq!(root.attribute("width"), Some("180mm"), "{}", svg.display());
-        let height = root.attribute("height").unwrap().trim_end_matches("mm").parse::<f64>().unwrap();
+        let height =
+            root.attribute("height").unwrap().trim_end_matches("mm").parse::<f64>().unwrap();
         let dots = height / 25.4 * 300.0;
         assert!((dots - picture.height() as f64).abs() < 1.5, "{}: {dots}", svg.display());
         // nothing from elsewhere

@@ -104,7 +104,8 @@ impl Story {
 /// What an effect adds along its column, and what each measurement leaves over there.
 fn curve(against: &Against) -> Value {
     let points = against.curve.iter();
-    let points = points.map(|(x, [q5, q50, q95])| json!({ "x": x, "q5": q5, "q50": q50, "q95": q95 }));
+    let points =
+        points.map(|(x, [q5, q50, q95])| json!({ "x": x, "q5": q5, "q50": q50, "q95": q95 }));
     let rows = against.rows.iter();
     let rows = rows.map(|(x, without, with)| json!({ "x": x, "without": without, "with": with }));
     json!({

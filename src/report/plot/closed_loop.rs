@@ -113,7 +113,11 @@ impl Finding {
         let ticks = if labels.is_empty() {
             x.labelled()
         } else {
-            labels.iter().enumerate().map(|(at, label)| (x.share(at as f64), label.clone())).collect()
+            labels
+                .iter()
+                .enumerate()
+                .map(|(at, label)| (x.share(at as f64), label.clone()))
+                .collect()
         };
         let y_label = in_unit("measured − predicted", unit);
         let axes = Axes {
@@ -140,7 +144,10 @@ impl Finding {
         let strokes: Vec<Vec<(f64, &Point)>> = if labels.is_empty() {
             vec![points.iter().map(|point| (point.x, point)).collect()]
         } else {
-            points.iter().map(|point| vec![(point.x - 0.28, point), (point.x + 0.28, point)]).collect()
+            points
+                .iter()
+                .map(|point| vec![(point.x - 0.28, point), (point.x + 0.28, point)])
+                .collect()
         };
         for stroke in strokes {
             let low = stroke.iter().map(|(at, point)| place(*at, point.q5));
@@ -152,10 +159,15 @@ impl Finding {
         }
         svg += "</g>";
         let what = [
-            (r##"<circle cx="5" r="3" fill="none" stroke="#888"/>"##.to_owned(), "without the effect"),
+            (
+                r##"<circle cx="5" r="3" fill="none" stroke="#888"/>"##.to_owned(),
+                "without the effect",
+            ),
             (format!(r#"<circle cx="5" r="3" fill="{WITH}"/>"#), "with it"),
             (
-                format!(r#"<rect y="-5" width="14" height="10" fill="{CURVE}" opacity=".2"/><path d="M0 0h14" stroke="{CURVE}" stroke-width="2"/>"#),
+                format!(
+                    r#"<rect y="-5" width="14" height="10" fill="{CURVE}" opacity=".2"/><path d="M0 0h14" stroke="{CURVE}" stroke-width="2"/>"#
+                ),
                 "the effect: median and 90 % interval",
             ),
         ];
@@ -193,7 +205,8 @@ impl Finding {
         let ticks = sites.iter().enumerate().filter(|_| has_names);
         let ticks = ticks.map(|(at, site)| (x(at) / SIZE[0], site.site.clone())).collect();
         let y_label = in_unit("measured − predicted", unit);
-        let x_label = format!("{n} sites in the order of the table; each predicted from the others");
+        let x_label =
+            format!("{n} sites in the order of the table; each predicted from the others");
         let axes = Axes {
             size: SIZE,
             title: "",
@@ -209,7 +222,9 @@ impl Finding {
                 let (from, to) = (place(site.before), place(site.after));
                 let _ = write!(svg, r##"<path d="M{x:.1} {from:.1}V{to:.1}" stroke="#bbb"/>"##);
             }
-            for (value, fill, stroke) in [(site.before, "white", "#666"), (site.after, WITH, "none")] {
+            for (value, fill, stroke) in
+                [(site.before, "white", "#666"), (site.after, WITH, "none")]
+            {
                 if value.is_finite() {
                     let y = place(value);
                     let _ = write!(
@@ -220,7 +235,8 @@ impl Finding {
             }
         }
         svg += "</g>";
-        let mut what = vec![(r##"<circle cx="5" r="3.2" fill="white" stroke="#666"/>"##.to_owned(), "before")];
+        let mut what =
+            vec![(r##"<circle cx="5" r="3.2" fill="white" stroke="#666"/>"##.to_owned(), "before")];
         if self.has_after() {
             what.push((format!(r#"<circle cx="5" r="3.2" fill="{WITH}"/>"#), "after"));
         }
@@ -250,7 +266,10 @@ impl Finding {
             .zip(["before", "after"])
             .take(n)
             .map(|(dots, when)| Block {
-                title: format!("{} {when}", in_unit("measured − predicted from the other sites", unit)),
+                title: format!(
+                    "{} {when}",
+                    in_unit("measured − predicted from the other sites", unit)
+                ),
                 unit: shown(unit).into(),
                 values: None,
                 palette: Palette::Difference,
@@ -276,12 +295,8 @@ fn legend(what: &[(String, &str)]) -> String {
     let (mut x, y) = (LEFT, ABOVE + SIZE[1] + BELOW + 10.0);
     let mut svg = String::new();
     for (mark, text) in what {
-        let _ = write!(
-            svg,
-            r#"{}{mark}<text x="20" y="4">{}</text></g>"#,
-            group(x, y),
-            escape(text)
-        );
+        let _ =
+            write!(svg, r#"{}{mark}<text x="20" y="4">{}</text></g>"#, group(x, y), escape(text));
         x += 20.0 + font::width(text, FONT) + 22.0;
     }
     svg

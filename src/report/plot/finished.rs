@@ -98,9 +98,12 @@ impl Finished {
         let mut known: Vec<f64> = sd.iter().copied().filter(|sd| sd.is_finite()).collect();
         known.sort_by(f64::total_cmp);
         // a map that is known everywhere does not fade
-        let most = if known.is_empty() { 1.0 } else { quantile(&known, 0.95).max(f64::MIN_POSITIVE) };
-        let title = format!("{}; grey where its sd reaches the surface's 95th percentile", mean.title);
-        let shows = format!("{name}, posterior mean, fading to grey where it is uncertain, {sides}");
+        let most =
+            if known.is_empty() { 1.0 } else { quantile(&known, 0.95).max(f64::MIN_POSITIVE) };
+        let title =
+            format!("{}; grey where its sd reaches the surface's 95th percentile", mean.title);
+        let shows =
+            format!("{name}, posterior mean, fading to grey where it is uncertain, {sides}");
         let faded = Block { fades: Some((sd, most)), title, ..mean };
         surface::picture(named, shows, &maps.ground, &[faded])
     }
@@ -110,7 +113,8 @@ impl Finished {
         let Some(maps) = self.maps()? else { return Ok(vec![]) };
         let picture = |name: &str| {
             let [truth, mean] = ["true", "mean"].map(|what| maps.array(name, what));
-            let difference: Vec<f64> = mean.iter().zip(truth).map(|(mean, truth)| mean - truth).collect();
+            let difference: Vec<f64> =
+                mean.iter().zip(truth).map(|(mean, truth)| mean - truth).collect();
             let unit = self.unit(name);
             let block = |what: &str, values, palette| {
                 let title = format!("{name}: {what}{}", in_brackets(unit));
@@ -136,13 +140,19 @@ impl Finished {
         let picture = |name: &String| {
             let values = maps.arrays[name].as_slice();
             let what = match name.strip_prefix("P_") {
-                Some(event) => format!("probability of {}", event.replace("_gt_", " > ").replace("_lt_", " < ")),
+                Some(event) => format!(
+                    "probability of {}",
+                    event.replace("_gt_", " > ").replace("_lt_", " < ")
+                ),
                 None => "share of draws outside a declared range".into(),
             };
             let most = values.iter().copied().filter(|x| x.is_finite()).fold(0.0, f64::max);
             // a probability is told on the whole scale, a share that is small throughout on its own
             let most = if name.starts_with("P_") || most <= 0.0 { 1.0 } else { most };
-            let block = Block { range: [0.0, most], ..Block::new(what.clone(), "", values, Palette::Spread) };
+            let block = Block {
+                range: [0.0, most],
+                ..Block::new(what.clone(), "", values, Palette::Spread)
+            };
             surface::picture(format!("share_{name}"), what, &maps.ground, &[block])
         };
         Ok(maps.arrays.keys().filter(is_share).map(picture).collect())

@@ -6,9 +6,8 @@ use tiny_skia::{Path, PathBuilder};
 use ttf_parser::{Face, FaceParsingError, GlyphId, OutlineBuilder};
 
 /// DejaVu Sans; licence in `assets/font/LICENSE`.
-static FACE: LazyLock<Result<Face<'static>, FaceParsingError>> = LazyLock::new(|| {
-    Face::parse(include_bytes!("../../../assets/font/DejaVuSans-subset.ttf"), 0)
-});
+static FACE: LazyLock<Result<Face<'static>, FaceParsingError>> =
+    LazyLock::new(|| Face::parse(include_bytes!("../../../assets/font/DejaVuSans-subset.ttf"), 0));
 /// Fonts of an SVG file, the first that a machine has.
 pub(super) const FAMILY: &str = "DejaVu Sans, Verdana, Arial, Helvetica, sans-serif";
 /// Stands for a sign that the font lacks.

@@ -35,7 +35,8 @@ pub(super) fn openings(mesh: &TriMesh, is_atrium: bool) -> Vec<Opening> {
     let is_atrium = is_atrium && rings.len() == OF_THE_ATRIUM.len();
     if is_atrium {
         // x points to the patient's left, z to the head
-        let middle = |ring: &Vec<u32>| ring.iter().map(|v| at(*v)).sum::<Vector3<f64>>() / ring.len() as f64;
+        let middle =
+            |ring: &Vec<u32>| ring.iter().map(|v| at(*v)).sum::<Vector3<f64>>() / ring.len() as f64;
         let order = |ring: &Vec<u32>| (middle(ring).x < 0.0, -middle(ring).z);
         rings[1..].sort_by(|a, b| {
             let (a, b) = (order(a), order(b));

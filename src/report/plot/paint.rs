@@ -2,8 +2,8 @@
 
 use roxmltree::{Document, Node};
 use tiny_skia::{
-    Color, FillRule, LineCap, LineJoin, Paint, Path, PathBuilder, Pixmap, PixmapPaint, Rect, Stroke,
-    StrokeDash, Transform,
+    Color, FillRule, LineCap, LineJoin, Paint, Path, PathBuilder, Pixmap, PixmapPaint, Rect,
+    Stroke, StrokeDash, Transform,
 };
 
 use super::png::Image;
@@ -66,8 +66,24 @@ impl Default for Style {
 
 /// Attributes that are no matter of style.
 const PLACES: [&str; 18] = [
-    "x", "y", "cx", "cy", "r", "width", "height", "d", "href", "viewBox", "font-family", "role",
-    "aria-label", "paint-order", "image-rendering", "preserveAspectRatio", "id", "version",
+    "x",
+    "y",
+    "cx",
+    "cy",
+    "r",
+    "width",
+    "height",
+    "d",
+    "href",
+    "viewBox",
+    "font-family",
+    "role",
+    "aria-label",
+    "paint-order",
+    "image-rendering",
+    "preserveAspectRatio",
+    "id",
+    "version",
 ];
 
 impl Style {
@@ -250,7 +266,8 @@ mod tests {
     use super::*;
 
     fn painted(body: &str) -> Result<Image, String> {
-        let svg = format!(r#"<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 20 10">{body}</svg>"#);
+        let svg =
+            format!(r#"<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 20 10">{body}</svg>"#);
         let dot = Image { width: 1, height: 1, pixels: vec![[1, 2, 3]] };
         paint(&svg, &[dot], 2.0)
     }
@@ -278,7 +295,8 @@ mod tests {
     #[test]
     fn texts_have_ink_on_their_side_of_the_anchor() {
         let dark = |anchor: &str| {
-            let text = format!(r#"<text x="10" y="8" font-size="8" text-anchor="{anchor}">I</text>"#);
+            let text =
+                format!(r#"<text x="10" y="8" font-size="8" text-anchor="{anchor}">I</text>"#);
             let image = painted(&text).unwrap();
             let columns = (0..40).filter(|x| (0..20).any(|y| pixel(&image, *x, y)[0] < 128));
             columns.collect::<Vec<_>>()

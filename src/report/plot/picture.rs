@@ -92,7 +92,8 @@ impl Picture {
         let mut svg = self.drawing().replacen("<svg", &mm, 1);
         for (number, image) in self.images.iter().enumerate() {
             let data = BASE64.encode(image.png(DOTS_PER_INCH)?);
-            let (name, data) = (format!("href=\"#{number}\""), format!("data:image/png;base64,{data}"));
+            let (name, data) =
+                (format!("href=\"#{number}\""), format!("data:image/png;base64,{data}"));
             svg = svg.replacen(&name, &format!("href=\"{data}\""), 1);
         }
         Ok(svg + "\n")

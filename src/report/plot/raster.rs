@@ -115,7 +115,8 @@ impl<'s> Seen<'s> {
                 if u < 0.0 || v < 0.0 || w < 0.0 {
                     continue;
                 }
-                let (at, near) = (row * self.size[0] + column, (u * a[2] + v * b[2] + w * c[2]) as f32);
+                let (at, near) =
+                    (row * self.size[0] + column, (u * a[2] + v * b[2] + w * c[2]) as f32);
                 if near > self.nearness[at] {
                     self.nearness[at] = near;
                     self.triangle[at] = number;
@@ -134,7 +135,9 @@ impl<'s> Seen<'s> {
         let [column, row] = [column as usize, row as usize];
         column < self.size[0]
             && row < self.size[1]
-            && near > f64::from(self.nearness[row * self.size[0] + column]) - BEHIND * self.frame.size[0]
+            && near
+                > f64::from(self.nearness[row * self.size[0] + column])
+                    - BEHIND * self.frame.size[0]
     }
 
     /// Whether the outside of the surface at a vertex is turned to the viewer, and nothing is in front of it.

@@ -78,14 +78,17 @@ pub(super) fn range(palette: Palette, arrays: &[&[f64]]) -> [f64; 2] {
 
 impl<'a> Block<'a> {
     /// An array over its whole range, with the sites.
-    pub(super) fn new(
-        title: String,
-        unit: &str,
-        values: &'a [f64],
-        palette: Palette,
-    ) -> Self {
+    pub(super) fn new(title: String, unit: &str, values: &'a [f64], palette: Palette) -> Self {
         let range = range(palette, &[values]);
-        Self { title, unit: unit.into(), values: Some(values), palette, range, fades: None, dots: &[] }
+        Self {
+            title,
+            unit: unit.into(),
+            values: Some(values),
+            palette,
+            range,
+            fades: None,
+            dots: &[],
+        }
     }
 
     fn share(&self, value: f64) -> f64 {
@@ -138,7 +141,8 @@ pub(super) fn picture(
     for (k, block) in blocks.iter().enumerate() {
         let top = k as f64 * per_block;
         let title = escape(&block.title);
-        picture.draw(&format!(r#"<text x="{LEFT}" y="{}" font-size="12">{title}</text>"#, top + 13.0));
+        picture
+            .draw(&format!(r#"<text x="{LEFT}" y="{}" font-size="12">{title}</text>"#, top + 13.0));
         let middle = top + TITLE + 0.5 * (per_block - TITLE);
         colour_bar(&mut picture, block, middle);
     }
@@ -228,7 +232,12 @@ fn legend(
         ruler * scale
     );
     let mut item = |mark: &str, shift: f64, text: &str| {
-        let _ = write!(svg, r#"{}{mark}</g><text x="{}" y="{y}">{text}</text>"#, group(x, y - 4.0), x + shift);
+        let _ = write!(
+            svg,
+            r#"{}{mark}</g><text x="{}" y="{y}">{text}</text>"#,
+            group(x, y - 4.0),
+            x + shift
+        );
         x += shift + super::font::width(text, FONT) + 18.0;
     };
     item("", 0.0, &format!("{ruler} mm"));
@@ -241,7 +250,8 @@ fn legend(
         let line = r##"<path d="M0 0h14" stroke="#111" stroke-width="1.2"/>"##;
         item(line, 19.0, "opening");
     }
-    let is_void = |block: &Block<'_>| block.values.is_some_and(|v| v.iter().any(|x| !x.is_finite()));
+    let is_void =
+        |block: &Block<'_>| block.values.is_some_and(|v| v.iter().any(|x| !x.is_finite()));
     if blocks.iter().any(is_void) {
         let square = format!(r#"<rect y="-5" width="10" height="10" fill="{}"/>"#, hex(VOID));
         item(&square, 15.0, "no value");
@@ -256,4 +266,5 @@ pub(super) fn sides(ground: &Ground) -> &'static str {
 }
 
 /// Right of the views there is room for the bar and its ticks.
-const _: () = assert!(LEFT + COLUMNS as f64 * CELL[0] < BAR[0] && BAR[0] + 3.0 * BAR[1] < WIDTH - 26.0);
+const _: () =
+    assert!(LEFT + COLUMNS as f64 * CELL[0] < BAR[0] && BAR[0] + 3.0 * BAR[1] < WIDTH - 26.0);

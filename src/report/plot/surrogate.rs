@@ -116,7 +116,8 @@ fn errors(kind: &str, both: &[Surrogate<'_>; 2]) -> Picture {
         format!("error_{kind}"),
         format!("errors of the {kind} surrogates at the strips that they were fitted to"),
     );
-    let error = |one: &Surrogate<'_>, strip: &[f64; 3]| Some((one.predict)(strip[0], strip[1])? - strip[2]);
+    let error =
+        |one: &Surrogate<'_>, strip: &[f64; 3]| Some((one.predict)(strip[0], strip[1])? - strip[2]);
     let errors = both.each_ref().map(|one| {
         let known = one.strips.iter().filter_map(|strip| Some((*strip, error(one, strip)?)));
         known.collect::<Vec<_>>()

@@ -103,7 +103,11 @@ fn trace(scalar: &Scalar, row: Option<&Row>, is_last: bool) -> String {
 
 /// `0.01`, `100`; with an exponent where that is shorter.
 fn power_of_ten(value: f64) -> String {
-    if (1e-3..1e5).contains(&value) { value.to_string() } else { format!("{value:e}").replace('-', "−") }
+    if (1e-3..1e5).contains(&value) {
+        value.to_string()
+    } else {
+        format!("{value:e}").replace('-', "−")
+    }
 }
 
 fn draws_axis(n_draws: usize) -> Vec<(f64, String)> {
@@ -136,9 +140,10 @@ fn ranks(scalar: &Scalar, is_last: bool) -> String {
     );
     for (k, counts) in counts.iter().enumerate() {
         let bin = RANK / RANK_BINS as f64;
-        let steps = counts.iter().enumerate().flat_map(|(i, count)| {
-            [i, i + 1].map(|edge| [bin * edge as f64, y(*count as f64)])
-        });
+        let steps = counts
+            .iter()
+            .enumerate()
+            .flat_map(|(i, count)| [i, i + 1].map(|edge| [bin * edge as f64, y(*count as f64)]));
         let colour = COLOURS[k % COLOURS.len()];
         svg += &line(steps, &format!(r#"fill="none" stroke="{colour}" stroke-width="1""#));
     }

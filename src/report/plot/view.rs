@@ -34,7 +34,8 @@ const SIDES: [Side; 6] = [
 pub(super) fn views(mesh: &TriMesh, is_anatomical: bool) -> Vec<View> {
     let [low, high] = mesh.bounding_box().map(Vector3::from);
     let extent = high - low;
-    let is_flat = |towards: [f64; 3]| extent.dot(&Vector3::from(towards)).abs() < SHEET * extent.max();
+    let is_flat =
+        |towards: [f64; 3]| extent.dot(&Vector3::from(towards)).abs() < SHEET * extent.max();
     let all = || {
         SIDES.into_iter().map(|(anatomy, axis, towards, up)| {
             let (towards, up) = (Vector3::from(towards), Vector3::from(up));
@@ -43,7 +44,11 @@ pub(super) fn views(mesh: &TriMesh, is_anatomical: bool) -> Vec<View> {
         })
     };
     let flat = SIDES.iter().position(|side| side.2.iter().sum::<f64>() > 0.0 && is_flat(side.2));
-    all().enumerate().filter(|(at, _)| flat.is_none_or(|flat| flat == *at)).map(|(_, v)| v).collect()
+    all()
+        .enumerate()
+        .filter(|(at, _)| flat.is_none_or(|flat| flat == *at))
+        .map(|(_, v)| v)
+        .collect()
 }
 
 /// A surface seen in a cell of this many units: where its points lie there.
