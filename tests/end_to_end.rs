@@ -305,6 +305,7 @@ fn the_help_of_every_command() {
         "loop",
         "compare",
         "report",
+        "plot",
         "mesh",
         "mesh info",
         "mesh convert",
