@@ -309,6 +309,7 @@ fn the_help_of_every_command() {
         "loop",
         "compare",
         "report",
+        "plot",
         "mesh",
         "mesh info",
         "mesh convert",

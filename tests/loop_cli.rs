@@ -4,6 +4,8 @@
 
 #![allow(clippy::unwrap_used, reason = "tests")]
 
+#[path = "support/picture.rs"]
+mod picture;
 #[path = "support/program.rs"]
 mod program;
 #[path = "support/studies.rs"]
@@ -123,6 +125,8 @@ fn a_hidden_effect_is_found_written_and_told() {
     assert!(model.contains("/// Found by `eplat loop` in train.csv: log Bayes factor "), "{model}");
     the_page_tells(&page);
 
+    the_pictures_are_whole(&place);
+
     // the file runs by itself, to the same fit
     let again = place.eplat(&format!("run loop/recovery_plus_force_g.rs {ON} --out again"));
     assert!(matches!(again.status.code(), Some(0 | 3)), "{}", text(&again.stderr));
@@ -132,6 +136,18 @@ fn a_hidden_effect_is_found_written_and_told() {
     assert!(furthest < 4.5, "{furthest} standard errors apart");
     let before = summary("loop/declared/summary.json");
     assert!(furthest_apart(&before, &again) > 4.5, "another model passes for the same");
+}
+
+/// The curve of the effect, and residuals before and after: by site, and on the sheet.
+fn the_pictures_are_whole(place: &Workplace) {
+    let drawn = place.eplat("plot loop");
+    assert!(drawn.status.success(), "{}", text(&drawn.stderr));
+    let names = picture::checked(&place.path(""), &text(&drawn.stdout));
+    assert_eq!(names, ["effect", "residuals", "residuals_map"]);
+    for (name, says) in [("effect", "force_g"), ("residuals", "after"), ("residuals_map", "after")]
+    {
+        assert!(place.read(&format!("loop/figures/{name}.svg")).contains(says), "{name}");
+    }
 }
 
 /// What `eplat loop` leaves in `loop` of a study, and what it prints.

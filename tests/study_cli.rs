@@ -2,6 +2,8 @@
 //! numbers are those of its maps, and its maps those of its draws.
 #![allow(clippy::unwrap_used, reason = "tests")]
 
+#[path = "support/picture.rs"]
+mod picture;
 #[path = "support/program.rs"]
 mod program;
 
@@ -43,6 +45,10 @@ fn tasks_and_a_study_taken_up_again_give_the_same_table_as_one_run() {
     let errors =
         whole.lines().nth(1).unwrap().split(',').skip(8).map(|x| x.parse::<f64>().unwrap());
     assert!(errors.clone().count() == 4 && errors.clone().all(|rmse| rmse > 0.0 && rmse < 100.0));
+
+    let drawn = place.eplat("plot whole");
+    succeeds(&drawn);
+    assert_eq!(picture::checked(&place.path(""), &text(&drawn.stdout)), ["errors"]);
 
     for task in ["2/3", "0/3"] {
         succeeds(

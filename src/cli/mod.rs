@@ -21,6 +21,7 @@ mod mesh;
 mod models;
 mod options;
 mod panic;
+mod plot;
 mod predict;
 mod progress;
 mod reading;
@@ -74,6 +75,8 @@ enum Command {
     Compare(compare::Command),
     /// Print again what the end of a run said; the exit code is that of the run
     Report(report::Command),
+    /// Draw what a command left as pictures for print, SVG and PNG
+    Plot(plot::Command),
     /// Look at, convert, repair or make a surface mesh
     #[command(subcommand)]
     Mesh(mesh::Command),
@@ -96,6 +99,7 @@ impl Command {
             Self::Run(command) => command.voice,
             Self::Loop(command) => command.voice,
             Self::Predict(command) => command.voice,
+            Self::Plot(command) => command.voice,
             Self::Simulate(Voiced { voice, .. })
             | Self::Study(Voiced { voice, .. })
             | Self::Surrogate(Voiced { voice, .. }) => *voice,
@@ -126,6 +130,7 @@ fn run(command: Command, models: &[Compiled]) -> ExitCode {
         Command::Doctor(command) => command.run(),
         Command::Predict(command) => command.run(models),
         Command::Report(command) => command.run(),
+        Command::Plot(command) => done(command.run()),
         Command::Mesh(command) => done(command.run()),
         Command::Simulate(voiced) => voiced.command.run(),
         Command::Design(command) => command.run(models),

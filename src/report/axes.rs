@@ -29,10 +29,15 @@ impl Scale {
 
     /// Round numbers around all values; from 0 to 1 without two different ones.
     pub(super) fn around(values: impl Iterator<Item = f64>) -> Self {
+        Self::rounded(values, TICKS)
+    }
+
+    /// The same with steps of at least this share of the range, `1 / steps`.
+    pub(super) fn rounded(values: impl Iterator<Item = f64>, steps: f64) -> Self {
         let [low, high] =
             values.fold([f64::INFINITY, f64::NEG_INFINITY], |[a, b], x| [a.min(x), b.max(x)]);
         let (low, high) = if low < high { (low, high) } else { (0.0, 1.0) };
-        let rough = (high - low) / TICKS;
+        let rough = (high - low) / steps;
         let power = 10_f64.powf(rough.log10().floor());
         let round = [1.0, 2.0, 5.0, 10.0].into_iter().find(|r| r * power >= rough);
         let step = round.unwrap_or(10.0) * power;
@@ -57,6 +62,16 @@ impl Scale {
         (value - self.low) / (self.high - self.low)
     }
 
+    /// Round values from `low` to `high`, at least `1 / steps` of the range apart: how far along each is, from 0 to 1,
+    /// and its text.
+    pub(super) fn within(low: f64, high: f64, steps: f64) -> Vec<(f64, String)> {
+        let round = Self::rounded([low, high].into_iter(), steps);
+        let range = Self::between(low, high);
+        let slack = 1e-9 * (high - low);
+        let inside = round.ticks().filter(|value| *value >= low - slack && *value <= high + slack);
+        inside.map(|value| (range.share(value), round.label(value))).collect()
+    }
+
     /// Values with a tick.
     fn ticks(&self) -> impl Iterator<Item = f64> {
         let n = ((self.high - self.low) / self.step).round() as u32;
@@ -71,7 +86,7 @@ impl Scale {
         }
         let unit = 10f64.powi(decimals);
         // adding zero makes zero of minus zero
-        ((value * unit).round() / unit + 0.0).to_string()
+        ((value * unit).round() / unit + 0.0).to_string().replace('-', "−")
     }
 
     /// Ticks as an axis shows them.
@@ -136,7 +151,10 @@ impl Axes<'_> {
             svg += &middle(&format!(r#"x="{}" y="{}""#, width / 2.0, height + 30.0), self.x.label);
         }
         if !self.y.label.is_empty() {
-            let place = format!(r#"transform="translate(-34 {}) rotate(-90)""#, height / 2.0);
+            // beyond the longest tick
+            let longest = self.y.ticks.iter().map(|(_, label)| label.chars().count()).max();
+            let left = (7.0 * longest.unwrap_or(0) as f64 + 9.0).max(34.0);
+            let place = format!(r#"transform="translate(-{left} {}) rotate(-90)""#, height / 2.0);
             svg += &middle(&place, self.y.label);
         }
         svg
@@ -188,7 +206,13 @@ mod tests {
         assert_eq!(labels(scale), ["180", "190", "200", "210", "220", "230", "240"]);
         let small = Scale::around([0.03, 0.98].into_iter());
         assert_eq!(labels(small), ["0", "0.2", "0.4", "0.6", "0.8", "1"]);
-        assert_eq!(labels(Scale::around([-0.3, 0.3].into_iter()))[3], "0");
+        assert_eq!(labels(Scale::around([-0.3, 0.3].into_iter()))[2..4], ["−0.1", "0"]);
+        let inside = Scale::within(187.0, 233.4, 7.0);
+        assert_eq!(
+            inside.iter().map(|tick| &tick.1[..]).collect::<Vec<_>>(),
+            ["190", "200", "210", "220", "230"]
+        );
+        assert!((inside[0].0 - 3.0 / 46.4).abs() < 1e-12);
     }
 
     #[test]

@@ -92,6 +92,16 @@ pub enum ReportError {
         /// Its dimensions, outermost first.
         dims: Vec<(String, usize)>,
     },
+    /// A drawing has what this program cannot turn into pixels.
+    #[error(
+        "picture {picture}: {what} cannot be painted\nhelp: this is a mistake of eplat; please report it"
+    )]
+    Drawing {
+        /// Name of the picture.
+        picture: String,
+        /// What of it.
+        what: String,
+    },
     /// Point data whose length is not the number of vertices.
     #[error(
         "point data {name}: expected {expected} values, got {got}\nhelp: give one value per vertex"

@@ -39,9 +39,16 @@ pub struct Panel {
 impl ErrorBars {
     /// The whole file.
     pub fn svg(&self) -> String {
+        let ([width, height], drawing) = self.drawing();
+        axes::open(width, height, 11) + &drawing + "</svg>\n"
+    }
+
+    /// Its size, and what is in it; of font size 11.
+    pub(super) fn drawing(&self) -> ([f64; 2], String) {
         let columns = self.rows.iter().map(Vec::len).max().unwrap_or(0) as f64;
         let width = columns * PITCH[0] + LEGEND;
-        let mut svg = axes::open(width, self.rows.len() as f64 * PITCH[1], 11);
+        let height = self.rows.len() as f64 * PITCH[1];
+        let mut svg = String::new();
         for (r, row) in self.rows.iter().enumerate() {
             let points = row.iter().flat_map(|panel| panel.points.iter().flatten().flatten());
             let scale = Scale::from_zero(points.map(|(mean, sd)| mean + zero_if_nan(*sd)));
@@ -63,7 +70,7 @@ impl ErrorBars {
                 line = escape(line)
             );
         }
-        svg + "</g></svg>\n"
+        ([width, height], svg + "</g>")
     }
 
     /// Place of a tick along the horizontal axis.

@@ -21,6 +21,7 @@ mod loo;
 mod loop_errors;
 mod loop_page;
 mod packed;
+pub mod plot;
 mod posterior;
 mod predicted;
 mod rows;
@@ -53,9 +54,12 @@ pub use loop_page::{
 };
 pub use posterior::Posterior;
 pub use rows::{
-    Forecasted, LEVELS, LeftOutBy, Predicted, PredictedRow, Predictions, write_forecast, write_rows,
+    Forecasted, LEVELS, LeftOutBy, Predicted, PredictedRow, Predictions, read_rows, write_forecast,
+    write_rows,
 };
-pub use run_record::{Provenance, RunRecord, Seconds, SettingsRecord, SurfaceRecord};
+pub use run_record::{
+    EMBEDDED_ATRIUM, Provenance, RunRecord, Seconds, SettingsRecord, SurfaceRecord,
+};
 pub use summary::{Row, read_summary_json, write_summary_csv, write_summary_json};
 pub use table::{WIDTH, console_table};
 pub(crate) use text::{after_number, shown};

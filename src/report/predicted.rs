@@ -55,7 +55,7 @@ fn excess(row: &PredictedRow) -> f64 {
 }
 
 /// Rows outside their intervals, the farthest first.
-fn worst<'r>(rows: impl IntoIterator<Item = &'r PredictedRow>) -> Vec<&'r PredictedRow> {
+pub(super) fn worst<'r>(rows: impl IntoIterator<Item = &'r PredictedRow>) -> Vec<&'r PredictedRow> {
     let mut worst: Vec<&PredictedRow> =
         rows.into_iter().filter(|row| !row.fitted.is_inside()).collect();
     worst.sort_by(|a, b| excess(b).total_cmp(&excess(a)));
@@ -72,14 +72,14 @@ fn middle(row: &PredictedRow) -> f64 {
 }
 
 /// Of a bracket with two ends; else 0.
-fn width(row: &PredictedRow) -> f64 {
+pub(super) fn width(row: &PredictedRow) -> f64 {
     let width = row.measured[1] - row.measured[0];
     if width.is_finite() { width } else { 0.0 }
 }
 
 /// Where each row stands on the axis of what was measured: rows of one bracket side by side in the order
 /// of their predictions.
-fn places(rows: &[PredictedRow]) -> Vec<f64> {
+pub(super) fn places(rows: &[PredictedRow]) -> Vec<f64> {
     let mut order: Vec<usize> = (0..rows.len()).collect();
     let key =
         |i: &usize| (rows[*i].measured[0], rows[*i].measured[1], rows[*i].fitted.quantiles[1]);

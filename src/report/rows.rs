@@ -221,6 +221,44 @@ pub fn write_forecast<'f>(
     .map_err(ReportError::write(path))
 }
 
+/// Reads what [`write_rows`] wrote. Of [`LEVELS`] the file tells the central 90 % interval alone, and so do the rows:
+/// `inside` is four times the same.
+///
+/// # Errors
+/// [`ReportError::Malformed`].
+pub fn read_rows(path: &Path) -> Result<Vec<PredictedRow>, ReportError> {
+    let malformed = |reason: String| ReportError::Malformed { path: path.to_owned(), reason };
+    let mut reader = csv::Reader::from_path(path).map_err(|error| malformed(error.to_string()))?;
+    let read = |record: Result<csv::StringRecord, csv::Error>| {
+        let record = record.map_err(|error| malformed(error.to_string()))?;
+        let line = record.position().map_or(0, csv::Position::line);
+        row_of(&record).ok_or_else(|| malformed(format!("line {line} is no row of predictions")))
+    };
+    reader.records().map(read).collect()
+}
+
+fn row_of(record: &csv::StringRecord) -> Option<PredictedRow> {
+    let number = |at: usize| record.get(at)?.parse::<f64>().ok();
+    let predicted = |at: usize| {
+        let quantiles = [number(at)?, number(at + 1)?, number(at + 2)?];
+        Some(Predicted { quantiles, inside: [record.get(at + 3)?.parse().ok()?; 4] })
+    };
+    let by = match record.get(14)? {
+        "weights" => Some(LeftOutBy::Weights),
+        "fit" => Some(LeftOutBy::Fit),
+        _ => None,
+    };
+    Some(PredictedRow {
+        line: record.get(0)?.parse().ok()?,
+        site: record.get(1)?.to_owned(),
+        protocol: record.get(2)?.to_owned(),
+        unit: record.get(3)?.to_owned(),
+        measured: [number(4)?, number(5)?],
+        fitted: predicted(6)?,
+        left_out: predicted(10).zip(by),
+    })
+}
+
 #[cfg(test)]
 mod tests {
     use super::super::samples;
@@ -237,6 +275,22 @@ mod tests {
         3,2,s1s2,ms,240,250,225,235,245,true,,,,,
         4,3,s1s2,ms,290,300,225,235,245,false,215,225,235,false,fit
         ");
+    }
+
+    #[test]
+    fn rows_read_back() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("rows.csv");
+        let mut rows = samples::predictions().rows;
+        rows[1].measured[1] = f64::INFINITY;
+        write_rows(&path, &rows).unwrap();
+        let read = read_rows(&path).unwrap();
+        let cells =
+            |rows: &[PredictedRow]| rows.iter().map(PredictedRow::cells).collect::<Vec<_>>();
+        assert_eq!(cells(&read), cells(&rows));
+        std::fs::write(&path, "line,site\n2,1\n").unwrap();
+        let refusal = read_rows(&path).unwrap_err().to_string();
+        assert!(refusal.contains("line 2 is no row of predictions"), "{refusal}");
     }
 
     #[test]

@@ -93,6 +93,9 @@ pub struct RunRecord {
     pub verdict: Verdict,
 }
 
+/// [`Provenance::mesh`] of the procedural atrium, whose axes and openings are known.
+pub const EMBEDDED_ATRIUM: &str = "the embedded left atrium";
+
 /// What was fitted to what, when, and by which command.
 #[derive(Clone, Debug, Default, Serialize, Deserialize)]
 pub struct Provenance {

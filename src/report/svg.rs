@@ -20,7 +20,7 @@ const MARGIN: f64 = 58.0;
 const AXIS: f64 = 18.0;
 /// A trace is drawn as the range of its values in this many bins: a spike of one draw stays visible.
 const TRACE_BINS: usize = 160;
-const RANK_BINS: usize = 20;
+pub(super) const RANK_BINS: usize = 20;
 const NULL_BINS: usize = 60;
 
 /// The draws of each chain against their index; logarithmic where a positive quantity spans decades.
@@ -37,7 +37,8 @@ pub(super) fn trace_plot(chains: &[&[f64]]) -> String {
         let _ = write!(svg, r#"<text class="tick" x="-6" y="{}">log</text>"#, HEIGHT / 2.0);
     }
     for (chain, draws) in chains.iter().enumerate() {
-        let points = envelope(draws).into_iter().map(|(at, v)| (TRACE_WIDTH * at, y(v)));
+        let points =
+            envelope(draws, TRACE_BINS).into_iter().map(|(at, v)| (TRACE_WIDTH * at, y(v)));
         svg += &line(points, COLOURS[chain % COLOURS.len()]);
     }
     svg + "</svg>"
@@ -45,19 +46,9 @@ pub(super) fn trace_plot(chains: &[&[f64]]) -> String {
 
 /// How often the draws of each chain fall into each twentieth of the ranks of all draws; level when the chains agree.
 pub(super) fn rank_plot(chains: &[&[f64]]) -> String {
-    let mut order: Vec<(usize, f64)> = Vec::new();
-    for (chain, draws) in chains.iter().enumerate() {
-        order.extend(draws.iter().map(|&v| (chain, v)));
-    }
-    if order.is_empty() {
-        return String::new();
-    }
-    order.sort_by(|a, b| a.1.total_cmp(&b.1));
-    let mut counts = vec![[0_usize; RANK_BINS]; chains.len()];
-    for (rank, (chain, _)) in order.iter().enumerate() {
-        counts[*chain][rank * RANK_BINS / order.len()] += 1;
-    }
-    let level = order.len() as f64 / (chains.len() * RANK_BINS) as f64;
+    let Some(counts) = rank_counts(chains) else { return String::new() };
+    let n_draws: usize = counts.iter().flatten().sum();
+    let level = n_draws as f64 / (chains.len() * RANK_BINS) as f64;
     let most = counts.iter().flatten().copied().max().unwrap_or(0) as f64;
     let top = most.max(2.0 * level);
     let y = |count: f64| HEIGHT * (1.0 - count / top);
@@ -71,6 +62,21 @@ pub(super) fn rank_plot(chains: &[&[f64]]) -> String {
         svg += &line(steps, COLOURS[chain % COLOURS.len()]);
     }
     svg + "</svg>"
+}
+
+/// How many draws of each chain (chain, bin) have a rank among all draws in each twentieth of them; `None` without a
+/// draw.
+pub(super) fn rank_counts(chains: &[&[f64]]) -> Option<Vec<[usize; RANK_BINS]>> {
+    let mut order: Vec<(usize, f64)> = Vec::new();
+    for (chain, draws) in chains.iter().enumerate() {
+        order.extend(draws.iter().map(|&v| (chain, v)));
+    }
+    order.sort_by(|a, b| a.1.total_cmp(&b.1));
+    let mut counts = vec![[0_usize; RANK_BINS]; chains.len()];
+    for (rank, (chain, _)) in order.iter().enumerate() {
+        counts[*chain][rank * RANK_BINS / order.len()] += 1;
+    }
+    (!order.is_empty()).then_some(counts)
 }
 
 /// Pareto k of every named measurement in order, with the `threshold` beyond which it says nothing; a k that cannot
@@ -245,9 +251,9 @@ fn line(points: impl Iterator<Item = (f64, f64)>, colour: &str) -> String {
     format!(r#"<path class="chain" stroke="{colour}" d="{path}"/>"#)
 }
 
-/// Smallest and largest finite draw of each bin, at the bin's middle as a share of the chain.
-fn envelope(draws: &[f64]) -> Vec<(f64, f64)> {
-    let bins = TRACE_BINS.min(draws.len());
+/// Smallest and largest finite draw of each of at most so many bins, at the bin's middle as a share of the chain.
+pub(super) fn envelope(draws: &[f64], most: usize) -> Vec<(f64, f64)> {
+    let bins = most.min(draws.len());
     let bounds = |bin: usize| bin * draws.len() / bins..(bin + 1) * draws.len() / bins;
     let mut points = Vec::new();
     for bin in 0..bins {
@@ -269,7 +275,7 @@ mod tests {
     fn a_spike_of_one_draw_stays_visible() {
         let mut draws = vec![0.0; 5000];
         draws[1234] = 7.0;
-        let points = envelope(&draws);
+        let points = envelope(&draws, TRACE_BINS);
         assert_eq!(points.len(), 2 * TRACE_BINS);
         assert!(points.iter().any(|&(at, v)| v > 6.9 && (at - 0.2468).abs() < 1.0 / 160.0));
     }

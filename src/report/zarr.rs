@@ -7,13 +7,13 @@
 //! # Source
 //! Zarr core specification version 3; `string` and `vlen-utf8` as in the zarr-extensions registry.
 
-use flate2::{Compression, write::GzEncoder};
+use flate2::{Compression, read::GzDecoder, write::GzEncoder};
 use rayon::prelude::*;
 use serde_json::{Map, Value, json};
 use std::borrow::Borrow;
 use std::collections::{BTreeMap, BTreeSet};
 use std::fs;
-use std::io::{self, Write as _};
+use std::io::{self, Read as _, Write as _};
 use std::path::Path;
 
 use super::{Group, ReportError, Values, Variable};
@@ -180,6 +180,29 @@ fn gzip(bytes: &[u8]) -> io::Result<Vec<u8>> {
     let mut encoder = GzEncoder::new(Vec::new(), Compression::fast());
     encoder.write_all(bytes)?;
     encoder.finish()
+}
+
+/// Reads the integers of an array of one dimension that [`write_zarr`] wrote: the folder `array` of a group.
+///
+/// # Errors
+/// [`ReportError::Read`]; [`ReportError::Malformed`] for anything else.
+pub(super) fn read_integers(array: &Path) -> Result<Vec<i64>, ReportError> {
+    let path = array.join("zarr.json");
+    let text = fs::read_to_string(&path).map_err(ReportError::read(&path))?;
+    let malformed = |reason: String| ReportError::Malformed { path: path.clone(), reason };
+    let metadata: Value =
+        serde_json::from_str(&text).map_err(|error| malformed(error.to_string()))?;
+    let length = metadata["shape"].as_array().filter(|shape| shape.len() == 1);
+    let length = length.and_then(|shape| shape[0].as_u64());
+    let (Some(length), Some("int64")) = (length, metadata["data_type"].as_str()) else {
+        return Err(malformed("expected integers along one dimension".into()));
+    };
+    let path = array.join("c").join("0");
+    let packed = fs::read(&path).map_err(ReportError::read(&path))?;
+    let mut bytes = vec![];
+    GzDecoder::new(&packed[..]).read_to_end(&mut bytes).map_err(ReportError::read(&path))?;
+    let values = bytes.as_chunks().0.iter().map(|eight| i64::from_le_bytes(*eight));
+    Ok(values.take(length as usize).collect())
 }
 
 fn group_metadata(attributes: &Map<String, Value>) -> Value {

@@ -10,7 +10,7 @@ use sha2::{Digest as _, Sha256};
 use super::RunError;
 use crate::experiment::Design;
 use crate::mesh::{self, Reading, Surface};
-use crate::report::SurfaceRecord;
+use crate::report::{EMBEDDED_ATRIUM, SurfaceRecord};
 use crate::table::Measurements;
 
 /// Edge length of the embedded atrium, mm: about 5,000 vertices.
@@ -100,7 +100,7 @@ impl MeshSource {
     /// What it is called in records.
     pub fn name(&self) -> String {
         match self {
-            Self::Embedded { .. } => "the embedded left atrium".into(),
+            Self::Embedded { .. } => EMBEDDED_ATRIUM.into(),
             Self::File { path, .. } => path.display().to_string(),
             Self::Surface(_) => "a surface in memory".into(),
         }

@@ -5,11 +5,14 @@ use std::fmt::Write as _;
 use std::path::Path;
 
 use super::{Group, StudyError};
+use crate::report::plot::{self, Picture};
 use crate::report::{ErrorBars, Panel};
 use crate::store::write_file;
 
 /// Figures that are errors of maps.
 const ERROR: &str = "rmse_";
+/// Figures that are shares of surfaces within intervals.
+const COVERAGE: &str = "coverage90_";
 
 /// The errors of all groups, a line each, as mean ± standard deviation.
 pub fn table_text(groups: &[Group]) -> String {
@@ -64,7 +67,26 @@ pub fn write_figure(path: &Path, studies: &[(String, Vec<Group>)]) -> Result<(),
         .map_err(StudyError::io(path))
 }
 
+/// Pictures for print of merged studies: `errors` of maps, or the `coverage` of their intervals, against the number of
+/// sites; none where the studies have no such figures.
+pub fn pictures(studies: &[(String, Vec<Group>)], kind: &str) -> Vec<Picture> {
+    let (of, shows) = match kind {
+        "errors" => (ERROR, "root mean squared errors of maps against the number of sites"),
+        _ => (
+            COVERAGE,
+            "share of the surface whose truth lies in the 90 % interval, against the number of sites",
+        ),
+    };
+    let figure = figure_of(studies, of);
+    plot::error_bars(kind, shows, &figure)
+}
+
 fn figure(studies: &[(String, Vec<Group>)]) -> ErrorBars {
+    figure_of(studies, ERROR)
+}
+
+/// Of all figures whose names begin with `of`.
+fn figure_of(studies: &[(String, Vec<Group>)], of: &str) -> ErrorBars {
     let all = || studies.iter().flat_map(|(_, groups)| groups);
     let values = |at: usize| {
         let mut values: Vec<f64> = all().map(|group| group.key[at]).collect();
@@ -83,7 +105,11 @@ fn figure(studies: &[(String, Vec<Group>)]) -> ErrorBars {
     };
     let panel = |name: &String, resolution: f64| Panel {
         title: format!("brackets of {resolution}"),
-        y_label: format!("RMSE of {}", &name[ERROR.len()..]),
+        y_label: format!(
+            "{} of {}",
+            if of == ERROR { "RMSE" } else { "coverage" },
+            &name[of.len()..]
+        ),
         points: lines
             .iter()
             .map(|(study, l)| {
@@ -99,13 +125,17 @@ fn figure(studies: &[(String, Vec<Group>)]) -> ErrorBars {
         x_label: "sites".to_owned(),
         x: sites.iter().map(ToString::to_string).collect(),
         lines: lines.iter().map(label).collect(),
-        rows: errors(all()).iter().map(row).collect(),
+        rows: names_of(all(), of).iter().map(row).collect(),
     }
 }
 
 /// Names of the errors, in the table's order of names.
 fn errors<'g>(groups: impl IntoIterator<Item = &'g Group>) -> Vec<String> {
+    names_of(groups, ERROR)
+}
+
+fn names_of<'g>(groups: impl IntoIterator<Item = &'g Group>, of: &str) -> Vec<String> {
     let names: BTreeSet<&String> =
         groups.into_iter().flat_map(|group| group.figures.keys()).collect();
-    names.into_iter().filter(|name| name.starts_with(ERROR)).cloned().collect()
+    names.into_iter().filter(|name| name.starts_with(of)).cloned().collect()
 }

@@ -17,7 +17,7 @@ pub use experiment::{
     ExperimentSettings, ExperimentWatch, Findings, KnownTruth, Simulated, SimulationEvent,
     SimulationPlan,
 };
-pub use figure::{table_text, write_figure, write_summary};
+pub use figure::{pictures, table_text, write_figure, write_summary};
 pub use outcome::{MapError, Outcome, Time};
 pub use plan::{Block, Case, Choice, Estimate, Plan, Task};
 pub use recovery::{RecoveredMap, Recovery, recover};

@@ -8,6 +8,7 @@ use super::score::as_json;
 use super::{HeldOut, Story};
 use crate::criticism::{Record, Round};
 use crate::model::Form;
+use crate::report::{Against, SiteResidual};
 
 impl Story {
     /// Everything that was found, in the shape of `finding.json`.
@@ -49,6 +50,11 @@ impl Story {
             "ambiguous": criticism.ambiguous().into_iter().map(names).collect::<Vec<_>>(),
             "unexplained": criticism.is_unexplained(),
             "effect_interval": self.intervals(),
+            "effect_curve": self.against().as_ref().map(curve),
+            "residuals": {
+                "unit": self.declared.unit,
+                "sites": self.site_residuals().iter().map(residual).collect::<Vec<_>>(),
+            },
             "heldout": held_out.as_ref().map_or(Value::Null, as_json),
             "leave_one_site_out": as_json(&self.left.comparison(criticism)),
             "leave_one_unit_out": units,
@@ -93,6 +99,26 @@ impl Story {
         };
         round.tried.iter().map(one).collect()
     }
+}
+
+/// What an effect adds along its column, and what each measurement leaves over there.
+fn curve(against: &Against) -> Value {
+    let points = against.curve.iter();
+    let points =
+        points.map(|(x, [q5, q50, q95])| json!({ "x": x, "q5": q5, "q50": q50, "q95": q95 }));
+    let rows = against.rows.iter();
+    let rows = rows.map(|(x, without, with)| json!({ "x": x, "without": without, "with": with }));
+    json!({
+        "column": against.column,
+        "unit": against.unit,
+        "labels": against.labels,
+        "points": points.collect::<Vec<_>>(),
+        "rows": rows.collect::<Vec<_>>(),
+    })
+}
+
+fn residual(site: &SiteResidual) -> Value {
+    json!({ "site": site.name, "at": site.at, "before": site.before, "after": site.after })
 }
 
 fn names<'c>(causes: impl IntoIterator<Item = &'c crate::criticism::Cause>) -> Vec<String> {

@@ -69,7 +69,7 @@ impl Story {
     }
 
     /// Mean residual of each site, where it is closed.
-    fn site_residuals(&self) -> Vec<SiteResidual> {
+    pub(super) fn site_residuals(&self) -> Vec<SiteResidual> {
         let (engine, table) = (&self.criticism.engine, &self.loaded.measurements);
         let residuals = self.left.residuals(&self.criticism);
         let mesh = self.loaded.surface().map(|surface| &surface.mesh);
@@ -91,7 +91,7 @@ impl Story {
     /// effect reads; and the effect itself. *Without* is what everything else in the model after
     /// does not predict. So the effect shows even where another part of the model before has taken
     /// it up.
-    fn against(&self) -> Option<Against> {
+    pub(super) fn against(&self) -> Option<Against> {
         let contribution = self.contribution.as_ref()?;
         let name = contribution.column.as_deref()?; // a field has none
         let engine = &self.criticism.engine;
