@@ -26,13 +26,11 @@ fn rendered(path: &Path, flags: &[&str]) -> Option<String> {
         .arg("--dump-dom")
         .arg(path)
         .output();
-    match output {
-        Ok(output) => Some(String::from_utf8(output.stdout).unwrap()),
-        Err(_) => {
-            skipped::skipped("no Chromium found (EPLAT_CHROMIUM)");
-            None
-        }
-    }
+    let Ok(output) = output else {
+        skipped::skipped("no Chromium found (EPLAT_CHROMIUM)");
+        return None;
+    };
+    Some(String::from_utf8(output.stdout).unwrap())
 }
 
 /// What `body` returns when it is run in the page (see `probe.js`), or none without Chromium.

@@ -27,7 +27,8 @@ function paletteOf([low, high], threshold) {
   const palette = new Uint8Array(4 * N_COLOURS);
   for (let i = 0; i < N_COLOURS; i++) {
     const share = i / (N_COLOURS - 1);
-    const isFaded = threshold?.fades && (low + share * (high - low) < threshold.value) === (threshold.fades === "below");
+    const isFaded = threshold?.fades
+      && (low + share * (high - low) < threshold.value) === (threshold.fades === "below");
     const own = colour(share);
     palette.set(isFaded ? own.map((c, k) => 0.12 * c + 0.88 * FADED[k]) : own, 4 * i);
     palette[4 * i + 3] = 255;
