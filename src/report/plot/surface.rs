@@ -181,7 +181,8 @@ fn dot([x, y, _]: [f64; 3], radius: f64, fill: &str) -> String {
 /// Right of the views, its middle at this height: colours with round ticks.
 fn colour_bar(picture: &mut Picture, block: &Block<'_>, middle: f64) {
     let [x, width, height] = BAR;
-    let width = if block.fades.is_some() { 3.0 * width } else { width };
+    // a wider bar begins farther left, so that its numbers have the same room
+    let (x, width) = if block.fades.is_some() { (x - width, 2.0 * width) } else { (x, width) };
     let top = (middle - 0.5 * height).round();
     let colour = |share: f64, across: f64| {
         let colour = block.palette.colour(share);
@@ -207,7 +208,7 @@ fn colour_bar(picture: &mut Picture, block: &Block<'_>, middle: f64) {
         let (y, most) = (height + 13.0, super::super::text::tick(most));
         let _ = write!(
             svg,
-            r#"<text x="0" y="{y}" text-anchor="middle">0</text><text x="{width}" y="{y}" text-anchor="middle">≥ {most}</text><text x="{}" y="{}" text-anchor="middle">sd</text>"#,
+            r#"<text x="0" y="{y}" text-anchor="middle">0</text><text x="12" y="{y}">≥ {most}</text><text x="{}" y="{}" text-anchor="middle">sd</text>"#,
             0.5 * width,
             y + 13.0
         );
@@ -267,4 +268,4 @@ pub(super) fn sides(ground: &Ground) -> &'static str {
 
 /// Right of the views there is room for the bar and its ticks.
 const _: () =
-    assert!(LEFT + COLUMNS as f64 * CELL[0] < BAR[0] && BAR[0] + 3.0 * BAR[1] < WIDTH - 26.0);
+    assert!(LEFT + COLUMNS as f64 * CELL[0] < BAR[0] - BAR[1] && BAR[0] + BAR[1] < WIDTH - 50.0);
