@@ -74,7 +74,8 @@ struct Residuals {
 
 #[derive(Debug, Deserialize)]
 struct Site {
-    site: String,
+    #[serde(rename = "site")]
+    name: String,
     at: Option<[f64; 3]>,
     #[serde(deserialize_with = "nan_if_null")]
     before: f64,
@@ -200,10 +201,10 @@ impl Finding {
         let values = || sites.iter().flat_map(|site| [site.before, site.after]);
         let y = Scale::around(values().filter(|value| value.is_finite()).chain([0.0]));
         // names that have no room are left out
-        let widest = sites.iter().map(|site| font::width(&site.site, FONT)).fold(0.0, f64::max);
+        let widest = sites.iter().map(|site| font::width(&site.name, FONT)).fold(0.0, f64::max);
         let has_names = n <= MOST_NAMES && widest < SIZE[0] / n as f64 - 4.0;
         let ticks = sites.iter().enumerate().filter(|_| has_names);
-        let ticks = ticks.map(|(at, site)| (x(at) / SIZE[0], site.site.clone())).collect();
+        let ticks = ticks.map(|(at, site)| (x(at) / SIZE[0], site.name.clone())).collect();
         let y_label = in_unit("measured − predicted", unit);
         let x_label =
             format!("{n} sites in the order of the table; each predicted from the others");

@@ -5,7 +5,7 @@ use std::sync::LazyLock;
 use tiny_skia::{Path, PathBuilder};
 use ttf_parser::{Face, FaceParsingError, GlyphId, OutlineBuilder};
 
-/// DejaVu Sans; licence in `assets/font/LICENSE`.
+/// The font; its licence is in `assets/font/LICENSE`.
 static FACE: LazyLock<Result<Face<'static>, FaceParsingError>> =
     LazyLock::new(|| Face::parse(include_bytes!("../../../assets/font/DejaVuSans-subset.ttf"), 0));
 /// Fonts of an SVG file, the first that a machine has.

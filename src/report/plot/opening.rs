@@ -12,6 +12,8 @@ use crate::mesh::TriMesh;
 
 /// With more openings only the largest have labels: small ones are holes in a scan.
 const MOST_LABELS: usize = 9;
+/// Half the width of a label, units, that has no room at the sides of a view.
+const LONG: f64 = 25.0;
 /// Names in the order of [`openings`] of the embedded atrium: the valve, then veins, the upper one first.
 const OF_THE_ATRIUM: [&str; 5] = ["mitral valve", "LSPV", "LIPV", "RSPV", "RIPV"];
 
@@ -114,7 +116,7 @@ fn label<'n>(
     let (mut x, mut y) = (0.5 * (left + right), 0.5 * (top + bottom));
     if right - left < 2.0 * half + 4.0 || bottom - top < FONT + 4.0 {
         let away = [x - 0.5 * size[0], y - 0.5 * size[1]];
-        if away[0].abs() > away[1].abs() {
+        if away[0].abs() > away[1].abs() && half < LONG {
             x += away[0].signum() * (0.5 * (right - left) + half + 3.0);
         } else {
             y += away[1].signum() * (0.5 * (bottom - top) + 0.7 * FONT);

@@ -157,7 +157,9 @@ impl Painter<'_> {
             "circle" => {
                 let [x, y, r] = ["cx", "cy", "r"].map(|name| length(name, 0.0));
                 let circle = PathBuilder::from_circle(x?, y?, r?);
-                circle.into_iter().for_each(|circle| self.draw(&circle, &style));
+                if let Some(circle) = circle {
+                    self.draw(&circle, &style);
+                }
             }
             "text" => {
                 let text: String = node.text().unwrap_or_default().into();
@@ -166,7 +168,9 @@ impl Painter<'_> {
                 let outline = outline.map_err(|error| format!("the embedded font: {error}"))?;
                 let transform = style.transform.pre_translate(0.0, y);
                 let style = Style { transform, ..style };
-                outline.into_iter().for_each(|outline| self.text(&outline, &style));
+                if let Some(outline) = outline {
+                    self.text(&outline, &style);
+                }
             }
             "image" => self.image(node.attribute("href"), [x, y], size, &style)?,
             other => return Err(format!("<{other}>")),

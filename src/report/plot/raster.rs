@@ -56,6 +56,9 @@ impl<'m> Shape<'m> {
     }
 }
 
+/// The value of an array (n_vertices) at a place on the surface.
+pub(super) type At<'a> = dyn Fn(&[f64]) -> f64 + 'a;
+
 /// A surface in a view: for each sample the triangle in front, where on it, and how near.
 #[derive(Debug)]
 pub(super) struct Seen<'s> {
@@ -155,8 +158,8 @@ impl<'s> Seen<'s> {
         &self.frame
     }
 
-    /// The pixels, coloured by a value at each vertex (n_vertices) and, for its fading, a second one.
-    pub(super) fn image(&self, colour: &dyn Fn(&dyn Fn(&[f64]) -> f64) -> Colour) -> Image {
+    /// The pixels; `colour` is told how to read arrays (n_vertices) at a place.
+    pub(super) fn image(&self, colour: &dyn Fn(&At<'_>) -> Colour) -> Image {
         let [width, height] = self.size.map(|n| n / SAMPLES);
         let mut pixels = Vec::with_capacity(width * height);
         for row in 0..height {
@@ -167,13 +170,15 @@ impl<'s> Seen<'s> {
                     let sample = self.sample(y * self.size[0] + x, colour);
                     sum = std::array::from_fn(|c| sum[c] + u32::from(sample[c]));
                 }
-                pixels.push(sum.map(|sum| (sum as f64 / (SAMPLES * SAMPLES) as f64).round() as u8));
+                pixels.push(
+                    sum.map(|sum| (f64::from(sum) / (SAMPLES * SAMPLES) as f64).round() as u8),
+                );
             }
         }
         Image { width, height, pixels }
     }
 
-    fn sample(&self, at: usize, colour: &dyn Fn(&dyn Fn(&[f64]) -> f64) -> Colour) -> Colour {
+    fn sample(&self, at: usize, colour: &dyn Fn(&At<'_>) -> Colour) -> Colour {
         if self.triangle[at] == NONE {
             return [255; 3];
         }

@@ -134,7 +134,7 @@ fn legend(rows: &[&PredictedRow], y: f64) -> String {
     let bracket = if rows.iter().any(|row| width(row) > 0.0) { "; grey: brackets" } else { "" };
     let lines = if n_outside > 0 { ", with their line in the table" } else { "" };
     let mut svg =
-        format!(r##"<text x="20" y="{y}">Median and central 90 % interval{bracket}.</text>"##);
+        format!(r#"<text x="20" y="{y}">Median and central 90 % interval{bracket}.</text>"#);
     let _ = write!(
         svg,
         r#"<text x="{}" y="{y}" text-anchor="end" fill="{FAR}">{n_outside} of {} rows lie outside{lines}.</text>"#,

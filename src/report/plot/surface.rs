@@ -7,7 +7,7 @@ use super::super::text::escape;
 use super::opening::{Opening, draw, openings};
 use super::palette::{Colour, Palette, VOID, hex};
 use super::picture::{FONT, MOST, Picture, WIDTH};
-use super::raster::{Seen, Shape, bar, faded};
+use super::raster::{At, Seen, Shape, bar, faded};
 use super::view::{Frame, views};
 use crate::mesh::TriMesh;
 
@@ -97,7 +97,7 @@ impl<'a> Block<'a> {
     }
 
     /// Colour of a place, of whose arrays `at` tells the values.
-    fn colour(&self, at: &dyn Fn(&[f64]) -> f64) -> Colour {
+    fn colour(&self, at: &At<'_>) -> Colour {
         let Some(values) = self.values else { return [222, 226, 230] };
         let colour = self.palette.colour(self.share(at(values)));
         self.fades.map_or(colour, |(sd, most)| faded(colour, at(sd) / most))
