@@ -71,9 +71,9 @@ fn what_the_run_was_made_from_must_be_as_it_was() {
     let place = Workplace::new();
     let made = place.eplat("mesh atrium --edge 3 --out atrium.vtp");
     assert!(made.status.success(), "{}", text(&made.stderr));
-    let table: String =
+    let rows: Vec<String> =
         (0..8).map(|i| format!("{},s1s2,{},{}\n", 40 * i, 200 + i, 210 + i)).collect();
-    place.file("table.csv", &format!("vertex,protocol,lower,upper\n{table}"));
+    place.file("table.csv", format!("vertex,protocol,lower,upper\n{}", rows.concat()));
     let run = "run erp --mesh atrium.vtp --data table.csv --warmup 50 --draws 50 --out run";
     assert!(matches!(place.eplat(run).status.code(), Some(0 | 3 | 4)));
     // the table may be edited: the run has its own
