@@ -6,6 +6,9 @@ use crate::mesh::Surface;
 
 /// How far from the surface a measurement given as x, y, z may lie, mm.
 const MAX_DISTANCE: f64 = 5.0;
+/// How far a row's `vertex` may lie from its x, y, z, mm: these may be of an electrode within the chamber,
+/// which is nowhere farther from its wall.
+const MAX_APART: f64 = 30.0;
 /// Who asks for the columns.
 const WHO: &str = "the placement on the mesh";
 
@@ -112,12 +115,12 @@ fn agrees(
     let point = [cell("x"), cell("y"), cell("z")].map(|x| x.map_or(f64::NAN, |x| scale * x));
     let here = surface.mesh.vertices()[vertex as usize];
     let distance = (0..3).map(|i| (here[i] - point[i]).powi(2)).sum::<f64>().sqrt();
-    if distance.is_nan() || distance <= MAX_DISTANCE {
+    if distance.is_nan() || distance <= MAX_APART {
         return Ok(());
     }
     let index = table.cell(row, VERTEX).unwrap_or_default();
     let problem = format!(
-        "vertex {index} is {distance:.1} mm from this row's x, y, z; at most {MAX_DISTANCE} mm is expected"
+        "vertex {index} is {distance:.1} mm from this row's x, y, z; at most {MAX_APART} mm is expected"
     );
     let help =
         "one of the two is of another mesh, or in another unit (--units); leave the wrong one out";
@@ -160,7 +163,7 @@ mod tests {
 
     #[test]
     fn a_vertex_must_lie_at_its_row_s_position() {
-        let surface = Surface::left_atrium(6.0);
+        let surface = Surface::left_atrium(3.0);
         let [x, y, z] = surface.mesh.vertices()[7];
         let place = |shift: f64, x_cell: bool| {
             let x = if x_cell { (x + shift).to_string() } else { String::new() };
@@ -169,9 +172,9 @@ mod tests {
             let mut table = Measurements::from_cells("t.csv", header, vec![cells]).unwrap();
             table.place_on(&surface, 1.0).map(|()| table.vertex(0)).map_err(|e| e.to_string())
         };
-        assert_eq!(place(4.0, true), Ok(Some(7)));
-        assert_eq!(place(9.0, false), Ok(Some(7)), "a position is not whole without its x");
-        let error = place(9.0, true).unwrap_err();
-        assert!(error.contains("vertex 7 is 9.0 mm from this row's x, y, z"), "{error}");
+        assert_eq!(place(12.0, true), Ok(Some(7)));
+        assert_eq!(place(40.0, false), Ok(Some(7)), "a position is not whole without its x");
+        let error = place(40.0, true).unwrap_err();
+        assert!(error.contains("vertex 7 is 40.0 mm from this row's x, y, z"), "{error}");
     }
 }

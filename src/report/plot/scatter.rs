@@ -133,11 +133,12 @@ fn legend(rows: &[&PredictedRow], y: f64) -> String {
     let n_outside = rows.iter().filter(|row| !row.fitted.is_inside()).count();
     let bracket = if rows.iter().any(|row| width(row) > 0.0) { "; grey: brackets" } else { "" };
     let lines = if n_outside > 0 { ", with their line in the table" } else { "" };
+    let fill = if n_outside > 0 { FAR } else { "#000" };
     let mut svg =
         format!(r#"<text x="20" y="{y}">Median and central 90 % interval{bracket}.</text>"#);
     let _ = write!(
         svg,
-        r#"<text x="{}" y="{y}" text-anchor="end" fill="{FAR}">{n_outside} of {} rows lie outside{lines}.</text>"#,
+        r#"<text x="{}" y="{y}" text-anchor="end" fill="{fill}">{n_outside} of {} rows lie outside{lines}.</text>"#,
         WIDTH - 12.0,
         rows.len()
     );
