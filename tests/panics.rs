@@ -10,8 +10,8 @@ use program::{Workplace, text};
 const MODEL: &str = "use eplat::prelude::*;
 
 /// Ends the program.
-fn broken<T: Num>(x: T) -> T {
-    let none: Option<T> = None;
+fn broken<D: Real>(x: D) -> D {
+    let none: Option<D> = None;
     x * none.expect(\"there is nothing here\")
 }
 
