@@ -48,8 +48,14 @@ impl Command {
         let Some(model) = file.find(compiled)? else { return run_compiled(&file) };
         let out =
             OutputFolder::open(self.out.clone().unwrap_or_else(|| self.run.join("predicted")))?;
-        if let (Some(moved), MeshSource::File { path, .. }) = (&self.mesh, &mut inputs.mesh) {
-            path.clone_from(moved);
+        if let MeshSource::File { path, .. } = &mut inputs.mesh {
+            *path = self.mesh.clone().unwrap_or_else(|| path.clone());
+            if !path.exists() {
+                return Err(Failure::new(format_args!(
+                    "the mesh of the run is not at {}\nhelp: name it with --mesh FILE",
+                    path.display()
+                )));
+            }
         }
         let table = Measurements::read(&self.table)?;
         let problem = Problem::load_watched(model, &inputs, &telling())?;
