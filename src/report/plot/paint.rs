@@ -145,8 +145,9 @@ impl Painter<'_> {
             "title" => {}
             "path" => {
                 let data = node.attribute("d").unwrap_or_default();
-                let path = path_data::parse(data).ok_or_else(|| format!("d=\"{data}\""))?;
-                self.draw(&path, &style);
+                if let Some(path) = path_data::parse(data)? {
+                    self.draw(&path, &style);
+                }
             }
             "rect" => {
                 // an empty one has nothing to draw

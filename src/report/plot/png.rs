@@ -66,7 +66,8 @@ mod tests {
 
     #[test]
     fn another_reader_sees_the_same_pixels() {
-        let pixels: Vec<[u8; 3]> = (0..35_u8).map(|i| [7 * i, 255 - i, i.wrapping_mul(i)]).collect();
+        let pixels: Vec<[u8; 3]> =
+            (0..35_u8).map(|i| [7 * i, 255 - i, i.wrapping_mul(i)]).collect();
         let image = Image { width: 7, height: 5, pixels };
         let file = image.png(300.0).unwrap();
         let mut reader = png::Decoder::new(std::io::Cursor::new(file)).read_info().unwrap();
