@@ -31,7 +31,7 @@ model! {
     param apd_max [ms]  ~ TruncatedNormal(195.0, 40.0, 120.0, 270.0);
     param noise   [m/s] ~ HalfNormal(0.1);
 
-    let tau_in(x) [ms] = ln_tau_in(x).exp();
+    let tau_in(x) [ms] = exp(ln_tau_in(x));
     let erp(x) [ms] = surrogate::five::erp_s2(cv_max(x), tau_in(x), TAU_OUT, TAU_OPEN, apd_max);
     /// What the gate has not regained at S2.
     let r(x) [1] = surrogate::five::unrecovered(erp(x), TAU_OPEN, x.s2_ms);

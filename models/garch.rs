@@ -28,7 +28,7 @@ model! {
 fn garch<D: Real>(mu: D, alpha0: D, alpha1: D, beta1: D, y: &[f64]) -> Vec<D> {
     let mut variance = D::from(FIRST_SD * FIRST_SD);
     let mut step = |y: &f64| {
-        let term = Normal(mu, variance.sqrt()).ln_likelihood(y);
+        let term = Normal(mu, sqrt(variance)).ln_likelihood(y);
         variance = alpha0 + alpha1 * (mu - *y).powi(2) + beta1 * variance;
         term
     };

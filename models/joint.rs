@@ -41,7 +41,7 @@ model! {
     param apd_noise [ms]  ~ HalfNormal(10.0);
     param cv_noise  [m/s] ~ HalfNormal(0.1);
 
-    let tau_in(x) [ms] = ln_tau_in(x).exp();
+    let tau_in(x) [ms] = exp(ln_tau_in(x));
     /// Beyond 270 ms ERP_S3 is void.
     let erp_s2(x) [ms] in 0.0..270.0 = surrogate::five::erp_s2(cv_max(x), tau_in(x), tau_out(x), tau_open(x), apd_max(x));
     let erp_s3(x) [ms] = surrogate::five::erp_s3(cv_max(x), tau_in(x), tau_out(x), tau_open(x), erp_s2(x));

@@ -33,7 +33,7 @@ model! {
 /// The log density of each concentration.
 fn assay<D: Real>(k_a: D, k_m: D, v_m: D, sigma: D, time: &[f64], seen: &[f64]) -> Vec<D> {
     let slope = |t: f64, c: D| {
-        let dose = k_a * (-k_a * t).exp() * (DOSE / VOLUME);
+        let dose = k_a * exp(-k_a * t) * (DOSE / VOLUME);
         dose - v_m / VOLUME * c / (k_m + c)
     };
     let (mut t, mut c) = (0.0, D::from(0.0));
@@ -45,7 +45,7 @@ fn assay<D: Real>(k_a: D, k_m: D, v_m: D, sigma: D, time: &[f64], seen: &[f64]) 
             c = runge_kutta(slope, t + h * i as f64, c, h);
         }
         t = *end;
-        terms.push(LogNormal(c.ln(), sigma).ln_likelihood(seen));
+        terms.push(LogNormal(ln(c), sigma).ln_likelihood(seen));
     }
     terms
 }

@@ -12,6 +12,7 @@ pub use crate::likelihood::{
     NegBinomialLog, Number, Observation, OrderedLogit, Outliers, PoissonLog, TopHat, Widened,
 };
 pub use crate::model::{EffectForm, forms};
+pub use crate::num::functions::{abs, cos, exp, ln, log10, max, min, pow, sin, sqrt, tan, tanh};
 pub use crate::num::{Argument, Num, Real, ln_sum_exp};
 pub use crate::surrogate;
 pub use crate::table::Measurements;

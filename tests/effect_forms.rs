@@ -308,7 +308,7 @@ fn scatter_that_is_added_is_the_one_that_rewrite_writes() {
     let augmented = Augmented::new(&plain::Plain, &[effect]).with_discrepancy(discrepancy);
     are_equal(&augmented, &scatter_model::Plain);
     let shown = equations(&Model::outline(&augmented).unwrap());
-    assert!(shown.contains("row_error * ln_scatter(x).exp()"), "{shown}");
+    assert!(shown.contains("row_error * exp(ln_scatter(x))"), "{shown}");
 }
 
 /// The gradient by differences: of the sd of an error of rows, of ln of its factor, and of the sd of

@@ -231,7 +231,7 @@ fn scatter_is_written_as_an_error_that_goes_with_its_column() {
     let model = place.read(file);
     for statement in [
         "let ln_scatter(row) = 0.0;",
-        "~ Widened(TopHat(erp_s2(x)), row_error * ln_scatter(x).exp());",
+        "~ Widened(TopHat(erp_s2(x)), row_error * exp(ln_scatter(x)));",
         "effect hetero_catheter on ln_scatter = group(row.catheter) ~ Normal(0.0, 1.0);",
     ] {
         assert!(model.contains(statement), "{statement}\n{model}");

@@ -194,7 +194,7 @@ mod tests {
         for linear in ["f(x)", "-(2.0 * f(x) - s) / 3.0 + f(x) * s", "s"] {
             assert!(is_normal(&format!("Normal({linear}, 2.0 * s)")), "{linear}");
         }
-        for other in ["f(x) * f(x)", "s / f(x)", "f(x).exp()", "g(x)", "twice(x)"] {
+        for other in ["f(x) * f(x)", "s / f(x)", "f(x).exp()", "exp(f(x))", "g(x)", "twice(x)"] {
             assert!(!is_normal(&format!("Normal({other}, s)")), "{other}");
         }
         assert!(!is_normal("Normal(f(x), s * f(x))"));

@@ -21,7 +21,7 @@ pub struct Added {
 }
 
 /// A further error of the measurements of an `observe`. Its likelihood is put within `Widened(…, SD)` or,
-/// with scatter, within `Widened(…, SD * SCATTER(row).exp())`.
+/// with scatter, within `Widened(…, SD * exp(SCATTER(row)))`.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct FurtherError {
     /// The name of the `observe`.
@@ -38,7 +38,7 @@ impl FurtherError {
         let name = |name: &str| Ident::new(name, proc_macro2::Span::call_site());
         let sd = name(&self.sd);
         match self.scatter.as_deref().map(name) {
-            Some(scatter) => syn::parse_quote!(#sd * #scatter(#row).exp()),
+            Some(scatter) => syn::parse_quote!(#sd * exp(#scatter(#row))),
             None => syn::parse_quote!(#sd),
         }
     }

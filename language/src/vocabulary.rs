@@ -141,6 +141,18 @@ pub const PRELUDE: &[&str] = &[
     "Real",
     "Rng",
     "RngExt",
+    "abs",
+    "cos",
+    "exp",
+    "ln",
+    "log10",
+    "max",
+    "min",
+    "pow",
+    "sin",
+    "sqrt",
+    "tan",
+    "tanh",
     "ln_gamma",
     "ln_logistic",
     "ln_sum_exp",
@@ -149,6 +161,31 @@ pub const PRELUDE: &[&str] = &[
     "rand_distr",
     "surrogate",
 ];
+
+/// Functions as other languages call them, and what they are here.
+const ELSEWHERE: &[(&str, &str)] = &[
+    ("log", "`ln(x)` or `log10(x)`"),
+    ("log1p", "`x.ln_1p()`"),
+    ("expm1", "`x.exp_m1()`"),
+    ("fabs", "`abs(x)`"),
+    ("fmax", "`max(a, b)`"),
+    ("fmin", "`min(a, b)`"),
+    ("square", "`pow(x, 2)`"),
+    ("power", "`pow(x, y)`"),
+    ("inv_logit", "`logistic(x)`"),
+    ("expit", "`logistic(x)`"),
+    ("sigmoid", "`logistic(x)`"),
+    ("plogis", "`logistic(x)`"),
+    ("lgamma", "`ln_gamma(x)`"),
+    ("gammaln", "`ln_gamma(x)`"),
+    ("log_sum_exp", "`ln_sum_exp(&[a, b])`"),
+    ("logsumexp", "`ln_sum_exp(&[a, b])`"),
+];
+
+/// What a function of other languages is written as here.
+pub(crate) fn elsewhere(name: &str) -> Option<&'static str> {
+    ELSEWHERE.iter().find(|(other, _)| *other == name).map(|(_, here)| *here)
+}
 
 /// What is observed, unless it is a type of the user's.
 pub(crate) const KINDS: &[&str] = &["Bracket", "Number", "Count"];

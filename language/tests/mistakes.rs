@@ -45,7 +45,7 @@ fn the_mistakes_of_the_program_are_told_from_the_text() {
             differ.push(format!("{name}: {}\n{}", said.join("\n\nerror: "), expected));
         }
     }
-    assert_eq!(n, 31);
+    assert_eq!(n, 32);
     assert!(differ.is_empty(), "{}", differ.join("\n"));
 }
 

@@ -52,6 +52,22 @@ mistakes! {
             m ~ Flat; a [ms] ~ HalfNormal(width); rho [mm] ~ InvGamma(1.0, 1.0);
         }
     } => "field f: `width`: expected [ms] like `a`, got [mm]";
+    a_root: {
+        param area [mm2] ~ HalfNormal(1.0);
+        let side(row) [ms] = sqrt(area);
+        observe y(row): Number ~ Normal(side(row), 1.0);
+    } => "let side: `sqrt(area)`: expected [ms] as declared, got [mm]";
+    a_power: {
+        param side [mm] ~ HalfNormal(1.0);
+        let area(row) [mm] = abs(pow(side, 2));
+        observe y(row): Number ~ Normal(area(row), 1.0);
+    } => "let area: `abs(pow(side, 2))`: expected [mm] as declared, got [mm2]";
+    a_maximum: {
+        param t [ms] ~ Flat;
+        param d [mm] ~ Flat;
+        let longer(row) = max(t, d);
+        observe y(row): Number ~ Normal(longer(row), 1.0);
+    } => "let longer: `d`: expected [ms] like `t`, got [mm]";
     a_sum: {
         param t [ms] ~ Flat;
         param d [mm] ~ Flat;
@@ -160,6 +176,15 @@ mistakes! {
 }
 
 no_mistakes! {
+    functions_of_numbers: {
+        param area [mm2] ~ HalfNormal(1.0);
+        param ln_t ~ Flat;
+        param p ~ Beta(1.0, 1.0);
+        let side(row) [mm] = max(sqrt(area), 0.0) + min(pow(area, 0.5), sqrt(area));
+        let t(row) [ms] = exp(ln_t) + ln(p) * pow(p, 2);
+        observe y(row): Number ~ Normal(side(row), 1.0);
+        observe z(row): Number [ms] ~ Normal(t(row), 1.0);
+    };
     one_unit_written_in_two_ways: {
         param v [m/s] ~ Flat;
         observe y(row): Number [mm/ms] ~ Normal(v, 1.0);

@@ -1,6 +1,7 @@
 //! Numbers that may carry derivatives: `f64`, [`Dual`] (W first derivatives), [`Hyper`] (one
 //! entry of a Hessian) and [`Third`] (one third derivative), all from num-dual.
 
+pub mod functions;
 pub mod lanes;
 mod moments;
 mod number;

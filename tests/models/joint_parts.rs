@@ -25,7 +25,7 @@ macro_rules! joint {
             }
             param apd_noise ~ HalfNormal(10.0);
             param cv_noise ~ HalfNormal(0.1);
-            let tau_in(x) = ln_tau_in(x).exp();
+            let tau_in(x) = exp(ln_tau_in(x));
             let erp_s2(x) = surrogate::five::erp_s2(cv_max(x), tau_in(x), tau_out(x), tau_open(x), apd_max(x));
             let erp_s3(x) = surrogate::five::erp_s3(cv_max(x), tau_in(x), tau_out(x), tau_open(x), erp_s2(x));
             let sd_s2(x) = surrogate::five::erp_s2_sd(cv_max(x), tau_in(x), tau_out(x), tau_open(x), apd_max(x));

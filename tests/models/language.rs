@@ -55,7 +55,7 @@ pub(crate) mod mixed {
         param spread [ms] ~ HalfNormal(10.0);
         param b(catheter) [ms] ~ Normal(0.0, spread);
         let base(x) [ms] = erp(x) + b(x) * scale[0] + slow(x);
-        let shifted(x) [ms] = base(x) + (noise / 5.0).exp() * x.dose * share;
+        let shifted(x) [ms] = base(x) + exp(noise / 5) * x.dose * share;
         let log_rate(x) = shifted(x) / 100.0 + scale[1] * scale[2];
         effect force on base, shifted [ms] = linear(row.force_g) ~ Normal(0.0, 10.0);
         effect pace on log_rate = linear(row.force_g) ~ Normal(0.0, 1.0);

@@ -18,8 +18,8 @@ model! {
     /// Added by `eplat loop`: ln of a factor of that error, by which scatter goes with a column.
     let ln_scatter(row) = 0.0;
 
-    observe s1s2(x): Bracket [ms] ~ Widened(Interval(erp(x), noise), row_error * ln_scatter(x).exp());
-    observe direct(x): Number [ms] ~ Widened(Normal(late(x) * 0.5 + noise, noise), row_error * ln_scatter(x).exp());
+    observe s1s2(x): Bracket [ms] ~ Widened(Interval(erp(x), noise), row_error * exp(ln_scatter(x)));
+    observe direct(x): Number [ms] ~ Widened(Normal(late(x) * 0.5 + noise, noise), row_error * exp(ln_scatter(x)));
 
     /// Why sites.
     param catheter_sd [ms] ~ HalfNormal(10.0);

@@ -9,7 +9,7 @@ use crate::around::Around;
 use crate::mistake::Mistake;
 use crate::names::{Mention, mentions};
 use crate::syntax::{Expr, Field, Hyper, Ident, Item, Let, Model, Over, Param};
-use crate::vocabulary::{WORDS, nearest};
+use crate::vocabulary::{PRELUDE, WORDS, elsewhere, nearest};
 
 /// Where an expression stands: what it sees beside parameters.
 #[derive(Clone, Copy)]
@@ -151,6 +151,9 @@ impl<'a> Scope<'a> {
             let help = format!("a column of the row is written `{row}.{name}`");
             return Some(Mistake::at(name.span(), message, help));
         }
+        if let (Some(here), Some(_)) = (elsewhere(&text), &mention.arguments) {
+            return Some(Mistake::at(name.span(), message, format!("here it is {here}")));
+        }
         let help = self.nearest(mention, reading).map_or_else(
             || declare(&text, reading.place.row()),
             |near| format!("did you mean `{near}`?"),
@@ -182,7 +185,10 @@ impl<'a> Scope<'a> {
         let with_row = reading.place.row().is_some_and(|row| is_row(mention, row));
         let mut known: Vec<String> = match (with_row, &mention.arguments) {
             (true, _) => above.filter(is_of_row).map(|i| i.name().to_string()).collect(),
-            (false, Some(_)) => WORDS.iter().map(|word| word.name.to_string()).collect(),
+            (false, Some(_)) => {
+                let words = WORDS.iter().map(|word| word.name);
+                words.chain(PRELUDE.iter().copied()).map(String::from).collect()
+            }
             (false, None) => {
                 let plain = above.filter(|item| is_value(item) && !is_of_row(item));
                 let locals = reading.locals.iter().map(|local| local.param.name.to_string());

@@ -2,7 +2,7 @@
 //!
 //! Sums and comparisons need equal units, products multiply them. A plain number has any unit in a sum
 //! or beside what has none, and none in a product with a dimensional quantity. What is not understood
-//! (a user's function, `exp`, a block) is unknown, and what is unknown agrees with everything.
+//! (a user's function, `exp(x)`, a block) is unknown, and what is unknown agrees with everything.
 
 use proc_macro2::Span;
 use syn::{BinOp, Expr, Lit, Member, UnOp};
@@ -139,7 +139,7 @@ pub(super) fn check(
         Expr::Call(e) => call(e, wanted, names)?,
         Expr::MethodCall(e) => {
             let of = check(&e.receiver, None, names)?;
-            method_call(&e.method.to_string(), of, e.args.first())
+            elementary(&e.method.to_string(), of, e.args.first())
         }
         _ => Known::Nothing,
     };
@@ -165,6 +165,13 @@ fn call(e: &syn::ExprCall, wanted: Option<&Wanted>, names: &dyn Names) -> Result
     let function = path.path.get_ident().map(ToString::to_string).unwrap_or_default();
     if let Some(unit) = names.name(&function) {
         return Ok(Known::Unit(unit));
+    }
+    match (function.as_str(), &e.args.iter().collect::<Vec<_>>()[..]) {
+        ("max" | "min", [a, b]) => return alike(a, b, wanted, names),
+        ("abs" | "sqrt" | "pow", [of, exponent @ ..]) => {
+            return Ok(elementary(&function, check(of, None, names)?, exponent.first().copied()));
+        }
+        _ => {}
     }
     let word = find(&function);
     let mut wanted = wanted.cloned();
@@ -196,13 +203,16 @@ fn call(e: &syn::ExprCall, wanted: Option<&Wanted>, names: &dyn Names) -> Result
     Ok(if function == "gp" { Known::Unit(Unit::one()) } else { Known::Nothing })
 }
 
-fn method_call(method: &str, of: Known, argument: Option<&Expr>) -> Known {
-    match (method, of) {
+/// Of a function of one quantity, `sqrt(x)` or `x.sqrt()`; `exponent` is its further argument.
+fn elementary(function: &str, of: Known, exponent: Option<&Expr>) -> Known {
+    match (function, of) {
         ("abs", _) => of,
-        ("sqrt" | "recip" | "powi", Known::Number) => Known::Number,
+        ("sqrt" | "recip" | "powi" | "pow", Known::Number) => Known::Number,
         ("sqrt", Known::Unit(unit)) => Known::of(unit.sqrt()),
         ("recip", Known::Unit(unit)) => Known::Unit(unit.powi(-1)),
-        ("powi", Known::Unit(unit)) => Known::of(argument.and_then(integer).map(|n| unit.powi(n))),
+        ("powi" | "pow", Known::Unit(unit)) => {
+            Known::of(exponent.and_then(integer).map(|n| unit.powi(n)))
+        }
         _ => Known::Nothing,
     }
 }
