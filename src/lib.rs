@@ -16,26 +16,15 @@
 // `model!` names this crate as its users do
 extern crate self as eplat;
 
+pub use eplat_engine::{
+    diagnostics, dist, ep, error, field, infer, likelihood, manifold, mesh, model, num, prelude,
+    random, store, surrogate, table,
+};
+
 pub mod cli;
 pub mod criticism;
-pub mod diagnostics;
-pub mod dist;
-pub mod ep;
-pub mod error;
 pub mod experiment;
-pub mod field;
 pub mod import;
-pub mod infer;
-pub mod likelihood;
-pub mod manifold;
-pub mod mesh;
-pub mod model;
-pub mod num;
-pub mod prelude;
-pub mod random;
 pub mod report;
 pub mod run;
-pub mod store;
 pub mod study;
-pub mod surrogate;
-pub mod table;

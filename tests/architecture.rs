@@ -127,12 +127,16 @@ fn is_tests(name: &str) -> bool {
     name == "tests" || name.ends_with("_tests") || name.starts_with("test_")
 }
 
+/// The folders of the two crates that hold the rooms.
+fn roots() -> [PathBuf; 2] {
+    ["src", "engine/src"].map(|folder| Path::new(env!("CARGO_MANIFEST_DIR")).join(folder))
+}
+
 #[test]
 fn every_layer_imports_only_from_below() {
-    let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("src");
     let mut wrong = vec![];
-    for file in sources(&root) {
-        let place = file.strip_prefix(&root).unwrap();
+    for (root, file) in roots().iter().flat_map(|r| sources(r).into_iter().map(move |f| (r, f))) {
+        let place = file.strip_prefix(root).unwrap();
         let module = place.iter().next().unwrap().to_str().unwrap().trim_end_matches(".rs");
         if module == "lib" {
             continue; // declares the modules
@@ -153,13 +157,22 @@ fn models_see_the_prelude_alone() {
 
 #[test]
 fn the_table_is_the_one_in_the_docs() {
-    let lib = fs::read_to_string(Path::new(env!("CARGO_MANIFEST_DIR")).join("src/lib.rs")).unwrap();
-    for module in lib.lines().filter_map(|l| l.strip_prefix("pub mod ")?.strip_suffix(';')) {
+    let [lib, engine] = roots().map(|root| fs::read_to_string(root.join("lib.rs")).unwrap());
+    let modules = lib.lines().chain(engine.lines());
+    let modules = modules.filter_map(|l| l.strip_prefix("pub mod ")?.strip_suffix(';'));
+    let mut n = 0;
+    for module in modules {
         let row = format!("//! | {} |", layer(module));
         let documented =
             lib.lines().any(|l| l.starts_with(&row) && l.contains(&format!("[`{module}`]")));
         assert!(module == "prelude" || documented, "{module} is not in the docs' row {row}");
+        n += 1;
     }
+    assert_eq!(
+        n,
+        LAYERS.iter().map(|(_, modules)| modules.len()).sum::<usize>() - 1,
+        "all but main"
+    );
 }
 
 #[test]
@@ -210,7 +223,7 @@ fn files_named(file: &Path, root: &Path, modules: &BTreeMap<String, PathBuf>) ->
     found
 }
 
-/// `model::builder::fields` of `src/model/builder/fields.rs`.
+/// `model::builder::fields` of `engine/src/model/builder/fields.rs`.
 fn module_of(file: &Path, root: &Path) -> String {
     let place = file.strip_prefix(root).unwrap().with_extension("");
     let parts: Vec<&str> = place.iter().map(|part| part.to_str().unwrap()).collect();
@@ -257,11 +270,18 @@ fn tree(tokens: &[TokenTree], before: &[String], paths: &mut Vec<Vec<String>>) {
 
 #[test]
 fn no_file_takes_names_in_a_circle() {
-    let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("src");
-    let files = sources(&root);
-    let modules = files.iter().map(|file| (module_of(file, &root), file.clone())).collect();
+    for root in roots() {
+        let circles = circles(&root);
+        assert!(circles.is_empty(), "in a circle, or on the way to one:\n{}", circles.join("\n"));
+    }
+}
+
+/// The files of a crate that are in a circle, or on the way to one.
+fn circles(root: &Path) -> Vec<String> {
+    let files = sources(root);
+    let modules = files.iter().map(|file| (module_of(file, root), file.clone())).collect();
     let mut named: BTreeMap<PathBuf, BTreeSet<PathBuf>> =
-        files.iter().map(|file| (file.clone(), files_named(file, &root, &modules))).collect();
+        files.iter().map(|file| (file.clone(), files_named(file, root, &modules))).collect();
     // what names nothing that is left cannot be in a circle
     loop {
         let done: Vec<PathBuf> = named
@@ -277,12 +297,9 @@ fn no_file_takes_names_in_a_circle() {
             names.retain(|name| !done.contains(name));
         }
     }
-    let shown = |file: &PathBuf| file.strip_prefix(&root).unwrap().display().to_string();
-    let circles: Vec<String> = named
-        .iter()
-        .map(|(file, names)| {
-            format!("{} -> {:?}", shown(file), names.iter().map(shown).collect::<Vec<_>>())
-        })
-        .collect();
-    assert!(circles.is_empty(), "in a circle, or on the way to one:\n{}", circles.join("\n"));
+    let shown = |file: &PathBuf| file.strip_prefix(root).unwrap().display().to_string();
+    let line = |(file, names): (&PathBuf, &BTreeSet<PathBuf>)| {
+        format!("{} -> {:?}", shown(file), names.iter().map(shown).collect::<Vec<_>>())
+    };
+    named.iter().map(line).collect()
 }

@@ -17,7 +17,7 @@ use program::{Workplace, text};
 const SHORT: &str = "--chains 2 --warmup 100 --draws 60 --quiet";
 /// The table that the committed surrogate was fitted to.
 const STRIPS: &str =
-    include_str!(concat!(env!("CARGO_MANIFEST_DIR"), "/src/surrogate/erp_design.csv"));
+    include_str!(concat!(env!("CARGO_MANIFEST_DIR"), "/engine/src/surrogate/erp_design.csv"));
 
 impl Workplace {
     /// Standard output of `eplat plot ARGUMENTS`, and names of its pictures, each without a fault.

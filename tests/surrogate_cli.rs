@@ -8,7 +8,7 @@ use std::process::{Command, Output};
 
 /// The table from which the committed coefficients were fitted.
 const COMMITTED_TABLE: &str =
-    include_str!(concat!(env!("CARGO_MANIFEST_DIR"), "/src/surrogate/erp_design.csv"));
+    include_str!(concat!(env!("CARGO_MANIFEST_DIR"), "/engine/src/surrogate/erp_design.csv"));
 
 fn eplat(folder: &Path, arguments: &str) -> Output {
     Command::new(env!("CARGO_BIN_EXE_eplat"))

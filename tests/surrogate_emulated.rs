@@ -116,7 +116,7 @@ model! {
 fn an_emulator_is_a_module_of_a_model_file_and_a_change_of_it_is_seen() {
     let folder = tempfile::tempdir().unwrap();
     let at = folder.path();
-    let table = concat!(env!("CARGO_MANIFEST_DIR"), "/src/surrogate/erp_design.csv");
+    let table = concat!(env!("CARGO_MANIFEST_DIR"), "/engine/src/surrogate/erp_design.csv");
     let fit = format!("surrogate fit --form gp --table {table} --out erp_mine.rs --figure erp.svg");
     let (done, said) = eplat(at, &fit);
     assert!(done && said.contains("of 100 rows 63 are valid"), "{said}");
@@ -142,7 +142,7 @@ fn what_makes_no_sense_is_refused() {
     let at = folder.path();
     let (done, said) = eplat(at, "surrogate design --vary tau_oui --out d.csv");
     assert!(!done && said.contains("`tau_oui` is no parameter\nhelp: "), "{said}");
-    let table = concat!(env!("CARGO_MANIFEST_DIR"), "/src/surrogate/erp_design.csv");
+    let table = concat!(env!("CARGO_MANIFEST_DIR"), "/engine/src/surrogate/erp_design.csv");
     let (done, said) = eplat(at, &format!("surrogate fit --form gp --table {table} --out e.csv"));
     assert!(!done && said.contains("emulators are written as Rust source\nhelp: "), "{said}");
     let up_to =

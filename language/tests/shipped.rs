@@ -124,7 +124,7 @@ fn support(model: &Model, name: &str) -> &'static str {
 
 #[test]
 fn the_prelude_is_the_one_that_the_library_exports() {
-    let text = read(&Path::new(env!("CARGO_MANIFEST_DIR")).join("../src/prelude.rs"));
+    let text = read(&Path::new(env!("CARGO_MANIFEST_DIR")).join("../engine/src/prelude.rs"));
     let file: syn::File = syn::parse_str(&text).unwrap();
     let mut names = vec![];
     for item in file.items {

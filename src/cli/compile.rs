@@ -24,11 +24,13 @@ use crate::store::cache;
 use crate::store::write_folder;
 
 static SOURCES: Dir<'_> = include_dir!("$CARGO_MANIFEST_DIR/src");
+static ENGINE: Dir<'_> = include_dir!("$CARGO_MANIFEST_DIR/engine/src");
 static LANGUAGE: Dir<'_> = include_dir!("$CARGO_MANIFEST_DIR/language/src");
 static MACROS: Dir<'_> = include_dir!("$CARGO_MANIFEST_DIR/macros/src");
 static ASSETS: Dir<'_> = include_dir!("$CARGO_MANIFEST_DIR/assets");
 static MODELS: Dir<'_> = include_dir!("$CARGO_MANIFEST_DIR/models");
 const MANIFEST: &str = include_str!("../../Cargo.toml");
+const ENGINE_MANIFEST: &str = include_str!("../../engine/Cargo.toml");
 const LANGUAGE_MANIFEST: &str = include_str!("../../language/Cargo.toml");
 const MACROS_MANIFEST: &str = include_str!("../../macros/Cargo.toml");
 const LOCK: &str = include_str!("../../Cargo.lock");
@@ -263,6 +265,7 @@ fn with_cargo(cache: &Path, package: &Path, built: &Path) -> std::io::Result<Out
 fn unpack(folder: &Path) -> std::io::Result<()> {
     for (name, dir) in [
         ("src", &SOURCES),
+        ("engine/src", &ENGINE),
         ("language/src", &LANGUAGE),
         ("macros/src", &MACROS),
         ("assets", &ASSETS),
@@ -271,11 +274,11 @@ fn unpack(folder: &Path) -> std::io::Result<()> {
         fs::create_dir_all(folder.join(name))?;
         dir.extract(folder.join(name))?;
     }
+    fs::write(folder.join("engine/Cargo.toml"), ENGINE_MANIFEST)?;
     fs::write(folder.join("language/Cargo.toml"), LANGUAGE_MANIFEST)?;
     fs::write(folder.join("macros/Cargo.toml"), MACROS_MANIFEST)?;
     fs::write(folder.join("README.md"), "")?;
-    let manifest = without_targets(MANIFEST).replace(", \"python\"]", "]");
-    fs::write(folder.join("Cargo.toml"), manifest)?;
+    fs::write(folder.join("Cargo.toml"), library_alone(MANIFEST))?;
     fs::write(folder.join("Cargo.lock"), LOCK)
 }
 
@@ -289,16 +292,17 @@ pub fn shipped_models() -> BTreeMap<String, &'static str> {
     named.collect()
 }
 
-/// The manifest without its tests and benches, which are not embedded.
-fn without_targets(manifest: &str) -> String {
+/// The manifest without what is not embedded: tests, benches, the program and its models, Python.
+fn library_alone(manifest: &str) -> String {
     let mut kept = true;
     let is_kept = |line: &&str| {
         if line.starts_with('[') {
             kept = !["[[test]]", "[[bench]]"].contains(line);
         }
-        kept
+        kept && !line.starts_with("eplat-models =") && !line.starts_with("default-run")
     };
-    manifest.lines().filter(is_kept).collect::<Vec<_>>().join("\n") + "\n"
+    let lines = manifest.lines().filter(is_kept).collect::<Vec<_>>().join("\n") + "\n";
+    lines.replace(", \"shipped\"", "").replace(", \"python\"", "")
 }
 
 /// What the compiler says of expressions: the model's own mistakes were found before.

@@ -4,6 +4,7 @@ use serde_json::{Map, Value, json};
 
 use crate::criticism::{LoopEvent, SearchProgress};
 use crate::infer::{ChainProgress, Settings};
+use crate::report::{doubted, remedy};
 use crate::run::Event;
 
 /// Name and fields of an event.
@@ -43,8 +44,7 @@ pub(super) fn run_event(event: &Event<'_>) -> (&'static str, Value) {
             ("resumed", json!({ "folder": folder, "seconds": seconds }))
         }
         Event::Doubts(doubts) => {
-            let each =
-                doubts.iter().map(|d| json!({ "text": d.to_string(), "remedy": d.remedy() }));
+            let each = doubts.iter().map(|d| json!({ "text": doubted(d), "remedy": remedy(d) }));
             ("doubts", json!({ "doubts": each.collect::<Vec<_>>() }))
         }
         Event::Sampling { model, n_unknowns, sampler, settings, seconds } => {

@@ -6,25 +6,9 @@ use std::path::{Path, PathBuf};
 use eplat_language::{File, Mistake};
 
 use crate::error::Failure;
+pub use crate::model::Compiled;
 use crate::model::Declare;
 use crate::run::Inputs;
-
-/// A model that is compiled into this program.
-#[derive(Clone, Copy)]
-pub struct Compiled {
-    /// Name of its file, without folders.
-    pub file: &'static str,
-    /// Its source, as it was compiled.
-    pub source: &'static str,
-    /// The model.
-    pub model: &'static dyn Declare,
-}
-
-impl std::fmt::Debug for Compiled {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        f.debug_struct("Compiled").field("model", &self.model.name()).finish_non_exhaustive()
-    }
-}
 
 /// A model file and its text.
 pub(super) struct ModelFile {

@@ -66,4 +66,5 @@ pub(crate) use text::{after_number, shown};
 pub use verdict::{
     MAX_DIVERGENT, MAX_R_HAT, MIN_E_BFMI, MIN_ESS, is_sampled, verdict, verdict_lines,
 };
+pub use verdict::{doubted, remedy};
 pub use zarr::write_zarr;

@@ -7,6 +7,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use crate::diagnostics::verdict::Doubt;
 use crate::infer::{ChainError, ChainProgress, Settings};
 use crate::model::Sampler;
+use crate::report::{doubted, remedy};
 
 /// Something that a run tells while it goes on. Its `Display` is what the program prints.
 #[derive(Debug)]
@@ -195,7 +196,7 @@ impl fmt::Display for Event<'_> {
 
 /// A line for each doubt, and one for what to do.
 pub(super) fn doubts_in_words(doubts: &[Doubt]) -> String {
-    let one = |doubt: &Doubt| format!("warning: {doubt}\n         → {}", doubt.remedy());
+    let one = |doubt: &Doubt| format!("warning: {}\n         → {}", doubted(doubt), remedy(doubt));
     doubts.iter().map(one).collect::<Vec<_>>().join("\n")
 }
 

@@ -1,7 +1,5 @@
 //! What is wrong with measurements before anything is sampled, in words.
 
-use std::fmt;
-
 use super::{list, rounded};
 use crate::diagnostics::verdict::Doubt;
 use crate::report::text::after_number;
@@ -23,67 +21,59 @@ const MISTAKEN: [(&str, &str, f64); 12] = [
     ("m/s", "cm/ms", 10.0),
 ];
 
-impl fmt::Display for Doubt {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self {
-            Self::Contradiction { place, unit: u, lines, measured } => write!(
-                f,
-                "{place}: {}{} (lines {}) exclude each other",
-                list(measured),
-                after_number(u),
-                lines_in_words(lines)
-            ),
-            Self::Alike { observe, unit: u, n, measured } => {
-                write!(f, "{observe}: all {n} measurements are {measured}{}", after_number(u))
-            }
-            Self::Range { observe, unit: u, n, of, lines, measured, expected, .. } => {
-                let [low, high] = expected.map(rounded);
-                let u = after_number(u);
-                let values = if measured[0] < measured[1] {
-                    format!("{} to {}", measured[0], measured[1])
-                } else {
-                    measured[0].to_string()
-                };
-                write!(
-                    f,
-                    "{observe}: {n} of {of} measurements ({values}{u}, lines {}{}) are far from what the model can mean, {low} to {high}{u}",
-                    lines_in_words(lines),
-                    if lines.len() < *n { " …" } else { "" }
-                )
-            }
+/// What is doubtful, in a sentence.
+pub fn doubted(doubt: &Doubt) -> String {
+    match doubt {
+        Doubt::Contradiction { place, unit: u, lines, measured } => format!(
+            "{place}: {}{} (lines {}) exclude each other",
+            list(measured),
+            after_number(u),
+            lines_in_words(lines)
+        ),
+        Doubt::Alike { observe, unit: u, n, measured } => {
+            format!("{observe}: all {n} measurements are {measured}{}", after_number(u))
+        }
+        Doubt::Range { observe, unit: u, n, of, lines, measured, expected, .. } => {
+            let [low, high] = expected.map(rounded);
+            let u = after_number(u);
+            let values = if measured[0] < measured[1] {
+                format!("{} to {}", measured[0], measured[1])
+            } else {
+                measured[0].to_string()
+            };
+            format!(
+                "{observe}: {n} of {of} measurements ({values}{u}, lines {}{}) are far from what the model can mean, {low} to {high}{u}",
+                lines_in_words(lines),
+                if lines.len() < *n { " …" } else { "" }
+            )
         }
     }
 }
 
-impl Doubt {
-    /// What to do about it.
-    pub fn remedy(&self) -> String {
-        match self {
-            Self::Contradiction { .. } => {
-                "mend or drop these rows, or give the likelihood a noise that explains them"
-                    .to_owned()
-            }
-            Self::Alike { .. } => {
-                "where nothing varies, neither an amplitude nor a lengthscale can be learnt: was the column filled in by mistake? Else measure where it differs"
-                    .to_owned()
-            }
-            Self::Range { unit, factor: Some(factor), .. } => {
-                let is_it = |(model, _, times): &&(&str, &str, f64)| {
-                    model == unit && (times / factor - 1.0).abs() < 1e-9
-                };
-                match MISTAKEN.iter().find(is_it) {
-                    Some((model, table, _)) => {
-                        format!(
-                            "is the table in {table}? The model is in {model}: multiply by {factor}"
-                        )
-                    }
-                    None => format!("times {factor} they would fit: is the table in another unit?"),
+/// What to do about a doubt.
+pub fn remedy(doubt: &Doubt) -> String {
+    match doubt {
+        Doubt::Contradiction { .. } => {
+            "mend or drop these rows, or give the likelihood a noise that explains them".to_owned()
+        }
+        Doubt::Alike { .. } => {
+            "where nothing varies, neither an amplitude nor a lengthscale can be learnt: was the column filled in by mistake? Else measure where it differs"
+                .to_owned()
+        }
+        Doubt::Range { unit, factor: Some(factor), .. } => {
+            let is_it = |(model, _, times): &&(&str, &str, f64)| {
+                model == unit && (times / factor - 1.0).abs() < 1e-9
+            };
+            match MISTAKEN.iter().find(is_it) {
+                Some((model, table, _)) => {
+                    format!(
+                        "is the table in {table}? The model is in {model}: multiply by {factor}"
+                    )
                 }
-            }
-            Self::Range { .. } => {
-                "mend or drop these rows, or widen the declared ranges".to_owned()
+                None => format!("times {factor} they would fit: is the table in another unit?"),
             }
         }
+        Doubt::Range { .. } => "mend or drop these rows, or widen the declared ranges".to_owned(),
     }
 }
 
@@ -120,7 +110,8 @@ mod tests {
             measured: "240 to 250".to_owned(),
         };
         let said = [contradiction, alike, range(Some(1e3)), range(Some(1e6)), range(None)];
-        let said = said.map(|doubt| format!("{doubt}\n→ {}", doubt.remedy())).join("\n");
+        let said =
+            said.map(|doubt| format!("{}\n→ {}", doubted(&doubt), remedy(&doubt))).join("\n");
         insta::assert_snapshot!(said, @r"
         s1s2 at site 0: 240 to 250 and 150 to 160 ms (lines 2, 22) exclude each other
         → mend or drop these rows, or give the likelihood a noise that explains them

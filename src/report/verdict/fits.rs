@@ -2,8 +2,8 @@
 
 use std::fmt::Write as _;
 
-use super::{list, rounded};
-use crate::diagnostics::verdict::{Answer, Colour, Doubt, Fits, Misfit, Question, Within};
+use super::{doubted, doubts, list, rounded};
+use crate::diagnostics::verdict::{Answer, Colour, Fits, Misfit, Question, Within};
 use crate::report::text::after_number;
 
 /// Most sets besides all measurements that are told one by one.
@@ -17,7 +17,7 @@ pub(super) fn answer(fits: &Fits) -> Answer {
         let _ = write!(sentence, "; too few of {} (probability of so few: {chance})", of(worst));
     }
     let mut answer = Answer::new(Question::Fits, colour, sentence, &remedy(fits));
-    answer.details = fits.doubts.iter().map(Doubt::to_string).collect();
+    answer.details = fits.doubts.iter().map(doubted).collect();
     if colour > Colour::Green {
         answer.details.extend(fits.misfits.iter().map(misfit));
     }
@@ -46,7 +46,7 @@ fn misfit(misfit: &Misfit) -> String {
 }
 
 fn remedy(fits: &Fits) -> String {
-    let mut remedies: Vec<String> = fits.doubts.iter().map(Doubt::remedy).collect();
+    let mut remedies: Vec<String> = fits.doubts.iter().map(doubts::remedy).collect();
     remedies.dedup();
     match () {
         () if !remedies.is_empty() => list(&remedies),

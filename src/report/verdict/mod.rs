@@ -6,6 +6,7 @@ mod fits;
 mod sampled;
 mod surface;
 
+pub use doubts::{doubted, remedy};
 pub use sampled::{MAX_DIVERGENT, MAX_R_HAT, MIN_E_BFMI, MIN_ESS};
 
 use std::fmt::Write as _;

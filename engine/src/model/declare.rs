@@ -19,6 +19,23 @@ pub trait Declare: Sync {
     fn declare(&self, b: &mut Builder<'_>) -> Result<(), ModelError>;
 }
 
+/// A model that is compiled into this program.
+#[derive(Clone, Copy)]
+pub struct Compiled {
+    /// Name of its file, without folders.
+    pub file: &'static str,
+    /// Its source, as it was compiled.
+    pub source: &'static str,
+    /// The model.
+    pub model: &'static dyn Declare,
+}
+
+impl std::fmt::Debug for Compiled {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.debug_struct("Compiled").field("model", &self.model.name()).finish_non_exhaustive()
+    }
+}
+
 impl Model {
     /// Lays `model` out on `basis` and `data`.
     ///

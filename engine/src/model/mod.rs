@@ -44,7 +44,7 @@ mod tape;
 
 pub use augmented::{AddedEffect, Augmented};
 pub use blocked::Sampler;
-pub use declare::Declare;
+pub use declare::{Compiled, Declare};
 pub use density::Density;
 pub use discrepancy::{Discrepancy, RowError, Spread};
 pub use equations::equations;

@@ -119,7 +119,7 @@ impl ErpFit {
         text
     }
 
-    /// The coefficients as the Rust source `src/surrogate/erp_cubic.rs`.
+    /// The coefficients as the Rust source `engine/src/surrogate/erp_cubic.rs`.
     pub fn to_rust(&self) -> String {
         let mut text = String::from(CUBIC_HEADER);
         for (name, fit) in [("ERP_S2", &self.erp_s2), ("ERP_S3", &self.erp_s3)] {
@@ -143,8 +143,8 @@ const CUBIC_HEADER: &str = "\
 //!
 //! ```text
 //! eplat surrogate design --n 100 --seed 1 --out design.csv
-//! eplat surrogate run --design design.csv --out src/surrogate/erp_design.csv
-//! eplat surrogate fit --table src/surrogate/erp_design.csv --out src/surrogate/erp_cubic.rs
+//! eplat surrogate run --design design.csv --out engine/src/surrogate/erp_design.csv
+//! eplat surrogate fit --table engine/src/surrogate/erp_design.csv --out engine/src/surrogate/erp_cubic.rs
 //! ```
 
 #![allow(clippy::unreadable_literal, reason = \"generated\")]

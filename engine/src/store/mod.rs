@@ -9,6 +9,7 @@ mod checkpoint;
 mod npz;
 
 pub use atomic::{NewFile, write_file, write_file_durably, write_folder};
+pub(crate) use checkpoint::take_chains;
 pub use checkpoint::{Checkpoint, CheckpointError, Identity, differences};
-pub(crate) use checkpoint::{Keeper, take_chain, take_chains};
+pub use checkpoint::{Keeper, take_chain};
 pub use npz::{NpzReader, NpzWriter, Packing, array_name};

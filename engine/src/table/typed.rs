@@ -263,13 +263,7 @@ impl Table {
     }
 
     /// An error at a cell.
-    pub(crate) fn cell_error(
-        &self,
-        row: usize,
-        column: &str,
-        problem: String,
-        help: &str,
-    ) -> DataError {
+    pub fn cell_error(&self, row: usize, column: &str, problem: String, help: &str) -> DataError {
         DataError::Cell {
             file: self.file.clone(),
             line: self.lines[row],

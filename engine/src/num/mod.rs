@@ -169,7 +169,7 @@ pub fn ln_sum_exp<D: Real>(terms: &[D]) -> D {
 }
 
 /// ln of the mean of eˣ, −∞ where every x is.
-pub(crate) fn ln_mean_exp(x: &[f64]) -> f64 {
+pub fn ln_mean_exp(x: &[f64]) -> f64 {
     ln_sum_exp(x) - (x.len() as f64).ln()
 }
 

@@ -4,7 +4,6 @@
 
 use super::{Argument, Common, Join, Num, Real, Together};
 use num_dual::{DualNum as _, DualStruct as _};
-use num_traits::Signed as _;
 
 macro_rules! functions {
     ($($(#[$doc:meta])* $name:ident)*) => {$(

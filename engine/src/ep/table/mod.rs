@@ -10,7 +10,7 @@ mod strips;
 
 pub use error::TableError;
 pub use files::{finish_rows, new_file, read_parameters, read_rows, write_text};
-pub(crate) use rows::rounded;
+pub use rows::rounded;
 pub use rows::{Columns, CurveRow, OutcomeRow, ParameterRow};
 pub use strips::{StripTable, curve_intervals};
 

@@ -28,7 +28,7 @@ use crate::store::write_file_durably;
 
 pub use error::{CheckpointError, Identity, differences};
 pub(crate) use keeper::take_chains;
-pub(crate) use keeper::{Keeper, take_chain};
+pub use keeper::{Keeper, take_chain};
 
 /// First bytes of every state; the number changes with the layout of what follows.
 const MAGIC: &[u8; 8] = b"eplatCK2";

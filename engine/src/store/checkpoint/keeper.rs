@@ -8,7 +8,8 @@ use serde::de::DeserializeOwned;
 use super::{CHAIN, Checkpoint, CheckpointError};
 
 /// Keeps one chain now and then: so seldom that keeping costs no more than a hundredth of its time.
-pub(crate) struct Keeper<'a> {
+#[derive(Debug)]
+pub struct Keeper<'a> {
     checkpoint: Option<&'a Checkpoint>,
     name: String,
     due: Instant,
@@ -18,18 +19,19 @@ impl<'a> Keeper<'a> {
     /// Time between two savings, in units of the time that one takes.
     const COST: u32 = 100;
 
-    pub(crate) fn new(checkpoint: Option<&'a Checkpoint>, chain: usize) -> Self {
+    /// Of chain number `chain`; keeps nothing without a checkpoint.
+    pub fn new(checkpoint: Option<&'a Checkpoint>, chain: usize) -> Self {
         let due = Instant::now() + checkpoint.map_or(Duration::ZERO, |c| c.every);
         Self { checkpoint, name: name_of(chain), due }
     }
 
     /// Between two transitions: whether it is time to keep the chain, or the chain `stops` here.
-    pub(crate) fn is_due(&self, stops: bool) -> bool {
+    pub fn is_due(&self, stops: bool) -> bool {
         self.checkpoint.is_some() && (stops || Instant::now() >= self.due)
     }
 
     /// Keeps the chain.
-    pub(crate) fn keep(&mut self, state: &impl Serialize) {
+    pub fn keep(&mut self, state: &impl Serialize) {
         let Some(checkpoint) = self.checkpoint else { return };
         let begun = Instant::now();
         checkpoint.keep(&self.name, state);
@@ -41,7 +43,7 @@ impl<'a> Keeper<'a> {
 ///
 /// # Errors
 /// [`CheckpointError::Damaged`].
-pub(crate) fn take_chain<T: DeserializeOwned>(
+pub fn take_chain<T: DeserializeOwned>(
     checkpoint: &Checkpoint,
     chain: usize,
 ) -> Result<Option<T>, CheckpointError> {

@@ -2,8 +2,8 @@
 //!
 //! ```text
 //! eplat surrogate design --n 100 --seed 1 --out design.csv
-//! eplat surrogate run --design design.csv --out src/surrogate/erp_design.csv
-//! eplat surrogate fit --table src/surrogate/erp_design.csv --out src/surrogate/erp_cubic.rs
+//! eplat surrogate run --design design.csv --out engine/src/surrogate/erp_design.csv
+//! eplat surrogate fit --table engine/src/surrogate/erp_design.csv --out engine/src/surrogate/erp_cubic.rs
 //! ```
 
 #![allow(clippy::unreadable_literal, reason = "generated")]

@@ -208,6 +208,6 @@ impl CurveRow {
 }
 
 /// `value` to one part in `per_unit`, so that tables are short to read.
-pub(crate) fn rounded(value: f64, per_unit: f64) -> f64 {
+pub fn rounded(value: f64, per_unit: f64) -> f64 {
     (value * per_unit).round() / per_unit
 }
