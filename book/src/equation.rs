@@ -30,12 +30,20 @@ pub fn mathml(latex: &str, place: Place) -> Result<String, Mistake> {
         Place::Block => MathDisplay::Block,
     };
     let mistake = |at, what| Mistake { at, what };
+    // math-core would print the length as text
+    if let Some(at) = latex.find(r"\\[") {
+        return Err(mistake(at, r"a length after `\\` is not read: leave it out".into()));
+    }
     let converter = LatexToMathML::new(MathCoreConfig::default())
         .map_err(|error| mistake(0, format!("{error:?}")))?;
     let found = converter
         .convert_with_local_state(latex, display)
         .map_err(|error| mistake(error.0.start, error.error_message()))?;
-    Ok(quoted(&found.mathml))
+    let html = quoted(&found.mathml);
+    Ok(match place {
+        Place::Inline => html,
+        Place::Block => format!("<span class=\"equation\">{html}</span>"),
+    })
 }
 
 /// Signs between tags that Markdown would read, as entities.
@@ -69,7 +77,11 @@ mod tests {
     fn an_equation_becomes_one_line_that_markdown_leaves_alone() {
         let html = mathml(r"\left[ a_k \right] | b^* |", Place::Block).map_err(|m| m.what);
         let html = html.unwrap_or_else(|what| panic!("{what}"));
-        assert!(html.starts_with("<math") && html.contains("display=\"block\""), "{html}");
+        assert!(
+            html.starts_with("<span class=\"equation\"><math")
+                && html.contains("display=\"block\""),
+            "{html}"
+        );
         let text: String =
             html.split('<').filter_map(|part| part.split_once('>')).map(|p| p.1).collect();
         assert!(!text.contains(['[', '|', '*', '\n']), "{text}");
@@ -81,5 +93,8 @@ mod tests {
         let found = found.unwrap_or_else(|| panic!("accepted"));
         assert_eq!(found.at, 4, "{}", found.what);
         assert!(mathml(r"\frac{a}{b", Place::Inline).is_err());
+        assert!(
+            mathml(r"\begin{aligned} a &= b \\[4pt] c &= d \end{aligned}", Place::Block).is_err()
+        );
     }
 }
