@@ -88,6 +88,13 @@ impl Reader<'_> {
         while let Some((event, range)) = events.next() {
             match event {
                 Event::Text(text) if !in_code && text.contains('$') => self.dollar(range),
+                Event::Html(html) | Event::InlineHtml(html)
+                    if html.contains("href=") || html.contains("src=") =>
+                {
+                    let what =
+                        "a link or picture as HTML: write it as Markdown, so that it is checked";
+                    self.fault(range.start, what.to_string());
+                }
                 Event::InlineMath(latex) => self.equation(&latex, Place::Inline, range),
                 Event::DisplayMath(latex) => self.equation(&latex, Place::Block, range),
                 Event::Start(Tag::CodeBlock(CodeBlockKind::Fenced(info))) if &*info == "math" => {
@@ -138,7 +145,15 @@ impl Reader<'_> {
             Ok(html) => {
                 // without the line break after a code block's fence
                 let end = range.start + self.text[range.clone()].trim_end().len();
-                self.edits.push((range.start..end, html));
+                let next = self.text[end..].chars().next();
+                let sign = next.filter(|sign| place == Place::Inline && ".,;:".contains(*sign));
+                self.edits.push(match sign {
+                    Some(sign) => {
+                        let html = format!("<span class=\"with-sign\">{html}{sign}</span>");
+                        (range.start..end + 1, html)
+                    }
+                    None => (range.start..end, html),
+                });
             }
             Err(mistake) => {
                 let begin = self.text[range.clone()].find(latex.trim()).unwrap_or(0);

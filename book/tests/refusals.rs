@@ -103,6 +103,16 @@ fn a_page_outside_the_table_of_contents_and_a_picture_from_the_network_are_refus
 }
 
 #[test]
+fn html_that_nobody_follows_is_refused() {
+    let said = refusal("# One\n\nA <a href=\"none.md\">link</a>.\n");
+    assert!(said.contains("docs/one.md:3: a link or picture as HTML"), "{said}");
+    let said = refusal(
+        "# One\n\n<script>\nload(1)\n</script>\n<link rel=x\n href='https://a.org/x.css'>\n",
+    );
+    assert!(said.contains("docs/one.md:"), "{said}");
+}
+
+#[test]
 fn all_faults_are_told_at_once() {
     let said = refusal("# One\n\n[a](a.md)\n\n$\\b_{$\n\n[c](c.md)\n");
     assert_eq!(said.matches("docs/one.md:").count(), 3, "{said}");
