@@ -5,9 +5,9 @@
 //! | layer | modules |
 //! |---|---|
 //! | 7 | [`cli`] |
-//! | 6 | [`study`], [`criticism`] |
+//! | 6 | [`study`], [`closed_loop`] |
 //! | 5 | [`run`], [`report`], [`import`] |
-//! | 4 | [`experiment`]; `models/*.rs`, through [`prelude`] only |
+//! | 4 | [`experiment`], [`criticism`]; `models/*.rs`, through [`prelude`] only |
 //! | 3 | [`model`](mod@model) |
 //! | 2 | [`table`], [`field`], [`surrogate`], [`infer`], [`diagnostics`] |
 //! | 1 | [`dist`], [`likelihood`], [`manifold`], [`ep`] |
@@ -17,12 +17,12 @@
 extern crate self as eplat;
 
 pub use eplat_engine::{
-    diagnostics, dist, ep, error, field, infer, likelihood, manifold, mesh, model, num, prelude,
-    random, store, surrogate, table,
+    criticism, diagnostics, dist, ep, error, field, infer, likelihood, manifold, mesh, model, num,
+    prelude, random, store, surrogate, table,
 };
 
 pub mod cli;
-pub mod criticism;
+pub mod closed_loop;
 pub mod experiment;
 pub mod import;
 pub mod report;

@@ -14,9 +14,9 @@ use proc_macro2::{Delimiter, TokenStream, TokenTree};
 /// Layer of each module of the crate.
 const LAYERS: &[(u32, &[&str])] = &[
     (7, &["main", "cli"]),
-    (6, &["study", "criticism"]),
+    (6, &["study", "closed_loop"]),
     (5, &["run", "report", "import"]),
-    (4, &["experiment"]),
+    (4, &["experiment", "criticism"]),
     (3, &["model", "prelude"]),
     (2, &["table", "field", "surrogate", "infer", "diagnostics"]),
     (1, &["dist", "likelihood", "manifold", "ep"]),

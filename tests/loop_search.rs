@@ -3,10 +3,8 @@
 
 use std::ops::ControlFlow;
 
-use eplat::criticism::{
-    Criticism, CriticismError, Loop, LoopSettings, LoopWatch, SearchSettings, Story, Subject,
-    criticise,
-};
+use eplat::closed_loop::{Loop, LoopSettings, LoopWatch, Story};
+use eplat::criticism::{Criticism, CriticismError, SearchSettings, Subject, criticise};
 use eplat::run::{Loaded, OutputFolder};
 use eplat::table::{Columns, Measurements, Role};
 use rand::{RngExt, SeedableRng};

@@ -15,9 +15,8 @@ use super::interrupt::INTERRUPTED;
 use super::models::{Compiled, ModelFile};
 use super::progress::Console;
 use super::voice::{Voice, bar_target, tell};
-use crate::criticism::{
-    Loop, LoopError, LoopEvent, LoopSettings, LoopWatch, SearchProgress, SearchSettings, Story,
-};
+use crate::closed_loop::{Loop, LoopError, LoopEvent, LoopSettings, LoopWatch, Story};
+use crate::criticism::{SearchProgress, SearchSettings};
 use crate::error::Failure;
 use crate::infer::Settings;
 use crate::model::Declare;

@@ -2,7 +2,8 @@
 
 use serde_json::{Map, Value, json};
 
-use crate::criticism::{LoopEvent, SearchProgress};
+use crate::closed_loop::LoopEvent;
+use crate::criticism::SearchProgress;
 use crate::infer::{ChainProgress, Settings};
 use crate::report::{doubted, remedy};
 use crate::run::Event;

@@ -11,10 +11,9 @@ use std::collections::BTreeMap;
 use std::io::{self, Seek, Write};
 use std::path::Path;
 
-use npyz::NpyFile;
-
 use super::ReportError;
 use crate::num::Within;
+use crate::store::npy::Npy;
 use crate::store::{NpzReader, NpzWriter, Packing, write_file};
 
 const EIGENFUNCTIONS: &str = "eigenfunctions";
@@ -93,12 +92,9 @@ impl FieldDraws {
         let mut archive = NpzReader::open(path).map_err(ReportError::read(path))?;
         let names = archive.names().map_err(ReportError::read(path))?;
         let mut matrix = |name: &str| -> io::Result<(usize, Vec<f64>)> {
-            let bytes = archive.bytes(name)?;
-            let file = NpyFile::new(bytes.as_slice())?;
-            let shape = file.shape().to_vec();
-            let values = file.into_vec::<f64>()?;
+            let Npy { shape, values } = archive.array(name)?;
             match shape[..] {
-                [_, width] => Ok((width as usize, values)),
+                [_, width] => Ok((width, values)),
                 _ => Err(io::Error::other(format!("expected 2 dimensions, got {shape:?}"))),
             }
         };

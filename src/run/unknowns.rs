@@ -7,7 +7,6 @@
 use std::io::{self, Seek, Write};
 use std::path::Path;
 
-use npyz::{Deserialize as NpyNumber, NpyFile};
 use serde::{Deserialize, Serialize};
 
 use crate::experiment::thinned;
@@ -78,10 +77,10 @@ impl Unknowns {
         let malformed = |reason: String| ReportError::Malformed { path: path.to_owned(), reason };
         let mut archive = NpzReader::open(path).map_err(unread)?;
         let wrong = |error: io::Error| malformed(error.to_string());
-        let about: Vec<u8> = array(&mut archive, "about").map_err(wrong)?;
+        let mut values = |name| archive.array(name).map(|array| array.values).map_err(wrong);
+        let about: Vec<u8> = values("about")?.into_iter().map(|byte| byte as u8).collect();
         let about: About = serde_json::from_slice(&about).map_err(|e| malformed(e.to_string()))?;
-        let chain: Vec<i64> = array(&mut archive, "chain").map_err(wrong)?;
-        let draws: Vec<f64> = array(&mut archive, "draws").map_err(wrong)?;
+        let (chain, draws) = (values("chain")?, values("draws")?);
         let width = about.unknowns.len();
         if draws.len() != chain.len() * width || draws.is_empty() {
             let (n, got) = (chain.len(), draws.len());
@@ -91,21 +90,15 @@ impl Unknowns {
         }
         let mut chains: Vec<Vec<Vec<f64>>> = vec![];
         for (of, draw) in chain.into_iter().zip(draws.chunks_exact(width)) {
-            let n = chains.len() as i64;
+            let (of, n) = (of as usize, chains.len());
             match chains.last_mut() {
-                Some(own) if of == n - 1 => own.push(draw.to_vec()),
+                Some(own) if of + 1 == n => own.push(draw.to_vec()),
                 _ if of == n => chains.push(vec![draw.to_vec()]),
-                _ => return Err(malformed(format!("chain {of} after chain {}", n - 1))),
+                _ => return Err(malformed(format!("expected chain {n}, got chain {of}"))),
             }
         }
         Ok(Self { about, chains })
     }
-}
-
-/// An array of the archive, row after row.
-fn array<T: NpyNumber>(archive: &mut NpzReader, name: &str) -> io::Result<Vec<T>> {
-    let bytes = archive.bytes(name)?;
-    NpyFile::new(bytes.as_slice())?.into_vec()
 }
 
 #[cfg(test)]

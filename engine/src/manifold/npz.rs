@@ -3,13 +3,13 @@
 //! Knows nothing of meshes.
 
 use super::{Basis, ManifoldError};
+use crate::store::npy::Npy;
 use crate::store::{NpzReader, NpzWriter, Packing, write_file};
-use npyz::{DType, NpyFile, Order, TypeChar};
-use std::io::{self, Read, Seek, Write};
+use std::io::{self, Seek, Write};
 use std::path::Path;
 
 impl Basis {
-    /// Reads `eigenvalues (K)` and `eigenfunctions (n_vertices, K)`: float64 or float32, C or Fortran
+    /// Reads `eigenvalues (K)` and `eigenfunctions (n_vertices, K)`: numbers of any type, C or Fortran
     /// order, as NumPy's `savez` and [`Basis::write_npz`] write them.
     ///
     /// # Errors
@@ -17,8 +17,8 @@ impl Basis {
     /// is absent, of another type or shape, not finite, or the eigenvalues do not ascend from 0.
     pub fn read_npz(path: &Path) -> Result<Self, ManifoldError> {
         let mut archive = NpzReader::open(path).map_err(|error| unreadable(path, &error))?;
-        let eigenvalues = Array::read(&mut archive, path, "eigenvalues", 1)?;
-        let eigenfunctions = Array::read(&mut archive, path, "eigenfunctions", 2)?;
+        let eigenvalues = array(&mut archive, path, "eigenvalues", 1)?;
+        let eigenfunctions = array(&mut archive, path, "eigenfunctions", 2)?;
         let n_modes = eigenvalues.values.len();
         if n_modes == 0 {
             return Err(wrong(path, "eigenvalues", "at least 1 value", "0"));
@@ -29,10 +29,7 @@ impl Basis {
             return Err(wrong(path, "eigenfunctions", expected, got));
         }
         check_spectrum(path, &eigenvalues.values)?;
-        Ok(Self {
-            eigenvalues: eigenvalues.values,
-            eigenfunctions: eigenfunctions.into_row_major(),
-        })
+        Ok(Self { eigenvalues: eigenvalues.values, eigenfunctions: eigenfunctions.values })
     }
 
     /// Writes both arrays as float64 in C order; the file appears whole or not at all.
@@ -66,74 +63,29 @@ impl Basis {
     }
 }
 
-/// One array of a file, still in the file's order.
-struct Array {
-    shape: Vec<usize>,
-    order: Order,
-    values: Vec<f64>,
-}
-
-impl Array {
-    fn read(
-        archive: &mut NpzReader,
-        path: &Path,
-        name: &'static str,
-        n_dimensions: usize,
-    ) -> Result<Self, ManifoldError> {
-        let broken = |error: io::Error| unreadable(path, &error);
-        let found = archive.names().map_err(broken)?;
-        if !found.iter().any(|other| other == name) {
-            let got = format!("no such array (the file has: {})", found.join(", "));
-            return Err(wrong(path, name, "an array", got));
-        }
-        let bytes = archive.bytes(name).map_err(broken)?;
-        let file = NpyFile::new(bytes.as_slice()).map_err(broken)?;
-        if file.shape().len() != n_dimensions {
-            let expected = format!("{n_dimensions} dimension(s)");
-            return Err(wrong(path, name, expected, format!("shape {:?}", file.shape())));
-        }
-        let shape = file.shape().iter().map(|&length| length as usize).collect();
-        let order = file.order();
-        // A damaged header could otherwise ask for any amount of memory.
-        let fits = file.shape().iter().try_fold(1, |n: u64, &length| n.checked_mul(length));
-        if fits.is_none_or(|n| n > bytes.len() as u64) {
-            let got = format!("shape {:?} in {} bytes", file.shape(), bytes.len());
-            return Err(wrong(path, name, "as many values as its shape says", got));
-        }
-        let Some(values) = floats(file).map_err(broken)? else {
-            return Err(wrong(path, name, "float64 or float32", "another type"));
-        };
-        if let Some(bad) = values.iter().position(|v| !v.is_finite()) {
-            let got = format!("{} at position {bad}", values[bad]);
-            return Err(wrong(path, name, "finite numbers", got));
-        }
-        Ok(Self { shape, order, values })
+/// An array of the file with so many dimensions, all numbers finite.
+fn array(
+    archive: &mut NpzReader,
+    path: &Path,
+    name: &'static str,
+    n_dimensions: usize,
+) -> Result<Npy, ManifoldError> {
+    let broken = |error: io::Error| unreadable(path, &error);
+    let found = archive.names().map_err(broken)?;
+    if !found.iter().any(|other| other == name) {
+        let got = format!("no such array (the file has: {})", found.join(", "));
+        return Err(wrong(path, name, "an array", got));
     }
-
-    /// The values of a matrix, row after row.
-    fn into_row_major(self) -> Vec<f64> {
-        let (n_rows, n_columns) = (self.shape[0], self.shape[1]);
-        match self.order {
-            Order::C => self.values,
-            Order::Fortran => (0..n_rows)
-                .flat_map(|row| (0..n_columns).map(move |column| column * n_rows + row))
-                .map(|index| self.values[index])
-                .collect(),
-        }
+    let array = archive.array(name).map_err(broken)?;
+    if array.shape.len() != n_dimensions {
+        let expected = format!("{n_dimensions} dimension(s)");
+        return Err(wrong(path, name, expected, format!("shape {:?}", array.shape)));
     }
-}
-
-/// The numbers of an array, or `None` when it is not of floats.
-fn floats(file: NpyFile<impl Read>) -> io::Result<Option<Vec<f64>>> {
-    let DType::Plain(kind) = file.dtype() else { return Ok(None) };
-    match (kind.type_char(), kind.size_field()) {
-        (TypeChar::Float, 8) => file.into_vec::<f64>().map(Some),
-        (TypeChar::Float, 4) => {
-            let values = file.into_vec::<f32>()?;
-            Ok(Some(values.into_iter().map(f64::from).collect()))
-        }
-        _ => Ok(None),
+    if let Some(bad) = array.values.iter().position(|v| !v.is_finite()) {
+        let got = format!("{} at position {bad}", array.values[bad]);
+        return Err(wrong(path, name, "finite numbers", got));
     }
+    Ok(array)
 }
 
 /// Eigenvalues ascend, and the first is 0 to rounding (of a float32, at worst).

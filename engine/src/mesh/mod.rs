@@ -20,7 +20,6 @@ mod join;
 mod mend;
 mod names;
 mod nearest;
-mod npy;
 mod npz;
 mod obj;
 mod orient;

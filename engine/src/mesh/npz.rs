@@ -3,8 +3,8 @@
 
 use super::content::{Cells, Content};
 use super::geometry::{Geometry, Rows};
-use super::npy::{self, Npy};
 use super::{Array, Data, MeshError, Place, Units};
+use crate::store::npy::{self, Npy};
 use crate::store::{NpzWriter, Packing, array_name, write_file};
 use std::collections::BTreeMap;
 use std::io::{self, Cursor, Read as _, Seek, Write};

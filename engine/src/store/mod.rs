@@ -6,10 +6,13 @@
 mod atomic;
 pub mod cache;
 mod checkpoint;
+mod kind;
+pub mod npy;
 mod npz;
 
 pub use atomic::{NewFile, write_file, write_file_durably, write_folder};
 pub(crate) use checkpoint::take_chains;
 pub use checkpoint::{Checkpoint, CheckpointError, Identity, differences};
 pub use checkpoint::{Keeper, take_chain};
+pub use kind::Kind;
 pub use npz::{NpzReader, NpzWriter, Packing, array_name};

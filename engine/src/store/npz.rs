@@ -4,9 +4,10 @@ use std::fs::File;
 use std::io::{self, BufReader, Read as _, Seek, Write};
 use std::path::Path;
 
-use npyz::{AutoSerialize, WriterBuilder as _};
 use zip::write::SimpleFileOptions;
 use zip::{CompressionMethod, DateTime, ZipArchive, ZipWriter};
+
+use super::npy::{self, Element, Npy};
 
 /// Ending of an array's name in the archive.
 const ENDING: &str = ".npy";
@@ -43,22 +44,14 @@ impl<W: Write + Seek> NpzWriter<W> {
     ///
     /// # Errors
     /// What the writer says; a second array of this name.
-    pub fn array<T: AutoSerialize + Copy>(
-        &mut self,
-        name: &str,
-        shape: &[u64],
-        values: &[T],
-    ) -> io::Result<()> {
+    pub fn array<T: Element>(&mut self, name: &str, shape: &[u64], values: &[T]) -> io::Result<()> {
         // the same arrays are the same bytes at any time of day
         let options = SimpleFileOptions::default()
             .last_modified_time(DateTime::default())
             .compression_method(self.packing)
             .large_file(values.len() > LARGE);
         self.zip.start_file(format!("{name}{ENDING}"), options)?;
-        let array = npyz::WriteOptions::new().default_dtype().shape(shape);
-        let mut array = array.writer(&mut self.zip).begin_nd()?;
-        array.extend(values.iter().copied())?;
-        array.finish()
+        npy::write(&mut self.zip, shape, values)
     }
 
     /// Ends the archive.
@@ -98,15 +91,16 @@ impl NpzReader {
         Ok(names)
     }
 
-    /// The bytes of the array's `.npy`, read to the end, because only there the archive checks their
-    /// sum.
+    /// The array of this name, of any numbers.
     ///
     /// # Errors
-    /// No such array; a damaged archive.
-    pub fn bytes(&mut self, name: &str) -> io::Result<Vec<u8>> {
+    /// No such array, or one of something else; a damaged archive.
+    pub fn array(&mut self, name: &str) -> io::Result<Npy> {
         let mut bytes = vec![];
+        // to the end, because only there the archive checks their sum
         self.0.by_name(&format!("{name}{ENDING}"))?.read_to_end(&mut bytes)?;
-        Ok(bytes)
+        let array = npy::parse(&bytes).map_err(io::Error::other)?;
+        array.ok_or_else(|| io::Error::other("expected numbers, got another type"))
     }
 }
 

@@ -1,8 +1,8 @@
 //! The header of a .ply file: its elements and their properties.
 
 use crate::mesh::text::Lines;
-use crate::mesh::vtk::Kind;
 use crate::mesh::{MeshError, Units};
+use crate::store::Kind;
 use std::path::Path;
 
 /// How the numbers are written.

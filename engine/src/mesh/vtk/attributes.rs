@@ -3,7 +3,8 @@
 use super::super::MeshError;
 use super::super::names::decoded;
 use super::scanner::Scanner;
-use super::types::Kind;
+use super::types::named;
+use crate::store::Kind;
 
 /// A named array of `n_components` numbers per point or cell; empty if the numbers were skipped.
 #[derive(Debug)]
@@ -118,7 +119,7 @@ fn array(
 ) -> Result<Array, MeshError> {
     let name = decoded(name);
     let n_values = n.saturating_mul(n_components);
-    let values = match (Kind::named(kind), kind.to_ascii_lowercase().as_str()) {
+    let values = match (named(kind), kind.to_ascii_lowercase().as_str()) {
         (Some(kind), _) => scan.reals(n_values, kind, &name)?,
         (None, "bit") if scan.is_binary => {
             scan.take(n_values.div_ceil(8), &name).map(|_| Vec::new())?

@@ -3,7 +3,8 @@
 use super::super::MeshError;
 use super::super::content;
 use super::scanner::Scanner;
-use super::types::Kind;
+use super::types::named;
+use crate::store::Kind;
 use std::path::Path;
 
 /// Cells as lists of point numbers.
@@ -132,7 +133,7 @@ fn integer_array(scan: &mut Scanner, keyword: &str, n: usize) -> Result<Vec<i64>
     let expected = format!("{keyword} and an integer type");
     let words = scan.words_of(&expected)?;
     match words.as_slice() {
-        [word, kind] if word.eq_ignore_ascii_case(keyword) => match Kind::named(kind) {
+        [word, kind] if word.eq_ignore_ascii_case(keyword) => match named(kind) {
             Some(kind) if !matches!(kind, Kind::F32 | Kind::F64) => scan.integers(n, kind, keyword),
             _ => Err(scan.error(&expected, format!("type {kind:?}"))),
         },

@@ -5,7 +5,8 @@ use super::super::{Array, Data, MeshError, Units};
 use super::attributes::{self, count, skip_metadata, word};
 use super::cells::{Cells, add_typed};
 use super::scanner::Scanner;
-use super::types::Kind;
+use super::types::named;
+use crate::store::Kind;
 use std::path::Path;
 
 /// Reads `bytes`, the content of `path`.
@@ -108,7 +109,7 @@ impl Parser {
 
     fn points(&mut self, scan: &mut Scanner, words: &[String]) -> Result<(), MeshError> {
         let (n, name) = (count(scan, words, 1)?, word(scan, words, 2)?);
-        let Some(kind) = Kind::named(&name) else {
+        let Some(kind) = named(&name) else {
             return Err(scan.error("POINTS n float or POINTS n double", quoted(&words.join(" "))));
         };
         let coordinates = scan.reals(n.saturating_mul(3), kind, "POINTS")?;

@@ -14,6 +14,5 @@ mod xml_array;
 mod xml_cells;
 
 pub(super) use legacy::parse;
-pub(super) use types::Kind;
 pub(super) use write::{legacy, vtp, vtu};
 pub(super) use xml::parse_xml;

@@ -3,7 +3,7 @@
 //! Knows where it stands, so that every error names a line (ASCII) or a byte (BINARY).
 
 use super::super::{MeshError, Place};
-use super::types::Kind;
+use crate::store::Kind;
 use std::path::Path;
 
 /// A position in a file's bytes.

@@ -1,8 +1,9 @@
 //! The arrays of an XML file: as text, inline, or appended behind the document.
 
 use super::stream::{Bytes, Packing};
-use super::types::Kind;
+use super::types::named;
 use crate::mesh::{MeshError, Place};
+use crate::store::Kind;
 use roxmltree::{Document, Node};
 use std::cell::Cell;
 use std::path::Path;
@@ -101,7 +102,7 @@ impl<'a> Reader<'a> {
         let kind = match name.as_str() {
             "float64" => Some(Kind::F64),
             "float32" => Some(Kind::F32),
-            integer => Kind::named(&format!("vtktype{integer}")),
+            integer => named(&format!("vtktype{integer}")),
         };
         kind.ok_or_else(|| self.wrong(node, "a number type like Float64 or Int64", name))
     }

@@ -7,7 +7,7 @@ use crate::model::{Model, Observe};
 ///
 /// # Errors
 /// An `observe` that mentions parameters alone: there is nothing that an effect could act on.
-pub(super) fn observables(model: &Model) -> Result<Vec<String>, CriticismError> {
+pub fn observables(model: &Model) -> Result<Vec<String>, CriticismError> {
     let no_text = |_| CriticismError::NoObservable { observe: model.name.into() };
     let tree = model.syntax().map_err(no_text)?;
     let one = |observe: &Observe| {

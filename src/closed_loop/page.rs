@@ -2,7 +2,7 @@
 
 use super::contribution::places;
 use super::{Story, Trouble};
-use crate::criticism::units::site_name;
+use crate::criticism::site_name;
 use crate::criticism::{Judgement, Record, Round, least_log_bf};
 use crate::report::{
     Against, LoopPage, Residuals, SiteResidual, TriedEffect, TriedRound, loop_page,

@@ -1,19 +1,78 @@
-//! One `NumPy` array, .npy: read without trusting its header.
+//! One `NumPy` array, .npy: written, and read without trusting its header.
+//!
+//! The format, of which numbers in row order are written and numbers in either order are read:
+//! <https://numpy.org/doc/stable/reference/generated/numpy.lib.format.html>.
 
-use super::vtk::Kind;
+use std::io::{self, Write};
 
-/// An array, row after row.
-#[derive(Debug, PartialEq)]
-pub(super) struct Npy {
-    pub(super) shape: Vec<usize>,
-    pub(super) values: Vec<f64>,
+use super::kind::Kind;
+
+/// An array of numbers, row after row.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Npy {
+    /// Its lengths.
+    pub shape: Vec<usize>,
+    /// Its numbers, as reals: integers beyond 2⁵³ are rounded.
+    pub values: Vec<f64>,
+}
+
+/// A number that is written as it is.
+pub trait Element: Copy {
+    /// Its type as `NumPy` writes it.
+    const DESCR: &'static str;
+    /// Appends its bytes, the least significant first.
+    fn append(self, bytes: &mut Vec<u8>);
+}
+
+macro_rules! elements {
+    ($($T:ty: $descr:literal),*) => {$(
+        impl Element for $T {
+            const DESCR: &'static str = $descr;
+            fn append(self, bytes: &mut Vec<u8>) {
+                bytes.extend(self.to_le_bytes());
+            }
+        }
+    )*};
+}
+elements!(f64: "<f8", i64: "<i8", u32: "<u4", u8: "|u1");
+
+/// Bytes that are written at a time.
+const CHUNK: usize = 1 << 16;
+
+/// Writes `values`, row after row in this `shape`.
+///
+/// # Errors
+/// What the writer says.
+pub(super) fn write<T: Element>(
+    writer: &mut impl Write,
+    shape: &[u64],
+    values: &[T],
+) -> io::Result<()> {
+    let lengths: String = shape.iter().map(|length| format!("{length}, ")).collect();
+    let descr = T::DESCR;
+    let header = format!(
+        "{{'descr': '{descr}', 'fortran_order': False, 'shape': ({}), }}",
+        lengths.trim_end()
+    );
+    // with its end, and what stands before it, it fills whole lines of 64 bytes
+    let length = (header.len() + 11).next_multiple_of(64) - 10;
+    writer.write_all(b"\x93NUMPY\x01\x00")?;
+    writer.write_all(&(length as u16).to_le_bytes())?;
+    writeln!(writer, "{header:0$}", length - 1)?;
+    let mut bytes = Vec::with_capacity(CHUNK);
+    for some in values.chunks(CHUNK / size_of::<T>()) {
+        bytes.clear();
+        some.iter().for_each(|value| value.append(&mut bytes));
+        writer.write_all(&bytes)?;
+    }
+    Ok(())
 }
 
 /// Reads an array of numbers; `None` for one of anything else.
 ///
 /// # Errors
 /// What is there instead of an array.
-pub(super) fn parse(bytes: &[u8]) -> Result<Option<Npy>, String> {
+pub fn parse(bytes: &[u8]) -> Result<Option<Npy>, String> {
     let rest = bytes.strip_prefix(b"\x93NUMPY").ok_or("no NumPy array")?;
     // Version 1 has a length of two bytes, the later ones of four.
     let (version, rest) = (rest.first().copied(), rest.get(2..).unwrap_or_default());
@@ -95,6 +154,25 @@ mod tests {
         assert_eq!((c.shape, c.values), (vec![2, 3], vec![1.0, 2.0, 3.0, 4.0, 5.0, 6.0]));
         let fortran = parse(&npy(&header("True"), &data)).unwrap().unwrap();
         assert_eq!(fortran.values, [1.0, 3.0, 5.0, 2.0, 4.0, 6.0]);
+    }
+
+    #[test]
+    fn what_is_written_is_read_back() {
+        let written = |shape: &[u64], values: &[f64]| {
+            let mut bytes = vec![];
+            write(&mut bytes, shape, values).unwrap();
+            assert_eq!((bytes.len() - 8 * values.len()) % 64, 0);
+            parse(&bytes).unwrap().unwrap()
+        };
+        let values = [1.0, -2.5, 1.0 / 3.0, f64::MAX, 0.0, 1e-300];
+        assert_eq!(written(&[3, 2], &values), Npy { shape: vec![3, 2], values: values.to_vec() });
+        assert_eq!(written(&[6], &values).shape, [6]);
+        assert_eq!(written(&[], &values[..1]).shape, [0; 0]);
+        let mut bytes = vec![];
+        write(&mut bytes, &[2], &[-1_i64, 7]).unwrap();
+        assert_eq!(parse(&bytes).unwrap().unwrap().values, [-1.0, 7.0]);
+        bytes.pop();
+        assert_eq!(parse(&bytes), Err("15 bytes for a shape of [2]".into()));
     }
 
     #[test]

@@ -42,7 +42,7 @@ pub fn site_column(table: &Measurements) -> Option<&'static str> {
 }
 
 /// The site of a row in words: the column of sites with the row's cell, else the row's line.
-pub(super) fn site_name(table: &Measurements, row: usize) -> String {
+pub fn site_name(table: &Measurements, row: usize) -> String {
     let cell = |column| Some(format!("{column} {}", table.cell(row, column)?));
     site_column(table).and_then(cell).unwrap_or_else(|| format!("line {}", table.line(row)))
 }

@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 
 use super::LoopError;
 use super::score::{Scored, Scores};
-use crate::criticism::units::site_name;
+use crate::criticism::site_name;
 use crate::criticism::{
     Candidate, Criticism, Predicted, Predictions, Warning, check_heldout, predict_rows,
     with_heldout,

@@ -17,14 +17,14 @@
 //! | fits | `engine`, `system`, `fit`, `newton`, `laplace`, `slope`, `outer`, `leave`, `screen`, `fine` |
 //! | a round | `bench`, `search`, `nulls`, `refute`, `rivals`, `claim`, `judge`, `remainder` |
 //! | all | `procedure`; `heldout` and `rewrite` for what follows it |
-//! | with the fits | `close`, which calls [`run`](crate::run) and is what `eplat loop` does |
+//!
+//! The fits before and after are made in the room `closed_loop`.
 
 mod bench;
 mod candidate;
 mod cause;
 mod checks;
 mod claim;
-mod close;
 mod engine;
 mod error;
 mod fine;
@@ -55,10 +55,6 @@ pub use bench::Subject;
 pub use candidate::{Candidate, Level, Screen, Unusable};
 pub use cause::Cause;
 pub use checks::{Warning, check_heldout};
-pub use close::{
-    Contribution, FoundEffect, HeldOut, LeftOut, Loop, LoopError, LoopEvent, LoopSettings,
-    LoopWatch, Narrow, Point, Size, Story, Told, Trouble,
-};
 pub use engine::{Engine, Outer, RowAt, TriedTerm};
 pub use error::CriticismError;
 pub use fine::FINER;
@@ -66,7 +62,8 @@ pub use fit::{Cavity, LaplaceFit};
 pub use heldout::{Predicted, Predictions, Score, predict_rows, score_of, with_heldout};
 pub use judgement::{CLAIM, Judgement, Record, Refutation, Round, UnitScore, least_log_bf};
 pub use leave::{Left, leave_out, leave_sites_out, leave_units_out};
+pub use observable::observables;
 pub use procedure::{Criticism, SearchSettings, criticise};
 pub use progress::{SearchProgress, Watch};
 pub use rewrite::{Findings, rewrite};
-pub use units::{Unit, site_column};
+pub use units::{Unit, site_column, site_name};

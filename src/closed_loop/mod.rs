@@ -5,7 +5,7 @@
 //! its files.
 //!
 //! ```no_run
-//! use eplat::criticism::{Loop, LoopSettings, LoopWatch};
+//! use eplat::closed_loop::{Loop, LoopSettings, LoopWatch};
 //! use eplat::run::{Inputs, Loaded, Watch};
 //! # fn close(model: &dyn eplat::model::Declare) -> Result<(), Box<dyn std::error::Error>> {
 //! let inputs = Inputs { data: std::path::Path::new("train.csv").into(), ..Inputs::default() };
@@ -51,7 +51,9 @@ use self::error::{LEAST_NULLS, LEAST_SITES};
 use self::held_out::Joint;
 use self::seen::Seen;
 use self::sizes::spread;
-use super::{Criticism, FINER, Findings, SearchSettings, Subject, criticise, rewrite, site_column};
+use crate::criticism::{
+    Criticism, FINER, Findings, SearchSettings, Subject, criticise, rewrite, site_column,
+};
 use crate::infer;
 use crate::manifold::{Basis, eigenpairs_cached};
 use crate::model::{AddedEffect, Augmented, Declare, Discrepancy, Model};

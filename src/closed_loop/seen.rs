@@ -3,7 +3,7 @@
 use super::left_out::as_written;
 use super::{HeldOut, LeftOut, Loop, LoopError};
 use crate::criticism::Criticism;
-use crate::criticism::units::site_name;
+use crate::criticism::site_name;
 use crate::report::ErrorChange;
 use crate::run::Fit;
 

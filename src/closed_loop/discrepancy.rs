@@ -7,8 +7,7 @@ use eplat_language::as_name;
 use eplat_language::syntax::{Item, Model as Tree, Observe};
 
 use super::LoopError;
-use crate::criticism::Criticism;
-use crate::criticism::observable::observables;
+use crate::criticism::{Criticism, observables};
 use crate::model::forms::group;
 use crate::model::{Declare, Discrepancy, Model, RowError, Spread};
 use crate::table::{Measurements, SITE, VERTEX};
