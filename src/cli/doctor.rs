@@ -6,7 +6,7 @@ use std::process::{Command as Process, ExitCode, Stdio};
 
 use clap::Args;
 
-use super::compile::{Library, library};
+use super::library::{Library, library};
 use crate::error::Failure;
 use crate::store::cache;
 
@@ -119,7 +119,9 @@ fn toolchain() -> Line {
 /// The library that a model of the user's own is compiled against.
 fn compiled_against() -> Line {
     let text = match library() {
-        Library::Beside => "beside this program: a model of your own compiles in seconds",
+        Library::LinkedFrom => {
+            "where this program was built: a model of your own compiles in seconds"
+        }
         Library::Built => "built: a model of your own compiles in seconds",
         Library::ToBuild => "not built yet: the first model of your own takes some minutes",
     };

@@ -17,6 +17,7 @@ mod import;
 mod init;
 mod inputs;
 mod interrupt;
+mod library;
 mod mesh;
 mod models;
 mod options;
@@ -38,7 +39,7 @@ use std::process::ExitCode;
 
 use clap::{Parser, Subcommand};
 
-pub use compile::shipped_models;
+pub use library::shipped_models;
 pub use models::Compiled;
 pub use options::{CommandOption, Takes, options};
 use voice::{Voice, Voiced, speak, tell_failure};
