@@ -48,11 +48,11 @@ pub(super) fn write<T: Element>(
     shape: &[u64],
     values: &[T],
 ) -> io::Result<()> {
-    let lengths: String = shape.iter().map(|length| format!("{length}, ")).collect();
+    let lengths: Vec<String> = shape.iter().map(|length| format!("{length},")).collect();
     let descr = T::DESCR;
     let header = format!(
         "{{'descr': '{descr}', 'fortran_order': False, 'shape': ({}), }}",
-        lengths.trim_end()
+        lengths.join(" ")
     );
     // with its end, and what stands before it, it fills whole lines of 64 bytes
     let length = (header.len() + 11).next_multiple_of(64) - 10;
@@ -62,7 +62,9 @@ pub(super) fn write<T: Element>(
     let mut bytes = Vec::with_capacity(CHUNK);
     for some in values.chunks(CHUNK / size_of::<T>()) {
         bytes.clear();
-        some.iter().for_each(|value| value.append(&mut bytes));
+        for value in some {
+            value.append(&mut bytes);
+        }
         writer.write_all(&bytes)?;
     }
     Ok(())
