@@ -62,6 +62,9 @@ pub(super) fn run_event(event: &Event<'_>) -> (&'static str, Value) {
         Event::Prior { model } => ("prior", json!({ "model": model })),
         Event::Laplace { model } => ("laplace", json!({ "model": model })),
         Event::Progress(progress) => ("progress", chain(progress)),
+        Event::Sampled { n_draws, seconds } => {
+            ("sampled", json!({ "draws": n_draws, "seconds": seconds }))
+        }
         Event::NotKept { reason } => ("not_kept", json!({ "reason": reason })),
         Event::ChainFailed(error) => (
             "chain_failed",

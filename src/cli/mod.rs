@@ -26,6 +26,7 @@ mod plot;
 mod predict;
 mod progress;
 mod reading;
+mod remaining;
 mod report;
 mod run;
 mod rustc;

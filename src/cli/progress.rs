@@ -3,11 +3,13 @@
 use std::io::IsTerminal as _;
 use std::sync::atomic::AtomicBool;
 use std::sync::{Arc, Mutex, PoisonError};
+use std::time::{Duration, Instant};
 
-use indicatif::{MultiProgress, ProgressBar, ProgressStyle};
+use indicatif::{HumanDuration, MultiProgress, ProgressBar, ProgressStyle};
 
 use super::events::run_event;
 use super::interrupt::stop_flag;
+use super::remaining::Remaining;
 use super::voice::{tell, tell_progress, voice};
 use crate::error::Failure;
 use crate::infer::{ChainProgress, Phase, Settings};
@@ -17,12 +19,19 @@ use crate::run::{Event, Watch};
 pub(super) struct Console {
     stop: Arc<AtomicBool>,
     /// Of the run that is sampling.
-    bars: Mutex<Option<ChainBars>>,
+    sampling: Mutex<Option<Sampling>>,
+}
+
+/// What is shown while a run samples.
+struct Sampling {
+    remaining: Remaining,
+    /// For people.
+    bars: Option<ChainBars>,
 }
 
 impl Console {
     pub(super) fn new() -> Result<Self, Failure> {
-        Ok(Self { stop: stop_flag()?, bars: Mutex::default() })
+        Ok(Self { stop: stop_flag()?, sampling: Mutex::default() })
     }
 
     /// Hands a watcher to `run`, which is told about and may be stopped.
@@ -34,27 +43,35 @@ impl Console {
 
     fn print(&self, event: &Event<'_>) {
         if let Event::Progress(progress) = event {
-            tell_progress("progress", run_event(event).1);
-            if let Some(bars) = &*self.bars.lock().unwrap_or_else(PoisonError::into_inner) {
-                bars.show(progress, event);
-            }
-            return;
+            return self.progress(progress, event);
         }
-        if let Event::ChainFailed(_) = event {
+        if let Event::ChainFailed(_) | Event::Sampled { .. } = event {
             self.finish();
         }
         tell_event(event);
-        let Event::Sampling { settings, .. } = event else { return };
-        if voice().is_words() {
-            *self.bars.lock().unwrap_or_else(PoisonError::into_inner) =
-                Some(ChainBars::new(settings));
+        let Event::Sampling { settings, sampler, .. } = event else { return };
+        let bars = voice().is_words().then(|| ChainBars::new(settings));
+        let sampling = Sampling { remaining: Remaining::new(settings, *sampler), bars };
+        *self.sampling.lock().unwrap_or_else(PoisonError::into_inner) = Some(sampling);
+    }
+
+    fn progress(&self, progress: &ChainProgress, event: &Event<'_>) {
+        let mut sampling = self.sampling.lock().unwrap_or_else(PoisonError::into_inner);
+        let left = sampling.as_mut().and_then(|s| s.remaining.after(progress, Instant::now()));
+        let (name, mut fields) = run_event(event);
+        fields["seconds_left"] = left.map(|left| left.as_secs_f64().round()).into();
+        tell_progress(name, fields);
+        if let Some(bars) = sampling.as_ref().and_then(|sampling| sampling.bars.as_ref()) {
+            bars.show(progress, event, left);
         }
     }
 
     /// Leaves the lines of the chains as they are.
     fn finish(&self) {
-        let bars = self.bars.lock().unwrap_or_else(PoisonError::into_inner).take();
-        bars.iter().flat_map(|bars| &bars.bars).for_each(ProgressBar::abandon);
+        let sampling = self.sampling.lock().unwrap_or_else(PoisonError::into_inner).take();
+        let Some(bars) = sampling.and_then(|sampling| sampling.bars) else { return };
+        bars.bars.iter().for_each(ProgressBar::abandon);
+        bars.left.finish_and_clear();
     }
 }
 
@@ -67,6 +84,8 @@ pub(super) fn tell_event(event: &Event<'_>) {
 /// Where every chain stands.
 struct ChainBars {
     bars: Vec<ProgressBar>,
+    /// Below them: how long all of them will take.
+    left: ProgressBar,
     is_terminal: bool,
     warmup: usize,
 }
@@ -78,10 +97,10 @@ impl ChainBars {
         let total = warmup + draws;
         let all = MultiProgress::new();
         let header = format!(
-            "{:>5}  {:24}  {:>13}  {:<8}  {:>11}  {:>9}  {:>5}",
-            "chain", "", "draws", "phase", "divergences", "step size", "ETA"
+            "{:>5}  {:24}  {:>13}  {:<8}  {:>11}  {:>9}",
+            "chain", "", "draws", "phase", "divergences", "step size"
         );
-        let template = "{prefix:>5}  {bar:24}  {pos:>6}/{len:<6}  {msg:32}  {eta:>5}";
+        let template = "{prefix:>5}  {bar:24}  {pos:>6}/{len:<6}  {msg:32}";
         let style = ProgressStyle::with_template(template)
             .unwrap_or_else(|_| ProgressStyle::default_bar())
             .progress_chars("━╸─");
@@ -95,15 +114,20 @@ impl ChainBars {
             bar
         };
         let bars = (0..chains).map(bar).collect();
-        Self { bars, is_terminal: std::io::stderr().is_terminal(), warmup }
+        let line = ProgressStyle::with_template("{msg}").unwrap_or_else(|_| style.clone());
+        let left = all.add(ProgressBar::new(0)).with_style(line);
+        Self { bars, left, is_terminal: std::io::stderr().is_terminal(), warmup }
     }
 
-    /// The chain's bar; without a terminal a line at the end of each phase.
-    fn show(&self, p: &ChainProgress, event: &Event<'_>) {
+    /// The chain's bar, and how long all will take; without a terminal a line at the end of each phase.
+    fn show(&self, p: &ChainProgress, event: &Event<'_>, left: Option<Duration>) {
         let (phase, divergences, step) = (p.phase.to_string(), p.divergences, p.step_size);
         let bar = &self.bars[p.chain];
         bar.set_position(p.iteration as u64);
         bar.set_message(format!("{phase:<8}  {divergences:>11}  {step:>9.3}"));
+        if let Some(left) = left {
+            self.left.set_message(format!("       about {} left", HumanDuration(left)));
+        }
         let phase_ends = match p.phase {
             Phase::Warmup => p.iteration == self.warmup,
             Phase::Sampling => p.iteration == p.total,

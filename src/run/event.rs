@@ -104,6 +104,13 @@ pub enum Event<'a> {
     },
     /// Where one chain stands: about four times per second and chain, and at the end of each phase.
     Progress(&'a ChainProgress),
+    /// Every chain has ended. What the draws say is computed next, which may take longer than drawing.
+    Sampled {
+        /// Number of draws, of all chains that came through.
+        n_draws: usize,
+        /// Wall time of drawing, s.
+        seconds: f64,
+    },
     /// The run goes on, but it can no longer be kept.
     NotKept {
         /// The file and the cause.
@@ -171,6 +178,9 @@ impl fmt::Display for Event<'_> {
             ),
             Self::Prior { model } => {
                 write!(f, "model  {model}: draws from its prior, not from its posterior")
+            }
+            Self::Sampled { n_draws, seconds } => {
+                write!(f, "{n_draws} draws in {seconds:.1} s; maps, predictions and verdict next …")
             }
             Self::Laplace { model } => {
                 write!(f, "model  {model}: normal approximation at its mode, not sampled")

@@ -11,8 +11,8 @@ use super::results::{Results, VERSION};
 use super::{Event, Keep, OutputFolder, Problem, RunError, Watch, keep, unknowns, warm_start};
 use crate::diagnostics::importance;
 use crate::infer::{
-    ChainError, ChainFailure, ChainProgress, InferError, Laplace, LaplaceDraws, LogDensity as _,
-    Progress, Settings, jittered_starts,
+    Chain, ChainError, ChainFailure, ChainProgress, InferError, Laplace, LaplaceDraws,
+    LogDensity as _, Progress, Settings, jittered_starts,
 };
 use crate::model::{Model, Sampler};
 use crate::report::Approximation;
@@ -240,6 +240,8 @@ impl<'a, 'm> Job<'a, 'm> {
                 }
             }
         }
+        let n_draws = drawn.chains.iter().map(Chain::n_draws).sum();
+        watch.tell(&Event::Sampled { n_draws, seconds });
         Ok((Some(drawn), checkpoint))
     }
 

@@ -7,6 +7,7 @@
 //! progress and checkpoints.
 //!
 //! ```
+//! # extern crate eplat_engine as eplat;
 //! use eplat::infer::{Evaluator, LogDensity, MarkovChain, Nuts, Settings};
 //!
 //! /// Two independent normals, with standard deviations 1 and 10.

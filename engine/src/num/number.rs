@@ -18,9 +18,10 @@ use super::{Made, Real};
 /// numbers on the right, or take `Num<T>`:
 ///
 /// ```
+/// # extern crate eplat_engine as eplat;
 /// use eplat::prelude::*;
 /// fn recovered<T: Real>(t: Num<T>, tau: Num<T>) -> Num<T> {
-///     1 - 0.5 * (-t / tau).exp()
+///     1 - 0.5 * exp(-t / tau)
 /// }
 /// assert!((recovered(Num(0.0), Num(3.0)).0 - 0.5).abs() < 1e-15);
 /// ```

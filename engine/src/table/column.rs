@@ -2,6 +2,7 @@
 
 use std::collections::BTreeMap;
 
+use csv::StringRecord;
 use eplat_language::as_name;
 
 /// What the cells of a column hold. A missing value is an empty cell.
@@ -27,7 +28,7 @@ pub struct TypedColumn {
     /// Its name in a model file.
     read_as: String,
     /// Distinct texts in order of appearance, the empty text among them.
-    texts: Vec<String>,
+    texts: StringRecord,
     /// Which of these stands in each row.
     text_of: Vec<u32>,
     content: Content,
@@ -36,12 +37,12 @@ pub struct TypedColumn {
 impl TypedColumn {
     /// From the texts of the cells, one per row.
     pub fn parse<'t>(name: &str, cells: impl Iterator<Item = &'t str>) -> Self {
-        let mut texts: Vec<String> = vec![];
+        let mut texts = StringRecord::new();
         let mut index: BTreeMap<&'t str, u32> = BTreeMap::new();
         let text_of: Vec<u32> = cells
             .map(|cell| {
                 *index.entry(cell).or_insert_with(|| {
-                    texts.push(cell.to_owned());
+                    texts.push_field(cell);
                     (texts.len() - 1) as u32
                 })
             })
@@ -96,13 +97,13 @@ impl TypedColumn {
 
     /// The first row whose cell is empty.
     pub fn first_empty(&self) -> Option<usize> {
-        let empty = self.texts.iter().position(String::is_empty)? as u32;
+        let empty = self.texts.iter().position(str::is_empty)? as u32;
         self.text_of.iter().position(|text| *text == empty)
     }
 
     /// The distinct labels in order of appearance; empty cells have none.
     pub fn labels(&self) -> Vec<String> {
-        self.texts.iter().filter(|text| !text.is_empty()).cloned().collect()
+        self.texts.iter().filter(|text| !text.is_empty()).map(String::from).collect()
     }
 
     /// For each row, the number of its text among the distinct texts, in order of appearance. An empty
@@ -118,8 +119,8 @@ impl TypedColumn {
 }
 
 /// Parses every distinct text once.
-fn content(texts: &[String], text_of: &[u32]) -> Content {
-    let number = |text: &String| if text.is_empty() { Some(f64::NAN) } else { text.parse().ok() };
+fn content(texts: &StringRecord, text_of: &[u32]) -> Content {
+    let number = |text: &str| if text.is_empty() { Some(f64::NAN) } else { text.parse().ok() };
     let parsed: Vec<Option<f64>> = texts.iter().map(number).collect();
     let numbers: Vec<Option<f64>> = text_of.iter().map(|text| parsed[*text as usize]).collect();
     let is_filled = |row: usize| !texts[text_of[row] as usize].is_empty();

@@ -3,6 +3,8 @@
 
 use std::borrow::Cow;
 
+use csv::StringRecord;
+
 use super::DataError;
 use super::columns::STRUCTURAL;
 
@@ -62,21 +64,18 @@ pub(super) fn delimiter(text: &str) -> u8 {
 
 /// Leaves out columns without a name and without a filled cell, which stand behind the others in
 /// many sheets.
-pub(super) fn drop_empty_columns(header: &mut Vec<String>, rows: &mut [Vec<String>]) {
+pub(super) fn drop_empty_columns(header: &mut Vec<String>, rows: &mut [StringRecord]) {
     let is_there = |k: usize| !header[k].is_empty() || rows.iter().any(|row| !row[k].is_empty());
     let kept: Vec<bool> = (0..header.len()).map(is_there).collect();
     if kept.iter().all(|kept| *kept) {
         return;
     }
-    let keep = |cells: &mut Vec<String>| {
-        let mut at = 0;
-        cells.retain(|_| {
-            at += 1;
-            kept[at - 1]
-        });
-    };
-    keep(header);
-    rows.iter_mut().for_each(keep);
+    let named = std::mem::take(header).into_iter().zip(&kept);
+    *header = named.filter_map(|(name, kept)| kept.then_some(name)).collect();
+    for row in rows {
+        let cells = row.iter().zip(&kept).filter_map(|(cell, kept)| kept.then_some(cell));
+        *row = cells.collect();
+    }
 }
 
 /// Units that a header may name behind the columns that eplat knows, in which these are read.
@@ -111,7 +110,7 @@ type At<'a> = &'a dyn Fn(usize, usize, String) -> DataError;
 /// # Errors
 /// A number that may be read in two ways, such as `1,234`, in a table where nothing tells which is
 /// meant; a column with both commas and points.
-pub(super) fn decimal_commas(rows: &mut [Vec<String>], at: At) -> Result<bool, DataError> {
+pub(super) fn decimal_commas(rows: &mut [StringRecord], at: At) -> Result<bool, DataError> {
     let mut seen = Seen::default();
     for (row, cells) in rows.iter().enumerate() {
         for (column, cell) in cells.iter().enumerate() {
@@ -119,7 +118,7 @@ pub(super) fn decimal_commas(rows: &mut [Vec<String>], at: At) -> Result<bool, D
         }
     }
     if let Some((row, column)) = seen.both {
-        let problem = format!("`{}` has both a comma and a point", rows[row][column]);
+        let problem = format!("`{}` has both a comma and a point", &rows[row][column]);
         return Err(at(row, column, problem));
     }
     if let (Some((row, column)), true) =
@@ -133,10 +132,10 @@ pub(super) fn decimal_commas(rows: &mut [Vec<String>], at: At) -> Result<bool, D
     if seen.clear.is_none() {
         return Ok(false);
     }
-    for cell in rows.iter_mut().flatten() {
-        if comma(cell).is_some() {
-            *cell = cell.replace(',', ".");
-        }
+    for row in rows {
+        let with_point =
+            |cell| if comma(cell).is_some() { cell.replace(',', ".") } else { cell.into() };
+        *row = row.iter().map(with_point).collect();
     }
     Ok(true)
 }
@@ -196,7 +195,7 @@ mod tests {
     use super::*;
 
     fn read(cells: &[&str]) -> Result<(bool, Vec<String>), String> {
-        let mut rows: Vec<Vec<String>> = cells.iter().map(|cell| vec![(*cell).into()]).collect();
+        let mut rows: Vec<StringRecord> = cells.iter().map(|cell| vec![*cell].into()).collect();
         let at = |row: usize, _: usize, problem: String| DataError::Cell {
             file: "t.csv".into(),
             line: row as u64,
@@ -205,7 +204,7 @@ mod tests {
             help: String::new(),
         };
         let found = decimal_commas(&mut rows, &at).map_err(|e| e.to_string())?;
-        Ok((found, rows.concat()))
+        Ok((found, rows.iter().map(|row| row[0].to_owned()).collect()))
     }
 
     #[test]
@@ -240,8 +239,8 @@ mod tests {
     #[test]
     fn empty_columns_behind_the_others_go() {
         let mut header = vec!["a".to_owned(), String::new(), String::new()];
-        let mut rows = vec![vec!["1".to_owned(), "2".into(), String::new()]];
+        let mut rows = [StringRecord::from(vec!["1", "2", ""])];
         drop_empty_columns(&mut header, &mut rows);
-        assert_eq!((header.len(), &rows[0][..]), (2, &["1".to_owned(), "2".into()][..]));
+        assert_eq!((header.len(), &rows[0]), (2, &StringRecord::from(vec!["1", "2"])));
     }
 }

@@ -4,6 +4,8 @@ use std::ops::{Deref, DerefMut};
 use std::path::Path;
 use std::sync::Arc;
 
+use csv::StringRecord;
+
 use super::{DataError, PATH, Placement, ProbeError, Probes, Table, read};
 use crate::manifold::Basis;
 use crate::mesh::Surface;
@@ -57,6 +59,7 @@ impl Measurements {
         cells: Vec<Vec<String>>,
     ) -> Result<Self, DataError> {
         let lines = (2..).take(cells.len()).collect();
+        let cells: Vec<StringRecord> = cells.into_iter().map(StringRecord::from).collect();
         Table::new(name.into(), header, lines, &cells).map(Self::from)
     }
 

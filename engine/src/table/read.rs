@@ -42,7 +42,7 @@ pub(super) fn read(path: &Path) -> Result<Table, DataError> {
         let passed = bytes[counted.0..begin + blank].split(|b| *b == b'\n').count() - 1;
         counted = (begin + blank, counted.1 + passed as u64);
         lines.push(counted.1);
-        cells.push(record.iter().map(String::from).collect::<Vec<String>>());
+        cells.push(record);
     }
     habits::drop_empty_columns(&mut header, &mut cells);
     if let Some((first, second)) = habits::doubled(&header) {

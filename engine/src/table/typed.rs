@@ -2,6 +2,8 @@
 
 use std::path::Path;
 
+use csv::StringRecord;
+
 use super::column::TypedColumn;
 use super::columns::{Columns, EXPORTED, PROTOCOL, Role, SITE};
 use super::error::{DataError, edit_distance};
@@ -29,14 +31,13 @@ impl Table {
         file: String,
         header: Vec<String>,
         lines: Vec<u64>,
-        cells: &[Vec<String>],
+        cells: &[StringRecord],
     ) -> Result<Self, DataError> {
         if cells.is_empty() {
             return Err(DataError::Empty { file });
         }
-        let column = |(k, name): (usize, &String)| {
-            TypedColumn::parse(name, cells.iter().map(|row| row[k].as_str()))
-        };
+        let column =
+            |(k, name): (usize, &String)| TypedColumn::parse(name, cells.iter().map(|row| &row[k]));
         let columns = header.iter().enumerate().map(column).collect();
         Ok(Self { file, lines, columns, header, ..Self::default() })
     }

@@ -47,6 +47,7 @@ pub struct Step<D> {
 /// A model file may hold a prior of its own:
 ///
 /// ```
+/// # extern crate eplat_engine as eplat;
 /// use eplat::prelude::*;
 ///
 /// /// A random walk: each number is normal about the one before, the first about zero.
