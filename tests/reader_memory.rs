@@ -26,8 +26,6 @@ static COUNTED: PeakAlloc = PeakAlloc;
 
 /// Bytes that a reader may take for each byte of a file.
 const MOST: f64 = 10.0;
-/// The same of a table: a cell is a text of 24 bytes, though it be one letter.
-const MOST_OF_TABLES: f64 = 20.0;
 /// What it may take beside, for any file: messages, lists of names, the test's own folder.
 const BESIDE: f64 = 256.0 * 1024.0;
 /// Damages of each file.
@@ -80,8 +78,7 @@ fn worst(path: &Path, file: &Path, rng: &mut ChaCha8Rng, read: &dyn Fn(&Path)) -
         fs::write(file, &hostile).unwrap();
         let n = hostile.len() as f64 + n_others;
         drop(hostile);
-        let most = if path.extension().is_some_and(|e| e == "csv") { MOST_OF_TABLES } else { MOST };
-        worst = worst.max(peak(|| read(path)) / (most * n + BESIDE));
+        worst = worst.max(peak(|| read(path)) / (MOST * n + BESIDE));
     }
     fs::write(file, bytes).unwrap();
     (whole, worst)

@@ -3,9 +3,8 @@
 
 use std::borrow::Cow;
 
-use csv::StringRecord;
-
 use super::DataError;
+use super::cells::Cells;
 use super::columns::STRUCTURAL;
 
 /// What the bytes are instead of text, and what to do.
@@ -64,18 +63,15 @@ pub(super) fn delimiter(text: &str) -> u8 {
 
 /// Leaves out columns without a name and without a filled cell, which stand behind the others in
 /// many sheets.
-pub(super) fn drop_empty_columns(header: &mut Vec<String>, rows: &mut [StringRecord]) {
-    let is_there = |k: usize| !header[k].is_empty() || rows.iter().any(|row| !row[k].is_empty());
-    let kept: Vec<bool> = (0..header.len()).map(is_there).collect();
+pub(super) fn without_empty_columns(header: &mut Vec<String>, cells: Cells) -> Cells {
+    let mut kept: Vec<bool> = header.iter().map(|name| !name.is_empty()).collect();
     if kept.iter().all(|kept| *kept) {
-        return;
+        return cells;
     }
+    cells.iter().for_each(|(_, column, text)| kept[column] |= !text.is_empty());
     let named = std::mem::take(header).into_iter().zip(&kept);
     *header = named.filter_map(|(name, kept)| kept.then_some(name)).collect();
-    for row in rows {
-        let cells = row.iter().zip(&kept).filter_map(|(cell, kept)| kept.then_some(cell));
-        *row = cells.collect();
-    }
+    cells.kept(&kept)
 }
 
 /// Units that a header may name behind the columns that eplat knows, in which these are read.
@@ -110,21 +106,17 @@ type At<'a> = &'a dyn Fn(usize, usize, String) -> DataError;
 /// # Errors
 /// A number that may be read in two ways, such as `1,234`, in a table where nothing tells which is
 /// meant; a column with both commas and points.
-pub(super) fn decimal_commas(rows: &mut [StringRecord], at: At) -> Result<bool, DataError> {
+pub(super) fn decimal_commas(cells: &mut Cells, at: At) -> Result<bool, DataError> {
     let mut seen = Seen::default();
-    for (row, cells) in rows.iter().enumerate() {
-        for (column, cell) in cells.iter().enumerate() {
-            seen.note(row, column, cell);
-        }
-    }
+    cells.iter().for_each(|(row, column, cell)| seen.note(row, column, cell));
     if let Some((row, column)) = seen.both {
-        let problem = format!("`{}` has both a comma and a point", &rows[row][column]);
+        let problem = format!("`{}` has both a comma and a point", cells.get(row, column));
         return Err(at(row, column, problem));
     }
     if let (Some((row, column)), true) =
         (seen.doubtful, seen.clear.is_none() || seen.point.is_some())
     {
-        let cell = &rows[row][column];
+        let cell = cells.get(row, column);
         let (whole, rest) = cell.split_once(',').unwrap_or((cell, ""));
         let problem = format!("`{cell}` may mean {whole}.{rest} or {whole}{rest}");
         return Err(at(row, column, problem));
@@ -132,11 +124,7 @@ pub(super) fn decimal_commas(rows: &mut [StringRecord], at: At) -> Result<bool, 
     if seen.clear.is_none() {
         return Ok(false);
     }
-    for row in rows {
-        let with_point =
-            |cell| if comma(cell).is_some() { cell.replace(',', ".") } else { cell.into() };
-        *row = row.iter().map(with_point).collect();
-    }
+    cells.replace(|cell| comma(cell).map(|_| cell.replace(',', ".")));
     Ok(true)
 }
 
@@ -195,7 +183,7 @@ mod tests {
     use super::*;
 
     fn read(cells: &[&str]) -> Result<(bool, Vec<String>), String> {
-        let mut rows: Vec<StringRecord> = cells.iter().map(|cell| vec![*cell].into()).collect();
+        let mut rows: Cells = cells.iter().map(|cell| vec![*cell]).collect();
         let at = |row: usize, _: usize, problem: String| DataError::Cell {
             file: "t.csv".into(),
             line: row as u64,
@@ -204,7 +192,7 @@ mod tests {
             help: String::new(),
         };
         let found = decimal_commas(&mut rows, &at).map_err(|e| e.to_string())?;
-        Ok((found, rows.iter().map(|row| row[0].to_owned()).collect()))
+        Ok((found, rows.iter().map(|(.., text)| text.to_owned()).collect()))
     }
 
     #[test]
@@ -239,8 +227,9 @@ mod tests {
     #[test]
     fn empty_columns_behind_the_others_go() {
         let mut header = vec!["a".to_owned(), String::new(), String::new()];
-        let mut rows = [StringRecord::from(vec!["1", "2", ""])];
-        drop_empty_columns(&mut header, &mut rows);
-        assert_eq!((header.len(), &rows[0]), (2, &StringRecord::from(vec!["1", "2"])));
+        let cells = [vec!["1", "2", ""], vec!["", "", ""]].into_iter().collect();
+        let cells = without_empty_columns(&mut header, cells);
+        assert_eq!((header, cells.n_rows()), (vec!["a".to_owned(), String::new()], 2));
+        assert_eq!((cells.get(0, 1), cells.get(1, 0)), ("2", ""));
     }
 }

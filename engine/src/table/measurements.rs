@@ -4,8 +4,6 @@ use std::ops::{Deref, DerefMut};
 use std::path::Path;
 use std::sync::Arc;
 
-use csv::StringRecord;
-
 use super::{DataError, PATH, Placement, ProbeError, Probes, Table, read};
 use crate::manifold::Basis;
 use crate::mesh::Surface;
@@ -51,16 +49,21 @@ impl Measurements {
     /// A table made in memory, under a name for messages.
     ///
     /// # Errors
-    /// No rows.
-    #[expect(clippy::needless_pass_by_value, reason = "the cells are made for this table")]
+    /// No rows; a row with more cells than the header, or fewer.
     pub fn from_cells(
         name: &str,
         header: Vec<String>,
         cells: Vec<Vec<String>>,
     ) -> Result<Self, DataError> {
-        let lines = (2..).take(cells.len()).collect();
-        let cells: Vec<StringRecord> = cells.into_iter().map(StringRecord::from).collect();
-        Table::new(name.into(), header, lines, &cells).map(Self::from)
+        let lines: Vec<u64> = (2..).take(cells.len()).collect();
+        if let Some((line, row)) =
+            lines.iter().zip(&cells).find(|(_, row)| row.len() != header.len())
+        {
+            let (n, of) = (row.len(), header.len());
+            let reason = format!("line {line} has {n} cells, the header has {of}");
+            return Err(DataError::Unreadable { file: name.into(), reason });
+        }
+        Table::new(name.into(), header, lines, &cells.into_iter().collect()).map(Self::from)
     }
 
     /// Finds the vertex of every row: see [`Placement::on_surface`].
@@ -176,6 +179,14 @@ mod tests {
         let expected = "line 2, column `a`: `1,234` may mean 1.234 or 1234";
         assert!(doubtful.contains(expected), "{doubtful}");
         assert!(of_file(b"a,b\n1,2\n").unwrap().notes().is_empty());
+    }
+
+    #[test]
+    fn rows_made_in_memory_are_as_long_as_the_header() {
+        let header = ["a", "b"].map(String::from).to_vec();
+        let cells = vec![vec!["1".to_owned(), "2".into()], vec!["3".to_owned()]];
+        let said = Measurements::from_cells("t", header, cells).unwrap_err().to_string();
+        assert!(said.contains("line 3 has 1 cells, the header has 2"), "{said}");
     }
 
     #[test]

@@ -4,6 +4,7 @@
 //! ([`Columns`]). [`Measurements`] are a table whose rows have a place on a surface ([`Placement`]) and,
 //! for effects that are fields, the surface's modes there ([`Probes`]).
 
+mod cells;
 mod column;
 mod columns;
 mod error;

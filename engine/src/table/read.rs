@@ -3,6 +3,7 @@
 use std::fs;
 use std::path::Path;
 
+use super::cells::Cells;
 use super::{DataError, Table, decode, habits};
 
 /// Reads a CSV file with a header line, as programs and spreadsheets write them: see
@@ -14,11 +15,11 @@ use super::{DataError, Table, decode, habits};
 pub(super) fn read(path: &Path) -> Result<Table, DataError> {
     let file = path.display().to_string();
     let unreadable = |e: csv::Error| unreadable(&file, &e);
-    let bytes = fs::read(path).map_err(|e| unreadable(e.into()))?;
-    if let Some((what, help)) = habits::packed(&bytes) {
+    let raw = fs::read(path).map_err(|e| unreadable(e.into()))?;
+    if let Some((what, help)) = habits::packed(&raw) {
         return Err(DataError::NotText { file, what, help });
     }
-    let (text, n_comments) = habits::without_comments(decode(&bytes));
+    let (text, n_comments) = habits::without_comments(decode(&raw));
     // a first line that tells Excel the separator
     let named = text.lines().next().and_then(|line| line.trim().strip_prefix("sep="));
     let (delimiter, skipped) = match named.map(str::as_bytes) {
@@ -30,7 +31,8 @@ pub(super) fn read(path: &Path) -> Result<Table, DataError> {
         csv::ReaderBuilder::new().trim(csv::Trim::All).delimiter(delimiter).from_reader(bytes);
     let mut header: Vec<String> =
         reader.headers().map_err(unreadable)?.iter().map(habits::plain).collect();
-    let (mut lines, mut cells, mut counted) = (vec![], vec![], (0, 1 + u64::from(skipped > 0)));
+    let (mut lines, mut cells) = (vec![], Cells::new(header.len()));
+    let mut counted = (0, 1 + u64::from(skipped > 0));
     for record in reader.records() {
         let record = record.map_err(unreadable)?;
         if delimiter != b',' && record.iter().all(str::is_empty) {
@@ -42,9 +44,13 @@ pub(super) fn read(path: &Path) -> Result<Table, DataError> {
         let passed = bytes[counted.0..begin + blank].split(|b| *b == b'\n').count() - 1;
         counted = (begin + blank, counted.1 + passed as u64);
         lines.push(counted.1);
-        cells.push(record);
+        cells.push(&record);
     }
-    habits::drop_empty_columns(&mut header, &mut cells);
+    // the cells are all that is needed from here on
+    drop(reader);
+    drop(text);
+    drop(raw);
+    let mut cells = habits::without_empty_columns(&mut header, cells);
     if let Some((first, second)) = habits::doubled(&header) {
         let column = header[first].clone();
         return Err(DataError::Doubled { file, column, first: first + 1, second: second + 1 });

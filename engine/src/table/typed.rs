@@ -2,8 +2,7 @@
 
 use std::path::Path;
 
-use csv::StringRecord;
-
+use super::cells::Cells;
 use super::column::TypedColumn;
 use super::columns::{Columns, EXPORTED, PROTOCOL, Role, SITE};
 use super::error::{DataError, edit_distance};
@@ -31,13 +30,14 @@ impl Table {
         file: String,
         header: Vec<String>,
         lines: Vec<u64>,
-        cells: &[StringRecord],
+        cells: &Cells,
     ) -> Result<Self, DataError> {
-        if cells.is_empty() {
+        if cells.n_rows() == 0 {
             return Err(DataError::Empty { file });
         }
-        let column =
-            |(k, name): (usize, &String)| TypedColumn::parse(name, cells.iter().map(|row| &row[k]));
+        let column = |(k, name): (usize, &String)| {
+            TypedColumn::parse(name, (0..cells.n_rows()).map(|row| cells.get(row, k)))
+        };
         let columns = header.iter().enumerate().map(column).collect();
         Ok(Self { file, lines, columns, header, ..Self::default() })
     }
