@@ -65,6 +65,7 @@ pub(super) fn run_event(event: &Event<'_>) -> (&'static str, Value) {
         Event::Sampled { n_draws, seconds } => {
             ("sampled", json!({ "draws": n_draws, "seconds": seconds }))
         }
+        Event::LeavingOut { done, of } => ("leaving_out", json!({ "done": done, "of": of })),
         Event::NotKept { reason } => ("not_kept", json!({ "reason": reason })),
         Event::ChainFailed(error) => (
             "chain_failed",

@@ -10,7 +10,7 @@ use indicatif::{HumanDuration, MultiProgress, ProgressBar, ProgressStyle};
 use super::events::run_event;
 use super::interrupt::stop_flag;
 use super::remaining::Remaining;
-use super::voice::{tell, tell_progress, voice};
+use super::voice::{Count, tell, tell_progress, voice};
 use crate::error::Failure;
 use crate::infer::{ChainProgress, Phase, Settings};
 use crate::run::{Event, Watch};
@@ -20,6 +20,8 @@ pub(super) struct Console {
     stop: Arc<AtomicBool>,
     /// Of the run that is sampling.
     sampling: Mutex<Option<Sampling>>,
+    /// Of fits without single measurements, once they have begun.
+    leaving_out: Mutex<Option<Count>>,
 }
 
 /// What is shown while a run samples.
@@ -31,7 +33,7 @@ struct Sampling {
 
 impl Console {
     pub(super) fn new() -> Result<Self, Failure> {
-        Ok(Self { stop: stop_flag()?, sampling: Mutex::default() })
+        Ok(Self { stop: stop_flag()?, sampling: Mutex::default(), leaving_out: Mutex::default() })
     }
 
     /// Hands a watcher to `run`, which is told about and may be stopped.
@@ -44,6 +46,9 @@ impl Console {
     fn print(&self, event: &Event<'_>) {
         if let Event::Progress(progress) = event {
             return self.progress(progress, event);
+        }
+        if let Event::LeavingOut { done, of } = *event {
+            return self.leaving_out(done, of);
         }
         if let Event::ChainFailed(_) | Event::Sampled { .. } = event {
             self.finish();
@@ -63,6 +68,21 @@ impl Console {
         tell_progress(name, fields);
         if let Some(bars) = sampling.as_ref().and_then(|sampling| sampling.bars.as_ref()) {
             bars.show(progress, event, left);
+        }
+    }
+
+    fn leaving_out(&self, done: usize, of: usize) {
+        let mut count = self.leaving_out.lock().unwrap_or_else(PoisonError::into_inner);
+        if done == 0 {
+            let template = "{bar:30} {pos}/{len} measurements left out, {eta} left";
+            *count = Count::new("leaving_out", of as u64, template).ok();
+        } else if let Some(count) = &*count {
+            count.add(1);
+        }
+        if done == of
+            && let Some(count) = count.take()
+        {
+            count.finish();
         }
     }
 
@@ -126,7 +146,7 @@ impl ChainBars {
         bar.set_position(p.iteration as u64);
         bar.set_message(format!("{phase:<8}  {divergences:>11}  {step:>9.3}"));
         if let Some(left) = left {
-            self.left.set_message(format!("       about {} left", HumanDuration(left)));
+            self.left.set_message(format!("       about {} of sampling left", HumanDuration(left)));
         }
         let phase_ends = match p.phase {
             Phase::Warmup => p.iteration == self.warmup,

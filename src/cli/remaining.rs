@@ -7,7 +7,7 @@ use crate::infer::{ChainProgress, Settings};
 use crate::model::Sampler;
 
 /// Share of the work that is to be done before its time says something.
-const LEAST: f64 = 0.02;
+const LEAST: f64 = 0.05;
 
 /// The work of a run's chains, in transitions of the warm-up.
 pub(super) struct Remaining {
@@ -15,10 +15,12 @@ pub(super) struct Remaining {
     /// What a transition of sampling costs.
     cost: f64,
     total: f64,
-    /// By chain.
+    /// By chain, what is done.
     done: Vec<f64>,
-    /// When the first progress was told, and what was done then: of a run that is resumed, much.
-    first: Option<(Instant, f64)>,
+    /// By chain, what was done when it first told: of a run that is resumed, much.
+    before: Vec<Option<f64>>,
+    /// When the first chain told.
+    begun: Option<Instant>,
 }
 
 impl Remaining {
@@ -27,16 +29,19 @@ impl Remaining {
         // the blocked sampler sweeps oftener between draws than in its warm-up
         let cost = if sampler == Sampler::Blocked { 2.0 } else { 1.0 };
         let total = chains as f64 * (warmup as f64 + cost * draws as f64);
-        Self { warmup, cost, total, done: vec![0.0; chains], first: None }
+        let (done, before) = (vec![0.0; chains], vec![None; chains]);
+        Self { warmup, cost, total, done, before, begun: None }
     }
 
     /// What is left after this progress; `None` while it cannot be told.
     pub(super) fn after(&mut self, p: &ChainProgress, now: Instant) -> Option<Duration> {
         let warmup = p.iteration.min(self.warmup);
-        *self.done.get_mut(p.chain)? = warmup as f64 + self.cost * (p.iteration - warmup) as f64;
+        let own = warmup as f64 + self.cost * (p.iteration - warmup) as f64;
+        *self.done.get_mut(p.chain)? = own;
+        self.before[p.chain].get_or_insert(own);
+        let begun = *self.begun.get_or_insert(now);
         let done: f64 = self.done.iter().sum();
-        let (begun, before) = *self.first.get_or_insert((now, done));
-        let here = done - before;
+        let here = done - self.before.iter().flatten().sum::<f64>();
         if here < LEAST * self.total {
             return None;
         }
@@ -62,11 +67,12 @@ mod tests {
         let begun = Instant::now();
         let after = |seconds| begun + Duration::from_secs(seconds);
         assert_eq!(remaining.after(&at(0, 0), begun), None);
-        assert_eq!(remaining.after(&at(1, 3), after(1)), None);
+        // the second one tells later than it began: that is no progress in no time
+        assert_eq!(remaining.after(&at(1, 90), begun), None);
         // two of four chains run: 200 of 1200 transitions in 10 s
         remaining.after(&at(0, 100), after(10));
-        let left = remaining.after(&at(1, 100), after(10)).unwrap();
-        assert!((left.as_secs_f64() - 50.0).abs() < 1e-9, "{left:?}");
+        let left = remaining.after(&at(1, 190), after(10)).unwrap();
+        assert!((left.as_secs_f64() - 45.5).abs() < 1e-9, "{left:?}");
     }
 
     #[test]

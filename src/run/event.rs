@@ -111,6 +111,13 @@ pub enum Event<'a> {
         /// Wall time of drawing, s.
         seconds: f64,
     },
+    /// Measurements are left out in fits of their own, as importance weights cannot tell how they are predicted.
+    LeavingOut {
+        /// Such fits that are done.
+        done: usize,
+        /// Such fits in all.
+        of: usize,
+    },
     /// The run goes on, but it can no longer be kept.
     NotKept {
         /// The file and the cause.
@@ -179,8 +186,12 @@ impl fmt::Display for Event<'_> {
             Self::Prior { model } => {
                 write!(f, "model  {model}: draws from its prior, not from its posterior")
             }
+            Self::LeavingOut { done, of } => write!(f, "left out: {done} of {of} measurements"),
             Self::Sampled { n_draws, seconds } => {
-                write!(f, "{n_draws} draws in {seconds:.1} s; maps, predictions and verdict next …")
+                write!(
+                    f,
+                    "draws  {n_draws} in {seconds:.1} s; maps, predictions and verdict next …"
+                )
             }
             Self::Laplace { model } => {
                 write!(f, "model  {model}: normal approximation at its mode, not sampled")

@@ -191,9 +191,15 @@ impl<'m> Fit<'m> {
     }
 
     pub(super) fn left_out(&self) -> Option<&LeftOut> {
+        self.left_out_watched(&Watch::default())
+    }
+
+    /// The same, told to `watch` as it is made.
+    pub(super) fn left_out_watched(&self, watch: &Watch<'_>) -> Option<&LeftOut> {
         let made = || {
             let loo = self.posterior().loo.clone()?;
-            Some(if self.weights_only { LeftOut::by_weights(loo) } else { exact(self, loo) })
+            let by_weights = self.weights_only;
+            Some(if by_weights { LeftOut::by_weights(loo) } else { exact(self, loo, watch) })
         };
         self.left_out.get_or_init(made).as_ref()
     }

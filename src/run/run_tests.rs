@@ -96,10 +96,11 @@ fn events_come_in_order_and_a_warm_start_is_told() {
     let told = told.into_inner().unwrap();
     let beginnings = ["init   ", "model  Conjugate: 1 unknowns, sampler nuts, ready in "];
     let others = [
+        "draws  600 in ",
         "model  Conjugate: draws from its prior, not from its posterior",
         "model  Conjugate: normal approximation at its mode, not sampled",
     ];
-    assert_eq!(told.len(), 4, "{told:?}");
+    assert_eq!(told.len(), 5, "{told:?}");
     for (line, beginning) in told.iter().zip(beginnings.into_iter().chain(others)) {
         assert!(line.starts_with(beginning), "{line}");
     }

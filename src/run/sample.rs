@@ -81,6 +81,7 @@ impl<'m> Problem<'m> {
             }
             Ok(drawn) => {
                 let fit = job.fit(drawn);
+                fit.left_out_watched(&options.watch);
                 let results = fit.write_into(out)?;
                 forget()?;
                 Ok(Ended::Now(Box::new(fit), Box::new(results)))

@@ -10,8 +10,8 @@ use crate::model::{Model, Noise, RowId, Sampler};
 use crate::num::ln_mean_exp;
 use crate::random::Stream;
 use crate::report::LeaveOneOut;
-use crate::run::Fit;
 use crate::run::fit::Method;
+use crate::run::{Event, Fit, Watch};
 
 /// Most measurements that are left out, if a fit is cheap.
 const MOST: usize = 40;
@@ -40,8 +40,9 @@ impl LeftOut {
     }
 }
 
-/// `loo` with the elpd of those measurements whose Pareto k is too high from fits without them.
-pub(in crate::run) fn exact(fit: &Fit<'_>, loo: LeaveOneOut) -> LeftOut {
+/// `loo` with the elpd of those measurements whose Pareto k is too high from fits without them; `watch` is told
+/// how many of these are done.
+pub(in crate::run) fn exact(fit: &Fit<'_>, loo: LeaveOneOut, watch: &Watch<'_>) -> LeftOut {
     let mut left = LeftOut::by_weights(loo);
     let Method::Sampled(sampler) = fit.method() else { return left };
     if !fit.converged() {
@@ -56,11 +57,17 @@ pub(in crate::run) fn exact(fit: &Fit<'_>, loo: LeaveOneOut) -> LeftOut {
     let gradients: u64 = fit.chains().iter().map(|c| c.n_grad_warmup + c.n_grad_sampling).sum();
     // where each place has a deviation of its own nearly every measurement would have to be left out
     let is_dear = fit.model().has_spreads() || gradients as f64 * fit.model().dim() as f64 > DEAR;
-    for i in high.into_iter().take(if is_dear { MOST_DEAR } else { MOST }) {
+    high.truncate(if is_dear { MOST_DEAR } else { MOST });
+    let of = high.len();
+    for (done, i) in high.into_iter().enumerate() {
+        watch.tell(&Event::LeavingOut { done, of });
         if let Some((elpd, replicates)) = without(fit, sampler, ids[i], i) {
             loo.set_exact(i, elpd);
             left.replicates.insert(i, replicates);
         }
+    }
+    if of > 0 {
+        watch.tell(&Event::LeavingOut { done: of, of });
     }
     left
 }
