@@ -24,6 +24,20 @@ model! {
 ";
 
 #[test]
+fn a_function_without_end_is_told_too() {
+    let place = Workplace::new();
+    let endless = "if x.re() < 1e300 { broken(x + 1.0) - x.sqrt() } else { x }";
+    let (head, tail) = MODEL.split_once("    let none").unwrap();
+    let (_, tail) = tail.split_once("\n}").unwrap();
+    place.file("endless.rs", format!("{head}    {endless}\n}}{tail}"));
+    place.file("table.csv", "y\n1\n2\n");
+    let output = place.eplat("run endless.rs --data table.csv --out out");
+    let said = text(&output.stderr);
+    assert_eq!(output.status.code(), Some(70), "{said}");
+    assert!(said.contains("has overflowed its stack"), "{said}");
+}
+
+#[test]
 fn a_panic_in_a_model_is_told_with_its_place() {
     let place = Workplace::new();
     place.file("broken.rs", MODEL);

@@ -2,7 +2,11 @@
 
 use std::panic::{AssertUnwindSafe, PanicHookInfo, catch_unwind, set_hook};
 use std::process::ExitCode;
-use std::sync::OnceLock;
+use std::sync::atomic::AtomicBool;
+use std::sync::{Arc, OnceLock};
+
+use signal_hook::consts::SIGABRT;
+use signal_hook::flag::register_conditional_shutdown;
 
 use super::voice::tell_failure;
 use crate::error::Failure;
@@ -13,8 +17,12 @@ const PANICKED: u8 = 70;
 /// The first panic; others follow from it.
 static FIRST: OnceLock<String> = OnceLock::new();
 
-/// Does `work`; a panic in it, in any thread that it waits for, is told and gives the exit code 70.
+/// Does `work`; a panic in it, in any thread that it waits for, is told and gives the exit code 70. So does a
+/// function that calls itself without end, of which Rust itself tells.
 pub(super) fn told(work: impl FnOnce() -> ExitCode) -> ExitCode {
+    // without it the exit code is the system's
+    let _ =
+        register_conditional_shutdown(SIGABRT, PANICKED.into(), Arc::new(AtomicBool::new(true)));
     set_hook(Box::new(|info| {
         FIRST.get_or_init(|| words(info));
     }));

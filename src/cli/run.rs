@@ -27,8 +27,7 @@ const EXIT_CODES: &str = "Exit code:
   3    the draws do not come from the posterior: sampling did not converge
   4    converged, but the verdict is red: the model does not fit, or is mostly unphysical
   70   a panic: a function of the model's file ended the program, or a fault of eplat did
-  130  interrupted
-  134  a function of the model's file calls itself without end";
+  130  interrupted";
 
 /// `eplat run MODEL.rs`
 #[derive(Debug, Args)]
