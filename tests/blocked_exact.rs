@@ -84,7 +84,7 @@ fn constant_modes_are_standard_normal() {
 fn everything_mixed_agrees_with_nuts() {
     let basis = support::basis(200, 24);
     let model = Model::new(&language::mixed::Mixed, Some(&basis), &support::mixed_rows()).unwrap();
-    let settings = Settings { target_accept: 0.9, ..Settings::default() };
+    let settings = Settings { target_accept: Some(0.9), ..Settings::default() };
     let blocked = sample_model(Sampler::Blocked, &model, &settings);
     let nuts = sample_model(Sampler::Nuts, &model, &settings);
     compare_quartiles(&blocked, &nuts);

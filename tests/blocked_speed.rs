@@ -67,7 +67,7 @@ fn speed() {
         chains: number("CHAINS", 8),
         warmup: number("WARMUP", 1000),
         draws: number("DRAWS", 1000),
-        target_accept: number("TARGET", 95) as f64 / 100.0,
+        target_accept: Some(number("TARGET", 95) as f64 / 100.0),
         threads: 1,
         ..Settings::default()
     };

@@ -123,7 +123,7 @@ fn command_lines_that_make_no_sense() {
             "run erp.rs --chains many",
             "run erp.rs --chain 4",
             "run erp.rs --metric full",
-            "run erp.rs --sampler blocked --metric dense",
+            "run erp.rs --sampler blocked --metric low-rank",
             "run",
             "rum erp.rs",
         ]

@@ -107,7 +107,7 @@ fn worst_pooled_score(
 
 #[test]
 fn independent_normal_in_250_dimensions() {
-    let settings = Settings { warmup: 500, target_accept: 0.8, ..Settings::default() };
+    let settings = Settings { warmup: 500, target_accept: Some(0.8), ..Settings::default() };
     let chains = run(&normal(vec![1.0; 250], 1.0), &[0.5; 250], &settings);
     let of_mean = worst_pooled_score(&chains, 250, [0.0, 1.0], |x| x);
     let of_variance = worst_pooled_score(&chains, 250, [1.0, 2f64.sqrt()], |x| x * x);
@@ -156,7 +156,7 @@ fn correlated_pairs(rho: f64) -> impl LogDensity {
 fn correlated_normal_of_condition_ten_thousand_under_both_metrics() {
     let rho = 1.0 - 2e-4;
     let mut leapfrogs = Vec::new();
-    for metric in [MetricKind::Diagonal, MetricKind::Dense] {
+    for metric in [MetricKind::Diagonal, MetricKind::LowRank] {
         let settings = Settings { metric, ..Settings::default() };
         let chains = run(&correlated_pairs(rho), &[0.3; 10], &settings);
         let mut worst = worst_normal_score(&chains, &[1.0; 10]);
@@ -168,8 +168,8 @@ fn correlated_normal_of_condition_ten_thousand_under_both_metrics() {
         assert!(worst < limit(30), "{metric:?} {worst}");
         leapfrogs.push(chains.iter().map(|chain| chain.n_grad_sampling).sum::<u64>());
     }
-    println!("leapfrogs: diagonal {}, dense {}", leapfrogs[0], leapfrogs[1]);
-    assert!(leapfrogs[1] * 3 < leapfrogs[0], "the dense metric must pay: {leapfrogs:?}");
+    println!("leapfrogs: diagonal {}, low-rank {}", leapfrogs[0], leapfrogs[1]);
+    assert!(leapfrogs[1] * 3 < leapfrogs[0], "the low-rank metric must pay: {leapfrogs:?}");
 }
 
 /// Known data, unknown mean μ and ln σ, prior p(μ, σ²) ∝ 1/σ²: σ² ~ InvGamma((n − 1)/2, S/2).
@@ -245,7 +245,7 @@ fn the_funnel_fails_loudly() {
         g[1..].iter_mut().zip(&q[1..]).for_each(|(g, x)| *g = -precision * x);
         -q[0] * q[0] / 18.0 - 4.5 * q[0] - 0.5 * precision * squares
     };
-    let settings = Settings { target_accept: 0.8, ..Settings::default() };
+    let settings = Settings { target_accept: Some(0.8), ..Settings::default() };
     let chains = run(&Density { dim: 10, f }, &[0.5; 10], &settings);
     let divergences: usize = chains.iter().map(|chain| chain.divergences.len()).sum();
     let e_bfmi = chains.iter().map(|chain| e_bfmi(&chain.energy)).fold(f64::INFINITY, f64::min);

@@ -145,7 +145,7 @@ struct Fit {
 
 fn fit(model: &dyn Declare, basis: Option<&Basis>, data: &Measurements, draws: usize) -> Fit {
     let model = Model::new(model, basis, data).unwrap();
-    let settings = Settings { warmup: 500, draws, target_accept: 0.9, ..Default::default() };
+    let settings = Settings { warmup: 500, draws, target_accept: Some(0.9), ..Default::default() };
     let starts = jittered_starts(&model, &model.initial(), settings.chains, 1).unwrap();
     let chains = Sampler::of(&model).sample(&model, &starts, &settings, &Silent).unwrap();
     Fit { model, chains: chains.into_iter().map(Result::unwrap).collect() }

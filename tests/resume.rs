@@ -157,8 +157,8 @@ fn nuts() {
 }
 
 #[test]
-fn nuts_with_a_dense_metric() {
-    let settings = Settings { metric: MetricKind::Dense, warmup: 150, draws: 10, ..settings() };
+fn nuts_with_a_diagonal_metric() {
+    let settings = Settings { metric: MetricKind::Diagonal, warmup: 150, draws: 10, ..settings() };
     check(&Job::new(erp_model(10), Sampler::Nuts, settings));
 }
 

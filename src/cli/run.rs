@@ -77,21 +77,23 @@ pub(super) struct SamplerArgs {
     /// Number of chains
     #[arg(long, default_value_t = 4)]
     chains: usize,
-    /// Warm-up transitions per chain, not kept
+    /// The most warm-up transitions per chain, not kept
     #[arg(long, default_value_t = 1000)]
     warmup: usize,
     /// Draws kept per chain
     #[arg(long, default_value_t = 1000)]
     draws: usize,
     /// Mean acceptance that the step size is tuned to, between 0 and 1; nearer to 1 means smaller
-    /// steps and fewer divergences
-    #[arg(long, default_value_t = 0.95)]
-    target_accept: f64,
+    /// steps and fewer divergences [default: nuts begins with 0.8 and raises it where trajectories
+    /// diverge; blocked 0.95]
+    #[arg(long)]
+    target_accept: Option<f64>,
     /// Sampler [default: integrated where every measurement is normal about a linear function of fields,
     /// else blocked where every field is measured, else nuts]
     #[arg(long, value_enum)]
     sampler: Option<SamplerArg>,
-    /// Shape of the mass matrix [default: dense where an effect is a field, else diag]; asks for nuts, for the blocked sampler has no choice
+    /// Shape of NUTS's mass matrix [default: low-rank]; asks for nuts, for the other samplers have no
+    /// choice
     #[arg(long, value_enum)]
     metric: Option<MetricArg>,
     /// Threads; 0 means one per core. Changes no number
@@ -111,10 +113,10 @@ enum SamplerArg {
 
 #[derive(Clone, Copy, Debug, ValueEnum)]
 enum MetricArg {
+    /// One scale per unknown, and directions in which the draws spread more or less
+    LowRank,
     /// One scale per unknown
     Diag,
-    /// The covariance of the warm-up draws
-    Dense,
 }
 
 impl SamplerArgs {
@@ -153,8 +155,8 @@ impl SamplerArgs {
             seed,
             threads: self.threads,
             metric: match self.metric {
-                Some(MetricArg::Dense) => MetricKind::Dense,
-                Some(MetricArg::Diag) | None => MetricKind::Diagonal,
+                Some(MetricArg::Diag) => MetricKind::Diagonal,
+                Some(MetricArg::LowRank) | None => MetricKind::LowRank,
             },
             ..Default::default()
         };
@@ -186,11 +188,6 @@ impl Command {
         watch: Watch<'_>,
     ) -> Result<ExitCode, Failure> {
         let problem = Problem::load_watched(model, inputs, &watch).map_err(usage)?;
-        let metric = match self.sampler.metric {
-            Some(_) => settings.metric,
-            None => problem.model().metric(),
-        };
-        let settings = &Settings { metric, ..settings.clone() };
         if self.instead.optimize {
             return self.optimise(&problem, out);
         }

@@ -255,11 +255,8 @@ impl<'m> Loop<'m> {
         let watch = Watch { on_event: &on_event, stop: watch.stop };
         // sites are left out as a whole, not rows
         let options = Options { watch, weights_only: true, ..Options::default() };
-        let settings = infer::Settings {
-            seed: self.settings.search.seed,
-            metric: problem.model().metric(),
-            ..self.settings.sampling.clone()
-        };
+        let settings =
+            infer::Settings { seed: self.settings.search.seed, ..self.settings.sampling.clone() };
         let Some(out) = out else {
             return Ok(Box::new(problem.fit_with(&settings, &options)?));
         };

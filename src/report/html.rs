@@ -322,11 +322,14 @@ fn run(record: &RunRecord) -> String {
 
 /// How the draws were made, with the settings that mattered.
 fn sampler(settings: &SettingsRecord) -> String {
-    let target = settings.target_accept;
+    let target = match settings.target_accept {
+        Some(target) => format!(", target acceptance {target}"),
+        None => String::new(),
+    };
     match settings.sampler.as_str() {
-        "nuts" => format!("NUTS, target acceptance {target}, {} metric", settings.metric),
+        "nuts" => format!("NUTS{target}, {} metric", settings.metric),
         "integrated" => "integrated".to_owned(),
-        "blocked" => format!("blocked, target acceptance {target}"),
+        "blocked" => format!("blocked{target}"),
         "laplace" => "none: normal approximation at the mode".to_owned(),
         other => format!("none: {other}"),
     }

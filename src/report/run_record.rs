@@ -167,8 +167,8 @@ pub struct SettingsRecord {
     /// Kept draws of each chain.
     pub draws: usize,
     /// Target of the mean acceptance rate.
-    pub target_accept: f64,
-    /// `diag` or `dense`.
+    pub target_accept: Option<f64>,
+    /// `low-rank` or `diag`.
     pub metric: String,
 }
 

@@ -68,7 +68,7 @@ impl Method {
             target_accept: settings.target_accept,
             metric: match settings.metric {
                 MetricKind::Diagonal => "diag".into(),
-                MetricKind::Dense => "dense".into(),
+                MetricKind::LowRank => "low-rank".into(),
             },
         }
     }

@@ -53,7 +53,10 @@ pub(super) fn identity(
         ("chains".into(), chains.to_string()),
         ("warmup".into(), warmup.to_string()),
         ("draws".into(), draws.to_string()),
-        ("target-accept".into(), target_accept.to_string()),
+        (
+            "target-accept".into(),
+            target_accept.map_or("chosen by the run".into(), |target| target.to_string()),
+        ),
         ("metric".into(), metric.clone()),
     ]);
     let hashed = hashes.iter().map(|(role, hash)| (format!("hash of the {role}"), hash.clone()));

@@ -143,3 +143,42 @@ pub(crate) mod uncensored {
         observe bipolar(row): Number [mV] ~ Normal(level, noise(row));
     }
 }
+
+/// Test scores against two covariates and their product, none of them centred.
+pub(crate) mod scores {
+    use super::*;
+    model! {
+        model Scores;
+        column school;
+        column iq;
+        param b(4) ~ Flat;
+        param sigma ~ HalfCauchy(2.5);
+        let mean(row) = b[0] + b[1] * row.school + b[2] * row.iq + b[3] * row.school * row.iq;
+        observe score(row): Number ~ Normal(mean(row), sigma);
+    }
+}
+
+/// A trend over calendar years, whose zero is far away.
+pub(crate) mod trend {
+    use super::*;
+    model! {
+        model Trend;
+        column year;
+        param level ~ Normal(9.0, 100.0);
+        param slope ~ Normal(0.0, 0.03);
+        param sigma ~ HalfNormal(2.0);
+        observe temperature(row): Number ~ Normal(level + slope * row.year, sigma);
+    }
+}
+
+/// Five coefficients of columns that resemble each other.
+pub(crate) mod alike {
+    use super::*;
+    model! {
+        model Alike;
+        param beta(5) ~ Normal(0.0, 10.0);
+        param sigma ~ HalfNormal(10.0);
+        let mean(row) = linear(row.x; beta);
+        observe y(row): Number ~ Normal(mean(row), sigma);
+    }
+}

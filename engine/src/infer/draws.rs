@@ -69,8 +69,6 @@ pub struct Chain {
     pub divergences: Vec<Divergence>,
     /// Step size of the sampling phase.
     pub step_size: f64,
-    /// Inverse mass matrix: its diagonal `(dim)`, or row-major `(dim, dim)` if dense.
-    pub inv_metric: Vec<f64>,
     /// Density evaluations up to the end of warm-up.
     pub n_grad_warmup: u64,
     /// Density evaluations while sampling.

@@ -13,58 +13,54 @@ use super::density::Evaluator;
 use crate::num::vector::{axpy, dot};
 use serde::{Deserialize, Serialize};
 
-/// Factor F of the inverse mass matrix M⁻¹ = F Fᵀ.
+/// Factor F of the inverse mass matrix M⁻¹ = F Fᵀ:
+///
+/// ```text
+/// F = S (I + Σ (stretch_r − 1) u_r u_rᵀ)        S = diag(scale), u_r orthonormal
+/// ```
+/// A product with F costs `(1 + 2 rank) dim`.
 #[derive(Clone, Debug, Serialize, Deserialize)]
-pub(super) enum Metric {
-    /// F = diag(scale).
-    Diagonal(Vec<f64>),
-    /// F lower triangular, row-major `(dim, dim)`.
-    Dense(Vec<f64>),
+pub(super) struct Metric {
+    /// One per coordinate.
+    pub(super) scale: Vec<f64>,
+    /// The u, row-major `(rank, dim)`.
+    pub(super) directions: Vec<f64>,
+    /// One per direction.
+    pub(super) stretch: Vec<f64>,
 }
 
 impl Metric {
-    /// M⁻¹: its diagonal `(dim)`, or row-major `(dim, dim)` if dense.
-    pub(super) fn inverse_mass(&self, dim: usize) -> Vec<f64> {
-        match self {
-            Self::Diagonal(scale) => scale.iter().map(|s| s * s).collect(),
-            Self::Dense(factor) => {
-                let row = |i: usize| &factor[i * dim..(i + 1) * dim];
-                (0..dim * dim).map(|k| dot::<4>(row(k / dim), row(k % dim))).collect()
-            }
-        }
+    /// F = diag(scale).
+    pub(super) fn diagonal(scale: Vec<f64>) -> Self {
+        Self { scale, directions: vec![], stretch: vec![] }
+    }
+
+    fn stretched(&self) -> impl Iterator<Item = (&[f64], f64)> {
+        self.directions.chunks_exact(self.scale.len()).zip(self.stretch.iter().copied())
     }
 
     /// q += ε F p
     fn drift(&self, position: &mut [f64], step_size: f64, momentum: &[f64]) {
-        match self {
-            Self::Diagonal(scale) => {
-                for ((q, s), p) in position.iter_mut().zip(scale).zip(momentum) {
-                    *q += step_size * s * p;
-                }
-            }
-            Self::Dense(factor) => {
-                let dim = position.len();
-                for (i, (q, row)) in position.iter_mut().zip(factor.chunks_exact(dim)).enumerate() {
-                    *q += step_size * dot::<4>(&row[..=i], &momentum[..=i]);
-                }
+        for ((q, s), p) in position.iter_mut().zip(&self.scale).zip(momentum) {
+            *q += step_size * s * p;
+        }
+        for (direction, stretch) in self.stretched() {
+            let c = step_size * (stretch - 1.0) * dot::<4>(direction, momentum);
+            for ((q, s), u) in position.iter_mut().zip(&self.scale).zip(direction) {
+                *q += c * s * u;
             }
         }
     }
 
     /// force = Fᵀ gradient
     fn pull(&self, gradient: &[f64], force: &mut [f64]) {
-        match self {
-            Self::Diagonal(scale) => {
-                for ((f, s), g) in force.iter_mut().zip(scale).zip(gradient) {
-                    *f = s * g;
-                }
-            }
-            Self::Dense(factor) => {
-                force.fill(0.0);
-                for (i, row) in factor.chunks_exact(force.len()).enumerate() {
-                    axpy(gradient[i], &row[..=i], &mut force[..=i]);
-                }
-            }
+        for ((f, s), g) in force.iter_mut().zip(&self.scale).zip(gradient) {
+            *f = s * g;
+        }
+        for (direction, stretch) in self.stretched() {
+            // earlier directions are orthogonal to this one, so they may be in `force` already
+            let c = (stretch - 1.0) * dot::<4>(direction, force);
+            axpy(c, direction, force);
         }
     }
 }
@@ -149,7 +145,12 @@ mod tests {
     use super::*;
 
     fn metrics() -> [Metric; 2] {
-        [Metric::Diagonal(vec![0.7, 1.9]), Metric::Dense(vec![0.7, 0.0, -0.4, 1.9])]
+        let turned = Metric {
+            scale: vec![0.7, 1.9],
+            directions: vec![0.6, 0.8, -0.8, 0.6],
+            stretch: vec![3.0, 0.4],
+        };
+        [Metric::diagonal(vec![0.7, 1.9]), turned]
     }
 
     fn start(hamiltonian: &mut Hamiltonian<impl Evaluator>) -> PhasePoint {
@@ -204,17 +205,34 @@ mod tests {
         }
     }
 
+    /// drift multiplies by F, pull by its transpose: p · (Fᵀ g) = (F p) · g, and F is as written.
     #[test]
-    fn inverse_mass_is_the_factor_times_its_transpose() {
-        let dense = Metric::Dense(vec![2.0, 0.0, 3.0, 1.0]).inverse_mass(2);
-        assert_eq!(dense, [4.0, 6.0, 6.0, 10.0]);
-        assert_eq!(Metric::Diagonal(vec![2.0, 3.0]).inverse_mass(2), [4.0, 9.0]);
+    fn drift_and_pull_are_the_factor_and_its_transpose() {
+        let [_, metric] = metrics();
+        let factor = |column: usize| {
+            let (mut moved, mut unit) = ([0.0; 2], [0.0; 2]);
+            unit[column] = 1.0;
+            metric.drift(&mut moved, 1.0, &unit);
+            moved
+        };
+        let entry = |i: usize, j: usize| {
+            let u = [[0.6, 0.8], [-0.8, 0.6]];
+            let sum: f64 = (0..2).map(|r| (metric.stretch[r] - 1.0) * u[r][i] * u[r][j]).sum();
+            metric.scale[i] * (f64::from(u8::from(i == j)) + sum)
+        };
+        let mut force = [0.0; 2];
+        metric.pull(&[0.3, -1.2], &mut force);
+        for (j, force) in force.into_iter().enumerate() {
+            let column = factor(j);
+            assert!((0..2).all(|i| (column[i] - entry(i, j)).abs() < 1e-14));
+            assert!((force - (0.3 * column[0] - 1.2 * column[1])).abs() < 1e-14);
+        }
     }
 
     #[test]
     fn energy_outside_the_support_is_infinite() {
         let density = FnDensity { dim: 1, f: |_: &[f64], _: &mut [f64]| f64::NEG_INFINITY };
-        let metric = Metric::Diagonal(vec![1.0]);
+        let metric = Metric::diagonal(vec![1.0]);
         let mut hamiltonian = Hamiltonian::new(density.evaluator(), metric);
         let mut point = PhasePoint::new(1);
         hamiltonian.evaluate(&mut point);

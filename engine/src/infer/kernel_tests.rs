@@ -63,7 +63,7 @@ impl Trajectory for Twin<'_> {
 }
 
 fn flow(density: &dyn LogDensity, seed: u64) -> Flow<Box<dyn Evaluator + '_>> {
-    let metric = Metric::Diagonal(vec![1.0; density.dim()]);
+    let metric = Metric::diagonal(vec![1.0; density.dim()]);
     let hamiltonian = Hamiltonian::new(density.evaluator(), metric);
     let rng = ChaCha8Rng::seed_from_u64(seed);
     Flow::new(hamiltonian, rng)
@@ -169,7 +169,7 @@ fn extra_checks_catch_a_turn_that_the_ends_miss() {
 fn overhead_per_leapfrog_beyond_the_density() {
     use std::time::Instant;
     let density = normal(vec![1.0; 52]);
-    let metric = Metric::Diagonal(vec![1.0; 52]);
+    let metric = Metric::diagonal(vec![1.0; 52]);
     let hamiltonian = Hamiltonian::new(density.evaluator(), metric);
     let mut nuts = Kernel::new(hamiltonian, &[0.1; 52], 10, ChaCha8Rng::seed_from_u64(1));
     let begun = Instant::now();

@@ -26,9 +26,6 @@ pub trait MarkovChain {
     /// Present step size.
     fn step_size(&self) -> f64;
 
-    /// Inverse mass matrix: its diagonal `(dim)`, or row-major `(dim, dim)` if dense.
-    fn inv_metric(&self) -> Vec<f64>;
-
     /// Evaluations of the density in the warm-up, and since.
     fn n_evaluations(&self) -> [u64; 2];
 }

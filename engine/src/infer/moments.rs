@@ -1,8 +1,10 @@
 //! Running moments of draws and gradients, and the metrics made from them.
 
 use super::density::LogDensity;
+use super::directions;
+use super::hamiltonian::Metric;
+use super::settings::MetricKind;
 use crate::num::Moments;
-use faer::{Mat, Side};
 use serde::{Deserialize, Serialize};
 
 /// Running means and second moments of positions and gradients.
@@ -11,20 +13,20 @@ pub(super) struct DrawMoments {
     n: usize,
     position: Moments,
     gradient: Moments,
-    /// Σ (q − mean)(q − mean)ᵀ, row-major, if a dense metric is wanted.
-    products: Option<Vec<f64>>,
+    /// All positions and gradients, each row-major `(n, dim)`, if directions are wanted.
+    all: Option<[Vec<f64>; 2]>,
 }
 
 impl DrawMoments {
-    pub(super) fn new(dim: usize, dense: bool) -> Self {
-        let products = dense.then(|| vec![0.0; dim * dim]);
-        Self { n: 0, position: Moments::new(dim), gradient: Moments::new(dim), products }
+    pub(super) fn new(dim: usize, kind: MetricKind) -> Self {
+        let all = (kind == MetricKind::LowRank).then(Default::default);
+        Self { n: 0, position: Moments::new(dim), gradient: Moments::new(dim), all }
     }
 
     /// The moments of these draws, each `(dim)`. Draws that `density` does not support are left
     /// out.
-    pub(super) fn of(density: &dyn LogDensity, draws: &[Vec<f64>], dense: bool) -> Self {
-        let mut moments = Self::new(density.dim(), dense);
+    pub(super) fn of(density: &dyn LogDensity, draws: &[Vec<f64>], kind: MetricKind) -> Self {
+        let mut moments = Self::new(density.dim(), kind);
         let mut evaluator = density.evaluator();
         let mut gradient = vec![0.0; density.dim()];
         for draw in draws {
@@ -44,26 +46,14 @@ impl DrawMoments {
         self.n = 0;
         self.position.clear();
         self.gradient.clear();
-        self.products.iter_mut().for_each(|products| products.fill(0.0));
+        self.all.iter_mut().flatten().for_each(Vec::clear);
     }
 
     pub(super) fn add(&mut self, position: &[f64], gradient: &[f64]) {
         self.n += 1;
-        let n = self.n as f64;
-        if let Some(products) = &mut self.products {
-            let dim = position.len();
-            // of the draws before, the first of which changes nothing
-            let mean = self.position.means();
-            let change: Vec<f64> = position
-                .iter()
-                .zip(mean)
-                .map(|(q, mean)| if n > 1.0 { q - mean } else { 0.0 })
-                .collect();
-            for (row, a) in products.chunks_exact_mut(dim).zip(&change) {
-                for (sum, b) in row.iter_mut().zip(&change) {
-                    *sum += a * b * (n - 1.0) / n;
-                }
-            }
+        if let Some([positions, gradients]) = &mut self.all {
+            positions.extend_from_slice(position);
+            gradients.extend_from_slice(gradient);
         }
         self.position.add(position.iter().copied());
         self.gradient.add(gradient.iter().copied());
@@ -83,22 +73,12 @@ impl DrawMoments {
         }
     }
 
-    /// The lower factor of the sample covariance, whose correlations are shrunk by n/(n + dim).
-    /// `None` if this is not positive definite, or if no dense metric is wanted.
-    pub(super) fn shrunk_covariance_factor(&self) -> Option<Vec<f64>> {
-        let products = self.products.as_ref()?;
-        let dim = self.position.counts().len();
-        let n = self.n as f64;
-        let keep = n / (n + dim as f64);
-        let covariance = Mat::from_fn(dim, dim, |i, j| {
-            let shrink = if i == j { 1.0 } else { keep };
-            shrink * products[i * dim + j] / (n - 1.0)
-        });
-        let factor = covariance.llt(Side::Lower).ok()?;
-        let lower = factor.L();
-        let entry = |k: usize| if k % dim <= k / dim { lower[(k / dim, k % dim)] } else { 0.0 };
-        let entries: Vec<f64> = (0..dim * dim).map(entry).collect();
-        entries.iter().all(|x| x.is_finite()).then_some(entries)
+    /// Writes the metric that suits these draws: scales, and directions where all draws were kept.
+    pub(super) fn fit(&self, metric: &mut Metric) {
+        self.fisher_scales(&mut metric.scale);
+        if let Some([positions, gradients]) = &self.all {
+            directions::fit(positions, gradients, metric);
+        }
     }
 }
 
@@ -110,7 +90,7 @@ mod tests {
     fn fisher_scales_of_normal_draws_are_exact_whatever_the_draws() {
         // For a normal the gradient is −q/sd², so any set of draws gives sd exactly.
         let sd = [1e-3, 1.0, 250.0];
-        let mut moments = DrawMoments::new(3, false);
+        let mut moments = DrawMoments::new(3, MetricKind::Diagonal);
         for k in 0..5 {
             let q: Vec<f64> = sd.iter().map(|s| s * f64::from(k * k % 7)).collect();
             let g: Vec<f64> = q.iter().zip(&sd).map(|(q, s)| -q / (s * s)).collect();
@@ -123,24 +103,10 @@ mod tests {
 
     #[test]
     fn equal_draws_leave_the_scale_alone() {
-        let mut moments = DrawMoments::new(1, false);
+        let mut moments = DrawMoments::new(1, MetricKind::Diagonal);
         (0..4).for_each(|_| moments.add(&[2.0], &[1.0]));
         let mut scale = vec![9.0];
         moments.fisher_scales(&mut scale);
         assert_eq!(scale, [9.0]);
-    }
-
-    #[test]
-    fn covariance_factor_matches_a_hand_computed_one() {
-        let mut moments = DrawMoments::new(2, true);
-        for q in [[0.0, 0.0], [2.0, 1.0], [4.0, 5.0]] {
-            moments.add(&q, &[0.0, 0.0]);
-        }
-        // Covariance [4 5; 5 7]; off-diagonal shrunk by 3/5 to 3: L = [2 0; 1.5 sqrt(4.75)].
-        let factor = moments.shrunk_covariance_factor().unwrap();
-        let want = [2.0, 0.0, 1.5, 4.75f64.sqrt()];
-        assert!(factor.iter().zip(want).all(|(a, b)| (a - b).abs() < 1e-12), "{factor:?}");
-        moments.clear();
-        assert!(moments.shrunk_covariance_factor().is_none());
     }
 }

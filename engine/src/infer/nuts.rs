@@ -6,6 +6,7 @@ use super::draws::{Draw, Transition};
 use super::error::{ChainError, ChainFailure, InferError};
 use super::hamiltonian::{Hamiltonian, Metric};
 use super::kernel::{Kernel, KernelState};
+use super::lesson::{Lesson, Target};
 use super::markov::{MarkovChain, Together};
 use super::moments::DrawMoments;
 use super::progress::Phase;
@@ -15,14 +16,17 @@ use super::warmup::Adaptation;
 use crate::random::Stream;
 use serde::{Deserialize, Serialize};
 
-/// A chain of the no-U-turn sampler.
+/// A chain of the no-U-turn sampler. A single chain learns from its own draws, a chain of a run from
+/// the draws of all chains.
 pub struct Nuts<'d> {
     kernel: Kernel<Box<dyn Evaluator + 'd>>,
     chain: usize,
     seed: u64,
+    kind: MetricKind,
+    target: Target,
     warm_up: WarmUp,
-    /// What the chain learns in the warm-up; `None` afterwards.
-    adaptation: Option<Adaptation>,
+    /// What the chain learns in this round of the warm-up; `None` once the warm-up is over.
+    learning: Option<(Adaptation, Lesson)>,
     step_size: f64,
     n_evaluations_warmup: u64,
     /// Where the last transition began.
@@ -33,8 +37,9 @@ pub struct Nuts<'d> {
 #[derive(Debug, Serialize, Deserialize)]
 pub(super) struct NutsState {
     kernel: KernelState,
+    target: Target,
     warm_up: WarmUp,
-    adaptation: Option<Adaptation>,
+    learning: Option<(Adaptation, Lesson)>,
     step_size: f64,
     n_evaluations_warmup: u64,
 }
@@ -51,16 +56,8 @@ impl<'d> Nuts<'d> {
     ) -> Result<Self, InferError> {
         let settings = Settings { chains: 1, ..settings.clone() };
         check_starts(density, &[start.to_vec()], &settings)?;
-        let dense = settings.metric == MetricKind::Dense;
-        let learnt = DrawMoments::of(density, &settings.earlier, dense);
+        let learnt = DrawMoments::of(density, &settings.earlier, settings.metric);
         Ok(Self::begin(density, start, &settings, 0, &learnt)?)
-    }
-
-    /// The same chain with these stages of warm-up, instead of those of [`Stage::nuts`].
-    #[must_use]
-    pub fn with_warm_up(self, stages: Vec<Stage>) -> Self {
-        let alone = stages.into_iter().map(|stage| Stage { meets: false, ..stage });
-        Self { warm_up: WarmUp::new(alone.collect()), ..self }
     }
 
     /// Chain number `chain` of a run. `learnt` is what is known of scales beforehand.
@@ -72,16 +69,17 @@ impl<'d> Nuts<'d> {
         learnt: &DrawMoments,
     ) -> Result<Self, ChainError> {
         let scale = conditional_scales(&mut *density.evaluator(), start, 1.0);
-        let hamiltonian = Hamiltonian::new(density.evaluator(), Metric::Diagonal(scale));
+        let hamiltonian = Hamiltonian::new(density.evaluator(), Metric::diagonal(scale));
         let rng = Stream::Chain(chain).rng(settings.seed);
         let kernel = Kernel::new(hamiltonian, start, settings.max_depth, rng);
-        let Settings { seed, metric, target_accept, .. } = *settings;
         let mut new = Self {
             kernel,
             chain,
-            seed,
+            seed: settings.seed,
+            kind: settings.metric,
+            target: Target::new(settings.target_accept),
             warm_up: WarmUp::new(Stage::nuts(settings.warmup, Adaptation::is_enough(learnt))),
-            adaptation: None,
+            learning: None,
             step_size: f64::NAN,
             n_evaluations_warmup: 0,
             start: start.to_vec(),
@@ -89,11 +87,18 @@ impl<'d> Nuts<'d> {
         if !new.kernel.is_usable() {
             return Err(new.error(0, ChainFailure::NoSupport));
         }
-        let adaptation = Adaptation::begin(&mut new.kernel, metric, target_accept, learnt);
-        let adaptation = adaptation.ok_or_else(|| new.error(0, ChainFailure::NoStepSize))?;
-        new.step_size = adaptation.step_size();
-        new.adaptation = Some(adaptation);
+        new.begin_round(learnt)?;
         Ok(new)
+    }
+
+    fn begin_round(&mut self, learnt: &DrawMoments) -> Result<(), ChainError> {
+        let adaptation =
+            Adaptation::begin(&mut self.kernel, self.kind, self.target.accept(), learnt);
+        let n = self.warm_up.n_done();
+        let adaptation = adaptation.ok_or_else(|| self.error(n, ChainFailure::NoStepSize))?;
+        self.step_size = adaptation.step_size();
+        self.learning = Some((adaptation, Lesson::default()));
+        Ok(())
     }
 }
 
@@ -104,16 +109,23 @@ impl std::fmt::Debug for Nuts<'_> {
 }
 
 impl MarkovChain for Nuts<'_> {
+    /// The draws in the last two thirds of each round are kept to learn from.
     fn adapt(&mut self) -> Result<Option<Transition>, ChainError> {
-        let Some(adaptation) = &mut self.adaptation else { return Ok(None) };
+        if self.must_meet() {
+            Self::meet(vec![self]).into_iter().collect::<Result<(), _>>()?;
+        }
+        let Some((adaptation, lesson)) = &mut self.learning else { return Ok(None) };
         let transition = self.kernel.transition(adaptation.step_size());
         adaptation.update(&self.warm_up, &mut self.kernel, &transition);
         self.step_size = adaptation.step_size();
+        if 3 * self.warm_up.done() >= self.warm_up.length() {
+            lesson.add(&self.kernel.point, transition.diverging);
+        }
         self.warm_up.advance();
         if self.warm_up.is_over() {
             self.step_size = adaptation.final_step_size();
             self.n_evaluations_warmup = self.kernel.n_evaluations();
-            self.adaptation = None;
+            self.learning = None;
         }
         Ok(Some(transition))
     }
@@ -132,15 +144,11 @@ impl MarkovChain for Nuts<'_> {
     }
 
     fn phase(&self) -> Phase {
-        if self.warm_up.is_over() { Phase::Sampling } else { Phase::Warmup }
+        if self.learning.is_none() { Phase::Sampling } else { Phase::Warmup }
     }
 
     fn step_size(&self) -> f64 {
         self.step_size
-    }
-
-    fn inv_metric(&self) -> Vec<f64> {
-        self.kernel.metric().inverse_mass(self.start.len())
     }
 
     fn n_evaluations(&self) -> [u64; 2] {
@@ -158,8 +166,9 @@ impl Together for Nuts<'_> {
     fn state(&self) -> NutsState {
         NutsState {
             kernel: self.kernel.state(),
+            target: self.target.clone(),
             warm_up: self.warm_up.clone(),
-            adaptation: self.adaptation.clone(),
+            learning: self.learning.clone(),
             step_size: self.step_size,
             n_evaluations_warmup: self.n_evaluations_warmup,
         }
@@ -167,8 +176,9 @@ impl Together for Nuts<'_> {
 
     fn restore(&mut self, state: NutsState) -> Result<(), ChainError> {
         self.kernel.restore(state.kernel);
+        self.target = state.target;
         self.warm_up = state.warm_up;
-        self.adaptation = state.adaptation;
+        self.learning = state.learning;
         self.step_size = state.step_size;
         self.n_evaluations_warmup = state.n_evaluations_warmup;
         Ok(())
@@ -176,6 +186,40 @@ impl Together for Nuts<'_> {
 
     fn n_adapted(&self) -> usize {
         self.warm_up.n_done()
+    }
+
+    fn n_meetings(&self) -> usize {
+        self.warm_up.n_meetings()
+    }
+
+    fn must_meet(&self) -> bool {
+        self.warm_up.must_meet()
+    }
+
+    /// Fits the metric to the draws of all chains. Where they diverged, shorter steps follow; where
+    /// they agree, what is left of the warm-up is its last round.
+    fn meet(mut chains: Vec<&mut Self>) -> Vec<Result<(), ChainError>> {
+        let lessons = chains.iter_mut().filter_map(|chain| chain.learning.take());
+        let lessons: Vec<Lesson> = lessons.map(|(_, lesson)| lesson).collect();
+        let Some(first) = chains.first() else { return vec![] };
+        let is_first = first.warm_up.n_meetings() == 0;
+        let mut metric = first.kernel.metric().clone();
+        Lesson::moments(&lessons, first.kind).fit(&mut metric);
+        let diverged = lessons.iter().any(Lesson::diverged);
+        let is_enough = !is_first && !diverged && Lesson::agree(&lessons);
+        let nothing = DrawMoments::new(metric.scale.len(), first.kind);
+        let go_on = |chain: &mut Self| {
+            if diverged && !is_first {
+                chain.target.raise();
+            }
+            chain.warm_up.met();
+            if is_enough {
+                chain.warm_up.shorten();
+            }
+            chain.kernel.hamiltonian().metric = metric.clone();
+            chain.begin_round(&nothing)
+        };
+        chains.into_iter().map(go_on).collect()
     }
 
     fn error(&self, iteration: usize, failure: ChainFailure) -> ChainError {

@@ -162,7 +162,6 @@ impl<'a, C: Together> Under<'a, C> {
     fn sample(&mut self) -> Result<(), ChainError> {
         let (begun, before) = (Instant::now(), self.record.seconds_sampling);
         self.record.step_size = self.chain.step_size();
-        self.record.inv_metric = self.chain.inv_metric();
         self.divergences = self.record.n_divergences();
         for iteration in self.record.n_draws()..self.settings.draws {
             self.pause(iteration)?;

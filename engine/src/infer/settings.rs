@@ -7,11 +7,11 @@ use serde::{Deserialize, Serialize};
 /// The shape of the inverse mass matrix.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Default, Serialize, Deserialize)]
 pub enum MetricKind {
-    /// One scale per coordinate, by Fisher divergence.
+    /// A scale per coordinate, and directions in which the draws spread more or less than these tell.
     #[default]
+    LowRank,
+    /// One scale per coordinate, by Fisher divergence.
     Diagonal,
-    /// The covariance of the warm-up draws, correlations shrunk.
-    Dense,
 }
 
 /// How to sample.
@@ -19,12 +19,14 @@ pub enum MetricKind {
 pub struct Settings {
     /// Number of chains.
     pub chains: usize,
-    /// Warm-up transitions per chain, not kept.
+    /// The most warm-up transitions per chain, not kept. NUTS chains that agree earlier go on to their
+    /// draws.
     pub warmup: usize,
     /// Draws kept per chain.
     pub draws: usize,
-    /// Mean acceptance that the step size is tuned to, in (0, 1).
-    pub target_accept: f64,
+    /// Mean acceptance that the step size is tuned to, in (0, 1). If `None`, NUTS begins with 0.8 and
+    /// raises it in the warm-up where trajectories diverge; the blocked sampler takes 0.95.
+    pub target_accept: Option<f64>,
     /// Most doublings per transition, 1 to 20.
     pub max_depth: u32,
     /// Seed of all random streams.
@@ -44,11 +46,11 @@ impl Default for Settings {
             chains: 4,
             warmup: 1000,
             draws: 1000,
-            target_accept: 0.95,
+            target_accept: None,
             max_depth: 10,
             seed: 1,
             threads: 0,
-            metric: MetricKind::Diagonal,
+            metric: MetricKind::default(),
             earlier: vec![],
         }
     }
@@ -73,8 +75,10 @@ impl Settings {
         least("draws", self.draws, 1, "1000 per chain is the default")?;
         let help = "1000 is the default; step size and metric are learnt in warm-up";
         least("warmup", self.warmup, Self::LEAST_WARMUP, help)?;
-        if !(self.target_accept > 0.0 && self.target_accept < 1.0) {
-            return Err(InferError::TargetAccept { got: self.target_accept });
+        if let Some(got) = self.target_accept
+            && !(got > 0.0 && got < 1.0)
+        {
+            return Err(InferError::TargetAccept { got });
         }
         if !(1..=20).contains(&self.max_depth) {
             return Err(InferError::MaxDepth { got: self.max_depth });

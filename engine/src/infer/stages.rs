@@ -4,13 +4,13 @@ use serde::{Deserialize, Serialize};
 
 /// A part of the warm-up. The step size adapts in all of them.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
-pub struct Stage {
+pub(super) struct Stage {
     /// Number of transitions.
-    pub length: usize,
+    pub(super) length: usize,
     /// What else adapts.
-    pub metric: Option<Window>,
+    pub(super) metric: Option<Window>,
     /// Whether the chains of a run meet at its end, to learn from each other (the blocked sampler's).
-    pub meets: bool,
+    pub(super) meets: bool,
 }
 
 /// From how many draws a metric is learnt.
@@ -19,27 +19,48 @@ pub struct Stage {
 /// it takes the older one's place. So early draws are forgotten, and the metric never has to wait
 /// for draws.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
-pub struct Window(pub usize);
+pub(super) struct Window(pub(super) usize);
 
 impl Stage {
     const EARLY: Window = Window(10);
+    /// The fewest transitions between two meetings of NUTS chains.
+    const LEAST_ROUND: usize = 20;
     pub(super) const LATE: Window = Window(80);
 
-    /// The warm-up of a NUTS chain. `knows_metric` says that earlier draws have told about scales;
-    /// then the first stage is left out, so that a full window comes before that knowledge is
-    /// forgotten.
+    /// The most transitions of a NUTS chain's warm-up. After every tenth of them the chains meet, and
+    /// the metric is fitted to the draws of all; once they agree, only the last tenth follows. In the
+    /// first tenth each chain learns from its own draws, unless earlier ones have told about scales.
+    ///
+    /// ```text
+    /// 0 ──────────── 10 % ── 20 % ── … ── 90 % ───────────────── 100 %
+    ///  windows of 10     ↑ meetings ↑        ↑     step size only
+    /// ```
+    pub(super) fn nuts(n: usize, knows_metric: bool) -> Vec<Self> {
+        let last = n.div_ceil(10);
+        let n_rounds = ((n - last) / Self::LEAST_ROUND).clamp(1, 9);
+        let end = |round: usize| round * (n - last) / n_rounds;
+        let round = |r: usize| Self {
+            length: end(r + 1) - end(r),
+            metric: (r == 0 && !knows_metric).then_some(Self::EARLY),
+            meets: true,
+        };
+        let last = Self { length: last, metric: None, meets: false };
+        (0..n_rounds).map(round).chain([last]).collect()
+    }
+
+    /// One round of a blocked chain's warm-up.
     ///
     /// ```text
     /// 0 ───── 30 % ──────────────── 85 % ───────── 100 %
     ///  windows of 10   windows of 80    step size only
     /// ```
-    pub fn nuts(n: usize, knows_metric: bool) -> Vec<Self> {
+    fn blocked_round(n: usize) -> [Self; 3] {
         let stage = |length, metric| Self { length, metric, meets: false };
-        let (early, end) = (if knows_metric { 0 } else { n * 3 / 10 }, n * 85 / 100);
-        vec![
+        let (early, end) = (n * 3 / 10, n * 85 / 100);
+        [
             stage(early, Some(Self::EARLY)),
             stage(end - early, Some(Self::LATE)),
-            stage(n - end, None),
+            Self { meets: true, ..stage(n - end, None) },
         ]
     }
 
@@ -50,15 +71,13 @@ impl Stage {
     ///
     /// If `knows_hyper`, draws of an earlier run have told how the hyperparameters' steps should
     /// be. The first meeting is then at the beginning.
-    pub fn blocked(n: usize, knows_hyper: bool) -> Vec<Self> {
+    pub(super) fn blocked(n: usize, knows_hyper: bool) -> Vec<Self> {
         const ENDS: [f64; 6] = [0.1, 0.2, 0.3, 0.4, 0.6, 1.0];
         let (mut stages, mut before) = (vec![], 0);
         for (i, end) in ENDS.into_iter().enumerate() {
             let is_left_out = i == 0 && knows_hyper;
             let end = if is_left_out { 0 } else { (n as f64 * end).round() as usize };
-            let mut round = Self::nuts(end - before, false);
-            round[2].meets = true;
-            stages.extend(round);
+            stages.extend(Self::blocked_round(end - before));
             before = end;
         }
         stages
@@ -68,7 +87,7 @@ impl Stage {
 impl Stage {
     /// The warm-up of an integrated chain: after 20, 40 and 70 % and at its end the chains meet, and the proposal that
     /// they share is fitted anew.
-    pub fn integrated(n: usize) -> Vec<Self> {
+    pub(super) fn integrated(n: usize) -> Vec<Self> {
         const ENDS: [f64; 4] = [0.2, 0.4, 0.7, 1.0];
         let mut before = 0;
         let round = |end: f64| {
@@ -141,6 +160,14 @@ impl WarmUp {
         self.done = 0;
     }
 
+    /// Leaves out all further rounds but the last.
+    pub(super) fn shorten(&mut self) {
+        let n_stages: Vec<usize> = self.rounds().map(<[Stage]>::len).collect();
+        let begun: usize = n_stages.iter().take(self.n_meetings).sum();
+        let last = self.stages.len() - n_stages.last().copied().unwrap_or(0);
+        self.stages.drain(begun..last.max(begun));
+    }
+
     /// The window at the next transition, if the metric adapts there.
     pub(super) fn window(&self) -> Option<usize> {
         let mut end = 0;
@@ -169,7 +196,7 @@ mod tests {
 
     #[test]
     fn stages_add_up_and_chains_meet_at_their_shares() {
-        for n in 20..400 {
+        for n in 20..1200 {
             for knows in [false, true] {
                 assert_eq!(
                     (length(&Stage::nuts(n, knows)), length(&Stage::blocked(n, knows))),
@@ -193,14 +220,30 @@ mod tests {
 
     #[test]
     fn the_metric_adapts_in_the_stages_that_say_so() {
-        let mut warm_up = WarmUp::new(Stage::nuts(100, false));
+        let mut warm_up = WarmUp::new(Stage::blocked_round(100).to_vec());
         let mut windows = vec![];
-        while !warm_up.is_over() {
+        while !warm_up.must_meet() {
             windows.push((warm_up.window(), warm_up.ends_metric()));
             warm_up.advance();
         }
         let of = |window| windows.iter().filter(|w| w.0 == window).count();
         assert_eq!([of(Some(10)), of(Some(80)), of(None)], [30, 55, 15]);
         assert_eq!(windows.iter().position(|w| w.1), Some(84));
+    }
+
+    #[test]
+    fn a_warm_up_that_is_shortened_goes_on_with_its_last_round() {
+        for n_meetings in 0..10 {
+            let mut warm_up = WarmUp::new(Stage::nuts(1000, false));
+            for _ in 0..n_meetings {
+                (0..warm_up.length()).for_each(|_| warm_up.advance());
+                assert!(warm_up.must_meet());
+                warm_up.met();
+            }
+            warm_up.shorten();
+            assert_eq!((warm_up.n_done(), warm_up.length()), (100 * n_meetings, 100));
+            (0..100).for_each(|_| warm_up.advance());
+            assert!(warm_up.is_over());
+        }
     }
 }

@@ -1,56 +1,48 @@
-//! Warm-up: step size by dual averaging, metric from draws and gradients.
+//! Warm-up: step size by stochastic approximation, metric from draws and gradients.
 //!
 //! Knows the sampler only through [`Kernel`]; nothing of chains,
 //! threads or storage.
 //!
 //! # Source
-//! Hoffman & Gelman 2014, section 3.2 (dual averaging, initial step size; the letters are theirs).
+//! Hoffman & Gelman 2014, section 3.2 (initial step size). Robbins & Monro 1951, Polyak & Juditsky 1992.
 //! Seyboldt, Carlson & Carpenter, "Preconditioning Hamiltonian Monte Carlo by minimizing
-//! Fisher divergence" (diagonal metric, two overlapping windows).
+//! Fisher divergence" (two overlapping windows).
 
 use super::density::Evaluator;
 use super::draws::Transition;
-use super::hamiltonian::Metric;
 use super::kernel::Kernel;
 use super::moments::DrawMoments;
 use super::settings::MetricKind;
 use super::stages::{Stage, WarmUp};
 use serde::{Deserialize, Serialize};
 
-/// Step size that brings the mean acceptance to δ.
+/// Step size that brings the mean acceptance to δ: each transition moves ln ε by its error of the
+/// acceptance, less and less. Averages of ln ε over ever later transitions are the answer.
 #[derive(Clone, Debug, Serialize, Deserialize)]
-pub(super) struct DualAveraging {
+pub(super) struct StepSize {
     /// Target acceptance.
     delta: f64,
-    /// Where ln ε shrinks to.
-    mu: f64,
     t: f64,
-    /// H̄: averaged error of the acceptance.
-    h_bar: f64,
     ln_epsilon: f64,
-    /// Averaged ln ε, the final answer.
     ln_epsilon_bar: f64,
 }
 
-impl DualAveraging {
-    const GAMMA: f64 = 0.05;
-    const T0: f64 = 10.0;
+impl StepSize {
+    /// Gain of the first transition; that of transition t is its (1 + t)^−GAIN_KAPPA-th part.
+    const GAIN: f64 = 2.0;
+    const GAIN_KAPPA: f64 = 0.6;
     const KAPPA: f64 = 0.75;
 
-    /// Starts at `step_size`, and leans towards ten times that, because large steps are cheap to
-    /// try.
     pub(super) fn new(step_size: f64, delta: f64) -> Self {
         let ln_epsilon = step_size.ln();
-        let mu = (10.0 * step_size).ln();
-        Self { delta, mu, t: 0.0, h_bar: 0.0, ln_epsilon, ln_epsilon_bar: ln_epsilon }
+        Self { delta, t: 0.0, ln_epsilon, ln_epsilon_bar: ln_epsilon }
     }
 
     /// Learns from the mean acceptance of one transition.
     pub(super) fn update(&mut self, accept: f64) {
         self.t += 1.0;
-        let w = 1.0 / (self.t + Self::T0);
-        self.h_bar = (1.0 - w) * self.h_bar + w * (self.delta - accept);
-        self.ln_epsilon = self.mu - self.t.sqrt() / Self::GAMMA * self.h_bar;
+        let gain = Self::GAIN * (1.0 + self.t).powf(-Self::GAIN_KAPPA);
+        self.ln_epsilon += gain * (accept - self.delta);
         let eta = self.t.powf(-Self::KAPPA);
         self.ln_epsilon_bar = eta * self.ln_epsilon + (1.0 - eta) * self.ln_epsilon_bar;
     }
@@ -93,7 +85,7 @@ pub(super) struct Adaptation {
     target_accept: f64,
     older: DrawMoments,
     younger: DrawMoments,
-    step_size: DualAveraging,
+    step_size: StepSize,
 }
 
 impl Adaptation {
@@ -117,13 +109,10 @@ impl Adaptation {
         let mut younger = learnt.clone();
         younger.clear();
         let older = if is_warm { learnt.clone() } else { younger.clone() };
-        if let (true, Some(factor)) = (is_warm, older.shrunk_covariance_factor()) {
-            kernel.hamiltonian().metric = Metric::Dense(factor);
-        } else if let (true, Metric::Diagonal(scale)) = (is_warm, &mut kernel.hamiltonian().metric)
-        {
-            older.fisher_scales(scale);
+        if is_warm {
+            older.fit(&mut kernel.hamiltonian().metric);
         }
-        let step_size = DualAveraging::new(initial_step_size(kernel)?, target_accept);
+        let step_size = StepSize::new(initial_step_size(kernel)?, target_accept);
         Some(Self { kind, target_accept, older, younger, step_size })
     }
 
@@ -150,8 +139,10 @@ impl Adaptation {
         self.younger.add(&kernel.point.position, &kernel.point.gradient);
         let full = self.younger.n() >= window;
         match self.kind {
-            MetricKind::Diagonal if self.older.n() >= Self::LEAST => self.set_diagonal(kernel),
-            MetricKind::Dense if full => self.set_dense(kernel),
+            MetricKind::Diagonal if self.older.n() >= Self::LEAST => {
+                self.older.fit(&mut kernel.hamiltonian().metric);
+            }
+            MetricKind::LowRank if full || is_due(self.older.n()) => self.set_low_rank(kernel),
             _ => {}
         }
         if full {
@@ -159,65 +150,49 @@ impl Adaptation {
             self.younger.clear();
         }
         if warm_up.ends_metric() {
-            self.step_size = DualAveraging::new(self.final_step_size(), self.target_accept);
+            self.step_size = StepSize::new(self.final_step_size(), self.target_accept);
         }
     }
 
-    fn set_diagonal<E: Evaluator>(&self, kernel: &mut Kernel<E>) {
-        if let Metric::Diagonal(scale) = &mut kernel.hamiltonian().metric {
-            self.older.fisher_scales(scale);
+    /// With new directions the step size that suits the metric is another one, so its adaptation
+    /// starts anew.
+    fn set_low_rank<E: Evaluator>(&mut self, kernel: &mut Kernel<E>) {
+        self.older.fit(&mut kernel.hamiltonian().metric);
+        if let Some(step_size) = initial_step_size(kernel) {
+            self.step_size = StepSize::new(step_size, self.target_accept);
         }
     }
+}
 
-    /// With a new dense metric the step size that suits it is another one, so its adaptation starts
-    /// anew.
-    fn set_dense<E: Evaluator>(&mut self, kernel: &mut Kernel<E>) {
-        if let Some(factor) = self.older.shrunk_covariance_factor() {
-            kernel.hamiltonian().metric = Metric::Dense(factor);
-            if let Some(step_size) = initial_step_size(kernel) {
-                self.step_size = DualAveraging::new(step_size, self.target_accept);
-            }
-        }
+/// Directions cost more than a transition, so they are learnt at some numbers of draws only: 10, 15,
+/// 22, …
+fn is_due(n: usize) -> bool {
+    let mut due = 10;
+    while due < n {
+        due += due / 2;
     }
+    due == n
 }
 
 #[cfg(test)]
 mod tests {
     use super::super::curvature::conditional_scales;
     use super::super::density::LogDensity;
-    use super::super::hamiltonian::Hamiltonian;
+    use super::super::hamiltonian::{Hamiltonian, Metric};
     use super::super::test_densities::{FnDensity, normal};
     use super::*;
     use rand::SeedableRng;
     use rand_chacha::ChaCha8Rng;
 
     fn kernel(density: &dyn LogDensity) -> Kernel<Box<dyn Evaluator + '_>> {
-        let metric = Metric::Diagonal(vec![1.0; density.dim()]);
+        let metric = Metric::diagonal(vec![1.0; density.dim()]);
         let hamiltonian = Hamiltonian::new(density.evaluator(), metric);
         Kernel::new(hamiltonian, &vec![0.1; density.dim()], 10, ChaCha8Rng::seed_from_u64(3))
     }
 
     #[test]
-    fn dual_averaging_follows_the_paper_for_two_steps() {
-        // By hand: mu = ln 10, target 0.8, acceptances 0.3 then 1.
-        let mut adapt = DualAveraging::new(1.0, 0.8);
-        adapt.update(0.3);
-        let h1 = 0.5 / 11.0;
-        let x1 = 10f64.ln() - h1 / 0.05;
-        assert!((adapt.step_size().ln() - x1).abs() < 1e-14);
-        assert!((adapt.averaged_step_size().ln() - x1).abs() < 1e-14);
-        adapt.update(1.0);
-        let h2 = h1 * 11.0 / 12.0 - 0.2 / 12.0;
-        let x2 = 10f64.ln() - 2f64.sqrt() / 0.05 * h2;
-        let eta = 2f64.powf(-0.75);
-        assert!((adapt.step_size().ln() - x2).abs() < 1e-14);
-        let averaged = eta * x2 + (1.0 - eta) * x1;
-        assert!((adapt.averaged_step_size().ln() - averaged).abs() < 1e-14);
-    }
-
-    #[test]
-    fn dual_averaging_finds_the_step_size_of_a_known_acceptance_curve() {
-        let mut adapt = DualAveraging::new(0.2, 0.9);
+    fn the_step_size_settles_at_that_of_a_known_acceptance_curve() {
+        let mut adapt = StepSize::new(0.2, 0.9);
         for _ in 0..1000 {
             let accept = (-adapt.step_size()).exp();
             adapt.update(accept);
@@ -270,10 +245,9 @@ mod tests {
             (0..80).map(|k| sd.iter().map(|s| s * f64::from(k * k % 7)).collect()).collect();
         let scales = |draws: &[Vec<f64>]| {
             let mut kernel = kernel(&density);
-            let learnt = DrawMoments::of(&density, draws, false);
+            let learnt = DrawMoments::of(&density, draws, MetricKind::Diagonal);
             Adaptation::begin(&mut kernel, MetricKind::Diagonal, 0.9, &learnt).unwrap();
-            let Metric::Diagonal(scales) = kernel.hamiltonian().metric.clone() else { panic!() };
-            scales
+            kernel.hamiltonian().metric.scale.clone()
         };
         // for a normal the scales are exact whatever the draws
         let ratios = scales(&draws).into_iter().zip(sd).map(|(scale, sd)| scale / sd);
@@ -297,7 +271,7 @@ mod tests {
         assert!((scales[0] - 1e3).abs() < 1e-9 && (scales[1] - 1.0).abs() < 1e-6, "{scales:?}");
         let step_size = |scales: Vec<f64>| {
             let mut kernel = kernel(&density);
-            kernel.hamiltonian().metric = Metric::Diagonal(scales);
+            kernel.hamiltonian().metric = Metric::diagonal(scales);
             initial_step_size(&mut kernel)
         };
         assert!(step_size(scales).is_some());

@@ -16,7 +16,6 @@ use super::map::Map;
 use super::reported::{Parameter, Position};
 use super::rows::Rows;
 use super::tape::{Op, Tape};
-use crate::infer::MetricKind;
 use crate::num::Within;
 use crate::table::Measurements;
 
@@ -136,13 +135,6 @@ pub struct Model {
 }
 
 impl Model {
-    /// The metric that suits NUTS. If an effect is a field, it is dense (the covariance of the
-    /// warm-up draws), because the smooth modes of such a field and the model's own trends nearly
-    /// do the same.
-    pub fn metric(&self) -> MetricKind {
-        if self.effect_modes > 0 { MetricKind::Dense } else { MetricKind::Diagonal }
-    }
-
     /// Whether places have deviations whose sd is learnt: `group(row.site) ~ Normal(0, sd)`.
     pub fn has_spreads(&self) -> bool {
         !self.spreads.is_empty()

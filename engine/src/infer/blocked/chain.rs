@@ -29,6 +29,10 @@ const SWEEPS: usize = 3;
 /// where these are all that a trajectory moves.
 const TIME: f64 = 1.6;
 
+/// Mean acceptance of trajectories that the step size is tuned to where none is asked for. They are cheap
+/// beside what else a sweep costs.
+const TARGET: f64 = 0.95;
+
 /// What does not change in a chain.
 #[derive(Clone, Copy)]
 pub(super) struct Fixed<'d> {
@@ -90,7 +94,8 @@ impl<'d> Blocked<'d> {
         if knows_hyper {
             warm_up.met();
         }
-        let Settings { seed, max_depth, target_accept, .. } = *settings;
+        let Settings { seed, max_depth, .. } = *settings;
+        let target_accept = settings.target_accept.unwrap_or(TARGET);
         let begin = |(chain, link): (usize, Link)| {
             let fixed = Fixed { density, chain, seed, max_depth, target_accept };
             Self::begin(fixed, &shared, warm_up.clone(), &link)
@@ -121,7 +126,7 @@ impl<'d> Blocked<'d> {
             None
         } else {
             // whitened coordinates: scales are near 1 before anything is learnt
-            let nothing = DrawMoments::new(position.len(), false);
+            let nothing = DrawMoments::new(position.len(), MetricKind::Diagonal);
             let target = fixed.target_accept;
             let learns = Adaptation::begin(&mut kernel, MetricKind::Diagonal, target, &nothing);
             let failure = ChainFailure::NoStepSize;
@@ -147,9 +152,7 @@ impl<'d> Blocked<'d> {
     /// What the next round begins with.
     pub(super) fn link(&mut self) -> Link {
         let step_size = self.learning.as_ref().map(|(learns, _)| learns.final_step_size());
-        let scale = match self.kernel.metric() {
-            Metric::Diagonal(scale) | Metric::Dense(scale) => scale.clone(),
-        };
+        let scale = self.kernel.metric().scale.clone();
         let n_evaluations = self.n_evaluations + self.n_in_round();
         let (conditional, point) = self.kernel.parts();
         Link {
@@ -261,7 +264,7 @@ impl<'d> Fixed<'d> {
         position: &[f64],
         warm_up: &WarmUp,
     ) -> Kernel<Conditional<'d>> {
-        let hamiltonian = Hamiltonian::new(conditional, Metric::Diagonal(scale.to_vec()));
+        let hamiltonian = Hamiltonian::new(conditional, Metric::diagonal(scale.to_vec()));
         Kernel::new(hamiltonian, position, self.max_depth, self.stream(Part::Inner, warm_up))
     }
 
@@ -329,10 +332,6 @@ impl MarkovChain for Blocked<'_> {
 
     fn step_size(&self) -> f64 {
         self.step_size
-    }
-
-    fn inv_metric(&self) -> Vec<f64> {
-        self.kernel.metric().inverse_mass(self.kernel.point.position.len())
     }
 
     fn n_evaluations(&self) -> [u64; 2] {

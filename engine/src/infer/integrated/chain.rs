@@ -22,7 +22,7 @@ const FLOOR: f64 = 1e-8;
 
 /// A chain of the integrated sampler. Alone it learns from its own draws; with others, from those of all.
 pub struct Integrated<'d> {
-    fixed: Fixed<'d>,
+    fixed: Fixed,
     marginal: Marginal<'d>,
     proposal: Proposal,
     warm_up: WarmUp,
@@ -41,8 +41,7 @@ pub struct Integrated<'d> {
 }
 
 #[derive(Clone, Copy)]
-struct Fixed<'d> {
-    density: &'d dyn LatentGaussian,
+struct Fixed {
     chain: usize,
     seed: u64,
 }
@@ -92,7 +91,7 @@ impl<'d> Integrated<'d> {
         let mut first = Marginal::new(density.latent(), layout);
         first.at(&layout.outer_of(&starts[0]));
         let begin = |(chain, start): (usize, &Vec<f64>)| {
-            let fixed = Fixed { density, chain, seed: settings.seed };
+            let fixed = Fixed { chain, seed: settings.seed };
             let mut marginal = Marginal::new(density.latent(), layout);
             marginal.share(&first);
             let outer = layout.outer_of(start);
@@ -186,10 +185,6 @@ impl MarkovChain for Integrated<'_> {
     }
 
     /// There is none: ones.
-    fn inv_metric(&self) -> Vec<f64> {
-        vec![1.0; self.fixed.density.dim()]
-    }
-
     fn n_evaluations(&self) -> [u64; 2] {
         self.n_steps
     }
@@ -264,7 +259,7 @@ impl Together for Integrated<'_> {
     }
 }
 
-impl Fixed<'_> {
+impl Fixed {
     /// Each round has a stream of its own.
     fn stream(self, warm_up: &WarmUp) -> ChaCha8Rng {
         let (round, chain) = (warm_up.n_meetings(), self.chain);

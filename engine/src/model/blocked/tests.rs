@@ -98,7 +98,7 @@ impl Latent for TwinLatent<'_> {
 }
 
 fn settings(draws: usize) -> Settings {
-    Settings { chains: 4, draws, warmup: 300, target_accept: 0.8, ..Settings::default() }
+    Settings { chains: 4, draws, warmup: 300, target_accept: Some(0.8), ..Settings::default() }
 }
 
 fn blocked(model: &Model, fault: Fault, draws: usize) -> Vec<Chain> {
@@ -206,7 +206,8 @@ fn a_twin_with_too_wide_a_prior_is_found_out() {
 
 /// Largest |z| of the blocked sampler's draws against those of NUTS, and where.
 fn against_nuts(model: &Model, fault: Fault) -> (f64, String) {
-    let settings = Settings { chains: 4, draws: 3000, target_accept: 0.9, ..Settings::default() };
+    let settings =
+        Settings { chains: 4, draws: 3000, target_accept: Some(0.9), ..Settings::default() };
     let starts = jittered_starts(model, &model.initial(), 4, 3).unwrap();
     let nuts = infer::sample(model, &starts, &settings, &Silent).unwrap();
     let nuts: Vec<Chain> =
