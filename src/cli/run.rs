@@ -84,8 +84,7 @@ pub(super) struct SamplerArgs {
     #[arg(long, default_value_t = 1000)]
     draws: usize,
     /// Mean acceptance that the step size is tuned to, between 0 and 1; nearer to 1 means smaller
-    /// steps and fewer divergences [default: nuts begins with 0.8 and raises it where trajectories
-    /// diverge; blocked 0.95]
+    /// steps and fewer divergences [default: 0.8 for nuts, 0.95 for blocked]
     #[arg(long)]
     target_accept: Option<f64>,
     /// Sampler [default: integrated where every measurement is normal about a linear function of fields,

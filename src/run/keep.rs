@@ -55,7 +55,7 @@ pub(super) fn identity(
         ("draws".into(), draws.to_string()),
         (
             "target-accept".into(),
-            target_accept.map_or("chosen by the run".into(), |target| target.to_string()),
+            target_accept.map_or("the sampler's own".into(), |target| target.to_string()),
         ),
         ("metric".into(), metric.clone()),
     ]);

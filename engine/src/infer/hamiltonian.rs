@@ -52,8 +52,17 @@ impl Metric {
         }
     }
 
+    /// x ← F⁻¹ x
+    pub(super) fn whiten(&self, x: &mut [f64]) {
+        x.iter_mut().zip(&self.scale).for_each(|(x, s)| *x /= s);
+        for (direction, stretch) in self.stretched() {
+            let c = (stretch.recip() - 1.0) * dot::<4>(direction, x);
+            axpy(c, direction, x);
+        }
+    }
+
     /// force = Fᵀ gradient
-    fn pull(&self, gradient: &[f64], force: &mut [f64]) {
+    pub(super) fn pull(&self, gradient: &[f64], force: &mut [f64]) {
         for ((f, s), g) in force.iter_mut().zip(&self.scale).zip(gradient) {
             *f = s * g;
         }

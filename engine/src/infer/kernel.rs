@@ -17,6 +17,11 @@ use serde::{Deserialize, Serialize};
 /// Energy error beyond which a trajectory counts as divergent.
 const MAX_ENERGY_ERROR: f64 = 1000.0;
 
+/// Difference of energies along one step beyond which the step is made in smaller parts.
+const ROUGH: f64 = 4.0;
+/// How often a step is halved.
+const MOST_HALVINGS: u32 = 7;
+
 /// The state of a chain between two transitions, without its density. Everything else in a
 /// [`Kernel`] is scratch memory.
 #[derive(Clone, Debug, Serialize, Deserialize)]
@@ -57,7 +62,7 @@ impl<E: Evaluator> Kernel<E> {
         let dim = position.len();
         let mut point = PhasePoint::new(dim);
         point.position.copy_from_slice(position);
-        let mut flow = Flow::new(hamiltonian, rng);
+        let mut flow = Flow::new(hamiltonian, dim, rng);
         flow.hamiltonian.evaluate(&mut point);
         let blank = || Subtree::new(Proposal::new(dim), Span::new(dim));
         Self {
@@ -153,7 +158,7 @@ impl<E: Evaluator> Kernel<E> {
         self.point.gradient.copy_from_slice(&drawn.gradient);
         self.point.ln_density = drawn.ln_density;
         Transition {
-            accept: self.flow.accept / f64::from(self.flow.n),
+            accept: self.flow.accept / f64::from(self.flow.n_points.max(1)),
             energy: drawn.energy,
             depth,
             n_leapfrog: self.flow.n,
@@ -225,12 +230,18 @@ struct Flow<E> {
     energy: f64,
     /// Energy of the newest point.
     newest_energy: f64,
+    /// Leapfrog steps.
     n: u32,
+    /// Points, and the sum of their acceptances.
+    n_points: u32,
     accept: f64,
+    /// Where the present step began, and a way back from where it ended.
+    begun: PhasePoint,
+    back: PhasePoint,
 }
 
 impl<E> Flow<E> {
-    fn new(hamiltonian: Hamiltonian<E>, rng: ChaCha8Rng) -> Self {
+    fn new(hamiltonian: Hamiltonian<E>, dim: usize, rng: ChaCha8Rng) -> Self {
         Self {
             hamiltonian,
             rng,
@@ -238,7 +249,10 @@ impl<E> Flow<E> {
             energy: 0.0,
             newest_energy: 0.0,
             n: 0,
+            n_points: 0,
             accept: 0.0,
+            begun: PhasePoint::new(dim),
+            back: PhasePoint::new(dim),
         }
     }
 
@@ -247,7 +261,27 @@ impl<E> Flow<E> {
         self.energy = energy;
         self.newest_energy = energy;
         self.n = 0;
+        self.n_points = 0;
         self.accept = 0.0;
+    }
+}
+
+impl<E: Evaluator> Flow<E> {
+    /// Moves `point` by `step_size` in 2^halvings leapfrog steps. Returns the difference between the
+    /// highest energy and the lowest on the way; not finite where the density is not.
+    fn parts(&mut self, point: &mut PhasePoint, step_size: f64, halvings: u32) -> f64 {
+        let n = 1 << halvings;
+        let [mut low, mut high] = [point.energy(); 2];
+        for _ in 0..n {
+            self.hamiltonian.leapfrog(point, step_size / f64::from(n));
+            self.n += 1;
+            let energy = point.energy();
+            if !energy.is_finite() {
+                return f64::INFINITY;
+            }
+            (low, high) = (low.min(energy), high.max(energy));
+        }
+        high - low
     }
 }
 
@@ -285,19 +319,49 @@ impl<E: Evaluator> Trajectory for Flow<E> {
     type Proposal = Proposal;
     type Span = Span;
 
-    fn step(&mut self, edge: &mut PhasePoint, direction: Direction) -> Option<f64> {
+    /// A step along which energies differ by more than [`ROUGH`] is made again in twice as many
+    /// parts. It counts only if the way back, chosen by the same rule, has as many: so the map from
+    /// point to point stays its own inverse, and the draws stay exact.
+    fn step(&mut self, edge: &mut PhasePoint, direction: Direction) -> Result<f64, Stop> {
         let forward = direction == Direction::Forward;
         let step_size = if forward { self.step_size } else { -self.step_size };
-        self.hamiltonian.leapfrog(edge, step_size);
-        self.n += 1;
+        self.n_points += 1;
+        self.begun.copy_from(edge);
+        let mut halvings = 0;
+        let mut whole = 0.0;
+        loop {
+            let change = self.parts(edge, step_size, halvings);
+            if halvings == 0 {
+                whole = change;
+            }
+            if change <= ROUGH {
+                break;
+            }
+            if halvings == MOST_HALVINGS || !change.is_finite() {
+                return Err(Stop::Divergence);
+            }
+            edge.copy_from(&self.begun);
+            halvings += 1;
+        }
+        for fewer in 0..halvings {
+            let mut back = std::mem::take(&mut self.back);
+            back.copy_from(edge);
+            let change = self.parts(&mut back, -step_size, fewer);
+            self.back = back;
+            if change <= ROUGH {
+                return Err(Stop::OneWay);
+            }
+        }
         self.newest_energy = edge.energy();
         let ln_weight = self.energy - self.newest_energy;
         // NaN, from an undefined density or gradient, is in no range and diverges.
-        let finite = (-MAX_ENERGY_ERROR..f64::INFINITY).contains(&ln_weight);
-        if finite {
-            self.accept += ln_weight.min(0.0).exp();
+        if !(-MAX_ENERGY_ERROR..f64::INFINITY).contains(&ln_weight) {
+            return Err(Stop::Divergence);
         }
-        finite.then_some(ln_weight)
+        // the step size is tuned to steps that are whole
+        let ln_accept = if halvings > 0 { -whole } else { ln_weight.min(0.0) };
+        self.accept += ln_accept.exp();
+        Ok(ln_weight)
     }
 
     fn leaf(&mut self, edge: &PhasePoint, proposal: &mut Proposal, span: &mut Span) {

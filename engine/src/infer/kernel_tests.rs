@@ -27,7 +27,7 @@ impl Trajectory for Twin<'_> {
     type Proposal = Proposal;
     type Span = Span;
 
-    fn step(&mut self, edge: &mut PhasePoint, direction: Direction) -> Option<f64> {
+    fn step(&mut self, edge: &mut PhasePoint, direction: Direction) -> Result<f64, Stop> {
         let before = edge.ln_density;
         let ln_weight = self.0.step(edge, direction)?;
         match self.1 {
@@ -37,10 +37,10 @@ impl Trajectory for Twin<'_> {
                 let sign = if direction == Direction::Forward { -0.5 } else { 0.5 };
                 // Metrics here are the identity: the force is the gradient.
                 axpy(sign * self.0.step_size, &undone.gradient, &mut edge.momentum);
-                Some(self.0.energy - edge.energy())
+                Ok(self.0.energy - edge.energy())
             }
-            Fault::NoPotential => Some(ln_weight - edge.ln_density + before),
-            Fault::None | Fault::AlwaysAccept => Some(ln_weight),
+            Fault::NoPotential => Ok(ln_weight - edge.ln_density + before),
+            Fault::None | Fault::AlwaysAccept => Ok(ln_weight),
         }
     }
 
@@ -66,11 +66,11 @@ fn flow(density: &dyn LogDensity, seed: u64) -> Flow<Box<dyn Evaluator + '_>> {
     let metric = Metric::diagonal(vec![1.0; density.dim()]);
     let hamiltonian = Hamiltonian::new(density.evaluator(), metric);
     let rng = ChaCha8Rng::seed_from_u64(seed);
-    Flow::new(hamiltonian, rng)
+    Flow::new(hamiltonian, density.dim(), rng)
 }
 
 /// Largest |mean − expected| in standard errors, over the banana's moments after a few transitions.
-fn worst_z(fault: Fault) -> f64 {
+fn worst_z(fault: Fault, step_size: f64) -> f64 {
     const REPLICAS: usize = 40_000;
     const TRANSITIONS: usize = 4;
     let density = banana();
@@ -89,7 +89,7 @@ fn worst_z(fault: Fault) -> f64 {
             let rng = &mut twin.0.rng;
             point.momentum.fill_with(|| rng.sample(StandardNormal));
             let directions = rng.next_u32();
-            twin.0.begin(0.45, point.energy());
+            twin.0.begin(step_size, point.energy());
             for edge in &mut edges {
                 edge.copy_from(&point);
             }
@@ -115,16 +115,54 @@ const LIMIT: f64 = 4.17;
 
 #[test]
 fn transitions_leave_the_banana_invariant() {
-    let z = worst_z(Fault::None);
-    assert!(z < LIMIT, "{z}");
+    // the second step is too long in the banana's arms, and halved there
+    for step_size in [0.45, 1.3] {
+        let z = worst_z(Fault::None, step_size);
+        assert!(z < LIMIT, "{step_size} {z}");
+    }
 }
 
 #[test]
 fn broken_twins_do_not() {
     for fault in [Fault::HalfKick, Fault::AlwaysAccept, Fault::NoPotential] {
-        let z = worst_z(fault);
+        let z = worst_z(fault, 0.45);
         assert!(z > 1.5 * LIMIT, "{fault:?} {z}");
     }
+}
+
+/// Steps that count lead back to where they began, however often they were halved. Those that are
+/// refused as leading one way do not.
+#[test]
+fn every_step_is_undone_by_the_step_back() {
+    let density = banana();
+    let mut flow = flow(&density, 8);
+    let (mut halved, mut one_way) = (0, 0);
+    for _ in 0..20_000 {
+        let mut begun = PhasePoint::new(2);
+        let rng = &mut flow.rng;
+        begun.position.fill_with(|| 3.0 * rng.sample::<f64, _>(StandardNormal));
+        begun.momentum.fill_with(|| rng.sample(StandardNormal));
+        flow.hamiltonian.evaluate(&mut begun);
+        let mut edge = begun.clone();
+        flow.begin(0.9, begun.energy());
+        let there = flow.step(&mut edge, Direction::Forward);
+        let n = flow.n;
+        let back = flow.step(&mut edge, Direction::Backward);
+        let pairs = edge.position.iter().zip(&begun.position);
+        let off = pairs.map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
+        match there {
+            Ok(_) => {
+                assert!(back.is_ok() && off < 1e-9, "{off}");
+                halved += u32::from(n > 1);
+            }
+            Err(Stop::OneWay) => {
+                assert!(off > 1e-6, "{off}");
+                one_way += 1;
+            }
+            Err(_) => {}
+        }
+    }
+    assert!(halved > 500 && one_way > 50, "{halved} {one_way}");
 }
 
 #[test]

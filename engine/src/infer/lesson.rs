@@ -1,16 +1,18 @@
 //! What NUTS chains learn from each other when they meet in the warm-up.
 
-use super::hamiltonian::PhasePoint;
+use super::hamiltonian::{Metric, PhasePoint};
 use super::moments::DrawMoments;
 use super::settings::MetricKind;
 use crate::num::Moments;
 use serde::{Deserialize, Serialize};
 
+/// Position, gradient, log density.
+type WarmUpDraw = (Vec<f64>, Vec<f64>, f64);
+
 /// The draws of one chain in one round of the warm-up.
 #[derive(Clone, Debug, Default, Serialize, Deserialize)]
 pub(super) struct Lesson {
-    /// Positions, gradients, log densities.
-    draws: Vec<(Vec<f64>, Vec<f64>, f64)>,
+    draws: Vec<WarmUpDraw>,
     n_divergences: usize,
 }
 
@@ -19,26 +21,53 @@ impl Lesson {
     /// by more than the square of this.
     const R_HAT: f64 = 1.1;
 
+    /// Directions must lower the divergence at least to this part.
+    const LEAST_GAIN: f64 = 0.25;
+
     pub(super) fn add(&mut self, point: &PhasePoint, diverging: bool) {
         self.draws.push((point.position.clone(), point.gradient.clone(), point.ln_density));
         self.n_divergences += usize::from(diverging);
     }
 
-    pub(super) fn diverged(&self) -> bool {
-        self.n_divergences > 0
+    /// The metric that suits all chains' draws. Directions are taken up only if they also suit draws
+    /// that they were not fitted to: those of the second halves.
+    pub(super) fn fit(lessons: &[Self], kind: MetricKind, metric: &mut Metric) {
+        let halves = |second: bool| {
+            let half = move |lesson: &Self| {
+                let middle = lesson.draws.len() / 2;
+                let range = if second { middle..lesson.draws.len() } else { 0..middle };
+                lesson.draws[range].to_vec()
+            };
+            lessons.iter().flat_map(half).collect::<Vec<_>>()
+        };
+        let (first, second) = (halves(false), halves(true));
+        let fitted = |kind| {
+            let mut new = Metric::diagonal(metric.scale.clone());
+            Self::moments(&first, kind, metric.scale.len()).fit(&mut new);
+            divergence(&new, &second)
+        };
+        let pays = kind == MetricKind::LowRank && {
+            let (low_rank, diagonal) = (fitted(MetricKind::LowRank), fitted(MetricKind::Diagonal));
+            low_rank < Self::LEAST_GAIN * diagonal
+        };
+        let kind = if pays { MetricKind::LowRank } else { MetricKind::Diagonal };
+        *metric = Metric::diagonal(metric.scale.clone());
+        Self::moments(&[first, second].concat(), kind, metric.scale.len()).fit(metric);
     }
 
-    /// The moments of all chains' draws.
-    pub(super) fn moments(lessons: &[Self], kind: MetricKind) -> DrawMoments {
-        let mut draws = lessons.iter().flat_map(|lesson| &lesson.draws).peekable();
-        let dim = draws.peek().map_or(0, |draw| draw.0.len());
+    /// The moments of these draws.
+    fn moments(draws: &[WarmUpDraw], kind: MetricKind, dim: usize) -> DrawMoments {
         let mut moments = DrawMoments::new(dim, kind);
-        draws.for_each(|(position, gradient, _)| moments.add(position, gradient));
+        draws.iter().for_each(|(position, gradient, _)| moments.add(position, gradient));
         moments
     }
 
-    /// Whether all halves of all chains tell the same, of every coordinate and of the log density.
+    /// Whether no chain diverged, and all halves of all chains tell the same, of every coordinate and
+    /// of the log density.
     pub(super) fn agree(lessons: &[Self]) -> bool {
+        if lessons.iter().any(|lesson| lesson.n_divergences > 0) {
+            return false;
+        }
         let mut halves = vec![];
         for lesson in lessons {
             let (a, b) = lesson.draws.split_at(lesson.draws.len() / 2);
@@ -64,29 +93,20 @@ impl Lesson {
     }
 }
 
-/// The mean acceptance that the step size is tuned to.
-#[derive(Clone, Debug, Serialize, Deserialize)]
-pub(super) struct Target {
-    accept: f64,
-    is_given: bool,
-}
-
-impl Target {
-    /// Where none is given: the first of these, and the next one after each round with a divergence.
-    const LEVELS: [f64; 5] = [0.8, 0.9, 0.95, 0.98, 0.99];
-
-    pub(super) fn new(given: Option<f64>) -> Self {
-        Self { accept: given.unwrap_or(Self::LEVELS[0]), is_given: given.is_some() }
-    }
-
-    pub(super) fn accept(&self) -> f64 {
-        self.accept
-    }
-
-    pub(super) fn raise(&mut self) {
-        let next = Self::LEVELS.into_iter().find(|level| *level > self.accept);
-        if let (false, Some(next)) = (self.is_given, next) {
-            self.accept = next;
-        }
-    }
+/// The Fisher divergence of the draws from a normal with this metric as covariance, by draw; its
+/// median, for the tails of a posterior do not tell how to move in its bulk.
+fn divergence(metric: &Metric, draws: &[WarmUpDraw]) -> f64 {
+    let (dim, n) = (metric.scale.len(), draws.len() as f64);
+    let mean = |i: usize| draws.iter().map(|draw| draw.0[i]).sum::<f64>() / n;
+    let centre: Vec<f64> = (0..dim).map(mean).collect();
+    let of_draw = |(position, gradient, _): &WarmUpDraw| {
+        let mut whitened: Vec<f64> = position.iter().zip(&centre).map(|(q, c)| q - c).collect();
+        let mut force = vec![0.0; dim];
+        metric.whiten(&mut whitened);
+        metric.pull(gradient, &mut force);
+        force.iter().zip(&whitened).map(|(f, x)| (f + x).powi(2)).sum::<f64>()
+    };
+    let mut all: Vec<f64> = draws.iter().map(of_draw).collect();
+    all.sort_by(f64::total_cmp);
+    all.get(all.len() / 2).copied().unwrap_or(f64::NAN)
 }

@@ -6,7 +6,7 @@ use super::draws::{Draw, Transition};
 use super::error::{ChainError, ChainFailure, InferError};
 use super::hamiltonian::{Hamiltonian, Metric};
 use super::kernel::{Kernel, KernelState};
-use super::lesson::{Lesson, Target};
+use super::lesson::Lesson;
 use super::markov::{MarkovChain, Together};
 use super::moments::DrawMoments;
 use super::progress::Phase;
@@ -16,6 +16,10 @@ use super::warmup::Adaptation;
 use crate::random::Stream;
 use serde::{Deserialize, Serialize};
 
+/// Mean acceptance that the step size is tuned to where none is asked for. It may be this low because
+/// a step that is too long somewhere is halved there.
+const TARGET: f64 = 0.8;
+
 /// A chain of the no-U-turn sampler. A single chain learns from its own draws, a chain of a run from
 /// the draws of all chains.
 pub struct Nuts<'d> {
@@ -23,7 +27,7 @@ pub struct Nuts<'d> {
     chain: usize,
     seed: u64,
     kind: MetricKind,
-    target: Target,
+    target_accept: f64,
     warm_up: WarmUp,
     /// What the chain learns in this round of the warm-up; `None` once the warm-up is over.
     learning: Option<(Adaptation, Lesson)>,
@@ -37,7 +41,6 @@ pub struct Nuts<'d> {
 #[derive(Debug, Serialize, Deserialize)]
 pub(super) struct NutsState {
     kernel: KernelState,
-    target: Target,
     warm_up: WarmUp,
     learning: Option<(Adaptation, Lesson)>,
     step_size: f64,
@@ -77,7 +80,7 @@ impl<'d> Nuts<'d> {
             chain,
             seed: settings.seed,
             kind: settings.metric,
-            target: Target::new(settings.target_accept),
+            target_accept: settings.target_accept.unwrap_or(TARGET),
             warm_up: WarmUp::new(Stage::nuts(settings.warmup, Adaptation::is_enough(learnt))),
             learning: None,
             step_size: f64::NAN,
@@ -92,8 +95,7 @@ impl<'d> Nuts<'d> {
     }
 
     fn begin_round(&mut self, learnt: &DrawMoments) -> Result<(), ChainError> {
-        let adaptation =
-            Adaptation::begin(&mut self.kernel, self.kind, self.target.accept(), learnt);
+        let adaptation = Adaptation::begin(&mut self.kernel, self.kind, self.target_accept, learnt);
         let n = self.warm_up.n_done();
         let adaptation = adaptation.ok_or_else(|| self.error(n, ChainFailure::NoStepSize))?;
         self.step_size = adaptation.step_size();
@@ -144,7 +146,7 @@ impl MarkovChain for Nuts<'_> {
     }
 
     fn phase(&self) -> Phase {
-        if self.learning.is_none() { Phase::Sampling } else { Phase::Warmup }
+        if self.warm_up.is_over() { Phase::Sampling } else { Phase::Warmup }
     }
 
     fn step_size(&self) -> f64 {
@@ -166,7 +168,6 @@ impl Together for Nuts<'_> {
     fn state(&self) -> NutsState {
         NutsState {
             kernel: self.kernel.state(),
-            target: self.target.clone(),
             warm_up: self.warm_up.clone(),
             learning: self.learning.clone(),
             step_size: self.step_size,
@@ -176,7 +177,6 @@ impl Together for Nuts<'_> {
 
     fn restore(&mut self, state: NutsState) -> Result<(), ChainError> {
         self.kernel.restore(state.kernel);
-        self.target = state.target;
         self.warm_up = state.warm_up;
         self.learning = state.learning;
         self.step_size = state.step_size;
@@ -196,22 +196,18 @@ impl Together for Nuts<'_> {
         self.warm_up.must_meet()
     }
 
-    /// Fits the metric to the draws of all chains. Where they diverged, shorter steps follow; where
-    /// they agree, what is left of the warm-up is its last round.
+    /// Fits the metric to the draws of all chains. Where they agree and none diverged, what is left of
+    /// the warm-up is its last round.
     fn meet(mut chains: Vec<&mut Self>) -> Vec<Result<(), ChainError>> {
         let lessons = chains.iter_mut().filter_map(|chain| chain.learning.take());
         let lessons: Vec<Lesson> = lessons.map(|(_, lesson)| lesson).collect();
         let Some(first) = chains.first() else { return vec![] };
         let is_first = first.warm_up.n_meetings() == 0;
         let mut metric = first.kernel.metric().clone();
-        Lesson::moments(&lessons, first.kind).fit(&mut metric);
-        let diverged = lessons.iter().any(Lesson::diverged);
-        let is_enough = !is_first && !diverged && Lesson::agree(&lessons);
+        Lesson::fit(&lessons, first.kind, &mut metric);
+        let is_enough = !is_first && Lesson::agree(&lessons);
         let nothing = DrawMoments::new(metric.scale.len(), first.kind);
         let go_on = |chain: &mut Self| {
-            if diverged && !is_first {
-                chain.target.raise();
-            }
             chain.warm_up.met();
             if is_enough {
                 chain.warm_up.shorten();

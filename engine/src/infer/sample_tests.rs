@@ -142,7 +142,7 @@ fn progress_is_reported_per_chain_and_can_stop_the_run() {
         let of_chain: Vec<_> = seen.iter().filter(|p| p.chain == chain).collect();
         let last = of_chain.last().unwrap();
         assert_eq!((last.iteration, last.total, last.phase), (300, 300, Phase::Sampling));
-        assert!(of_chain.iter().any(|p| p.iteration == 200 && p.phase == Phase::Warmup));
+        assert!(of_chain.iter().any(|p| p.phase == Phase::Warmup));
     }
     let stopper = Recorder { stop_at_end_of_warmup: true, ..Recorder::default() };
     let settings = Settings { threads: 1, ..settings() };
@@ -164,6 +164,6 @@ fn counters_add_up_and_adaptation_reaches_its_targets() {
         assert_eq!(chain.n_grad_sampling, leapfrogs);
         assert_eq!(chain.draws.len(), 1500);
         let accept = chain.accept.iter().sum::<f64>() / 500.0;
-        assert!((accept - 0.95).abs() < 0.03, "{accept}");
+        assert!((accept - 0.8).abs() < 0.03, "{accept}");
     }
 }

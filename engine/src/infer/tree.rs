@@ -30,9 +30,11 @@ pub(super) trait Trajectory {
     /// The memory of consecutive points.
     type Span;
 
-    /// Moves `edge` one point outwards. Returns its ln weight relative to the start, or `None` if
-    /// it diverges.
-    fn step(&mut self, edge: &mut Self::Edge, direction: Direction) -> Option<f64>;
+    /// Moves `edge` one point outwards. Returns its ln weight relative to the start.
+    ///
+    /// # Errors
+    /// [`Stop::Divergence`]; [`Stop::OneWay`].
+    fn step(&mut self, edge: &mut Self::Edge, direction: Direction) -> Result<f64, Stop>;
     /// Writes `edge` as a proposal and as a span of one point.
     fn leaf(&mut self, edge: &Self::Edge, proposal: &mut Self::Proposal, span: &mut Self::Span);
     /// Replaces `current` by `other` with this probability (at most 1). What `other` holds
@@ -87,6 +89,8 @@ impl<T: Trajectory> Workspace<T> {
 pub(super) enum Stop {
     Turning,
     Divergence,
+    /// The way back from the next point would not lead here.
+    OneWay,
     MaxDepth,
 }
 
@@ -138,7 +142,7 @@ fn build<T: Trajectory>(
     scratch: &mut [Subtree<T>],
 ) -> Result<(), Stop> {
     if depth == 0 {
-        out.ln_weight = trajectory.step(edge, direction).ok_or(Stop::Divergence)?;
+        out.ln_weight = trajectory.step(edge, direction)?;
         trajectory.leaf(edge, &mut out.proposal, &mut out.span);
         return Ok(());
     }

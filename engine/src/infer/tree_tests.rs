@@ -29,12 +29,12 @@ impl Trajectory for Ring {
     /// First and last point in order of travel.
     type Span = (i64, i64);
 
-    fn step(&mut self, edge: &mut i64, direction: Direction) -> Option<f64> {
+    fn step(&mut self, edge: &mut i64, direction: Direction) -> Result<f64, Stop> {
         *edge += if direction == Direction::Forward { 1 } else { -1 };
         self.visited.push(*edge);
         let at = |i: i64| self.ln_weight[i.rem_euclid(N) as usize];
         let ln_weight = at(*edge) - at(self.start);
-        ln_weight.is_finite().then_some(ln_weight)
+        if ln_weight.is_finite() { Ok(ln_weight) } else { Err(Stop::Divergence) }
     }
 
     fn leaf(&mut self, edge: &i64, proposal: &mut Distribution, span: &mut (i64, i64)) {
