@@ -337,7 +337,7 @@ impl<E: Evaluator> Trajectory for Flow<E> {
             if change <= ROUGH {
                 break;
             }
-            if halvings == MOST_HALVINGS || !change.is_finite() {
+            if halvings == MOST_HALVINGS {
                 return Err(Stop::Divergence);
             }
             edge.copy_from(&self.begun);
