@@ -172,6 +172,57 @@ fn correlated_normal_of_condition_ten_thousand_under_both_metrics() {
     assert!(leapfrogs[1] * 3 < leapfrogs[0], "the low-rank metric must pay: {leapfrogs:?}");
 }
 
+/// Unit vectors, whose reflections turn the axes.
+fn mirrors(dim: usize) -> Vec<Vec<f64>> {
+    let mirror = |k: usize| {
+        let v: Vec<f64> = (0..dim).map(|i| ((i * i + 3 * k * i + k) as f64).sin()).collect();
+        let norm = v.iter().map(|x| x * x).sum::<f64>().sqrt();
+        v.into_iter().map(|x| x / norm).collect()
+    };
+    (1..=6).map(mirror).collect()
+}
+
+fn reflect(mirror: &[f64], x: &mut [f64]) {
+    let along: f64 = mirror.iter().zip(&*x).map(|(m, x)| m * x).sum();
+    mirror.iter().zip(x).for_each(|(m, x)| *x -= 2.0 * along * m);
+}
+
+/// A normal with these variances along turned axes.
+fn turned_normal<'a>(variances: &'a [f64], mirrors: &'a [Vec<f64>]) -> impl LogDensity + 'a {
+    let f = move |q: &[f64], g: &mut [f64]| {
+        g.copy_from_slice(q);
+        mirrors.iter().for_each(|mirror| reflect(mirror, g));
+        let ln_density = g.iter().zip(variances).map(|(y, v)| -0.5 * y * y / v).sum();
+        g.iter_mut().zip(variances).for_each(|(y, v)| *y /= -v);
+        // reflections undo themselves, the last one first
+        mirrors.iter().rev().for_each(|mirror| reflect(mirror, g));
+        ln_density
+    };
+    Density { dim: variances.len(), f }
+}
+
+#[test]
+fn a_turned_normal_of_condition_a_million_in_250_dimensions() {
+    let variances: Vec<f64> = (0..250).map(|i| 10f64.powf(6.0 * f64::from(i) / 249.0)).collect();
+    let mirrors = mirrors(250);
+    let settings = Settings { draws: 500, ..Settings::default() };
+    let chains = run(&turned_normal(&variances, &mirrors), &[0.3; 250], &settings);
+    let gradients: u64 = chains.iter().map(|c| c.n_grad_warmup + c.n_grad_sampling).sum();
+    println!("{gradients} gradients");
+    assert!(gradients < 1_000_000, "{gradients}");
+    let ends = [0, 1, 60, 125, 190, 248, 249];
+    let square = |i: usize, q: &[f64]| {
+        let mut y = q.to_vec();
+        mirrors.iter().for_each(|mirror| reflect(mirror, &mut y));
+        y[i] * y[i]
+    };
+    let scores = ends.map(|i| z_score(&chains, variances[i], |q| square(i, q)));
+    let worst = scores.into_iter().fold(0.0, f64::max);
+    assert!(worst < limit(ends.len()), "{worst}");
+    let broken = z_score(&chains, 1.5 * variances[60], |q| square(60, q));
+    assert!(broken > limit(1), "a variance wrong by a half goes unseen: {broken}");
+}
+
 /// Known data, unknown mean μ and ln σ, prior p(μ, σ²) ∝ 1/σ²: σ² ~ InvGamma((n − 1)/2, S/2).
 fn normal_model(data: &[f64], with_jacobian: bool) -> impl LogDensity {
     let f = move |q: &[f64], g: &mut [f64]| {

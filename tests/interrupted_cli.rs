@@ -32,7 +32,7 @@ fn contents(folder: &Path) -> Vec<(PathBuf, Vec<u8>)> {
         let mut bytes = fs::read(&entry).unwrap();
         if entry.ends_with("run.json") {
             let mut record: Value = serde_json::from_slice(&bytes).unwrap();
-            for timed in ["seconds", "ns_per_grad", "ess_per_second"] {
+            for timed in ["seconds", "ns_per_grad", "sampler_ns_per_grad", "ess_per_second"] {
                 assert!(record.as_object_mut().unwrap().remove(timed).is_some(), "{timed}");
             }
             let provenance = record["provenance"].as_object_mut().unwrap();

@@ -104,6 +104,7 @@ fn record() -> RunRecord {
         n_params: 54,
         grad_evals: 901_234,
         ns_per_grad: 1830.5,
+        sampler_ns_per_grad: 410.25,
         seconds: Seconds { compile: 0.0, setup: 1.25, warmup: 2.0, sampling: 2.5, total: 5.75 },
         failed_chains: vec![],
         divergences: 3,

@@ -286,7 +286,13 @@ fn run(record: &RunRecord) -> String {
         ),
         ("sampler", sampler(settings)),
         ("parameters", record.n_params.to_string()),
-        ("gradients", format!("{} at {:.0} ns", record.grad_evals, record.ns_per_grad)),
+        (
+            "gradients",
+            format!(
+                "{} at {:.0} ns, and {:.0} ns of the sampler's own",
+                record.grad_evals, record.ns_per_grad, record.sampler_ns_per_grad
+            ),
+        ),
         ("ESS per second", format!("{:.0}", record.ess_per_second)),
         ("E-BFMI", format!("{:.2}", record.e_bfmi)),
         (

@@ -32,9 +32,12 @@ pub struct RunRecord {
     pub n_params: usize,
     /// Gradient evaluations of all chains, warm-up included.
     pub grad_evals: u64,
-    /// Mean time of one log density with gradient, ns.
+    /// Time of one log density with gradient, ns.
     #[serde(deserialize_with = "nan_if_null")]
     pub ns_per_grad: f64,
+    /// What a sampler spends besides, for each gradient, ns.
+    #[serde(default, deserialize_with = "nan_if_null")]
+    pub sampler_ns_per_grad: f64,
     /// Wall-clock time of each stage.
     pub seconds: Seconds,
     /// Chains that ended without their draws, and why; the results are from the others.
@@ -256,7 +259,7 @@ mod tests {
             "chains": 4,
             "warmup": 1000,
             "draws": 1000,
-            "target_accept": 0.95,
+            "target_accept": null,
             "metric": "diag"
           },
           "hashes": {
@@ -265,6 +268,7 @@ mod tests {
           "n_params": 54,
           "grad_evals": 901234,
           "ns_per_grad": 1830.5,
+          "sampler_ns_per_grad": 410.25,
           "seconds": {
             "compile": 0.0,
             "setup": 1.25,

@@ -109,6 +109,8 @@ pub struct Fit<'m> {
     maps: OnceLock<Option<SurfaceMaps>>,
     left_out: OnceLock<Option<LeftOut>>,
     pub(super) questions: OnceLock<Questions>,
+    /// Time of a gradient, s: one measurement, so that every file tells the same.
+    pub(super) gradient: OnceLock<f64>,
 }
 
 impl<'m> Fit<'m> {
@@ -132,6 +134,7 @@ impl<'m> Fit<'m> {
             maps: OnceLock::new(),
             left_out: OnceLock::new(),
             questions: OnceLock::new(),
+            gradient: OnceLock::new(),
         }
     }
 

@@ -115,7 +115,7 @@ fn advice([r_hat, ess, divergent, energy]: [bool; 4], n_divergent: usize) -> Vec
         (r_hat && !ess, "raise --draws"),
         (
             !energy,
-            "the tails may be missed: raise --warmup or use tighter priors on the amplitudes",
+            "the tails may be missed: where a scale multiplies other unknowns, write these as mean + scale * z with z ~ Normal(0, 1), or use a tighter prior on the scale",
         ),
         (
             divergent && n_divergent > 0,
@@ -166,8 +166,8 @@ mod tests {
         Not converged: worst R̂ 1.002 (tau_out.rho), smallest ESS 1513 (tau_out.rho), 41 divergences in 4000 draws (1.02 %) ✗, E-BFMI 0.83 → raise --target-accept towards 0.99
         Not converged: worst R̂ 1.021 (tau_out.rho) ✗, smallest ESS 1513 (tau_out.rho), no divergence in 4000 draws, E-BFMI 0.83 → do not use these results: sample longer (--warmup, --draws) or simplify the model
         Not converged: worst R̂ 1.002 (tau_out.rho), smallest ESS 399 (tau_out.m) ✗, no divergence in 4000 draws, E-BFMI 0.83 → raise --draws
-        Not converged: worst R̂ 1.002 (tau_out.rho), smallest ESS 1513 (tau_out.rho), no divergence in 4000 draws, E-BFMI NaN ✗ → the tails may be missed: raise --warmup or use tighter priors on the amplitudes
-        Not converged: worst R̂ 1.002 (tau_out.rho), smallest ESS 399 (tau_out.m) ✗, 41 divergences in 4000 draws (1.02 %) ✗, E-BFMI 0.10 ✗ → raise --target-accept towards 0.99; raise --draws; the tails may be missed: raise --warmup or use tighter priors on the amplitudes
+        Not converged: worst R̂ 1.002 (tau_out.rho), smallest ESS 1513 (tau_out.rho), no divergence in 4000 draws, E-BFMI NaN ✗ → the tails may be missed: where a scale multiplies other unknowns, write these as mean + scale * z with z ~ Normal(0, 1), or use a tighter prior on the scale
+        Not converged: worst R̂ 1.002 (tau_out.rho), smallest ESS 399 (tau_out.m) ✗, 41 divergences in 4000 draws (1.02 %) ✗, E-BFMI 0.10 ✗ → raise --target-accept towards 0.99; raise --draws; the tails may be missed: where a scale multiplies other unknowns, write these as mean + scale * z with z ~ Normal(0, 1), or use a tighter prior on the scale
         Converged: worst R̂ 1.002 (tau_out.rho), smallest ESS 1513 (tau_out.rho), no divergence in 4000 draws, E-BFMI 0.83
         Not converged: no quantity has an R̂ and an ESS → raise --draws
         Not converged: one chain has no R̂, for there is no other to compare it with → use --chains 4, at least 2
