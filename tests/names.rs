@@ -118,7 +118,7 @@ fn a_run_takes_names_and_texts_of_any_kind() {
     let rows = eplat::report::read_rows(&place.path("run/rows.csv")).unwrap();
     let sites: Vec<&str> = rows.iter().take(4).map(|row| row.site.as_str()).collect();
     // an apostrophe before a formula is no part of it, as in a spreadsheet
-    assert_eq!(sites, ["=cmd0", "roof, left 3", "- of 6", "@9"]);
+    assert_eq!(sites, ["=cmd 0", "roof, left 3", "- of 6", "@9"]);
 }
 
 #[test]
