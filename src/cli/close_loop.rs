@@ -15,7 +15,7 @@ use super::interrupt::INTERRUPTED;
 use super::models::{Compiled, ModelFile};
 use super::progress::Console;
 use super::voice::{Voice, bar_target, tell};
-use crate::closed_loop::{Loop, LoopError, LoopEvent, LoopSettings, LoopWatch, Story};
+use crate::closed_loop::{FITS, Loop, LoopError, LoopEvent, LoopSettings, LoopWatch, Story};
 use crate::criticism::{SearchProgress, SearchSettings};
 use crate::error::Failure;
 use crate::infer::Settings;
@@ -37,7 +37,8 @@ pub(super) struct Command {
     /// Output folder [default: out/NAME-loop, after the model file's name]
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
-    /// Replace a finished loop of another model that is in the output folder
+    /// Replace what is in the output folder and a loop of this model would not: a finished loop of another
+    /// model, or files of yours that have the names of results
     #[arg(long)]
     force: bool,
     /// Searches on data simulated from the base fit, at least 19: what a claim must beat
@@ -66,7 +67,10 @@ impl Command {
         }
         let out = OutputFolder::open(self.folder())?;
         if !self.force {
-            OutputFolder::open(out.file("declared"))?.refuse_another(model.name())?;
+            for fit in FITS.iter().filter(|fit| out.file(fit).exists()) {
+                OutputFolder::open(out.file(fit))?.refuse_another(model.name())?;
+            }
+            Story::refuse_foreign(&out)?;
         }
         let prepared = self.prepare(&file, model)?;
         let story = match self.watched(|watch| prepared.close(Some(&out), watch))? {

@@ -48,6 +48,10 @@ impl Command {
         let Some(model) = file.find(compiled)? else { return run_compiled(&file) };
         let out =
             OutputFolder::open(self.out.clone().unwrap_or_else(|| self.run.join("predicted")))?;
+        // what an earlier prediction left has both
+        if !out.file("predictions.zarr/zarr.json").exists() {
+            out.refuse_foreign(["predictions.csv", "predictions.zarr"].into_iter())?;
+        }
         if let MeshSource::File { path, .. } = &mut inputs.mesh {
             *path = self.mesh.clone().unwrap_or_else(|| path.clone());
             if !path.exists() {

@@ -41,7 +41,8 @@ pub(super) struct Command {
     /// with --laplace out/NAME-laplace, with --prior out/NAME-prior]
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
-    /// Replace a finished run of another model that is in the output folder
+    /// Replace what is in the output folder and a run of this model would not: a finished run of another
+    /// model, or files of yours that have the names of results
     #[arg(long)]
     force: bool,
     #[command(flatten)]
@@ -238,7 +239,7 @@ impl Command {
     /// The mode instead; exit code 3 if the climb did not reach one.
     fn optimise(&self, problem: &Problem<'_>, out: &OutputFolder) -> Result<ExitCode, Failure> {
         let mode = problem.mode()?;
-        let files = mode.write(out.path())?.join(", ");
+        let files = mode.write_into(out)?.join(", ");
         let mut stdout = std::io::stdout().lock();
         if self.voice.json {
             writeln!(stdout, "{}", mode.json())?;

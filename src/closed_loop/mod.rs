@@ -38,6 +38,7 @@ pub use contribution::{Contribution, Point};
 pub use effects::FoundEffect;
 pub use error::LoopError;
 pub use event::{LoopEvent, LoopWatch};
+pub use files::FITS;
 pub use held_out::HeldOut;
 pub use left_out::LeftOut;
 pub use narrow::Narrow;
@@ -135,6 +136,9 @@ impl<'m> Loop<'m> {
     ) -> Result<Story, LoopError> {
         let criticism = self.search(watch)?;
         let effects = effects::found(self.declared, &criticism, &self.loaded.measurements)?;
+        if let Some(out) = out {
+            files::clear(out)?;
+        }
         let declared = self.sample(self.declared, "declared", None, out, watch)?;
         let mut seen = Seen::new(&self, &criticism, &declared)?;
         let narrow = Narrow::of(&seen.first(&criticism));

@@ -116,6 +116,26 @@ pub enum RunError {
         /// The model that is run.
         model: String,
     },
+    /// Another process writes to the output folder.
+    #[error(
+        "{} is in use: {by} writes to it\nhelp: wait until it has ended, or name another folder with --out DIR",
+        folder.display()
+    )]
+    InUse {
+        /// The folder.
+        folder: PathBuf,
+        /// The process, in words.
+        by: String,
+    },
+    /// A file in the output folder that no run left has the name of one that a run leaves.
+    #[error(
+        "{} is of no run of eplat, and would be replaced\nhelp: name another folder with --out DIR, or move it away; `run` and `loop` replace it with --force",
+        path.display()
+    )]
+    Foreign {
+        /// The file.
+        path: PathBuf,
+    },
     /// The folder of a finished run does not hold what it takes to go back to it.
     #[error(
         "{} does not hold the {what}\nhelp: {remedy}",
@@ -208,6 +228,15 @@ impl RunError {
     /// For `map_err` on writing `path`.
     pub(super) fn write(path: &Path) -> impl FnOnce(io::Error) -> Self + use<'_> {
         move |source| Self::Write { path: path.to_owned(), source }
+    }
+
+    /// The folder is written to by the process of this number.
+    pub(super) fn in_use(folder: &Path, process: Option<u32>) -> Self {
+        let by = match process {
+            Some(process) => format!("another eplat (process {process})"),
+            None => "another eplat".to_owned(),
+        };
+        Self::InUse { folder: folder.to_owned(), by }
     }
 
     /// For `map_err` on writing to `folder`.

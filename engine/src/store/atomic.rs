@@ -9,6 +9,9 @@ use std::path::{Path, PathBuf};
 
 use tempfile::NamedTempFile;
 
+/// How the names of unfinished files and folders begin.
+pub(super) const TEMPORARY: &str = ".eplat-tmp-";
+
 /// A file that gets its name only when it is whole; dropped before that, it leaves no trace.
 #[derive(Debug)]
 pub struct NewFile {
@@ -27,6 +30,7 @@ impl NewFile {
             return Err(io::ErrorKind::IsADirectory.into());
         }
         let mut builder = tempfile::Builder::new();
+        builder.prefix(TEMPORARY);
         // A temporary file is private; the one it becomes gets the permissions of any new file.
         #[cfg(unix)]
         builder.permissions(std::os::unix::fs::PermissionsExt::from_mode(0o666));
@@ -95,7 +99,7 @@ pub fn write_file_durably(
 /// # Errors
 /// From the operating system or `fill`; then a folder that was at `path` before is still there.
 pub fn write_folder(path: &Path, fill: impl FnOnce(&Path) -> io::Result<()>) -> io::Result<()> {
-    let workshop = tempfile::Builder::new().prefix(".eplat-").tempdir_in(folder_of(path))?;
+    let workshop = tempfile::Builder::new().prefix(TEMPORARY).tempdir_in(folder_of(path))?;
     let (new, old) = (workshop.path().join("new"), workshop.path().join("old"));
     fs::create_dir(&new)?;
     fill(&new)?;

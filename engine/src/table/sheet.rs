@@ -43,7 +43,6 @@ pub fn csv_line<'t>(cells: impl IntoIterator<Item = &'t str>) -> String {
 #[cfg(test)]
 mod tests {
     use super::super::Measurements;
-    use super::*;
 
     #[test]
     fn a_table_comes_back_whatever_its_texts() {
