@@ -1,6 +1,6 @@
 //! `eplat loop MODEL.rs`: what the model lacks, the model with it, and the error before and after.
 
-use std::io::{IsTerminal as _, Write as _};
+use std::io::IsTerminal as _;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 use std::time::Instant;
@@ -14,7 +14,7 @@ use super::inputs::InputArgs;
 use super::interrupt::INTERRUPTED;
 use super::models::{Compiled, ModelFile};
 use super::progress::Console;
-use super::voice::{Voice, bar_target, tell};
+use super::voice::{Voice, bar_target, print_of_files, tell};
 use crate::closed_loop::{FITS, Loop, LoopError, LoopEvent, LoopSettings, LoopWatch, Story};
 use crate::criticism::{SearchProgress, SearchSettings};
 use crate::error::Failure;
@@ -78,7 +78,7 @@ impl Command {
             closed => closed?,
         };
         let files = story.write(&out, &file.source, &self.stem())?;
-        self.show(&story, &files, &out, begun)?;
+        self.show(&story, &files, &out, begun);
         Ok(ExitCode::from(story.exit_code()))
     }
 
@@ -128,27 +128,17 @@ impl Command {
         ProgressBar::with_draw_target(Some(self.nulls as u64), bar_target()).with_style(style)
     }
 
-    fn show(
-        &self,
-        story: &Story,
-        files: &[String],
-        out: &OutputFolder,
-        begun: Instant,
-    ) -> Result<(), Failure> {
-        let mut stdout = std::io::stdout().lock();
+    fn show(&self, story: &Story, files: &[String], out: &OutputFolder, begun: Instant) {
         if self.voice.json {
-            writeln!(stdout, "{:#}", story.finding())?;
-            return Ok(());
+            return print_of_files(format_args!("{:#}", story.finding()));
         }
-        writeln!(
-            stdout,
+        print_of_files(format_args!(
             "\n{}\nwrote {} to {} in {:.1} s",
             story.text(),
             files.join(", "),
             out.path().display(),
             begun.elapsed().as_secs_f64()
-        )?;
-        Ok(())
+        ));
     }
 
     /// Name of the model file without its ending.

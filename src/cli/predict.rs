@@ -10,7 +10,7 @@ use serde_json::json;
 use super::compile::run_compiled;
 use super::inputs::telling;
 use super::models::{Compiled, ModelFile};
-use super::voice::{Voice, tell};
+use super::voice::{Voice, stdout, tell};
 use crate::error::Failure;
 use crate::run::{Inputs, MeshSource, OutputFolder, Problem, Results};
 use crate::table::Measurements;
@@ -65,7 +65,7 @@ impl Command {
         let problem = Problem::load_watched(model, &inputs, &telling())?;
         let forecast = problem.predict(&results, &table)?;
         let files = forecast.write(&out)?;
-        let mut stdout = std::io::stdout().lock();
+        let mut stdout = stdout();
         if self.voice.json {
             writeln!(stdout, "{}", forecast.json())?;
         } else {

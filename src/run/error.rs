@@ -46,7 +46,7 @@ pub enum RunError {
     Exceedance(#[from] ExceedanceError),
     /// The log density does not exist at the starting point.
     #[error(
-        "at the starting point (priors at typical values, fields in the middle of their ranges) {place}\nhelp: look for a logarithm, root or quotient there that leaves its domain; give the fields a range"
+        "at the starting point (priors at typical values, fields in the middle of their ranges) {place}\nhelp: look there for an error of a measurement that is not above 0, and for a logarithm, root or quotient that leaves its domain; give the fields a range"
     )]
     NoStart {
         /// The measurement or unknown at which it fails, in words.
@@ -135,6 +135,21 @@ pub enum RunError {
     Foreign {
         /// The file.
         path: PathBuf,
+    },
+    /// What is asked for needs more memory than there is.
+    #[error(
+        "{what} take {:.1} GB of memory; {:.1} GB are free\nhelp: {help}",
+        *bytes as f64 / 1e9, *free as f64 / 1e9
+    )]
+    Memory {
+        /// What, in words.
+        what: String,
+        /// Bytes that it takes.
+        bytes: u128,
+        /// Bytes that are free.
+        free: u64,
+        /// What to do.
+        help: &'static str,
     },
     /// The folder of a finished run does not hold what it takes to go back to it.
     #[error(

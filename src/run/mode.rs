@@ -7,6 +7,7 @@ use std::path::Path;
 
 use serde_json::{Map, Value, json};
 
+use super::check::placed;
 use super::results::VERSION;
 use super::{OutputFolder, Problem, RunError};
 use crate::experiment::rms_error;
@@ -51,7 +52,7 @@ impl<'m> Problem<'m> {
     /// [`Mode::converged`].
     pub fn mode(&self) -> Result<Mode<'m>, RunError> {
         let model = self.model();
-        let optimum = climb(model)?;
+        let optimum = climb(model).map_err(|error| placed(model, error))?;
         let (mut tape, mut values) = (model.tape(), vec![]);
         model.forward(&mut tape, &optimum.position);
         model.report_mode(&tape, &mut values);

@@ -42,9 +42,9 @@ pub enum MeshError {
         /// The length, mm.
         edge: f64,
     },
-    /// A coordinate is NaN or infinite.
+    /// A coordinate is NaN, infinite, or beyond 10¹² mm.
     #[error(
-        "vertex {vertex} is at ({}, {}, {}), expected three finite numbers\n\
+        "vertex {vertex} is at ({:e}, {:e}, {:e}), expected three finite numbers below 1e12\n\
          help: export the mesh again, or delete the vertex in the program that wrote it",
         position[0], position[1], position[2]
     )]

@@ -8,6 +8,7 @@ pub mod cache;
 mod checkpoint;
 mod kind;
 mod lock;
+pub mod memory;
 pub mod npy;
 mod npz;
 
