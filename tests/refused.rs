@@ -126,7 +126,7 @@ fn numbers_that_no_machine_has_room_for() {
     }
     place.file("k.rs", erp.replace("K = 24", "K = 1"));
     let one = place.eplat("check k.rs");
-    assert!(one.status.success(), "{}", text(&one.stderr));
+    assert!(matches!(one.status.code(), Some(0 | 4)), "{}", text(&one.stderr));
     for arguments in
         ["--draws 10000000000", "--chains 100000000000", "--chains 9223372036854775807"]
     {

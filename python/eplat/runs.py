@@ -83,7 +83,7 @@ def loop(
     settings: the options of `eplat loop`: nulls=99 searches on simulated data, seed=1,
         column={"age": "unit"} for what a column means, …
 
-    The rest is as in `eplat.run`. An interrupted loop begins anew.
+    The rest is as in `eplat.run`. An interrupted loop goes on with the same call, `out` its folder and resume=True.
     """
     job = _Call("loop", out, arguments("loop", settings))
     job.inputs(model, mesh, data, units=settings.get("units"))

@@ -11,7 +11,7 @@ use indicatif::{ProgressBar, ProgressStyle};
 use super::compile::run_compiled;
 use super::events::loop_event;
 use super::inputs::InputArgs;
-use super::interrupt::INTERRUPTED;
+use super::interrupt::{INTERRUPTED, farewell};
 use super::models::{Compiled, ModelFile};
 use super::progress::Console;
 use super::voice::{Voice, bar_target, print_of_files, tell};
@@ -37,10 +37,12 @@ pub(super) struct Command {
     /// Output folder [default: out/NAME-loop, after the model file's name]
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
-    /// Replace what is in the output folder and a loop of this model would not: a finished loop of another
-    /// model, or files of yours that have the names of results
+    /// Replace results in the output folder that are of another model, or files of yours with the same names
     #[arg(long)]
     force: bool,
+    /// Go on with the interrupted loop in the output folder, to the same files as without the interruption
+    #[arg(long)]
+    resume: bool,
     /// Searches on data simulated from the base fit, at least 19: what a claim must beat
     #[arg(long, default_value_t = 99)]
     nulls: usize,
@@ -74,7 +76,10 @@ impl Command {
         }
         let prepared = self.prepare(&file, model)?;
         let story = match self.watched(|watch| prepared.close(Some(&out), watch))? {
-            Err(LoopError::Stopped) => return Ok(ExitCode::from(INTERRUPTED)),
+            Err(LoopError::Stopped) => {
+                farewell(&out);
+                return Ok(ExitCode::from(INTERRUPTED));
+            }
             closed => closed?,
         };
         let files = story.write(&out, &file.source, &self.stem())?;
@@ -97,6 +102,7 @@ impl Command {
             },
             sampling: Settings { threads: self.threads, ..Settings::default() },
             basis_is_given: self.input.basis.is_some(),
+            resume: self.resume,
         };
         Loop::new(model, loaded, heldout, settings).map_err(usage)
     }

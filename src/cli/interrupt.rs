@@ -46,7 +46,7 @@ impl BeginArgs {
                 "--checkpoint-every: expected seconds, 0 or more, got {seconds}\nhelp: 2 is the default"
             ))
         })?;
-        Ok(Keep { resume: self.resume, every })
+        Ok(Keep { resume: self.resume, every, ..Keep::default() })
     }
 }
 

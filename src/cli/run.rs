@@ -41,8 +41,7 @@ pub(super) struct Command {
     /// with --laplace out/NAME-laplace, with --prior out/NAME-prior]
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
-    /// Replace what is in the output folder and a run of this model would not: a finished run of another
-    /// model, or files of yours that have the names of results
+    /// Replace results in the output folder that are of another model, or files of yours with the same names
     #[arg(long)]
     force: bool,
     #[command(flatten)]

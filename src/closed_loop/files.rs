@@ -1,6 +1,6 @@
 //! The files of a loop, besides those of its fits.
 
-use super::{LoopError, Story};
+use super::{LoopError, Story, kept};
 use crate::criticism::{Cause, Findings, rewrite};
 use crate::run::{OutputFolder, RunError};
 
@@ -46,6 +46,7 @@ impl Story {
         files.extend(pages.collect::<Vec<_>>().into_iter().rev());
         out.save(PAGE, &self.page(&files))?;
         files.push(PAGE.into());
+        kept::forget(out)?;
         Ok(files)
     }
 

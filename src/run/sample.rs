@@ -84,7 +84,9 @@ impl<'m> Problem<'m> {
                 let fit = job.fit(drawn);
                 fit.left_out_watched(&options.watch);
                 let results = fit.write_into(out)?;
-                forget()?;
+                if !keep.stays {
+                    forget()?;
+                }
                 Ok(Ended::Now(Box::new(fit), Box::new(results)))
             }
         }

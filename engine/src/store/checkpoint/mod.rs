@@ -68,9 +68,7 @@ impl Checkpoint {
         identity: &Identity,
         every: Duration,
     ) -> Result<Self, CheckpointError> {
-        if folder.join(IDENTITY).exists() && !states(folder)?.is_empty() {
-            return Err(CheckpointError::Occupied { folder: folder.to_owned() });
-        }
+        Self::require_free(folder)?;
         if let Some(path) = foreign(folder).map_err(io_error("read", folder))? {
             return Err(CheckpointError::Foreign { path });
         }
@@ -81,6 +79,17 @@ impl Checkpoint {
         text.and_then(|text| write_file_durably(&path, |file| file.write_all(&text)))
             .map_err(io_error("write", &path))?;
         Ok(Self::new(folder, identity, every))
+    }
+
+    /// Refuses a folder with the chains of an interrupted run.
+    ///
+    /// # Errors
+    /// [`CheckpointError::Occupied`], [`CheckpointError::Io`].
+    pub fn require_free(folder: &Path) -> Result<(), CheckpointError> {
+        if folder.join(IDENTITY).exists() && !states(folder)?.is_empty() {
+            return Err(CheckpointError::Occupied { folder: folder.to_owned() });
+        }
+        Ok(())
     }
 
     /// For a run that goes on where it was interrupted.
@@ -161,6 +170,14 @@ impl Checkpoint {
     /// [`CheckpointError::Io`].
     pub fn remove(self) -> Result<(), CheckpointError> {
         remove(&self.folder)
+    }
+
+    /// Forgets the run that is kept in `folder`, if there is one.
+    ///
+    /// # Errors
+    /// [`CheckpointError::Io`].
+    pub fn forget(folder: &Path) -> Result<(), CheckpointError> {
+        remove(folder)
     }
 
     /// Seconds and state of a file, checked.
