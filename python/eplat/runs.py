@@ -23,7 +23,7 @@ from .surface import Surface, read_mesh
 # Inputs that were given in memory, and the command; beside the results, so that a run can be gone on with.
 INPUTS = "inputs"
 COMMAND = "command.json"
-INTERRUPTED = 130
+INTERRUPTED = (130, 131)
 #: Exit codes after which there is a result, with what its verdict says.
 DONE = (0, 3, 4)
 #: Events that tell of something lost.
@@ -179,7 +179,7 @@ class _Call:
         ended, interrupt = call(self.arguments, on_event, self._folder)
         if isinstance(show, Line):
             show.end()
-        if interrupt or ended.code == INTERRUPTED:
+        if interrupt or ended.code in INTERRUPTED:
             raise self._interrupted(interrupt, ended.code in DONE) from None
         if ended.code not in DONE:
             self._discard()

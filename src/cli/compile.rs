@@ -90,8 +90,31 @@ fn compiled(file: &ModelFile) -> Result<PathBuf, Failure> {
     let sources = Sources::read(&unfinished.path().join(READ), &[&package, &cache.join(LIBRARY)])
         .map_err(|error| Failure::io("read", &unfinished.path().join(READ), &error))?;
     unchanged(file, &sources, begun)?;
-    programs::keep(&cache, &key, &unfinished.path().join(PROGRAM), &sources)
-        .map_err(|error| Failure::io("write", &cache.join("programs"), &error))
+    let program = programs::keep(&cache, &key, &unfinished.path().join(PROGRAM), &sources)
+        .map_err(|error| Failure::io("write", &cache.join("programs"), &error))?;
+    cache::sweep(&cache, cache::LIMIT);
+    for package in fs::read_dir(cache.join("packages")).into_iter().flatten().flatten() {
+        sweep_package(&package.path());
+    }
+    Ok(program)
+}
+
+/// Removes what killed processes left of another model, unless one compiles it now.
+fn sweep_package(package: &Path) {
+    let lock = File::open(package.join("lock"));
+    if lock.is_ok_and(|lock| lock.try_lock().is_ok()) {
+        // what cannot be removed takes room, no more
+        let _ = remove_unfinished(package);
+    }
+}
+
+fn remove_unfinished(package: &Path) -> std::io::Result<()> {
+    for entry in fs::read_dir(package)?.flatten() {
+        if entry.file_name().to_string_lossy().starts_with(UNFINISHED) {
+            fs::remove_dir_all(entry.path())?;
+        }
+    }
+    Ok(())
 }
 
 /// How the names of folders begin in which a model is compiled.
@@ -114,11 +137,7 @@ fn alone_in(package: &Path) -> std::io::Result<File> {
         // a file system without locks: two processes may do the same work
         Err(TryLockError::Error(_)) => return Ok(lock),
     }
-    for entry in fs::read_dir(package)?.flatten() {
-        if entry.file_name().to_string_lossy().starts_with(UNFINISHED) {
-            fs::remove_dir_all(entry.path())?;
-        }
-    }
+    remove_unfinished(package)?;
     Ok(lock)
 }
 

@@ -81,7 +81,11 @@ fn kept() -> Line {
     let text = match &written {
         Ok(()) => {
             let megabytes = size(&folder) as f64 / 1e6;
-            format!("{}, {megabytes:.0} MB; may be deleted at any time", folder.display())
+            let most = cache::LIMIT / 1_000_000_000;
+            format!(
+                "{}, {megabytes:.0} MB; models and eigenfunctions that were not used for longest go beyond {most} GB; may be deleted at any time",
+                folder.display()
+            )
         }
         Err(error) => format!("{} cannot be written: {error}", folder.display()),
     };

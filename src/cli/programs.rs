@@ -39,7 +39,10 @@ pub(super) fn find(cache: &Path, key: &str) -> Option<PathBuf> {
     let is_fresh = record.files.iter().all(is_same)
         && record.variables.iter().all(|(name, value)| variable(name) == *value)
         && hash_of(&program).is_ok_and(|hash| hash == record.program);
-    is_fresh.then_some(program)
+    is_fresh.then(|| {
+        cache::used(&program);
+        program
+    })
 }
 
 /// Keeps the program `built` under `key`, with what it was compiled from; gives its place. Both are on the disk
@@ -117,24 +120,24 @@ impl Sources {
 
     /// A file that was written to since `begun`, or is gone.
     pub(super) fn changed_since(&self, begun: SystemTime) -> Option<&str> {
-        let is_changed = |path: &&String| {
-            fs::metadata(path).and_then(|found| last_change(&found)).map_or(true, |at| at >= begun)
-        };
+        let is_changed =
+            |path: &&String| fs::metadata(path).map_or(true, |found| last_change(&found) >= begun);
         self.files.iter().find(is_changed).map(String::as_str)
     }
 }
 
 /// When the file was last written to or moved there, whatever date it claims to have.
 #[cfg(unix)]
-fn last_change(found: &fs::Metadata) -> io::Result<SystemTime> {
+fn last_change(found: &fs::Metadata) -> SystemTime {
     use std::os::unix::fs::MetadataExt as _;
     let since = std::time::Duration::new(found.ctime().max(0) as u64, found.ctime_nsec() as u32);
-    Ok(SystemTime::UNIX_EPOCH + since)
+    SystemTime::UNIX_EPOCH + since
 }
 
 #[cfg(not(unix))]
-fn last_change(found: &fs::Metadata) -> io::Result<SystemTime> {
-    found.modified()
+fn last_change(found: &fs::Metadata) -> SystemTime {
+    // a system without such a date has no cached programs either
+    found.modified().unwrap_or_else(|_| SystemTime::now())
 }
 
 #[cfg(test)]

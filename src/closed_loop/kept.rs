@@ -5,6 +5,7 @@
 
 use std::collections::BTreeMap;
 use std::sync::{Mutex, PoisonError};
+use std::time::Duration;
 
 use sha2::{Digest as _, Sha256};
 
@@ -30,11 +31,11 @@ impl KeptSearches {
     pub(super) fn open(of: &Loop<'_>, out: &OutputFolder) -> Result<Self, LoopError> {
         let (folder, identity) = (out.checkpoint(), identity(of));
         let opened = if of.settings.resume {
-            Checkpoint::resume(&folder, &identity, Default::default())
+            Checkpoint::resume(&folder, &identity, Duration::ZERO)
         } else {
-            let fits = FITS.iter().map(|fit| out.file(fit).join("checkpoint"));
-            fits.fold(Ok(()), |free, fit| free.and_then(|()| Checkpoint::require_free(&fit)))
-                .and_then(|()| Checkpoint::begin(&folder, &identity, Default::default()))
+            let mut fits = FITS.iter().map(|fit| out.file(fit).join("checkpoint"));
+            fits.try_for_each(|fit| Checkpoint::require_free(&fit))
+                .and_then(|()| Checkpoint::begin(&folder, &identity, Duration::ZERO))
         };
         let read = |checkpoint: Checkpoint| -> Result<Self, CheckpointError> {
             let done = take_chain::<Bests>(&checkpoint, 0)?.unwrap_or_default();

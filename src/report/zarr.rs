@@ -97,9 +97,8 @@ const LONGEST: usize = 200;
 fn folder_name(name: &str) -> String {
     let is_reserved = name.starts_with('.') || name.starts_with("__") || name == "zarr.json";
     let sign = |(at, c): (usize, char)| {
-        let is_kept =
-            !matches!(c, '/' | '\\' | '%') && !c.is_control() && !(at == 0 && is_reserved);
-        if is_kept { c.to_string() } else { format!("%{:02X}", u32::from(c)) }
+        let is_coded = matches!(c, '/' | '\\' | '%') || c.is_control() || at == 0 && is_reserved;
+        if is_coded { format!("%{:02X}", u32::from(c)) } else { c.to_string() }
     };
     let mut folder: String = name.char_indices().map(sign).collect();
     if folder.len() > LONGEST {

@@ -143,7 +143,7 @@ impl OutputFolder {
     ///
     /// # Errors
     /// [`RunError::Write`].
-    pub(super) fn replace(&self, new: NewFiles, names: &[&str]) -> Result<(), RunError> {
+    pub(super) fn replace(&self, new: &NewFiles, names: &[&str]) -> Result<(), RunError> {
         let marker = self.file(REPLACING);
         let all: Vec<&str> = known().collect();
         write_file_durably(&marker, |file| writeln!(file, "{}", all.join("\n")))

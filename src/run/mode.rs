@@ -141,7 +141,7 @@ impl Mode<'_> {
         write_file(&path, |file| writeln!(file, "{:#}", self.json()))
             .map_err(RunError::write(&path))?;
         files.push("map.json");
-        out.replace(new, &files)?;
+        out.replace(&new, &files)?;
         Ok(files)
     }
 

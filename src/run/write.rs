@@ -69,7 +69,7 @@ impl Fit<'_> {
         self.write_page(&new, &record, &arrays, (&predictions, &named))?;
         record.write(&new.file("run.json"))?;
         files.extend(["report.html", "run.json"]);
-        out.replace(new, &files)?;
+        out.replace(&new, &files)?;
         Ok(Results { folder: out.path().to_owned(), record, rows: posterior.rows.clone(), files })
     }
 

@@ -37,12 +37,14 @@ fn eigenpairs_in(
     let Some(folder) = folder else { return eigenpairs(mesh, n_modes) };
     let path = path_in(&folder, mesh, n_modes);
     if let Some(basis) = stored(&path, mesh, n_modes) {
+        cache::used(&path);
         return Ok(basis);
     }
     let basis = eigenpairs(mesh, n_modes)?;
     // Not being able to keep the result is no reason to withhold it.
     if fs::create_dir_all(&folder).is_ok() {
         let _ = basis.write_npz(&path);
+        cache::sweep(&folder, cache::LIMIT);
     }
     Ok(basis)
 }
