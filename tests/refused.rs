@@ -46,7 +46,11 @@ fn meshes_that_contradict_themselves() {
             VTK.to_owned() + "POINT_DATA 4\nPOINTS 2 double\n0 0 0\n1 1 1\n",
             "POINTS a second time",
         ),
-        ("far.vtk", VTK.replace("10 0 0", "1e308 0 0"), "vertex 1 is at (1e308, 0e0, 0e0)"),
+        (
+            "far.vtk",
+            VTK.replace("10 0 0", "1e308 0 0"),
+            "vertex 1 is at (1e308, 0.0, 0.0) mm, expected coordinates below 1e12 mm",
+        ),
         (
             "field.vtk",
             VTK.to_owned() + "POINT_DATA 4\nFIELD F 1\nlat 4611686018427387904 4 double\n1 2 3 4\n",
@@ -137,6 +141,14 @@ fn numbers_that_no_machine_has_room_for() {
         );
         assert!(!place.path("out").exists(), "{said}");
     }
+    place.file("erp.rs", erp).file(
+        "plan.toml",
+        "model = \"erp.rs\"\nlengthscales = [64.0]\nsites = [5]\nresolutions = [10.0]\nfields = 1000000000000\ndesigns = 1000000000\n",
+    );
+    let said = refused(&place, "study run plan.toml --out study");
+    assert!(said.contains("1000000000000000000000 cases: a study has at most 10000000"), "{said}");
+    let nulls = place.eplat("loop erp --mesh embedded --data t.csv --nulls 100000000000000");
+    assert!(text(&nulls.stderr).contains("more than a million"), "{}", text(&nulls.stderr));
 }
 
 #[test]

@@ -44,7 +44,7 @@ pub(super) struct Command {
     #[arg(long)]
     resume: bool,
     /// Searches on data simulated from the base fit, at least 19: what a claim must beat
-    #[arg(long, default_value_t = 99)]
+    #[arg(long, default_value_t = 99, value_parser = at_most_a_million)]
     nulls: usize,
     /// What a column of the table means, where its name does not tell: distance, time, region, unit,
     /// fold, structural or covariate; may be repeated
@@ -170,6 +170,12 @@ fn usage(error: LoopError) -> Failure {
         LoopError::TooFewNulls { .. } => Failure::usage(error),
         other => other.into(),
     }
+}
+
+/// A number of searches that can be made.
+fn at_most_a_million(text: &str) -> Result<usize, String> {
+    let n: usize = text.parse().map_err(|_| "expected a whole number".to_owned())?;
+    if n <= 1_000_000 { Ok(n) } else { Err("more than a million".to_owned()) }
 }
 
 /// `NAME=ROLE`.

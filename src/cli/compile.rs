@@ -13,7 +13,7 @@ use serde_json::json;
 
 use super::library::{LIBRARY, TEXT, linked_from, with_cargo};
 use super::models::ModelFile;
-use super::programs::{self, Sources};
+use super::programs::{self, PROGRAM, READ, Sources};
 use super::rustc::rendered;
 use super::voice::{note, tell};
 use crate::error::Failure;
@@ -119,10 +119,6 @@ fn remove_unfinished(package: &Path) -> std::io::Result<()> {
 
 /// How the names of folders begin in which a model is compiled.
 const UNFINISHED: &str = ".tmp";
-/// The program in such a folder.
-pub(super) const PROGRAM: &str = "program";
-/// What the compiler read, in such a folder.
-pub(super) const READ: &str = "read.d";
 
 /// Waits until no other process compiles in `package`, and removes what killed ones left there; the file is a lock.
 fn alone_in(package: &Path) -> std::io::Result<File> {

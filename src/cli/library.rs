@@ -10,7 +10,7 @@ use include_dir::{Dir, include_dir};
 use serde_json::json;
 
 use super::cargo::counted;
-use super::compile::{PROGRAM, READ};
+use super::programs::{PROGRAM, READ};
 use super::voice::tell;
 use crate::store::{cache, write_folder};
 

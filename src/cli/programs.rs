@@ -19,6 +19,11 @@ use serde::{Deserialize, Serialize};
 
 use crate::store::{cache, write_file_durably};
 
+/// The program in the folder in which it is compiled.
+pub(super) const PROGRAM: &str = "program";
+/// What the compiler read, in that folder.
+pub(super) const READ: &str = "read.d";
+
 /// What a program was compiled from.
 #[derive(Debug, Serialize, Deserialize)]
 struct Record {

@@ -141,7 +141,13 @@ impl<'m> Loop<'m> {
         watch: &LoopWatch<'_>,
     ) -> Result<Story, LoopError> {
         let kept = out.map(|out| KeptSearches::open(&self, out)).transpose()?;
-        let criticism = self.search(kept.as_ref(), watch)?;
+        let criticism = self.search(kept.as_ref(), watch).or_else(|error| match out {
+            // what cannot be criticised cannot be gone on with
+            Some(out) if !matches!(error, LoopError::Stopped) => {
+                kept::forget(out).map_err(LoopError::from).and(Err(error))
+            }
+            _ => Err(error),
+        })?;
         let effects = effects::found(self.declared, &criticism, &self.loaded.measurements)?;
         if let Some(out) = out {
             files::clear(out)?;

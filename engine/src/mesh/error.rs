@@ -42,9 +42,9 @@ pub enum MeshError {
         /// The length, mm.
         edge: f64,
     },
-    /// A coordinate is NaN, infinite, or beyond 10¹² mm.
+    /// A coordinate is NaN or infinite.
     #[error(
-        "vertex {vertex} is at ({:e}, {:e}, {:e}), expected three finite numbers below 1e12\n\
+        "vertex {vertex} is at ({}, {}, {}), expected three finite numbers\n\
          help: export the mesh again, or delete the vertex in the program that wrote it",
         position[0], position[1], position[2]
     )]
@@ -53,6 +53,20 @@ pub enum MeshError {
         vertex: usize,
         /// Its coordinates, mm.
         position: [f64; 3],
+    },
+    /// A coordinate is beyond all measure: areas would overflow.
+    #[error(
+        "vertex {vertex} is at ({:?}, {:?}, {:?}) mm, expected coordinates below {most:?} mm\n\
+         help: export the mesh again, or delete the vertex in the program that wrote it",
+        position[0], position[1], position[2]
+    )]
+    TooFar {
+        /// The vertex.
+        vertex: usize,
+        /// Its coordinates, mm.
+        position: [f64; 3],
+        /// The largest, mm.
+        most: f64,
     },
     /// A triangle names a vertex that does not exist.
     #[error(

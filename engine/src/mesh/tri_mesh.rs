@@ -160,10 +160,14 @@ const LARGEST: f64 = 1e12;
 
 /// Refuses coordinates that are NaN, infinite or beyond all measure.
 pub(super) fn check_finite(vertices: &[[f64; 3]]) -> Result<(), MeshError> {
-    match vertices.iter().position(|p| p.iter().any(|x| !(x.abs() <= LARGEST))) {
-        None => Ok(()),
-        Some(vertex) => Err(MeshError::NotFinite { vertex, position: vertices[vertex] }),
-    }
+    let is_wrong = |p: &[f64; 3]| p.iter().any(|x| !(x.abs() <= LARGEST));
+    let Some(vertex) = vertices.iter().position(is_wrong) else { return Ok(()) };
+    let position = vertices[vertex];
+    Err(if position.iter().all(|x| x.is_finite()) {
+        MeshError::TooFar { vertex, position, most: LARGEST }
+    } else {
+        MeshError::NotFinite { vertex, position }
+    })
 }
 
 /// The vertex that `triangle` has more than once.
