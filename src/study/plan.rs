@@ -206,9 +206,10 @@ impl Plan {
         if counts.contains(&0) {
             return Err("fields, designs, chains, warmup and draws are 1 or more".to_owned());
         }
-        let lists = [self.lengthscales.len(), self.sites.len(), self.resolutions.len()];
-        let cases = lists.iter().chain(&[self.fields, self.designs]);
-        let n = cases.fold(1_u128, |product, n| product.saturating_mul(*n as u128));
+        let [lengthscales, sites, resolutions] =
+            [self.lengthscales.len(), self.sites.len(), self.resolutions.len()];
+        let factors = [lengthscales, self.fields, sites, self.designs, resolutions];
+        let n = factors.iter().fold(1_u128, |product, n| product.saturating_mul(*n as u128));
         if n > MOST_CASES {
             return Err(format!(
                 "{n} cases: a study has at most {MOST_CASES}\nhelp: they are lengthscales × fields × sites × designs × resolutions: make one of these smaller"

@@ -56,7 +56,7 @@ pub enum MeshError {
     },
     /// A coordinate is beyond all measure: areas would overflow.
     #[error(
-        "vertex {vertex} is at ({:?}, {:?}, {:?}) mm, expected coordinates below {most:?} mm\n\
+        "vertex {vertex} is at ({:?}, {:?}, {:?}) mm, expected coordinates below {most:e} mm\n\
          help: export the mesh again, or delete the vertex in the program that wrote it",
         position[0], position[1], position[2]
     )]
