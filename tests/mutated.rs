@@ -77,8 +77,11 @@ fn mutated(bytes: &[u8], rng: &mut impl Rng) -> Vec<u8> {
     bytes
 }
 
+/// Reads the file of this path.
+type Reader<'r> = &'r dyn Fn(&Path);
+
 /// Reads mutations of a file; `read` panics on what should have been refused.
-fn survives(path: &Path, read: &dyn Fn(&Path)) {
+fn survives(path: &Path, read: Reader<'_>) {
     read(path);
     let bytes = std::fs::read(path).unwrap();
     let name = path.file_name().unwrap().display().to_string();
@@ -219,7 +222,7 @@ fn the_files_of_a_run() {
     let ran = place.eplat("run erp --chains 2 --warmup 40 --draws 40 --out run");
     assert_ne!(ran.status.code(), Some(1), "{}", text(&ran.stderr));
     let folder = place.path("run");
-    let readers: [(&str, &dyn Fn(&Path)); 7] = [
+    let readers: [(&str, Reader<'_>); 7] = [
         ("run.json", &|path| drop(RunRecord::read(path))),
         ("run.json", &|_| {
             if let Ok(results) = Results::read(&folder) {
