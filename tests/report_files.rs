@@ -200,7 +200,7 @@ fn groups_that_contradict_themselves_are_refused() {
         vec![vector("a", 3, 2)],
         vec![vector("a", 3, 3), vector("b", 4, 4)],
         vec![vector("a", 3, 3), vector("a", 3, 3)],
-        vec![vector("../a", 3, 3)],
+        vec![Variable::new("a", "", &[("../a", 3)], vec![0.0; 3])],
         vec![Variable::new("site", "", &[("site", 1), ("draw", 1)], vec![0.0])],
         vec![Variable::new("covariance", "", &[("row", 1), ("row", 1)], vec![0.0])],
     ];

@@ -23,7 +23,7 @@ from .surface import Surface, read_mesh
 # Inputs that were given in memory, and the command; beside the results, so that a run can be gone on with.
 INPUTS = "inputs"
 COMMAND = "command.json"
-INTERRUPTED = 130
+INTERRUPTED = (130, 131)
 #: Exit codes after which there is a result, with what its verdict says.
 DONE = (0, 3, 4)
 #: Events that tell of something lost.
@@ -83,7 +83,7 @@ def loop(
     settings: the options of `eplat loop`: nulls=99 searches on simulated data, seed=1,
         column={"age": "unit"} for what a column means, …
 
-    The rest is as in `eplat.run`. An interrupted loop begins anew.
+    The rest is as in `eplat.run`. An interrupted loop goes on with the same call, `out` its folder and resume=True.
     """
     job = _Call("loop", out, arguments("loop", settings))
     job.inputs(model, mesh, data, units=settings.get("units"))
@@ -179,7 +179,7 @@ class _Call:
         ended, interrupt = call(self.arguments, on_event, self._folder)
         if isinstance(show, Line):
             show.end()
-        if interrupt or ended.code == INTERRUPTED:
+        if interrupt or ended.code in INTERRUPTED:
             raise self._interrupted(interrupt, ended.code in DONE) from None
         if ended.code not in DONE:
             self._discard()

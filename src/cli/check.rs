@@ -10,6 +10,7 @@ use super::compile::run_compiled;
 use super::coverage;
 use super::inputs::InputArgs;
 use super::models::{Compiled, ModelFile};
+use super::voice::stdout;
 use crate::diagnostics::verdict::Colour;
 use crate::error::Failure;
 use crate::run::Problem;
@@ -29,7 +30,7 @@ impl Command {
         let Some(model) = file.find(compiled)? else { return run_compiled(&file) };
         let problem = self.input.problem(&file, model)?;
         let check = problem.check()?;
-        let mut out = std::io::stdout().lock();
+        let mut out = stdout();
         writeln!(out, "{check}")?;
         if self.input.has_data() {
             write!(out, "{}", self.coverage(&problem, compiled)?)?;

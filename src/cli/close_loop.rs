@@ -1,6 +1,6 @@
 //! `eplat loop MODEL.rs`: what the model lacks, the model with it, and the error before and after.
 
-use std::io::{IsTerminal as _, Write as _};
+use std::io::IsTerminal as _;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 use std::time::Instant;
@@ -11,11 +11,11 @@ use indicatif::{ProgressBar, ProgressStyle};
 use super::compile::run_compiled;
 use super::events::loop_event;
 use super::inputs::InputArgs;
-use super::interrupt::INTERRUPTED;
+use super::interrupt::{INTERRUPTED, farewell};
 use super::models::{Compiled, ModelFile};
 use super::progress::Console;
-use super::voice::{Voice, bar_target, tell};
-use crate::closed_loop::{Loop, LoopError, LoopEvent, LoopSettings, LoopWatch, Story};
+use super::voice::{Voice, bar_target, print_of_files, tell};
+use crate::closed_loop::{FITS, Loop, LoopError, LoopEvent, LoopSettings, LoopWatch, Story};
 use crate::criticism::{SearchProgress, SearchSettings};
 use crate::error::Failure;
 use crate::infer::Settings;
@@ -37,11 +37,14 @@ pub(super) struct Command {
     /// Output folder [default: out/NAME-loop, after the model file's name]
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
-    /// Replace a finished loop of another model that is in the output folder
+    /// Replace results in the output folder that are of another model, or files of yours with the same names
     #[arg(long)]
     force: bool,
+    /// Go on with the interrupted loop in the output folder, to the same files as without the interruption
+    #[arg(long)]
+    resume: bool,
     /// Searches on data simulated from the base fit, at least 19: what a claim must beat
-    #[arg(long, default_value_t = 99)]
+    #[arg(long, default_value_t = 99, value_parser = at_most_a_million)]
     nulls: usize,
     /// What a column of the table means, where its name does not tell: distance, time, region, unit,
     /// fold, structural or covariate; may be repeated
@@ -66,15 +69,21 @@ impl Command {
         }
         let out = OutputFolder::open(self.folder())?;
         if !self.force {
-            OutputFolder::open(out.file("declared"))?.refuse_another(model.name())?;
+            for fit in FITS.iter().filter(|fit| out.file(fit).exists()) {
+                OutputFolder::open(out.file(fit))?.refuse_another(model.name())?;
+            }
+            Story::refuse_foreign(&out)?;
         }
         let prepared = self.prepare(&file, model)?;
         let story = match self.watched(|watch| prepared.close(Some(&out), watch))? {
-            Err(LoopError::Stopped) => return Ok(ExitCode::from(INTERRUPTED)),
+            Err(LoopError::Stopped) => {
+                farewell(&out);
+                return Ok(ExitCode::from(INTERRUPTED));
+            }
             closed => closed?,
         };
         let files = story.write(&out, &file.source, &self.stem())?;
-        self.show(&story, &files, &out, begun)?;
+        self.show(&story, &files, &out, begun);
         Ok(ExitCode::from(story.exit_code()))
     }
 
@@ -93,6 +102,7 @@ impl Command {
             },
             sampling: Settings { threads: self.threads, ..Settings::default() },
             basis_is_given: self.input.basis.is_some(),
+            resume: self.resume,
         };
         Loop::new(model, loaded, heldout, settings).map_err(usage)
     }
@@ -124,27 +134,17 @@ impl Command {
         ProgressBar::with_draw_target(Some(self.nulls as u64), bar_target()).with_style(style)
     }
 
-    fn show(
-        &self,
-        story: &Story,
-        files: &[String],
-        out: &OutputFolder,
-        begun: Instant,
-    ) -> Result<(), Failure> {
-        let mut stdout = std::io::stdout().lock();
+    fn show(&self, story: &Story, files: &[String], out: &OutputFolder, begun: Instant) {
         if self.voice.json {
-            writeln!(stdout, "{:#}", story.finding())?;
-            return Ok(());
+            return print_of_files(format_args!("{:#}", story.finding()));
         }
-        writeln!(
-            stdout,
+        print_of_files(format_args!(
             "\n{}\nwrote {} to {} in {:.1} s",
             story.text(),
             files.join(", "),
             out.path().display(),
             begun.elapsed().as_secs_f64()
-        )?;
-        Ok(())
+        ));
     }
 
     /// Name of the model file without its ending.
@@ -170,6 +170,12 @@ fn usage(error: LoopError) -> Failure {
         LoopError::TooFewNulls { .. } => Failure::usage(error),
         other => other.into(),
     }
+}
+
+/// A number of searches that can be made.
+fn at_most_a_million(text: &str) -> Result<usize, String> {
+    let n: usize = text.parse().map_err(|_| "expected a whole number".to_owned())?;
+    if n <= 1_000_000 { Ok(n) } else { Err("more than a million".to_owned()) }
 }
 
 /// `NAME=ROLE`.

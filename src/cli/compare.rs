@@ -6,6 +6,7 @@ use std::process::ExitCode;
 
 use clap::Args;
 
+use super::voice::stdout;
 use crate::error::Failure;
 use crate::run::Comparison;
 
@@ -24,7 +25,7 @@ pub(super) struct Command {
 impl Command {
     pub(super) fn run(&self) -> Result<ExitCode, Failure> {
         let comparison = Comparison::of(&self.a, &self.b)?;
-        let mut stdout = std::io::stdout().lock();
+        let mut stdout = stdout();
         if self.json {
             writeln!(stdout, "{:#}", comparison.json())?;
         } else {

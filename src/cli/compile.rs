@@ -2,19 +2,20 @@
 //!
 //! What is compiled is eplat again, with this one model in it, so it takes the same command line. It takes
 //! one to two seconds, once there is a library to compile it against ([`super::library`]). The result is
-//! kept under a hash of model and eplat: an unchanged model starts at once.
+//! kept ([`super::programs`]): an unchanged model starts at once.
 
-use std::fs;
+use std::fs::{self, File, TryLockError};
 use std::path::{Path, PathBuf};
 use std::process::{Command, ExitCode, Output, Stdio};
-use std::time::Instant;
+use std::time::{Instant, SystemTime};
 
 use serde_json::json;
 
-use super::library::{TEXT, linked_from, with_cargo};
+use super::library::{LIBRARY, TEXT, linked_from, with_cargo};
 use super::models::ModelFile;
+use super::programs::{self, PROGRAM, READ, Sources};
 use super::rustc::rendered;
-use super::voice::tell;
+use super::voice::{note, tell};
 use crate::error::Failure;
 use crate::store::cache;
 
@@ -52,17 +53,17 @@ fn compiled(file: &ModelFile) -> Result<PathBuf, Failure> {
             "no folder to compile the model in\nhelp: set HOME or EPLAT_CACHE to a writable folder",
         )
     })?;
+    let cache = std::path::absolute(&cache).map_err(|e| Failure::io("find", &cache, &e))?;
     let path = fs::canonicalize(&file.path).map_err(|e| Failure::io("find", &file.path, &e))?;
     let place = path.display().to_string();
-    let modules = modules(&file.source, &path)?;
-    let key = cache::key(&[
-        file.source.as_bytes(),
-        modules.as_bytes(),
-        place.as_bytes(),
-        TEXT.as_bytes(),
-    ]);
-    let program = cache.join("programs").join(&key[..32]);
-    if program.is_file() {
+    let key = cache::key(&[file.source.as_bytes(), place.as_bytes(), TEXT.as_bytes()]);
+    if let Some(program) = programs::find(&cache, &key) {
+        return Ok(program);
+    }
+    let package = cache.join("packages").join(&cache::key(&[place.as_bytes()])[..16]);
+    let _alone = alone_in(&package).map_err(|e| Failure::io("write", &package, &e))?;
+    // another process may have compiled it meanwhile
+    if let Some(program) = programs::find(&cache, &key) {
         return Ok(program);
     }
     tell(
@@ -70,19 +71,14 @@ fn compiled(file: &ModelFile) -> Result<PathBuf, Failure> {
         format_args!("compiling {} …", file.path.display()),
         json!({ "file": file.path }),
     );
-    let package = cache.join("packages").join(&cache::key(&[place.as_bytes()])[..16]);
-    let main =
-        write_main(&package, &path, &name).map_err(|e| Failure::io("write", &package, &e))?;
+    let begun = SystemTime::now();
+    let main = write_main(&package, &path, &name, &file.source)
+        .map_err(|e| Failure::io("write", &package, &e))?;
     let unfinished = tempfile::Builder::new()
+        .prefix(UNFINISHED)
         .tempdir_in(&package)
         .map_err(|error| Failure::io("write", &package, &error))?;
-    let built = unfinished.path().join("program");
-    let output = match linked_from().map(|library| with_rustc(&main, &built, &library)) {
-        Some(Ok(output)) if !is_of_another_compiler(&output) => Ok(output),
-        Some(Err(error)) => Err(error),
-        _ => with_cargo(&cache, &package, &built),
-    }
-    .map_err(|error| {
+    let output = build(&cache, &main, unfinished.path()).map_err(|error| {
         Failure::new(format_args!(
             "cannot compile {}: {error}\nhelp: install Rust, or run a model that ships unedited",
             file.path.display()
@@ -91,30 +87,85 @@ fn compiled(file: &ModelFile) -> Result<PathBuf, Failure> {
     if !output.status.success() {
         return Err(does_not_compile(file, &path, &output));
     }
-    fs::create_dir_all(cache.join("programs"))
-        .and_then(|()| fs::rename(&built, &program))
-        .map_err(|error| Failure::io("write", &program, &error))?;
+    let sources = Sources::read(&unfinished.path().join(READ), &[&package, &cache.join(LIBRARY)])
+        .map_err(|error| Failure::io("read", &unfinished.path().join(READ), &error))?;
+    unchanged(file, &sources, begun)?;
+    let program = programs::keep(&cache, &key, &unfinished.path().join(PROGRAM), &sources)
+        .map_err(|error| Failure::io("write", &cache.join("programs"), &error))?;
+    cache::sweep(&cache, cache::LIMIT);
+    for package in fs::read_dir(cache.join("packages")).into_iter().flatten().flatten() {
+        sweep_package(&package.path());
+    }
     Ok(program)
 }
 
-/// The text of the files that the model at `path` has as modules (`mod NAME;`), such as emulators.
-fn modules(source: &str, path: &Path) -> Result<String, Failure> {
-    let names =
-        source.lines().filter_map(|line| line.trim().strip_prefix("mod ")?.strip_suffix(';'));
-    let files = names.map(|name| path.with_file_name(name.trim()).with_extension("rs"));
-    files
-        .map(|file| fs::read_to_string(&file).map_err(|error| Failure::io("read", &file, &error)))
-        .collect()
+/// Removes what killed processes left of another model, unless one compiles it now.
+fn sweep_package(package: &Path) {
+    let lock = File::open(package.join("lock"));
+    if lock.is_ok_and(|lock| lock.try_lock().is_ok()) {
+        // what cannot be removed takes room, no more
+        let _ = remove_unfinished(package);
+    }
+}
+
+fn remove_unfinished(package: &Path) -> std::io::Result<()> {
+    for entry in fs::read_dir(package)?.flatten() {
+        if entry.file_name().to_string_lossy().starts_with(UNFINISHED) {
+            fs::remove_dir_all(entry.path())?;
+        }
+    }
+    Ok(())
+}
+
+/// How the names of folders begin in which a model is compiled.
+const UNFINISHED: &str = ".tmp";
+
+/// Waits until no other process compiles in `package`, and removes what killed ones left there; the file is a lock.
+fn alone_in(package: &Path) -> std::io::Result<File> {
+    fs::create_dir_all(package)?;
+    let lock = File::create(package.join("lock"))?;
+    match lock.try_lock() {
+        Ok(()) => {}
+        Err(TryLockError::WouldBlock) => {
+            note("another eplat compiles this model: waiting for it …");
+            lock.lock()?;
+        }
+        // a file system without locks: two processes may do the same work
+        Err(TryLockError::Error(_)) => return Ok(lock),
+    }
+    remove_unfinished(package)?;
+    Ok(lock)
+}
+
+/// Makes [`PROGRAM`] and [`READ`] in the folder `unfinished`.
+fn build(cache: &Path, main: &Path, unfinished: &Path) -> std::io::Result<Output> {
+    match linked_from().map(|library| with_rustc(main, unfinished, &library)) {
+        Some(Ok(output)) if !is_of_another_compiler(&output) => Ok(output),
+        Some(Err(error)) => Err(error),
+        _ => with_cargo(cache, unfinished),
+    }
+}
+
+/// Complains if the compiler may have read another text than the one that the program is kept for.
+fn unchanged(file: &ModelFile, sources: &Sources, begun: SystemTime) -> Result<(), Failure> {
+    let is_same = fs::read_to_string(&file.path).is_ok_and(|text| text == file.source);
+    let own = (!is_same).then(|| file.path.display().to_string());
+    let Some(changed) = own.or_else(|| sources.changed_since(begun).map(str::to_owned)) else {
+        return Ok(());
+    };
+    Err(Failure::new(format_args!(
+        "{changed} was saved while the model was compiled\nhelp: give the command again"
+    )))
 }
 
 /// The program around the model: `main.rs`, left alone if it is there already.
 #[allow(clippy::unnecessary_debug_formatting, reason = "escapes as Rust needs it")]
-fn write_main(package: &Path, model: &Path, name: &str) -> std::io::Result<PathBuf> {
+fn write_main(package: &Path, model: &Path, name: &str, source: &str) -> std::io::Result<PathBuf> {
     let file = model.file_name().unwrap_or(model.as_os_str());
     let text = format!(
         "#![recursion_limit = \"512\"]\n\n#[path = {model:?}]\nmod model;\n\n\
          fn main() -> std::process::ExitCode {{\n    \
-         eplat::cli::main(&[eplat::cli::Compiled {{ file: {file:?}, source: include_str!({model:?}), model: &model::{name} }}])\n}}\n"
+         eplat::cli::main(&[eplat::cli::Compiled {{ file: {file:?}, source: {source:?}, model: &model::{name} }}])\n}}\n"
     );
     let main = package.join("src").join("main.rs");
     fs::create_dir_all(package.join("src"))?;
@@ -132,19 +183,19 @@ fn is_of_another_compiler(output: &Output) -> bool {
 }
 
 /// In one codegen unit: a model is small, and several share so much that it is compiled twice.
-fn with_rustc(main: &Path, built: &Path, library: &Path) -> std::io::Result<Output> {
+fn with_rustc(main: &Path, unfinished: &Path, library: &Path) -> std::io::Result<Output> {
     let mut dependencies = std::ffi::OsString::from("dependency=");
     dependencies.push(library.parent().unwrap_or(Path::new(".")));
     let mut eplat = std::ffi::OsString::from("eplat=");
     eplat.push(library);
     Command::new("rustc")
+        .current_dir(unfinished)
         .args(["--edition", "2024", "-C", "opt-level=3", "-C", "codegen-units=1"])
+        .args([format!("--emit=link={PROGRAM}"), format!("--emit=dep-info={READ}")])
         .args(["--error-format=json", "--extern"])
         .arg(eplat)
         .arg("-L")
         .arg(dependencies)
-        .arg("-o")
-        .arg(built)
         .arg(main)
         .stdin(Stdio::null())
         .output()

@@ -5,6 +5,7 @@ use std::io::Write as _;
 use clap::{Args, CommandFactory as _};
 use clap_complete::Shell;
 
+use super::voice::stdout;
 use crate::error::Failure;
 
 /// `eplat completions SHELL`
@@ -19,6 +20,6 @@ impl Command {
     pub(super) fn run(&self) -> Result<(), Failure> {
         let mut script = vec![];
         clap_complete::generate(self.shell, &mut super::Cli::command(), "eplat", &mut script);
-        Ok(std::io::stdout().lock().write_all(&script)?)
+        Ok(stdout().write_all(&script)?)
     }
 }

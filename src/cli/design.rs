@@ -9,6 +9,7 @@ use clap::{Args, Subcommand};
 use super::compile::run_compiled;
 use super::inputs::{InputArgs, usage};
 use super::models::{Compiled, ModelFile};
+use super::voice::{note, stdout};
 use crate::error::Failure;
 use crate::experiment::Minutes;
 use crate::run::{Candidates, Problem, Ranking, RunError, Settings};
@@ -71,7 +72,7 @@ impl NextArgs {
         let Some(declared) = file.find(compiled)? else { return run_compiled(&file) };
         let problem = self.input.problem(&file, declared)?;
         let ranking = self.rank(&problem).map_err(usage)?;
-        writeln!(std::io::stdout().lock(), "{}", ranking.text())?;
+        writeln!(stdout(), "{}", ranking.text())?;
         if let Some(path) = &self.out {
             ranking.write(path)?;
         }
@@ -93,13 +94,13 @@ impl NextArgs {
         let fit = problem.fit(&Settings { seed: self.input.seed, ..Settings::default() })?;
         let (n_failed, n) = (fit.failures().len(), fit.failures().len() + fit.chains().len());
         if n_failed > 0 {
-            eprintln!("warning: {n_failed} of {n} chains failed");
+            note(format_args!("warning: {n_failed} of {n} chains failed"));
         }
         let ranking = fit.next(&candidates)?;
         if !ranking.is_reliable {
-            eprintln!(
+            note(format_args!(
                 "warning: the chains disagree: this ranking is not to be relied on; `eplat run` says where"
-            );
+            ));
         }
         Ok(ranking)
     }

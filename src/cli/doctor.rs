@@ -7,8 +7,9 @@ use std::process::{Command as Process, ExitCode, Stdio};
 use clap::Args;
 
 use super::library::{Library, library};
+use super::voice::stdout;
 use crate::error::Failure;
-use crate::store::cache;
+use crate::store::{cache, memory};
 
 /// Bytes of free memory that a run on a mesh of 100,000 vertices needs.
 const ENOUGH_MEMORY: u64 = 1 << 30;
@@ -32,8 +33,8 @@ impl Command {
     pub(super) fn run(&self) -> Result<ExitCode, Failure> {
         let (kept, toolchain) = (kept(), toolchain());
         let runs_own = kept.is_well && toolchain.is_well;
-        let lines = [program(), memory(), kept, toolchain, compiled_against()];
-        let mut out = std::io::stdout().lock();
+        let lines = [program(), free_memory(), kept, toolchain, compiled_against()];
+        let mut out = stdout();
         for Line { what, is_well, text, remedy } in &lines {
             writeln!(out, "{} {what:<13} {text}", if *is_well { "ok " } else { "NO " })?;
             if !is_well {
@@ -59,11 +60,8 @@ fn program() -> Line {
 }
 
 /// Memory that is free, where the system tells it.
-fn memory() -> Line {
-    let told = std::fs::read_to_string("/proc/meminfo").unwrap_or_default();
-    let line = told.lines().find_map(|line| line.strip_prefix("MemAvailable:"));
-    let kib = line.and_then(|line| line.split_whitespace().next()?.parse::<u64>().ok());
-    let (is_well, text) = match kib.map(|kib| kib << 10) {
+fn free_memory() -> Line {
+    let (is_well, text) = match memory::available() {
         Some(bytes) => (bytes >= ENOUGH_MEMORY, format!("{:.1} GB free", bytes as f64 / 1e9)),
         None => (true, "this system does not tell".into()),
     };
@@ -83,7 +81,11 @@ fn kept() -> Line {
     let text = match &written {
         Ok(()) => {
             let megabytes = size(&folder) as f64 / 1e6;
-            format!("{}, {megabytes:.0} MB; may be deleted at any time", folder.display())
+            let most = cache::LIMIT / 1_000_000_000;
+            format!(
+                "{}, {megabytes:.0} MB; models and eigenfunctions that were not used for longest go beyond {most} GB; may be deleted at any time",
+                folder.display()
+            )
         }
         Err(error) => format!("{} cannot be written: {error}", folder.display()),
     };

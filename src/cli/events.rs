@@ -15,6 +15,10 @@ pub(super) fn run_event(event: &Event<'_>) -> (&'static str, Value) {
             "surface",
             json!({ "file": file, "vertices": n_vertices, "area_mm2": area, "notes": notes }),
         ),
+        Event::Eigenfunctions { n_modes, n_vertices, seconds } => (
+            "eigenfunctions",
+            json!({ "modes": n_modes, "vertices": n_vertices, "seconds": seconds.round() }),
+        ),
         Event::Basis { n_modes, wavelength } => {
             ("basis", json!({ "modes": n_modes, "wavelength_mm": wavelength }))
         }

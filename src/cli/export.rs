@@ -8,6 +8,7 @@ use std::path::PathBuf;
 use clap::Args;
 
 use super::atrium::TissueArgs;
+use super::voice::stdout;
 use crate::error::Failure;
 use crate::run::atrium::{Exported, export_opencarp};
 
@@ -31,7 +32,7 @@ impl Command {
         let ground = self.tissue.ground(self.draws.is_some())?;
         let exported = export_opencarp(&ground, &self.tissue.settings(), self.draws, &self.out)?;
         let Exported { n_nodes, n_draws, edge, out_of_range } = exported;
-        let mut out = std::io::stdout().lock();
+        let mut out = stdout();
         writeln!(
             out,
             "wrote {}: {n_nodes} nodes, the mean and {n_draws} draws",

@@ -8,6 +8,7 @@ use clap::Args;
 
 use super::coverage;
 use super::models::Compiled;
+use super::voice::stdout;
 use crate::error::Failure;
 use crate::import::{self, Given, Options, Selected, Study};
 use crate::mesh::Units;
@@ -98,7 +99,7 @@ impl Command {
 
     /// What was found, what was left out, and where it is now.
     fn tell(&self, study: &Study, selected: &Selected) -> Result<(), Failure> {
-        let mut out = std::io::stdout().lock();
+        let mut out = stdout();
         let map = &selected.map;
         writeln!(out, "{}: {}", study.format, self.path.display())?;
         for other in &study.maps {
@@ -123,7 +124,7 @@ impl Command {
 
     /// Which of the models that ship can be run on it.
     fn tell_models(&self, selected: &Selected, compiled: &[Compiled]) -> Result<(), Failure> {
-        let mut out = std::io::stdout().lock();
+        let mut out = stdout();
         if selected.rows.is_empty() {
             writeln!(out, "no measurements: there is nothing that a model could be run on")?;
             return Ok(());

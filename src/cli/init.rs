@@ -7,6 +7,7 @@ use clap::Args;
 
 use super::inputs::telling;
 use super::models::{Compiled, ModelFile};
+use super::voice::stdout;
 use crate::error::Failure;
 use crate::model::Model;
 use crate::run::{DataSource, Design, Inputs, Loaded, MeshSource};
@@ -69,7 +70,7 @@ impl Command {
             texts.iter().try_for_each(|(name, text)| std::fs::write(folder.join(name), text))
         };
         write_folder(dir, write).map_err(|error| Failure::io("write", dir, &error))?;
-        let mut out = std::io::stdout().lock();
+        let mut out = stdout();
         writeln!(out, "{}: {name}, {TABLE}, README.md", dir.display())?;
         writeln!(out, "next: cd {} && {}", dir.display(), command("run", &name))?;
         Ok(())

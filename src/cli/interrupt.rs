@@ -10,12 +10,15 @@ use serde_json::json;
 use signal_hook::consts::{SIGINT, SIGTERM};
 use signal_hook::flag;
 
-use super::voice::tell;
+use super::voice::{tell, tell_failure};
 use crate::error::Failure;
 use crate::run::{Keep, OutputFolder};
 
 /// Exit code of an interrupted run: that of a program that Ctrl-C ended.
 pub(super) const INTERRUPTED: u8 = 130;
+
+/// Exit code of a process that a second Ctrl-C ended.
+const ENDED: u8 = 131;
 
 /// Options of how a run begins.
 #[derive(Debug, Args)]
@@ -43,24 +46,51 @@ impl BeginArgs {
                 "--checkpoint-every: expected seconds, 0 or more, got {seconds}\nhelp: 2 is the default"
             ))
         })?;
-        Ok(Keep { resume: self.resume, every })
+        Ok(Keep { resume: self.resume, every, ..Keep::default() })
     }
 }
 
-/// The flag that the first Ctrl-C or SIGTERM sets; the second ends the program at once. There is one for all
-/// that a command does.
+/// The flag that the first Ctrl-C or SIGTERM sets; the second ends the program at once, whatever it does. There is
+/// one for all that a command does.
 pub(super) fn stop_flag() -> Result<Arc<AtomicBool>, Failure> {
     static STOP: OnceLock<Arc<AtomicBool>> = OnceLock::new();
     if let Some(stop) = STOP.get() {
         return Ok(Arc::clone(stop));
     }
     let stop = Arc::new(AtomicBool::new(false));
-    for signal in [SIGINT, SIGTERM] {
-        flag::register_conditional_shutdown(signal, INTERRUPTED.into(), Arc::clone(&stop))
-            .and_then(|_| flag::register(signal, Arc::clone(&stop)))
-            .map_err(|error| Failure::new(format_args!("cannot watch for Ctrl-C: {error}")))?;
-    }
+    let watched = [SIGINT, SIGTERM]
+        .iter()
+        .try_for_each(|signal| flag::register(*signal, Arc::clone(&stop)).map(drop))
+        .and_then(|()| end_at_second());
+    watched.map_err(|error| Failure::new(format_args!("cannot watch for Ctrl-C: {error}")))?;
     Ok(Arc::clone(STOP.get_or_init(|| stop)))
+}
+
+/// Ends the process at the second signal: a function of a model's that never returns cannot be asked to stop.
+#[cfg(unix)]
+fn end_at_second() -> std::io::Result<()> {
+    use std::io::Read as _;
+    let (mut signals, sender) = std::os::unix::net::UnixStream::pair()?;
+    for signal in [SIGINT, SIGTERM] {
+        signal_hook::low_level::pipe::register(signal, sender.try_clone()?)?;
+    }
+    std::thread::Builder::new().name("signals".into()).spawn(move || {
+        let mut one = [0];
+        if (0..2).all(|_| signals.read_exact(&mut one).is_ok()) {
+            tell_failure(&Failure::new(
+                "ended at once, by a second Ctrl-C\nhelp: a run goes on with --resume from where it was last kept",
+            ));
+            std::process::exit(i32::from(ENDED));
+        }
+    })?;
+    Ok(())
+}
+
+#[cfg(not(unix))]
+fn end_at_second() -> std::io::Result<()> {
+    let second = std::sync::Arc::new(AtomicBool::new(false));
+    flag::register_conditional_shutdown(SIGINT, ENDED.into(), Arc::clone(&second))?;
+    flag::register(SIGINT, second).map(drop)
 }
 
 /// What the user is told after Ctrl-C.

@@ -10,6 +10,7 @@ use include_dir::{Dir, include_dir};
 use serde_json::json;
 
 use super::cargo::counted;
+use super::programs::{PROGRAM, READ};
 use super::voice::tell;
 use crate::store::{cache, write_folder};
 
@@ -28,6 +29,9 @@ const LOCK: &str = include_str!("../../Cargo.lock");
 
 /// The text that this program was compiled from (`build.rs`), as it stands in its library's file, too.
 pub(super) static TEXT: &str = concat!("eplat's text ", env!("EPLAT_TEXT"));
+
+/// The folder of the cache that embedded sources are unpacked in.
+pub(super) const LIBRARY: &str = "eplat";
 
 /// What a model of the user's own is compiled against.
 #[derive(Clone, Copy, Debug)]
@@ -92,17 +96,18 @@ fn is_built(cache: &Path) -> bool {
     of_this_text(&cache.join("target/release/deps")).is_some()
 }
 
-/// Compiles the package whose `src/main.rs` is written to the program `built`, and the library before it where
-/// that is still to be done.
-pub(super) fn with_cargo(cache: &Path, package: &Path, built: &Path) -> std::io::Result<Output> {
-    let eplat = cache.join("eplat").join(&cache::key(&[TEXT.as_bytes()])[..16]);
+/// Compiles the package that the folder `unfinished` is in, whose `src/main.rs` is written, and the library before
+/// it where that is still to be done. Program and what was read are put in `unfinished`.
+pub(super) fn with_cargo(cache: &Path, unfinished: &Path) -> std::io::Result<Output> {
+    let package = unfinished.parent().unwrap_or(unfinished);
+    let eplat = cache.join(LIBRARY).join(&cache::key(&[TEXT.as_bytes()])[..16]);
     let is_first = !is_built(cache);
     if is_first {
         let text = "building the library that models are compiled against: minutes, this once …";
         tell("building_library", text, json!({}));
     }
     if !eplat.is_dir() {
-        fs::create_dir_all(cache.join("eplat"))?;
+        fs::create_dir_all(cache.join(LIBRARY))?;
         write_folder(&eplat, unpack)?;
     }
     let name = format!("model-{}", package.file_name().unwrap_or_default().display());
@@ -132,7 +137,9 @@ pub(super) fn with_cargo(cache: &Path, package: &Path, built: &Path) -> std::io:
         .stdin(Stdio::null());
     let output = if is_first { counted(&mut command, &manifest)? } else { command.output()? };
     if output.status.success() {
-        fs::copy(target.join("release").join(name), built)?;
+        let release = target.join("release");
+        fs::copy(release.join(&name), unfinished.join(PROGRAM))?;
+        fs::copy(release.join(format!("{name}.d")), unfinished.join(READ))?;
     }
     Ok(output)
 }

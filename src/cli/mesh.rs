@@ -1,11 +1,12 @@
 //! `eplat mesh …`
 
 use super::reading::ReadingArgs;
+use super::voice::{note, stdout};
 use crate::error::Failure;
 use crate::manifold::{eigenpairs, maximin, random_maximin};
 use crate::mesh::{self, Atrium, Data, Encoding, Format, REGION_NAMES, Reading, Surface};
 use clap::Subcommand;
-use std::io::{self, Write};
+use std::io::Write;
 use std::path::{Path, PathBuf};
 
 /// `eplat mesh …`
@@ -128,7 +129,7 @@ impl Command {
                 let units = surface.units;
                 let basis = eigenpairs(&surface.mesh, modes)?.in_unit_of(1.0 / units.in_mm());
                 basis.write_npz(&out)?;
-                eprintln!("wrote {} ({modes} modes, lengths in {units})", out.display());
+                note(format_args!("wrote {} ({modes} modes, lengths in {units})", out.display()));
                 Ok(())
             }
             Self::Sites { file, reading, n, exclude, random, seed } => {
@@ -147,7 +148,7 @@ fn info(surface: &Surface) -> Result<(), Failure> {
     let mesh = &surface.mesh;
     let [low, high] = mesh.bounding_box();
     let loops: Vec<String> = mesh.boundary_loops().iter().map(|l| l.len().to_string()).collect();
-    let mut out = io::stdout().lock();
+    let mut out = stdout();
     let mut row =
         |name: &str, value: String| writeln!(out, "{name:<22}{value}").map_err(Failure::from);
     row(
@@ -180,7 +181,7 @@ fn arrays(data: &Data) -> String {
 
 /// Sites as the first columns of a table of measurements: vertex and x, y, z as in the file.
 fn print_sites(surface: &Surface, sites: &[u32]) -> Result<(), Failure> {
-    let mut out = io::stdout().lock();
+    let mut out = stdout();
     writeln!(out, "site,vertex,x,y,z")?;
     for (site, &vertex) in sites.iter().enumerate() {
         let [x, y, z] = surface.mesh.vertices()[vertex as usize].map(|x| x / surface.units.in_mm());
@@ -195,8 +196,8 @@ fn or_none(list: &str) -> &str {
 }
 
 fn print_notes(surface: &Surface) {
-    for note in &surface.notes {
-        eprintln!("{note}");
+    for said in &surface.notes {
+        note(said);
     }
 }
 
@@ -204,10 +205,17 @@ fn write_surface(path: &Path, surface: &Surface, encoding: Encoding) -> Result<(
     print_notes(surface);
     let left_out = surface.write(path, encoding)?;
     if !left_out.is_empty() {
-        eprintln!("left out, as the format has no place for them: {}", left_out.join(", "));
+        note(format_args!(
+            "left out, as the format has no place for them: {}",
+            left_out.join(", ")
+        ));
     }
     let units = if Format::of(path)? == Format::Carp { "um" } else { "mm" };
-    eprintln!("wrote {} ({} vertices, {units})", path.display(), surface.mesh.n_vertices());
+    note(format_args!(
+        "wrote {} ({} vertices, {units})",
+        path.display(),
+        surface.mesh.n_vertices()
+    ));
     Ok(())
 }
 
@@ -226,7 +234,7 @@ fn atrium(edge: f64, out: &Path) -> Result<(), Failure> {
     let regions = surface.point_data["region"].values();
     for (region, name) in (0_u8..).zip(REGION_NAMES) {
         let n = regions.iter().filter(|r| r.total_cmp(&f64::from(region)).is_eq()).count();
-        eprintln!("region {region}: {name}, {n} vertices");
+        note(format_args!("region {region}: {name}, {n} vertices"));
     }
     Ok(())
 }

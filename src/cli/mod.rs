@@ -24,6 +24,7 @@ mod options;
 mod panic;
 mod plot;
 mod predict;
+mod programs;
 mod progress;
 mod reading;
 mod remaining;

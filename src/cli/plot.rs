@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 use clap::{Args, ValueEnum};
 use serde_json::json;
 
-use super::voice::{Voice, tell};
+use super::voice::{Voice, stdout, tell};
 use crate::ep::table::read_rows;
 use crate::error::Failure;
 use crate::report::plot::{
@@ -131,7 +131,7 @@ impl Command {
             )));
         }
         if self.voice.json {
-            writeln!(std::io::stdout().lock(), "{}", json!({ "pictures": written }))?;
+            writeln!(stdout(), "{}", json!({ "pictures": written }))?;
         }
         Ok(())
     }
@@ -148,7 +148,7 @@ impl Command {
             let text = format!("{}, {}", files[0].display(), files[1].display());
             tell("written", text, json!({ "file": files[1], "shows": picture.shows }));
         } else {
-            let mut stdout = std::io::stdout().lock();
+            let mut stdout = stdout();
             for file in &files {
                 writeln!(stdout, "{}  {}", file.display(), picture.shows)?;
             }

@@ -10,7 +10,7 @@ use serde_json::json;
 use super::compile::run_compiled;
 use super::inputs::telling;
 use super::models::{Compiled, ModelFile};
-use super::voice::{Voice, tell};
+use super::voice::{Voice, stdout, tell};
 use crate::error::Failure;
 use crate::run::{Inputs, MeshSource, OutputFolder, Problem, Results};
 use crate::table::Measurements;
@@ -48,6 +48,10 @@ impl Command {
         let Some(model) = file.find(compiled)? else { return run_compiled(&file) };
         let out =
             OutputFolder::open(self.out.clone().unwrap_or_else(|| self.run.join("predicted")))?;
+        // what an earlier prediction left has both
+        if !out.file("predictions.zarr/zarr.json").exists() {
+            out.refuse_foreign(["predictions.csv", "predictions.zarr"].into_iter())?;
+        }
         if let MeshSource::File { path, .. } = &mut inputs.mesh {
             *path = self.mesh.clone().unwrap_or_else(|| path.clone());
             if !path.exists() {
@@ -61,7 +65,7 @@ impl Command {
         let problem = Problem::load_watched(model, &inputs, &telling())?;
         let forecast = problem.predict(&results, &table)?;
         let files = forecast.write(&out)?;
-        let mut stdout = std::io::stdout().lock();
+        let mut stdout = stdout();
         if self.voice.json {
             writeln!(stdout, "{}", forecast.json())?;
         } else {

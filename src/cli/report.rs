@@ -6,6 +6,7 @@ use std::process::ExitCode;
 
 use clap::Args;
 
+use super::voice::stdout;
 use crate::error::Failure;
 use crate::run::Results;
 
@@ -21,7 +22,7 @@ impl Command {
     pub(super) fn run(&self) -> Result<ExitCode, Failure> {
         let results = Results::read(&self.folder)?;
         let page = where_is_the_page(&self.folder);
-        writeln!(std::io::stdout().lock(), "{}\n{page}", results.text())?;
+        writeln!(stdout(), "{}\n{page}", results.text())?;
         Ok(ExitCode::from(results.verdict().exit_code()))
     }
 }

@@ -1,6 +1,5 @@
 //! `eplat run MODEL.rs`: from a model, a surface and measurements to the output folder.
 
-use std::io::Write as _;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
@@ -13,7 +12,7 @@ use super::interrupt::{self, BeginArgs, INTERRUPTED};
 use super::models::{Compiled, ModelFile};
 use super::progress::Console;
 use super::report::exit_code;
-use super::voice::{Voice, tell};
+use super::voice::{Voice, print_of_files, tell};
 use crate::error::Failure;
 use crate::infer::{MetricKind, Settings};
 use crate::model::{Declare, Model, Sampler};
@@ -27,7 +26,8 @@ const EXIT_CODES: &str = "Exit code:
   3    the draws do not come from the posterior: sampling did not converge
   4    converged, but the verdict is red: the model does not fit, or is mostly unphysical
   70   a panic: a function of the model's file ended the program, or a fault of eplat did
-  130  interrupted";
+  130  interrupted
+  131  ended at once, by a second Ctrl-C";
 
 /// `eplat run MODEL.rs`
 #[derive(Debug, Args)]
@@ -41,7 +41,7 @@ pub(super) struct Command {
     /// with --laplace out/NAME-laplace, with --prior out/NAME-prior]
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
-    /// Replace a finished run of another model that is in the output folder
+    /// Replace results in the output folder that are of another model, or files of yours with the same names
     #[arg(long)]
     force: bool,
     #[command(flatten)]
@@ -202,10 +202,10 @@ impl Command {
             compile_seconds: compile_seconds(),
         };
         if self.instead.prior {
-            return self.show(&problem.prior(settings, &options)?.write_into(out)?);
+            return Ok(self.show(&problem.prior(settings, &options)?.write_into(out)?));
         }
         if self.instead.laplace {
-            return self.show(&problem.laplace(settings, &options)?.write_into(out)?);
+            return Ok(self.show(&problem.laplace(settings, &options)?.write_into(out)?));
         }
         match problem.run_into(out, settings, &options, &self.begin.keep()?)? {
             Ended::Before => {
@@ -216,32 +216,31 @@ impl Command {
                 interrupt::farewell(out);
                 Ok(ExitCode::from(INTERRUPTED))
             }
-            Ended::Now(_, results) => self.show(&results),
+            Ended::Now(_, results) => Ok(self.show(&results)),
         }
     }
 
     /// Shows what the results say; the exit code tells whether to rely on them.
-    fn show(&self, results: &Results) -> Result<ExitCode, Failure> {
-        let mut stdout = std::io::stdout().lock();
+    fn show(&self, results: &Results) -> ExitCode {
         if self.voice.json {
-            writeln!(stdout, "{}", results.json())?;
+            print_of_files(results.json());
         } else {
             let (text, folder) = (results.text(), results.folder.display());
-            writeln!(stdout, "\n{text}\nFiles in {folder}: {}", results.files.join(", "))?;
+            let files = results.files.join(", ");
+            print_of_files(format_args!("\n{text}\nFiles in {folder}: {files}"));
         }
-        Ok(ExitCode::from(results.verdict().exit_code()))
+        ExitCode::from(results.verdict().exit_code())
     }
 
     /// The mode instead; exit code 3 if the climb did not reach one.
     fn optimise(&self, problem: &Problem<'_>, out: &OutputFolder) -> Result<ExitCode, Failure> {
         let mode = problem.mode()?;
-        let files = mode.write(out.path())?.join(", ");
-        let mut stdout = std::io::stdout().lock();
+        let files = mode.write_into(out)?.join(", ");
         if self.voice.json {
-            writeln!(stdout, "{}", mode.json())?;
+            print_of_files(mode.json());
         } else {
             let folder = out.path().display();
-            writeln!(stdout, "\n{}\nFiles in {folder}: {files}", mode.text())?;
+            print_of_files(format_args!("\n{}\nFiles in {folder}: {files}", mode.text()));
         }
         Ok(exit_code(mode.converged()))
     }

@@ -7,6 +7,7 @@ use std::process::ExitCode;
 use clap::Args;
 
 use super::models::{Compiled, ModelFile};
+use super::voice::stdout;
 use crate::error::Failure;
 use crate::model::{Model, equations};
 
@@ -24,12 +25,12 @@ impl Command {
     pub(super) fn run(&self, compiled: &[Compiled]) -> Result<ExitCode, Failure> {
         let file = ModelFile::read(&self.model, compiled)?;
         if self.source {
-            write!(std::io::stdout().lock(), "{}", file.source)?;
+            write!(stdout(), "{}", file.source)?;
             return Ok(ExitCode::SUCCESS);
         }
         let Some(model) = file.find(compiled)? else { return super::compile::run_compiled(&file) };
         let text = equations(&Model::outline(model)?);
-        write!(std::io::stdout().lock(), "{text}")?;
+        write!(stdout(), "{text}")?;
         Ok(ExitCode::SUCCESS)
     }
 }

@@ -106,6 +106,37 @@ fn line(text: &dyn Display) {
     let _ = std::io::stderr().lock().write_all(format!("{text}\n").as_bytes());
 }
 
+/// The process's stdout. Whoever reads it may stop reading (`| head`): that is no error.
+pub(super) fn stdout() -> impl std::io::Write {
+    Stdout(std::io::stdout().lock())
+}
+
+struct Stdout(std::io::StdoutLock<'static>);
+
+impl std::io::Write for Stdout {
+    fn write(&mut self, bytes: &[u8]) -> std::io::Result<usize> {
+        match self.0.write(bytes) {
+            Err(error) if error.kind() == std::io::ErrorKind::BrokenPipe => Ok(bytes.len()),
+            written => written,
+        }
+    }
+
+    fn flush(&mut self) -> std::io::Result<()> {
+        match self.0.flush() {
+            Err(error) if error.kind() == std::io::ErrorKind::BrokenPipe => Ok(()),
+            flushed => flushed,
+        }
+    }
+}
+
+/// Prints what results say that are in files already: where it cannot be printed, that is told, and all is well.
+pub(super) fn print_of_files(text: impl Display) {
+    let mut out = stdout();
+    if let Err(error) = out.write_all(format!("{text}\n").as_bytes()).and_then(|()| out.flush()) {
+        note(format_args!("warning: cannot print the results: {error}; the files are written"));
+    }
+}
+
 /// Where bars are drawn: nowhere, unless people read along.
 pub(super) fn bar_target() -> ProgressDrawTarget {
     if voice().is_words() { ProgressDrawTarget::stderr() } else { ProgressDrawTarget::hidden() }

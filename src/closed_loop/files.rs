@@ -1,8 +1,27 @@
 //! The files of a loop, besides those of its fits.
 
-use super::{LoopError, Story};
+use super::{LoopError, Story, kept};
 use crate::criticism::{Cause, Findings, rewrite};
-use crate::run::OutputFolder;
+use crate::run::{OutputFolder, RunError};
+
+/// The record of a loop.
+pub(super) const FINDING: &str = "finding.json";
+const HELD_OUT: &str = "heldout_predictions.csv";
+const PAGE: &str = "report.html";
+/// The folders of a loop's fits.
+pub const FITS: [&str; 3] = ["declared", "before", "after"];
+
+/// Removes what an earlier loop left, the record first, so that no file of it stands beside new ones.
+///
+/// # Errors
+/// [`RunError::Write`], [`RunError::InUse`].
+pub(super) fn clear(out: &OutputFolder) -> Result<(), RunError> {
+    out.remove(&[FINDING, HELD_OUT, PAGE])?;
+    for fit in FITS.iter().filter(|fit| out.file(fit).exists()) {
+        OutputFolder::open(out.file(fit))?.clear()?;
+    }
+    Ok(())
+}
 
 impl Story {
     /// Writes everything but the fits: the model with what was found, the predictions of held-out
@@ -25,9 +44,25 @@ impl Story {
         }
         let pages = self.fits().map(|told| format!("{}/report.html", told.which));
         files.extend(pages.collect::<Vec<_>>().into_iter().rev());
-        out.save("report.html", &self.page(&files))?;
-        files.push("report.html".into());
+        out.save(PAGE, &self.page(&files))?;
+        files.push(PAGE.into());
+        kept::forget(out)?;
         Ok(files)
+    }
+
+    /// Refuses a folder in which files have the names of a loop's and there is no loop.
+    ///
+    /// # Errors
+    /// [`RunError::Foreign`].
+    pub fn refuse_foreign(out: &OutputFolder) -> Result<(), RunError> {
+        let is_finding = |text: String| {
+            let value = serde_json::from_str::<serde_json::Value>(&text);
+            value.is_ok_and(|value| value.get("findings").is_some())
+        };
+        if std::fs::read_to_string(out.file(FINDING)).is_ok_and(is_finding) {
+            return Ok(());
+        }
+        out.refuse_foreign([FINDING, HELD_OUT, PAGE].into_iter())
     }
 
     /// Names and contents of the files before the page.
@@ -50,9 +85,9 @@ impl Story {
             texts.push((format!("{stem}_plus_{what}.rs"), text));
         }
         if let Some(held_out) = &self.held_out {
-            texts.push(("heldout_predictions.csv".into(), held_out.csv()));
+            texts.push((HELD_OUT.into(), held_out.csv()));
         }
-        texts.push(("finding.json".into(), format!("{:#}\n", self.finding())));
+        texts.push((FINDING.into(), format!("{:#}\n", self.finding())));
         Ok(texts)
     }
 }

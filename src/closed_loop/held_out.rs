@@ -12,7 +12,7 @@ use crate::criticism::{
 use crate::model::{Declare, Model};
 use crate::report::ErrorChange;
 use crate::run::{Fit, Loaded};
-use crate::table::{Measurements, PROTOCOL, SITE};
+use crate::table::{Measurements, PROTOCOL, SITE, csv_line};
 
 /// Most draws that predictions are averaged over.
 pub(super) const PREDICTION_DRAWS: usize = 1000;
@@ -125,15 +125,17 @@ impl HeldOut {
 
     /// `heldout_predictions.csv`: site, protocol, and the predicted values before and after.
     pub fn csv(&self) -> String {
-        let mut lines: BTreeMap<usize, String> = BTreeMap::new();
+        let mut lines: BTreeMap<usize, [String; 4]> = BTreeMap::new();
         let (before, after) = (self.before(), self.after.as_ref().unwrap_or(self.before()));
         for (b, a) in before.rows.iter().zip(&after.rows) {
             let row = b.table_row - self.first;
-            let [site, protocol] = &self.names[row];
-            lines.insert(row, format!("{site},{protocol},{:.4},{:.4}\n", b.value, a.value));
+            let [site, protocol] = self.names[row].clone();
+            let [before, after] = [b.value, a.value].map(|value| format!("{value:.4}"));
+            lines.insert(row, [site, protocol, before, after]);
         }
-        let header = "site,protocol,before,after\n".to_owned();
-        lines.into_values().fold(header, |csv, line| csv + &line)
+        let header = csv_line(["site", "protocol", "before", "after"]);
+        let line = |cells: [String; 4]| csv_line(cells.iter().map(String::as_str));
+        lines.into_values().map(line).fold(header, |csv, line| csv + &line)
     }
 
     /// Errors as written, before and after; `None` unless there is something measured.

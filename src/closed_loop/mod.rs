@@ -25,6 +25,7 @@ mod event;
 mod files;
 mod finding;
 mod held_out;
+mod kept;
 mod left_out;
 mod narrow;
 mod page;
@@ -38,6 +39,7 @@ pub use contribution::{Contribution, Point};
 pub use effects::FoundEffect;
 pub use error::LoopError;
 pub use event::{LoopEvent, LoopWatch};
+pub use files::FITS;
 pub use held_out::HeldOut;
 pub use left_out::LeftOut;
 pub use narrow::Narrow;
@@ -49,17 +51,20 @@ use std::collections::BTreeMap;
 
 use self::error::{LEAST_NULLS, LEAST_SITES};
 use self::held_out::Joint;
+use self::kept::KeptSearches;
 use self::seen::Seen;
 use self::sizes::spread;
 use crate::criticism::{
-    Criticism, FINER, Findings, SearchSettings, Subject, criticise, rewrite, site_column,
+    Criticism, FINER, Findings, Remembered, SearchSettings, Subject, criticise_remembering,
+    rewrite, site_column,
 };
 use crate::infer;
 use crate::manifold::{Basis, eigenpairs_cached};
 use crate::model::{AddedEffect, Augmented, Declare, Discrepancy, Model};
 use crate::run::{
-    Ended, Event, Fit, Keep, Loaded, ModelText, Options, OutputFolder, Problem, Watch,
+    Ended, Event, Fit, Keep, Loaded, ModelText, Options, OutputFolder, Problem, RunError, Watch,
 };
+use crate::store::Checkpoint;
 use crate::table::Measurements;
 
 /// How a loop is closed.
@@ -72,6 +77,8 @@ pub struct LoopSettings {
     /// Whether the eigenfunctions come from a file of the user's. Further ones of the surface can
     /// then not be computed beside them.
     pub basis_is_given: bool,
+    /// Whether an interrupted loop in the output folder goes on, to the same files.
+    pub resume: bool,
 }
 
 /// A model with its measurements. They are checked before anything slow is done.
@@ -133,8 +140,18 @@ impl<'m> Loop<'m> {
         out: Option<&OutputFolder>,
         watch: &LoopWatch<'_>,
     ) -> Result<Story, LoopError> {
-        let criticism = self.search(watch)?;
+        let kept = out.map(|out| KeptSearches::open(&self, out)).transpose()?;
+        let criticism = self.search(kept.as_ref(), watch).or_else(|error| match out {
+            // what cannot be criticised cannot be gone on with
+            Some(out) if !matches!(error, LoopError::Stopped) => {
+                kept::forget(out).map_err(LoopError::from).and(Err(error))
+            }
+            _ => Err(error),
+        })?;
         let effects = effects::found(self.declared, &criticism, &self.loaded.measurements)?;
+        if let Some(out) = out {
+            files::clear(out)?;
+        }
         let declared = self.sample(self.declared, "declared", None, out, watch)?;
         let mut seen = Seen::new(&self, &criticism, &declared)?;
         let narrow = Narrow::of(&seen.first(&criticism));
@@ -202,13 +219,20 @@ impl<'m> Loop<'m> {
         discrepancy::discrepancy(self.declared, criticism, &self.loaded.measurements, held_out)
     }
 
-    fn search(&self, watch: &LoopWatch<'_>) -> Result<Criticism, LoopError> {
+    fn search(
+        &self,
+        kept: Option<&KeptSearches>,
+        watch: &LoopWatch<'_>,
+    ) -> Result<Criticism, LoopError> {
         let basis = self.finer_basis()?;
         let table = &self.loaded.measurements;
         let subject = Subject { model: self.declared, basis: basis.as_deref(), table };
         let threads = self.settings.sampling.threads;
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build()?;
-        let search = || criticise(&subject, &self.settings.search, &|at| watch.search(at));
+        let remembered: &dyn Remembered = kept.map_or(&(), |kept| kept);
+        let settings = &self.settings.search;
+        let search =
+            || criticise_remembering(&subject, settings, &|at| watch.search(at), remembered);
         let criticism = pool.install(search)?;
         watch.tell(&LoopEvent::Searched);
         Ok(criticism)
@@ -261,7 +285,11 @@ impl<'m> Loop<'m> {
             return Ok(Box::new(problem.fit_with(&settings, &options)?));
         };
         let folder = OutputFolder::open(out.file(which))?;
-        match problem.run_into(&folder, &settings, &options, &Keep::default())? {
+        let has_begun =
+            Checkpoint::identity(&folder.checkpoint()).map_err(RunError::from)?.is_some();
+        let resume = self.settings.resume && has_begun;
+        let keep = Keep { resume, stays: true, ..Keep::default() };
+        match problem.run_into(&folder, &settings, &options, &keep)? {
             Ended::Now(fit, _) => Ok(fit),
             Ended::Before | Ended::Stopped => Err(LoopError::Stopped),
         }

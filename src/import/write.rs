@@ -10,6 +10,7 @@ use serde_json::{Value as Json, json};
 use super::{ImportError, Options, QUANTITIES, Row, Selected, Source, Study, Value};
 use crate::mesh::Encoding;
 use crate::store::write_folder;
+use crate::table::csv_line;
 
 const SURFACE: &str = "surface.vtp";
 const TABLE: &str = "measurements.csv";
@@ -41,7 +42,7 @@ pub fn write(
             surface.write(&path, Encoding::Binary).map_err(io::Error::other)?;
         }
         if !selected.rows.is_empty() {
-            fs::write(folder.join(TABLE), table(selected)?)?;
+            fs::write(folder.join(TABLE), table(selected))?;
         }
         let text = serde_json::to_string_pretty(record).map_err(io::Error::other)?;
         fs::write(folder.join(RECORD), text + "\n")
@@ -50,7 +51,7 @@ pub fn write(
 }
 
 /// The rows as CSV. Columns that are empty in every row are left out.
-fn table(selected: &Selected) -> io::Result<Vec<u8>> {
+fn table(selected: &Selected) -> String {
     let mut header = vec!["site", "vertex", "x", "y", "z", "protocol", "value", "lower", "upper"];
     header.extend(["source", "off_surface_mm"]);
     let fixed = header.len();
@@ -79,12 +80,9 @@ fn table(selected: &Selected) -> io::Result<Vec<u8>> {
     let rows: Vec<Vec<String>> = selected.rows.iter().map(cells).collect();
     let is_filled = |k: &usize| rows.iter().any(|row| !row[*k].is_empty());
     let filled: Vec<usize> = (0..header.len()).filter(is_filled).collect();
-    let mut writer = csv::Writer::from_writer(vec![]);
-    writer.write_record(filled.iter().map(|k| header[*k]))?;
-    for row in &rows {
-        writer.write_record(filled.iter().map(|k| &row[*k]))?;
-    }
-    writer.into_inner().map_err(|e| io::Error::other(e.to_string()))
+    let header = csv_line(filled.iter().map(|k| header[*k]));
+    let line = |row: &Vec<String>| csv_line(filled.iter().map(|k| row[*k].as_str()));
+    rows.iter().map(line).fold(header, |csv, line| csv + &line)
 }
 
 /// A number as text; NaN is an empty cell.

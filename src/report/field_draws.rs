@@ -94,7 +94,8 @@ impl FieldDraws {
         let mut matrix = |name: &str| -> io::Result<(usize, Vec<f64>)> {
             let Npy { shape, values } = archive.array(name)?;
             match shape[..] {
-                [_, width] => Ok((width, values)),
+                [_, width] if values.iter().all(|x| x.is_finite()) => Ok((width, values)),
+                [_, _] => Err(io::Error::other("expected finite numbers, got NaN or an infinity")),
                 _ => Err(io::Error::other(format!("expected 2 dimensions, got {shape:?}"))),
             }
         };

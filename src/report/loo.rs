@@ -11,7 +11,7 @@ use super::run_record::nan_if_null;
 use crate::diagnostics::{Loo, loo, relative_efficiency, standard_error};
 use crate::model::Model;
 use crate::store::write_file;
-use crate::table::Measurements;
+use crate::table::{Measurements, as_cell, from_cell};
 
 /// Most measurements that are named for their Pareto k.
 const MOST_NAMED: usize = 3;
@@ -181,7 +181,8 @@ fn record(loo: &Loo, rows: &[LooRow]) -> LooRecord {
 pub fn write_loo(path: &Path, rows: &[LooRow]) -> Result<(), ReportError> {
     write_file(path, |file| {
         let mut table = csv::Writer::from_writer(file);
-        rows.iter().try_for_each(|row| table.serialize(row))?;
+        let safe = |row: &LooRow| LooRow { place: as_cell(&row.place), ..row.clone() };
+        rows.iter().try_for_each(|row| table.serialize(safe(row)))?;
         table.flush()
     })
     .map_err(ReportError::write(path))
@@ -193,8 +194,9 @@ pub fn write_loo(path: &Path, rows: &[LooRow]) -> Result<(), ReportError> {
 /// [`ReportError::Read`] and [`ReportError::Malformed`].
 pub fn read_loo(path: &Path) -> Result<Vec<LooRow>, ReportError> {
     let file = std::fs::File::open(path).map_err(ReportError::read(path))?;
-    let rows: Result<_, csv::Error> = csv::Reader::from_reader(file).deserialize().collect();
-    rows.map_err(|error| ReportError::Malformed {
+    let given = |row: LooRow| LooRow { place: from_cell(&row.place).to_owned(), ..row };
+    let rows = csv::Reader::from_reader(file).into_deserialize().map(|row| row.map(given));
+    rows.collect::<Result<_, csv::Error>>().map_err(|error| ReportError::Malformed {
         path: path.to_owned(),
         reason: error.to_string(),
     })

@@ -4,7 +4,7 @@ use std::path::Path;
 
 use super::ReportError;
 use crate::store::write_file;
-use crate::table::{Measurements, SITE};
+use crate::table::{Measurements, SITE, as_cell, from_cell};
 
 /// Shares of probability of the central intervals that measurements are counted in.
 pub const LEVELS: [f64; 4] = [0.5, 0.8, 0.9, 0.95];
@@ -133,7 +133,14 @@ impl PredictedRow {
         let known = |x: f64| if x.is_nan() { String::new() } else { x.to_string() };
         let [lower, upper] = self.measured.map(known);
         let unit = super::text::shown(&self.unit).to_owned();
-        vec![self.line.to_string(), self.site.clone(), self.protocol.clone(), unit, lower, upper]
+        vec![
+            self.line.to_string(),
+            as_cell(&self.site),
+            as_cell(&self.protocol),
+            unit,
+            lower,
+            upper,
+        ]
     }
 
     fn cells(&self) -> Vec<String> {
@@ -250,8 +257,8 @@ fn row_of(record: &csv::StringRecord) -> Option<PredictedRow> {
     };
     Some(PredictedRow {
         line: record.get(0)?.parse().ok()?,
-        site: record.get(1)?.to_owned(),
-        protocol: record.get(2)?.to_owned(),
+        site: from_cell(record.get(1)?).to_owned(),
+        protocol: from_cell(record.get(2)?).to_owned(),
         unit: record.get(3)?.to_owned(),
         measured: [number(4)?, number(5)?],
         fitted: predicted(6)?,

@@ -17,14 +17,15 @@ use std::io::{self, Read as _, Write as _};
 use std::path::Path;
 
 use super::{Group, ReportError, Values, Variable};
-use crate::store::write_folder;
+use crate::store::{cache, write_folder};
 
 /// Metadata of every group and array by its path below the root, in the order written.
 type Nodes = Map<String, Value>;
 
 /// Writes `groups` as the Zarr folder `path`, with `attributes` on its root; replaces a Zarr folder that is there.
 ///
-/// Each variable carries its unit as the attribute `units`.
+/// Each variable carries its unit as the attribute `units`. A name that no folder may have, such as `dV/dt`, is
+/// written with `%` and two hexadecimal digits for the signs in question: `dV%2Fdt`.
 ///
 /// # Errors
 /// [`ReportError::Occupied`] where something else is at `path`; [`ReportError::Name`], [`ReportError::Shape`] and
@@ -56,8 +57,8 @@ pub fn write_zarr(
 }
 
 fn check_group(group: &Group) -> Result<(), ReportError> {
-    let names: Vec<&str> = group.variables.iter().map(|variable| variable.name.as_str()).collect();
-    check_names(&group.name, &names)?;
+    let names: Vec<String> = group.variables.iter().map(|v| folder_name(&v.name)).collect();
+    check_names(&group.name, &names.iter().map(String::as_str).collect::<Vec<_>>())?;
     let lengths = dimensions(group)?;
     for variable in &group.variables {
         let dims: Vec<&str> = variable.dims.iter().map(|(dim, _)| dim.as_str()).collect();
@@ -89,6 +90,25 @@ fn check_names(group: &str, names: &[&str]) -> Result<(), ReportError> {
     Ok(())
 }
 
+/// The longest name of a folder that every file system takes, less what cutting adds, in bytes.
+const LONGEST: usize = 200;
+
+/// The folder of a variable of this name. Names that differ have folders that differ.
+fn folder_name(name: &str) -> String {
+    let is_reserved = name.starts_with('.') || name.starts_with("__") || name == "zarr.json";
+    let sign = |(at, c): (usize, char)| {
+        let is_coded = matches!(c, '/' | '\\' | '%') || c.is_control() || at == 0 && is_reserved;
+        if is_coded { format!("%{:02X}", u32::from(c)) } else { c.to_string() }
+    };
+    let mut folder: String = name.char_indices().map(sign).collect();
+    if folder.len() > LONGEST {
+        let end = (0..=LONGEST).rev().find(|at| folder.is_char_boundary(*at)).unwrap_or(0);
+        folder.truncate(end);
+        folder = format!("{folder}%{}", &cache::key(&[name.as_bytes()])[..16]);
+    }
+    if folder.is_empty() { "%".to_owned() } else { folder }
+}
+
 /// The dimensions of a group with their lengths.
 fn dimensions(group: &Group) -> Result<BTreeMap<&str, usize>, ReportError> {
     let mut lengths = BTreeMap::new();
@@ -109,8 +129,9 @@ fn write_group(root: &Path, group: &Group, nodes: &mut Nodes) -> io::Result<()> 
     write_metadata(&folder, &metadata)?;
     nodes.insert(group.name.clone(), metadata);
     for variable in group.variables.iter().chain(&missing_coordinates(group)) {
-        let metadata = write_array(&folder.join(&variable.name), variable)?;
-        nodes.insert(format!("{}/{}", group.name, variable.name), metadata);
+        let name = folder_name(&variable.name);
+        let metadata = write_array(&folder.join(&name), variable)?;
+        nodes.insert(format!("{}/{name}", group.name), metadata);
     }
     Ok(())
 }

@@ -2,16 +2,18 @@
 
 use std::fmt;
 use std::hint::black_box;
-use std::time::Instant;
+use std::time::{Duration, Instant};
 
 use super::event::doubts_in_words;
 use super::{Problem, RunError};
 use crate::diagnostics::verdict::{Colour, Doubt};
-use crate::infer::LogDensity as _;
+use crate::infer::{InferError, LogDensity as _};
 use crate::model::Model;
 
-/// Evaluations that the gradient is timed over.
+/// Most evaluations that the gradient is timed over.
 const EVALUATIONS: u32 = 20_000;
+/// Time after which no further one is made.
+const LONGEST: Duration = Duration::from_millis(500);
 
 /// What can be said of a problem without sampling. Its `Display` is what `eplat check` prints.
 #[derive(Clone, Debug)]
@@ -33,7 +35,7 @@ pub struct Check {
 }
 
 impl Problem<'_> {
-    /// Evaluates the log density at the starting point, and times it with its gradient (about 0.1 s).
+    /// Evaluates the log density at the starting point, and times it with its gradient (half a second at most).
     ///
     /// # Errors
     /// [`RunError::NoStart`] where it is not finite.
@@ -47,10 +49,12 @@ impl Problem<'_> {
             return Err(RunError::NoStart { place });
         }
         let begun = Instant::now();
-        for _ in 0..EVALUATIONS {
+        let mut n = 0;
+        while n < EVALUATIONS && (n == 0 || begun.elapsed() < LONGEST) {
             black_box(evaluator.ln_density(black_box(&position), &mut gradient));
+            n += 1;
         }
-        let nanoseconds = begun.elapsed().as_secs_f64() * 1e9 / f64::from(EVALUATIONS);
+        let nanoseconds = begun.elapsed().as_secs_f64() * 1e9 / f64::from(n);
         let densities = model.densities.iter().filter(|d| !d.rows.is_empty());
         let labelled = model.parameters.iter().filter(|p| !p.labels.is_empty());
         Ok(Check {
@@ -94,6 +98,16 @@ impl fmt::Display for Check {
         }
         write!(f, "\n{}", doubts_in_words(&self.doubts))
     }
+}
+
+/// The error with the place at which there is no support, if it is that.
+pub(super) fn placed(model: &Model, error: InferError) -> RunError {
+    if !matches!(error, InferError::NoSupport { .. }) {
+        return error.into();
+    }
+    let (position, mut gradient) = (model.initial(), vec![0.0; model.dim()]);
+    let ln_density = model.evaluator().ln_density(&position, &mut gradient);
+    RunError::NoStart { place: where_it_fails(model, &position, ln_density, &gradient) }
 }
 
 /// Where the log density or its gradient is no number: in a measurement, or in an unknown.

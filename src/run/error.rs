@@ -46,7 +46,7 @@ pub enum RunError {
     Exceedance(#[from] ExceedanceError),
     /// The log density does not exist at the starting point.
     #[error(
-        "at the starting point (priors at typical values, fields in the middle of their ranges) {place}\nhelp: look for a logarithm, root or quotient there that leaves its domain; give the fields a range"
+        "at the starting point (priors at typical values, fields in the middle of their ranges) {place}\nhelp: look there for an error of a measurement that is not above 0, and for a logarithm, root or quotient that leaves its domain; give the fields a range"
     )]
     NoStart {
         /// The measurement or unknown at which it fails, in words.
@@ -115,6 +115,41 @@ pub enum RunError {
         holds: String,
         /// The model that is run.
         model: String,
+    },
+    /// Another process writes to the output folder.
+    #[error(
+        "{} is in use: {by} writes to it\nhelp: wait until it has ended, or name another folder with --out DIR",
+        folder.display()
+    )]
+    InUse {
+        /// The folder.
+        folder: PathBuf,
+        /// The process, in words.
+        by: String,
+    },
+    /// A file in the output folder that no run left has the name of one that a run leaves.
+    #[error(
+        "{} is of no run of eplat, and would be replaced\nhelp: name another folder with --out DIR, or move it away; `run` and `loop` replace it with --force",
+        path.display()
+    )]
+    Foreign {
+        /// The file.
+        path: PathBuf,
+    },
+    /// What is asked for needs more memory than there is.
+    #[error(
+        "{what} take {:.1} GB of memory; {:.1} GB are free\nhelp: {help}",
+        *bytes as f64 / 1e9, *free as f64 / 1e9
+    )]
+    Memory {
+        /// What, in words.
+        what: String,
+        /// Bytes that it takes.
+        bytes: u128,
+        /// Bytes that are free.
+        free: u64,
+        /// What to do.
+        help: &'static str,
     },
     /// The folder of a finished run does not hold what it takes to go back to it.
     #[error(
@@ -208,6 +243,15 @@ impl RunError {
     /// For `map_err` on writing `path`.
     pub(super) fn write(path: &Path) -> impl FnOnce(io::Error) -> Self + use<'_> {
         move |source| Self::Write { path: path.to_owned(), source }
+    }
+
+    /// The folder is written to by the process of this number.
+    pub(super) fn in_use(folder: &Path, process: Option<u32>) -> Self {
+        let by = match process {
+            Some(process) => format!("another eplat (process {process})"),
+            None => "another eplat".to_owned(),
+        };
+        Self::InUse { folder: folder.to_owned(), by }
     }
 
     /// For `map_err` on writing to `folder`.

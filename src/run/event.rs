@@ -24,6 +24,15 @@ pub enum Event<'a> {
         /// What was dropped of the file, and doubts about its unit.
         notes: &'a [String],
     },
+    /// Eigenfunctions are computed, which takes a while.
+    Eigenfunctions {
+        /// How many.
+        n_modes: usize,
+        /// Number of vertices.
+        n_vertices: usize,
+        /// About how long it takes, s.
+        seconds: f64,
+    },
     /// The eigenfunctions are there.
     Basis {
         /// How many of them the model uses.
@@ -143,6 +152,10 @@ impl fmt::Display for Event<'_> {
                 }
                 notes.iter().try_for_each(|note| write!(f, "\n       {note}"))
             }
+            Self::Eigenfunctions { n_modes, n_vertices, seconds } => write!(
+                f,
+                "basis  computing {n_modes} eigenfunctions of {n_vertices} vertices: about {seconds:.0} s, this once …"
+            ),
             Self::Basis { n_modes, wavelength } => {
                 write!(f, "basis  {n_modes} modes, down to a wavelength of {wavelength:.0} mm")
             }

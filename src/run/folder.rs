@@ -1,35 +1,96 @@
-//! A folder for results, tried before anything slow is done.
+//! A folder for results: tried before anything slow is done, written to by one process, and never with files of
+//! two runs.
 
 use std::fs;
 use std::io::Write as _;
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+use tempfile::TempDir;
 
 use super::RunError;
 use crate::report::RunRecord;
-use crate::store::write_file;
+use crate::store::{FolderLock, LockError, write_file, write_file_durably};
 
-/// An output folder that can be written to; it is made when there are results.
+/// What a folder may hold: a record, which is written last, and the files that belong to it.
+const KINDS: [(&str, &[&str]); 2] = [
+    (
+        "run.json",
+        &[
+            "summary.csv",
+            "summary.json",
+            "draws.csv",
+            "posterior.zarr",
+            "loo.csv",
+            "fields.vtp",
+            "fields_full.vtp",
+            "field_draws.npz",
+            "model.rs",
+            "measurements.csv",
+            "unknowns.npz",
+            "rows.csv",
+            "report.html",
+        ],
+    ),
+    ("map.json", &["map.csv", "fields.vtp"]),
+];
+
+/// Names files while they take the place of others: where it is, these are of two runs.
+const REPLACING: &str = ".eplat-replacing";
+
+/// An output folder that can be written to, and to which no other process writes. One that was made for nothing
+/// goes again.
 #[derive(Clone, Debug)]
-pub struct OutputFolder(PathBuf);
+pub struct OutputFolder {
+    path: PathBuf,
+    _lock: Arc<FolderLock>,
+}
 
 impl OutputFolder {
-    /// Tries the folder, or the nearest one above it that exists.
+    /// Makes the folder or takes the one that is there, and removes what a killed process left half-written.
     ///
     /// # Errors
-    /// [`RunError::Unwritable`].
+    /// [`RunError::Unwritable`]; [`RunError::InUse`] where another process, or another `OutputFolder`, writes to it.
     pub fn open(path: impl AsRef<Path>) -> Result<Self, RunError> {
         let path = path.as_ref();
         let existing = path.ancestors().find(|p| p.exists()).unwrap_or(Path::new("."));
         tempfile::tempfile_in(existing).map_err(RunError::unwritable(path))?;
-        Ok(Self(path.to_owned()))
+        let lock = FolderLock::take(path).map_err(|error| match error {
+            LockError::Held(process) => RunError::in_use(path, process),
+            LockError::Io(error) => RunError::unwritable(path)(error),
+        })?;
+        let folder = Self { path: path.to_owned(), _lock: Arc::new(lock) };
+        folder.remove_half().map_err(RunError::unwritable(path))?;
+        Ok(folder)
     }
 
-    /// Refuses a folder with a finished run of another model than `model`: writing would replace it.
+    /// Removes the files of which some may be of one run and some of another.
+    fn remove_half(&self) -> std::io::Result<()> {
+        let marker = self.file(REPLACING);
+        if !marker.exists() {
+            return Ok(());
+        }
+        for name in fs::read_to_string(&marker)?.lines().filter(|name| known().any(|n| n == *name))
+        {
+            remove(&self.file(name))?;
+        }
+        fs::remove_file(marker)
+    }
+
+    /// Refuses a folder with files that a run of `model` would replace: those of a finished run of another model,
+    /// and files that are of no run.
     ///
     /// # Errors
-    /// [`RunError::Occupied`].
+    /// [`RunError::Occupied`], [`RunError::Foreign`].
     pub fn refuse_another(&self, model: &str) -> Result<(), RunError> {
         let record = self.file("run.json");
+        if !self.holds_results() {
+            return self.refuse_foreign(known());
+        }
+        // a Zarr folder of ours has this file
+        if self.file("posterior.zarr").exists() && !self.file("posterior.zarr/zarr.json").exists() {
+            return self.refuse_foreign(["posterior.zarr"].into_iter());
+        }
         if !record.exists() {
             return Ok(());
         }
@@ -38,26 +99,100 @@ impl OutputFolder {
             Ok(record) => format!("a finished run of the model {}", record.model),
             Err(_) => "a run.json that is not of this version of eplat".to_owned(),
         };
-        let (folder, model) = (self.0.clone(), model.to_owned());
+        let (folder, model) = (self.path.clone(), model.to_owned());
         Err(RunError::Occupied { folder, holds, model })
     }
 
-    /// Makes the folder, once there is something to put in it.
+    /// Refuses a folder in which a file has one of these names.
+    ///
+    /// # Errors
+    /// [`RunError::Foreign`].
+    pub fn refuse_foreign<'n>(
+        &self,
+        mut names: impl Iterator<Item = &'n str>,
+    ) -> Result<(), RunError> {
+        match names.find(|name| self.file(name).exists()) {
+            Some(name) => Err(RunError::Foreign { path: self.file(name) }),
+            None => Ok(()),
+        }
+    }
+
+    /// Whether there is a record of eplat's.
+    fn holds_results(&self) -> bool {
+        let is_record = |name: &str| {
+            let value = fs::read(self.file(name)).ok();
+            let value = value.and_then(|v| serde_json::from_slice::<serde_json::Value>(&v).ok());
+            value.is_some_and(|value| value.get("model").is_some())
+        };
+        KINDS.iter().any(|(record, _)| is_record(record))
+    }
+
+    /// A folder for new files, from which [`OutputFolder::replace`] moves them. Dropped before that, it leaves what
+    /// was there untouched.
+    ///
+    /// # Errors
+    /// [`RunError::Unwritable`].
+    pub(super) fn begin(&self) -> Result<NewFiles, RunError> {
+        self.make()?;
+        let folder = tempfile::Builder::new().prefix(".eplat-tmp-").tempdir_in(&self.path);
+        Ok(NewFiles(folder.map_err(RunError::unwritable(&self.path))?))
+    }
+
+    /// Puts the files of these names, the record last, in the place of all that earlier runs left. A process that
+    /// is killed meanwhile leaves no record, and the next one removes what else it left.
+    ///
+    /// # Errors
+    /// [`RunError::Write`].
+    pub(super) fn replace(&self, new: &NewFiles, names: &[&str]) -> Result<(), RunError> {
+        let marker = self.file(REPLACING);
+        let all: Vec<&str> = known().collect();
+        write_file_durably(&marker, |file| writeln!(file, "{}", all.join("\n")))
+            .map_err(RunError::write(&marker))?;
+        self.clear()?;
+        for name in names {
+            let path = self.file(name);
+            fs::rename(new.file(name), &path).map_err(RunError::write(&path))?;
+        }
+        fs::remove_file(&marker).map_err(RunError::write(&marker))
+    }
+
+    /// Removes the results of a run.
+    ///
+    /// # Errors
+    /// [`RunError::Write`].
+    pub fn clear(&self) -> Result<(), RunError> {
+        // without a record nobody reads the others
+        let records = KINDS.iter().map(|(record, _)| *record);
+        self.remove(&records.chain(known()).collect::<Vec<_>>())
+    }
+
+    /// Removes files and folders of these names, where they are there.
+    ///
+    /// # Errors
+    /// [`RunError::Write`].
+    pub fn remove(&self, names: &[&str]) -> Result<(), RunError> {
+        names
+            .iter()
+            .map(|name| self.file(name))
+            .try_for_each(|path| remove(&path).map_err(RunError::write(&path)))
+    }
+
+    /// Makes the folder, if it has gone.
     ///
     /// # Errors
     /// [`RunError::Unwritable`].
     pub fn make(&self) -> Result<(), RunError> {
-        fs::create_dir_all(&self.0).map_err(RunError::unwritable(&self.0))
+        fs::create_dir_all(&self.path).map_err(RunError::unwritable(&self.path))
     }
 
     /// Its path.
     pub fn path(&self) -> &Path {
-        &self.0
+        &self.path
     }
 
     /// The path of a file in it.
     pub fn file(&self, name: &str) -> PathBuf {
-        self.0.join(name)
+        self.path.join(name)
     }
 
     /// Makes the folder and writes a file in it, whole or not at all.
@@ -73,5 +208,31 @@ impl OutputFolder {
     /// Where it holds an unfinished run.
     pub fn checkpoint(&self) -> PathBuf {
         self.file("checkpoint")
+    }
+}
+
+/// Files that have not taken their place yet.
+#[derive(Debug)]
+pub(super) struct NewFiles(TempDir);
+
+impl NewFiles {
+    /// The path of a file among them.
+    pub(super) fn file(&self, name: &str) -> PathBuf {
+        self.0.path().join(name)
+    }
+}
+
+/// The names of all files that runs leave.
+fn known() -> impl Iterator<Item = &'static str> {
+    KINDS.iter().flat_map(|(record, files)| files.iter().copied().chain([*record]))
+}
+
+/// Removes a file or a folder, if it is there.
+fn remove(path: &Path) -> std::io::Result<()> {
+    match fs::symlink_metadata(path) {
+        Ok(found) if found.is_dir() => fs::remove_dir_all(path),
+        Ok(_) => fs::remove_file(path),
+        Err(error) if error.kind() == std::io::ErrorKind::NotFound => Ok(()),
+        Err(error) => Err(error),
     }
 }

@@ -19,11 +19,13 @@ pub struct Keep {
     pub resume: bool,
     /// Least time between two savings of a chain.
     pub every: Duration,
+    /// What the run goes on from stays when it is complete: it is a part of something longer.
+    pub stays: bool,
 }
 
 impl Default for Keep {
     fn default() -> Self {
-        Self { resume: false, every: Duration::from_secs(2) }
+        Self { resume: false, every: Duration::from_secs(2), stays: false }
     }
 }
 

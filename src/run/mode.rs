@@ -2,10 +2,12 @@
 
 use std::collections::BTreeMap;
 use std::fmt::Write as _;
+use std::io::Write as _;
 use std::path::Path;
 
 use serde_json::{Map, Value, json};
 
+use super::check::placed;
 use super::results::VERSION;
 use super::{OutputFolder, Problem, RunError};
 use crate::experiment::rms_error;
@@ -50,7 +52,7 @@ impl<'m> Problem<'m> {
     /// [`Mode::converged`].
     pub fn mode(&self) -> Result<Mode<'m>, RunError> {
         let model = self.model();
-        let optimum = climb(model)?;
+        let optimum = climb(model).map_err(|error| placed(model, error))?;
         let (mut tape, mut values) = (model.tape(), vec![]);
         model.forward(&mut tape, &optimum.position);
         model.report_mode(&tape, &mut values);
@@ -103,10 +105,17 @@ impl Mode<'_> {
     /// # Errors
     /// [`RunError::Unwritable`], [`RunError::Write`], [`RunError::Mesh`].
     pub fn write(&self, folder: impl AsRef<Path>) -> Result<Vec<&'static str>, RunError> {
-        let out = OutputFolder::open(folder)?;
-        out.make()?;
+        self.write_into(&OutputFolder::open(folder)?)
+    }
+
+    /// As [`Mode::write`], into a folder that was tried before.
+    ///
+    /// # Errors
+    /// Those of [`Mode::write`].
+    pub fn write_into(&self, out: &OutputFolder) -> Result<Vec<&'static str>, RunError> {
+        let new = out.begin()?;
         let mut files = vec!["map.csv"];
-        let path = out.file("map.csv");
+        let path = new.file("map.csv");
         write_file(&path, |file| {
             let mut table = csv::Writer::from_writer(file);
             table.write_record(["parameter", "value", "unit"])?;
@@ -125,11 +134,14 @@ impl Mode<'_> {
             }
             let arrays: Vec<(&str, &[f64])> =
                 arrays.iter().map(|(name, values)| (name.as_str(), *values)).collect();
-            write_vtp(&out.file("fields.vtp"), &surface.mesh, &arrays)?;
+            write_vtp(&new.file("fields.vtp"), &surface.mesh, &arrays)?;
             files.push("fields.vtp");
         }
-        out.save("map.json", &format!("{:#}\n", self.json()))?;
+        let path = new.file("map.json");
+        write_file(&path, |file| writeln!(file, "{:#}", self.json()))
+            .map_err(RunError::write(&path))?;
         files.push("map.json");
+        out.replace(&new, &files)?;
         Ok(files)
     }
 

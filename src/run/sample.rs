@@ -4,6 +4,7 @@ use std::collections::BTreeMap;
 use std::sync::Once;
 use std::time::Instant;
 
+use super::check::placed;
 use super::fit::{Drawn, Fit, Method, Options};
 use super::inputs::hash_file;
 use super::mode::climb;
@@ -16,7 +17,7 @@ use crate::infer::{
 };
 use crate::model::{Model, Sampler};
 use crate::report::Approximation;
-use crate::store::Checkpoint;
+use crate::store::{Checkpoint, memory};
 
 /// How a run into a folder ended.
 #[derive(Debug)]
@@ -83,7 +84,9 @@ impl<'m> Problem<'m> {
                 let fit = job.fit(drawn);
                 fit.left_out_watched(&options.watch);
                 let results = fit.write_into(out)?;
-                forget()?;
+                if !keep.stays {
+                    forget()?;
+                }
                 Ok(Ended::Now(Box::new(fit), Box::new(results)))
             }
         }
@@ -114,7 +117,7 @@ impl<'m> Problem<'m> {
         let begun = Instant::now();
         let model = self.model();
         self.tell_doubts(&options.watch);
-        let optimum = climb(model)?;
+        let optimum = climb(model).map_err(|error| placed(model, error))?;
         let laplace = Laplace::at(model, &optimum).map_err(|error| named(model, error))?;
         options.watch.tell(&Event::Laplace { model: model.name });
         let made = laplace.draws(model, settings)?;
@@ -158,6 +161,21 @@ fn named(model: &Model, source: InferError) -> RunError {
     }
 }
 
+/// Numbers that are kept of each draw beside its position and values: energy, step size, …
+const OF_A_DRAW: u128 = 8;
+
+/// Refuses draws that have no room, before any of them is made.
+fn fits_memory(model: &Model, settings: &Settings) -> Result<(), RunError> {
+    let Settings { chains, draws, .. } = *settings;
+    let each = (model.dim() + model.n_reported()) as u128 + OF_A_DRAW;
+    let numbers = (chains as u128).saturating_mul(draws as u128).saturating_mul(each);
+    let Some((bytes, free)) = memory::exceeds(numbers) else { return Ok(()) };
+    let what = format!("{draws} draws of each of {chains} chains, {each} numbers each,");
+    let help =
+        "1000 draws of each of 4 chains are the default; ask for fewer with --draws and --chains";
+    Err(RunError::Memory { what, bytes, free, help })
+}
+
 /// The draws, if there are any.
 fn some_chains(drawn: Drawn) -> Result<Drawn, RunError> {
     if drawn.chains.is_empty() {
@@ -187,13 +205,15 @@ impl<'a, 'm> Job<'a, 'm> {
         settings.validate()?;
         let begun = Instant::now();
         let model = problem.model();
+        fits_memory(model, settings)?;
         let (mut settings, mut hashes) = (settings.clone(), problem.loaded().hashes.clone());
         let starts = match options.warm_start {
             Some(folder) => {
                 hashes.insert("init".into(), hash_file(&folder.join(unknowns::FILE))?);
                 warm_start::starts(folder, model, &mut settings, &options.watch)?
             }
-            None => jittered_starts(model, &model.initial(), settings.chains, settings.seed)?,
+            None => jittered_starts(model, &model.initial(), settings.chains, settings.seed)
+                .map_err(|error| placed(model, error))?,
         };
         let sampler = options.sampler.unwrap_or_else(|| Sampler::of(model));
         problem.tell_doubts(&options.watch);

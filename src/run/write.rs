@@ -8,6 +8,7 @@ use std::time::Instant;
 use serde_json::{Map, json};
 
 use super::fit::{Fit, Method};
+use super::folder::NewFiles;
 use super::maps::{VertexArray, field_draws};
 use super::results::{MEASUREMENTS, MODEL, Results, VERSION};
 use super::unknowns::{self, Unknowns};
@@ -26,7 +27,7 @@ impl Fit<'_> {
     /// summary.csv summary.json draws.csv posterior.zarr loo.csv fields.vtp field_draws.npz
     /// model.rs measurements.csv unknowns.npz rows.csv report.html run.json
     /// ```
-    /// Every file appears whole or not at all, the record last.
+    /// They take the place of all that an earlier run left there, when all of them are written.
     ///
     /// # Errors
     /// [`RunError::Unwritable`], [`RunError::Write`], [`RunError::Report`], [`RunError::Mesh`].
@@ -44,35 +45,36 @@ impl Fit<'_> {
         let surface = self.problem.loaded().surface();
         let arrays = surface.zip(self.surface_maps()).map(|(surface, maps)| maps.arrays(surface));
         let arrays = arrays.unwrap_or_default();
-        out.make()?;
+        let new = out.begin()?;
         let mut files = vec!["summary.csv", "summary.json", "draws.csv"];
-        write_summary_csv(&out.file("summary.csv"), &posterior.rows)?;
-        write_summary_json(&out.file("summary.json"), &posterior.rows)?;
-        write_draws(&out.file("draws.csv"), &posterior.posterior)?;
-        self.write_zarr(out, &arrays)?;
+        write_summary_csv(&new.file("summary.csv"), &posterior.rows)?;
+        write_summary_json(&new.file("summary.json"), &posterior.rows)?;
+        write_draws(&new.file("draws.csv"), &posterior.posterior)?;
+        self.write_zarr(&new, &arrays)?;
         files.push("posterior.zarr");
         if let Some(loo) = self.loo() {
-            write_loo(&out.file("loo.csv"), &loo.rows)?;
+            write_loo(&new.file("loo.csv"), &loo.rows)?;
             files.push("loo.csv");
         }
-        files.extend(self.write_surface(out, &arrays)?);
-        files.extend(self.write_inputs(out)?);
+        files.extend(self.write_surface(&new, &arrays)?);
+        files.extend(self.write_inputs(&new)?);
         if self.method != Method::Prior {
-            Unknowns::new(self.model(), self.chains()).write(&out.file(unknowns::FILE))?;
+            Unknowns::new(self.model(), self.chains()).write(&new.file(unknowns::FILE))?;
             files.push(unknowns::FILE);
         }
-        let predictions = self.write_predictions(out)?;
+        let predictions = self.write_predictions(&new)?;
         files.extend((!predictions.rows.is_empty()).then_some("rows.csv"));
         let record = self.record_after(begun.elapsed().as_secs_f64());
         let named: Vec<&str> = files.iter().copied().chain(["run.json"]).collect();
-        self.write_page(out, &record, &arrays, (&predictions, &named))?;
-        record.write(&out.file("run.json"))?;
+        self.write_page(&new, &record, &arrays, (&predictions, &named))?;
+        record.write(&new.file("run.json"))?;
         files.extend(["report.html", "run.json"]);
+        out.replace(&new, &files)?;
         Ok(Results { folder: out.path().to_owned(), record, rows: posterior.rows.clone(), files })
     }
 
     /// The model's text and the table, as they were given; the names of the files.
-    fn write_inputs(&self, out: &OutputFolder) -> Result<Vec<&'static str>, RunError> {
+    fn write_inputs(&self, new: &NewFiles) -> Result<Vec<&'static str>, RunError> {
         let (origin, table) = (&self.problem.loaded().origin, self.problem.measurements());
         let made = || (!table.is_empty()).then(|| Arc::from(table.to_csv().into_bytes()));
         let source = origin.model.as_ref().map(|model| Arc::from(model.text.as_bytes()));
@@ -81,7 +83,7 @@ impl Fit<'_> {
         let mut files = vec![];
         for (name, bytes) in contents {
             let Some(bytes) = bytes else { continue };
-            let path = out.file(name);
+            let path = new.file(name);
             write_file(&path, |file| file.write_all(&bytes)).map_err(RunError::write(&path))?;
             files.push(name);
         }
@@ -89,13 +91,13 @@ impl Fit<'_> {
     }
 
     /// Every measurement with its predictions; none for draws from the prior, which have seen none.
-    fn write_predictions(&self, out: &OutputFolder) -> Result<Predictions, RunError> {
+    fn write_predictions(&self, new: &NewFiles) -> Result<Predictions, RunError> {
         if self.method == Method::Prior {
             return Ok(Predictions::default());
         }
         let predictions = self.predictions();
         if !predictions.rows.is_empty() {
-            write_rows(&out.file("rows.csv"), &predictions.rows)?;
+            write_rows(&new.file("rows.csv"), &predictions.rows)?;
         }
         Ok(predictions)
     }
@@ -103,30 +105,30 @@ impl Fit<'_> {
     /// Maps and draws of the fields; the names of the files.
     fn write_surface(
         &self,
-        out: &OutputFolder,
+        new: &NewFiles,
         arrays: &[VertexArray],
     ) -> Result<Vec<&'static str>, RunError> {
         let Some(domain) = &self.problem.loaded().domain else { return Ok(vec![]) };
         let named: Vec<(&str, &[f64])> =
             arrays.iter().map(|array| (array.name.as_str(), array.values.as_slice())).collect();
-        domain.surface.write_maps(&out.file("fields.vtp"), &named)?;
+        domain.surface.write_maps(&new.file("fields.vtp"), &named)?;
         let mut files = vec!["fields.vtp"];
         if let Some(fine) = domain.surface.fine() {
             let carried: Vec<(&str, Vec<f64>)> =
                 named.iter().map(|(name, values)| (*name, fine.carry(values))).collect();
             let carried: Vec<(&str, &[f64])> =
                 carried.iter().map(|(name, values)| (*name, &values[..])).collect();
-            fine.surface.write_maps(&out.file("fields_full.vtp"), &carried)?;
+            fine.surface.write_maps(&new.file("fields_full.vtp"), &carried)?;
             files.push("fields_full.vtp");
         }
         if let Some(draws) = field_draws(self.model(), &domain.basis, &self.map_draws()) {
-            draws.write(&out.file(FieldDraws::FILE))?;
+            draws.write(&new.file(FieldDraws::FILE))?;
             files.push(FieldDraws::FILE);
         }
         Ok(files)
     }
 
-    fn write_zarr(&self, out: &OutputFolder, arrays: &[VertexArray]) -> Result<(), RunError> {
+    fn write_zarr(&self, new: &NewFiles, arrays: &[VertexArray]) -> Result<(), RunError> {
         let mut groups = self.posterior().groups();
         let fields;
         if self.problem.loaded().domain.is_some() {
@@ -140,12 +142,12 @@ impl Fit<'_> {
         let mut attributes = Map::new();
         attributes.insert("model".into(), json!(self.model().name));
         attributes.insert("eplat_version".into(), json!(VERSION));
-        Ok(write_zarr(&out.file("posterior.zarr"), &groups, &attributes)?)
+        Ok(write_zarr(&new.file("posterior.zarr"), &groups, &attributes)?)
     }
 
     fn write_page(
         &self,
-        out: &OutputFolder,
+        new: &NewFiles,
         record: &RunRecord,
         arrays: &[VertexArray],
         (predictions, files): (&Predictions, &[&str]),
@@ -177,6 +179,6 @@ impl Fit<'_> {
                 axes: s.axes,
             }),
         };
-        Ok(write_html(&out.file("report.html"), &page)?)
+        Ok(write_html(&new.file("report.html"), &page)?)
     }
 }

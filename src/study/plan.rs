@@ -149,6 +149,9 @@ pub struct Case {
     pub resolution: f64,
 }
 
+/// The most cases of a study: years of a large machine, and a table that can still be read.
+const MOST_CASES: u128 = 10_000_000;
+
 impl Plan {
     /// Reads and checks a plan.
     ///
@@ -202,6 +205,15 @@ impl Plan {
         let counts = [self.fields, self.designs, self.chains, self.warmup, self.draws];
         if counts.contains(&0) {
             return Err("fields, designs, chains, warmup and draws are 1 or more".to_owned());
+        }
+        let [lengthscales, sites, resolutions] =
+            [self.lengthscales.len(), self.sites.len(), self.resolutions.len()];
+        let factors = [lengthscales, self.fields, sites, self.designs, resolutions];
+        let n = factors.iter().fold(1_u128, |product, n| product.saturating_mul(*n as u128));
+        if n > MOST_CASES {
+            return Err(format!(
+                "{n} cases: a study has at most {MOST_CASES}\nhelp: they are lengthscales × fields × sites × designs × resolutions: make one of these smaller"
+            ));
         }
         if self.exclude.is_nan() || self.exclude < 0.0 {
             return Err(format!("exclude {}: expected a distance in mm", self.exclude));

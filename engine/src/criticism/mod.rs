@@ -63,7 +63,7 @@ pub use heldout::{Predicted, Predictions, Score, predict_rows, score_of, with_he
 pub use judgement::{CLAIM, Judgement, Record, Refutation, Round, UnitScore, least_log_bf};
 pub use leave::{Left, leave_out, leave_sites_out, leave_units_out};
 pub use observable::observables;
-pub use procedure::{Criticism, SearchSettings, criticise};
-pub use progress::{SearchProgress, Watch};
+pub use procedure::{Criticism, SearchSettings, criticise, criticise_remembering};
+pub use progress::{Remembered, SearchProgress, Watch};
 pub use rewrite::{Findings, rewrite};
 pub use units::{Unit, site_column, site_name};

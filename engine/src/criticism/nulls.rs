@@ -13,7 +13,7 @@ use super::engine::Engine;
 use super::error::CriticismError;
 use super::fit::LaplaceFit;
 use super::outer::{Free, optimise};
-use super::progress::{SearchProgress, Watch};
+use super::progress::{Remembered, SearchProgress, Watch};
 use super::search::search;
 use crate::random::Stream;
 
@@ -28,6 +28,8 @@ pub(super) struct Nulls<'a> {
     pub(super) base: &'a LaplaceFit,
     /// Candidates in it.
     pub(super) found: &'a [usize],
+    /// What an interrupted search came to.
+    pub(super) remembered: &'a dyn Remembered,
 }
 
 impl Nulls<'_> {
@@ -38,7 +40,11 @@ impl Nulls<'_> {
     pub(super) fn run(&self, watch: &Watch<'_>) -> Result<Vec<f64>, CriticismError> {
         let done = AtomicUsize::new(0);
         let one = |k: usize| -> Result<f64, CriticismError> {
-            let best = self.best(k);
+            let known = self.remembered.recall(self.round, k);
+            let best = known.unwrap_or_else(|| self.best(k));
+            if known.is_none() {
+                self.remembered.keep(self.round, k, best);
+            }
             let done = 1 + done.fetch_add(1, Ordering::Relaxed);
             let progress = SearchProgress { round: self.round, done, of: self.n };
             if watch(progress).is_break() { Err(CriticismError::Cancelled) } else { Ok(best) }

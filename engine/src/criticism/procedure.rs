@@ -12,7 +12,7 @@ use super::judge::Judge;
 use super::judgement::{CLAIM, Judgement, Round, least_log_bf};
 use super::nulls::Nulls;
 use super::outer::Free;
-use super::progress::Watch;
+use super::progress::{Remembered, Watch};
 use super::search::search;
 use super::units::Unit;
 
@@ -117,10 +117,23 @@ pub fn criticise(
     settings: &SearchSettings,
     watch: &Watch<'_>,
 ) -> Result<Criticism, CriticismError> {
+    criticise_remembering(subject, settings, watch, &())
+}
+
+/// As [`criticise`]; searches on simulated data that are remembered are not made again.
+///
+/// # Errors
+/// Those of [`criticise`].
+pub fn criticise_remembering(
+    subject: &Subject<'_>,
+    settings: &SearchSettings,
+    watch: &Watch<'_>,
+    remembered: &dyn Remembered,
+) -> Result<Criticism, CriticismError> {
     let Start { bench, base, unusable, warnings } = Start::new(subject, settings.seed)?;
     let (mut bench, mut last, mut rounds) = (bench, base, vec![]);
     loop {
-        let (round, claim) = next_round(&bench, &rounds, last, settings, watch)?;
+        let (round, claim) = next_round(&bench, &rounds, last, settings, (watch, remembered))?;
         last = round.base.clone();
         rounds.push(round);
         let Some(claim) = claim else { break };
@@ -153,7 +166,7 @@ fn next_round<'a>(
     rounds: &[Round],
     base: LaplaceFit,
     settings: &SearchSettings,
-    watch: &Watch<'_>,
+    (watch, remembered): (&Watch<'_>, &dyn Remembered),
 ) -> Result<(Round, Option<Claim<'a>>), CriticismError> {
     let (number, found) = (rounds.len(), found(rounds));
     let searched = search(bench, &bench.engine, base, &found);
@@ -161,7 +174,7 @@ fn next_round<'a>(
     // a later round without enough evidence claims nothing, whatever null searches come to
     let is_idle = number > 0 && best <= least_log_bf(number);
     let n = if is_idle { 0 } else { settings.nulls };
-    let nulls = Nulls { bench, round: number, n, base: &searched.base, found: &found };
+    let nulls = Nulls { bench, round: number, n, base: &searched.base, found: &found, remembered };
     let nulls = nulls.run(watch)?;
     Ok(Judge { bench, number, searched, nulls, found: &found }.judge())
 }

@@ -13,5 +13,22 @@ pub struct SearchProgress {
     pub of: usize,
 }
 
+/// What searches on simulated data came to, in an earlier, interrupted search for the same. Asked and told from any
+/// thread.
+pub trait Remembered: Sync {
+    /// The best log Bayes factor of a search of a round, if it is known.
+    fn recall(&self, round: usize, search: usize) -> Option<f64>;
+    /// It is known now.
+    fn keep(&self, round: usize, search: usize, best: f64);
+}
+
+/// Nothing is remembered.
+impl Remembered for () {
+    fn recall(&self, _: usize, _: usize) -> Option<f64> {
+        None
+    }
+    fn keep(&self, _: usize, _: usize, _: f64) {}
+}
+
 /// Is told, from any thread, how far a search is. If it returns `Break`, the search stops.
 pub type Watch<'w> = dyn Fn(SearchProgress) -> ControlFlow<()> + Sync + 'w;

@@ -72,7 +72,8 @@ impl Basis {
                 format!("{}", self.n_vertices()),
             );
         }
-        let mass = Laplacian::new(mesh).mass;
+        let Laplacian { mass, stiffness } = Laplacian::new(mesh);
+        let largest = self.eigenvalues.last().copied().unwrap_or(0.0);
         for mode in 0..self.n_modes() {
             let norm: f64 =
                 mass.iter().enumerate().map(|(v, m)| m * self.at(v)[mode].powi(2)).sum();
@@ -81,6 +82,33 @@ impl Basis {
                     format!("mode {mode} with an integral of φ² over the surface of 1"),
                     format!("{norm:.3e}"),
                 );
+            }
+            // of an eigenfunction it is the eigenvalue, whoever discretised the surface; of a constant it is 0, of
+            // values at the wrong vertices far more
+            let phi: Vec<f64> = (0..mesh.n_vertices()).map(|v| self.at(v)[mode]).collect();
+            let bending: f64 = stiffness.multiply(&phi).iter().zip(&phi).map(|(s, p)| s * p).sum();
+            let eigenvalue = self.eigenvalues[mode];
+            let (quotient, slack) = (bending / norm, 1e-2 * largest);
+            if !(0.5 * eigenvalue - slack..=2.0 * eigenvalue + slack).contains(&quotient) {
+                return mismatch(
+                    format!(
+                        "mode {mode} with an integral of |∇φ|² of its eigenvalue, {eigenvalue:.3e}"
+                    ),
+                    format!("{quotient:.3e}"),
+                );
+            }
+            for other in [0, mode.saturating_sub(1)].into_iter().filter(|other| *other < mode) {
+                let product: f64 = mass
+                    .iter()
+                    .enumerate()
+                    .map(|(v, m)| m * self.at(v)[mode] * self.at(v)[other])
+                    .sum();
+                if product.abs() > 0.1 {
+                    return mismatch(
+                        format!("modes {other} and {mode} orthogonal: ∫ φ φ′ = 0"),
+                        format!("{product:.3e}"),
+                    );
+                }
             }
         }
         Ok(())

@@ -20,20 +20,31 @@ pub fn eigenpairs_cached(mesh: &TriMesh, n_modes: usize) -> Result<Basis, Manifo
     eigenpairs_in(cache::folder(), mesh, n_modes)
 }
 
+/// Whether [`eigenpairs_cached`] has what it takes to answer at once.
+pub fn eigenpairs_are_cached(mesh: &TriMesh, n_modes: usize) -> bool {
+    cache::folder().is_some_and(|folder| path_in(&folder, mesh, n_modes).is_file())
+}
+
+fn path_in(folder: &Path, mesh: &TriMesh, n_modes: usize) -> PathBuf {
+    folder.join(format!("basis-{}.npz", key(mesh, n_modes)))
+}
+
 fn eigenpairs_in(
     folder: Option<PathBuf>,
     mesh: &TriMesh,
     n_modes: usize,
 ) -> Result<Basis, ManifoldError> {
     let Some(folder) = folder else { return eigenpairs(mesh, n_modes) };
-    let path = folder.join(format!("basis-{}.npz", key(mesh, n_modes)));
+    let path = path_in(&folder, mesh, n_modes);
     if let Some(basis) = stored(&path, mesh, n_modes) {
+        cache::used(&path);
         return Ok(basis);
     }
     let basis = eigenpairs(mesh, n_modes)?;
     // Not being able to keep the result is no reason to withhold it.
     if fs::create_dir_all(&folder).is_ok() {
         let _ = basis.write_npz(&path);
+        cache::sweep(&folder, cache::LIMIT);
     }
     Ok(basis)
 }

@@ -18,7 +18,7 @@ mod sites;
 mod test_meshes;
 
 pub use basis::Basis;
-pub use cached::eigenpairs_cached;
+pub use cached::{eigenpairs_are_cached, eigenpairs_cached};
 pub use distance::{Geodesic, biharmonic};
 pub use eigen::eigenpairs;
 pub use error::ManifoldError;

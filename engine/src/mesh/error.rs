@@ -54,6 +54,20 @@ pub enum MeshError {
         /// Its coordinates, mm.
         position: [f64; 3],
     },
+    /// A coordinate is beyond all measure: areas would overflow.
+    #[error(
+        "vertex {vertex} is at ({:?}, {:?}, {:?}) mm, expected coordinates below {most:e} mm\n\
+         help: export the mesh again, or delete the vertex in the program that wrote it",
+        position[0], position[1], position[2]
+    )]
+    TooFar {
+        /// The vertex.
+        vertex: usize,
+        /// Its coordinates, mm.
+        position: [f64; 3],
+        /// The largest, mm.
+        most: f64,
+    },
     /// A triangle names a vertex that does not exist.
     #[error(
         "triangle {triangle} names vertex {index}, expected 0 to {} (the mesh has {n_vertices} vertices)\n\

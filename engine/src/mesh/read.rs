@@ -86,6 +86,7 @@ fn surface(mut content: Content, reading: &Reading) -> Result<Surface, (MeshErro
     for x in content.vertices.iter_mut().flatten() {
         *x *= units.in_mm();
     }
+    tri_mesh::check_finite(&content.vertices).map_err(invalid)?;
     let refused = |refusal: Refusal, pieces: Option<&Pieces>| {
         let picture = mark(reading.faults.as_deref(), &content, &refusal, pieces);
         (refusal.error, picture)

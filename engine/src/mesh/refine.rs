@@ -1,6 +1,6 @@
 //! A finer mesh of the same surface.
 
-use super::TriMesh;
+use super::{MeshError, TriMesh};
 use std::collections::BTreeMap;
 
 /// A mesh whose triangles were cut into four, once or several times.
@@ -14,14 +14,17 @@ pub struct Refined {
 
 impl Refined {
     /// `coarse`, cut `times` times; 0 leaves it as it is.
-    pub fn new(coarse: TriMesh, times: u32) -> Self {
+    ///
+    /// # Errors
+    /// What is no surface once it is cut: two triangles on the same three vertices; needles.
+    pub fn new(coarse: TriMesh, times: u32) -> Result<Self, MeshError> {
         let (mut mesh, mut ends) = (coarse, vec![]);
         for _ in 0..times {
-            let (finer, halved) = mesh.refined();
+            let (finer, halved) = mesh.refined()?;
             mesh = finer;
             ends.push(halved);
         }
-        Self { mesh, ends }
+        Ok(Self { mesh, ends })
     }
 
     /// Values at the vertices of the coarse mesh carried over: a new vertex has the `mean` of its edge's ends.
@@ -39,8 +42,7 @@ impl Refined {
 impl TriMesh {
     /// Every triangle cut into four at the middles of its edges; the vertices stay, and for each new one,
     /// which follow, the two ends of its edge.
-    #[allow(clippy::expect_used, reason = "halves of valid triangles are valid")]
-    fn refined(&self) -> (TriMesh, Vec<[u32; 2]>) {
+    fn refined(&self) -> Result<(TriMesh, Vec<[u32; 2]>), MeshError> {
         let n = self.n_vertices() as u32;
         let (mut middle_of, mut ends) = (BTreeMap::new(), vec![]);
         let mut middle = |a: u32, b: u32| {
@@ -61,19 +63,19 @@ impl TriMesh {
         };
         let mut vertices = self.vertices().to_vec();
         vertices.extend(ends.iter().map(halfway));
-        (TriMesh::new(vertices, triangles).expect("a valid surface"), ends)
+        Ok((TriMesh::new(vertices, triangles)?, ends))
     }
 }
 
 #[cfg(test)]
 mod tests {
-    use super::Refined;
+    use super::{Refined, TriMesh};
     use crate::mesh::left_atrium;
 
     #[test]
     fn the_surface_stays_and_edges_halve() {
         let coarse = left_atrium(3.0).mesh;
-        let (fine, ends) = coarse.refined();
+        let (fine, ends) = coarse.refined().unwrap();
         assert!((fine.area() / coarse.area() - 1.0).abs() < 1e-12);
         assert!((fine.mean_edge_length() / coarse.mean_edge_length() - 0.5).abs() < 0.02);
         assert_eq!(fine.euler_characteristic(), coarse.euler_characteristic());
@@ -83,11 +85,20 @@ mod tests {
     }
 
     #[test]
+    fn what_cannot_be_cut_is_refused() {
+        let corners = vec![[0.0; 3], [10.0, 0.0, 0.0], [0.0, 10.0, 0.0]];
+        if let Ok(pillow) = TriMesh::new(corners, vec![[0, 1, 2], [0, 2, 1]]) {
+            assert!(Refined::new(pillow.clone(), 0).is_ok());
+            assert!(Refined::new(pillow, 1).is_err());
+        }
+    }
+
+    #[test]
     fn what_is_linear_stays_so() {
         let coarse = left_atrium(3.0).mesh;
         let x = |p: &[f64; 3]| p[0];
         let values: Vec<f64> = coarse.vertices().iter().map(x).collect();
-        let twice = Refined::new(coarse, 2);
+        let twice = Refined::new(coarse, 2).unwrap();
         let carried = twice.carry(values, |a, b| 0.5 * (a + b));
         assert_eq!(carried, twice.mesh.vertices().iter().map(x).collect::<Vec<f64>>());
     }

@@ -155,12 +155,19 @@ pub(super) fn is_flat([a, b, c]: [Vector3<f64>; 3]) -> bool {
     area_vector([a, b, c]).norm() <= 1e-14 * longest
 }
 
-/// Refuses NaN and infinite coordinates.
+/// The largest coordinate, mm: areas and their squares are far from overflowing.
+const LARGEST: f64 = 1e12;
+
+/// Refuses coordinates that are NaN, infinite or beyond all measure.
 pub(super) fn check_finite(vertices: &[[f64; 3]]) -> Result<(), MeshError> {
-    match vertices.iter().position(|p| p.iter().any(|x| !x.is_finite())) {
-        None => Ok(()),
-        Some(vertex) => Err(MeshError::NotFinite { vertex, position: vertices[vertex] }),
-    }
+    let is_wrong = |p: &[f64; 3]| p.iter().any(|x| !(x.abs() <= LARGEST));
+    let Some(vertex) = vertices.iter().position(is_wrong) else { return Ok(()) };
+    let position = vertices[vertex];
+    Err(if position.iter().all(|x| x.is_finite()) {
+        MeshError::TooFar { vertex, position, most: LARGEST }
+    } else {
+        MeshError::NotFinite { vertex, position }
+    })
 }
 
 /// The vertex that `triangle` has more than once.

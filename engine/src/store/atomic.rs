@@ -3,11 +3,17 @@
 //!
 //! Knows nothing of what is in them.
 
+use std::collections::BTreeSet;
 use std::fs::{self, File};
 use std::io::{self, BufWriter, Write};
 use std::path::{Path, PathBuf};
+use std::sync::{Mutex, PoisonError};
+use std::time::Duration;
 
 use tempfile::NamedTempFile;
+
+/// How the names of unfinished files and folders begin.
+pub(super) const TEMPORARY: &str = ".eplat-tmp-";
 
 /// A file that gets its name only when it is whole; dropped before that, it leaves no trace.
 #[derive(Debug)]
@@ -26,12 +32,15 @@ impl NewFile {
         if path.is_dir() {
             return Err(io::ErrorKind::IsADirectory.into());
         }
+        sweep_stale(folder_of(path));
         let mut builder = tempfile::Builder::new();
+        builder.prefix(TEMPORARY);
         // A temporary file is private; the one it becomes gets the permissions of any new file.
         #[cfg(unix)]
         builder.permissions(std::os::unix::fs::PermissionsExt::from_mode(0o666));
         // The error's own text would name the temporary file.
         let temporary = builder.tempfile_in(folder_of(path)).map_err(|e| plain(&e))?;
+        hold(temporary.as_file());
         Ok(Self { path: path.to_owned(), temporary })
     }
 
@@ -95,7 +104,9 @@ pub fn write_file_durably(
 /// # Errors
 /// From the operating system or `fill`; then a folder that was at `path` before is still there.
 pub fn write_folder(path: &Path, fill: impl FnOnce(&Path) -> io::Result<()>) -> io::Result<()> {
-    let workshop = tempfile::Builder::new().prefix(".eplat-").tempdir_in(folder_of(path))?;
+    sweep_stale(folder_of(path));
+    let workshop = tempfile::Builder::new().prefix(TEMPORARY).tempdir_in(folder_of(path))?;
+    let _held = File::open(workshop.path()).inspect(hold);
     let (new, old) = (workshop.path().join("new"), workshop.path().join("old"));
     fs::create_dir(&new)?;
     fill(&new)?;
@@ -107,6 +118,38 @@ pub fn write_folder(path: &Path, fill: impl FnOnce(&Path) -> io::Result<()>) -> 
         // The first error is the one to report; this move only undoes the one above.
         let _ = replaces.then(|| fs::rename(&old, path));
     })
+}
+
+/// Age from which a temporary file that nobody holds is of a process that was killed.
+const STALE: Duration = Duration::from_mins(1);
+
+/// Locks a temporary file or folder as long as this process has it open: nobody sweeps it. A file system without
+/// locks has no sweeping either.
+fn hold(file: &File) {
+    let _ = file.try_lock();
+}
+
+/// Removes what killed processes left half-written in a folder; once for each folder. Nothing depends on it, so
+/// what cannot be removed stays.
+fn sweep_stale(folder: &Path) {
+    static SWEPT: Mutex<BTreeSet<PathBuf>> = Mutex::new(BTreeSet::new());
+    let is_first = SWEPT.lock().unwrap_or_else(PoisonError::into_inner).insert(folder.to_owned());
+    if !is_first {
+        return;
+    }
+    for entry in fs::read_dir(folder).into_iter().flatten().flatten() {
+        if entry.file_name().to_string_lossy().starts_with(TEMPORARY) && is_stale(&entry.path()) {
+            let path = entry.path();
+            let _ = if path.is_dir() { fs::remove_dir_all(path) } else { fs::remove_file(path) };
+        }
+    }
+}
+
+fn is_stale(path: &Path) -> bool {
+    let age = |found: fs::Metadata| found.modified().ok()?.elapsed().ok();
+    let is_old = fs::metadata(path).ok().and_then(age).is_some_and(|age| age > STALE);
+    // on Windows a folder cannot be opened, and stays
+    is_old && File::open(path).is_ok_and(|file| file.try_lock().is_ok())
 }
 
 fn folder_of(path: &Path) -> &Path {
@@ -152,6 +195,25 @@ mod tests {
         assert!(failure.is_err());
         assert_eq!(entries(&path), ["second"]);
         assert_eq!(entries(folder.path()), ["posterior.zarr"]);
+    }
+
+    #[cfg(unix)]
+    #[test]
+    fn what_killed_processes_left_is_swept_and_what_is_being_written_is_not() {
+        let folder = tempfile::tempdir().unwrap();
+        let [left, held, young] =
+            ["left", "held", "young"].map(|name| folder.path().join(format!("{TEMPORARY}{name}")));
+        let old = std::time::SystemTime::now() - 2 * STALE;
+        for path in [&left, &held, &young] {
+            fs::write(path, "half").unwrap();
+        }
+        let being_written = File::options().write(true).open(&held).unwrap();
+        hold(&being_written);
+        for path in [&left, &held] {
+            File::options().write(true).open(path).unwrap().set_modified(old).unwrap();
+        }
+        write_file(&folder.path().join("file"), |_| Ok(())).unwrap();
+        assert!(!left.exists() && held.exists() && young.exists());
     }
 
     #[cfg(unix)]

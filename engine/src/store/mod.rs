@@ -7,6 +7,8 @@ mod atomic;
 pub mod cache;
 mod checkpoint;
 mod kind;
+mod lock;
+pub mod memory;
 pub mod npy;
 mod npz;
 
@@ -15,4 +17,5 @@ pub(crate) use checkpoint::take_chains;
 pub use checkpoint::{Checkpoint, CheckpointError, Identity, differences};
 pub use checkpoint::{Keeper, take_chain};
 pub use kind::Kind;
+pub use lock::{FolderLock, LockError};
 pub use npz::{NpzReader, NpzWriter, Packing, array_name};

@@ -13,6 +13,7 @@ mod measurements;
 mod placement;
 mod probes;
 mod read;
+mod sheet;
 mod text;
 mod typed;
 
@@ -22,5 +23,6 @@ pub use error::{DataError, near};
 pub use measurements::Measurements;
 pub use placement::Placement;
 pub use probes::{FIELD_MODES, ProbeError, Probes};
+pub use sheet::{as_cell, csv_line, from_cell};
 pub use text::decode;
 pub use typed::Table;

@@ -4,7 +4,7 @@ use std::fs;
 use std::path::Path;
 
 use super::cells::Cells;
-use super::{DataError, Table, decode, habits};
+use super::{DataError, Table, csv_line, decode, from_cell, habits};
 
 /// Reads a CSV file with a header line, as programs and spreadsheets write them: see
 /// [`habits`].
@@ -29,8 +29,12 @@ pub(super) fn read(path: &Path) -> Result<Table, DataError> {
     let bytes = &text.as_bytes()[skipped..];
     let mut reader =
         csv::ReaderBuilder::new().trim(csv::Trim::All).delimiter(delimiter).from_reader(bytes);
-    let mut header: Vec<String> =
-        reader.headers().map_err(unreadable)?.iter().map(habits::plain).collect();
+    let mut header: Vec<String> = reader
+        .headers()
+        .map_err(unreadable)?
+        .iter()
+        .map(|name| habits::plain(from_cell(name)))
+        .collect();
     let (mut lines, mut cells) = (vec![], Cells::new(header.len()));
     let mut counted = (0, 1 + u64::from(skipped > 0));
     for record in reader.records() {
@@ -44,7 +48,7 @@ pub(super) fn read(path: &Path) -> Result<Table, DataError> {
         let passed = bytes[counted.0..begin + blank].split(|b| *b == b'\n').count() - 1;
         counted = (begin + blank, counted.1 + passed as u64);
         lines.push(counted.1);
-        cells.push(&record);
+        cells.push(record.iter().map(from_cell));
     }
     // the cells are all that is needed from here on
     drop(reader);
@@ -89,23 +93,10 @@ fn unreadable(file: &str, error: &csv::Error) -> DataError {
 }
 
 impl Table {
-    /// The table as CSV text.
+    /// The table as CSV text; [`read`] gives it back.
     pub fn to_csv(&self) -> String {
         let header: Vec<&str> = self.columns().iter().map(String::as_str).collect();
         let rows = (0..self.len()).map(|row| self.cells(row));
-        let line = |cells: Vec<&str>| {
-            let quoted: Vec<String> = cells.into_iter().map(quoted).collect();
-            quoted.join(",") + "\n"
-        };
-        std::iter::once(header).chain(rows).map(line).collect()
-    }
-}
-
-/// A cell with quotes where it needs them.
-fn quoted(cell: &str) -> String {
-    if cell.contains([',', '"', '\n', '\r']) {
-        format!("\"{}\"", cell.replace('"', "\"\""))
-    } else {
-        cell.to_owned()
+        std::iter::once(header).chain(rows).map(csv_line).collect()
     }
 }

@@ -142,6 +142,9 @@ fn split(e: &Expr, is_op: &dyn Fn(&syn::BinOp) -> bool, out: &mut Vec<Expr>) {
     }
 }
 
+/// The most modes of a term: of no mesh are there more.
+const MOST_MODES: usize = 2048;
+
 /// `AMPLITUDE * gp(KERNEL, K = 24)`, the factors in any order.
 fn term(e: &Expr) -> Result<Option<Term>> {
     let mut factors = vec![];
@@ -157,6 +160,11 @@ fn term(e: &Expr) -> Result<Option<Term>> {
     let mut arguments = gp.args.iter();
     let kernel = arguments.next().cloned();
     let modes = arguments.next().and_then(n_modes);
+    if modes.is_some_and(|modes| !(1..=MOST_MODES).contains(&modes)) {
+        let message = format!("a field has from 1 to {MOST_MODES} modes");
+        let help = "24 are enough for most; `eplat run` tells down to which wavelength they go";
+        return Err(wrong(first_span(&gp.func), &message, help));
+    }
     match (kernel, modes) {
         (Some(kernel), Some(modes)) => Ok(Some(Term { amplitude, kernel, modes })),
         _ => Err(wrong(
@@ -176,7 +184,8 @@ fn n_modes(e: &Expr) -> Option<usize> {
     }
     let Expr::Lit(literal) = value else { return None };
     match (&literal.lit, assign.left.to_token_stream().to_string().as_str()) {
-        (Lit::Int(n), "K") => n.base10_parse().ok(),
+        // one with too many digits is refused as one that is too large
+        (Lit::Int(n), "K") => Some(n.base10_parse().unwrap_or(usize::MAX)),
         _ => None,
     }
 }

@@ -17,7 +17,7 @@ use super::super::models::Compiled;
 use super::super::progress::Console;
 use super::super::reading::ReadingArgs;
 use super::super::run::{SamplerArgs, tell_complete};
-use super::super::voice::{note, tell};
+use super::super::voice::{note, stdout, tell};
 use crate::error::Failure;
 use crate::run::OutputFolder;
 use crate::study::{
@@ -108,7 +108,7 @@ impl ExperimentArgs {
     }
 
     fn show(&self, findings: &Findings<'_>) -> Result<ExitCode, Failure> {
-        let mut stdout = std::io::stdout().lock();
+        let mut stdout = stdout();
         writeln!(
             stdout,
             "{}\n{}",

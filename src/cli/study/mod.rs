@@ -14,7 +14,7 @@ use serde_json::json;
 
 use super::compile::run_compiled;
 use super::models::{Compiled, ModelFile};
-use super::voice::{Count, tell};
+use super::voice::{Count, stdout, tell};
 use crate::error::Failure;
 use crate::study::{
     Block, JobArray, Plan, Results, Study, StudyError, Table, Task, summarise, table_text,
@@ -191,7 +191,7 @@ impl SlurmArgs {
             .map_err(|e| Failure::new(format_args!("cannot tell where eplat is: {e}")))?;
         let (plan, time) = (plan.path().to_owned(), self.time.clone());
         let array = JobArray { program, plan, tasks: self.tasks, time };
-        writeln!(std::io::stdout(), "sh {}", array.write(&results)?.display())?;
+        writeln!(stdout(), "sh {}", array.write(&results)?.display())?;
         Ok(ExitCode::SUCCESS)
     }
 }
@@ -202,7 +202,7 @@ fn conclude(results: &Results, table: &Table) -> Result<(), Failure> {
     let files = ["results.csv", "summary.csv", "figure.svg"].map(|name| results.file(name));
     write_summary(&files[1], &groups)?;
     write_figure(&files[2], &[(String::new(), groups.clone())])?;
-    let mut stdout = std::io::stdout().lock();
+    let mut stdout = stdout();
     writeln!(stdout, "{}", table_text(&groups))?;
     let [table_file, summary, figure] = files.each_ref().map(|file| file.display());
     writeln!(stdout, "{} cases in {table_file}", table.rows.len())?;

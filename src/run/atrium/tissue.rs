@@ -27,7 +27,7 @@ impl TissueFields {
     pub(super) fn new(ground: &Ground, settings: &TissueSettings) -> Result<Self, AtriumError> {
         let mesh = &ground.surface.mesh;
         let columns = columns(ground, settings)?;
-        let refined = Refined::new(mesh.clone(), settings.refine);
+        let refined = Refined::new(mesh.clone(), settings.refine)?;
         let fibres = fibres(ground, settings, &refined)?;
         Ok(Self { n_coarse: mesh.n_vertices(), refined, columns, fibres })
     }

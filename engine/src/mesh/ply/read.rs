@@ -128,6 +128,9 @@ impl Body<'_> {
         for _ in 0..n as u64 {
             let number = self.number(property, what)?;
             if let Some(lists) = lists.as_deref_mut() {
+                if number.fract() != 0.0 {
+                    return Err(self.wrong("whole numbers as corners", &number.to_string()));
+                }
                 lists.corners.push(number as i64);
             }
         }

@@ -79,6 +79,7 @@ struct Parser {
 impl Parser {
     fn section(&mut self, scan: &mut Scanner, words: &[String]) -> Result<(), MeshError> {
         let keyword = words[0].to_ascii_uppercase();
+        self.only_once(scan, &keyword)?;
         match keyword.as_str() {
             "DATASET" => self.dataset(scan, words)?,
             "METADATA" => skip_metadata(scan),
@@ -93,6 +94,21 @@ impl Parser {
             "POINT_DATA" => self.start_point_data(scan, words)?,
             "CELL_DATA" => self.target = Target::Cells(count(scan, words, 1)?),
             _ => self.attribute(scan, words)?,
+        }
+        Ok(())
+    }
+
+    /// Refuses a second section of geometry: it would take the place of the first.
+    fn only_once(&self, scan: &Scanner, keyword: &str) -> Result<(), MeshError> {
+        let is_there = match keyword {
+            "POINTS" => self.vertices.is_some(),
+            "POLYGONS" | "CELLS" => self.cells.is_some(),
+            "TRIANGLE_STRIPS" => self.strips.is_some(),
+            "CELL_TYPES" => !self.cell_types.is_empty(),
+            _ => false,
+        };
+        if is_there {
+            return Err(scan.error("one such section", format!("{keyword} a second time")));
         }
         Ok(())
     }

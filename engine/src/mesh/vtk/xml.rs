@@ -92,6 +92,7 @@ fn piece<'a>(
         return Err(reader.wrong(points, "three coordinates for every point", got));
     }
     let vertices: Vec<[f64; 3]> = coordinates.as_chunks().0.to_vec();
+    reader.is_count(node, "NumberOfPoints", vertices.len())?;
     let mut cells = Cells::new(vertices.len());
     let read = if is_poly_data { poly_data } else { unstructured_grid };
     read(reader, node, &mut cells)?;

@@ -90,6 +90,16 @@ impl<'a> Reader<'a> {
         parsed.transpose()
     }
 
+    /// Refuses a piece whose attribute `name`, if it has one, is another number than `n`.
+    pub(super) fn is_count(&self, piece: Node, name: &str, n: usize) -> Result<(), MeshError> {
+        match self.count(piece, name)? {
+            Some(told) if told != n => {
+                Err(self.wrong(piece, &format!("{told} of them, as {name} says"), n.to_string()))
+            }
+            _ => Ok(()),
+        }
+    }
+
     /// The array of that name among the children of `node`.
     pub(super) fn named(&self, node: Node<'a, 'a>, name: &str) -> Result<Vec<f64>, MeshError> {
         let found = node.children().find(|n| n.attribute("Name") == Some(name));

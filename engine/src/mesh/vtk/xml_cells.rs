@@ -15,6 +15,7 @@ pub(super) fn poly_data<'a>(
     for name in ["Verts", "Lines", "Polys", "Strips"] {
         let Some(node) = piece.children().find(|n| n.has_tag_name(name)) else { continue };
         let Some((corners, offsets)) = lists(reader, node)? else { continue };
+        reader.is_count(piece, &format!("NumberOf{name}"), offsets.len())?;
         match name {
             "Polys" => split(reader, node, &corners, &offsets, |c| cells.polygon(c))?,
             "Strips" => split(reader, node, &corners, &offsets, |c| cells.strip(c))?,
@@ -32,6 +33,7 @@ pub(super) fn unstructured_grid<'a>(
 ) -> Result<(), MeshError> {
     let node = reader.child(piece, "Cells")?;
     let Some((corners, offsets)) = lists(reader, node)? else { return Ok(()) };
+    reader.is_count(piece, "NumberOfCells", offsets.len())?;
     let types = reader.named(node, "types")?;
     if types.len() != offsets.len() {
         let expected = format!("{} types, one per cell", offsets.len());
@@ -65,6 +67,9 @@ fn split(
 ) -> Result<(), MeshError> {
     let mut begin = 0;
     let mut cell = vec![];
+    if let Some(number) = corners.iter().chain(offsets).find(|number| number.fract() != 0.0) {
+        return Err(reader.wrong(node, "whole numbers", number.to_string()));
+    }
     for end in offsets {
         let Some(points) = corners.get(begin..*end as usize).filter(|_| *end >= 0.0) else {
             let expected = format!("offsets that rise to {}", corners.len());

@@ -43,6 +43,16 @@ pub enum CheckpointError {
         /// The checkpoint.
         folder: PathBuf,
     },
+    /// A file of somebody else's is where states are kept.
+    #[error(
+        "{} is not of eplat, and a run would replace it\n\
+         help: move it away, or name another folder with --out DIR",
+        path.display()
+    )]
+    Foreign {
+        /// The file.
+        path: PathBuf,
+    },
     /// A file is not whole, or is not of this run.
     #[error(
         "{}: {reason}\nhelp: the run cannot go on from here; delete the folder {} and start anew",

@@ -24,6 +24,7 @@ use serde::Serialize;
 use serde::de::DeserializeOwned;
 use sha2::{Digest as _, Sha256};
 
+use super::atomic::TEMPORARY;
 use crate::store::write_file_durably;
 
 pub use error::{CheckpointError, Identity, differences};
@@ -37,8 +38,8 @@ const CRC: usize = 4;
 const IDENTITY: &str = "identity.json";
 const COMMON: &str = "common";
 const CHAIN: &str = "chain-";
-/// How the names of temporary files begin (`tempfile`'s default).
-const TEMPORARY: &str = ".tmp";
+/// What states of every layout begin with.
+const FAMILY: &[u8] = b"eplatCK";
 
 /// Where a run is kept while it samples.
 #[derive(Debug)]
@@ -61,14 +62,15 @@ impl Checkpoint {
     ///
     /// # Errors
     /// [`CheckpointError::Occupied`] where an interrupted run has chains to lose;
-    /// [`CheckpointError::Io`].
+    /// [`CheckpointError::Foreign`]; [`CheckpointError::Io`].
     pub fn begin(
         folder: &Path,
         identity: &Identity,
         every: Duration,
     ) -> Result<Self, CheckpointError> {
-        if folder.join(IDENTITY).exists() && !states(folder)?.is_empty() {
-            return Err(CheckpointError::Occupied { folder: folder.to_owned() });
+        Self::require_free(folder)?;
+        if let Some(path) = foreign(folder).map_err(io_error("read", folder))? {
+            return Err(CheckpointError::Foreign { path });
         }
         remove(folder)?;
         fs::create_dir_all(folder).map_err(io_error("write", folder))?;
@@ -77,6 +79,17 @@ impl Checkpoint {
         text.and_then(|text| write_file_durably(&path, |file| file.write_all(&text)))
             .map_err(io_error("write", &path))?;
         Ok(Self::new(folder, identity, every))
+    }
+
+    /// Refuses a folder with the chains of an interrupted run.
+    ///
+    /// # Errors
+    /// [`CheckpointError::Occupied`], [`CheckpointError::Io`].
+    pub fn require_free(folder: &Path) -> Result<(), CheckpointError> {
+        if folder.join(IDENTITY).exists() && !states(folder)?.is_empty() {
+            return Err(CheckpointError::Occupied { folder: folder.to_owned() });
+        }
+        Ok(())
     }
 
     /// For a run that goes on where it was interrupted.
@@ -157,6 +170,14 @@ impl Checkpoint {
     /// [`CheckpointError::Io`].
     pub fn remove(self) -> Result<(), CheckpointError> {
         remove(&self.folder)
+    }
+
+    /// Forgets the run that is kept in `folder`, if there is one.
+    ///
+    /// # Errors
+    /// [`CheckpointError::Io`].
+    pub fn forget(folder: &Path) -> Result<(), CheckpointError> {
+        remove(folder)
     }
 
     /// Seconds and state of a file, checked.
@@ -257,6 +278,24 @@ impl Checkpoint {
 fn states(folder: &Path) -> Result<Vec<String>, CheckpointError> {
     let is_state = |name: &String| name == COMMON || name.starts_with(CHAIN);
     Ok(names(folder).map_err(io_error("read", folder))?.into_iter().filter(is_state).collect())
+}
+
+/// A file that has the name of a state and is none: somebody else's.
+fn foreign(folder: &Path) -> io::Result<Option<PathBuf>> {
+    if !folder.exists() {
+        return Ok(None);
+    }
+    for name in names(folder)? {
+        let path = folder.join(&name);
+        let is_named = name == COMMON || name.starts_with(CHAIN);
+        if is_named && !(path.is_file() && fs::read(&path)?.starts_with(FAMILY)) {
+            return Ok(Some(path));
+        }
+        if name == IDENTITY && serde_json::from_slice::<Identity>(&fs::read(&path)?).is_err() {
+            return Ok(Some(path));
+        }
+    }
+    Ok(None)
 }
 
 fn names(folder: &Path) -> io::Result<Vec<String>> {

@@ -1,0 +1,151 @@
+//! A folder of results is of one run, and what is not eplat's stays as it is.
+#![cfg(unix)]
+#![allow(clippy::unwrap_used, reason = "tests")]
+
+#[path = "support/program.rs"]
+mod program;
+
+use std::fs;
+use std::path::Path;
+use std::process::{Command, Stdio};
+use std::time::{Duration, Instant};
+
+use program::{Workplace, text};
+
+const SMALL: &str = "run erp --chains 2 --warmup 60 --draws 100 --out out";
+const LONG: &str =
+    "run erp --sampler nuts --chains 2 --warmup 2000 --draws 100000 --checkpoint-every 0 --out out";
+
+fn names(place: &Workplace, folder: &str) -> Vec<String> {
+    let entries = fs::read_dir(place.path(folder)).unwrap();
+    let mut names: Vec<String> =
+        entries.map(|entry| entry.unwrap().file_name().into_string().unwrap()).collect();
+    names.sort();
+    names
+}
+
+/// Contents of the files in a folder, by name; folders by their names.
+fn contents(folder: &Path) -> Vec<(String, Vec<u8>)> {
+    let entries = fs::read_dir(folder).unwrap().map(Result::unwrap);
+    let of = |entry: fs::DirEntry| {
+        let content = fs::read(entry.path()).unwrap_or_default();
+        (entry.file_name().into_string().unwrap(), content)
+    };
+    let mut all: Vec<_> = entries.map(of).collect();
+    all.sort();
+    all
+}
+
+fn sampled(place: &Workplace, arguments: &str) {
+    let output = place.eplat(arguments);
+    assert!(matches!(output.status.code(), Some(0 | 3 | 4)), "{}", text(&output.stderr));
+}
+
+#[test]
+fn a_second_run_into_the_folder_of_a_live_one_is_refused() {
+    let place = Workplace::new();
+    let mut live = place.command(LONG).stdout(Stdio::null()).stderr(Stdio::null()).spawn().unwrap();
+    let begun = Instant::now();
+    while !place.path("out/checkpoint/chain-0").exists() {
+        assert!(begun.elapsed() < Duration::from_mins(1) && live.try_wait().unwrap().is_none());
+        std::thread::sleep(Duration::from_millis(5));
+    }
+    for arguments in [LONG, SMALL, &format!("{LONG} --resume"), &format!("{SMALL} --force")] {
+        let second = place.eplat(arguments);
+        let said = text(&second.stderr);
+        assert_eq!(second.status.code(), Some(1), "{said}");
+        let expected = format!(
+            "error: out is in use: another eplat (process {}) writes to it\n\
+             help: wait until it has ended, or name another folder with --out DIR\n",
+            live.id()
+        );
+        assert!(said.ends_with(&expected), "{said}");
+    }
+    assert!(live.try_wait().unwrap().is_none());
+    live.kill().unwrap();
+    live.wait().unwrap();
+    // a dead one locks nobody out
+    let after = text(&place.eplat(LONG).stderr);
+    assert!(after.contains("out/checkpoint holds an interrupted run"), "{after}");
+    fs::remove_dir_all(place.path("out/checkpoint")).unwrap();
+    sampled(&place, SMALL);
+    assert!(!names(&place, "out").iter().any(|name| name.starts_with('.')));
+}
+
+#[test]
+fn a_run_that_dies_while_it_writes_leaves_the_earlier_one_whole() {
+    let place = Workplace::new();
+    sampled(&place, SMALL);
+    let earlier = contents(&place.path("out"));
+    // the system kills a process that writes a longer file than 64 kB: in draws.csv, after summary.csv
+    let limited = |arguments: &str| {
+        let mut command = Command::new("sh");
+        let line = format!("ulimit -f 64; exec \"$0\" {arguments}");
+        command.args(["-c", &line]).arg(env!("CARGO_BIN_EXE_eplat")).current_dir(place.path(""));
+        command.env("EPLAT_CACHE", concat!(env!("CARGO_TARGET_TMPDIR"), "/cache"));
+        command.output().unwrap()
+    };
+    let killed = limited(&format!("{SMALL} --seed 2 --checkpoint-every 1000"));
+    assert_ne!(killed.status.code(), Some(0));
+    let mut after = contents(&place.path("out"));
+    after.retain(|(name, _)| name != "checkpoint" && !name.starts_with('.'));
+    assert!(after == earlier, "files of two runs");
+    // what it left half-written goes with the next run
+    assert!(names(&place, "out").iter().any(|name| name.starts_with('.')));
+    let _ = fs::remove_dir_all(place.path("out/checkpoint"));
+    sampled(&place, &format!("{SMALL} --seed 2"));
+    let expected: Vec<&String> = earlier.iter().map(|(name, _)| name).collect();
+    assert_eq!(names(&place, "out").iter().collect::<Vec<_>>(), expected);
+    assert!(contents(&place.path("out")) != earlier);
+}
+
+#[test]
+fn files_of_two_kinds_of_run_do_not_stand_side_by_side() {
+    let place = Workplace::new();
+    sampled(&place, SMALL);
+    let mode = place.eplat("run erp --optimize --out out");
+    assert!(matches!(mode.status.code(), Some(0 | 3)), "{}", text(&mode.stderr));
+    assert_eq!(names(&place, "out"), ["fields.vtp", "map.csv", "map.json"]);
+}
+
+#[test]
+fn files_of_a_users_are_not_replaced_unasked() {
+    let cases = [
+        "summary.csv",
+        "measurements.csv",
+        "posterior.zarr/mine",
+        "run.json",
+        "map.json",
+        "checkpoint/common",
+        "checkpoint/chain-notes.txt",
+        "checkpoint/identity.json",
+    ];
+    for name in cases {
+        let place = Workplace::new();
+        place.file(&format!("out/{name}"), "mine");
+        let refused = place.eplat(SMALL);
+        let said = text(&refused.stderr);
+        assert_eq!(refused.status.code(), Some(1), "{name}: {said}");
+        let named = name.trim_end_matches("/mine");
+        assert!(said.contains(&format!("out/{named} is ")), "{name}: {said}");
+        assert!(!said.contains("sampl"), "{name} is noticed too late: {said}");
+        assert_eq!(place.read(&format!("out/{name}")), "mine");
+        assert_eq!(names(&place, "out").len(), 1, "{name}");
+    }
+    let place = Workplace::new();
+    place.file("out/summary.csv", "mine").file("out/notes.txt", "mine");
+    sampled(&place, &format!("{SMALL} --force"));
+    assert_ne!(place.read("out/summary.csv"), "mine");
+    assert_eq!(place.read("out/notes.txt"), "mine");
+    // an earlier run is no user's file
+    sampled(&place, &format!("{SMALL} --seed 2"));
+
+    place.file("there/predictions.csv", "mine").file("new.csv", place.read("out/measurements.csv"));
+    let refused = place.eplat("predict out new.csv --out there");
+    assert!(text(&refused.stderr).contains("there/predictions.csv is of no run of eplat"));
+    assert_eq!(place.read("there/predictions.csv"), "mine");
+    place.file("loop/report.html", "mine").file("data.csv", place.read("out/measurements.csv"));
+    let refused = place.eplat("loop erp --mesh embedded --data data.csv --out loop");
+    let said = text(&refused.stderr);
+    assert!(said.contains("loop/report.html is of no run of eplat"), "{said}");
+}
