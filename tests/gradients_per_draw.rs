@@ -13,7 +13,6 @@ mod models;
 #[path = "support/nuts_rs.rs"]
 mod nuts_rs_chain;
 #[path = "support/posterior.rs"]
-#[allow(dead_code, reason = "other tests use the rest")]
 mod posterior;
 mod support;
 

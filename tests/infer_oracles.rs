@@ -191,11 +191,15 @@ fn reflect(mirror: &[f64], x: &mut [f64]) {
 fn turned_normal<'a>(variances: &'a [f64], mirrors: &'a [Vec<f64>]) -> impl LogDensity + 'a {
     let f = move |q: &[f64], g: &mut [f64]| {
         g.copy_from_slice(q);
-        mirrors.iter().for_each(|mirror| reflect(mirror, g));
+        for mirror in mirrors {
+            reflect(mirror, g);
+        }
         let ln_density = g.iter().zip(variances).map(|(y, v)| -0.5 * y * y / v).sum();
         g.iter_mut().zip(variances).for_each(|(y, v)| *y /= -v);
         // reflections undo themselves, the last one first
-        mirrors.iter().rev().for_each(|mirror| reflect(mirror, g));
+        for mirror in mirrors.iter().rev() {
+            reflect(mirror, g);
+        }
         ln_density
     };
     Density { dim: variances.len(), f }
@@ -213,7 +217,9 @@ fn a_turned_normal_of_condition_a_million_in_250_dimensions() {
     let ends = [0, 1, 60, 125, 190, 248, 249];
     let square = |i: usize, q: &[f64]| {
         let mut y = q.to_vec();
-        mirrors.iter().for_each(|mirror| reflect(mirror, &mut y));
+        for mirror in &mirrors {
+            reflect(mirror, &mut y);
+        }
         y[i] * y[i]
     };
     let scores = ends.map(|i| z_score(&chains, variances[i], |q| square(i, q)));

@@ -84,8 +84,8 @@ pub(super) struct SamplerArgs {
     #[arg(long, default_value_t = 1000)]
     draws: usize,
     /// Mean acceptance that the step size is tuned to, between 0 and 1; nearer to 1 means smaller
-    /// steps and fewer divergences [default: for nuts 0.8, or 0.95 where the chains did
-    /// not agree in the warm-up; for blocked 0.95]
+    /// steps and fewer divergences [default: 0.95, or for nuts on a model without
+    /// fields 0.8]
     #[arg(long)]
     target_accept: Option<f64>,
     /// Sampler [default: integrated where every measurement is normal about a linear function of fields,

@@ -327,21 +327,15 @@ impl<E: Evaluator> Trajectory for Flow<E> {
         let step_size = if forward { self.step_size } else { -self.step_size };
         self.n_points += 1;
         self.begun.copy_from(edge);
-        let mut halvings = 0;
-        let mut whole = 0.0;
-        loop {
-            let change = self.parts(edge, step_size, halvings);
-            if halvings == 0 {
-                whole = change;
-            }
-            if change <= ROUGH {
-                break;
-            }
+        let whole = self.parts(edge, step_size, 0);
+        let (mut change, mut halvings) = (whole, 0);
+        while change > ROUGH {
             if halvings == MOST_HALVINGS {
                 return Err(Stop::Divergence);
             }
-            edge.copy_from(&self.begun);
             halvings += 1;
+            edge.copy_from(&self.begun);
+            change = self.parts(edge, step_size, halvings);
         }
         for fewer in 0..halvings {
             let mut back = std::mem::take(&mut self.back);

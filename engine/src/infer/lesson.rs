@@ -9,6 +9,9 @@ use serde::{Deserialize, Serialize};
 /// Position, gradient, log density.
 type WarmUpDraw = (Vec<f64>, Vec<f64>, f64);
 
+/// Means and standard deviations in half of a chain's draws.
+type Half = (Vec<f64>, Vec<f64>);
+
 /// The draws of one chain in one round of the warm-up.
 #[derive(Clone, Debug, Default, Serialize, Deserialize)]
 pub(super) struct Lesson {
@@ -58,7 +61,9 @@ impl Lesson {
     /// The moments of these draws.
     fn moments(draws: &[WarmUpDraw], kind: MetricKind, dim: usize) -> DrawMoments {
         let mut moments = DrawMoments::new(dim, kind);
-        draws.iter().for_each(|(position, gradient, _)| moments.add(position, gradient));
+        for (position, gradient, _) in draws {
+            moments.add(position, gradient);
+        }
         moments
     }
 
@@ -68,7 +73,7 @@ impl Lesson {
         if lessons.iter().any(|lesson| lesson.n_divergences > 0) {
             return false;
         }
-        let mut halves = vec![];
+        let mut halves: Vec<Half> = vec![];
         for lesson in lessons {
             let (a, b) = lesson.draws.split_at(lesson.draws.len() / 2);
             halves.extend([a, b].map(|half| {
@@ -81,8 +86,7 @@ impl Lesson {
             }));
         }
         let (n, width) = (halves.len() as f64, halves.first().map_or(0, |half| half.0.len()));
-        let mean =
-            |of: &dyn Fn(&(Vec<f64>, Vec<f64>)) -> f64| halves.iter().map(of).sum::<f64>() / n;
+        let mean = |of: &dyn Fn(&Half) -> f64| halves.iter().map(of).sum::<f64>() / n;
         (0..width).all(|i| {
             let within = mean(&|half| half.1[i].powi(2));
             let centre = mean(&|half| half.0[i]);

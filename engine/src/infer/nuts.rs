@@ -19,8 +19,6 @@ use serde::{Deserialize, Serialize};
 /// Mean acceptance that the step size is tuned to where none is asked for. It may be this low because
 /// a step that is too long somewhere is halved there.
 const TARGET: f64 = 0.8;
-/// The same where the chains did not agree in the whole warm-up.
-const CAREFUL: f64 = 0.95;
 
 /// A chain of the no-U-turn sampler. A single chain learns from its own draws, a chain of a run from
 /// the draws of all chains.
@@ -29,7 +27,7 @@ pub struct Nuts<'d> {
     chain: usize,
     seed: u64,
     kind: MetricKind,
-    target_accept: Option<f64>,
+    target_accept: f64,
     warm_up: WarmUp,
     /// What the chain learns in this round of the warm-up; `None` once the warm-up is over.
     learning: Option<(Adaptation, Lesson)>,
@@ -82,7 +80,7 @@ impl<'d> Nuts<'d> {
             chain,
             seed: settings.seed,
             kind: settings.metric,
-            target_accept: settings.target_accept,
+            target_accept: settings.target_accept.unwrap_or(TARGET),
             warm_up: WarmUp::new(Stage::nuts(settings.warmup, Adaptation::is_enough(learnt))),
             learning: None,
             step_size: f64::NAN,
@@ -92,14 +90,12 @@ impl<'d> Nuts<'d> {
         if !new.kernel.is_usable() {
             return Err(new.error(0, ChainFailure::NoSupport));
         }
-        new.begin_round(learnt, TARGET)?;
+        new.begin_round(learnt)?;
         Ok(new)
     }
 
-    /// `target` is the acceptance where none is asked for.
-    fn begin_round(&mut self, learnt: &DrawMoments, target: f64) -> Result<(), ChainError> {
-        let target = self.target_accept.unwrap_or(target);
-        let adaptation = Adaptation::begin(&mut self.kernel, self.kind, target, learnt);
+    fn begin_round(&mut self, learnt: &DrawMoments) -> Result<(), ChainError> {
+        let adaptation = Adaptation::begin(&mut self.kernel, self.kind, self.target_accept, learnt);
         let n = self.warm_up.n_done();
         let adaptation = adaptation.ok_or_else(|| self.error(n, ChainFailure::NoStepSize))?;
         self.step_size = adaptation.step_size();
@@ -217,8 +213,7 @@ impl Together for Nuts<'_> {
                 chain.warm_up.shorten();
             }
             chain.kernel.hamiltonian().metric = metric.clone();
-            let is_careful = chain.warm_up.is_last_round() && !is_enough;
-            chain.begin_round(&nothing, if is_careful { CAREFUL } else { TARGET })
+            chain.begin_round(&nothing)
         };
         chains.into_iter().map(go_on).collect()
     }

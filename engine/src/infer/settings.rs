@@ -24,8 +24,8 @@ pub struct Settings {
     pub warmup: usize,
     /// Draws kept per chain.
     pub draws: usize,
-    /// Mean acceptance that the step size is tuned to, in (0, 1). If `None`, NUTS takes 0.8, or
-    /// 0.95 where the chains did not agree in the warm-up, and the blocked sampler 0.95.
+    /// Mean acceptance that the step size is tuned to, in (0, 1). If `None`, NUTS takes 0.8 and
+    /// the blocked sampler 0.95.
     pub target_accept: Option<f64>,
     /// Most doublings per transition, 1 to 20.
     pub max_depth: u32,

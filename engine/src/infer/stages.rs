@@ -160,11 +160,6 @@ impl WarmUp {
         self.done = 0;
     }
 
-    /// Whether no meeting is left.
-    pub(super) fn is_last_round(&self) -> bool {
-        self.n_meetings + 1 >= self.rounds().count()
-    }
-
     /// Leaves out all further rounds but the last.
     pub(super) fn shorten(&mut self) {
         let n_stages: Vec<usize> = self.rounds().map(<[Stage]>::len).collect();

@@ -113,10 +113,19 @@ impl Sampler {
                 sample_integrated(&blocks, starts, settings, progress)
             }
             Self::Blocked => sample_blocked(&Blocks::new(model), starts, settings, progress),
-            Self::Nuts => infer::sample(model, starts, settings, progress),
+            Self::Nuts => {
+                let careful = (!model.fields.is_empty()).then_some(WITH_FIELDS);
+                let target_accept = settings.target_accept.or(careful);
+                let settings = Settings { target_accept, ..settings.clone() };
+                infer::sample(model, starts, &settings, progress)
+            }
         }
     }
 }
+
+/// Mean acceptance to which NUTS tunes its step size on a model with fields. Longer steps seldom enter the tails
+/// of their amplitudes and lengthscales.
+const WITH_FIELDS: f64 = 0.95;
 
 /// Whether every measurement is normal about a linear function of fields, with an sd that these do not change, and few
 /// unknowns are left without the fields.
