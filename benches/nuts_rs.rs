@@ -46,7 +46,13 @@ fn main() {
     for who in ["nuts-rs", "nuts", "blocked"] {
         let mut runs = vec![];
         for seed in 1..=seeds {
-            let settings = Settings { chains: 8, threads: 1, seed, ..Settings::default() };
+            let settings = Settings {
+                chains: 8,
+                threads: 1,
+                seed,
+                target_accept: Some(0.95),
+                ..Settings::default()
+            };
             let begun = cpu_seconds();
             let chains = chains(who, &model, &settings);
             let cpu = cpu_seconds() - begun;
