@@ -116,8 +116,8 @@ fn problems() -> Vec<(&'static str, Box<dyn Declare>, Measurements)> {
         ("columns alike", Box::new(models::alike::Alike), columns_and_sum(100, 5, 25, 0.95)),
         (
             "test scores",
-            Box::new(models::scores::Scores),
-            rows("school,iq,score", 120, 26, |_, rng| {
+            Box::new(models::interaction::Interaction),
+            rows("first,second,y", 120, 26, |_, rng| {
                 let (school, iq) =
                     (f64::from(u8::from(rng.random::<f64>() < 0.79)), 100.0 + 15.0 * normal(rng));
                 vec![
@@ -129,8 +129,8 @@ fn problems() -> Vec<(&'static str, Box<dyn Declare>, Measurements)> {
         ),
         (
             "earnings",
-            Box::new(models::scores::Scores),
-            rows("school,iq,score", 150, 27, |_, rng| {
+            Box::new(models::interaction::Interaction),
+            rows("first,second,y", 150, 27, |_, rng| {
                 let male = f64::from(u8::from(rng.random::<f64>() < 0.37));
                 let height = 64.5 + 5.5 * male + 2.6 * normal(rng);
                 vec![

@@ -5,6 +5,8 @@
 //! `EPLAT_MUTATIONS=100000 cargo test --release --test mutated`.
 #![allow(clippy::unwrap_used, reason = "tests")]
 
+#[path = "support/encodings.rs"]
+mod encodings;
 #[path = "support/program.rs"]
 mod program;
 #[path = "support/sheet.rs"]
@@ -15,7 +17,7 @@ use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
 use eplat::manifold::{Basis, eigenpairs};
-use eplat::mesh::{self, Encoding, Surface};
+use eplat::mesh;
 use eplat::report::{FieldDraws, RunRecord, read_loo, read_rows, read_summary_json};
 use eplat::run::{Inputs, Results};
 use eplat::store::Checkpoint;
@@ -117,29 +119,10 @@ fn read_mesh(path: &Path) {
 #[test]
 fn meshes_of_every_format() {
     let folder = tempfile::tempdir().unwrap();
-    let mesh = sheet::mesh();
-    let values: Vec<f64> = (0..mesh.n_vertices()).map(|i| (i as f64).sqrt()).collect();
-    let surface = Surface::new(mesh, [("lat".into(), values)].into());
-    for (name, encoding) in [
-        ("b.vtp", Encoding::Binary),
-        ("b.vtu", Encoding::Binary),
-        ("b.vtk", Encoding::Binary),
-        ("a.vtk", Encoding::Ascii),
-        ("b.ply", Encoding::Binary),
-        ("a.ply", Encoding::Ascii),
-        ("b.npz", Encoding::Binary),
-        ("a.obj", Encoding::Ascii),
-        ("a.stl", Encoding::Ascii),
-        ("b.stl", Encoding::Binary),
-        ("a.pts", Encoding::Ascii),
-    ] {
-        let path = folder.path().join(name);
-        surface.write(&path, encoding).unwrap();
+    for path in encodings::written(sheet::mesh(), folder.path()) {
         survives(&path, &read_mesh);
-        if name == "a.pts" {
-            survives(&path.with_extension("elem"), &read_mesh);
-        }
     }
+    survives(&folder.path().join("a.elem"), &read_mesh);
     let text = "<VTKFile type=\"PolyData\"><PolyData><Piece NumberOfPoints=\"4\" NumberOfPolys=\"2\"><Points>\
         <DataArray type=\"Float64\" NumberOfComponents=\"3\" format=\"ascii\">0 0 0 10 0 0 0 10 0 10 10 0</DataArray></Points><Polys>\
         <DataArray type=\"Int64\" Name=\"connectivity\" format=\"ascii\">0 1 2 1 3 2</DataArray>\

@@ -5,6 +5,8 @@
 
 #[path = "support/carto.rs"]
 mod carto;
+#[path = "support/encodings.rs"]
+mod encodings;
 #[path = "support/mat.rs"]
 mod mat;
 
@@ -13,7 +15,7 @@ use std::io::Write as _;
 use std::path::{Path, PathBuf};
 
 use eplat::import::{Given, read};
-use eplat::mesh::{self, Encoding, Surface};
+use eplat::mesh;
 use peak_alloc::PeakAlloc;
 use rand::{Rng, RngExt as _, SeedableRng as _};
 use rand_chacha::ChaCha8Rng;
@@ -86,31 +88,6 @@ fn worst(path: &Path, file: &Path, rng: &mut ChaCha8Rng, read: &dyn Fn(&Path)) -
 
 fn size(path: &Path) -> f64 {
     fs::metadata(path).map_or(0.0, |file| file.len() as f64)
-}
-
-/// A surface with an array of points, in every format.
-fn meshes(folder: &Path) -> Vec<PathBuf> {
-    let mesh = mesh::left_atrium(2.0).mesh;
-    let values: Vec<f64> = (0..mesh.n_vertices()).map(|i| (i as f64).sqrt()).collect();
-    let surface = Surface::new(mesh, [("lat".into(), values)].into());
-    let all = [
-        ("b.vtp", Encoding::Binary),
-        ("b.vtu", Encoding::Binary),
-        ("b.vtk", Encoding::Binary),
-        ("a.vtk", Encoding::Ascii),
-        ("b.ply", Encoding::Binary),
-        ("a.ply", Encoding::Ascii),
-        ("b.npz", Encoding::Binary),
-        ("a.obj", Encoding::Ascii),
-        ("a.stl", Encoding::Ascii),
-        ("b.stl", Encoding::Binary),
-        ("a.pts", Encoding::Ascii),
-    ];
-    let written = |(name, encoding): (&str, Encoding)| {
-        surface.write(&folder.join(name), encoding).unwrap();
-        folder.join(name)
-    };
-    all.into_iter().map(written).collect()
 }
 
 /// The triangulation of an OpenEP file.
@@ -202,7 +179,7 @@ fn no_reader_takes_more_than_ten_times_the_file() {
         }
     };
     let read_mesh = |path: &Path| drop(mesh::read(path, None));
-    for path in meshes(folder.path()) {
+    for path in encodings::written(mesh::left_atrium(2.0).mesh, folder.path()) {
         for file in mesh::files(&path) {
             let name = file.file_name().unwrap().to_string_lossy().into_owned();
             judge(&name, worst(&path, &file, &mut rng, &read_mesh));

@@ -97,7 +97,7 @@ fn record() -> RunRecord {
             chains: 4,
             warmup: 1000,
             draws: 1000,
-            target_accept: None,
+            target_accept: Some(0.95),
             metric,
         },
         hashes: BTreeMap::from([("mesh".to_owned(), "5f".repeat(32))]),

@@ -169,7 +169,7 @@ pub struct SettingsRecord {
     pub warmup: usize,
     /// Kept draws of each chain.
     pub draws: usize,
-    /// Target of the mean acceptance rate.
+    /// Mean acceptance that the step size was tuned to; none where there is no step size.
     pub target_accept: Option<f64>,
     /// `low-rank` or `diag`.
     pub metric: String,
@@ -259,7 +259,7 @@ mod tests {
             "chains": 4,
             "warmup": 1000,
             "draws": 1000,
-            "target_accept": null,
+            "target_accept": 0.95,
             "metric": "diag"
           },
           "hashes": {

@@ -50,7 +50,7 @@ pub(super) fn record() -> RunRecord {
             chains: 4,
             warmup: 1000,
             draws: 1000,
-            target_accept: None,
+            target_accept: Some(0.95),
             metric: "diag".to_owned(),
             sampler: "nuts".to_owned(),
         },

@@ -59,13 +59,17 @@ impl Method {
     }
 
     /// The settings as a run's record has them.
-    pub fn record(self, settings: &Settings) -> SettingsRecord {
+    pub fn record(self, model: &Model, settings: &Settings) -> SettingsRecord {
+        let target_accept = match self {
+            Self::Sampled(sampler) => sampler.target_accept(model, settings),
+            Self::Laplace | Self::Prior => None,
+        };
         SettingsRecord {
             sampler: self.name().into(),
             chains: settings.chains,
             warmup: settings.warmup,
             draws: settings.draws,
-            target_accept: settings.target_accept,
+            target_accept,
             metric: match settings.metric {
                 MetricKind::Diagonal => "diag".into(),
                 MetricKind::LowRank => "low-rank".into(),

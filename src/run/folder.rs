@@ -10,7 +10,7 @@ use tempfile::TempDir;
 
 use super::RunError;
 use crate::report::RunRecord;
-use crate::store::{FolderLock, LockError, write_file, write_file_durably};
+use crate::store::{FolderLock, LockError, TEMPORARY, write_file, write_file_durably};
 
 /// What a folder may hold: a record, which is written last, and the files that belong to it.
 const KINDS: [(&str, &[&str]); 2] = [
@@ -134,7 +134,7 @@ impl OutputFolder {
     /// [`RunError::Unwritable`].
     pub(super) fn begin(&self) -> Result<NewFiles, RunError> {
         self.make()?;
-        let folder = tempfile::Builder::new().prefix(".eplat-tmp-").tempdir_in(&self.path);
+        let folder = tempfile::Builder::new().prefix(TEMPORARY).tempdir_in(&self.path);
         Ok(NewFiles(folder.map_err(RunError::unwritable(&self.path))?))
     }
 

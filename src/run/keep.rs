@@ -55,10 +55,7 @@ pub(super) fn identity(
         ("chains".into(), chains.to_string()),
         ("warmup".into(), warmup.to_string()),
         ("draws".into(), draws.to_string()),
-        (
-            "target-accept".into(),
-            target_accept.map_or("the sampler's own".into(), |target| target.to_string()),
-        ),
+        ("target-accept".into(), target_accept.map_or("none".into(), |target| target.to_string())),
         ("metric".into(), metric.clone()),
     ]);
     let hashed = hashes.iter().map(|(role, hash)| (format!("hash of the {role}"), hash.clone()));

@@ -54,7 +54,7 @@ impl Fit<'_> {
             version: VERSION.into(),
             seed: self.settings.seed,
             provenance: self.provenance(),
-            settings: self.method.record(&self.settings),
+            settings: self.method.record(self.model(), &self.settings),
             hashes: self.hashes.clone(),
             n_params: self.model().dim(),
             grad_evals: spent.gradients,

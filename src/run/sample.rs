@@ -68,7 +68,7 @@ impl<'m> Problem<'m> {
         keep: &Keep,
     ) -> Result<Ended<'m>, RunError> {
         let job = Job::new(self, settings, options)?;
-        let record = job.method().record(&job.settings);
+        let record = job.method().record(job.problem.model(), &job.settings);
         let identity = keep::identity(VERSION, job.settings.seed, &record, &job.hashes);
         let opened = keep::open(out, identity, &job.starts, keep, &options.watch)?;
         let Some(checkpoint) = opened else { return Ok(Ended::Before) };

@@ -144,17 +144,18 @@ pub(crate) mod uncensored {
     }
 }
 
-/// Test scores against two covariates and their product, none of them centred.
-pub(crate) mod scores {
+/// Two covariates and their product, none of them centred.
+pub(crate) mod interaction {
     use super::*;
     model! {
-        model Scores;
-        column school;
-        column iq;
+        model Interaction;
+        column first;
+        column second;
         param b(4) ~ Flat;
         param sigma ~ HalfCauchy(2.5);
-        let mean(row) = b[0] + b[1] * row.school + b[2] * row.iq + b[3] * row.school * row.iq;
-        observe score(row): Number ~ Normal(mean(row), sigma);
+        let mean(row) =
+            b[0] + b[1] * row.first + b[2] * row.second + b[3] * row.first * row.second;
+        observe y(row): Number ~ Normal(mean(row), sigma);
     }
 }
 

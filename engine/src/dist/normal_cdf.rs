@@ -56,8 +56,12 @@ mod tests {
 
     #[test]
     fn the_lower_tail_agrees_with_scipy() {
-        // scipy.stats.norm.logcdf(-40), logcdf(-5)
+        // scipy.stats.norm.logcdf
         assert!((ln_cdf(-40.0) + 804.608_442_013_753_9).abs() < 1e-9);
+        // the two sides of where the continued fraction begins
+        assert!((ln_cdf(-10.0) + 53.231_285_150_512_48).abs() < 1e-12 * 53.0);
+        assert!((ln_cdf(-9.999_999) + 53.231_275_052_419_75).abs() < 1e-10);
+        assert!((ln_cdf(-12.0) + 75.410_673_001_568_8).abs() < 1e-12 * 75.0);
         assert!((ln_cdf(-5.0) + 15.064_998_393_988_725).abs() < 1e-12);
     }
 }

@@ -24,7 +24,7 @@ impl Lesson {
     /// by more than the square of this.
     const R_HAT: f64 = 1.1;
 
-    /// Directions must lower the divergence at least to this part.
+    /// Directions must lower the Fisher divergence at least to this part of that of scales alone.
     const LEAST_GAIN: f64 = 0.25;
 
     pub(super) fn add(&mut self, point: &PhasePoint, diverging: bool) {
@@ -35,36 +35,27 @@ impl Lesson {
     /// The metric that suits all chains' draws. Directions are taken up only if they also suit draws
     /// that they were not fitted to: those of the second halves.
     pub(super) fn fit(lessons: &[Self], kind: MetricKind, metric: &mut Metric) {
-        let halves = |second: bool| {
-            let half = move |lesson: &Self| {
-                let middle = lesson.draws.len() / 2;
-                let range = if second { middle..lesson.draws.len() } else { 0..middle };
-                lesson.draws[range].to_vec()
-            };
-            lessons.iter().flat_map(half).collect::<Vec<_>>()
+        let scale = metric.scale.clone();
+        let fitted = |lessons: &[&[WarmUpDraw]], kind| {
+            let mut moments = DrawMoments::new(scale.len(), kind);
+            for (position, gradient, _) in lessons.iter().copied().flatten() {
+                moments.add(position, gradient);
+            }
+            let mut new = Metric::diagonal(scale.clone());
+            moments.fit(&mut new);
+            new
         };
-        let (first, second) = (halves(false), halves(true));
-        let fitted = |kind| {
-            let mut new = Metric::diagonal(metric.scale.clone());
-            Self::moments(&first, kind, metric.scale.len()).fit(&mut new);
-            divergence(&new, &second)
-        };
-        let pays = kind == MetricKind::LowRank && {
-            let (low_rank, diagonal) = (fitted(MetricKind::LowRank), fitted(MetricKind::Diagonal));
-            low_rank < Self::LEAST_GAIN * diagonal
-        };
+        let (first, second): (Vec<_>, Vec<_>) = lessons.iter().map(Self::halves).unzip();
+        let seconds: Vec<&WarmUpDraw> = second.iter().copied().flatten().collect();
+        let error = |kind| fisher_divergence(&fitted(&first, kind), &seconds);
+        let pays = kind == MetricKind::LowRank
+            && error(MetricKind::LowRank) < Self::LEAST_GAIN * error(MetricKind::Diagonal);
         let kind = if pays { MetricKind::LowRank } else { MetricKind::Diagonal };
-        *metric = Metric::diagonal(metric.scale.clone());
-        Self::moments(&[first, second].concat(), kind, metric.scale.len()).fit(metric);
+        *metric = fitted(&[first, second].concat(), kind);
     }
 
-    /// The moments of these draws.
-    fn moments(draws: &[WarmUpDraw], kind: MetricKind, dim: usize) -> DrawMoments {
-        let mut moments = DrawMoments::new(dim, kind);
-        for (position, gradient, _) in draws {
-            moments.add(position, gradient);
-        }
-        moments
+    fn halves(&self) -> (&[WarmUpDraw], &[WarmUpDraw]) {
+        self.draws.split_at(self.draws.len() / 2)
     }
 
     /// Whether no chain diverged, and all halves of all chains tell the same, of every coordinate and
@@ -75,7 +66,7 @@ impl Lesson {
         }
         let mut halves: Vec<Half> = vec![];
         for lesson in lessons {
-            let (a, b) = lesson.draws.split_at(lesson.draws.len() / 2);
+            let (a, b) = lesson.halves();
             halves.extend([a, b].map(|half| {
                 let width = half.first().map_or(0, |draw| draw.0.len() + 1);
                 let mut moments = Moments::new(width);
@@ -97,13 +88,14 @@ impl Lesson {
     }
 }
 
-/// The Fisher divergence of the draws from a normal with this metric as covariance, by draw; its
-/// median, for the tails of a posterior do not tell how to move in its bulk.
-fn divergence(metric: &Metric, draws: &[WarmUpDraw]) -> f64 {
+/// How far the draws are from those of a normal whose covariance is this metric: the square of force plus
+/// whitened position, which is 0 for such a normal. It is the median over the draws, because the tails of
+/// a posterior do not tell how to move in its bulk.
+fn fisher_divergence(metric: &Metric, draws: &[&WarmUpDraw]) -> f64 {
     let (dim, n) = (metric.scale.len(), draws.len() as f64);
     let mean = |i: usize| draws.iter().map(|draw| draw.0[i]).sum::<f64>() / n;
     let centre: Vec<f64> = (0..dim).map(mean).collect();
-    let of_draw = |(position, gradient, _): &WarmUpDraw| {
+    let of_draw = |(position, gradient, _): &&WarmUpDraw| {
         let mut whitened: Vec<f64> = position.iter().zip(&centre).map(|(q, c)| q - c).collect();
         let mut force = vec![0.0; dim];
         metric.whiten(&mut whitened);

@@ -16,10 +16,6 @@ use super::warmup::Adaptation;
 use crate::random::Stream;
 use serde::{Deserialize, Serialize};
 
-/// Mean acceptance that the step size is tuned to where none is asked for. It may be this low because
-/// a step that is too long somewhere is halved there.
-const TARGET: f64 = 0.8;
-
 /// A chain of the no-U-turn sampler. A single chain learns from its own draws, a chain of a run from
 /// the draws of all chains.
 pub struct Nuts<'d> {
@@ -48,6 +44,10 @@ pub(super) struct NutsState {
 }
 
 impl<'d> Nuts<'d> {
+    /// Mean acceptance that the step size is tuned to where none is asked for. It may be this low because
+    /// a step that is too long somewhere is halved there.
+    pub const TARGET_ACCEPT: f64 = 0.8;
+
     /// A chain from `start`, `(dim)`. The settings `chains`, `draws` and `threads` are not used.
     ///
     /// # Errors
@@ -80,7 +80,7 @@ impl<'d> Nuts<'d> {
             chain,
             seed: settings.seed,
             kind: settings.metric,
-            target_accept: settings.target_accept.unwrap_or(TARGET),
+            target_accept: settings.target_accept.unwrap_or(Self::TARGET_ACCEPT),
             warm_up: WarmUp::new(Stage::nuts(settings.warmup, Adaptation::is_enough(learnt))),
             learning: None,
             step_size: f64::NAN,

@@ -9,7 +9,7 @@ pub(super) struct Stage {
     pub(super) length: usize,
     /// What else adapts.
     pub(super) metric: Option<Window>,
-    /// Whether the chains of a run meet at its end, to learn from each other (the blocked sampler's).
+    /// Whether the chains of a run meet at its end, to learn from each other.
     pub(super) meets: bool,
 }
 
@@ -23,9 +23,9 @@ pub(super) struct Window(pub(super) usize);
 
 impl Stage {
     const EARLY: Window = Window(10);
+    pub(super) const LATE: Window = Window(80);
     /// The fewest transitions between two meetings of NUTS chains.
     const LEAST_ROUND: usize = 20;
-    pub(super) const LATE: Window = Window(80);
 
     /// The most transitions of a NUTS chain's warm-up. After every tenth of them the chains meet, and
     /// the metric is fitted to the draws of all; once they agree, only the last tenth follows. In the

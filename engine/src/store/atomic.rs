@@ -12,8 +12,9 @@ use std::time::Duration;
 
 use tempfile::NamedTempFile;
 
-/// How the names of unfinished files and folders begin.
-pub(super) const TEMPORARY: &str = ".eplat-tmp-";
+/// How the names of unfinished files and folders begin. What a killed process left of them is removed by the next
+/// one that writes to the folder.
+pub const TEMPORARY: &str = ".eplat-tmp-";
 
 /// A file that gets its name only when it is whole; dropped before that, it leaves no trace.
 #[derive(Debug)]
@@ -137,9 +138,14 @@ fn sweep_stale(folder: &Path) {
     if !is_first {
         return;
     }
+    sweep(folder, is_stale);
+}
+
+/// Removes those temporary files and folders in a folder that `is_left` says are of nobody.
+pub(super) fn sweep(folder: &Path, is_left: impl Fn(&Path) -> bool) {
     for entry in fs::read_dir(folder).into_iter().flatten().flatten() {
-        if entry.file_name().to_string_lossy().starts_with(TEMPORARY) && is_stale(&entry.path()) {
-            let path = entry.path();
+        let path = entry.path();
+        if entry.file_name().to_string_lossy().starts_with(TEMPORARY) && is_left(&path) {
             let _ = if path.is_dir() { fs::remove_dir_all(path) } else { fs::remove_file(path) };
         }
     }

@@ -4,7 +4,7 @@ use std::fs::{self, File, OpenOptions, TryLockError};
 use std::io::{self, Read as _, Write as _};
 use std::path::{Path, PathBuf};
 
-use super::atomic::TEMPORARY;
+use super::atomic::sweep;
 
 /// The file that is locked; it holds the number of the process.
 const LOCK: &str = ".eplat-lock";
@@ -47,7 +47,8 @@ impl FolderLock {
         fs::create_dir_all(folder)?;
         let path = folder.join(LOCK);
         let file = locked(&path).inspect_err(|_| remove_empty(&made))?;
-        sweep(folder)?;
+        // nobody else writes here now
+        sweep(folder, |_| true);
         Ok(Self { path, _file: file, made })
     }
 }
@@ -101,22 +102,6 @@ fn is_at(file: &File, path: &Path) -> bool {
 #[cfg(not(unix))]
 fn is_at(_: &File, path: &Path) -> bool {
     path.exists()
-}
-
-/// Removes temporary files and folders. No process may be writing to the folder.
-fn sweep(folder: &Path) -> io::Result<()> {
-    for entry in fs::read_dir(folder)?.flatten() {
-        let name = entry.file_name();
-        if !name.to_string_lossy().starts_with(TEMPORARY) {
-            continue;
-        }
-        if entry.file_type()?.is_dir() {
-            fs::remove_dir_all(entry.path())?;
-        } else {
-            fs::remove_file(entry.path())?;
-        }
-    }
-    Ok(())
 }
 
 #[cfg(test)]

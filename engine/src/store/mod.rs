@@ -12,7 +12,7 @@ pub mod memory;
 pub mod npy;
 mod npz;
 
-pub use atomic::{NewFile, write_file, write_file_durably, write_folder};
+pub use atomic::{NewFile, TEMPORARY, write_file, write_file_durably, write_folder};
 pub(crate) use checkpoint::take_chains;
 pub use checkpoint::{Checkpoint, CheckpointError, Identity, differences};
 pub use checkpoint::{Keeper, take_chain};

@@ -142,7 +142,7 @@ fn split(e: &Expr, is_op: &dyn Fn(&syn::BinOp) -> bool, out: &mut Vec<Expr>) {
     }
 }
 
-/// The most modes of a term: of no mesh are there more.
+/// The most modes of a term. It is far above what measurements at points can tell apart.
 const MOST_MODES: usize = 2048;
 
 /// `AMPLITUDE * gp(KERNEL, K = 24)`, the factors in any order.

@@ -76,7 +76,8 @@ impl KnownTruth<'_> {
             ("sites".into(), sites.to_string()),
             ("resolution".into(), resolution.to_string()),
         ]);
-        let record = serde_json::to_value(Method::Sampled(sampler).record(settings))?;
+        let record = Method::Sampled(sampler).record(self.problem.model(), settings);
+        let record = serde_json::to_value(record)?;
         let text = |value: &Value| value.as_str().map_or_else(|| value.to_string(), str::to_owned);
         let options = record.as_object().into_iter().flatten();
         identity.extend(options.map(|(name, value)| (name.clone(), text(value))));

@@ -29,10 +29,6 @@ const SWEEPS: usize = 3;
 /// where these are all that a trajectory moves.
 const TIME: f64 = 1.6;
 
-/// Mean acceptance of trajectories that the step size is tuned to where none is asked for. They are cheap
-/// beside what else a sweep costs.
-const TARGET: f64 = 0.95;
-
 /// What does not change in a chain.
 #[derive(Clone, Copy)]
 pub(super) struct Fixed<'d> {
@@ -64,6 +60,9 @@ pub struct Blocked<'d> {
 }
 
 impl<'d> Blocked<'d> {
+    /// Mean acceptance that the step size is tuned to where none is asked for.
+    pub const TARGET_ACCEPT: f64 = 0.95;
+
     /// A chain from `start`, `(dim)`. The settings `chains`, `draws`, `threads` and `metric` are
     /// not used.
     ///
@@ -95,7 +94,7 @@ impl<'d> Blocked<'d> {
             warm_up.met();
         }
         let Settings { seed, max_depth, .. } = *settings;
-        let target_accept = settings.target_accept.unwrap_or(TARGET);
+        let target_accept = settings.target_accept.unwrap_or(Self::TARGET_ACCEPT);
         let begin = |(chain, link): (usize, Link)| {
             let fixed = Fixed { density, chain, seed, max_depth, target_accept };
             Self::begin(fixed, &shared, warm_up.clone(), &link)

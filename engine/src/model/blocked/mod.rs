@@ -23,8 +23,8 @@ use std::collections::BTreeMap;
 use blocks::Blocks;
 
 use crate::infer::{
-    self, ChainResult, InferError, LatentGaussian as _, Progress, Settings, sample_blocked,
-    sample_integrated,
+    self, Blocked, ChainResult, InferError, LatentGaussian as _, Nuts, Progress, Settings,
+    sample_blocked, sample_integrated,
 };
 use crate::model::laid_out::{FieldEntry, Model};
 
@@ -96,6 +96,18 @@ impl Sampler {
         }
     }
 
+    /// The mean acceptance that the step size is tuned to: what is asked for, else what suits the model. `None`
+    /// where there is no step size.
+    pub fn target_accept(self, model: &Model, settings: &Settings) -> Option<f64> {
+        let suits = match self {
+            Self::Integrated => return None,
+            Self::Blocked => Blocked::TARGET_ACCEPT,
+            Self::Nuts if model.has_fields() => WITH_FIELDS,
+            Self::Nuts => Nuts::TARGET_ACCEPT,
+        };
+        settings.target_accept.or(Some(suits))
+    }
+
     /// Samples `model`; the draws are its own unknowns whichever sampler it is.
     ///
     /// # Errors
@@ -114,8 +126,7 @@ impl Sampler {
             }
             Self::Blocked => sample_blocked(&Blocks::new(model), starts, settings, progress),
             Self::Nuts => {
-                let careful = (!model.fields.is_empty()).then_some(WITH_FIELDS);
-                let target_accept = settings.target_accept.or(careful);
+                let target_accept = self.target_accept(model, settings);
                 let settings = Settings { target_accept, ..settings.clone() };
                 infer::sample(model, starts, &settings, progress)
             }
