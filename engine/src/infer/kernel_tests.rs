@@ -71,30 +71,58 @@ fn flow(density: &dyn LogDensity, seed: u64) -> Flow<Box<dyn Evaluator + '_>> {
 
 /// Largest |mean − expected| in standard errors, over the banana's moments after a few transitions.
 fn worst_z(fault: Fault, step_size: f64) -> f64 {
-    const REPLICAS: usize = 40_000;
-    const TRANSITIONS: usize = 4;
     let density = banana();
     let mut twin = Twin(flow(&density, 42), fault);
     let mut workspace = Workspace::new(6, || Subtree::new(Proposal::new(2), Span::new(2)));
     let mut edges = [PhasePoint::new(2), PhasePoint::new(2)];
+    worst_z_of(|point| {
+        twin.0.hamiltonian.evaluate(point);
+        let rng = &mut twin.0.rng;
+        point.momentum.fill_with(|| rng.sample(StandardNormal));
+        let directions = rng.next_u32();
+        twin.0.begin(step_size, point.energy());
+        for edge in &mut edges {
+            edge.copy_from(point);
+        }
+        tree::transition(&mut twin, &mut edges, &mut workspace, directions, 6);
+        point.position.copy_from_slice(&workspace.chosen().position);
+    })
+}
+
+/// The same of trajectories of fixed length; `accepts` says what becomes of their ends.
+fn worst_z_static(step_size: f64, accepts: bool) -> f64 {
+    let density = banana();
+    let mut kernel = Kernel {
+        point: PhasePoint::new(2),
+        edges: [PhasePoint::new(2), PhasePoint::new(2)],
+        workspace: Workspace::new(6, || Subtree::new(Proposal::new(2), Span::new(2))),
+        flow: flow(&density, 43),
+        max_depth: 6,
+    };
+    worst_z_of(|point| {
+        kernel.point.position.copy_from_slice(&point.position);
+        kernel.evaluate();
+        let transition = kernel.static_transition(step_size, 1.6);
+        // the end of a trajectory that is refused is left in the first edge
+        let refused = transition.accept > 0.0 && kernel.point.position == point.position;
+        let end = if refused && !accepts { &kernel.edges[0] } else { &kernel.point };
+        point.position.copy_from_slice(&end.position);
+    })
+}
+
+fn worst_z_of(mut transition: impl FnMut(&mut PhasePoint)) -> f64 {
+    const REPLICAS: usize = 40_000;
+    const TRANSITIONS: usize = 4;
+    let mut rng = ChaCha8Rng::seed_from_u64(41);
     let mut point = PhasePoint::new(2);
     // x, y, x², y², xy, x²y and their expectations.
     let expected = [0.0, 0.0, 1.0, 2.25, 0.0, 2.0];
     let mut sums = [[0.0; 2]; 6];
     for _ in 0..REPLICAS {
-        let [a, b]: [f64; 2] = std::array::from_fn(|_| twin.0.rng.sample(StandardNormal));
+        let [a, b]: [f64; 2] = std::array::from_fn(|_| rng.sample(StandardNormal));
         point.position.copy_from_slice(&[a, a * a - 1.0 + 0.5 * b]);
         for _ in 0..TRANSITIONS {
-            twin.0.hamiltonian.evaluate(&mut point);
-            let rng = &mut twin.0.rng;
-            point.momentum.fill_with(|| rng.sample(StandardNormal));
-            let directions = rng.next_u32();
-            twin.0.begin(step_size, point.energy());
-            for edge in &mut edges {
-                edge.copy_from(&point);
-            }
-            tree::transition(&mut twin, &mut edges, &mut workspace, directions, 6);
-            point.position.copy_from_slice(&workspace.chosen().position);
+            transition(&mut point);
         }
         let (x, y) = (point.position[0], point.position[1]);
         for (sum, value) in sums.iter_mut().zip([x, y, x * x, y * y, x * y, x * x * y]) {
@@ -120,6 +148,16 @@ fn transitions_leave_the_banana_invariant() {
         let z = worst_z(Fault::None, step_size);
         assert!(z < LIMIT, "{step_size} {z}");
     }
+}
+
+#[test]
+fn trajectories_of_fixed_length_leave_it_invariant_and_a_twin_that_refuses_none_does_not() {
+    for step_size in [0.45, 1.3] {
+        let z = worst_z_static(step_size, true);
+        assert!(z < LIMIT, "{step_size} {z}");
+    }
+    let z = worst_z_static(1.3, false);
+    assert!(z > 1.5 * LIMIT, "{z}");
 }
 
 #[test]
