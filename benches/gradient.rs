@@ -52,28 +52,29 @@ macro_rules! erp_with {
 }
 erp_with!(modes_8 8, modes_16 16, modes_32 32, modes_64 64);
 
-/// A regression whose line is written as `$mean`.
+/// A regression whose parameters stand as they are, or behind a function.
 macro_rules! regression {
-    ($M:ident $name:ident: $($mean:tt)*) => { mod $M {
+    ($M:ident $($same:ident)?) => { mod $M {
         #[allow(unused_imports, reason = "one of the models needs no function")]
         use super::same;
         use eplat::prelude::*;
         model! {
-            model $name;
+            model Regression;
             column x(8);
             param a ~ Normal(0.0, 1.0);
             param b(8) ~ Normal(0.0, 1.0);
             param sigma ~ HalfNormal(1.0);
-            let mean(row) = $($mean)*;
+            let mean(row) = $($same)?(a)
+                + $($same)?(b[0]) * row.x[0] + $($same)?(b[1]) * row.x[1]
+                + $($same)?(b[2]) * row.x[2] + $($same)?(b[3]) * row.x[3]
+                + $($same)?(b[4]) * row.x[4] + $($same)?(b[5]) * row.x[5]
+                + $($same)?(b[6]) * row.x[6] + $($same)?(b[7]) * row.x[7];
             observe y(row): Number ~ Normal(mean(row), sigma);
         }
     } };
 }
-regression!(written Written: a + b[0] * row.x[0] + b[1] * row.x[1] + b[2] * row.x[2] + b[3] * row.x[3]
-    + b[4] * row.x[4] + b[5] * row.x[5] + b[6] * row.x[6] + b[7] * row.x[7]);
-regression!(hidden Hidden: same(a) + same(b[0]) * row.x[0] + same(b[1]) * row.x[1]
-    + same(b[2]) * row.x[2] + same(b[3]) * row.x[3] + same(b[4]) * row.x[4]
-    + same(b[5]) * row.x[5] + same(b[6]) * row.x[6] + same(b[7]) * row.x[7]);
+regression!(written);
+regression!(hidden same);
 
 mod named {
     use eplat::prelude::*;
@@ -112,7 +113,7 @@ fn regressions() {
         let at = evaluator.ln_density(&vec![0.3; model.dim()], &mut vec![0.0; model.dim()]);
         (at, nanoseconds(&points, |u, g| evaluator.ln_density(u, g)))
     };
-    let all: [&dyn Declare; 3] = [&written::Written, &hidden::Hidden, &named::Named];
+    let all: [&dyn Declare; 3] = [&written::Regression, &hidden::Regression, &named::Named];
     let [(a, written), (b, hidden), (c, named)] = all.map(time);
     assert!((a - b).abs() < 1e-12 * a.abs() && (a - c).abs() < 1e-12 * a.abs(), "{a} {b} {c}");
     println!(
