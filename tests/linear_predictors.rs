@@ -37,13 +37,13 @@ macro_rules! regression {
                 param sigma ~ HalfNormal(1.0);
                 let mean(row) = $($same)?(a) + $($same)?(b[0]) * row.dose
                     $sign ($($same)?(b[2]) / row.x[1] - 2.0 * $($same)?(share[0])) * row.x[0] + 0.5;
-                let rate(row) = exp(c(row) + $($same)?(b[1]) * row.dose - (0.3 - $($same)?(b[2]) * row.x[2]));
+                let z(row) = exp(c(row) + $($same)?(b[1]) * row.dose - (0.3 - $($same)?(b[2]) * row.x[2]));
                 effect shift on mean = linear(row.w) ~ Normal(0.0, 1.0);
                 observe y(row): Number ~ Normal(mean(row) + c(row), sigma);
-                observe n(row): Number ~ Normal(rate(row), 2.0);
+                observe n(row): Number ~ Normal(z(row), 2.0);
                 observe z(row): Number ~
                     Outliers(Normal($($same)?(a) - $($same)?(tau) * row.dose, sigma), 0.1, 9.0);
-                observe both(row): Number ~ Normal(rate(row) - mean(row), sigma);
+                observe both(row): Number ~ Normal(z(row) - mean(row), sigma);
             }
         }
     };
@@ -110,7 +110,7 @@ fn so_it_does_with_effects_and_errors_that_are_added() {
     };
     let effects = [
         effect("drift", "mean", forms::scaled("w", 1.0, 0.5)),
-        effect("pace", "rate", forms::group("group")),
+        effect("pace", "z", forms::group("group")),
         effect("spread", "ln_scatter", forms::group("group")),
     ];
     let discrepancy = Discrepancy {
@@ -151,7 +151,7 @@ fn widths(declared: &dyn Declare) -> Vec<usize> {
 
 #[test]
 fn a_row_depends_on_its_predictors_instead_of_their_parameters() {
-    // mean, c, sigma; what rate is made of: a predictor and c; a predictor and sigma; all
+    // mean, c, sigma; what the `let` z is made of: a predictor and c; a predictor and sigma; all
     assert_eq!(widths(&seen::Regression), [3, 2, 2, 4]);
     // `mean`'s offset counts as a number of its own
     assert_eq!(widths(&hidden::Regression), [9, 4, 3, 9]);

@@ -84,9 +84,9 @@ impl Model {
         collect(e, false, &mut terms);
         let (linear, others): (Vec<_>, Vec<_>) =
             terms.into_iter().partition(|(_, term)| self.is_linear_in_parameters(term));
-        let linear = linear.into_iter().fold(None, add)?;
+        let linear = sum(None, &linear)?;
         let is_apart = !others.is_empty() && self.is_predictor(&linear, row);
-        is_apart.then(|| others.into_iter().fold(Some(parse_quote!((#linear))), add)).flatten()
+        if is_apart { sum(Some(parse_quote!((#linear))), &others) } else { None }
     }
 
     /// Whether `e` is a sum of parameters times what [`Model::is_known`], up to something that is known.
@@ -171,13 +171,15 @@ fn collect<'e>(e: &'e Expr, is_minus: bool, terms: &mut Vec<(bool, &'e Expr)>) {
     }
 }
 
-/// A sum with one more term.
-fn add(sum: Option<Expr>, (is_minus, term): (bool, &Expr)) -> Option<Expr> {
-    Some(match (sum, is_minus) {
-        (None, false) => term.clone(),
-        (None, true) => parse_quote!(-#term),
-        (Some(sum), false) => parse_quote!(#sum + #term),
-        (Some(sum), true) => parse_quote!(#sum - #term),
+/// The sum of what there is and of `terms`.
+fn sum(first: Option<Expr>, terms: &[(bool, &Expr)]) -> Option<Expr> {
+    terms.iter().fold(first, |sum, (is_minus, term)| {
+        Some(match (sum, is_minus) {
+            (None, false) => (*term).clone(),
+            (None, true) => parse_quote!(-#term),
+            (Some(sum), false) => parse_quote!(#sum + #term),
+            (Some(sum), true) => parse_quote!(#sum - #term),
+        })
     })
 }
 

@@ -32,7 +32,7 @@ impl State<'_> {
                 b.predictor(#decl, #name, #place, expansion::predictor::<Value, #n>());
             }};
         }
-        let (value, predictors) = self.part(model, &declared.name, value, row);
+        let (value, predictors) = self.part(model, &format_ident!("let_{}", name), value, row);
         let (function, n, place) = self.value_function(&value, row);
         let kind = Kind::Let { row: row.clone(), value: Box::new(value) };
         self.scope.declare(&declared.name, name.clone(), kind);
@@ -68,7 +68,8 @@ impl State<'_> {
         (function, n, self.place(value, row))
     }
 
-    /// Takes the linear predictors out of `e`, an expression of the statement `of`, if it then depends on
+    /// Takes the linear predictors out of `e`, an expression of the statement `of` (a `let` and an `observe` may have the
+    /// same name), if it then depends on
     /// fewer numbers. They are declared under names that are no names of a model; nothing is reported of them.
     fn part(&mut self, model: &Model, of: &Ident, e: &Expr, row: &Ident) -> (Expr, TokenStream) {
         let parted = model.parted(e, row, &|k| format_ident!("__{of}_{k}"));
@@ -93,7 +94,8 @@ impl State<'_> {
     pub(super) fn observe(&mut self, model: &Model, observe: &Observe) -> TokenStream {
         let (name, row, kind) = (observe.name.to_string(), &observe.row, &observe.kind);
         let decl = decl(&observe.name, observe.unit.as_ref(), &text(&observe.likelihood));
-        let (likelihood, predictors) = self.part(model, &observe.name, &observe.likelihood, row);
+        let (likelihood, predictors) =
+            self.part(model, &format_ident!("observe_{}", name), &observe.likelihood, row);
         let likelihood = &likelihood;
         let mentioned = self.scope.mentioned(likelihood);
         let (w, place) = (mentioned.width(), self.place(likelihood, row));
