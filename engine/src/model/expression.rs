@@ -10,6 +10,7 @@ use super::functions::{DensityFn, KernelFn, LetFn, PriorFn, RowFn, ScalarFn};
 use super::gp::{Spectrum, SpectrumAt};
 use super::map::{MapAt, MapFn};
 use super::parameter::{ParameterOp, PriorOp};
+use super::predictor::{Factors, factors};
 use super::row_math::{RowMath, RowsOf};
 use super::scalar::{Constant, Lone, Scalar, ScalarAt};
 use super::scope::Local;
@@ -43,6 +44,10 @@ pub struct AnyKernel {
 /// A `let`.
 pub struct AnyLet(pub(super) fn() -> Box<dyn MapFn>);
 
+/// A linear predictor.
+#[derive(Clone, Copy)]
+pub struct AnyPredictor(pub(super) Factors);
+
 /// A likelihood; of the numbers that it mentions these carry derivatives.
 pub struct AnyRows(pub(super) Box<dyn RowMath>, pub(super) usize);
 
@@ -52,7 +57,7 @@ pub struct AnyDensity {
     pub(super) at: fn(&[u32]) -> Box<dyn LogTerms>,
 }
 
-opaque!(AnyPrior, AnyScalar, AnyKernel, AnyLet, AnyRows, AnyDensity);
+opaque!(AnyPrior, AnyScalar, AnyKernel, AnyLet, AnyPredictor, AnyRows, AnyDensity);
 opaque!(dyn Scalar, dyn Spectrum, dyn MapFn, dyn LogTerms, dyn RowMath);
 
 /// The prior `f`. W is N + 1.
@@ -89,6 +94,11 @@ pub fn kernel<F: KernelFn<N>, const N: usize>(mentions: Names) -> AnyKernel {
 /// The `let` F.
 pub fn value<F: LetFn<N>, const N: usize>() -> AnyLet {
     AnyLet(|| Box::new(MapAt::<F, N>::new()))
+}
+
+/// The linear predictor F.
+pub fn predictor<F: LetFn<N>, const N: usize>() -> AnyPredictor {
+    AnyPredictor(factors::<F, N>)
 }
 
 /// The likelihood F, which depends on N numbers, of which W carry derivatives.

@@ -13,6 +13,7 @@ use super::gp::Field;
 use super::lets::LetValues;
 use super::linear::Linear;
 use super::map::Map;
+use super::predictor::Predictor;
 use super::reported::{Parameter, Position};
 use super::rows::Rows;
 use super::tape::{Op, Tape};
@@ -115,6 +116,8 @@ pub struct Model {
     pub(super) fields: Vec<FieldEntry>,
     pub(super) spreads: Vec<SpreadEntry>,
     pub(super) linear: Vec<Linear>,
+    /// Linear predictors that are written out. Only a model without fields has any.
+    pub(super) predictors: Vec<Predictor>,
     pub(super) maps: Vec<Map>,
     pub(super) offsets: Vec<Range<usize>>,
     /// First offset of (observe, field or let).
@@ -153,6 +156,7 @@ impl Model {
             fields: vec![],
             spreads: vec![],
             linear: vec![],
+            predictors: vec![],
             densities: vec![],
             maps: vec![],
             offsets: vec![],

@@ -30,6 +30,7 @@ mod map;
 mod maps;
 mod parameter;
 mod passes;
+mod predictor;
 mod prior_draws;
 mod reported;
 mod restore;

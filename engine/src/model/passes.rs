@@ -33,6 +33,9 @@ impl Model {
         for field in &self.fields {
             field.op.forward(t);
         }
+        for predictor in &self.predictors {
+            predictor.forward(t);
+        }
         for linear in &self.linear {
             linear.forward(t);
         }
@@ -64,6 +67,9 @@ impl Model {
         }
         for linear in self.linear.iter().rev() {
             linear.backward(t);
+        }
+        for predictor in &self.predictors {
+            predictor.backward(t);
         }
         for field in self.fields.iter().rev() {
             field.op.backward(t);

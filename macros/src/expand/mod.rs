@@ -42,8 +42,8 @@ pub(crate) fn model(model: &Model, source: &str) -> TokenStream {
         }
     }
     for (item, scope) in later {
-        let state = State { scope, columns: state.columns.clone(), ..State::default() };
-        observes.extend(state.observe(item));
+        let mut state = State { scope, columns: state.columns.clone(), ..State::default() };
+        observes.extend(state.observe(model, item));
     }
     let row = row_struct(&columns);
     let name_text = name.to_string();
@@ -138,7 +138,7 @@ impl<'m> State<'m> {
             Item::Column(column) => self.column(column),
             Item::Hyper(hyper) => self.hyper(model, hyper),
             Item::Field(field) => self.field(field),
-            Item::Let(declared) => self.let_statement(declared),
+            Item::Let(declared) => self.let_statement(model, declared),
             Item::Effect(effect) => self.effect(effect),
             Item::Density(density) => self.density(density),
             Item::Observe(_) => TokenStream::new(),

@@ -2,15 +2,15 @@
 
 use eplat_language::names::columns_of;
 use eplat_language::print as text;
-use eplat_language::syntax::{Expr, Ident, Let, Observe, Value};
+use eplat_language::syntax::{Expr, Ident, Let, Model, Observe, Value};
 use proc_macro2::TokenStream;
-use quote::quote;
+use quote::{format_ident, quote};
 
 use super::{State, decl, range};
-use crate::scope::{Kind, bind_row};
+use crate::scope::{Count, Kind, Scope, bind_row};
 
 impl State<'_> {
-    pub(super) fn let_statement(&mut self, declared: &Let) -> TokenStream {
+    pub(super) fn let_statement(&mut self, model: &Model, declared: &Let) -> TokenStream {
         let (name, row) = (declared.name.to_string(), &declared.row);
         let unit = declared.unit.as_ref();
         let value = match &declared.value {
@@ -24,14 +24,35 @@ impl State<'_> {
             Value::Expr(value) => value,
         };
         let decl = decl(&declared.name, unit, &text(value));
+        if model.is_predictor(value, row) {
+            let (function, n, place) = self.value_function(value, row);
+            self.scope.declare(&declared.name, name.clone(), Kind::Row);
+            return quote! {{
+                #function
+                b.predictor(#decl, #name, #place, expansion::predictor::<Value, #n>());
+            }};
+        }
+        let (value, predictors) = self.part(model, &format_ident!("let_{}", name), value, row);
+        let (function, n, place) = self.value_function(&value, row);
+        let kind = Kind::Let { row: row.clone(), value: Box::new(value) };
+        self.scope.declare(&declared.name, name.clone(), kind);
+        let range = range(declared.range);
+        quote! {{
+            #predictors
+            #function
+            b.value(#decl, #name, #range, #place, expansion::value::<Value, #n>());
+        }}
+    }
+
+    /// `struct Value` with a function of what `value` mentions; how much that is, and its place.
+    fn value_function(&self, value: &Expr, row: &Ident) -> (TokenStream, Count, TokenStream) {
         let mentioned = self.scope.mentioned(value);
-        let (n, place) = (mentioned.width() + mentioned.lets.len(), self.place(value, row));
+        let n = mentioned.width() + mentioned.lets.len();
         let (pattern, vectors) = mentioned.pattern();
         let lets = mentioned.values(&self.scope);
         let plain = self.scope.plain(value, row);
-        let (bind, range) = (bind_row(&plain, row), range(declared.range));
-        let kind = Kind::Let { row: row.clone(), value: Box::new(value.clone()) };
-        let call = quote! {{
+        let bind = bind_row(&plain, row);
+        let function = quote! {
             struct Value;
             impl LetFn<#n> for Value {
                 type Columns = Row;
@@ -43,16 +64,39 @@ impl State<'_> {
                     expansion::number::<T>(#plain)
                 }
             }
-            b.value(#decl, #name, #range, #place, expansion::value::<Value, #n>());
-        }};
-        self.scope.declare(&declared.name, name, kind);
-        call
+        };
+        (function, n, self.place(value, row))
     }
 
-    pub(super) fn observe(&self, observe: &Observe) -> TokenStream {
-        let (name, row, likelihood) = (observe.name.to_string(), &observe.row, &observe.likelihood);
-        let kind = &observe.kind;
-        let decl = decl(&observe.name, observe.unit.as_ref(), &text(likelihood));
+    /// Takes the linear predictors out of `e`, an expression of the statement `of` (a `let` and an `observe` may have the
+    /// same name), if it then depends on
+    /// fewer numbers. They are declared under names that are no names of a model; nothing is reported of them.
+    fn part(&mut self, model: &Model, of: &Ident, e: &Expr, row: &Ident) -> (Expr, TokenStream) {
+        let parted = model.parted(e, row, &|k| format_ident!("__{of}_{k}"));
+        let (mut scope, mut calls) = (self.scope.clone(), TokenStream::new());
+        for (word, e) in &parted.predictors {
+            let (function, n, place) = self.value_function(e, row);
+            let name = word.to_string();
+            calls.extend(quote! {{
+                #function
+                b.part(#name, #place, expansion::predictor::<Value, #n>());
+            }});
+            scope.declare(word, name, Kind::Row);
+        }
+        let width = |scope: &Scope, e: &Expr| scope.mentioned(e).width().0;
+        if width(&scope, &parted.expr) >= width(&self.scope, e) {
+            return (e.clone(), TokenStream::new());
+        }
+        self.scope = scope;
+        (parted.expr, calls)
+    }
+
+    pub(super) fn observe(&mut self, model: &Model, observe: &Observe) -> TokenStream {
+        let (name, row, kind) = (observe.name.to_string(), &observe.row, &observe.kind);
+        let decl = decl(&observe.name, observe.unit.as_ref(), &text(&observe.likelihood));
+        let (likelihood, predictors) =
+            self.part(model, &format_ident!("observe_{}", name), &observe.likelihood, row);
+        let likelihood = &likelihood;
         let mentioned = self.scope.mentioned(likelihood);
         let (w, place) = (mentioned.width(), self.place(likelihood, row));
         let n = w + mentioned.lets.len();
@@ -72,6 +116,7 @@ impl State<'_> {
             }
         };
         quote! {{
+            #predictors
             struct Rows;
             impl RowFn<#n> for Rows {
                 type Columns = Row;

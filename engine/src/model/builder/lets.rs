@@ -4,9 +4,9 @@
 use std::collections::BTreeSet;
 use std::sync::Arc;
 
-use super::{Builder, Labels, Place, Source};
+use super::{Builder, Labels, Linear, Place, Source};
 use crate::model::error::ModelError;
-use crate::model::expression::AnyLet;
+use crate::model::expression::{AnyLet, AnyPredictor};
 use crate::model::functions::Decl;
 use crate::model::lets::{LetValues, Local, Values};
 use crate::model::map::{Map, MapFn, Source as MapSource};
@@ -81,10 +81,37 @@ impl Builder<'_> {
         columns: &[&'static str],
         beta: &'static str,
     ) {
+        let columns = columns.to_vec();
+        self.linear_let(decl, name, Linear::Columns { beta, columns });
+    }
+
+    /// `let name(row) = a + b * row.dose;`, a linear predictor that is written out.
+    pub fn predictor(
+        &mut self,
+        decl: Decl,
+        name: &'static str,
+        mentions: Place,
+        AnyPredictor(factors): AnyPredictor,
+    ) {
+        self.linear_let(decl, name, Linear::Written { numbers: mentions.numbers, factors });
+    }
+
+    /// A linear predictor that is a part of the expression of another statement.
+    pub fn part(
+        &mut self,
+        name: &'static str,
+        mentions: Place,
+        AnyPredictor(factors): AnyPredictor,
+    ) {
+        let linear = Linear::Written { numbers: mentions.numbers, factors };
+        self.names.push((name.into(), Source::Linear(linear)));
+    }
+
+    fn linear_let(&mut self, decl: Decl, name: &'static str, linear: Linear) {
         let mentions = Place { numbers: &[], lets: &[], reads_row: true };
         let unit = decl.unit.into();
         self.lets.push(Declared { name, unit, mentions, differs: Differs::Row, make: None });
-        self.names.push((name.into(), Source::Linear { beta, columns: columns.to_vec() }));
+        self.names.push((name.into(), Source::Linear(linear)));
     }
 
     /// The value of a field that is bent into its range. It is laid out as a `let` of the field's
@@ -167,7 +194,7 @@ impl Builder<'_> {
             Source::Scalars { .. } => Differs::Not,
             Source::Each { labels, .. } => Differs::Label(labels.of_row.clone()),
             Source::Field { .. } => Differs::Place,
-            Source::Linear { .. } | Source::Cells { .. } => Differs::Row,
+            Source::Linear(_) | Source::Cells { .. } => Differs::Row,
             Source::Let => {
                 let declared = self.lets.iter().rev().find(|l| l.name == name);
                 declared.map_or(Differs::Row, |l| l.differs.clone())
@@ -252,7 +279,7 @@ impl Builder<'_> {
         let source = self.source(name);
         let (value, len) = match source {
             Source::Scalars { v, len } => (*v, *len),
-            Source::Linear { .. } => {
+            Source::Linear(_) => {
                 (self.predictors.get(&(row.0, name)).map_or(0, |start| start + row.1), 1)
             }
             source => (self.value_at(source, row.2), 1),

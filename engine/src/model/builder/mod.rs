@@ -8,6 +8,7 @@ use crate::manifold::Basis;
 use crate::model::discrepancy::RowError;
 use crate::model::error::ModelError;
 use crate::model::laid_out::{Hooks, Model};
+use crate::model::predictor::Factors;
 use crate::table::Measurements;
 
 mod effects;
@@ -83,16 +84,22 @@ enum Source {
         v: usize,
     },
     /// A linear predictor.
-    Linear {
-        beta: &'static str,
-        columns: Vec<&'static str>,
-    },
+    Linear(Linear),
     /// A field, or the first of one for each label.
     Field {
         field: usize,
         labels: Option<Arc<Labels>>,
     },
     Let,
+}
+
+/// How a linear predictor is declared.
+#[derive(Clone, Debug)]
+enum Linear {
+    /// `linear(row.a, row.b; beta)`
+    Columns { beta: &'static str, columns: Vec<&'static str> },
+    /// An expression of these parameters.
+    Written { numbers: &'static [&'static str], factors: Factors },
 }
 
 /// Lays a model out on its data.

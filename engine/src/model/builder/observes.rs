@@ -3,13 +3,14 @@
 
 use std::borrow::Cow;
 
-use super::{Builder, Computed, Place, Source};
+use super::{Builder, Computed, Linear as Declared, Place, Source};
 use crate::model::density::Density;
 use crate::model::error::ModelError;
 use crate::model::expression::{AnyDensity, AnyRows};
 use crate::model::functions::Decl;
 use crate::model::laid_out::Observe;
 use crate::model::linear::Linear;
+use crate::model::predictor::{Factors, Predictor};
 use crate::model::row_math::RowMath;
 use crate::model::row_place;
 use crate::model::rows::Rows;
@@ -81,19 +82,18 @@ impl Builder<'_> {
         let (mut index, mut hooked, mut j) = (vec![0; n * w], vec![], 0);
         for &name in mentions.numbers {
             let source = self.source(name).clone();
-            let predictor = self.predictor(name, &source, rows)?;
-            if matches!(source, Source::Linear { .. }) {
+            let predictor = self.predicted(name, &source, rows)?;
+            if matches!(source, Source::Linear(_)) {
                 self.predictors.insert((observe, name), predictor);
                 self.seen.insert((name, observe));
             }
             for e in 0..if let Source::Scalars { len, .. } = source { len } else { 1 } {
-                if matches!(source, Source::Field { .. } | Source::Linear { .. }) && self.acts(name)
-                {
+                if matches!(source, Source::Field { .. } | Source::Linear(_)) && self.acts(name) {
                     hooked.push((j, self.hook(observe, name, n)));
                 }
                 for (r, &row) in rows.iter().enumerate() {
                     index[r * w + j] = match &source {
-                        Source::Linear { .. } => predictor + r,
+                        Source::Linear(_) => predictor + r,
                         source => self.value_at(source, row) + e,
                     } as u32;
                 }
@@ -123,7 +123,7 @@ impl Builder<'_> {
             Source::Field { field, labels } => {
                 self.probe(field + labels.as_ref().map_or(0, |labels| labels.of_row[row]), row)
             }
-            Source::Linear { .. } | Source::Let => 0,
+            Source::Linear(_) | Source::Let => 0,
         }
     }
 
@@ -135,13 +135,19 @@ impl Builder<'_> {
     }
 
     /// Lays out a linear predictor's values for these rows; 0 for any other source.
-    fn predictor(
+    fn predicted(
         &mut self,
         name: &str,
         source: &Source,
         rows: &[usize],
     ) -> Result<usize, ModelError> {
-        let Source::Linear { beta, columns } = source else { return Ok(0) };
+        let (beta, columns) = match source {
+            Source::Linear(Declared::Columns { beta, columns }) => (beta, columns),
+            Source::Linear(Declared::Written { numbers, factors }) => {
+                return self.written(name, numbers, *factors, rows);
+            }
+            _ => return Ok(0),
+        };
         let wrong = |expected, got| ModelError::Coefficients {
             name: name.into(),
             beta: (*beta).into(),
@@ -161,6 +167,26 @@ impl Builder<'_> {
             return Err(wrong(linear.n, n_beta));
         }
         self.model.linear.push(linear);
+        Ok(out)
+    }
+
+    /// Lays out the values of a linear predictor that is written out.
+    fn written(
+        &mut self,
+        name: &str,
+        numbers: &[&str],
+        factors: Factors,
+        rows: &[usize],
+    ) -> Result<usize, ModelError> {
+        let Some(data) = self.data else { return Ok(0) };
+        let from = self.local(numbers, 0);
+        let of_row = |row: &usize| {
+            factors(&mut |column| Ok(data.number(*row, column, &format!("let {name}"))?))
+        };
+        let of_rows = rows.iter().map(of_row).collect::<Result<Vec<_>, _>>()?;
+        self.values(from.len());
+        let out = self.values(rows.len());
+        self.model.predictors.push(Predictor::new(from, &of_rows, out));
         Ok(out)
     }
 

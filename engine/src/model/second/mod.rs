@@ -56,6 +56,7 @@ impl<'m> Hessian<'m> {
         }
         model.priors.iter().for_each(|op| op.push(t, d));
         model.fields.iter().for_each(|field| field.op.push(t, d));
+        model.predictors.iter().for_each(|op| op.push(t, d));
         model.linear.iter().for_each(|op| op.push(t, d));
         for term in curved {
             term.pull(d);
@@ -83,6 +84,7 @@ impl<'m> Hessian<'m> {
     fn pull(&mut self) -> &[f64] {
         let Self { model, t, d, .. } = self;
         model.linear.iter().rev().for_each(|op| op.pull(t, d));
+        model.predictors.iter().for_each(|op| op.pull(t, d));
         model.fields.iter().rev().for_each(|field| field.op.pull(t, d));
         model.priors.iter().rev().for_each(|op| op.pull(t, d));
         &d.gu
