@@ -169,36 +169,33 @@ impl<E: Evaluator> Kernel<E> {
     /// Moves the current point by one trajectory of plain Hamiltonian Monte Carlo. Its length is
     /// random, 0.5 to 1.5 times `time`; its end is accepted or rejected.
     pub(super) fn static_transition(&mut self, step_size: f64, time: f64) -> Transition {
-        let Self { point, flow, edges: [edge, start], max_depth, .. } = self;
-        flow.hamiltonian.refresh_force(point);
-        point.momentum.fill_with(|| flow.rng.sample(StandardNormal));
-        let energy = point.energy();
-        flow.begin(step_size, energy);
-        let time = time * (0.5 + flow.rng.random::<f64>());
-        let n = (time / step_size).round().clamp(1.0, f64::from(2u32.pow(*max_depth)));
-        edge.copy_from(point);
-        let mut ln_weight = Ok(0.0);
-        for _ in 0..n as u32 {
-            ln_weight = flow.step(edge, Direction::Forward);
-            if ln_weight.is_err() {
-                break;
-            }
+        self.flow.hamiltonian.refresh_force(&mut self.point);
+        self.refresh_momentum();
+        let energy = self.point.energy();
+        let time = time * (0.5 + self.flow.rng.random::<f64>());
+        let n = (time / step_size).round().clamp(1.0, f64::from(2u32.pow(self.max_depth)));
+        let [edge, _] = &mut self.edges;
+        edge.copy_from(&self.point);
+        let (mut n_leapfrog, mut diverging) = (0, false);
+        while n_leapfrog < n as u32 && !diverging {
+            self.flow.hamiltonian.leapfrog(edge, step_size);
+            n_leapfrog += 1;
+            let error = edge.energy() - energy;
+            diverging = error.is_nan() || error > MAX_ENERGY_ERROR;
         }
-        let diverging = ln_weight == Err(Stop::Divergence);
+        let accept = if diverging { 0.0 } else { (energy - edge.energy()).exp().min(1.0) };
+        let drawn = if self.flow.rng.random::<f64>() < accept {
+            std::mem::swap(&mut self.point, edge);
+            self.point.energy()
+        } else {
+            energy
+        };
         if diverging {
-            start.copy_from(point);
+            // the other end of the trajectory is where it began
+            let [backward, forward] = &mut self.edges;
+            forward.copy_from(backward);
         }
-        let accept = ln_weight.map_or(0.0, |ln_weight| ln_weight.exp().min(1.0));
-        if flow.rng.random::<f64>() < accept {
-            std::mem::swap(point, edge);
-        }
-        Transition {
-            accept,
-            energy: point.energy(),
-            depth: flow.n.ilog2(),
-            n_leapfrog: flow.n,
-            diverging,
-        }
+        Transition { accept, energy: drawn, depth: n_leapfrog.ilog2(), n_leapfrog, diverging }
     }
 
     /// Where the last transition diverged: the edge of its trajectory at the highest energy.
