@@ -16,6 +16,8 @@ mod nuts_rs_chain;
 mod posterior;
 mod support;
 
+use std::env::var;
+
 use eplat::infer::{Chain, Settings, Silent, jittered_starts, sample};
 use eplat::model::{Declare, Model};
 use eplat::table::Measurements;
@@ -177,8 +179,9 @@ fn an_effective_draw_costs_fewer_gradients_than_in_nuts_rs() {
             each.map(|(i, start)| nuts_rs_chain::chain(&model, i, start, &settings)).collect();
         let (ours, theirs) = (cost(&model, &ours), cost(&model, &theirs));
         println!("{name:16} {ours:6.1}, nuts-rs {theirs:7.1}: {:6.2} times", theirs / ours);
+        let is_default = var("NUTS_RS_METRIC").is_err() && var("NUTS_RS_WARMUP").is_err();
         assert!(
-            theirs > 1.5 * ours,
+            theirs > 1.5 * ours || !is_default,
             "{name}: {ours} gradients per effective draw, nuts-rs {theirs}"
         );
         assert!(ours < 60.0, "{name}: {ours}");

@@ -4,12 +4,14 @@
 
 use std::collections::HashMap;
 use std::convert::Infallible;
+use std::env::var;
 
 use eplat::infer::{Chain, Evaluator, LogDensity as _, Settings};
 use eplat::model::Model;
 use nuts_rs::Settings as _;
 use nuts_rs::{
     Chain as _, CpuLogpFunc, CpuMath, CpuMathError, DiagNutsSettings, HasDims, LogpError,
+    LowRankNutsSettings, NutsSettings,
 };
 use rand::SeedableRng as _;
 use rand_chacha::ChaCha8Rng;
@@ -57,24 +59,48 @@ impl CpuLogpFunc for Ours<'_> {
     }
 }
 
-/// One chain of nuts-rs, diagonal metric.
+/// One chain of nuts-rs: diagonal metric, or a low-rank one where `NUTS_RS_METRIC` is `low-rank`. Its
+/// warm-up is as long as the settings say, or `NUTS_RS_WARMUP`.
 pub(crate) fn chain(model: &Model, index: usize, start: &[f64], settings: &Settings) -> Chain {
-    let mut theirs = DiagNutsSettings {
-        num_tune: settings.warmup as u64,
+    let target = settings.target_accept.unwrap_or(0.8);
+    if var("NUTS_RS_METRIC").is_ok_and(|metric| metric == "low-rank") {
+        let mut theirs = LowRankNutsSettings::default();
+        theirs.adapt_options.step_size_settings.target_accept = target;
+        chain_of(theirs, model, index, start, settings)
+    } else {
+        let mut theirs = DiagNutsSettings::default();
+        theirs.adapt_options.step_size_settings.target_accept = target;
+        chain_of(theirs, model, index, start, settings)
+    }
+}
+
+fn chain_of<A>(
+    theirs: NutsSettings<A>,
+    model: &Model,
+    index: usize,
+    start: &[f64],
+    settings: &Settings,
+) -> Chain
+where
+    A: std::fmt::Debug + Copy + Default + serde::Serialize,
+    NutsSettings<A>: nuts_rs::Settings,
+{
+    let warmup = var("NUTS_RS_WARMUP").map_or(settings.warmup, |n| n.parse().unwrap());
+    let theirs = NutsSettings {
+        num_tune: warmup as u64,
         num_draws: settings.draws as u64,
         maxdepth: u64::from(settings.max_depth),
-        ..Default::default()
+        ..theirs
     };
-    theirs.adapt_options.step_size_settings.target_accept = settings.target_accept.unwrap_or(0.8);
     let mut rng = ChaCha8Rng::seed_from_u64(settings.seed);
     rng.set_stream(index as u64);
     let ours = Ours { evaluator: model.evaluator(), dim: model.dim() };
     let mut sampler = theirs.new_chain(index as u64, CpuMath::new(ours), &mut rng).unwrap();
     sampler.set_position(start).unwrap();
     let mut chain = Chain::default();
-    for i in 0..settings.warmup + settings.draws {
+    for i in 0..warmup + settings.draws {
         let (position, progress) = sampler.draw().unwrap();
-        if i < settings.warmup {
+        if i < warmup {
             chain.n_grad_warmup += progress.num_gradients;
             continue;
         }
