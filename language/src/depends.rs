@@ -1,7 +1,6 @@
 //! What a measurement depends on, from the tree.
 
-use syn::{BinOp, UnOp};
-
+use crate::linear::is_linear;
 use crate::names::mentions;
 use crate::syntax::{Expr, Ident, Item, Model, Observe, Value};
 
@@ -84,31 +83,14 @@ impl Model {
 
     /// Whether `e` is linear in the fields that it mentions, up to a constant.
     fn is_linear(&self, e: &Expr) -> bool {
-        let linear = |e: &Expr| self.is_linear(e);
-        match e {
-            _ if self.is_free(e) => true,
-            Expr::Paren(e) => linear(&e.expr),
-            Expr::Group(e) => linear(&e.expr),
-            Expr::Unary(e) => matches!(e.op, UnOp::Neg(_)) && linear(&e.expr),
-            Expr::Binary(e) => match e.op {
-                BinOp::Add(_) | BinOp::Sub(_) => linear(&e.left) && linear(&e.right),
-                BinOp::Mul(_) => {
-                    self.is_free(&e.left) && linear(&e.right)
-                        || linear(&e.left) && self.is_free(&e.right)
-                }
-                BinOp::Div(_) => linear(&e.left) && self.is_free(&e.right),
-                _ => false,
-            },
-            Expr::Call(call) => match &*call.func {
-                Expr::Path(path) => path.path.get_ident().is_some_and(|name| {
-                    let is_row = call.args.iter().all(|argument| self.is_free(argument));
-                    is_row
-                        && matches!(self.value(name), Some(Item::Field(field)) if !field.is_within)
-                }),
-                _ => false,
-            },
-            _ => false,
-        }
+        let is_field = |e: &Expr| {
+            let Expr::Call(call) = e else { return false };
+            let Expr::Path(path) = &*call.func else { return false };
+            let is_unbent = |name: &Ident| matches!(self.value(name), Some(Item::Field(field)) if !field.is_within);
+            path.path.get_ident().is_some_and(is_unbent)
+                && call.args.iter().all(|argument| self.is_free(argument))
+        };
+        is_linear(e, &|e| self.is_free(e), &is_field)
     }
 
     /// The fields and `let`s that `e` mentions, each once.

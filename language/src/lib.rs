@@ -16,6 +16,7 @@ mod edit;
 mod equations;
 mod file;
 mod grammar;
+mod linear;
 mod mistake;
 pub mod names;
 mod predictor;

@@ -7,8 +7,9 @@
 //! What is no such expression stays as it is.
 
 use quote::ToTokens as _;
-use syn::{BinOp, Ident, UnOp, parse_quote};
+use syn::{BinOp, Ident, parse_quote};
 
+use crate::linear::is_linear;
 use crate::names::mentions;
 use crate::syntax::{Expr, Item, Model, Over};
 
@@ -91,27 +92,14 @@ impl Model {
 
     /// Whether `e` is a sum of parameters times what [`Model::is_known`], up to something that is known.
     fn is_linear_in_parameters(&self, e: &Expr) -> bool {
-        let linear = |e: &Expr| self.is_linear_in_parameters(e);
-        match e {
-            _ if self.is_known(e) => true,
-            Expr::Paren(e) => linear(&e.expr),
-            Expr::Group(e) => linear(&e.expr),
-            Expr::Unary(e) => matches!(e.op, UnOp::Neg(_)) && linear(&e.expr),
-            Expr::Binary(e) => match e.op {
-                BinOp::Add(_) | BinOp::Sub(_) => linear(&e.left) && linear(&e.right),
-                BinOp::Mul(_) => {
-                    self.is_known(&e.left) && linear(&e.right)
-                        || linear(&e.left) && self.is_known(&e.right)
-                }
-                BinOp::Div(_) => linear(&e.left) && self.is_known(&e.right),
-                _ => false,
-            },
+        let is_parameter = |e: &Expr| match e {
             Expr::Path(_) => matches!(self.parameter(e), Some(Over::One)),
             Expr::Index(e) => {
                 matches!(self.parameter(&e.expr), Some(Over::Many(_))) && self.is_known(&e.index)
             }
             _ => false,
-        }
+        };
+        is_linear(e, &|e| self.is_known(e), &is_parameter)
     }
 
     /// Whether `e` is the same at every draw: it mentions no parameter, no `let`, no field and no column with a prior.
