@@ -1,9 +1,10 @@
 //! Effective draws per CPU second on the reference problems, over seeds.
 //!
 //! ```text
-//! cargo test --release --test blocked_speed -- --ignored --nocapture
-//! SITES=40 SEEDS=20 cargo test --release --test blocked_speed -- --ignored --nocapture
+//! cargo test --profile bench --test blocked_speed -- --ignored --nocapture
+//! SITES=40 SEEDS=20 cargo test --profile bench --test blocked_speed -- --ignored --nocapture
 //! ```
+//! The profile of benches compiles the model as `eplat run` does; with that of tests it is several times slower.
 //! Environment variables change what is measured: `MODEL` (erp, exact, multiscale), `MESH` (a file in
 //! mm), `TABLE` (measurements on it), `SITES`, `SEEDS`, `CHAINS`, `WARMUP`, `DRAWS`, `TARGET` in per
 //! cent, `NUTS=1`. Without `MODEL` and `MESH` it is a reference problem; `EPLAT_SHARED` finds its shell.

@@ -1,8 +1,8 @@
 //! Whether chains get stuck: the blocked sampler on the default experiment of many seeds.
 //!
 //! ```text
-//! cargo test --release --test regimes -- --ignored --nocapture
-//! SITES=10 SEEDS=7,11,15,17,19,20,31,56 RUNS=4 cargo test --release --test regimes -- --ignored --nocapture
+//! cargo test --profile bench --test regimes -- --ignored --nocapture
+//! SITES=10 SEEDS=7,11,15,17,19,20,31,56 RUNS=4 cargo test --profile bench --test regimes -- --ignored --nocapture
 //! ```
 //! `SEEDS` are those of the experiment (1-40), `RUNS` how often each is sampled with other random numbers,
 //! `TARGET` the acceptance aimed at. Prints of each run, and of all, the smallest effective sample size of
