@@ -61,6 +61,9 @@ fn tags_and_electrodes_of_openep_are_columns() {
     place.file("case.mat", mat::openep_with(None, more));
     ok(&place, "import case.mat --out a");
     let table = place.read("a/measurements.csv");
+    place.file("v73/case.mat", include_bytes!("studies/openep_v73_texts.mat"));
+    ok(&place, "import v73 --out b");
+    assert_eq!(table, place.read("b/measurements.csv"), "version 7.3");
     let column = |name: &str| {
         let k = table.lines().next().unwrap().split(',').position(|title| title == name).unwrap();
         let cells = table.lines().skip(1).map(|line| line.split(',').nth(k).unwrap().to_owned());
@@ -129,6 +132,21 @@ fn values_on_a_mesh_are_measurements_at_its_vertices() {
     .map(|arguments| format!("$ eplat {arguments}\n{}", transcript(&place.eplat(arguments))))
     .collect();
     insta::assert_snapshot!(said.join("\n"));
+}
+
+#[test]
+fn a_folder_with_one_mesh_is_read_as_that_mesh_and_several_are_named() {
+    let place = Workplace::new();
+    place.file("sheet.vtk", SHEET);
+    place.file("one/sheet.vtk", SHEET).file("one/notes.md", "of no meaning here");
+    ok(&place, "import sheet.vtk --out a");
+    ok(&place, "import one --out b");
+    assert_eq!(place.read("a/measurements.csv"), place.read("b/measurements.csv"));
+    place.file("one/other.vtk", SHEET);
+    let refused = place.eplat("import one --out c");
+    assert_eq!(refused.status.code(), Some(1));
+    let said = transcript(&refused);
+    assert!(said.contains("give one of them: other.vtk, sheet.vtk"), "{said}");
 }
 
 #[test]

@@ -135,7 +135,7 @@ proptest! {
 
     #[test]
     fn openep_73(damage in damage()) {
-        import_file("case.mat", include_bytes!("studies/openep_v73.mat"), &damage);
+        import_file("case.mat", include_bytes!("studies/openep_v73_texts.mat"), &damage);
     }
 
     #[test]

@@ -117,7 +117,7 @@ fn studies(folder: &Path) -> Vec<PathBuf> {
         ("map.dat", numbers.into()),
         ("map.igb", igb),
         ("case.mat", mat::openep(Some(large_surface()))),
-        ("new.mat", include_bytes!("studies/openep_v73.mat").to_vec()),
+        ("new.mat", include_bytes!("studies/openep_v73_texts.mat").to_vec()),
     ];
     let written = |(name, bytes): (&str, Vec<u8>)| {
         fs::write(folder.join(name), bytes).unwrap();

@@ -48,17 +48,31 @@ pub fn read(path: &Path, given: &Given) -> Result<(Study, Vec<Source>), ImportEr
         sources.extend(given.mesh.as_deref().map(bundle::source_of).transpose()?);
         return Ok((study, sources));
     }
-    given.check_unused(path)?;
     let study = if carto::is_carto(&mut bundle) {
+        given.check_unused(path)?;
         carto::read(&mut bundle)?
     } else if ensite::is_ensite(&mut bundle) {
+        given.check_unused(path)?;
         ensite::read(&mut bundle)?
     } else if let [file] = &bundle.with_extension("mat")[..] {
+        given.check_unused(path)?;
         openep::read(file, bundle.read(file)?)?
+    } else if let ([file], true) = (&single(&bundle)[..], path.is_dir()) {
+        return read(&path.join(file), given);
     } else {
         return Err(unknown(&mut bundle));
     };
     Ok((study, bundle.sources()))
+}
+
+/// Extensions of files with a mesh.
+const MESHES: [&str; 6] = ["vtk", "vtp", "vtu", "ply", "npz", "pts"];
+
+/// The files that can be a study each.
+fn single(bundle: &Bundle) -> Vec<String> {
+    let other = ["mat", "mesh", "dat", "igb", "csv", "tsv"];
+    let known = |name: &String| MESHES.iter().chain(&other).any(|e| has_extension(name, e));
+    bundle.names().iter().filter(|name| known(name)).cloned().collect()
 }
 
 /// A study in one file, by its extension.
@@ -102,7 +116,7 @@ fn read_file(
         let values = opencarp::igb(file, &bundle.read(file)?, given.frame)?;
         return on_mesh::read_values(path, values, given);
     }
-    if ["vtk", "vtp", "vtu", "ply", "npz", "pts"].into_iter().any(is) {
+    if MESHES.into_iter().any(is) {
         bundle.read(file)?;
         return on_mesh::read(path, given);
     }
@@ -122,6 +136,7 @@ fn unknown(bundle: &mut Bundle) -> ImportError {
     let mut is_binary = |name: &String| bundle.head(name, 1024).is_ok_and(|head| head.contains(&0));
     let sample = names.iter().take(50);
     let n_binary = sample.clone().filter(|name| is_binary(name)).count();
+    let single = single(bundle);
     let archives = names.iter().filter(|name| bundle::has_extension(name, "zip")).count();
     let help = if bundle.is_file() && bundle::has_extension(&names.concat(), "xml") {
         "if this belongs to an export, give the folder that it lies in".to_owned()
@@ -131,6 +146,8 @@ fn unknown(bundle: &mut Bundle) -> ImportError {
         format!(
             "most files are binary: this may be the mapping system's own study folder, which only the system can read; export the study on the workstation (CARTO: Export Study Data) and give that folder. {KNOWN}"
         )
+    } else if !bundle.is_file() && (2..=12).contains(&single.len()) {
+        format!("the files are no one study together; give one of them: {}", single.join(", "))
     } else {
         KNOWN.to_owned()
     };

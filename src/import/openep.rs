@@ -131,7 +131,7 @@ impl OpenEp<'_> {
             Some(Found::Texts(texts)) => texts,
             Some(Found::Other) => {
                 map.remarks.push(format!(
-                    "userdata.electric.{field} is left out: texts are read of files that are saved with -v7"
+                    "userdata.electric.{field} is left out: it is no cell array of texts"
                 ));
                 vec![]
             }

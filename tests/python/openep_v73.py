@@ -1,6 +1,7 @@
 """Writes tests/studies/openep_v73.mat: a data set of OpenEP as MATLAB's `save -v7.3` lays it out.
 
-A sheet of 3 x 3 vertices, 6 mm apart, with activation and voltage, and four points.
+A sheet of 3 x 3 vertices, 6 mm apart, with activation and voltage, and four points. With texts of the points, too:
+tests/studies/openep_v73_texts.mat.
 Run with h5py: python tests/python/openep_v73.py
 """
 
@@ -25,11 +26,41 @@ data = {
     "electric/annotations/woi": np.tile([-50.0, 200.0], (4, 1)),
     "electric/voltages/bipolar": np.array([[1.0], [1.5], [np.nan], [2.0]]),
 }
-path = "tests/studies/openep_v73.mat"
-with h5py.File(path, "w", userblock_size=512, libver="earliest") as file:
-    for name, array in data.items():
-        dataset = file.create_dataset("userdata/" + name, data=array.T)
-        kind = "int32" if array.dtype == np.int32 else "double"
-        dataset.attrs["MATLAB_class"] = np.bytes_(kind)
-with open(path, "r+b") as file:
-    file.write(b"MATLAB 7.3 MAT-file".ljust(124, b" ") + b"\x00\x02IM")
+texts = {
+    "tags": ["", "scar", "", "  phrenic "],
+    "electrodeNames_bip": ["A 1-2", "A 3-4", "µ 1-2", "A 1-2"],
+}
+
+
+def add_texts(file):
+    """Cells of text: datasets of UTF-16 in a group of their own, and references to them."""
+    cells = file.create_group("#refs#")
+    for field, values in texts.items():
+        references = []
+        for value in values:
+            units = np.frombuffer(value.encode("utf-16-le"), dtype=np.uint16)
+            held = units[:, None] if value else np.zeros(2, dtype=np.uint64)
+            cell = cells.create_dataset(f"c{len(cells)}", data=held)
+            cell.attrs["MATLAB_class"] = np.bytes_("char")
+            if not value:
+                cell.attrs["MATLAB_empty"] = np.uint8(1)
+            references.append(cell.ref)
+        array = np.array([references], dtype=h5py.ref_dtype)
+        dataset = file.create_dataset("userdata/electric/" + field, data=array, dtype=h5py.ref_dtype)
+        dataset.attrs["MATLAB_class"] = np.bytes_("cell")
+
+
+def write(path, has_texts):
+    with h5py.File(path, "w", userblock_size=512, libver="earliest") as file:
+        for name, array in data.items():
+            dataset = file.create_dataset("userdata/" + name, data=array.T)
+            kind = "int32" if array.dtype == np.int32 else "double"
+            dataset.attrs["MATLAB_class"] = np.bytes_(kind)
+        if has_texts:
+            add_texts(file)
+    with open(path, "r+b") as file:
+        file.write(b"MATLAB 7.3 MAT-file".ljust(124, b" ") + b"\x00\x02IM")
+
+
+write("tests/studies/openep_v73.mat", has_texts=False)
+write("tests/studies/openep_v73_texts.mat", has_texts=True)

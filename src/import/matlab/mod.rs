@@ -36,7 +36,7 @@ impl Matrix {
 pub(super) enum Found {
     /// Numbers.
     Matrix(Matrix),
-    /// Cells of text, an empty one for whatever else a cell holds; of files of version 5 alone.
+    /// Cells of text, an empty one for whatever else a cell holds.
     Texts(Vec<String>),
     /// A struct.
     Struct,

@@ -1,8 +1,11 @@
-//! MATLAB files of version 7.3: HDF5 in which a struct is a group and a matrix a dataset with its
-//! dimensions turned round.
+//! MATLAB files of version 7.3: HDF5 in which a struct is a group, a matrix a dataset with its dimensions
+//! turned round, a text a dataset of UTF-16, and a cell array a dataset of references to what its cells hold.
 
+use std::collections::HashMap;
+
+use hdf5_reader::error::Result as Read;
 use hdf5_reader::group::Group;
-use hdf5_reader::{Dataset, H5Type, Hdf5File, OpenOptions};
+use hdf5_reader::{Dataset, H5Type, Hdf5File, OpenOptions, reference};
 
 use super::{Found, Matrix};
 use crate::import::ImportError;
@@ -11,6 +14,8 @@ use crate::mesh::Place;
 /// Where the HDF5 file begins, behind MATLAB's own header.
 const USER_BLOCK: usize = 512;
 const SIGNATURE: &[u8] = b"\x89HDF\r\n\x1a\n";
+/// The group of all that stands in cells.
+const CELLS: &str = "#refs#";
 
 /// Whether these are the bytes of such a file.
 pub(super) fn is_hdf5(bytes: &[u8]) -> bool {
@@ -73,7 +78,10 @@ impl Mat {
             return Ok(Found::Matrix(Matrix { rows: 0, values: vec![] }));
         }
         let class = class_of(dataset).unwrap_or_default();
-        if class == "cell" || class == "char" {
+        if class == "cell" {
+            return self.texts(dataset).map(Found::Texts);
+        }
+        if class == "char" {
             return Ok(Found::Other);
         }
         let values = numbers(dataset).map_err(|error| wrong(&self.file, &error))?;
@@ -81,6 +89,31 @@ impl Mat {
         let rows = dataset.shape().last().map_or(values.len(), |rows| *rows as usize);
         Ok(Found::Matrix(Matrix { rows, values }))
     }
+
+    /// The texts of cells, an empty one for whatever else a cell holds.
+    fn texts(&self, cells: &Dataset) -> Result<Vec<String>, ImportError> {
+        let read = || -> Read<Vec<String>> {
+            let held = self.hdf5.root_group()?.group(CELLS)?.datasets()?;
+            let at: HashMap<u64, &Dataset> = held.iter().map(|own| (own.address(), own)).collect();
+            let size = self.hdf5.superblock().offset_size;
+            let places = reference::read_object_references(&cells.read_raw_bytes()?, size)?;
+            places
+                .iter()
+                .map(|place| at.get(place).map_or(Ok(String::new()), |own| text(own)))
+                .collect()
+        };
+        read().map_err(|error| wrong(&self.file, &error.to_string()))
+    }
+}
+
+/// The text of a dataset; an empty one if it is empty or no text.
+fn text(dataset: &Dataset) -> Read<String> {
+    let is_empty = dataset.attribute("MATLAB_empty").is_ok();
+    if is_empty || class_of(dataset).as_deref() != Some("char") {
+        return Ok(String::new());
+    }
+    let units: Vec<u16> = dataset.read_array::<u16>()?.iter().copied().collect();
+    Ok(String::from_utf16_lossy(&units).trim().to_owned())
 }
 
 /// The class that a dataset is an object of.
