@@ -26,7 +26,12 @@ fn sample(sampler: Sampler, model: &Model) -> Vec<Column> {
     let columns = columns(model, &all(sampler.sample(model, &starts, &settings, &Silent).unwrap()));
     for column in &columns {
         let r_hat = column.summary().r_hat;
-        assert!(r_hat.is_nan() || r_hat < 1.02, "{}: R-hat {r_hat}", column.name);
+        assert!(
+            r_hat.is_nan() || r_hat < 1.02,
+            "{}, {}: R-hat {r_hat}",
+            sampler.name(),
+            column.name
+        );
     }
     columns
 }
@@ -50,6 +55,18 @@ fn two_fields_and_a_noise_of_each_catheter_agree_with_nuts() {
     let [integrated, nuts] = [Sampler::Integrated, Sampler::Nuts].map(|s| sample(s, &model));
     let (z, what) = largest_z(&integrated, &nuts);
     assert!(z < LARGEST_Z, "{what}");
+}
+
+#[test]
+fn parameters_and_effects_beside_a_field_agree_with_nuts_and_a_twin_does_not() {
+    let sums = model(&models::sums::Sums, &["direct", "mixed"]);
+    assert_eq!(Sampler::of(&sums), Sampler::Integrated);
+    let nuts = sample(Sampler::Nuts, &sums);
+    let (z, what) = largest_z(&sample(Sampler::Integrated, &sums), &nuts);
+    assert!(z < LARGEST_Z, "{what}");
+    let twin = model(&models::sums_twin::SumsTwin, &["direct", "mixed"]);
+    let (z, what) = largest_z(&sample(Sampler::Integrated, &twin), &nuts);
+    assert!(z > 2.0 * LARGEST_Z, "a prior twice as wide goes unseen: {what}");
 }
 
 #[test]

@@ -1,6 +1,5 @@
 //! What a measurement depends on, from the tree.
 
-use crate::linear::is_linear;
 use crate::names::mentions;
 use crate::syntax::{Expr, Ident, Item, Model, Observe, Value};
 
@@ -60,39 +59,6 @@ impl Model {
         mentions(&observe.likelihood).iter().any(|mention| is_normal(&mention.name))
     }
 
-    /// Whether every measurement is `Normal(MU, SD)`: MU a linear function of fields that are not bent into a range, SD
-    /// without any field.
-    pub fn is_normal(&self) -> bool {
-        let is_normal = |observe: &Observe| match &observe.likelihood {
-            Expr::Call(call) => {
-                let is_normal =
-                    matches!(&*call.func, Expr::Path(path) if path.path.is_ident("Normal"));
-                let arguments: Vec<&Expr> = call.args.iter().collect();
-                is_normal
-                    && matches!(&arguments[..], [mu, sd] if self.is_linear(mu) && self.is_free(sd))
-            }
-            _ => false,
-        };
-        self.observes().all(is_normal)
-    }
-
-    /// Whether `e` mentions neither fields nor `let`s.
-    fn is_free(&self, e: &Expr) -> bool {
-        self.values_in(e).is_empty()
-    }
-
-    /// Whether `e` is linear in the fields that it mentions, up to a constant.
-    fn is_linear(&self, e: &Expr) -> bool {
-        let is_field = |e: &Expr| {
-            let Expr::Call(call) = e else { return false };
-            let Expr::Path(path) = &*call.func else { return false };
-            let is_unbent = |name: &Ident| matches!(self.value(name), Some(Item::Field(field)) if !field.is_within);
-            path.path.get_ident().is_some_and(is_unbent)
-                && call.args.iter().all(|argument| self.is_free(argument))
-        };
-        is_linear(e, &|e| self.is_free(e), &is_field)
-    }
-
     /// The fields and `let`s that `e` mentions, each once.
     fn values_in(&self, e: &Expr) -> Vec<&Ident> {
         let mut found: Vec<&Ident> = vec![];
@@ -132,7 +98,7 @@ mod tests {
         assert_eq!(model.first_value(b).unwrap(), "level");
         assert!(model.first_value(c).is_none());
         assert!(model.is_of_field(a) && !model.is_of_field(b));
-        assert!(!model.is_normal() && model.has_outliers());
+        assert!(model.has_outliers());
         let without = MODEL.replace("Outliers(", "Widened(");
         assert!(!File::read(&without).unwrap().model.has_outliers());
     }
@@ -156,30 +122,5 @@ mod tests {
             let of = model.observes().next().unwrap();
             assert_eq!(model.widens(of), widens, "{likelihood}");
         }
-    }
-
-    #[test]
-    fn normal_about_a_linear_function_of_fields() {
-        let is_normal = |likelihood: &str| {
-            let text = format!(
-                "model! {{
-                    model M;
-                    param s ~ HalfNormal(1.0);
-                    field f(x) = m + gp(Rbf(2.0), K = 4) where {{ m ~ Flat; }}
-                    field g(x) within 0.0..1.0 = m + gp(Rbf(2.0), K = 4) where {{ m ~ Normal(0.5, 0.5); }}
-                    let twice(x) = f(x) * 2;
-                    observe a(x): Number ~ {likelihood};
-                }}"
-            );
-            File::read(&text).unwrap().model.is_normal()
-        };
-        for linear in ["f(x)", "-(2.0 * f(x) - s) / 3.0 + f(x) * s", "s"] {
-            assert!(is_normal(&format!("Normal({linear}, 2.0 * s)")), "{linear}");
-        }
-        for other in ["f(x) * f(x)", "s / f(x)", "f(x).exp()", "exp(f(x))", "g(x)", "twice(x)"] {
-            assert!(!is_normal(&format!("Normal({other}, s)")), "{other}");
-        }
-        assert!(!is_normal("Normal(f(x), s * f(x))"));
-        assert!(!is_normal("StudentT(4.0, f(x), s)"));
     }
 }

@@ -19,6 +19,7 @@ mod grammar;
 mod linear;
 mod mistake;
 pub mod names;
+mod normal;
 mod predictor;
 mod print;
 pub mod syntax;

@@ -88,7 +88,7 @@ pub(super) struct SamplerArgs {
     /// fields 0.8]
     #[arg(long)]
     target_accept: Option<f64>,
-    /// Sampler [default: integrated where every measurement is normal about a linear function of fields,
+    /// Sampler [default: integrated where every measurement is normal about a sum of fields and parameters,
     /// else blocked where every field is measured, else nuts]
     #[arg(long, value_enum)]
     sampler: Option<SamplerArg>,
@@ -105,7 +105,7 @@ pub(super) struct SamplerArgs {
 enum SamplerArg {
     /// Whitened fields and their hyperparameters in alternating moves
     Blocked,
-    /// Fields integrated out: every measurement normal about a linear function of fields
+    /// Fields integrated out: every measurement normal about a sum of fields and parameters
     Integrated,
     /// NUTS on all unknowns
     Nuts,
@@ -132,7 +132,7 @@ impl SamplerArgs {
             (Some(SamplerArg::Blocked), _) => Ok(Sampler::Blocked),
             (Some(SamplerArg::Integrated), _) if !Sampler::Integrated.takes(model) => {
                 Err(Failure::usage(
-                    "--sampler integrated: it needs a model of which every measurement is Normal(…) about a sum of fields, without effects, and no more than 12 unknowns besides the fields\nhelp: leave it out: what suits the model is chosen",
+                    "--sampler integrated: it needs a model of which every measurement is Normal(…) about a sum of fields, parameters and effects, and no more than 12 unknowns besides these\nhelp: leave it out: what suits the model is chosen",
                 ))
             }
             (Some(SamplerArg::Integrated), _) => Ok(Sampler::Integrated),

@@ -39,10 +39,12 @@ pub(crate) fn numbers_on(basis: &Basis, protocols: &[&str]) -> Measurements {
         let smooth = 100.0 * (basis.at(vertex)[1] + basis.at(vertex)[2]);
         let value = 1.0 + smooth + rng.random_range(-0.6..0.6);
         let catheter = ["A", "B"][i % 2];
-        format!("{},{vertex},{value},{catheter}", protocols[i / 2 % protocols.len()])
+        let (dose, force) = (1.0 + (7 * i % 11) as f64 / 5.0, (5 * i % 13) as f64 / 6.0);
+        let protocol = protocols[i / 2 % protocols.len()];
+        format!("{protocol},{vertex},{value},{catheter},{dose},{force}")
     };
     let lines: Vec<String> = (0..80).map(line).collect();
-    let mut rows = table("protocol,vertex,value,catheter", &lines);
+    let mut rows = table("protocol,vertex,value,catheter,dose,force", &lines);
     rows.place_at_indices(basis.n_vertices()).unwrap();
     rows
 }

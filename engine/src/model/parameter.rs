@@ -81,6 +81,10 @@ impl<F: PriorFn<N>, const N: usize, const W: usize> Op for ParameterOp<F, N, W> 
         self.f.prior(self.local.plain(v)).gaussian()
     }
 
+    fn unknown(&self, values: &[f64], value: f64) -> f64 {
+        self.coordinate.u(&self.f.prior(self.local.plain(values)), value)
+    }
+
     fn forward(&self, t: &mut Tape) {
         let dist = self.f.prior(self.local.plain(&t.v));
         for i in 0..self.n {
@@ -192,6 +196,10 @@ pub(super) struct NormalOp {
 }
 
 impl Op for NormalOp {
+    fn gaussian(&self, _: &[f64]) -> Option<Gaussian> {
+        Some(Gaussian { location: 0.0, scale: self.sd, precision: 1.0 })
+    }
+
     fn forward(&self, t: &mut Tape) {
         t.v[self.v..][..self.n].copy_from_slice(&t.u[self.u..][..self.n]);
     }

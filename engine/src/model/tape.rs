@@ -35,9 +35,13 @@ pub(super) trait Op: Second + Send + Sync {
     fn draw(&self, _: &mut Tape, _: &mut dyn Rng) -> Option<()> {
         None
     }
-    /// The prior of its one unknown at these values, if it is normal or flat.
+    /// The prior of each of its numbers at these values, if it is normal or flat.
     fn gaussian(&self, _: &[f64]) -> Option<Gaussian> {
         None
+    }
+    /// Of an operation with such a prior, the unknown behind this value.
+    fn unknown(&self, _values: &[f64], value: f64) -> f64 {
+        value
     }
     /// Adds this operation's log density, and carries adjoints from its values to what they came from.
     fn backward(&self, t: &mut Tape);

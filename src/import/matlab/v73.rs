@@ -1,7 +1,7 @@
 //! MATLAB files of version 7.3: HDF5 in which a struct is a group, a matrix a dataset with its dimensions
 //! turned round, a text a dataset of UTF-16, and a cell array a dataset of references to what its cells hold.
 
-use std::collections::HashMap;
+use std::collections::BTreeMap;
 
 use hdf5_reader::error::Result as Read;
 use hdf5_reader::group::Group;
@@ -94,7 +94,7 @@ impl Mat {
     fn texts(&self, cells: &Dataset) -> Result<Vec<String>, ImportError> {
         let read = || -> Read<Vec<String>> {
             let held = self.hdf5.root_group()?.group(CELLS)?.datasets()?;
-            let at: HashMap<u64, &Dataset> = held.iter().map(|own| (own.address(), own)).collect();
+            let at: BTreeMap<u64, &Dataset> = held.iter().map(|own| (own.address(), own)).collect();
             let size = self.hdf5.superblock().offset_size;
             let places = reference::read_object_references(&cells.read_raw_bytes()?, size)?;
             places

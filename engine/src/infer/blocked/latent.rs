@@ -20,6 +20,9 @@ use std::sync::Arc;
 /// The likelihood of a place depends only on the values of the group's blocks at that place. So two
 /// groups are connected through the outer unknowns alone.
 ///
+/// Beside a single group there may be *free* latent values, which are at no place: each is
+/// `offset + scale w` with a coefficient of its own, and any measurement may depend on it.
+///
 /// Some of the density's own unknowns may not be seen by the likelihood. [`Latent::join`] draws
 /// them from their exact conditional.
 pub trait LatentGaussian: LogDensity {
@@ -34,6 +37,9 @@ pub trait LatentGaussian: LogDensity {
 pub struct Layout {
     /// The blocks, those together that are seen together.
     pub groups: Vec<Group>,
+    /// The prior precision of each free latent value: 1, or 0 if it is flat. Only the integrated sampler takes any, and
+    /// only beside a single group.
+    pub free_precision: Vec<f64>,
     /// Which of the density's unknowns are outer.
     pub outer: Vec<usize>,
     /// Which of the outer unknowns are hyperparameters, ascending.
@@ -100,14 +106,25 @@ impl Group {
 }
 
 impl Layout {
-    /// Number of coefficients, those of one group after the other.
+    /// Number of coefficients, those of one group after the other, then those of free values.
     pub fn n_coefficients(&self) -> usize {
-        self.groups.iter().map(Group::n_coefficients).sum()
+        self.groups.iter().map(Group::n_coefficients).sum::<usize>() + self.free_precision.len()
     }
 
-    /// Number of latent values, `(group, block, place)`.
+    /// Number of latent values, `(group, block, place)`, then the free ones.
     pub fn n_latent(&self) -> usize {
-        self.groups.iter().map(Group::n_latent).sum()
+        self.groups.iter().map(Group::n_latent).sum::<usize>() + self.free_precision.len()
+    }
+
+    /// Designs of all groups, without rows, for who asks for offsets and scales alone. If there are free values, theirs
+    /// is the last, with an offset and a scale for each.
+    pub(in crate::infer) fn designs_without_rows(&self) -> Vec<Design> {
+        let mut designs: Vec<Design> = self.groups.iter().map(Design::without_rows).collect();
+        let n = self.free_precision.len();
+        if n > 0 {
+            designs.push(Design { offset: vec![0.0; n], rows: vec![], scale: vec![vec![1.0; n]] });
+        }
+        designs
     }
 
     /// The outer unknowns of a position.
@@ -148,7 +165,7 @@ impl Design {
     }
 
     /// As [`Design::new`], for who asks for offsets and scales alone.
-    pub(in crate::infer) fn without_rows(group: &Group) -> Self {
+    fn without_rows(group: &Group) -> Self {
         Self {
             offset: vec![0.0; group.blocks.len()],
             rows: group.blocks.iter().map(|_| vec![]).collect(),
@@ -173,10 +190,10 @@ pub trait Latent: Send {
     ) -> f64;
 
     /// Sets the outer unknowns for [`Latent::ln_likelihood`] and [`Latent::slope`], and writes the
-    /// designs of the groups. Returns ln p(outer), which is −∞ out of support.
+    /// designs of the groups and of free values. Returns ln p(outer), which is −∞ out of support.
     fn set_outer(&mut self, outer: &[f64], designs: &mut [Design]) -> f64;
 
-    /// Log likelihood of all places at these latent values `(group, block, place)`.
+    /// Log likelihood of all places at these latent values, in the order of [`Layout::n_latent`].
     fn ln_likelihood(&mut self, theta: &[f64]) -> f64;
 
     /// As [`Latent::ln_likelihood`], with its gradient in the latent values.

@@ -8,6 +8,7 @@
 
 mod chain;
 mod marginal;
+mod products;
 
 pub use chain::Integrated;
 

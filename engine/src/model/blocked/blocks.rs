@@ -3,6 +3,7 @@
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
 
+use super::free::FreeBlock;
 use super::places::PlaceBlock;
 use crate::dist::Gaussian;
 use crate::infer::{BlockLayout, Group, Layout, Shape};
@@ -19,6 +20,8 @@ pub(super) struct Blocks<'m> {
     pub(super) fields: Vec<Block>,
     /// Deviations of places. They come after the fields; there is then one group only.
     pub(super) places: Vec<PlaceBlock>,
+    /// Parameters and effects that are free latent values.
+    pub(super) free: Vec<FreeBlock>,
 }
 
 /// What is precomputed of one field.
@@ -49,9 +52,24 @@ impl<'m> Blocks<'m> {
         })
     }
 
+    /// A coefficient per mode; these priors are those of free latent values.
+    pub(super) fn integrated(model: &'m Model, free: &[usize]) -> Self {
+        let free = free.iter().map(|prior| FreeBlock::new(model, *prior)).collect();
+        Self::assembled(model, &|_| false, free, &|_, _| vec![])
+    }
+
     /// Each group has a coefficient per site (its designs are triangular) or one per mode.
     /// `is_triangular` decides from the group's fields; either is exact.
     pub(super) fn shaped(model: &'m Model, is_triangular: &dyn Fn(&[&Field]) -> bool) -> Self {
+        Self::assembled(model, is_triangular, vec![], &PlaceBlock::all)
+    }
+
+    fn assembled(
+        model: &'m Model,
+        is_triangular: &dyn Fn(&[&Field]) -> bool,
+        free: Vec<FreeBlock>,
+        places: &dyn Fn(&Model, &[Block]) -> Vec<PlaceBlock>,
+    ) -> Self {
         let mut members: BTreeMap<usize, Vec<usize>> = BTreeMap::new();
         for (field, entry) in model.fields.iter().enumerate() {
             members.entry(entry.group).or_default().push(field);
@@ -69,21 +87,24 @@ impl<'m> Blocks<'m> {
             let blocks = fields[first..].iter().map(|block| block.layout(model)).collect();
             groups.push(Group { n_seen: ops[0].n_probes(), blocks });
         }
-        let places = PlaceBlock::all(model, &fields);
+        let places = places(model, &fields);
         if let Some(group) = groups.first_mut() {
             group.blocks.extend(places.iter().map(PlaceBlock::layout));
         }
-        let is_outer = |prior: usize| is_outer(prior, &fields, &places);
+        let is_outer = |prior: usize| is_outer(prior, &fields, &places, &free);
         let entries = model.prior_entries.iter().enumerate().filter(|(prior, _)| is_outer(*prior));
         let outer: Vec<usize> = entries.flat_map(|(_, entry)| entry.u.clone()).collect();
         let is_hyper = hyperparameters(model, &fields, &places);
         let hyper = (0..outer.len()).filter(|i| is_hyper.contains(&outer[*i])).collect();
-        Self { model, layout: Layout { groups, outer, hyper }, fields, places }
+        let free_precision =
+            free.iter().flat_map(|block| vec![block.precision; block.u.len()]).collect();
+        let layout = Layout { groups, free_precision, outer, hyper };
+        Self { model, layout, fields, places, free }
     }
 
     /// The priors of outer unknowns.
     pub(super) fn priors(&self) -> impl DoubleEndedIterator<Item = &dyn Op> {
-        let is_outer = |prior: &usize| is_outer(*prior, &self.fields, &self.places);
+        let is_outer = |prior: &usize| is_outer(*prior, &self.fields, &self.places, &self.free);
         (0..self.model.priors.len()).filter(is_outer).map(|prior| &*self.model.priors[prior])
     }
 }
@@ -158,11 +179,11 @@ impl Block {
     }
 }
 
-/// Whether a prior is one of outer unknowns: not of a mean in a block, and not of deviations of
-/// places.
-fn is_outer(prior: usize, fields: &[Block], places: &[PlaceBlock]) -> bool {
+/// Whether a prior is one of outer unknowns: not of a mean in a block, of deviations of places, or of free values.
+fn is_outer(prior: usize, fields: &[Block], places: &[PlaceBlock], free: &[FreeBlock]) -> bool {
     fields.iter().all(|block| block.mean != Some(prior))
         && places.iter().all(|block| block.prior != prior)
+        && free.iter().all(|block| block.prior != prior)
 }
 
 /// The unknowns on which a field's mean, amplitudes and kernels and the sds of places depend,

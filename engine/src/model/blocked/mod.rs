@@ -11,10 +11,13 @@
 //! - a mean that nothing else mentions, if its prior is normal or flat, as location + scale w;
 //! - deviations of places whose sd is learnt.
 //!
+//! For the integrated sampler so are parameters and effects in which all measurements are linear.
+//!
 //! All other unknowns are outer. What the sites do not see is drawn from its exact conditional
 //! ([`restore`](super::restore)).
 
 mod blocks;
+mod free;
 mod on_tape;
 mod places;
 
@@ -34,6 +37,9 @@ const MOST: usize = 400;
 
 /// Most unknowns that the integrated sampler's proposals can follow.
 const MOST_OUTER: usize = 12;
+
+/// Most parameters that it integrates out beside fields.
+const MOST_FREE: usize = 400;
 
 /// Numbers of a field's block: one per site or one per mode, whichever are fewer.
 fn size(field: &FieldEntry) -> usize {
@@ -76,8 +82,8 @@ impl Sampler {
     }
 
     /// Whether it can sample the model: the blocked sampler needs a field, and measurements that see
-    /// every field; the integrated one in addition that every measurement is normal about a linear function of fields,
-    /// without effects; NUTS samples all models.
+    /// every field; the integrated one in addition that every measurement is normal about a sum of fields, parameters
+    /// and effects; NUTS samples all models.
     pub fn takes(self, model: &Model) -> bool {
         let is_seen = || model.has_fields() && model.fields.iter().all(|f| size(f) > 0);
         match self {
@@ -121,7 +127,8 @@ impl Sampler {
     ) -> Result<Vec<ChainResult>, InferError> {
         match self {
             Self::Integrated => {
-                let blocks = Blocks::shaped(model, &|_| false);
+                let free = free_priors(model).unwrap_or_default();
+                let blocks = Blocks::integrated(model, &free);
                 sample_integrated(&blocks, starts, settings, progress)
             }
             Self::Blocked => sample_blocked(&Blocks::new(model), starts, settings, progress),
@@ -139,12 +146,23 @@ impl Sampler {
 const WITH_FIELDS: f64 = 0.95;
 
 /// Whether every measurement is normal about a linear function of fields, with an sd that these do not change, and few
-/// unknowns are left without the fields.
+/// unknowns are left without what integrates out.
 fn is_normal(model: &Model) -> bool {
-    let is_plain = model.linear.is_empty() && model.spreads.is_empty();
-    let is_normal = || model.syntax().is_ok_and(|tree| tree.is_normal());
-    let n_outer = || Blocks::shaped(model, &|_| false).layout().outer.len();
-    is_plain && is_normal() && (1..=MOST_OUTER).contains(&n_outer())
+    free_priors(model).is_some_and(|free| {
+        let blocks = Blocks::integrated(model, &free);
+        (1..=MOST_OUTER).contains(&blocks.layout().outer.len())
+    })
+}
+
+/// Of a model with such measurements, the priors of parameters and effects that integrate out with the fields. With
+/// several groups of fields there are none.
+fn free_priors(model: &Model) -> Option<Vec<usize>> {
+    let tree = model.syntax().ok()?;
+    let names: Vec<String> = tree.normal_about()?.iter().map(ToString::to_string).collect();
+    let priors = free::priors_of(model, &names);
+    let n: usize = priors.iter().map(|prior| model.prior_entries[*prior].len).sum();
+    let is_one_group = sizes(model).len() == 1;
+    Some(if is_one_group && n <= MOST_FREE { priors } else { vec![] })
 }
 
 #[cfg(test)]

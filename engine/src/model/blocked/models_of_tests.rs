@@ -62,6 +62,18 @@ model! {
     observe beats(x): Count ~ PoissonLog(rate(x));
 }
 
+model! {
+    /// Parameters beside a field: a flat one, one with a prior of its own, and labels whose spread is learnt.
+    model Beside;
+    column dose;
+    param level ~ Flat;
+    param slope ~ Normal(2.0, 3.0);
+    param spread ~ LogNormal(-0.7, 0.5);
+    param shift(patient) ~ Normal(1.0, spread);
+    field f(x) = 3.0 * gp(Rbf(Num::from(40.0)), K = 6);
+    observe direct(x): Number ~ Normal(f(x) + level + slope * x.dose + shift(x), 1.5);
+}
+
 /// Two rows at each of `n` places, whose labels are in another order than their vertices.
 pub(super) fn places(n: usize) -> Model {
     let cells = |line: String| line.split(',').map(String::from).collect::<Vec<_>>();

@@ -41,7 +41,11 @@ impl OnTape<'_> {
             block.set_values(&theta[first..], &mut self.tape);
             first += block.n();
         }
-        if !self.blocks.places.is_empty() {
+        for block in &self.blocks.free {
+            block.set_values(&theta[first..][..block.n()], &mut self.tape);
+            first += block.n();
+        }
+        if !(self.blocks.places.is_empty() && self.blocks.free.is_empty()) {
             self.set_offsets();
         }
     }
@@ -62,6 +66,10 @@ impl OnTape<'_> {
             first += at.len();
         }
         for block in &self.blocks.places {
+            block.slopes(&self.tape, &mut theta_bar[first..][..block.n()]);
+            first += block.n();
+        }
+        for block in &self.blocks.free {
             block.slopes(&self.tape, &mut theta_bar[first..][..block.n()]);
             first += block.n();
         }
@@ -117,6 +125,13 @@ impl OnTape<'_> {
             let own = (&mut offset[f], &mut rows[f][..], &mut scale[f][..]);
             block.set_design(blocks.model, &self.tape.v, own);
         }
+        let mut first = 0;
+        for block in &blocks.free {
+            let Design { offset, scale, .. } = &mut designs[blocks.layout.groups.len()];
+            let own = (&mut offset[first..][..block.n()], &mut scale[0][first..][..block.n()]);
+            block.set_design(blocks.model, &self.tape.v, own);
+            first += block.n();
+        }
     }
 }
 
@@ -139,6 +154,10 @@ impl Latent for OnTape<'_> {
         }
         for block in &self.blocks.places {
             block.coefficients(position, &mut out[at..]);
+            at += block.n();
+        }
+        for block in &self.blocks.free {
+            block.coefficients(model, &mut self.tape, position, &mut out[at..][..block.n()]);
             at += block.n();
         }
     }
@@ -171,6 +190,10 @@ impl Latent for OnTape<'_> {
         for places in &self.blocks.places {
             places.put(&block[at..], position);
             at += places.n();
+        }
+        for free in &self.blocks.free {
+            free.put(model, &self.tape, &block[at..][..free.n()], position);
+            at += free.n();
         }
         model.ln_density_alone(&mut self.tape, position)
     }

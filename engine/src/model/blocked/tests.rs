@@ -1,4 +1,4 @@
-use super::models_of_tests::{Counts, Known, Patients, basis, patients, places, rows};
+use super::models_of_tests::{Beside, Counts, Known, Patients, basis, patients, places, rows};
 use super::*;
 use crate::diagnostics::{mcse_mean, mcse_sd, mean_and_sd};
 use crate::infer::{Blocked, Chain, ChainError, MarkovChain, Silent, jittered_starts};
@@ -322,4 +322,28 @@ fn the_log_density_recorded_is_the_models_own() {
         let value = evaluator.ln_density(chain.draw(i), &mut vec![0.0; model.dim()]);
         assert!((value - chain.ln_density[i]).abs() < 1e-12 * value.abs());
     }
+}
+
+#[test]
+fn free_values_and_their_coefficients_are_two_forms_of_the_same() {
+    let model = model(&Beside, "direct", 30);
+    let blocks = Blocks::integrated(&model, &free_priors(&model).unwrap());
+    let layout = blocks.layout();
+    assert_eq!(
+        (layout.outer.len(), &layout.free_precision[..]),
+        (1, &[0.0, 1.0, 1.0, 1.0, 1.0][..])
+    );
+    let mut latent = blocks.latent();
+    let position: Vec<f64> = (0..model.dim()).map(|i| 0.3 + (i as f64).sin()).collect();
+    let mut coefficients = vec![0.0; layout.n_coefficients()];
+    latent.coefficients(&position, &mut coefficients);
+    let outer: Vec<f64> = layout.outer.iter().map(|u| position[*u]).collect();
+    let (mut again, mut rng) = (vec![0.0; model.dim()], ChaCha8Rng::seed_from_u64(1));
+    let ln_density = latent.join(&outer, &coefficients, &mut rng, &mut again);
+    for (a, b) in again.iter().zip(&position) {
+        assert!((a - b).abs() < 1e-12, "{a} instead of {b}");
+    }
+    let mut gradient = vec![0.0; model.dim()];
+    let direct = model.evaluator().ln_density(&position, &mut gradient);
+    assert!((ln_density - direct).abs() < 1e-9, "{ln_density} instead of {direct}");
 }

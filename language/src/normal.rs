@@ -1,0 +1,245 @@
+//! Models whose measurements are normal about a sum: of fields, parameters and effects, each with a factor.
+
+use crate::linear::is_linear;
+use crate::names::mentions;
+use crate::syntax::{Expr, Field, Ident, Item, Model, Observe, Over, Prior, Value};
+use quote::ToTokens;
+
+impl Model {
+    /// If every measurement is `Normal(MU, SD)`, MU linear in the fields and SD without any: the parameters and effects
+    /// in which MU is linear, too, together with the fields. Nothing else mentions these.
+    ///
+    /// `let`s count as what they stand for. Fields that are bent into a range are not linear.
+    pub fn normal_about(&self) -> Option<Vec<&Ident>> {
+        let normals = self.observes().map(normal).collect::<Option<Vec<_>>>()?;
+        let mut sum = Sum { model: self, names: vec![] };
+        let is_sum =
+            |sum: &Sum<'_>| normals.iter().all(|(mu, sd)| sum.is_linear(mu) && sum.is_free(sd));
+        if !is_sum(&sum) {
+            return None;
+        }
+        let items = self.statements.iter().map(|statement| &statement.item);
+        for item in items.filter(|item| matches!(item, Item::Param(_) | Item::Effect(_))) {
+            if self.is_mentioned_elsewhere(item.name()) {
+                continue;
+            }
+            sum.names.push(item.name());
+            if !is_sum(&sum) {
+                sum.names.pop();
+            }
+        }
+        Some(sum.names)
+    }
+
+    /// Whether something mentions `name` that is neither a likelihood nor a `let`.
+    fn is_mentioned_elsewhere(&self, name: &Ident) -> bool {
+        let is_in = |e: &dyn ToTokens| {
+            mentions(&e.to_token_stream()).iter().any(|mention| mention.name == *name)
+        };
+        let of_prior = |prior: &Prior| is_in(&prior.expr);
+        let of_field = |field: &Field| {
+            is_in(&field.value) || field.params.iter().any(|param| of_prior(&param.prior))
+        };
+        self.statements.iter().any(|statement| match &statement.item {
+            Item::Param(param) => of_prior(&param.prior),
+            Item::Column(column) => column.prior.as_ref().is_some_and(of_prior),
+            Item::Hyper(hyper) => hyper.params.iter().any(|param| of_prior(&param.prior)),
+            Item::Field(field) => of_field(field),
+            Item::Effect(effect) => {
+                of_prior(&effect.prior) || effect.form.numbers.iter().any(|e| is_in(e))
+            }
+            Item::Density(density) => is_in(&density.expr),
+            Item::Observe(observe) => observe.from.as_ref().is_some_and(|e| is_in(e)),
+            Item::Let(_) => false,
+        })
+    }
+}
+
+/// MU and SD of a measurement `~ Normal(MU, SD)`.
+fn normal(observe: &Observe) -> Option<(&Expr, &Expr)> {
+    let Expr::Call(call) = &observe.likelihood else { return None };
+    let is_normal = matches!(&*call.func, Expr::Path(path) if path.path.is_ident("Normal"));
+    let mut arguments = call.args.iter();
+    let (mu, sd) = arguments.next().zip(arguments.next())?;
+    (is_normal && arguments.next().is_none()).then_some((mu, sd))
+}
+
+/// A sum of all fields, and of the parameters and effects of these names.
+struct Sum<'m> {
+    model: &'m Model,
+    names: Vec<&'m Ident>,
+}
+
+impl Sum<'_> {
+    /// Whether `e` depends on nothing that is summed.
+    fn is_free(&self, e: &Expr) -> bool {
+        mentions(e).iter().all(|mention| {
+            !self.names.contains(&&mention.name)
+                && match self.model.value(&mention.name) {
+                    Some(Item::Field(_)) => false,
+                    Some(Item::Let(own)) => {
+                        !self.has_effect(&own.name)
+                            && match &own.value {
+                                Value::Expr(e) => self.is_free(e),
+                                Value::Linear { beta, .. } => !self.names.contains(&beta),
+                            }
+                    }
+                    _ => true,
+                }
+        })
+    }
+
+    /// Whether an effect that is summed acts on this field or `let`.
+    fn has_effect(&self, on: &Ident) -> bool {
+        self.model.statements.iter().any(|statement| {
+            matches!(&statement.item, Item::Effect(effect)
+                if self.names.contains(&&effect.name) && effect.on.contains(on))
+        })
+    }
+
+    /// Whether `e` is linear in what is summed, up to something free.
+    fn is_linear(&self, e: &Expr) -> bool {
+        is_linear(e, &|e| self.is_free(e), &|e| self.is_term(e))
+    }
+
+    /// Whether `e` is one number that is summed: `f(x)`, `a`, `b[0]`, `c(row)`, or a `let` that is a sum.
+    fn is_term(&self, e: &Expr) -> bool {
+        let name = |e: &Expr| match e {
+            Expr::Path(path) => path.path.get_ident().cloned(),
+            _ => None,
+        };
+        match e {
+            Expr::Path(_) => self.is_summed(e, &|over| matches!(over, Over::One)),
+            Expr::Index(e) => {
+                self.is_free(&e.index)
+                    && self.is_summed(&e.expr, &|over| matches!(over, Over::Many(_)))
+            }
+            Expr::Call(call) => {
+                call.args.iter().all(|argument| self.is_free(argument))
+                    && (self.is_summed(&call.func, &|over| matches!(over, Over::Each(_)))
+                        || name(&call.func).is_some_and(|name| self.is_sum(&name)))
+            }
+            _ => false,
+        }
+    }
+
+    /// Whether `e` names a parameter that is summed, and that varies over this.
+    fn is_summed(&self, e: &Expr, varies: &dyn Fn(&Over) -> bool) -> bool {
+        let Expr::Path(path) = e else { return false };
+        self.model.statements.iter().any(|statement| match &statement.item {
+            Item::Param(param) => {
+                path.path.is_ident(&param.name)
+                    && self.names.contains(&&param.name)
+                    && varies(&param.over)
+            }
+            _ => false,
+        })
+    }
+
+    /// Whether this is a field that is not bent, or a `let` that is a sum.
+    fn is_sum(&self, name: &Ident) -> bool {
+        match self.model.value(name) {
+            Some(Item::Field(field)) => !field.is_within,
+            Some(Item::Let(own)) => match &own.value {
+                Value::Expr(e) => self.is_linear(e),
+                Value::Linear { .. } => true,
+            },
+            _ => false,
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use crate::File;
+
+    /// The names in which the model is linear, if it is normal about a sum.
+    fn names(mu: &str, sd: &str, more: &str) -> Option<String> {
+        let text = format!(
+            "model! {{
+                model M;
+                column dose;
+                param s ~ HalfNormal(1.0);
+                param a ~ Normal(0.0, 1.0);
+                param b(2) ~ Normal(0.0, s);
+                param c(patient) ~ Normal(0.0, 1.0);
+                field f(x) = m + gp(Rbf(2.0), K = 4) where {{ m ~ Flat; }}
+                field g(x) within 0.0..1.0 = m + gp(Rbf(2.0), K = 4) where {{ m ~ Normal(0.5, 0.5); }}
+                let twice(row) = f(row) * 2 + a;
+                let square(row) = f(row) * f(row);
+                let level(row) = exp(s);
+                let along(row) = linear(row.dose, row.dose; b);
+                {more}
+                observe y(row): Number ~ Normal({mu}, {sd});
+            }}"
+        );
+        let model = File::read(&text).unwrap_or_else(|mistake| panic!("{}", mistake.message)).model;
+        let names = model.normal_about()?;
+        Some(names.iter().map(ToString::to_string).collect::<Vec<_>>().join(" "))
+    }
+
+    #[test]
+    fn sums_of_fields_parameters_and_lets_are_found() {
+        for (mu, found) in [
+            ("f(row)", "a c b"),
+            ("-(2.0 * f(row) - s) / 3.0 + f(row) * s", "a b c"),
+            ("s", "a b c"),
+            ("f(row) + a * row.dose + b[1] + c(row)", "a b c"),
+            ("twice(row) + level(row) - along(row)", "a b c"),
+            ("f(row) * level(row) + s * c(row)", "a b c"),
+            ("f(row) * a + b[0]", "b c"),
+            ("f(row) + exp(a) + c(row)", "b c"),
+            ("a * b[0] + f(row)", "a c"),
+            ("f(row) + b[0] * c(row)", "a b"),
+        ] {
+            let sorted = |names: &str| {
+                let mut names: Vec<String> = names.split(' ').map(String::from).collect();
+                names.sort();
+                names
+            };
+            let own = names(mu, "2.0 * s", "").unwrap_or_else(|| panic!("{mu}"));
+            assert_eq!(sorted(&own), sorted(found), "{mu}");
+        }
+    }
+
+    #[test]
+    fn what_is_not_linear_in_fields_is_none() {
+        for other in [
+            "f(row) * f(row)",
+            "s / f(row)",
+            "f(row).exp()",
+            "exp(f(row))",
+            "g(row)",
+            "square(row)",
+        ] {
+            assert_eq!(names(other, "s", ""), None, "{other}");
+        }
+        assert_eq!(names("f(row)", "s * f(row)", ""), None);
+        assert_eq!(names("f(row)", "exp(twice(row))", ""), None);
+        let other = "observe z(row): Number ~ StudentT(4.0, f(row), s);";
+        assert_eq!(names("f(row)", "s", other), None);
+    }
+
+    #[test]
+    fn what_is_mentioned_elsewhere_is_no_part_of_the_sum() {
+        for more in [
+            "param d ~ Normal(a, 1.0);",
+            "field h(x) = a + gp(Rbf(2.0), K = 4);",
+            "effect e on twice = scaled(row.dose, 1.0, 1.0) ~ Normal(0.0, a.exp());",
+            "density d = a * a;",
+        ] {
+            let own = names("f(row) + a + c(row)", "s", more).unwrap_or_else(|| panic!("{more}"));
+            assert!(!own.split(' ').any(|name| name == "a"), "{more}: {own}");
+        }
+        assert_eq!(names("f(row) + a", "a.exp()", "").as_deref(), Some("b c"));
+    }
+
+    #[test]
+    fn effects_are_summed_where_what_they_act_on_is() {
+        let effect = "effect e on level = scaled(row.dose, 1.0, 1.0) ~ Normal(0.0, 1.0);";
+        let has_effect = |mu: &str| names(mu, "s", effect).unwrap().split(' ').any(|n| n == "e");
+        assert!(has_effect("f(row) + level(row)"));
+        assert!(!has_effect("f(row) * level(row)"));
+        assert!(!has_effect("f(row) + exp(level(row))"));
+    }
+}
