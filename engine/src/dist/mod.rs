@@ -133,7 +133,7 @@ mod tests;
 
 pub use bounded::{FlatBetween, FlatPositive, TruncatedNormal};
 pub use interval::{Beta, Uniform};
-pub(crate) use normal_cdf::{ln_normal_below, ln_normal_between};
+pub(crate) use normal_cdf::{between, carried, ln_normal_below, ln_normal_between};
 pub use positive::{Exponential, Gamma, HalfCauchy, HalfNormal, InvGamma, LogNormal};
 pub use real::{Flat, Normal, StudentT};
 pub use sequence::{

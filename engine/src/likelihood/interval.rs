@@ -4,7 +4,8 @@ use rand::{Rng, RngExt};
 use rand_distr::StandardNormal;
 
 use super::{Bracket, Likelihood};
-use crate::dist::{ln_normal_below, ln_normal_between};
+use crate::dist::{between, carried, ln_normal_between};
+use crate::num::lanes::LANES;
 use crate::num::{Argument, Real};
 
 /// Log probability that a value measured with noise falls into a bracket, exactly.
@@ -28,16 +29,52 @@ pub fn Interval<D: Real>(f: impl Argument<D>, sigma: impl Argument<D>) -> Interv
     Interval { f: f.number(), sigma: sigma.number() }
 }
 
+/// Beyond so many standard deviations nothing is left of a probability.
+const FAR: f64 = 40.0;
+
+impl<D: Real> Interval<D> {
+    /// The bracket's ends in units of σ about f. An open end is where nothing is left beyond it.
+    #[inline(always)]
+    fn ends(&self, y: &Bracket) -> [D; 2] {
+        let z = |end: f64| (-self.f + end) / self.sigma;
+        match (y.lower.is_finite(), y.upper.is_finite()) {
+            (true, true) => [z(y.lower), z(y.upper)],
+            (true, false) => {
+                let lower = z(y.lower);
+                [lower, D::from(lower.re().max(0.0) + FAR)]
+            }
+            (false, _) => {
+                let upper = z(y.upper);
+                [D::from(upper.re().min(0.0) - FAR), upper]
+            }
+        }
+    }
+}
+
 impl<D: Real> Likelihood<D, Bracket> for Interval<D> {
     const WIDENS: bool = true;
     #[inline]
     fn ln_likelihood(&self, y: &Bracket) -> D {
-        let z = |end: f64| (-self.f + end) / self.sigma;
-        match (y.lower.is_finite(), y.upper.is_finite()) {
-            (true, true) => ln_normal_between(z(y.lower), z(y.upper)),
-            (true, false) => ln_normal_below(-z(y.lower)),
-            (false, _) => ln_normal_below(z(y.upper)),
+        let [a, b] = self.ends(y);
+        ln_normal_between(a, b)
+    }
+    #[inline(always)]
+    fn ln_likelihoods(rows: [(Self, &Bracket); LANES]) -> [D; LANES] {
+        let mut ends = [[D::from(0.0); 2]; LANES];
+        let [mut a, mut b, mut value, mut of_a, mut of_b] = [[0.0; LANES]; 5];
+        for lane in 0..LANES {
+            ends[lane] = rows[lane].0.ends(rows[lane].1);
+            (a[lane], b[lane]) = (ends[lane][0].re(), ends[lane][1].re());
         }
+        for lane in 0..LANES {
+            [value[lane], of_a[lane], of_b[lane]] = between(a[lane], b[lane]);
+        }
+        let mut out = [D::from(0.0); LANES];
+        for lane in 0..LANES {
+            let [a, b] = ends[lane];
+            out[lane] = carried([value[lane], of_a[lane], of_b[lane]], a, b);
+        }
+        out
     }
     fn ln_widened(&self, y: &Bracket, variance: D) -> D {
         let sigma = (self.sigma * self.sigma + variance).sqrt();

@@ -21,7 +21,7 @@ pub fn within(x: f64, low: f64, high: f64) -> f64 {
 
 /// `Σ c_i x^(N−1−i)` by Horner's scheme, even and odd powers apart: two short chains of operations.
 #[inline(always)]
-fn polynomial<const N: usize>(x: f64, c: &[f64; N]) -> f64 {
+pub(crate) fn polynomial<const N: usize>(x: f64, c: &[f64; N]) -> f64 {
     let square = x * x;
     let [mut odd, mut even] = [c[0], c[1]];
     for i in (2..N).step_by(2) {

@@ -17,8 +17,10 @@ use crate::run::{Event, Fit, Watch};
 const MOST: usize = 40;
 /// Most that are left out if it is not.
 const MOST_DEAR: usize = 8;
-/// Gradients times unknowns of the run beyond which a fit is dear: some ten seconds.
-const DEAR: f64 = 5e8;
+/// Work of the run beyond which a fit is dear: some ten seconds. Work is the number of gradients times that of
+/// unknowns, in which a row counts as so many unknowns.
+const DEAR: f64 = 1e9;
+const ROW: f64 = 10.0;
 /// Warm-up and draws of each chain.
 const WARMUP: usize = 100;
 const DRAWS: usize = 250;
@@ -56,7 +58,8 @@ pub(in crate::run) fn exact(fit: &Fit<'_>, loo: LeaveOneOut, watch: &Watch<'_>) 
     high.sort_by(|a, b| loo.rows[*b].pareto_k.total_cmp(&loo.rows[*a].pareto_k));
     let gradients: u64 = fit.chains().iter().map(|c| c.n_grad_warmup + c.n_grad_sampling).sum();
     // where each place has a deviation of its own nearly every measurement would have to be left out
-    let is_dear = fit.model().has_spreads() || gradients as f64 * fit.model().dim() as f64 > DEAR;
+    let size = fit.model().dim() as f64 + ROW * ids.len() as f64;
+    let is_dear = fit.model().has_spreads() || gradients as f64 * size > DEAR;
     high.truncate(if is_dear { MOST_DEAR } else { MOST });
     let of = high.len();
     for (done, i) in high.into_iter().enumerate() {

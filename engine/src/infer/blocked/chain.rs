@@ -25,8 +25,7 @@ const STEPS_EACH: usize = 2;
 /// How often both moves are made between two kept draws. Hyperparameters move by slow random steps,
 /// and a sweep costs less than a kept draw.
 const SWEEPS: usize = 3;
-/// Mean length of a trajectory, in standard deviations of the whitened coefficients. It is used
-/// where these are all that a trajectory moves.
+/// Mean length of a trajectory that does not look for a U-turn, in standard deviations.
 const TIME: f64 = 1.6;
 
 /// What does not change in a chain.
@@ -200,10 +199,10 @@ impl<'d> Blocked<'d> {
         self.kernel.parts().0.join(inner, &mut self.rng, &mut self.position)
     }
 
-    /// Moves the inner unknowns. Whitened coefficients alone are nearly standard normal, so that a
-    /// quarter of a period makes a fresh draw. NUTS would need twice as long, to see a U-turn.
+    /// Moves the inner unknowns. Where these are nearly standard normal, a quarter of a period makes a
+    /// fresh draw. NUTS would need twice as long, to see a U-turn.
     fn move_inner(&mut self) -> Transition {
-        if self.kernel.evaluator().is_standard() {
+        if self.kernel.evaluator().is_nearly_normal() {
             self.kernel.static_transition(self.step_size, TIME)
         } else {
             self.kernel.transition(self.step_size)

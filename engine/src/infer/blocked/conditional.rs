@@ -16,6 +16,9 @@ use rand::Rng;
 use std::mem;
 use std::sync::Arc;
 
+/// So many latent values for each coefficient are many.
+const MANY: usize = 4;
+
 /// A chain's state with the memory to evaluate both conditionals.
 pub(super) struct Conditional<'d> {
     latent: Box<dyn Latent + 'd>,
@@ -87,9 +90,10 @@ impl<'d> Conditional<'d> {
         &self.w
     }
 
-    /// Whether the inner move has nothing to move but the whitened coefficients.
-    pub(super) fn is_standard(&self) -> bool {
-        self.free.is_empty()
+    /// Whether what the inner move moves is nearly standard normal: whitened coefficients alone, or those of fields
+    /// that are seen at so many places that other unknowns are nearly normal, too.
+    pub(super) fn is_nearly_normal(&self) -> bool {
+        self.free.is_empty() || self.layout.n_latent() >= MANY * self.layout.n_coefficients()
     }
 
     /// Whether there are hyperparameters to move.
