@@ -114,6 +114,9 @@ impl GroupStandIn {
 
     /// Fits every place to `samples`. A place whose samples do not vary keeps its stand-in.
     fn fit(&mut self, samples: &[Sample], trust: Trust, group: &Group) {
+        // many places share what is known of few coefficients
+        let share = (group.n_coefficients() as f64 / group.n_latent() as f64).min(1.0);
+        let trust = Trust { least: share * trust.least, ..trust };
         for place in 0..self.n_seen {
             if let Some((information, centre)) = self.fit_place(samples, trust, place) {
                 for f in 0..self.n_blocks {
