@@ -36,6 +36,16 @@ pub(super) struct KernelState {
 }
 
 impl KernelState {
+    /// Whether it is a state in `dim` coordinates.
+    pub(super) fn fits(&self, dim: usize) -> bool {
+        [self.position.len(), self.gradient.len()] == [dim; 2] && self.metric.fits(dim)
+    }
+
+    /// Evaluations of the density so far.
+    pub(super) fn n_evaluations(&self) -> u64 {
+        self.n_evaluations
+    }
+
     pub(super) fn position(&self) -> &[f64] {
         &self.position
     }

@@ -11,6 +11,8 @@ mod lock;
 pub mod memory;
 pub mod npy;
 mod npz;
+#[cfg(test)]
+pub(crate) mod test_forgeries;
 
 pub use atomic::{NewFile, TEMPORARY, write_file, write_file_durably, write_folder};
 pub(crate) use checkpoint::take_chains;

@@ -5,6 +5,7 @@ use super::meeting::{Lesson, Link, Shared, agree};
 use crate::infer::error::{ChainError, ChainFailure};
 use crate::infer::kernel::KernelState;
 use crate::infer::markov::{MarkovChain as _, Together};
+use crate::infer::settings::MetricKind;
 use crate::infer::stages::WarmUp;
 use crate::infer::warmup::Adaptation;
 use crate::random::Part;
@@ -45,6 +46,25 @@ impl Together for Blocked<'_> {
             n_evaluations: self.n_evaluations,
             n_trials: conditional.n_trials,
         }
+    }
+
+    fn dim(&self) -> usize {
+        self.position.len()
+    }
+
+    fn fits(&self, state: &BlockedState, n_draws: usize) -> bool {
+        let (warm_up, layout) = (&state.warm_up, self.fixed.density.layout());
+        let dim = self.kernel.point.position.len();
+        let is_lesson = |(adaptation, lesson): &(Adaptation, Lesson)| {
+            adaptation.fits(dim, MetricKind::Diagonal) && lesson.fits(warm_up.n_late(), layout)
+        };
+        warm_up.follows(&self.warm_up)
+            && state.shared.is_like(&self.shared)
+            && state.outer.len() == layout.outer.len()
+            && state.kernel.fits(dim)
+            && state.learning.is_none() == warm_up.is_over()
+            && state.learning.as_ref().is_none_or(is_lesson)
+            && (n_draws == 0 || warm_up.is_over())
     }
 
     fn restore(&mut self, state: BlockedState) -> Result<(), ChainError> {

@@ -225,6 +225,14 @@ impl Checkpoint {
         self.take(COMMON)
     }
 
+    /// That a state, that of a chain or what the chains share, cannot be one of this run. States have no
+    /// seal against forgery, so whoever takes one up asks whether it fits.
+    pub fn misfit(&self, chain: Option<usize>) -> CheckpointError {
+        let name = chain.map_or(COMMON.into(), keeper::name_of);
+        let reason = "the state is none that this run can come to".into();
+        CheckpointError::Damaged { path: self.folder.join(name), reason }
+    }
+
     /// What all chains share from here on; written with the first of them, if any is.
     pub(crate) fn share(&self, state: &impl Serialize) {
         match postcard::to_stdvec(state) {
