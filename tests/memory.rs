@@ -1,6 +1,6 @@
 //! The memory that a run foresees, beside the most that it took: within a factor of 1.5.
 #![cfg(target_os = "linux")]
-#![allow(clippy::unwrap_used, reason = "tests")]
+#![allow(clippy::unwrap_used, clippy::print_stdout, reason = "tests")]
 
 #[path = "support/program.rs"]
 mod program;

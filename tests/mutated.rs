@@ -3,7 +3,7 @@
 //!
 //! Some hundred mutations of each file, seeded. The readers, and what must hold of what they accept, are those of
 //! `fuzz/`. For ten minutes a reader: `EPLAT_MUTATION_SECONDS=600 cargo test --release --test mutated`.
-#![allow(clippy::unwrap_used, clippy::expect_used, reason = "tests")]
+#![allow(clippy::unwrap_used, clippy::expect_used, clippy::print_stdout, reason = "tests")]
 
 #[path = "../fuzz/src/mutation.rs"]
 mod mutation;

@@ -7,6 +7,7 @@ mod program;
 #[path = "support/sheet.rs"]
 mod sheet;
 
+use std::fmt::Write as _;
 use std::fs;
 
 use eplat::store::seal_of;
@@ -77,18 +78,15 @@ fn a_record_names_every_file_of_its_folder() {
 fn a_loop_names_its_files_and_leaves_none_of_an_earlier_one() {
     let place = Workplace::new();
     sheet::write(&place.path("sheet.vtp"));
-    let rows = |effect: usize| -> String {
-        let row = |v: usize| {
+    for (name, effect) in [("with.csv", 6), ("without.csv", 0)] {
+        let mut table = "site,vertex,protocol,lower,upper,force_g\n".to_owned();
+        for v in (0..sheet::N).step_by(3) {
             let force = v * 13 % 7;
             let lower = 10 * (9 + effect * force / 2 + v % 2);
-            format!("{v},{v},S1S2,{lower},{},{force}\n", lower + 10)
-        };
-        (0..sheet::N).step_by(3).map(row).collect()
-    };
-    let header = "site,vertex,protocol,lower,upper,force_g\n";
-    place
-        .file("with.csv", header.to_owned() + &rows(6))
-        .file("without.csv", header.to_owned() + &rows(0));
+            let _ = writeln!(table, "{v},{v},S1S2,{lower},{},{force}", lower + 10);
+        }
+        place.file(name, table);
+    }
     let close = |table: &str| {
         succeeds(
             &place,
@@ -101,8 +99,8 @@ fn a_loop_names_its_files_and_leaves_none_of_an_earlier_one() {
     };
     close("with.csv");
     let written = || {
-        let names = fs::read_dir(place.path("loop")).unwrap().map(|e| e.unwrap().file_name());
-        names.filter(|name| name.to_str().unwrap().ends_with(".rs")).count()
+        let paths = fs::read_dir(place.path("loop")).unwrap().map(|entry| entry.unwrap().path());
+        paths.filter(|path| path.extension().is_some_and(|e| e == "rs")).count()
     };
     assert_eq!(written(), 1, "an effect was found");
     close("without.csv");

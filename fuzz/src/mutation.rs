@@ -41,15 +41,16 @@ pub(crate) fn words(dictionary: &str) -> Vec<Vec<u8>> {
 }
 
 fn unescaped(text: &[u8]) -> Vec<u8> {
+    let hex = |digits: &[u8]| u8::from_str_radix(std::str::from_utf8(digits).ok()?, 16).ok();
     let (mut bytes, mut rest) = (vec![], text);
-    while let Some((first, more)) = rest.split_first() {
-        let hex = more.get(1..3).and_then(|digits| std::str::from_utf8(digits).ok());
-        let byte = hex.and_then(|digits| u8::from_str_radix(digits, 16).ok());
-        (rest, _) = match (first, more.first(), byte) {
-            (b'\\', Some(b'x'), Some(byte)) => (&more[3..], bytes.push(byte)),
-            (b'\\', Some(escaped), _) => (&more[1..], bytes.push(*escaped)),
-            _ => (more, bytes.push(*first)),
+    while let [first, more @ ..] = rest {
+        let (byte, after) = match (first, more) {
+            (b'\\', [b'x', high, low, after @ ..]) => (hex(&[*high, *low]), after),
+            (b'\\', [escaped, after @ ..]) => (Some(*escaped), after),
+            _ => (Some(*first), more),
         };
+        bytes.extend(byte);
+        rest = after;
     }
     bytes
 }

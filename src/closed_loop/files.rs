@@ -30,6 +30,12 @@ pub(super) fn clear(out: &OutputFolder) -> Result<(), RunError> {
     Ok(())
 }
 
+/// The files with their hashes.
+fn seals(out: &OutputFolder, names: &[String]) -> Result<BTreeMap<String, String>, RunError> {
+    let seal = |name: &String| Ok((name.clone(), hash_file(&out.file(name))?));
+    names.iter().map(seal).collect()
+}
+
 /// The files that an earlier loop names in its record, as far as nobody has changed them since.
 fn earlier_files(out: &OutputFolder) -> Vec<String> {
     let text = std::fs::read_to_string(out.file(FINDING)).unwrap_or_default();
@@ -61,15 +67,15 @@ impl Story {
             out.save(&name, &text)?;
             files.push(name);
         }
-        let mut seals = self.seals(out, &files)?;
+        let mut own = seals(out, &files)?;
         files.push(FINDING.into());
         let pages = self.fits().map(|told| format!("{}/report.html", told.which));
         files.extend(pages.collect::<Vec<_>>().into_iter().rev());
         out.save(PAGE, &self.page(&files))?;
         files.push(PAGE.into());
-        seals.extend(self.seals(out, &[PAGE.into()])?);
+        own.extend(seals(out, &[PAGE.into()])?);
         let mut finding = self.finding();
-        finding["files"] = json!(seals);
+        finding["files"] = json!(own);
         out.save(FINDING, &format!("{finding:#}\n"))?;
         kept::forget(out)?;
         Ok(files)
@@ -88,16 +94,6 @@ impl Story {
             return Ok(());
         }
         out.refuse_foreign([FINDING, HELD_OUT, PAGE].into_iter())
-    }
-
-    /// The files with their hashes.
-    fn seals(
-        &self,
-        out: &OutputFolder,
-        names: &[String],
-    ) -> Result<BTreeMap<String, String>, RunError> {
-        let seal = |name: &String| Ok((name.clone(), hash_file(&out.file(name))?));
-        names.iter().map(seal).collect()
     }
 
     /// Names and contents of the files before the page, but for the record.

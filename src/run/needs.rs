@@ -5,6 +5,7 @@
 
 use super::{Problem, RunError};
 use crate::infer::{LogDensity as _, Settings};
+use crate::manifold::Basis;
 use crate::report::numbers_at_rows;
 use crate::store::memory;
 
@@ -39,7 +40,7 @@ impl Needs {
         let Settings { chains, draws, .. } = *settings;
         Self {
             n_vertices: loaded.surface().map_or(0, |surface| surface.mesh.n_vertices()),
-            n_modes: loaded.basis().map_or(0, |basis| basis.n_modes()),
+            n_modes: loaded.basis().map_or(0, Basis::n_modes),
             n_rows: model.row_ids().len(),
             chains,
             draws,

@@ -5,7 +5,8 @@ use super::density::{Evaluator, LogDensity};
 use super::draws::{Draw, Transition};
 use super::error::{ChainError, ChainFailure, InferError};
 use super::hamiltonian::{Hamiltonian, Metric};
-use super::kernel::{Kernel, KernelState};
+use super::kernel::Kernel;
+use super::kernel_state::KernelState;
 use super::lesson::Lesson;
 use super::markov::{MarkovChain, Together};
 use super::moments::DrawMoments;
@@ -188,7 +189,7 @@ impl Together for Nuts<'_> {
             && state.kernel.fits(dim)
             && state.learning.is_none() == warm_up.is_over()
             && state.learning.as_ref().is_none_or(is_lesson)
-            && state.n_evaluations_warmup <= state.kernel.n_evaluations()
+            && state.n_evaluations_warmup <= state.kernel.n_evaluations
             && (n_draws == 0 || warm_up.is_over())
     }
 

@@ -10,7 +10,10 @@ pub(crate) fn forgeries(value: &Value, at: &str, change: &mut dyn FnMut(&str, Va
             if let Some(last) = items.last() {
                 change(&format!("{at}: none"), Value::Array(vec![]));
                 change(&format!("{at}: one less"), items[1..].into());
-                change(&format!("{at}: one more"), [&items[..], &[last.clone()]].concat().into());
+                change(
+                    &format!("{at}: one more"),
+                    [&items[..], std::slice::from_ref(last)].concat().into(),
+                );
             }
             let is_tried = |i: &usize| items.len() < 5 || [0, items.len() - 1].contains(i);
             for i in (0..items.len()).filter(is_tried) {

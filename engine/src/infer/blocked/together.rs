@@ -3,7 +3,7 @@
 use super::chain::Blocked;
 use super::meeting::{Lesson, Link, Shared, agree};
 use crate::infer::error::{ChainError, ChainFailure};
-use crate::infer::kernel::KernelState;
+use crate::infer::kernel_state::KernelState;
 use crate::infer::markov::{MarkovChain as _, Together};
 use crate::infer::settings::MetricKind;
 use crate::infer::stages::WarmUp;
@@ -72,7 +72,7 @@ impl Together for Blocked<'_> {
         let Some(conditional) = fixed.conditional(&shared, &state.outer) else {
             return Err(self.error(state.warm_up.n_done(), ChainFailure::RanAway));
         };
-        let position = state.kernel.position().to_vec();
+        let position = state.kernel.position.clone();
         // the metric and all of the point are in the kernel's state
         let scale = vec![1.0; position.len()];
         self.kernel = fixed.kernel(conditional, &scale, &position, &state.warm_up);
