@@ -16,6 +16,7 @@
 
 #![allow(clippy::unwrap_used, clippy::expect_used, reason = "a panic is what is looked for")]
 
+#[allow(dead_code, reason = "tests/mutated.rs counts mutations, this crate has a time for them")]
 mod mutation;
 mod readers;
 mod seeds;
