@@ -58,6 +58,11 @@ fn a_record_names_every_file_of_its_folder() {
     names_all(&place, "run", "run.json", &[]);
     succeeds(&place, "run erp --optimize --out mode");
     names_all(&place, "mode", "map.json", &[]);
+    let experiment =
+        "study experiment --skip-simulation --chains 2 --warmup 100 --draws 60 --out experiment";
+    succeeds(&place, experiment);
+    names_all(&place, "experiment", "experiment.json", &["run"]);
+    names_all(&place, "experiment/run", "run.json", &[]);
 
     let atrium = "simulate atrium --fields sheet.vtp --units mm --refine 1 --tau-out 8 --apd-max 200 --pace 0 --beats 1 \
                   --last 100 --out atrium";

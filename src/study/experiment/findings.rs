@@ -54,7 +54,7 @@ impl Findings<'_> {
         write_text(out, "measurements.csv", &self.truth.problem.measurements().to_csv())?;
         self.write_page(out, &maps)?;
         let mut record = self.json();
-        for name in ["fields.vtp", "measurements.csv", "report.html"] {
+        for name in ["fields.vtp", "measurements.csv", "report.html", "settings.json"] {
             record["files"][name] = json!(hash_file(&out.file(name))?);
         }
         write_text(out, "experiment.json", &format!("{record:#}\n"))
