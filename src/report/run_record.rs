@@ -29,7 +29,7 @@ pub struct RunRecord {
     /// SHA-256 of each input in hexadecimal, by role, e.g. `mesh`, `data`, `model`.
     pub hashes: BTreeMap<String, String>,
     /// Every other file and folder that the run left beside its record, with its SHA-256
-    /// ([`seal_of`](crate::store::seal_of)).
+    /// ([`seal_of`]).
     #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
     pub files: BTreeMap<String, String>,
     /// Number of unconstrained parameters.
