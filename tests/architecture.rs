@@ -28,6 +28,7 @@ const SAME_LAYER: &[(&str, &str)] = &[
     ("likelihood", "dist"), // a likelihood of a Number is a distribution
     ("surrogate", "infer"), // a Gaussian process is fitted by the optimiser
     ("mesh", "store"),      // files appear whole or not at all
+    ("error", "store"),     // what to do about a file that cannot be written
     ("run", "report"),      // what renders it writes its page and tables
     ("main", "cli"),
 ];

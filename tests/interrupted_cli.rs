@@ -2,15 +2,17 @@
 #![cfg(unix)]
 #![allow(clippy::unwrap_used, reason = "tests")]
 
+#[path = "support/contents.rs"]
+mod contents;
 #[path = "support/program.rs"]
 mod program;
 
 use std::fs;
-use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Output, Stdio};
 use std::thread::sleep;
 use std::time::{Duration, Instant};
 
+use contents::contents;
 use program::{Workplace, text};
 use serde_json::Value;
 
@@ -19,50 +21,8 @@ const NUTS: &str = "run erp.rs --sampler nuts --chains 3 --warmup 300 --draws 30
 const BLOCKED: &str = "run erp.rs --chains 3 --warmup 1500 --draws 3000";
 const OFTEN: &str = "--checkpoint-every 0";
 
-/// Contents of every file below a folder by path; of the record and the report all but the times and the command.
-fn contents(folder: &Path) -> Vec<(PathBuf, Vec<u8>)> {
-    let mut found = vec![];
-    for entry in fs::read_dir(folder).unwrap().map(|entry| entry.unwrap().path()) {
-        if entry.is_dir() {
-            let name = entry.file_name().unwrap();
-            let below = contents(&entry).into_iter();
-            found.extend(below.map(|(path, bytes)| (Path::new(name).join(path), bytes)));
-            continue;
-        }
-        let mut bytes = fs::read(&entry).unwrap();
-        if entry.ends_with("run.json") {
-            let mut record: Value = serde_json::from_slice(&bytes).unwrap();
-            for timed in ["seconds", "ns_per_grad", "sampler_ns_per_grad", "ess_per_second"] {
-                assert!(record.as_object_mut().unwrap().remove(timed).is_some(), "{timed}");
-            }
-            let provenance = record["provenance"].as_object_mut().unwrap();
-            assert!(provenance.remove("command").is_some() && provenance.remove("date").is_some());
-            bytes = record.to_string().into_bytes();
-        }
-        if entry.ends_with("report.html") {
-            let timed = |line: &&str| {
-                let terms = ["<dt>gradients<", "<dt>ESS per second<", "<dt>seconds<"];
-                terms.iter().chain(&["<p class=\"provenance\">"]).any(|term| line.starts_with(term))
-            };
-            let page = text(&bytes);
-            assert_eq!(page.lines().filter(timed).count(), 4);
-            bytes = page.lines().filter(|line| !timed(line)).collect::<String>().into_bytes();
-        }
-        found.push((entry.strip_prefix(folder).unwrap().to_owned(), bytes));
-    }
-    found.sort();
-    found
-}
-
 fn same_files(place: &Workplace, a: &str, b: &str) {
-    let [a, b] = [a, b].map(|folder| contents(&place.path(folder)));
-    let names = |files: &[(PathBuf, Vec<u8>)]| -> Vec<PathBuf> {
-        files.iter().map(|(path, _)| path.clone()).collect()
-    };
-    assert_eq!(names(&a), names(&b));
-    for (a, b) in a.iter().zip(&b) {
-        assert!(a.1 == b.1, "{} differs", a.0.display());
-    }
+    contents::same_files(&place.path(a), &place.path(b));
 }
 
 fn start(place: &Workplace, arguments: &str) -> Child {

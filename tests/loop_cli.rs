@@ -341,7 +341,9 @@ fn where_nothing_is_missing_nothing_is_claimed() {
     let place = workplace(0.0, false);
     let output = place.eplat(&format!("loop recovery.rs {ON} --nulls 19 --json --out loop"));
     assert!(matches!(output.status.code(), Some(0 | 3)), "{}", text(&output.stderr));
-    let finding = finding(&place, "loop");
+    let mut finding = finding(&place, "loop");
+    // what is printed is no record of files
+    assert!(finding.as_object_mut().unwrap().remove("files").is_some());
     assert_eq!(finding, serde_json::from_slice::<Value>(&output.stdout).unwrap());
     let told = text(&output.stderr);
     let told: Vec<Value> = told.lines().map(|line| serde_json::from_str(line).unwrap()).collect();

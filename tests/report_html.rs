@@ -101,6 +101,7 @@ fn record() -> RunRecord {
             metric,
         },
         hashes: BTreeMap::from([("mesh".to_owned(), "5f".repeat(32))]),
+        files: BTreeMap::new(),
         n_params: 54,
         grad_evals: 901_234,
         ns_per_grad: 1830.5,

@@ -6,6 +6,8 @@
 use std::fmt;
 use std::path::Path;
 
+use crate::store::advice;
+
 /// A failure on its way to the user: a text and an exit code.
 #[derive(Debug)]
 pub struct Failure {
@@ -24,9 +26,10 @@ impl Failure {
         Self { message: message.to_string(), code: 2 }
     }
 
-    /// A file that cannot be read or written: exit code 1.
+    /// A file that cannot be written, or whatever else `action` says: exit code 1.
     pub fn io(action: &str, path: &Path, error: &std::io::Error) -> Self {
-        Self::new(format_args!("cannot {action} {}: {error}", path.display()))
+        let help = advice(error);
+        Self::new(format_args!("cannot {action} {}: {error}\nhelp: {help}", path.display()))
     }
 
     /// The exit code: 1 bad input or failure, 2 usage.

@@ -149,7 +149,7 @@ fn simulate(atrium: &Atrium, shared: &Shared) -> Result<Option<Beat>, AtriumErro
 fn ground(py: Python<'_>, place: Place<'_>, with_draws: bool) -> PyResult<Ground> {
     let Arrays(vertices, triangles, scalars, vectors) = match place {
         Place::Run(folder) => {
-            let read = Ground::read(&folder.join("fields.vtp"), Units::Mm);
+            let read = Ground::of_run(&folder, |_| Units::Mm.into());
             let drawn =
                 read.and_then(|g| if with_draws { g.with_draws_of(&folder) } else { Ok(g) });
             return drawn.map_err(|error| failure(py, error));

@@ -143,8 +143,7 @@ impl TissueArgs {
         let Self { fields, run, reading, .. } = self;
         match (run, fields) {
             (Some(run), _) => {
-                let file = run.join("fields.vtp");
-                let ground = Ground::read(&file, reading.of(&file))?;
+                let ground = Ground::of_run(run, |file| reading.of(file))?;
                 if with_draws { ground.with_draws_of(run) } else { Ok(ground) }
             }
             (None, Some(file)) => Ground::read(file, reading.of(file)),

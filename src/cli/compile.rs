@@ -61,7 +61,7 @@ fn compiled(file: &ModelFile) -> Result<PathBuf, Failure> {
         return Ok(program);
     }
     let package = cache.join("packages").join(&cache::key(&[place.as_bytes()])[..16]);
-    let _alone = alone_in(&package).map_err(|e| Failure::io("write", &package, &e))?;
+    let _alone = alone_in(&package).map_err(|e| unwritable(&package, &e))?;
     // another process may have compiled it meanwhile
     if let Some(program) = programs::find(&cache, &key) {
         return Ok(program);
@@ -72,12 +72,12 @@ fn compiled(file: &ModelFile) -> Result<PathBuf, Failure> {
         json!({ "file": file.path }),
     );
     let begun = SystemTime::now();
-    let main = write_main(&package, &path, &name, &file.source)
-        .map_err(|e| Failure::io("write", &package, &e))?;
+    let main =
+        write_main(&package, &path, &name, &file.source).map_err(|e| unwritable(&package, &e))?;
     let unfinished = tempfile::Builder::new()
         .prefix(UNFINISHED)
         .tempdir_in(&package)
-        .map_err(|error| Failure::io("write", &package, &error))?;
+        .map_err(|error| unwritable(&package, &error))?;
     let output = build(&cache, &main, unfinished.path()).map_err(|error| {
         Failure::new(format_args!(
             "cannot compile {}: {error}\nhelp: install Rust, or run a model that ships unedited",
@@ -91,12 +91,20 @@ fn compiled(file: &ModelFile) -> Result<PathBuf, Failure> {
         .map_err(|error| Failure::io("read", &unfinished.path().join(READ), &error))?;
     unchanged(file, &sources, begun)?;
     let program = programs::keep(&cache, &key, &unfinished.path().join(PROGRAM), &sources)
-        .map_err(|error| Failure::io("write", &cache.join("programs"), &error))?;
+        .map_err(|error| unwritable(&cache.join("programs"), &error))?;
     cache::sweep(&cache, cache::LIMIT);
     for package in fs::read_dir(cache.join("packages")).into_iter().flatten().flatten() {
         sweep_package(&package.path());
     }
     Ok(program)
+}
+
+/// That a folder of the cache cannot be written: a model can be compiled nowhere else.
+fn unwritable(folder: &Path, error: &std::io::Error) -> Failure {
+    Failure::new(format_args!(
+        "cannot write {}: {error}\nhelp: set EPLAT_CACHE to a folder that you may write to, with room for a program (20 MB)",
+        folder.display()
+    ))
 }
 
 /// Removes what killed processes left of another model, unless one compiles it now.

@@ -19,6 +19,7 @@ pub(super) fn run_event(event: &Event<'_>) -> (&'static str, Value) {
             "eigenfunctions",
             json!({ "modes": n_modes, "vertices": n_vertices, "seconds": seconds.round() }),
         ),
+        Event::NotCached { folder } => ("not_cached", json!({ "folder": folder })),
         Event::Basis { n_modes, wavelength } => {
             ("basis", json!({ "modes": n_modes, "wavelength_mm": wavelength }))
         }
@@ -52,14 +53,14 @@ pub(super) fn run_event(event: &Event<'_>) -> (&'static str, Value) {
             let each = doubts.iter().map(|d| json!({ "text": doubted(d), "remedy": remedy(d) }));
             ("doubts", json!({ "doubts": each.collect::<Vec<_>>() }))
         }
-        Event::Sampling { model, n_unknowns, sampler, settings, seconds } => {
+        Event::Sampling { model, n_unknowns, sampler, settings, seconds, bytes } => {
             let Settings { chains, warmup, draws, seed, .. } = settings;
             (
                 "sampling",
                 json!({
                     "model": model, "unknowns": n_unknowns, "sampler": sampler.name(),
                     "chains": chains, "warmup": warmup, "draws": draws, "seed": seed,
-                    "seconds": seconds,
+                    "seconds": seconds, "bytes": bytes,
                 }),
             )
         }

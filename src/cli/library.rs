@@ -105,6 +105,7 @@ pub(super) fn with_cargo(cache: &Path, unfinished: &Path) -> std::io::Result<Out
     if is_first {
         let text = "building the library that models are compiled against: minutes, this once …";
         tell("building_library", text, json!({}));
+        sweep_built(cache, cache::LIMIT);
     }
     if !eplat.is_dir() {
         fs::create_dir_all(cache.join(LIBRARY))?;
@@ -142,6 +143,24 @@ pub(super) fn with_cargo(cache: &Path, unfinished: &Path) -> std::io::Result<Out
         fs::copy(release.join(format!("{name}.d")), unfinished.join(READ))?;
     }
     Ok(output)
+}
+
+/// Removes the libraries that earlier versions have built, once they take more than `limit` bytes. What cannot be
+/// removed stays: it takes room, no more.
+fn sweep_built(cache: &Path, limit: u64) {
+    let target = cache.join("target");
+    if bytes_in(&target) > limit {
+        let _ = fs::remove_dir_all(target);
+        let _ = fs::remove_dir_all(cache.join(LIBRARY));
+    }
+}
+
+fn bytes_in(folder: &Path) -> u64 {
+    let of = |entry: fs::DirEntry| match entry.metadata() {
+        Ok(found) if found.is_dir() => bytes_in(&entry.path()),
+        found => found.map_or(0, |found| found.len()),
+    };
+    fs::read_dir(folder).into_iter().flatten().flatten().map(of).sum()
 }
 
 /// The embedded sources as a package, for cargo to build; once, or cargo would see a change.
@@ -193,6 +212,22 @@ fn library_alone(manifest: &str) -> String {
 #[allow(clippy::unwrap_used, reason = "tests")]
 mod tests {
     use super::*;
+
+    #[test]
+    fn libraries_of_earlier_versions_go_when_they_take_too_much() {
+        let cache = tempfile::tempdir().unwrap();
+        let [library, sources, other] =
+            ["target/release/deps/libeplat-1.rlib", "eplat/abc/Cargo.toml", "programs/abc"]
+                .map(|name| cache.path().join(name));
+        for path in [&library, &sources, &other] {
+            fs::create_dir_all(path.parent().unwrap()).unwrap();
+            fs::write(path, [0; 100]).unwrap();
+        }
+        sweep_built(cache.path(), 100);
+        assert!(library.exists() && sources.exists());
+        sweep_built(cache.path(), 99);
+        assert!(!library.exists() && !sources.exists() && other.exists());
+    }
 
     /// Cargo reads all of the manifest before it misses a program that nobody has. (`cargo metadata` does not
     /// look for the files of tests and benches. `tests/installed.rs` builds the package, which takes minutes.)

@@ -1,8 +1,13 @@
 //! The files of a loop, besides those of its fits.
 
+use std::collections::BTreeMap;
+use std::path::Path;
+
+use serde_json::{Value, json};
+
 use super::{LoopError, Story, kept};
 use crate::criticism::{Cause, Findings, rewrite};
-use crate::run::{OutputFolder, RunError};
+use crate::run::{OutputFolder, RunError, hash_file};
 
 /// The record of a loop.
 pub(super) const FINDING: &str = "finding.json";
@@ -16,16 +21,36 @@ pub const FITS: [&str; 3] = ["declared", "before", "after"];
 /// # Errors
 /// [`RunError::Write`], [`RunError::InUse`].
 pub(super) fn clear(out: &OutputFolder) -> Result<(), RunError> {
+    let own = earlier_files(out);
     out.remove(&[FINDING, HELD_OUT, PAGE])?;
+    out.remove(&own.iter().map(String::as_str).collect::<Vec<_>>())?;
     for fit in FITS.iter().filter(|fit| out.file(fit).exists()) {
         OutputFolder::open(out.file(fit))?.clear()?;
     }
     Ok(())
 }
 
+/// The files with their hashes.
+fn seals(out: &OutputFolder, names: &[String]) -> Result<BTreeMap<String, String>, RunError> {
+    let seal = |name: &String| Ok((name.clone(), hash_file(&out.file(name))?));
+    names.iter().map(seal).collect()
+}
+
+/// The files that an earlier loop names in its record, as far as nobody has changed them since.
+fn earlier_files(out: &OutputFolder) -> Vec<String> {
+    let text = std::fs::read_to_string(out.file(FINDING)).unwrap_or_default();
+    let record: Value = serde_json::from_str(&text).unwrap_or_default();
+    let files = record["files"].as_object().into_iter().flatten();
+    let is_own = |(name, hash): &(&String, &Value)| {
+        let is_name = Path::new(name).components().count() == 1 && !name.starts_with('.');
+        is_name && hash_file(&out.file(name)).is_ok_and(|found| hash.as_str() == Some(&found))
+    };
+    files.filter(is_own).map(|(name, _)| name.clone()).collect()
+}
+
 impl Story {
     /// Writes everything but the fits: the model with what was found, the predictions of held-out
-    /// rows, `finding.json` and, last, `report.html`. `source` is the text of the model file,
+    /// rows, `report.html` and, last, `finding.json`. `source` is the text of the model file,
     /// `stem` its name without its ending. Returns the names of all files, those of the fits
     /// included.
     ///
@@ -42,10 +67,16 @@ impl Story {
             out.save(&name, &text)?;
             files.push(name);
         }
+        let mut own = seals(out, &files)?;
+        files.push(FINDING.into());
         let pages = self.fits().map(|told| format!("{}/report.html", told.which));
         files.extend(pages.collect::<Vec<_>>().into_iter().rev());
         out.save(PAGE, &self.page(&files))?;
         files.push(PAGE.into());
+        own.extend(seals(out, &[PAGE.into()])?);
+        let mut finding = self.finding();
+        finding["files"] = json!(own);
+        out.save(FINDING, &format!("{finding:#}\n"))?;
         kept::forget(out)?;
         Ok(files)
     }
@@ -65,7 +96,7 @@ impl Story {
         out.refuse_foreign([FINDING, HELD_OUT, PAGE].into_iter())
     }
 
-    /// Names and contents of the files before the page.
+    /// Names and contents of the files before the page, but for the record.
     fn texts(&self, source: &str, stem: &str) -> Result<Vec<(String, String)>, LoopError> {
         let mut texts = vec![];
         if self.after.is_some() || self.before.is_some() {
@@ -87,7 +118,6 @@ impl Story {
         if let Some(held_out) = &self.held_out {
             texts.push((HELD_OUT.into(), held_out.csv()));
         }
-        texts.push((FINDING.into(), format!("{:#}\n", self.finding())));
         Ok(texts)
     }
 }

@@ -2,15 +2,19 @@
 
 use std::io;
 use std::path::{Path, PathBuf};
+
 use thiserror::Error;
+
+use crate::store::advice;
 
 /// What can go wrong when a run is written or read.
 #[derive(Debug, Error)]
 pub enum ReportError {
     /// The file or folder cannot be written.
     #[error(
-        "cannot write {}: {source}\nhelp: check that the folder exists, is writable and has free space",
-        path.display()
+        "cannot write {}: {source}\nhelp: {}",
+        path.display(),
+        advice(source)
     )]
     Write {
         /// What was to be written.
@@ -33,6 +37,17 @@ pub enum ReportError {
         path: PathBuf,
         /// What the parser found, with line and column.
         reason: String,
+    },
+    /// A file in a run's folder is not the one that the run left.
+    #[error(
+        "{} is not the file that this run left: its SHA-256 is not the one in {}\nhelp: put the run's own file back, or repeat the run",
+        path.display(), record.display()
+    )]
+    NotOfRun {
+        /// The file.
+        path: PathBuf,
+        /// The record that names it.
+        record: PathBuf,
     },
     /// The place for a Zarr folder holds something that eplat did not write.
     #[error("{} exists and is not a Zarr folder\nhelp: move it away or choose another --out folder", path.display())]

@@ -52,7 +52,7 @@ pub use loop_errors::{ErrorChange, MostOfTheGain, PredictionError};
 pub use loop_page::{
     Against, LoopPage, Residuals, SiteResidual, TriedEffect, TriedRound, loop_page,
 };
-pub use posterior::Posterior;
+pub use posterior::{Posterior, numbers_at_rows};
 pub use rows::{
     Forecasted, LEVELS, LeftOutBy, Predicted, PredictedRow, Predictions, read_rows, write_forecast,
     write_rows,

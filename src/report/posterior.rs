@@ -21,6 +21,11 @@ const POOLED_DIM: &str = "measurement";
 /// more than two thousand rows not every draw is asked.
 const MOST: usize = 8_000_000;
 
+/// How many log likelihoods of so many rows are kept of so many chains and draws; as many replicates are.
+pub fn numbers_at_rows(n_rows: usize, chains: usize, draws: usize) -> usize {
+    n_rows.saturating_mul(chains).saturating_mul(draws).min(MOST)
+}
+
 /// Everything the draws of a model say, in the groups that `ArviZ` knows.
 #[derive(Clone, Debug)]
 pub struct Posterior {

@@ -8,7 +8,7 @@ use std::path::{Path, PathBuf};
 
 use super::{Approximation, LooRecord, ReportError};
 use crate::diagnostics::verdict::{Questions, Verdict};
-use crate::store::write_file;
+use crate::store::{seal_of, write_file};
 
 /// Everything needed to repeat a run and to judge it at a glance.
 ///
@@ -28,6 +28,10 @@ pub struct RunRecord {
     pub settings: SettingsRecord,
     /// SHA-256 of each input in hexadecimal, by role, e.g. `mesh`, `data`, `model`.
     pub hashes: BTreeMap<String, String>,
+    /// Every other file and folder that the run left beside its record, with its SHA-256
+    /// ([`seal_of`]).
+    #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
+    pub files: BTreeMap<String, String>,
     /// Number of unconstrained parameters.
     pub n_params: usize,
     /// Gradient evaluations of all chains, warm-up included.
@@ -201,6 +205,33 @@ impl RunRecord {
             writeln!(file)
         })
         .map_err(ReportError::write(path))
+    }
+
+    /// The path of a file in the run's folder, if it is the one that this run left. A record of a version
+    /// that named no files is content with any.
+    ///
+    /// # Errors
+    /// [`ReportError::NotOfRun`], [`ReportError::Read`].
+    pub fn own(&self, folder: &Path, name: &str) -> Result<PathBuf, ReportError> {
+        let path = folder.join(name);
+        if self.files.is_empty() {
+            return Ok(path);
+        }
+        let found = seal_of(&path).map_err(ReportError::read(&path))?;
+        if self.files.get(name) == Some(&found) {
+            Ok(path)
+        } else {
+            Err(ReportError::NotOfRun { path, record: folder.join("run.json") })
+        }
+    }
+
+    /// [`RunRecord::own`] of the record in `folder`; where there is none, whatever file is there.
+    ///
+    /// # Errors
+    /// Those of [`RunRecord::own`] and [`RunRecord::read`].
+    pub fn file_of(folder: &Path, name: &str) -> Result<PathBuf, ReportError> {
+        let record = folder.join("run.json");
+        if record.exists() { Self::read(&record)?.own(folder, name) } else { Ok(folder.join(name)) }
     }
 
     /// Reads what [`RunRecord::write`] wrote.

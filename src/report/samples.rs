@@ -55,6 +55,7 @@ pub(super) fn record() -> RunRecord {
             sampler: "nuts".to_owned(),
         },
         hashes: BTreeMap::from([("mesh".to_owned(), "ab12".to_owned())]),
+        files: BTreeMap::new(),
         n_params: 54,
         grad_evals: 901_234,
         ns_per_grad: 1830.5,

@@ -13,7 +13,7 @@ use crate::manifold::ManifoldError;
 use crate::mesh::MeshError;
 use crate::model::{ExceedanceError, ModelError};
 use crate::report::ReportError;
-use crate::store::CheckpointError;
+use crate::store::{CheckpointError, advice};
 use crate::table::{DataError, ProbeError};
 
 /// Why there is no fit, or no file of it.
@@ -64,7 +64,7 @@ pub enum RunError {
         source: io::Error,
     },
     /// A file that cannot be written.
-    #[error("cannot write {}: {source}", path.display())]
+    #[error("cannot write {}: {source}\nhelp: {}", path.display(), advice(source))]
     Write {
         /// The file.
         path: PathBuf,

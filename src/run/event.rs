@@ -9,6 +9,9 @@ use crate::infer::{ChainError, ChainProgress, Settings};
 use crate::model::Sampler;
 use crate::report::{doubted, remedy};
 
+/// Memory from which a run says how much it takes, GB.
+const LARGE: f64 = 1.0;
+
 /// Something that a run tells while it goes on. Its `Display` is what the program prints.
 #[derive(Debug)]
 #[non_exhaustive]
@@ -32,6 +35,11 @@ pub enum Event<'a> {
         n_vertices: usize,
         /// About how long it takes, s.
         seconds: f64,
+    },
+    /// The eigenfunctions could not be kept for the next run.
+    NotCached {
+        /// The cache.
+        folder: &'a Path,
     },
     /// The eigenfunctions are there.
     Basis {
@@ -100,6 +108,8 @@ pub enum Event<'a> {
         settings: &'a Settings,
         /// Seconds since the run began.
         seconds: f64,
+        /// Memory that the run will take, about, bytes.
+        bytes: u64,
     },
     /// Draws are made from the prior.
     Prior {
@@ -156,6 +166,11 @@ impl fmt::Display for Event<'_> {
                 f,
                 "basis  computing {n_modes} eigenfunctions of {n_vertices} vertices: about {seconds:.0} s, this once …"
             ),
+            Self::NotCached { folder } => write!(
+                f,
+                "warning: the cache {} cannot be written, so every run computes its eigenfunctions anew\nhelp: set EPLAT_CACHE to a folder that you may write to",
+                folder.display()
+            ),
             Self::Basis { n_modes, wavelength } => {
                 write!(f, "basis  {n_modes} modes, down to a wavelength of {wavelength:.0} mm")
             }
@@ -191,11 +206,18 @@ impl fmt::Display for Event<'_> {
                 write!(f, "resume {}: {seconds:.1} s of sampling are done", folder.display())
             }
             Self::Doubts(doubts) => write!(f, "{}", doubts_in_words(doubts)),
-            Self::Sampling { model, n_unknowns, sampler, seconds, .. } => write!(
-                f,
-                "model  {model}: {n_unknowns} unknowns, sampler {}, ready in {seconds:.1} s",
-                sampler.name()
-            ),
+            Self::Sampling { model, n_unknowns, sampler, seconds, bytes, .. } => {
+                let name = sampler.name();
+                write!(
+                    f,
+                    "model  {model}: {n_unknowns} unknowns, sampler {name}, ready in {seconds:.1} s"
+                )?;
+                let gigabytes = *bytes as f64 / 1e9;
+                if gigabytes < LARGE {
+                    return Ok(());
+                }
+                write!(f, "; about {gigabytes:.1} GB of memory")
+            }
             Self::Prior { model } => {
                 write!(f, "model  {model}: draws from its prior, not from its posterior")
             }

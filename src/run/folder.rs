@@ -1,6 +1,7 @@
 //! A folder for results: tried before anything slow is done, written to by one process, and never with files of
 //! two runs.
 
+use std::collections::BTreeMap;
 use std::fs;
 use std::io::Write as _;
 use std::path::{Path, PathBuf};
@@ -9,8 +10,9 @@ use std::sync::Arc;
 use tempfile::TempDir;
 
 use super::RunError;
-use crate::report::RunRecord;
-use crate::store::{FolderLock, LockError, TEMPORARY, write_file, write_file_durably};
+use crate::mesh::MeshError;
+use crate::report::{ReportError, RunRecord};
+use crate::store::{FolderLock, LockError, TEMPORARY, seal_of, write_file, write_file_durably};
 
 /// What a folder may hold: a record, which is written last, and the files that belong to it.
 const KINDS: [(&str, &[&str]); 2] = [
@@ -156,6 +158,18 @@ impl OutputFolder {
         fs::remove_file(&marker).map_err(RunError::write(&marker))
     }
 
+    /// Puts files or folders of these names in the place of earlier ones, the last of them last; it goes first.
+    ///
+    /// # Errors
+    /// [`RunError::Write`].
+    pub(super) fn put(&self, new: &NewFiles, names: &[&str]) -> Result<(), RunError> {
+        self.remove(&names.iter().rev().copied().collect::<Vec<_>>())?;
+        names.iter().try_for_each(|name| {
+            let path = self.file(name);
+            fs::rename(new.file(name), &path).map_err(RunError::write(&path))
+        })
+    }
+
     /// Removes the results of a run.
     ///
     /// # Errors
@@ -219,6 +233,30 @@ impl NewFiles {
     /// The path of a file among them.
     pub(super) fn file(&self, name: &str) -> PathBuf {
         self.0.path().join(name)
+    }
+
+    /// The hashes of those of these names.
+    ///
+    /// # Errors
+    /// [`RunError::Read`].
+    pub(super) fn seals(&self, names: &[&str]) -> Result<BTreeMap<String, String>, RunError> {
+        let seal = |name: &&str| {
+            let path = self.file(name);
+            Ok(((*name).to_owned(), seal_of(&path).map_err(RunError::read(&path))?))
+        };
+        names.iter().map(seal).collect()
+    }
+
+    /// The error by the name that a file was to have in `out`, in place of the one that it has meanwhile.
+    pub(super) fn named(&self, out: &OutputFolder, mut error: RunError) -> RunError {
+        if let RunError::Write { path, .. }
+        | RunError::Report(ReportError::Write { path, .. })
+        | RunError::Mesh(MeshError::Write { path, .. }) = &mut error
+            && let Ok(name) = path.strip_prefix(self.0.path())
+        {
+            *path = out.path().join(name);
+        }
+        error
     }
 }
 

@@ -5,6 +5,7 @@ use std::fmt::Write as _;
 
 use serde_json::{Map, Value, json};
 
+use super::folder::NewFiles;
 use super::results::VERSION;
 use super::{OutputFolder, RunError};
 use crate::report::{
@@ -82,16 +83,21 @@ impl Forecast {
     /// [`RunError::Unwritable`], [`RunError::Report`].
     pub fn write(&self, out: &OutputFolder) -> Result<[&'static str; 2], RunError> {
         let [table, archive] = ["predictions.csv", "predictions.zarr"];
-        out.make()?;
+        let new = out.begin()?;
+        self.write_files(&new, [table, archive]).map_err(|error| new.named(out, error))?;
+        out.put(&new, &[archive, table])?;
+        Ok([table, archive])
+    }
+
+    fn write_files(&self, new: &NewFiles, [table, archive]: [&str; 2]) -> Result<(), RunError> {
         let rows = self.rows.iter().map(|p| {
             let Prediction { told: row, expected, mean, sd, .. } = p;
             Forecasted { row, expected: *expected, mean: *mean, sd: *sd }
         });
-        write_forecast(&out.file(table), rows)?;
+        write_forecast(&new.file(table), rows)?;
         let mut attributes = Map::new();
         attributes.insert("eplat_version".into(), json!(VERSION));
-        write_zarr(&out.file(archive), &self.groups(), &attributes)?;
-        Ok([table, archive])
+        Ok(write_zarr(&new.file(archive), &self.groups(), &attributes)?)
     }
 
     /// The groups `predictions` (chain, draw, row) and `predictions_constant_data`.

@@ -76,6 +76,8 @@ pub(super) fn open(
     let (folder, record) = (out.checkpoint(), out.file("run.json"));
     if keep.resume && Checkpoint::identity(&folder)?.is_none() && record.exists() {
         is_same(out, &RunRecord::read(&record)?, &identity)?;
+        // it may have been killed while it forgot what it went on from
+        Checkpoint::forget(&folder)?;
         return Ok(None);
     }
     identity.insert(STARTS.into(), hash_of(starts));

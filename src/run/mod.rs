@@ -68,6 +68,7 @@ mod inputs;
 mod keep;
 mod maps;
 mod mode;
+mod needs;
 mod next;
 mod predict;
 mod problem;

@@ -8,6 +8,7 @@ use std::path::Path;
 use serde_json::{Map, Value, json};
 
 use super::check::placed;
+use super::folder::NewFiles;
 use super::results::VERSION;
 use super::{OutputFolder, Problem, RunError};
 use crate::experiment::rms_error;
@@ -114,6 +115,13 @@ impl Mode<'_> {
     /// Those of [`Mode::write`].
     pub fn write_into(&self, out: &OutputFolder) -> Result<Vec<&'static str>, RunError> {
         let new = out.begin()?;
+        let files = self.write_files(&new).map_err(|error| new.named(out, error))?;
+        out.replace(&new, &files)?;
+        Ok(files)
+    }
+
+    /// Writes all files, the record last; their names.
+    fn write_files(&self, new: &NewFiles) -> Result<Vec<&'static str>, RunError> {
         let mut files = vec!["map.csv"];
         let path = new.file("map.csv");
         write_file(&path, |file| {
@@ -137,11 +145,11 @@ impl Mode<'_> {
             write_vtp(&new.file("fields.vtp"), &surface.mesh, &arrays)?;
             files.push("fields.vtp");
         }
+        let mut record = self.json();
+        record["files"] = json!(new.seals(&files)?);
         let path = new.file("map.json");
-        write_file(&path, |file| writeln!(file, "{:#}", self.json()))
-            .map_err(RunError::write(&path))?;
+        write_file(&path, |file| writeln!(file, "{record:#}")).map_err(RunError::write(&path))?;
         files.push("map.json");
-        out.replace(&new, &files)?;
         Ok(files)
     }
 

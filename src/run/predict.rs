@@ -83,7 +83,7 @@ impl Problem<'_> {
         let here = here.iter().filter(|(role, _)| run.record.hashes.contains_key(*role));
         let mut differences =
             differences(&kept, &here.map(|(role, hash)| (role.clone(), hash.clone())).collect());
-        let unknowns = Unknowns::read(&run.folder.join(unknowns::FILE))?;
+        let unknowns = Unknowns::read(&run.record.own(&run.folder, unknowns::FILE)?)?;
         if unknowns.about.model != self.model().name {
             differences.push(format!("model {}, here {}", unknowns.about.model, self.model().name));
         } else if unknowns.about.unknowns != self.model().unknown_names() {

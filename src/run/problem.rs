@@ -13,7 +13,7 @@ use crate::experiment::{Design, TRUTH_MODES, experiment};
 use crate::manifold::{Basis, eigenpairs_are_cached, eigenpairs_cached};
 use crate::mesh::{self, Atrium, MeshError, Surface};
 use crate::model::{Declare, Exceedance, Maps, Model};
-use crate::store::memory;
+use crate::store::{cache, memory};
 use crate::table::{FIELD_MODES, Measurements};
 
 /// Vertices of a mesh file beyond which a surface is decimated, and to how many: edges of about 1 mm on
@@ -277,7 +277,13 @@ fn eigenpairs(
         let truth = if is_synthetic { TRUTH_MODES.min(most) } else { 0 };
         let n_modes = needed.max(truth);
         announce(surface, n_modes, watch)?;
-        eigenpairs_cached(&surface.mesh, n_modes)?
+        let basis = eigenpairs_cached(&surface.mesh, n_modes)?;
+        if let Some(folder) = cache::folder()
+            && !eigenpairs_are_cached(&surface.mesh, n_modes)
+        {
+            watch.tell(&Event::NotCached { folder: &folder });
+        }
+        basis
     };
     basis.require_fit(&surface.mesh)?;
     let n_modes = needed.min(basis.n_modes());

@@ -56,6 +56,7 @@ impl Fit<'_> {
             provenance: self.provenance(),
             settings: self.method.record(self.model(), &self.settings),
             hashes: self.hashes.clone(),
+            files: BTreeMap::new(),
             n_params: self.model().dim(),
             grad_evals: spent.gradients,
             ns_per_grad: 1e9 * gradient,

@@ -40,7 +40,7 @@ impl Results {
             return Err(RunError::NoRun { folder });
         }
         let record = RunRecord::read(&folder.join("run.json"))?;
-        let rows = read_summary_json(&folder.join("summary.json"))?;
+        let rows = read_summary_json(&record.own(&folder, "summary.json")?)?;
         Ok(Self { folder, record, rows, files: vec![] })
     }
 

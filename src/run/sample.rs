@@ -8,6 +8,7 @@ use super::check::placed;
 use super::fit::{Drawn, Fit, Method, Options};
 use super::inputs::hash_file;
 use super::mode::climb;
+use super::needs::Needs;
 use super::results::{Results, VERSION};
 use super::{Event, Keep, OutputFolder, Problem, RunError, Watch, keep, unknowns, warm_start};
 use crate::diagnostics::importance;
@@ -17,7 +18,7 @@ use crate::infer::{
 };
 use crate::model::{Model, Sampler};
 use crate::report::Approximation;
-use crate::store::{Checkpoint, memory};
+use crate::store::Checkpoint;
 
 /// How a run into a folder ended.
 #[derive(Debug)]
@@ -161,21 +162,6 @@ fn named(model: &Model, source: InferError) -> RunError {
     }
 }
 
-/// Numbers that are kept of each draw beside its position and values: energy, step size, …
-const OF_A_DRAW: u128 = 8;
-
-/// Refuses draws that have no room, before any of them is made.
-fn fits_memory(model: &Model, settings: &Settings) -> Result<(), RunError> {
-    let Settings { chains, draws, .. } = *settings;
-    let each = (model.dim() + model.n_reported()) as u128 + OF_A_DRAW;
-    let numbers = (chains as u128).saturating_mul(draws as u128).saturating_mul(each);
-    let Some((bytes, free)) = memory::exceeds(numbers) else { return Ok(()) };
-    let what = format!("{draws} draws of each of {chains} chains, {each} numbers each,");
-    let help =
-        "1000 draws of each of 4 chains are the default; ask for fewer with --draws and --chains";
-    Err(RunError::Memory { what, bytes, free, help })
-}
-
 /// The draws, if there are any.
 fn some_chains(drawn: Drawn) -> Result<Drawn, RunError> {
     if drawn.chains.is_empty() {
@@ -205,7 +191,7 @@ impl<'a, 'm> Job<'a, 'm> {
         settings.validate()?;
         let begun = Instant::now();
         let model = problem.model();
-        fits_memory(model, settings)?;
+        Needs::of(problem, settings).require_memory()?;
         let (mut settings, mut hashes) = (settings.clone(), problem.loaded().hashes.clone());
         let starts = match options.warm_start {
             Some(folder) => {
@@ -241,6 +227,7 @@ impl<'a, 'm> Job<'a, 'm> {
             sampler: self.sampler,
             settings: &self.settings,
             seconds: self.seconds(),
+            bytes: Needs::of(self.problem, &self.settings).bytes() as u64,
         });
         let sampling = Instant::now();
         let kept = Kept { watch, checkpoint, warned: Once::new() };

@@ -12,6 +12,7 @@ use super::unknowns::{FILE, Unknowns};
 use super::{Event, RunError, Watch};
 use crate::infer::{LogDensity as _, Settings, jittered_starts};
 use crate::model::Model;
+use crate::report::RunRecord;
 
 /// Draws that scales and correlations are learnt from, over all chains.
 const LEARNT_FROM: usize = 200;
@@ -87,7 +88,7 @@ pub(super) fn starts(
     settings: &mut Settings,
     watch: &Watch<'_>,
 ) -> Result<Vec<Vec<f64>>, RunError> {
-    let earlier = Unknowns::read(&folder.join(FILE))?.latest();
+    let earlier = Unknowns::read(&RunRecord::file_of(folder, FILE)?)?.latest();
     if earlier.about.model != model.name {
         let (folder, theirs, ours) = (folder.to_owned(), earlier.about.model, model.name);
         return Err(WarmStartError::AnotherModel { folder, theirs, ours }.into());

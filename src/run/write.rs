@@ -40,37 +40,50 @@ impl Fit<'_> {
     /// # Errors
     /// Those of [`Fit::write`].
     pub fn write_into(&self, out: &OutputFolder) -> Result<Results, RunError> {
+        let new = out.begin()?;
+        let (record, files) = self.write_files(&new).map_err(|error| new.named(out, error))?;
+        out.replace(&new, &files)?;
+        Ok(Results {
+            folder: out.path().to_owned(),
+            record,
+            rows: self.posterior().rows.clone(),
+            files,
+        })
+    }
+
+    /// Writes all files, the record last; the record, and their names.
+    fn write_files(&self, new: &NewFiles) -> Result<(RunRecord, Vec<&'static str>), RunError> {
         let begun = Instant::now();
         let posterior = self.posterior();
         let surface = self.problem.loaded().surface();
         let arrays = surface.zip(self.surface_maps()).map(|(surface, maps)| maps.arrays(surface));
         let arrays = arrays.unwrap_or_default();
-        let new = out.begin()?;
         let mut files = vec!["summary.csv", "summary.json", "draws.csv"];
         write_summary_csv(&new.file("summary.csv"), &posterior.rows)?;
         write_summary_json(&new.file("summary.json"), &posterior.rows)?;
         write_draws(&new.file("draws.csv"), &posterior.posterior)?;
-        self.write_zarr(&new, &arrays)?;
+        self.write_zarr(new, &arrays)?;
         files.push("posterior.zarr");
         if let Some(loo) = self.loo() {
             write_loo(&new.file("loo.csv"), &loo.rows)?;
             files.push("loo.csv");
         }
-        files.extend(self.write_surface(&new, &arrays)?);
-        files.extend(self.write_inputs(&new)?);
+        files.extend(self.write_surface(new, &arrays)?);
+        files.extend(self.write_inputs(new)?);
         if self.method != Method::Prior {
             Unknowns::new(self.model(), self.chains()).write(&new.file(unknowns::FILE))?;
             files.push(unknowns::FILE);
         }
-        let predictions = self.write_predictions(&new)?;
+        let predictions = self.write_predictions(new)?;
         files.extend((!predictions.rows.is_empty()).then_some("rows.csv"));
-        let record = self.record_after(begun.elapsed().as_secs_f64());
+        let mut record = self.record_after(begun.elapsed().as_secs_f64());
         let named: Vec<&str> = files.iter().copied().chain(["run.json"]).collect();
-        self.write_page(&new, &record, &arrays, (&predictions, &named))?;
+        self.write_page(new, &record, &arrays, (&predictions, &named))?;
+        files.push("report.html");
+        record.files = new.seals(&files)?;
         record.write(&new.file("run.json"))?;
-        files.extend(["report.html", "run.json"]);
-        out.replace(&new, &files)?;
-        Ok(Results { folder: out.path().to_owned(), record, rows: posterior.rows.clone(), files })
+        files.push("run.json");
+        Ok((record, files))
     }
 
     /// The model's text and the table, as they were given; the names of the files.

@@ -13,6 +13,7 @@ use crate::model::ModelError;
 use crate::report::ReportError;
 use crate::run::RunError;
 use crate::run::atrium::AtriumError;
+use crate::store::advice;
 
 /// Why a study cannot be done.
 #[derive(Debug, Error)]
@@ -81,7 +82,7 @@ pub enum StudyError {
         differences: Vec<String>,
     },
     /// A file that cannot be written.
-    #[error("cannot write {}: {source}", path.display())]
+    #[error("cannot write {}: {source}\nhelp: {}", path.display(), advice(source))]
     Write {
         /// The file.
         path: PathBuf,

@@ -49,8 +49,8 @@ impl Results {
     /// Opens or makes the folder for this plan.
     ///
     /// # Errors
-    /// [`StudyError::Results`], also for a folder that holds another plan's results; [`StudyError::Run`]
-    /// for a model or mesh that cannot be read.
+    /// [`StudyError::Results`] for a folder that holds another plan's results; [`StudyError::Write`];
+    /// [`StudyError::Run`] for a model or mesh that cannot be read.
     pub fn open(folder: &Path, plan: &Plan) -> Result<Self, StudyError> {
         let mut inputs = BTreeMap::from([("model", hash_file(&plan.beside(&plan.model))?)]);
         if let Some(mesh) = &plan.mesh {
@@ -61,7 +61,7 @@ impl Results {
             json!({ "plan": plan, "version": env!("CARGO_PKG_VERSION"), "hashes": inputs });
         let text = format!("{record:#}\n");
         let path = folder.join("study.json");
-        fs::create_dir_all(folder.join("blocks")).map_err(|e| fault(folder, &e))?;
+        fs::create_dir_all(folder.join("blocks")).map_err(StudyError::io(folder))?;
         match fs::read_to_string(&path) {
             Ok(there) if there == text => {}
             Ok(_) => {
@@ -71,7 +71,7 @@ impl Results {
             }
             Err(_) => {
                 write_file(&path, |file| std::io::Write::write_all(file, text.as_bytes()))
-                    .map_err(|e| fault(&path, &e))?;
+                    .map_err(StudyError::io(&path))?;
             }
         }
         Ok(results)
@@ -90,7 +90,7 @@ impl Results {
     /// Writes a block's results, whole or not at all.
     ///
     /// # Errors
-    /// [`StudyError::Results`].
+    /// [`StudyError::Write`].
     pub fn write(
         &self,
         plan: &Plan,
@@ -108,7 +108,7 @@ impl Results {
             }
             table.flush()
         })
-        .map_err(|error| fault(&path, &error))
+        .map_err(StudyError::io(&path))
     }
 
     /// Puts all blocks into `results.csv`, in the plan's order, and returns the table: columns, rows.
@@ -143,7 +143,7 @@ impl Results {
             merged.rows.iter().try_for_each(|row| table.write_record(row))?;
             table.flush()
         })
-        .map_err(|error| fault(&path, &error))?;
+        .map_err(StudyError::io(&path))?;
         Ok(merged)
     }
 

@@ -35,6 +35,12 @@ impl Metric {
         Self { scale, directions: vec![], stretch: vec![] }
     }
 
+    /// Whether it is a metric of `dim` coordinates.
+    pub(super) fn fits(&self, dim: usize) -> bool {
+        self.scale.len() == dim
+            && Some(self.directions.len()) == self.stretch.len().checked_mul(dim)
+    }
+
     fn stretched(&self) -> impl Iterator<Item = (&[f64], f64)> {
         self.directions.chunks_exact(self.scale.len()).zip(self.stretch.iter().copied())
     }

@@ -7,12 +7,12 @@
 use super::density::Evaluator;
 use super::draws::Transition;
 use super::hamiltonian::{Hamiltonian, Metric, PhasePoint};
+use super::kernel_state::KernelState;
 use super::tree::{self, Direction, Stop, Subtree, Trajectory, Workspace};
 use crate::num::vector::{axpy, dots_with_sum};
 use rand::{Rng, RngExt};
 use rand_chacha::ChaCha8Rng;
 use rand_distr::StandardNormal;
-use serde::{Deserialize, Serialize};
 
 /// Energy error beyond which a trajectory counts as divergent.
 const MAX_ENERGY_ERROR: f64 = 1000.0;
@@ -21,25 +21,6 @@ const MAX_ENERGY_ERROR: f64 = 1000.0;
 const ROUGH: f64 = 4.0;
 /// How often a step is halved.
 const MOST_HALVINGS: u32 = 7;
-
-/// The state of a chain between two transitions, without its density. Everything else in a
-/// [`Kernel`] is scratch memory.
-#[derive(Clone, Debug, Serialize, Deserialize)]
-pub(super) struct KernelState {
-    position: Vec<f64>,
-    gradient: Vec<f64>,
-    ln_density: f64,
-    metric: Metric,
-    /// How many words were drawn from the random stream.
-    word: u128,
-    n_evaluations: u64,
-}
-
-impl KernelState {
-    pub(super) fn position(&self) -> &[f64] {
-        &self.position
-    }
-}
 
 /// What makes transitions: the current point, the random stream and the tree's memory.
 pub(super) struct Kernel<E: Evaluator> {

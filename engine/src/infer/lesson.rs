@@ -32,6 +32,12 @@ impl Lesson {
         self.n_divergences += usize::from(diverging);
     }
 
+    /// Whether it has `n` draws of `dim` coordinates.
+    pub(super) fn fits(&self, n: usize, dim: usize) -> bool {
+        let is_draw = |draw: &WarmUpDraw| [draw.0.len(), draw.1.len()] == [dim; 2];
+        self.draws.len() == n && self.draws.iter().all(is_draw)
+    }
+
     /// The metric that suits all chains' draws. Directions are taken up only if they also suit draws
     /// that they were not fitted to: those of the second halves.
     pub(super) fn fit(lessons: &[Self], kind: MetricKind, metric: &mut Metric) {

@@ -38,7 +38,14 @@ pub(super) trait Together: MarkovChain + Send {
 
     fn state(&self) -> Self::State;
 
-    /// Goes on from `state`, as if the chain had not been interrupted.
+    /// Unknowns of the density.
+    fn dim(&self) -> usize;
+
+    /// Whether a chain of this run can have been in `state` after so many draws. What
+    /// [`Together::restore`] relies on is checked here, since a file can hold anything.
+    fn fits(&self, state: &Self::State, n_draws: usize) -> bool;
+
+    /// Goes on from `state`, which fits, as if the chain had not been interrupted.
     fn restore(&mut self, state: Self::State) -> Result<(), ChainError>;
 
     /// Transitions of the warm-up so far.

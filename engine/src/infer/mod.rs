@@ -53,6 +53,7 @@ mod error;
 mod hamiltonian;
 mod integrated;
 mod kernel;
+mod kernel_state;
 mod laplace;
 mod lesson;
 mod markov;

@@ -38,6 +38,15 @@ impl DrawMoments {
         moments
     }
 
+    /// Whether these are moments of `dim` coordinates, with what such a metric is made from.
+    pub(super) fn fits(&self, dim: usize, kind: MetricKind) -> bool {
+        let is_whole = |all: &Vec<f64>| Some(all.len()) == self.n.checked_mul(dim);
+        self.position.has(dim)
+            && self.gradient.has(dim)
+            && self.all.is_some() == (kind == MetricKind::LowRank)
+            && self.all.iter().flatten().all(is_whole)
+    }
+
     pub(super) fn n(&self) -> usize {
         self.n
     }

@@ -5,7 +5,8 @@ use super::density::{Evaluator, LogDensity};
 use super::draws::{Draw, Transition};
 use super::error::{ChainError, ChainFailure, InferError};
 use super::hamiltonian::{Hamiltonian, Metric};
-use super::kernel::{Kernel, KernelState};
+use super::kernel::Kernel;
+use super::kernel_state::KernelState;
 use super::lesson::Lesson;
 use super::markov::{MarkovChain, Together};
 use super::moments::DrawMoments;
@@ -120,7 +121,7 @@ impl MarkovChain for Nuts<'_> {
         let transition = self.kernel.transition(adaptation.step_size());
         adaptation.update(&self.warm_up, &mut self.kernel, &transition);
         self.step_size = adaptation.step_size();
-        if 3 * self.warm_up.done() >= self.warm_up.length() {
+        if self.warm_up.is_late() {
             lesson.add(&self.kernel.point, transition.diverging);
         }
         self.warm_up.advance();
@@ -173,6 +174,23 @@ impl Together for Nuts<'_> {
             step_size: self.step_size,
             n_evaluations_warmup: self.n_evaluations_warmup,
         }
+    }
+
+    fn dim(&self) -> usize {
+        self.start.len()
+    }
+
+    fn fits(&self, state: &NutsState, n_draws: usize) -> bool {
+        let (warm_up, dim) = (&state.warm_up, self.dim());
+        let is_lesson = |(adaptation, lesson): &(Adaptation, Lesson)| {
+            adaptation.fits(dim, self.kind) && lesson.fits(warm_up.n_late(), dim)
+        };
+        warm_up.follows(&self.warm_up)
+            && state.kernel.fits(dim)
+            && state.learning.is_none() == warm_up.is_over()
+            && state.learning.as_ref().is_none_or(is_lesson)
+            && state.n_evaluations_warmup <= state.kernel.n_evaluations
+            && (n_draws == 0 || warm_up.is_over())
     }
 
     fn restore(&mut self, state: NutsState) -> Result<(), ChainError> {

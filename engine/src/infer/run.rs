@@ -30,7 +30,9 @@ pub(super) fn run<C: Together>(
         chain.map(|chain| Under::new(i, chain, settings, progress))
     };
     let mut chains: Vec<_> = chains.into_iter().enumerate().map(under).collect();
-    restore(&mut chains, progress.checkpoint())?;
+    if let Some(checkpoint) = progress.checkpoint() {
+        restore(&mut chains, checkpoint)?;
+    }
     loop {
         chains.par_iter_mut().for_each(|chain| go_on(chain, Under::advance));
         if chains.iter().any(is_stopped) {
@@ -61,21 +63,29 @@ fn is_stopped<C>(chain: &Result<C, ChainError>) -> bool {
 /// written since the last meeting.
 fn restore<C: Together>(
     chains: &mut [Result<Under<'_, C>, ChainError>],
-    checkpoint: Option<&Checkpoint>,
+    checkpoint: &Checkpoint,
 ) -> Result<(), InferError> {
-    let met: Option<Met<C>> = checkpoint.map_or(Ok(None), Checkpoint::take_common)?;
+    let met: Option<Met<C>> = checkpoint.take_common()?;
+    if met.as_ref().is_some_and(|(_, met)| met.len() != chains.len()) {
+        return Err(checkpoint.misfit(None).into());
+    }
     let (n_meetings, met) = match met {
         Some((n, met)) => (Some(n), met.into_iter().map(Some).collect()),
         None => (None, vec![]),
     };
     let kept: Vec<Option<Kept<C>>> = take_chains(checkpoint, chains.len())?;
     let met = met.into_iter().chain(std::iter::repeat_with(|| None));
-    for ((chain, kept), met) in chains.iter_mut().zip(kept).zip(met) {
+    let mut n_met = None;
+    for (index, ((chain, kept), met)) in chains.iter_mut().zip(kept).zip(met).enumerate() {
         let own = kept.filter(|(n, ..)| n_meetings.is_none_or(|met| met == *n));
+        let misfit = checkpoint.misfit(own.is_some().then_some(index));
         let state = own.map(|(_, state, record)| Ok((state, record))).or(met);
         match (state, &mut *chain) {
             (Some(Err(error)), _) => *chain = Err(error),
             (Some(Ok((state, record))), Ok(under)) => {
+                if !under.fits(&state, &record) {
+                    return Err(misfit.into());
+                }
                 under.record = record;
                 if let Err(error) = under.chain.restore(state) {
                     *chain = Err(error);
@@ -83,6 +93,12 @@ fn restore<C: Together>(
             }
             _ => {}
         }
+        // chains go on together
+        let n = chain.as_ref().map(|under| under.chain.n_meetings()).ok();
+        if n.is_some() && n_met.is_some() && n != n_met {
+            return Err(misfit.into());
+        }
+        n_met = n.or(n_met);
     }
     Ok(())
 }
@@ -143,6 +159,12 @@ impl<'a, C: Together> Under<'a, C> {
             divergences: 0,
             reported: Instant::now(),
         }
+    }
+
+    /// Whether the chain can have come to this state with this record.
+    fn fits(&self, state: &C::State, record: &Chain) -> bool {
+        record.fits(self.chain.dim(), self.settings.draws)
+            && self.chain.fits(state, record.n_draws())
     }
 
     /// To the next meeting, or to the end.
@@ -217,3 +239,7 @@ impl<'a, C: Together> Under<'a, C> {
         }
     }
 }
+
+#[cfg(test)]
+#[path = "forged_tests.rs"]
+mod forged_tests;

@@ -133,6 +133,25 @@ impl WarmUp {
         self.done
     }
 
+    /// Whether the chain learns from the next draw: it does in the last two thirds of each round.
+    pub(super) fn is_late(&self) -> bool {
+        3 * self.done >= self.length()
+    }
+
+    /// From how many draws the chain has learnt since the last meeting.
+    pub(super) fn n_late(&self) -> usize {
+        self.done.saturating_sub(self.length().div_ceil(3))
+    }
+
+    /// Whether a warm-up that begins with the stages of `first` can come here. Rounds may have been left
+    /// out.
+    pub(super) fn follows(&self, first: &Self) -> bool {
+        let mut stages = first.stages.iter();
+        self.stages.iter().all(|stage| stages.any(|of_first| of_first == stage))
+            && self.n_meetings <= self.rounds().count()
+            && self.done <= self.length()
+    }
+
     /// Transitions in all.
     pub(super) fn n_done(&self) -> usize {
         self.rounds().take(self.n_meetings).map(length).sum::<usize>() + self.done

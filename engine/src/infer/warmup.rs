@@ -116,6 +116,11 @@ impl Adaptation {
         Some(Self { kind, target_accept, older, younger, step_size })
     }
 
+    /// Whether it has learnt of `dim` coordinates, for a metric of this kind.
+    pub(super) fn fits(&self, dim: usize, kind: MetricKind) -> bool {
+        self.kind == kind && self.older.fits(dim, kind) && self.younger.fits(dim, kind)
+    }
+
     /// ε for the next transition.
     pub(super) fn step_size(&self) -> f64 {
         self.step_size.step_size()

@@ -4,7 +4,7 @@
 
 use super::{Basis, ManifoldError};
 use crate::store::npy::Npy;
-use crate::store::{NpzReader, NpzWriter, Packing, write_file};
+use crate::store::{NpzReader, NpzWriter, Packing, advice, write_file};
 use std::io::{self, Seek, Write};
 use std::path::Path;
 
@@ -41,7 +41,7 @@ impl Basis {
             action: "write",
             path: path.to_owned(),
             reason: error.to_string(),
-            help: "check that the folder exists, may be written and has room",
+            help: advice(&error),
         })
     }
 

@@ -1,6 +1,7 @@
 //! What can be wrong with a surface or its file.
 
 use super::Atrium;
+use crate::store::advice;
 use std::fmt;
 use std::path::PathBuf;
 use thiserror::Error;
@@ -221,7 +222,7 @@ pub enum MeshError {
         source: std::io::Error,
     },
     /// The file cannot be written.
-    #[error("cannot write {}: {source}\nhelp: check that the folder exists and is writable", path.display())]
+    #[error("cannot write {}: {source}\nhelp: {}", path.display(), advice(source))]
     Write {
         /// The file.
         path: PathBuf,

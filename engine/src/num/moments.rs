@@ -18,6 +18,11 @@ impl Moments {
         Self { n: zeros(), mean: zeros(), squares: zeros() }
     }
 
+    /// Whether there are moments of so many quantities.
+    pub fn has(&self, n_quantities: usize) -> bool {
+        [&self.n, &self.mean, &self.squares].iter().all(|of_each| of_each.len() == n_quantities)
+    }
+
     /// Forgets all draws.
     pub fn clear(&mut self) {
         *self = Self::new(self.n.len());

@@ -4,6 +4,7 @@
 //! Knows nothing of what is in them.
 
 use std::collections::BTreeSet;
+use std::error::Error;
 use std::fs::{self, File};
 use std::io::{self, BufWriter, Write};
 use std::path::{Path, PathBuf};
@@ -121,6 +122,28 @@ pub fn write_folder(path: &Path, fill: impl FnOnce(&Path) -> io::Result<()>) -> 
     })
 }
 
+/// What to do about a file or folder that cannot be written.
+pub fn advice(error: &io::Error) -> &'static str {
+    use io::ErrorKind::{FileTooLarge, QuotaExceeded, StorageFull};
+    let mut cause: Option<&(dyn Error + 'static)> = Some(error);
+    while let Some(found) = cause {
+        let system = found.downcast_ref::<io::Error>();
+        let kind = system.map(io::Error::kind);
+        if matches!(kind, Some(StorageFull | QuotaExceeded | FileTooLarge)) {
+            return "make room there, or write elsewhere; then give the command again";
+        }
+        // what writes a format wraps the system's error in its own
+        let inner =
+            system.and_then(io::Error::get_ref).map(|inner| inner as &(dyn Error + 'static));
+        let in_table = found.downcast_ref::<csv::Error>().and_then(|error| match error.kind() {
+            csv::ErrorKind::Io(error) => Some(error as &(dyn Error + 'static)),
+            _ => None,
+        });
+        cause = inner.or(in_table).or_else(|| found.source());
+    }
+    "check that the folder exists and is writable"
+}
+
 /// Age from which a temporary file that nobody holds is of a process that was killed.
 const STALE: Duration = Duration::from_mins(1);
 
@@ -201,6 +224,17 @@ mod tests {
         assert!(failure.is_err());
         assert_eq!(entries(&path), ["second"]);
         assert_eq!(entries(folder.path()), ["posterior.zarr"]);
+    }
+
+    #[test]
+    fn a_full_disk_is_told_from_other_faults_whoever_met_it() {
+        let full = || io::Error::from(io::ErrorKind::StorageFull);
+        for error in [full(), io::Error::other(full()), io::Error::other(io::Error::other(full()))]
+        {
+            assert!(advice(&error).starts_with("make room"), "{error:?}");
+        }
+        let denied = io::Error::other(io::Error::from(io::ErrorKind::PermissionDenied));
+        assert!(advice(&denied).starts_with("check"));
     }
 
     #[cfg(unix)]

@@ -11,11 +11,15 @@ mod lock;
 pub mod memory;
 pub mod npy;
 mod npz;
+mod seal;
+#[cfg(test)]
+pub(crate) mod test_forgeries;
 
-pub use atomic::{NewFile, TEMPORARY, write_file, write_file_durably, write_folder};
+pub use atomic::{NewFile, TEMPORARY, advice, write_file, write_file_durably, write_folder};
 pub(crate) use checkpoint::take_chains;
 pub use checkpoint::{Checkpoint, CheckpointError, Identity, differences};
 pub use checkpoint::{Keeper, take_chain};
 pub use kind::Kind;
 pub use lock::{FolderLock, LockError};
 pub use npz::{NpzReader, NpzWriter, Packing, array_name};
+pub use seal::seal_of;

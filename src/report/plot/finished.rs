@@ -40,12 +40,17 @@ impl Finished {
         Ok(Self { folder: folder.to_owned(), record })
     }
 
+    /// The path of a file that the run left.
+    fn own(&self, name: &str) -> Result<PathBuf, ReportError> {
+        self.record.own(&self.folder, name)
+    }
+
     /// `fields.vtp`; `None` of a model without a surface.
     pub(super) fn maps(&self) -> Result<Option<Maps>, ReportError> {
-        let path = self.folder.join("fields.vtp");
-        if !path.is_file() {
+        if !self.folder.join("fields.vtp").is_file() {
             return Ok(None);
         }
+        let path = self.own("fields.vtp")?;
         let reading = Reading { units: Some(Units::Mm), ..Reading::default() };
         let surface = mesh::read(&path, reading).map_err(|error| ReportError::Malformed {
             path: path.clone(),
@@ -160,20 +165,21 @@ impl Finished {
 
     /// Predicted against measured.
     pub(super) fn predicted(&self) -> Result<Vec<Picture>, ReportError> {
-        let path = self.folder.join("rows.csv");
-        let rows: Vec<PredictedRow> = if path.is_file() { read_rows(&path)? } else { vec![] };
+        let has_rows = self.folder.join("rows.csv").is_file();
+        let rows: Vec<PredictedRow> =
+            if has_rows { read_rows(&self.own("rows.csv")?)? } else { vec![] };
         Ok(scatter::pictures(&rows))
     }
 
     /// Traces and ranks of every scalar parameter.
     pub(super) fn traces(&self) -> Result<Vec<Picture>, ReportError> {
-        let rows: Vec<Row> = read_summary_json(&self.folder.join("summary.json"))?;
+        let rows: Vec<Row> = read_summary_json(&self.own("summary.json")?)?;
         Ok(traces::pictures(&self.scalars()?, &rows))
     }
 
     /// The columns of `draws.csv` that are no elements of an array.
     fn scalars(&self) -> Result<Vec<Scalar>, ReportError> {
-        let path = self.folder.join("draws.csv");
+        let path = self.own("draws.csv")?;
         let malformed = |reason: String| ReportError::Malformed { path: path.clone(), reason };
         let mut reader =
             csv::Reader::from_path(&path).map_err(|error| malformed(error.to_string()))?;

@@ -89,8 +89,9 @@ impl Drive<'_> {
         kept: Option<Kept<F>>,
         each: &mut (dyn FnMut(&Simulation<F>) -> Result<(), AtriumError> + Send),
     ) -> Result<bool, AtriumError> {
-        if let Some((_, state)) = kept.filter(|kept| kept.0 == draw) {
-            simulation.restore(state)?;
+        let kept = kept.filter(|kept| kept.0 == draw);
+        if let (Some(checkpoint), Some((_, state))) = (self.checkpoint, kept) {
+            simulation.restore(state).map_err(|_| checkpoint.misfit(Some(slot)))?;
         }
         let mut keeper = Keeper::new(self.checkpoint, slot);
         rayon::scope(|_| {

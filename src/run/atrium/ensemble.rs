@@ -35,8 +35,13 @@ impl Posterior {
         drive: &Drive<'_>,
     ) -> Result<Option<(Vec<Map>, Summary)>, AtriumError> {
         let n_threads = rayon::current_num_threads().min(self.n);
-        let mut sums: Sums =
-            drive.kept(SUMS)?.unwrap_or_else(|| Sums::new(atrium.mesh().n_vertices()));
+        let n_vertices = atrium.mesh().n_vertices();
+        let mut sums = match (drive.kept::<Sums>(SUMS)?, drive.checkpoint) {
+            (Some(sums), Some(checkpoint)) if !sums.fits(n_vertices, self.n) => {
+                return Err(checkpoint.misfit(Some(SUMS)).into());
+            }
+            (sums, _) => sums.unwrap_or_else(|| Sums::new(n_vertices)),
+        };
         let mut kept = (0..n_threads)
             .map(|slot| drive.kept(SUMS + 1 + slot))
             .collect::<Result<Vec<Option<Kept<F>>>, _>>()?;
@@ -94,6 +99,14 @@ impl Sums {
         Self { n_draws: 0, maps, captured: zeros(), in_range: zeros() }
     }
 
+    /// Whether these are sums over at most `n_draws` draws at so many vertices.
+    fn fits(&self, n_vertices: usize, n_draws: usize) -> bool {
+        self.n_draws as usize <= n_draws
+            && self.maps.len() == BeatMap::NAMES.len()
+            && self.maps.iter().all(|moments| moments.has(n_vertices))
+            && [self.captured.len(), self.in_range.len()] == [n_vertices; 2]
+    }
+
     fn add(&mut self, beat: BeatMap, in_range: &[bool]) {
         self.n_draws += 1;
         for (v, apd90) in beat.apd90.iter().enumerate() {
@@ -124,5 +137,29 @@ impl Sums {
         maps.push(("captured".into(), captured));
         maps.push(("in_range".into(), in_range));
         (maps, summary)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn sums_of_another_simulation_do_not_fit() {
+        let sums = Sums { n_draws: 3, ..Sums::new(4) };
+        assert!(sums.fits(4, 3));
+        assert!(!sums.fits(5, 3) && !sums.fits(3, 3) && !sums.fits(4, 2));
+        let changed = |change: fn(&mut Sums)| {
+            let mut sums = sums.clone();
+            change(&mut sums);
+            sums
+        };
+        let forgeries: [fn(&mut Sums); 4] = [
+            |sums| sums.maps.truncate(1),
+            |sums| sums.captured.truncate(3),
+            |sums| sums.in_range.truncate(3),
+            |sums| sums.maps[1] = Moments::new(3),
+        ];
+        assert!(forgeries.iter().all(|change| !changed(*change).fits(4, 3)));
     }
 }

@@ -9,7 +9,7 @@ use crate::ep::cell::OutOfRange;
 use crate::ep::surface::{FibreError, SurfaceError};
 use crate::mesh::MeshError;
 use crate::report::ReportError;
-use crate::store::CheckpointError;
+use crate::store::{CheckpointError, advice};
 
 /// Why an atrium cannot be simulated.
 #[derive(Debug, Error)]
@@ -136,8 +136,17 @@ pub enum AtriumError {
         /// Name, value there, value here.
         differences: Vec<String>,
     },
+    /// A file in the output folder that no simulation left has the name of one that a simulation leaves.
+    #[error(
+        "{} is of no simulation of eplat, and would be replaced\nhelp: move it away, or name another folder with --out DIR",
+        path.display()
+    )]
+    Foreign {
+        /// The file.
+        path: PathBuf,
+    },
     /// A file or folder that cannot be read or written.
-    #[error("cannot {action} {}: {source}", path.display())]
+    #[error("cannot {action} {}: {source}\nhelp: {}", path.display(), advice(source))]
     Io {
         /// `read`, `write` or `remove`.
         action: &'static str,
@@ -155,9 +164,9 @@ pub enum AtriumError {
     /// A surface that cannot be read or written.
     #[error(transparent)]
     Mesh(#[from] MeshError),
-    /// Draws that cannot be read.
+    /// A file of a run that cannot be read, or is not the run's.
     #[error(transparent)]
-    FieldDraws(#[from] ReportError),
+    Run(#[from] ReportError),
     /// An interrupted simulation that cannot be gone on with.
     #[error(transparent)]
     Checkpoint(#[from] CheckpointError),

@@ -4,14 +4,16 @@ use std::path::Path;
 use std::time::{Duration, Instant};
 
 use super::drive::{Drive, Event, Watch};
-use super::{Atrium, AtriumError, AtriumRecord, Beat};
+use super::{Atrium, AtriumError, AtriumRecord, Beat, series};
 use crate::mesh::{self, Units, write_vtp};
-use crate::store::{Checkpoint, differences};
+use crate::store::{Checkpoint, differences, seal_of};
 
 /// Where a simulation is kept while it runs, in its output folder.
 const CHECKPOINT: &str = "checkpoint";
 /// The maps, in the output folder.
 const BEAT: &str = "beat.vtp";
+/// All that a simulation leaves beside its record.
+const FILES: [&str; 3] = [BEAT, "voltage.pvd", "voltage"];
 
 /// How a simulation begins.
 #[derive(Clone, Copy, Debug)]
@@ -68,12 +70,19 @@ impl Atrium {
         }
         let Some((maps, summary)) = found else { return Ok(Ended::Interrupted) };
         let seconds = checkpoint.seconds_before() + begun.elapsed().as_secs_f64();
-        let beat = self.beat(maps, summary, seconds);
+        let mut beat = self.beat(maps, summary, seconds);
         let data: Vec<(&str, &[f64])> =
             beat.maps.iter().map(|(name, values)| (name.as_str(), &values[..])).collect();
+        AtriumRecord::remove(folder)?;
         write_vtp(&folder.join(BEAT), self.mesh(), &data)?;
+        for name in FILES.into_iter().filter(|name| folder.join(name).exists()) {
+            let path = folder.join(name);
+            let seal = seal_of(&path).map_err(AtriumError::io("read", &path))?;
+            beat.record.files.insert(name.to_owned(), seal);
+        }
         beat.record.write(folder)?;
         checkpoint.remove()?;
+        series::forget(&folder.join(CHECKPOINT))?;
         Ok(Ended::Now(Box::new(beat)))
     }
 
@@ -93,11 +102,15 @@ impl Atrium {
             Resume::IfBegun => is_interrupted || is_complete,
         };
         if !resumes {
+            refuse_foreign(folder)?;
             return Ok(Some(Checkpoint::begin(&path, &self.identity, every)?));
         }
         if !is_interrupted && is_complete {
             let differences = differences(&AtriumRecord::read(folder)?.settings, &self.identity);
             return if differences.is_empty() {
+                // it may have been killed while it forgot what it went on from
+                Checkpoint::forget(&path)?;
+                series::forget(&path)?;
                 Ok(None)
             } else {
                 Err(AtriumError::Other { folder: folder.to_owned(), differences })
@@ -107,6 +120,18 @@ impl Atrium {
         let seconds = checkpoint.seconds_before();
         (watch.on_event)(Event::Resumed { folder: &path, seconds });
         Ok(Some(checkpoint))
+    }
+}
+
+/// Refuses a folder in which files have the names of a simulation's and there is no simulation.
+fn refuse_foreign(folder: &Path) -> Result<(), AtriumError> {
+    if AtriumRecord::read(folder).is_ok() {
+        return Ok(());
+    }
+    let mut names = FILES.iter().chain([&AtriumRecord::FILE]).map(|name| folder.join(name));
+    match names.find(|path| path.exists()) {
+        Some(path) => Err(AtriumError::Foreign { path }),
+        None => Ok(()),
     }
 }
 

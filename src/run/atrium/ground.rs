@@ -8,7 +8,7 @@ use sha2::{Digest as _, Sha256};
 
 use super::AtriumError;
 use crate::mesh::{self, Reading, Surface};
-use crate::report::FieldDraws;
+use crate::report::{FieldDraws, RunRecord};
 use crate::store::Identity;
 
 /// Edges of the embedded atrium, mm: short enough for a front.
@@ -45,12 +45,21 @@ impl Ground {
         Self::of(surface).with_hash("hash of the surface", file)
     }
 
+    /// Reads the surface that a run left in its output folder.
+    ///
+    /// # Errors
+    /// Those of [`Ground::read`]; [`AtriumError::Run`] for a file that is not the run's.
+    pub fn of_run(run: &Path, reading: impl FnOnce(&Path) -> Reading) -> Result<Self, AtriumError> {
+        let file = RunRecord::file_of(run, "fields.vtp")?;
+        Self::read(&file, reading(&file))
+    }
+
     /// Adds the draws of fields that a run left in its output folder.
     ///
     /// # Errors
-    /// [`AtriumError::FieldDraws`], [`AtriumError::Io`].
+    /// [`AtriumError::Run`], [`AtriumError::Io`].
     pub fn with_draws_of(self, run: &Path) -> Result<Self, AtriumError> {
-        let file = run.join(FieldDraws::FILE);
+        let file = RunRecord::file_of(run, FieldDraws::FILE)?;
         let draws = Some(FieldDraws::read(&file)?);
         Self { draws, ..self }.with_hash("hash of the draws", &file)
     }

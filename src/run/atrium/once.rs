@@ -75,6 +75,7 @@ impl Atrium {
             return Ok(None);
         }
         if let Some(out) = out {
+            AtriumRecord::remove(out)?;
             series::replace(series.as_ref(), out)?;
         }
         let beat = simulation.beat();

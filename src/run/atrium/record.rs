@@ -1,7 +1,8 @@
 //! `simulation.json`: what was simulated, and what came of it in a few numbers.
 
+use std::collections::BTreeMap;
 use std::fs;
-use std::io::Write as _;
+use std::io::{self, Write as _};
 use std::path::Path;
 
 use serde::{Deserialize, Deserializer, Serialize, Serializer};
@@ -52,6 +53,9 @@ pub struct AtriumRecord {
     pub seconds: f64,
     /// All that the results depend on.
     pub settings: Identity,
+    /// Every other file and folder of the simulation, with its SHA-256 ([`seal_of`](crate::store::seal_of)).
+    #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
+    pub files: BTreeMap<String, String>,
     /// How far the activation came.
     #[serde(flatten)]
     pub summary: Summary,
@@ -75,6 +79,7 @@ impl AtriumRecord {
             measured_beat: pacing.measured + 1,
             seconds,
             settings: atrium.identity.clone(),
+            files: BTreeMap::new(),
             summary,
             compared: vec![],
         }
@@ -88,6 +93,17 @@ impl AtriumRecord {
         let path = folder.join(Self::FILE);
         let bytes = fs::read(&path).map_err(AtriumError::io("read", &path))?;
         Ok(serde_json::from_slice(&bytes)?)
+    }
+
+    /// Removes the record of an earlier simulation, so that none of its files stands beside new ones as one of them.
+    pub(super) fn remove(folder: &Path) -> Result<(), AtriumError> {
+        let path = folder.join(Self::FILE);
+        match fs::remove_file(&path) {
+            Err(error) if error.kind() != io::ErrorKind::NotFound => {
+                Err(AtriumError::io("remove", &path)(error))
+            }
+            _ => Ok(()),
+        }
     }
 
     pub(super) fn write(&self, folder: &Path) -> Result<(), AtriumError> {

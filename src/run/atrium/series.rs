@@ -9,7 +9,7 @@ use super::{Atrium, AtriumError};
 use crate::ep::Precision;
 use crate::ep::surface::Simulation;
 use crate::mesh::write_vtp;
-use crate::store::write_file;
+use crate::store::{write_file, write_folder};
 
 /// The files of a series, as far as they are written.
 pub(super) struct Series {
@@ -64,10 +64,19 @@ impl Series {
         Ok(())
     }
 
-    /// Gives the series its place in `out` and writes the list of its files.
+    /// Puts the series in `out` and writes the list of its files. The checkpoint keeps its own as long as a
+    /// simulation may go on from there.
     fn finish(&self, out: &Path) -> Result<(), AtriumError> {
         let (list, folder) = (out.join("voltage.pvd"), out.join("voltage"));
-        fs::rename(&self.folder, &folder).map_err(AtriumError::io("write", &folder))?;
+        let link = |from: &Path, to: &Path| {
+            // without links on this file system, a copy
+            fs::hard_link(from, to).or_else(|_| fs::copy(from, to).map(drop))
+        };
+        let fill = |new: &Path| {
+            (0..self.times.len())
+                .try_for_each(|k| link(&self.folder.join(name(k)), &new.join(name(k))))
+        };
+        write_folder(&folder, fill).map_err(AtriumError::io("write", &folder))?;
         let entry = |(k, time): (usize, &f64)| {
             format!("<DataSet timestep=\"{time:.3}\" file=\"voltage/{}\"/>\n", name(k))
         };
@@ -86,10 +95,24 @@ pub(super) fn replace(series: Option<&Series>, out: &Path) -> Result<(), AtriumE
     if list.exists() {
         fs::remove_file(&list).map_err(AtriumError::io("remove", &list))?;
     }
+    if let Some(series) = series {
+        return series.finish(out);
+    }
     if folder.exists() {
         fs::remove_dir_all(&folder).map_err(AtriumError::io("remove", &folder))?;
     }
-    series.map_or(Ok(()), |series| series.finish(out))
+    Ok(())
+}
+
+/// Removes what a simulation that is done has left of its series in the checkpoint, of which nothing else is there.
+pub(super) fn forget(checkpoint: &Path) -> Result<(), AtriumError> {
+    let folder = checkpoint.join("voltage");
+    if folder.exists() {
+        fs::remove_dir_all(&folder).map_err(AtriumError::io("remove", &folder))?;
+        // somebody may have put something else there
+        let _ = fs::remove_dir(checkpoint);
+    }
+    Ok(())
 }
 
 fn name(k: usize) -> String {

@@ -43,10 +43,11 @@ impl Side {
         let results = Results::read(folder)?;
         let converged = results.converged();
         let path = folder.display().to_string();
-        let Some(totals) = results.record.loo else {
+        let rows = || read_loo(&results.record.own(folder, "loo.csv")?);
+        let Some(totals) = results.record.loo.clone() else {
             return Err(CompareError::NoLoo { folder: path }.into());
         };
-        let rows = read_loo(&folder.join("loo.csv"))?;
+        let rows = rows()?;
         let side = Self { folder: path, model: results.record.model, converged, totals, rows };
         Ok(side.checked()?)
     }

@@ -15,7 +15,7 @@ use crate::report::{
     ExperimentPage, Figure, PointData, Surface, after_number, write_experiment_page,
 };
 use crate::run::atrium::{AtriumRecord, MapDifference, Summary};
-use crate::run::{OutputFolder, Results};
+use crate::run::{OutputFolder, Results, hash_file};
 use crate::store::{Identity, write_file};
 use crate::study::{RecoveredMap, Recovery, StudyError};
 
@@ -53,7 +53,11 @@ impl Findings<'_> {
         write_vtp(&out.file("fields.vtp"), &surface.mesh, &data)?;
         write_text(out, "measurements.csv", &self.truth.problem.measurements().to_csv())?;
         self.write_page(out, &maps)?;
-        write_text(out, "experiment.json", &format!("{:#}\n", self.json()))
+        let mut record = self.json();
+        for name in ["fields.vtp", "measurements.csv", "report.html", "settings.json"] {
+            record["files"][name] = json!(hash_file(&out.file(name))?);
+        }
+        write_text(out, "experiment.json", &format!("{record:#}\n"))
     }
 
     /// All maps, in the order of the figures: name, unit and values (n_vertices).

@@ -154,8 +154,10 @@ impl<F: Precision> Simulation<F> {
     /// # Errors
     /// [`SurfaceError::State`] if it was on another surface.
     pub fn restore(&mut self, state: State<F>) -> Result<(), SurfaceError> {
-        let fits = self.solver.restore(&state.solver) && self.recorder.restore(state.recorder);
-        if !fits || state.step > self.n_steps {
+        let fits = state.step <= self.n_steps
+            && self.solver.restore(&state.solver, state.step)
+            && self.recorder.restore(state.recorder);
+        if !fits {
             return Err(SurfaceError::State);
         }
         self.step = state.step;

@@ -114,12 +114,14 @@ impl<F: Precision> Solver<F> {
         }
     }
 
-    /// Goes on from `state`; whether it is one of this surface.
+    /// Goes on from `state`; whether it is one of this surface after so many steps.
     #[must_use = "false: the state is of another surface"]
-    pub(super) fn restore(&mut self, state: &SolverState<F>) -> bool {
+    pub(super) fn restore(&mut self, state: &SolverState<F>, step: u64) -> bool {
         let n_blocks = self.v.len();
+        let has_slept = |n: &i32| u64::try_from(*n).is_ok_and(|n| n <= step);
         let fits = state.values.iter().all(|values| values.len() == n_blocks * BLOCK)
-            && [state.awake.len(), state.slept.len()] == [n_blocks; 2];
+            && [state.awake.len(), state.slept.len()] == [n_blocks; 2]
+            && state.slept.iter().all(has_slept);
         if fits {
             let blocks = [&mut self.v, &mut self.h, &mut self.last, &mut self.x];
             for (blocks, values) in blocks.into_iter().zip(&state.values) {

@@ -4,13 +4,16 @@ use std::path::PathBuf;
 
 use thiserror::Error;
 
+use crate::store::advice;
+
 /// A table that cannot be read or written.
 #[derive(Debug, Error)]
 pub enum TableError {
     /// The file cannot be opened, read or written.
     #[error(
-        "cannot {action} {}: {source}\nhelp: check that the path exists and that you may {action} there",
-        path.display()
+        "cannot {action} {}: {source}\nhelp: {}",
+        path.display(),
+        if *action == "write" { advice(source) } else { "check the path; it is relative to the folder you are in" }
     )]
     Io {
         /// "read" or "write".

@@ -299,14 +299,14 @@ impl MarkovChain for Blocked<'_> {
             return Ok(None);
         }
         let transition = self.move_inner();
-        let (iteration, n) = (self.warm_up.done(), self.warm_up.length());
+        let iteration = self.warm_up.done();
         if let Some((adaptation, _)) = &mut self.learning {
             adaptation.update(&self.warm_up, &mut self.kernel, &transition);
             self.step_size = adaptation.step_size();
         }
         let accept = self.move_hyper();
         self.ln_length += (accept - Proposal::TARGET) / (1.0 + iteration as f64).powf(0.6);
-        if let (Some((_, lesson)), true) = (&mut self.learning, 3 * iteration >= n) {
+        if let (Some((_, lesson)), true) = (&mut self.learning, self.warm_up.is_late()) {
             let (conditional, point) = self.kernel.parts();
             lesson.samples.push(conditional.sample(&point.position));
             let mut hyper = vec![0.0; self.hyper[0].len()];

@@ -2,7 +2,7 @@
 //! made at the chains' starts; at each meeting they are fitted to the draws of all chains.
 
 use super::groups::Whitening;
-use super::latent::LatentGaussian;
+use super::latent::{LatentGaussian, Layout};
 use super::proposal::Proposal;
 use super::stand_in::{Sample, StandIn, Trust};
 use crate::infer::curvature::conditional_scales;
@@ -36,6 +36,16 @@ pub(super) struct Lesson {
     pub(super) hyper: Vec<Vec<f64>>,
 }
 
+impl Lesson {
+    /// Whether it is one of `n` draws under this layout.
+    pub(super) fn fits(&self, n: usize, layout: &Layout) -> bool {
+        let is_sample = |sample: &Sample| sample.fits(layout.n_latent());
+        [self.samples.len(), self.hyper.len()] == [n; 2]
+            && self.samples.iter().all(is_sample)
+            && self.hyper.iter().all(|hyper| hyper.len() == layout.hyper.len())
+    }
+}
+
 /// What all chains share. It changes only at a meeting.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub(super) struct Shared {
@@ -46,6 +56,11 @@ pub(super) struct Shared {
 impl Shared {
     /// With this many draws of an earlier run the first round is not needed.
     const ENOUGH: usize = 80;
+
+    /// Whether both are of the same layout.
+    pub(super) fn is_like(&self, other: &Self) -> bool {
+        self.stand_in.is_like(&other.stand_in) && self.proposal.is_like(&other.proposal)
+    }
 
     /// Whether draws of an earlier run take the place of the first round.
     pub(super) fn knows_hyper(density: &dyn LatentGaussian, settings: &Settings) -> bool {

@@ -59,6 +59,13 @@ impl Proposal {
         }
     }
 
+    /// Whether both are of as many hyperparameters.
+    pub(in crate::infer) fn is_like(&self, other: &Self) -> bool {
+        let lengths =
+            |of: &Self| [of.centre.len(), of.scale.len(), of.factor.len(), of.precision.len()];
+        lengths(self) == lengths(other)
+    }
+
     /// Takes medians, scales and covariance of these draws; what cannot be factorised changes nothing. `floor` is added to
     /// each variance: a hyperparameter that did not move must move.
     pub(in crate::infer) fn fit(&mut self, draws: &[Vec<f64>], floor: f64) {

@@ -21,6 +21,13 @@ pub(super) struct Sample {
     pub(super) slope: Vec<f64>,
 }
 
+impl Sample {
+    /// Whether it is one of so many latent values.
+    pub(super) fn fits(&self, n_latent: usize) -> bool {
+        [self.theta.len(), self.slope.len()] == [n_latent; 2]
+    }
+}
+
 /// The stand-ins of all groups.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub(super) struct StandIn {
@@ -36,6 +43,12 @@ impl StandIn {
             GroupStandIn::new(group, first - group.n_latent())
         };
         Self { groups: layout.groups.iter().map(next).collect() }
+    }
+
+    /// Whether both are of the same layout.
+    pub(super) fn is_like(&self, other: &Self) -> bool {
+        self.groups.len() == other.groups.len()
+            && self.groups.iter().zip(&other.groups).all(|(one, other)| one.is_like(other))
     }
 
     /// Fits every place to `samples`.
@@ -110,6 +123,15 @@ impl GroupStandIn {
             centre: vec![0.0; n_blocks * n_seen],
             gram: vec![vec![]; n_blocks * n_blocks],
         }
+    }
+
+    fn is_like(&self, other: &Self) -> bool {
+        let lengths = |of: &Self| {
+            let grams: Vec<usize> = of.gram.iter().map(Vec::len).collect();
+            let own = [of.first, of.n_seen, of.n_blocks, of.information.len(), of.centre.len()];
+            (own, grams)
+        };
+        lengths(self) == lengths(other)
     }
 
     /// Fits every place to `samples`. A place whose samples do not vary keeps its stand-in.

@@ -3,8 +3,9 @@
 use super::chain::Blocked;
 use super::meeting::{Lesson, Link, Shared, agree};
 use crate::infer::error::{ChainError, ChainFailure};
-use crate::infer::kernel::KernelState;
+use crate::infer::kernel_state::KernelState;
 use crate::infer::markov::{MarkovChain as _, Together};
+use crate::infer::settings::MetricKind;
 use crate::infer::stages::WarmUp;
 use crate::infer::warmup::Adaptation;
 use crate::random::Part;
@@ -47,12 +48,31 @@ impl Together for Blocked<'_> {
         }
     }
 
+    fn dim(&self) -> usize {
+        self.position.len()
+    }
+
+    fn fits(&self, state: &BlockedState, n_draws: usize) -> bool {
+        let (warm_up, layout) = (&state.warm_up, self.fixed.density.layout());
+        let dim = self.kernel.point.position.len();
+        let is_lesson = |(adaptation, lesson): &(Adaptation, Lesson)| {
+            adaptation.fits(dim, MetricKind::Diagonal) && lesson.fits(warm_up.n_late(), layout)
+        };
+        warm_up.follows(&self.warm_up)
+            && state.shared.is_like(&self.shared)
+            && state.outer.len() == layout.outer.len()
+            && state.kernel.fits(dim)
+            && state.learning.is_none() == warm_up.is_over()
+            && state.learning.as_ref().is_none_or(is_lesson)
+            && (n_draws == 0 || warm_up.is_over())
+    }
+
     fn restore(&mut self, state: BlockedState) -> Result<(), ChainError> {
         let (fixed, shared) = (self.fixed, Arc::new(state.shared));
         let Some(conditional) = fixed.conditional(&shared, &state.outer) else {
             return Err(self.error(state.warm_up.n_done(), ChainFailure::RanAway));
         };
-        let position = state.kernel.position().to_vec();
+        let position = state.kernel.position.clone();
         // the metric and all of the point are in the kernel's state
         let scale = vec![1.0; position.len()];
         self.kernel = fixed.kernel(conditional, &scale, &position, &state.warm_up);

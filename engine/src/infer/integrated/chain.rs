@@ -155,9 +155,9 @@ impl MarkovChain for Integrated<'_> {
         }
         let numbers: Vec<usize> = (0..self.outer.len().max(2)).collect();
         let [accept, walked] = self.steps(&numbers);
-        let (iteration, n) = (self.warm_up.done(), self.warm_up.length());
+        let iteration = self.warm_up.done();
         self.ln_length += (walked - Proposal::TARGET) / (1.0 + iteration as f64).powf(0.6);
-        if 3 * iteration >= n {
+        if self.warm_up.is_late() {
             self.lesson.push(self.outer.clone());
         }
         self.warm_up.advance();
@@ -204,6 +204,21 @@ impl Together for Integrated<'_> {
             n_draws: self.n_draws,
             n_steps: self.n_steps,
         }
+    }
+
+    fn dim(&self) -> usize {
+        self.position.len()
+    }
+
+    fn fits(&self, state: &IntegratedState, n_draws: usize) -> bool {
+        let n_outer = self.outer.len();
+        state.warm_up.follows(&self.warm_up)
+            && state.proposal.is_like(&self.proposal)
+            && state.outer.len() == n_outer
+            && state.lesson.len() == state.warm_up.n_late()
+            && state.lesson.iter().all(|outer| outer.len() == n_outer)
+            && state.n_draws == n_draws
+            && (n_draws == 0 || state.warm_up.is_over())
     }
 
     fn restore(&mut self, state: IntegratedState) -> Result<(), ChainError> {

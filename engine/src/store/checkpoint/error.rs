@@ -4,6 +4,8 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::io;
 use std::path::PathBuf;
 
+use crate::store::advice;
+
 /// What is run: every setting and input that the draws depend on, by the name a user knows it by.
 pub type Identity = BTreeMap<String, String>;
 
@@ -66,7 +68,7 @@ pub enum CheckpointError {
         reason: String,
     },
     /// The operating system said no.
-    #[error("cannot {action} {}: {source}", path.display())]
+    #[error("cannot {action} {}: {source}\nhelp: {}", path.display(), advice(source))]
     Io {
         /// `read`, `write` or `remove`.
         action: &'static str,

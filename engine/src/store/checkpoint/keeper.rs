@@ -55,12 +55,12 @@ pub fn take_chain<T: DeserializeOwned>(
 /// # Errors
 /// [`CheckpointError::Damaged`].
 pub(crate) fn take_chains<T: DeserializeOwned>(
-    checkpoint: Option<&Checkpoint>,
+    checkpoint: &Checkpoint,
     chains: usize,
 ) -> Result<Vec<Option<T>>, CheckpointError> {
-    (0..chains).map(|chain| checkpoint.map_or(Ok(None), |c| take_chain(c, chain))).collect()
+    (0..chains).map(|chain| take_chain(checkpoint, chain)).collect()
 }
 
-fn name_of(chain: usize) -> String {
+pub(super) fn name_of(chain: usize) -> String {
     format!("{CHAIN}{chain}")
 }

@@ -225,6 +225,14 @@ impl Checkpoint {
         self.take(COMMON)
     }
 
+    /// That a state, that of a chain or what the chains share, cannot be one of this run. States have no
+    /// seal against forgery, so whoever takes one up asks whether it fits.
+    pub fn misfit(&self, chain: Option<usize>) -> CheckpointError {
+        let name = chain.map_or(COMMON.into(), keeper::name_of);
+        let reason = "the state is none that this run can come to".into();
+        CheckpointError::Damaged { path: self.folder.join(name), reason }
+    }
+
     /// What all chains share from here on; written with the first of them, if any is.
     pub(crate) fn share(&self, state: &impl Serialize) {
         match postcard::to_stdvec(state) {
@@ -276,8 +284,18 @@ impl Checkpoint {
 
 /// Names of the states in a checkpoint, sorted.
 fn states(folder: &Path) -> Result<Vec<String>, CheckpointError> {
-    let is_state = |name: &String| name == COMMON || name.starts_with(CHAIN);
-    Ok(names(folder).map_err(io_error("read", folder))?.into_iter().filter(is_state).collect())
+    let names = names(folder).map_err(io_error("read", folder))?;
+    Ok(names.into_iter().filter(|name| is_named(name)).collect())
+}
+
+/// Whether a file has the name of a state.
+fn is_named(name: &str) -> bool {
+    name == COMMON || name.starts_with(CHAIN)
+}
+
+/// Whether a file begins as states do.
+fn is_state(path: &Path) -> io::Result<bool> {
+    Ok(path.is_file() && fs::read(path)?.starts_with(FAMILY))
 }
 
 /// A file that has the name of a state and is none: somebody else's.
@@ -287,8 +305,7 @@ fn foreign(folder: &Path) -> io::Result<Option<PathBuf>> {
     }
     for name in names(folder)? {
         let path = folder.join(&name);
-        let is_named = name == COMMON || name.starts_with(CHAIN);
-        if is_named && !(path.is_file() && fs::read(&path)?.starts_with(FAMILY)) {
+        if is_named(&name) && !is_state(&path)? {
             return Ok(Some(path));
         }
         if name == IDENTITY && serde_json::from_slice::<Identity>(&fs::read(&path)?).is_err() {
@@ -311,7 +328,8 @@ fn names(folder: &Path) -> io::Result<Vec<String>> {
 /// else put anything there.
 fn remove(folder: &Path) -> Result<(), CheckpointError> {
     let is_ours = |name: &String| {
-        name == IDENTITY || name == COMMON || name.starts_with(CHAIN) || name.starts_with(TEMPORARY)
+        let is_state = || is_named(name) && is_state(&folder.join(name)).unwrap_or(false);
+        name == IDENTITY || name.starts_with(TEMPORARY) || is_state()
     };
     let remove = || {
         if !folder.exists() {

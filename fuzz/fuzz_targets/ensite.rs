@@ -1,0 +1,4 @@
+//! The reader `ensite` under libFuzzer.
+#![no_main]
+
+libfuzzer_sys::fuzz_target!(|bytes: &[u8]| eplat_fuzz::feed("ensite", bytes));

@@ -1,0 +1,4 @@
+//! The reader `mat` under libFuzzer.
+#![no_main]
+
+libfuzzer_sys::fuzz_target!(|bytes: &[u8]| eplat_fuzz::feed("mat", bytes));

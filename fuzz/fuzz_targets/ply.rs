@@ -1,0 +1,4 @@
+//! The reader `ply` under libFuzzer.
+#![no_main]
+
+libfuzzer_sys::fuzz_target!(|bytes: &[u8]| eplat_fuzz::feed("ply", bytes));

@@ -1,0 +1,119 @@
+//! Valid files with bytes changed, and what must hold for whoever reads them: a value or an error, soon, and never a
+//! panic.
+
+use std::panic::{AssertUnwindSafe, catch_unwind};
+use std::path::Path;
+use std::time::{Duration, Instant};
+
+use rand::{Rng, RngExt as _, SeedableRng as _};
+use rand_chacha::ChaCha8Rng;
+
+use crate::readers::Target;
+
+/// No file here takes longer, whatever stands in it.
+const LONGEST: Duration = Duration::from_secs(2);
+
+/// Texts that have broken readers before, as libFuzzer's dictionaries have them.
+const DICTIONARY: &str = include_str!("../words.dict");
+
+/// How long a target is tried.
+#[derive(Clone, Copy, Debug)]
+pub(crate) enum Effort {
+    /// So many mutations, of all its seeds together.
+    Mutations(usize),
+    /// So long.
+    Time(Duration),
+}
+
+impl Effort {
+    fn is_spent(self, done: usize, begun: Instant) -> bool {
+        match self {
+            Self::Mutations(n) => done >= n,
+            Self::Time(time) => begun.elapsed() >= time,
+        }
+    }
+}
+
+/// The words of a dictionary: the text between quotes of each line, `\xNN`, `\\` and `\"` read.
+pub(crate) fn words(dictionary: &str) -> Vec<Vec<u8>> {
+    let quoted = |line: &str| Some(line.strip_prefix('"')?.strip_suffix('"')?.to_owned());
+    dictionary.lines().filter_map(quoted).map(|text| unescaped(text.as_bytes())).collect()
+}
+
+fn unescaped(text: &[u8]) -> Vec<u8> {
+    let hex = |digits: &[u8]| u8::from_str_radix(std::str::from_utf8(digits).ok()?, 16).ok();
+    let (mut bytes, mut rest) = (vec![], text);
+    while let [first, more @ ..] = rest {
+        let (byte, after) = match (first, more) {
+            (b'\\', [b'x', high, low, after @ ..]) => (hex(&[*high, *low]), after),
+            (b'\\', [escaped, after @ ..]) => (Some(*escaped), after),
+            _ => (Some(*first), more),
+        };
+        bytes.extend(byte);
+        rest = after;
+    }
+    bytes
+}
+
+/// Some bytes changed, taken away, repeated, or replaced by a word; perhaps cut.
+fn mutated(bytes: &[u8], words: &[Vec<u8>], rng: &mut impl Rng) -> Vec<u8> {
+    let mut bytes = bytes.to_vec();
+    for _ in 0..rng.random_range(1..5) {
+        // half of them where headers are
+        let reach = if rng.random() { bytes.len().min(400) } else { bytes.len() };
+        let at = rng.random_range(0..reach.max(1)).min(bytes.len().saturating_sub(1));
+        let end = (at + rng.random_range(1..12)).min(bytes.len());
+        match rng.random_range(0..6) {
+            0 if at < bytes.len() => bytes[at] = rng.random(),
+            1 if at < bytes.len() && bytes[at].is_ascii_digit() => {
+                bytes[at] = b'0' + rng.random_range(0..10u8);
+            }
+            2 => drop(bytes.drain(at..end)),
+            3 => drop(bytes.splice(end..end, bytes[at..end].to_vec())),
+            4 => bytes.truncate(rng.random_range(0..=bytes.len())),
+            _ => {
+                let word = &words[rng.random_range(0..words.len())];
+                drop(bytes.splice(at..end, word.iter().copied()));
+            }
+        }
+    }
+    bytes
+}
+
+/// Reads mutations of the seeds of a target, one after the other; how many.
+///
+/// # Panics
+/// Where a reader panics, accepts what should have been refused, or takes long. The file is kept in the
+/// temporary folder, and named.
+pub(crate) fn survives(target: &Target, effort: Effort) -> usize {
+    let folder = tempfile::tempdir().unwrap();
+    let seeds = (target.seeds)(folder.path());
+    let whole: Vec<Vec<u8>> = seeds.iter().map(|path| std::fs::read(path).unwrap()).collect();
+    let restore = |path: &Path, bytes: &[u8]| std::fs::write(path, bytes).unwrap();
+    for (path, bytes) in seeds.iter().zip(&whole) {
+        (target.read)(path);
+        restore(path, bytes);
+    }
+    let words = words(DICTIONARY);
+    let mut rng = ChaCha8Rng::seed_from_u64(target.name.bytes().map(u64::from).sum());
+    let (begun, mut done) = (Instant::now(), 0);
+    while !effort.is_spent(done, begun) {
+        let (path, bytes) = (&seeds[done % seeds.len()], &whole[done % seeds.len()]);
+        let hostile = mutated(bytes, &words, &mut rng);
+        restore(path, &hostile);
+        let started = Instant::now();
+        let outcome = catch_unwind(AssertUnwindSafe(|| (target.read)(path)));
+        let kept = || {
+            let name = path.file_name().unwrap().display();
+            let kept = std::env::temp_dir().join(format!("eplat-{}-{done}-{name}", target.name));
+            restore(&kept, &hostile);
+            kept.display().to_string()
+        };
+        assert!(outcome.is_ok(), "{}, mutation {done}: {}", target.name, kept());
+        let is_soon = started.elapsed() < LONGEST;
+        assert!(is_soon, "{}, mutation {done} takes long: {}", target.name, kept());
+        restore(path, bytes);
+        done += 1;
+    }
+    done
+}
