@@ -261,7 +261,12 @@ fn a_calibrated_atrium_goes_out_as_files_of_opencarp() {
     assert!((drawn - (8.0 + 7.0 / n as f64)).abs() < 1e-12, "{drawn}");
     // 28 to 32 ms: above 30 the nearest that is allowed
     assert!(set("draw_002")[1].iter().all(|tau_out| *tau_out <= 30.0));
-    assert!(told.contains("% of (node, draw) pairs had a parameter outside its range"), "{told}");
+    assert!(
+        told.contains(
+            "% of the nodes, of the mean and all draws, had a parameter outside its range"
+        ),
+        "{told}"
+    );
     // D = tau_in/2 (CV/0.4)² = 0.0390625 mm²/ms is 0.390625 S/m, twice of which counts by half
     let par = place.read("carp/mean/mMS.par");
     assert!(par.contains("gregion[0].g_il = 0.78125\n"), "{par}");

@@ -80,6 +80,72 @@ fn a_record_names_every_file_of_its_folder() {
 }
 
 #[test]
+fn what_is_made_of_a_run_is_named_too() {
+    let place = Workplace::new().with_erp();
+    for run in ["one", "other"] {
+        let seed = run.len();
+        succeeds(
+            &place,
+            &format!("run erp --chains 2 --warmup 300 --draws 200 --seed {seed} --out {run}"),
+        );
+    }
+    for _ in 0..2 {
+        succeeds(&place, "predict one one/measurements.csv --out predicted");
+        names_all(&place, "predicted", "predictions.json", &[]);
+    }
+    // a posterior may leave the ranges of what is simulated
+    let exported = place.eplat("export --run one --draws 2 --out carp");
+    let said = text(&exported.stdout);
+    assert!(said.contains("outside its range: it is the nearest in it"), "{said}");
+    names_all(&place, "carp", "export.json", &[]);
+    succeeds(
+        &place,
+        "simulate atrium --run one --refine 0 --pace 0 --beats 1 --last 20 --out beat",
+    );
+    let n_pictures = |only: &str| {
+        succeeds(&place, &format!("plot {only} --out pictures"));
+        names_all(&place, "pictures", "figures.json", &[]);
+        fs::read_dir(place.path("pictures")).unwrap().count() - 1
+    };
+    let n_predicted = n_pictures("one --only predicted");
+    let n_both = n_pictures("one --only traces");
+    assert!(n_both > n_predicted && n_predicted > 0);
+    place.file("pictures/predicted_S1S2.svg", "edited by hand");
+    // those of another run take the place of all that nobody has changed
+    succeeds(&place, "plot other --only traces --out pictures");
+    assert_eq!(place.read("pictures/predicted_S1S2.svg"), "edited by hand");
+    fs::remove_file(place.path("pictures/predicted_S1S2.svg")).unwrap();
+    assert_eq!(n_pictures("other --only traces"), n_both - n_predicted);
+}
+
+#[test]
+fn studies_imports_and_cells_are_named_too() {
+    let place = Workplace::new().with_erp();
+    let plan = "model = \"erp.rs\"\nlengthscales = [64.0]\nsites = [5, 10]\nresolutions = [10.0]\nfields = 1\ndesigns = 1\n\
+                warmup = 60\ndraws = 60\n";
+    place.file("plan.toml", plan);
+    // what is complete is named again
+    for command in ["slurm plan.toml", "run plan.toml", "run plan.toml", "merge plan.toml"] {
+        succeeds(&place, &format!("study {command} --out study"));
+        if !command.starts_with("slurm") {
+            names_all(&place, "study", "study.json", &[]);
+        }
+    }
+    sheet::write(&place.path("sheet.vtp"));
+    place.file("log.csv", "site,x,y,z,s1,s2,captured\na,1,1,0,600,260,yes\na,1,1,0,600,250,no\n");
+    succeeds(&place, "import log.csv --mesh sheet.vtp --units mm --out study_in");
+    names_all(&place, "study_in", "import.json", &[]);
+    for _ in 0..2 {
+        succeeds(&place, "simulate cell --beats 1 --out cell");
+        names_all(&place, "cell", "cell.json", &[]);
+    }
+    place.file("mine/trace.csv", "mine");
+    let refused = place.eplat("simulate cell --beats 1 --out mine");
+    assert!(text(&refused.stderr).contains("mine/trace.csv"), "{}", text(&refused.stderr));
+    assert_eq!(place.read("mine/trace.csv"), "mine");
+}
+
+#[test]
 fn a_loop_names_its_files_and_leaves_none_of_an_earlier_one() {
     let place = Workplace::new();
     sheet::write(&place.path("sheet.vtp"));

@@ -26,8 +26,19 @@ use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
+use peak_alloc::PeakAlloc;
 use readers::{TARGETS, target};
 use tempfile::TempDir;
+
+#[global_allocator]
+static COUNTED: PeakAlloc = PeakAlloc;
+
+fn counted(read: &mut dyn FnMut()) -> usize {
+    COUNTED.reset_peak_usage();
+    let before = COUNTED.current_usage();
+    read();
+    COUNTED.peak_usage().saturating_sub(before)
+}
 
 /// Names of the targets.
 pub const NAMES: [&str; TARGETS.len()] = {
@@ -81,7 +92,8 @@ pub fn write_corpus(folder: &Path) {
 /// Reads mutations of a target's seeds for so long; how many.
 ///
 /// # Panics
-/// Where a reader panics, accepts what should have been refused, or takes more than two seconds.
+/// Where a reader panics, accepts what should have been refused, takes more than two seconds or more memory than it
+/// may.
 pub fn mutate(name: &str, time: Duration) -> usize {
-    mutation::survives(target(name), mutation::Effort::Time(time))
+    mutation::survives(target(name), mutation::Effort::Time(time), counted)
 }

@@ -13,6 +13,15 @@ use crate::readers::Target;
 /// No file here takes longer, whatever stands in it.
 const LONGEST: Duration = Duration::from_secs(2);
 
+/// Bytes of memory that a reader may take for each byte of its files.
+const MOST: usize = 10;
+
+/// Bytes of memory that it may take beside, for any file. The most that was seen is 6 MB.
+const BESIDE: usize = 16 << 20;
+
+/// Calls what it is given; how many bytes it took at its peak, 0 from who does not count.
+pub(crate) type Counted = fn(&mut dyn FnMut()) -> usize;
+
 /// Texts that have broken readers before, as libFuzzer's dictionaries have them.
 const DICTIONARY: &str = include_str!("../words.dict");
 
@@ -80,12 +89,18 @@ fn mutated(bytes: &[u8], words: &[Vec<u8>], rng: &mut impl Rng) -> Vec<u8> {
     bytes
 }
 
+/// Bytes of all files in a folder.
+fn size(folder: &Path) -> usize {
+    let files = std::fs::read_dir(folder).unwrap().flatten();
+    files.map(|file| file.metadata().map_or(0, |found| found.len() as usize)).sum()
+}
+
 /// Reads mutations of the seeds of a target, one after the other; how many.
 ///
 /// # Panics
-/// Where a reader panics, accepts what should have been refused, or takes long. The file is kept in the
-/// temporary folder, and named.
-pub(crate) fn survives(target: &Target, effort: Effort) -> usize {
+/// Where a reader panics, accepts what should have been refused, takes long or more memory than it may. The file is
+/// kept in the temporary folder, and named.
+pub(crate) fn survives(target: &Target, effort: Effort, counted: Counted) -> usize {
     let folder = tempfile::tempdir().unwrap();
     let seeds = (target.seeds)(folder.path());
     let whole: Vec<Vec<u8>> = seeds.iter().map(|path| std::fs::read(path).unwrap()).collect();
@@ -102,7 +117,10 @@ pub(crate) fn survives(target: &Target, effort: Effort) -> usize {
         let hostile = mutated(bytes, &words, &mut rng);
         restore(path, &hostile);
         let started = Instant::now();
-        let outcome = catch_unwind(AssertUnwindSafe(|| (target.read)(path)));
+        let mut outcome = Ok(());
+        let taken = counted(&mut || {
+            outcome = catch_unwind(AssertUnwindSafe(|| (target.read)(path)));
+        });
         let kept = || {
             let name = path.file_name().unwrap().display();
             let kept = std::env::temp_dir().join(format!("eplat-{}-{done}-{name}", target.name));
@@ -112,6 +130,13 @@ pub(crate) fn survives(target: &Target, effort: Effort) -> usize {
         assert!(outcome.is_ok(), "{}, mutation {done}: {}", target.name, kept());
         let is_soon = started.elapsed() < LONGEST;
         assert!(is_soon, "{}, mutation {done} takes long: {}", target.name, kept());
+        let allowed = MOST * size(folder.path()) + BESIDE;
+        assert!(
+            taken <= allowed,
+            "{}, mutation {done} takes {taken} bytes of {allowed}: {}",
+            target.name,
+            kept()
+        );
         restore(path, bytes);
         done += 1;
     }

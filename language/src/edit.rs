@@ -3,6 +3,10 @@
 use std::fmt::Write as _;
 use std::ops::Range;
 
+use proc_macro2::{Ident as Word, Span};
+use quote::ToTokens as _;
+use unicode_ident::{is_xid_continue, is_xid_start};
+
 use crate::file::File;
 use crate::grammar::{first_span, last_span, parse};
 use crate::mistake::Mistake;
@@ -152,7 +156,11 @@ impl File {
 
 /// Whether a text can be the name of a column or of an effect in a model file.
 pub fn is_name(text: &str) -> bool {
-    syn::parse_str::<syn::Ident>(text).is_ok_and(|name| name == text)
+    let mut signs = text.chars();
+    let is_spelt = signs.next().is_some_and(|first| first == '_' || is_xid_start(first))
+        && signs.all(is_xid_continue);
+    // a text that is parsed is kept as long as its thread, for the places of its parts; an identifier is not
+    is_spelt && syn::parse2::<Word>(Word::new(text, Span::call_site()).into_token_stream()).is_ok()
 }
 
 /// The name under which a model file reads the column of this header, and the name of an effect of it:
@@ -167,8 +175,8 @@ pub fn as_name(header: &str) -> String {
     if is_name(header) {
         return header.to_owned();
     }
-    let is_sign = |c: char| !is_name(&format!("a{c}"));
-    let words: Vec<&str> = header.split(is_sign).filter(|word| !word.is_empty()).collect();
+    let words: Vec<&str> =
+        header.split(|c| !is_xid_continue(c)).filter(|word| !word.is_empty()).collect();
     let name = words.join("_");
     let tries = [name.clone(), format!("{name}_"), format!("_{name}")];
     tries.into_iter().find(|name| is_name(name)).unwrap_or_else(|| "unnamed".into())

@@ -243,6 +243,10 @@ pub(super) fn introduce(atrium: &Atrium) {
             Warning::TiltedFibres { degrees } => note(format_args!(
                 "warning: fibres leave the surface at up to {degrees:.0}° and are laid into it"
             )),
+            Warning::OutOfRange { share } => note(format_args!(
+                "warning: {:.1} % of the vertices have a mean parameter outside its range: it is the nearest in it",
+                100.0 * share
+            )),
         }
     }
     let (mesh, pacing) = (atrium.mesh(), atrium.pacing());

@@ -15,6 +15,10 @@ use crate::error::Failure;
 use crate::report::{write_restitution, write_trace};
 use crate::run::OutputFolder;
 
+/// The record, and the files that it names.
+const RECORD: &str = "cell.json";
+const FILES: [&str; 4] = ["trace.csv", "trace.svg", "restitution.csv", "restitution.svg"];
+
 #[derive(Debug, Args)]
 pub(super) struct CellArgs {
     /// tau_in, ms
@@ -42,7 +46,7 @@ pub(super) struct CellArgs {
     #[arg(long, value_name = "X", default_value_t = CellProtocol::default().strength)]
     strength: f64,
     /// Folder to write: trace.csv and trace.svg (V and h of the S1 train), restitution.csv and
-    /// restitution.svg (APD over the diastolic interval)
+    /// restitution.svg (APD over the diastolic interval), and cell.json (the settings)
     #[arg(long, value_name = "DIR")]
     out: PathBuf,
 }
@@ -55,9 +59,22 @@ impl CellArgs {
         let out = OutputFolder::open(&self.out)?;
         let trace = protocol.trace(cell);
         let curve = protocol.restitution(cell);
+        if out.earlier(RECORD).0.is_null() {
+            out.refuse_foreign(FILES.into_iter())?;
+        }
         out.make()?;
+        out.remove(&[RECORD])?;
         write_trace(out.path(), &trace)?;
         write_restitution(out.path(), &curve)?;
+        let record = json!({
+            "version": env!("CARGO_PKG_VERSION"),
+            "settings": {
+                "tau_in_ms": self.tau_in, "tau_out_ms": self.tau_out, "tau_open_ms": self.tau_open,
+                "apd_max_ms": self.apd_max, "s1_ms": self.s1, "beats": self.beats, "s2_ms": self.s2,
+                "strength_per_ms": self.strength,
+            },
+        });
+        out.save_record(RECORD, record, FILES)?;
         let captured = curve.iter().filter(|point| point.beat.is_some()).count();
         let text = format_args!(
             "{} S1 beats; {captured} of {} S2 beats captured; written to {}",

@@ -41,7 +41,7 @@ impl Command {
         if out_of_range > 0.0 {
             writeln!(
                 out,
-                "{:.1} % of (node, draw) pairs had a parameter outside its range: it is the nearest in it",
+                "{:.1} % of the nodes, of the mean and all draws, had a parameter outside its range: it is the nearest in it",
                 100.0 * out_of_range
             )?;
         }

@@ -1,5 +1,6 @@
 //! `eplat plot DIR`: pictures for print of what a command left.
 
+use std::collections::BTreeSet;
 use std::fs;
 use std::io::Write as _;
 use std::path::{Path, PathBuf};
@@ -13,9 +14,12 @@ use crate::error::Failure;
 use crate::report::plot::{
     OF_A_LOOP, OF_A_RUN, Picture, Surrogate, Uncertainty, of_a_loop, of_a_run, surrogates,
 };
+use crate::run::{OutputFolder, hash_file};
 use crate::study::{Table, pictures, summarise};
 use crate::surrogate::{DEFAULT_FILTER, ErpRow, Valid, emulate_erp, fit_erp};
 
+/// Names the pictures of a folder, and what they are of.
+const RECORD: &str = "figures.json";
 /// Kinds of pictures of a study, and of a folder with a table of strips.
 const OF_A_STUDY: [&str; 2] = ["errors", "coverage"];
 const OF_SURROGATES: [&str; 2] = ["cubic", "gp"];
@@ -78,6 +82,16 @@ impl Left {
         })
     }
 
+    /// The file that everything drawn depends on, in `folder`.
+    fn record(&self, folder: &Path) -> PathBuf {
+        match self {
+            Self::Run => folder.join("run.json"),
+            Self::Loop => folder.join("finding.json"),
+            Self::Study => folder.join("study.json"),
+            Self::Strips(table) => table.clone(),
+        }
+    }
+
     fn kinds(&self) -> &'static [&'static str] {
         match self {
             Self::Run => &OF_A_RUN,
@@ -97,6 +111,20 @@ fn strips(folder: &Path) -> Option<PathBuf> {
     tables.into_iter().find(|path| read_rows::<ErpRow>(path).is_ok())
 }
 
+/// Makes the folder ready for pictures of what has this hash: those of something else go, with the record. The names
+/// of those that stay.
+fn begin(out: &OutputFolder, of: &str) -> Result<BTreeSet<String>, Failure> {
+    let (record, earlier) = out.earlier(RECORD);
+    let is_same = record["hash"] == of;
+    out.make()?;
+    out.remove(&[RECORD])?;
+    if is_same {
+        return Ok(earlier.into_iter().collect());
+    }
+    out.remove(&earlier.iter().map(String::as_str).collect::<Vec<_>>())?;
+    Ok(BTreeSet::new())
+}
+
 impl Command {
     pub(super) fn run(&self) -> Result<(), Failure> {
         let left = Left::of(&self.folder)?;
@@ -109,20 +137,25 @@ impl Command {
             )));
         }
         let out = self.out.clone().unwrap_or_else(|| self.folder.join("figures"));
-        let mut written = vec![];
+        let out = OutputFolder::open(out)?;
+        let of = hash_file(&left.record(&self.folder))?;
+        let (mut files, mut written) = (None, vec![]);
         for kind in kinds {
             let is_wanted = self.only.is_empty() || self.only.iter().any(|only| only == kind);
             for picture in if is_wanted { self.pictures(&left, kind)? } else { vec![] } {
-                fs::create_dir_all(&out).map_err(|error| {
-                    Failure::new(format_args!(
-                        "cannot make {}: {error}\nhelp: choose another --out",
-                        out.display()
-                    ))
-                })?;
-                written.push(self.write(kind, &picture, &out)?);
+                let files = match &mut files {
+                    Some(files) => files,
+                    None => files.insert(begin(&out, &of)?),
+                };
+                files.extend(picture.files());
+                written.push(self.write(kind, &picture, out.path())?);
             }
         }
-        if written.is_empty() {
+        if let Some(files) = files {
+            let record =
+                json!({ "version": env!("CARGO_PKG_VERSION"), "of": self.folder, "hash": of });
+            out.save_record(RECORD, record, files)?;
+        } else {
             return Err(Failure::new(format_args!(
                 "{}: it has nothing of {}\nhelp: fields and truth need a model with fields (and, for truth, a synthetic \
                  experiment), predicted needs measurements, effects needs an effect of a column that was found",

@@ -12,7 +12,7 @@ use super::inputs::telling;
 use super::models::{Compiled, ModelFile};
 use super::voice::{Voice, stdout, tell};
 use crate::error::Failure;
-use crate::run::{Inputs, MeshSource, OutputFolder, Problem, Results};
+use crate::run::{Forecast, Inputs, MeshSource, OutputFolder, Problem, Results, hash_file};
 use crate::table::Measurements;
 
 const EXAMPLE: &str = "The table needs the columns of the one that was fitted: where (vertex or x, y, z), protocol, and what else
@@ -50,7 +50,7 @@ impl Command {
             OutputFolder::open(self.out.clone().unwrap_or_else(|| self.run.join("predicted")))?;
         // what an earlier prediction left has both
         if !out.file("predictions.zarr/zarr.json").exists() {
-            out.refuse_foreign(["predictions.csv", "predictions.zarr"].into_iter())?;
+            out.refuse_foreign(Forecast::FILES.into_iter())?;
         }
         if let MeshSource::File { path, .. } = &mut inputs.mesh {
             *path = self.mesh.clone().unwrap_or_else(|| path.clone());
@@ -63,7 +63,8 @@ impl Command {
         }
         let table = Measurements::read(&self.table)?;
         let problem = Problem::load_watched(model, &inputs, &telling())?;
-        let forecast = problem.predict(&results, &table)?;
+        let mut forecast = problem.predict(&results, &table)?;
+        forecast.hashes.insert(Forecast::TABLE.into(), hash_file(&self.table)?);
         let files = forecast.write(&out)?;
         let mut stdout = stdout();
         if self.voice.json {

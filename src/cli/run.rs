@@ -210,7 +210,7 @@ impl Command {
         match problem.run_into(out, settings, &options, &self.begin.keep()?)? {
             Ended::Before => {
                 tell_complete(out.path());
-                Ok(ExitCode::SUCCESS)
+                Ok(ExitCode::from(Results::read(out.path())?.verdict().exit_code()))
             }
             Ended::Stopped => {
                 interrupt::farewell(out);

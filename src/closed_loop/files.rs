@@ -1,13 +1,8 @@
 //! The files of a loop, besides those of its fits.
 
-use std::collections::BTreeMap;
-use std::path::Path;
-
-use serde_json::{Value, json};
-
 use super::{LoopError, Story, kept};
 use crate::criticism::{Cause, Findings, rewrite};
-use crate::run::{OutputFolder, RunError, hash_file};
+use crate::run::{OutputFolder, RunError};
 
 /// The record of a loop.
 pub(super) const FINDING: &str = "finding.json";
@@ -21,31 +16,13 @@ pub const FITS: [&str; 3] = ["declared", "before", "after"];
 /// # Errors
 /// [`RunError::Write`], [`RunError::InUse`].
 pub(super) fn clear(out: &OutputFolder) -> Result<(), RunError> {
-    let own = earlier_files(out);
+    let (_, own) = out.earlier(FINDING);
     out.remove(&[FINDING, HELD_OUT, PAGE])?;
     out.remove(&own.iter().map(String::as_str).collect::<Vec<_>>())?;
     for fit in FITS.iter().filter(|fit| out.file(fit).exists()) {
         OutputFolder::open(out.file(fit))?.clear()?;
     }
     Ok(())
-}
-
-/// The files with their hashes.
-fn seals(out: &OutputFolder, names: &[String]) -> Result<BTreeMap<String, String>, RunError> {
-    let seal = |name: &String| Ok((name.clone(), hash_file(&out.file(name))?));
-    names.iter().map(seal).collect()
-}
-
-/// The files that an earlier loop names in its record, as far as nobody has changed them since.
-fn earlier_files(out: &OutputFolder) -> Vec<String> {
-    let text = std::fs::read_to_string(out.file(FINDING)).unwrap_or_default();
-    let record: Value = serde_json::from_str(&text).unwrap_or_default();
-    let files = record["files"].as_object().into_iter().flatten();
-    let is_own = |(name, hash): &(&String, &Value)| {
-        let is_name = Path::new(name).components().count() == 1 && !name.starts_with('.');
-        is_name && hash_file(&out.file(name)).is_ok_and(|found| hash.as_str() == Some(&found))
-    };
-    files.filter(is_own).map(|(name, _)| name.clone()).collect()
 }
 
 impl Story {
@@ -67,16 +44,14 @@ impl Story {
             out.save(&name, &text)?;
             files.push(name);
         }
-        let mut own = seals(out, &files)?;
+        let mut own = files.clone();
+        own.push(PAGE.into());
         files.push(FINDING.into());
         let pages = self.fits().map(|told| format!("{}/report.html", told.which));
         files.extend(pages.collect::<Vec<_>>().into_iter().rev());
         out.save(PAGE, &self.page(&files))?;
         files.push(PAGE.into());
-        own.extend(seals(out, &[PAGE.into()])?);
-        let mut finding = self.finding();
-        finding["files"] = json!(own);
-        out.save(FINDING, &format!("{finding:#}\n"))?;
+        out.save_record(FINDING, self.finding(), &own)?;
         kept::forget(out)?;
         Ok(files)
     }
@@ -86,11 +61,7 @@ impl Story {
     /// # Errors
     /// [`RunError::Foreign`].
     pub fn refuse_foreign(out: &OutputFolder) -> Result<(), RunError> {
-        let is_finding = |text: String| {
-            let value = serde_json::from_str::<serde_json::Value>(&text);
-            value.is_ok_and(|value| value.get("findings").is_some())
-        };
-        if std::fs::read_to_string(out.file(FINDING)).is_ok_and(is_finding) {
+        if out.earlier(FINDING).0.get("findings").is_some() {
             return Ok(());
         }
         out.refuse_foreign([FINDING, HELD_OUT, PAGE].into_iter())

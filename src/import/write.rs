@@ -9,14 +9,14 @@ use serde_json::{Value as Json, json};
 
 use super::{ImportError, Options, QUANTITIES, Row, Selected, Source, Study, Value};
 use crate::mesh::Encoding;
-use crate::store::write_folder;
+use crate::store::{seals, write_folder};
 use crate::table::csv_line;
 
 const SURFACE: &str = "surface.vtp";
 const TABLE: &str = "measurements.csv";
 const RECORD: &str = "import.json";
 
-/// Writes what was selected of the study at `path` to the folder `out`, whole or not at all.
+/// Writes what was selected of a study to the folder `out`, whole or not at all; the record names the other files.
 ///
 /// # Errors
 /// [`ImportError::Exists`]: the folder is there and holds something, and is no earlier import that `force`
@@ -44,8 +44,10 @@ pub fn write(
         if !selected.rows.is_empty() {
             fs::write(folder.join(TABLE), table(selected))?;
         }
-        let text = serde_json::to_string_pretty(record).map_err(io::Error::other)?;
-        fs::write(folder.join(RECORD), text + "\n")
+        let there = [SURFACE, TABLE].into_iter().filter(|name| folder.join(name).exists());
+        let mut record = record.clone();
+        record["files"] = json!(seals(folder, there)?);
+        fs::write(folder.join(RECORD), format!("{record:#}\n"))
     };
     write_folder(out, fill).map_err(unwritable)
 }

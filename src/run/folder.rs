@@ -7,12 +7,15 @@ use std::io::Write as _;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
+use serde_json::{Value, json};
 use tempfile::TempDir;
 
 use super::RunError;
 use crate::mesh::MeshError;
 use crate::report::{ReportError, RunRecord};
-use crate::store::{FolderLock, LockError, TEMPORARY, seal_of, write_file, write_file_durably};
+use crate::store::{
+    FolderLock, LockError, TEMPORARY, seals, unchanged, write_file, write_file_durably,
+};
 
 /// What a folder may hold: a record, which is written last, and the files that belong to it.
 const KINDS: [(&str, &[&str]); 2] = [
@@ -123,7 +126,7 @@ impl OutputFolder {
     fn holds_results(&self) -> bool {
         let is_record = |name: &str| {
             let value = fs::read(self.file(name)).ok();
-            let value = value.and_then(|v| serde_json::from_slice::<serde_json::Value>(&v).ok());
+            let value = value.and_then(|v| serde_json::from_slice::<Value>(&v).ok());
             value.is_some_and(|value| value.get("model").is_some())
         };
         KINDS.iter().any(|(record, _)| is_record(record))
@@ -158,7 +161,7 @@ impl OutputFolder {
         fs::remove_file(&marker).map_err(RunError::write(&marker))
     }
 
-    /// Puts files or folders of these names in the place of earlier ones, the last of them last; it goes first.
+    /// Puts files or folders of these names in the place of earlier ones, their record last; it goes first.
     ///
     /// # Errors
     /// [`RunError::Write`].
@@ -219,6 +222,30 @@ impl OutputFolder {
         write_file(&path, |file| file.write_all(text.as_bytes())).map_err(RunError::write(&path))
     }
 
+    /// Writes `record`, with the hashes of these files and folders beside it: the last thing that a command does.
+    ///
+    /// # Errors
+    /// Those of [`OutputFolder::save`]; [`RunError::Read`].
+    pub fn save_record<N: AsRef<str>>(
+        &self,
+        name: &str,
+        mut record: Value,
+        files: impl IntoIterator<Item = N>,
+    ) -> Result<(), RunError> {
+        record["files"] = json!(seals(&self.path, files).map_err(RunError::read(&self.path))?);
+        self.save(name, &format!("{record:#}\n"))
+    }
+
+    /// The record of this name, null where there is none, and the files that it names, as far as nobody has changed
+    /// them since.
+    pub fn earlier(&self, name: &str) -> (Value, Vec<String>) {
+        let text = fs::read_to_string(self.file(name)).unwrap_or_default();
+        let record: Value = serde_json::from_str(&text).unwrap_or_default();
+        let files = serde_json::from_value(record["files"].clone()).unwrap_or_default();
+        let files = unchanged(&self.path, &files);
+        (record, files)
+    }
+
     /// Where it holds an unfinished run.
     pub fn checkpoint(&self) -> PathBuf {
         self.file("checkpoint")
@@ -240,11 +267,7 @@ impl NewFiles {
     /// # Errors
     /// [`RunError::Read`].
     pub(super) fn seals(&self, names: &[&str]) -> Result<BTreeMap<String, String>, RunError> {
-        let seal = |name: &&str| {
-            let path = self.file(name);
-            Ok(((*name).to_owned(), seal_of(&path).map_err(RunError::read(&path))?))
-        };
-        names.iter().map(seal).collect()
+        seals(self.0.path(), names).map_err(RunError::read(self.0.path()))
     }
 
     /// The error by the name that a file was to have in `out`, in place of the one that it has meanwhile.

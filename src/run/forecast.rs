@@ -2,6 +2,7 @@
 
 use std::collections::BTreeMap;
 use std::fmt::Write as _;
+use std::io::Write as _;
 
 use serde_json::{Map, Value, json};
 
@@ -11,6 +12,7 @@ use super::{OutputFolder, RunError};
 use crate::report::{
     Forecasted, Group, PredictedRow, Variable, after_number, write_forecast, write_zarr,
 };
+use crate::store::write_file;
 
 /// Rows that are shown.
 const SHOWN: usize = 20;
@@ -40,6 +42,10 @@ pub struct Forecast {
     pub rows: Vec<Prediction>,
     /// Chains that the draws are from, as many of each.
     pub n_chains: usize,
+    /// Name of the model.
+    pub model: String,
+    /// SHA-256 by role: the `table`, what the run was made from, and its draws (`unknowns`) where they were read.
+    pub hashes: BTreeMap<String, String>,
 }
 
 /// How well measurements of a protocol were predicted.
@@ -77,19 +83,25 @@ impl Forecast {
         self.rows.first().map_or(0, |row| row.replicates.len())
     }
 
-    /// Writes `predictions.csv`, and the replicates as `predictions.zarr`, which ArviZ opens.
+    /// Role of the table among the hashes.
+    pub const TABLE: &str = "table";
+    /// The files of a prediction, the record last.
+    pub const FILES: [&str; 3] = ["predictions.csv", "predictions.zarr", "predictions.json"];
+
+    /// Writes `predictions.csv`, the replicates as `predictions.zarr`, which ArviZ opens, and `predictions.json`: of
+    /// which run and table they are, how well what was measured is predicted, and the hashes of the other two.
     ///
     /// # Errors
-    /// [`RunError::Unwritable`], [`RunError::Report`].
-    pub fn write(&self, out: &OutputFolder) -> Result<[&'static str; 2], RunError> {
-        let [table, archive] = ["predictions.csv", "predictions.zarr"];
+    /// [`RunError::Unwritable`], [`RunError::Write`], [`RunError::Report`].
+    pub fn write(&self, out: &OutputFolder) -> Result<[&'static str; 3], RunError> {
         let new = out.begin()?;
-        self.write_files(&new, [table, archive]).map_err(|error| new.named(out, error))?;
-        out.put(&new, &[archive, table])?;
-        Ok([table, archive])
+        self.write_files(&new).map_err(|error| new.named(out, error))?;
+        out.put(&new, &Self::FILES)?;
+        Ok(Self::FILES)
     }
 
-    fn write_files(&self, new: &NewFiles, [table, archive]: [&str; 2]) -> Result<(), RunError> {
+    fn write_files(&self, new: &NewFiles) -> Result<(), RunError> {
+        let [table, archive, record] = Self::FILES;
         let rows = self.rows.iter().map(|p| {
             let Prediction { told: row, expected, mean, sd, .. } = p;
             Forecasted { row, expected: *expected, mean: *mean, sd: *sd }
@@ -97,7 +109,14 @@ impl Forecast {
         write_forecast(&new.file(table), rows)?;
         let mut attributes = Map::new();
         attributes.insert("eplat_version".into(), json!(VERSION));
-        Ok(write_zarr(&new.file(archive), &self.groups(), &attributes)?)
+        write_zarr(&new.file(archive), &self.groups(), &attributes)?;
+        let record = new.file(record);
+        let told = json!({
+            "eplat_version": VERSION, "model": self.model, "hashes": self.hashes,
+            "n_draws": self.n_draws(), "scores": self.scores_json(),
+            "files": new.seals(&[table, archive])?,
+        });
+        write_file(&record, |file| writeln!(file, "{told:#}")).map_err(RunError::write(&record))
     }
 
     /// The groups `predictions` (chain, draw, row) and `predictions_constant_data`.
@@ -196,14 +215,18 @@ impl Forecast {
                 "q5": q5, "q50": q50, "q95": q95, "inside": inside,
             })
         };
+        json!({
+            "rows": self.rows.iter().map(row).collect::<Vec<Value>>(),
+            "scores": self.scores_json(),
+            "n_draws": self.n_draws(),
+        })
+    }
+
+    fn scores_json(&self) -> Map<String, Value> {
         let score = |(protocol, s): (&str, Score)| {
             (protocol.to_owned(), json!({ "n": s.n, "inside": s.inside, "rmse": s.rmse() }))
         };
-        json!({
-            "rows": self.rows.iter().map(row).collect::<Vec<Value>>(),
-            "scores": self.scores().into_iter().map(score).collect::<Map<String, Value>>(),
-            "n_draws": self.n_draws(),
-        })
+        self.scores().into_iter().map(score).collect()
     }
 }
 

@@ -6,7 +6,7 @@ use super::forecast::{Forecast, Prediction};
 use super::results::{MEASUREMENTS, MODEL};
 use super::unknowns::{self, KEPT, Unknowns};
 use super::verdict::{Reading, unweighted};
-use super::{DataSource, Fit, Inputs, MeshSource, ModelText, Problem, Results, RunError};
+use super::{DataSource, Fit, Inputs, MeshSource, ModelText, Problem, Results, RunError, hash};
 use crate::model::{Model, RowId};
 use crate::random::Stream;
 use crate::report::PredictedRow;
@@ -98,7 +98,10 @@ impl Problem<'_> {
         let chains = unknowns.chains.iter();
         let draws = chains.flat_map(|chain| chain.iter().step_by(of_chain(chain)));
         let draws: Vec<&[f64]> = draws.map(Vec::as_slice).collect();
-        self.forecast(&draws, n_chains, run.record.seed, table)
+        let mut forecast = self.forecast(&draws, n_chains, run.record.seed, table)?;
+        let own = run.record.files.get(unknowns::FILE);
+        forecast.hashes.extend(own.map(|hash| ("unknowns".to_owned(), hash.clone())));
+        Ok(forecast)
     }
 
     fn forecast(
@@ -127,7 +130,9 @@ impl Problem<'_> {
         });
         let mut rows: Vec<Prediction> = predictions.collect();
         rows.sort_by_key(|prediction| prediction.row);
-        Ok(Forecast { rows, n_chains })
+        let mut hashes = self.loaded().hashes.clone();
+        hashes.insert(Forecast::TABLE.into(), hash(table.to_csv().as_bytes()));
+        Ok(Forecast { rows, n_chains, model: self.model().name.to_string(), hashes })
     }
 
     /// The table on the surface.

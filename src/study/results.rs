@@ -2,18 +2,25 @@
 
 use std::collections::BTreeMap;
 use std::fs;
+use std::io::{self, Write as _};
 use std::path::{Path, PathBuf};
 
-use serde_json::json;
+use serde_json::{Value, json};
 
-use super::StudyError;
 use super::outcome::Outcome;
 use super::plan::{Block, Estimate, Plan};
+use super::{JobArray, StudyError};
 use crate::diagnostics::mean_and_sd;
 use crate::experiment::INTERVALS;
 use crate::run::{hash_file, hash_mesh};
-use crate::store::write_file;
+use crate::store::{seals, write_file};
 
+/// The record of a study, in its folder.
+const RECORD: &str = "study.json";
+/// The folder of what each truth gave.
+const BLOCKS: &str = "blocks";
+/// The table of all.
+const TABLE: &str = "results.csv";
 /// Columns that say which case a row is, and how it went.
 const CASE: [&str; 8] = [
     "lengthscale_mm",
@@ -59,27 +66,49 @@ impl Results {
         let results = Self { folder: folder.to_owned() };
         let record =
             json!({ "plan": plan, "version": env!("CARGO_PKG_VERSION"), "hashes": inputs });
-        let text = format!("{record:#}\n");
-        let path = folder.join("study.json");
-        fs::create_dir_all(folder.join("blocks")).map_err(StudyError::io(folder))?;
-        match fs::read_to_string(&path) {
-            Ok(there) if there == text => {}
+        let path = results.file(RECORD);
+        fs::create_dir_all(results.file(BLOCKS)).map_err(StudyError::io(folder))?;
+        match results.record() {
+            Ok(there) if there == record => {}
             Ok(_) => {
                 let why = "the results there are of another plan, model, mesh or version\n\
                            help: give another --out, or remove the folder";
                 return Err(StudyError::Results { path, why: why.to_owned() });
             }
-            Err(_) => {
-                write_file(&path, |file| std::io::Write::write_all(file, text.as_bytes()))
-                    .map_err(StudyError::io(&path))?;
-            }
+            Err(_) => results.write_record(&record)?,
         }
         Ok(results)
     }
 
+    /// The record, but for the files that it names.
+    fn record(&self) -> io::Result<Value> {
+        let mut record: Value = serde_json::from_slice(&fs::read(self.file(RECORD))?)?;
+        record.as_object_mut().and_then(|record| record.remove("files"));
+        Ok(record)
+    }
+
+    fn write_record(&self, record: &Value) -> Result<(), StudyError> {
+        let path = self.file(RECORD);
+        write_file(&path, |file| writeln!(file, "{record:#}")).map_err(StudyError::io(&path))
+    }
+
+    /// Names these files beside the results of all truths in the record, with their hashes.
+    ///
+    /// # Errors
+    /// [`StudyError::Write`].
+    pub fn seal(&self, files: &[&str]) -> Result<(), StudyError> {
+        let names = files.iter().copied().chain([BLOCKS, TABLE]);
+        let scripts = JobArray::FILES.into_iter().filter(|name| self.file(name).exists());
+        let files =
+            seals(&self.folder, names.chain(scripts)).map_err(StudyError::io(&self.folder))?;
+        let mut record = self.record().map_err(StudyError::io(&self.file(RECORD)))?;
+        record["files"] = json!(files);
+        self.write_record(&record)
+    }
+
     /// Where a block's results are once it is done.
     pub fn path(&self, block: &Block) -> PathBuf {
-        self.folder.join("blocks").join(format!("{:05}.csv", block.index))
+        self.file(BLOCKS).join(format!("{:05}.csv", block.index))
     }
 
     /// Those of `blocks` that are not done.
@@ -136,7 +165,7 @@ impl Results {
         for block in blocks.iter().filter(|block| !missing.contains(&block.index)) {
             merged.append(&self.path(block), plan.cases().len())?;
         }
-        let path = self.folder.join("results.csv");
+        let path = self.file(TABLE);
         write_file(&path, |file| {
             let mut table = csv::Writer::from_writer(file);
             table.write_record(&merged.header)?;

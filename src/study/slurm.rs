@@ -20,6 +20,9 @@ pub struct JobArray {
 }
 
 impl JobArray {
+    /// The files that it writes.
+    pub(super) const FILES: [&str; 3] = ["array.sbatch", "merge.sbatch", "submit.sh"];
+
     /// Writes `array.sbatch`, `merge.sbatch` and `submit.sh` into the folder of the results; the path of
     /// the last, which submits both.
     ///
@@ -49,9 +52,7 @@ impl JobArray {
             "#!/bin/sh\nset -e\narray=$(sbatch --parsable {out}/array.sbatch)\n\
              sbatch --dependency=afterany:\"$array\" {out}/merge.sbatch\n"
         );
-        for (name, text) in
-            [("array.sbatch", array), ("merge.sbatch", merge), ("submit.sh", submit)]
-        {
+        for (name, text) in Self::FILES.into_iter().zip([array, merge, submit]) {
             let path = results.file(name);
             write_file(&path, |file| file.write_all(text.as_bytes()))
                 .map_err(StudyError::io(&path))?;

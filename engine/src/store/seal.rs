@@ -1,5 +1,6 @@
 //! Which bytes a file or a folder holds, in 64 digits.
 
+use std::collections::BTreeMap;
 use std::fs::{self, File};
 use std::io;
 use std::path::Path;
@@ -27,6 +28,28 @@ pub fn seal_of(path: &Path) -> io::Result<String> {
     Ok(format!("{:x}", hasher.finalize()))
 }
 
+/// [`seal_of`] of each of these files and folders in `folder`, by name.
+///
+/// # Errors
+/// From the operating system.
+pub fn seals<N: AsRef<str>>(
+    folder: &Path,
+    names: impl IntoIterator<Item = N>,
+) -> io::Result<BTreeMap<String, String>> {
+    let seal = |name: N| Ok((name.as_ref().to_owned(), seal_of(&folder.join(name.as_ref()))?));
+    names.into_iter().map(seal).collect()
+}
+
+/// Those of the `files` that a record in `folder` names which nobody has changed since. A name that leads out of the
+/// folder is none of them.
+pub fn unchanged(folder: &Path, files: &BTreeMap<String, String>) -> Vec<String> {
+    let is_unchanged = |(name, seal): &(&String, &String)| {
+        let is_name = Path::new(name).components().count() == 1 && !name.starts_with('.');
+        is_name && seal_of(&folder.join(name)).is_ok_and(|found| found == **seal)
+    };
+    files.iter().filter(is_unchanged).map(|(name, _)| name.clone()).collect()
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -48,5 +71,20 @@ mod tests {
         fs::rename(folder.join("draws/0"), folder.join("draws/1")).unwrap();
         assert_ne!(seal_of(&folder).unwrap(), whole);
         assert!(seal_of(&place.path().join("none")).is_err());
+    }
+
+    #[test]
+    fn what_was_changed_or_is_elsewhere_is_not_a_record_s_own() {
+        let place = tempfile::tempdir().unwrap();
+        let folder = place.path().join("figures");
+        fs::create_dir(&folder).unwrap();
+        for name in ["figures/a", "figures/b", "c"] {
+            fs::write(place.path().join(name), name).unwrap();
+        }
+        let files = seals(&folder, ["a", "b", "../c"]).unwrap();
+        assert_eq!(unchanged(&folder, &files), ["a", "b"]);
+        fs::write(folder.join("a"), "other").unwrap();
+        assert_eq!(unchanged(&folder, &files), ["b"]);
+        assert!(seals(&folder, ["none"]).is_err());
     }
 }

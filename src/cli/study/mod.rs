@@ -199,13 +199,15 @@ impl SlurmArgs {
 /// Writes summary and figure of a merged study, and prints the summary.
 fn conclude(results: &Results, table: &Table) -> Result<(), Failure> {
     let groups = summarise(table);
-    let files = ["results.csv", "summary.csv", "figure.svg"].map(|name| results.file(name));
-    write_summary(&files[1], &groups)?;
-    write_figure(&files[2], &[(String::new(), groups.clone())])?;
+    let names = ["summary.csv", "figure.svg"];
+    let [summary, figure] = names.map(|name| results.file(name));
+    write_summary(&summary, &groups)?;
+    write_figure(&figure, &[(String::new(), groups.clone())])?;
+    results.seal(&names)?;
     let mut stdout = stdout();
     writeln!(stdout, "{}", table_text(&groups))?;
-    let [table_file, summary, figure] = files.each_ref().map(|file| file.display());
-    writeln!(stdout, "{} cases in {table_file}", table.rows.len())?;
+    let (cases, [summary, figure]) = (table.rows.len(), [&summary, &figure].map(|p| p.display()));
+    writeln!(stdout, "{cases} cases in {}", results.file("results.csv").display())?;
     writeln!(stdout, "means and deviations in {summary}, drawn in {figure}")?;
     Ok(())
 }

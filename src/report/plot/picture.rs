@@ -99,12 +99,17 @@ impl Picture {
         Ok(svg + "\n")
     }
 
+    /// The names of its files.
+    pub fn files(&self) -> [String; 2] {
+        ["svg", "png"].map(|ending| format!("{}.{ending}", self.name))
+    }
+
     /// Writes `NAME.svg` and `NAME.png` into a folder that is there; gives their places.
     ///
     /// # Errors
     /// [`ReportError::Write`]; [`ReportError::Drawing`], which is a mistake of this program.
     pub fn write(&self, folder: &Path) -> Result<[PathBuf; 2], ReportError> {
-        let files = ["svg", "png"].map(|ending| folder.join(format!("{}.{ending}", self.name)));
+        let files = self.files().map(|name| folder.join(name));
         let pixels = paint(&self.drawing(), &self.images, PIXELS / self.size[0]);
         let pixels = pixels.map_err(|what| {
             let picture = self.name.clone();

@@ -6,7 +6,8 @@ use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
 use super::drive::{Drive, Event, Kept, Slot};
-use super::posterior::{Drawn, Posterior};
+use super::posterior::Posterior;
+use super::tissue::InRange;
 use super::{Atrium, AtriumError, Map, Summary};
 use crate::diagnostics::Moments;
 use crate::ep::Precision;
@@ -73,7 +74,7 @@ impl Posterior {
             (drive.watch.on_event)(Event::Time(done));
         };
         let one = |(i, kept): (usize, &mut Option<Kept<F>>)| {
-            let Drawn { parameters, in_range } = self.parameters(&atrium.tissue, first + i);
+            let InRange { parameters, was: in_range } = self.parameters(&atrium.tissue, first + i);
             let mut simulation = atrium.begin::<F>(&parameters)?;
             let mut each = |s: &Simulation<F>| {
                 told(i, s.time());

@@ -6,7 +6,7 @@ use std::time::{Duration, Instant};
 use super::drive::{Drive, Event, Watch};
 use super::{Atrium, AtriumError, AtriumRecord, Beat, series};
 use crate::mesh::{self, Units, write_vtp};
-use crate::store::{Checkpoint, differences, seal_of};
+use crate::store::{Checkpoint, differences, seals};
 
 /// Where a simulation is kept while it runs, in its output folder.
 const CHECKPOINT: &str = "checkpoint";
@@ -75,11 +75,8 @@ impl Atrium {
             beat.maps.iter().map(|(name, values)| (name.as_str(), &values[..])).collect();
         AtriumRecord::remove(folder)?;
         write_vtp(&folder.join(BEAT), self.mesh(), &data)?;
-        for name in FILES.into_iter().filter(|name| folder.join(name).exists()) {
-            let path = folder.join(name);
-            let seal = seal_of(&path).map_err(AtriumError::io("read", &path))?;
-            beat.record.files.insert(name.to_owned(), seal);
-        }
+        let there = FILES.into_iter().filter(|name| folder.join(name).exists());
+        beat.record.files = seals(folder, there).map_err(AtriumError::io("read", folder))?;
         beat.record.write(folder)?;
         checkpoint.remove()?;
         series::forget(&folder.join(CHECKPOINT))?;

@@ -21,6 +21,8 @@ pub struct Ground {
     pub surface: Surface,
     /// Draws of whole fields of a posterior, on the same vertices.
     pub draws: Option<FieldDraws>,
+    /// Whether the fields are of a posterior, which may leave a parameter's range; those of a user's may not.
+    pub is_fitted: bool,
     /// Hashes of the files that were read, by what they are: part of what a checkpoint is known by.
     pub hashes: Identity,
 }
@@ -33,7 +35,7 @@ impl Ground {
 
     /// A surface that is in memory.
     pub fn of(surface: Surface) -> Self {
-        Self { surface, draws: None, hashes: BTreeMap::new() }
+        Self { surface, draws: None, is_fitted: false, hashes: BTreeMap::new() }
     }
 
     /// The surface in a file; `reading` may be the unit of its coordinates.
@@ -51,7 +53,7 @@ impl Ground {
     /// Those of [`Ground::read`]; [`AtriumError::Run`] for a file that is not the run's.
     pub fn of_run(run: &Path, reading: impl FnOnce(&Path) -> Reading) -> Result<Self, AtriumError> {
         let file = RunRecord::file_of(run, "fields.vtp")?;
-        Self::read(&file, reading(&file))
+        Ok(Self { is_fitted: true, ..Self::read(&file, reading(&file))? })
     }
 
     /// Adds the draws of fields that a run left in its output folder.

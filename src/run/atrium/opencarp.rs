@@ -3,6 +3,7 @@
 //! ```text
 //! atrium.pts .elem .lon      the surface, µm
 //! mean/  draw_001/ …         mMS.tau_in mMS.tau_out mMS.tau_open mMS.tau_close, and mMS.par that names them
+//! export.json                what the parameters were, and the hashes of what was read and written
 //! ```
 //! openCARP's model `mMS` has the equations of [`ep::cell`](crate::ep::cell). With a membrane of 1 µF/cm² and 1/µm of
 //! it, a conductivity of 1 S/m is a diffusivity of 0.1 mm²/ms. An equivalent monodomain takes half of g where g inside
@@ -18,13 +19,15 @@ use std::fs;
 use std::io;
 use std::path::Path;
 
+use serde_json::json;
+
 use super::posterior::Posterior;
 use super::tissue::{Column, TissueFields};
 use super::{AtriumError, Ground, TissueSettings};
 use crate::ep::Parameters;
 use crate::ep::cell::V_GATE;
 use crate::mesh::{Array, Encoding, Surface};
-use crate::store::write_folder;
+use crate::store::{seals, write_folder};
 
 /// What openCARP reads from files, node by node.
 const NAMES: [&str; 4] = ["tau_in", "tau_out", "tau_open", "tau_close"];
@@ -43,7 +46,7 @@ pub struct Exported {
     pub n_draws: usize,
     /// Mean edge length, mm.
     pub edge: f64,
-    /// Share of nodes and draws at which a parameter had left its range; there it is the nearest in it.
+    /// Share of nodes, of the mean and all draws, at which a parameter had left its range; there it is the nearest in it.
     pub out_of_range: f64,
 }
 
@@ -74,24 +77,32 @@ pub fn export_opencarp(
     let posterior = posterior.map(|(n, kept)| Posterior::new(kept, n as usize, &tissue));
     let posterior = posterior.transpose()?;
     let surface = surface(ground, settings, &tissue);
-    let par = parameter_file(&surface, settings, &given);
-    let (n, mut n_outside) = (posterior.as_ref().map_or(0, |posterior| posterior.n), 0);
+    let par = parameter_file(&surface, settings, &given.parameters);
+    let n = posterior.as_ref().map_or(0, |posterior| posterior.n);
+    let mut n_outside = given.n_outside();
     let fill = |root: &Path| -> io::Result<()> {
         surface.write(&root.join("atrium.pts"), Encoding::Ascii).map_err(io::Error::other)?;
-        write_set(&root.join("mean"), &given, &par)?;
+        write_set(&root.join("mean"), &given.parameters, &par)?;
+        let mut names =
+            ["atrium.pts", "atrium.elem", "atrium.lon", "mean"].map(String::from).to_vec();
         for i in 0..n {
             let Some(drawn) = posterior.as_ref().map(|p| p.parameters(&tissue, i)) else { break };
-            n_outside += drawn.in_range.iter().filter(|in_range| !**in_range).count();
-            write_set(&root.join(format!("draw_{:03}", i + 1)), &drawn.parameters, &par)?;
+            n_outside += drawn.n_outside();
+            names.push(format!("draw_{:03}", i + 1));
+            write_set(&root.join(&names[4 + i]), &drawn.parameters, &par)?;
         }
-        Ok(())
+        let record = json!({
+            "version": env!("CARGO_PKG_VERSION"), "settings": settings, "hashes": ground.hashes,
+            "files": seals(root, &names)?,
+        });
+        fs::write(root.join("export.json"), format!("{record:#}\n"))
     };
     write_folder(out, fill).map_err(AtriumError::io("write", out))?;
     Ok(Exported {
-        n_nodes: given.len(),
+        n_nodes: given.was.len(),
         n_draws: n,
         edge: tissue.mesh().mean_edge_length(),
-        out_of_range: n_outside as f64 / (n * given.len()).max(1) as f64,
+        out_of_range: n_outside as f64 / ((n + 1) * given.was.len()) as f64,
     })
 }
 

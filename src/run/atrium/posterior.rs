@@ -1,9 +1,7 @@
 //! Draws of a posterior to take parameters from.
 
 use super::AtriumError;
-use super::tissue::{Column, TissueFields};
-use crate::ep::Parameters;
-use crate::ep::cell::RANGES;
+use super::tissue::{Column, InRange, TissueFields};
 use crate::report::FieldDraws;
 
 /// Suffix of the fields that a draw takes the place of.
@@ -15,13 +13,6 @@ pub(super) struct Posterior {
     pub(super) draws: FieldDraws,
     /// How many of them are simulated.
     pub(super) n: usize,
-}
-
-/// Parameters at every vertex.
-pub(super) struct Drawn {
-    pub(super) parameters: Vec<Parameters>,
-    /// Where they were in their valid ranges; elsewhere they are the nearest valid ones.
-    pub(super) in_range: Vec<bool>,
 }
 
 impl Posterior {
@@ -56,7 +47,7 @@ impl Posterior {
     }
 
     /// The parameters of draw `i` of `n`, evenly spaced over those that were kept.
-    pub(super) fn parameters(&self, tissue: &TissueFields, i: usize) -> Drawn {
+    pub(super) fn parameters(&self, tissue: &TissueFields, i: usize) -> InRange {
         let draw = i * self.draws.n_draws() / self.n;
         let drawn = |column: &Column| self.draws.at_vertices(self.field(column)?, draw);
         let columns = tissue.columns.each_ref().map(|c| (drawn(c), c));
@@ -66,17 +57,6 @@ impl Posterior {
             };
             columns.each_ref().map(value)
         };
-        let parameters = tissue.refine((0..tissue.n_coarse).map(at).collect());
-        let in_range = parameters.iter().map(|p| p.validate().is_ok()).collect();
-        Drawn { parameters: parameters.into_iter().map(nearest).collect(), in_range }
+        InRange::of(tissue.refine((0..tissue.n_coarse).map(at).collect()))
     }
-}
-
-/// The nearest parameters in their valid ranges.
-fn nearest(parameters: Parameters) -> Parameters {
-    let mut values = parameters.to_array();
-    for (value, (_, _, low, high)) in values.iter_mut().zip(RANGES) {
-        *value = value.clamp(low, high);
-    }
-    Parameters::from_array(values)
 }

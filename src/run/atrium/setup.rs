@@ -39,6 +39,11 @@ pub enum Warning {
         /// The largest angle, degrees.
         degrees: f64,
     },
+    /// The mean of a posterior leaves a parameter's range somewhere, where the nearest in it is simulated.
+    OutOfRange {
+        /// Share of the vertices.
+        share: f64,
+    },
 }
 
 /// Whose tissue is simulated.
@@ -68,6 +73,7 @@ impl Atrium {
         let earlier = earlier.map(|file| Earlier::read(file, tissue.mesh())).transpose()?;
         let mut identity = settings.identity()?;
         identity.extend(ground.hashes);
+        let mut warnings = warnings(&tissue);
         let subject = match (settings.draws, ground.draws) {
             (Some(n), Some(draws)) => {
                 Subject::Posterior(Posterior::new(draws, n as usize, &tissue)?)
@@ -76,9 +82,13 @@ impl Atrium {
                 let drawn = vec![];
                 return Err(AtriumError::NothingDrawn { asked: n as usize, drawn });
             }
-            (None, _) => Subject::Given(tissue.given()?),
+            (None, _) => {
+                let given = tissue.given()?;
+                let share = given.n_outside() as f64 / given.was.len() as f64;
+                warnings.extend((share > 0.0).then_some(Warning::OutOfRange { share }));
+                Subject::Given(given.parameters)
+            }
         };
-        let warnings = warnings(&tissue);
         let settings = settings.clone();
         Ok(Self { settings, identity, tissue, pacing, subject, earlier, warnings })
     }

@@ -13,6 +13,7 @@ pub(super) struct TissueFields {
     /// The five parameters at the vertices before they were refined, in the order of [`RANGES`].
     pub(super) columns: [Column; 5],
     pub(super) n_coarse: usize,
+    is_fitted: bool,
     pub(super) fibres: Option<Fibres>,
 }
 
@@ -23,13 +24,43 @@ pub(super) enum Column {
     Field { name: String, values: Vec<f64> },
 }
 
+/// Parameters at every vertex of the refined mesh.
+#[derive(Debug)]
+pub(super) struct InRange {
+    pub(super) parameters: Vec<Parameters>,
+    /// Where they were in their valid ranges; elsewhere they are the nearest valid ones.
+    pub(super) was: Vec<bool>,
+}
+
+impl InRange {
+    pub(super) fn of(parameters: Vec<Parameters>) -> Self {
+        let was = parameters.iter().map(|p| p.validate().is_ok()).collect();
+        Self { parameters: parameters.into_iter().map(nearest).collect(), was }
+    }
+
+    /// Vertices at which they were not.
+    pub(super) fn n_outside(&self) -> usize {
+        self.was.iter().filter(|was| !**was).count()
+    }
+}
+
+/// The nearest parameters in their valid ranges.
+fn nearest(parameters: Parameters) -> Parameters {
+    let mut values = parameters.to_array();
+    for (value, (_, _, low, high)) in values.iter_mut().zip(RANGES) {
+        *value = value.clamp(low, high);
+    }
+    Parameters::from_array(values)
+}
+
 impl TissueFields {
     pub(super) fn new(ground: &Ground, settings: &TissueSettings) -> Result<Self, AtriumError> {
         let mesh = &ground.surface.mesh;
         let columns = columns(ground, settings)?;
         let refined = Refined::new(mesh.clone(), settings.refine)?;
         let fibres = fibres(ground, settings, &refined)?;
-        Ok(Self { n_coarse: mesh.n_vertices(), refined, columns, fibres })
+        let (n_coarse, is_fitted) = (mesh.n_vertices(), ground.is_fitted);
+        Ok(Self { refined, columns, n_coarse, is_fitted, fibres })
     }
 
     pub(super) fn mesh(&self) -> &TriMesh {
@@ -42,14 +73,16 @@ impl TissueFields {
         self.refined.carry(coarse, mean).into_iter().map(Parameters::from_array).collect()
     }
 
-    /// The parameters at every vertex as they are given, checked.
-    pub(super) fn given(&self) -> Result<Vec<Parameters>, AtriumError> {
+    /// The parameters at every vertex as they are given: checked, where a user gave them.
+    pub(super) fn given(&self) -> Result<InRange, AtriumError> {
         let at = |vertex| self.columns.each_ref().map(|column| column.at(vertex));
         let parameters = self.refine((0..self.n_coarse).map(at).collect());
-        for (vertex, parameters) in parameters.iter().enumerate() {
-            parameters.validate().map_err(|source| AtriumError::Parameters { vertex, source })?;
+        if !self.is_fitted {
+            for (vertex, given) in parameters.iter().enumerate() {
+                given.validate().map_err(|source| AtriumError::Parameters { vertex, source })?;
+            }
         }
-        Ok(parameters)
+        Ok(InRange::of(parameters))
     }
 }
 
