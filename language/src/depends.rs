@@ -1,7 +1,7 @@
 //! What a measurement depends on, from the tree.
 
 use crate::names::mentions;
-use crate::syntax::{Expr, Ident, Item, Model, Observe, Value};
+use crate::syntax::{Eikonal, Expr, Ident, Item, Model, Observe};
 
 impl Model {
     /// The first field or `let` that the likelihood of `observe` mentions; `None` if it mentions
@@ -13,20 +13,35 @@ impl Model {
     /// The fields and `let`s that the likelihood of `observe` depends on: those that it mentions, and
     /// those that these mention in turn.
     pub fn values_behind(&self, observe: &Observe) -> Vec<&Ident> {
-        let mut found = self.values_in(&observe.likelihood);
-        let mut next = 0;
-        while let Some(name) = found.get(next) {
-            if let Some(Item::Let(l)) = self.value(name)
-                && let Value::Expr(e) = &l.value
-            {
-                for name in self.values_in(e) {
-                    if !found.contains(&name) {
-                        found.push(name);
-                    }
+        self.and_behind(self.values_in(&observe.likelihood))
+    }
+
+    /// These fields and `let`s, and those that they mention in turn, each once.
+    pub(crate) fn and_behind<'m>(&'m self, values: Vec<&'m Ident>) -> Vec<&'m Ident> {
+        let (mut found, mut next) = (vec![], 0);
+        let add = |found: &mut Vec<&'m Ident>, names: Vec<&'m Ident>| {
+            for name in names {
+                if !found.contains(&name) {
+                    found.push(name);
                 }
+            }
+        };
+        add(&mut found, values);
+        while let Some(name) = found.get(next) {
+            if let Some(Item::Let(l)) = self.value(name) {
+                let behind = l.exprs().into_iter().flat_map(|e| self.values_in(e)).collect();
+                add(&mut found, behind);
             }
             next += 1;
         }
+        found
+    }
+
+    /// The fields that arrivals over the whole surface depend on, each once.
+    pub fn fields_everywhere(&self) -> Vec<&Ident> {
+        let first = self.eikonals().flat_map(Eikonal::operands).flat_map(|e| self.values_in(e));
+        let mut found = self.and_behind(first.collect());
+        found.retain(|name| matches!(self.value(name), Some(Item::Field(_))));
         found
     }
 
@@ -60,7 +75,7 @@ impl Model {
     }
 
     /// The fields and `let`s that `e` mentions, each once.
-    fn values_in(&self, e: &Expr) -> Vec<&Ident> {
+    pub(crate) fn values_in(&self, e: &Expr) -> Vec<&Ident> {
         let mut found: Vec<&Ident> = vec![];
         for mention in mentions(e) {
             if let Some(item) = self.value(&mention.name)

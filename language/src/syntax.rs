@@ -188,6 +188,18 @@ pub enum Value {
         /// The vector of coefficients.
         beta: Ident,
     },
+    /// `eikonal(SLOWNESS, RATIO; row.source)`: when an activation that starts at the row's source arrives.
+    Eikonal(Eikonal),
+}
+
+/// `eikonal(SLOWNESS, RATIO; row.source)`
+pub struct Eikonal {
+    /// ms/mm along the fibres, at every place.
+    pub slowness: Expr,
+    /// Velocity along the fibres over that across; `None` where it is the same in all directions.
+    pub ratio: Option<Expr>,
+    /// The column that holds the vertex at which activation starts.
+    pub source: Ident,
 }
 
 /// Measurements of one kind.
@@ -271,7 +283,39 @@ impl Form {
     }
 }
 
+impl Eikonal {
+    /// What it reads of the surface and of parameters: slowness and ratio.
+    pub fn operands(&self) -> impl Iterator<Item = &Expr> {
+        std::iter::once(&self.slowness).chain(&self.ratio)
+    }
+
+    /// As a person would write it, of a row of this name.
+    pub fn text(&self, row: &Ident) -> String {
+        let operands: Vec<String> = self.operands().map(print).collect();
+        format!("eikonal({}; {row}.{})", operands.join(", "), self.source)
+    }
+}
+
+impl Let {
+    /// The expressions in its value.
+    pub fn exprs(&self) -> Vec<&Expr> {
+        match &self.value {
+            Value::Expr(e) => vec![e],
+            Value::Linear { .. } => vec![],
+            Value::Eikonal(e) => e.operands().collect(),
+        }
+    }
+}
+
 impl Model {
+    /// The arrivals that are computed over the whole surface.
+    pub fn eikonals(&self) -> impl Iterator<Item = &Eikonal> {
+        self.statements.iter().filter_map(|statement| match &statement.item {
+            Item::Let(Let { value: Value::Eikonal(eikonal), .. }) => Some(eikonal),
+            _ => None,
+        })
+    }
+
     /// The block of hyperparameters of this name.
     pub fn hyper(&self, name: &Ident) -> Option<&Hyper> {
         self.statements.iter().find_map(|statement| match &statement.item {

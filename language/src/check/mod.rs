@@ -3,13 +3,14 @@
 use crate::around::Around;
 use crate::file::File;
 use crate::mistake::Mistake;
-use crate::syntax::{Density, Field, Hyper, Item, Let, Model, Observe, Param, Value};
+use crate::syntax::{Density, Eikonal, Field, Hyper, Item, Let, Model, Observe, Param, Value};
 use crate::units;
 use scope::{Local, Place, Scope};
 
 mod bound;
 mod declared;
 mod effects;
+mod everywhere;
 mod scope;
 mod words;
 
@@ -135,7 +136,20 @@ impl<'a> Check<'a> {
                 self.say(words::arguments(e, self.around));
             }
             Value::Linear { columns, beta } => self.say(scope.linear(l, columns, beta)),
+            Value::Eikonal(e) => self.eikonal(l, e, scope),
         }
+    }
+
+    /// The slowness sees fields and parameters, the ratio parameters alone.
+    fn eikonal(&mut self, l: &Let, e: &Eikonal, scope: &Scope<'_>) {
+        self.say(scope.read(&e.slowness, Place::Row(&l.row), &[]));
+        self.say(words::arguments(&e.slowness, self.around));
+        self.say(everywhere::mistakes(&e.slowness, &l.row, scope.model));
+        if let Some(ratio) = &e.ratio {
+            self.say(scope.read(ratio, Place::Prior, &[]));
+            self.say(words::arguments(ratio, self.around));
+        }
+        self.say(everywhere::source(&e.source));
     }
 
     fn observe(&mut self, observe: &Observe, scope: &Scope<'_>) {

@@ -6,9 +6,9 @@ use syn::{Expr, Ident, Result, Token, token};
 
 use super::field::place;
 use super::pieces::{all_read, equals, expr, last_span, name, over, prior, range, semicolon, unit};
-use super::{DENSITY, EFFECT, LET, OBSERVE, wrong};
+use super::{DENSITY, EFFECT, EIKONAL, LET, OBSERVE, wrong};
 use crate::print;
-use crate::syntax::{Density, Effect, Form, Let, Observe, Over, Value};
+use crate::syntax::{Density, Effect, Eikonal, Form, Let, Observe, Over, Value};
 
 /// `let NAME(ROW) [UNIT]? in LOW..HIGH? = VALUE;`
 pub(super) fn let_statement(input: ParseStream<'_>) -> Result<Let> {
@@ -18,6 +18,8 @@ pub(super) fn let_statement(input: ParseStream<'_>) -> Result<Let> {
     let range = range(input)?;
     let equals = equals(input, &name, LET)?;
     let value = if let Some(value) = linear(input, &row)? {
+        value
+    } else if let Some(value) = eikonal(input, &row)? {
         value
     } else {
         let value = expr(input, equals, "an expression")?;
@@ -29,9 +31,7 @@ pub(super) fn let_statement(input: ParseStream<'_>) -> Result<Let> {
 
 /// `linear(ROW.COLUMN, …; BETA);`
 fn linear(input: ParseStream<'_>, row: &Ident) -> Result<Option<Value>> {
-    let ahead = input.fork();
-    let is_linear = ahead.parse::<Ident>().is_ok_and(|word| word == "linear");
-    if !is_linear || !ahead.peek(token::Paren) {
+    if !is_call(input, "linear") {
         return Ok(None);
     }
     let word: Ident = input.parse()?;
@@ -54,6 +54,35 @@ fn linear(input: ParseStream<'_>, row: &Ident) -> Result<Option<Value>> {
     all_read(&content)?;
     semicolon(input, beta.span())?;
     Ok(Some(Value::Linear { columns, beta }))
+}
+
+/// `eikonal(SLOWNESS, RATIO?; ROW.source);`
+fn eikonal(input: ParseStream<'_>, row: &Ident) -> Result<Option<Value>> {
+    if !is_call(input, "eikonal") {
+        return Ok(None);
+    }
+    let word: Ident = input.parse()?;
+    let content;
+    syn::parenthesized!(content in input);
+    let slowness = expr(&content, word.span(), "a slowness")?;
+    let mut ratio = None;
+    if content.peek(Token![,]) {
+        let comma: Token![,] = content.parse()?;
+        ratio = Some(expr(&content, comma.span, "a ratio of velocities")?);
+    }
+    if content.parse::<Token![;]>().is_err() {
+        return Err(wrong(word.span(), "`eikonal` does not say where activation starts", EIKONAL));
+    }
+    let source = member(&content, row)?;
+    all_read(&content)?;
+    semicolon(input, source.span())?;
+    Ok(Some(Value::Eikonal(Eikonal { slowness, ratio, source })))
+}
+
+/// Whether `WORD(` follows.
+fn is_call(input: ParseStream<'_>, word: &str) -> bool {
+    let ahead = input.fork();
+    ahead.parse::<Ident>().is_ok_and(|found| found == word) && ahead.peek(token::Paren)
 }
 
 /// `ROW.COLUMN`

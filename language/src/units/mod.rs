@@ -8,7 +8,7 @@ use unit::Unit;
 use crate::mistake::Mistake;
 use crate::syntax;
 use crate::syntax::{
-    Effect, Expr, Field, Ident, Item, Let, Model, Observe, Param, Statement, Value,
+    Effect, Eikonal, Expr, Field, Ident, Item, Let, Model, Observe, Param, Statement, Value,
 };
 
 mod expression;
@@ -69,6 +69,7 @@ fn let_statement(l: &Let, declared: Option<Unit>, units: &Units, say: &mut Say<'
     let (columns, beta) = match &l.value {
         Value::Expr(e) => return say.check(e, wanted, units),
         Value::Linear { columns, beta } => (columns, beta),
+        Value::Eikonal(e) => return eikonal(e, wanted, units, say),
     };
     let mut known = Known::Nothing;
     for column in columns {
@@ -78,6 +79,17 @@ fn let_statement(l: &Let, declared: Option<Unit>, units: &Units, say: &mut Say<'
         known = say.result(product.wanted(wanted.as_ref(), column.span(), text));
     }
     known
+}
+
+/// A time per mm of way, and a ratio.
+fn eikonal(e: &Eikonal, time: Option<Wanted>, units: &Units, say: &mut Say<'_>) -> Known {
+    let mm = Unit::parse("mm").unwrap_or_else(Unit::one);
+    let per_mm = time.map(|time| Wanted { unit: time.unit.times(mm, -1), ..time });
+    let slowness = say.check(&e.slowness, per_mm, units);
+    if let Some(ratio) = &e.ratio {
+        say.check(ratio, wanted(Some(Unit::one()), "as a ratio of velocities"), units);
+    }
+    slowness.times(Known::Unit(mm), 1)
 }
 
 /// The likelihood is of the unit of the measurement, and so is what the measurement is computed from.
