@@ -188,16 +188,18 @@ pub enum Value {
         /// The vector of coefficients.
         beta: Ident,
     },
-    /// `eikonal(SLOWNESS, RATIO; row.source)`: when an activation that starts at the row's source arrives.
+    /// `eikonal(SLOWNESS, RATIO, ANGLE; row.source)`: when an activation that starts at the row's source arrives.
     Eikonal(Eikonal),
 }
 
-/// `eikonal(SLOWNESS, RATIO; row.source)`
+/// `eikonal(SLOWNESS, RATIO, ANGLE; row.source)`. Everything before the semicolon has a value at every place.
 pub struct Eikonal {
-    /// ms/mm along the fibres, at every place.
+    /// ms/mm along the fibres.
     pub slowness: Expr,
     /// Velocity along the fibres over that across; `None` where it is the same in all directions.
     pub ratio: Option<Expr>,
+    /// By how much the fibres are turned from those of the mesh, rad; `None` where they are the mesh's.
+    pub angle: Option<Expr>,
     /// The column that holds the vertex at which activation starts.
     pub source: Ident,
 }
@@ -284,9 +286,9 @@ impl Form {
 }
 
 impl Eikonal {
-    /// What it reads of the surface and of parameters: slowness and ratio.
+    /// Slowness, ratio and angle, as far as they are written.
     pub fn operands(&self) -> impl Iterator<Item = &Expr> {
-        std::iter::once(&self.slowness).chain(&self.ratio)
+        std::iter::once(&self.slowness).chain(&self.ratio).chain(&self.angle)
     }
 
     /// As a person would write it, of a row of this name.

@@ -11,7 +11,7 @@ pub(crate) const KEYWORDS: &[&str] =
 /// Names of units; a number after one is its power (`ms2`).
 const UNITS: &[&str] = &[
     "1", "%", "ms", "s", "min", "mm", "cm", "m", "ms2", "mm2", "Hz", "mV", "mA", "g", "ohm", "deg",
-    "degC",
+    "rad", "degC",
 ];
 
 /// What an argument is to the quantity that is described.

@@ -109,6 +109,23 @@ fn each_mistake_is_told_in_words() {
             "effect mu on f = all(row) ~ Flat;",
             "mu: `mu` is declared twice; give one of them another name",
         ),
+        // arrival times
+        (
+            "let t(row) = eikonal(f(row), row.dose; row.source);",
+            "dose: `row.dose` has no value between the rows; an arrival depends on what lies on the way to it: fields and parameters, and what is computed of these alone",
+        ),
+        (
+            "let h(row) = f(row) * row.dose; let t(row) = eikonal(h(row); row.source);",
+            "h: `h` has no value between the rows; an arrival depends on what lies on the way to it: fields and parameters, and what is computed of these alone",
+        ),
+        (
+            "let t(row) = eikonal(alpha(row); row.source);",
+            "alpha: `alpha` has no value between the rows; an arrival depends on what lies on the way to it: fields and parameters, and what is computed of these alone",
+        ),
+        (
+            "let t(row) = eikonal(f(row), 2.0; row.start);",
+            "start: activation cannot start at column `start`; the column with the vertex at which it starts is called `source`",
+        ),
         // fields
         (
             "field h(x) = m + gp(Rbf(2.0), K = 4) where { s ~ HalfNormal(t); t ~ Flat; m ~ Normal(0, s); }",
@@ -232,6 +249,7 @@ fn what_is_right_is_no_mistake() {
         "let h(x) = beta.iter().fold(mu, |sum, b| sum + *b) * LOW;",
         "let h(x) = if f(x) > LOW { half(mu) } else { match 1 { n if n > 0 => mu, _ => g(x) } };",
         "let h(x) = (0..3).map(|i| beta[i]).sum::<D>() + D::from(x.dose) as f64;",
+        "let h(x) = f(x) * mu; let t(x) = eikonal(h(x) + 0.2, 2.0, half(g(x)); x.source); let u(x) = t(x) + x.dose;",
         "let h(x) = std::f64::consts::PI * surrogate::erp_s2(f(x), mu);",
         "let alphas(x) = alpha(x); let g2(x) = g(x);",
         "let h(x) = linear(x.a, x.b; beta); let k(x) = linear(x.dose; mu);",

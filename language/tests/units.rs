@@ -40,6 +40,16 @@ mistakes! {
             m [mm] ~ Flat; a [ms] ~ HalfNormal(1.0); rho [mm] ~ InvGamma(1.0, 1.0);
         }
     } => "field f: `m`: expected [ms] as declared, got [mm]";
+    an_eikonal_of_a_velocity: {
+        field v(x) [m/s] within 0.1..1.5 = m + a * gp(Rbf(20.0), K = 4) where {
+            m [m/s] ~ Normal(0.8, 0.3); a [m/s] ~ HalfNormal(1.0);
+        }
+        let t(row) [ms] = eikonal(v(row); row.source);
+    } => "let t: `v(row)`: expected [ms/mm] as declared, got [m/s]";
+    an_eikonal_with_an_angle_in_degrees: {
+        param turned [deg] ~ Normal(0.0, 20.0);
+        let t(row) [ms] = eikonal(1.2, 2.0, turned; row.source);
+    } => "let t: `turned`: expected [rad] as an angle, got [deg]";
     an_amplitude_times_a_share: {
         param share [1] ~ Beta(1.0, 1.0);
         field f(x) [ms] = m + (a * share) * gp(Rbf(rho), K = 4) where {

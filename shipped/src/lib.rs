@@ -36,6 +36,10 @@ mod garch;
 mod joint;
 #[path = "../../models/lat.rs"]
 mod lat;
+#[path = "../../models/lat_fibres.rs"]
+mod lat_fibres;
+#[path = "../../models/lat_velocity.rs"]
+mod lat_velocity;
 #[path = "../../models/normal.rs"]
 mod normal;
 #[path = "../../models/one_compartment.rs"]
@@ -75,6 +79,8 @@ pub const MODELS: &[Compiled] = &[
     shipped!("garch.rs", &garch::Garch),
     shipped!("joint.rs", &joint::Joint),
     shipped!("lat.rs", &lat::Lat),
+    shipped!("lat_fibres.rs", &lat_fibres::LatFibres),
+    shipped!("lat_velocity.rs", &lat_velocity::LatVelocity),
     shipped!("normal.rs", &normal::MeanAndSpread),
     shipped!("one_compartment.rs", &one_compartment::OneCompartment),
     shipped!("recovery.rs", &recovery::Recovery),

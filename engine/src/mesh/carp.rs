@@ -11,8 +11,6 @@ use std::path::{Path, PathBuf};
 
 /// What the fibres and, of two vectors, the second ones are called.
 const FIBRES: [&str; 2] = ["fibre", "sheet"];
-/// What fibres are called elsewhere.
-const OTHER_NAMES: [&str; 3] = ["fibres", "fiber", "fibers"];
 /// What the tags of the elements are called.
 const REGION: &str = "region";
 
@@ -178,10 +176,7 @@ pub(super) fn write(path: &Path, surface: &Surface) -> Result<Vec<String>, MeshE
     }
     write_whole(&elem, text.as_bytes())?;
     let mut kept = vec![REGION];
-    let mut names = FIBRES[..1].iter().chain(&OTHER_NAMES).copied();
-    if let Some((name, fibres)) =
-        names.find_map(|name| Some((name, surface.triangle_fibres(name)?)))
-    {
+    if let Some((name, fibres)) = surface.any_fibres() {
         kept.push(name);
         let sheet = surface.triangle_fibres(FIBRES[1]);
         kept.extend(sheet.is_some().then_some(FIBRES[1]));

@@ -78,6 +78,9 @@ pub(super) fn heaviest((corners, weights): &OnTriangle) -> u32 {
 /// A place on a triangle: its corners and their weights.
 pub(super) type OnTriangle = ([u32; 3], [f64; 3]);
 
+/// What fibres are usually called.
+const FIBRES: [&str; 4] = ["fibre", "fibres", "fiber", "fibers"];
+
 /// Stands for a vertex that was dropped.
 pub(super) const DROPPED: u32 = u32::MAX;
 
@@ -161,6 +164,11 @@ impl Surface {
             let cells = vectors(&self.cell_data, name)?;
             Some(carry::fibres_to_vertices(&self.mesh, &cells))
         })
+    }
+
+    /// The fibres in the triangles, under any of the names that they usually have, and this name.
+    pub fn any_fibres(&self) -> Option<(&'static str, Vec<[f64; 3]>)> {
+        FIBRES.iter().find_map(|name| Some((*name, self.triangle_fibres(name)?)))
     }
 
     /// The fibres `name` in the triangles: of the cell data, else the mean axis of the three corners.

@@ -64,6 +64,24 @@ pub enum ModelError {
         /// Coefficients.
         got: usize,
     },
+    /// Arrival times in a table that does not say where activation starts.
+    #[error(
+        "let {name}: {file} has no column `source`\nhelp: it holds, for each row, the vertex of the mesh at which activation starts (from 0, as in column `vertex`)"
+    )]
+    NoSource {
+        /// The `let`.
+        name: String,
+        /// The table.
+        file: String,
+    },
+    /// Different velocities along fibres and across them, on a mesh that has none.
+    #[error(
+        "let {name}: `eikonal` has a ratio of velocities, but the mesh has no fibres\nhelp: fibres are data of three components called `fibre`, `fibres`, `fiber` or `fibers`, of points or of triangles; without them leave the ratio out, or give an angle as the third argument"
+    )]
+    NoFibres {
+        /// The `let`.
+        name: String,
+    },
     /// A parameter whose prior cannot be drawn from.
     #[error(
         "{parameter} ~ {prior}: no draw can be made from this prior\nhelp: give {parameter} a proper prior in the model file, for instance `~ Normal(0.0, 10.0)`; one of your own needs its method `sample`"

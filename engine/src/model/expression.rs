@@ -5,7 +5,9 @@
 //! compiled once, with the library. Shipped priors and kernels are not even compiled with the
 //! model: see [`shipped`](super::shipped).
 
+use super::builder::Place;
 use super::density::{DensityAt, LogTerms};
+use super::everywhere::{PlaceAt, PlaceFn};
 use super::functions::{DensityFn, KernelFn, LetFn, PriorFn, RowFn, ScalarFn};
 use super::gp::{Spectrum, SpectrumAt};
 use super::map::{MapAt, MapFn};
@@ -44,6 +46,12 @@ pub struct AnyKernel {
 /// A `let`.
 pub struct AnyLet(pub(super) fn() -> Box<dyn MapFn>);
 
+/// An expression at every place of the surface.
+pub struct AnyOperand {
+    pub(super) mentions: Place,
+    pub(super) make: fn() -> Box<dyn PlaceFn>,
+}
+
 /// A linear predictor.
 #[derive(Clone, Copy)]
 pub struct AnyPredictor(pub(super) Factors);
@@ -57,8 +65,8 @@ pub struct AnyDensity {
     pub(super) at: fn(&[u32]) -> Box<dyn LogTerms>,
 }
 
-opaque!(AnyPrior, AnyScalar, AnyKernel, AnyLet, AnyPredictor, AnyRows, AnyDensity);
-opaque!(dyn Scalar, dyn Spectrum, dyn MapFn, dyn LogTerms, dyn RowMath);
+opaque!(AnyPrior, AnyScalar, AnyKernel, AnyLet, AnyOperand, AnyPredictor, AnyRows, AnyDensity);
+opaque!(dyn Scalar, dyn PlaceFn, dyn Spectrum, dyn MapFn, dyn LogTerms, dyn RowMath);
 
 /// The prior `f`. W is N + 1.
 pub fn prior<F: PriorFn<N> + Copy, const N: usize, const W: usize>(
@@ -94,6 +102,11 @@ pub fn kernel<F: KernelFn<N>, const N: usize>(mentions: Names) -> AnyKernel {
 /// The `let` F.
 pub fn value<F: LetFn<N>, const N: usize>() -> AnyLet {
     AnyLet(|| Box::new(MapAt::<F, N>::new()))
+}
+
+/// The operand F of an operator over the whole surface.
+pub fn operand<F: LetFn<N>, const N: usize>(mentions: Place) -> AnyOperand {
+    AnyOperand { mentions, make: || Box::new(PlaceAt::<F, N>::new()) }
 }
 
 /// The linear predictor F.

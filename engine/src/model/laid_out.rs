@@ -7,6 +7,7 @@ use std::ops::Range;
 use rand::{Rng, RngExt as _};
 use rand_distr::StandardNormal;
 
+use super::arrival::Arrival;
 use super::density::Density;
 use super::error::ModelError;
 use super::gp::Field;
@@ -118,6 +119,10 @@ pub struct Model {
     pub(super) linear: Vec<Linear>,
     /// Linear predictors that are written out. Only a model without fields has any.
     pub(super) predictors: Vec<Predictor>,
+    /// Arrival times over the whole surface. They depend on fields and parameters.
+    pub(super) arrivals: Vec<Arrival>,
+    /// How many activations of the surface these are.
+    pub(super) n_fronts: usize,
     pub(super) maps: Vec<Map>,
     pub(super) offsets: Vec<Range<usize>>,
     /// First offset of (observe, field or let).
@@ -157,6 +162,8 @@ impl Model {
             spreads: vec![],
             linear: vec![],
             predictors: vec![],
+            arrivals: vec![],
+            n_fronts: 0,
             densities: vec![],
             maps: vec![],
             offsets: vec![],

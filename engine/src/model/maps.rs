@@ -70,7 +70,7 @@ pub struct Maps<'m> {
     basis: &'m Basis,
 }
 
-/// What is kept of one draw: the value vector, and the mean and weights of each field.
+/// What is kept of one draw: the value vector as far as maps read it, and the mean and weights of each field.
 struct Draw {
     v: Vec<f64>,
     fields: Vec<(f64, Vec<f64>)>,
@@ -272,13 +272,19 @@ impl<'m> Maps<'m> {
 
     fn unpack(&self, draws: &[&[f64]]) -> Vec<Draw> {
         let mut t = self.model.tape();
+        let read =
+            self.model.maps.iter().flat_map(|map| &map.sources).map(|source| match *source {
+                Source::Value(at) => at + 1,
+                Source::Field(_) => 0,
+            });
+        let n_values = read.max().unwrap_or(0);
         let mut one = |u: &&[f64]| {
             self.model.forward(&mut t, u);
             let fields = self.model.fields.iter().map(|f| {
                 let (mean, w) = f.op.weights(&t);
                 (mean, w.to_vec())
             });
-            Draw { fields: fields.collect(), v: t.v.clone() }
+            Draw { fields: fields.collect(), v: t.v[..n_values].to_vec() }
         };
         draws.iter().map(&mut one).collect()
     }

@@ -8,6 +8,7 @@
 //! Everything between parameters and `v` is linear, or the spectral density of a kernel, and has a
 //! hand-written adjoint. Nothing here knows the EP simulator.
 
+mod arrival;
 mod augmented;
 mod blocked;
 mod builder;
@@ -17,6 +18,7 @@ mod density;
 mod discrepancy;
 mod equations;
 mod error;
+mod everywhere;
 mod exceedance;
 mod expression;
 pub mod forms;

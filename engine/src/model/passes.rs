@@ -2,6 +2,7 @@
 
 use super::laid_out::Model;
 use super::tape::{Op, Tape};
+use crate::manifold::Front;
 
 impl Model {
     /// Fresh scratch memory.
@@ -17,6 +18,7 @@ impl Model {
             v,
             g: vec![0.0; n_v],
             work: vec![0.0; n_work],
+            fronts: vec![Front::default(); self.n_fronts],
             lp: 0.0,
         }
     }
@@ -32,6 +34,9 @@ impl Model {
         }
         for field in &self.fields {
             field.op.forward(t);
+        }
+        for arrival in &self.arrivals {
+            arrival.forward(t);
         }
         for predictor in &self.predictors {
             predictor.forward(t);
@@ -70,6 +75,9 @@ impl Model {
         }
         for predictor in &self.predictors {
             predictor.backward(t);
+        }
+        for arrival in &self.arrivals {
+            arrival.backward(t);
         }
         for field in self.fields.iter().rev() {
             field.op.backward(t);

@@ -4,6 +4,7 @@ use pulp::{Arch, NullaryFnOnce};
 use rand::Rng;
 
 use crate::dist::Gaussian;
+use crate::manifold::Front;
 use crate::num::vector::axpy;
 
 /// The memory of one evaluation; one per thread.
@@ -19,6 +20,8 @@ pub struct Tape {
     pub(super) g: Vec<f64>,
     /// What operations keep from their forward pass for their backward pass.
     pub(super) work: Vec<f64>,
+    /// How each activation of the surface came about, kept for the backward pass.
+    pub(super) fronts: Vec<Front>,
     /// Log density so far.
     pub(super) lp: f64,
 }

@@ -4,7 +4,7 @@ use std::ops::{Deref, DerefMut};
 use std::path::Path;
 use std::sync::Arc;
 
-use super::{DataError, PATH, Placement, ProbeError, Probes, Table, read};
+use super::{DataError, PATH, Placement, ProbeError, Probes, Table, Waves, read};
 use crate::manifold::Basis;
 use crate::mesh::Surface;
 
@@ -103,6 +103,11 @@ impl Measurements {
     /// Modes at the rows, once probed.
     pub fn probes(&self) -> Option<&Probes> {
         self.probes.as_deref()
+    }
+
+    /// Activation from the sources of the rows, once probed; none without a column `source`.
+    pub fn waves(&self) -> Option<&Waves> {
+        self.probes.as_deref()?.waves()
     }
 
     /// Vertex of a row, once placed.

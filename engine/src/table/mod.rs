@@ -22,7 +22,7 @@ pub use columns::{Columns, EXPORTED, MEASURED, PATH, PROTOCOL, Role, SITE, SOURC
 pub use error::{DataError, near};
 pub use measurements::Measurements;
 pub use placement::Placement;
-pub use probes::{FIELD_MODES, ProbeError, Probes};
+pub use probes::{FIELD_MODES, ProbeError, Probes, Waves};
 pub use sheet::{as_cell, csv_line, from_cell};
 pub use text::decode;
 pub use typed::Table;

@@ -1,8 +1,10 @@
 //! Modes of the surface at the places of a table's rows, and along the paths to them: what the forms
 //! `surface` and `path` of an effect are made of.
 
+use std::sync::Arc;
+
 use super::{DataError, Placement, SOURCE, Table};
-use crate::manifold::{Basis, ManifoldError, integrate_along_paths};
+use crate::manifold::{Basis, Eikonal, ManifoldError, integrate_along_paths};
 use crate::mesh::Surface;
 
 /// Most modes of a field that is tried as an effect.
@@ -19,6 +21,19 @@ pub struct Probes {
     along: Vec<f64>,
     /// Lengths of these paths, mm.
     length: Vec<f64>,
+    /// Activation from the sources of the rows.
+    waves: Option<Waves>,
+}
+
+/// Activation of the surface from the column `source`.
+#[derive(Clone, Debug)]
+pub struct Waves {
+    /// The vertex at which activation starts, for each row (rows).
+    pub source: Vec<u32>,
+    /// The surface, prepared for arrival times.
+    pub solver: Arc<Eikonal>,
+    /// Whether the surface has fibres, or directions of the solver's own.
+    pub has_fibres: bool,
 }
 
 impl Probes {
@@ -59,7 +74,13 @@ impl Probes {
                 length[row] = own[n];
             }
         }
-        Ok(Self { frequency, at, along, length })
+        let waves = Some(Waves::new(sources, surface)?);
+        Ok(Self { frequency, at, along, length, waves })
+    }
+
+    /// Activation from the sources of the rows; none without a column `source`.
+    pub(super) fn waves(&self) -> Option<&Waves> {
+        self.waves.as_ref()
     }
 
     /// Lengths of the paths, mm; none without a column `source`.
@@ -91,6 +112,15 @@ impl Probes {
     /// The modes, row-major (rows, modes): φ at each row's place in mm⁻¹ or, `along` the paths, ∫ φ ds.
     pub fn modes(&self, along: bool) -> &[f64] {
         if along { &self.along } else { &self.at }
+    }
+}
+
+impl Waves {
+    fn new(source: Vec<u32>, surface: &Surface) -> Result<Self, ManifoldError> {
+        let fibres = surface.any_fibres();
+        let vectors = fibres.as_ref().map(|(_, vectors)| vectors.as_slice());
+        let solver = Arc::new(Eikonal::new(&surface.mesh, vectors)?);
+        Ok(Self { source, solver, has_fibres: fibres.is_some() })
     }
 }
 

@@ -19,13 +19,13 @@ pub(super) fn mistakes(e: &Expr, row: &Ident, model: &Model) -> Vec<Mistake> {
     let mut mistakes = vec![];
     for mention in mentions(e) {
         let name = &mention.name;
-        let what = match &mention.member {
-            Some(column) if name == row => format!("{row}.{column}"),
-            _ if name != row && is_of_rows(name) => name.to_string(),
+        let (at, what) = match &mention.member {
+            Some(column) if name == row => (column, format!("{row}.{column}")),
+            _ if name != row && is_of_rows(name) => (name, name.to_string()),
             _ => continue,
         };
         let message = format!("`{what}` has no value between the rows");
-        mistakes.push(Mistake::at(name.span(), message, HELP));
+        mistakes.push(Mistake::at(at.span(), message, HELP));
     }
     mistakes
 }

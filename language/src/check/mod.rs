@@ -140,14 +140,12 @@ impl<'a> Check<'a> {
         }
     }
 
-    /// The slowness sees fields and parameters, the ratio parameters alone.
+    /// Slowness, ratio and angle have a value at every place: fields and parameters.
     fn eikonal(&mut self, l: &Let, e: &Eikonal, scope: &Scope<'_>) {
-        self.say(scope.read(&e.slowness, Place::Row(&l.row), &[]));
-        self.say(words::arguments(&e.slowness, self.around));
-        self.say(everywhere::mistakes(&e.slowness, &l.row, scope.model));
-        if let Some(ratio) = &e.ratio {
-            self.say(scope.read(ratio, Place::Prior, &[]));
-            self.say(words::arguments(ratio, self.around));
+        for operand in e.operands() {
+            self.say(scope.read(operand, Place::Row(&l.row), &[]));
+            self.say(words::arguments(operand, self.around));
+            self.say(everywhere::mistakes(operand, &l.row, scope.model));
         }
         self.say(everywhere::source(&e.source));
     }

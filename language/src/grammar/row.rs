@@ -56,7 +56,7 @@ fn linear(input: ParseStream<'_>, row: &Ident) -> Result<Option<Value>> {
     Ok(Some(Value::Linear { columns, beta }))
 }
 
-/// `eikonal(SLOWNESS, RATIO?; ROW.source);`
+/// `eikonal(SLOWNESS, RATIO?, ANGLE?; ROW.source);`
 fn eikonal(input: ParseStream<'_>, row: &Ident) -> Result<Option<Value>> {
     if !is_call(input, "eikonal") {
         return Ok(None);
@@ -65,18 +65,22 @@ fn eikonal(input: ParseStream<'_>, row: &Ident) -> Result<Option<Value>> {
     let content;
     syn::parenthesized!(content in input);
     let slowness = expr(&content, word.span(), "a slowness")?;
-    let mut ratio = None;
-    if content.peek(Token![,]) {
+    let further = |what| -> Result<Option<Expr>> {
+        if !content.peek(Token![,]) {
+            return Ok(None);
+        }
         let comma: Token![,] = content.parse()?;
-        ratio = Some(expr(&content, comma.span, "a ratio of velocities")?);
-    }
+        expr(&content, comma.span, what).map(Some)
+    };
+    let ratio = further("a ratio of velocities")?;
+    let angle = further("an angle")?;
     if content.parse::<Token![;]>().is_err() {
         return Err(wrong(word.span(), "`eikonal` does not say where activation starts", EIKONAL));
     }
     let source = member(&content, row)?;
     all_read(&content)?;
     semicolon(input, source.span())?;
-    Ok(Some(Value::Eikonal(Eikonal { slowness, ratio, source })))
+    Ok(Some(Value::Eikonal(Eikonal { slowness, ratio, angle, source })))
 }
 
 /// Whether `WORD(` follows.

@@ -81,13 +81,16 @@ fn let_statement(l: &Let, declared: Option<Unit>, units: &Units, say: &mut Say<'
     known
 }
 
-/// A time per mm of way, and a ratio.
+/// A time per mm of way, a ratio, and an angle.
 fn eikonal(e: &Eikonal, time: Option<Wanted>, units: &Units, say: &mut Say<'_>) -> Known {
     let mm = Unit::parse("mm").unwrap_or_else(Unit::one);
     let per_mm = time.map(|time| Wanted { unit: time.unit.times(mm, -1), ..time });
     let slowness = say.check(&e.slowness, per_mm, units);
     if let Some(ratio) = &e.ratio {
         say.check(ratio, wanted(Some(Unit::one()), "as a ratio of velocities"), units);
+    }
+    if let Some(angle) = &e.angle {
+        say.check(angle, wanted(Unit::parse("rad"), "as an angle"), units);
     }
     slowness.times(Known::Unit(mm), 1)
 }

@@ -2,7 +2,7 @@
 
 use eplat_language::names::columns_of;
 use eplat_language::print as text;
-use eplat_language::syntax::{Expr, Ident, Let, Model, Observe, Value};
+use eplat_language::syntax::{Eikonal, Expr, Ident, Let, Model, Observe, Value};
 use proc_macro2::TokenStream;
 use quote::{format_ident, quote};
 
@@ -21,6 +21,7 @@ impl State<'_> {
                 self.scope.declare(&declared.name, name.clone(), Kind::Row);
                 return quote!(b.linear(#decl, #name, &[#(#columns),*], #beta););
             }
+            Value::Eikonal(value) => return self.eikonal(declared, value),
             Value::Expr(value) => value,
         };
         let decl = decl(&declared.name, unit, &text(value));
@@ -42,6 +43,21 @@ impl State<'_> {
             #function
             b.value(#decl, #name, #range, #place, expansion::value::<Value, #n>());
         }}
+    }
+
+    /// `b.eikonal(…)` with slowness, ratio and angle, each as a function of what it mentions.
+    fn eikonal(&mut self, declared: &Let, value: &Eikonal) -> TokenStream {
+        let (name, row) = (declared.name.to_string(), &declared.row);
+        let decl = decl(&declared.name, declared.unit.as_ref(), &value.text(row));
+        let operand = |e: &Expr| {
+            let (function, n, place) = self.value_function(e, row);
+            quote!(Some({ #function expansion::operand::<Value, #n>(#place) }))
+        };
+        let optional = |e: &Option<Expr>| e.as_ref().map_or(quote!(None), operand);
+        let slowness = operand(&value.slowness);
+        let (ratio, angle) = (optional(&value.ratio), optional(&value.angle));
+        self.scope.declare(&declared.name, name.clone(), Kind::Row);
+        quote!(b.eikonal(#decl, #name, [#slowness, #ratio, #angle])?;)
     }
 
     /// `struct Value` with a function of what `value` mentions; how much that is, and its place.

@@ -82,10 +82,11 @@ impl Sampler {
     }
 
     /// Whether it can sample the model: the blocked sampler needs a field, and measurements that see
-    /// every field; the integrated one in addition that every measurement is normal about a sum of fields, parameters
+    /// every field at the places of their rows alone; the integrated one in addition that every measurement is normal about a sum of fields, parameters
     /// and effects; NUTS samples all models.
     pub fn takes(self, model: &Model) -> bool {
-        let is_seen = || model.has_fields() && model.fields.iter().all(|f| size(f) > 0);
+        let is_local = model.arrivals.is_empty();
+        let is_seen = || is_local && model.has_fields() && model.fields.iter().all(|f| size(f) > 0);
         match self {
             Self::Nuts => true,
             Self::Blocked => is_seen(),

@@ -235,8 +235,12 @@ impl Builder<'_> {
         Ok(Modes { frequency, phi0: constant_mode(basis) })
     }
 
-    /// The group of the field of this label, and the vertices that its rows are at.
+    /// The group of the field of this label, and the vertices that its rows are at; all vertices where arrivals
+    /// depend on it.
     fn seen_by(&self, declared: &Declared, label: usize) -> (usize, Vec<u32>) {
+        if let Some(basis) = self.basis.filter(|_| is_everywhere(&self.model, declared.name)) {
+            return (0, (0..basis.n_vertices() as u32).collect());
+        }
         let Some((labels, data)) =
             declared.labels.as_ref().zip(self.data).filter(|_| declared.is_apart)
         else {
@@ -297,6 +301,11 @@ impl Builder<'_> {
         parameter.position = Position::CollapsedMean { field };
         Some(Collapsed { mean: v, phi0 })
     }
+}
+
+/// Whether arrivals over the whole surface depend on this field.
+fn is_everywhere(model: &Model, field: &str) -> bool {
+    model.syntax().is_ok_and(|tree| tree.fields_everywhere().iter().any(|name| *name == field))
 }
 
 /// Whether all fields of the model are labelled by the same column.

@@ -107,7 +107,7 @@ impl Builder<'_> {
         self.names.push((name.into(), Source::Linear(linear)));
     }
 
-    fn linear_let(&mut self, decl: Decl, name: &'static str, linear: Linear) {
+    pub(super) fn linear_let(&mut self, decl: Decl, name: &'static str, linear: Linear) {
         let mentions = Place { numbers: &[], lets: &[], reads_row: true };
         let unit = decl.unit.into();
         self.lets.push(Declared { name, unit, mentions, differs: Differs::Row, make: None });

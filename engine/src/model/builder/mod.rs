@@ -11,6 +11,7 @@ use crate::model::laid_out::{Hooks, Model};
 use crate::model::predictor::Factors;
 use crate::table::Measurements;
 
+mod arrivals;
 mod effects;
 mod fields;
 mod lets;
@@ -100,6 +101,8 @@ enum Linear {
     Columns { beta: &'static str, columns: Vec<&'static str> },
     /// An expression of these parameters.
     Written { numbers: &'static [&'static str], factors: Factors },
+    /// Arrival times: number `.0` of the model's.
+    Arrival(usize),
 }
 
 /// Lays a model out on its data.
@@ -237,6 +240,7 @@ impl<'a> Builder<'a> {
     pub(super) fn finish(mut self) -> Result<Model, ModelError> {
         self.apply_effects()?;
         self.lay_out_lets()?;
+        self.lay_out_fronts();
         self.model.layout = [self.n_u, self.n_v, self.n_work];
         if let Some(data) = self.data {
             self.model.check(data)?;

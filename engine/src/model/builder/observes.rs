@@ -146,6 +146,9 @@ impl Builder<'_> {
             Source::Linear(Declared::Written { numbers, factors }) => {
                 return self.written(name, numbers, *factors, rows);
             }
+            Source::Linear(Declared::Arrival(arrival)) => {
+                return Ok(self.arrivals_at(*arrival, rows));
+            }
             _ => return Ok(0),
         };
         let wrong = |expected, got| ModelError::Coefficients {

@@ -6,7 +6,7 @@
 //! backward   ġ on to u: d/dε of the adjoint pass at u + ε u̇
 //! ```
 //! Each operation says how its values and its adjoints change along a direction. Nothing is
-//! computed by differences. What an operation computes from a few scalars is differentiated by
+//! computed by differences, and only the curvature of arrival times is left out. What an operation computes from a few scalars is differentiated by
 //! [`Hyper`].
 
 use crate::infer::{Evaluator, LogDensity};
@@ -56,6 +56,7 @@ impl<'m> Hessian<'m> {
         }
         model.priors.iter().for_each(|op| op.push(t, d));
         model.fields.iter().for_each(|field| field.op.push(t, d));
+        model.arrivals.iter().for_each(|op| op.push(t, d));
         model.predictors.iter().for_each(|op| op.push(t, d));
         model.linear.iter().for_each(|op| op.push(t, d));
         for term in curved {
@@ -85,6 +86,7 @@ impl<'m> Hessian<'m> {
         let Self { model, t, d, .. } = self;
         model.linear.iter().rev().for_each(|op| op.pull(t, d));
         model.predictors.iter().for_each(|op| op.pull(t, d));
+        model.arrivals.iter().for_each(|op| op.pull(t, d));
         model.fields.iter().rev().for_each(|field| field.op.pull(t, d));
         model.priors.iter().rev().for_each(|op| op.pull(t, d));
         &d.gu

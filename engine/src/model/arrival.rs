@@ -1,0 +1,161 @@
+//! Arrival times over the whole surface, as an operation: `eikonal(SLOWNESS, RATIO, ANGLE; row.source)`.
+//!
+//! ```text
+//! unknowns → fields at every vertex → slowness, ratio, angle there → arrival at the rows' vertices
+//! ```
+//! The solver and its adjoint are in [`Eikonal`]; this file carries values and adjoints between it and
+//! the tape.
+
+use std::ops::Range;
+use std::sync::Arc;
+
+use super::everywhere::{PlaceFn, Where};
+use super::tape::{Op, Second, Tape};
+use crate::manifold::{Eikonal, Front, Medium, MediumBar};
+
+/// Slowness, ratio and angle: what the tissue is like at a place.
+pub(super) const OPERANDS: usize = 3;
+
+/// One of them: an expression, and where its numbers live.
+#[derive(Debug)]
+pub(super) struct Operand {
+    pub(super) from: Vec<Where>,
+    pub(super) math: Box<dyn PlaceFn>,
+}
+
+/// A row: its vertex, and the place of its arrival in `v`.
+pub(super) type At = (u32, usize);
+
+/// Arrival times at rows.
+#[derive(Debug)]
+pub(super) struct Arrival {
+    pub(super) solver: Arc<Eikonal>,
+    pub(super) operands: [Option<Operand>; OPERANDS],
+    /// Every vertex at which activation starts, with the rows whose source it is.
+    pub(super) sources: Vec<(u32, Vec<At>)>,
+    /// Its part of `work`: the operands at every vertex, their adjoints, and the adjoint of one map of arrivals.
+    pub(super) work: usize,
+    /// The first of its fronts on the tape: one for each source.
+    pub(super) front: usize,
+}
+
+/// Pieces of (n_vertices) numbers that an [`Arrival`] needs of `work`.
+pub(super) const PIECES: usize = 2 * OPERANDS + 1;
+
+impl Arrival {
+    fn n(&self) -> usize {
+        self.solver.n_vertices()
+    }
+
+    /// Piece number `i` of its part of `work`.
+    fn piece(&self, i: usize) -> Range<usize> {
+        let start = self.work + i * self.n();
+        start..start + self.n()
+    }
+
+    /// The operands that are written, with their number.
+    fn written(&self) -> impl Iterator<Item = (usize, &Operand)> {
+        self.operands.iter().enumerate().filter_map(|(i, of)| of.as_ref().map(|of| (i, of)))
+    }
+
+    /// The operands, which lie in `values` one after the other.
+    fn medium<'a>(&self, values: &'a [f64]) -> Medium<'a> {
+        let n = self.n();
+        let of = |i: usize| self.operands[i].as_ref().map(|_| &values[i * n..(i + 1) * n]);
+        Medium { slowness: &values[..n], ratio: of(1), angle: of(2) }
+    }
+
+    /// Carries adjoints of the arrivals at the rows, in `g`, to what the operands depend on, in `g` too. `t` is
+    /// after a forward pass, `work` is scratch memory of the same layout.
+    fn carry_back(
+        &self,
+        v: &[f64],
+        values: &[f64],
+        fronts: &[Front],
+        work: &mut [f64],
+        g: &mut [f64],
+    ) {
+        let n = self.n();
+        let medium = self.medium(values);
+        let (bars, bar) = work.split_at_mut(OPERANDS * n);
+        bars.fill(0.0);
+        for ((_, rows), front) in self.sources.iter().zip(fronts) {
+            bar.fill(0.0);
+            for (vertex, at) in rows {
+                bar[*vertex as usize] += g[*at];
+            }
+            let [slowness, ratio, angle] = split(bars, n);
+            let mut into = MediumBar {
+                slowness,
+                ratio: self.operands[1].as_ref().map(|_| ratio),
+                angle: self.operands[2].as_ref().map(|_| angle),
+                onsets: &mut [0.0],
+            };
+            self.solver.backward(&medium, front, bar, &mut into);
+        }
+        for (i, operand) in self.written() {
+            operand.math.pull(v, &operand.from, &bars[i * n..(i + 1) * n], g);
+        }
+    }
+}
+
+/// Three pieces of `n` numbers.
+fn split(all: &mut [f64], n: usize) -> [&mut [f64]; OPERANDS] {
+    let (a, rest) = all.split_at_mut(n);
+    let (b, c) = rest.split_at_mut(n);
+    [a, b, c]
+}
+
+impl Op for Arrival {
+    fn forward(&self, t: &mut Tape) {
+        for (i, operand) in self.written() {
+            let out = self.piece(i);
+            operand.math.values(&t.v, &operand.from, &mut t.work[out]);
+        }
+        let medium = self.medium(&t.work[self.work..]);
+        let fronts = t.fronts[self.front..].iter_mut();
+        for ((source, rows), front) in self.sources.iter().zip(fronts) {
+            self.solver.forward(&medium, &[(*source, 0.0)], front);
+            for (vertex, at) in rows {
+                t.v[*at] = front.arrival[*vertex as usize];
+            }
+        }
+    }
+
+    fn backward(&self, t: &mut Tape) {
+        let n = self.n();
+        let (values, rest) = t.work[self.work..].split_at_mut(OPERANDS * n);
+        let scratch = &mut rest[..(PIECES - OPERANDS) * n];
+        self.carry_back(&t.v, values, &t.fronts[self.front..], scratch, &mut t.g);
+    }
+
+    fn ln_density(&self, _: &mut Tape) {}
+}
+
+/// Exact but for the curvature of the operator itself, which is left out: Gauss and Newton's Hessian.
+impl Second for Arrival {
+    fn push(&self, t: &Tape, d: &mut Tape) {
+        let n = self.n();
+        for (i, operand) in self.written() {
+            let out = self.piece(i);
+            operand.math.push(&t.v, &operand.from, &d.v, &mut d.work[out]);
+        }
+        let medium = self.medium(&t.work[self.work..]);
+        let (changes, rest) = d.work[self.work..].split_at_mut(OPERANDS * n);
+        let change = self.medium(changes);
+        let arrival = &mut rest[OPERANDS * n..][..n];
+        for ((_, rows), front) in self.sources.iter().zip(&t.fronts[self.front..]) {
+            self.solver.push(&medium, front, &change, &[0.0], arrival);
+            for (vertex, at) in rows {
+                d.v[*at] = arrival[*vertex as usize];
+            }
+        }
+    }
+
+    fn pull(&self, t: &Tape, d: &mut Tape) {
+        let n = self.n();
+        let scratch = &mut d.work[self.work + OPERANDS * n..][..(PIECES - OPERANDS) * n];
+        let values = &t.work[self.work..][..OPERANDS * n];
+        self.carry_back(&t.v, values, &t.fronts[self.front..], scratch, &mut d.g);
+    }
+}

@@ -1,0 +1,77 @@
+//! An expression at every vertex of the surface: what an operator over the whole surface reads.
+
+use super::functions::{Columns, LetFn};
+use crate::num::{Num, derivatives, dual, variable};
+
+/// Where a number of such an expression lives in the value vector.
+#[derive(Clone, Copy, Debug)]
+pub(super) enum Where {
+    /// It is the same at every vertex.
+    Same(u32),
+    /// The first of one for each vertex.
+    Each(u32),
+}
+
+impl Where {
+    fn at(self, vertex: usize) -> usize {
+        match self {
+            Self::Same(v) => v as usize,
+            Self::Each(v) => v as usize + vertex,
+        }
+    }
+}
+
+/// An expression with its derivatives, compiled with each model.
+pub(super) trait PlaceFn: Send + Sync {
+    /// Its values (n_vertices).
+    fn values(&self, v: &[f64], from: &[Where], out: &mut [f64]);
+    /// Their change (n_vertices), where the values change by `d`.
+    fn push(&self, v: &[f64], from: &[Where], d: &[f64], out: &mut [f64]);
+    /// Adds to `g` the adjoint of what it depends on; `bars` (n_vertices) is that of its values.
+    fn pull(&self, v: &[f64], from: &[Where], bars: &[f64], g: &mut [f64]);
+}
+
+/// The expression F of N numbers: those of `from`, then an offset for each `let` that it mentions, which is zero.
+pub(super) struct PlaceAt<F: LetFn<N>, const N: usize> {
+    nowhere: F::Columns,
+}
+
+impl<F: LetFn<N>, const N: usize> PlaceAt<F, N> {
+    pub(super) fn new() -> Self {
+        let absent = F::Columns::read(&mut |_| Ok::<_, std::convert::Infallible>(f64::NAN));
+        let Ok(nowhere) = absent;
+        Self { nowhere }
+    }
+
+    /// Number `i` at a vertex; zero if it is an offset.
+    fn number(v: &[f64], from: &[Where], i: usize, vertex: usize) -> f64 {
+        from.get(i).map_or(0.0, |from| v[from.at(vertex)])
+    }
+}
+
+impl<F: LetFn<N>, const N: usize> PlaceFn for PlaceAt<F, N> {
+    fn values(&self, v: &[f64], from: &[Where], out: &mut [f64]) {
+        for (vertex, out) in out.iter_mut().enumerate() {
+            let number = |i| Num(Self::number(v, from, i, vertex));
+            *out = F::value(std::array::from_fn(number), &self.nowhere).0;
+        }
+    }
+
+    fn push(&self, v: &[f64], from: &[Where], d: &[f64], out: &mut [f64]) {
+        for (vertex, out) in out.iter_mut().enumerate() {
+            let change = |i| Self::number(d, from, i, vertex);
+            let number = |i| Num(dual(Self::number(v, from, i, vertex), [change(i)]));
+            *out = derivatives(&F::value(std::array::from_fn(number), &self.nowhere).0)[0];
+        }
+    }
+
+    fn pull(&self, v: &[f64], from: &[Where], bars: &[f64], g: &mut [f64]) {
+        for (vertex, bar) in bars.iter().enumerate().filter(|(_, bar)| **bar != 0.0) {
+            let number = |i| Num(variable::<N>(Self::number(v, from, i, vertex), i));
+            let slopes = derivatives(&F::value(std::array::from_fn(number), &self.nowhere).0);
+            for (from, slope) in from.iter().zip(slopes) {
+                g[from.at(vertex)] += bar * slope;
+            }
+        }
+    }
+}
