@@ -120,6 +120,30 @@ pub enum ManifoldError {
         exclude_mm: f64,
     },
 
+    /// Not a fibre direction for each triangle.
+    #[error(
+        "the mesh has {n_triangles} triangles, but there are {got} fibre directions\n\
+         help: give one for each triangle"
+    )]
+    FibreCount {
+        /// Triangles of the mesh.
+        n_triangles: usize,
+        /// Directions given.
+        got: usize,
+    },
+
+    /// A fibre that has no direction in the surface.
+    #[error(
+        "the fibre of triangle {triangle} is {fibre:?}, which has no direction in the surface\n\
+         help: give every triangle a finite vector that lies in the surface"
+    )]
+    NoFibre {
+        /// The triangle.
+        triangle: usize,
+        /// What is there.
+        fibre: [f64; 3],
+    },
+
     /// A basis file could not be read or written.
     #[error("cannot {action} {}: {reason}\nhelp: {help}", path.display())]
     File {

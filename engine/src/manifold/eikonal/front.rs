@@ -1,0 +1,41 @@
+//! What a front leaves: arrivals, and how each came about.
+
+use super::geometry::{Geometry, NONE};
+use super::march::{Heap, Way};
+use super::metric::{Timed, Tissue};
+use super::order::Order;
+use super::rays::Rays;
+
+/// Arrival times, and how each came about; memory is reused between calls.
+#[derive(Clone, Debug, Default)]
+pub struct Front {
+    /// First arrival of activation at each vertex, ms (n_vertices); infinite where no source leads.
+    pub arrival: Vec<f64>,
+    pub(super) ways: Vec<Way>,
+    /// The source that the front was born at; [`NONE`] where it is plane, or of several.
+    pub(super) origins: Vec<u32>,
+    /// Whether those reached from a vertex may now be reached later.
+    pub(super) has_changed: Vec<bool>,
+    /// Onset of each source, ms.
+    pub(super) births: Vec<f64>,
+    pub(super) tissue: Vec<Tissue>,
+    pub(super) timed: Vec<Timed>,
+    pub(super) rays: Rays,
+    pub(super) heap: Heap,
+    pub(super) order: Order,
+}
+
+impl Front {
+    /// Puts the vertices in the order of their dependence.
+    pub(super) fn sort(&mut self, geometry: &Geometry) {
+        let ways = &self.ways;
+        let corner = |triangle: u32, k: usize| geometry.triangles[triangle as usize].corners[k % 3];
+        self.order.find(geometry.n_vertices(), |v| match ways[v as usize] {
+            Way::Along { triangle, to, end } => [corner(triangle, (to + 1 + end) as usize), NONE],
+            Way::Across { triangle, to, .. } => {
+                [1, 2].map(|k| corner(triangle, to as usize + k))
+            }
+            _ => [NONE; 2],
+        });
+    }
+}

@@ -1,0 +1,134 @@
+//! First arrival of activation over a surface, with an exact adjoint.
+//!
+//! ```text
+//! ∇Tᵀ M⁻¹ ∇T = 1,   T = onset at the sources,   M = s² (f fᵀ + r² g gᵀ)
+//! ```
+//! with `s` the slowness along the fibres `f`, and `r s` that across them, `g`. Arrivals are at the vertices; the medium is constant in a triangle.  A
+//! vertex is reached from the neighbours at the least over all triangles at it (`step.rs`), and near a source
+//! along straight lines (`rays.rs`).  Arrivals are the fixed point of this (`march.rs`), and continuous in the medium
+//! and the onsets, but that where fronts meet they may jump by less than the error of the method.
+//!
+//! Knows nothing of electrophysiology: what is slow, and where fibres run, is given.
+
+mod derivative;
+mod front;
+mod geometry;
+mod march;
+mod metric;
+mod order;
+mod orientation;
+mod rays;
+mod step;
+#[cfg(test)]
+mod tests;
+
+pub use front::Front;
+
+use super::ManifoldError;
+use crate::mesh::TriMesh;
+use geometry::Geometry;
+use march::March;
+
+/// First arrivals on one surface.
+///
+/// Fibres are one direction per triangle, or, without, the direction of the third axis (z) in the surface, of the
+/// first where the surface is normal to z.
+#[derive(Clone, Debug)]
+pub struct Eikonal {
+    geometry: Geometry,
+}
+
+/// What the tissue is like at every vertex; a triangle takes the means of its corners.
+#[derive(Clone, Copy, Debug)]
+pub struct Medium<'a> {
+    /// ms/mm along the fibres, > 0 (n_vertices)
+    pub slowness: &'a [f64],
+    /// Velocity along the fibres over that across, > 0 (n_vertices); 1 everywhere if absent.
+    pub ratio: Option<&'a [f64]>,
+    /// Angle by which fibres are turned from those of the mesh, about the outward normal, rad (n_vertices); 0 if
+    /// absent.
+    pub angle: Option<&'a [f64]>,
+}
+
+/// Adjoints of a medium and of onsets; what is found is added.
+#[derive(Debug)]
+pub struct MediumBar<'a> {
+    /// (n_vertices)
+    pub slowness: &'a mut [f64],
+    /// (n_vertices)
+    pub ratio: Option<&'a mut [f64]>,
+    /// (n_vertices)
+    pub angle: Option<&'a mut [f64]>,
+    /// One per source.
+    pub onsets: &'a mut [f64],
+}
+
+impl Eikonal {
+    /// Prepares a surface.  `fibres` are one vector per triangle; their lengths and signs mean nothing, and only
+    /// their part in the surface counts.
+    ///
+    /// # Errors
+    /// [`ManifoldError::FibreCount`] and [`ManifoldError::NoFibre`].
+    pub fn new(mesh: &TriMesh, fibres: Option<&[[f64; 3]]>) -> Result<Self, ManifoldError> {
+        Ok(Self { geometry: Geometry::new(mesh, fibres)? })
+    }
+
+    /// Number of vertices of the surface.
+    pub fn n_vertices(&self) -> usize {
+        self.geometry.n_vertices()
+    }
+
+    /// First arrivals from `sources`, which are (vertex, onset in ms), into `front`.
+    ///
+    /// # Panics
+    /// When the medium is not of the surface's vertices, or a source is none of them.
+    pub fn forward(&self, medium: &Medium<'_>, sources: &[(u32, f64)], front: &mut Front) {
+        self.require(medium);
+        March::new(&self.geometry, medium, sources, front).run();
+        front.sort(&self.geometry);
+    }
+
+    /// Adds to `into` the adjoint of the medium and the onsets, for the adjoint `bar` of the arrivals
+    /// (n_vertices) of the last `forward` into `front`, with the same `medium`.  Vertices never reached are left
+    /// out.
+    ///
+    /// # Panics
+    /// When a length is not that of the surface or of the sources.
+    pub fn backward(
+        &self,
+        medium: &Medium<'_>,
+        front: &Front,
+        bar: &[f64],
+        into: &mut MediumBar<'_>,
+    ) {
+        self.require(medium);
+        assert_eq!(bar.len(), self.n_vertices(), "an adjoint of each arrival");
+        derivative::backward(&self.geometry, front, bar, into);
+    }
+
+    /// Change of the arrivals (n_vertices), into `out`, for a small `change` of the medium and `onset_change` of the
+    /// onsets, about the last `forward` into `front`, with the same `medium`.
+    ///
+    /// # Panics
+    /// When a length is not that of the surface or of the sources.
+    pub fn push(
+        &self,
+        medium: &Medium<'_>,
+        front: &Front,
+        change: &Medium<'_>,
+        onset_change: &[f64],
+        out: &mut [f64],
+    ) {
+        self.require(medium);
+        self.require(change);
+        assert_eq!(out.len(), self.n_vertices(), "a change of each arrival");
+        derivative::push(&self.geometry, front, change, onset_change, out);
+    }
+
+    fn require(&self, medium: &Medium<'_>) {
+        let n = self.n_vertices();
+        let of = |values: Option<&[f64]>| values.is_none_or(|values| values.len() == n);
+        let fits = medium.slowness.len() == n && of(medium.ratio) && of(medium.angle);
+        assert!(fits, "a medium of the surface's {n} vertices");
+    }
+}

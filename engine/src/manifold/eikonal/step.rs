@@ -1,0 +1,143 @@
+//! One step of activation: from the two ends of a triangle's side to the corner opposite.
+//!
+//! In the timed plane (`metric.rs`) the side lies on the first axis from `a` = (0, 0) to `b` = (L, 0), the corner
+//! `c` at (x, y) with y > 0. A **plane** front has arrivals linear along the side:
+//!
+//! ```text
+//! T_c = min over λ in [0, 1] of (1 − λ) T_a + λ T_b + |c − (λ L, 0)|
+//! δ = T_b − T_a,   q = sqrt(L² − δ²):   T_c = T_a + (δ x + q y)/L    if the minimum is within
+//! ```
+//! By the envelope theorem the derivatives of `T_c` are those at fixed λ.
+//!
+//! A **round** front was born at a point at the time β. The point S is where the times from there to `a` and `b`
+//! are T_a − β and T_b − β, on the far side of the side, and T_c = β + |c − S|. In a constant medium on a flat
+//! surface this is exact.
+//!
+//! # Source
+//! Bornemann and Rasch 2006, Finite-element discretization of static Hamilton–Jacobi equations (plane);
+//! Novotni and Klein 2002, Computing geodesic distances on triangular meshes (round, without a medium).
+
+use super::metric::Timed;
+
+/// A front on its way through a triangle.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Step {
+    /// Lengths of the side that is crossed, and from its ends to the corner, ms.
+    side: f64,
+    from_ends: [f64; 2],
+    /// The corner: `x` of it times the side, and `y` of it times the side, ms².
+    x: f64,
+    y: f64,
+    /// Arrival at the ends, ms.
+    ends: [f64; 2],
+}
+
+/// Derivatives of an arrival.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Slope {
+    /// By the arrivals at the two ends.
+    pub(super) ends: [f64; 2],
+    /// By the birth of the front.
+    pub(super) birth: f64,
+    /// Directions (along the side, towards the corner; units) in the timed plane, and the ms along each whose
+    /// change with the medium adds up to that of the arrival.
+    pub(super) ways: [([f64; 2], f64); 3],
+}
+
+impl Step {
+    /// To corner `to`, where the next corner is reached at `ends[0]` and the one after it at `ends[1]`.
+    #[inline(always)]
+    pub(super) fn new(timed: &Timed, to: usize, ends: [f64; 2]) -> Self {
+        let side = timed.sides[to];
+        // the way from the next corner is the side opposite the one after it
+        let from_ends = [timed.sides[(to + 2) % 3], timed.sides[(to + 1) % 3]];
+        let [u, w] = from_ends;
+        let x = 0.5 * (side * side + (u - w) * (u + w));
+        Self { side, from_ends, x, y: timed.area, ends }
+    }
+
+    /// Arrival with a plane front, if the way leads across the inside of the side.
+    #[inline(always)]
+    pub(super) fn plane(&self) -> Option<f64> {
+        let Self { side, x, y, .. } = *self;
+        let delta = self.ends[1] - self.ends[0];
+        let root2 = (side - delta) * (side + delta);
+        if root2 <= 0.0 {
+            return None;
+        }
+        let root = root2.sqrt();
+        // 0 < λ < 1 with λ L² = x − δ y / q
+        let is_within = x * root > delta * y && (side * side - x) * root > -delta * y;
+        is_within.then(|| self.ends[0] + (delta * x + root * y) / (side * side))
+    }
+
+    /// Whether a front born at `birth` is so far from home that its birthplace sees the side under less than a
+    /// right angle.
+    #[inline(always)]
+    pub(super) fn is_round(&self, birth: f64) -> bool {
+        let [a, b] = self.ends.map(|t| t - birth);
+        let delta = self.ends[1] - self.ends[0];
+        let side2 = self.side * self.side;
+        a > 0.0 && b > 0.0 && a * a + b * b > side2 && delta * delta < side2
+    }
+
+    /// The birthplace seen from the first end: along the side, and behind it.
+    #[inline(always)]
+    fn birthplace(&self, birth: f64) -> [f64; 2] {
+        let [a, b] = self.ends.map(|t| t - birth);
+        let along = 0.5 * (self.side + (a - b) * (a + b) / self.side);
+        [along, ((a - along) * (a + along)).max(0.0).sqrt()]
+    }
+
+    /// Arrival with a round front, if the way leads across the inside of the side.
+    #[inline(always)]
+    pub(super) fn round(&self, birth: f64) -> Option<f64> {
+        let [along, behind] = self.birthplace(birth);
+        let (x, y) = (self.x / self.side, self.y / self.side);
+        // the way crosses the side at along + (x − along) behind / (behind + y)
+        let crossing = along * y + x * behind;
+        let is_within = crossing > 0.0 && crossing < self.side * (behind + y);
+        is_within.then(|| birth + ((x - along).powi(2) + (y + behind).powi(2)).sqrt())
+    }
+
+    /// Derivatives of [`Step::plane`].
+    pub(super) fn plane_slope(&self) -> Slope {
+        let Self { side, .. } = *self;
+        let (x, y) = (self.x / side, self.y / side);
+        let delta = self.ends[1] - self.ends[0];
+        let root = ((side - delta) * (side + delta)).max(0.0).sqrt();
+        let share = ((x - delta * y / root) / side).clamp(0.0, 1.0);
+        let length = y * side / root;
+        let direction = [delta / side, root / side];
+        let none = ([0.0; 2], 0.0);
+        Slope { ends: [1.0 - share, share], birth: 0.0, ways: [(direction, length), none, none] }
+    }
+
+    /// Derivatives of [`Step::round`]: with `n_c`, `n_a`, `n_b` the directions from S, `n_c = α n_a + β n_b`,
+    ///
+    /// ```text
+    /// dT_c = α dT_a + β dT_b + (1 − α − β) dbirth + T'_c ½ n_cᵀdM n_c − α T'_a ½ n_aᵀdM n_a − β T'_b ½ n_bᵀdM n_b
+    /// ```
+    pub(super) fn round_slope(&self, birth: f64) -> Slope {
+        let [along, behind] = self.birthplace(birth);
+        let (x, y) = (self.x / self.side, self.y / self.side);
+        let [a, b] = self.ends.map(|t| t - birth);
+        let c = ((x - along).powi(2) + (y + behind).powi(2)).sqrt();
+        let share = ((along * y + x * behind) / (behind + y) / self.side).clamp(0.0, 1.0);
+        let reach = behind / (behind + y);
+        let alpha = (1.0 - share) * a / (reach * c);
+        let beta = share * b / (reach * c);
+        let ways = [
+            ([(x - along) / c, (y + behind) / c], c),
+            ([-along / a, behind / a], -alpha * a),
+            ([(self.side - along) / b, behind / b], -beta * b),
+        ];
+        Slope { ends: [alpha, beta], birth: 1.0 - alpha - beta, ways }
+    }
+
+    /// Arrival straight from one end.
+    #[inline(always)]
+    pub(super) fn along(&self, end: usize) -> f64 {
+        self.ends[end] + self.from_ends[end]
+    }
+}
