@@ -1,7 +1,7 @@
 //! What a measurement depends on, from the tree.
 
 use crate::names::mentions;
-use crate::syntax::{Eikonal, Expr, Ident, Item, Model, Observe};
+use crate::syntax::{Expr, Ident, Item, Let, Model, Observe};
 
 impl Model {
     /// The first field or `let` that the likelihood of `observe` mentions; `None` if it mentions
@@ -39,7 +39,7 @@ impl Model {
 
     /// The fields that arrivals over the whole surface depend on, each once.
     pub fn fields_everywhere(&self) -> Vec<&Ident> {
-        let first = self.eikonals().flat_map(Eikonal::operands).flat_map(|e| self.values_in(e));
+        let first = self.arrivals().flat_map(Let::exprs).flat_map(|e| self.values_in(e));
         let mut found = self.and_behind(first.collect());
         found.retain(|name| matches!(self.value(name), Some(Item::Field(_))));
         found

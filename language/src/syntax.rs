@@ -310,10 +310,10 @@ impl Let {
 }
 
 impl Model {
-    /// The arrivals that are computed over the whole surface.
-    pub fn eikonals(&self) -> impl Iterator<Item = &Eikonal> {
+    /// The `let`s that are arrivals over the whole surface.
+    pub fn arrivals(&self) -> impl Iterator<Item = &Let> {
         self.statements.iter().filter_map(|statement| match &statement.item {
-            Item::Let(Let { value: Value::Eikonal(eikonal), .. }) => Some(eikonal),
+            Item::Let(own @ Let { value: Value::Eikonal(_), .. }) => Some(own),
             _ => None,
         })
     }

@@ -174,6 +174,9 @@ fn needs_a_column(error: ModelError) -> ExperimentError {
         ModelError::Data(DataError::NoColumn { column, .. }) => {
             ExperimentError::NotSynthetic { why: format!("the model reads the column `{column}`") }
         }
+        ModelError::NoSource { name, .. } => ExperimentError::NotSynthetic {
+            why: format!("`{name}` depends on where activation starts"),
+        },
         other => other.into(),
     }
 }

@@ -19,6 +19,14 @@ pub enum CriticismError {
         /// The statement.
         observe: String,
     },
+    /// Arrival times over the whole surface, in which measurements are not linear.
+    #[error(
+        "let {name}: what is missing from a model of `eikonal` cannot be searched for: the search needs measurements that are linear in the fields\nhelp: search with `models/lat.rs`, whose activation runs along straight paths, and compare the models with `eplat compare`"
+    )]
+    Arrivals {
+        /// The `let`.
+        name: String,
+    },
     /// No mode.
     #[error(
         "the base model has no Laplace fit: its log density has no maximum near its start\nhelp: check it with `eplat run --optimize` first"

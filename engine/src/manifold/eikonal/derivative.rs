@@ -40,8 +40,12 @@ impl Linear<'_> {
             Way::Never => nothing,
             Way::Source(number) => Link { onset: (number, 1.0), ..nothing },
             Way::Ray(index) => self.ray(index, visit),
-            Way::Along { triangle, to, end } => self.along(triangle, to as usize, end as usize, visit),
-            Way::Across { triangle, to, is_round } => self.across(triangle, to as usize, is_round, visit),
+            Way::Along { triangle, to, end } => {
+                self.along(triangle, to as usize, end as usize, visit)
+            }
+            Way::Across { triangle, to, is_round } => {
+                self.across(triangle, to as usize, is_round, visit)
+            }
         }
     }
 
@@ -62,7 +66,13 @@ impl Linear<'_> {
         Link { parents: [(triangle.corners[from], 1.0), (NONE, 0.0)], onset: (NONE, 0.0) }
     }
 
-    fn across(&self, index: u32, to: usize, is_round: bool, mut visit: impl FnMut(OfMedium)) -> Link {
+    fn across(
+        &self,
+        index: u32,
+        to: usize,
+        is_round: bool,
+        mut visit: impl FnMut(OfMedium),
+    ) -> Link {
         let triangle = &self.geometry.triangles[index as usize];
         let tissue = &self.front.tissue[index as usize];
         let ends = [(to + 1) % 3, (to + 2) % 3];
@@ -115,7 +125,9 @@ pub(super) fn backward(geometry: &Geometry, front: &Front, bar: &[f64], into: &m
             if x == 0.0 {
                 continue;
             }
-            let link = linear.link(v, |(t, of)| add(geometry.triangles[t as usize].corners, of.map(|g| x * g / 3.0), into));
+            let link = linear.link(v, |(t, of)| {
+                add(geometry.triangles[t as usize].corners, of.map(|g| x * g / 3.0), into)
+            });
             if link.onset.0 != NONE {
                 into.onsets[link.onset.0 as usize] += x * link.onset.1;
             }

@@ -32,9 +32,7 @@ impl Front {
         let corner = |triangle: u32, k: usize| geometry.triangles[triangle as usize].corners[k % 3];
         self.order.find(geometry.n_vertices(), |v| match ways[v as usize] {
             Way::Along { triangle, to, end } => [corner(triangle, (to + 1 + end) as usize), NONE],
-            Way::Across { triangle, to, .. } => {
-                [1, 2].map(|k| corner(triangle, to as usize + k))
-            }
+            Way::Across { triangle, to, .. } => [1, 2].map(|k| corner(triangle, to as usize + k)),
             _ => [NONE; 2],
         });
     }

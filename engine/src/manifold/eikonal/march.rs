@@ -126,7 +126,8 @@ impl<'a> March<'a> {
         let (front, v) = (&mut *self.front, vertex as usize);
         let before = (front.arrival[v], front.origins[v]);
         // those reached from here may now be reached later
-        if candidate.arrival > before.0 || before.0 < f64::INFINITY && candidate.origin != before.1 {
+        if candidate.arrival > before.0 || before.0 < f64::INFINITY && candidate.origin != before.1
+        {
             front.has_changed[v] = true;
         }
         front.arrival[v] = candidate.arrival;
@@ -146,8 +147,7 @@ impl<'a> March<'a> {
             let i = corner as usize;
             for (to, end) in [((i + 1) % 3, 1), ((i + 2) % 3, 0)] {
                 let (vertex, other) = (corners[to], corners[3 - i - to]);
-                let [here, there, now] =
-                    [v, other, vertex].map(|u| self.front.arrival[u as usize]);
+                let [here, there, now] = [v, other, vertex].map(|u| self.front.arrival[u as usize]);
                 if has_changed && self.is_free && self.is_from(vertex, v) {
                     self.reconsider(vertex);
                 } else if now > here.min(there) {

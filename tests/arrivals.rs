@@ -1,0 +1,170 @@
+//! Arrival times in models: gradients against differences, effects, maps, predictions and what is refused.
+
+#![allow(clippy::unwrap_used, reason = "tests")]
+
+mod support;
+
+use eplat::infer::LogDensity as _;
+use eplat::manifold::{Basis, eigenpairs};
+use eplat::mesh::{Data, Surface};
+use eplat::model::{Declare, Model, Sampler};
+use eplat::table::Measurements;
+use rand::RngExt as _;
+use support::{rng, table};
+
+mod models {
+    use eplat::prelude::*;
+
+    model! {
+        /// Everything that an arrival can depend on.
+        model Tissue;
+        field velocity(x) [m/s] within 0.1..1.5 = m + alpha * gp(Matern52(rho), K = 9) where {
+            m [m/s] ~ Normal(0.8, 0.3);
+            alpha [m/s] ~ HalfNormal(0.3);
+            rho [mm] ~ InvGamma(3.0, 60.0);
+        }
+        field angle(x) [rad] = m + gp(Rbf(30.0), K = 5) where { m [rad] ~ Normal(0.0, 0.5); }
+        field ln_ratio(x) = 0.5 + 0.2 * gp(Rbf(40.0), K = 4);
+        param faster ~ Normal(0.0, 0.2);
+        param onset(source) [ms] ~ Normal(0.0, 20.0);
+        param noise [ms] ~ HalfNormal(5.0);
+        let slowness(x) [ms/mm] = 1.0 / velocity(x);
+        let arrival(row) [ms] = eikonal(slowness(row), exp(ln_ratio(row) + faster), angle(row); row.source);
+        effect late on arrival [ms] = linear(row.deep) ~ Normal(0.0, 5.0);
+        observe lat(row): Number [ms] ~ Normal(onset(row) + arrival(row), noise);
+        observe bound(row): Bracket [ms] ~ Interval(arrival(row), noise);
+    }
+
+    pub(super) mod plain {
+        use eplat::prelude::*;
+        model! {
+            model Plain;
+            field slowness(x) [ms/mm] within 0.5..4.0 = m + 0.3 * gp(Rbf(30.0), K = 6) where {
+                m [ms/mm] ~ Normal(1.3, 0.3);
+            }
+            param ratio ~ LogNormal(0.5, 0.2);
+            let arrival(row) [ms] = eikonal(slowness(row), ratio; row.source);
+            observe lat(row): Number [ms] ~ Normal(arrival(row), 2.0);
+        }
+    }
+}
+
+/// A coarse atrium with its modes.
+fn atrium() -> (Surface, Basis) {
+    let surface = Surface::left_atrium(3.0);
+    let basis = eigenpairs(&surface.mesh, 12).unwrap();
+    (surface, basis)
+}
+
+/// Rows at every 13th vertex from three sources.
+fn rows(surface: &Surface, basis: &Basis) -> Measurements {
+    let n = surface.mesh.n_vertices();
+    let lines: Vec<String> = (0..n / 13)
+        .map(|i| {
+            let (protocol, source) = (["lat", "bound"][i % 4 / 3], [5, n / 2, n - 9][i % 3]);
+            let value = 20 + i % 90;
+            format!("{protocol},{},{source},{value},{value},{},{}", 13 * i, value + 10, i % 5)
+        })
+        .collect();
+    let mut rows = table("protocol,vertex,source,value,lower,upper,deep", &lines);
+    rows.place_on(surface, 1.0).unwrap();
+    rows.probe(surface, basis).unwrap();
+    rows
+}
+
+/// The largest error of the gradient against central differences, relative to 1 + |derivative|, at `point`s
+/// around the start.
+fn gradient_error(model: &Model, point: u64) -> f64 {
+    let mut rng = rng(point);
+    let mut u = model.initial();
+    u.iter_mut().for_each(|x| *x += rng.random_range(-0.4..0.4));
+    let mut evaluator = model.evaluator();
+    let mut gradient = vec![0.0; u.len()];
+    assert!(evaluator.ln_density(&u, &mut gradient).is_finite());
+    let mut f = |i: usize, h: f64| {
+        let mut x = u.clone();
+        x[i] += h;
+        evaluator.ln_density(&x, &mut vec![0.0; x.len()])
+    };
+    let mut error: f64 = 0.0;
+    for (i, slope) in gradient.iter().enumerate() {
+        let central =
+            |f: &mut dyn FnMut(usize, f64) -> f64, h: f64| (f(i, h) - f(i, -h)) / (2.0 * h);
+        let difference = (4.0 * central(&mut f, 5e-6) - central(&mut f, 1e-5)) / 3.0;
+        error = error.max((difference - slope).abs() / (1.0 + slope.abs()));
+    }
+    error
+}
+
+#[test]
+fn gradients_are_those_of_differences() {
+    let (surface, basis) = atrium();
+    let model = Model::new(&models::Tissue, Some(&basis), &rows(&surface, &basis)).unwrap();
+    for point in 0..3 {
+        let error = gradient_error(&model, point);
+        assert!(error < 1e-5, "point {point}: {error}");
+    }
+    // fields at every place are no longer a few numbers at the rows
+    assert!(!Sampler::Blocked.takes(&model) && !Sampler::Integrated.takes(&model));
+    assert_eq!(Sampler::of(&model), Sampler::Nuts);
+}
+
+/// Where nothing differs from place to place, an arrival is the slowness times the way.
+#[test]
+fn arrivals_are_slowness_times_distance_and_add_effects() {
+    let (surface, basis) = atrium();
+    let data = rows(&surface, &basis);
+    let arrivals = |change: &dyn Fn(&str) -> Option<f64>| -> Vec<f64> {
+        let model = Model::new(&models::Tissue, Some(&basis), &data).unwrap();
+        let names = model.unknown_names();
+        let mut u = vec![0.0; model.dim()];
+        for (u, name) in u.iter_mut().zip(&names) {
+            *u = change(name).unwrap_or(0.0);
+        }
+        let mut t = model.tape();
+        model.forward(&mut t, &u);
+        let mut out = vec![];
+        model.let_values(&t, &mut out);
+        let n = model.lets.iter().map(|l| (l.name, l.len));
+        let at: Vec<_> = n.collect();
+        assert_eq!(at.last().unwrap().0, "arrival");
+        out[out.len() - at.last().unwrap().1..].to_vec()
+    };
+    // the middle of the range, and isotropic: ln ratio = 0.5 + faster
+    let base = |name: &str| (name == "faster").then_some(-0.5);
+    let slow = arrivals(&base);
+    let paths: Vec<f64> =
+        (0..data.len()).map(|row| data.number(row, "path_mm", "").unwrap()).collect();
+    let shares: Vec<f64> =
+        slow.iter().zip(&paths).filter(|(_, mm)| **mm > 20.0).map(|(t, mm)| t * 0.8 / mm).collect();
+    let mean = shares.iter().sum::<f64>() / shares.len() as f64;
+    assert!((mean - 1.0).abs() < 0.03 && shares.len() > 50, "{mean} of {}", shares.len());
+    let late = arrivals(&|name| if name == "late" { Some(2.0) } else { base(name) });
+    for (row, (late, slow)) in late.iter().zip(&slow).enumerate() {
+        let deep = data.number(row, "deep", "").unwrap();
+        assert!((late - slow - 2.0 * deep).abs() < 1e-9, "row {row}: {late} {slow}");
+    }
+}
+
+#[test]
+fn what_cannot_be_laid_out_is_refused() {
+    let (mut surface, basis) = atrium();
+    let said = |surface: &Surface, columns: &str, line: &str| {
+        let mut data = table(columns, &[line.to_owned()]);
+        data.place_on(surface, 1.0).unwrap();
+        data.probe(surface, &basis).unwrap();
+        Model::new(&models::plain::Plain, Some(&basis), &data).map(drop).map_err(|e| e.to_string())
+    };
+    let no_source = said(&surface, "protocol,vertex,value", "lat,3,20").unwrap_err();
+    assert!(
+        no_source.starts_with("let arrival: test has no column `source`\nhelp: "),
+        "{no_source}"
+    );
+    let with_source = ("protocol,vertex,value,source", "lat,3,20,77");
+    let no_fibres = said(&surface, with_source.0, with_source.1).unwrap_err();
+    assert!(no_fibres.contains("the mesh has no fibres"), "{no_fibres}");
+    let n = surface.mesh.n_vertices();
+    let along_x = [1.0, 0.2, 0.1].repeat(n);
+    surface.point_data = Data::from([("fibre".to_owned(), eplat::mesh::Array::new(3, along_x))]);
+    said(&surface, with_source.0, with_source.1).unwrap();
+}
