@@ -14,9 +14,9 @@ use super::metric::{Timed, measure};
 use super::step::Step;
 
 /// A vertex that is reached earlier by less than this part of its arrival is not taken up again.
-const LEAST: f64 = 4e-15;
+const LEAST: f64 = 1e-13;
 /// After so many turns per vertex, fronts keep the birthplaces they have: then arrivals only fall, and end.
-const TURNS: usize = 40;
+const TURNS: usize = 20;
 
 /// How a vertex is reached.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]

@@ -11,6 +11,8 @@ use super::metric::Tissue;
 const RADIUS: f64 = 3.5;
 /// No line crosses more triangles: on thin ones it would take long, and gain nothing.
 const MOST_CROSSED: usize = 24;
+/// Parts of a line that are shorter than this part of it are left out.
+const LEAST: f64 = 1e-12;
 
 /// Straight lines from all sources.
 #[derive(Clone, Debug, Default)]
@@ -159,6 +161,9 @@ impl Rays {
                 let [right, left] = next.side;
                 cross(right, left) / cross(place, minus(left, right))
             });
+            if until - from < LEAST {
+                continue; // through a corner
+            }
             let [x, y] = link.in_plane.map(|axis| (until - from) * dot(axis, place));
             let step = [0, 1].map(|i| x * link.own[0][i] + y * link.own[1][i]);
             self.pieces.push(Piece { triangle: link.triangle, step });
