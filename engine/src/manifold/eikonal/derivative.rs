@@ -38,15 +38,18 @@ impl Linear<'_> {
         let nothing = Link { parents: [none; 2], onset: none };
         match self.front.ways[v as usize] {
             Way::Never => nothing,
-            Way::Source(number) => Link { onset: (number, 1.0), ..nothing },
             Way::Ray(index) => self.ray(index, visit),
-            Way::Along { triangle, to, end } => self.along(triangle, to as usize, end as usize, visit),
-            Way::Across { triangle, to, is_round } => self.across(triangle, to as usize, is_round, visit),
+            Way::Along { triangle, to, end } => {
+                self.along(triangle, to as usize, end as usize, visit)
+            }
+            Way::Across { triangle, to, is_round } => {
+                self.across(triangle, to as usize, is_round, visit)
+            }
         }
     }
 
     fn ray(&self, index: u32, mut visit: impl FnMut(OfMedium)) -> Link {
-        let ray = &self.front.rays.rays[index as usize];
+        let ray = self.front.rays.ray(index);
         for piece in self.front.rays.pieces(ray) {
             let tissue = &self.front.tissue[piece.triangle as usize];
             visit((piece.triangle, weighted(tissue, tissue.timed(piece.step))));
@@ -62,7 +65,13 @@ impl Linear<'_> {
         Link { parents: [(triangle.corners[from], 1.0), (NONE, 0.0)], onset: (NONE, 0.0) }
     }
 
-    fn across(&self, index: u32, to: usize, is_round: bool, mut visit: impl FnMut(OfMedium)) -> Link {
+    fn across(
+        &self,
+        index: u32,
+        to: usize,
+        is_round: bool,
+        mut visit: impl FnMut(OfMedium),
+    ) -> Link {
         let triangle = &self.geometry.triangles[index as usize];
         let tissue = &self.front.tissue[index as usize];
         let ends = [(to + 1) % 3, (to + 2) % 3];
@@ -115,7 +124,9 @@ pub(super) fn backward(geometry: &Geometry, front: &Front, bar: &[f64], into: &m
             if x == 0.0 {
                 continue;
             }
-            let link = linear.link(v, |(t, of)| add(geometry.triangles[t as usize].corners, of.map(|g| x * g / 3.0), into));
+            let link = linear.link(v, |(t, of)| {
+                add(geometry.triangles[t as usize].corners, of.map(|g| x * g / 3.0), into)
+            });
             if link.onset.0 != NONE {
                 into.onsets[link.onset.0 as usize] += x * link.onset.1;
             }

@@ -39,10 +39,7 @@ impl Geometry {
     ///
     /// # Errors
     /// [`ManifoldError::FibreCount`] and [`ManifoldError::NoFibre`].
-    pub(super) fn new(
-        mesh: &TriMesh,
-        fibres: Option<&[[f64; 3]]>,
-    ) -> Result<Self, ManifoldError> {
+    pub(super) fn new(mesh: &TriMesh, fibres: Option<&[[f64; 3]]>) -> Result<Self, ManifoldError> {
         if let Some(fibres) = fibres.filter(|fibres| fibres.len() != mesh.n_triangles()) {
             return Err(ManifoldError::FibreCount {
                 n_triangles: mesh.n_triangles(),

@@ -89,7 +89,7 @@ impl Order {
             if end - start > 1 {
                 self.groups.push([start, end]);
             }
-        } 
+        }
         if let Some(&(child, _)) = self.path.last() {
             self.low[child as usize] = self.low[child as usize].min(low);
         }
