@@ -38,7 +38,6 @@ impl Linear<'_> {
         let nothing = Link { parents: [none; 2], onset: none };
         match self.front.ways[v as usize] {
             Way::Never => nothing,
-            Way::Source(number) => Link { onset: (number, 1.0), ..nothing },
             Way::Ray(index) => self.ray(index, visit),
             Way::Along { triangle, to, end } => {
                 self.along(triangle, to as usize, end as usize, visit)
@@ -50,7 +49,7 @@ impl Linear<'_> {
     }
 
     fn ray(&self, index: u32, mut visit: impl FnMut(OfMedium)) -> Link {
-        let ray = &self.front.rays.rays[index as usize];
+        let ray = self.front.rays.ray(index);
         for piece in self.front.rays.pieces(ray) {
             let tissue = &self.front.tissue[piece.triangle as usize];
             visit((piece.triangle, weighted(tissue, tissue.timed(piece.step))));

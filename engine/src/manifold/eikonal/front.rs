@@ -1,9 +1,10 @@
 //! What a front leaves: arrivals, and how each came about.
 
 use super::geometry::{Geometry, NONE};
-use super::march::{Heap, Way};
+use super::march::Way;
 use super::metric::{Timed, Tissue};
 use super::order::Order;
+use super::queue::Queue;
 use super::rays::Rays;
 
 /// Arrival times, and how each came about; memory is reused between calls.
@@ -12,16 +13,18 @@ pub struct Front {
     /// First arrival of activation at each vertex, ms (n_vertices); infinite where no source leads.
     pub arrival: Vec<f64>,
     pub(super) ways: Vec<Way>,
-    /// The source that the front was born at; [`NONE`] where it is plane, or of several.
+    /// The source that the front was born at; [`NONE`] if it is one of neighbours.
     pub(super) origins: Vec<u32>,
     /// Whether those reached from a vertex may now be reached later.
     pub(super) has_changed: Vec<bool>,
+    /// The number of each source, or [`NONE`] if it has neighbours.
+    pub(super) own: Vec<u32>,
     /// Onset of each source, ms.
     pub(super) births: Vec<f64>,
     pub(super) tissue: Vec<Tissue>,
     pub(super) timed: Vec<Timed>,
     pub(super) rays: Rays,
-    pub(super) heap: Heap,
+    pub(super) queue: Queue,
     pub(super) order: Order,
 }
 

@@ -5,18 +5,17 @@
 //! that no single order of the vertices will do; vertices are taken up again until nothing changes by more than
 //! [`LEAST`].
 
-use std::cmp::Reverse;
-use std::collections::BinaryHeap;
-
+use super::Medium;
 use super::front::Front;
 use super::geometry::{Geometry, NONE};
-use super::metric::{Timed, measure};
+use super::metric::measure;
 use super::step::Step;
 
 /// A vertex that is reached earlier by less than this part of its arrival is not taken up again.
-const LEAST: f64 = 4e-15;
-/// After so many turns per vertex, fronts keep the birthplaces they have: then arrivals only fall, and end.
-const TURNS: usize = 40;
+const LEAST: f64 = 1e-13;
+/// Most turns per vertex with round fronts.  On triangles with angles of 170° in the timed plane two ends may each
+/// pull the other on for ever; then all fronts are taken to be plane, which settles on any triangles.
+const TURNS: usize = 12;
 
 /// How a vertex is reached.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -24,9 +23,7 @@ pub(super) enum Way {
     /// It is not.
     #[default]
     Never,
-    /// It is this source.
-    Source(u32),
-    /// Along this straight line from a source.
+    /// Along this straight line from a source, or it is the source.
     Ray(u32),
     /// Along a side of `triangle`, to its corner `to` from the end number `end` of the side opposite that.
     Along { triangle: u32, to: u8, end: u8 },
@@ -39,30 +36,53 @@ pub(super) enum Way {
 struct Candidate {
     arrival: f64,
     way: Way,
-    /// The source that the front was born at; [`NONE`] where it is plane, or of several.
+    /// The source that the front was born at; [`NONE`] for one of neighbours, whose front is plane.
     origin: u32,
 }
 
-/// What has yet to be taken up: (order of the arrival, vertex), earliest first.
-pub(super) type Heap = BinaryHeap<Reverse<(u64, u32)>>;
-
+/// Arrivals on their way.
 pub(super) struct March<'a> {
     geometry: &'a Geometry,
-    sources: &'a [(u32, f64)],
     front: &'a mut Front,
-    /// Whether births may still change.
-    is_free: bool,
 }
 
 impl<'a> March<'a> {
     pub(super) fn new(
         geometry: &'a Geometry,
-        medium: &super::Medium<'_>,
-        sources: &'a [(u32, f64)],
+        medium: &Medium<'_>,
+        sources: &[(u32, f64)],
         front: &'a mut Front,
     ) -> Self {
-        let n = geometry.n_vertices();
         measure(geometry, medium, &mut front.tissue, &mut front.timed);
+        front.births.clear();
+        front.births.extend(sources.iter().map(|&(_, onset)| onset));
+        lone(geometry, sources, &mut front.own);
+        front.rays.clear(geometry.n_vertices());
+        for (number, &(vertex, _)) in (0..).zip(sources) {
+            front.rays.trace(geometry, vertex, number);
+        }
+        Self { geometry, front }
+    }
+
+    /// For tests: when a vertex would be reached from the arrivals of `front`.
+    #[cfg(test)]
+    pub(super) fn again(geometry: &'a Geometry, front: &'a mut Front, vertex: u32) -> f64 {
+        Self { geometry, front }.earliest(vertex).arrival
+    }
+
+    /// From the sources to the last vertex.
+    pub(super) fn run(mut self) {
+        self.begin();
+        if !self.settle(TURNS * self.geometry.n_vertices()) {
+            self.front.own.fill(NONE);
+            self.begin();
+            self.settle(usize::MAX);
+        }
+    }
+
+    /// What is reached straight from the sources, and nothing else.
+    fn begin(&mut self) {
+        let (n, front) = (self.geometry.n_vertices(), &mut *self.front);
         front.arrival.clear();
         front.arrival.resize(n, f64::INFINITY);
         front.ways.clear();
@@ -71,46 +91,28 @@ impl<'a> March<'a> {
         front.origins.resize(n, NONE);
         front.has_changed.clear();
         front.has_changed.resize(n, false);
-        front.births.clear();
-        front.births.extend(sources.iter().map(|&(_, onset)| onset));
-        front.heap.clear();
-        Self { geometry, sources, front, is_free: true }
+        front.queue.clear(n);
+        for index in 0..self.front.rays.len() {
+            let candidate = self.straight(index);
+            self.offer(self.front.rays.ray(index).to, candidate);
+        }
     }
 
-    /// From the sources to the last vertex.
-    pub(super) fn run(mut self) {
-        self.begin();
-        let mut turns = TURNS * self.geometry.n_vertices();
-        while let Some(Reverse((order, v))) = self.front.heap.pop() {
-            if order != order_of(self.front.arrival[v as usize]) {
-                continue;
-            }
-            turns = turns.saturating_sub(1);
-            self.is_free = turns > 0;
+    /// Takes up vertices until none is left; whether `turns` were enough.
+    fn settle(&mut self, turns: usize) -> bool {
+        for _ in 0..turns {
+            let Some(v) = self.front.queue.pop() else { return true };
             self.spread(v);
         }
+        false
     }
 
-    /// Sources, and what is reached straight from them.
-    fn begin(&mut self) {
-        self.front.rays.clear();
-        for (number, &(vertex, onset)) in (0..).zip(self.sources) {
-            let way = Way::Source(number);
-            self.offer(vertex, Candidate { arrival: onset, way, origin: number });
-            self.front.rays.trace(self.geometry, vertex, number);
-        }
-        for index in 0..self.front.rays.rays.len() {
-            let to = self.front.rays.rays[index].to;
-            let candidate = self.straight(index);
-            self.offer(to, candidate);
-        }
-    }
-
-    fn straight(&self, index: usize) -> Candidate {
-        let ray = &self.front.rays.rays[index];
+    fn straight(&self, index: u32) -> Candidate {
+        let ray = self.front.rays.ray(index);
         let time = self.front.rays.time(ray, &self.front.tissue);
-        let arrival = self.sources[ray.source as usize].1 + time;
-        Candidate { arrival, way: Way::Ray(index as u32), origin: ray.source }
+        let arrival = self.front.births[ray.source as usize] + time;
+        let origin = self.front.own[ray.source as usize];
+        Candidate { arrival, way: Way::Ray(index), origin }
     }
 
     /// Takes a candidate if it is earlier.
@@ -132,10 +134,8 @@ impl<'a> March<'a> {
         }
         front.arrival[v] = candidate.arrival;
         front.ways[v] = candidate.way;
-        if self.is_free {
-            front.origins[v] = candidate.origin;
-        }
-        front.heap.push(Reverse((order_of(candidate.arrival), vertex)));
+        front.origins[v] = candidate.origin;
+        front.queue.put(vertex, candidate.arrival);
     }
 
     /// Offers the neighbours of a vertex what leads there from it.
@@ -143,12 +143,12 @@ impl<'a> March<'a> {
         let geometry = self.geometry;
         let has_changed = std::mem::take(&mut self.front.has_changed[v as usize]);
         for &(index, corner) in geometry.fan(v) {
-            let corners = &geometry.triangles[index as usize].corners;
+            let corners = self.front.timed[index as usize].corners;
             let i = corner as usize;
             for (to, end) in [((i + 1) % 3, 1), ((i + 2) % 3, 0)] {
                 let (vertex, other) = (corners[to], corners[3 - i - to]);
                 let [here, there, now] = [v, other, vertex].map(|u| self.front.arrival[u as usize]);
-                if has_changed && self.is_free && self.is_from(vertex, v) {
+                if has_changed && self.is_from(vertex, v) {
                     self.reconsider(vertex);
                 } else if now > here.min(there) {
                     let candidate = self.through(index, to, [end, end]);
@@ -177,20 +177,19 @@ impl<'a> March<'a> {
     #[inline]
     fn through(&self, index: u32, to: usize, ends: [usize; 2]) -> Candidate {
         let front = &*self.front;
-        let corners = &self.geometry.triangles[index as usize].corners;
-        let sides = [corners[(to + 1) % 3], corners[(to + 2) % 3]].map(|v| v as usize);
+        let timed = &front.timed[index as usize];
+        let sides = [1, 2].map(|k| timed.corners[(to + k) % 3] as usize);
         let arrivals = sides.map(|v| front.arrival[v]);
         let origins = sides.map(|v| front.origins[v]);
-        let timed: &Timed = &front.timed[index as usize];
         let step = Step::new(timed, to, arrivals);
         let to = to as u8;
         if arrivals[0] < f64::INFINITY && arrivals[1] < f64::INFINITY {
-            let origin = if origins[0] == origins[1] { origins[0] } else { NONE };
-            let birth = front.births.get(origin as usize).filter(|birth| step.is_round(**birth));
-            let arrival = birth.map_or_else(|| step.plane(), |birth| step.round(*birth));
-            if let Some(arrival) = arrival {
-                let way = Way::Across { triangle: index, to, is_round: birth.is_some() };
-                return Candidate { arrival, way, origin };
+            let is_one = origins[0] == origins[1];
+            let birth = front.births.get(origins[0] as usize).filter(|_| is_one).copied();
+            if let Some((arrival, is_round)) = step.across(birth) {
+                let way = Way::Across { triangle: index, to, is_round };
+                let nearer = usize::from(step.along(1) < step.along(0));
+                return Candidate { arrival, way, origin: origins[nearer] };
             }
         }
         let [one, two] = ends.map(|end| (step.along(end), end));
@@ -199,27 +198,28 @@ impl<'a> March<'a> {
         Candidate { arrival, way, origin: origins[end] }
     }
 
-    /// Finds the earliest way to a vertex anew, though it be later than the one it has.
-    fn reconsider(&mut self, vertex: u32) {
+    /// The earliest of all ways to a vertex.
+    fn earliest(&self, vertex: u32) -> Candidate {
         let mut best = Candidate { arrival: f64::INFINITY, way: Way::Never, origin: NONE };
         let mut consider = |candidate: Candidate| {
             if candidate.arrival < best.arrival {
                 best = candidate;
             }
         };
-        for (number, &(source, onset)) in (0..).zip(self.sources) {
-            if source == vertex {
-                consider(Candidate { arrival: onset, way: Way::Source(number), origin: number });
-            }
-        }
-        for index in 0..self.front.rays.rays.len() {
-            if self.front.rays.rays[index].to == vertex {
-                consider(self.straight(index));
-            }
+        let mut next = self.front.rays.first_to(vertex);
+        while let Some(index) = next {
+            consider(self.straight(index));
+            next = self.front.rays.next_to(index);
         }
         for &(index, corner) in self.geometry.fan(vertex) {
             consider(self.through(index, corner as usize, [0, 1]));
         }
+        best
+    }
+
+    /// Takes the earliest way to a vertex, though it be later than the one it has.
+    fn reconsider(&mut self, vertex: u32) {
+        let best = self.earliest(vertex);
         let v = vertex as usize;
         let now = self.front.arrival[v];
         let is_same = best.way == self.front.ways[v] && best.origin == self.front.origins[v];
@@ -229,8 +229,18 @@ impl<'a> March<'a> {
     }
 }
 
-/// Integers in the order of the numbers.
-fn order_of(arrival: f64) -> u64 {
-    let bits = arrival.to_bits();
-    if bits >> 63 == 0 { bits | 1 << 63 } else { !bits }
+/// For every source its number, or [`NONE`] if a neighbour of its vertex is a source, too: together they are
+/// a line or a region.
+fn lone(geometry: &Geometry, sources: &[(u32, f64)], own: &mut Vec<u32>) {
+    let mut vertices: Vec<u32> = sources.iter().map(|&(vertex, _)| vertex).collect();
+    vertices.sort_unstable();
+    let is_lone = |vertex: u32| {
+        geometry.fan(vertex).iter().all(|&(t, _)| {
+            let corners = geometry.triangles[t as usize].corners;
+            corners.iter().all(|v| *v == vertex || vertices.binary_search(v).is_err())
+        })
+    };
+    own.clear();
+    let numbered = (0..).zip(sources);
+    own.extend(numbered.map(|(k, &(vertex, _))| if is_lone(vertex) { k } else { NONE }));
 }

@@ -23,6 +23,7 @@ pub(super) struct Tissue {
 /// Lengths of a triangle in the timed plane.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Timed {
+    pub(super) corners: [u32; 3],
     /// The side opposite each corner, ms.
     pub(super) sides: [f64; 3],
     /// Twice the area, ms².
@@ -71,7 +72,7 @@ impl Timed {
             (x * x + y * y).sqrt()
         };
         let area = tissue.slowness * tissue.slowness * tissue.ratio * triangle.area;
-        Self { sides: [length(q, r), length(r, p), length(p, q)], area }
+        Self { corners: triangle.corners, sides: [length(q, r), length(r, p), length(p, q)], area }
     }
 }
 

@@ -10,13 +10,18 @@
 //!
 //! Knows nothing of electrophysiology: what is slow, and where fibres run, is given.
 
+#[cfg(test)]
+mod accuracy_tests;
 mod derivative;
+#[cfg(test)]
+mod derivative_tests;
 mod front;
 mod geometry;
 mod march;
 mod metric;
 mod order;
 mod orientation;
+mod queue;
 mod rays;
 mod step;
 #[cfg(test)]

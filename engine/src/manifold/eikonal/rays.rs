@@ -8,15 +8,19 @@ use super::geometry::{Geometry, NONE, Triangle};
 use super::metric::Tissue;
 
 /// Radius in which vertices are reached straight, in mean edges at the source.
-const RADIUS: f64 = 3.5;
+const RADIUS: f64 = 5.0;
 /// No line crosses more triangles: on thin ones it would take long, and gain nothing.
-const MOST_CROSSED: usize = 24;
+const MOST_CROSSED: usize = 30;
+/// Parts of a line that are shorter than this part of it are left out.
+const LEAST: f64 = 1e-12;
 
 /// Straight lines from all sources.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Rays {
-    pub(super) rays: Vec<Ray>,
+    rays: Vec<Ray>,
     pieces: Vec<Piece>,
+    /// The last line to each vertex, or [`NONE`].
+    last: Vec<u32>,
     chain: Vec<Link>,
 }
 
@@ -25,6 +29,9 @@ pub(super) struct Rays {
 pub(super) struct Ray {
     pub(super) source: u32,
     pub(super) to: u32,
+    /// The line to the same vertex before this one, or [`NONE`].
+    before: u32,
+    /// Its parts.
     start: u32,
     end: u32,
 }
@@ -67,9 +74,29 @@ struct Source {
 }
 
 impl Rays {
-    pub(super) fn clear(&mut self) {
+    pub(super) fn clear(&mut self, n_vertices: usize) {
         self.rays.clear();
         self.pieces.clear();
+        self.last.clear();
+        self.last.resize(n_vertices, NONE);
+    }
+
+    pub(super) fn len(&self) -> u32 {
+        self.rays.len() as u32
+    }
+
+    pub(super) fn ray(&self, index: u32) -> &Ray {
+        &self.rays[index as usize]
+    }
+
+    /// A line to `vertex`, if there is one.
+    pub(super) fn first_to(&self, vertex: u32) -> Option<u32> {
+        Some(self.last[vertex as usize]).filter(|&index| index != NONE)
+    }
+
+    /// Another line to the vertex that line `index` leads to.
+    pub(super) fn next_to(&self, index: u32) -> Option<u32> {
+        Some(self.ray(index).before).filter(|&index| index != NONE)
     }
 
     /// The parts of a line.
@@ -83,7 +110,7 @@ impl Rays {
         self.pieces(ray).iter().map(along).sum()
     }
 
-    /// Adds the lines from `vertex`, which is source number `number`.
+    /// Adds the lines from `vertex`, which is source number `number`; the first, to itself, has no parts.
     pub(super) fn trace(&mut self, geometry: &Geometry, vertex: u32, number: u32) {
         let fan = geometry.fan(vertex);
         let edges = fan.iter().flat_map(|&(t, corner)| {
@@ -92,6 +119,8 @@ impl Rays {
         });
         let radius = RADIUS * edges.sum::<f64>() / (2 * fan.len()) as f64;
         let source = Source { number, radius };
+        self.chain.clear();
+        self.add(source, vertex, [0.0; 2]);
         for &(t, corner) in fan {
             let (triangle, i) = (&geometry.triangles[t as usize], corner as usize);
             let place = |k: usize| minus(triangle.points[k], triangle.points[i]);
@@ -159,13 +188,17 @@ impl Rays {
                 let [right, left] = next.side;
                 cross(right, left) / cross(place, minus(left, right))
             });
+            if until - from < LEAST {
+                continue; // through a corner
+            }
             let [x, y] = link.in_plane.map(|axis| (until - from) * dot(axis, place));
             let step = [0, 1].map(|i| x * link.own[0][i] + y * link.own[1][i]);
             self.pieces.push(Piece { triangle: link.triangle, step });
             from = until;
         }
         let end = self.pieces.len() as u32;
-        self.rays.push(Ray { source: source.number, to, start, end });
+        let before = std::mem::replace(&mut self.last[to as usize], self.rays.len() as u32);
+        self.rays.push(Ray { source: source.number, to, before, start, end });
     }
 }
 

@@ -56,9 +56,29 @@ impl Step {
         Self { side, from_ends, x, y: timed.area, ends }
     }
 
-    /// Arrival with a plane front, if the way leads across the inside of the side.
+    /// Arrival across the inside of the side, and whether the front is taken to be round; none where the way
+    /// leads along another side, or round one of the ends.
+    ///
+    /// A round front needs a birthplace.  One that sees the side under more than a right angle makes an arrival
+    /// depend strongly on both ends: then the corner must be the last of the three.
     #[inline(always)]
-    pub(super) fn plane(&self) -> Option<f64> {
+    pub(super) fn across(&self, birth: Option<f64>) -> Option<(f64, bool)> {
+        let [a, b] = self.ends;
+        let Some(birth) = birth.filter(|birth| self.has_birthplace(*birth)) else {
+            return self.plane().map(|arrival| (arrival, false));
+        };
+        let arrival = self.round(birth)?;
+        if arrival < a.max(b) {
+            let [a, b] = [a - birth, b - birth];
+            if a * a + b * b < self.side * self.side {
+                return self.plane().map(|arrival| (arrival, false));
+            }
+        }
+        Some((arrival, true))
+    }
+
+    #[inline(always)]
+    fn plane(&self) -> Option<f64> {
         let Self { side, x, y, .. } = *self;
         let delta = self.ends[1] - self.ends[0];
         let root2 = (side - delta) * (side + delta);
@@ -71,14 +91,11 @@ impl Step {
         is_within.then(|| self.ends[0] + (delta * x + root * y) / (side * side))
     }
 
-    /// Whether a front born at `birth` is so far from home that its birthplace sees the side under less than a
-    /// right angle.
+    /// Whether there is a point from which the ends are as far as their arrivals say.
     #[inline(always)]
-    pub(super) fn is_round(&self, birth: f64) -> bool {
+    fn has_birthplace(&self, birth: f64) -> bool {
         let [a, b] = self.ends.map(|t| t - birth);
-        let delta = self.ends[1] - self.ends[0];
-        let side2 = self.side * self.side;
-        a > 0.0 && b > 0.0 && a * a + b * b > side2 && delta * delta < side2
+        a > 0.0 && b > 0.0 && a + b > self.side && (a - b).abs() < self.side
     }
 
     /// The birthplace seen from the first end: along the side, and behind it.
@@ -89,9 +106,8 @@ impl Step {
         [along, ((a - along) * (a + along)).max(0.0).sqrt()]
     }
 
-    /// Arrival with a round front, if the way leads across the inside of the side.
     #[inline(always)]
-    pub(super) fn round(&self, birth: f64) -> Option<f64> {
+    fn round(&self, birth: f64) -> Option<f64> {
         let [along, behind] = self.birthplace(birth);
         let (x, y) = (self.x / self.side, self.y / self.side);
         // the way crosses the side at along + (x − along) behind / (behind + y)
@@ -100,7 +116,7 @@ impl Step {
         is_within.then(|| birth + ((x - along).powi(2) + (y + behind).powi(2)).sqrt())
     }
 
-    /// Derivatives of [`Step::plane`].
+    /// Derivatives of the arrival with a plane front.
     pub(super) fn plane_slope(&self) -> Slope {
         let Self { side, .. } = *self;
         let (x, y) = (self.x / side, self.y / side);
@@ -113,7 +129,7 @@ impl Step {
         Slope { ends: [1.0 - share, share], birth: 0.0, ways: [(direction, length), none, none] }
     }
 
-    /// Derivatives of [`Step::round`]: with `n_c`, `n_a`, `n_b` the directions from S, `n_c = α n_a + β n_b`,
+    /// Derivatives of the arrival with a round front: with `n_c`, `n_a`, `n_b` the directions from S, `n_c = α n_a + β n_b`,
     ///
     /// ```text
     /// dT_c = α dT_a + β dT_b + (1 − α − β) dbirth + T'_c ½ n_cᵀdM n_c − α T'_a ½ n_aᵀdM n_a − β T'_b ½ n_bᵀdM n_b

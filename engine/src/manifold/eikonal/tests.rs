@@ -1,10 +1,10 @@
-//! Derivatives against differences, and each other; bits; what is refused.
+//! Surfaces and media for the tests, and what every front keeps to.
 
 use super::super::test_meshes::{icosphere, rectangle};
 use super::*;
 
 /// Numbers in (0, 1) without order.
-fn scatter(seed: u64, n: usize) -> Vec<f64> {
+pub(super) fn scatter(seed: u64, n: usize) -> Vec<f64> {
     let mut state = seed.wrapping_mul(0x9E37_79B9_7F4A_7C15) | 1;
     let next = |_| {
         state ^= state << 13;
@@ -15,15 +15,14 @@ fn scatter(seed: u64, n: usize) -> Vec<f64> {
     (0..n + 8).map(next).skip(8).collect()
 }
 
-/// A sheet whose inner vertices are moved by up to the part `by` of an edge, and then all sheared.
-fn crumpled(n: u32, edge: f64, by: f64, shear: f64) -> TriMesh {
+/// A sheet of `n` by `n` squares, halved, with the inner vertices moved by up to the part `by` of an edge, and then
+/// all sheared.
+pub(super) fn crumpled(n: u32, edge: f64, by: f64, shear: f64) -> TriMesh {
     let flat = rectangle(n, n, edge);
     let moves = scatter(7, 2 * flat.n_vertices());
-    let side = f64::from(n) * edge;
+    let inner = |x: f64| x > 1e-9 && x < f64::from(n) * edge - 1e-9;
     let place = |(v, p): (usize, &[f64; 3])| {
-        let inner = |x: f64| x > 1e-9 && x < side - 1e-9;
-        let is_inner = inner(p[0]) && inner(p[1]);
-        let by = if is_inner { by * edge } else { 0.0 };
+        let by = if inner(p[0]) && inner(p[1]) { by * edge } else { 0.0 };
         let [x, y] = [0, 1].map(|k| p[k] + 2.0 * by * (moves[2 * v + k] - 0.5));
         [x + shear * y, y, 0.0]
     };
@@ -31,201 +30,151 @@ fn crumpled(n: u32, edge: f64, by: f64, shear: f64) -> TriMesh {
     TriMesh::new(vertices, flat.triangles().to_vec()).unwrap()
 }
 
-/// Smooth slowness, ratio and angle, and sources, on a mesh.
-struct Case {
-    eikonal: Eikonal,
-    slowness: Vec<f64>,
-    ratio: Vec<f64>,
-    angle: Vec<f64>,
-    sources: Vec<(u32, f64)>,
+/// A medium and sources on a surface.
+pub(super) struct Case {
+    pub(super) eikonal: Eikonal,
+    pub(super) slowness: Vec<f64>,
+    pub(super) ratio: Vec<f64>,
+    pub(super) angle: Vec<f64>,
+    pub(super) sources: Vec<(u32, f64)>,
 }
 
 impl Case {
-    fn new(mesh: &TriMesh, strength: f64, sources: &[(u32, f64)]) -> Self {
-        let wave = |k: f64| {
-            mesh.vertices()
-                .iter()
-                .map(move |p| (k * p[0] + 0.7 * k * p[1] + p[2] * 0.1 + k).sin())
-                .collect::<Vec<_>>()
+    /// Slowness, ratio (about `ratio`) and angle that wave over the surface.
+    pub(super) fn waving(mesh: &TriMesh, ratio: f64, sources: &[(u32, f64)]) -> Self {
+        let wave = |k: f64, size: f64| {
+            let phase = move |p: &[f64; 3]| k * p[0] + 0.7 * k * p[1] + 0.1 * p[2] + k;
+            mesh.vertices().iter().map(move |p| size * phase(p).sin())
         };
-        let slowness = wave(0.31).iter().map(|x| 1.4 * (0.2 * x).exp()).collect();
-        let ratio = wave(0.23).iter().map(|x| strength * (0.2 * x).exp()).collect();
-        let angle = wave(0.17).iter().map(|x| 0.8 * x).collect();
         Self {
             eikonal: Eikonal::new(mesh, None).unwrap(),
-            slowness,
-            ratio,
-            angle,
+            slowness: wave(0.31, 0.2).map(|x| 1.4 * x.exp()).collect(),
+            ratio: wave(0.23, 0.2).map(|x| ratio * x.exp()).collect(),
+            angle: wave(0.17, 0.8).collect(),
             sources: sources.to_vec(),
         }
     }
 
-    fn medium(&self) -> Medium<'_> {
+    /// The same medium everywhere, with fibres at `angle` to the first axis.
+    pub(super) fn constant(mesh: &TriMesh, ratio: f64, angle: f64, sources: &[u32]) -> Self {
+        let n = mesh.n_vertices();
+        let along = vec![[angle.cos(), angle.sin(), 0.0]; mesh.n_triangles()];
+        Self {
+            eikonal: Eikonal::new(mesh, Some(&along)).unwrap(),
+            slowness: vec![1.3; n],
+            ratio: vec![ratio; n],
+            angle: vec![0.0; n],
+            sources: sources.iter().map(|&v| (v, 2.0)).collect(),
+        }
+    }
+
+    pub(super) fn medium(&self) -> Medium<'_> {
         Medium { slowness: &self.slowness, ratio: Some(&self.ratio), angle: Some(&self.angle) }
     }
 
-    fn front(&self) -> Front {
+    pub(super) fn front(&self) -> Front {
         let mut front = Front::default();
         self.eikonal.forward(&self.medium(), &self.sources, &mut front);
         front
     }
-
-    /// Σ weight · arrival with everything moved by `h` along a change.
-    fn moved(&self, change: &Change, h: f64, weights: &[f64]) -> f64 {
-        let add =
-            |x: &[f64], d: &[f64]| x.iter().zip(d).map(|(x, d)| x + h * d).collect::<Vec<_>>();
-        let (s, r, a) = (
-            add(&self.slowness, &change.slowness),
-            add(&self.ratio, &change.ratio),
-            add(&self.angle, &change.angle),
-        );
-        let medium = Medium { slowness: &s, ratio: Some(&r), angle: Some(&a) };
-        let sources: Vec<_> =
-            self.sources.iter().zip(&change.onsets).map(|((v, t), d)| (*v, t + h * d)).collect();
-        let mut front = Front::default();
-        self.eikonal.forward(&medium, &sources, &mut front);
-        front.arrival.iter().zip(weights).map(|(t, w)| t * w).sum()
-    }
 }
 
-struct Change {
-    slowness: Vec<f64>,
-    ratio: Vec<f64>,
-    angle: Vec<f64>,
-    onsets: Vec<f64>,
-}
-
-impl Change {
-    fn new(n: usize, n_sources: usize, which: usize) -> Self {
-        let of = |k: usize, n: usize| {
-            if which == k || which == 4 {
-                scatter(11 + k as u64, n).iter().map(|x| x - 0.3).collect()
-            } else {
-                vec![0.0; n]
-            }
-        };
-        Self { slowness: of(0, n), ratio: of(1, n), angle: of(2, n), onsets: of(3, n_sources) }
-    }
-}
-
-fn compare(name: &str, case: &Case) {
-    let n = case.eikonal.n_vertices();
-    let front = case.front();
-    let groups: Vec<u32> = front.order.groups.iter().map(|g| g[1] - g[0]).collect();
-    println!(
-        "{name}: {n} vertices, {} groups, largest {}",
-        groups.len(),
-        groups.iter().max().unwrap_or(&0)
-    );
-    let weights: Vec<f64> = scatter(3, n).iter().map(|w| w - 0.4).collect();
-    let mut bars = [vec![0.0; n], vec![0.0; n], vec![0.0; n], vec![0.0; case.sources.len()]];
-    let [s, r, a, o] = &mut bars;
-    let mut into = MediumBar { slowness: s, ratio: Some(r), angle: Some(a), onsets: o };
-    case.eikonal.backward(&case.medium(), &front, &weights, &mut into);
-    for which in 0..5 {
-        let change = Change::new(n, case.sources.len(), which);
-        let h = 1e-6;
-        let difference =
-            (case.moved(&change, h, &weights) - case.moved(&change, -h, &weights)) / (2.0 * h);
-        let mut out = vec![0.0; n];
-        let d = Medium {
-            slowness: &change.slowness,
-            ratio: Some(&change.ratio),
-            angle: Some(&change.angle),
-        };
-        case.eikonal.push(&case.medium(), &front, &d, &change.onsets, &mut out);
-        let pushed: f64 = out.iter().zip(&weights).map(|(x, w)| x * w).sum();
-        let dot = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(a, b)| a * b).sum::<f64>();
-        let pulled = dot(&bars[0], &change.slowness)
-            + dot(&bars[1], &change.ratio)
-            + dot(&bars[2], &change.angle)
-            + dot(&bars[3], &change.onsets);
-        println!(
-            "  {which}: {difference:.9} {pushed:.9} {pulled:.9}  rel {:.1e} {:.1e}",
-            pushed / difference - 1.0,
-            pushed / pulled - 1.0
-        );
-    }
+fn bits(values: &[f64]) -> Vec<u64> {
+    values.iter().map(|x| x.to_bits()).collect()
 }
 
 #[test]
-fn gradients() {
-    let n = 24;
-    for (by, shear, strength) in
-        [(0.0, 0.0, 1.0), (0.3, 0.0, 1.0), (0.3, 1.0, 1.0), (0.3, 0.0, 2.5), (0.3, 1.0, 4.0)]
-    {
-        let mesh = crumpled(n, 0.8, by, shear);
-        let case = Case::new(&mesh, strength, &[(3 * 25 + 4, 0.0), (20 * 25 + 19, 1.3), (0, 4.0)]);
-        compare(&format!("{by} {shear} {strength}"), &case);
-    }
-    let mesh = icosphere(4, 20.0);
-    compare("sphere", &Case::new(&mesh, 3.0, &[(5, 0.0), (100, 2.0)]));
-}
-
-/// (largest, rms) error of arrivals against exact ones.
-fn errors(arrival: &[f64], exact: &[f64]) -> [f64; 2] {
-    let largest = arrival.iter().zip(exact).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
-    let sum: f64 = arrival.iter().zip(exact).map(|(a, b)| (a - b).powi(2)).sum();
-    [largest, (sum / exact.len() as f64).sqrt()]
+fn bits_are_the_same_again_and_in_memory_used_before() {
+    let sources = [(104, 0.0), (519, 1.3), (0, 4.0)];
+    let case = Case::waving(&crumpled(24, 0.8, 0.3, 0.5), 3.0, &sources);
+    let first = case.front();
+    let sphere = Case::waving(&icosphere(3, 9.0), 1.0, &[(5, -3.0)]);
+    let mut used = sphere.front();
+    case.eikonal.forward(&case.medium(), &case.sources, &mut used);
+    assert_eq!(bits(&first.arrival), bits(&used.arrival));
+    let adjoint = |front: &Front| {
+        let n = case.eikonal.n_vertices();
+        let (mut slowness, mut onsets) = (vec![0.0; n], [0.0; 3]);
+        let mut into =
+            MediumBar { slowness: &mut slowness, ratio: None, angle: None, onsets: &mut onsets };
+        case.eikonal.backward(&case.medium(), front, &scatter(5, n), &mut into);
+        (bits(&slowness), bits(&onsets))
+    };
+    assert_eq!(adjoint(&first), adjoint(&used));
 }
 
 #[test]
-fn table() {
-    for (by, shear) in [(0.0, 0.0), (0.3, 0.0), (0.3, 1.0), (0.3, 2.0)] {
-        for (ratio, angle) in [
-            (1.0, 0.0_f64),
-            (2.0, 0.0),
-            (2.0, 0.4),
-            (4.0, 0.0),
-            (4.0, 0.4),
-            (4.0, 0.785),
-            (4.0, 1.2),
-        ] {
-            print!("jitter {by} shear {shear} ratio {ratio} angle {angle}: ");
-            for n in [20_u32, 40, 80, 160] {
-                let mesh = crumpled(n, 20.0 / f64::from(n), by, shear);
-                let nv = mesh.n_vertices();
-                let x: Vec<[f64; 3]> = vec![[angle.cos(), angle.sin(), 0.0]; mesh.n_triangles()];
-                let eikonal = Eikonal::new(&mesh, Some(&x)).unwrap();
-                let (s, r) = (vec![1.0; nv], vec![ratio; nv]);
-                let medium = Medium { slowness: &s, ratio: Some(&r), angle: None };
-                let source = (n / 2) * (n + 1) + n / 2;
-                let at = mesh.vertices()[source as usize];
-                let exact: Vec<f64> = mesh
-                    .vertices()
-                    .iter()
-                    .map(|p| {
-                        let d = [p[0] - at[0], p[1] - at[1]];
-                        (angle.cos() * d[0] + angle.sin() * d[1])
-                            .hypot(ratio * (angle.cos() * d[1] - angle.sin() * d[0]))
-                    })
-                    .collect();
-                let mut front = Front::default();
-                eikonal.forward(&medium, &[(source, 0.0)], &mut front);
-                let start = std::time::Instant::now();
-                eikonal.forward(&medium, &[(source, 0.0)], &mut front);
-                let ms = 1e3 * start.elapsed().as_secs_f64();
-                let e = errors(&front.arrival, &exact);
-                print!(" {:.1e} {:.1e} ({} {ms:.1} ms)", e[0], e[1], front.order.groups.len());
-            }
-            println!();
+fn every_vertex_is_reached_when_the_ways_to_it_say() {
+    // the fixed point: no way through any triangle is earlier, and one is as early
+    for (mesh, ratio) in [(crumpled(20, 1.0, 0.3, 0.5), 2.5), (icosphere(3, 15.0), 1.0)] {
+        let case = Case::waving(&mesh, ratio, &[(30, 0.0), (300, 1.0)]);
+        let mut front = case.front();
+        let settled = front.arrival.clone();
+        // once more from the arrivals found
+        for v in 0..mesh.n_vertices() as u32 {
+            let now = settled[v as usize];
+            let best = March::again(&case.eikonal.geometry, &mut front, v);
+            assert!((best - now).abs() <= 1e-12 * now.abs(), "{v}: {now} {best}");
         }
     }
-    for level in 3..7 {
-        let mesh = icosphere(level, 20.0);
-        let eikonal = Eikonal::new(&mesh, None).unwrap();
-        let s = vec![1.0; mesh.n_vertices()];
-        let medium = Medium { slowness: &s, ratio: None, angle: None };
-        let mut front = Front::default();
-        eikonal.forward(&medium, &[(0, 0.0)], &mut front);
-        let o = mesh.vertices()[0];
-        let exact: Vec<f64> = mesh
-            .vertices()
-            .iter()
-            .map(|p| {
-                20.0 * ((p[0] * o[0] + p[1] * o[1] + p[2] * o[2]) / 400.0).clamp(-1.0, 1.0).acos()
-            })
-            .collect();
-        println!("sphere {} {:?}", mesh.n_vertices(), errors(&front.arrival, &exact));
+}
+
+#[test]
+fn the_way_that_triangles_run_round_does_not_matter() {
+    let mesh = icosphere(3, 15.0);
+    let mut turned = mesh.triangles().to_vec();
+    turned.iter_mut().step_by(3).for_each(|t| t.swap(0, 1));
+    turned.iter_mut().for_each(|t| t.rotate_left(1));
+    let turned = TriMesh::new(mesh.vertices().to_vec(), turned).unwrap();
+    let [one, two] = [&mesh, &turned].map(|mesh| Case::waving(mesh, 3.0, &[(7, 0.0)]).front());
+    for (a, b) in one.arrival.iter().zip(&two.arrival) {
+        assert!((a - b).abs() < 1e-9, "{a} {b}");
+    }
+    // about normals that point in, the same angles turn the other way
+    let mut case = Case::waving(&mesh, 3.0, &[(7, 0.0)]);
+    case.angle.iter_mut().for_each(|angle| *angle = -*angle);
+    let gaps = case.front().arrival.into_iter().zip(&one.arrival).map(|(a, b)| (a - b).abs());
+    assert!(gaps.fold(0.0, f64::max) > 1.0);
+}
+
+#[test]
+fn what_no_source_leads_to_is_never_reached_and_has_no_adjoint() {
+    let (one, two) = (icosphere(1, 5.0), icosphere(1, 6.0));
+    let n = one.n_vertices();
+    let vertices = [one.vertices(), two.vertices()].concat();
+    let beside = two.triangles().iter().map(|t| t.map(|v| v + n as u32));
+    let triangles = one.triangles().iter().copied().chain(beside).collect();
+    let mesh = TriMesh::new(vertices, triangles).unwrap();
+    let case = Case::waving(&mesh, 2.0, &[(3, 0.0)]);
+    let front = case.front();
+    assert!(front.arrival[..n].iter().all(|t| t.is_finite()));
+    assert!(front.arrival[n..].iter().all(|t| *t == f64::INFINITY));
+    let (mut slowness, mut onsets) = (vec![0.0; 2 * n], [0.0]);
+    let mut into =
+        MediumBar { slowness: &mut slowness, ratio: None, angle: None, onsets: &mut onsets };
+    case.eikonal.backward(&case.medium(), &front, &vec![1.0; 2 * n], &mut into);
+    assert!(slowness[n..].iter().all(|x| *x == 0.0) && slowness.iter().all(|x| x.is_finite()));
+    let mut empty = Front::default();
+    case.eikonal.forward(&case.medium(), &[], &mut empty);
+    assert!(empty.arrival.iter().all(|t| *t == f64::INFINITY));
+}
+
+#[test]
+fn a_source_that_is_reached_before_its_onset_is_none() {
+    let mesh = crumpled(16, 1.0, 0.2, 0.0);
+    let alone = Case::waving(&mesh, 2.0, &[(40, 0.0)]).front();
+    let late = Case::waving(&mesh, 2.0, &[(40, 0.0), (200, 500.0)]).front();
+    assert_eq!(bits(&alone.arrival), bits(&late.arrival));
+}
+
+#[test]
+fn fibres_that_are_none_are_named() {
+    let mesh = rectangle(1, 1, 1.0);
+    let said = |fibres: &[[f64; 3]]| Eikonal::new(&mesh, Some(fibres)).unwrap_err().to_string();
+    assert!(said(&[[1.0, 0.0, 0.0]]).contains("2 triangles, but there are 1"));
+    for none in [[0.0, 0.0, 1.0], [0.0; 3], [f64::NAN, 1.0, 0.0]] {
+        let message = said(&[[1.0, 0.0, 3.0], none]);
+        assert!(message.contains("fibre of triangle 1 is"), "{message}");
+        assert!(message.contains("\nhelp: give every triangle"), "{message}");
     }
 }
