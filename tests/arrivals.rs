@@ -7,7 +7,7 @@ mod support;
 use eplat::infer::LogDensity as _;
 use eplat::manifold::{Basis, eigenpairs};
 use eplat::mesh::{Data, Surface};
-use eplat::model::{Declare, Model, Sampler};
+use eplat::model::{Model, Sampler};
 use eplat::table::Measurements;
 use rand::RngExt as _;
 use support::{rng, table};
@@ -23,7 +23,10 @@ mod models {
             alpha [m/s] ~ HalfNormal(0.3);
             rho [mm] ~ InvGamma(3.0, 60.0);
         }
-        field angle(x) [rad] = m + gp(Rbf(30.0), K = 5) where { m [rad] ~ Normal(0.0, 0.5); }
+        field angle(x) [rad] = m + alpha * gp(Rbf(30.0), K = 5) where {
+            m [rad] ~ Normal(0.0, 0.5);
+            alpha [rad] ~ HalfNormal(0.5);
+        }
         field ln_ratio(x) = 0.5 + 0.2 * gp(Rbf(40.0), K = 4);
         param faster ~ Normal(0.0, 0.2);
         param onset(source) [ms] ~ Normal(0.0, 20.0);
@@ -39,7 +42,8 @@ mod models {
         use eplat::prelude::*;
         model! {
             model Plain;
-            field slowness(x) [ms/mm] within 0.5..4.0 = m + 0.3 * gp(Rbf(30.0), K = 6) where {
+            field slowness(x) [ms/mm] within 0.5..4.0 = m + alpha * gp(Rbf(30.0), K = 6) where {
+                alpha [ms/mm] ~ HalfNormal(0.3);
                 m [ms/mm] ~ Normal(1.3, 0.3);
             }
             param ratio ~ LogNormal(0.5, 0.2);
@@ -131,7 +135,11 @@ fn arrivals_are_slowness_times_distance_and_add_effects() {
         out[out.len() - at.last().unwrap().1..].to_vec()
     };
     // the middle of the range, and isotropic: ln ratio = 0.5 + faster
-    let base = |name: &str| (name == "faster").then_some(-0.5);
+    let base = |name: &str| match name {
+        "velocity.m" => Some(0.8),
+        "faster" => Some(-0.5),
+        _ => None,
+    };
     let slow = arrivals(&base);
     let paths: Vec<f64> =
         (0..data.len()).map(|row| data.number(row, "path_mm", "").unwrap()).collect();
@@ -139,7 +147,7 @@ fn arrivals_are_slowness_times_distance_and_add_effects() {
         slow.iter().zip(&paths).filter(|(_, mm)| **mm > 20.0).map(|(t, mm)| t * 0.8 / mm).collect();
     let mean = shares.iter().sum::<f64>() / shares.len() as f64;
     assert!((mean - 1.0).abs() < 0.03 && shares.len() > 50, "{mean} of {}", shares.len());
-    let late = arrivals(&|name| if name == "late" { Some(2.0) } else { base(name) });
+    let late = arrivals(&|name| if name.starts_with("late") { Some(2.0) } else { base(name) });
     for (row, (late, slow)) in late.iter().zip(&slow).enumerate() {
         let deep = data.number(row, "deep", "").unwrap();
         assert!((late - slow - 2.0 * deep).abs() < 1e-9, "row {row}: {late} {slow}");
