@@ -73,7 +73,9 @@ fn a_line_in_a_constant_medium_is_exact_on_a_flat_sheet() {
         let (exact, found): (Vec<f64>, Vec<f64>) =
             known.filter_map(|(exact, found)| Some((exact?, *found))).unzip();
         let [largest, _] = errors(&found, &exact);
-        println!("{} {ratio} at {angle}: {largest}", exact.len());
+        // and what comes round them seeps some way in, where fibres lie at an angle to the line
+        let bound = if along[0].abs() < 1e-9 { 1e-10 } else { 0.03 };
+        assert!(exact.len() > 100 && largest < bound, "{ratio} at {angle}: {largest}");
     }
 }
 

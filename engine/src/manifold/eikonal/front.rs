@@ -25,6 +25,8 @@ pub struct Front {
     pub(super) timed: Vec<Timed>,
     pub(super) rays: Rays,
     pub(super) queue: Queue,
+    /// What waits for the next pass.
+    pub(super) later: Queue,
     pub(super) order: Order,
 }
 
