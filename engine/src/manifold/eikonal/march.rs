@@ -15,7 +15,11 @@ use super::step::Step;
 const LEAST: f64 = 1e-13;
 /// Most turns per vertex with round fronts.  On triangles with angles of 170° in the timed plane two ends may each
 /// pull the other on for ever; then all fronts are taken to be plane, which settles on any triangles.
-const TURNS: usize = 8;
+const TURNS: usize = 20;
+
+/// So often a vertex may go over from the front of one source to that of another.  Without an end two vertices
+/// where fronts meet may do so in turns for ever.
+const MOVES: u8 = 3;
 
 /// How a vertex is reached.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -93,6 +97,8 @@ impl<'a> March<'a> {
         front.origins.resize(n, NONE);
         front.has_changed.clear();
         front.has_changed.resize(n, false);
+        front.moves.clear();
+        front.moves.resize(n, 0);
         front.queue.clear(n);
         front.later.clear(n);
         self.now = f64::NEG_INFINITY;
@@ -143,15 +149,16 @@ impl<'a> March<'a> {
 
     fn take(&mut self, vertex: u32, candidate: Candidate) {
         let (front, v) = (&mut *self.front, vertex as usize);
-        let before = (front.arrival[v], front.origins[v]);
-        // those reached from here may now be reached later
-        if candidate.arrival > before.0 || before.0 < f64::INFINITY && candidate.origin != before.1
-        {
-            front.has_changed[v] = true;
+        let is_first = front.ways[v] == Way::Never;
+        let is_moved = candidate.origin != front.origins[v] && front.moves[v] < MOVES;
+        if is_first || is_moved {
+            front.origins[v] = candidate.origin;
+            front.moves[v] += u8::from(!is_first);
         }
+        // those reached from here may now be reached later
+        front.has_changed[v] |= !is_first && (is_moved || candidate.arrival > front.arrival[v]);
         front.arrival[v] = candidate.arrival;
         front.ways[v] = candidate.way;
-        front.origins[v] = candidate.origin;
         let queue = if candidate.arrival < self.now { &mut front.later } else { &mut front.queue };
         queue.put(vertex, candidate.arrival);
     }
@@ -240,7 +247,8 @@ impl<'a> March<'a> {
         let best = self.earliest(vertex);
         let v = vertex as usize;
         let now = self.front.arrival[v];
-        let is_same = best.way == self.front.ways[v] && best.origin == self.front.origins[v];
+        let is_origin = best.origin == self.front.origins[v] || self.front.moves[v] >= MOVES;
+        let is_same = is_origin && best.way == self.front.ways[v];
         if !(is_same && (best.arrival - now).abs() <= LEAST * now.abs()) {
             self.take(vertex, best);
         }
