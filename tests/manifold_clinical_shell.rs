@@ -9,7 +9,10 @@
 #[path = "support/skipped.rs"]
 mod skipped;
 
-use eplat::manifold::{Basis, Geodesic, Laplacian, eigenpairs, maximin, random_maximin};
+use eplat::manifold::{
+    Basis, Eikonal, Front, Geodesic, Laplacian, Medium, MediumBar, eigenpairs, maximin,
+    random_maximin,
+};
 use eplat::mesh::TriMesh;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
@@ -71,6 +74,50 @@ fn ten_sites_keep_their_distance_and_beat_the_papers_random_draws() {
     let paper = smallest_distance(&mesh, &random_maximin(&mesh, 10, 6.0, 1).unwrap());
     println!("10 sites: {ours:.1} mm in {seconds:.3} s; best of 100,000 draws: {paper:.1} mm");
     assert!(ours > 25.0 && ours > 1.2 * paper, "{ours} mm against {paper} mm");
+}
+
+/// Times: `cargo test --release --test manifold_clinical_shell arrivals -- --nocapture`.
+#[test]
+fn arrivals_have_the_derivatives_that_differences_say() {
+    let Some(path) = reference_file("openep_la/la_lat.vtk") else { return };
+    let mesh = largest_piece(&read_binary_polydata(&path));
+    let eikonal = Eikonal::new(&mesh, None).unwrap();
+    let wave = |k: f64| {
+        let at = move |p: &[f64; 3]| (k * p[0] + 0.7 * k * p[1] + 0.5 * k * p[2]).sin();
+        mesh.vertices().iter().map(at).collect::<Vec<f64>>()
+    };
+    let sources = [(100, 0.0), (3000, 5.0)];
+    for ratio in [1.0, 2.0, 3.0, 4.0] {
+        let slowness: Vec<f64> = wave(0.03).iter().map(|x| 1.4 * (0.3 * x).exp()).collect();
+        let ratios: Vec<f64> = wave(0.05).iter().map(|x| ratio * (0.2 * x).exp()).collect();
+        let change: Vec<f64> = wave(0.04).iter().map(|x| 1.0 + x).collect();
+        let medium = Medium { slowness: &slowness, ratio: Some(&ratios), angle: None };
+        let mut front = Front::default();
+        let mut mean = |slowness: &[f64]| {
+            let medium = Medium { slowness, ..medium };
+            let start = Instant::now();
+            eikonal.forward(&medium, &sources, &mut front);
+            (front.arrival.iter().sum::<f64>() / mesh.n_vertices() as f64, start.elapsed())
+        };
+        let moved =
+            |h: f64| -> Vec<f64> { slowness.iter().zip(&change).map(|(s, d)| s + h * d).collect() };
+        let difference = (mean(&moved(1e-6)).0 - mean(&moved(-1e-6)).0) / 2e-6;
+        let forward = (0..20).map(|_| mean(&slowness).1).min().unwrap();
+        let bar = vec![1.0 / mesh.n_vertices() as f64; mesh.n_vertices()];
+        let (mut of, mut of_ratio, mut onsets) = (bar.clone(), bar.clone(), [0.0; 2]);
+        let backward = (0..20).map(|_| {
+            of.fill(0.0);
+            let (slowness, ratio) = (&mut of[..], Some(&mut of_ratio[..]));
+            let mut into = MediumBar { slowness, ratio, angle: None, onsets: &mut onsets };
+            let start = Instant::now();
+            eikonal.backward(&medium, &front, &bar, &mut into);
+            start.elapsed()
+        });
+        let backward = backward.min().unwrap();
+        println!("ratio {ratio}: forward {forward:.2?}, backward {backward:.2?}");
+        let found: f64 = of.iter().zip(&change).map(|(g, d)| g * d).sum();
+        assert!((difference / found - 1.0).abs() < 1e-6, "{difference} {found}");
+    }
 }
 
 /// Smallest geodesic distance between two sites, mm.

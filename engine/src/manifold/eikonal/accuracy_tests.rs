@@ -73,11 +73,13 @@ fn a_line_in_a_constant_medium_is_exact_on_a_flat_sheet() {
         let (exact, found): (Vec<f64>, Vec<f64>) =
             known.filter_map(|(exact, found)| Some((exact?, *found))).unzip();
         let [largest, _] = errors(&found, &exact);
-        println!("{} {ratio} at {angle}: {largest}", exact.len());
+        // and what comes round them seeps some way in, where fibres lie at an angle to the line
+        let bound = if along[0].abs() < 1e-9 { 1e-10 } else { 0.03 };
+        assert!(exact.len() > 100 && largest < bound, "{ratio} at {angle}: {largest}");
     }
 }
 
-/// Errors from the middle of a sheet of 20 mm, where the velocity across it grows from 0.5 to 1.5 mm/ms:
+/// Errors on a sheet of 20 mm, over which the velocity grows linearly, from 1.5 to 2.9 mm/ms without fibres:
 ///
 /// ```text
 /// v = v₀ + g·x:   T = arcosh(1 + g² |x − x₀|² / (2 v(x) v(x₀))) / |g|      in the stretched plane

@@ -125,7 +125,7 @@ pub(super) fn backward(geometry: &Geometry, front: &Front, bar: &[f64], into: &m
                 continue;
             }
             let link = linear.link(v, |(t, of)| {
-                add(geometry.triangles[t as usize].corners, of.map(|g| x * g / 3.0), into)
+                add(geometry.triangles[t as usize].corners, of.map(|g| x * g / 3.0), into);
             });
             if link.onset.0 != NONE {
                 into.onsets[link.onset.0 as usize] += x * link.onset.1;

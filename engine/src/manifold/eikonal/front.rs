@@ -19,12 +19,16 @@ pub struct Front {
     pub(super) has_changed: Vec<bool>,
     /// The number of each source, or [`NONE`] if it has neighbours.
     pub(super) own: Vec<u32>,
+    /// How often the origin of a vertex was another.
+    pub(super) moves: Vec<u8>,
     /// Onset of each source, ms.
     pub(super) births: Vec<f64>,
     pub(super) tissue: Vec<Tissue>,
     pub(super) timed: Vec<Timed>,
     pub(super) rays: Rays,
     pub(super) queue: Queue,
+    /// What waits for the next pass.
+    pub(super) later: Queue,
     pub(super) order: Order,
 }
 

@@ -15,7 +15,11 @@ use super::step::Step;
 const LEAST: f64 = 1e-13;
 /// Most turns per vertex with round fronts.  On triangles with angles of 170° in the timed plane two ends may each
 /// pull the other on for ever; then all fronts are taken to be plane, which settles on any triangles.
-const TURNS: usize = 12;
+const TURNS: usize = 20;
+
+/// So often a vertex may go over from the front of one source to that of another.  Without an end two vertices
+/// where fronts meet may do so in turns for ever.
+const MOVES: u8 = 3;
 
 /// How a vertex is reached.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -44,6 +48,11 @@ struct Candidate {
 pub(super) struct March<'a> {
     geometry: &'a Geometry,
     front: &'a mut Front,
+    /// Whether a vertex that turns out to be reached before the one whose turn it is waits until all later ones
+    /// had theirs.  This takes more turns where few vertices do, and far fewer where many do, again and again.
+    is_patient: bool,
+    /// Arrival of the vertex whose turn it is, if patient.
+    now: f64,
 }
 
 impl<'a> March<'a> {
@@ -56,18 +65,14 @@ impl<'a> March<'a> {
         measure(geometry, medium, &mut front.tissue, &mut front.timed);
         front.births.clear();
         front.births.extend(sources.iter().map(|&(_, onset)| onset));
-        lone(geometry, sources, &mut front.own);
-        front.rays.clear(geometry.n_vertices());
-        for (number, &(vertex, _)) in (0..).zip(sources) {
-            front.rays.trace(geometry, vertex, number);
-        }
-        Self { geometry, front }
+        trace(geometry, sources, front);
+        Self { geometry, front, is_patient: false, now: f64::NEG_INFINITY }
     }
 
     /// For tests: when a vertex would be reached from the arrivals of `front`.
     #[cfg(test)]
     pub(super) fn again(geometry: &'a Geometry, front: &'a mut Front, vertex: u32) -> f64 {
-        Self { geometry, front }.earliest(vertex).arrival
+        Self { geometry, front, is_patient: false, now: f64::NEG_INFINITY }.earliest(vertex).arrival
     }
 
     /// From the sources to the last vertex.
@@ -75,6 +80,7 @@ impl<'a> March<'a> {
         self.begin();
         if !self.settle(TURNS * self.geometry.n_vertices()) {
             self.front.own.fill(NONE);
+            self.is_patient = true;
             self.begin();
             self.settle(usize::MAX);
         }
@@ -91,7 +97,11 @@ impl<'a> March<'a> {
         front.origins.resize(n, NONE);
         front.has_changed.clear();
         front.has_changed.resize(n, false);
+        front.moves.clear();
+        front.moves.resize(n, 0);
         front.queue.clear(n);
+        front.later.clear(n);
+        self.now = f64::NEG_INFINITY;
         for index in 0..self.front.rays.len() {
             let candidate = self.straight(index);
             self.offer(self.front.rays.ray(index).to, candidate);
@@ -101,10 +111,23 @@ impl<'a> March<'a> {
     /// Takes up vertices until none is left; whether `turns` were enough.
     fn settle(&mut self, turns: usize) -> bool {
         for _ in 0..turns {
-            let Some(v) = self.front.queue.pop() else { return true };
+            let Some(v) = self.next() else { return true };
             self.spread(v);
         }
         false
+    }
+
+    /// The earliest vertex of this pass, or of the next one.
+    fn next(&mut self) -> Option<u32> {
+        let front = &mut *self.front;
+        if front.queue.is_empty() {
+            std::mem::swap(&mut front.queue, &mut front.later);
+        }
+        let v = front.queue.pop()?;
+        if self.is_patient {
+            self.now = front.arrival[v as usize];
+        }
+        Some(v)
     }
 
     fn straight(&self, index: u32) -> Candidate {
@@ -126,16 +149,18 @@ impl<'a> March<'a> {
 
     fn take(&mut self, vertex: u32, candidate: Candidate) {
         let (front, v) = (&mut *self.front, vertex as usize);
-        let before = (front.arrival[v], front.origins[v]);
-        // those reached from here may now be reached later
-        if candidate.arrival > before.0 || before.0 < f64::INFINITY && candidate.origin != before.1
-        {
-            front.has_changed[v] = true;
+        let is_first = front.ways[v] == Way::Never;
+        let is_moved = candidate.origin != front.origins[v] && front.moves[v] < MOVES;
+        if is_first || is_moved {
+            front.origins[v] = candidate.origin;
+            front.moves[v] += u8::from(!is_first);
         }
+        // those reached from here may now be reached later
+        front.has_changed[v] |= !is_first && (is_moved || candidate.arrival > front.arrival[v]);
         front.arrival[v] = candidate.arrival;
         front.ways[v] = candidate.way;
-        front.origins[v] = candidate.origin;
-        front.queue.put(vertex, candidate.arrival);
+        let queue = if candidate.arrival < self.now { &mut front.later } else { &mut front.queue };
+        queue.put(vertex, candidate.arrival);
     }
 
     /// Offers the neighbours of a vertex what leads there from it.
@@ -222,25 +247,28 @@ impl<'a> March<'a> {
         let best = self.earliest(vertex);
         let v = vertex as usize;
         let now = self.front.arrival[v];
-        let is_same = best.way == self.front.ways[v] && best.origin == self.front.origins[v];
+        let is_origin = best.origin == self.front.origins[v] || self.front.moves[v] >= MOVES;
+        let is_same = is_origin && best.way == self.front.ways[v];
         if !(is_same && (best.arrival - now).abs() <= LEAST * now.abs()) {
             self.take(vertex, best);
         }
     }
 }
 
-/// For every source its number, or [`NONE`] if a neighbour of its vertex is a source, too: together they are
-/// a line or a region.
-fn lone(geometry: &Geometry, sources: &[(u32, f64)], own: &mut Vec<u32>) {
+/// Lines from the sources, and for every source its number, or [`NONE`] if a neighbour of its vertex is a source,
+/// too: together they are a line or a region.  Lines lead out of a region only.
+fn trace(geometry: &Geometry, sources: &[(u32, f64)], front: &mut Front) {
     let mut vertices: Vec<u32> = sources.iter().map(|&(vertex, _)| vertex).collect();
     vertices.sort_unstable();
-    let is_lone = |vertex: u32| {
-        geometry.fan(vertex).iter().all(|&(t, _)| {
-            let corners = geometry.triangles[t as usize].corners;
-            corners.iter().all(|v| *v == vertex || vertices.binary_search(v).is_err())
-        })
-    };
-    own.clear();
-    let numbered = (0..).zip(sources);
-    own.extend(numbered.map(|(k, &(vertex, _))| if is_lone(vertex) { k } else { NONE }));
+    front.own.clear();
+    front.rays.clear(geometry.n_vertices());
+    for (number, &(vertex, _)) in (0..).zip(sources) {
+        let neighbours = geometry.fan(vertex).iter().flat_map(|&(t, _)| {
+            geometry.triangles[t as usize].corners.into_iter().filter(|v| *v != vertex)
+        });
+        let mut are_sources = neighbours.map(|v| vertices.binary_search(&v).is_ok());
+        let (is_lone, is_inner) = (!are_sources.clone().any(|is| is), are_sources.all(|is| is));
+        front.own.push(if is_lone { number } else { NONE });
+        front.rays.trace(geometry, vertex, number, !is_inner);
+    }
 }

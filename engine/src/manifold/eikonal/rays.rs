@@ -17,7 +17,7 @@ const LEAST: f64 = 1e-12;
 /// Straight lines from all sources.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Rays {
-    rays: Vec<Ray>,
+    all: Vec<Ray>,
     pieces: Vec<Piece>,
     /// The last line to each vertex, or [`NONE`].
     last: Vec<u32>,
@@ -75,18 +75,18 @@ struct Source {
 
 impl Rays {
     pub(super) fn clear(&mut self, n_vertices: usize) {
-        self.rays.clear();
+        self.all.clear();
         self.pieces.clear();
         self.last.clear();
         self.last.resize(n_vertices, NONE);
     }
 
     pub(super) fn len(&self) -> u32 {
-        self.rays.len() as u32
+        self.all.len() as u32
     }
 
     pub(super) fn ray(&self, index: u32) -> &Ray {
-        &self.rays[index as usize]
+        &self.all[index as usize]
     }
 
     /// A line to `vertex`, if there is one.
@@ -110,8 +110,9 @@ impl Rays {
         self.pieces(ray).iter().map(along).sum()
     }
 
-    /// Adds the lines from `vertex`, which is source number `number`; the first, to itself, has no parts.
-    pub(super) fn trace(&mut self, geometry: &Geometry, vertex: u32, number: u32) {
+    /// Adds the line without parts from `vertex`, which is source number `number`, to itself, and all others if
+    /// `is_all`.
+    pub(super) fn trace(&mut self, geometry: &Geometry, vertex: u32, number: u32, is_all: bool) {
         let fan = geometry.fan(vertex);
         let edges = fan.iter().flat_map(|&(t, corner)| {
             let (points, i) = (&geometry.triangles[t as usize].points, corner as usize);
@@ -121,6 +122,9 @@ impl Rays {
         let source = Source { number, radius };
         self.chain.clear();
         self.add(source, vertex, [0.0; 2]);
+        if !is_all {
+            return;
+        }
         for &(t, corner) in fan {
             let (triangle, i) = (&geometry.triangles[t as usize], corner as usize);
             let place = |k: usize| minus(triangle.points[k], triangle.points[i]);
@@ -197,8 +201,8 @@ impl Rays {
             from = until;
         }
         let end = self.pieces.len() as u32;
-        let before = std::mem::replace(&mut self.last[to as usize], self.rays.len() as u32);
-        self.rays.push(Ray { source: source.number, to, before, start, end });
+        let before = std::mem::replace(&mut self.last[to as usize], self.all.len() as u32);
+        self.all.push(Ray { source: source.number, to, before, start, end });
     }
 }
 

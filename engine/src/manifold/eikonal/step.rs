@@ -10,8 +10,8 @@
 //! By the envelope theorem the derivatives of `T_c` are those at fixed λ.
 //!
 //! A **round** front was born at a point at the time β. The point S is where the times from there to `a` and `b`
-//! are T_a − β and T_b − β, on the far side of the side, and T_c = β + |c − S|. In a constant medium on a flat
-//! surface this is exact.
+//! are `T_a − β` and `T_b − β`, on the far side of the side, and `T_c = β + |c − S|`.  In a constant medium on a
+//! flat surface this is exact.
 //!
 //! # Source
 //! Bornemann and Rasch 2006, Finite-element discretization of static Hamilton–Jacobi equations (plane);
@@ -129,10 +129,12 @@ impl Step {
         Slope { ends: [1.0 - share, share], birth: 0.0, ways: [(direction, length), none, none] }
     }
 
-    /// Derivatives of the arrival with a round front: with `n_c`, `n_a`, `n_b` the directions from S, `n_c = α n_a + β n_b`,
+    /// Derivatives of the arrival with a round front, times counted from its birth:
     ///
     /// ```text
-    /// dT_c = α dT_a + β dT_b + (1 − α − β) dbirth + T'_c ½ n_cᵀdM n_c − α T'_a ½ n_aᵀdM n_a − β T'_b ½ n_bᵀdM n_b
+    /// n_c = α n_a + β n_b                    directions from S
+    /// dT_c = α dT_a + β dT_b + (1 − α − β) dbirth
+    ///        + ½ (T_c n_cᵀdM n_c − α T_a n_aᵀdM n_a − β T_b n_bᵀdM n_b)
     /// ```
     pub(super) fn round_slope(&self, birth: f64) -> Slope {
         let [along, behind] = self.birthplace(birth);

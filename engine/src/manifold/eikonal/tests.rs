@@ -123,8 +123,12 @@ fn every_vertex_is_reached_when_the_ways_to_it_say() {
 fn the_way_that_triangles_run_round_does_not_matter() {
     let mesh = icosphere(3, 15.0);
     let mut turned = mesh.triangles().to_vec();
-    turned.iter_mut().step_by(3).for_each(|t| t.swap(0, 1));
-    turned.iter_mut().for_each(|t| t.rotate_left(1));
+    for t in turned.iter_mut().step_by(3) {
+        t.swap(0, 1);
+    }
+    for t in &mut turned {
+        t.rotate_left(1);
+    }
     let turned = TriMesh::new(mesh.vertices().to_vec(), turned).unwrap();
     let [one, two] = [&mesh, &turned].map(|mesh| Case::waving(mesh, 3.0, &[(7, 0.0)]).front());
     for (a, b) in one.arrival.iter().zip(&two.arrival) {
