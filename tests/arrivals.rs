@@ -2,6 +2,8 @@
 
 #![allow(clippy::unwrap_used, reason = "tests")]
 
+#[path = "../models/lat_velocity.rs"]
+mod lat_velocity;
 mod support;
 
 use eplat::infer::LogDensity as _;
@@ -175,4 +177,58 @@ fn what_cannot_be_laid_out_is_refused() {
     let along_x = [1.0, 0.2, 0.1].repeat(n);
     surface.point_data = Data::from([("fibre".to_owned(), eplat::mesh::Array::new(3, along_x))]);
     said(&surface, with_source.0, with_source.1).unwrap();
+}
+
+/// A map of `n` arrival times of `model` on a truth of its own prior, with noise of 1 ms.
+fn recorded(surface: &Surface, basis: &Basis, n: usize, sources: &[u32]) -> Measurements {
+    let n_vertices = surface.mesh.n_vertices();
+    let mut rng = rng(11);
+    let lines: Vec<String> = (0..n)
+        .flat_map(|i| {
+            let vertex = rng.random_range(0..n_vertices);
+            sources.iter().map(move |source| format!("lat,{vertex},{source},{i},0")).collect::<Vec<_>>()
+        })
+        .collect();
+    let mut data = table("protocol,vertex,source,site,value", &lines);
+    data.place_on(surface, 1.0).unwrap();
+    data.probe(surface, basis).unwrap();
+    let model = Model::new(&lat_velocity::LatVelocity, Some(basis), &data).unwrap();
+    let mut t = model.tape();
+    let mut u = vec![0.0; model.dim()];
+    for (u, name) in u.iter_mut().zip(model.unknown_names()) {
+        *u = match name.as_str() {
+            "velocity.m" => 0.8,
+            "velocity.alpha" => -1.5,
+            "velocity.rho" => 3.4,
+            name if name.starts_with("velocity.eta") => rng.random_range(-1.5..1.5),
+            _ => 0.0,
+        };
+    }
+    model.forward(&mut t, &u);
+    let mut at = vec![];
+    model.let_values(&t, &mut at);
+    let values: Vec<f64> = at[at.len() - data.len()..].iter().map(|t| t + rng.random_range(-1.7..1.7)).collect();
+    data.set_numbers("value", &values);
+    data
+}
+
+#[test]
+#[ignore = "prints what a draw costs"]
+fn what_a_draw_costs() {
+    let surface = Surface::left_atrium(3.0);
+    let basis = eigenpairs(&surface.mesh, 64).unwrap();
+    let n = surface.mesh.n_vertices() as u32;
+    let data = recorded(&surface, &basis, 100, &[5]);
+    let model = Model::new(&lat_velocity::LatVelocity, Some(&basis), &data).unwrap();
+    let begun = std::time::Instant::now();
+    let starts = eplat::infer::jittered_starts(&model, &model.initial(), 2, 1).unwrap();
+    println!("{n} vertices, start {:.1?}", begun.elapsed());
+    let settings = eplat::infer::Settings { chains: 1, warmup: 100, target_accept: Some(0.8), ..Default::default() };
+    use eplat::infer::{MarkovChain as _, Nuts};
+    let mut chain = Nuts::new(&model, &starts[0], &settings).unwrap();
+    println!("begun {:.1?}", begun.elapsed());
+    for i in 0..60 {
+        let Some(t) = chain.adapt().unwrap() else { break };
+        println!("{i} step {:.4} leapfrogs {} accept {:.2} energy {:.1} {:?} {:.1?}", chain.step_size(), t.n_leapfrog, t.accept, t.energy, t.diverging, begun.elapsed());
+    }
 }

@@ -1,17 +1,29 @@
 //! What every algorithm of this room asks of a density.
 
+use rand::Rng;
+
 /// A log density over `R^dim`, up to a constant.
 pub trait LogDensity: Sync {
     /// Number of unconstrained unknowns.
     fn dim(&self) -> usize;
     /// A function object with its own scratch memory, one per thread.
     fn evaluator(&self) -> Box<dyn Evaluator + '_>;
+    /// `None` for most densities. Where a gradient costs so much that a warm-up cannot learn a metric from draws,
+    /// the unknowns that [`Evaluator::interweave`] moves. NUTS then moves the others alone, with the metric
+    /// of the Hessian.
+    fn interwoven(&self) -> Option<Vec<usize>> {
+        None
+    }
 }
 
 /// Evaluates a [`LogDensity`]; holds scratch memory, so that an evaluation allocates nothing.
 pub trait Evaluator: Send {
     /// Log density at `position`; writes its gradient. Out of support: −∞ (never a panic).
     fn ln_density(&mut self, position: &[f64], gradient: &mut [f64]) -> f64;
+
+    /// Moves `position` without evaluating what is costly. The moves leave the density as it is, and change the
+    /// unknowns of [`LogDensity::interwoven`], with others that depend on them.
+    fn interweave(&mut self, _position: &mut [f64], _rng: &mut dyn Rng) {}
 
     /// Calls `take` with each column of the Hessian at `position`, `(dim)`, in order.
     ///
@@ -38,6 +50,9 @@ pub trait Evaluator: Send {
 }
 
 impl<E: Evaluator + ?Sized> Evaluator for Box<E> {
+    fn interweave(&mut self, position: &mut [f64], rng: &mut dyn Rng) {
+        (**self).interweave(position, rng);
+    }
     fn ln_density(&mut self, position: &[f64], gradient: &mut [f64]) -> f64 {
         (**self).ln_density(position, gradient)
     }

@@ -112,10 +112,22 @@ impl<E: Evaluator> Kernel<E> {
         self.flow.hamiltonian.n_evaluations
     }
 
-    /// Draws p ~ N(0, I) at the current point.
+    /// Draws p ~ N(0, I) at the current point; 0 where the metric lets nothing move.
     pub(super) fn refresh_momentum(&mut self) {
         let rng = &mut self.flow.rng;
         self.point.momentum.fill_with(|| rng.sample(StandardNormal));
+        for (p, scale) in self.point.momentum.iter_mut().zip(&self.flow.hamiltonian.metric.scale) {
+            if *scale == 0.0 {
+                *p = 0.0;
+            }
+        }
+    }
+
+    /// Moves the current point as the density itself knows how to.
+    pub(super) fn interweave(&mut self) {
+        let Flow { hamiltonian, rng, .. } = &mut self.flow;
+        hamiltonian.evaluator.interweave(&mut self.point.position, rng);
+        self.evaluate();
     }
 
     /// Moves the current point by one transition with this step size.

@@ -1,6 +1,6 @@
 //! One NUTS chain: its warm-up and its draws.
 
-use super::curvature::conditional_scales;
+use super::curvature::{conditional_scales, metric_at};
 use super::density::{Evaluator, LogDensity};
 use super::draws::{Draw, Transition};
 use super::error::{ChainError, ChainFailure, InferError};
@@ -25,6 +25,8 @@ pub struct Nuts<'d> {
     seed: u64,
     kind: MetricKind,
     target_accept: f64,
+    /// The density's, if it has such unknowns: see [`LogDensity::interwoven`].
+    interwoven: Option<Vec<usize>>,
     warm_up: WarmUp,
     /// What the chain learns in this round of the warm-up; `None` once the warm-up is over.
     learning: Option<(Adaptation, Lesson)>,
@@ -72,8 +74,13 @@ impl<'d> Nuts<'d> {
         chain: usize,
         learnt: &DrawMoments,
     ) -> Result<Self, ChainError> {
-        let scale = conditional_scales(&mut *density.evaluator(), start, 1.0);
-        let hamiltonian = Hamiltonian::new(density.evaluator(), Metric::diagonal(scale));
+        let (mut evaluator, interwoven) = (density.evaluator(), density.interwoven());
+        let metric = match &interwoven {
+            Some(still) => metric_at(&mut *evaluator, start, still),
+            None => Metric::diagonal(conditional_scales(&mut *evaluator, start, 1.0)),
+        };
+        let knows_metric = interwoven.is_some() || Adaptation::is_enough(learnt);
+        let hamiltonian = Hamiltonian::new(evaluator, metric);
         let rng = Stream::Chain(chain).rng(settings.seed);
         let kernel = Kernel::new(hamiltonian, start, settings.max_depth, rng);
         let mut new = Self {
@@ -82,7 +89,8 @@ impl<'d> Nuts<'d> {
             seed: settings.seed,
             kind: settings.metric,
             target_accept: settings.target_accept.unwrap_or(Self::TARGET_ACCEPT),
-            warm_up: WarmUp::new(Stage::nuts(settings.warmup, Adaptation::is_enough(learnt))),
+            interwoven,
+            warm_up: WarmUp::new(Stage::nuts(settings.warmup, knows_metric)),
             learning: None,
             step_size: f64::NAN,
             n_evaluations_warmup: 0,
@@ -93,6 +101,22 @@ impl<'d> Nuts<'d> {
         }
         new.begin_round(learnt)?;
         Ok(new)
+    }
+
+    /// The metric of the Hessian where the chain is.
+    fn metric_here(&mut self) -> Metric {
+        let still = self.interwoven.clone().unwrap_or_default();
+        let (evaluator, point) = self.kernel.parts();
+        metric_at(&mut **evaluator, &point.position, &still)
+    }
+
+    /// A transition of NUTS, then the moves that cost nothing.
+    fn transition(&mut self, step_size: f64) -> Transition {
+        let transition = self.kernel.transition(step_size);
+        if self.interwoven.is_some() {
+            self.kernel.interweave();
+        }
+        transition
     }
 
     fn begin_round(&mut self, learnt: &DrawMoments) -> Result<(), ChainError> {
@@ -117,8 +141,11 @@ impl MarkovChain for Nuts<'_> {
         if self.must_meet() {
             Self::meet(vec![self]).into_iter().collect::<Result<(), _>>()?;
         }
+        if self.learning.is_none() {
+            return Ok(None);
+        }
+        let transition = self.transition(self.step_size);
         let Some((adaptation, lesson)) = &mut self.learning else { return Ok(None) };
-        let transition = self.kernel.transition(adaptation.step_size());
         adaptation.update(&self.warm_up, &mut self.kernel, &transition);
         self.step_size = adaptation.step_size();
         if self.warm_up.is_late() {
@@ -136,7 +163,7 @@ impl MarkovChain for Nuts<'_> {
     fn draw(&mut self) -> Result<Draw<'_>, ChainError> {
         while self.adapt()?.is_some() {}
         self.start.copy_from_slice(&self.kernel.point.position);
-        let transition = self.kernel.transition(self.step_size);
+        let transition = self.transition(self.step_size);
         let ends = || [self.start.clone(), self.kernel.divergent_position().to_vec()];
         Ok(Draw {
             divergence: transition.diverging.then(ends),
@@ -219,10 +246,14 @@ impl Together for Nuts<'_> {
     fn meet(mut chains: Vec<&mut Self>) -> Vec<Result<(), ChainError>> {
         let lessons = chains.iter_mut().filter_map(|chain| chain.learning.take());
         let lessons: Vec<Lesson> = lessons.map(|(_, lesson)| lesson).collect();
-        let Some(first) = chains.first() else { return vec![] };
+        let Some(first) = chains.first_mut() else { return vec![] };
         let is_first = first.warm_up.n_meetings() == 0;
         let mut metric = first.kernel.metric().clone();
-        Lesson::fit(&lessons, first.kind, &mut metric);
+        if first.interwoven.is_none() {
+            Lesson::fit(&lessons, first.kind, &mut metric);
+        } else if is_first {
+            metric = first.metric_here();
+        }
         let is_enough = !is_first && Lesson::agree(&lessons);
         let nothing = DrawMoments::new(metric.scale.len(), first.kind);
         let go_on = |chain: &mut Self| {

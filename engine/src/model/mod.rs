@@ -35,6 +35,7 @@ mod passes;
 mod predictor;
 mod prior_draws;
 mod reported;
+mod rescale;
 mod restore;
 mod row_math;
 mod row_place;

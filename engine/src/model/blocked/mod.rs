@@ -109,7 +109,7 @@ impl Sampler {
         let suits = match self {
             Self::Integrated => return None,
             Self::Blocked => Blocked::TARGET_ACCEPT,
-            Self::Nuts if model.has_fields() => WITH_FIELDS,
+            Self::Nuts if model.has_fields() && model.arrivals.is_empty() => WITH_FIELDS,
             Self::Nuts => Nuts::TARGET_ACCEPT,
         };
         settings.target_accept.or(Some(suits))

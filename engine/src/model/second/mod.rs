@@ -9,6 +9,8 @@
 //! computed by differences, and only the curvature of arrival times is left out. What an operation computes from a few scalars is differentiated by
 //! [`Hyper`].
 
+use rand::Rng;
+
 use crate::infer::{Evaluator, LogDensity};
 use crate::model::density::DensityAt;
 use crate::model::functions::{Columns as _, DensityFn, Terms as _};
@@ -106,6 +108,9 @@ struct OnTape<'m> {
 }
 
 impl Evaluator for OnTape<'_> {
+    fn interweave(&mut self, position: &mut [f64], rng: &mut dyn Rng) {
+        self.model.rescale_fields(&mut self.tape, position, rng);
+    }
     fn ln_density(&mut self, position: &[f64], gradient: &mut [f64]) -> f64 {
         self.model.ln_density(&mut self.tape, position, gradient)
     }
@@ -121,6 +126,10 @@ impl LogDensity for Model {
     }
     fn evaluator(&self) -> Box<dyn Evaluator + '_> {
         Box::new(OnTape { model: self, tape: self.tape() })
+    }
+    /// Arrivals over a whole surface cost milliseconds.
+    fn interwoven(&self) -> Option<Vec<usize>> {
+        (!self.arrivals.is_empty()).then(|| self.scales_of_fields())
     }
 }
 

@@ -1,0 +1,102 @@
+//! Moves of amplitudes and lengthscales that leave the fields as they are.
+//!
+//! ```text
+//! w_k = amplitude √S_k η_k stays,  (amplitude, lengthscale) → new,  η_k → w_k / (amplitude √S_k) new
+//! accepted with  min(1, π(new) / π(old) · Π_k η_k new / η_k old)
+//! ```
+//! The likelihood sees fields alone, so the ratio is that of the priors, and costs next to nothing. Together
+//! with moves of the η at fixed scales this is the interweaving of two parametrisations: where data tell the
+//! fields well, the scales mix by this move, elsewhere by both.
+//!
+//! # Source
+//! Yu and Meng 2011, "To center or not to center: that is not the question".
+
+use rand::{Rng, RngExt as _};
+use rand_distr::StandardNormal;
+
+use super::laid_out::{Model, PriorEntry};
+use super::tape::{Op as _, Tape};
+
+/// Moves between two transitions: some in small steps, some in large ones.
+const STEPS: [f64; 3] = [0.05, 0.2, 0.6];
+const ROUNDS: usize = 10;
+
+impl Model {
+    /// The unknowns that only scale fields: amplitudes and what kernels mention, if declared with a field.
+    pub(super) fn scales_of_fields(&self) -> Vec<usize> {
+        let terms = self.fields.iter().flat_map(|field| &field.op.terms);
+        let scales = terms.flat_map(|t| [t.amplitude.mentions(), t.spectrum.mentions()].concat());
+        let scales: Vec<usize> = scales.collect();
+        let means: Vec<usize> = self.fields.iter().flat_map(|f| f.op.mean.mentions()).collect();
+        let is_in = |entry: &PriorEntry, values: &[usize]| {
+            values.iter().any(|v| (entry.v..entry.v + entry.len).contains(v))
+        };
+        let declared = self.parameters.iter().filter(|p| p.kind != super::Kind::Eta);
+        let own = declared.zip(&self.prior_entries).filter(|(parameter, entry)| {
+            // what is declared with a field, FIELD.NAME, nothing but fields can mention
+            parameter.name.contains('.') && is_in(entry, &scales) && !is_in(entry, &means)
+        });
+        own.flat_map(|(_, entry)| entry.u.clone()).collect()
+    }
+
+    /// Moves the scales of fields, and their coefficients with them.
+    pub(super) fn rescale_fields(&self, t: &mut Tape, position: &mut [f64], rng: &mut dyn Rng) {
+        let scales = self.scales_of_fields();
+        if scales.is_empty() {
+            return;
+        }
+        let mut here = self.scaled(t, position);
+        let mut proposal = position.to_vec();
+        for step in std::iter::repeat_n(STEPS, ROUNDS).flatten() {
+            proposal.copy_from_slice(position);
+            for u in &scales {
+                proposal[*u] += step * rng.sample::<f64, _>(StandardNormal);
+            }
+            let there = self.scaled(t, &proposal);
+            let mut ln_ratio = 0.0;
+            for ((at, old), new) in here.at.iter().zip(&here.scale).zip(&there.scale) {
+                proposal[*at] *= old / new;
+                ln_ratio += (old / new).ln();
+            }
+            ln_ratio += self.ln_prior_alone(t, &proposal) - self.ln_prior_alone(t, position);
+            // NaN, from a scale that is no number, is not accepted
+            if rng.random::<f64>().ln() < ln_ratio {
+                position.copy_from_slice(&proposal);
+                here = there;
+            }
+        }
+    }
+
+    /// Each coefficient's unknown, with amplitude √S.
+    fn scaled(&self, t: &mut Tape, u: &[f64]) -> Scaled {
+        t.u.copy_from_slice(u);
+        self.priors.iter().for_each(|prior| prior.forward(t));
+        let (mut at, mut scale) = (vec![], vec![]);
+        for field in self.fields.iter().map(|field| &field.op) {
+            for term in &field.terms {
+                let amplitude = term.amplitude.value(&t.v);
+                let mut c = vec![0.0; term.k];
+                term.spectrum.values(&t.v, &field.frequency[..term.k], &mut c);
+                at.extend(term.eta..term.eta + term.k);
+                scale.extend(c.iter().map(|c| amplitude * c));
+            }
+        }
+        Scaled { at, scale }
+    }
+
+    /// Log density of all priors, without any value but those of parameters.
+    fn ln_prior_alone(&self, t: &mut Tape, u: &[f64]) -> f64 {
+        t.u.copy_from_slice(u);
+        self.priors.iter().for_each(|prior| prior.forward(t));
+        t.lp = 0.0;
+        self.fields.iter().for_each(|field| field.op.ln_density(t));
+        self.priors.iter().for_each(|prior| prior.ln_density(t));
+        t.lp
+    }
+}
+
+/// Coefficients of fields: their unknowns, and what each is multiplied by.
+struct Scaled {
+    at: Vec<usize>,
+    scale: Vec<f64>,
+}
