@@ -3,9 +3,9 @@
 //! ```text
 //! cargo test --release --test eikonal_monodomain -- --nocapture
 //! ```
-//! The two are not the same equation: near the stimulus, where fronts are bent or meet, the monodomain front is not
-//! as fast as a plane one. The velocities that the eikonal equation is given are measured on sheets, with edges and
-//! steps as on the atrium.
+//! The two are not the same equation: where fronts are bent or meet, the monodomain front is not as fast as a plane
+//! one. The velocities that the eikonal equation is given are measured on sheets, with edges and steps as on the
+//! atrium. Measured: rms 0.7 ms, at most 2.3 ms, the last activation after 133 ms; without fibres rms 11 ms.
 
 #![allow(clippy::unwrap_used, clippy::print_stdout, reason = "tests")]
 
@@ -14,12 +14,18 @@ use eplat::ep::{Parameters, Tissue};
 use eplat::manifold::{Eikonal, Front, Medium, nearest_vertex};
 use eplat::mesh::{Refined, TriMesh, left_atrium};
 
+/// CV along fibres in continuous tissue, mm/ms. With the `tau_in` of 0.15 ms below, fronts are so thick that edges of
+/// 0.4 mm resolve them also across fibres; at 0.05 ms the simulator's own anisotropy depends on the mesh, and its
+/// times on the atrium differ by 7 ms from those that CV on sheets foretells.
+const CV_MAX: f64 = 0.9;
 /// CV along over CV across.
 const RATIO: f64 = 2.0;
 const DT: f64 = 0.1;
+/// Until then the simulator's times are taken: the stimulus covers vertices at once, ms.
+const KNOWN: f64 = 25.0;
 
 fn tissue() -> Tissue {
-    Parameters::from_array([0.7, 0.05, 10.0, 120.0, 200.0]).tissue()
+    Parameters::from_array([CV_MAX, 0.15, 10.0, 120.0, 200.0]).tissue()
 }
 
 /// Activation times after one stimulus at `paced`, ms.
@@ -95,11 +101,11 @@ fn in_surface(directions: &[[f64; 3]], normals: &[[f64; 3]]) -> Vec<[f64; 3]> {
     directions.iter().zip(normals).map(of).collect()
 }
 
-/// First arrivals from one vertex, ms.
+/// First arrivals from vertices whose times are known, ms.
 fn arrivals(
     mesh: &TriMesh,
     fibres: &[[f64; 3]],
-    source: u32,
+    sources: &[(u32, f64)],
     [along, across]: [f64; 2],
 ) -> Vec<f64> {
     let of = |t: &[u32; 3]| {
@@ -112,13 +118,18 @@ fn arrivals(
     let (slowness, ratio) = (vec![1.0 / along; n], vec![along / across; n]);
     let medium = Medium { slowness: &slowness, ratio: Some(&ratio), angle: None };
     let mut front = Front::default();
-    eikonal.forward(&medium, &[(source, 0.0)], &mut front);
+    eikonal.forward(&medium, sources, &mut front);
     front.arrival
 }
 
-/// Median, root-mean-square about it, and largest of `a − b` where `b` is later than 20 ms.
+/// Vertices that activate early, and when.
+fn known(lat: &[f64]) -> Vec<(u32, f64)> {
+    (0..).zip(lat).filter(|(_, t)| **t <= KNOWN).map(|(v, t)| (v, *t)).collect()
+}
+
+/// Median, root-mean-square about it, and largest of `a − b` where `b` is later than [`KNOWN`].
 fn differences(a: &[f64], b: &[f64]) -> [f64; 3] {
-    let far = a.iter().zip(b).filter(|(_, b)| **b > 20.0);
+    let far = a.iter().zip(b).filter(|(_, b)| **b > KNOWN);
     let mut gaps: Vec<f64> = far.map(|(a, b)| a - b).collect();
     gaps.sort_by(f64::total_cmp);
     let median = gaps[gaps.len() / 2];
@@ -141,22 +152,24 @@ fn arrivals_are_those_of_the_simulator() {
     let near = |p: &[f64; 3]| (0..3).map(|k| (p[k] - at[k]).powi(2)).sum::<f64>() < 4.0;
     let paced =
         (0..fine.mesh.n_vertices() as u32).filter(|v| near(&fine.mesh.vertices()[*v as usize]));
-    let lat = activation(&fine.mesh, &carried, paced.collect(), 250.0);
-    let lat = &lat[..coarse.n_vertices()];
+    let all = activation(&fine.mesh, &carried, paced.collect(), 250.0);
+    let lat = &all[..coarse.n_vertices()];
     assert!(lat.iter().all(|t| t.is_finite()), "not all of the atrium activates");
     println!("last activation {:.0} ms", lat.iter().fold(0.0, |a: f64, b| a.max(*b)));
     let once = Refined::new(coarse.clone(), 1).unwrap();
     let finer = once.carry(fibres.clone(), halfway);
+    let early = known(lat);
+    let early_once = known(&all[..once.mesh.n_vertices()]);
     let found = [
-        ("edges 1.5 mm", arrivals(&coarse, &fibres, source, cv)),
-        ("edges 0.75 mm", arrivals(&once.mesh, &finer, source, cv)),
-        ("continuous CV", arrivals(&coarse, &fibres, source, [0.7, 0.7 / RATIO])),
-        ("no fibres", arrivals(&coarse, &fibres, source, [cv[0], cv[0]])),
+        ("edges 1.5 mm", arrivals(&coarse, &fibres, &early, cv)),
+        ("edges 0.75 mm", arrivals(&once.mesh, &finer, &early_once, cv)),
+        ("continuous CV", arrivals(&coarse, &fibres, &early, [CV_MAX, CV_MAX / RATIO])),
+        ("no fibres", arrivals(&coarse, &fibres, &early, [cv[0], cv[0]])),
     ];
     let found = found.map(|(name, arrival)| {
         let [median, rms, largest] = differences(&arrival, lat);
         println!("{name:14}: offset {median:6.2} ms, rms {rms:5.2}, largest {largest:5.2}");
         rms
     });
-    assert!(found[0] < 2.0 && found[3] > 5.0 * found[0], "{found:?}");
+    assert!(found[0] < 1.0 && found[3] > 5.0 * found[0], "{found:?}");
 }

@@ -87,7 +87,7 @@ fn arrivals_have_the_derivatives_that_differences_say() {
         mesh.vertices().iter().map(at).collect::<Vec<f64>>()
     };
     let sources = [(100, 0.0), (3000, 5.0)];
-    for ratio in [1.0, 2.0, 3.0, 4.0] {
+    for ratio in [1.0, 2.0, 3.0] {
         let slowness: Vec<f64> = wave(0.03).iter().map(|x| 1.4 * (0.3 * x).exp()).collect();
         let ratios: Vec<f64> = wave(0.05).iter().map(|x| ratio * (0.2 * x).exp()).collect();
         let change: Vec<f64> = wave(0.04).iter().map(|x| 1.0 + x).collect();

@@ -98,22 +98,23 @@ impl Step {
         a > 0.0 && b > 0.0 && a + b > self.side && (a - b).abs() < self.side
     }
 
-    /// The birthplace seen from the first end: along the side, and behind it.
+    /// The birthplace seen from the first end: along the side, and behind it, both times the side.
     #[inline(always)]
     fn birthplace(&self, birth: f64) -> [f64; 2] {
+        let Self { side, .. } = *self;
         let [a, b] = self.ends.map(|t| t - birth);
-        let along = 0.5 * (self.side + (a - b) * (a + b) / self.side);
-        [along, ((a - along) * (a + along)).max(0.0).sqrt()]
+        let along = 0.5 * (side * side + (a - b) * (a + b));
+        [along, ((a * side - along) * (a * side + along)).max(0.0).sqrt()]
     }
 
     #[inline(always)]
     fn round(&self, birth: f64) -> Option<f64> {
+        let Self { side, x, y, .. } = *self;
         let [along, behind] = self.birthplace(birth);
-        let (x, y) = (self.x / self.side, self.y / self.side);
         // the way crosses the side at along + (x − along) behind / (behind + y)
         let crossing = along * y + x * behind;
-        let is_within = crossing > 0.0 && crossing < self.side * (behind + y);
-        is_within.then(|| birth + ((x - along).powi(2) + (y + behind).powi(2)).sqrt())
+        let is_within = crossing > 0.0 && crossing < side * side * (behind + y);
+        is_within.then(|| birth + ((x - along).powi(2) + (y + behind).powi(2)).sqrt() / side)
     }
 
     /// Derivatives of the arrival with a plane front.
@@ -137,7 +138,7 @@ impl Step {
     ///        + ½ (T_c n_cᵀdM n_c − α T_a n_aᵀdM n_a − β T_b n_bᵀdM n_b)
     /// ```
     pub(super) fn round_slope(&self, birth: f64) -> Slope {
-        let [along, behind] = self.birthplace(birth);
+        let [along, behind] = self.birthplace(birth).map(|x| x / self.side);
         let (x, y) = (self.x / self.side, self.y / self.side);
         let [a, b] = self.ends.map(|t| t - birth);
         let c = ((x - along).powi(2) + (y + behind).powi(2)).sqrt();
