@@ -41,6 +41,11 @@ impl Model {
 
     /// Moves the scales of fields, and their coefficients with them.
     pub(super) fn rescale_fields(&self, t: &mut Tape, position: &mut [f64], rng: &mut dyn Rng) {
+        self.rescale(t, position, rng, 1.0);
+    }
+
+    /// `jacobian` is 1, and something else in a test that must fail.
+    fn rescale(&self, t: &mut Tape, position: &mut [f64], rng: &mut dyn Rng, jacobian: f64) {
         let scales = self.scales_of_fields();
         if scales.is_empty() {
             return;
@@ -56,7 +61,7 @@ impl Model {
             let mut ln_ratio = 0.0;
             for ((at, old), new) in here.at.iter().zip(&here.scale).zip(&there.scale) {
                 proposal[*at] *= old / new;
-                ln_ratio += (old / new).ln();
+                ln_ratio += jacobian * (old / new).ln();
             }
             ln_ratio += self.ln_prior_alone(t, &proposal) - self.ln_prior_alone(t, position);
             // NaN, from a scale that is no number, is not accepted
@@ -99,4 +104,84 @@ impl Model {
 struct Scaled {
     at: Vec<usize>,
     scale: Vec<f64>,
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::infer::{LogDensity as _, Settings};
+    use crate::manifold::made_up;
+    use crate::num::Moments;
+    use crate::prelude::*;
+    use crate::random::Stream;
+
+    model! {
+        model Two;
+        param a ~ HalfNormal(1.0);
+        field f(x) = m + (alpha * a) * gp(Matern52(rho), K = 6) + (alpha) * gp(Rbf(rho), K = 3) where {
+            m ~ Normal(1.0, 1.0);
+            alpha ~ LogNormal(0.0, 0.5);
+            rho [mm] ~ LogNormal(3.5, 0.4);
+        }
+        field g(x) = m + gp(Rbf(30.0), K = 4) where { m ~ Normal(0.0, 1.0); }
+        observe y(row): Number ~ Normal(f(row) + g(row), a);
+    }
+
+    fn laid_out() -> Model {
+        let cells = (0..5).map(|i| vec!["y".into(), i.to_string(), "1".into()]).collect();
+        let header = ["protocol", "vertex", "value"].map(String::from).to_vec();
+        let mut table = Measurements::from_cells("made up", header, cells).unwrap();
+        table.place_at_indices(12).unwrap();
+        Model::new(&Two, Some(&made_up()), &table).unwrap()
+    }
+
+    #[test]
+    fn only_scales_of_fields_move_and_fields_stay() {
+        let model = laid_out();
+        let names = model.unknown_names();
+        let scales: Vec<&str> = model.scales_of_fields().iter().map(|u| &*names[*u]).collect();
+        assert_eq!(scales, ["f.alpha", "f.rho"]);
+        let (mut t, mut rng) = (model.tape(), Stream::Prior(0).rng(1));
+        let mut u: Vec<f64> = (0..model.dim()).map(|i| 0.1 * i as f64 - 0.45).collect();
+        model.forward(&mut t, &u);
+        let (before, values) = (u.clone(), t.v.clone());
+        model.rescale_fields(&mut t, &mut u, &mut rng);
+        model.forward(&mut t, &u);
+        for field in &model.fields {
+            let at = field.op.theta..field.op.theta + field.op.n_probes();
+            let differ = |(a, b): (&f64, &f64)| (a - b).abs() > 1e-9;
+            assert!(!t.v[at.clone()].iter().zip(&values[at]).any(differ));
+        }
+        for ((name, a), b) in names.iter().zip(&before).zip(&u) {
+            let moves = name.starts_with("f.") && name != "f.m";
+            assert_eq!(moves, a.to_bits() != b.to_bits(), "{name}");
+        }
+    }
+
+    /// Draws of the prior are draws of the prior afterwards, within 4.5 standard errors; without the Jacobian they
+    /// are not.
+    #[test]
+    fn the_moves_leave_the_prior_as_it_is() {
+        let model = laid_out();
+        let settings = Settings { chains: 1, draws: 4000, ..Settings::default() };
+        let worst = |jacobian: f64| {
+            let chain = &model.prior_draws(&settings).unwrap()[0];
+            let (mut t, mut rng) = (model.tape(), Stream::Prior(1).rng(2));
+            let mut changes = Moments::new(2 * model.dim());
+            for i in 0..chain.n_draws() {
+                let mut u = chain.draw(i).to_vec();
+                model.rescale(&mut t, &mut u, &mut rng, jacobian);
+                let pairs = || u.iter().zip(chain.draw(i));
+                let of = pairs().map(|(a, b)| a - b).chain(pairs().map(|(a, b)| a * a - b * b));
+                changes.add(of);
+            }
+            let n = chain.n_draws() as f64;
+            let z = |(mean, sd): (&f64, &f64)| {
+                if *sd > 0.0 { (mean / (sd / n.sqrt())).abs() } else { 0.0 }
+            };
+            changes.means().iter().zip(&changes.sds()).map(z).fold(0.0, f64::max)
+        };
+        let (right, wrong) = (worst(1.0), worst(0.0));
+        assert!(right < 4.5 && wrong > 20.0, "{right} {wrong}");
+    }
 }
