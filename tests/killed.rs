@@ -25,9 +25,22 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 use std::time::Duration;
 
 use contents::{contents, same_files};
+use eplat::store::seal_of;
 use program::{Workplace, text};
 use rand::{RngExt as _, SeedableRng as _};
 use rand_chacha::ChaCha8Rng;
+
+/// Records, each of which names the files beside it.
+const RECORDS: [&str; 8] = [
+    "run.json",
+    "map.json",
+    "finding.json",
+    "predictions.json",
+    "figures.json",
+    "simulation.json",
+    "export.json",
+    "import.json",
+];
 
 /// A command that writes into the folder `OUT`, and is killed `kills` times.
 struct Long {
@@ -36,6 +49,8 @@ struct Long {
     resume: &'static str,
     /// Whether other commands may write into the folder at the same time.
     is_shared: bool,
+    /// With what words it refuses to begin again when it had ended before the kill; empty, where it does not.
+    refusal: &'static str,
     kills: usize,
 }
 
@@ -108,6 +123,36 @@ fn is_unfinished(path: &Path) -> bool {
     path.iter().any(|name| name == "checkpoint" || name.to_str().unwrap().starts_with(".eplat-"))
 }
 
+/// Whether a killed command left files of which no record tells: each is named in the record beside it, with its
+/// hash, or the next command finds by another file that this one was not through.
+fn is_named(folder: &Path) {
+    let entries = fs::read_dir(folder).unwrap().map(|entry| entry.unwrap().path());
+    let entries: Vec<PathBuf> = entries.filter(|path| !is_unfinished(path)).collect();
+    for below in entries.iter().filter(|path| path.is_dir()) {
+        is_named(below);
+    }
+    let name = |path: &PathBuf| path.file_name().unwrap().to_str().unwrap().to_owned();
+    let record = entries.iter().find(|path| RECORDS.contains(&&*name(path)));
+    let Some(record) = record else {
+        let is_known = [".eplat-replacing", "checkpoint"].iter().any(|name| folder.join(name).exists());
+        let n_files = entries.iter().filter(|path| path.is_file()).count();
+        // what lies deeper is in its own folder's record, or that of the folder above
+        let is_named_above = folder.parent().is_some_and(|above| RECORDS.iter().any(|r| above.join(r).exists()));
+        assert!(n_files == 0 || is_known || is_named_above, "no record in {}", folder.display());
+        return;
+    };
+    let told: serde_json::Value = serde_json::from_slice(&fs::read(record).unwrap()).unwrap();
+    let named = told["files"].as_object().unwrap();
+    for path in entries.iter().filter(|path| *path != record) {
+        let has_own = RECORDS.iter().any(|record| path.join(record).exists());
+        assert!(has_own || named.contains_key(&name(path)), "{} is not named", path.display());
+    }
+    for (name, seal) in named {
+        let found = seal_of(&folder.join(name)).unwrap();
+        assert_eq!(seal.as_str(), Some(&*found), "{name} in {}", folder.display());
+    }
+}
+
 impl Long {
     fn command(&self, place: &Workplace, out: &str, resume: &str) -> Command {
         let mut command =
@@ -154,9 +199,13 @@ impl Long {
                             || path.ends_with("study.json") && is_begun(&bytes, whole.get(&path));
                         assert!(is_whole || is_unfinished(&path), "{name}: {}", path.display());
                     }
+                    if !self.is_shared {
+                        is_named(&place.path("cut"));
+                    }
                 }
                 End::Ended(again, said) => {
-                    assert!(again == code, "{name}: {again:?} {said}");
+                    let was_there = !self.refusal.is_empty() && said.contains(self.refusal);
+                    assert!(again == code || was_there, "{name}: {again:?} {said}");
                     ends += 1;
                     self.forget_unfinished(place);
                     same_files(&place.path("whole"), &place.path("cut"));
@@ -189,7 +238,7 @@ fn runs() {
         (format!("run voltage --warmup 60 --draws 60 {long}"), 6),
     ] {
         let arguments = arguments.leak();
-        Long { arguments, resume: "--resume", is_shared: false, kills }.check(&Workplace::new());
+        Long { arguments, resume: "--resume", is_shared: false, refusal: "", kills }.check(&Workplace::new());
     }
 }
 
@@ -210,7 +259,7 @@ fn a_loop() {
     }
     let arguments = "loop recovery --mesh sheet.vtp --units mm --data train.csv --heldout heldout.csv \
                      --nulls 19 --json --out OUT";
-    Long { arguments, resume: "--resume", is_shared: false, kills: 9 }.check(&place);
+    Long { arguments, resume: "--resume", is_shared: false, refusal: "", kills: 9 }.check(&place);
 }
 
 #[test]
@@ -220,7 +269,7 @@ fn a_study() {
                 designs = 1\nwarmup = 60\ndraws = 60\n";
     place.file("plan.toml", plan);
     let arguments = "study run plan.toml --json --out OUT";
-    Long { arguments, resume: "", is_shared: true, kills: 8 }.check(&place);
+    Long { arguments, resume: "", is_shared: true, refusal: "", kills: 8 }.check(&place);
 }
 
 #[test]
@@ -233,11 +282,36 @@ fn the_simulator() {
     place.file("design.csv", design);
     let atrium = "simulate atrium --fields sheet.vtp --units mm --refine 1 --tau-out 8 --apd-max 200 --pace 0 --beats 1 \
                   --last 300 --snapshots 30 --json --checkpoint-every 0 --out OUT";
-    Long { arguments: atrium, resume: "--resume", is_shared: false, kills: 7 }.check(&place);
+    Long { arguments: atrium, resume: "--resume", is_shared: false, refusal: "", kills: 7 }.check(&place);
     let strip = "simulate strip --params sets.csv --beats 2 --cable --json --out OUT/o.csv --restitution OUT/c.csv";
-    Long { arguments: strip, resume: "", is_shared: true, kills: 3 }.check(&place);
+    Long { arguments: strip, resume: "", is_shared: true, refusal: "", kills: 3 }.check(&place);
     let fit = "surrogate fit --form gp --table design.csv --json --out OUT/fit.rs";
-    Long { arguments: fit, resume: "", is_shared: true, kills: 3 }.check(&place);
+    Long { arguments: fit, resume: "", is_shared: true, refusal: "", kills: 3 }.check(&place);
+}
+
+/// Short commands, too: they have fewer steps, but all of them write several files.
+#[test]
+fn what_is_made_of_a_run_and_of_a_study() {
+    let place = Workplace::new();
+    let run = place.eplat("run erp --chains 2 --warmup 60 --draws 60 --out run");
+    assert!(matches!(run.status.code(), Some(0 | 3 | 4)), "{}", text(&run.stderr));
+    sheet::write(&place.path("sheet.vtp"));
+    let mut log = "site,x,y,z,s1,s2,captured\n".to_owned();
+    for i in 0..40 {
+        let _ = writeln!(log, "s{},1,{},0,600,{},{}", i / 4, i / 4, 260 - i % 4 * 10, if i % 4 < 2 { "yes" } else { "no" });
+    }
+    place.file("log.csv", log);
+    let is_there = ": it exists";
+    for (arguments, resume, refusal, kills) in [
+        ("predict run run/measurements.csv --json --out OUT", "", "", 3),
+        ("plot run --json --out OUT", "", "", 3),
+        ("export --run run --draws 4 --out OUT/carp", "", is_there, 3),
+        ("import log.csv --mesh sheet.vtp --units mm --out OUT/study", "--force", "", 2),
+        ("run erp --optimize --json --out OUT", "", "", 2),
+        ("simulate cell --out OUT", "", "", 2),
+    ] {
+        Long { arguments, resume, is_shared: false, refusal, kills }.check(&place);
+    }
 }
 
 /// A model of one's own, and what `eplat check` says of it.

@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 use std::fs::{self, File};
 use std::io;
-use std::path::Path;
+use std::path::{Component, Path};
 
 use sha2::{Digest as _, Sha256};
 
@@ -40,12 +40,18 @@ pub fn seals<N: AsRef<str>>(
     names.into_iter().map(seal).collect()
 }
 
+/// Whether this is the name of a file or folder in a folder, of nothing below or above it.
+pub fn is_name(name: &str) -> bool {
+    Path::new(name).components().eq([Component::Normal(name.as_ref())])
+}
+
 /// Those of the `files` that a record in `folder` names which nobody has changed since. A name that leads out of the
 /// folder is none of them.
 pub fn unchanged(folder: &Path, files: &BTreeMap<String, String>) -> Vec<String> {
     let is_unchanged = |(name, seal): &(&String, &String)| {
-        let is_name = Path::new(name).components().count() == 1 && !name.starts_with('.');
-        is_name && seal_of(&folder.join(name)).is_ok_and(|found| found == **seal)
+        is_name(name)
+            && !name.starts_with('.')
+            && seal_of(&folder.join(name)).is_ok_and(|found| found == **seal)
     };
     files.iter().filter(is_unchanged).map(|(name, _)| name.clone()).collect()
 }
@@ -86,5 +92,9 @@ mod tests {
         fs::write(folder.join("a"), "other").unwrap();
         assert_eq!(unchanged(&folder, &files), ["b"]);
         assert!(seals(&folder, ["none"]).is_err());
+        for name in ["", ".", "..", "/", "/a", "a/", "a/b", "../figures"] {
+            assert!(!is_name(name), "{name}");
+        }
+        assert!(is_name("a") && is_name(".a"));
     }
 }
