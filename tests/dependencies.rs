@@ -3,12 +3,10 @@
 //! installed, too. (What has become known of a dependency since needs a network: `cargo deny check advisories`.)
 #![allow(clippy::unwrap_used, reason = "tests")]
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::fs;
 use std::path::Path;
 use std::process::Command;
-
-use serde_json::{Value, json};
 
 /// Folders of the crates of this repository, and dependencies that none of their files names, with the reason.
 const CRATES: [(&str, &[&str]); 8] = [
@@ -125,59 +123,69 @@ fn one(words: &mut Vec<&str>, allowed: &[String]) -> bool {
     allowed.contains(&licence)
 }
 
-/// What is wrong with the packages that `cargo metadata` tells, each in a line.
-fn objections(metadata: &Value, allowed: &Allowed) -> Vec<String> {
+/// What is wrong with packages, each in a line: of all of them, `NAME VERSION (WHERE)|LICENCE` as `cargo tree` prints
+/// them, and of those that the program is built with.
+fn objections(all: &str, built: &str, allowed: &Allowed) -> Vec<String> {
+    let lines = |text: &str| -> BTreeSet<String> {
+        text.lines().filter(|line| !line.is_empty()).map(String::from).collect()
+    };
     let mut found = vec![];
-    let mut versions: BTreeMap<&str, Vec<&str>> = BTreeMap::new();
-    for package in metadata["packages"].as_array().unwrap() {
-        let [name, version] = ["name", "version"].map(|key| package[key].as_str().unwrap());
-        let licence = package["license"].as_str().unwrap_or("none");
+    for line in lines(all) {
+        let (package, licence) = line.split_once('|').unwrap();
         if !is_free(licence, &allowed.licences) {
-            found.push(format!("{name} {version}: licence {licence}"));
+            found.push(format!("{package}: licence {licence}"));
         }
-        let source = package["source"].as_str();
-        if source.is_some_and(|source| !source.starts_with("registry+")) {
-            found.push(format!("{name} {version}: from {}", source.unwrap_or_default()));
+        // a folder of this repository, or no place at all, which is the registry
+        if package.contains("://") {
+            found.push(format!("{package}: not from the registry"));
         }
+    }
+    let mut versions: BTreeMap<String, BTreeSet<String>> = BTreeMap::new();
+    for line in lines(built) {
+        let mut words = line.split([' ', '|']);
+        let [name, version] = [(); 2].map(|()| words.next().unwrap().to_owned());
+        let version = version.trim_start_matches('v').to_owned();
         let is_skipped = allowed.doubles.iter().any(|double| {
             let (of, begin) = double.split_once('@').unwrap();
             of == name && format!("{version}.").starts_with(&format!("{begin}."))
         });
         if !is_skipped {
-            versions.entry(name).or_default().push(version);
+            versions.entry(name).or_default().insert(version);
         }
     }
-    let doubles = versions.iter().filter(|(_, versions)| versions.len() > 1);
-    found.extend(doubles.map(|(name, versions)| format!("{name}: {}", versions.join(" and "))));
+    for (name, versions) in versions.into_iter().filter(|(_, versions)| versions.len() > 1) {
+        found.push(format!("{name}: {}", Vec::from_iter(versions).join(" and ")));
+    }
     found
 }
 
 #[test]
 fn dependencies_are_free_from_the_registry_and_there_once() {
-    let root = env!("CARGO_MANIFEST_DIR");
-    let metadata = ["metadata", "--format-version", "1", "--offline", "--locked"];
-    let output = Command::new(env!("CARGO")).args(metadata).current_dir(root).output().unwrap();
-    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
-    let metadata: Value = serde_json::from_slice(&output.stdout).unwrap();
-    assert!(metadata["packages"].as_array().unwrap().len() > 100);
-    assert_eq!(objections(&metadata, &allowed()), Vec::<String>::new());
+    let tree = |edges: &str| {
+        let arguments =
+            "tree --workspace --offline --locked --prefix none --no-dedupe --format {p}|{l} -e";
+        let mut command = Command::new(env!("CARGO"));
+        command.args(arguments.split(' ')).arg(edges).current_dir(env!("CARGO_MANIFEST_DIR"));
+        let output = command.output().unwrap();
+        assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+        String::from_utf8(output.stdout).unwrap()
+    };
+    let (all, built) = (tree("normal,build,dev"), tree("normal,build"));
+    assert!(all.lines().collect::<BTreeSet<_>>().len() > 100);
+    assert_eq!(objections(&all, &built, &allowed()), Vec::<String>::new());
 }
 
 #[test]
 fn one_that_is_not_free_or_there_twice_is_found() {
-    let packages = json!({ "packages": [
-        { "name": "a", "version": "1.0.0", "license": "MIT OR GPL-3.0", "source": "registry+x" },
-        { "name": "a", "version": "2.0.0", "license": "(MIT OR GPL-3.0) AND Zlib", "source": "registry+x" },
-        { "name": "syn", "version": "1.0.0", "license": "MIT/Apache-2.0", "source": null },
-        { "name": "syn", "version": "3.0.0", "license": "Apache-2.0 WITH LLVM-exception", "source": null },
-        { "name": "b", "version": "1.0.0", "license": "MIT AND GPL-3.0", "source": "registry+x" },
-        { "name": "c", "version": "1.0.0", "license": null, "source": "git+x" },
-    ] });
+    let packages = "a v1.0.0|MIT OR GPL-3.0\na v2.0.0 (proc-macro)|(MIT OR GPL-3.0) AND Zlib\n\n\
+                    b v1.0.0|MIT AND GPL-3.0\nc v1.0.0 (https://example.org/c.git#1)|\n\
+                    syn v1.0.9|MIT/Apache-2.0\nsyn v3.0.0|Apache-2.0 WITH LLVM-exception\nsyn v3.0.0|MIT\n";
     let expected = [
-        "b 1.0.0: licence MIT AND GPL-3.0",
-        "c 1.0.0: licence none",
-        "c 1.0.0: from git+x",
+        "b v1.0.0: licence MIT AND GPL-3.0",
+        "c v1.0.0 (https://example.org/c.git#1): licence ",
+        "c v1.0.0 (https://example.org/c.git#1): not from the registry",
         "a: 1.0.0 and 2.0.0",
     ];
-    assert_eq!(objections(&packages, &allowed()), expected);
+    assert_eq!(objections(packages, packages, &allowed()), expected);
+    assert_eq!(objections("", packages, &allowed()), expected[3..]);
 }

@@ -114,6 +114,10 @@ fn what_is_made_of_a_run_is_named_too() {
     // those of another run take the place of all that nobody has changed
     succeeds(&place, "plot other --only traces --out pictures");
     assert_eq!(place.read("pictures/predicted_S1S2.svg"), "edited by hand");
+    let refused = place.eplat("plot other --only predicted --out pictures");
+    let said = text(&refused.stderr);
+    assert!(said.contains("pictures/predicted_S1S2.svg is of no run of eplat"), "{said}");
+    assert_eq!(place.read("pictures/predicted_S1S2.svg"), "edited by hand");
     fs::remove_file(place.path("pictures/predicted_S1S2.svg")).unwrap();
     assert_eq!(n_pictures("other --only traces"), n_both - n_predicted);
 }

@@ -182,7 +182,11 @@ fn with_a_read_only_cache_every_command_leaves_the_same_files() {
             assert!(!found.is_empty(), "{arguments}");
             // records and pages tell times
             let is_timed = |name: &str| ["json", "html"].iter().any(|end| name.ends_with(end));
-            (output.status.code(), found.into_iter().filter(move |(name, _)| !is_timed(name)).collect::<Vec<_>>(), said)
+            (
+                output.status.code(),
+                found.into_iter().filter(move |(name, _)| !is_timed(name)).collect::<Vec<_>>(),
+                said,
+            )
         };
         let (code, files, _) = written(place.eplat(arguments));
         let (sealed_code, sealed_files, said) = written(on_sealed_cache(&place, arguments));

@@ -119,7 +119,8 @@ pub(crate) fn survives(target: &Target, effort: Effort, seed: u64, counted: Coun
         restore(path, bytes);
     }
     let words = words(DICTIONARY);
-    let mut rng = ChaCha8Rng::seed_from_u64(target.name.bytes().map(u64::from).sum::<u64>() + (seed << 32));
+    let mut rng =
+        ChaCha8Rng::seed_from_u64(target.name.bytes().map(u64::from).sum::<u64>() + (seed << 32));
     let (begun, mut done) = (spent(), 0);
     while !effort.is_spent(done, begun) {
         let (path, bytes) = (&seeds[done % seeds.len()], &whole[done % seeds.len()]);

@@ -159,8 +159,7 @@ impl Command {
             )));
         }
         let [kept, gone] = earlier(&out, &of, &names)?;
-        let record =
-            json!({ "version": env!("CARGO_PKG_VERSION"), "of": self.folder, "hash": of });
+        let record = json!({ "version": env!("CARGO_PKG_VERSION"), "of": self.folder, "hash": of });
         out.publish(&new, (RECORD, record), &kept, &gone)?;
         let written = drawn
             .into_iter()

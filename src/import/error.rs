@@ -84,6 +84,14 @@ pub enum ImportError {
         /// The folder.
         path: PathBuf,
     },
+    /// The folder of an earlier import has something else in it, too.
+    #[error(
+        "{} is of no import, and would go with the folder\nhelp: move it away, or name another folder with --out", path.display()
+    )]
+    Foreign {
+        /// What lies there.
+        path: PathBuf,
+    },
     /// The output folder cannot be written.
     #[error("cannot write {}: {reason}\nhelp: check that the folder above it may be written and has room", path.display())]
     Write {

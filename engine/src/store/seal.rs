@@ -7,7 +7,10 @@ use std::path::{Component, Path};
 
 use sha2::{Digest as _, Sha256};
 
-/// SHA-256 of a file, hexadecimal; of a folder, that of the names and hashes of all that is in it.
+use super::TEMPORARY;
+
+/// SHA-256 of a file, hexadecimal; of a folder, that of the names and hashes of all that is in it, but for what has a
+/// temporary name: what a killed process left half-written goes at some time.
 ///
 /// # Errors
 /// From the operating system.
@@ -17,6 +20,7 @@ pub fn seal_of(path: &Path) -> io::Result<String> {
         let names: io::Result<Vec<_>> =
             fs::read_dir(path)?.map(|entry| Ok(entry?.file_name())).collect();
         let mut names = names?;
+        names.retain(|name| !name.to_string_lossy().starts_with(TEMPORARY));
         names.sort();
         for name in names {
             let seal = seal_of(&path.join(&name))?;
@@ -73,6 +77,8 @@ mod tests {
         fs::write(folder.join("draws/0"), "abd").unwrap();
         assert_ne!(seal_of(&folder).unwrap(), whole);
         fs::write(folder.join("draws/0"), "abc").unwrap();
+        // what a killed process left
+        fs::write(folder.join(format!("draws/{TEMPORARY}x")), "ab").unwrap();
         assert_eq!(seal_of(&folder).unwrap(), whole);
         fs::rename(folder.join("draws/0"), folder.join("draws/1")).unwrap();
         assert_ne!(seal_of(&folder).unwrap(), whole);
