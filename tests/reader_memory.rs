@@ -225,6 +225,7 @@ fn no_reader_takes_more_than_ten_times_the_file() {
             "{name:10} {whole:5.1} times the file; damaged at most {:3.0} % of what is allowed",
             100.0 * worst
         );
+        assert!(whole > 0.5, "{name} is not read");
         if worst > 1.0 {
             failed.push(name.to_owned());
         }
@@ -237,7 +238,10 @@ fn no_reader_takes_more_than_ten_times_the_file() {
         }
     }
     let read_study = |path: &Path| {
-        let given = Given { mesh: None, quantity: Some("lat".into()), ..Given::default() };
+        // what the values of a bare file are must be said; an export tells it, and refuses to be told
+        let is_bare = path.extension().is_none_or(|e| e != "mat");
+        let quantity = is_bare.then(|| "lat".into());
+        let given = Given { mesh: None, quantity, ..Given::default() };
         drop(read(path, &given));
     };
     for path in studies(folder.path()) {

@@ -8,7 +8,7 @@ use std::path::{Path, PathBuf};
 use serde_json::{Value as Json, json};
 
 use super::{ImportError, Options, QUANTITIES, Row, Selected, Source, Study, Value};
-use crate::mesh::Encoding;
+use crate::mesh::{Encoding, MeshError};
 use crate::store::{seals, write_folder};
 use crate::table::csv_line;
 
@@ -35,14 +35,14 @@ pub fn write(
     if let Some(path) = foreign(out) {
         return Err(ImportError::Foreign { path });
     }
-    let unwritable = |e: io::Error| ImportError::Write { path: out.into(), reason: e.to_string() };
+    let unwritable = |source: io::Error| ImportError::Write { path: out.into(), source };
     if let Some(above) = out.parent() {
         fs::create_dir_all(above).map_err(unwritable)?;
     }
     let fill = |folder: &Path| {
         if let Some(surface) = &selected.surface {
             let path = folder.join(SURFACE);
-            surface.write(&path, Encoding::Binary).map_err(io::Error::other)?;
+            surface.write(&path, Encoding::Binary).map_err(MeshError::into_cause)?;
         }
         if !selected.rows.is_empty() {
             fs::write(folder.join(TABLE), table(selected))?;
