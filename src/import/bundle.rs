@@ -240,6 +240,28 @@ mod tests {
     }
 
     #[test]
+    fn files_that_are_small_each_are_not_all_read() {
+        let mut file = tempfile::NamedTempFile::with_suffix(".zip").unwrap();
+        let mut writer = ZipWriter::new(&mut file);
+        let options = SimpleFileOptions::default();
+        // 1 kB each, packed
+        for i in 0..40 {
+            writer.start_file(format!("{i}.txt"), options).unwrap();
+            writer.write_all(&vec![0; 1 << 20]).unwrap();
+        }
+        writer.finish().unwrap();
+        let size = fs::metadata(file.path()).unwrap().len();
+        let mut bundle = Bundle::open(file.path()).unwrap();
+        let names = bundle.names().to_vec();
+        let n_read = names.iter().take_while(|name| bundle.read(name).is_ok()).count();
+        assert_eq!(n_read as u64, (GROWTH * size) >> 20);
+        assert!((1..40).contains(&n_read), "{n_read}");
+        // the same file again is no more
+        let mut bundle = Bundle::open(file.path()).unwrap();
+        assert!((0..40).all(|_| bundle.read("0.txt").is_ok()));
+    }
+
+    #[test]
     fn a_folder_and_an_archive_hold_the_same() {
         let folder = tempfile::tempdir().unwrap();
         fs::create_dir(folder.path().join("a")).unwrap();
