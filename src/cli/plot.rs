@@ -163,7 +163,7 @@ impl Command {
         out.publish(&new, (RECORD, record), &kept, &gone)?;
         let written = drawn
             .into_iter()
-            .map(|(kind, names, shows)| self.written(kind, names.map(|n| out.file(&n)), &shows));
+            .map(|(kind, names, shows)| self.written(kind, &names.map(|n| out.file(&n)), &shows));
         let written = written.collect::<Result<Vec<_>, _>>()?;
         if self.voice.json {
             writeln!(stdout(), "{}", json!({ "pictures": written }))?;
@@ -175,7 +175,7 @@ impl Command {
     fn written(
         &self,
         kind: &str,
-        files: [PathBuf; 2],
+        files: &[PathBuf; 2],
         shows: &str,
     ) -> Result<serde_json::Value, Failure> {
         if self.voice.json {
@@ -183,7 +183,7 @@ impl Command {
             tell("written", text, json!({ "file": files[1], "shows": shows }));
         } else {
             let mut stdout = stdout();
-            for file in &files {
+            for file in files {
                 writeln!(stdout, "{}  {shows}", file.display())?;
             }
         }

@@ -71,7 +71,7 @@ impl Results {
         match results.record() {
             Ok(there) if there == record => {}
             Err(error) if error.kind() == io::ErrorKind::NotFound => {
-                results.write_record(&record)?
+                results.write_record(&record)?;
             }
             _ => {
                 let why = "the results there are of another plan, model, mesh or version\n\
