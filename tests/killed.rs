@@ -216,13 +216,18 @@ impl Long {
         }
     }
 
-    /// Where several commands may write at a time, what a killed one left is swept when it is older than a minute.
+    /// Where several commands may write at a time, or a folder is made beside others, what a killed one left is swept
+    /// when it is older than a minute.
     fn forget_unfinished(&self, place: &Workplace) {
         if self.is_shared {
             let mut found = BTreeMap::new();
             files(&[place.path("cut")], &mut found);
             let is_left = |path: &&PathBuf| is_unfinished(Path::new(path.file_name().unwrap()));
             found.keys().filter(is_left).for_each(|path| fs::remove_file(path).unwrap());
+        } else if self.arguments.contains("OUT/") {
+            let entries = fs::read_dir(place.path("cut")).unwrap().map(|entry| entry.unwrap());
+            let left = entries.filter(|entry| is_unfinished(Path::new(&entry.file_name())));
+            left.for_each(|entry| fs::remove_dir_all(entry.path()).unwrap());
         }
     }
 }

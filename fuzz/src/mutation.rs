@@ -38,7 +38,7 @@ impl Effort {
     fn is_spent(self, done: usize, begun: Duration) -> bool {
         match self {
             Self::Mutations(n) => done >= n,
-            Self::Time(time) => spent() - begun >= time,
+            Self::Time(time) => spent().saturating_sub(begun) >= time,
         }
     }
 }
@@ -138,7 +138,7 @@ pub(crate) fn survives(target: &Target, effort: Effort, seed: u64, counted: Coun
             kept.display().to_string()
         };
         assert!(outcome.is_ok(), "{}, mutation {done}: {}", target.name, kept());
-        let is_soon = spent() - started < LONGEST;
+        let is_soon = spent().saturating_sub(started) < LONGEST;
         assert!(is_soon, "{}, mutation {done} takes long: {}", target.name, kept());
         let allowed = MOST * size(folder.path()) + BESIDE;
         assert!(
