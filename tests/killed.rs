@@ -31,13 +31,14 @@ use rand::{RngExt as _, SeedableRng as _};
 use rand_chacha::ChaCha8Rng;
 
 /// Records, each of which names the files beside it.
-const RECORDS: [&str; 8] = [
+const RECORDS: [&str; 9] = [
     "run.json",
     "map.json",
     "finding.json",
     "predictions.json",
     "figures.json",
     "simulation.json",
+    "cell.json",
     "export.json",
     "import.json",
 ];
