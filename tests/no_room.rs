@@ -149,7 +149,9 @@ fn a_full_disk_is_told_and_leaves_no_half_file() {
                 assert!(is_timed || *whole == bytes, "{arguments}: {name} is not whole");
             }
         }
-        assert!(n_refused > 0, "{arguments} found room");
+        // the smallest disk has a page
+        let is_small = expected.values().map(Vec::len).sum::<usize>() < 4096;
+        assert!(n_refused > 0 || is_small, "{arguments} found room");
     }
 }
 
