@@ -175,6 +175,10 @@ fn what_cannot_be_imported_is_said_and_nothing_is_written() {
     let refused = place.eplat("import study --out la");
     assert_eq!(refused.status.code(), Some(1));
     ok(&place, "import study --out la --force");
+    place.file("la/notes.txt", "mine");
+    let said = transcript(&place.eplat("import study --out la --force"));
+    assert!(said.contains("la/notes.txt is of no import, and would go with the folder"), "{said}");
+    assert_eq!(place.read("la/notes.txt"), "mine");
 }
 
 #[test]

@@ -147,6 +147,19 @@ fn a_folder_with_one_mesh_is_read_as_that_mesh_and_several_are_named() {
     assert_eq!(refused.status.code(), Some(1));
     let said = transcript(&refused);
     assert!(said.contains("give one of them: other.vtk, sheet.vtk"), "{said}");
+    // points of openCARP without elements, such as coordinates on the surface, are no mesh beside one
+    place.file("carp/notes.txt", "of no meaning here");
+    ok(&place, "mesh convert sheet.vtk carp/atrium.pts --units mm");
+    place.file("carp/atrium_uac.pts", "2\n0 0 0\n1 1 0\n");
+    let said = ok(&place, "import carp --out d");
+    assert!(said.contains("\nno measurements: there is nothing that a model could be run on\nnext: eplat import LOG.csv --mesh d/surface.vtp --units mm"), "{said}");
+    let said = transcript(&place.eplat("import carp/atrium_uac.pts --out e"));
+    assert!(
+        said.contains(
+            "atrium_uac.elem: no such file, in which openCARP has the elements of a mesh"
+        ),
+        "{said}"
+    );
 }
 
 #[test]
@@ -192,7 +205,7 @@ fn the_clinical_shell_gives_lat_at_its_vertices() {
     let said = import("all", &[]);
     // the 62 vertices without a value are those of the piece that is dropped
     assert!(said.contains("left out 1 other piece (62 vertices)"), "{said}");
-    assert!(said.contains("models/lat.rs: 8786 lat"), "{said}");
+    assert!(said.contains("\n  lat: 8786 lat"), "{said}");
     let n_all = place.read("all/measurements.csv").lines().count() - 1;
     assert!(said.contains(&format!("  {n_all} measurements of lat")), "{said}");
     import("thin", &["--thin", "8"]);

@@ -25,9 +25,23 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 use std::time::Duration;
 
 use contents::{contents, same_files};
+use eplat::store::seal_of;
 use program::{Workplace, text};
 use rand::{RngExt as _, SeedableRng as _};
 use rand_chacha::ChaCha8Rng;
+
+/// Records, each of which names the files beside it.
+const RECORDS: [&str; 9] = [
+    "run.json",
+    "map.json",
+    "finding.json",
+    "predictions.json",
+    "figures.json",
+    "simulation.json",
+    "cell.json",
+    "export.json",
+    "import.json",
+];
 
 /// A command that writes into the folder `OUT`, and is killed `kills` times.
 struct Long {
@@ -36,6 +50,8 @@ struct Long {
     resume: &'static str,
     /// Whether other commands may write into the folder at the same time.
     is_shared: bool,
+    /// With what words it refuses to begin again when it had ended before the kill; empty, where it does not.
+    refusal: &'static str,
     kills: usize,
 }
 
@@ -108,6 +124,34 @@ fn is_unfinished(path: &Path) -> bool {
     path.iter().any(|name| name == "checkpoint" || name.to_str().unwrap().starts_with(".eplat-"))
 }
 
+/// Every file that a killed command left is named in the record beside it, with its hash; or something else there
+/// tells the next command that this one was not through.
+fn is_named(folder: &Path) {
+    let entries = fs::read_dir(folder).unwrap().map(|entry| entry.unwrap().path());
+    let entries: Vec<PathBuf> = entries.filter(|path| !is_unfinished(path)).collect();
+    let name = |path: &PathBuf| path.file_name().unwrap().to_str().unwrap().to_owned();
+    let has_own = |path: &&PathBuf| RECORDS.iter().any(|record| path.join(record).exists());
+    let told = entries.iter().find(|path| RECORDS.contains(&&*name(path))).map(|path| {
+        let told: serde_json::Value = serde_json::from_slice(&fs::read(path).unwrap()).unwrap();
+        (path, told["files"].as_object().unwrap().clone())
+    });
+    if let Some((record, named)) = &told {
+        for path in entries.iter().filter(|path| path != record && !has_own(path)) {
+            assert!(named.contains_key(&name(path)), "{} is not named", path.display());
+        }
+        for (name, seal) in named {
+            let found = seal_of(&folder.join(name)).unwrap();
+            assert_eq!(seal.as_str(), Some(&*found), "{name} in {}", folder.display());
+        }
+    }
+    let is_told = [".eplat-replacing", "checkpoint"].iter().any(|name| folder.join(name).exists());
+    for path in entries.iter().filter(|_| told.is_none() && !is_told) {
+        assert!(path.is_dir(), "of {} no record tells", path.display());
+        is_named(path);
+    }
+    entries.iter().filter(has_own).for_each(|path| is_named(path));
+}
+
 impl Long {
     fn command(&self, place: &Workplace, out: &str, resume: &str) -> Command {
         let mut command =
@@ -154,9 +198,13 @@ impl Long {
                             || path.ends_with("study.json") && is_begun(&bytes, whole.get(&path));
                         assert!(is_whole || is_unfinished(&path), "{name}: {}", path.display());
                     }
+                    if !self.is_shared {
+                        is_named(&place.path("cut"));
+                    }
                 }
                 End::Ended(again, said) => {
-                    assert!(again == code, "{name}: {again:?} {said}");
+                    let was_there = !self.refusal.is_empty() && said.contains(self.refusal);
+                    assert!(again == code || was_there, "{name}: {again:?} {said}");
                     ends += 1;
                     self.forget_unfinished(place);
                     same_files(&place.path("whole"), &place.path("cut"));
@@ -169,13 +217,18 @@ impl Long {
         }
     }
 
-    /// Where several commands may write at a time, what a killed one left is swept when it is older than a minute.
+    /// Where several commands may write at a time, or a folder is made beside others, what a killed one left is swept
+    /// when it is older than a minute.
     fn forget_unfinished(&self, place: &Workplace) {
         if self.is_shared {
             let mut found = BTreeMap::new();
             files(&[place.path("cut")], &mut found);
             let is_left = |path: &&PathBuf| is_unfinished(Path::new(path.file_name().unwrap()));
             found.keys().filter(is_left).for_each(|path| fs::remove_file(path).unwrap());
+        } else if self.arguments.contains("OUT/") {
+            let entries = fs::read_dir(place.path("cut")).unwrap().map(|entry| entry.unwrap());
+            let left = entries.filter(|entry| is_unfinished(Path::new(&entry.file_name())));
+            left.for_each(|entry| fs::remove_dir_all(entry.path()).unwrap());
         }
     }
 }
@@ -189,7 +242,8 @@ fn runs() {
         (format!("run voltage --warmup 60 --draws 60 {long}"), 6),
     ] {
         let arguments = arguments.leak();
-        Long { arguments, resume: "--resume", is_shared: false, kills }.check(&Workplace::new());
+        Long { arguments, resume: "--resume", is_shared: false, refusal: "", kills }
+            .check(&Workplace::new());
     }
 }
 
@@ -210,7 +264,7 @@ fn a_loop() {
     }
     let arguments = "loop recovery --mesh sheet.vtp --units mm --data train.csv --heldout heldout.csv \
                      --nulls 19 --json --out OUT";
-    Long { arguments, resume: "--resume", is_shared: false, kills: 9 }.check(&place);
+    Long { arguments, resume: "--resume", is_shared: false, refusal: "", kills: 9 }.check(&place);
 }
 
 #[test]
@@ -220,7 +274,7 @@ fn a_study() {
                 designs = 1\nwarmup = 60\ndraws = 60\n";
     place.file("plan.toml", plan);
     let arguments = "study run plan.toml --json --out OUT";
-    Long { arguments, resume: "", is_shared: true, kills: 8 }.check(&place);
+    Long { arguments, resume: "", is_shared: true, refusal: "", kills: 8 }.check(&place);
 }
 
 #[test]
@@ -233,11 +287,44 @@ fn the_simulator() {
     place.file("design.csv", design);
     let atrium = "simulate atrium --fields sheet.vtp --units mm --refine 1 --tau-out 8 --apd-max 200 --pace 0 --beats 1 \
                   --last 300 --snapshots 30 --json --checkpoint-every 0 --out OUT";
-    Long { arguments: atrium, resume: "--resume", is_shared: false, kills: 7 }.check(&place);
+    Long { arguments: atrium, resume: "--resume", is_shared: false, refusal: "", kills: 7 }
+        .check(&place);
     let strip = "simulate strip --params sets.csv --beats 2 --cable --json --out OUT/o.csv --restitution OUT/c.csv";
-    Long { arguments: strip, resume: "", is_shared: true, kills: 3 }.check(&place);
+    Long { arguments: strip, resume: "", is_shared: true, refusal: "", kills: 3 }.check(&place);
     let fit = "surrogate fit --form gp --table design.csv --json --out OUT/fit.rs";
-    Long { arguments: fit, resume: "", is_shared: true, kills: 3 }.check(&place);
+    Long { arguments: fit, resume: "", is_shared: true, refusal: "", kills: 3 }.check(&place);
+}
+
+/// Short commands, too: they have fewer steps, but all of them write several files.
+#[test]
+fn what_is_made_of_a_run_and_of_a_study() {
+    let place = Workplace::new();
+    let run = place.eplat("run erp --chains 2 --warmup 60 --draws 60 --out run");
+    assert!(matches!(run.status.code(), Some(0 | 3 | 4)), "{}", text(&run.stderr));
+    sheet::write(&place.path("sheet.vtp"));
+    let mut log = "site,x,y,z,s1,s2,captured\n".to_owned();
+    for i in 0..40 {
+        let _ = writeln!(
+            log,
+            "s{},1,{},0,600,{},{}",
+            i / 4,
+            i / 4,
+            260 - i % 4 * 10,
+            if i % 4 < 2 { "yes" } else { "no" }
+        );
+    }
+    place.file("log.csv", log);
+    let is_there = ": it exists";
+    for (arguments, resume, refusal, kills) in [
+        ("predict run run/measurements.csv --json --out OUT", "", "", 3),
+        ("plot run --only traces --json --out OUT", "", "", 3),
+        ("export --run run --draws 4 --out OUT/carp", "", is_there, 3),
+        ("import log.csv --mesh sheet.vtp --units mm --out OUT/study", "--force", "", 2),
+        ("run erp --optimize --json --out OUT", "", "", 2),
+        ("simulate cell --out OUT", "", "", 2),
+    ] {
+        Long { arguments, resume, is_shared: false, refusal, kills }.check(&place);
+    }
 }
 
 /// A model of one's own, and what `eplat check` says of it.

@@ -2,7 +2,7 @@
 //! is what it should be.
 //!
 //! Some hundred mutations of each file, seeded. The readers, and what must hold of what they accept, are those of
-//! `fuzz/`. For ten minutes a reader: `EPLAT_MUTATION_SECONDS=600 cargo test --release --test mutated`.
+//! `fuzz/`. For ten CPU minutes a reader: `EPLAT_MUTATION_SECONDS=600 cargo test --release --test mutated`.
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::print_stdout, reason = "tests")]
 
 #[path = "../fuzz/src/mutation.rs"]
@@ -25,7 +25,7 @@ fn survive(names: &[&str]) {
         seconds.map_or(Effort::Mutations(MUTATIONS), |s| Effort::Time(Duration::from_secs(s)));
     for name in names {
         let begun = std::time::Instant::now();
-        let n = survives(readers::target(name), effort, |read| {
+        let n = survives(readers::target(name), effort, 0, |read| {
             read();
             0
         });

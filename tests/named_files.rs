@@ -110,11 +110,20 @@ fn what_is_made_of_a_run_is_named_too() {
     let n_predicted = n_pictures("one --only predicted");
     let n_both = n_pictures("one --only traces");
     assert!(n_both > n_predicted && n_predicted > 0);
-    place.file("pictures/predicted_S1S2.svg", "edited by hand");
+    let edited = fs::read_dir(place.path("pictures"))
+        .unwrap()
+        .map(|entry| format!("pictures/{}", entry.unwrap().file_name().into_string().unwrap()))
+        .find(|name| name.contains("predicted") && name.contains(".svg"))
+        .unwrap();
+    place.file(&edited, "edited by hand");
     // those of another run take the place of all that nobody has changed
     succeeds(&place, "plot other --only traces --out pictures");
-    assert_eq!(place.read("pictures/predicted_S1S2.svg"), "edited by hand");
-    fs::remove_file(place.path("pictures/predicted_S1S2.svg")).unwrap();
+    assert_eq!(place.read(&edited), "edited by hand");
+    let refused = place.eplat("plot other --only predicted --out pictures");
+    let said = text(&refused.stderr);
+    assert!(said.contains(&format!("{edited} is of no run of eplat")), "{said}");
+    assert_eq!(place.read(&edited), "edited by hand");
+    fs::remove_file(place.path(&edited)).unwrap();
     assert_eq!(n_pictures("other --only traces"), n_both - n_predicted);
 }
 

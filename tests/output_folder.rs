@@ -73,6 +73,38 @@ fn a_second_run_into_the_folder_of_a_live_one_is_refused() {
 }
 
 #[test]
+fn four_processes_on_one_folder_leave_the_files_of_one() {
+    let place = Workplace::new();
+    let start = |seed: usize| {
+        let mut command = place.command(&format!("{SMALL} --seed {seed}"));
+        command.stdout(Stdio::null()).stderr(Stdio::piped()).spawn().unwrap()
+    };
+    let together: Vec<_> = (1..=4).map(start).collect();
+    let mut n_done = 0;
+    for child in together {
+        let output = child.wait_with_output().unwrap();
+        let said = text(&output.stderr);
+        match output.status.code() {
+            Some(0 | 3 | 4) => n_done += 1,
+            Some(1) => assert!(said.contains("error: out is in use: another eplat"), "{said}"),
+            other => panic!("{other:?} {said}"),
+        }
+    }
+    assert!(n_done > 0);
+    let record: serde_json::Value = serde_json::from_str(&place.read("out/run.json")).unwrap();
+    let seed = record["seed"].as_u64().unwrap();
+    let named = record["files"].as_object().unwrap();
+    assert_eq!(names(&place, "out").len(), named.len() + 1);
+    for (name, seal) in named {
+        let found = eplat::store::seal_of(&place.path("out").join(name)).unwrap();
+        assert_eq!(seal.as_str(), Some(&*found), "{name}");
+    }
+    // what one alone leaves
+    sampled(&place, &format!("{} --seed {seed}", SMALL.replace("--out out", "--out alone")));
+    assert_eq!(place.read("out/draws.csv"), place.read("alone/draws.csv"));
+}
+
+#[test]
 fn a_run_that_dies_while_it_writes_leaves_the_earlier_one_whole() {
     let place = Workplace::new();
     sampled(&place, SMALL);

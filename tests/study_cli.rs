@@ -91,6 +91,12 @@ fn results_of_another_plan_are_not_mixed_in() {
     help: give another --out, or remove the folder
     ");
     assert_eq!(fs::read_dir(place.path("one/blocks")).unwrap().count(), 1);
+    // of a record that is damaged nobody knows whose results these are
+    let record = place.read("one/study.json");
+    place.file("one/study.json", &record[..record.len() / 2]);
+    let damaged = place.eplat("study run plan.toml --out one");
+    assert_eq!(text(&damaged.stderr), text(&other.stderr));
+    assert_eq!(place.read("one/study.json"), &record[..record.len() / 2]);
 }
 
 /// Four sites with both protocols, then what is learnt in the time of a fifth.

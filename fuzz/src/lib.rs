@@ -1,6 +1,6 @@
 //! Fuzzing of all that eplat reads: a target for each reader ([`NAMES`]), with what must hold of what it accepts.
 //!
-//! On the stable compiler, mutations of valid files, ten minutes a target:
+//! On the stable compiler, mutations of valid files, ten CPU minutes a target (a third number gives other mutations):
 //!
 //! ```sh
 //! cargo run --release --manifest-path fuzz/Cargo.toml -- all 600
@@ -89,11 +89,11 @@ pub fn write_corpus(folder: &Path) {
     }
 }
 
-/// Reads mutations of a target's seeds for so long; how many.
+/// Reads mutations of a target's seeds for so much CPU time; how many. Another `seed` gives other mutations.
 ///
 /// # Panics
-/// Where a reader panics, accepts what should have been refused, takes more than two seconds or more memory than it
+/// Where a reader panics, accepts what should have been refused, takes more than two CPU seconds or more memory than it
 /// may.
-pub fn mutate(name: &str, time: Duration) -> usize {
-    mutation::survives(target(name), mutation::Effort::Time(time), counted)
+pub fn mutate(name: &str, time: Duration, seed: u64) -> usize {
+    mutation::survives(target(name), mutation::Effort::Time(time), seed, counted)
 }

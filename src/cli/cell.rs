@@ -62,10 +62,10 @@ impl CellArgs {
         if out.earlier(RECORD).0.is_null() {
             out.refuse_foreign(FILES.into_iter())?;
         }
-        out.make()?;
-        out.remove(&[RECORD])?;
-        write_trace(out.path(), &trace)?;
-        write_restitution(out.path(), &curve)?;
+        let new = out.begin()?;
+        write_trace(new.path(), &trace)
+            .and_then(|()| write_restitution(new.path(), &curve))
+            .map_err(|error| new.named(&out, error.into()))?;
         let record = json!({
             "version": env!("CARGO_PKG_VERSION"),
             "settings": {
@@ -74,7 +74,7 @@ impl CellArgs {
                 "strength_per_ms": self.strength,
             },
         });
-        out.save_record(RECORD, record, FILES)?;
+        out.publish(&new, (RECORD, record), &[], &[])?;
         let captured = curve.iter().filter(|point| point.beat.is_some()).count();
         let text = format_args!(
             "{} S1 beats; {captured} of {} S2 beats captured; written to {}",

@@ -39,16 +39,17 @@ pub(super) fn off_surface(surface: &Surface, table: &Measurements, scale: f64) -
     histogram_text(&import::histogram(sites))
 }
 
-/// The models that the table suffices for, then what others lack.
+/// The models that the table suffices for, then what others lack; and the name of the first of them.
 pub(super) fn in_words(
     compiled: &[Compiled],
     surface: Option<&Surface>,
     table: &Measurements,
-) -> String {
+) -> (String, Option<String>) {
     let (can, lack) = sorted(compiled, surface.map(|surface| (surface, 1.0)), table);
+    let first = can.split_once(':').map(|(name, _)| name.trim().to_owned());
     let shown = if can.is_empty() { "  none of the models that ship\n" } else { &can };
     let lack = if lack.is_empty() { lack } else { format!("lacks something\n{lack}") };
-    format!("can be calibrated\n{shown}{lack}")
+    (format!("can be calibrated\n{shown}{lack}"), first)
 }
 
 /// As [`in_words`], of models beside the one that is checked; nothing where there is none.
@@ -75,12 +76,13 @@ fn sorted(
     let (mut can, mut lack) = (String::new(), String::new());
     for model in compiled {
         let Some(found) = coverage(model.model, surface, table) else { continue };
-        let file = model.file;
+        // a model that ships needs no file
+        let name = model.file.trim_end_matches(".rs");
         let counts: Vec<String> =
             found.observes.iter().map(|(name, n)| format!("{n} {name}")).collect();
         let _ = match found.missing {
-            None => writeln!(can, "  models/{file}: {}", counts.join(", ")),
-            Some(missing) => writeln!(lack, "  models/{file}: {missing}"),
+            None => writeln!(can, "  {name}: {}", counts.join(", ")),
+            Some(missing) => writeln!(lack, "  {name}: {missing}"),
         };
     }
     (can, lack)

@@ -126,11 +126,17 @@ impl Command {
     fn tell_models(&self, selected: &Selected, compiled: &[Compiled]) -> Result<(), Failure> {
         let mut out = stdout();
         if selected.rows.is_empty() {
-            writeln!(out, "no measurements: there is nothing that a model could be run on")?;
+            let folder = self.out.display();
+            writeln!(
+                out,
+                "no measurements: there is nothing that a model could be run on\n\
+                 next: eplat import LOG.csv --mesh {folder}/surface.vtp --units mm --out OUT, with a pacing log; or \
+                 `eplat run MODEL --mesh {folder}/surface.vtp --units mm --data TABLE.csv`, with a table of measurements"
+            )?;
             return Ok(());
         }
         let table = Measurements::read(&self.out.join("measurements.csv"))?;
-        let said = coverage::in_words(compiled, selected.surface.as_ref(), &table);
+        let (said, first) = coverage::in_words(compiled, selected.surface.as_ref(), &table);
         write!(out, "{said}")?;
         let folder = self.out.display();
         let mesh = match &selected.surface {
@@ -139,7 +145,8 @@ impl Command {
         };
         writeln!(
             out,
-            "next: eplat run MODEL.rs {mesh} --data {folder}/measurements.csv --out OUT"
+            "next: eplat run {} {mesh} --data {folder}/measurements.csv --out OUT",
+            first.as_deref().unwrap_or("MODEL.rs")
         )?;
         Ok(())
     }

@@ -111,18 +111,19 @@ fn strips(folder: &Path) -> Option<PathBuf> {
     tables.into_iter().find(|path| read_rows::<ErpRow>(path).is_ok())
 }
 
-/// Makes the folder ready for pictures of what has this hash: those of something else go, with the record. The names
-/// of those that stay.
-fn begin(out: &OutputFolder, of: &str) -> Result<BTreeSet<String>, Failure> {
-    let (record, earlier) = out.earlier(RECORD);
-    let is_same = record["hash"] == of;
-    out.make()?;
-    out.remove(&[RECORD])?;
-    if is_same {
-        return Ok(earlier.into_iter().collect());
-    }
-    out.remove(&earlier.iter().map(String::as_str).collect::<Vec<_>>())?;
-    Ok(BTreeSet::new())
+/// The pictures that `new` ones do not replace: those that stay, for they are of what has this hash, too, and those
+/// that go. Refuses what has the name of a new one and is not of eplat's making.
+fn earlier(
+    out: &OutputFolder,
+    of: &str,
+    new: &BTreeSet<String>,
+) -> Result<[Vec<String>; 2], Failure> {
+    let (record, own) = out.earlier(RECORD);
+    let named: BTreeSet<&String> = own.iter().collect();
+    let foreign = new.iter().filter(|name| !named.contains(name));
+    out.refuse_foreign(foreign.map(String::as_str))?;
+    let others = own.into_iter().filter(|name| !new.contains(name)).collect();
+    Ok(if record["hash"] == of { [others, vec![]] } else { [vec![], others] })
 }
 
 impl Command {
@@ -139,23 +140,17 @@ impl Command {
         let out = self.out.clone().unwrap_or_else(|| self.folder.join("figures"));
         let out = OutputFolder::open(out)?;
         let of = hash_file(&left.record(&self.folder))?;
-        let (mut files, mut written) = (None, vec![]);
+        let new = out.begin()?;
+        let (mut drawn, mut names) = (vec![], BTreeSet::new());
         for kind in kinds {
             let is_wanted = self.only.is_empty() || self.only.iter().any(|only| only == kind);
             for picture in if is_wanted { self.pictures(&left, kind)? } else { vec![] } {
-                let files = match &mut files {
-                    Some(files) => files,
-                    None => files.insert(begin(&out, &of)?),
-                };
-                files.extend(picture.files());
-                written.push(self.write(kind, &picture, out.path())?);
+                picture.write(new.path()).map_err(|error| new.named(&out, error.into()))?;
+                names.extend(picture.files());
+                drawn.push((*kind, picture.files(), picture.shows));
             }
         }
-        if let Some(files) = files {
-            let record =
-                json!({ "version": env!("CARGO_PKG_VERSION"), "of": self.folder, "hash": of });
-            out.save_record(RECORD, record, files)?;
-        } else {
+        if drawn.is_empty() {
             return Err(Failure::new(format_args!(
                 "{}: it has nothing of {}\nhelp: fields and truth need a model with fields (and, for truth, a synthetic \
                  experiment), predicted needs measurements, effects needs an effect of a column that was found",
@@ -163,30 +158,36 @@ impl Command {
                 if self.only.is_empty() { kinds.join(", ") } else { self.only.join(", ") }
             )));
         }
+        let [kept, gone] = earlier(&out, &of, &names)?;
+        let record = json!({ "version": env!("CARGO_PKG_VERSION"), "of": self.folder, "hash": of });
+        out.publish(&new, (RECORD, record), &kept, &gone)?;
+        let written = drawn
+            .into_iter()
+            .map(|(kind, names, shows)| self.written(kind, &names.map(|n| out.file(&n)), &shows));
+        let written = written.collect::<Result<Vec<_>, _>>()?;
         if self.voice.json {
             writeln!(stdout(), "{}", json!({ "pictures": written }))?;
         }
         Ok(())
     }
 
-    /// Writes a picture and says so: on stdout, one line for each of its files.
-    fn write(
+    /// Says that a picture was written: on stdout, one line for each of its files.
+    fn written(
         &self,
         kind: &str,
-        picture: &Picture,
-        out: &Path,
+        files: &[PathBuf; 2],
+        shows: &str,
     ) -> Result<serde_json::Value, Failure> {
-        let files = picture.write(out)?;
         if self.voice.json {
             let text = format!("{}, {}", files[0].display(), files[1].display());
-            tell("written", text, json!({ "file": files[1], "shows": picture.shows }));
+            tell("written", text, json!({ "file": files[1], "shows": shows }));
         } else {
             let mut stdout = stdout();
-            for file in &files {
-                writeln!(stdout, "{}  {}", file.display(), picture.shows)?;
+            for file in files {
+                writeln!(stdout, "{}  {shows}", file.display())?;
             }
         }
-        Ok(json!({ "kind": kind, "shows": picture.shows, "files": files }))
+        Ok(json!({ "kind": kind, "shows": shows, "files": files }))
     }
 
     fn pictures(&self, left: &Left, kind: &str) -> Result<Vec<Picture>, Failure> {

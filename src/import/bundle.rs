@@ -18,7 +18,7 @@ use super::ImportError;
 const MOST_FILES: usize = 500_000;
 /// How deep folders may lie in each other.
 const DEPTH: usize = 8;
-/// What a compressed file may grow by: meshes and lists of points of CARTO grow by 4 to 9, its electrograms by 15.
+/// What a compressed file, and an archive, may grow by: meshes and lists of points of CARTO grow by 4 to 9, its electrograms by 15.
 const GROWTH: u64 = 64;
 /// A compressed file may have this size whatever it grows by, bytes.
 const SMALL: u64 = 1 << 20;
@@ -41,6 +41,10 @@ pub struct Source {
 pub(super) struct Bundle {
     path: PathBuf,
     archive: Option<ZipArchive<File>>,
+    /// Bytes that all files of the archive together may have.
+    most: u64,
+    /// Bytes of those that were read.
+    total: u64,
     /// Names, with `/` between folders.
     names: Vec<String>,
     /// Which of these a name in lower case is.
@@ -57,6 +61,8 @@ impl Bundle {
         let mut bundle = Self {
             path: path.into(),
             archive: None,
+            most: u64::MAX,
+            total: 0,
             names: vec![],
             index: BTreeMap::new(),
             read: BTreeMap::new(),
@@ -65,6 +71,7 @@ impl Bundle {
             list(path, "", DEPTH, &mut bundle.names).map_err(read)?;
         } else if has_extension(&path.to_string_lossy(), "zip") {
             let file = File::open(path).map_err(read)?;
+            bundle.most = SMALL.max(file.metadata().map_err(read)?.len().saturating_mul(GROWTH));
             let help = "the archive is damaged or of a rare kind; unpack it and give the folder";
             let broken = |e: ZipError| unreadable(path, &e.to_string(), help);
             let archive = ZipArchive::new(file).map_err(broken)?;
@@ -117,7 +124,17 @@ impl Bundle {
     pub(super) fn read(&mut self, name: &str) -> Result<Vec<u8>, ImportError> {
         let bytes = self.bytes(name, u64::MAX)?;
         let hash = format!("{:x}", Sha256::digest(&bytes));
-        self.read.insert(name.into(), (bytes.len() as u64, hash));
+        let n = bytes.len() as u64;
+        let again = self.read.insert(name.into(), (n, hash)).is_some();
+        self.total += if again { 0 } else { n };
+        if self.total > self.most {
+            let reason = format!("it grows to more than {GROWTH} times its size");
+            return Err(unreadable(
+                &self.path,
+                &reason,
+                "no mapping system writes such an archive",
+            ));
+        }
         Ok(bytes)
     }
 
@@ -220,6 +237,28 @@ mod tests {
         writer.write_all(bytes).unwrap();
         writer.finish().unwrap();
         file
+    }
+
+    #[test]
+    fn files_that_are_small_each_are_not_all_read() {
+        let mut file = tempfile::NamedTempFile::with_suffix(".zip").unwrap();
+        let mut writer = ZipWriter::new(&mut file);
+        let options = SimpleFileOptions::default();
+        // 1 kB each, packed
+        for i in 0..40 {
+            writer.start_file(format!("{i}.txt"), options).unwrap();
+            writer.write_all(&vec![0; 1 << 20]).unwrap();
+        }
+        writer.finish().unwrap();
+        let size = fs::metadata(file.path()).unwrap().len();
+        let mut bundle = Bundle::open(file.path()).unwrap();
+        let names = bundle.names().to_vec();
+        let n_read = names.iter().take_while(|name| bundle.read(name).is_ok()).count();
+        assert_eq!(n_read as u64, (GROWTH * size) >> 20);
+        assert!((1..40).contains(&n_read), "{n_read}");
+        // the same file again is no more
+        let mut bundle = Bundle::open(file.path()).unwrap();
+        assert!((0..40).all(|_| bundle.read("0.txt").is_ok()));
     }
 
     #[test]

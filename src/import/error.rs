@@ -1,10 +1,12 @@
 //! Why a study cannot be imported.
 
+use std::io;
 use std::path::PathBuf;
 
 use thiserror::Error;
 
 use crate::mesh::{MeshError, Place};
+use crate::store::advice;
 use crate::table::DataError;
 
 /// Why a study cannot be imported.
@@ -84,13 +86,21 @@ pub enum ImportError {
         /// The folder.
         path: PathBuf,
     },
+    /// The folder of an earlier import has something else in it, too.
+    #[error(
+        "{} is of no import, and would go with the folder\nhelp: move it away, or name another folder with --out", path.display()
+    )]
+    Foreign {
+        /// What lies there.
+        path: PathBuf,
+    },
     /// The output folder cannot be written.
-    #[error("cannot write {}: {reason}\nhelp: check that the folder above it may be written and has room", path.display())]
+    #[error("cannot write {}: {source}\nhelp: {}", path.display(), advice(source))]
     Write {
         /// The folder.
         path: PathBuf,
         /// Why.
-        reason: String,
+        source: io::Error,
     },
 }
 

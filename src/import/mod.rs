@@ -71,7 +71,13 @@ const MESHES: [&str; 6] = ["vtk", "vtp", "vtu", "ply", "npz", "pts"];
 /// The files that can be a study each.
 fn single(bundle: &Bundle) -> Vec<String> {
     let other = ["mat", "mesh", "dat", "igb", "csv", "tsv"];
-    let known = |name: &String| MESHES.iter().chain(&other).any(|e| has_extension(name, e));
+    // without elements, points are no mesh
+    let is_mesh = |name: &String| {
+        !has_extension(name, "pts")
+            || bundle.find(&format!("{}elem", &name[..name.len() - "pts".len()])).is_some()
+    };
+    let is_known = |name: &String| MESHES.iter().chain(&other).any(|e| has_extension(name, e));
+    let known = |name: &String| is_known(name) && is_mesh(name);
     bundle.names().iter().filter(|name| known(name)).cloned().collect()
 }
 

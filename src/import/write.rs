@@ -3,12 +3,12 @@
 use std::collections::BTreeMap;
 use std::fs;
 use std::io;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use serde_json::{Value as Json, json};
 
 use super::{ImportError, Options, QUANTITIES, Row, Selected, Source, Study, Value};
-use crate::mesh::Encoding;
+use crate::mesh::{Encoding, MeshError};
 use crate::store::{seals, write_folder};
 use crate::table::csv_line;
 
@@ -20,7 +20,7 @@ const RECORD: &str = "import.json";
 ///
 /// # Errors
 /// [`ImportError::Exists`]: the folder is there and holds something, and is no earlier import that `force`
-/// allows to replace. [`ImportError::Write`].
+/// allows to replace, or other files lie in it, too. [`ImportError::Write`].
 pub fn write(
     out: &Path,
     force: bool,
@@ -32,14 +32,17 @@ pub fn write(
     if out.exists() && !is_empty() && !(force && is_import) {
         return Err(ImportError::Exists { path: out.into() });
     }
-    let unwritable = |e: io::Error| ImportError::Write { path: out.into(), reason: e.to_string() };
+    if let Some(path) = foreign(out) {
+        return Err(ImportError::Foreign { path });
+    }
+    let unwritable = |source: io::Error| ImportError::Write { path: out.into(), source };
     if let Some(above) = out.parent() {
         fs::create_dir_all(above).map_err(unwritable)?;
     }
     let fill = |folder: &Path| {
         if let Some(surface) = &selected.surface {
             let path = folder.join(SURFACE);
-            surface.write(&path, Encoding::Binary).map_err(io::Error::other)?;
+            surface.write(&path, Encoding::Binary).map_err(MeshError::into_cause)?;
         }
         if !selected.rows.is_empty() {
             fs::write(folder.join(TABLE), table(selected))?;
@@ -50,6 +53,14 @@ pub fn write(
         fs::write(folder.join(RECORD), format!("{record:#}\n"))
     };
     write_folder(out, fill).map_err(unwritable)
+}
+
+/// What lies in a folder and is of no import.
+fn foreign(out: &Path) -> Option<PathBuf> {
+    let entries = fs::read_dir(out).into_iter().flatten().flatten();
+    let is_own =
+        |path: &PathBuf| [SURFACE, TABLE, RECORD].iter().any(|name| *path == out.join(name));
+    entries.map(|entry| entry.path()).find(|path| !is_own(path))
 }
 
 /// The rows as CSV. Columns that are empty in every row are left out.

@@ -48,13 +48,9 @@ impl Problem<'_> {
             let place = where_it_fails(model, &position, ln_density, &gradient);
             return Err(RunError::NoStart { place });
         }
-        let begun = Instant::now();
-        let mut n = 0;
-        while n < EVALUATIONS && (n == 0 || begun.elapsed() < LONGEST) {
+        let nanoseconds = timed(LONGEST, || {
             black_box(evaluator.ln_density(black_box(&position), &mut gradient));
-            n += 1;
-        }
-        let nanoseconds = begun.elapsed().as_secs_f64() * 1e9 / f64::from(n);
+        });
         let densities = model.densities.iter().filter(|d| !d.rows.is_empty());
         let labelled = model.parameters.iter().filter(|p| !p.labels.is_empty());
         Ok(Check {
@@ -67,6 +63,17 @@ impl Problem<'_> {
             doubts: self.doubts().to_vec(),
         })
     }
+}
+
+/// Nanoseconds of one call, over as many as are made in this time, at least one.
+fn timed(longest: Duration, mut call: impl FnMut()) -> f64 {
+    let begun = Instant::now();
+    let mut n = 0;
+    while n < EVALUATIONS && (n == 0 || begun.elapsed() < longest) {
+        call();
+        n += 1;
+    }
+    begun.elapsed().as_secs_f64() * 1e9 / f64::from(n)
 }
 
 impl Check {
@@ -127,5 +134,27 @@ fn where_it_fails(model: &Model, position: &[f64], ln_density: f64, gradient: &[
         }
         (None, Some(name)) => format!("the derivative of the log density in {name} is no number"),
         (None, None) => format!("the log density is {ln_density}, through a prior or a `density`"),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_is_slow_is_called_no_longer_than_it_may() {
+        let slow = Duration::from_millis(5);
+        let calls = |longest: Duration, time: Duration| {
+            let mut n = 0;
+            let nanoseconds = timed(longest, || {
+                n += 1;
+                std::thread::sleep(time);
+            });
+            assert!(nanoseconds >= time.as_secs_f64() * 1e9);
+            n
+        };
+        assert_eq!(calls(Duration::ZERO, slow), 1);
+        assert!((1..=10).contains(&calls(10 * slow, slow)));
+        assert_eq!(calls(Duration::from_hours(1), Duration::ZERO), EVALUATIONS);
     }
 }

@@ -14,7 +14,7 @@ use super::RunError;
 use crate::mesh::MeshError;
 use crate::report::{ReportError, RunRecord};
 use crate::store::{
-    FolderLock, LockError, TEMPORARY, seals, unchanged, write_file, write_file_durably,
+    FolderLock, LockError, TEMPORARY, is_name, seals, unchanged, write_file, write_file_durably,
 };
 
 /// What a folder may hold: a record, which is written last, and the files that belong to it.
@@ -75,10 +75,8 @@ impl OutputFolder {
         if !marker.exists() {
             return Ok(());
         }
-        for name in fs::read_to_string(&marker)?.lines().filter(|name| known().any(|n| n == *name))
-        {
-            remove(&self.file(name))?;
-        }
+        let names = fs::read_to_string(&marker)?;
+        names.lines().filter(|name| is_name(name)).try_for_each(|name| remove(&self.file(name)))?;
         fs::remove_file(marker)
     }
 
@@ -132,12 +130,12 @@ impl OutputFolder {
         KINDS.iter().any(|(record, _)| is_record(record))
     }
 
-    /// A folder for new files, from which [`OutputFolder::replace`] moves them. Dropped before that, it leaves what
+    /// A folder for new files, from which [`OutputFolder::publish`] moves them. Dropped before that, it leaves what
     /// was there untouched.
     ///
     /// # Errors
     /// [`RunError::Unwritable`].
-    pub(super) fn begin(&self) -> Result<NewFiles, RunError> {
+    pub fn begin(&self) -> Result<NewFiles, RunError> {
         self.make()?;
         let folder = tempfile::Builder::new().prefix(TEMPORARY).tempdir_in(&self.path);
         Ok(NewFiles(folder.map_err(RunError::unwritable(&self.path))?))
@@ -149,28 +147,65 @@ impl OutputFolder {
     /// # Errors
     /// [`RunError::Write`].
     pub(super) fn replace(&self, new: &NewFiles, names: &[&str]) -> Result<(), RunError> {
+        self.swap(new, names, || self.clear(), known())
+    }
+
+    /// Puts files and folders of these names, the record last, in the place of earlier ones.
+    ///
+    /// # Errors
+    /// [`RunError::Write`].
+    pub(super) fn put(&self, new: &NewFiles, names: &[&str]) -> Result<(), RunError> {
+        let earlier: Vec<&str> = names.iter().rev().copied().collect();
+        self.swap(new, names, || self.remove(&earlier), names.iter().copied())
+    }
+
+    /// Writes `record`, with the hashes of what is new and of the files that are `kept` beside it, and puts all in
+    /// the place of earlier ones and of the files that are to be `gone`. A process that is killed meanwhile leaves no
+    /// record, and the next one removes what else it left.
+    ///
+    /// # Errors
+    /// [`RunError::Write`], [`RunError::Read`].
+    pub fn publish(
+        &self,
+        new: &NewFiles,
+        (name, mut record): (&str, Value),
+        kept: &[String],
+        gone: &[String],
+    ) -> Result<(), RunError> {
+        let mut names = new.names().map_err(RunError::read(new.0.path()))?;
+        let mut files = seals(&self.path, kept).map_err(RunError::read(&self.path))?;
+        files.extend(seals(new.0.path(), &names).map_err(RunError::read(new.0.path()))?);
+        record["files"] = json!(files);
+        let path = new.file(name);
+        write_file(&path, |file| writeln!(file, "{record:#}"))
+            .map_err(|error| new.named(self, RunError::write(&path)(error)))?;
+        names.push(name.to_owned());
+        let names: Vec<&str> = names.iter().map(String::as_str).collect();
+        let earlier: Vec<&str> =
+            names.iter().rev().copied().chain(gone.iter().map(String::as_str)).collect();
+        let all = earlier.iter().copied().chain(kept.iter().map(String::as_str));
+        self.swap(new, &names, || self.remove(&earlier), all)
+    }
+
+    /// Makes `room`, the earlier record first, and puts files and folders of these names there, the record last. A
+    /// process that is killed meanwhile leaves no record, and the next one removes `all` that is there.
+    fn swap<'n>(
+        &self,
+        new: &NewFiles,
+        names: &[&str],
+        room: impl FnOnce() -> Result<(), RunError>,
+        all: impl Iterator<Item = &'n str>,
+    ) -> Result<(), RunError> {
         let marker = self.file(REPLACING);
-        let all: Vec<&str> = known().collect();
+        let all: Vec<&str> = all.collect();
         write_file_durably(&marker, |file| writeln!(file, "{}", all.join("\n")))
             .map_err(RunError::write(&marker))?;
-        self.clear()?;
+        room()?;
         for name in names {
             let path = self.file(name);
             fs::rename(new.file(name), &path).map_err(RunError::write(&path))?;
         }
         fs::remove_file(&marker).map_err(RunError::write(&marker))
-    }
-
-    /// Puts files or folders of these names in the place of earlier ones, their record last; it goes first.
-    ///
-    /// # Errors
-    /// [`RunError::Write`].
-    pub(super) fn put(&self, new: &NewFiles, names: &[&str]) -> Result<(), RunError> {
-        self.remove(&names.iter().rev().copied().collect::<Vec<_>>())?;
-        names.iter().try_for_each(|name| {
-            let path = self.file(name);
-            fs::rename(new.file(name), &path).map_err(RunError::write(&path))
-        })
     }
 
     /// Removes the results of a run.
@@ -254,9 +289,24 @@ impl OutputFolder {
 
 /// Files that have not taken their place yet.
 #[derive(Debug)]
-pub(super) struct NewFiles(TempDir);
+pub struct NewFiles(TempDir);
 
 impl NewFiles {
+    /// The folder that they are in meanwhile.
+    pub fn path(&self) -> &Path {
+        self.0.path()
+    }
+
+    /// Their names, in order.
+    fn names(&self) -> std::io::Result<Vec<String>> {
+        let entries = fs::read_dir(self.0.path())?;
+        let mut names = entries
+            .map(|entry| Ok(entry?.file_name().to_string_lossy().into_owned()))
+            .collect::<std::io::Result<Vec<String>>>()?;
+        names.sort();
+        Ok(names)
+    }
+
     /// The path of a file among them.
     pub(super) fn file(&self, name: &str) -> PathBuf {
         self.0.path().join(name)
@@ -271,7 +321,7 @@ impl NewFiles {
     }
 
     /// The error by the name that a file was to have in `out`, in place of the one that it has meanwhile.
-    pub(super) fn named(&self, out: &OutputFolder, mut error: RunError) -> RunError {
+    pub fn named(&self, out: &OutputFolder, mut error: RunError) -> RunError {
         if let RunError::Write { path, .. }
         | RunError::Report(ReportError::Write { path, .. })
         | RunError::Mesh(MeshError::Write { path, .. }) = &mut error

@@ -88,7 +88,7 @@ pub use coverage::{Coverage, coverage};
 pub use error::RunError;
 pub use event::{Event, Watch};
 pub use fit::{Fit, Method, Options};
-pub use folder::OutputFolder;
+pub use folder::{NewFiles, OutputFolder};
 pub use forecast::{Forecast, Prediction};
 pub use inputs::{DataSource, Inputs, MeshSource, ModelText, Origin, hash, hash_file, hash_mesh};
 pub use keep::Keep;

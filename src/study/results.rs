@@ -70,12 +70,14 @@ impl Results {
         fs::create_dir_all(results.file(BLOCKS)).map_err(StudyError::io(folder))?;
         match results.record() {
             Ok(there) if there == record => {}
-            Ok(_) => {
+            Err(error) if error.kind() == io::ErrorKind::NotFound => {
+                results.write_record(&record)?;
+            }
+            _ => {
                 let why = "the results there are of another plan, model, mesh or version\n\
                            help: give another --out, or remove the folder";
                 return Err(StudyError::Results { path, why: why.to_owned() });
             }
-            Err(_) => results.write_record(&record)?,
         }
         Ok(results)
     }

@@ -7,6 +7,7 @@ use super::text::Lines;
 use super::{Array, Data, MeshError, Surface, Units};
 use std::collections::BTreeMap;
 use std::fmt::Write as _;
+use std::io;
 use std::path::{Path, PathBuf};
 
 /// What the fibres and, of two vectors, the second ones are called.
@@ -35,6 +36,11 @@ pub(super) fn read(path: &Path) -> Result<Content, MeshError> {
     let [pts, elem, lon] = files(path);
     let vertices = points(&pts, &read_bytes(&pts)?)?;
     let mut cells = Cells::new(vertices.len());
+    if !elem.exists() {
+        let reason = "no such file, in which openCARP has the elements of a mesh";
+        let source = io::Error::new(io::ErrorKind::NotFound, reason);
+        return Err(MeshError::Read { path: elem, source });
+    }
     let tags =
         elements(&elem, &read_bytes(&elem)?, &mut cells).map_err(|error| at(&elem, error))?;
     let mut data: Data = BTreeMap::new();

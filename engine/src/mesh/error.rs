@@ -3,6 +3,7 @@
 use super::Atrium;
 use crate::store::advice;
 use std::fmt;
+use std::io;
 use std::path::PathBuf;
 use thiserror::Error;
 
@@ -280,6 +281,17 @@ pub enum MeshError {
         /// A last line that names the file in which the places are marked; empty if there is none.
         picture: String,
     },
+}
+
+impl MeshError {
+    /// The system's error, where one kept a file from being written, without the file's name: for files that are
+    /// written under a name that is not their own yet.
+    pub fn into_cause(self) -> io::Error {
+        match self {
+            Self::Write { source, .. } => source,
+            other => io::Error::other(other),
+        }
+    }
 }
 
 /// A connected piece of a mesh.

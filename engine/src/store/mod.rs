@@ -22,4 +22,4 @@ pub use checkpoint::{Keeper, take_chain};
 pub use kind::Kind;
 pub use lock::{FolderLock, LockError};
 pub use npz::{NpzReader, NpzWriter, Packing, array_name};
-pub use seal::{seal_of, seals, unchanged};
+pub use seal::{is_name, seal_of, seals, unchanged};

@@ -3,11 +3,14 @@
 use std::collections::BTreeMap;
 use std::fs::{self, File};
 use std::io;
-use std::path::Path;
+use std::path::{Component, Path};
 
 use sha2::{Digest as _, Sha256};
 
-/// SHA-256 of a file, hexadecimal; of a folder, that of the names and hashes of all that is in it.
+use super::TEMPORARY;
+
+/// SHA-256 of a file, hexadecimal; of a folder, that of the names and hashes of all that is in it, but for what has a
+/// temporary name: what a killed process left half-written goes at some time.
 ///
 /// # Errors
 /// From the operating system.
@@ -17,6 +20,7 @@ pub fn seal_of(path: &Path) -> io::Result<String> {
         let names: io::Result<Vec<_>> =
             fs::read_dir(path)?.map(|entry| Ok(entry?.file_name())).collect();
         let mut names = names?;
+        names.retain(|name| !name.to_string_lossy().starts_with(TEMPORARY));
         names.sort();
         for name in names {
             let seal = seal_of(&path.join(&name))?;
@@ -40,12 +44,18 @@ pub fn seals<N: AsRef<str>>(
     names.into_iter().map(seal).collect()
 }
 
+/// Whether this is the name of a file or folder in a folder, of nothing below or above it.
+pub fn is_name(name: &str) -> bool {
+    Path::new(name).components().eq([Component::Normal(name.as_ref())])
+}
+
 /// Those of the `files` that a record in `folder` names which nobody has changed since. A name that leads out of the
 /// folder is none of them.
 pub fn unchanged(folder: &Path, files: &BTreeMap<String, String>) -> Vec<String> {
     let is_unchanged = |(name, seal): &(&String, &String)| {
-        let is_name = Path::new(name).components().count() == 1 && !name.starts_with('.');
-        is_name && seal_of(&folder.join(name)).is_ok_and(|found| found == **seal)
+        is_name(name)
+            && !name.starts_with('.')
+            && seal_of(&folder.join(name)).is_ok_and(|found| found == **seal)
     };
     files.iter().filter(is_unchanged).map(|(name, _)| name.clone()).collect()
 }
@@ -67,6 +77,8 @@ mod tests {
         fs::write(folder.join("draws/0"), "abd").unwrap();
         assert_ne!(seal_of(&folder).unwrap(), whole);
         fs::write(folder.join("draws/0"), "abc").unwrap();
+        // what a killed process left
+        fs::write(folder.join(format!("draws/{TEMPORARY}x")), "ab").unwrap();
         assert_eq!(seal_of(&folder).unwrap(), whole);
         fs::rename(folder.join("draws/0"), folder.join("draws/1")).unwrap();
         assert_ne!(seal_of(&folder).unwrap(), whole);
@@ -86,5 +98,9 @@ mod tests {
         fs::write(folder.join("a"), "other").unwrap();
         assert_eq!(unchanged(&folder, &files), ["b"]);
         assert!(seals(&folder, ["none"]).is_err());
+        for name in ["", ".", "..", "/", "/a", "a/", "a/b", "../figures"] {
+            assert!(!is_name(name), "{name}");
+        }
+        assert!(is_name("a") && is_name(".a"));
     }
 }

@@ -15,7 +15,8 @@ use super::{Found, Matrix};
 use crate::import::ImportError;
 use crate::mesh::Place;
 
-/// What a compressed element may grow by, and the size it may have whatever it grows by, bytes.
+/// What compressed elements may grow by, each of them and all of a file, and the size
+/// they may have whatever they grow by, bytes.
 #[derive(Clone, Copy, Debug)]
 pub(in crate::import) struct Bounds {
     pub(in crate::import) growth: usize,
@@ -71,13 +72,13 @@ impl Mat {
         };
         let mut mat = Self { file: file.into(), is_big_endian, variables: vec![] };
         let mut rest = Reader { bytes, at: 128, mat: &mat };
-        let mut variables = vec![];
+        let (mut variables, mut left) = (vec![], Bounds::DEFAULT.of(bytes.len()));
         while rest.at + 8 <= bytes.len() {
             let place = rest.at;
             let element = rest.element()?;
             match element.kind {
                 MATRIX => variables.push(element.bytes.to_vec()),
-                COMPRESSED => variables.extend(mat.unpacked(element.bytes, place)?),
+                COMPRESSED => variables.extend(mat.unpacked(element.bytes, place, &mut left)?),
                 _ => {}
             }
         }
@@ -85,9 +86,15 @@ impl Mat {
         Ok(mat)
     }
 
-    /// The contents of the matrix in a compressed element.
-    fn unpacked(&self, packed: &[u8], place: usize) -> Result<Option<Vec<u8>>, ImportError> {
-        let limit = Bounds::DEFAULT.of(packed.len());
+    /// The contents of the matrix in a compressed element; `left` is how many bytes all of them may still have, and
+    /// falls.
+    fn unpacked(
+        &self,
+        packed: &[u8],
+        place: usize,
+        left: &mut usize,
+    ) -> Result<Option<Vec<u8>>, ImportError> {
+        let limit = Bounds::DEFAULT.of(packed.len()).min(*left);
         let mut bytes = vec![];
         let mut decoder = ZlibDecoder::new(packed).take(limit as u64 + 1);
         let done = decoder.read_to_end(&mut bytes);
@@ -96,6 +103,7 @@ impl Mat {
             let got = format!("more than {} times its compressed size", Bounds::DEFAULT.growth);
             return Err(wrong(&self.file, place, "a variable of a mapping study", &got));
         }
+        *left -= bytes.len();
         let mut inner = Reader { bytes: &bytes, at: 0, mat: self };
         let element = inner.element()?;
         Ok((element.kind == MATRIX).then(|| element.bytes.to_vec()))

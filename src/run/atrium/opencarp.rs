@@ -26,7 +26,7 @@ use super::tissue::{Column, TissueFields};
 use super::{AtriumError, Ground, TissueSettings};
 use crate::ep::Parameters;
 use crate::ep::cell::V_GATE;
-use crate::mesh::{Array, Encoding, Surface};
+use crate::mesh::{Array, Encoding, MeshError, Surface};
 use crate::store::{seals, write_folder};
 
 /// What openCARP reads from files, node by node.
@@ -81,7 +81,7 @@ pub fn export_opencarp(
     let n = posterior.as_ref().map_or(0, |posterior| posterior.n);
     let mut n_outside = given.n_outside();
     let fill = |root: &Path| -> io::Result<()> {
-        surface.write(&root.join("atrium.pts"), Encoding::Ascii).map_err(io::Error::other)?;
+        surface.write(&root.join("atrium.pts"), Encoding::Ascii).map_err(MeshError::into_cause)?;
         write_set(&root.join("mean"), &given.parameters, &par)?;
         let mut names =
             ["atrium.pts", "atrium.elem", "atrium.lon", "mean"].map(String::from).to_vec();
