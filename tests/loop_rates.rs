@@ -366,6 +366,18 @@ fn a_patch_is_claimed_on_every_field_with_a_soft_edge() {
     assert!(after < 0.8 * before, "{result:?}");
 }
 
+/// Without smooth fields the sites of the first, in which nothing acts, would be called unexplained (log Bayes factor
+/// 8.9). With fields as rough as sites differ in their place, those of the second would not (2.7).
+#[test]
+fn sites_are_compared_with_smooth_fields() {
+    let heart = Heart::new();
+    let kinds = [(Scenario::Null, 614), (Scenario::Outside, 701)];
+    kinds.into_par_iter().for_each(|(scenario, seed)| {
+        let result = searched(&heart, scenario, seed, 0);
+        assert!(result.is_right(scenario), "{scenario:?}: {result:?}");
+    });
+}
+
 /// The model that is claimed lets sites differ: without that its intervals would be too narrow.
 #[test]
 fn intervals_after_a_right_claim_hold_what_they_say() {
