@@ -55,12 +55,17 @@ fn power(nothing: &[f64], acts: &[f64]) -> String {
     low.sort_by(f64::total_cmp);
     high.sort_by(f64::total_cmp);
     let bar = low[(0.95 * low.len() as f64) as usize];
-    let share = high.iter().filter(|x| **x > bar).count() as f64 / high.len() as f64;
+    let share = |x: &[f64], bar: f64| {
+        100.0 * x.iter().filter(|x| **x > bar).count() as f64 / x.len() as f64
+    };
     format!(
-        "{:.0} % above {bar:.1}; at most {:.1} where it does not act, at least {:.1} where it does",
-        100.0 * share,
+        "{:.0} % above {bar:.1}, {:.0} % above 3, {:.0} % above 6, at least {:.1}; where it does not act {:.0} % above 3, at most {:.1}",
+        share(&high, bar),
+        share(&high, 3.0),
+        share(&high, 6.0),
+        high[0],
+        share(&low, 3.0),
         low[low.len() - 1],
-        high[0]
     )
 }
 
@@ -97,8 +102,7 @@ fn what_a_test_can_tell() {
 }
 
 /// Log Bayes factor of a further smooth field that moves one kind of measurement alone, S1S2S3.
-fn third(heart: &Heart, own: &Study) -> f64 {
-    let found = searched(heart, own);
+fn third(heart: &Heart, own: &Study, found: &Criticism) -> f64 {
     let base = &found.rounds[0].base;
     let (basis, table) = (&heart.basis, &own.train);
     let spacing = basis.at(0)[0].recip() / (own.truth.shift.len() as f64).sqrt();
@@ -146,7 +150,8 @@ fn fields_that_are_no_candidates() {
     let heart = Heart::new();
     for scenario in [Scenario::Null, Scenario::Outside, Scenario::Region, Scenario::Third] {
         let mut all = of_each(&heart, scenario, &|own| {
-            (third(&heart, own), searched(&heart, own).finer_log_bf.unwrap())
+            let found = searched(&heart, own);
+            (third(&heart, own, &found), found.finer_log_bf.unwrap())
         });
         let beyond = |of: fn(&(f64, f64)) -> f64| all.iter().filter(|own| of(own) > 3.0).count();
         let (thirds, shorts) = (beyond(|own| own.0), beyond(|own| own.1));
