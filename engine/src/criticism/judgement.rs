@@ -12,7 +12,7 @@ pub const CLAIM: f64 = 3.0;
 
 /// Least log Bayes factor of sites that are called unexplained. It is larger than that of a claim: no
 /// null searches and no sites left out stand behind it. Where nothing acts it was at most 4.3 in 77
-/// studies, and at least 7.3 in 36 in which sites differ by 8 ms (docs/loop_rates.md).
+/// studies, and at least 7.3 in 36 in which sites differ by 8 ms (`docs/loop_rates.md`).
 pub const UNEXPLAINED: f64 = 2.0 * CLAIM;
 
 /// Least log Bayes factor of a claim in round `number`, counted from 0. It is larger in later
