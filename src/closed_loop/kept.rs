@@ -33,8 +33,10 @@ impl KeptSearches {
         let opened = if of.settings.resume {
             Checkpoint::resume(&folder, &identity, Duration::ZERO)
         } else {
-            let mut fits = FITS.iter().map(|fit| out.file(fit).join("checkpoint"));
-            fits.try_for_each(|fit| Checkpoint::require_free(&fit))
+            // the loop's own first: that is the one to go on with
+            let fits = FITS.iter().map(|fit| out.file(fit).join("checkpoint"));
+            let mut all = [folder.clone()].into_iter().chain(fits);
+            all.try_for_each(|own| Checkpoint::require_free(&own))
                 .and_then(|()| Checkpoint::begin(&folder, &identity, Duration::ZERO))
         };
         let read = |checkpoint: Checkpoint| -> Result<Self, CheckpointError> {

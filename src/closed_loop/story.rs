@@ -1,7 +1,7 @@
 //! The result of a loop, as data.
 
 use super::{Contribution, FoundEffect, HeldOut, LeftOut, Narrow};
-use crate::criticism::{CLAIM, Criticism, FINER, Warning};
+use crate::criticism::{CLAIM, Criticism, FINER, UNEXPLAINED, Warning};
 use crate::diagnostics::verdict::{Answer, Colour, Question, Verdict};
 use crate::model::{Discrepancy, equations};
 use crate::report::ErrorChange;
@@ -135,16 +135,19 @@ impl Story {
         held_out.into_iter().chain(left.map(|left| left.comparison(&self.criticism))).collect()
     }
 
-    /// What may differ by more than the model with its findings says, and the log Bayes factor of that.
-    pub fn differences(&self) -> Vec<(String, f64)> {
+    /// What may differ by more than the model with its findings says: the log Bayes factor of that, and whether it is
+    /// enough.
+    pub fn differences(&self) -> Vec<(String, f64, bool)> {
         let units = self.criticism.unit_log_bf.iter();
-        let units = units.map(|(name, bf)| (format!("Units of `{name}`"), *bf));
-        [("Sites".to_owned(), self.criticism.site_log_bf)].into_iter().chain(units).collect()
+        let units = units.map(|(name, bf)| (format!("Units of `{name}`"), *bf, *bf > CLAIM));
+        let sites = self.criticism.site_log_bf;
+        [("Sites".to_owned(), sites, sites > UNEXPLAINED)].into_iter().chain(units).collect()
     }
 
     /// Those that do differ.
     pub(super) fn unexplained(&self) -> impl Iterator<Item = (String, f64)> {
-        self.differences().into_iter().filter(|(_, log_bf)| *log_bf > CLAIM)
+        let differ = self.differences().into_iter().filter(|(.., is_enough)| *is_enough);
+        differ.map(|(what, log_bf, _)| (what, log_bf))
     }
 
     /// Detail that the model's fields would follow if they had more modes, in words.

@@ -1,7 +1,6 @@
 //! The answer in words.
 
 use super::{FoundEffect, Story, Trouble};
-use crate::criticism::CLAIM;
 use crate::report::{ErrorChange, PredictionError};
 use crate::table::Role;
 
@@ -69,9 +68,9 @@ impl Story {
         let ambiguous = self.criticism.ambiguous().into_iter().map(|[a, b]| {
             format!("{a} and {b} explain the same: these data cannot tell them apart.")
         });
-        let differences = self.differences().into_iter().map(|(what, log_bf)| {
+        let differences = self.differences().into_iter().map(|(what, log_bf, is_enough)| {
             let shown = (10.0 * log_bf).round() / 10.0 + 0.0; // no −0
-            if log_bf > CLAIM {
+            if is_enough {
                 format!(
                     "{what} differ by more than the model says (log Bayes factor {shown:.1}), for a reason that is not among the columns."
                 )

@@ -22,7 +22,7 @@ use rand_chacha::ChaCha8Rng;
 use rand_distr::StandardNormal;
 
 /// Standard deviation of what acts, ms.
-const EFFECT: f64 = 8.0;
+pub(crate) const EFFECT: f64 = 8.0;
 const N_TRAIN: usize = 40;
 /// As many as the reference sets hold out: with 20 the errors before and after differ by chance too often.
 const N_HELDOUT: usize = 60;
@@ -70,6 +70,8 @@ pub(crate) enum Scenario {
     HeteroCatheter,
     /// Force, which acts in the veins alone; its mean there is no other than elsewhere.
     Interaction,
+    /// A third field, which moves ERP_S3 alone. It is not among [`ALL`]: the loop does not try it.
+    Third,
 }
 
 pub(crate) const ALL: [Scenario; 24] = {
@@ -119,11 +121,29 @@ impl Heart {
     }
 }
 
-/// A study's two tables.
+/// A study's two tables, and the truth behind the first.
 pub(crate) struct Study {
     pub(crate) train: Measurements,
     pub(crate) heldout: Measurements,
+    pub(crate) truth: Truth,
 }
+
+/// What nobody knows of the sites for training, in their order.
+pub(crate) struct Truth {
+    /// Lengthscale of both fields, mm.
+    pub(crate) lengthscale: f64,
+    /// What is added to both ERPs, ms.
+    pub(crate) shift: Vec<f64>,
+    /// What a region of its own changes of `tau_out` and `apd_max`, or would change if it acted, ms.
+    pub(crate) change: Vec<[f64; 2]>,
+    /// Standard deviation of a further error that grows as the force falls, or what it would be if there were one, ms.
+    pub(crate) scatter: Vec<f64>,
+}
+
+/// Mean and standard deviation of the true fields, `tau_out` and `apd_max`, ms.
+pub(crate) const FIELDS: [(f64, f64); 2] = [(9.0, 2.5), (190.0, 14.0)];
+/// Standard deviation of a measurement's error, ms.
+pub(crate) const ERROR: f64 = 2.0;
 
 /// A site and how it was measured.
 #[derive(Clone, Debug)]
@@ -149,6 +169,8 @@ struct Site {
     shift: f64,
     /// Standard deviation of a further error of each measurement, ms.
     scatter: f64,
+    /// What is added to the ERP of S1S2S3, ms.
+    third: f64,
 }
 
 const REGIONS: [&str; 7] = ["body", "PV1", "PV2", "PV3", "PV4", "LAA", "body"];
@@ -170,16 +192,30 @@ impl Site {
 /// Draws the study number `seed` of a scenario.
 pub(crate) fn study(heart: &Heart, scenario: Scenario, seed: u64) -> Study {
     let mut rng = ChaCha8Rng::seed_from_u64(1000 * seed + scenario as u64);
-    let mut sites = sites(heart, &mut rng);
+    let (mut sites, lengthscale) = sites(heart, &mut rng);
     rearrange(&mut sites, scenario, &mut rng);
+    let mut changed = sites.clone();
+    remodel(&mut changed, |s| f64::from(u8::from(s.is_vein())));
+    let own = sites.iter().zip(&changed).take(N_TRAIN);
+    let change = own.map(|(a, b)| [0, 1].map(|k| b.parameters[k] - a.parameters[k])).collect();
+    spread(&mut changed, |s| force(s).powi(2));
+    let scatter = changed.iter().take(N_TRAIN).map(|site| site.scatter).collect();
     act(&mut sites, scenario, &mut rng);
+    if scenario == Scenario::Third {
+        let eta: Vec<f64> = (0..24).map(|_| rng.sample(StandardNormal)).collect();
+        let unit = unit_field(&heart.basis, &Matern52(40.0), &eta);
+        for site in &mut sites {
+            site.third = EFFECT * unit[site.vertex as usize];
+        }
+    }
     let (train, heldout) = sites.split_at(N_TRAIN);
+    let shift = train.iter().map(|site| site.shift).collect();
     let [train, heldout] = [train, heldout].map(|own| table(own, scenario, heart, &mut rng));
-    Study { train, heldout }
+    Study { train, heldout, truth: Truth { lengthscale, shift, change, scatter } }
 }
 
-/// Sites with fields and covariates under which nothing acts; those for training first.
-fn sites(heart: &Heart, rng: &mut ChaCha8Rng) -> Vec<Site> {
+/// Sites with fields and covariates under which nothing acts, those for training first; and the lengthscale of the fields.
+fn sites(heart: &Heart, rng: &mut ChaCha8Rng) -> (Vec<Site>, f64) {
     let mut vertices = maximin(&heart.atrium.mesh, N_TRAIN, 6.0, rng.random()).unwrap();
     while vertices.len() < N_TRAIN + N_HELDOUT {
         let vertex = rng.random_range(0..heart.basis.n_vertices()) as u32;
@@ -188,7 +224,7 @@ fn sites(heart: &Heart, rng: &mut ChaCha8Rng) -> Vec<Site> {
         }
     }
     let lengthscale = 18.0 * rng.random_range(0.0f64..1.0).exp();
-    let [tau_out, apd_max] = [(9.0, 2.5), (190.0, 14.0)].map(|(mean, sd)| {
+    let [tau_out, apd_max] = FIELDS.map(|(mean, sd)| {
         let eta: Vec<f64> =
             (0..heart.basis.n_modes()).map(|_| rng.sample(StandardNormal)).collect();
         let unit = unit_field(&heart.basis, &Matern52(lengthscale), &eta);
@@ -219,8 +255,9 @@ fn sites(heart: &Heart, rng: &mut ChaCha8Rng) -> Vec<Site> {
         parameters: [tau_out[i].clamp(2.5, 18.0), apd_max[i].clamp(150.0, 235.0)],
         shift: 0.0,
         scatter: 0.0,
+        third: 0.0,
     };
-    vertices.iter().enumerate().map(one).collect()
+    (vertices.iter().enumerate().map(one).collect(), lengthscale)
 }
 
 /// Covariates that go together.
@@ -250,6 +287,11 @@ fn rearrange(sites: &mut [Site], scenario: Scenario, rng: &mut ChaCha8Rng) {
     }
 }
 
+/// What a contact force does to a measurement: less, the more there is of it.
+fn force(site: &Site) -> f64 {
+    (-site.force / 12.0).exp()
+}
+
 /// Lets the scenario's causes act.
 fn act(sites: &mut [Site], scenario: Scenario, rng: &mut ChaCha8Rng) {
     let labels: [f64; 4] = std::array::from_fn(|_| rng.sample::<f64, _>(StandardNormal));
@@ -265,7 +307,6 @@ fn act(sites: &mut [Site], scenario: Scenario, rng: &mut ChaCha8Rng) {
             }
         }
     };
-    let force = |s: &Site| (-s.force / 12.0).exp();
     let output = |s: &Site| -s.output.ln();
     let mut scar: Vec<f64> = sites[..N_TRAIN].iter().map(|s| s.scar).collect();
     scar.sort_by(f64::total_cmp);
@@ -311,7 +352,7 @@ fn act(sites: &mut [Site], scenario: Scenario, rng: &mut ChaCha8Rng) {
         }
         Scenario::Region => remodel(sites, |s| f64::from(u8::from(s.is_vein()))),
         Scenario::Patch => remodel(sites, |s| 1.0 / (1.0 + ((s.scar - edge) / 1.5).exp())),
-        Scenario::Null | Scenario::Outliers | Scenario::Repeated => {}
+        Scenario::Null | Scenario::Outliers | Scenario::Repeated | Scenario::Third => {}
     }
 }
 
@@ -392,14 +433,15 @@ impl Visit<'_> {
     /// The row of protocol number `protocol`, in which the refractory period is `erp` ms.
     fn row(&self, protocol: usize, erp: f64, rng: &mut ChaCha8Rng) -> String {
         let Self { site, number, grid, scenario } = *self;
-        let mut error = 2.0 * rng.sample::<f64, _>(StandardNormal);
+        let mut error = ERROR * rng.sample::<f64, _>(StandardNormal);
         if scenario == Scenario::Outliers && rng.random_bool(0.1) {
             error += 40.0 * rng.sample::<f64, _>(StandardNormal);
         }
         if site.scatter > 0.0 {
             error += site.scatter * rng.sample::<f64, _>(StandardNormal);
         }
-        let shown = erp + site.shift + error;
+        let third = if protocol == 1 { site.third } else { 0.0 };
+        let shown = erp + site.shift + third + error;
         let lower = grid + ((shown - grid) / 10.0).floor() * 10.0;
         let is_absent = |share| scenario == Scenario::Missing && share;
         let force = match scenario {

@@ -8,7 +8,7 @@ use super::candidate::{Candidate, Level, Unusable};
 use super::checks::{Warning, check, copies};
 use super::engine::{Engine, Outer, TriedTerm};
 use super::error::CriticismError;
-use super::fine::finer_fields;
+use super::fine::{finer_fields, smooth_fields};
 use super::fit::LaplaceFit;
 use super::observable::{observables, step_of};
 use super::outer::{Free, optimise};
@@ -43,10 +43,12 @@ pub(super) struct Bench<'a> {
     pub(super) table: &'a Measurements,
     pub(super) candidates: Vec<Candidate>,
     /// Its terms are, in this order, those of the candidates, that of the unit, those of finer
-    /// fields, and those of empty cells.
+    /// fields, those of smooth fields, and those of empty cells.
     pub(super) engine: Engine,
     /// Terms of finer fields, once for each size.
     pub(super) finer: Vec<Vec<usize>>,
+    /// Terms of smooth fields.
+    pub(super) smooth: Vec<usize>,
     /// For each column with empty cells, the term that gives each site with an empty cell a value
     /// of its own.
     pub(super) absent: BTreeMap<String, usize>,
@@ -94,8 +96,12 @@ impl<'a> Start<'a> {
         base.active = if of_unit.is_some() { vec![engine.terms.len()] } else { vec![] };
         engine.terms.extend(of_unit);
         let finer = add_finer_fields(&mut engine, basis, table, &field_sd);
+        let first = engine.terms.len();
+        let smooth = smooth_fields(&engine.model, basis, table, engine.sites.len(), &field_sd);
+        engine.terms.extend(smooth.into_iter().map(Arc::new));
+        let smooth = (first..engine.terms.len()).collect();
         let absent = add_absent(&mut engine, table, &each_once(&on), step);
-        let bench = Bench { table, candidates, engine, finer, absent, step, unit, seed };
+        let bench = Bench { table, candidates, engine, finer, smooth, absent, step, unit, seed };
         Ok(Self { bench, base, unusable, warnings })
     }
 }

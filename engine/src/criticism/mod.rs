@@ -60,7 +60,9 @@ pub use error::CriticismError;
 pub use fine::FINER;
 pub use fit::{Cavity, LaplaceFit};
 pub use heldout::{Predicted, Predictions, Score, predict_rows, score_of, with_heldout};
-pub use judgement::{CLAIM, Judgement, Record, Refutation, Round, UnitScore, least_log_bf};
+pub use judgement::{
+    CLAIM, Judgement, Record, Refutation, Round, UNEXPLAINED, UnitScore, least_log_bf,
+};
 pub use leave::{Left, leave_out, leave_sites_out, leave_units_out};
 pub use observable::observables;
 pub use procedure::{Criticism, SearchSettings, criticise, criticise_remembering};

@@ -9,7 +9,7 @@ use super::engine::Engine;
 use super::error::CriticismError;
 use super::fit::LaplaceFit;
 use super::judge::Judge;
-use super::judgement::{CLAIM, Judgement, Round, least_log_bf};
+use super::judgement::{CLAIM, Judgement, Round, UNEXPLAINED, least_log_bf};
 use super::nulls::Nulls;
 use super::outer::Free;
 use super::progress::{Remembered, Watch};
@@ -100,7 +100,8 @@ impl Criticism {
 
     /// Whether sites differ by more than the model with its findings says.
     pub fn is_unexplained(&self) -> bool {
-        self.site_log_bf > CLAIM || self.unit_log_bf.as_ref().is_some_and(|(_, bf)| *bf > CLAIM)
+        self.site_log_bf > UNEXPLAINED
+            || self.unit_log_bf.as_ref().is_some_and(|(_, bf)| *bf > CLAIM)
     }
 }
 

@@ -10,19 +10,21 @@ use super::outer::{Free, score, without_sites};
 type Fitted<'a> = &'a dyn Fn(&[usize]) -> Option<(LaplaceFit, f64)>;
 
 impl Bench<'_> {
-    /// Log Bayes factor of the sites' random effect. With it and without it the model's fields have the resolution at
-    /// which they say most: where sites differ and fields are finer than the model's, both are needed. So have the curves
-    /// of what was found: where these do not follow the true ones, that is no further cause.
+    /// Log Bayes factor of the sites' random effect. The model's own fields may be too coarse, and the curves of what
+    /// was found may not follow the true ones; neither is a further cause. So with the random effect and without it, the
+    /// model may have smooth fields beside its own, another curve of what was found, or both: what says most counts.
     pub(super) fn site_evidence(&self, fit: &LaplaceFit) -> f64 {
-        let curves = self.curves(&fit.active).map(|curve| vec![curve]);
-        let further = [vec![]].into_iter().chain(self.finer.iter().cloned()).chain(curves);
-        let resolutions: Vec<Vec<usize>> =
-            further.map(|terms| [&fit.active[..], &terms].concat()).collect();
+        let curves: Vec<Vec<usize>> =
+            [vec![]].into_iter().chain(self.curves(&fit.active).map(|c| vec![c])).collect();
+        let beside = [&[], &self.smooth[..]]
+            .into_iter()
+            .flat_map(|fields| curves.iter().map(move |curve| [fields, curve].concat()));
+        let all: Vec<Vec<usize>> = beside.map(|terms| [&fit.active[..], &terms].concat()).collect();
         let best = |of: Fitted<'_>| {
-            let fits = resolutions.iter().filter_map(|active| of(active));
-            let (best, score) = fits.max_by(|a, b| a.1.total_cmp(&b.1))?;
-            let refined = self.optimised(&best, Free::All).map_or(score, |(_, refined)| refined);
-            Some(refined.max(score))
+            let refined = |(fit, score): (LaplaceFit, f64)| {
+                self.optimised(&fit, Free::All).map_or(score, |(_, refined)| refined.max(score))
+            };
+            all.iter().filter_map(|active| of(active)).map(refined).reduce(f64::max)
         };
         let with = best(&|active| {
             let start = self.engine.fit(&fit.outer, active, Some(fit))?;
