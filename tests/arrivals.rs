@@ -4,13 +4,16 @@
 
 #[path = "../models/lat_velocity.rs"]
 mod lat_velocity;
+#[path = "support/program.rs"]
+mod program;
 mod support;
 
-use eplat::infer::LogDensity as _;
+use eplat::infer::{LogDensity as _, Settings, Silent, jittered_starts};
 use eplat::manifold::{Basis, eigenpairs};
 use eplat::mesh::{Data, Surface};
-use eplat::model::{Model, Sampler};
+use eplat::model::{Maps, Model, Sampler};
 use eplat::table::Measurements;
+use program::{Workplace, text};
 use rand::RngExt as _;
 use support::{rng, table};
 
@@ -83,7 +86,9 @@ fn rows(surface: &Surface, basis: &Basis) -> Measurements {
 fn gradient_error(model: &Model, point: u64) -> f64 {
     let mut rng = rng(point);
     let mut u = model.initial();
-    u.iter_mut().for_each(|x| *x += rng.random_range(-0.4..0.4));
+    for x in &mut u {
+        *x += rng.random_range(-0.4..0.4);
+    }
     let mut evaluator = model.evaluator();
     let mut gradient = vec![0.0; u.len()];
     assert!(evaluator.ln_density(&u, &mut gradient).is_finite());
@@ -179,14 +184,23 @@ fn what_cannot_be_laid_out_is_refused() {
     said(&surface, with_source.0, with_source.1).unwrap();
 }
 
-/// A map of `n` arrival times of `model` on a truth of its own prior, with noise of 1 ms.
-fn recorded(surface: &Surface, basis: &Basis, n: usize, sources: &[u32]) -> Measurements {
+/// `n` places with an arrival time from each source, on a velocity of the model's own, with an error of 1 ms; and that
+/// velocity.
+fn recorded(
+    surface: &Surface,
+    basis: &Basis,
+    n: usize,
+    sources: &[u32],
+) -> (Measurements, Vec<f64>) {
     let n_vertices = surface.mesh.n_vertices();
     let mut rng = rng(11);
     let lines: Vec<String> = (0..n)
         .flat_map(|i| {
             let vertex = rng.random_range(0..n_vertices);
-            sources.iter().map(move |source| format!("lat,{vertex},{source},{i},0")).collect::<Vec<_>>()
+            sources
+                .iter()
+                .map(move |source| format!("lat,{vertex},{source},{i},0"))
+                .collect::<Vec<_>>()
         })
         .collect();
     let mut data = table("protocol,vertex,source,site,value", &lines);
@@ -207,28 +221,75 @@ fn recorded(surface: &Surface, basis: &Basis, n: usize, sources: &[u32]) -> Meas
     model.forward(&mut t, &u);
     let mut at = vec![];
     model.let_values(&t, &mut at);
-    let values: Vec<f64> = at[at.len() - data.len()..].iter().map(|t| t + rng.random_range(-1.7..1.7)).collect();
+    let values: Vec<f64> =
+        at[at.len() - data.len()..].iter().map(|t| t + rng.random_range(-1.7..1.7)).collect();
     data.set_numbers("value", &values);
-    data
+    let truth = Maps::new(&model, basis).draws_at(&[&u], &(0..n_vertices).collect::<Vec<_>>());
+    (data, truth.iter().map(|maps| maps[0][0]).collect())
 }
 
+/// On a truth of the model's own: the posterior's intervals hold the velocity, and the map is nearer to the truth than
+/// one velocity would be.
 #[test]
-#[ignore = "prints what a draw costs"]
-fn what_a_draw_costs() {
+fn velocity_is_found_from_arrival_times() {
     let surface = Surface::left_atrium(3.0);
     let basis = eigenpairs(&surface.mesh, 64).unwrap();
-    let n = surface.mesh.n_vertices() as u32;
-    let data = recorded(&surface, &basis, 100, &[5]);
+    let (data, truth) = recorded(&surface, &basis, 150, &[5, 700]);
     let model = Model::new(&lat_velocity::LatVelocity, Some(&basis), &data).unwrap();
-    let begun = std::time::Instant::now();
-    let starts = eplat::infer::jittered_starts(&model, &model.initial(), 2, 1).unwrap();
-    println!("{n} vertices, start {:.1?}", begun.elapsed());
-    let settings = eplat::infer::Settings { chains: 1, warmup: 100, target_accept: Some(0.8), ..Default::default() };
-    use eplat::infer::{MarkovChain as _, Nuts};
-    let mut chain = Nuts::new(&model, &starts[0], &settings).unwrap();
-    println!("begun {:.1?}", begun.elapsed());
-    for i in 0..60 {
-        let Some(t) = chain.adapt().unwrap() else { break };
-        println!("{i} step {:.4} leapfrogs {} accept {:.2} energy {:.1} {:?} {:.1?}", chain.step_size(), t.n_leapfrog, t.accept, t.energy, t.diverging, begun.elapsed());
-    }
+    let starts = jittered_starts(&model, &model.initial(), 2, 1).unwrap();
+    let settings = Settings { chains: 2, warmup: 150, draws: 150, ..Settings::default() };
+    let chains = Sampler::Nuts.sample(&model, &starts, &settings, &Silent).unwrap();
+    let chains: Vec<_> = chains.into_iter().map(Result::unwrap).collect();
+    let draws: Vec<&[f64]> =
+        chains.iter().flat_map(|chain| (0..150).map(|i| chain.draw(i))).collect();
+    let maps = Maps::new(&model, &basis).summarise(&draws, &[]).maps;
+    let velocity = maps.iter().find(|map| map.name == "velocity").unwrap();
+    let n = truth.len() as f64;
+    let rms = |of: &dyn Fn(usize) -> f64| {
+        ((0..truth.len()).map(|i| of(i).powi(2)).sum::<f64>() / n).sqrt()
+    };
+    let middle = truth.iter().sum::<f64>() / n;
+    let (error, spread) = (rms(&|i| velocity.mean[i] - truth[i]), rms(&|i| middle - truth[i]));
+    let is_inside =
+        |i: &usize| (velocity.quantiles[0][*i]..velocity.quantiles[2][*i]).contains(&truth[*i]);
+    let inside = (0..truth.len()).filter(is_inside).count() as f64 / n;
+    let n_grad: u64 = chains.iter().map(|chain| chain.n_grad_warmup + chain.n_grad_sampling).sum();
+    println!(
+        "rms {error:.3} of {spread:.3} m/s, {:.0} % inside, {n_grad} gradients",
+        100.0 * inside
+    );
+    assert!(error < 0.6 * spread, "{error} of {spread} m/s");
+    assert!((0.75..=0.99).contains(&inside), "{inside}");
+}
+
+/// The program on such a table, and its predictions.
+#[test]
+fn the_program_runs_a_map_of_arrival_times() {
+    let surface = Surface::left_atrium(3.0);
+    let basis = eigenpairs(&surface.mesh, 64).unwrap();
+    let (data, _) = recorded(&surface, &basis, 60, &[5]);
+    let place = Workplace::new();
+    place.file("lat.csv", data.to_csv());
+    surface.write_maps(&place.path("atrium.vtp"), &[]).unwrap();
+    let settings = "--chains 2 --warmup 60 --draws 40 --seed 3";
+    let run = place.eplat(&format!(
+        "run lat_velocity --mesh atrium.vtp --units mm --data lat.csv {settings} --out run"
+    ));
+    assert!(matches!(run.status.code(), Some(0 | 3)), "{}", text(&run.stderr));
+    assert!(place.read("run/fields.vtp").contains("velocity_mean"));
+    let again = place.eplat("predict run lat.csv");
+    assert_eq!(again.status.code(), Some(0), "{}", text(&again.stderr));
+    assert!(text(&again.stdout).contains("of 60 measured rows"), "{}", text(&again.stdout));
+    // what does not take such a model says so
+    let refused =
+        place.eplat("loop lat_velocity --mesh atrium.vtp --units mm --data lat.csv --out loop");
+    assert!(
+        text(&refused.stderr).contains("let arrival: what is missing from a model of `eikonal`")
+    );
+    let refused = place.eplat("run lat_velocity");
+    let said = text(&refused.stderr);
+    assert!(
+        said.contains("no synthetic experiment: `arrival` depends on where activation starts"),
+        "{said}"
+    );
 }

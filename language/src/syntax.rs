@@ -189,7 +189,7 @@ pub enum Value {
         beta: Ident,
     },
     /// `eikonal(SLOWNESS, RATIO, ANGLE; row.source)`: when an activation that starts at the row's source arrives.
-    Eikonal(Eikonal),
+    Eikonal(Box<Eikonal>),
 }
 
 /// `eikonal(SLOWNESS, RATIO, ANGLE; row.source)`. Everything before the semicolon has a value at every place.

@@ -40,7 +40,9 @@ pub(super) fn metric_at(
     const LARGEST: f64 = 100.0;
     let dim = position.len();
     let mut metric = Metric::diagonal(conditional_scales(evaluator, position, 1.0));
-    still.iter().for_each(|i| metric.scale[*i] = 0.0);
+    for i in still {
+        metric.scale[*i] = 0.0;
+    }
     let scale = &metric.scale;
     let mut precision = Mat::<f64>::zeros(dim, dim);
     evaluator.hessian(position, &mut |j, column| {
@@ -50,7 +52,9 @@ pub(super) fn metric_at(
             precision[(j, i)] += half;
         }
     });
-    still.iter().for_each(|i| precision[(*i, *i)] = 1.0);
+    for i in still {
+        precision[(*i, *i)] = 1.0;
+    }
     let is_finite = precision.col_iter().all(|column| column.iter().all(|x| x.is_finite()));
     let Some(eigen) = is_finite.then(|| precision.self_adjoint_eigen(Side::Lower).ok()).flatten()
     else {

@@ -80,7 +80,7 @@ fn eikonal(input: ParseStream<'_>, row: &Ident) -> Result<Option<Value>> {
     let source = member(&content, row)?;
     all_read(&content)?;
     semicolon(input, source.span())?;
-    Ok(Some(Value::Eikonal(Eikonal { slowness, ratio, angle, source })))
+    Ok(Some(Value::Eikonal(Box::new(Eikonal { slowness, ratio, angle, source }))))
 }
 
 /// Whether `WORD(` follows.

@@ -44,7 +44,7 @@ impl Builder<'_> {
         for number in mentions.numbers {
             match *self.source(number) {
                 Source::Scalars { v, len } => {
-                    from.extend((v..v + len).map(|v| Where::Same(v as u32)))
+                    from.extend((v..v + len).map(|v| Where::Same(v as u32)));
                 }
                 Source::Field { field, .. } => {
                     from.push(Where::Each(self.model.fields[field].op.theta as u32));
