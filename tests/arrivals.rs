@@ -219,10 +219,8 @@ fn recorded(
         };
     }
     model.forward(&mut t, &u);
-    let mut at = vec![];
-    model.let_values(&t, &mut at);
-    let values: Vec<f64> =
-        at[at.len() - data.len()..].iter().map(|t| t + rng.random_range(-1.7..1.7)).collect();
+    // ln noise is 0
+    let values: Vec<f64> = model.observes[0].simulate(&t, &mut rng).concat();
     data.set_numbers("value", &values);
     let truth = Maps::new(&model, basis).draws_at(&[&u], &(0..n_vertices).collect::<Vec<_>>());
     (data, truth.iter().map(|maps| maps[0][0]).collect())
@@ -289,7 +287,7 @@ fn the_program_runs_a_map_of_arrival_times() {
     let refused = place.eplat("run lat_velocity");
     let said = text(&refused.stderr);
     assert!(
-        said.contains("no synthetic experiment: `arrival` depends on where activation starts"),
+        said.contains("no synthetic experiment: the model reads the column `source`"),
         "{said}"
     );
 }
