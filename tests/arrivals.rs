@@ -115,6 +115,14 @@ fn gradients_are_those_of_differences() {
         let error = gradient_error(&model, point);
         assert!(error < 1e-5, "point {point}: {error}");
     }
+    // tissue that is none: the draw is refused, and nothing hangs or panics
+    for (name, value) in [("velocity.m", f64::NAN), ("faster", 1e3), ("faster", -1e3)] {
+        let mut u = model.initial();
+        let at = model.unknown_names().iter().position(|own| own == name).unwrap();
+        u[at] = value;
+        let ln_density = model.evaluator().ln_density(&u, &mut vec![0.0; u.len()]);
+        assert!(!ln_density.is_finite(), "{name} = {value}: {ln_density}");
+    }
     // fields at every place are no longer a few numbers at the rows
     assert!(!Sampler::Blocked.takes(&model) && !Sampler::Integrated.takes(&model));
     assert_eq!(Sampler::of(&model), Sampler::Nuts);

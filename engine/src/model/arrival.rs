@@ -26,6 +26,9 @@ pub(super) struct Operand {
 /// A row: its vertex, and the place of its arrival in `v`.
 pub(super) type At = (u32, usize);
 
+/// What a slowness (ms/mm) and a ratio may be. Beyond, nothing arrives.
+const LIMITS: Range<f64> = 1e-6..1e6;
+
 /// Arrival times at rows.
 #[derive(Debug)]
 pub(super) struct Arrival {
@@ -65,6 +68,24 @@ impl Arrival {
         Medium { slowness: &values[..n], ratio: of(1), angle: of(2) }
     }
 
+    /// Sources with their fronts, of those from which activation arrived.
+    fn arrived<'a>(
+        &'a self,
+        fronts: &'a [Front],
+    ) -> impl Iterator<Item = (&'a (u32, Vec<At>), &'a Front)> {
+        self.sources.iter().zip(fronts).filter(|(_, front)| !front.arrival.is_empty())
+    }
+
+    /// Whether the solver can have this medium: velocities are numbers, and not out of all reason.
+    fn is_tissue(medium: &Medium<'_>) -> bool {
+        let all = |of: Option<&[f64]>, range: &Range<f64>| {
+            of.is_none_or(|x| x.iter().all(|x| range.contains(x)))
+        };
+        all(Some(medium.slowness), &LIMITS)
+            && all(medium.ratio, &LIMITS)
+            && medium.angle.is_none_or(|angle| angle.iter().all(|x| x.is_finite()))
+    }
+
     /// Carries adjoints of the arrivals at the rows, in `g`, to what the operands depend on, in `g` too. `t` is
     /// after a forward pass, `work` is scratch memory of the same layout.
     fn carry_back(
@@ -79,7 +100,7 @@ impl Arrival {
         let medium = self.medium(values);
         let (bars, bar) = work.split_at_mut(OPERANDS * n);
         bars.fill(0.0);
-        for ((_, rows), front) in self.sources.iter().zip(fronts) {
+        for ((_, rows), front) in self.arrived(fronts) {
             bar.fill(0.0);
             for (vertex, at) in rows {
                 bar[*vertex as usize] += g[*at];
@@ -114,7 +135,13 @@ impl Op for Arrival {
         }
         let medium = self.medium(&t.work[self.work..]);
         let fronts = t.fronts[self.front..].iter_mut();
+        let is_tissue = Self::is_tissue(&medium);
         for ((source, rows), front) in self.sources.iter().zip(fronts) {
+            if !is_tissue {
+                front.arrival.clear();
+                rows.iter().for_each(|(_, at)| t.v[*at] = f64::NAN);
+                continue;
+            }
             self.solver.forward(&medium, &[(*source, 0.0)], front);
             for (vertex, at) in rows {
                 t.v[*at] = front.arrival[*vertex as usize];
@@ -144,7 +171,7 @@ impl Second for Arrival {
         let (changes, rest) = d.work[self.work..].split_at_mut(OPERANDS * n);
         let change = self.medium(changes);
         let arrival = &mut rest[OPERANDS * n..][..n];
-        for ((_, rows), front) in self.sources.iter().zip(&t.fronts[self.front..]) {
+        for ((_, rows), front) in self.arrived(&t.fronts[self.front..]) {
             self.solver.push(&medium, front, &change, &[0.0], arrival);
             for (vertex, at) in rows {
                 d.v[*at] = arrival[*vertex as usize];
