@@ -7,9 +7,9 @@
 //! group (`order.rs`) depend on each other, and their linear system is solved by iterating it.
 
 use super::front::Front;
-use super::geometry::{Geometry, NONE};
-use super::march::Way;
+use super::geometry::Geometry;
 use super::step::{Slope, Step};
+use super::way::{NONE, Way};
 use super::{Medium, MediumBar};
 
 /// Iterations of a group end once what is left is smaller than this part of where they began.

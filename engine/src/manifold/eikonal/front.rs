@@ -1,11 +1,11 @@
 //! What a front leaves: arrivals, and how each came about.
 
-use super::geometry::{Geometry, NONE};
-use super::march::Way;
+use super::geometry::Geometry;
 use super::metric::{Timed, Tissue};
 use super::order::Order;
 use super::queue::Queue;
 use super::rays::Rays;
+use super::way::{NONE, Way};
 
 /// Arrival times, and how each came about; memory is reused between calls.
 #[derive(Clone, Debug, Default)]

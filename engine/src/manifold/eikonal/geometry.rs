@@ -5,10 +5,8 @@
 use super::super::ManifoldError;
 use super::super::laplacian::{cross, dot, subtract};
 use super::orientation::outward;
+use super::way::NONE;
 use crate::mesh::TriMesh;
-
-/// No triangle, no vertex.
-pub(super) const NONE: u32 = u32::MAX;
 
 /// A fibre whose part in the surface is shorter than this part of it is no direction there.
 const LEAST_IN_SURFACE: f64 = 1e-3;

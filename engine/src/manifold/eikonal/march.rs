@@ -7,9 +7,10 @@
 
 use super::Medium;
 use super::front::Front;
-use super::geometry::{Geometry, NONE};
+use super::geometry::Geometry;
 use super::metric::measure;
 use super::step::Step;
+use super::way::{NONE, Way};
 
 /// A vertex that is reached earlier by less than this part of its arrival is not taken up again.
 const LEAST: f64 = 1e-13;
@@ -20,20 +21,6 @@ const TURNS: usize = 20;
 /// So often a vertex may go over from the front of one source to that of another.  Without an end two vertices
 /// where fronts meet may do so in turns for ever.
 const MOVES: u8 = 3;
-
-/// How a vertex is reached.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub(super) enum Way {
-    /// It is not.
-    #[default]
-    Never,
-    /// Along this straight line from a source, or it is the source.
-    Ray(u32),
-    /// Along a side of `triangle`, to its corner `to` from the end number `end` of the side opposite that.
-    Along { triangle: u32, to: u8, end: u8 },
-    /// Across the side opposite the corner `to`, with a round or a plane front.
-    Across { triangle: u32, to: u8, is_round: bool },
-}
 
 /// A candidate for how a vertex is reached first.
 #[derive(Clone, Copy)]

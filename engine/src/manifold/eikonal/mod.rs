@@ -29,6 +29,7 @@ mod rays;
 mod step;
 #[cfg(test)]
 mod tests;
+mod way;
 
 pub use front::Front;
 

@@ -7,7 +7,7 @@
 //! # Source
 //! Tarjan 1972, Depth-first search and linear graph algorithms.
 
-use super::geometry::NONE;
+use super::way::NONE;
 
 /// Groups of vertices, parents first.
 #[derive(Clone, Debug, Default)]

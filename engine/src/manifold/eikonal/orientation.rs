@@ -1,7 +1,7 @@
 //! Which way is out: unit normals of the triangles that agree between neighbours.
 
 use super::super::laplacian::{cross, dot, subtract};
-use super::geometry::NONE;
+use super::way::NONE;
 use crate::mesh::TriMesh;
 
 /// Less of the volume that a sphere of its area has, and a piece has no inside.

@@ -1,6 +1,6 @@
 //! Vertices that wait for their turn, the earliest first.
 
-use super::geometry::NONE;
+use super::way::NONE;
 
 /// Children of a node: a flat heap moves a vertex that became earlier over few levels.
 const CHILDREN: usize = 4;

@@ -4,8 +4,9 @@
 //! straight lines to them: the time along one is the sum over the triangles it crosses.  Which triangles these are
 //! is a matter of the surface alone, and a straight line is never faster than the fastest one.
 
-use super::geometry::{Geometry, NONE, Triangle};
+use super::geometry::{Geometry, Triangle};
 use super::metric::Tissue;
+use super::way::NONE;
 
 /// Radius in which vertices are reached straight, in mean edges at the source.
 const RADIUS: f64 = 5.0;
