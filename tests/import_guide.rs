@@ -51,7 +51,8 @@ fn a_newcomer_gets_through_the_page() {
     }
     assert_eq!(said.len(), 5);
     assert!(said[1].contains("observe bipolar: 10 measurements"), "{}", said[1]);
-    assert!(said[2].contains("models too\n  voltage: 10 bipolar"), "{}", said[2]);
+    let models = "models too\n  lat_fibres: 8 lat\n  lat_velocity: 8 lat\n  voltage: 10 bipolar";
+    assert!(said[2].contains(models), "{}", said[2]);
     let contradiction = "contradiction at site B, s1s2, S1 600 ms: captured at 250 ms (line 6), but not at 260 ms (line 7)";
     assert!(said[3].contains(contradiction), "{}", said[3]);
     assert!(said[3].contains("\n  erp: 2 s1s2, 2 s1s2s3"), "{}", said[3]);

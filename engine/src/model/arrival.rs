@@ -139,7 +139,9 @@ impl Op for Arrival {
         for ((source, rows), front) in self.sources.iter().zip(fronts) {
             if !is_tissue {
                 front.arrival.clear();
-                rows.iter().for_each(|(_, at)| t.v[*at] = f64::NAN);
+                for (_, at) in rows {
+                    t.v[*at] = f64::NAN;
+                }
                 continue;
             }
             self.solver.forward(&medium, &[(*source, 0.0)], front);
