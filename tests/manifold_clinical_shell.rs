@@ -87,25 +87,29 @@ fn arrivals_have_the_derivatives_that_differences_say() {
         mesh.vertices().iter().map(at).collect::<Vec<f64>>()
     };
     let sources = [(100, 0.0), (3000, 5.0)];
-    for ratio in [1.0, 2.0, 3.0] {
-        let slowness: Vec<f64> = wave(0.03).iter().map(|x| 1.4 * (0.3 * x).exp()).collect();
+    let n = mesh.n_vertices();
+    let bar = vec![1.0 / n as f64; n];
+    let change: Vec<f64> = wave(0.04).iter().map(|x| 1.0 + x).collect();
+    let mut differ = vec![];
+    for (ratio, moved) in [1.0, 2.0, 3.0].into_iter().flat_map(|r| (0..5).map(move |k| (r, k))) {
+        let along = |h: f64| -> Vec<f64> {
+            let slowness = wave(0.03).into_iter().map(|x| 1.4 * (0.3 * x).exp());
+            slowness.zip(&change).map(|(s, d)| s + h * d).collect()
+        };
+        let here = 1e-4 * f64::from(moved);
         let ratios: Vec<f64> = wave(0.05).iter().map(|x| ratio * (0.2 * x).exp()).collect();
-        let change: Vec<f64> = wave(0.04).iter().map(|x| 1.0 + x).collect();
+        let slowness = along(here);
         let medium = Medium { slowness: &slowness, ratio: Some(&ratios), angle: None };
         let mut front = Front::default();
         let mut mean = |slowness: &[f64]| {
-            let medium = Medium { slowness, ..medium };
             let start = Instant::now();
-            eikonal.forward(&medium, &sources, &mut front);
-            (front.arrival.iter().sum::<f64>() / mesh.n_vertices() as f64, start.elapsed())
+            eikonal.forward(&Medium { slowness, ..medium }, &sources, &mut front);
+            (front.arrival.iter().sum::<f64>() / n as f64, start.elapsed())
         };
-        let moved =
-            |h: f64| -> Vec<f64> { slowness.iter().zip(&change).map(|(s, d)| s + h * d).collect() };
-        let difference = (mean(&moved(1e-6)).0 - mean(&moved(-1e-6)).0) / 2e-6;
-        let forward = (0..20).map(|_| mean(&slowness).1).min().unwrap();
-        let bar = vec![1.0 / mesh.n_vertices() as f64; mesh.n_vertices()];
+        let difference = (mean(&along(here + 1e-6)).0 - mean(&along(here - 1e-6)).0) / 2e-6;
+        let forward = (0..5).map(|_| mean(&slowness).1).min().unwrap();
         let (mut of, mut of_ratio, mut onsets) = (bar.clone(), bar.clone(), [0.0; 2]);
-        let backward = (0..20).map(|_| {
+        let backward = (0..5).map(|_| {
             of.fill(0.0);
             let (slowness, ratio) = (&mut of[..], Some(&mut of_ratio[..]));
             let mut into = MediumBar { slowness, ratio, angle: None, onsets: &mut onsets };
@@ -114,10 +118,15 @@ fn arrivals_have_the_derivatives_that_differences_say() {
             start.elapsed()
         });
         let backward = backward.min().unwrap();
-        println!("ratio {ratio}: forward {forward:.2?}, backward {backward:.2?}");
         let found: f64 = of.iter().zip(&change).map(|(g, d)| g * d).sum();
-        assert!((difference / found - 1.0).abs() < 1e-6, "{difference} {found}");
+        let error = (difference / found - 1.0).abs();
+        println!(
+            "ratio {ratio}: forward {forward:.2?}, backward {backward:.2?}, off by {error:.1e}"
+        );
+        differ.extend((error >= 1e-6).then_some((ratio, moved, difference, found)));
     }
+    // where fronts of two sources meet a vertex may go over from one to the other within the difference
+    assert!(differ.len() <= 1, "{differ:?}");
 }
 
 /// Smallest geodesic distance between two sites, mm.
