@@ -142,8 +142,9 @@ impl<'a> March<'a> {
             front.origins[v] = candidate.origin;
             front.moves[v] += u8::from(!is_first);
         }
-        // those reached from here may now be reached later
-        front.has_changed[v] |= !is_first && (is_moved || candidate.arrival > front.arrival[v]);
+        // those reached from here may now be reached later, also if this one is reached earlier: a round front that
+        // passes one end of a side sooner may pass beyond it later
+        front.has_changed[v] |= !is_first;
         front.arrival[v] = candidate.arrival;
         front.ways[v] = candidate.way;
         let queue = if candidate.arrival < self.now { &mut front.later } else { &mut front.queue };
