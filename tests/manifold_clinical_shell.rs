@@ -4,7 +4,7 @@
 //! 1.18.1 eigsh, shift-invert) on `openep_la/la_lat.vtk` (openep-py, GPL-3.0), which is not part of
 //! the repository: without it the test says so and returns.
 
-#![allow(clippy::unwrap_used, reason = "a test")]
+#![allow(clippy::unwrap_used, clippy::print_stdout, reason = "a test")]
 
 #[path = "support/skipped.rs"]
 mod skipped;
