@@ -23,40 +23,67 @@ const BORDER: f64 = 10.0;
 /// Weight of an edge's length to the fourth beside the quadric error: even triangles in flat places.
 const EVEN: f64 = 1e-2;
 
+/// A coarser triangulation between some of the vertices of a surface.
+#[derive(Clone, Debug)]
+pub struct Coarse {
+    /// The triangulation.
+    pub mesh: TriMesh,
+    /// The vertex of the surface that each of `mesh` is, ascending (n_vertices of `mesh`).
+    pub vertices: Vec<u32>,
+    /// The triangle of the surface whose middle is nearest to that of each of `mesh` (n_triangles of `mesh`).
+    pub triangles: Vec<u32>,
+    /// Where each vertex of the surface is on `mesh`.
+    places: Vec<OnTriangle>,
+}
+
+impl TriMesh {
+    /// A triangulation between about `n_vertices` of the vertices, among them all that `stay`; between more where
+    /// fewer would fold it or change its topology.
+    ///
+    /// # Errors
+    /// What [`TriMesh::new`] refuses.
+    pub fn coarsened(&self, n_vertices: usize, stay: &[u32]) -> Result<Coarse, MeshError> {
+        let mut decimation = Decimation::new(self);
+        for vertex in stay {
+            decimation.stays[*vertex as usize] = true;
+        }
+        decimation.run(n_vertices);
+        let Decimation { faces, parent, points, .. } = decimation;
+        let vertices: Vec<u32> =
+            (0..points.len() as u32).filter(|v| parent[*v as usize] == *v).collect();
+        let mut number = vec![DROPPED; points.len()];
+        for (new, old) in (0..).zip(&vertices) {
+            number[*old as usize] = new;
+        }
+        let triangles: Vec<[u32; 3]> =
+            faces.triangles().map(|t| t.map(|v| number[v as usize])).collect();
+        let kept = vertices.iter().map(|v| points[*v as usize].into()).collect();
+        let mesh = Self::new(kept, triangles)?;
+        let places = places(self, &mesh, |v| number[root(&parent, v as u32) as usize]);
+        let triangles = sampled_triangles(self, &mesh, &places);
+        Ok(Coarse { mesh, vertices, triangles, places })
+    }
+}
+
 impl Surface {
     /// This surface with about `n_vertices`; more where fewer would fold it or change its topology.
     ///
     /// # Errors
     /// What [`TriMesh::new`] refuses.
     pub fn decimated(self, n_vertices: usize) -> Result<Self, MeshError> {
-        let mut decimation = Decimation::new(&self.mesh);
-        decimation.run(n_vertices);
-        let Decimation { faces, parent, points, .. } = decimation;
-        let kept: Vec<u32> =
-            (0..points.len() as u32).filter(|v| parent[*v as usize] == *v).collect();
-        let mut number = vec![DROPPED; points.len()];
-        for (new, old) in (0..).zip(&kept) {
-            number[*old as usize] = new;
-        }
-        let triangles: Vec<[u32; 3]> =
-            faces.triangles().map(|t| t.map(|v| number[v as usize])).collect();
-        let vertices = kept.iter().map(|v| points[*v as usize].into()).collect();
-        let mesh = TriMesh::new(vertices, triangles)?;
-        let root = |v: usize| number[root(&parent, v as u32) as usize];
-        let places = places(&self.mesh, &mesh, root);
+        let Coarse { mesh, vertices, triangles, places } = self.mesh.coarsened(n_vertices, &[])?;
         let distances = distances(&self.mesh, &mesh, &places);
         let nearest: Vec<u32> = places.iter().map(heaviest).collect();
         let vertex_of = self.vertex_of.iter().map(|v| match *v {
             DROPPED => DROPPED,
             v => nearest[v as usize],
         });
-        let cells = sampled_triangles(&self.mesh, &mesh, &places);
         let mut coarse = Self {
-            source_vertex: kept.iter().map(|v| self.source_vertex[*v as usize]).collect(),
+            source_vertex: vertices.iter().map(|v| self.source_vertex[*v as usize]).collect(),
             n_source_vertices: self.n_source_vertices,
             dropped: self.dropped.clone(),
-            point_data: data::pick(&self.point_data, &kept),
-            cell_data: data::pick(&self.cell_data, &cells),
+            point_data: data::pick(&self.point_data, &vertices),
+            cell_data: data::pick(&self.cell_data, &triangles),
             units: self.units,
             axes: self.axes,
             notes: self.notes.clone(),
@@ -184,6 +211,8 @@ struct Decimation {
     faces: Connectivity,
     quadrics: Vec<Quadric>,
     is_border: Vec<bool>,
+    /// Vertices that are not joined to others.
+    stays: Vec<bool>,
     versions: Vec<u32>,
     /// The vertex that one was joined to; itself, if it is left.
     parent: Vec<u32>,
@@ -214,8 +243,8 @@ impl Decimation {
         }
         let edges = faces.edges();
         let parent = (0..n as u32).collect();
-        let (versions, heap) = (vec![0; n], BinaryHeap::new());
-        let mut this = Self { points, faces, quadrics, is_border, versions, parent, heap };
+        let (stays, versions, heap) = (vec![false; n], vec![0; n], BinaryHeap::new());
+        let mut this = Self { points, faces, quadrics, is_border, stays, versions, parent, heap };
         for [a, b] in edges {
             this.offer(a, b);
             this.offer(b, a);
@@ -262,7 +291,8 @@ impl Decimation {
 
     /// Whether the surface keeps its topology and its borders, and no triangle is turned over or thin.
     fn may_collapse(&self, from: u32, into: u32) -> bool {
-        if self.is_border[from as usize] && !self.faces.is_border(from, into) {
+        let is_border = self.is_border[from as usize];
+        if self.stays[from as usize] || is_border && !self.faces.is_border(from, into) {
             return false;
         }
         let min_left = |v: u32| if self.is_border[v as usize] { 1 } else { 3 };

@@ -41,6 +41,7 @@ mod write;
 pub use atrium::{Atrium, REGION_NAMES, left_atrium};
 pub use bytes::Encoding;
 pub use data::{Array, Data};
+pub use decimate::Coarse;
 pub use error::{MeshError, Piece, Place};
 pub use format::{Format, files};
 pub use read::{Reading, mended, read, repair};

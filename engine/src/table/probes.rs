@@ -5,7 +5,7 @@ use std::sync::Arc;
 
 use super::{DataError, Placement, SOURCE, Table};
 use crate::manifold::{Basis, Eikonal, ManifoldError, integrate_along_paths};
-use crate::mesh::Surface;
+use crate::mesh::{MeshError, Surface};
 
 /// Most modes of a field that is tried as an effect.
 pub const FIELD_MODES: usize = 64;
@@ -25,13 +25,20 @@ pub struct Probes {
     waves: Option<Waves>,
 }
 
+/// Vertices of the surface that activation is computed at, besides those of rows.
+const WAVE_VERTICES: usize = 2000;
+
 /// Activation of the surface from the column `source`.
 #[derive(Clone, Debug)]
 pub struct Waves {
-    /// The vertex at which activation starts, for each row (rows).
-    pub source: Vec<u32>,
-    /// The surface, prepared for arrival times.
+    /// A triangulation between vertices of the surface, prepared for arrival times.
     pub solver: Arc<Eikonal>,
+    /// The vertex of the surface that each of the solver's is, ascending.
+    pub vertices: Vec<u32>,
+    /// The solver's vertex at which activation starts, for each row (rows).
+    pub source: Vec<u32>,
+    /// The solver's vertex at which each row is (rows).
+    pub at: Vec<u32>,
     /// Whether the surface has fibres, or directions of the solver's own.
     pub has_fibres: bool,
 }
@@ -74,7 +81,7 @@ impl Probes {
                 length[row] = own[n];
             }
         }
-        let waves = Some(Waves::new(sources, surface)?);
+        let waves = Some(Waves::new(&sources, vertices, surface)?);
         Ok(Self { frequency, at, along, length, waves })
     }
 
@@ -116,11 +123,26 @@ impl Probes {
 }
 
 impl Waves {
-    fn new(source: Vec<u32>, surface: &Surface) -> Result<Self, ManifoldError> {
-        let fibres = surface.any_fibres();
-        let vectors = fibres.as_ref().map(|(_, vectors)| vectors.as_slice());
-        let solver = Arc::new(Eikonal::new(&surface.mesh, vectors)?);
-        Ok(Self { source, solver, has_fibres: fibres.is_some() })
+    /// From the `sources` to the vertices `of_rows` (each of the surface, one per row), all of which are the solver's.
+    fn new(sources: &[u32], of_rows: &[u32], surface: &Surface) -> Result<Self, ProbeError> {
+        let fibres = surface.any_fibres().map(|(_, vectors)| vectors);
+        let has_fibres = fibres.is_some();
+        let n = surface.mesh.n_vertices();
+        let (solver, vertices) = if n <= WAVE_VERTICES {
+            (Eikonal::new(&surface.mesh, fibres.as_deref())?, (0..n as u32).collect())
+        } else {
+            let coarse = surface.mesh.coarsened(WAVE_VERTICES, &[sources, of_rows].concat())?;
+            let of = |of: Vec<[f64; 3]>| coarse.triangles.iter().map(|t| of[*t as usize]).collect();
+            let fibres: Option<Vec<_>> = fibres.map(of);
+            (Eikonal::new(&coarse.mesh, fibres.as_deref())?, coarse.vertices)
+        };
+        let mut number = vec![0; n];
+        for (new, old) in (0..).zip(&vertices) {
+            number[*old as usize] = new;
+        }
+        let [source, at] =
+            [sources, of_rows].map(|of| of.iter().map(|v| number[*v as usize]).collect());
+        Ok(Self { solver: solver.into(), vertices, source, at, has_fibres })
     }
 }
 
@@ -133,4 +155,7 @@ pub enum ProbeError {
     /// The surface.
     #[error(transparent)]
     Manifold(#[from] ManifoldError),
+    /// Its triangulation.
+    #[error(transparent)]
+    Mesh(#[from] MeshError),
 }

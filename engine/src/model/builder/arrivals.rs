@@ -8,6 +8,7 @@ use crate::model::error::ModelError;
 use crate::model::everywhere::Where;
 use crate::model::expression::AnyOperand;
 use crate::model::functions::Decl;
+use crate::table::Measurements;
 
 impl Builder<'_> {
     /// `let name(row) [unit] = eikonal(slowness, ratio, angle; row.source);`
@@ -62,13 +63,10 @@ impl Builder<'_> {
     /// Lays out the arrivals at these rows. Returns the place of the first.
     pub(super) fn arrivals_at(&mut self, arrival: usize, rows: &[usize]) -> usize {
         let out = self.values(rows.len());
-        let Some((data, waves)) = self.data.and_then(|data| Some((data, data.waves()?))) else {
-            return out;
-        };
+        let Some(waves) = self.data.and_then(Measurements::waves) else { return out };
         let mut of_source: BTreeMap<u32, Vec<(u32, usize)>> = BTreeMap::new();
         for (i, row) in rows.iter().enumerate() {
-            let vertex = data.vertex(*row).unwrap_or(0);
-            of_source.entry(waves.source[*row]).or_default().push((vertex, out + i));
+            of_source.entry(waves.source[*row]).or_default().push((waves.at[*row], out + i));
         }
         let sources = &mut self.model.arrivals[arrival].sources;
         for (source, rows) in of_source {

@@ -17,6 +17,7 @@ use crate::model::laid_out::{FieldEntry, Model};
 use crate::model::reported::{Kind, Parameter, Position};
 use crate::model::scalar::Scalar;
 use crate::num::Within;
+use crate::table::Measurements;
 
 /// The field that is being declared.
 pub(super) struct Declared {
@@ -235,11 +236,12 @@ impl Builder<'_> {
         Ok(Modes { frequency, phi0: constant_mode(basis) })
     }
 
-    /// The group of the field of this label, and the vertices that its rows are at; all vertices where arrivals
-    /// depend on it.
+    /// The group of the field of this label, and the vertices that its rows are at; all at which activation is
+    /// computed where arrivals depend on it.
     fn seen_by(&self, declared: &Declared, label: usize) -> (usize, Vec<u32>) {
-        if let Some(basis) = self.basis.filter(|_| is_everywhere(&self.model, declared.name)) {
-            return (0, (0..basis.n_vertices() as u32).collect());
+        let waves = self.data.and_then(Measurements::waves);
+        if let Some(waves) = waves.filter(|_| is_everywhere(&self.model, declared.name)) {
+            return (0, waves.vertices.clone());
         }
         let Some((labels, data)) =
             declared.labels.as_ref().zip(self.data).filter(|_| declared.is_apart)

@@ -1,0 +1,213 @@
+//! What arrival times tell of velocity and fibres on a clinical left atrium, whose truth is the monodomain simulator's.
+//!
+//! ```text
+//! cargo test --release --test arrival_bars -- --ignored --nocapture
+//! ```
+//! Activation from three sites is simulated on the atrium of FiberNet with edges of 0.3 mm. Its fibres are those of the
+//! file, turned by a smooth angle that the model is not told; its velocity varies smoothly. Times at random vertices get
+//! 1 ms of noise and go through `eplat run lat_fibres`, which sees the file's fibres only.
+//!
+//! Not in the repository: `fibernet/LA_model.vtk` of the reference data (FiberNet, Ruiz Herrera et al. 2022). Without it the
+//! test says so.
+
+#![allow(clippy::unwrap_used, clippy::print_stdout, reason = "tests")]
+
+#[path = "support/activation.rs"]
+mod activation;
+#[path = "support/program.rs"]
+mod program;
+
+use activation::{activation, normals, unit, velocity};
+use eplat::ep::surface::halfway;
+use eplat::mesh::{Reading, Refined, Surface, TriMesh, read};
+use program::{Workplace, shared, text};
+use rand::{RngExt as _, SeedableRng as _};
+use rand_distr::{Distribution as _, Normal};
+use std::time::Instant;
+
+const RATIO: f64 = 2.0;
+/// Places where activation starts: vertices of the file.
+const SOURCES: [usize; 3] = [4000, 92, 8835];
+
+/// What is to be found, at every vertex.
+struct Truth {
+    /// Velocity along fibres and across, mm/ms.
+    velocity: Vec<[f64; 2]>,
+    /// By how much fibres are turned, rad.
+    angle: Vec<f64>,
+    /// Activation from each source, ms.
+    activation: Vec<Vec<f64>>,
+}
+
+/// A smooth function of place with mean square 1, about.
+fn wave(p: &[f64; 3], [a, b, c]: [f64; 3], phase: f64) -> f64 {
+    2f64.sqrt() * (a * p[0] + b * p[1] + c * p[2] + phase).sin()
+}
+
+/// Normals that point out of the atrium.
+fn outward(mesh: &TriMesh) -> Vec<[f64; 3]> {
+    let normals = normals(mesh);
+    let n = mesh.n_vertices() as f64;
+    let middle: [f64; 3] =
+        std::array::from_fn(|k| mesh.vertices().iter().map(|p| p[k]).sum::<f64>() / n);
+    let out: f64 = mesh
+        .vertices()
+        .iter()
+        .zip(&normals)
+        .map(|(p, n)| (0..3).map(|k| (p[k] - middle[k]) * n[k]).sum::<f64>())
+        .sum();
+    normals.iter().map(|n| n.map(|x| x * out.signum())).collect()
+}
+
+/// The fibres of the file at the vertices, in the surface.
+fn fibres(surface: &Surface, normals: &[[f64; 3]]) -> Vec<[f64; 3]> {
+    let (_, of_triangles) = surface.any_fibres().unwrap();
+    let mut at = vec![[0.0; 3]; surface.mesh.n_vertices()];
+    for (t, fibre) in surface.mesh.triangles().iter().zip(&of_triangles) {
+        for &v in t {
+            let sum = &mut at[v as usize];
+            let dot: f64 = sum.iter().zip(fibre).map(|(a, b)| a * b).sum();
+            let sign = if dot < 0.0 { -1.0 } else { 1.0 };
+            (0..3).for_each(|k| sum[k] += sign * fibre[k]);
+        }
+    }
+    activation::in_surface(&at, normals)
+}
+
+/// Each fibre turned about its normal.
+fn turned(fibres: &[[f64; 3]], normals: &[[f64; 3]], angle: &[f64]) -> Vec<[f64; 3]> {
+    let of = |((f, n), angle): ((&[f64; 3], &[f64; 3]), &f64)| {
+        let g = [n[1] * f[2] - n[2] * f[1], n[2] * f[0] - n[0] * f[2], n[0] * f[1] - n[1] * f[0]];
+        unit(std::array::from_fn(|k| angle.cos() * f[k] + angle.sin() * g[k]))
+    };
+    fibres.iter().zip(normals).zip(angle).map(of).collect()
+}
+
+impl Truth {
+    fn new(surface: &Surface) -> Self {
+        let mesh = &surface.mesh;
+        let at = |of: &dyn Fn(&[f64; 3]) -> f64| mesh.vertices().iter().map(of).collect::<Vec<_>>();
+        let cv_max = at(&|p| 0.75 + 0.12 * wave(p, [0.08, 0.05, -0.06], 0.4));
+        let angle = at(&|p| 0.15 + 0.35 * wave(p, [-0.05, 0.09, 0.06], 1.0));
+        let normals = outward(mesh);
+        let fibres = turned(&fibres(surface, &normals), &normals, &angle);
+        let fine = Refined::new(mesh.clone(), 2).unwrap();
+        let carried = fine.carry(fibres, halfway);
+        let cv = fine.carry(cv_max.clone(), |a, b| 0.5 * (a + b));
+        let edge = fine.mesh.mean_edge_length();
+        // what a front on such edges makes of CV_max
+        let share = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0]]
+            .map(|fibre| velocity(edge, fibre, (0.75, RATIO)) / 0.75);
+        let mut activations = vec![];
+        for source in SOURCES {
+            let begun = Instant::now();
+            let at = mesh.vertices()[source];
+            let near = |p: &[f64; 3]| (0..3).map(|k| (p[k] - at[k]).powi(2)).sum::<f64>() < 4.0;
+            let paced = (0..fine.mesh.n_vertices() as u32)
+                .filter(|v| near(&fine.mesh.vertices()[*v as usize]));
+            let all = activation(&fine.mesh, (&carried, RATIO), &cv, paced.collect(), 220.0);
+            let lat = all[..mesh.n_vertices()].to_vec();
+            let last = lat.iter().fold(0.0, |a: f64, b| a.max(*b));
+            println!("from vertex {source}: until {last:.0} ms, {:.1?}", begun.elapsed());
+            activations.push(lat);
+        }
+        let velocity = cv_max.iter().map(|cv| share.map(|s| s * cv)).collect();
+        println!("edges of {edge:.2} mm, CV / CV_max {share:.3?}");
+        Self { velocity, angle, activation: activations }
+    }
+
+    /// Times at `n` random vertices from each of these sources, with 1 ms noise.
+    fn recorded(&self, n: usize, sources: &[usize], seed: u64) -> String {
+        let mut rng = rand::rngs::StdRng::seed_from_u64(seed);
+        let noise = Normal::new(0.0, 1.0).unwrap();
+        let mut rows = String::from("protocol,site,vertex,source,value\n");
+        for site in 0..n {
+            let vertex = rng.random_range(0..self.angle.len());
+            for source in sources {
+                let value = self.activation[*source][vertex] + noise.sample(&mut rng);
+                rows += &format!("lat,{site},{vertex},{},{value}\n", SOURCES[*source]);
+            }
+        }
+        rows
+    }
+
+    /// Shares of the surface that a finished run has right, and how it was got.
+    fn judge(&self, what: &str, fitted: &Surface) {
+        let of = |name: &str| fitted.point_data[name].scalars().unwrap();
+        let share = |is: &dyn Fn(usize) -> bool| {
+            let n = self.angle.len();
+            100.0 * (0..n).filter(|v| is(*v)).count() as f64 / n as f64
+        };
+        let (angle, along, across) =
+            (of("angle_mean"), of("velocity_mean"), of("velocity_across_mean"));
+        let off = |a: f64, b: f64| {
+            let gap = (a - b).rem_euclid(std::f64::consts::PI);
+            gap.min(std::f64::consts::PI - gap)
+        };
+        let right = [
+            share(&|v| off(angle[v], self.angle[v]) < std::f64::consts::FRAC_PI_6),
+            share(&|v| (across[v] - self.velocity[v][1]).abs() < 0.1),
+            share(&|v| (along[v] - self.velocity[v][0]).abs() < 0.2),
+        ];
+        let untold = share(&|v| off(0.0, self.angle[v]) < std::f64::consts::FRAC_PI_6);
+        let held = |name: &str, truth: &dyn Fn(usize) -> f64| {
+            let [low, high] = ["q5", "q95"].map(|q| of(&format!("{name}_{q}")));
+            share(&|v| (low[v]..=high[v]).contains(&truth(v)))
+        };
+        let held = [
+            held("angle", &|v| self.angle[v]),
+            held("velocity_across", &|v| self.velocity[v][1]),
+            held("velocity", &|v| self.velocity[v][0]),
+        ];
+        let rms = |of: &[f64], truth: &dyn Fn(usize) -> f64| {
+            (of.iter().enumerate().map(|(v, x)| (x - truth(v)).powi(2)).sum::<f64>()
+                / of.len() as f64)
+                .sqrt()
+        };
+        println!(
+            "{what}: angle within 30° {:.0} % (fibres of the file {untold:.0}), across within 0.1 m/s {:.0} %, along within \
+             0.2 m/s {:.0} %; in 90 % intervals {:.0}, {:.0}, {:.0} %; rms {:.3} rad, {:.3}, {:.3} m/s",
+            right[0],
+            right[1],
+            right[2],
+            held[0],
+            held[1],
+            held[2],
+            rms(angle, &|v| self.angle[v]),
+            rms(across, &|v| self.velocity[v][1]),
+            rms(along, &|v| self.velocity[v][0]),
+        );
+    }
+}
+
+#[test]
+#[ignore = "minutes"]
+fn what_arrival_times_tell_of_fibres() {
+    let Some(file) = shared("fibernet/LA_model.vtk") else { return };
+    let truth = Truth::new(&read(&file, Reading::default()).unwrap());
+    let settings = std::env::var("EPLAT_BARS").unwrap_or_else(|_| "--seed 1".into());
+    for (sites, sources) in
+        [(200, &[0, 1, 2][..]), (600, &[0, 1, 2]), (200, &[0]), (100, &[0, 1, 2])]
+    {
+        let place = Workplace::new();
+        place.file("lat.csv", truth.recorded(sites, sources, 7));
+        std::fs::copy(place.path("lat.csv"), format!("/tmp/lat_{sites}_{}.csv", sources.len())).unwrap(); continue; // DEBUG
+        let begun = Instant::now();
+        let run = place.eplat(&format!(
+            "run lat_fibres --mesh {} --data lat.csv --out run {settings}",
+            file.display()
+        ));
+        let seconds = begun.elapsed().as_secs_f64();
+        let what = format!(
+            "{sites} sites, {} maps, {seconds:.0} s, exit {:?}",
+            sources.len(),
+            run.status.code()
+        );
+        println!("{}", text(&run.stdout));
+        if !place.path("run/fields.vtp").exists() {
+            println!("{}", text(&run.stderr));
+            continue;
+        }
+        truth.judge(&what, &read(&place.path("run/fields.vtp"), Reading::default()).unwrap());
+    }
+}
