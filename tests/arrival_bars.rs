@@ -191,7 +191,9 @@ fn what_arrival_times_tell_of_fibres() {
     {
         let place = Workplace::new();
         place.file("lat.csv", truth.recorded(sites, sources, 7));
-        std::fs::copy(place.path("lat.csv"), format!("/tmp/lat_{sites}_{}.csv", sources.len())).unwrap(); continue; // DEBUG
+        std::fs::copy(place.path("lat.csv"), format!("/tmp/lat_{sites}_{}.csv", sources.len()))
+            .unwrap();
+        continue; // DEBUG
         let begun = Instant::now();
         let run = place.eplat(&format!(
             "run lat_fibres --mesh {} --data lat.csv --out run {settings}",

@@ -3,73 +3,128 @@
 use super::density::Evaluator;
 use super::hamiltonian::Metric;
 use faer::{Mat, Side};
+use serde::{Deserialize, Serialize};
 
 /// Conditional standard deviation of every coordinate, (−∂²ln π/∂qᵢ²)^−½; `missing` where the curvature
 /// has the wrong sign.
-///
-/// No scale is larger than a thousand times the coordinate (or 1). Where a likelihood has
-/// saturated, the curvature is next to nothing, or rounding, and would give a scale that no step
-/// size suits.
 pub(super) fn conditional_scales(
     evaluator: &mut dyn Evaluator,
     position: &[f64],
     missing: f64,
 ) -> Vec<f64> {
-    const LARGEST: f64 = 1e3;
     let mut scales = vec![missing; position.len()];
     evaluator.hessian(position, &mut |i, column| {
-        let precision = -column[i];
-        if precision.is_finite() && precision > f64::MIN_POSITIVE {
-            scales[i] = precision.powf(-0.5).min(LARGEST * position[i].abs().max(1.0));
-        }
+        scales[i] = scale(-column[i], position[i], missing);
     });
     scales
 }
 
-/// The metric that suits a normal with this Hessian at `position`: scales, and directions in which the density
-/// falls off faster or slower than along the coordinates. Where it does not fall off, the scales count alone.
-/// Coordinates that are `still` have the scale 0: they do not move.
-pub(super) fn metric_at(
-    evaluator: &mut dyn Evaluator,
-    position: &[f64],
-    still: &[usize],
-) -> Metric {
-    /// Variance along a direction, in units of the scales, that is left to the scales.
-    const USUAL: std::ops::Range<f64> = 0.5..2.0;
-    /// Largest such variance that is believed.
-    const LARGEST: f64 = 100.0;
-    let dim = position.len();
-    let mut metric = Metric::diagonal(conditional_scales(evaluator, position, 1.0));
-    for i in still {
-        metric.scale[*i] = 0.0;
+/// Of one coordinate.
+///
+/// No scale is larger than a thousand times the coordinate (or 1). Where a likelihood has
+/// saturated, the curvature is next to nothing, or rounding, and would give a scale that no step
+/// size suits.
+fn scale(precision: f64, position: f64, missing: f64) -> f64 {
+    const LARGEST: f64 = 1e3;
+    if precision.is_finite() && precision > f64::MIN_POSITIVE {
+        precision.powf(-0.5).min(LARGEST * position.abs().max(1.0))
+    } else {
+        missing
     }
-    let scale = &metric.scale;
-    let mut precision = Mat::<f64>::zeros(dim, dim);
-    evaluator.hessian(position, &mut |j, column| {
-        for i in 0..dim {
-            let half = -0.5 * scale[i] * scale[j] * column[i];
-            precision[(i, j)] += half;
-            precision[(j, i)] += half;
+}
+
+/// The Hessian at one place, and the metric that it makes for others.
+///
+/// Where coordinates are multiplied by numbers `c` of the density that rest during a trajectory (the coefficients of a
+/// field by its amplitudes), what measurements say of them is multiplied, too, and what their prior says is not:
+///
+/// ```text
+/// P(c) = R (P₀ − D) R + D        R = c/c₀,  D = 1 for those that are multiplied: they are standard normal
+/// ```
+#[derive(Clone, Debug, Serialize, Deserialize)]
+pub(super) struct Curvature {
+    position: Vec<f64>,
+    /// P₀, minus the Hessian, `(dim, dim)`.
+    precision: Vec<f64>,
+    /// c₀, one per coordinate; 0 for those that are not multiplied.
+    multipliers: Vec<f64>,
+    /// Coordinates that do not move.
+    still: Vec<usize>,
+}
+
+impl Curvature {
+    pub(super) fn at(evaluator: &mut dyn Evaluator, position: &[f64], still: &[usize]) -> Self {
+        let dim = position.len();
+        let mut precision = vec![0.0; dim * dim];
+        evaluator.hessian(position, &mut |j, column| {
+            for (i, h) in column.iter().enumerate() {
+                precision[i * dim + j] -= 0.5 * h;
+                precision[j * dim + i] -= 0.5 * h;
+            }
+        });
+        let multipliers = evaluator.multipliers(position);
+        Self { position: position.to_vec(), precision, multipliers, still: still.to_vec() }
+    }
+
+    /// That at another place.
+    pub(super) fn again(&self, evaluator: &mut dyn Evaluator, position: &[f64]) -> Self {
+        Self::at(evaluator, position, &self.still)
+    }
+
+    /// Whether it is of `dim` coordinates.
+    pub(super) fn fits(&self, dim: usize) -> bool {
+        [self.position.len(), self.multipliers.len()] == [dim; 2]
+            && Some(self.precision.len()) == dim.checked_mul(dim)
+            && self.still.iter().all(|i| *i < dim)
+    }
+
+    /// Where the multipliers are `now`: scales, and directions in which the density falls off faster or slower than
+    /// along the coordinates. Where it does not fall off, the scales count alone. Coordinates that are still have
+    /// the scale 0.
+    pub(super) fn metric(&self, now: &[f64]) -> Metric {
+        /// Variance along a direction, in units of the scales, that is left to the scales.
+        const USUAL: std::ops::Range<f64> = 0.5..2.0;
+        /// Largest such variance that is believed.
+        const LARGEST: f64 = 100.0;
+        /// Most by which a multiplier may have changed; beyond, what it multiplies is not seen at all.
+        const MOST: f64 = 1e3;
+        let dim = self.position.len();
+        let change = |(now, before): (&f64, &f64)| {
+            if *before == 0.0 { 1.0 } else { (now / before).clamp(MOST.recip(), MOST) }
+        };
+        let change: Vec<f64> = now.iter().zip(&self.multipliers).map(change).collect();
+        let prior = |i: usize, j: usize| f64::from(u8::from(i == j && self.multipliers[i] != 0.0));
+        let at = |i: usize, j: usize| {
+            let prior = prior(i, j);
+            change[i] * change[j] * (self.precision[i * dim + j] - prior) + prior
+        };
+        let scale = |i: usize| scale(at(i, i), self.position[i], 1.0);
+        let mut metric = Metric::diagonal((0..dim).map(scale).collect());
+        for i in &self.still {
+            metric.scale[*i] = 0.0;
         }
-    });
-    for i in still {
-        precision[(*i, *i)] = 1.0;
-    }
-    let is_finite = precision.col_iter().all(|column| column.iter().all(|x| x.is_finite()));
-    let Some(eigen) = is_finite.then(|| precision.self_adjoint_eigen(Side::Lower).ok()).flatten()
-    else {
-        return metric;
-    };
-    let (mut directions, mut stretch) = (vec![], vec![]);
-    for (r, &value) in eigen.S().column_vector().iter().enumerate() {
-        let variance = if value > 0.0 { value.recip().min(LARGEST) } else { 1.0 };
-        if !USUAL.contains(&variance) {
-            directions.extend(eigen.U().col(r).iter());
-            stretch.push(variance.sqrt());
+        let scale = &metric.scale;
+        let mut precision = Mat::<f64>::from_fn(dim, dim, |i, j| scale[i] * scale[j] * at(i, j));
+        for i in &self.still {
+            precision[(*i, *i)] = 1.0;
         }
+        let is_finite = precision.col_iter().all(|column| column.iter().all(|x| x.is_finite()));
+        let Some(eigen) =
+            is_finite.then(|| precision.self_adjoint_eigen(Side::Lower).ok()).flatten()
+        else {
+            return metric;
+        };
+        let (mut directions, mut stretch) = (vec![], vec![]);
+        for (r, &value) in eigen.S().column_vector().iter().enumerate() {
+            let variance = if value > 0.0 { value.recip().min(LARGEST) } else { 1.0 };
+            if !USUAL.contains(&variance) {
+                directions.extend(eigen.U().col(r).iter());
+                stretch.push(variance.sqrt());
+            }
+        }
+        (metric.directions, metric.stretch) = (directions, stretch);
+        metric
     }
-    (metric.directions, metric.stretch) = (directions, stretch);
-    metric
 }
 
 #[cfg(test)]
@@ -90,7 +145,7 @@ mod tests {
         };
         let density = FnDensity { dim: 3, f };
         let mut evaluator = density.evaluator();
-        let metric = metric_at(&mut *evaluator, &[0.3, 20.0, 1.0], &[]);
+        let metric = Curvature::at(&mut *evaluator, &[0.3, 20.0, 1.0], &[]).metric(&[0.0; 3]);
         // 1 / (1 − ρ) along the ridge; 1 / (1 + ρ) across it is left to the scales
         assert!(metric.stretch.len() == 1 && (metric.stretch[0] - 10.0).abs() < 1e-3, "{metric:?}");
         let mut gradient = [0.0; 3];
@@ -104,7 +159,36 @@ mod tests {
                 assert!((x + f).abs() < 1e-3 * (1.0 + x.abs()), "{whitened:?} {force:?}");
             }
         }
-        let still = metric_at(&mut *evaluator, &[0.3, 20.0, 1.0], &[1]);
+        let still = Curvature::at(&mut *evaluator, &[0.3, 20.0, 1.0], &[1]).metric(&[0.0; 3]);
         assert!(still.scale[1] == 0.0 && still.stretch.is_empty(), "{still:?}");
+    }
+
+    /// A coordinate s that rests, and two that exp(s) multiplies, seen together.
+    struct Multiplied;
+
+    impl Evaluator for Multiplied {
+        fn ln_density(&mut self, q: &[f64], g: &mut [f64]) -> f64 {
+            let (a, b) = (q[1], q[2]);
+            let seen = q[0].exp() * (a + 2.0 * b) - 1.0;
+            let force = -10.0 * seen * q[0].exp();
+            g.copy_from_slice(&[force * (a + 2.0 * b), force - a, 2.0 * force - b]);
+            -5.0 * seen * seen - 0.5 * (a * a + b * b)
+        }
+        fn multipliers(&mut self, q: &[f64]) -> Vec<f64> {
+            vec![0.0, q[0].exp(), q[0].exp()]
+        }
+    }
+
+    /// A metric that follows is that of the Hessian there; one that does not is another.
+    #[test]
+    fn the_metric_follows_what_multiplies_coordinates() {
+        let at = |s: f64| Curvature::at(&mut Multiplied, &[s, 0.4, 0.3], &[0]);
+        let there = Multiplied.multipliers(&[1.0, 0.4, 0.3]);
+        let flat = |metric: Metric| [metric.scale, metric.stretch].concat();
+        let (right, followed) = (flat(at(1.0).metric(&there)), flat(at(0.0).metric(&there)));
+        let left = flat(at(0.0).metric(&Multiplied.multipliers(&[0.0; 3])));
+        let gap = |a: &[f64]| a.iter().zip(&right).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
+        assert!(right.len() == 4 && followed.len() == 4, "{right:?} {followed:?}");
+        assert!(gap(&followed) < 1e-4 && gap(&left) > 0.1, "{right:?} {followed:?} {left:?}");
     }
 }

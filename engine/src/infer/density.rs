@@ -25,6 +25,12 @@ pub trait Evaluator: Send {
     /// unknowns of [`LogDensity::interwoven`], with others that depend on them.
     fn interweave(&mut self, _position: &mut [f64], _rng: &mut dyn Rng) {}
 
+    /// What each unknown is multiplied by, of those that [`Evaluator::interweave`] changes for the sake of others; 0
+    /// for the rest, (dim). Their prior is standard normal.
+    fn multipliers(&mut self, position: &[f64]) -> Vec<f64> {
+        vec![0.0; position.len()]
+    }
+
     /// Calls `take` with each column of the Hessian at `position`, `(dim)`, in order.
     ///
     /// If a density does not have second derivatives of its own, these are central differences of
@@ -52,6 +58,9 @@ pub trait Evaluator: Send {
 impl<E: Evaluator + ?Sized> Evaluator for Box<E> {
     fn interweave(&mut self, position: &mut [f64], rng: &mut dyn Rng) {
         (**self).interweave(position, rng);
+    }
+    fn multipliers(&mut self, position: &[f64]) -> Vec<f64> {
+        (**self).multipliers(position)
     }
     fn ln_density(&mut self, position: &[f64], gradient: &mut [f64]) -> f64 {
         (**self).ln_density(position, gradient)

@@ -1,6 +1,6 @@
 //! One NUTS chain: its warm-up and its draws.
 
-use super::curvature::{conditional_scales, metric_at};
+use super::curvature::{Curvature, conditional_scales};
 use super::density::{Evaluator, LogDensity};
 use super::draws::{Draw, Transition};
 use super::error::{ChainError, ChainFailure, InferError};
@@ -25,8 +25,8 @@ pub struct Nuts<'d> {
     seed: u64,
     kind: MetricKind,
     target_accept: f64,
-    /// The density's, if it has such unknowns: see [`LogDensity::interwoven`].
-    interwoven: Option<Vec<usize>>,
+    /// Where the metric comes from, if the density knows moves of its own: see [`LogDensity::interwoven`].
+    curvature: Option<Curvature>,
     warm_up: WarmUp,
     /// What the chain learns in this round of the warm-up; `None` once the warm-up is over.
     learning: Option<(Adaptation, Lesson)>,
@@ -40,6 +40,7 @@ pub struct Nuts<'d> {
 #[derive(Debug, Serialize, Deserialize)]
 pub(super) struct NutsState {
     kernel: KernelState,
+    curvature: Option<Curvature>,
     warm_up: WarmUp,
     learning: Option<(Adaptation, Lesson)>,
     step_size: f64,
@@ -75,11 +76,12 @@ impl<'d> Nuts<'d> {
         learnt: &DrawMoments,
     ) -> Result<Self, ChainError> {
         let (mut evaluator, interwoven) = (density.evaluator(), density.interwoven());
-        let metric = match &interwoven {
-            Some(still) => metric_at(&mut *evaluator, start, still),
+        let curvature = interwoven.map(|still| Curvature::at(&mut *evaluator, start, &still));
+        let metric = match &curvature {
+            Some(curvature) => curvature.metric(&evaluator.multipliers(start)),
             None => Metric::diagonal(conditional_scales(&mut *evaluator, start, 1.0)),
         };
-        let knows_metric = interwoven.is_some() || Adaptation::is_enough(learnt);
+        let knows_metric = curvature.is_some() || Adaptation::is_enough(learnt);
         let hamiltonian = Hamiltonian::new(evaluator, metric);
         let rng = Stream::Chain(chain).rng(settings.seed);
         let kernel = Kernel::new(hamiltonian, start, settings.max_depth, rng);
@@ -89,7 +91,7 @@ impl<'d> Nuts<'d> {
             seed: settings.seed,
             kind: settings.metric,
             target_accept: settings.target_accept.unwrap_or(Self::TARGET_ACCEPT),
-            interwoven,
+            curvature,
             warm_up: WarmUp::new(Stage::nuts(settings.warmup, knows_metric)),
             learning: None,
             step_size: f64::NAN,
@@ -103,20 +105,22 @@ impl<'d> Nuts<'d> {
         Ok(new)
     }
 
-    /// The metric of the Hessian where the chain is.
-    fn metric_here(&mut self) -> Metric {
-        let still = self.interwoven.clone().unwrap_or_default();
-        let (evaluator, point) = self.kernel.parts();
-        metric_at(&mut **evaluator, &point.position, &still)
-    }
-
-    /// A transition of NUTS, then the moves that cost nothing.
+    /// A transition of NUTS, then the moves that cost nothing; the metric is that of where these led.
     fn transition(&mut self, step_size: f64) -> Transition {
         let transition = self.kernel.transition(step_size);
-        if self.interwoven.is_some() {
+        if self.curvature.is_some() {
             self.kernel.interweave();
+            self.follow();
         }
         transition
+    }
+
+    /// Brings the metric to where the chain is.
+    fn follow(&mut self) {
+        let Some(curvature) = &self.curvature else { return };
+        let (evaluator, point) = self.kernel.parts();
+        let metric = curvature.metric(&evaluator.multipliers(&point.position));
+        self.kernel.hamiltonian().metric = metric;
     }
 
     fn begin_round(&mut self, learnt: &DrawMoments) -> Result<(), ChainError> {
@@ -196,6 +200,7 @@ impl Together for Nuts<'_> {
     fn state(&self) -> NutsState {
         NutsState {
             kernel: self.kernel.state(),
+            curvature: self.curvature.clone(),
             warm_up: self.warm_up.clone(),
             learning: self.learning.clone(),
             step_size: self.step_size,
@@ -214,6 +219,8 @@ impl Together for Nuts<'_> {
         };
         warm_up.follows(&self.warm_up)
             && state.kernel.fits(dim)
+            && state.curvature.is_some() == self.curvature.is_some()
+            && state.curvature.as_ref().is_none_or(|curvature| curvature.fits(dim))
             && state.learning.is_none() == warm_up.is_over()
             && state.learning.as_ref().is_none_or(is_lesson)
             && state.n_evaluations_warmup <= state.kernel.n_evaluations
@@ -222,6 +229,7 @@ impl Together for Nuts<'_> {
 
     fn restore(&mut self, state: NutsState) -> Result<(), ChainError> {
         self.kernel.restore(state.kernel);
+        self.curvature = state.curvature;
         self.warm_up = state.warm_up;
         self.learning = state.learning;
         self.step_size = state.step_size;
@@ -249,10 +257,14 @@ impl Together for Nuts<'_> {
         let Some(first) = chains.first_mut() else { return vec![] };
         let is_first = first.warm_up.n_meetings() == 0;
         let mut metric = first.kernel.metric().clone();
-        if first.interwoven.is_none() {
-            Lesson::fit(&lessons, first.kind, &mut metric);
-        } else if is_first {
-            metric = first.metric_here();
+        let mut curvature = first.curvature.clone();
+        match &mut curvature {
+            None => Lesson::fit(&lessons, first.kind, &mut metric),
+            Some(curvature) if is_first => {
+                let (evaluator, point) = first.kernel.parts();
+                *curvature = curvature.again(&mut **evaluator, &point.position);
+            }
+            Some(_) => {}
         }
         let is_enough = !is_first && Lesson::agree(&lessons);
         let nothing = DrawMoments::new(metric.scale.len(), first.kind);
@@ -262,6 +274,8 @@ impl Together for Nuts<'_> {
                 chain.warm_up.shorten();
             }
             chain.kernel.hamiltonian().metric = metric.clone();
+            chain.curvature.clone_from(&curvature);
+            chain.follow();
             chain.begin_round(&nothing)
         };
         chains.into_iter().map(go_on).collect()

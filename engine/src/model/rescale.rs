@@ -14,6 +14,7 @@
 use rand::{Rng, RngExt as _};
 use rand_distr::StandardNormal;
 
+use super::gp::Term;
 use super::laid_out::{Model, PriorEntry};
 use super::tape::{Op as _, Tape};
 
@@ -24,19 +25,22 @@ const ROUNDS: usize = 10;
 impl Model {
     /// The unknowns that only scale fields: amplitudes and what kernels mention, if declared with a field.
     pub(super) fn scales_of_fields(&self) -> Vec<usize> {
+        self.own_scales().flat_map(|entry| entry.u.clone()).collect()
+    }
+
+    fn own_scales(&self) -> impl Iterator<Item = &PriorEntry> {
         let terms = self.fields.iter().flat_map(|field| &field.op.terms);
-        let scales = terms.flat_map(|t| [t.amplitude.mentions(), t.spectrum.mentions()].concat());
-        let scales: Vec<usize> = scales.collect();
+        let scales: Vec<usize> = terms.flat_map(Term::scaled_by).collect();
         let means: Vec<usize> = self.fields.iter().flat_map(|f| f.op.mean.mentions()).collect();
         let is_in = |entry: &PriorEntry, values: &[usize]| {
             values.iter().any(|v| (entry.v..entry.v + entry.len).contains(v))
         };
         let declared = self.parameters.iter().filter(|p| p.kind != super::Kind::Eta);
-        let own = declared.zip(&self.prior_entries).filter(|(parameter, entry)| {
+        let own = declared.zip(&self.prior_entries).filter(move |(parameter, entry)| {
             // what is declared with a field, FIELD.NAME, nothing but fields can mention
             parameter.name.contains('.') && is_in(entry, &scales) && !is_in(entry, &means)
         });
-        own.flat_map(|(_, entry)| entry.u.clone()).collect()
+        own.map(|(_, entry)| entry)
     }
 
     /// Moves the scales of fields, and their coefficients with them.
@@ -72,6 +76,22 @@ impl Model {
         }
     }
 
+    /// Amplitude √S of each unknown that is a coefficient of a field and scaled by [`Model::scales_of_fields`] alone; 0 for
+    /// the others, (dim).
+    pub(super) fn multipliers(&self, t: &mut Tape, u: &[f64]) -> Vec<f64> {
+        let own: Vec<_> = self.own_scales().map(|entry| entry.v..entry.v + entry.len).collect();
+        let Scaled { at, scale } = self.scaled(t, u);
+        let mut pairs = at.into_iter().zip(scale);
+        let mut all = vec![0.0; u.len()];
+        for term in self.fields.iter().flat_map(|field| &field.op.terms) {
+            let is_own = term.scaled_by().iter().all(|v| own.iter().any(|own| own.contains(v)));
+            for (at, scale) in pairs.by_ref().take(term.k) {
+                all[at] = if is_own { scale } else { 0.0 };
+            }
+        }
+        all
+    }
+
     /// Each coefficient's unknown, with amplitude √S.
     fn scaled(&self, t: &mut Tape, u: &[f64]) -> Scaled {
         t.u.copy_from_slice(u);
@@ -104,6 +124,13 @@ impl Model {
 struct Scaled {
     at: Vec<usize>,
     scale: Vec<f64>,
+}
+
+impl Term {
+    /// Where the values are that its amplitude and its kernel mention.
+    fn scaled_by(&self) -> Vec<usize> {
+        [self.amplitude.mentions(), self.spectrum.mentions()].concat()
+    }
 }
 
 #[cfg(test)]
@@ -156,6 +183,22 @@ mod tests {
             let moves = name.starts_with("f.") && name != "f.m";
             assert_eq!(moves, a.to_bits() != b.to_bits(), "{name}");
         }
+    }
+
+    /// The metric may depend on what rests during a trajectory alone: the first term of `f` is scaled by `a`, too.
+    #[test]
+    fn multipliers_are_those_of_resting_scales() {
+        let model = laid_out();
+        let u: Vec<f64> = (0..model.dim()).map(|i| 0.1 * i as f64 - 0.45).collect();
+        let multipliers = model.multipliers(&mut model.tape(), &u);
+        let names = model.unknown_names();
+        let of = |start: &str| -> Vec<f64> {
+            let pairs = names.iter().zip(&multipliers);
+            pairs.filter(|(name, _)| name.starts_with(start)).map(|(_, m)| *m).collect()
+        };
+        let f = of("f.eta");
+        assert!(f[..6].iter().all(|m| *m == 0.0) && f[6..].iter().all(|m| *m > 0.0), "{f:?}");
+        assert!(of("g.eta").iter().all(|m| *m > 0.0) && multipliers[0] == 0.0);
     }
 
     /// Draws of the prior are draws of the prior afterwards, within 4.5 standard errors; without the Jacobian they

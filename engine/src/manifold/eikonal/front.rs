@@ -19,6 +19,8 @@ pub struct Front {
     pub(super) has_changed: Vec<bool>,
     /// The number of each source, or [`NONE`] if it has neighbours.
     pub(super) own: Vec<u32>,
+    /// How often each vertex was taken up.
+    pub(super) turns: Vec<u8>,
     /// How often the origin of a vertex was another.
     pub(super) moves: Vec<u8>,
     /// Onset of each source, ms.

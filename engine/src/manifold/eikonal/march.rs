@@ -18,6 +18,10 @@ const LEAST: f64 = 1e-13;
 /// pull the other on for ever; then all fronts are taken to be plane, which settles on any triangles.
 const TURNS: usize = 20;
 
+/// After so many turns of a vertex, fronts that reach it are taken to be plane. On triangles with wide angles in the
+/// timed plane two ends may each pull the other on for ever, where fronts are round.
+const ROUND: u8 = 40;
+
 /// So often a vertex may go over from the front of one source to that of another.  Without an end two vertices
 /// where fronts meet may do so in turns for ever.
 const MOVES: u8 = 3;
@@ -64,8 +68,18 @@ impl<'a> March<'a> {
 
     /// From the sources to the last vertex.
     pub(super) fn run(mut self) {
+        let begun = std::time::Instant::now();
         self.begin();
-        if !self.settle(TURNS * self.geometry.n_vertices()) {
+        let ok = self.settle(TURNS * self.geometry.n_vertices());
+        if std::env::var_os("EIK").is_some() {
+            let n = self.geometry.n_vertices();
+            eprintln!(
+                "EIK {ok} {:.2} turns {:?}",
+                unsafe_count() as f64 / n as f64,
+                begun.elapsed()
+            );
+        }
+        if !ok {
             self.front.own.fill(NONE);
             self.is_patient = true;
             self.begin();
@@ -84,6 +98,8 @@ impl<'a> March<'a> {
         front.origins.resize(n, NONE);
         front.has_changed.clear();
         front.has_changed.resize(n, false);
+        front.turns.clear();
+        front.turns.resize(n, 0);
         front.moves.clear();
         front.moves.resize(n, 0);
         front.queue.clear(n);
@@ -97,8 +113,15 @@ impl<'a> March<'a> {
 
     /// Takes up vertices until none is left; whether `turns` were enough.
     fn settle(&mut self, turns: usize) -> bool {
+        COUNT.store(0, std::sync::atomic::Ordering::Relaxed);
         for _ in 0..turns {
+            COUNT.fetch_add(1, std::sync::atomic::Ordering::Relaxed);
             let Some(v) = self.next() else { return true };
+            let turns = &mut self.front.turns[v as usize];
+            *turns = turns.saturating_add(1);
+            if *turns == ROUND {
+                self.reconsider(v);
+            }
             self.spread(v);
         }
         false
@@ -198,7 +221,8 @@ impl<'a> March<'a> {
         let to = to as u8;
         if arrivals[0] < f64::INFINITY && arrivals[1] < f64::INFINITY {
             let is_one = origins[0] == origins[1];
-            let birth = front.births.get(origins[0] as usize).filter(|_| is_one).copied();
+            let is_round = is_one && front.turns[timed.corners[to as usize] as usize] < ROUND;
+            let birth = front.births.get(origins[0] as usize).filter(|_| is_round).copied();
             if let Some((arrival, is_round)) = step.across(birth) {
                 let way = Way::Across { triangle: index, to, is_round };
                 let nearer = usize::from(step.along(1) < step.along(0));
@@ -259,4 +283,9 @@ fn trace(geometry: &Geometry, sources: &[(u32, f64)], front: &mut Front) {
         front.own.push(if is_lone { number } else { NONE });
         front.rays.trace(geometry, vertex, number, !is_inner);
     }
+}
+
+static COUNT: std::sync::atomic::AtomicUsize = std::sync::atomic::AtomicUsize::new(0);
+fn unsafe_count() -> usize {
+    COUNT.load(std::sync::atomic::Ordering::Relaxed)
 }

@@ -6,8 +6,8 @@
 //! backward   ġ on to u: d/dε of the adjoint pass at u + ε u̇
 //! ```
 //! Each operation says how its values and its adjoints change along a direction. Nothing is
-//! computed by differences, and only the curvature of arrival times is left out. What an operation computes from a few scalars is differentiated by
-//! [`Hyper`].
+//! computed by differences, and only the curvature of arrival times is left out. What an operation computes from a
+//! few scalars is differentiated by [`Hyper`].
 
 use rand::Rng;
 
@@ -110,6 +110,9 @@ struct OnTape<'m> {
 impl Evaluator for OnTape<'_> {
     fn interweave(&mut self, position: &mut [f64], rng: &mut dyn Rng) {
         self.model.rescale_fields(&mut self.tape, position, rng);
+    }
+    fn multipliers(&mut self, position: &[f64]) -> Vec<f64> {
+        self.model.multipliers(&mut self.tape, position)
     }
     fn ln_density(&mut self, position: &[f64], gradient: &mut [f64]) -> f64 {
         self.model.ln_density(&mut self.tape, position, gradient)
