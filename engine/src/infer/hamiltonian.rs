@@ -46,7 +46,7 @@ impl Metric {
     }
 
     /// q += ε F p
-    fn drift(&self, position: &mut [f64], step_size: f64, momentum: &[f64]) {
+    pub(super) fn drift(&self, position: &mut [f64], step_size: f64, momentum: &[f64]) {
         for ((q, s), p) in position.iter_mut().zip(&self.scale).zip(momentum) {
             *q += step_size * s * p;
         }

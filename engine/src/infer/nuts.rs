@@ -1,6 +1,6 @@
 //! One NUTS chain: its warm-up and its draws.
 
-use super::curvature::{Curvature, conditional_scales};
+use super::curvature::{Curvature, climbed, conditional_scales};
 use super::density::{Evaluator, LogDensity};
 use super::draws::{Draw, Transition};
 use super::error::{ChainError, ChainFailure, InferError};
@@ -75,16 +75,20 @@ impl<'d> Nuts<'d> {
         chain: usize,
         learnt: &DrawMoments,
     ) -> Result<Self, ChainError> {
-        let (mut evaluator, interwoven) = (density.evaluator(), density.interwoven());
-        let curvature = interwoven.map(|still| Curvature::at(&mut *evaluator, start, &still));
+        let mut evaluator = density.evaluator();
+        let mut start = start.to_vec();
+        let curvature = density.interwoven().map(|still| {
+            start = climbed(&mut *evaluator, &start, &still);
+            Curvature::at(&mut *evaluator, &start, &still)
+        });
         let metric = match &curvature {
-            Some(curvature) => curvature.metric(&evaluator.multipliers(start)),
-            None => Metric::diagonal(conditional_scales(&mut *evaluator, start, 1.0)),
+            Some(curvature) => curvature.metric(&evaluator.multipliers(&start)),
+            None => Metric::diagonal(conditional_scales(&mut *evaluator, &start, 1.0)),
         };
         let knows_metric = curvature.is_some() || Adaptation::is_enough(learnt);
         let hamiltonian = Hamiltonian::new(evaluator, metric);
         let rng = Stream::Chain(chain).rng(settings.seed);
-        let kernel = Kernel::new(hamiltonian, start, settings.max_depth, rng);
+        let kernel = Kernel::new(hamiltonian, &start, settings.max_depth, rng);
         let mut new = Self {
             kernel,
             chain,
@@ -96,7 +100,7 @@ impl<'d> Nuts<'d> {
             learning: None,
             step_size: f64::NAN,
             n_evaluations_warmup: 0,
-            start: start.to_vec(),
+            start,
         };
         if !new.kernel.is_usable() {
             return Err(new.error(0, ChainFailure::NoSupport));
@@ -260,11 +264,10 @@ impl Together for Nuts<'_> {
         let mut curvature = first.curvature.clone();
         match &mut curvature {
             None => Lesson::fit(&lessons, first.kind, &mut metric),
-            Some(curvature) if is_first => {
+            Some(curvature) => {
                 let (evaluator, point) = first.kernel.parts();
                 *curvature = curvature.again(&mut **evaluator, &point.position);
             }
-            Some(_) => {}
         }
         let is_enough = !is_first && Lesson::agree(&lessons);
         let nothing = DrawMoments::new(metric.scale.len(), first.kind);

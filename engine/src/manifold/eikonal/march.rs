@@ -68,18 +68,8 @@ impl<'a> March<'a> {
 
     /// From the sources to the last vertex.
     pub(super) fn run(mut self) {
-        let begun = std::time::Instant::now();
         self.begin();
-        let ok = self.settle(TURNS * self.geometry.n_vertices());
-        if std::env::var_os("EIK").is_some() {
-            let n = self.geometry.n_vertices();
-            eprintln!(
-                "EIK {ok} {:.2} turns {:?}",
-                unsafe_count() as f64 / n as f64,
-                begun.elapsed()
-            );
-        }
-        if !ok {
+        if !self.settle(TURNS * self.geometry.n_vertices()) {
             self.front.own.fill(NONE);
             self.is_patient = true;
             self.begin();
@@ -113,9 +103,7 @@ impl<'a> March<'a> {
 
     /// Takes up vertices until none is left; whether `turns` were enough.
     fn settle(&mut self, turns: usize) -> bool {
-        COUNT.store(0, std::sync::atomic::Ordering::Relaxed);
         for _ in 0..turns {
-            COUNT.fetch_add(1, std::sync::atomic::Ordering::Relaxed);
             let Some(v) = self.next() else { return true };
             let turns = &mut self.front.turns[v as usize];
             *turns = turns.saturating_add(1);
@@ -283,9 +271,4 @@ fn trace(geometry: &Geometry, sources: &[(u32, f64)], front: &mut Front) {
         front.own.push(if is_lone { number } else { NONE });
         front.rays.trace(geometry, vertex, number, !is_inner);
     }
-}
-
-static COUNT: std::sync::atomic::AtomicUsize = std::sync::atomic::AtomicUsize::new(0);
-fn unsafe_count() -> usize {
-    COUNT.load(std::sync::atomic::Ordering::Relaxed)
 }
