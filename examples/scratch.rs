@@ -1,8 +1,8 @@
 #![allow(clippy::all, clippy::pedantic, clippy::unwrap_used, clippy::print_stdout)]
 use eplat::infer::LogDensity as _;
-use eplat::manifold::eigenpairs;
+use eplat::manifold::{Front, Medium, eigenpairs};
 use eplat::mesh::{Reading, read};
-use eplat::model::Model;
+use eplat::model::{Maps, Model};
 use eplat::prelude::*;
 use eplat::table::Measurements;
 #[path = "../models/lat_fibres.rs"]
@@ -13,56 +13,67 @@ fn main() {
     let basis = eigenpairs(&surface.mesh, 64).unwrap();
     let mut data = Measurements::read(a[2].as_ref()).unwrap();
     data.place_on(&surface, 1.0).unwrap();
-    let t = std::time::Instant::now();
     data.probe(&surface, &basis).unwrap();
-    println!("probe {:?}, {} vertices", t.elapsed(), data.waves().unwrap().vertices.len());
     let model = Model::new(&m::LatFibres, Some(&basis), &data).unwrap();
-    let us: Vec<Vec<f64>> = std::fs::read_to_string("/tmp/draws.csv")
-        .unwrap()
-        .lines()
-        .map(|l| l.split(',').map(|x| x.parse().unwrap()).collect())
-        .collect();
     let mut e = model.evaluator();
-    let dim = us[0].len();
-    let mut g = vec![0.0; dim];
-    let t = std::time::Instant::now();
-    for _ in 0..20 {
-        e.ln_density(&us[0], &mut g);
-    }
-    println!("gradient {:?}", t.elapsed() / 20);
-    let n = 400;
-    for k in 0..4 {
-        let (u, w) = (&us[k], &us[(k + 1) % 4]);
-        for scale in [0.02, 0.1] {
-            let step = scale / n as f64;
-            let mut lp = vec![];
-            let mut slope = vec![];
-            for i in 0..n {
-                let x: Vec<f64> =
-                    u.iter().zip(w).map(|(a, b)| a + step * i as f64 * (b - a)).collect();
-                lp.push(e.ln_density(&x, &mut g));
-                slope.push(
-                    g.iter().zip(u.iter().zip(w)).map(|(g, (a, b))| g * (b - a)).sum::<f64>(),
+    let maps = Maps::new(&model, &basis);
+    let w = data.waves().unwrap();
+    let at: Vec<usize> = w.vertices.iter().map(|v| *v as usize).collect();
+    let mut sources = w.source.clone();
+    sources.sort();
+    sources.dedup();
+    let mut solve = |u: &[f64]| {
+        let d = maps.draws_at(&[u], &at);
+        let slow: Vec<f64> = d.iter().map(|m| 1.0 / m[0][0]).collect();
+        let angle: Vec<f64> = d.iter().map(|m| m[1][0]).collect();
+        let ratio: Vec<f64> = d.iter().map(|m| m[0][0] / m[3][0]).collect();
+        sources
+            .iter()
+            .map(|s| {
+                let mut f = Front::default();
+                w.solver.forward(
+                    &Medium { slowness: &slow, ratio: Some(&ratio), angle: Some(&angle) },
+                    &[(*s, 0.0)],
+                    &mut f,
                 );
-            }
-            // integral of slope against lp differences
-            let mut gaps: Vec<f64> = (1..n)
-                .map(|i| lp[i] - lp[i - 1] - 0.5 * step * (slope[i] + slope[i - 1]))
+                f.arrival.clone()
+            })
+            .collect::<Vec<_>>()
+    };
+    for file in &a[3..] {
+        let us: Vec<Vec<f64>> = std::fs::read_to_string(file)
+            .unwrap()
+            .lines()
+            .map(|l| l.split(',').map(|x| x.parse().unwrap()).collect())
+            .collect();
+        let mut g = vec![0.0; us[0].len()];
+        let (mut lo, mut hi) = (us[0].clone(), us[1].clone());
+        let (l0, l1) = (e.ln_density(&lo, &mut g), e.ln_density(&hi, &mut g));
+        for _ in 0..40 {
+            let mid: Vec<f64> = lo.iter().zip(&hi).map(|(a, b)| 0.5 * (a + b)).collect();
+            let (a, b, c) =
+                (e.ln_density(&lo, &mut g), e.ln_density(&mid, &mut g), e.ln_density(&hi, &mut g));
+            if (b - a).abs() > (c - b).abs() { hi = mid } else { lo = mid }
+        }
+        println!(
+            "{file}: {l0:.3} {l1:.3}; jump {:.4}",
+            e.ln_density(&hi, &mut g) - e.ln_density(&lo, &mut g)
+        );
+        let (x, y) = (solve(&lo), solve(&hi));
+        for s in 0..3 {
+            let mut d: Vec<(usize, f64)> = (0..at.len())
+                .map(|v| (v, y[s][v] - x[s][v]))
+                .filter(|d| d.1.abs() > 1e-4)
                 .collect();
-            let total = lp[n - 1] - lp[0];
-            let sum: f64 = gaps.iter().sum();
-            gaps.sort_by(|a, b| a.abs().total_cmp(&b.abs()));
+            d.sort_by(|a, b| b.1.abs().total_cmp(&a.1.abs()));
             println!(
-                "scale {scale}: lp {:.2} to {:.2}, change {total:.3}, unexplained by slopes {sum:.3}; largest jumps {:.4?}, median {:.1e}; slopes jump {:.3?}",
-                lp[0],
-                lp[n - 1],
-                &gaps[n - 6..],
-                gaps[n / 2].abs(),
-                {
-                    let mut j: Vec<f64> = (1..n).map(|i| (slope[i] - slope[i - 1])).collect();
-                    j.sort_by(|a, b| a.abs().total_cmp(&b.abs()));
-                    j[n - 5..].to_vec()
-                }
+                "   source {s} ({}): {} vertices: {:?}",
+                sources[s],
+                d.len(),
+                d.iter()
+                    .take(6)
+                    .map(|(v, d)| format!("{v}(t {:.2}): {d:.3}", x[s][*v]))
+                    .collect::<Vec<_>>()
             );
         }
     }

@@ -176,7 +176,9 @@ impl<'a> March<'a> {
                     self.reconsider(vertex);
                 } else if now > here.min(there) {
                     let candidate = self.through(index, to, [end, end]);
-                    self.offer(vertex, candidate);
+                    if !self.is_near(vertex, candidate.origin) {
+                        self.offer(vertex, candidate);
+                    }
                 }
             }
         }
@@ -237,9 +239,22 @@ impl<'a> March<'a> {
             next = self.front.rays.next_to(index);
         }
         for &(index, corner) in self.geometry.fan(vertex) {
-            consider(self.through(index, corner as usize, [0, 1]));
+            let candidate = self.through(index, corner as usize, [0, 1]);
+            if !self.is_near(vertex, candidate.origin) {
+                consider(candidate);
+            }
         }
         best
+    }
+
+    /// Whether a line leads to `vertex` from the source that is the origin of a front. Then it comes along that line:
+    /// where a side is seen under a wide angle, the arrival across it would jump as the medium changes.
+    #[inline]
+    fn is_near(&self, vertex: u32, origin: u32) -> bool {
+        let Front { rays, own, .. } = &*self.front;
+        let lines = std::iter::successors(rays.first_to(vertex), |index| rays.next_to(*index));
+        origin != NONE
+            && lines.into_iter().any(|index| own[rays.ray(index).source as usize] == origin)
     }
 
     /// Takes the earliest way to a vertex, though it be later than the one it has.
