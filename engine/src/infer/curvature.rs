@@ -33,21 +33,19 @@ fn scale(precision: f64, position: f64, missing: f64) -> f64 {
     }
 }
 
-/// The Hessian at one place, and the metric that it makes for others.
+/// What the Hessians at some places say of the scales and directions of a density, wherever it is.
 ///
 /// Where coordinates are multiplied by numbers `c` of the density that rest during a trajectory (the coefficients of a
 /// field by its amplitudes), what measurements say of them is multiplied, too, and what their prior says is not:
 ///
 /// ```text
-/// P(c) = R (P₀ − D) R + D        R = c/c₀,  D = 1 for those that are multiplied: they are standard normal
+/// −Hessian = C G C + D        C = diag(c);  D = 1 for those that are multiplied: they are standard normal
 /// ```
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub(super) struct Curvature {
     position: Vec<f64>,
-    /// P₀, minus the Hessian, `(dim, dim)`.
-    precision: Vec<f64>,
-    /// c₀, one per coordinate; 0 for those that are not multiplied.
-    multipliers: Vec<f64>,
+    /// G, `(dim, dim)`, averaged over places.
+    information: Vec<f64>,
     /// Coordinates that do not move.
     still: Vec<usize>,
 }
@@ -55,48 +53,64 @@ pub(super) struct Curvature {
 impl Curvature {
     pub(super) fn at(evaluator: &mut dyn Evaluator, position: &[f64], still: &[usize]) -> Self {
         let dim = position.len();
-        let mut precision = vec![0.0; dim * dim];
+        let mut information = vec![0.0; dim * dim];
         evaluator.hessian(position, &mut |j, column| {
             for (i, h) in column.iter().enumerate() {
-                precision[i * dim + j] -= 0.5 * h;
-                precision[j * dim + i] -= 0.5 * h;
+                information[i * dim + j] -= 0.5 * h;
+                information[j * dim + i] -= 0.5 * h;
             }
         });
         let multipliers = evaluator.multipliers(position);
-        Self { position: position.to_vec(), precision, multipliers, still: still.to_vec() }
+        let largest = multipliers.iter().copied().fold(0.0, f64::max);
+        for (i, row) in information.chunks_exact_mut(dim).enumerate() {
+            row[i] -= prior(multipliers[i]);
+            for (x, c) in row.iter_mut().zip(&multipliers) {
+                *x /= factor(multipliers[i]) * factor(*c);
+                if [multipliers[i], *c].iter().any(|c| *c != 0.0 && *c < UNSEEN * largest) {
+                    *x = 0.0;
+                }
+            }
+        }
+        Self { position: position.to_vec(), information, still: still.to_vec() }
     }
 
-    /// That at another place.
+    /// Counts what `others` say as much as what was known before.
+    pub(super) fn learn(&mut self, others: &[Self]) {
+        let share = 0.5 / others.len() as f64;
+        self.information.iter_mut().for_each(|x| *x *= 0.5);
+        for other in others {
+            for (x, new) in self.information.iter_mut().zip(&other.information) {
+                *x += share * new;
+            }
+            self.position.copy_from_slice(&other.position);
+        }
+    }
+
+    /// What is known at another place.
     pub(super) fn again(&self, evaluator: &mut dyn Evaluator, position: &[f64]) -> Self {
         Self::at(evaluator, position, &self.still)
     }
 
     /// Whether it is of `dim` coordinates.
     pub(super) fn fits(&self, dim: usize) -> bool {
-        [self.position.len(), self.multipliers.len()] == [dim; 2]
-            && Some(self.precision.len()) == dim.checked_mul(dim)
+        self.position.len() == dim
+            && Some(self.information.len()) == dim.checked_mul(dim)
             && self.still.iter().all(|i| *i < dim)
     }
 
-    /// Where the multipliers are `now`: scales, and directions in which the density falls off faster or slower than
-    /// along the coordinates. Where it does not fall off, the scales count alone. Coordinates that are still have
-    /// the scale 0.
-    pub(super) fn metric(&self, now: &[f64]) -> Metric {
+    /// Where coordinates are multiplied by `multipliers`: scales, and directions in which the density falls off faster
+    /// or slower than along the coordinates. Where it does not fall off, the scales count alone. Coordinates that are
+    /// still have the scale 0.
+    pub(super) fn metric(&self, multipliers: &[f64]) -> Metric {
         /// Variance along a direction, in units of the scales, that is left to the scales.
         const USUAL: std::ops::Range<f64> = 0.5..2.0;
         /// Largest such variance that is believed.
         const LARGEST: f64 = 100.0;
-        /// Most by which a multiplier may have changed; beyond, what it multiplies is not seen at all.
-        const MOST: f64 = 1e3;
         let dim = self.position.len();
-        let change = |(now, before): (&f64, &f64)| {
-            if *before == 0.0 { 1.0 } else { (now / before).clamp(MOST.recip(), MOST) }
-        };
-        let change: Vec<f64> = now.iter().zip(&self.multipliers).map(change).collect();
-        let prior = |i: usize, j: usize| f64::from(u8::from(i == j && self.multipliers[i] != 0.0));
+        let c: Vec<f64> = multipliers.iter().map(|c| factor(*c)).collect();
         let at = |i: usize, j: usize| {
-            let prior = prior(i, j);
-            change[i] * change[j] * (self.precision[i * dim + j] - prior) + prior
+            let prior = if i == j { prior(multipliers[i]) } else { 0.0 };
+            c[i] * c[j] * self.information[i * dim + j] + prior
         };
         let scale = |i: usize| scale(at(i, i), self.position[i], 1.0);
         let mut metric = Metric::diagonal((0..dim).map(scale).collect());
@@ -125,6 +139,19 @@ impl Curvature {
         (metric.directions, metric.stretch) = (directions, stretch);
         metric
     }
+}
+
+/// A coordinate whose multiplier is a smaller part of the largest is not seen by measurements.
+const UNSEEN: f64 = 1e-6;
+
+/// What a coordinate with this multiplier is multiplied by.
+fn factor(multiplier: f64) -> f64 {
+    if multiplier == 0.0 { 1.0 } else { multiplier }
+}
+
+/// The curvature of its prior, if it is multiplied.
+fn prior(multiplier: f64) -> f64 {
+    f64::from(u8::from(multiplier != 0.0))
 }
 
 /// Gauss and Newton's way uphill from `start`, until a step gains less than one unit of log density. Coordinates that

@@ -261,16 +261,20 @@ impl Together for Nuts<'_> {
         let Some(first) = chains.first_mut() else { return vec![] };
         let is_first = first.warm_up.n_meetings() == 0;
         let mut metric = first.kernel.metric().clone();
-        let mut curvature = first.curvature.clone();
+        let (kind, mut curvature) = (first.kind, first.curvature.clone());
         match &mut curvature {
-            None => Lesson::fit(&lessons, first.kind, &mut metric),
+            None => Lesson::fit(&lessons, kind, &mut metric),
             Some(curvature) => {
-                let (evaluator, point) = first.kernel.parts();
-                *curvature = curvature.again(&mut **evaluator, &point.position);
+                let here = |chain: &mut &mut Self| {
+                    let (evaluator, point) = chain.kernel.parts();
+                    curvature.again(&mut **evaluator, &point.position)
+                };
+                let all: Vec<Curvature> = chains.iter_mut().map(here).collect();
+                curvature.learn(&all);
             }
         }
         let is_enough = !is_first && Lesson::agree(&lessons);
-        let nothing = DrawMoments::new(metric.scale.len(), first.kind);
+        let nothing = DrawMoments::new(metric.scale.len(), kind);
         let go_on = |chain: &mut Self| {
             chain.warm_up.met();
             if is_enough {
