@@ -193,7 +193,6 @@ fn what_arrival_times_tell_of_fibres() {
         place.file("lat.csv", truth.recorded(sites, sources, 7));
         std::fs::copy(place.path("lat.csv"), format!("/tmp/lat_{sites}_{}.csv", sources.len()))
             .unwrap();
-        continue; // DEBUG
         let begun = Instant::now();
         let run = place.eplat(&format!(
             "run lat_fibres --mesh {} --data lat.csv --out run {settings}",
