@@ -111,6 +111,15 @@ pub enum Event<'a> {
         /// Memory that the run will take, about, bytes.
         bytes: u64,
     },
+    /// There is not enough memory for all that is reported of draws: it is kept on disk, and the run goes on.
+    OnDisk {
+        /// Memory that the run would take, about, bytes.
+        bytes: u64,
+        /// Memory that it takes so, about, bytes.
+        least: u64,
+        /// Memory that there is, bytes.
+        free: u64,
+    },
     /// Draws are made from the prior.
     Prior {
         /// The model's name.
@@ -217,6 +226,13 @@ impl fmt::Display for Event<'_> {
                     return Ok(());
                 }
                 write!(f, "; about {gigabytes:.1} GB of memory")
+            }
+            Self::OnDisk { bytes, least, free } => {
+                let [bytes, least, free] = [bytes, least, free].map(|bytes| *bytes as f64 / 1e9);
+                write!(
+                    f,
+                    "memory {bytes:.1} GB are not free, {free:.1} GB are: draws are kept on disk, in the output folder, and it takes {least:.1} GB and longer"
+                )
             }
             Self::Prior { model } => {
                 write!(f, "model  {model}: draws from its prior, not from its posterior")
