@@ -24,7 +24,7 @@ const COPIES_AT_ROWS: f64 = 2.0;
 /// Numbers of each draw beside its position and values: energy, step size, …
 const BESIDE: usize = 10;
 /// Copies of one parameter's draws while they are summarised, by each thread.
-const COLUMNS: f64 = 8.0;
+const COLUMNS: f64 = 6.0;
 
 /// What a run's memory depends on.
 #[derive(Clone, Copy, Debug)]
