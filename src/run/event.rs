@@ -231,7 +231,7 @@ impl fmt::Display for Event<'_> {
                 let [bytes, least, free] = [bytes, least, free].map(|bytes| *bytes as f64 / 1e9);
                 write!(
                     f,
-                    "memory {bytes:.1} GB are not free, {free:.1} GB are: draws are kept on disk, in the output folder, and it takes {least:.1} GB and longer"
+                    "memory {bytes:.2} GB are not there, {free:.2} GB are: draws go to the disk of the output folder, so that it takes about {least:.2} GB"
                 )
             }
             Self::Prior { model } => {
