@@ -39,6 +39,8 @@ pub(super) struct Needs {
     sampled: usize,
     /// Numbers that are reported of a draw: parameters, and `let`s that are no maps.
     reported: usize,
+    /// That summarise parameters, one each at a time.
+    threads: usize,
 }
 
 impl Needs {
@@ -53,19 +55,20 @@ impl Needs {
             draws,
             sampled: model.dim() + BESIDE,
             reported: model.n_reported() + model.lets.iter().map(|l| l.len).sum::<usize>(),
+            threads: rayon::current_num_threads(),
         }
     }
 
     /// Bytes, about, with everything in memory.
     pub(super) fn bytes(&self) -> u128 {
-        let columns = COLUMNS * rayon::current_num_threads().min(self.reported) as f64;
+        let columns = COLUMNS * self.threads.min(self.reported) as f64;
         self.with(self.reported as f64 + columns)
     }
 
     /// Bytes, about, with what is reported of draws on disk.
     pub(super) fn least(&self) -> u128 {
-        let blocks = 8 * self.chains * Spool::numbers_in_memory(self.reported);
-        self.with(COLUMNS) + blocks as u128
+        let blocks = 8 * Spool::numbers_in_memory(self.reported) as u128 * self.chains as u128;
+        self.with(COLUMNS) + blocks
     }
 
     /// Bytes, about, with so many numbers of each draw besides those of the sampler.
@@ -107,7 +110,7 @@ impl Needs {
 
     fn require(&self, bytes: u128, free: Option<u64>) -> Result<(), RunError> {
         let Some(free) = free.filter(|free| bytes > u128::from(*free)) else { return Ok(()) };
-        let Self { n_vertices, n_modes, n_rows, chains, draws, sampled, reported } = self;
+        let Self { n_vertices, n_modes, n_rows, chains, draws, sampled, reported, .. } = self;
         let each = sampled + reported;
         let what = format!(
             "{n_vertices} vertices with {n_modes} modes, {draws} draws of each of {chains} chains with {each} numbers each, and {n_rows} rows"
@@ -127,10 +130,11 @@ fn free() -> Option<u64> {
 mod tests {
     use super::*;
 
-    /// Of two chains of the model `erp`.
+    /// Of two chains of the model `erp`, on two threads.
     fn needs(n_vertices: usize, n_modes: usize, n_rows: usize, draws: usize) -> Needs {
-        let (sampled, reported) = (52 + BESIDE, 54);
-        Needs { n_vertices, n_modes, n_rows, chains: 2, draws, sampled, reported }
+        let (sampled, reported) = (52 + BESIDE, 52);
+        let threads = 2;
+        Needs { n_vertices, n_modes, n_rows, chains: 2, draws, sampled, reported, threads }
     }
 
     /// Peaks of `eplat run erp --chains 2`, MB: vertices, modes, rows, draws of a chain.
@@ -158,7 +162,7 @@ mod tests {
     fn numbers_that_overflow_are_more_than_there_is() {
         let huge = usize::MAX / 2;
         let needs = Needs { chains: huge, ..needs(5166, 24, 20, huge) };
-        assert!(needs.bytes() > 1 << 100);
+        assert!(needs.bytes() > 1 << 100 && needs.least() > 1 << 100);
         let refusal = needs.require_memory().map_err(|error| error.to_string());
         assert!(refusal.is_err() || memory::available().is_none());
     }
