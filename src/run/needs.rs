@@ -68,7 +68,7 @@ impl Needs {
     /// Bytes, about, with what is reported of draws on disk.
     pub(super) fn least(&self) -> u128 {
         let blocks = 8 * Spool::numbers_in_memory(self.reported) as u128 * self.chains as u128;
-        self.with(COLUMNS) + blocks
+        self.with(COLUMNS).saturating_add(blocks)
     }
 
     /// Bytes, about, with so many numbers of each draw besides those of the sampler.
