@@ -95,7 +95,7 @@ pub(super) fn parts(values: &mut [f64], n: usize) -> Vec<&mut [f64]> {
     (0..n).map(&mut part).collect()
 }
 
-/// Some columns of a [`Table`]: numbers (chain, draw, column).
+/// Some of the numbers that there are for each draw: (chain, draw, column).
 #[derive(Clone, Debug)]
 pub struct Columns {
     table: Arc<Table>,
