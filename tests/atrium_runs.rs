@@ -36,7 +36,7 @@ fn place() -> Workplace {
     ]);
     let draws = FieldDraws {
         n_modes: 1,
-        eigenfunctions: vec![0.1; sheet::N],
+        eigenfunctions: vec![0.1; sheet::N].into(),
         coefficients,
         within: BTreeMap::new(),
     };

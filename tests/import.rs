@@ -175,6 +175,12 @@ fn what_cannot_be_imported_is_said_and_nothing_is_written() {
     let refused = place.eplat("import study --out la");
     assert_eq!(refused.status.code(), Some(1));
     ok(&place, "import study --out la --force");
+    // whoever was killed while it replaced an import, where folders cannot change places at once, left it aside
+    let aside = place.path(".eplat-old-la");
+    std::fs::rename(place.path("la"), &aside).unwrap();
+    let refused = place.eplat("import study --out la");
+    assert!(transcript(&refused).contains("la is already there"), "{}", transcript(&refused));
+    assert!(!aside.exists() && place.path("la/import.json").exists());
     place.file("la/notes.txt", "mine");
     let said = transcript(&place.eplat("import study --out la --force"));
     assert!(said.contains("la/notes.txt is of no import, and would go with the folder"), "{said}");

@@ -11,7 +11,7 @@ mod support;
 use eplat::infer::{Settings, Silent, jittered_starts, sample};
 use eplat::manifold::Basis;
 use eplat::model::{Declare, Model};
-use eplat::report::{Group, Posterior, Values};
+use eplat::report::{Group, Posterior};
 use eplat::table::Measurements;
 use support::table;
 
@@ -27,7 +27,7 @@ fn posterior(model: &dyn Declare, basis: Option<&Basis>, data: &Measurements) ->
 /// (draw of both chains, element)
 fn values(group: &Group, name: &str) -> Vec<Vec<f64>> {
     let variable = group.variables.iter().find(|v| v.name == name).unwrap();
-    let Values::Float(values) = &variable.values else { panic!("{name} is not a number") };
+    let values = variable.values.floats().unwrap().unwrap();
     values.chunks_exact(values.len() / 20).map(<[f64]>::to_vec).collect()
 }
 

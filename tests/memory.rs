@@ -58,7 +58,7 @@ fn measured(place: &Workplace, arguments: &str) -> [f64; 2] {
 #[test]
 fn what_a_run_takes_is_foreseen() {
     let place = Workplace::new();
-    place.file("some.csv", table(2000)).file("many.csv", table(6000)).file("few.csv", table(20));
+    place.file("some.csv", table(2000)).file("many.csv", table(9000)).file("few.csv", table(20));
     let made = place.eplat("mesh atrium --edge 0.6 --out fine.vtk");
     assert!(made.status.success());
     let mut foreseen = vec![];

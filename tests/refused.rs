@@ -173,7 +173,7 @@ fn draws_of_fields_that_are_no_numbers() {
     let path = folder.path().join("field_draws.npz");
     let draws = eplat::report::FieldDraws {
         n_modes: 1,
-        eigenfunctions: vec![1.0, 1.0],
+        eigenfunctions: vec![1.0, 1.0].into(),
         coefficients: [("tau_out".to_owned(), vec![10.0, f64::NAN])].into(),
         within: std::collections::BTreeMap::new(),
     };

@@ -135,7 +135,7 @@ pub(crate) fn npz(folder: &Path) -> Vec<PathBuf> {
     basis.write_npz(&path).unwrap();
     let draws = eplat::report::FieldDraws {
         n_modes: 12,
-        eigenfunctions: basis.eigenfunctions,
+        eigenfunctions: basis.eigenfunctions.into(),
         coefficients: [("f".to_owned(), (0..26).map(f64::from).collect())].into(),
         within: std::collections::BTreeMap::new(),
     };

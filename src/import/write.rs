@@ -9,14 +9,15 @@ use serde_json::{Value as Json, json};
 
 use super::{ImportError, Options, QUANTITIES, Row, Selected, Source, Study, Value};
 use crate::mesh::{Encoding, MeshError};
-use crate::store::{seals, write_folder};
+use crate::store::{put_back, seals, write_folder};
 use crate::table::csv_line;
 
 const SURFACE: &str = "surface.vtp";
 const TABLE: &str = "measurements.csv";
 const RECORD: &str = "import.json";
 
-/// Writes what was selected of a study to the folder `out`, whole or not at all; the record names the other files.
+/// Writes what was selected of a study to the folder `out`, whole or not at all; the record names the other files. An
+/// earlier import that it replaces is there until the new one is.
 ///
 /// # Errors
 /// [`ImportError::Exists`]: the folder is there and holds something, and is no earlier import that `force`
@@ -27,6 +28,8 @@ pub fn write(
     selected: &Selected,
     record: &Json,
 ) -> Result<(), ImportError> {
+    let unwritable = |source: io::Error| ImportError::Write { path: out.into(), source };
+    put_back(out).map_err(unwritable)?;
     let is_empty = || fs::read_dir(out).is_ok_and(|mut entries| entries.next().is_none());
     let is_import = out.join(RECORD).is_file();
     if out.exists() && !is_empty() && !(force && is_import) {
@@ -35,7 +38,6 @@ pub fn write(
     if let Some(path) = foreign(out) {
         return Err(ImportError::Foreign { path });
     }
-    let unwritable = |source: io::Error| ImportError::Write { path: out.into(), source };
     if let Some(above) = out.parent() {
         fs::create_dir_all(above).map_err(unwritable)?;
     }

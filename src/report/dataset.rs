@@ -2,13 +2,19 @@
 //!
 //! Knows nothing of files, models or samplers.
 
+use std::borrow::Cow;
+use std::io;
 use std::sync::Arc;
 
+use super::Columns;
+
 /// The values of one array, in row-major order.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug)]
 pub enum Values {
     /// 64-bit floats; NaN where a value does not exist. Two arrays may share them.
     Float(Arc<Vec<f64>>),
+    /// 64-bit floats that are kept with others of the same draws, perhaps on disk.
+    Columns(Columns),
     /// 64-bit integers, e.g. `tree_depth`.
     Int(Vec<i64>),
     /// Flags, e.g. `diverging`.
@@ -22,9 +28,22 @@ impl Values {
     pub fn len(&self) -> usize {
         match self {
             Self::Float(values) => values.len(),
+            Self::Columns(columns) => columns.len(),
             Self::Int(values) => values.len(),
             Self::Bool(values) => values.len(),
             Self::Text(values) => values.len(),
+        }
+    }
+
+    /// All of them, where they are floats.
+    ///
+    /// # Errors
+    /// From the disk that they are on.
+    pub fn floats(&self) -> io::Result<Option<Cow<'_, [f64]>>> {
+        match self {
+            Self::Float(values) => Ok(Some(Cow::Borrowed(values.as_slice()))),
+            Self::Columns(columns) => columns.all().map(|all| Some(Cow::Owned(all))),
+            Self::Int(_) | Self::Bool(_) | Self::Text(_) => Ok(None),
         }
     }
 
@@ -43,6 +62,12 @@ impl From<Vec<f64>> for Values {
 impl From<Arc<Vec<f64>>> for Values {
     fn from(values: Arc<Vec<f64>>) -> Self {
         Self::Float(values)
+    }
+}
+
+impl From<Columns> for Values {
+    fn from(columns: Columns) -> Self {
+        Self::Columns(columns)
     }
 }
 

@@ -1,5 +1,6 @@
 //! `draws.csv`: one line per draw, one column per scalar parameter, every digit.
 
+use std::io;
 use std::path::Path;
 
 use super::{Group, ReportError, Values, Variable};
@@ -21,9 +22,11 @@ pub fn write_draws(path: &Path, posterior: &Group) -> Result<(), ReportError> {
         let mut table = csv::Writer::from_writer(file);
         let header = ["chain", "draw"].map(str::to_owned).into_iter();
         table.write_record(header.chain(variables.iter().flat_map(|v| columns(posterior, v))))?;
+        let mut readers: Vec<Reader<'_>> = variables.iter().map(|v| Reader::new(v)).collect();
         for row in 0..n_chains * n_draws {
-            let place = [row / n_draws, row % n_draws].map(|index| index.to_string()).into_iter();
-            table.write_record(place.chain(variables.iter().flat_map(|v| cells(v, row))))?;
+            let mut line = [row / n_draws, row % n_draws].map(|index| index.to_string()).to_vec();
+            readers.iter_mut().try_for_each(|reader| reader.cells(row, &mut line))?;
+            table.write_record(line)?;
         }
         table.flush()
     })
@@ -67,16 +70,43 @@ fn columns(group: &Group, variable: &Variable) -> Vec<String> {
     }
 }
 
-/// The elements of one variable in one draw, as text.
-fn cells(variable: &Variable, row: usize) -> Vec<String> {
-    let width: usize = variable.dims[2..].iter().map(|(_, length)| length).product();
-    let range = row * width..(row + 1) * width;
-    match &variable.values {
+/// A variable that is read draw by draw.
+struct Reader<'v> {
+    variable: &'v Variable,
+    /// Elements of a draw.
+    width: usize,
+    /// What was read at once of a variable that is kept elsewhere, from draw `first` on.
+    read: Vec<f64>,
+    first: usize,
+}
+
+impl<'v> Reader<'v> {
+    fn new(variable: &'v Variable) -> Self {
+        let width = variable.dims[2..].iter().map(|(_, length)| length).product();
+        Self { variable, width, read: vec![], first: 0 }
+    }
+
+    /// Adds the elements in draw `row`, as text; draws are asked for in order.
+    fn cells(&mut self, row: usize, line: &mut Vec<String>) -> io::Result<()> {
+        let range = row * self.width..(row + 1) * self.width;
         // `{:?}` and not `{}`: both round-trip, but this one writes 1e-300 with an exponent.
-        Values::Float(values) => values[range].iter().map(|v| format!("{v:?}")).collect(),
-        Values::Int(values) => values[range].iter().map(ToString::to_string).collect(),
-        Values::Bool(values) => values[range].iter().map(|&v| u8::from(v).to_string()).collect(),
-        Values::Text(values) => values[range].to_vec(),
+        let float = |v: &f64| format!("{v:?}");
+        match &self.variable.values {
+            Values::Float(values) => line.extend(values[range].iter().map(float)),
+            Values::Columns(columns) => {
+                if range.end > self.first * self.width + self.read.len() {
+                    (self.read, self.first) = (columns.rows_from(row)?, row);
+                }
+                let own = (row - self.first) * self.width;
+                line.extend(self.read[own..own + self.width].iter().map(float));
+            }
+            Values::Int(values) => line.extend(values[range].iter().map(ToString::to_string)),
+            Values::Bool(values) => {
+                line.extend(values[range].iter().map(|&v| u8::from(v).to_string()));
+            }
+            Values::Text(values) => line.extend_from_slice(&values[range]),
+        }
+        Ok(())
     }
 }
 

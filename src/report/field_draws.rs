@@ -7,6 +7,7 @@
 //! Of a field `within LOW..HIGH` this is the sum x, and there is an array `NAME.within` (1, 2) of the ends:
 //! the field is LOW + s ln((1 + e^((x − LOW)/s)) / (1 + e^((x − HIGH)/s))) with s = (HIGH − LOW)/20.
 
+use std::borrow::Cow;
 use std::collections::BTreeMap;
 use std::io::{self, Seek, Write};
 use std::path::Path;
@@ -20,11 +21,11 @@ const EIGENFUNCTIONS: &str = "eigenfunctions";
 
 /// Draws of every field of a model, on one surface.
 #[derive(Clone, Debug, PartialEq)]
-pub struct FieldDraws {
+pub struct FieldDraws<'b> {
     /// Number of modes K.
     pub n_modes: usize,
     /// (vertex, K), row-major.
-    pub eigenfunctions: Vec<f64>,
+    pub eigenfunctions: Cow<'b, [f64]>,
     /// By field (draw, 1 + K), row-major: mean, and weights of the eigenfunctions.
     pub coefficients: BTreeMap<String, Vec<f64>>,
     /// By field, of those whose sum is bent into an interval.
@@ -34,9 +35,9 @@ pub struct FieldDraws {
 /// Suffix of the array of an interval's ends.
 const WITHIN: &str = ".within";
 
-impl FieldDraws {
+impl FieldDraws<'_> {
     /// The file in an output folder.
-    pub const FILE: &str = "field_draws.npz";
+    pub const FILE: &'static str = "field_draws.npz";
 
     /// Number of vertices.
     pub fn n_vertices(&self) -> usize {
@@ -70,13 +71,13 @@ impl FieldDraws {
 
     fn write_arrays(&self, writer: impl Write + Seek) -> io::Result<()> {
         let mut archive = NpzWriter::new(writer, Packing::Stored);
-        let eigenfunctions = (EIGENFUNCTIONS, self.n_modes, &self.eigenfunctions);
-        let fields = self.coefficients.iter().map(|(n, c)| (n.as_str(), 1 + self.n_modes, c));
+        let eigenfunctions = (EIGENFUNCTIONS, self.n_modes, &*self.eigenfunctions);
+        let fields = self.coefficients.iter().map(|(n, c)| (n.as_str(), 1 + self.n_modes, &**c));
         let ends = |(name, within): (&String, &Within)| {
             (format!("{name}{WITHIN}"), vec![within.low, within.high])
         };
         let ends: Vec<(String, Vec<f64>)> = self.within.iter().map(ends).collect();
-        let ends = ends.iter().map(|(name, ends)| (name.as_str(), 2, ends));
+        let ends = ends.iter().map(|(name, ends)| (name.as_str(), 2, &**ends));
         for (name, width, values) in std::iter::once(eigenfunctions).chain(fields).chain(ends) {
             let shape = [(values.len() / width.max(1)) as u64, width as u64];
             archive.array(name, &shape, values)?;
@@ -88,7 +89,7 @@ impl FieldDraws {
     ///
     /// # Errors
     /// [`ReportError::Read`], [`ReportError::Malformed`].
-    pub fn read(path: &Path) -> Result<Self, ReportError> {
+    pub fn read(path: &Path) -> Result<FieldDraws<'static>, ReportError> {
         let mut archive = NpzReader::open(path).map_err(ReportError::read(path))?;
         let names = archive.names().map_err(ReportError::read(path))?;
         let mut matrix = |name: &str| -> io::Result<(usize, Vec<f64>)> {
@@ -123,7 +124,8 @@ impl FieldDraws {
             }
             coefficients.insert(name, values);
         }
-        Ok(Self { n_modes, eigenfunctions, coefficients, within: bounds })
+        let eigenfunctions = Cow::from(eigenfunctions);
+        Ok(FieldDraws { n_modes, eigenfunctions, coefficients, within: bounds })
     }
 }
 
@@ -131,10 +133,10 @@ impl FieldDraws {
 mod tests {
     use super::*;
 
-    fn small() -> FieldDraws {
+    fn small() -> FieldDraws<'static> {
         FieldDraws {
             n_modes: 2,
-            eigenfunctions: vec![1.0, 0.0, 0.5, -1.0, 0.0, 2.0],
+            eigenfunctions: vec![1.0, 0.0, 0.5, -1.0, 0.0, 2.0].into(),
             coefficients: BTreeMap::from([(
                 "tau_out".into(),
                 vec![10.0, 1.0, 2.0, 20.0, 0.0, 0.25],

@@ -4,7 +4,7 @@
 //! bundle of `assets/three`, or without WebGL on a plain canvas.
 
 use std::fmt::Write as _;
-use std::io::Write as _;
+use std::io::{self, Write as _};
 use std::path::Path;
 
 use super::end_of_run::leave_one_out_figures;
@@ -16,7 +16,7 @@ use super::table::{HEAVY_TAIL, Line, TITLES, lines};
 use super::text::{escape, shown};
 use super::{
     Group, LeaveOneOut, LooRow, Predictions, Provenance, ReportError, Row, RunRecord,
-    SettingsRecord, Values, verdict,
+    SettingsRecord, Values, Variable, verdict,
 };
 use crate::diagnostics::verdict::{Answer, Colour, Verdict};
 use crate::mesh::{Axes, TriMesh};
@@ -111,7 +111,7 @@ pub fn write_html(path: &Path, page: &Page<'_>) -> Result<(), ReportError> {
         ("equations", escape(page.equations)),
         ("summary", table(&lines(page.rows, false))),
         ("every_summary", table(&lines(page.rows, true))),
-        ("traces", traces(page.posterior, page.files)),
+        ("traces", traces(page.posterior, page.files).map_err(ReportError::write(path))?),
         ("loo_class", absent(page.loo.is_some())),
         ("predicted_class", absent(!page.predictions.rows.is_empty())),
         ("predicted", predicted(page)),
@@ -197,14 +197,14 @@ fn predicted(page: &Page<'_>) -> String {
     if rows.is_empty() { String::new() } else { section(page.predictions) }
 }
 
-fn traces(posterior: &Group, files: &[&str]) -> String {
-    let scalars = posterior.variables.iter().filter_map(|variable| match &variable.values {
-        Values::Float(values) if variable.dims.len() == 2 => Some((variable, values)),
-        _ => None,
-    });
-    let scalars: Vec<_> = scalars.collect();
+fn traces(posterior: &Group, files: &[&str]) -> io::Result<String> {
+    let is_scalar = |v: &&Variable| {
+        v.dims.len() == 2 && matches!(v.values, Values::Float(_) | Values::Columns(_))
+    };
+    let scalars: Vec<&Variable> = posterior.variables.iter().filter(is_scalar).collect();
     let mut html = String::new();
-    for (variable, values) in scalars.iter().take(MOST_TRACES) {
+    for variable in scalars.iter().take(MOST_TRACES) {
+        let Some(values) = variable.values.floats()? else { continue };
         let chains: Vec<&[f64]> = values.chunks(variable.dims[1].1.max(1)).collect();
         let (name, unit) = (escape(&variable.name), escape(shown(&variable.unit)));
         let (trace, ranks) = (trace_plot(&chains), rank_plot(&chains));
@@ -218,7 +218,7 @@ fn traces(posterior: &Group, files: &[&str]) -> String {
         let file = linked("posterior.zarr", files);
         let _ = write!(html, "<p class=\"note\">{more} more scalar parameters are in {file}.</p>");
     }
-    html
+    Ok(html)
 }
 
 /// Pareto k of every measurement as a plot and, the worst first, as a table.

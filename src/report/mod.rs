@@ -6,6 +6,7 @@
 mod approximation;
 mod axes;
 mod cell;
+mod columns;
 mod curves;
 mod dataset;
 mod draws;
@@ -24,6 +25,7 @@ mod packed;
 pub mod plot;
 mod posterior;
 mod predicted;
+mod quantities;
 mod rows;
 mod run_record;
 #[cfg(test)]
@@ -38,6 +40,7 @@ mod zarr;
 
 pub use approximation::Approximation;
 pub use cell::{write_restitution, write_trace};
+pub use columns::Columns;
 pub use curves::Curves;
 pub use dataset::{Group, Values, Variable};
 pub use draws::write_draws;

@@ -1,15 +1,17 @@
 //! Draws of unknowns as what they mean: parameters, log likelihoods, replicated measurements.
 
+use std::io;
+use std::path::Path;
 use std::sync::Arc;
 
 use rand_chacha::ChaCha8Rng;
 use rayon::prelude::*;
 
-use super::text::after_number;
-use super::{Group, LeaveOneOut, MAX_R_HAT, Row, Values, Variable};
-use crate::diagnostics::{Stray, stray, summarise};
+use super::columns::{Sink, Table, parts};
+use super::quantities::Quantities;
+use super::{Columns, Group, LeaveOneOut, Row, Values, Variable};
 use crate::infer::Chain;
-use crate::model::{Kind, LetValues, Model, Observe, Parameter};
+use crate::model::{Model, Observe};
 use crate::random::Stream;
 use crate::table::Measurements;
 
@@ -61,7 +63,33 @@ struct Asked {
 
 impl Posterior {
     /// From chains of equal length; `seed` is the run's.
+    #[allow(clippy::expect_used, reason = "nothing is read or written")]
     pub fn new(model: &Model, data: &Measurements, chains: &[Chain], seed: u64) -> Self {
+        Self::made(model, data, chains, seed, None).expect("no disk is used")
+    }
+
+    /// The same to the last bit, in less memory and more time: [`Posterior::posterior`] is on the disk of `folder`, in
+    /// files without names that go with it.
+    ///
+    /// # Errors
+    /// From the disk.
+    pub fn on_disk(
+        model: &Model,
+        data: &Measurements,
+        chains: &[Chain],
+        seed: u64,
+        folder: &Path,
+    ) -> io::Result<Self> {
+        Self::made(model, data, chains, seed, Some(folder))
+    }
+
+    fn made(
+        model: &Model,
+        data: &Measurements,
+        chains: &[Chain],
+        seed: u64,
+        folder: Option<&Path>,
+    ) -> io::Result<Self> {
         let shape = [chains.len(), chains.first().map_or(0, Chain::n_draws)];
         let places = places(model, data);
         let step = (places.len() * shape[0] * shape[1]).div_ceil(MOST).max(1);
@@ -71,12 +99,16 @@ impl Posterior {
         let room = |places: &[String]| vec![0.0; n_asked[0] * n_asked[1] * places.len()];
         let mut asked =
             Asked { step, log_likelihood: room(&places), predicted: room(observed_places) };
-        let reported = asked.fill(model, chains, seed);
-        let quantities: Vec<Quantity<'_>> = quantities(model).collect();
-        let posterior = variables(&quantities, &reported, shape);
-        let (rows, strays) = rows(&quantities, &posterior, shape);
+        let quantities = Quantities::of(model);
+        let reported = Table::filled([shape[0], shape[1], quantities.width()], folder, |sinks| {
+            asked.fill(model, chains, seed, sinks)
+        })?;
+        let posterior = quantities.variables(&Arc::new(reported), shape);
+        // of what is on disk one column at a time is in memory
+        let at_once = if folder.is_some() { usize::MAX } else { 1 };
+        let (rows, strays) = quantities.summaries(&posterior, shape[1], at_once)?;
         let log_likelihood = log_likelihood(asked.log_likelihood, &places, n_asked);
-        Self {
+        Ok(Self {
             posterior,
             loo: leave_one_out(model, data, &log_likelihood, &rows, shape),
             rows,
@@ -86,7 +118,7 @@ impl Posterior {
             posterior_predictive: predictive(model, asked.predicted, observed_places, n_asked),
             observed_data: observed(model, observed_places),
             constant_data: constant(model, data),
-        }
+        })
     }
 
     /// All groups, for [`super::write_zarr`].
@@ -106,42 +138,38 @@ impl Posterior {
 }
 
 impl Asked {
-    /// Makes them, and what is reported of every draw: for each chain (draw, number of all quantities).
-    fn fill(&mut self, model: &Model, chains: &[Chain], seed: u64) -> Vec<Vec<f64>> {
+    /// Makes them, and writes what is reported of every draw (draw, number of all quantities) to the `sinks`, one for
+    /// each chain.
+    fn fill<'t>(
+        &mut self,
+        model: &Model,
+        chains: &[Chain],
+        seed: u64,
+        sinks: Vec<Sink<'t>>,
+    ) -> io::Result<Vec<Sink<'t>>> {
         let step = self.step;
-        let of_chain = |(i, ((chain, log_likelihood), predicted))| {
+        let of_chain = |(i, (((chain, sink), log_likelihood), predicted))| {
             let rng = Stream::AfterSampling(i).rng(seed);
-            drawn(model, chain, step, rng, log_likelihood, predicted)
+            drawn(model, chain, step, rng, sink, [log_likelihood, predicted])
         };
         let parts = chains
             .iter()
+            .zip(sinks)
             .zip(parts(&mut self.log_likelihood, chains.len()))
             .zip(parts(&mut self.predicted, chains.len()));
         parts.collect::<Vec<_>>().into_par_iter().enumerate().map(of_chain).collect()
     }
 }
 
-/// `n` equal parts.
-fn parts(values: &mut [f64], n: usize) -> Vec<&mut [f64]> {
-    let length = values.len() / n.max(1);
-    let mut rest = values;
-    let mut part = |_| {
-        let (own, others) = std::mem::take(&mut rest).split_at_mut(length);
-        rest = others;
-        own
-    };
-    (0..n).map(&mut part).collect()
-}
-
-/// What is reported of the draws of a chain; writes likelihoods and replicates of every `step`-th.
-fn drawn(
+/// Writes what is reported of the draws of a chain to its `sink`, and likelihoods and replicates of every `step`-th.
+fn drawn<'t>(
     model: &Model,
     chain: &Chain,
     step: usize,
     mut rng: ChaCha8Rng,
-    log_likelihood: &mut [f64],
-    predicted: &mut [f64],
-) -> Vec<f64> {
+    mut sink: Sink<'t>,
+    [log_likelihood, predicted]: [&mut [f64]; 2],
+) -> io::Result<Sink<'t>> {
     let (mut tape, mut reported) = (model.tape(), vec![]);
     let (mut pointwise, mut replicates): (Vec<f64>, Vec<f64>) = (vec![], vec![]);
     for i in 0..chain.n_draws() {
@@ -151,8 +179,10 @@ fn drawn(
         } else {
             model.forward_reported(&mut tape, chain.draw(i));
         }
+        reported.clear();
         model.report(&tape, &mut rng, &mut reported);
         model.let_values(&tape, &mut reported);
+        sink.push(&reported)?;
         if !is_asked {
             continue;
         }
@@ -167,110 +197,7 @@ fn drawn(
         log_likelihood[i / step * n..][..n].copy_from_slice(&pointwise);
         predicted[i / step * m..][..m].copy_from_slice(&replicates);
     }
-    reported
-}
-
-/// Elements `from..from + len` of every draw's `width` numbers.
-fn columns(drawn: &[f64], width: usize, from: usize, len: usize) -> Vec<f64> {
-    drawn.chunks_exact(width.max(1)).flat_map(|row| &row[from..from + len]).copied().collect()
-}
-
-/// A parameter, or a `let` that is no map.
-struct Quantity<'m> {
-    name: &'m str,
-    unit: &'m str,
-    len: usize,
-    labels: &'m [String],
-    is_vector: bool,
-}
-
-impl<'m> Quantity<'m> {
-    fn of_parameter(p: &'m Parameter) -> Self {
-        let is_vector = p.kind != Kind::Scalar;
-        Self { name: &p.name, unit: &p.unit, len: p.len, labels: &p.labels, is_vector }
-    }
-
-    fn of_let(l: &'m LetValues) -> Self {
-        let is_vector = !l.labels.is_empty();
-        Self { name: l.name, unit: &l.unit, len: l.len, labels: &l.labels, is_vector }
-    }
-
-    /// Name of its `i`-th number.
-    fn element(&self, i: usize) -> String {
-        match (self.is_vector, self.labels.get(i)) {
-            (false, _) => self.name.to_owned(),
-            (true, Some(label)) => format!("{}[{label}]", self.name),
-            (true, None) => format!("{}[{i}]", self.name),
-        }
-    }
-}
-
-fn quantities(model: &Model) -> impl Iterator<Item = Quantity<'_>> {
-    let parameters = model.parameters.iter().map(Quantity::of_parameter);
-    parameters.chain(model.lets.iter().map(Quantity::of_let))
-}
-
-fn variables(
-    quantities: &[Quantity<'_>],
-    reported: &[Vec<f64>],
-    [chains, draws]: [usize; 2],
-) -> Group {
-    let (width, mut from) = (quantities.iter().map(|q| q.len).sum(), 0);
-    let mut variables = vec![];
-    for q in quantities {
-        let of_chain = |reported: &Vec<f64>| columns(reported, width, from, q.len);
-        let values: Vec<f64> = reported.iter().flat_map(of_chain).collect();
-        from += q.len;
-        let dim = format!("{}_dim", q.name);
-        let mut dims = vec![("chain", chains), ("draw", draws)];
-        if q.is_vector {
-            dims.push((&dim, q.len));
-        }
-        variables.push(Variable::new(q.name, q.unit, &dims, values));
-        if !q.labels.is_empty() {
-            variables.push(Variable::new(&dim, "", &[(&dim, q.len)], q.labels.to_vec()));
-        }
-    }
-    Group { name: "posterior".into(), variables }
-}
-
-/// All summaries, and where the chains disagree on the worst of them.
-fn rows(
-    quantities: &[Quantity<'_>],
-    posterior: &Group,
-    [chains, draws]: [usize; 2],
-) -> (Vec<Row>, Option<String>) {
-    let mut jobs = vec![];
-    for q in quantities {
-        let variable = posterior.variables.iter().find(|v| v.name == q.name);
-        let Some(Values::Float(values)) = variable.map(|v| &v.values) else { continue };
-        jobs.extend((0..q.len).map(|i| (q, i, values)));
-    }
-    let row = |(q, i, values): &(&Quantity<'_>, usize, &Arc<Vec<f64>>)| {
-        let column: Vec<f64> = values.iter().skip(*i).step_by(q.len).copied().collect();
-        let chains: Vec<&[f64]> = column.chunks_exact(draws.max(1)).take(chains).collect();
-        let row = Row { name: q.element(*i), unit: q.unit.to_owned(), summary: summarise(&chains) };
-        let strays = (row.summary.r_hat > MAX_R_HAT).then(|| strays(&row, &chains)).flatten();
-        (row, strays)
-    };
-    let (rows, strays): (Vec<Row>, Vec<Option<String>>) = jobs.par_iter().map(row).unzip();
-    let worst = rows.iter().zip(strays).filter(|(row, _)| !row.summary.r_hat.is_nan());
-    let worst = worst.max_by(|(a, _), (b, _)| a.summary.r_hat.total_cmp(&b.summary.r_hat));
-    let strays = worst.and_then(|(_, strays)| strays);
-    (rows, strays)
-}
-
-/// Where the chains disagree on one quantity, in words.
-fn strays(row: &Row, chains: &[&[f64]]) -> Option<String> {
-    let Stray { chain, draws, mean, rest_mean, rest_sd } = stray(chains)?;
-    let unit = after_number(&row.unit);
-    Some(format!(
-        "chain {} in its draws {} to {}, where {} is {mean:.3}{unit}, elsewhere {rest_mean:.3} ± {rest_sd:.3}",
-        chain + 1,
-        draws.start + 1,
-        draws.end,
-        row.name
-    ))
+    Ok(sink)
 }
 
 /// Where each measurement was made, in words.
@@ -319,15 +246,11 @@ fn predictive(
     [chains, draws]: [usize; 2],
 ) -> Group {
     let all = Arc::new(predicted);
+    let table = Arc::new(Table::of(Arc::clone(&all), places.len(), draws));
     let mut from = 0;
     let variable = |observe: &Observe| {
         let n = observe.rows.len();
-        // of a single statement they are the same numbers
-        let values = if n == places.len() {
-            Arc::clone(&all)
-        } else {
-            Arc::new(columns(&all, places.len(), from, n))
-        };
+        let values = Columns::new(&table, from, n);
         from += n;
         let dim = row_dimension(observe);
         let dims = [("chain", chains), ("draw", draws), (dim.as_str(), n)];

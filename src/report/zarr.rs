@@ -13,11 +13,15 @@ use serde_json::{Map, Value, json};
 use std::borrow::Borrow;
 use std::collections::{BTreeMap, BTreeSet};
 use std::fs;
-use std::io::{self, Read as _, Write as _};
+use std::io::{self, BufWriter, Read as _, Write as _};
+use std::ops::Range;
 use std::path::Path;
 
 use super::{Group, ReportError, Values, Variable};
 use crate::store::{cache, write_folder};
+
+/// Bytes that are packed at once.
+const PIECE: usize = 1 << 16;
 
 /// Metadata of every group and array by its path below the root, in the order written.
 type Nodes = Map<String, Value>;
@@ -164,7 +168,7 @@ fn write_array(folder: &Path, variable: &Variable) -> io::Result<Value> {
             let range = chunk * chunk_length..(chunk + 1) * chunk_length;
             let file = folder.join(chunk_key(variable.dims.len(), chunk));
             fs::create_dir_all(file.parent().unwrap_or(folder))?;
-            fs::write(file, gzip(&encode(&variable.values, range))?)
+            write_chunk(&file, &variable.values, range)
         })?;
     }
     let metadata = array_metadata(variable, n_chunks);
@@ -179,28 +183,43 @@ fn chunk_key(n_dims: usize, chunk: usize) -> String {
 }
 
 /// Little-endian values; a text as its count of UTF-8 bytes and these, after the number of texts (`vlen-utf8`).
-fn encode(values: &Values, range: std::ops::Range<usize>) -> Vec<u8> {
+///
+/// Draws hardly compress (a third at best, of the sign and exponent bits), so the fastest level is the right one.
+fn write_chunk(path: &Path, values: &Values, range: Range<usize>) -> io::Result<()> {
+    let packed = GzEncoder::new(fs::File::create(path)?, Compression::fast());
+    // what is packed comes in pieces of one size, wherever it is kept: so it is packed to the same bytes
+    let mut file = BufWriter::with_capacity(PIECE, packed);
     match values {
-        Values::Float(values) => values[range].iter().flat_map(|v| v.to_le_bytes()).collect(),
-        Values::Int(values) => values[range].iter().flat_map(|v| v.to_le_bytes()).collect(),
-        Values::Bool(values) => values[range].iter().map(|&v| u8::from(v)).collect(),
+        Values::Float(values) => write_floats(&mut file, &values[range])?,
+        Values::Columns(columns) => {
+            let (mut at, width) = (range.start, columns.width().max(1));
+            while at < range.end {
+                let rows = columns.rows_from(at / width)?;
+                write_floats(&mut file, &rows)?;
+                at += rows.len();
+            }
+        }
+        Values::Int(values) => {
+            values[range].iter().try_for_each(|v| file.write_all(&v.to_le_bytes()))?;
+        }
+        Values::Bool(values) => {
+            values[range].iter().try_for_each(|&v| file.write_all(&[u8::from(v)]))?;
+        }
         Values::Text(texts) => {
             let count = |n: usize| (n as u32).to_le_bytes();
-            let mut bytes = count(range.len()).to_vec();
+            file.write_all(&count(range.len()))?;
             for text in &texts[range] {
-                bytes.extend_from_slice(&count(text.len()));
-                bytes.extend_from_slice(text.as_bytes());
+                file.write_all(&count(text.len()))?;
+                file.write_all(text.as_bytes())?;
             }
-            bytes
         }
     }
+    file.into_inner().map_err(io::IntoInnerError::into_error)?.finish()?;
+    Ok(())
 }
 
-/// Draws hardly compress (a third at best, of the sign and exponent bits), so the fastest level is the right one.
-fn gzip(bytes: &[u8]) -> io::Result<Vec<u8>> {
-    let mut encoder = GzEncoder::new(Vec::new(), Compression::fast());
-    encoder.write_all(bytes)?;
-    encoder.finish()
+fn write_floats(file: &mut impl io::Write, values: &[f64]) -> io::Result<()> {
+    values.iter().try_for_each(|v| file.write_all(&v.to_le_bytes()))
 }
 
 /// Reads the integers of an array of one dimension that [`write_zarr`] wrote: the folder `array` of a group.
@@ -233,7 +252,7 @@ fn group_metadata(attributes: &Map<String, Value>) -> Value {
 fn array_metadata(variable: &Variable, n_chunks: usize) -> Value {
     let little_endian = json!({ "name": "bytes", "configuration": { "endian": "little" } });
     let (data_type, fill_value, serializer) = match variable.values {
-        Values::Float(_) => ("float64", json!("NaN"), little_endian),
+        Values::Float(_) | Values::Columns(_) => ("float64", json!("NaN"), little_endian),
         Values::Int(_) => ("int64", json!(0), little_endian),
         Values::Bool(_) => ("bool", json!(false), json!({ "name": "bytes" })),
         Values::Text(_) => ("string", json!(""), json!({ "name": "vlen-utf8" })),

@@ -111,6 +111,15 @@ pub enum Event<'a> {
         /// Memory that the run will take, about, bytes.
         bytes: u64,
     },
+    /// There is not enough memory for all that is reported of draws: it is kept on disk, and the run goes on.
+    OnDisk {
+        /// Memory that the run would take, about, bytes.
+        bytes: u64,
+        /// Memory that it takes so, about, bytes.
+        least: u64,
+        /// Memory that there is, bytes.
+        free: u64,
+    },
     /// Draws are made from the prior.
     Prior {
         /// The model's name.
@@ -218,6 +227,9 @@ impl fmt::Display for Event<'_> {
                 }
                 write!(f, "; about {gigabytes:.1} GB of memory")
             }
+            Self::OnDisk { bytes, least, free } => {
+                f.write_str(&on_disk_in_words([*bytes, *least, *free]))
+            }
             Self::Prior { model } => {
                 write!(f, "model  {model}: draws from its prior, not from its posterior")
             }
@@ -231,16 +243,7 @@ impl fmt::Display for Event<'_> {
             Self::Laplace { model } => {
                 write!(f, "model  {model}: normal approximation at its mode, not sampled")
             }
-            Self::Progress(p) => write!(
-                f,
-                "chain {}  {:>5}/{}  {:<8} divergences {:<3} step {:.3}",
-                p.chain + 1,
-                p.iteration,
-                p.total,
-                p.phase.to_string(),
-                p.divergences,
-                p.step_size
-            ),
+            Self::Progress(p) => f.write_str(&chain_in_words(p)),
             Self::NotKept { reason } => write!(
                 f,
                 "warning: the run goes on, but cannot be resumed if interrupted: {reason}"
@@ -248,6 +251,27 @@ impl fmt::Display for Event<'_> {
             Self::ChainFailed(error) => write!(f, "warning: {error}"),
         }
     }
+}
+
+/// Where a chain stands.
+fn chain_in_words(p: &ChainProgress) -> String {
+    format!(
+        "chain {}  {:>5}/{}  {:<8} divergences {:<3} step {:.3}",
+        p.chain + 1,
+        p.iteration,
+        p.total,
+        p.phase.to_string(),
+        p.divergences,
+        p.step_size
+    )
+}
+
+/// What it takes in memory, what it takes so, and what there is, bytes.
+fn on_disk_in_words(bytes: [u64; 3]) -> String {
+    let [whole, least, free] = bytes.map(|bytes| bytes as f64 / 1e9);
+    format!(
+        "memory {whole:.2} GB are not there, {free:.2} GB are: draws go to the disk of the output folder, so that it takes about {least:.2} GB"
+    )
 }
 
 /// A line for each doubt, and one for what to do.

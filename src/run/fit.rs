@@ -6,7 +6,7 @@ use std::sync::OnceLock;
 
 use super::maps::{FittedMap, SurfaceMaps};
 use super::verdict::{LeftOut, exact};
-use super::{Problem, Watch};
+use super::{Problem, RunError, Watch};
 use crate::diagnostics::verdict::{Questions, Verdict};
 use crate::experiment::thinned;
 use crate::infer::{Chain, ChainError, MetricKind, Settings};
@@ -188,6 +188,18 @@ impl<'m> Fit<'m> {
             }
             posterior
         })
+    }
+
+    /// Makes [`Fit::posterior`] of draws from the posterior with what it reports of each on the disk of `folder`.
+    ///
+    /// # Errors
+    /// [`RunError::Write`].
+    pub(super) fn report_on_disk(&self, folder: &Path) -> Result<(), RunError> {
+        let (measurements, seed) = (self.problem.measurements(), self.settings.seed);
+        let made = Posterior::on_disk(self.model(), measurements, self.chains(), seed, folder);
+        // it is made once
+        let _ = self.posterior.set(made.map_err(RunError::write(folder))?);
+        Ok(())
     }
 
     /// How well each measurement is predicted from the others; `None` without measurements, and for

@@ -1,5 +1,7 @@
 //! Fields and derived quantities over the surface, with the truth beside them where it is known.
 
+use std::borrow::Cow;
+
 use crate::experiment::{coverage, rms_error};
 use crate::manifold::Basis;
 use crate::mesh::Surface;
@@ -55,10 +57,10 @@ pub(super) struct SurfaceMaps {
 }
 
 /// Values at the vertices, with their name and unit.
-pub(super) struct VertexArray {
+pub(super) struct VertexArray<'m> {
     pub(super) name: String,
     pub(super) unit: String,
-    pub(super) values: Vec<f64>,
+    pub(super) values: Cow<'m, [f64]>,
     /// Whether it is in the files alone, for the page would grow too large.
     pub(super) is_quantile: bool,
 }
@@ -96,36 +98,36 @@ impl SurfaceMaps {
     }
 
     /// All that `fields.vtp` and the page show: the maps, then what the mesh's file brought along.
-    pub(super) fn arrays(&self, surface: &Surface) -> Vec<VertexArray> {
-        let mut arrays: Vec<VertexArray> = vec![];
-        let mut push = |name: String, unit: &str, values: Vec<f64>| {
+    pub(super) fn arrays(&self, surface: &Surface) -> Vec<VertexArray<'_>> {
+        let mut arrays: Vec<VertexArray<'_>> = vec![];
+        let mut push = |name: String, unit: &str, values| {
             let is_quantile = QUANTILES.iter().any(|q| name.ends_with(q));
             arrays.push(VertexArray { name, unit: unit.to_owned(), values, is_quantile });
         };
         for map in &self.maps {
             let named = |suffix: &str| format!("{}_{suffix}", map.name);
-            push(named("mean"), &map.unit, map.mean.clone());
-            push(named("sd"), &map.unit, map.sd.clone());
+            push(named("mean"), &map.unit, Cow::from(&map.mean));
+            push(named("sd"), &map.unit, Cow::from(&map.sd));
             if let (Some(truth), Some(ise)) = (&map.truth, map.ise()) {
-                push(named("true"), &map.unit, truth.clone());
-                push(named("ise"), "", ise);
+                push(named("true"), &map.unit, Cow::from(truth));
+                push(named("ise"), "", Cow::from(ise));
             }
         }
         for map in &self.maps {
             for (suffix, values) in QUANTILES.iter().zip(&map.quantiles) {
-                push(format!("{}{suffix}", map.name), &map.unit, values.clone());
+                push(format!("{}{suffix}", map.name), &map.unit, Cow::from(values));
             }
         }
         for (name, probability) in &self.exceeded {
-            push(name.clone(), "1", probability.clone());
+            push(name.clone(), "1", Cow::from(probability));
         }
-        push("unphysical".to_owned(), "1", self.unphysical.clone());
-        push("known".to_owned(), "1", self.known());
+        push("unphysical".to_owned(), "1", Cow::from(&self.unphysical));
+        push("known".to_owned(), "1", Cow::from(self.known()));
         // an earlier run's fields.vtp as the mesh has maps of these names already
         let n_own = arrays.len();
         for (name, values) in surface.scalars() {
             if arrays[..n_own].iter().all(|own| own.name != name) {
-                let unit = String::new();
+                let (unit, values) = (String::new(), Cow::from(values));
                 arrays.push(VertexArray { name, unit, values, is_quantile: false });
             }
         }
@@ -134,16 +136,25 @@ impl SurfaceMaps {
 }
 
 /// The draws of the fields; `None` if the model has no field.
-pub(super) fn field_draws(model: &Model, basis: &Basis, draws: &[&[f64]]) -> Option<FieldDraws> {
+pub(super) fn field_draws<'b>(
+    model: &Model,
+    basis: &'b Basis,
+    draws: &[&[f64]],
+) -> Option<FieldDraws<'b>> {
     let maps = Maps::new(model, basis);
     if maps.n_fields() == 0 {
         return None;
     }
     let (n_modes, fields) = maps.coefficients(draws);
     let rows = (0..basis.n_vertices()).flat_map(|v| &basis.at(v)[..n_modes]);
+    let is_whole = n_modes == basis.n_modes();
     Some(FieldDraws {
         n_modes,
-        eigenfunctions: rows.copied().collect(),
+        eigenfunctions: if is_whole {
+            Cow::from(&basis.eigenfunctions)
+        } else {
+            rows.copied().collect()
+        },
         coefficients: fields.into_iter().map(|(name, c)| (name.into(), c)).collect(),
         within: maps.links().map(|(name, within)| (name.into(), within)).collect(),
     })

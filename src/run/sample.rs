@@ -51,12 +51,13 @@ impl<'m> Problem<'m> {
         settings: &Settings,
         options: &Options<'_>,
     ) -> Result<Fit<'m>, RunError> {
-        let job = Job::new(self, settings, options)?;
+        let job = Job::new(self, settings, options, false)?;
         let (drawn, _) = job.sample(None)?;
         Ok(job.fit(some_chains(drawn.ok_or(RunError::Stopped)?)?))
     }
 
-    /// Samples the posterior, kept in the folder `out` while it samples, and writes the results there.
+    /// Samples the posterior, kept in the folder `out` while it samples, and writes the results there. Where there is
+    /// not enough memory for all that is reported of the draws, it is kept on the folder's disk.
     ///
     /// # Errors
     /// Those of [`Problem::fit_with`] and [`Fit::write`]; [`RunError::Checkpoint`] for an interrupted
@@ -68,7 +69,7 @@ impl<'m> Problem<'m> {
         options: &Options<'_>,
         keep: &Keep,
     ) -> Result<Ended<'m>, RunError> {
-        let job = Job::new(self, settings, options)?;
+        let job = Job::new(self, settings, options, true)?;
         let record = job.method().record(job.problem.model(), &job.settings);
         let identity = keep::identity(VERSION, job.settings.seed, &record, &job.hashes);
         let opened = keep::open(out, identity, &job.starts, keep, &options.watch)?;
@@ -82,7 +83,11 @@ impl<'m> Problem<'m> {
                 Err(error)
             }
             Ok(drawn) => {
+                let is_on_disk = job.is_on_disk;
                 let fit = job.fit(drawn);
+                if is_on_disk {
+                    fit.report_on_disk(out.path())?;
+                }
                 fit.left_out_watched(&options.watch);
                 let results = fit.write_into(out)?;
                 if !keep.stays {
@@ -96,10 +101,11 @@ impl<'m> Problem<'m> {
     /// Draws from the prior: what the model says before the measurements have a say.
     ///
     /// # Errors
-    /// [`RunError::Infer`] for settings that make no sense, [`RunError::Model`] for a model whose prior
-    /// cannot be drawn from.
+    /// [`RunError::Infer`] for settings that make no sense, [`RunError::Memory`], [`RunError::Model`] for a
+    /// model whose prior cannot be drawn from.
     pub fn prior(&self, settings: &Settings, options: &Options<'_>) -> Result<Fit<'m>, RunError> {
         settings.validate()?;
+        Needs::of(self, settings).require_memory()?;
         let begun = Instant::now();
         let chains = self.model().prior_draws(settings)?;
         options.watch.tell(&Event::Prior { model: self.model().name });
@@ -112,9 +118,11 @@ impl<'m> Problem<'m> {
     /// their importance weights where these can be relied on; else as they are, to be looked at.
     ///
     /// # Errors
-    /// [`RunError::Infer`] where no mode is found, [`RunError::NotConcave`] where the mode is no maximum.
+    /// [`RunError::Memory`], [`RunError::Infer`] where no mode is found, [`RunError::NotConcave`] where the mode
+    /// is no maximum.
     pub fn laplace(&self, settings: &Settings, options: &Options<'_>) -> Result<Fit<'m>, RunError> {
         settings.validate()?;
+        Needs::of(self, settings).require_memory()?;
         let begun = Instant::now();
         let model = self.model();
         self.tell_doubts(&options.watch);
@@ -179,6 +187,8 @@ struct Job<'a, 'm> {
     /// One per chain.
     starts: Vec<Vec<f64>>,
     options: &'a Options<'a>,
+    /// Whether what is reported of draws is kept on disk.
+    is_on_disk: bool,
     begun: Instant,
 }
 
@@ -187,11 +197,17 @@ impl<'a, 'm> Job<'a, 'm> {
         problem: &'a Problem<'m>,
         settings: &Settings,
         options: &'a Options<'a>,
+        has_folder: bool,
     ) -> Result<Self, RunError> {
         settings.validate()?;
         let begun = Instant::now();
-        let model = problem.model();
-        Needs::of(problem, settings).require_memory()?;
+        let (model, needs) = (problem.model(), Needs::of(problem, settings));
+        let is_on_disk = if has_folder {
+            needs.are_on_disk(&options.watch)?
+        } else {
+            needs.require_memory()?;
+            false
+        };
         let (mut settings, mut hashes) = (settings.clone(), problem.loaded().hashes.clone());
         let starts = match options.warm_start {
             Some(folder) => {
@@ -203,7 +219,7 @@ impl<'a, 'm> Job<'a, 'm> {
         };
         let sampler = options.sampler.unwrap_or_else(|| Sampler::of(model));
         problem.tell_doubts(&options.watch);
-        Ok(Self { problem, sampler, settings, hashes, starts, options, begun })
+        Ok(Self { problem, sampler, settings, hashes, starts, options, is_on_disk, begun })
     }
 
     fn method(&self) -> Method {
@@ -221,13 +237,15 @@ impl<'a, 'm> Job<'a, 'm> {
         checkpoint: Option<Checkpoint>,
     ) -> Result<(Option<Drawn>, Option<Checkpoint>), RunError> {
         let (model, watch) = (self.problem.model(), &self.options.watch);
+        let needs = Needs::of(self.problem, &self.settings);
+        let bytes = if self.is_on_disk { needs.least() } else { needs.bytes() };
         watch.tell(&Event::Sampling {
             model: model.name,
             n_unknowns: model.dim(),
             sampler: self.sampler,
             settings: &self.settings,
             seconds: self.seconds(),
-            bytes: Needs::of(self.problem, &self.settings).bytes() as u64,
+            bytes: bytes as u64,
         });
         let sampling = Instant::now();
         let kept = Kept { watch, checkpoint, warned: Once::new() };

@@ -119,11 +119,11 @@ impl Fit<'_> {
     fn write_surface(
         &self,
         new: &NewFiles,
-        arrays: &[VertexArray],
+        arrays: &[VertexArray<'_>],
     ) -> Result<Vec<&'static str>, RunError> {
         let Some(domain) = &self.problem.loaded().domain else { return Ok(vec![]) };
         let named: Vec<(&str, &[f64])> =
-            arrays.iter().map(|array| (array.name.as_str(), array.values.as_slice())).collect();
+            arrays.iter().map(|array| (array.name.as_str(), &*array.values)).collect();
         domain.surface.write_maps(&new.file("fields.vtp"), &named)?;
         let mut files = vec!["fields.vtp"];
         if let Some(fine) = domain.surface.fine() {
@@ -141,12 +141,12 @@ impl Fit<'_> {
         Ok(files)
     }
 
-    fn write_zarr(&self, new: &NewFiles, arrays: &[VertexArray]) -> Result<(), RunError> {
+    fn write_zarr(&self, new: &NewFiles, arrays: &[VertexArray<'_>]) -> Result<(), RunError> {
         let mut groups = self.posterior().groups();
         let fields;
         if self.problem.loaded().domain.is_some() {
-            let variable = |VertexArray { name, unit, values, .. }: &VertexArray| {
-                Variable::new(name, unit, &[("vertex", values.len())], values.clone())
+            let variable = |VertexArray { name, unit, values, .. }: &VertexArray<'_>| {
+                Variable::new(name, unit, &[("vertex", values.len())], values.to_vec())
             };
             let variables = arrays.iter().map(variable).collect();
             fields = Group { name: "fields".into(), variables };
@@ -162,7 +162,7 @@ impl Fit<'_> {
         &self,
         new: &NewFiles,
         record: &RunRecord,
-        arrays: &[VertexArray],
+        arrays: &[VertexArray<'_>],
         (predictions, files): (&Predictions, &[&str]),
     ) -> Result<(), RunError> {
         let surface = self.problem.loaded().surface();

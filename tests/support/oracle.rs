@@ -4,7 +4,7 @@ use eplat::diagnostics::{mcse_sd, summarise};
 use eplat::infer::{Settings, Silent, jittered_starts, sample};
 use eplat::manifold::Basis;
 use eplat::model::{Declare, Model};
-use eplat::report::{Posterior, Values};
+use eplat::report::Posterior;
 use eplat::table::Measurements;
 
 /// The draws of every number of the parameters, chain by chain.
@@ -23,7 +23,7 @@ pub(crate) fn draws(
     let mut draws: Vec<Vec<Vec<f64>>> = vec![];
     let is_parameter = |name: &str| model.parameters.iter().any(|p| p.name == name);
     for variable in posterior.posterior.variables.iter().filter(|v| is_parameter(&v.name)) {
-        let Values::Float(values) = &variable.values else { continue };
+        let Some(values) = variable.values.floats().unwrap() else { continue };
         let width = values.len() / (settings.chains * n);
         let of_chain =
             |c: usize, k: usize| (0..n).map(|i| values[(c * n + i) * width + k]).collect();

@@ -92,25 +92,60 @@ impl Geodesic {
         if sources.is_empty() {
             return vec![f64::INFINITY; self.mass.len()];
         }
-        let mut heat = vec![0.0; self.mass.len()];
-        for &source in sources {
-            // Weighted by area, or the ends of a row of sources would be hotter than its middle.
-            heat[source as usize] = self.mass[source as usize];
-        }
+        let mut heat = heated(&self.mass, sources);
         self.heat.solve(column(&mut heat));
         let mut divergence = vec![0.0; self.mass.len()];
         for corners in &self.corners {
             corners.add_divergence(&heat, &mut divergence);
         }
         self.poisson.solve(column(&mut divergence));
-        let total: f64 = sources.iter().map(|&source| divergence[source as usize]).sum();
-        let start = total / sources.len() as f64;
-        let mut distance: Vec<f64> = divergence.iter().map(|d| (d - start).max(0.0)).collect();
-        for &source in sources {
-            distance[source as usize] = 0.0;
-        }
-        distance
+        from_sources(divergence, sources)
     }
+
+    /// As [`Geodesic::distance`] of a surface that is asked once. Only one operator is factorised at a time, which takes
+    /// less than half of the memory.
+    ///
+    /// # Errors
+    /// Those of [`Geodesic::new`].
+    ///
+    /// # Panics
+    /// When a source is not a vertex of the mesh.
+    pub fn distance_once(mesh: &TriMesh, sources: &[u32]) -> Result<Vec<f64>, ManifoldError> {
+        require_connected(mesh)?;
+        let laplacian = Laplacian::new(mesh);
+        if sources.is_empty() {
+            return Ok(vec![f64::INFINITY; laplacian.mass.len()]);
+        }
+        let mut heat = heated(&laplacian.mass, sources);
+        Cholesky::new(&laplacian, diffusion_length(mesh).powi(-2))?.solve(column(&mut heat));
+        let mut divergence = vec![0.0; laplacian.mass.len()];
+        for triangle in mesh.triangles() {
+            Corners::new(mesh, *triangle).add_divergence(&heat, &mut divergence);
+        }
+        let shift = POISSON_SHIFT / laplacian.area();
+        Cholesky::new(&laplacian, shift)?.solve(column(&mut divergence));
+        Ok(from_sources(divergence, sources))
+    }
+}
+
+/// Heat at the sources, weighted by area, or the ends of a row of sources would be hotter than its middle.
+fn heated(mass: &[f64], sources: &[u32]) -> Vec<f64> {
+    let mut heat = vec![0.0; mass.len()];
+    for &source in sources {
+        heat[source as usize] = mass[source as usize];
+    }
+    heat
+}
+
+/// Shifted so that the sources are at 0 on average, and no distance is negative.
+fn from_sources(distance: Vec<f64>, sources: &[u32]) -> Vec<f64> {
+    let total: f64 = sources.iter().map(|&source| distance[source as usize]).sum();
+    let start = total / sources.len() as f64;
+    let mut distance: Vec<f64> = distance.into_iter().map(|d| (d - start).max(0.0)).collect();
+    for &source in sources {
+        distance[source as usize] = 0.0;
+    }
+    distance
 }
 
 impl Corners {
@@ -234,9 +269,11 @@ mod tests {
         let mesh = icosphere(2, 10.0);
         let geodesic = Geodesic::new(&mesh).unwrap();
         let distance = geodesic.distance(&[3, 40]);
+        assert_eq!(Geodesic::distance_once(&mesh, &[3, 40]).unwrap(), distance);
         assert!(distance[3] == 0.0 && distance[40] == 0.0);
         assert!(distance.iter().all(|d| (0.0..10.0 * PI).contains(d)));
         assert!(geodesic.distance(&[]).iter().all(|&d| d == f64::INFINITY));
+        assert_eq!(Geodesic::distance_once(&mesh, &[]).unwrap(), geodesic.distance(&[]));
     }
 
     #[test]

@@ -26,7 +26,7 @@ pub fn integrate_along_paths(
     n: usize,
 ) -> Result<Vec<f64>, ManifoldError> {
     assert_eq!(values.len(), mesh.n_vertices() * n, "a row of {n} values per vertex");
-    let distance = Geodesic::new(mesh)?.distance(&[source]);
+    let distance = Geodesic::distance_once(mesh, &[source])?;
     let steps = steps_back(mesh, &distance);
     let mut nearest_first: Vec<u32> = (0..mesh.n_vertices() as u32).collect();
     nearest_first

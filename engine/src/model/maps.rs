@@ -11,6 +11,12 @@ use crate::manifold::Basis;
 use crate::num::Within;
 use crate::num::vector::dot;
 
+/// Vertices whose figures are computed before they are put where they stay.
+const BLOCK: usize = 1 << 12;
+
+/// Mean, sd and three quantiles of a map, each (n_vertices).
+type Figures = [Vec<f64>; 5];
+
 /// What a field or derived quantity is called.
 #[derive(Clone, Copy, Debug)]
 pub struct MapName<'m> {
@@ -174,37 +180,43 @@ impl<'m> Maps<'m> {
 
     /// Means, standard deviations and quantiles over draws of unknowns, the share of unphysical
     /// draws at each vertex, and the probabilities that were asked for. Fields are averaged over
-    /// all draws, derived quantities over the physical ones. Only one vertex with all its draws is
-    /// in memory at a time.
+    /// all draws, derived quantities over the physical ones. For each thread one vertex with all its
+    /// draws is in memory.
     pub fn summarise(&self, draws: &[&[f64]], asked: &[Exceedance]) -> Summaries {
         let draws: Vec<Draw> = self.unpack(draws);
-        let names = self.names();
+        let (names, n_vertices) = (self.names(), self.basis.n_vertices());
         let of = |e: &Exceedance| names.iter().position(|n| n.name == e.map);
         let asked: Vec<(Option<usize>, &Exceedance)> = asked.iter().map(|e| (of(e), e)).collect();
-        let vertices: Vec<AtVertex> = (0..self.basis.n_vertices())
-            .into_par_iter()
-            .map(|vertex| self.at_vertex(vertex, &draws, &asked))
-            .collect();
-        let n_pairs = (vertices.len() * draws.len()) as f64;
-        let summary = |(i, name): (usize, &MapName<'_>)| {
-            let [mean, sd, q5, q50, q95] =
-                [0, 1, 2, 3, 4].map(|what| vertices.iter().map(|v| v.maps[i][what]).collect());
-            let outside = vertices.iter().map(|v| v.outside[i]).sum::<usize>() as f64 / n_pairs;
-            MapSummary {
-                name: name.name.into(),
-                unit: name.unit.into(),
-                mean,
-                sd,
-                quantiles: [q5, q50, q95],
-                outside: name.range.map(|_| outside),
+        let room = || Vec::with_capacity(n_vertices);
+        let mut figures: Vec<Figures> = names.iter().map(|_| [(); 5].map(|()| room())).collect();
+        let (mut outside, mut unphysical) = (vec![0; names.len()], room());
+        let mut exceeded: Vec<Vec<f64>> = asked.iter().map(|_| room()).collect();
+        for first in (0..n_vertices).step_by(BLOCK) {
+            let block = first..n_vertices.min(first + BLOCK);
+            let at = |vertex| self.at_vertex(vertex, &draws, &asked);
+            for vertex in block.into_par_iter().map(at).collect::<Vec<AtVertex>>() {
+                for (all, own) in figures.iter_mut().zip(vertex.maps) {
+                    all.iter_mut().zip(own).for_each(|(all, figure)| all.push(figure));
+                }
+                outside.iter_mut().zip(vertex.outside).for_each(|(all, own)| *all += own);
+                unphysical.push(vertex.unphysical);
+                exceeded.iter_mut().zip(vertex.exceeded).for_each(|(all, own)| all.push(own));
             }
-        };
-        let exceeded = |i: usize| vertices.iter().map(|v| v.exceeded[i]).collect();
-        Summaries {
-            maps: names.iter().enumerate().map(summary).collect(),
-            unphysical: vertices.iter().map(|v| v.unphysical).collect(),
-            exceeded: (0..asked.len()).map(exceeded).collect(),
         }
+        let n_pairs = (n_vertices * draws.len()) as f64;
+        let maps = names.iter().zip(figures).zip(outside);
+        let summary =
+            |((name, [mean, sd, q5, q50, q95]), outside): ((&MapName<'_>, Figures), usize)| {
+                MapSummary {
+                    name: name.name.into(),
+                    unit: name.unit.into(),
+                    mean,
+                    sd,
+                    quantiles: [q5, q50, q95],
+                    outside: name.range.map(|_| outside as f64 / n_pairs),
+                }
+            };
+        Summaries { maps: maps.map(summary).collect(), unphysical, exceeded }
     }
 
     /// For each field and draw of unknowns, the mean of its sum and the weights of the first
@@ -235,6 +247,17 @@ impl<'m> Maps<'m> {
     /// All maps at these vertices in every draw of the unknowns, (vertex, map, draw); derived quantities are
     /// NaN where unphysical.
     pub fn draws_at(&self, draws: &[&[f64]], vertices: &[usize]) -> Vec<Vec<Vec<f64>>> {
+        self.of_draws_at(draws, vertices, |maps| maps)
+    }
+
+    /// What `of` makes of all maps at a vertex in every draw of the unknowns, (map, draw), for each of these vertices.
+    /// For each thread one vertex is in memory.
+    pub fn of_draws_at<T: Send>(
+        &self,
+        draws: &[&[f64]],
+        vertices: &[usize],
+        of: impl Fn(Vec<Vec<f64>>) -> T + Sync,
+    ) -> Vec<T> {
         let draws: Vec<Draw> = self.unpack(draws);
         let n = self.n_fields() + self.model.maps.len();
         let at = |vertex: &usize| {
@@ -242,7 +265,7 @@ impl<'m> Maps<'m> {
             self.each_at(*vertex, &draws, n, |values, _| {
                 maps.iter_mut().zip(values).for_each(|(map, x)| map.push(*x));
             });
-            maps
+            of(maps)
         };
         vertices.par_iter().map(at).collect()
     }

@@ -5,6 +5,7 @@
 
 use std::collections::BTreeSet;
 use std::error::Error;
+use std::ffi::OsString;
 use std::fs::{self, File};
 use std::io::{self, BufWriter, Write};
 use std::path::{Path, PathBuf};
@@ -99,27 +100,82 @@ pub fn write_file_durably(
     })
 }
 
+/// How the name begins under which a folder lies aside while another takes its place.
+const ASIDE: &str = ".eplat-old-";
+
 /// Makes a folder by `fill`, under a temporary name that becomes `path` once everything is written.
 ///
-/// A folder that was at `path` is moved aside first, and back if the new one cannot take its place.
+/// A folder that was at `path` changes places with the new one, so that one of them is there at every moment. On a file
+/// system that cannot do that it lies aside for a moment: whoever was killed then is helped by [`put_back`].
 ///
 /// # Errors
 /// From the operating system or `fill`; then a folder that was at `path` before is still there.
 pub fn write_folder(path: &Path, fill: impl FnOnce(&Path) -> io::Result<()>) -> io::Result<()> {
+    write_folder_by(path, fill, exchange)
+}
+
+fn write_folder_by(
+    path: &Path,
+    fill: impl FnOnce(&Path) -> io::Result<()>,
+    exchange: impl FnOnce(&Path, &Path) -> io::Result<()>,
+) -> io::Result<()> {
+    put_back(path)?;
     sweep_stale(folder_of(path));
     let workshop = tempfile::Builder::new().prefix(TEMPORARY).tempdir_in(folder_of(path))?;
     let _held = File::open(workshop.path()).inspect(hold);
-    let (new, old) = (workshop.path().join("new"), workshop.path().join("old"));
+    let new = workshop.path().join("new");
     fs::create_dir(&new)?;
     fill(&new)?;
-    let replaces = path.exists();
-    if replaces {
-        fs::rename(path, &old)?;
+    if !path.exists() {
+        return fs::rename(&new, path);
     }
+    if exchange(&new, path).is_ok() {
+        // the old one goes with the workshop
+        return Ok(());
+    }
+    let old = aside(path)?;
+    fs::rename(path, &old)?;
     fs::rename(&new, path).inspect_err(|_| {
         // The first error is the one to report; this move only undoes the one above.
-        let _ = replaces.then(|| fs::rename(&old, path));
-    })
+        let _ = fs::rename(&old, path);
+    })?;
+    fs::remove_dir_all(old)
+}
+
+/// Puts a folder back that a killed process left aside while it replaced it with another.
+///
+/// # Errors
+/// From the operating system.
+pub fn put_back(path: &Path) -> io::Result<()> {
+    let Ok(old) = aside(path) else { return Ok(()) };
+    match (old.is_dir(), path.exists()) {
+        (true, false) => fs::rename(old, path),
+        // the other had taken its place
+        (true, true) => fs::remove_dir_all(old),
+        (false, _) => Ok(()),
+    }
+}
+
+fn aside(path: &Path) -> io::Result<PathBuf> {
+    let name = path.file_name().ok_or(io::ErrorKind::InvalidInput)?;
+    let mut aside = OsString::from(ASIDE);
+    aside.push(name);
+    Ok(folder_of(path).join(aside))
+}
+
+/// Two files or folders change places at once.
+///
+/// # Errors
+/// The file system cannot do that; from the operating system.
+#[cfg(any(target_os = "linux", target_vendor = "apple"))]
+fn exchange(one: &Path, other: &Path) -> io::Result<()> {
+    use rustix::fs::{CWD, RenameFlags, renameat_with};
+    Ok(renameat_with(CWD, one, CWD, other, RenameFlags::EXCHANGE)?)
+}
+
+#[cfg(not(any(target_os = "linux", target_vendor = "apple")))]
+fn exchange(_: &Path, _: &Path) -> io::Result<()> {
+    Err(io::ErrorKind::Unsupported.into())
 }
 
 /// What to do about a file or folder that cannot be written.
@@ -224,6 +280,53 @@ mod tests {
         assert!(failure.is_err());
         assert_eq!(entries(&path), ["second"]);
         assert_eq!(entries(folder.path()), ["posterior.zarr"]);
+    }
+
+    /// Both ways to replace a folder; on Linux the first is always used on the file systems that tests run on.
+    #[test]
+    fn whoever_is_killed_while_a_folder_is_replaced_loses_neither() {
+        let place = tempfile::tempdir().unwrap();
+        let path = place.path().join("la");
+        let fill = |name: &'static str| move |new: &Path| fs::write(new.join(name), b"");
+        write_folder(&path, fill("first")).unwrap();
+        // the old one lies aside, and the process is gone
+        let old = aside(&path).unwrap();
+        fs::rename(&path, &old).unwrap();
+        let failure = write_folder(&path, |_| Err(io::Error::other("disk full")));
+        assert!(failure.is_err());
+        assert_eq!(entries(&path), ["first"]);
+        // killed when the new one had its place
+        fs::create_dir(&old).unwrap();
+        write_folder_by(&path, fill("second"), |_, _| Err(io::ErrorKind::Unsupported.into()))
+            .unwrap();
+        assert_eq!(entries(&path), ["second"]);
+        assert_eq!(entries(place.path()), ["la"]);
+    }
+
+    #[cfg(target_os = "linux")]
+    #[test]
+    fn a_folder_that_is_replaced_is_there_at_every_moment() {
+        use std::sync::atomic::{AtomicBool, Ordering};
+        let place = tempfile::tempdir().unwrap();
+        let path = place.path().join("la");
+        let fill = |new: &Path| fs::write(new.join("file"), b"");
+        write_folder(&path, fill).unwrap();
+        let is_done = AtomicBool::new(false);
+        std::thread::scope(|scope| {
+            let look = || {
+                let mut n_missed = 0;
+                while !is_done.load(Ordering::Relaxed) {
+                    n_missed += usize::from(!path.join("file").exists());
+                }
+                n_missed
+            };
+            let watcher = scope.spawn(look);
+            for _ in 0..2000 {
+                write_folder(&path, fill).unwrap();
+            }
+            is_done.store(true, Ordering::Relaxed);
+            assert_eq!(watcher.join().unwrap(), 0);
+        });
     }
 
     #[test]

@@ -12,10 +12,13 @@ pub mod memory;
 pub mod npy;
 mod npz;
 mod seal;
+mod spool;
 #[cfg(test)]
 pub(crate) mod test_forgeries;
 
-pub use atomic::{NewFile, TEMPORARY, advice, write_file, write_file_durably, write_folder};
+pub use atomic::{
+    NewFile, TEMPORARY, advice, put_back, write_file, write_file_durably, write_folder,
+};
 pub(crate) use checkpoint::take_chains;
 pub use checkpoint::{Checkpoint, CheckpointError, Identity, differences};
 pub use checkpoint::{Keeper, take_chain};
@@ -23,3 +26,4 @@ pub use kind::Kind;
 pub use lock::{FolderLock, LockError};
 pub use npz::{NpzReader, NpzWriter, Packing, array_name};
 pub use seal::{is_name, seal_of, seals, unchanged};
+pub use spool::Spool;

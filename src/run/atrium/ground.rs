@@ -20,7 +20,7 @@ pub struct Ground {
     /// The surface, before it is refined.
     pub surface: Surface,
     /// Draws of whole fields of a posterior, on the same vertices.
-    pub draws: Option<FieldDraws>,
+    pub draws: Option<FieldDraws<'static>>,
     /// Whether the fields are of a posterior, which may leave a parameter's range; those of a user's may not.
     pub is_fitted: bool,
     /// Hashes of the files that were read, by what they are: part of what a checkpoint is known by.

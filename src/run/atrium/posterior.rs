@@ -10,7 +10,7 @@ const MEAN: &str = "_mean";
 /// Draws of a posterior to take parameters from.
 #[derive(Debug)]
 pub(super) struct Posterior {
-    pub(super) draws: FieldDraws,
+    pub(super) draws: FieldDraws<'static>,
     /// How many of them are simulated.
     pub(super) n: usize,
 }
@@ -18,7 +18,7 @@ pub(super) struct Posterior {
 impl Posterior {
     /// `n` of `draws`, checked against the surface.
     pub(super) fn new(
-        draws: FieldDraws,
+        draws: FieldDraws<'static>,
         n: usize,
         tissue: &TissueFields,
     ) -> Result<Self, AtriumError> {

@@ -38,10 +38,10 @@ fn against_prior(model: &Model, loaded: &Loaded) -> Vec<Doubt> {
         return vec![];
     }
     let Some(draws) = model.plausible(DRAWS, &mut rng) else { return vec![] };
-    let simulated = Simulated::new(model, &ids, &draws);
     let physical = Physical::new(model, loaded, &draws);
+    let simulated = Simulated::new(model, &ids, &draws, &loaded.measurements, &physical);
     let mut found = simulated.contradictions(&loaded.measurements);
-    found.extend(simulated.out_of_range(&loaded.measurements, &physical));
+    found.extend(simulated.out_of_range(&loaded.measurements));
     found
 }
 
@@ -63,14 +63,22 @@ fn alike(model: &Model) -> Vec<Doubt> {
     model.observes.iter().filter(doubtful).map(doubt).collect()
 }
 
-/// Measurements simulated at draws from the prior.
+/// What measurements simulated at draws from the prior tell. No replicate is kept: a table may have many rows.
 struct Simulated<'m> {
     model: &'m Model,
     ids: &'m [RowId],
-    /// Ends of each measurement's replicates (measurement, draw); `None` where nothing is predicted.
-    replicates: Vec<Vec<Option<[f64; 2]>>>,
-    /// The predicted value of each measurement in the first draws, as bits.
-    locations: Vec<Vec<u64>>,
+    /// What physical draws predict of each.
+    expected: Vec<Expected>,
+    /// Those of one quantity.
+    groups: Vec<Group>,
+}
+
+/// Measurements of one quantity.
+struct Group {
+    /// Their numbers, ascending.
+    own: Vec<usize>,
+    /// How far their replicates lie apart, in each draw in which all have one.
+    gaps: Vec<f64>,
 }
 
 /// Smallest and largest of the cells.
@@ -79,12 +87,21 @@ fn ends(cells: &[f64]) -> [f64; 2] {
 }
 
 impl<'m> Simulated<'m> {
-    fn new(model: &'m Model, ids: &'m [RowId], draws: &[Vec<f64>]) -> Self {
+    fn new(
+        model: &'m Model,
+        ids: &'m [RowId],
+        draws: &[Vec<f64>],
+        table: &Measurements,
+        physical: &Physical,
+    ) -> Self {
         let mut rng = Stream::Expected.rng(1);
         let (mut tape, mut locals) = (model.tape(), vec![]);
-        let mut replicates = vec![Vec::with_capacity(draws.len()); ids.len()];
-        let mut locations = vec![vec![]; ids.len()];
+        let mut expected = vec![Expected::NONE; ids.len()];
+        let mut groups = groups(model, ids, &draws[..draws.len().min(ALIKE)]);
+        let vertices: Vec<Option<u32>> =
+            ids.iter().map(|id| table.vertex(model.table_row(*id))).collect();
         let measured: Vec<Vec<f64>> = ids.iter().map(|id| model.measured_row(*id)).collect();
+        let mut replicates = vec![None; ids.len()];
         for (d, draw) in draws.iter().enumerate() {
             model.locals_at(&mut tape, draw, ids, &mut locals);
             let mut rest = locals.as_slice();
@@ -92,41 +109,31 @@ impl<'m> Simulated<'m> {
                 let (own, others) = rest.split_at(model.n_locals(*id));
                 rest = others;
                 let location = model.row_location(*id, own);
-                if let (true, Some(x)) = (d < ALIKE, location) {
-                    locations[i].push(x.to_bits());
-                }
                 let is_sound = own.iter().chain(&location).all(|x| x.is_finite());
                 let replicate =
                     is_sound.then(|| ends(&model.row_replicate(*id, &measured[i], own, &mut rng)));
-                replicates[i].push(replicate.filter(|ends| ends.iter().all(|x| x.is_finite())));
+                replicates[i] = replicate.filter(|ends| ends.iter().all(|x| x.is_finite()));
+                if vertices[i].is_none_or(|v| physical.is_at(v, d)) {
+                    expected[i].add(replicates[i]);
+                }
+            }
+            for group in &mut groups {
+                let own: Option<Vec<[f64; 2]>> = group.own.iter().map(|i| replicates[*i]).collect();
+                group.gaps.extend(own.map(|own| gap(&own)));
             }
         }
-        Self { model, ids, replicates, locations }
+        Self { model, ids, expected, groups }
     }
 
     /// Measurements of one quantity that lie farther apart than replicates of them do.
     fn contradictions(&self, table: &Measurements) -> Vec<Doubt> {
-        let mut alike: BTreeMap<(usize, &[u64]), Vec<usize>> = BTreeMap::new();
-        for (i, (id, bits)) in self.ids.iter().zip(&self.locations).enumerate() {
-            if bits.len() == ALIKE {
-                alike.entry((id.observe, bits)).or_default().push(i);
-            }
-        }
-        let groups = alike.into_values().filter(|group| group.len() > 1);
-        groups
-            .filter(|group| self.exclude_each_other(group))
-            .map(|g| self.contradiction(&g, table))
-            .collect()
+        let groups = self.groups.iter().filter(|group| self.exclude_each_other(group));
+        groups.map(|group| self.contradiction(&group.own, table)).collect()
     }
 
-    fn exclude_each_other(&self, group: &[usize]) -> bool {
-        let measured = group.iter().map(|i| ends(&self.model.measured_row(self.ids[*i])));
-        let measured: Vec<[f64; 2]> = measured.collect();
-        let in_draw = |d: usize| {
-            let own: Option<Vec<[f64; 2]>> = group.iter().map(|i| self.replicates[*i][d]).collect();
-            own.map(|own| gap(&own))
-        };
-        let mut gaps: Vec<f64> = (0..DRAWS).filter_map(in_draw).collect();
+    fn exclude_each_other(&self, group: &Group) -> bool {
+        let measured: Vec<[f64; 2]> = group.own.iter().map(|i| self.measured(*i)).collect();
+        let mut gaps = group.gaps.clone();
         if gaps.len() < FEWEST {
             return false;
         }
@@ -150,13 +157,17 @@ impl<'m> Simulated<'m> {
     }
 
     /// For each statement its measurements that are far from what physical draws predict.
-    fn out_of_range(&self, table: &Measurements, physical: &Physical) -> Vec<Doubt> {
+    fn out_of_range(&self, table: &Measurements) -> Vec<Doubt> {
         let of_observe = |o: usize| {
             let own = (0..self.ids.len()).filter(|i| self.ids[*i].observe == o);
-            let ranges: Vec<(usize, Expected)> =
-                own.filter_map(|i| Some((i, self.expected(i, table, physical)?))).collect();
-            let far: Vec<&(usize, Expected)> =
-                ranges.iter().filter(|(i, range)| !range.allows(self.measured(*i), 1.0)).collect();
+            let is_told = |i: &usize| {
+                let Expected { low, high, n } = self.expected[*i];
+                n >= FEWEST && high > low
+            };
+            let far: Vec<usize> = own
+                .filter(is_told)
+                .filter(|i| !self.expected[*i].allows(self.measured(*i), 1.0))
+                .collect();
             (!far.is_empty()).then(|| self.range(o, &far, table))
         };
         (0..self.model.observes.len()).filter_map(of_observe).collect()
@@ -166,21 +177,12 @@ impl<'m> Simulated<'m> {
         ends(&self.model.measured_row(self.ids[i]))
     }
 
-    fn expected(&self, i: usize, table: &Measurements, physical: &Physical) -> Option<Expected> {
-        let vertex = table.vertex(self.model.table_row(self.ids[i]));
-        let draws = self.replicates[i].iter().enumerate();
-        let sound = draws.filter(|(d, _)| vertex.is_none_or(|v| physical.is_at(v, *d)));
-        let ends: Vec<[f64; 2]> = sound.filter_map(|(_, replicate)| *replicate).collect();
-        let low = ends.iter().map(|e| e[0]).fold(f64::INFINITY, f64::min);
-        let high = ends.iter().map(|e| e[1]).fold(f64::NEG_INFINITY, f64::max);
-        (ends.len() >= FEWEST && high > low).then_some(Expected { low, high })
-    }
-
-    fn range(&self, o: usize, far: &[&(usize, Expected)], table: &Measurements) -> Doubt {
+    fn range(&self, o: usize, far: &[usize], table: &Measurements) -> Doubt {
         let observe = &self.model.observes[o];
-        let measured = far.iter().map(|(i, _)| self.measured(*i));
-        let allowed = |f: f64| far.iter().all(|(i, range)| range.allows(self.measured(*i), f));
-        let line = |(i, _): &&(usize, Expected)| table.line(self.model.table_row(self.ids[*i]));
+        let measured = far.iter().map(|i| self.measured(*i));
+        let expected = far.iter().map(|i| [self.expected[*i].low, self.expected[*i].high]);
+        let allowed = |f: f64| far.iter().all(|i| self.expected[*i].allows(self.measured(*i), f));
+        let line = |i: &usize| table.line(self.model.table_row(self.ids[*i]));
         Doubt::Range {
             observe: observe.name.to_owned(),
             unit: observe.unit.clone(),
@@ -188,10 +190,33 @@ impl<'m> Simulated<'m> {
             of: observe.rows.len(),
             lines: far.iter().take(MOST_NAMED).map(line).collect(),
             measured: hull(measured),
-            expected: hull(far.iter().map(|(_, range)| [range.low, range.high])),
+            expected: hull(expected),
             factor: FACTORS.into_iter().find(|f| allowed(*f)),
         }
     }
+}
+
+/// The measurements that are predicted alike in these draws: of one statement, at the same value in each.
+fn groups(model: &Model, ids: &[RowId], draws: &[Vec<f64>]) -> Vec<Group> {
+    let (mut tape, mut locals) = (model.tape(), vec![]);
+    let mut locations: Vec<Vec<u64>> = vec![vec![]; ids.len()];
+    for draw in draws {
+        model.locals_at(&mut tape, draw, ids, &mut locals);
+        let mut rest = locals.as_slice();
+        for (id, bits) in ids.iter().zip(&mut locations) {
+            let (own, others) = rest.split_at(model.n_locals(*id));
+            rest = others;
+            bits.extend(model.row_location(*id, own).map(f64::to_bits));
+        }
+    }
+    let mut alike: BTreeMap<(usize, &[u64]), Vec<usize>> = BTreeMap::new();
+    for (i, (id, bits)) in ids.iter().zip(&locations).enumerate() {
+        if bits.len() == ALIKE {
+            alike.entry((id.observe, bits)).or_default().push(i);
+        }
+    }
+    let several = alike.into_values().filter(|own| own.len() > 1);
+    several.map(|own| Group { own, gaps: vec![] }).collect()
 }
 
 /// Smallest lower and largest upper end, infinite ones left out.
@@ -207,12 +232,25 @@ fn gap(all: &[[f64; 2]]) -> f64 {
 }
 
 /// What physical draws predict of a measurement.
+#[derive(Clone, Copy)]
 struct Expected {
     low: f64,
     high: f64,
+    /// Number of draws that predict anything.
+    n: usize,
 }
 
 impl Expected {
+    const NONE: Self = Self { low: f64::INFINITY, high: f64::NEG_INFINITY, n: 0 };
+
+    /// Takes in the ends of a replicate, if there is one.
+    fn add(&mut self, replicate: Option<[f64; 2]>) {
+        if let Some([low, high]) = replicate {
+            (self.low, self.high) = (self.low.min(low), self.high.max(high));
+            self.n += 1;
+        }
+    }
+
     /// Whether a measurement, times `factor`, is near: within a factor of two for what is always
     /// positive, else within half of the spread.
     fn allows(&self, [low, high]: [f64; 2], factor: f64) -> bool {
@@ -240,7 +278,6 @@ impl Physical {
         let names = maps.names();
         let draws: Vec<&[f64]> = draws.iter().map(Vec::as_slice).collect();
         let indices: Vec<usize> = vertices.iter().map(|v| *v as usize).collect();
-        let values = maps.draws_at(&draws, &indices);
         let is_inside = |at: &[Vec<f64>], d: usize| {
             let mut maps = at.iter().zip(&names);
             maps.all(|(map, name)| {
@@ -248,8 +285,9 @@ impl Physical {
                 range.0 <= map[d] && map[d] <= range.1
             })
         };
-        let each = |at: &Vec<Vec<f64>>| (0..draws.len()).map(|d| is_inside(at, d)).collect();
-        Self { at: vertices.into_iter().zip(values.iter().map(each)).collect() }
+        let each = |at: Vec<Vec<f64>>| (0..draws.len()).map(|d| is_inside(&at, d)).collect();
+        let inside: Vec<Vec<bool>> = maps.of_draws_at(&draws, &indices, each);
+        Self { at: vertices.into_iter().zip(inside).collect() }
     }
 
     fn is_at(&self, vertex: u32, draw: usize) -> bool {

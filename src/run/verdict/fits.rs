@@ -76,11 +76,11 @@ impl Fit<'_> {
     fn judge(&self, observe: &Observe) -> Option<Vec<Judged>> {
         let predictive = &self.posterior().posterior_predictive;
         let variable = predictive.variables.iter().find(|v| v.name == observe.name)?;
-        let Values::Float(values) = &variable.values else { return None };
-        let (n, observed) = (observe.rows.len(), observe.observed());
+        let Values::Columns(columns) = &variable.values else { return None };
+        let observed = observe.observed();
         let one = |(i, row): (usize, &usize)| {
-            let replicates = values.iter().skip(i).step_by(n).copied();
-            let mut sorted: Vec<f64> = replicates.filter(|x| x.is_finite()).collect();
+            let mut sorted = columns.column(i).ok()?;
+            sorted.retain(|x| x.is_finite());
             if sorted.is_empty() {
                 return None;
             }

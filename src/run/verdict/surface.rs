@@ -113,7 +113,7 @@ impl Fit<'_> {
         let lengthscales = self.model().lengthscales();
         let known: Vec<(&str, f64)> =
             lengthscales.iter().filter_map(|(f, names)| Some((*f, longest(names)?))).collect();
-        let distance = Geodesic::new(&surface.mesh).ok()?.distance(&sites);
+        let distance = Geodesic::distance_once(&surface.mesh, &sites).ok()?;
         let reach = |&(field, lengthscale): &(&str, f64)| {
             let beyond = distance.iter().filter(|d| **d > lengthscale).count();
             let beyond = beyond as f64 / distance.len() as f64;

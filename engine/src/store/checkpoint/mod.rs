@@ -14,7 +14,7 @@ mod keeper;
 
 use std::collections::BTreeMap;
 use std::fs;
-use std::io::{self, Write};
+use std::io::{self, Read as _, Write};
 use std::path::{Path, PathBuf};
 use std::sync::{Mutex, MutexGuard, OnceLock, PoisonError};
 use std::time::{Duration, Instant};
@@ -192,14 +192,17 @@ impl Checkpoint {
         if checksum(&bytes) != crc[..] {
             return Err(damaged("the file is not whole: its checksum does not fit"));
         }
-        let state = bytes.split_off(MAGIC.len() + DIGEST);
-        if bytes[MAGIC.len()..] != self.digest {
+        let (head, state) = bytes.split_at(MAGIC.len() + DIGEST);
+        if head[MAGIC.len()..] != self.digest {
             return Err(damaged("the state is of another run"));
         }
-        match postcard::take_from_bytes(&state) {
-            Ok((seconds, rest)) => Ok((seconds, rest.to_vec())),
-            Err(error) => Err(damaged(&error.to_string())),
-        }
+        let (seconds, n_left) = match postcard::take_from_bytes(state) {
+            Ok((seconds, rest)) => (seconds, rest.len()),
+            Err(error) => return Err(damaged(&error.to_string())),
+        };
+        // in place: it may be large
+        bytes.drain(..bytes.len() - n_left);
+        Ok((seconds, bytes))
     }
 
     /// Takes up the state of `name`, once; `None` if it was not kept.
@@ -295,7 +298,13 @@ fn is_named(name: &str) -> bool {
 
 /// Whether a file begins as states do.
 fn is_state(path: &Path) -> io::Result<bool> {
-    Ok(path.is_file() && fs::read(path)?.starts_with(FAMILY))
+    if !path.is_file() {
+        return Ok(false);
+    }
+    // no more of it than that: it has all draws of a chain
+    let mut begin = vec![];
+    fs::File::open(path)?.take(FAMILY.len() as u64).read_to_end(&mut begin)?;
+    Ok(begin == FAMILY)
 }
 
 /// A file that has the name of a state and is none: somebody else's.
