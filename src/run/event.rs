@@ -111,6 +111,13 @@ pub enum Event<'a> {
         /// Memory that the run will take, about, bytes.
         bytes: u64,
     },
+    /// Arrival times are computed on a triangulation between some of the surface's vertices.
+    Arrivals {
+        /// Their number.
+        n_vertices: usize,
+        /// That of the surface.
+        of: usize,
+    },
     /// There is not enough memory for all that is reported of draws: it is kept on disk, and the run goes on.
     OnDisk {
         /// Memory that the run would take, about, bytes.
@@ -227,6 +234,10 @@ impl fmt::Display for Event<'_> {
                 }
                 write!(f, "; about {gigabytes:.1} GB of memory")
             }
+            Self::Arrivals { n_vertices, of } => write!(
+                f,
+                "waves  arrival times are computed at {n_vertices} of the {of} vertices, those of all rows among them"
+            ),
             Self::OnDisk { bytes, least, free } => {
                 f.write_str(&on_disk_in_words([*bytes, *least, *free]))
             }

@@ -181,6 +181,14 @@ impl<'m> Problem<'m> {
         }
     }
 
+    /// Says so where arrival times are computed at fewer vertices than the surface has.
+    pub(super) fn tell_arrivals(&self, watch: &Watch<'_>) {
+        let of = self.loaded().surface().map_or(0, |surface| surface.mesh.n_vertices());
+        if let Some(n_vertices) = self.model().n_arrival_vertices().filter(|n| *n < of) {
+            watch.tell(&Event::Arrivals { n_vertices, of });
+        }
+    }
+
     /// An event at every vertex, from a text such as `erp_s2 > 250`, for [`Options::exceed`](super::Options::exceed).
     ///
     /// # Errors

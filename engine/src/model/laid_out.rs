@@ -205,6 +205,11 @@ impl Model {
         !self.fields.is_empty()
     }
 
+    /// Number of vertices at which arrival times are computed, in a model with any.
+    pub fn n_arrival_vertices(&self) -> Option<usize> {
+        self.arrivals.first().map(|arrival| arrival.solver.n_vertices())
+    }
+
     /// The most modes that a field, or an effect that is one, asks for.
     pub fn n_modes(&self) -> usize {
         let fields = self.fields.iter().map(|f| f.op.k + f.first);

@@ -252,9 +252,8 @@ impl<'a> March<'a> {
     #[inline]
     fn is_near(&self, vertex: u32, origin: u32) -> bool {
         let Front { rays, own, .. } = &*self.front;
-        let lines = std::iter::successors(rays.first_to(vertex), |index| rays.next_to(*index));
-        origin != NONE
-            && lines.into_iter().any(|index| own[rays.ray(index).source as usize] == origin)
+        let mut lines = std::iter::successors(rays.first_to(vertex), |index| rays.next_to(*index));
+        origin != NONE && lines.any(|index| own[rays.ray(index).source as usize] == origin)
     }
 
     /// Takes the earliest way to a vertex, though it be later than the one it has.

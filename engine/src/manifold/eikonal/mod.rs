@@ -5,7 +5,7 @@
 //! ```
 //! with `s` the slowness along the fibres `f`, and `r s` that across them, `g`.  Arrivals are at the vertices; the
 //! medium is constant in a triangle.  A vertex is reached from its neighbours at the least over all triangles at it
-//! (`step.rs`), and near a source along straight lines (`rays.rs`).  Arrivals are the fixed point of this
+//! (`step.rs`), and near a source along straight lines alone (`rays.rs`).  Arrivals are the fixed point of this
 //! (`march.rs`).  They are continuous in medium and onsets, but that where fronts from two sources meet they may jump
 //! by less than the error of the method.
 //!

@@ -1,8 +1,8 @@
 //! Straight lines from a source over the unfolded triangles around it.
 //!
-//! A front starts at a point, where no linear arrival fits.  So the vertices near a source are also reached by the
-//! straight lines to them: the time along one is the sum over the triangles it crosses.  Which triangles these are
-//! is a matter of the surface alone, and a straight line is never faster than the fastest one.
+//! A front starts at a point, where no linear arrival fits.  So the vertices near a source are reached by the straight
+//! lines to them: the time along one is the sum over the triangles it crosses.  Which triangles these are is a matter of
+//! the surface alone, so that the time changes smoothly with the medium.
 
 use super::geometry::{Geometry, Triangle};
 use super::metric::Tissue;
