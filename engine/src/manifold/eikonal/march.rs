@@ -155,7 +155,7 @@ impl<'a> March<'a> {
         }
         // those reached from here may now be reached later, also if this one is reached earlier: a round front that
         // passes one end of a side sooner may pass beyond it later
-        front.has_changed[v] |= !is_first;
+        front.has_changed[v] |= front.turns[v] > 0;
         front.arrival[v] = candidate.arrival;
         front.ways[v] = candidate.way;
         let queue = if candidate.arrival < self.now { &mut front.later } else { &mut front.queue };
@@ -175,7 +175,12 @@ impl<'a> March<'a> {
                 if has_changed && self.is_from(vertex, v) {
                     self.reconsider(vertex);
                 } else if now > here.min(there) {
-                    let candidate = self.through(index, to, [end, end]);
+                    // across the side when its other end has its turn
+                    let candidate = if self.had_turn(other) {
+                        self.through(index, to, [end, end])
+                    } else {
+                        self.along(index, to, end)
+                    };
                     if !self.is_near(vertex, candidate.origin) {
                         self.offer(vertex, candidate);
                     }
@@ -225,6 +230,23 @@ impl<'a> March<'a> {
         Candidate { arrival, way, origin: origins[end] }
     }
 
+    /// Whether others may be reached from a vertex: not before its first turn.
+    #[inline]
+    fn had_turn(&self, vertex: u32) -> bool {
+        self.front.turns[vertex as usize] > 0
+    }
+
+    /// Along the side from one end to corner `to` of a triangle.
+    #[inline]
+    fn along(&self, index: u32, to: usize, end: usize) -> Candidate {
+        let front = &*self.front;
+        let timed = &front.timed[index as usize];
+        let from = timed.corners[(to + 1 + end) % 3] as usize;
+        let arrival = front.arrival[from] + timed.sides[(to + 2 - end) % 3];
+        let way = Way::Along { triangle: index, to: to as u8, end: end as u8 };
+        Candidate { arrival, way, origin: front.origins[from] }
+    }
+
     /// The earliest of all ways to a vertex.
     fn earliest(&self, vertex: u32) -> Candidate {
         let mut best = Candidate { arrival: f64::INFINITY, way: Way::Never, origin: NONE };
@@ -239,7 +261,15 @@ impl<'a> March<'a> {
             next = self.front.rays.next_to(index);
         }
         for &(index, corner) in self.geometry.fan(vertex) {
-            let candidate = self.through(index, corner as usize, [0, 1]);
+            let to = corner as usize;
+            let corners = self.front.timed[index as usize].corners;
+            let had_turn = [1, 2].map(|k| self.had_turn(corners[(to + k) % 3]));
+            let candidate = match had_turn {
+                [true, true] => self.through(index, to, [0, 1]),
+                [true, false] => self.along(index, to, 0),
+                [false, true] => self.along(index, to, 1),
+                [false, false] => continue,
+            };
             if !self.is_near(vertex, candidate.origin) {
                 consider(candidate);
             }
