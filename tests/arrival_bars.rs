@@ -3,11 +3,11 @@
 //! ```text
 //! cargo test --release --test arrival_bars -- --ignored --nocapture
 //! ```
-//! Activation from three sites is simulated on the atrium of FiberNet with edges of 0.3 mm. Its fibres are those of the
+//! Activation from three sites is simulated on the atrium of `FiberNet` with edges of 0.3 mm. Its fibres are those of the
 //! file, turned by a smooth angle that the model is not told; its velocity varies smoothly. Times at random vertices get
 //! 1 ms of noise and go through `eplat run lat_fibres`, which sees the file's fibres only.
 //!
-//! Not in the repository: `fibernet/LA_model.vtk` of the reference data (FiberNet, Ruiz Herrera et al. 2022). Without it the
+//! Not in the repository: `fibernet/LA_model.vtk` of the reference data (`FiberNet`, Ruiz Herrera et al. 2022). Without it the
 //! test says so.
 
 #![allow(clippy::unwrap_used, clippy::print_stdout, reason = "tests")]
@@ -23,6 +23,7 @@ use eplat::mesh::{Reading, Refined, Surface, TriMesh, read};
 use program::{Workplace, shared, text};
 use rand::{RngExt as _, SeedableRng as _};
 use rand_distr::{Distribution as _, Normal};
+use std::fmt::Write as _;
 use std::time::Instant;
 
 const RATIO: f64 = 2.0;
@@ -125,7 +126,7 @@ impl Truth {
             let vertex = rng.random_range(0..self.angle.len());
             for source in sources {
                 let value = self.activation[*source][vertex] + noise.sample(&mut rng);
-                rows += &format!("lat,{site},{vertex},{},{value}\n", SOURCES[*source]);
+                writeln!(rows, "lat,{site},{vertex},{},{value}", SOURCES[*source]).unwrap();
             }
         }
         rows

@@ -11,7 +11,7 @@ const DT: f64 = 0.1;
 /// sheets foretells.
 const TAU_IN: f64 = 0.15;
 
-/// Activation times after one stimulus at `paced`, ms. `cv` is CV_max along fibres at every vertex, mm/ms.
+/// Activation times after one stimulus at `paced`, ms. `cv` is `CV_max` along fibres at every vertex, mm/ms.
 pub(crate) fn activation(
     mesh: &TriMesh,
     (fibres, ratio): (&[[f64; 3]], f64),

@@ -265,11 +265,11 @@ impl Together for Nuts<'_> {
         match &mut curvature {
             None => Lesson::fit(&lessons, kind, &mut metric),
             Some(curvature) => {
-                let here = |chain: &mut &mut Self| {
+                let mut all = vec![];
+                for chain in &mut chains {
                     let (evaluator, point) = chain.kernel.parts();
-                    curvature.again(&mut **evaluator, &point.position)
-                };
-                let all: Vec<Curvature> = chains.iter_mut().map(here).collect();
+                    all.push(curvature.again(&mut **evaluator, &point.position));
+                }
                 curvature.learn(&all);
             }
         }

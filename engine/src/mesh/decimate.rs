@@ -28,9 +28,9 @@ const EVEN: f64 = 1e-2;
 pub struct Coarse {
     /// The triangulation.
     pub mesh: TriMesh,
-    /// The vertex of the surface that each of `mesh` is, ascending (n_vertices of `mesh`).
+    /// The vertex of the surface that each of `mesh` is, ascending (one per vertex).
     pub vertices: Vec<u32>,
-    /// The triangle of the surface whose middle is nearest to that of each of `mesh` (n_triangles of `mesh`).
+    /// The triangle of the surface whose middle is nearest to that of each of `mesh` (one per triangle).
     pub triangles: Vec<u32>,
     /// Where each vertex of the surface is on `mesh`.
     places: Vec<OnTriangle>,
