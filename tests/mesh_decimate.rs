@@ -52,6 +52,20 @@ fn the_surface_its_openings_and_its_modes_stay() {
 }
 
 #[test]
+fn vertices_that_must_stay_stay() {
+    let fine = atrium().mesh;
+    let stay: Vec<u32> = (0..fine.n_vertices() as u32).step_by(37).collect();
+    let coarse = fine.coarsened(2000, &stay).unwrap();
+    assert_eq!(coarse.mesh.n_vertices(), 2000);
+    assert!(stay.iter().all(|v| coarse.vertices.binary_search(v).is_ok()));
+    for (new, old) in coarse.vertices.iter().enumerate() {
+        assert_eq!(coarse.mesh.vertices()[new], fine.vertices()[*old as usize]);
+    }
+    let none = fine.coarsened(2000, &[]).unwrap();
+    assert!(!stay.iter().all(|v| none.vertices.binary_search(v).is_ok()), "the twin");
+}
+
+#[test]
 fn fields_and_sites_find_their_way_there_and_back() {
     let fine = atrium();
     let coarse = fine.clone().decimated(5000).unwrap();
