@@ -192,8 +192,6 @@ fn what_arrival_times_tell_of_fibres() {
     {
         let place = Workplace::new();
         place.file("lat.csv", truth.recorded(sites, sources, 7));
-        std::fs::copy(place.path("lat.csv"), format!("/tmp/lat_{sites}_{}.csv", sources.len()))
-            .unwrap();
         let begun = Instant::now();
         let run = place.eplat(&format!(
             "run lat_fibres --mesh {} --data lat.csv --out run {settings}",
