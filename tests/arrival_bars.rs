@@ -17,7 +17,7 @@ mod activation;
 #[path = "support/program.rs"]
 mod program;
 
-use activation::{activation, normals, unit, velocity};
+use activation::{activation, in_surface, normals, unit, velocity};
 use eplat::ep::surface::halfway;
 use eplat::mesh::{Reading, Refined, Surface, TriMesh, read};
 use program::{Workplace, shared, text};
@@ -60,21 +60,6 @@ fn outward(mesh: &TriMesh) -> Vec<[f64; 3]> {
     normals.iter().map(|n| n.map(|x| x * out.signum())).collect()
 }
 
-/// The fibres of the file at the vertices, in the surface.
-fn fibres(surface: &Surface, normals: &[[f64; 3]]) -> Vec<[f64; 3]> {
-    let (_, of_triangles) = surface.any_fibres().unwrap();
-    let mut at = vec![[0.0; 3]; surface.mesh.n_vertices()];
-    for (t, fibre) in surface.mesh.triangles().iter().zip(&of_triangles) {
-        for &v in t {
-            let sum = &mut at[v as usize];
-            let dot: f64 = sum.iter().zip(fibre).map(|(a, b)| a * b).sum();
-            let sign = if dot < 0.0 { -1.0 } else { 1.0 };
-            (0..3).for_each(|k| sum[k] += sign * fibre[k]);
-        }
-    }
-    activation::in_surface(&at, normals)
-}
-
 /// Each fibre turned about its normal.
 fn turned(fibres: &[[f64; 3]], normals: &[[f64; 3]], angle: &[f64]) -> Vec<[f64; 3]> {
     let of = |((f, n), angle): ((&[f64; 3], &[f64; 3]), &f64)| {
@@ -91,7 +76,9 @@ impl Truth {
         let cv_max = at(&|p| 0.75 + 0.12 * wave(p, [0.08, 0.05, -0.06], 0.4));
         let angle = at(&|p| 0.15 + 0.35 * wave(p, [-0.05, 0.09, 0.06], 1.0));
         let normals = outward(mesh);
-        let fibres = turned(&fibres(surface, &normals), &normals, &angle);
+        let (name, _) = surface.any_fibres().unwrap();
+        let of_file = in_surface(&surface.fibres(name).unwrap(), &normals);
+        let fibres = turned(&of_file, &normals, &angle);
         let fine = Refined::new(mesh.clone(), 2).unwrap();
         let carried = fine.carry(fibres, halfway);
         let cv = fine.carry(cv_max.clone(), |a, b| 0.5 * (a + b));

@@ -43,7 +43,6 @@ fn scale(precision: f64, position: f64, missing: f64) -> f64 {
 /// ```
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub(super) struct Curvature {
-    position: Vec<f64>,
     /// G, `(dim, dim)`, averaged over places.
     information: Vec<f64>,
     /// Coordinates that do not move.
@@ -71,7 +70,7 @@ impl Curvature {
                 }
             }
         }
-        Self { position: position.to_vec(), information, still: still.to_vec() }
+        Self { information, still: still.to_vec() }
     }
 
     /// Counts what `others` say as much as what was known before.
@@ -82,7 +81,6 @@ impl Curvature {
             for (x, new) in self.information.iter_mut().zip(&other.information) {
                 *x += share * new;
             }
-            self.position.copy_from_slice(&other.position);
         }
     }
 
@@ -93,9 +91,7 @@ impl Curvature {
 
     /// Whether it is of `dim` coordinates.
     pub(super) fn fits(&self, dim: usize) -> bool {
-        self.position.len() == dim
-            && Some(self.information.len()) == dim.checked_mul(dim)
-            && self.still.iter().all(|i| *i < dim)
+        Some(self.information.len()) == dim.checked_mul(dim) && self.still.iter().all(|i| *i < dim)
     }
 
     /// Where coordinates are multiplied by `multipliers`: scales, and directions in which the density falls off faster
@@ -106,14 +102,13 @@ impl Curvature {
         const USUAL: std::ops::Range<f64> = 0.5..2.0;
         /// Largest such variance that is believed.
         const LARGEST: f64 = 100.0;
-        let dim = self.position.len();
+        let dim = multipliers.len();
         let c: Vec<f64> = multipliers.iter().map(|c| factor(*c)).collect();
         let at = |i: usize, j: usize| {
             let prior = if i == j { prior(multipliers[i]) } else { 0.0 };
             c[i] * c[j] * self.information[i * dim + j] + prior
         };
-        let scale = |i: usize| scale(at(i, i), self.position[i], 1.0);
-        let mut metric = Metric::diagonal((0..dim).map(scale).collect());
+        let mut metric = Metric::diagonal((0..dim).map(|i| scale(at(i, i), 0.0, 1.0)).collect());
         for i in &self.still {
             metric.scale[*i] = 0.0;
         }
@@ -166,13 +161,14 @@ pub(super) fn climbed(evaluator: &mut dyn Evaluator, start: &[f64], still: &[usi
         let multipliers = evaluator.multipliers(&here);
         let metric = Curvature::at(evaluator, &here, still).metric(&multipliers);
         metric.pull(&gradient, &mut force);
-        let gain = (0..MOST.1).find_map(|halvings| {
+        let uphill = (0..MOST.1).find_map(|halvings| {
             there.copy_from_slice(&here);
             metric.drift(&mut there, 0.5f64.powi(halvings), &force);
-            let new = evaluator.ln_density(&there, &mut slope);
-            (new > ln_density).then(|| std::mem::replace(&mut ln_density, new)).map(|old| new - old)
+            Some(evaluator.ln_density(&there, &mut slope)).filter(|new| *new > ln_density)
         });
-        let Some(gain) = gain else { break };
+        let Some(new) = uphill else { break };
+        let gain = new - ln_density;
+        ln_density = new;
         here.copy_from_slice(&there);
         gradient.copy_from_slice(&slope);
         if gain < 1.0 {

@@ -25,7 +25,8 @@ pub struct Probes {
     waves: Option<Waves>,
 }
 
-/// Vertices of the surface that activation is computed at, besides those of rows.
+/// How many vertices of the surface activation is computed at, those of sources and rows among them; more where these
+/// are more, or fewer would fold the surface.
 const WAVE_VERTICES: usize = 2000;
 
 /// Activation of the surface from the column `source`.

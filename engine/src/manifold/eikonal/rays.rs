@@ -2,7 +2,8 @@
 //!
 //! A front starts at a point, where no linear arrival fits.  So the vertices near a source are reached by the straight
 //! lines to them: the time along one is the sum over the triangles it crosses.  Which triangles these are is a matter of
-//! the surface alone, so that the time changes smoothly with the medium.
+//! the surface alone, so that the time changes smoothly with the medium.  What a bent way would gain there, where the
+//! medium changes within the radius, is left out.
 
 use super::geometry::{Geometry, Triangle};
 use super::metric::Tissue;
