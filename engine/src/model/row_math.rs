@@ -35,6 +35,23 @@ pub(super) struct Measurement<'a> {
     pub(super) variance: f64,
 }
 
+/// The numbers of a row as linear functions of the latent values at its place, `(n_blocks)`.
+#[derive(Clone, Copy)]
+pub(super) struct Line<'a> {
+    /// The numbers where all are zero.
+    pub(super) base: &'a [f64],
+    pub(super) slopes: &'a [Slope],
+    pub(super) n_blocks: usize,
+}
+
+/// What a number of a row gains as the value of a block grows by one.
+#[derive(Clone, Copy)]
+pub(super) struct Slope {
+    pub(super) number: usize,
+    pub(super) block: usize,
+    pub(super) per_unit: f64,
+}
+
 /// A likelihood with its measurements and the columns that it reads.
 pub(super) trait RowMath: Send + Sync {
     /// The numeric columns that the model reads: each one's name, and the table's columns behind it.
@@ -56,6 +73,8 @@ pub(super) trait RowMath: Send + Sync {
     fn backward(&self, place: &Place, outliers: Option<OutlierShare>, t: &mut Tape);
     /// Log likelihood of a row.
     fn ln(&self, row: Row<'_>) -> f64;
+    /// Adds the log likelihood of a row at each of these latent values `(n, n_blocks)`.
+    fn add_lns(&self, row: Row<'_>, line: Line<'_>, theta: &[f64], out: &mut [f64]);
     /// As [`RowMath::ln`], with derivatives in its numbers `a` and `b`.
     fn second(&self, row: Row<'_>, a: usize, b: usize) -> Hyper;
     /// Log likelihood of a row, if `y` had been measured.
@@ -252,6 +271,42 @@ impl<F: RowFn<N>, const N: usize, const W: usize> WithSimd for Backward<'_, F, N
     }
 }
 
+/// Log likelihoods of one row at many latent values.
+struct AddLns<'a, F: RowFn<N>, const N: usize, const W: usize> {
+    rows: &'a RowsOf<F, N, W>,
+    i: usize,
+    line: Line<'a>,
+    theta: &'a [f64],
+    out: &'a mut [f64],
+}
+
+impl<F: RowFn<N>, const N: usize, const W: usize> AddLns<'_, F, N, W> {
+    #[inline(always)]
+    fn likelihood(&self, k: usize) -> impl Likelihood<Num<f64>, F::Y> + use<F, N, W> {
+        let mut s: [Num<f64>; N] = std::array::from_fn(|j| Num(self.line.base[j]));
+        let theta = &self.theta[k * self.line.n_blocks..];
+        for Slope { number, block, per_unit } in self.line.slopes {
+            s[*number] += per_unit * theta[*block];
+        }
+        F::likelihood(s, &self.rows.columns[self.i])
+    }
+}
+
+impl<F: RowFn<N>, const N: usize, const W: usize> WithSimd for AddLns<'_, F, N, W> {
+    type Output = ();
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, _: S) {
+        let (y, n) = (&self.rows.y[self.i], self.out.len());
+        for first in (0..n).step_by(LANES) {
+            let row = |lane: usize| (self.likelihood((first + lane).min(n - 1)), y); // the last fills up
+            let values = Likelihood::ln_likelihoods([row(0), row(1), row(2), row(3)]);
+            for (out, value) in self.out[first..].iter_mut().zip(values) {
+                *out += value.0;
+            }
+        }
+    }
+}
+
 impl<F: RowFn<N>, const N: usize, const W: usize> RowMath for RowsOf<F, N, W> {
     fn columns(&self) -> Vec<(&'static str, Vec<String>)> {
         F::Columns::names()
@@ -299,6 +354,22 @@ impl<F: RowFn<N>, const N: usize, const W: usize> RowMath for RowsOf<F, N, W> {
         match Self::further(row) {
             0.0 => likelihood.ln_likelihood(y).0,
             variance => likelihood.ln_widened(y, Num(variance)).0,
+        }
+    }
+
+    fn add_lns(&self, row: Row<'_>, line: Line<'_>, theta: &[f64], out: &mut [f64]) {
+        let is_plain = row.outliers.0 == 0.0 && Self::further_sd(row) == 0.0;
+        if is_plain && line.slopes.iter().all(|slope| slope.number < N) {
+            Arch::new().dispatch(AddLns { rows: self, i: row.i, line, theta, out });
+            return;
+        }
+        let mut numbers = line.base.to_vec();
+        for (out, theta) in out.iter_mut().zip(theta.chunks_exact(line.n_blocks)) {
+            numbers.copy_from_slice(line.base);
+            for Slope { number, block, per_unit } in line.slopes {
+                numbers[*number] += per_unit * theta[*block];
+            }
+            *out += self.ln(Row { numbers: &numbers, ..row });
         }
     }
 

@@ -2,7 +2,7 @@
 
 use rand::Rng;
 
-use super::row_math::{Measurement, OutlierShare, Row, RowMath};
+use super::row_math::{Line, Measurement, OutlierShare, Row, RowMath};
 use super::row_place::Place;
 use super::tape::{LocalHessian, Tape};
 use crate::num::Hyper;
@@ -104,6 +104,13 @@ impl Rows {
     pub(super) fn pointwise(&self, t: &Tape, out: &mut Vec<f64>) {
         let one = |i: usize| self.math.ln(self.row(i, &self.place.numbers_at(&t.v, i)));
         out.extend((0..self.math.len()).map(one));
+    }
+
+    /// Adds the log likelihood of row `i` at each of these values of its place.
+    pub(super) fn add_lns(&self, i: usize, line: Line<'_>, theta: &[f64], out: &mut [f64]) {
+        if self.place.left_out != Some(i) {
+            self.math.add_lns(self.row(i, line.base), line, theta, out);
+        }
     }
 
     /// A simulated measurement for each row, as cells (see [`Observation::cells`]).

@@ -40,6 +40,8 @@ pub enum Stream {
     Prior(usize),
     /// The first approximation of the likelihood in the blocked sampler's warm-up.
     StandIn,
+    /// What the blocked sampler proposes hyperparameters and coefficients together by.
+    Leap,
     /// A chain of the blocked sampler between two meetings of its chains.
     Blocked {
         /// Which of its two moves, or the completion of its draws with the second.
@@ -97,6 +99,7 @@ impl Stream {
             Self::HeldOut => (8, 0),
             Self::Prior(chain) => (16, index(chain, 32)),
             Self::StandIn => (17, 0),
+            Self::Leap => (17, 1),
             Self::Blocked { part: Part::Inner, round, chain } => (18, of_round(round, chain)),
             Self::Blocked { part: Part::Hyper, round, chain } => (19, of_round(round, chain)),
             Self::LeftOut { site } => (20, index(site, 32)),
@@ -150,6 +153,7 @@ mod tests {
             Stream::Conduction,
             Stream::HeldOut,
             Stream::StandIn,
+            Stream::Leap,
             Stream::Expected,
             Stream::Procedure,
         ];

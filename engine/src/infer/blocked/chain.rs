@@ -25,6 +25,8 @@ const STEPS_EACH: usize = 2;
 /// How often both moves are made between two kept draws. Hyperparameters move by slow random steps,
 /// and a sweep costs less than a kept draw.
 const SWEEPS: usize = 3;
+/// Proposals of hyperparameters and coefficients together between two kept draws.
+const LEAPS: usize = 2;
 /// Mean length of a trajectory that does not look for a U-turn, in standard deviations.
 const TIME: f64 = 1.6;
 
@@ -33,7 +35,7 @@ const TIME: f64 = 1.6;
 pub(super) struct Fixed<'d> {
     pub(super) density: &'d dyn LatentGaussian,
     chain: usize,
-    seed: u64,
+    pub(super) seed: u64,
     max_depth: u32,
     target_accept: f64,
 }
@@ -174,6 +176,7 @@ impl<'d> Blocked<'d> {
     fn sweeps(&mut self) -> (Transition, Option<[Vec<f64>; 2]>) {
         let (mut n_leapfrog, mut divergence) = (0, None);
         let mut last = None;
+        self.leap();
         for _ in 0..SWEEPS {
             let start = self.kernel.point.position.clone();
             let transition = self.move_inner();
@@ -206,6 +209,27 @@ impl<'d> Blocked<'d> {
             self.kernel.static_transition(self.step_size, TIME)
         } else {
             self.kernel.transition(self.step_size)
+        }
+    }
+
+    /// A few proposals of hyperparameters and coefficients together, where they are prepared.
+    fn leap(&mut self) {
+        let Some(leap) = &self.shared.together else { return };
+        let (conditional, point) = self.kernel.parts();
+        conditional.take(&point.position);
+        let mut estimate = conditional.estimate(leap, &point.position, &mut self.rng);
+        let [present, proposed] = &mut self.hyper;
+        let mut moved = false;
+        for _ in 0..LEAPS {
+            conditional.hyper(present);
+            leap.mixture.draw(&mut self.rng, proposed);
+            let ln_ratio = leap.mixture.ln_density(present) - leap.mixture.ln_density(proposed);
+            let state = (&mut point.position[..], &mut estimate);
+            moved |= conditional.leap(leap, proposed, ln_ratio, state, &mut self.rng);
+        }
+        conditional.settle(moved);
+        if moved {
+            self.kernel.evaluate();
         }
     }
 
@@ -309,9 +333,7 @@ impl MarkovChain for Blocked<'_> {
         if let (Some((_, lesson)), true) = (&mut self.learning, self.warm_up.is_late()) {
             let (conditional, point) = self.kernel.parts();
             lesson.samples.push(conditional.sample(&point.position));
-            let mut hyper = vec![0.0; self.hyper[0].len()];
-            conditional.hyper(&mut hyper);
-            lesson.hyper.push(hyper);
+            lesson.outer.push(conditional.outer.clone());
         }
         self.warm_up.advance();
         Ok(Some(transition))

@@ -8,16 +8,20 @@
 
 use super::groups::Whitening;
 use super::latent::{Latent, Layout};
-use super::meeting::Shared;
+use super::meeting::{Leap, Shared};
+use super::particles::Here;
 use super::stand_in::Sample;
 use crate::infer::density::Evaluator;
 use crate::num::vector::dot;
-use rand::Rng;
+use rand::{Rng, RngExt as _};
 use std::mem;
 use std::sync::Arc;
 
 /// So many latent values for each coefficient are many.
 const MANY: usize = 4;
+
+/// Particles of an estimate.
+const PARTICLES: usize = 32;
 
 /// A chain's state with the memory to evaluate both conditionals.
 pub(super) struct Conditional<'d> {
@@ -150,6 +154,59 @@ impl<'d> Conditional<'d> {
         (!value.is_nan()).then_some((value, ln_prior))
     }
 
+    /// ln of an estimate of the posterior density of the present hyperparameters, in which the coefficients
+    /// of this position are one particle.
+    pub(super) fn estimate(&mut self, leap: &Leap, position: &[f64], rng: &mut impl Rng) -> f64 {
+        self.whitening.coefficients(&position[..self.w.len()], &mut self.w);
+        self.latent.set_outer(&self.outer, &mut self.trial.designs);
+        self.trial.latent(&self.w, &mut self.theta);
+        let Some(here) = here(&mut self.trial, self.layout, leap) else { return f64::NAN };
+        let likelihood = here.at(&mut *self.latent, PARTICLES, &self.theta, rng);
+        self.n_trials += PARTICLES as u64;
+        self.ln_prior + here.whitening.ln_evidence + likelihood
+    }
+
+    /// Proposes these hyperparameters with new coefficients, which take their place in `position`. Moves there with
+    /// the Metropolis–Hastings probability. `ln_ratio` is the proposal's own part of it. `present` is ln of the
+    /// estimate at the present hyperparameters, and is kept up to date.
+    pub(super) fn leap(
+        &mut self,
+        leap: &Leap,
+        proposed: &[f64],
+        ln_ratio: f64,
+        (position, present): (&mut [f64], &mut f64),
+        rng: &mut impl Rng,
+    ) -> bool {
+        let n = self.w.len();
+        self.trial_outer.copy_from_slice(&self.outer);
+        for (i, h) in self.layout.hyper.iter().zip(proposed) {
+            self.trial_outer[*i] = *h;
+        }
+        let ln_prior = self.latent.set_outer(&self.trial_outer, &mut self.trial.designs);
+        if !ln_prior.is_finite() {
+            return false;
+        }
+        let Some(here) = here(&mut self.trial, self.layout, leap) else { return false };
+        let mut z = vec![0.0; n];
+        let likelihood = here.draw(&mut *self.latent, PARTICLES, &mut z, rng);
+        self.n_trials += PARTICLES as u64;
+        let value = ln_prior + here.whitening.ln_evidence + likelihood;
+        // written so that what is not a number is refused
+        if !(rng.random::<f64>().ln() < value - *present + ln_ratio) {
+            return false;
+        }
+        self.trial.coefficients(&z, &mut self.w);
+        if !self.trial.prepare(&self.shared.stand_in) {
+            return false;
+        }
+        mem::swap(&mut self.whitening, &mut self.trial);
+        mem::swap(&mut self.outer, &mut self.trial_outer);
+        self.ln_prior = ln_prior;
+        self.whitening.whitened(&self.w, &mut position[..n]);
+        *present = value;
+        true
+    }
+
     /// ½ (θ − y)ᵀW(θ − y), and adds W(θ − y) to the slope.
     fn stand_in_quadratic(&mut self) -> f64 {
         self.shared.stand_in.add_quadratic(&self.theta, &mut self.scratch, &mut self.slope)
@@ -220,4 +277,13 @@ impl Evaluator for Conditional<'_> {
     fn ln_density(&mut self, position: &[f64], gradient: &mut [f64]) -> f64 {
         self.inner(position, gradient)
     }
+}
+
+/// Where particles are drawn, at the designs of `trial`; `None` if these have no factor.
+fn here<'a>(trial: &'a mut Whitening, layout: &'a Layout, leap: &'a Leap) -> Option<Here<'a>> {
+    if !trial.prepare(&leap.lookahead) {
+        return None;
+    }
+    trial.set_basis();
+    Some(Here { layout, lookahead: &leap.lookahead, whitening: trial })
 }

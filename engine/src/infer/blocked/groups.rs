@@ -77,7 +77,12 @@ impl Whitening {
         }
     }
 
-    /// Makes ready for [`Whitening::latent_at`] and [`Whitening::pull`].
+    /// b + A U⁻¹ s of a group, and A U⁻¹, column after column.
+    pub(super) fn basis(&self, group: usize) -> (&[f64], &[f64]) {
+        self.groups[group].whitening.basis()
+    }
+
+    /// Makes ready for [`Whitening::latent_at`], [`Whitening::pull`] and [`Whitening::basis`].
     pub(super) fn set_basis(&mut self) {
         for (part, design) in self.groups.iter_mut().zip(&self.designs) {
             part.whitening.set_basis(design);

@@ -3,6 +3,7 @@
 
 use crate::infer::density::LogDensity;
 use rand::Rng;
+use rand_chacha::ChaCha8Rng;
 use std::sync::Arc;
 
 /// A density whose unknowns are the coefficients w of some blocks, and *outer* unknowns.
@@ -30,6 +31,8 @@ pub trait LatentGaussian: LogDensity {
     fn layout(&self) -> &Layout;
     /// A function object with its own scratch memory, one per thread.
     fn latent(&self) -> Box<dyn Latent + '_>;
+    /// Draws of the outer unknowns from their prior, or from about where it lies; `None` if it cannot be drawn from.
+    fn prior_outer(&self, n: usize, rng: &mut ChaCha8Rng) -> Option<Vec<Vec<f64>>>;
 }
 
 /// Sizes and structure of a [`LatentGaussian`].
@@ -128,7 +131,7 @@ impl Layout {
     }
 
     /// The outer unknowns of a position.
-    pub(in crate::infer) fn outer_of(&self, position: &[f64]) -> Vec<f64> {
+    pub(crate) fn outer_of(&self, position: &[f64]) -> Vec<f64> {
         self.outer.iter().map(|i| position[*i]).collect()
     }
 
@@ -195,6 +198,9 @@ pub trait Latent: Send {
 
     /// Log likelihood of all places at these latent values, in the order of [`Layout::n_latent`].
     fn ln_likelihood(&mut self, theta: &[f64]) -> f64;
+
+    /// Log likelihood of one place of a group, `[group, place]`, at each of these values there, `(n, n_blocks)`.
+    fn ln_likelihoods(&mut self, at: [usize; 2], theta: &[f64], out: &mut [f64]);
 
     /// As [`Latent::ln_likelihood`], with its gradient in the latent values.
     fn slope(&mut self, theta: &[f64], theta_bar: &mut [f64]) -> f64;

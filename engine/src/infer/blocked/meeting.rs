@@ -1,19 +1,31 @@
 //! What the chains share: the stand-in and the proposal of the hyperparameters. A first version is
 //! made at the chains' starts; at each meeting they are fitted to the draws of all chains.
 
+use super::explore::explore;
 use super::groups::Whitening;
 use super::latent::{LatentGaussian, Layout};
+use super::mixture::Mixture;
 use super::proposal::Proposal;
 use super::stand_in::{Sample, StandIn, Trust};
 use crate::infer::curvature::conditional_scales;
 use crate::infer::settings::Settings;
 use crate::random::Stream;
 use rand::RngExt;
+use rand_chacha::ChaCha8Rng;
 use rand_distr::StandardNormal;
 use serde::{Deserialize, Serialize};
 
 /// Least variance of a hyperparameter in the proposal.
 const FLOOR: f64 = 1e-3;
+
+/// The lookahead is the stand-in with this share of its information. The stand-in suits the main regime of the
+/// posterior; with all of it, others would be given up too early.
+const LOOKAHEAD: f64 = 0.5;
+/// Hyperparameters and coefficients move together where there are at most so many latent values: with more, such
+/// a move costs more than it brings, and a posterior seldom has several regimes.
+const MOST_LATENT: usize = 40;
+/// And so many hyperparameters.
+const MOST_HYPER: usize = 12;
 
 /// What a chain takes from one round to the next.
 #[derive(Clone, Debug)]
@@ -32,17 +44,16 @@ pub(super) struct Link {
 #[derive(Clone, Debug, Default, Serialize, Deserialize)]
 pub(super) struct Lesson {
     pub(super) samples: Vec<Sample>,
-    /// Hyperparameters.
-    pub(super) hyper: Vec<Vec<f64>>,
+    pub(super) outer: Vec<Vec<f64>>,
 }
 
 impl Lesson {
     /// Whether it is one of `n` draws under this layout.
     pub(super) fn fits(&self, n: usize, layout: &Layout) -> bool {
         let is_sample = |sample: &Sample| sample.fits(layout.n_latent());
-        [self.samples.len(), self.hyper.len()] == [n; 2]
+        [self.samples.len(), self.outer.len()] == [n; 2]
             && self.samples.iter().all(is_sample)
-            && self.hyper.iter().all(|hyper| hyper.len() == layout.hyper.len())
+            && self.outer.iter().all(|outer| outer.len() == layout.outer.len())
     }
 }
 
@@ -51,6 +62,15 @@ impl Lesson {
 pub(super) struct Shared {
     pub(super) stand_in: StandIn,
     pub(super) proposal: Proposal,
+    /// For moves of hyperparameters and coefficients together, once the warm-up is over.
+    pub(super) together: Option<Leap>,
+}
+
+/// What a move of hyperparameters and coefficients together is made by.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+pub(super) struct Leap {
+    pub(super) mixture: Mixture,
+    pub(super) lookahead: StandIn,
 }
 
 impl Shared {
@@ -59,7 +79,12 @@ impl Shared {
 
     /// Whether both are of the same layout.
     pub(super) fn is_like(&self, other: &Self) -> bool {
-        self.stand_in.is_like(&other.stand_in) && self.proposal.is_like(&other.proposal)
+        let is_like = |leap: &Leap| {
+            leap.lookahead.is_like(&self.stand_in) && leap.mixture.fits(self.proposal.n())
+        };
+        self.stand_in.is_like(&other.stand_in)
+            && self.proposal.is_like(&other.proposal)
+            && self.together.as_ref().is_none_or(is_like)
     }
 
     /// Whether draws of an earlier run take the place of the first round.
@@ -86,29 +111,39 @@ impl Shared {
             };
             proposal.fit(&settings.earlier.iter().map(hyper).collect::<Vec<_>>(), FLOOR);
         }
-        Self { stand_in, proposal }
+        Self { stand_in, proposal, together: None }
     }
 
     /// What the chains share after a meeting, fitted to what they have seen. At the end of the
-    /// warm-up (`is_last`) the stand-in stays as it is, because the step size has been tuned to it.
+    /// warm-up (`last`, with its random numbers) the stand-in stays as it is, because the step size has been
+    /// tuned to it, and moves of hyperparameters and coefficients together are prepared.
     #[must_use]
     pub(super) fn fitted(
         &self,
         density: &dyn LatentGaussian,
         lessons: Vec<Lesson>,
-        is_last: bool,
+        last: Option<&mut ChaCha8Rng>,
     ) -> Self {
         let mut new = self.clone();
-        let (mut samples, mut hyper) = (vec![], vec![]);
+        let (mut samples, mut outer) = (vec![], vec![]);
         for lesson in lessons {
             samples.extend(lesson.samples);
-            hyper.extend(lesson.hyper);
+            outer.extend(lesson.outer);
         }
-        if !is_last {
-            new.stand_in.fit(&samples, Trust::FULL, density.layout());
+        let layout = density.layout();
+        if last.is_none() {
+            new.stand_in.fit(&samples, Trust::FULL, layout);
         }
-        if !density.layout().hyper.is_empty() {
-            new.proposal.fit(&hyper, FLOOR);
+        if layout.hyper.is_empty() {
+            return new;
+        }
+        let hyper = |outer: &Vec<f64>| layout.hyper.iter().map(|i| outer[*i]).collect();
+        new.proposal.fit(&outer.iter().map(hyper).collect::<Vec<_>>(), FLOOR);
+        let is_small = layout.n_latent() <= MOST_LATENT && layout.hyper.len() <= MOST_HYPER;
+        if let Some(rng) = last.filter(|_| is_small) {
+            let lookahead = new.stand_in.times(LOOKAHEAD);
+            let mixture = explore(density, &lookahead, &outer, rng);
+            new.together = mixture.map(|mixture| Leap { mixture, lookahead });
         }
         new
     }

@@ -1,11 +1,14 @@
 //! The blocked sampler: for densities with many Gaussian coefficients that the likelihood sees
 //! through few values.
 //!
-//! Two moves alternate. Both are exact whatever the stand-in ([`whiten`]) is:
+//! Moves alternate. All are exact whatever the stand-in ([`whiten`]) is:
 //!
 //! - Given the hyperparameters, a trajectory moves the whitened coefficients and the free unknowns.
 //!   It is one of NUTS, or, where there are no free unknowns, one of random length, accepted or rejected.
 //! - Given the whitened coefficients, Metropolis steps move the hyperparameters.
+//!
+//! Where the likelihood sees few latent values, a third move proposes other hyperparameters and, with them,
+//! all coefficients anew ([`particles`]). It goes from one regime of the posterior to another in a step.
 //!
 //! Without whitening, the hyperparameters of a block and its coefficients would form a funnel. The
 //! whitened coefficients hardly depend on the hyperparameters, so there is none.
@@ -18,10 +21,16 @@
 
 mod chain;
 mod conditional;
+mod explore;
 mod factor;
 mod groups;
 mod latent;
+#[cfg(test)]
+#[allow(clippy::unwrap_used, reason = "tests")]
+mod leap_tests;
 mod meeting;
+mod mixture;
+mod particles;
 mod proposal;
 mod stand_in;
 mod together;

@@ -7,6 +7,7 @@
 //! skew: the logarithm of a short lengthscale or of a small amplitude falls off slowly on one side.
 //! After this scaling y is elliptical enough.
 
+use super::mixture::student_scale;
 use nalgebra::{Cholesky, DMatrix};
 use rand::{Rng, RngExt as _};
 use rand_distr::StandardNormal;
@@ -57,6 +58,11 @@ impl Proposal {
             precision: unit,
             is_fitted: false,
         }
+    }
+
+    /// How many hyperparameters there are.
+    pub(in crate::infer) fn n(&self) -> usize {
+        self.centre.len()
     }
 
     /// Whether both are of as many hyperparameters.
@@ -200,12 +206,6 @@ impl Proposal {
     fn middle(&self, i: usize) -> f64 {
         0.5 * (self.scale[i][0] + self.scale[i][1])
     }
-}
-
-/// The factor that makes a standard normal number one of Student's t.
-fn student_scale(nu: usize, rng: &mut impl Rng) -> f64 {
-    let chi_square: f64 = (0..nu).map(|_| rng.sample::<f64, _>(StandardNormal).powi(2)).sum();
-    (nu as f64 / chi_square).sqrt()
 }
 
 #[cfg(test)]

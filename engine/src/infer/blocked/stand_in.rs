@@ -45,6 +45,16 @@ impl StandIn {
         Self { groups: layout.groups.iter().map(next).collect() }
     }
 
+    /// The same with this much of the information.
+    pub(super) fn times(&self, share: f64) -> Self {
+        let mut new = self.clone();
+        for group in &mut new.groups {
+            let gram = group.gram.iter_mut().flatten();
+            group.information.iter_mut().chain(gram).for_each(|w| *w *= share);
+        }
+        new
+    }
+
     /// Whether both are of the same layout.
     pub(super) fn is_like(&self, other: &Self) -> bool {
         self.groups.len() == other.groups.len()
@@ -214,6 +224,15 @@ impl GroupStandIn {
                 self.gram[f * self.n_blocks + g] = gram;
             }
         }
+    }
+
+    /// ½ (θ − y)ᵀ W (θ − y) at one place, for θ `(block)`.
+    pub(super) fn quadratic(&self, place: usize, theta: &[f64]) -> f64 {
+        let d = |f: usize| theta[f] - self.centre[f * self.n_seen + place];
+        let row = |f: usize| {
+            (0..self.n_blocks).map(move |g| self.information(f, g)[place] * d(g)).sum::<f64>()
+        };
+        (0..self.n_blocks).map(|f| 0.5 * d(f) * row(f)).sum()
     }
 
     /// W between two blocks, one number per place.

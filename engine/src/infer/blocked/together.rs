@@ -8,7 +8,7 @@ use crate::infer::markov::{MarkovChain as _, Together};
 use crate::infer::settings::MetricKind;
 use crate::infer::stages::WarmUp;
 use crate::infer::warmup::Adaptation;
-use crate::random::Part;
+use crate::random::{Part, Stream};
 use serde::{Deserialize, Serialize};
 use std::sync::Arc;
 
@@ -108,7 +108,9 @@ impl Together for Blocked<'_> {
         let Some(first) = chains.first() else { return vec![] };
         let mut warm_up = first.warm_up.clone();
         warm_up.met();
-        let shared = first.shared.fitted(first.fixed.density, lessons, warm_up.is_over());
+        let mut rng = Stream::Leap.rng(first.fixed.seed);
+        let last = warm_up.is_over().then_some(&mut rng);
+        let shared = first.shared.fitted(first.fixed.density, lessons, last);
         let shared = Arc::new(shared);
         agree(&mut links);
         let begin = |(chain, link): (&mut Self, Link)| {

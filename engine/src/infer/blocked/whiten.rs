@@ -228,6 +228,11 @@ impl GroupWhitening {
         }
     }
 
+    /// b + A U⁻¹ s, and A U⁻¹, column after column.
+    pub(super) fn basis(&self) -> (&[f64], &[f64]) {
+        (&self.origin, &self.basis)
+    }
+
     /// θ at z, by the basis.
     pub(super) fn latent_at(&self, z: &[f64], theta: &mut [f64]) {
         theta.copy_from_slice(&self.origin);

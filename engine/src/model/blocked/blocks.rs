@@ -22,6 +22,8 @@ pub(super) struct Blocks<'m> {
     pub(super) places: Vec<PlaceBlock>,
     /// Parameters and effects that are free latent values.
     pub(super) free: Vec<FreeBlock>,
+    /// For each group the rows of each of its places, `(observe, row)`. Rows that see no place are with the first.
+    pub(super) rows: Vec<Vec<Vec<[usize; 2]>>>,
 }
 
 /// What is precomputed of one field.
@@ -99,7 +101,8 @@ impl<'m> Blocks<'m> {
         let free_precision =
             free.iter().flat_map(|block| vec![block.precision; block.u.len()]).collect();
         let layout = Layout { groups, free_precision, outer, hyper };
-        Self { model, layout, fields, places, free }
+        let rows = rows_of_places(model, &layout, &fields);
+        Self { model, layout, fields, places, free, rows }
     }
 
     /// The priors of outer unknowns.
@@ -177,6 +180,27 @@ impl Block {
             at += i + 1;
         }
     }
+}
+
+/// See [`Blocks::rows`].
+fn rows_of_places(model: &Model, layout: &Layout, fields: &[Block]) -> Vec<Vec<Vec<[usize; 2]>>> {
+    let mut rows: Vec<Vec<Vec<[usize; 2]>>> =
+        layout.groups.iter().map(|group| vec![vec![]; group.n_seen]).collect();
+    let place = |value: usize| {
+        fields.iter().find_map(|block| {
+            let op = &model.fields[block.field].op;
+            let place = value.checked_sub(op.theta).filter(|place| *place < op.n_probes())?;
+            Some((block.at.0, place))
+        })
+    };
+    for (observe, of) in model.observes.iter().enumerate() {
+        for row in 0..of.rows.len() {
+            let locals = of.op.locals(row);
+            let (group, place) = locals.into_iter().find_map(|(v, _)| place(v)).unwrap_or((0, 0));
+            rows[group][place].push([observe, row]);
+        }
+    }
+    rows
 }
 
 /// Whether a prior is one of outer unknowns: not of a mean in a block, of deviations of places, or of free values.

@@ -74,6 +74,31 @@ model! {
     observe direct(x): Number ~ Normal(f(x) + level + slope * x.dose + shift(x), 1.5);
 }
 
+model! {
+    /// A hyperparameter that is measured itself, by rows that see no field.
+    model Measured;
+    param size ~ InvGamma(3.0, 2.0);
+    field f(x) in -2.0..2.0 = m + size * gp(Rbf(rho), K = 12) where {
+        m ~ Normal(-0.5, 0.5);
+        rho [mm] ~ LogNormal(3.5, 0.5);
+    }
+    observe beats(x): Count ~ PoissonLog(f(x));
+    observe direct(x): Number ~ Normal(size, 0.2);
+}
+
+/// Six rows of a field, and two of its amplitude alone.
+pub(super) fn measured() -> Model {
+    let cells = |line: String| line.split(',').map(String::from).collect::<Vec<_>>();
+    let row = |i: usize| match i {
+        3 | 7 => cells(format!("direct,{i},1.9")),
+        _ => cells(format!("beats,{},{}", 7 * i, i % 4)),
+    };
+    let header = cells("protocol,vertex,value".into());
+    let mut table = Measurements::from_cells("test", header, (0..8).map(row).collect()).unwrap();
+    table.place_at_indices(60).unwrap();
+    Model::new(&Measured, Some(&basis(12)), &table).unwrap()
+}
+
 /// Two rows at each of `n` places, whose labels are in another order than their vertices.
 pub(super) fn places(n: usize) -> Model {
     let cells = |line: String| line.split(',').map(String::from).collect::<Vec<_>>();
@@ -85,9 +110,9 @@ pub(super) fn places(n: usize) -> Model {
     Model::new(&Places, Some(&basis(12)), &table).unwrap()
 }
 
-/// Patients with 3, 5 and 30 rows, mixed up.
-pub(super) fn patients() -> Model {
-    Model::new(&Patients, Some(&basis(12)), &rows("beats", 38)).unwrap()
+/// Patients with rows mixed up: 2, 2 and 14 of 18, or 3, 5 and 30 of 38.
+pub(super) fn patients(n_rows: usize) -> Model {
+    Model::new(&Patients, Some(&basis(12)), &rows("beats", n_rows)).unwrap()
 }
 
 /// `n_modes` made-up modes at 60 vertices, the first constant.

@@ -5,8 +5,10 @@ use crate::dist::Gaussian;
 use crate::infer::{Design, Evaluator, Latent, LatentGaussian, Layout, LogDensity};
 use crate::model::gp::Field;
 use crate::model::restore::{Seen, coefficients, weights_of};
+use crate::model::row_math::{Line, Slope};
 use crate::model::tape::{Op, Tape};
 use rand::Rng;
+use rand_chacha::ChaCha8Rng;
 use std::ops::Range;
 
 /// A model's block on a tape of its own.
@@ -57,6 +59,25 @@ impl OnTape<'_> {
             t.v[range.clone()].fill(0.0);
         }
         model.linear.iter().for_each(|linear| linear.forward(t));
+    }
+
+    /// Sets the latent values of one place of a group.
+    fn set_place(&mut self, group: usize, place: usize, theta: &[f64]) {
+        let fields = self.blocks.fields.iter().zip(&self.theta);
+        let own = fields.filter(|(block, _)| block.at.0 == group).map(|(_, at)| at.start + place);
+        let n_fields = own.zip(theta).map(|(at, x)| self.tape.v[at] = *x).count();
+        if self.blocks.places.is_empty() {
+            return;
+        }
+        for (block, x) in self.blocks.places.iter().zip(&theta[n_fields..]) {
+            block.set_value(place, *x, &mut self.tape);
+        }
+        self.set_offsets();
+    }
+
+    /// The numbers that the likelihood of a row depends on.
+    fn numbers(&self, observe: usize, row: usize) -> Vec<f64> {
+        self.blocks.model.observes[observe].op.place.numbers_at(&self.tape.v, row)
     }
 
     fn latent_slope(&self, theta_bar: &mut [f64]) {
@@ -218,6 +239,33 @@ impl Latent for OnTape<'_> {
         self.tape.lp
     }
 
+    /// The numbers of a row are linear in the values at its place.
+    fn ln_likelihoods(&mut self, [group, place]: [usize; 2], theta: &[f64], out: &mut [f64]) {
+        let n_blocks = theta.len() / out.len();
+        let rows = &self.blocks.rows[group][place];
+        let mut at = |theta: &[f64]| {
+            self.set_place(group, place, theta);
+            rows.iter().map(|[observe, row]| self.numbers(*observe, *row)).collect::<Vec<_>>()
+        };
+        let mut one = vec![0.0; n_blocks];
+        let base = at(&one);
+        let mut slopes: Vec<Vec<Slope>> = vec![vec![]; rows.len()];
+        for block in 0..n_blocks {
+            one[block] = 1.0;
+            for ((slopes, base), numbers) in slopes.iter_mut().zip(&base).zip(at(&one)) {
+                let changes = base.iter().zip(&numbers).map(|(base, x)| x - base).enumerate();
+                let changes = changes.filter(|(_, change)| *change != 0.0);
+                slopes.extend(changes.map(|(number, per_unit)| Slope { number, block, per_unit }));
+            }
+            one[block] = 0.0;
+        }
+        out.fill(0.0);
+        for (([observe, row], base), slopes) in rows.iter().zip(&base).zip(&slopes) {
+            let line = Line { base, slopes, n_blocks };
+            self.blocks.model.observes[*observe].op.add_lns(*row, line, theta, out);
+        }
+    }
+
     fn slope(&mut self, theta: &[f64], theta_bar: &mut [f64]) -> f64 {
         self.set_latent(theta);
         let t = &mut self.tape;
@@ -265,6 +313,10 @@ impl LogDensity for Blocks<'_> {
 impl LatentGaussian for Blocks<'_> {
     fn layout(&self) -> &Layout {
         &self.layout
+    }
+    fn prior_outer(&self, n: usize, rng: &mut ChaCha8Rng) -> Option<Vec<Vec<f64>>> {
+        let draws = self.model.plausible(n, rng)?;
+        Some(draws.iter().map(|draw| self.layout.outer_of(draw)).collect())
     }
     fn latent(&self) -> Box<dyn Latent + '_> {
         let k = self.model.fields.iter().map(|f| f.op.k).max().unwrap_or(0);

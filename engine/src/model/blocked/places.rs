@@ -82,6 +82,11 @@ impl PlaceBlock {
         }
     }
 
+    /// Writes the value of one place.
+    pub(super) fn set_value(&self, place: usize, theta: f64, t: &mut Tape) {
+        t.v[self.v + self.number[place]] = theta;
+    }
+
     /// The adjoints of the values at the places.
     pub(super) fn slopes(&self, t: &Tape, out: &mut [f64]) {
         for (out, number) in out.iter_mut().zip(&self.number) {

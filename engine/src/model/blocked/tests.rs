@@ -1,4 +1,6 @@
-use super::models_of_tests::{Beside, Counts, Known, Patients, basis, patients, places, rows};
+use super::models_of_tests::{
+    Beside, Counts, Known, Patients, basis, measured, patients, places, rows,
+};
 use super::*;
 use crate::diagnostics::{mcse_mean, mcse_sd, mean_and_sd};
 use crate::infer::{Blocked, Chain, ChainError, MarkovChain, Silent, jittered_starts};
@@ -27,6 +29,8 @@ enum Fault {
     Prior,
     /// Hyperparameters moved by half of the log likelihood.
     Likelihood,
+    /// Hyperparameters and coefficients moved together as if nothing had been measured.
+    Particles,
 }
 
 struct Twin<'m>(Blocks<'m>, Fault);
@@ -47,6 +51,9 @@ impl LatentGaussian for Twin<'_> {
     }
     fn latent(&self) -> Box<dyn Latent + '_> {
         Box::new(TwinLatent(self.0.latent(), self.1))
+    }
+    fn prior_outer(&self, n: usize, rng: &mut ChaCha8Rng) -> Option<Vec<Vec<f64>>> {
+        self.0.prior_outer(n, rng)
     }
 }
 
@@ -82,6 +89,12 @@ impl Latent for TwinLatent<'_> {
     fn ln_likelihood(&mut self, theta: &[f64]) -> f64 {
         let share = if self.1 == Fault::Likelihood { 0.5 } else { 1.0 };
         share * self.0.ln_likelihood(theta)
+    }
+    fn ln_likelihoods(&mut self, at: [usize; 2], theta: &[f64], out: &mut [f64]) {
+        self.0.ln_likelihoods(at, theta, out);
+        if self.1 == Fault::Particles {
+            out.fill(0.0);
+        }
     }
     fn slope(&mut self, theta: &[f64], theta_bar: &mut [f64]) -> f64 {
         self.0.slope(theta, theta_bar)
@@ -267,7 +280,7 @@ fn deviations_of_places_are_in_the_block_and_agree_with_nuts() {
 
 #[test]
 fn fields_of_each_label_are_groups_and_agree_with_nuts() {
-    let model = patients();
+    let model = patients(38);
     let sizes: Vec<usize> = Blocks::new(&model).layout.groups.iter().map(|g| g.n_seen).collect();
     assert_eq!(sizes, [30, 5, 3]);
     let (z, what) = against_nuts(&model, Fault::None);
@@ -280,7 +293,7 @@ fn fields_of_each_label_are_groups_and_agree_with_nuts() {
 /// The largest group has the rows of one patient: 12 modes at 30 sites and as many of the other field.
 #[test]
 fn groups_that_are_too_large_are_sampled_by_nuts_unless_the_blocked_sampler_is_asked_for() {
-    let model = patients();
+    let model = patients(38);
     assert_eq!(
         [24, 23].map(|most| Sampler::up_to(&model, most)),
         [Sampler::Blocked, Sampler::Nuts]
@@ -293,10 +306,50 @@ fn groups_that_are_too_large_are_sampled_by_nuts_unless_the_blocked_sampler_is_a
 
 #[test]
 fn twins_that_miss_a_prior_or_the_likelihood_are_found_out() {
-    for (n_rows, fault) in [(8, Fault::Mean), (40, Fault::Prior), (60, Fault::Likelihood)] {
+    for (n_rows, fault) in
+        [(8, Fault::Mean), (8, Fault::Particles), (40, Fault::Prior), (60, Fault::Likelihood)]
+    {
         let (z, what) = against_nuts(&model(&Counts, "beats", n_rows), fault);
         assert!(z > LARGEST_Z, "{fault:?}: {what}");
     }
+}
+
+/// Also of groups, deviations of places, and rows that see no field.
+#[test]
+fn log_likelihoods_of_places_sum_to_that_of_all_rows() {
+    let mut rng = ChaCha8Rng::seed_from_u64(5);
+    let models = [model(&Counts, "beats", 8), places(8), patients(18), measured()];
+    for model in &models {
+        let blocks = Blocks::new(model);
+        let (layout, mut latent) = (blocks.layout(), blocks.latent());
+        let mut designs: Vec<Design> = layout.groups.iter().map(Design::new).collect();
+        latent.set_outer(&blocks.prior_outer(1, &mut rng).unwrap()[0], &mut designs);
+        let theta: Vec<f64> = (0..layout.n_latent()).map(|_| rng.random_range(-1.0..1.0)).collect();
+        let all = latent.ln_likelihood(&theta);
+        let (mut first, mut sum) = (0, 0.0);
+        for (number, group) in layout.groups.iter().enumerate() {
+            for place in 0..group.n_seen {
+                let at = |f: usize| first + f * group.n_seen + place;
+                let mut own: Vec<f64> = (0..group.blocks.len()).map(|f| theta[at(f)]).collect();
+                // five particles, more than are computed at once, the last of them this one
+                let others = [0.1, 0.2, 0.3, 0.4].map(|d| own.iter().map(move |x| x + d).collect());
+                own.splice(0..0, others.into_iter().flat_map(|theta: Vec<f64>| theta));
+                let mut values = [0.0; 5];
+                latent.ln_likelihoods([number, place], &own, &mut values);
+                sum += values[4];
+            }
+            first += group.n_latent();
+        }
+        assert!((sum - all).abs() < 1e-10 * all.abs(), "{sum} instead of {all}");
+    }
+}
+
+#[test]
+fn small_groups_agree_with_nuts() {
+    let (z, what) = against_nuts(&patients(18), Fault::None);
+    assert!(z < LARGEST_Z, "{what}");
+    let (z, what) = against_nuts(&patients(18), Fault::Particles);
+    assert!(z > LARGEST_Z, "{what}");
 }
 
 #[test]

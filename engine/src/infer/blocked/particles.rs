@@ -1,0 +1,299 @@
+//! Coefficients drawn anew at given hyperparameters, with an unbiased estimate of the likelihood
+//! there. So hyperparameters and coefficients can be proposed together.
+//!
+//! The *lookahead* is a Gaussian (W, y) for each place, of which q = exp(−½ (θ − y)ᵀW(θ − y)). With it the
+//! latent values are normal, G, and
+//!
+//! ```text
+//! ∫ p(w) L dw = e^κ E_G[∏ L/q]
+//! ```
+//! with κ as in [`whiten`](super::whiten). The expectation is estimated by particles. Place after place each
+//! draws the values there given those at the places before, and its weight is multiplied by L/q. Where
+//! weights become unequal, the particles are drawn anew from among them.
+//!
+//! To estimate it at a state of a chain, that state is one of the particles and stays (conditional
+//! sequential Monte Carlo). Moving on to a particle of other hyperparameters by the ratio of the estimates
+//! leaves the posterior as it is, for any lookahead and any number of particles.
+//!
+//! # Source
+//! Andrieu, Doucet & Holenstein 2010, "Particle Markov chain Monte Carlo methods".
+
+use super::groups::Whitening;
+use super::latent::{Latent, Layout};
+use super::stand_in::StandIn;
+use crate::num::vector::dot;
+use rand::{Rng, RngExt as _};
+use rand_distr::{OpenClosed01, StandardNormal};
+
+/// Degrees of freedom of what a particle draws at a place: heavier tails than G, since L/q may be large there.
+const NU: f64 = 4.0;
+/// Particles are drawn anew where they are worth less than this share of them.
+const WORTH: f64 = 0.5;
+/// A latent value of which the values before leave less than this share of the variance is determined by them.
+const ROUNDING: f64 = 1e-10;
+
+/// Where coefficients are drawn: hyperparameters at which the whitening by the lookahead is prepared.
+pub(super) struct Here<'a> {
+    pub(super) layout: &'a Layout,
+    pub(super) lookahead: &'a StandIn,
+    /// With its basis set.
+    pub(super) whitening: &'a Whitening,
+}
+
+impl Here<'_> {
+    /// ln of the estimate of that expectation. Of z, the whitened coefficients, it writes those of one particle.
+    pub(super) fn draw(
+        &self,
+        latent: &mut dyn Latent,
+        n_particles: usize,
+        z: &mut [f64],
+        rng: &mut impl Rng,
+    ) -> f64 {
+        let (mut first, mut sum) = (0, 0.0);
+        for group in 0..self.layout.groups.len() {
+            let order = Order::new(self, group);
+            let mut swarm = Swarm::new(order.n(), n_particles, None);
+            sum += swarm.run(self, group, &order, latent, rng);
+            let z = &mut z[first..][..order.n_coefficients];
+            first += z.len();
+            order.coefficients(swarm.chosen(rng), rng, z);
+        }
+        sum
+    }
+
+    /// The same where these latent values are those of one of the particles.
+    pub(super) fn at(
+        &self,
+        latent: &mut dyn Latent,
+        n_particles: usize,
+        theta: &[f64],
+        rng: &mut impl Rng,
+    ) -> f64 {
+        let (mut first, mut sum) = (0, 0.0);
+        for group in 0..self.layout.groups.len() {
+            let order = Order::new(self, group);
+            let present = order.standard(&theta[first..][..order.n()]);
+            first += order.n();
+            let mut swarm = Swarm::new(order.n(), n_particles, Some(present));
+            sum += swarm.run(self, group, &order, latent, rng);
+        }
+        sum
+    }
+}
+
+/// A group's latent values under G, place after place: θ = μ + B z = μ + L ε.
+struct Order {
+    n_blocks: usize,
+    n_seen: usize,
+    n_coefficients: usize,
+    mean: Vec<f64>,
+    /// B, row-major `(n, n_coefficients)`.
+    basis: Vec<f64>,
+    /// L, row-major `(n, n)`. The diagonal is zero where the values before determine one.
+    lower: Vec<f64>,
+}
+
+impl Order {
+    fn new(here: &Here<'_>, group: usize) -> Self {
+        let layout = &here.layout.groups[group];
+        let (n_blocks, n_seen, n) = (layout.blocks.len(), layout.n_seen, layout.n_latent());
+        let (origin, columns) = here.whitening.basis(group);
+        let n_coefficients = layout.n_coefficients();
+        let at = |i: usize| (i % n_blocks) * n_seen + i / n_blocks;
+        let mean = (0..n).map(|i| origin[at(i)]).collect();
+        let mut basis = vec![0.0; n * n_coefficients];
+        for (i, row) in basis.chunks_exact_mut(n_coefficients).enumerate() {
+            for (b, column) in row.iter_mut().zip(columns.chunks_exact(n)) {
+                *b = column[at(i)];
+            }
+        }
+        let mut lower = vec![0.0; n * n];
+        for i in 0..n {
+            let row = |i: usize| &basis[i * n_coefficients..][..n_coefficients];
+            let (done, own) = lower.split_at_mut(i * n);
+            for (j, other) in done.chunks_exact(n).enumerate() {
+                let left = dot::<4>(row(i), row(j)) - dot::<4>(&own[..j], &other[..j]);
+                own[j] = if other[j] > 0.0 { left / other[j] } else { 0.0 };
+            }
+            let variance = dot::<4>(row(i), row(i));
+            let left = variance - dot::<4>(&own[..i], &own[..i]);
+            own[i] = if left > ROUNDING * variance { left.sqrt() } else { 0.0 };
+        }
+        Self { n_blocks, n_seen, n_coefficients, mean, basis, lower }
+    }
+
+    fn n(&self) -> usize {
+        self.mean.len()
+    }
+
+    /// Row i of L up to its diagonal.
+    fn row(&self, i: usize) -> &[f64] {
+        &self.lower[i * self.n()..][..=i]
+    }
+
+    /// θᵢ
+    fn value(&self, i: usize, eps: &[f64]) -> f64 {
+        self.mean[i] + dot::<4>(self.row(i), &eps[..=i])
+    }
+
+    /// L⁻¹ x; 0 where L has no pivot.
+    fn solve(&self, x: impl Fn(usize) -> f64) -> Vec<f64> {
+        let mut eps: Vec<f64> = Vec::with_capacity(self.n());
+        for i in 0..self.n() {
+            let row = self.row(i);
+            let left = x(i) - dot::<4>(&row[..i], &eps);
+            eps.push(if row[i] > 0.0 { left / row[i] } else { 0.0 });
+        }
+        eps
+    }
+
+    /// ε at θ `(block, place)`.
+    fn standard(&self, theta: &[f64]) -> Vec<f64> {
+        let at = |i: usize| (i % self.n_blocks) * self.n_seen + i / self.n_blocks;
+        self.solve(|i| theta[at(i)] - self.mean[i])
+    }
+
+    /// Draws z given ε: `z = ξ + Bᵀ L⁻ᵀ (ε − L⁻¹ B ξ)` for ξ standard normal.
+    fn coefficients(&self, eps: &[f64], rng: &mut impl Rng, z: &mut [f64]) {
+        z.fill_with(|| rng.sample(StandardNormal));
+        let rows = || self.basis.chunks_exact(self.n_coefficients);
+        let products: Vec<f64> = rows().map(|row| dot::<4>(row, z)).collect();
+        let seen = self.solve(|i| products[i]);
+        let mut d: Vec<f64> = eps.iter().zip(seen).map(|(eps, seen)| eps - seen).collect();
+        for i in (0..self.n()).rev() {
+            let row = self.row(i);
+            d[i] = if row[i] > 0.0 { d[i] / row[i] } else { 0.0 };
+            let (before, own) = d.split_at_mut(i);
+            before.iter_mut().zip(row).for_each(|(d, l)| *d -= l * own[0]);
+        }
+        for (row, d) in rows().zip(&d) {
+            z.iter_mut().zip(row).for_each(|(z, b)| *z += b * d);
+        }
+    }
+}
+
+/// The particles of a group.
+struct Swarm {
+    n: usize,
+    /// ε of each particle, `(particle, n)`.
+    paths: Vec<f64>,
+    /// ln of each particle's weight since they were last drawn anew, and the weights in units of the largest.
+    ln_weights: Vec<f64>,
+    weights: Vec<f64>,
+    /// What one of the particles must be, the first.
+    present: Option<Vec<f64>>,
+}
+
+impl Swarm {
+    fn new(n: usize, n_particles: usize, present: Option<Vec<f64>>) -> Self {
+        Self {
+            n,
+            paths: vec![0.0; n_particles * n],
+            ln_weights: vec![0.0; n_particles],
+            weights: vec![1.0; n_particles],
+            present,
+        }
+    }
+
+    /// ln of the estimate.
+    fn run(
+        &mut self,
+        here: &Here<'_>,
+        group: usize,
+        order: &Order,
+        latent: &mut dyn Latent,
+        rng: &mut impl Rng,
+    ) -> f64 {
+        let (d, n_particles) = (order.n_blocks, self.weights.len());
+        let mut theta = vec![0.0; n_particles * d];
+        let mut likelihoods = vec![0.0; n_particles];
+        let mut sum = 0.0;
+        for place in 0..order.n_seen {
+            let first = place * d;
+            for (k, (path, theta)) in
+                self.paths.chunks_exact_mut(self.n).zip(theta.chunks_exact_mut(d)).enumerate()
+            {
+                let own = &mut path[first..][..d];
+                match &self.present {
+                    Some(present) if k == 0 => own.copy_from_slice(&present[first..][..d]),
+                    _ => draw_student(own, rng),
+                }
+                self.ln_weights[k] += ln_normal_over_student(own);
+                for (f, theta) in theta.iter_mut().enumerate() {
+                    *theta = order.value(first + f, path);
+                }
+            }
+            latent.ln_likelihoods([group, place], &theta, &mut likelihoods);
+            let stand_in = &here.lookahead.groups[group];
+            for ((ln, likelihood), theta) in
+                self.ln_weights.iter_mut().zip(&likelihoods).zip(theta.chunks_exact(d))
+            {
+                *ln += likelihood + stand_in.quadratic(place, theta);
+            }
+            let is_last = place + 1 == order.n_seen;
+            sum += self.weigh(is_last, rng);
+            if !sum.is_finite() {
+                break;
+            }
+        }
+        sum
+    }
+
+    /// Computes the weights. Where they are too unequal, draws the particles anew, and returns ln of the mean
+    /// weight: at the end always, else 0 as long as they go on.
+    fn weigh(&mut self, is_last: bool, rng: &mut impl Rng) -> f64 {
+        let n = self.weights.len();
+        let most = self.ln_weights.iter().copied().fold(f64::NEG_INFINITY, f64::max);
+        if !most.is_finite() {
+            return f64::NEG_INFINITY;
+        }
+        for (weight, ln) in self.weights.iter_mut().zip(&self.ln_weights) {
+            *weight = if ln.is_nan() { 0.0 } else { (ln - most).exp() };
+        }
+        let total: f64 = self.weights.iter().sum();
+        let squares: f64 = self.weights.iter().map(|w| w * w).sum();
+        let ln_mean = most + (total / n as f64).ln();
+        if is_last {
+            return ln_mean;
+        }
+        if total * total > WORTH * n as f64 * squares {
+            return 0.0;
+        }
+        let old = self.paths.clone();
+        for k in usize::from(self.present.is_some())..n {
+            let from = self.pick(rng);
+            self.paths[k * self.n..][..self.n].copy_from_slice(&old[from * self.n..][..self.n]);
+        }
+        self.ln_weights.fill(0.0);
+        ln_mean
+    }
+
+    /// A particle, by their weights.
+    fn pick(&self, rng: &mut impl Rng) -> usize {
+        let mut left = self.weights.iter().sum::<f64>() * rng.random::<f64>();
+        let own = self.weights.iter().position(|w| {
+            left -= w;
+            left < 0.0
+        });
+        own.unwrap_or(0)
+    }
+
+    /// ε of a particle, by their weights.
+    fn chosen(&self, rng: &mut impl Rng) -> &[f64] {
+        &self.paths[self.pick(rng) * self.n..][..self.n]
+    }
+}
+
+fn draw_student(eps: &mut [f64], rng: &mut impl Rng) {
+    // a chi-square of four degrees of freedom
+    let chi_square =
+        -2.0 * (rng.sample::<f64, _>(OpenClosed01) * rng.sample::<f64, _>(OpenClosed01)).ln();
+    let scale = (NU / chi_square).sqrt();
+    eps.fill_with(|| scale * rng.sample::<f64, _>(StandardNormal));
+}
+
+/// ln of the standard normal density over that of [`draw_student`], up to a constant.
+fn ln_normal_over_student(eps: &[f64]) -> f64 {
+    let square = eps.iter().map(|e| e * e).sum::<f64>();
+    0.5 * ((NU + eps.len() as f64) * (1.0 + square / NU).ln() - square)
+}
