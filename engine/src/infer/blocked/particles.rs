@@ -20,13 +20,14 @@
 
 use super::groups::Whitening;
 use super::latent::{Latent, Layout};
+use super::mixture::student_scale;
 use super::stand_in::StandIn;
-use crate::num::vector::dot;
+use crate::num::vector::{axpy, dot};
 use rand::{Rng, RngExt as _};
-use rand_distr::{OpenClosed01, StandardNormal};
+use rand_distr::StandardNormal;
 
 /// Degrees of freedom of what a particle draws at a place: heavier tails than G, since L/q may be large there.
-const NU: f64 = 4.0;
+const NU: usize = 4;
 /// Particles are drawn anew where they are worth less than this share of them.
 const WORTH: f64 = 0.5;
 /// A latent value of which the values before leave less than this share of the variance is determined by them.
@@ -56,7 +57,7 @@ impl Here<'_> {
             sum += swarm.run(self, group, &order, latent, rng);
             let z = &mut z[first..][..order.n_coefficients];
             first += z.len();
-            order.coefficients(swarm.chosen(rng), rng, z);
+            order.coefficients(&swarm.chosen(rng), rng, z);
         }
         sum
     }
@@ -131,9 +132,12 @@ impl Order {
         &self.lower[i * self.n()..][..=i]
     }
 
-    /// θᵢ
-    fn value(&self, i: usize, eps: &[f64]) -> f64 {
-        self.mean[i] + dot::<4>(self.row(i), &eps[..=i])
+    /// θᵢ of each particle, from ε `(n, particle)`.
+    fn values(&self, i: usize, eps: &[f64], out: &mut [f64]) {
+        out.fill(self.mean[i]);
+        for (l, eps) in self.row(i).iter().zip(eps.chunks_exact(out.len())) {
+            axpy(*l, eps, out);
+        }
     }
 
     /// L⁻¹ x; 0 where L has no pivot.
@@ -174,11 +178,12 @@ impl Order {
 
 /// The particles of a group.
 struct Swarm {
-    n: usize,
-    /// ε of each particle, `(particle, n)`.
-    paths: Vec<f64>,
-    /// ln of each particle's weight since they were last drawn anew, and the weights in units of the largest.
-    ln_weights: Vec<f64>,
+    /// ε `(n, particle)`
+    eps: Vec<f64>,
+    /// Each particle's weight since they were last drawn anew is `factor e^ln`.
+    factors: Vec<f64>,
+    lns: Vec<f64>,
+    /// The weights in units of a common one.
     weights: Vec<f64>,
     /// What one of the particles must be, the first.
     present: Option<Vec<f64>>,
@@ -187,9 +192,9 @@ struct Swarm {
 impl Swarm {
     fn new(n: usize, n_particles: usize, present: Option<Vec<f64>>) -> Self {
         Self {
-            n,
-            paths: vec![0.0; n_particles * n],
-            ln_weights: vec![0.0; n_particles],
+            eps: vec![0.0; n * n_particles],
+            factors: vec![1.0; n_particles],
+            lns: vec![0.0; n_particles],
             weights: vec![1.0; n_particles],
             present,
         }
@@ -205,33 +210,25 @@ impl Swarm {
         rng: &mut impl Rng,
     ) -> f64 {
         let (d, n_particles) = (order.n_blocks, self.weights.len());
+        let mut values = vec![0.0; n_particles];
         let mut theta = vec![0.0; n_particles * d];
         let mut likelihoods = vec![0.0; n_particles];
+        let stand_in = &here.lookahead.groups[group];
         let mut sum = 0.0;
         for place in 0..order.n_seen {
-            let first = place * d;
-            for (k, (path, theta)) in
-                self.paths.chunks_exact_mut(self.n).zip(theta.chunks_exact_mut(d)).enumerate()
-            {
-                let own = &mut path[first..][..d];
-                match &self.present {
-                    Some(present) if k == 0 => own.copy_from_slice(&present[first..][..d]),
-                    _ => draw_student(own, rng),
-                }
-                self.ln_weights[k] += ln_normal_over_student(own);
-                for (f, theta) in theta.iter_mut().enumerate() {
-                    *theta = order.value(first + f, path);
-                }
+            self.draw(place * d, d, rng);
+            for f in 0..d {
+                order.values(place * d + f, &self.eps, &mut values);
+                theta.iter_mut().skip(f).step_by(d).zip(&values).for_each(|(to, x)| *to = *x);
             }
             latent.ln_likelihoods([group, place], &theta, &mut likelihoods);
-            let stand_in = &here.lookahead.groups[group];
             for ((ln, likelihood), theta) in
-                self.ln_weights.iter_mut().zip(&likelihoods).zip(theta.chunks_exact(d))
+                self.lns.iter_mut().zip(&likelihoods).zip(theta.chunks_exact(d))
             {
                 *ln += likelihood + stand_in.quadratic(place, theta);
             }
-            let is_last = place + 1 == order.n_seen;
-            sum += self.weigh(is_last, rng);
+            let n_drawn = (place + 1) * d;
+            sum += self.weigh((n_drawn < order.n()).then_some(n_drawn), rng);
             if !sum.is_finite() {
                 break;
             }
@@ -239,32 +236,58 @@ impl Swarm {
         sum
     }
 
-    /// Computes the weights. Where they are too unequal, draws the particles anew, and returns ln of the mean
-    /// weight: at the end always, else 0 as long as they go on.
-    fn weigh(&mut self, is_last: bool, rng: &mut impl Rng) -> f64 {
+    /// Draws ε of a place from a Student distribution, and multiplies the weights by the standard normal density over
+    /// that one, up to a constant.
+    fn draw(&mut self, first: usize, d: usize, rng: &mut impl Rng) {
+        let n_particles = self.weights.len();
+        let own = &mut self.eps[first * n_particles..][..d * n_particles];
+        let power = NU + d;
+        for k in 0..n_particles {
+            let given = self.present.as_ref().filter(|_| k == 0);
+            let scale = if given.is_some() { 0.0 } else { student_scale(NU, rng) };
+            let mut square = 0.0;
+            for f in 0..d {
+                let drawn = || scale * rng.sample::<f64, _>(StandardNormal);
+                let eps = given.map_or_else(drawn, |given| given[first + f]);
+                own[f * n_particles + k] = eps;
+                square += eps * eps;
+            }
+            let base = 1.0 + square / NU as f64;
+            // base^(power/2)
+            let root = if power.is_multiple_of(2) { 1.0 } else { base.sqrt() };
+            self.factors[k] *= (0..power / 2).fold(root, |product, _| product * base);
+            self.lns[k] -= 0.5 * square;
+        }
+    }
+
+    /// Computes the weights. Where they are too unequal, draws the particles anew, of which `n_drawn` numbers are
+    /// drawn so far, and returns ln of the mean weight: at the end (`None`) always, else 0 as long as they go on.
+    fn weigh(&mut self, n_drawn: Option<usize>, rng: &mut impl Rng) -> f64 {
         let n = self.weights.len();
-        let most = self.ln_weights.iter().copied().fold(f64::NEG_INFINITY, f64::max);
+        let most = self.lns.iter().copied().fold(f64::NEG_INFINITY, f64::max);
         if !most.is_finite() {
             return f64::NEG_INFINITY;
         }
-        for (weight, ln) in self.weights.iter_mut().zip(&self.ln_weights) {
-            *weight = if ln.is_nan() { 0.0 } else { (ln - most).exp() };
+        for ((weight, ln), factor) in self.weights.iter_mut().zip(&self.lns).zip(&self.factors) {
+            let value = factor * (ln - most).exp();
+            *weight = if value.is_finite() { value } else { 0.0 };
         }
         let total: f64 = self.weights.iter().sum();
         let squares: f64 = self.weights.iter().map(|w| w * w).sum();
         let ln_mean = most + (total / n as f64).ln();
-        if is_last {
-            return ln_mean;
-        }
+        let Some(n_drawn) = n_drawn else { return ln_mean };
         if total * total > WORTH * n as f64 * squares {
             return 0.0;
         }
-        let old = self.paths.clone();
-        for k in usize::from(self.present.is_some())..n {
-            let from = self.pick(rng);
-            self.paths[k * self.n..][..self.n].copy_from_slice(&old[from * self.n..][..self.n]);
+        let stays = usize::from(self.present.is_some());
+        let from: Vec<usize> = (0..n).map(|k| if k < stays { k } else { self.pick(rng) }).collect();
+        let mut old = vec![0.0; n];
+        for row in self.eps.chunks_exact_mut(n).take(n_drawn) {
+            old.copy_from_slice(row);
+            row.iter_mut().zip(&from).for_each(|(x, from)| *x = old[*from]);
         }
-        self.ln_weights.fill(0.0);
+        self.lns.fill(0.0);
+        self.factors.fill(1.0);
         ln_mean
     }
 
@@ -279,21 +302,8 @@ impl Swarm {
     }
 
     /// ε of a particle, by their weights.
-    fn chosen(&self, rng: &mut impl Rng) -> &[f64] {
-        &self.paths[self.pick(rng) * self.n..][..self.n]
+    fn chosen(&self, rng: &mut impl Rng) -> Vec<f64> {
+        let own = self.pick(rng);
+        self.eps.chunks_exact(self.weights.len()).map(|row| row[own]).collect()
     }
-}
-
-fn draw_student(eps: &mut [f64], rng: &mut impl Rng) {
-    // a chi-square of four degrees of freedom
-    let chi_square =
-        -2.0 * (rng.sample::<f64, _>(OpenClosed01) * rng.sample::<f64, _>(OpenClosed01)).ln();
-    let scale = (NU / chi_square).sqrt();
-    eps.fill_with(|| scale * rng.sample::<f64, _>(StandardNormal));
-}
-
-/// ln of the standard normal density over that of [`draw_student`], up to a constant.
-fn ln_normal_over_student(eps: &[f64]) -> f64 {
-    let square = eps.iter().map(|e| e * e).sum::<f64>();
-    0.5 * ((NU + eps.len() as f64) * (1.0 + square / NU).ln() - square)
 }
