@@ -143,6 +143,14 @@ pub struct Model {
 }
 
 impl Model {
+    /// Computes the values of effects and linear predictors.
+    pub(super) fn set_offsets(&self, t: &mut Tape) {
+        for range in &self.offsets {
+            t.v[range.clone()].fill(0.0);
+        }
+        self.linear.iter().for_each(|linear| linear.forward(t));
+    }
+
     /// Whether places have deviations whose sd is learnt: `group(row.site) ~ Normal(0, sd)`.
     pub fn has_spreads(&self) -> bool {
         !self.spreads.is_empty()

@@ -37,6 +37,7 @@ mod prior_draws;
 mod reported;
 mod rescale;
 mod restore;
+mod row_line;
 mod row_math;
 mod row_place;
 mod rows;

@@ -8,6 +8,7 @@ use rand::Rng;
 use super::error::ModelError;
 use super::functions::{Columns, RowFn};
 use super::map::ReadCell;
+use super::row_line::{AddLns, Line, Slope};
 use super::row_place::{ERROR, Place};
 use super::tape::Tape;
 use crate::likelihood::{Likelihood, Observation, Outliers};
@@ -33,23 +34,6 @@ pub(super) struct Measurement<'a> {
     pub(super) cells: &'a [f64],
     /// Variance of a normal error that it has beyond its likelihood.
     pub(super) variance: f64,
-}
-
-/// The numbers of a row as linear functions of the latent values at its place, `(n_blocks)`.
-#[derive(Clone, Copy)]
-pub(super) struct Line<'a> {
-    /// The numbers where all are zero.
-    pub(super) base: &'a [f64],
-    pub(super) slopes: &'a [Slope],
-    pub(super) n_blocks: usize,
-}
-
-/// What a number of a row gains as the value of a block grows by one.
-#[derive(Clone, Copy)]
-pub(super) struct Slope {
-    pub(super) number: usize,
-    pub(super) block: usize,
-    pub(super) per_unit: f64,
 }
 
 /// A likelihood with its measurements and the columns that it reads.
@@ -99,8 +83,8 @@ pub(super) trait RowMath: Send + Sync {
 /// The likelihood F of N numbers. The first W carry derivatives; the others are the offsets of
 /// `let`s.
 pub(super) struct RowsOf<F: RowFn<N>, const N: usize, const W: usize> {
-    columns: Vec<F::Columns>,
-    y: Vec<F::Y>,
+    pub(super) columns: Vec<F::Columns>,
+    pub(super) y: Vec<F::Y>,
 }
 
 impl<F: RowFn<N>, const N: usize, const W: usize> RowsOf<F, N, W> {
@@ -268,42 +252,6 @@ impl<F: RowFn<N>, const N: usize, const W: usize> WithSimd for Backward<'_, F, N
     fn with_simd<S: Simd>(self, _: S) {
         let Self { rows, place, t } = self;
         if S::IS_SCALAR { rows.backward_rows(place, t) } else { rows.backward_lanes(place, t) }
-    }
-}
-
-/// Log likelihoods of one row at many latent values.
-struct AddLns<'a, F: RowFn<N>, const N: usize, const W: usize> {
-    rows: &'a RowsOf<F, N, W>,
-    i: usize,
-    line: Line<'a>,
-    theta: &'a [f64],
-    out: &'a mut [f64],
-}
-
-impl<F: RowFn<N>, const N: usize, const W: usize> AddLns<'_, F, N, W> {
-    #[inline(always)]
-    fn likelihood(&self, k: usize) -> impl Likelihood<Num<f64>, F::Y> + use<F, N, W> {
-        let mut s: [Num<f64>; N] = std::array::from_fn(|j| Num(self.line.base[j]));
-        let theta = &self.theta[k * self.line.n_blocks..];
-        for Slope { number, block, per_unit } in self.line.slopes {
-            s[*number] += per_unit * theta[*block];
-        }
-        F::likelihood(s, &self.rows.columns[self.i])
-    }
-}
-
-impl<F: RowFn<N>, const N: usize, const W: usize> WithSimd for AddLns<'_, F, N, W> {
-    type Output = ();
-    #[inline(always)]
-    fn with_simd<S: Simd>(self, _: S) {
-        let (y, n) = (&self.rows.y[self.i], self.out.len());
-        for first in (0..n).step_by(LANES) {
-            let row = |lane: usize| (self.likelihood((first + lane).min(n - 1)), y); // the last fills up
-            let values = Likelihood::ln_likelihoods([row(0), row(1), row(2), row(3)]);
-            for (out, value) in self.out[first..].iter_mut().zip(values) {
-                *out += value.0;
-            }
-        }
     }
 }
 

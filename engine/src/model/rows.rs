@@ -2,7 +2,8 @@
 
 use rand::Rng;
 
-use super::row_math::{Line, Measurement, OutlierShare, Row, RowMath};
+use super::row_line::Line;
+use super::row_math::{Measurement, OutlierShare, Row, RowMath};
 use super::row_place::Place;
 use super::tape::{LocalHessian, Tape};
 use crate::num::Hyper;

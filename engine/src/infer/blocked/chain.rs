@@ -214,18 +214,18 @@ impl<'d> Blocked<'d> {
 
     /// A few proposals of hyperparameters and coefficients together, where they are prepared.
     fn leap(&mut self) {
-        let Some(leap) = &self.shared.together else { return };
+        let Some(mixture) = &self.shared.together else { return };
         let (conditional, point) = self.kernel.parts();
         conditional.take(&point.position);
-        let mut estimate = conditional.estimate(leap, &point.position, &mut self.rng);
+        let mut estimate = conditional.estimate(&point.position, &mut self.rng);
         let [present, proposed] = &mut self.hyper;
         let mut moved = false;
         for _ in 0..LEAPS {
             conditional.hyper(present);
-            leap.mixture.draw(&mut self.rng, proposed);
-            let ln_ratio = leap.mixture.ln_density(present) - leap.mixture.ln_density(proposed);
+            mixture.draw(&mut self.rng, proposed);
+            let ln_ratio = mixture.ln_density(present) - mixture.ln_density(proposed);
             let state = (&mut point.position[..], &mut estimate);
-            moved |= conditional.leap(leap, proposed, ln_ratio, state, &mut self.rng);
+            moved |= conditional.leap(proposed, ln_ratio, state, &mut self.rng);
         }
         conditional.settle(moved);
         if moved {

@@ -8,9 +8,9 @@
 
 use super::groups::Whitening;
 use super::latent::{Latent, Layout};
-use super::meeting::{Leap, Shared};
-use super::particles::Here;
-use super::stand_in::Sample;
+use super::meeting::Shared;
+use super::particles::{Here, lookahead};
+use super::stand_in::{Sample, StandIn};
 use crate::infer::density::Evaluator;
 use crate::num::vector::dot;
 use rand::{Rng, RngExt as _};
@@ -28,6 +28,8 @@ pub(super) struct Conditional<'d> {
     latent: Box<dyn Latent + 'd>,
     layout: &'d Layout,
     shared: Arc<Shared>,
+    /// For moves of hyperparameters and coefficients together.
+    lookahead: StandIn,
     /// Outer unknowns that are no hyperparameters.
     free: Vec<usize>,
     pub(super) outer: Vec<f64>,
@@ -58,6 +60,7 @@ impl<'d> Conditional<'d> {
         let mut new = Self {
             latent,
             layout,
+            lookahead: lookahead(&shared.stand_in),
             shared,
             free: layout.free(),
             outer: outer.to_vec(),
@@ -124,10 +127,7 @@ impl<'d> Conditional<'d> {
         uniform: f64,
         ln_density: &mut f64,
     ) -> f64 {
-        self.trial_outer.copy_from_slice(&self.outer);
-        for (i, h) in self.layout.hyper.iter().zip(proposed) {
-            self.trial_outer[*i] = *h;
-        }
+        self.propose(proposed);
         let Some((value, ln_prior)) = self.try_outer(&position[..self.w.len()]) else { return 0.0 };
         let accept = (value - *ln_density + ln_ratio).exp().min(1.0);
         if uniform < accept {
@@ -154,16 +154,26 @@ impl<'d> Conditional<'d> {
         (!value.is_nan()).then_some((value, ln_prior))
     }
 
-    /// ln of an estimate of the posterior density of the present hyperparameters, in which the coefficients
-    /// of this position are one particle.
-    pub(super) fn estimate(&mut self, leap: &Leap, position: &[f64], rng: &mut impl Rng) -> f64 {
+    /// Makes these hyperparameters, with the other outer unknowns as they are, those of the trial.
+    fn propose(&mut self, hyper: &[f64]) {
+        self.trial_outer.copy_from_slice(&self.outer);
+        for (i, h) in self.layout.hyper.iter().zip(hyper) {
+            self.trial_outer[*i] = *h;
+        }
+    }
+
+    /// ln of an estimate of the posterior density of the present outer unknowns, in which the coefficients of this
+    /// position are one particle. What is not a number tells that there is none.
+    pub(super) fn estimate(&mut self, position: &[f64], rng: &mut impl Rng) -> f64 {
         self.whitening.coefficients(&position[..self.w.len()], &mut self.w);
-        self.latent.set_outer(&self.outer, &mut self.trial.designs);
+        // the free unknowns may have moved since it was computed last
+        let ln_prior = self.latent.set_outer(&self.outer, &mut self.trial.designs);
         self.trial.latent(&self.w, &mut self.theta);
-        let Some(here) = here(&mut self.trial, self.layout, leap) else { return f64::NAN };
-        let likelihood = here.at(&mut *self.latent, PARTICLES, &self.theta, rng);
+        let Some(here) = Here::new(self.layout, &self.lookahead, &mut self.trial) else {
+            return f64::NAN;
+        };
         self.n_trials += PARTICLES as u64;
-        self.ln_prior + here.whitening.ln_evidence + likelihood
+        ln_prior + here.at(&mut *self.latent, PARTICLES, &self.theta, rng)
     }
 
     /// Proposes these hyperparameters with new coefficients, which take their place in `position`. Moves there with
@@ -171,26 +181,22 @@ impl<'d> Conditional<'d> {
     /// estimate at the present hyperparameters, and is kept up to date.
     pub(super) fn leap(
         &mut self,
-        leap: &Leap,
         proposed: &[f64],
         ln_ratio: f64,
         (position, present): (&mut [f64], &mut f64),
         rng: &mut impl Rng,
     ) -> bool {
-        let n = self.w.len();
-        self.trial_outer.copy_from_slice(&self.outer);
-        for (i, h) in self.layout.hyper.iter().zip(proposed) {
-            self.trial_outer[*i] = *h;
-        }
+        self.propose(proposed);
         let ln_prior = self.latent.set_outer(&self.trial_outer, &mut self.trial.designs);
         if !ln_prior.is_finite() {
             return false;
         }
-        let Some(here) = here(&mut self.trial, self.layout, leap) else { return false };
-        let mut z = vec![0.0; n];
-        let likelihood = here.draw(&mut *self.latent, PARTICLES, &mut z, rng);
+        let Some(here) = Here::new(self.layout, &self.lookahead, &mut self.trial) else {
+            return false;
+        };
+        let mut z = vec![0.0; self.w.len()];
         self.n_trials += PARTICLES as u64;
-        let value = ln_prior + here.whitening.ln_evidence + likelihood;
+        let value = ln_prior + here.draw(&mut *self.latent, PARTICLES, &mut z, rng);
         // written so that what is not a number is refused
         if !(rng.random::<f64>().ln() < value - *present + ln_ratio) {
             return false;
@@ -202,7 +208,7 @@ impl<'d> Conditional<'d> {
         mem::swap(&mut self.whitening, &mut self.trial);
         mem::swap(&mut self.outer, &mut self.trial_outer);
         self.ln_prior = ln_prior;
-        self.whitening.whitened(&self.w, &mut position[..n]);
+        self.whitening.whitened(&self.w, &mut position[..z.len()]);
         *present = value;
         true
     }
@@ -277,13 +283,4 @@ impl Evaluator for Conditional<'_> {
     fn ln_density(&mut self, position: &[f64], gradient: &mut [f64]) -> f64 {
         self.inner(position, gradient)
     }
-}
-
-/// Where particles are drawn, at the designs of `trial`; `None` if these have no factor.
-fn here<'a>(trial: &'a mut Whitening, layout: &'a Layout, leap: &'a Leap) -> Option<Here<'a>> {
-    if !trial.prepare(&leap.lookahead) {
-        return None;
-    }
-    trial.set_basis();
-    Some(Here { layout, lookahead: &leap.lookahead, whitening: trial })
 }

@@ -51,15 +51,14 @@ pub(super) fn explore(
             let mut at = outer[rng.random_range(0..outer.len())].clone();
             layout.hyper.iter().zip(&point).for_each(|(i, h)| at[*i] = *h);
             let ln_prior = latent.set_outer(&at, &mut whitening.designs);
-            if !ln_prior.is_finite() || !whitening.prepare(lookahead) {
+            if !ln_prior.is_finite() {
                 continue;
             }
-            whitening.set_basis();
-            let here = Here { layout, lookahead, whitening: &whitening };
-            let ln = here.draw(&mut *latent, PARTICLES, &mut z, rng) + whitening.ln_evidence;
-            if (ln + ln_prior).is_finite() {
+            let Some(here) = Here::new(layout, lookahead, &mut whitening) else { continue };
+            let ln = ln_prior + here.draw(&mut *latent, PARTICLES, &mut z, rng);
+            if ln.is_finite() {
                 drawn.push(used.iter().map(|q| q.ln_density(&point).exp()).sum());
-                ln_density.push(ln + ln_prior);
+                ln_density.push(ln);
                 points.push(point);
             }
         }

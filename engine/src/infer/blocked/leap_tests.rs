@@ -1,14 +1,18 @@
 //! Particles against exact figures, and the mixture's draws against its density.
 
+use super::conditional::Conditional;
 use super::groups::Whitening;
+use super::meeting::Shared;
 use super::mixture::{Mixture, Tails};
 use super::particles::Here;
+use super::proposal::Proposal;
 use super::stand_in::{Sample, StandIn, Trust};
 use super::{BlockLayout, Design, Group, Latent, Layout, Shape};
 use nalgebra::{Cholesky, DMatrix, DVector};
 use rand::{Rng, RngExt as _, SeedableRng as _};
 use rand_chacha::ChaCha8Rng;
 use rand_distr::StandardNormal;
+use std::sync::Arc;
 
 const PLACES: usize = 4;
 const LATENT: usize = 2 * PLACES;
@@ -35,17 +39,17 @@ fn layout() -> Layout {
     Layout { groups: vec![group], free_precision: vec![], outer: vec![], hyper: vec![] }
 }
 
-/// ln L = −½ Σ ((θ₁ + θ₂ − y)/sd)²
+/// Outer unknowns, if there are any, are standard normal; ln L = −½ Σ ((θ₁ + θ₂ − y)/sd)²
 struct Sums;
 
 impl Latent for Sums {
-    fn set_outer(&mut self, _: &[f64], designs: &mut [Design]) -> f64 {
+    fn set_outer(&mut self, outer: &[f64], designs: &mut [Design]) -> f64 {
         for (field, rows) in designs[0].rows.iter_mut().enumerate() {
             rows.copy_from_slice(
                 Cholesky::new(covariance(field)).unwrap().l().transpose().as_slice(),
             );
         }
-        0.0
+        -0.5 * outer.iter().map(|x| x * x).sum::<f64>()
     }
     fn ln_likelihoods(&mut self, [_, place]: [usize; 2], theta: &[f64], out: &mut [f64]) {
         for (out, theta) in out.iter_mut().zip(theta.chunks_exact(2)) {
@@ -137,15 +141,13 @@ fn estimates(n_particles: usize) -> (Vec<f64>, Vec<f64>, Vec<Vec<f64>>) {
     let lookahead = lookahead(&layout, &mut rng);
     let mut whitening = Whitening::new(&layout);
     Sums.set_outer(&[], &mut whitening.designs);
-    assert!(whitening.prepare(&lookahead));
-    whitening.set_basis();
-    let here = Here { layout: &layout, lookahead: &lookahead, whitening: &whitening };
-    let ratio = |ln: f64| (ln + whitening.ln_evidence - exact.ln_evidence).exp();
+    let here = Here::new(&layout, &lookahead, &mut whitening).unwrap();
+    let ratio = |ln: f64| (ln - exact.ln_evidence).exp();
     let (mut new, mut present, mut draws) = (vec![], vec![], vec![]);
     let (mut coefficients, mut theta) = (vec![0.0; LATENT], vec![0.0; LATENT]);
     for _ in 0..20_000 {
         new.push(ratio(here.draw(&mut Sums, n_particles, &mut coefficients, &mut rng)));
-        whitening.latent_at(&coefficients, &mut theta);
+        here.whitening.latent_at(&coefficients, &mut theta);
         draws.push(theta.clone());
         let standard = DVector::from_fn(LATENT, |_, _| rng.sample(StandardNormal));
         let drawn = &exact.mean + &exact.factor * standard;
@@ -192,6 +194,25 @@ fn coefficients_weighted_by_their_estimates_are_those_of_the_posterior() {
     assert!(largest(&new) < LARGEST_Z, "{}", largest(&new));
     let without_weights = vec![1.0; draws.len()];
     assert!(largest(&without_weights) > LARGEST_Z);
+}
+
+/// Between two moves of hyperparameters those of the coefficients move other unknowns, too.
+#[test]
+fn an_estimate_has_the_prior_where_the_free_unknowns_are_now() {
+    let layout = Layout { outer: vec![LATENT], ..layout() };
+    let stand_in = lookahead(&layout, &mut ChaCha8Rng::seed_from_u64(7));
+    let shared = Arc::new(Shared { stand_in, proposal: Proposal::new(&[]), together: None });
+    let estimate = |at_first: f64, then: f64| {
+        let shared = Arc::clone(&shared);
+        let mut conditional =
+            Conditional::new(Box::new(Sums), &layout, shared, &[at_first]).unwrap();
+        let mut position = conditional.position(&[0.1; LATENT]);
+        position[LATENT] = then;
+        conditional.take(&position);
+        conditional.estimate(&position, &mut ChaCha8Rng::seed_from_u64(8))
+    };
+    assert_eq!(estimate(0.0, 2.0), estimate(2.0, 2.0));
+    assert!((estimate(2.0, 0.0) - estimate(2.0, 2.0) - 2.0).abs() < 1e-12);
 }
 
 /// Of draws, the mean of p/q is 1 for any density p.

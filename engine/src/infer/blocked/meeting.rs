@@ -5,6 +5,7 @@ use super::explore::explore;
 use super::groups::Whitening;
 use super::latent::{LatentGaussian, Layout};
 use super::mixture::Mixture;
+use super::particles::lookahead;
 use super::proposal::Proposal;
 use super::stand_in::{Sample, StandIn, Trust};
 use crate::infer::curvature::conditional_scales;
@@ -18,9 +19,6 @@ use serde::{Deserialize, Serialize};
 /// Least variance of a hyperparameter in the proposal.
 const FLOOR: f64 = 1e-3;
 
-/// The lookahead is the stand-in with this share of its information. The stand-in suits the main regime of the
-/// posterior; with all of it, others would be given up too early.
-const LOOKAHEAD: f64 = 0.5;
 /// Hyperparameters and coefficients move together where there are at most so many latent values: with more, such
 /// a move costs more than it brings, and a posterior seldom has several regimes.
 const MOST_LATENT: usize = 40;
@@ -62,15 +60,8 @@ impl Lesson {
 pub(super) struct Shared {
     pub(super) stand_in: StandIn,
     pub(super) proposal: Proposal,
-    /// For moves of hyperparameters and coefficients together, once the warm-up is over.
-    pub(super) together: Option<Leap>,
-}
-
-/// What a move of hyperparameters and coefficients together is made by.
-#[derive(Clone, Debug, Serialize, Deserialize)]
-pub(super) struct Leap {
-    pub(super) mixture: Mixture,
-    pub(super) lookahead: StandIn,
+    /// What is proposed where hyperparameters and coefficients move together, once the warm-up is over.
+    pub(super) together: Option<Mixture>,
 }
 
 impl Shared {
@@ -79,12 +70,9 @@ impl Shared {
 
     /// Whether both are of the same layout.
     pub(super) fn is_like(&self, other: &Self) -> bool {
-        let is_like = |leap: &Leap| {
-            leap.lookahead.is_like(&self.stand_in) && leap.mixture.fits(self.proposal.n())
-        };
         self.stand_in.is_like(&other.stand_in)
             && self.proposal.is_like(&other.proposal)
-            && self.together.as_ref().is_none_or(is_like)
+            && self.together.as_ref().is_none_or(|mixture| mixture.fits(self.proposal.n()))
     }
 
     /// Whether draws of an earlier run take the place of the first round.
@@ -141,9 +129,7 @@ impl Shared {
         new.proposal.fit(&outer.iter().map(hyper).collect::<Vec<_>>(), FLOOR);
         let is_small = layout.n_latent() <= MOST_LATENT && layout.hyper.len() <= MOST_HYPER;
         if let Some(rng) = last.filter(|_| is_small) {
-            let lookahead = new.stand_in.times(LOOKAHEAD);
-            let mixture = explore(density, &lookahead, &outer, rng);
-            new.together = mixture.map(|mixture| Leap { mixture, lookahead });
+            new.together = explore(density, &lookahead(&new.stand_in), &outer, rng);
         }
         new
     }

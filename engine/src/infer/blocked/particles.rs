@@ -26,6 +26,9 @@ use crate::num::vector::{axpy, dot};
 use rand::{Rng, RngExt as _};
 use rand_distr::StandardNormal;
 
+/// The lookahead is the stand-in with this share of its information. The stand-in suits the main regime of the
+/// posterior; with all of it, others would be given up too early.
+const LOOKAHEAD: f64 = 0.5;
 /// Degrees of freedom of what a particle draws at a place: heavier tails than G, since L/q may be large there.
 const NU: usize = 4;
 /// Particles are drawn anew where they are worth less than this share of them.
@@ -33,16 +36,34 @@ const WORTH: f64 = 0.5;
 /// A latent value of which the values before leave less than this share of the variance is determined by them.
 const ROUNDING: f64 = 1e-10;
 
-/// Where coefficients are drawn: hyperparameters at which the whitening by the lookahead is prepared.
+/// The lookahead that goes with a stand-in.
+pub(super) fn lookahead(stand_in: &StandIn) -> StandIn {
+    stand_in.times(LOOKAHEAD)
+}
+
+/// Where coefficients are drawn: some hyperparameters.
 pub(super) struct Here<'a> {
-    pub(super) layout: &'a Layout,
-    pub(super) lookahead: &'a StandIn,
-    /// With its basis set.
+    layout: &'a Layout,
+    lookahead: &'a StandIn,
+    /// By the lookahead, with its basis set.
     pub(super) whitening: &'a Whitening,
 }
 
-impl Here<'_> {
-    /// ln of the estimate of that expectation. Of z, the whitened coefficients, it writes those of one particle.
+impl<'a> Here<'a> {
+    /// At the designs of `whitening`; `None` if one of them has no factor.
+    pub(super) fn new(
+        layout: &'a Layout,
+        lookahead: &'a StandIn,
+        whitening: &'a mut Whitening,
+    ) -> Option<Self> {
+        if !whitening.prepare(lookahead) {
+            return None;
+        }
+        whitening.set_basis();
+        Some(Self { layout, lookahead, whitening })
+    }
+
+    /// ln of an estimate of ∫ p(w) L dw. Of z, the whitened coefficients, it writes those of one particle.
     pub(super) fn draw(
         &self,
         latent: &mut dyn Latent,
@@ -50,7 +71,7 @@ impl Here<'_> {
         z: &mut [f64],
         rng: &mut impl Rng,
     ) -> f64 {
-        let (mut first, mut sum) = (0, 0.0);
+        let (mut first, mut sum) = (0, self.whitening.ln_evidence);
         for group in 0..self.layout.groups.len() {
             let order = Order::new(self, group);
             let mut swarm = Swarm::new(order.n(), n_particles, None);
@@ -70,7 +91,7 @@ impl Here<'_> {
         theta: &[f64],
         rng: &mut impl Rng,
     ) -> f64 {
-        let (mut first, mut sum) = (0, 0.0);
+        let (mut first, mut sum) = (0, self.whitening.ln_evidence);
         for group in 0..self.layout.groups.len() {
             let order = Order::new(self, group);
             let present = order.standard(&theta[first..][..order.n()]);

@@ -22,7 +22,7 @@ pub(super) struct Blocks<'m> {
     pub(super) places: Vec<PlaceBlock>,
     /// Parameters and effects that are free latent values.
     pub(super) free: Vec<FreeBlock>,
-    /// For each group the rows of each of its places, `(observe, row)`. Rows that see no place are with the first.
+    /// For each group the rows of each of its places, `(observe, row)`. Rows that see none are with the first.
     pub(super) rows: Vec<Vec<Vec<[usize; 2]>>>,
 }
 
@@ -101,7 +101,7 @@ impl<'m> Blocks<'m> {
         let free_precision =
             free.iter().flat_map(|block| vec![block.precision; block.u.len()]).collect();
         let layout = Layout { groups, free_precision, outer, hyper };
-        let rows = rows_of_places(model, &layout, &fields);
+        let rows = rows_of_places(model, &layout, &fields, &places);
         Self { model, layout, fields, places, free, rows }
     }
 
@@ -183,7 +183,12 @@ impl Block {
 }
 
 /// See [`Blocks::rows`].
-fn rows_of_places(model: &Model, layout: &Layout, fields: &[Block]) -> Vec<Vec<Vec<[usize; 2]>>> {
+fn rows_of_places(
+    model: &Model,
+    layout: &Layout,
+    fields: &[Block],
+    places: &[PlaceBlock],
+) -> Vec<Vec<Vec<[usize; 2]>>> {
     let mut rows: Vec<Vec<Vec<[usize; 2]>>> =
         layout.groups.iter().map(|group| vec![vec![]; group.n_seen]).collect();
     let place = |value: usize| {
@@ -193,14 +198,51 @@ fn rows_of_places(model: &Model, layout: &Layout, fields: &[Block]) -> Vec<Vec<V
             Some((block.at.0, place))
         })
     };
+    let mut left = vec![];
     for (observe, of) in model.observes.iter().enumerate() {
         for row in 0..of.rows.len() {
-            let locals = of.op.locals(row);
-            let (group, place) = locals.into_iter().find_map(|(v, _)| place(v)).unwrap_or((0, 0));
-            rows[group][place].push([observe, row]);
+            match of.op.locals(row).into_iter().find_map(|(value, _)| place(value)) {
+                Some((group, place)) => rows[group][place].push([observe, row]),
+                None => left.push([observe, row]),
+            }
         }
     }
+    let places = places_of_deviations(model, places, layout.groups[0].n_seen, &left);
+    for (row, place) in left.into_iter().zip(places) {
+        rows[0][place].push(row);
+    }
     rows
+}
+
+/// For each of these rows the place of which it sees the deviation; the first if it sees none.
+fn places_of_deviations(
+    model: &Model,
+    places: &[PlaceBlock],
+    n_places: usize,
+    rows: &[[usize; 2]],
+) -> Vec<usize> {
+    let mut own = vec![0; rows.len()];
+    if places.is_empty() || rows.is_empty() {
+        return own;
+    }
+    let mut tape = model.tape();
+    let mut numbers = |place: usize, deviation: f64| -> Vec<Vec<f64>> {
+        places.iter().for_each(|block| block.set_value(place, deviation, &mut tape));
+        model.set_offsets(&mut tape);
+        let of_row = |[observe, row]: &[usize; 2]| {
+            model.observes[*observe].op.place.numbers_at(&tape.v, *row)
+        };
+        rows.iter().map(of_row).collect()
+    };
+    for place in 0..n_places {
+        let (with, without) = (numbers(place, 1.0), numbers(place, 0.0));
+        for (own, (with, without)) in own.iter_mut().zip(with.into_iter().zip(without)) {
+            if with != without {
+                *own = place;
+            }
+        }
+    }
+    own
 }
 
 /// Whether a prior is one of outer unknowns: not of a mean in a block, of deviations of places, or of free values.

@@ -169,4 +169,6 @@ fn free_priors(model: &Model) -> Option<Vec<usize>> {
 #[cfg(test)]
 mod models_of_tests;
 #[cfg(test)]
+mod on_tape_tests;
+#[cfg(test)]
 mod tests;

@@ -86,6 +86,31 @@ model! {
     observe direct(x): Number ~ Normal(size, 0.2);
 }
 
+model! {
+    /// Deviations of places that act on measurements of no field.
+    model Apart;
+    field f(x) in -2.0..2.0 = m + gp(Rbf(Num::from(30.0)), K = 12) where { m ~ Normal(-0.5, 0.5); }
+    param level ~ Normal(0.0, 1.0);
+    let other(x) = level;
+    param place_sd ~ LogNormal(-0.7, 0.5);
+    effect difference on other = group(row.place) ~ Normal(0.0, place_sd);
+    observe beats(x): Count ~ PoissonLog(f(x));
+    observe direct(x): Number ~ Normal(other(x), 0.5);
+}
+
+/// At each of five places a row of the field, and one of another number that differs from place to place.
+pub(super) fn apart() -> Model {
+    let cells = |line: String| line.split(',').map(String::from).collect::<Vec<_>>();
+    let row = |i: usize| {
+        let protocol = if i.is_multiple_of(2) { "beats" } else { "direct" };
+        cells(format!("{protocol},{},{},p{}", 7 * (i / 2), i % 3, i / 2))
+    };
+    let header = cells("protocol,vertex,value,place".into());
+    let mut table = Measurements::from_cells("test", header, (0..10).map(row).collect()).unwrap();
+    table.place_at_indices(60).unwrap();
+    Model::new(&Apart, Some(&basis(12)), &table).unwrap()
+}
+
 /// Six rows of a field, and two of its amplitude alone.
 pub(super) fn measured() -> Model {
     let cells = |line: String| line.split(',').map(String::from).collect::<Vec<_>>();

@@ -5,7 +5,7 @@ use crate::dist::Gaussian;
 use crate::infer::{Design, Evaluator, Latent, LatentGaussian, Layout, LogDensity};
 use crate::model::gp::Field;
 use crate::model::restore::{Seen, coefficients, weights_of};
-use crate::model::row_math::{Line, Slope};
+use crate::model::row_line::{Line, Slope};
 use crate::model::tape::{Op, Tape};
 use rand::Rng;
 use rand_chacha::ChaCha8Rng;
@@ -30,7 +30,7 @@ impl OnTape<'_> {
             t.u[*u] = *x;
         }
         model.priors.iter().for_each(|prior| prior.forward(t));
-        self.set_offsets();
+        self.blocks.model.set_offsets(&mut self.tape);
     }
 
     fn set_latent(&mut self, theta: &[f64]) {
@@ -48,17 +48,8 @@ impl OnTape<'_> {
             first += block.n();
         }
         if !(self.blocks.places.is_empty() && self.blocks.free.is_empty()) {
-            self.set_offsets();
+            self.blocks.model.set_offsets(&mut self.tape);
         }
-    }
-
-    /// Computes the values of effects and linear predictors.
-    fn set_offsets(&mut self) {
-        let (model, t) = (self.blocks.model, &mut self.tape);
-        for range in &model.offsets {
-            t.v[range.clone()].fill(0.0);
-        }
-        model.linear.iter().for_each(|linear| linear.forward(t));
     }
 
     /// Sets the latent values of one place of a group.
@@ -72,7 +63,7 @@ impl OnTape<'_> {
         for (block, x) in self.blocks.places.iter().zip(&theta[n_fields..]) {
             block.set_value(place, *x, &mut self.tape);
         }
-        self.set_offsets();
+        self.blocks.model.set_offsets(&mut self.tape);
     }
 
     /// The numbers that the likelihood of a row depends on.

@@ -1,6 +1,4 @@
-use super::models_of_tests::{
-    Beside, Counts, Known, Patients, basis, measured, patients, places, rows,
-};
+use super::models_of_tests::{Counts, Known, Patients, basis, patients, places, rows};
 use super::*;
 use crate::diagnostics::{mcse_mean, mcse_sd, mean_and_sd};
 use crate::infer::{Blocked, Chain, ChainError, MarkovChain, Silent, jittered_starts};
@@ -314,36 +312,6 @@ fn twins_that_miss_a_prior_or_the_likelihood_are_found_out() {
     }
 }
 
-/// Also of groups, deviations of places, and rows that see no field.
-#[test]
-fn log_likelihoods_of_places_sum_to_that_of_all_rows() {
-    let mut rng = ChaCha8Rng::seed_from_u64(5);
-    let models = [model(&Counts, "beats", 8), places(8), patients(18), measured()];
-    for model in &models {
-        let blocks = Blocks::new(model);
-        let (layout, mut latent) = (blocks.layout(), blocks.latent());
-        let mut designs: Vec<Design> = layout.groups.iter().map(Design::new).collect();
-        latent.set_outer(&blocks.prior_outer(1, &mut rng).unwrap()[0], &mut designs);
-        let theta: Vec<f64> = (0..layout.n_latent()).map(|_| rng.random_range(-1.0..1.0)).collect();
-        let all = latent.ln_likelihood(&theta);
-        let (mut first, mut sum) = (0, 0.0);
-        for (number, group) in layout.groups.iter().enumerate() {
-            for place in 0..group.n_seen {
-                let at = |f: usize| first + f * group.n_seen + place;
-                let mut own: Vec<f64> = (0..group.blocks.len()).map(|f| theta[at(f)]).collect();
-                // five particles, more than are computed at once, the last of them this one
-                let others = [0.1, 0.2, 0.3, 0.4].map(|d| own.iter().map(move |x| x + d).collect());
-                own.splice(0..0, others.into_iter().flat_map(|theta: Vec<f64>| theta));
-                let mut values = [0.0; 5];
-                latent.ln_likelihoods([number, place], &own, &mut values);
-                sum += values[4];
-            }
-            first += group.n_latent();
-        }
-        assert!((sum - all).abs() < 1e-10 * all.abs(), "{sum} instead of {all}");
-    }
-}
-
 #[test]
 fn small_groups_agree_with_nuts() {
     let (z, what) = against_nuts(&patients(18), Fault::None);
@@ -375,28 +343,4 @@ fn the_log_density_recorded_is_the_models_own() {
         let value = evaluator.ln_density(chain.draw(i), &mut vec![0.0; model.dim()]);
         assert!((value - chain.ln_density[i]).abs() < 1e-12 * value.abs());
     }
-}
-
-#[test]
-fn free_values_and_their_coefficients_are_two_forms_of_the_same() {
-    let model = model(&Beside, "direct", 30);
-    let blocks = Blocks::integrated(&model, &free_priors(&model).unwrap());
-    let layout = blocks.layout();
-    assert_eq!(
-        (layout.outer.len(), &layout.free_precision[..]),
-        (1, &[0.0, 1.0, 1.0, 1.0, 1.0][..])
-    );
-    let mut latent = blocks.latent();
-    let position: Vec<f64> = (0..model.dim()).map(|i| 0.3 + (i as f64).sin()).collect();
-    let mut coefficients = vec![0.0; layout.n_coefficients()];
-    latent.coefficients(&position, &mut coefficients);
-    let outer: Vec<f64> = layout.outer.iter().map(|u| position[*u]).collect();
-    let (mut again, mut rng) = (vec![0.0; model.dim()], ChaCha8Rng::seed_from_u64(1));
-    let ln_density = latent.join(&outer, &coefficients, &mut rng, &mut again);
-    for (a, b) in again.iter().zip(&position) {
-        assert!((a - b).abs() < 1e-12, "{a} instead of {b}");
-    }
-    let mut gradient = vec![0.0; model.dim()];
-    let direct = model.evaluator().ln_density(&position, &mut gradient);
-    assert!((ln_density - direct).abs() < 1e-9, "{ln_density} instead of {direct}");
 }
