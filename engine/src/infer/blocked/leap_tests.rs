@@ -25,11 +25,23 @@ const LARGEST_Z: f64 = 4.4;
 /// Two fields at a few places on a line: sd and lengthscale of each.
 const FIELDS: [[f64; 2]; 2] = [[1.0, 2.0], [0.7, 0.8]];
 
-fn covariance(field: usize) -> DMatrix<f64> {
+/// L of a field's covariance L Lᵀ. Of the first field only so many columns are left: its values at the places
+/// before determine the others.
+fn factor(field: usize, rank: usize) -> DMatrix<f64> {
     let [sd, rho] = FIELDS[field];
-    DMatrix::from_fn(PLACES, PLACES, |i, j| {
+    let covariance = DMatrix::from_fn(PLACES, PLACES, |i, j| {
         sd * sd * (-0.5 * ((i as f64 - j as f64) / rho).powi(2)).exp()
-    })
+    });
+    let mut factor = Cholesky::new(covariance).unwrap().l();
+    if field == 0 {
+        factor.columns_mut(rank, PLACES - rank).fill(0.0);
+    }
+    factor
+}
+
+fn covariance(field: usize, rank: usize) -> DMatrix<f64> {
+    let factor = factor(field, rank);
+    &factor * factor.transpose()
 }
 
 fn layout() -> Layout {
@@ -40,14 +52,14 @@ fn layout() -> Layout {
 }
 
 /// Outer unknowns, if there are any, are standard normal; ln L = −½ Σ ((θ₁ + θ₂ − y)/sd)²
-struct Sums;
+struct Sums {
+    rank: usize,
+}
 
 impl Latent for Sums {
     fn set_outer(&mut self, outer: &[f64], designs: &mut [Design]) -> f64 {
         for (field, rows) in designs[0].rows.iter_mut().enumerate() {
-            rows.copy_from_slice(
-                Cholesky::new(covariance(field)).unwrap().l().transpose().as_slice(),
-            );
+            rows.copy_from_slice(factor(field, self.rank).transpose().as_slice());
         }
         -0.5 * outer.iter().map(|x| x * x).sum::<f64>()
     }
@@ -84,14 +96,14 @@ struct Exact {
     ln_evidence: f64,
     /// `(block, place)`
     mean: DVector<f64>,
-    /// L of its covariance L Lᵀ.
+    /// A with covariance A Aᵀ.
     factor: DMatrix<f64>,
 }
 
-fn exact() -> Exact {
+fn exact(rank: usize) -> Exact {
     let y = DVector::from_row_slice(&Y);
     let sum = Cholesky::new(
-        covariance(0) + covariance(1) + DMatrix::identity(PLACES, PLACES) * SD.powi(2),
+        covariance(0, rank) + covariance(1, rank) + DMatrix::identity(PLACES, PLACES) * SD.powi(2),
     )
     .unwrap();
     let ln_ratio: f64 = sum.l().diagonal().iter().map(|l| (SD / l).ln()).sum();
@@ -100,15 +112,16 @@ fn exact() -> Exact {
     for field in 0..2 {
         prior
             .view_mut((field * PLACES, field * PLACES), (PLACES, PLACES))
-            .copy_from(&covariance(field));
+            .copy_from(&covariance(field, rank));
         seen.view_mut((0, field * PLACES), (PLACES, PLACES)).fill_with_identity();
     }
     let gain = &prior * seen.transpose() * sum.inverse();
-    let covariance = &prior - &gain * &seen * &prior;
+    let mut eigen = (&prior - &gain * &seen * &prior).symmetric_eigen();
+    eigen.eigenvalues.apply(|x| *x = x.max(0.0).sqrt());
     Exact {
         ln_evidence: ln_ratio - 0.5 * y.dot(&sum.solve(&y)),
         mean: gain * y,
-        factor: Cholesky::new(covariance).unwrap().l(),
+        factor: eigen.eigenvectors * DMatrix::from_diagonal(&eigen.eigenvalues),
     }
 }
 
@@ -117,7 +130,7 @@ fn lookahead(layout: &Layout, rng: &mut ChaCha8Rng) -> StandIn {
     let sample = |_| {
         let theta: Vec<f64> = (0..LATENT).map(|_| rng.sample(StandardNormal)).collect();
         let mut slope = vec![0.0; LATENT];
-        Sums.slope(&theta, &mut slope);
+        Sums { rank: PLACES }.slope(&theta, &mut slope);
         Sample { theta, slope }
     };
     let samples: Vec<Sample> = (0..100).map(sample).collect();
@@ -135,23 +148,23 @@ fn z(values: &[f64]) -> f64 {
 }
 
 /// Ẑ/Z of new particles, and with a draw of the posterior among them; and a draw θ for each of the former.
-fn estimates(n_particles: usize) -> (Vec<f64>, Vec<f64>, Vec<Vec<f64>>) {
+fn estimates(n_particles: usize, rank: usize) -> (Vec<f64>, Vec<f64>, Vec<Vec<f64>>) {
     let mut rng = ChaCha8Rng::seed_from_u64(7);
-    let (layout, exact) = (layout(), exact());
+    let (layout, exact, mut sums) = (layout(), exact(rank), Sums { rank });
     let lookahead = lookahead(&layout, &mut rng);
     let mut whitening = Whitening::new(&layout);
-    Sums.set_outer(&[], &mut whitening.designs);
+    sums.set_outer(&[], &mut whitening.designs);
     let here = Here::new(&layout, &lookahead, &mut whitening).unwrap();
     let ratio = |ln: f64| (ln - exact.ln_evidence).exp();
     let (mut new, mut present, mut draws) = (vec![], vec![], vec![]);
     let (mut coefficients, mut theta) = (vec![0.0; LATENT], vec![0.0; LATENT]);
     for _ in 0..20_000 {
-        new.push(ratio(here.draw(&mut Sums, n_particles, &mut coefficients, &mut rng)));
+        new.push(ratio(here.draw(&mut sums, n_particles, &mut coefficients, &mut rng)));
         here.whitening.latent_at(&coefficients, &mut theta);
         draws.push(theta.clone());
         let standard = DVector::from_fn(LATENT, |_, _| rng.sample(StandardNormal));
         let drawn = &exact.mean + &exact.factor * standard;
-        present.push(ratio(here.at(&mut Sums, n_particles, drawn.as_slice(), &mut rng)));
+        present.push(ratio(here.at(&mut sums, n_particles, drawn.as_slice(), &mut rng)));
     }
     (new, present, draws)
 }
@@ -161,16 +174,16 @@ fn estimates(n_particles: usize) -> (Vec<f64>, Vec<f64>, Vec<Vec<f64>>) {
 #[test]
 fn estimates_are_unbiased_and_those_at_a_state_are_distributed_as_they_should_be() {
     let f = |x: &f64| 1.0 / (1.0 + x);
-    for n_particles in [1, 4, 16] {
-        let (new, present, _) = estimates(n_particles);
-        assert!(z(&new).abs() < LARGEST_Z, "{n_particles} particles: {}", z(&new));
+    for (n_particles, rank) in [(1, PLACES), (4, PLACES), (16, PLACES), (4, 2), (16, 1)] {
+        let (new, present, _) = estimates(n_particles, rank);
+        assert!(z(&new).abs() < LARGEST_Z, "{n_particles} particles, rank {rank}: {}", z(&new));
         let difference = |right: &dyn Fn(&f64) -> f64| -> f64 {
             // both means at once
             let pairs = present.iter().zip(&new);
             z(&pairs.map(|(at, new)| 1.0 + f(at) - right(new)).collect::<Vec<_>>())
         };
         let own = difference(&|x| x * f(x));
-        assert!(own.abs() < LARGEST_Z, "{n_particles} particles: {own}");
+        assert!(own.abs() < LARGEST_Z, "{n_particles} particles, rank {rank}: {own}");
         assert!(difference(&f).abs() > LARGEST_Z);
     }
 }
@@ -178,8 +191,8 @@ fn estimates_are_unbiased_and_those_at_a_state_are_distributed_as_they_should_be
 /// Draws weighted by the estimates are draws of the posterior: E[Ẑ (θ − mean)] = 0 and E[Ẑ (θ − mean)²] = Z variance.
 #[test]
 fn coefficients_weighted_by_their_estimates_are_those_of_the_posterior() {
-    let exact = exact();
-    let (new, _, draws) = estimates(2);
+    let exact = exact(PLACES);
+    let (new, _, draws) = estimates(2, PLACES);
     let variance = (&exact.factor * exact.factor.transpose()).diagonal();
     let largest = |weights: &[f64]| {
         let z_of = |i: usize| {
@@ -205,7 +218,8 @@ fn an_estimate_has_the_prior_where_the_free_unknowns_are_now() {
     let estimate = |at_first: f64, then: f64| {
         let shared = Arc::clone(&shared);
         let mut conditional =
-            Conditional::new(Box::new(Sums), &layout, shared, &[at_first]).unwrap();
+            Conditional::new(Box::new(Sums { rank: PLACES }), &layout, shared, &[at_first])
+                .unwrap();
         let mut position = conditional.position(&[0.1; LATENT]);
         position[LATENT] = then;
         conditional.take(&position);

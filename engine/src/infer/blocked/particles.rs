@@ -22,6 +22,7 @@ use super::groups::Whitening;
 use super::latent::{Latent, Layout};
 use super::mixture::student_scale;
 use super::stand_in::StandIn;
+use crate::dist::ln_gamma;
 use crate::num::vector::{axpy, dot};
 use rand::{Rng, RngExt as _};
 use rand_distr::StandardNormal;
@@ -63,7 +64,7 @@ impl<'a> Here<'a> {
         Some(Self { layout, lookahead, whitening })
     }
 
-    /// ln of an estimate of ∫ p(w) L dw. Of z, the whitened coefficients, it writes those of one particle.
+    /// ln of an unbiased estimate of ∫ p(w) L dw. Of z, the whitened coefficients, it writes those of one particle.
     pub(super) fn draw(
         &self,
         latent: &mut dyn Latent,
@@ -237,7 +238,7 @@ impl Swarm {
         let stand_in = &here.lookahead.groups[group];
         let mut sum = 0.0;
         for place in 0..order.n_seen {
-            self.draw(place * d, d, rng);
+            sum += self.draw(order, place, rng);
             for f in 0..d {
                 order.values(place * d + f, &self.eps, &mut values);
                 theta.iter_mut().skip(f).step_by(d).zip(&values).for_each(|(to, x)| *to = *x);
@@ -257,20 +258,21 @@ impl Swarm {
         sum
     }
 
-    /// Draws ε of a place from a Student distribution, and multiplies the weights by the standard normal density over
-    /// that one, up to a constant.
-    fn draw(&mut self, first: usize, d: usize, rng: &mut impl Rng) {
+    /// Draws ε of a place from a Student distribution. The weights are multiplied by the standard normal density over
+    /// that one, but for a constant, whose ln is returned. What the values before determine has no ε.
+    fn draw(&mut self, order: &Order, place: usize, rng: &mut impl Rng) -> f64 {
         let n_particles = self.weights.len();
-        let own = &mut self.eps[first * n_particles..][..d * n_particles];
-        let power = NU + d;
+        let all = place * order.n_blocks..(place + 1) * order.n_blocks;
+        let open: Vec<usize> = all.filter(|i| order.row(*i)[*i] > 0.0).collect();
+        let power = NU + open.len();
         for k in 0..n_particles {
             let given = self.present.as_ref().filter(|_| k == 0);
             let scale = if given.is_some() { 0.0 } else { student_scale(NU, rng) };
             let mut square = 0.0;
-            for f in 0..d {
+            for i in &open {
                 let drawn = || scale * rng.sample::<f64, _>(StandardNormal);
-                let eps = given.map_or_else(drawn, |given| given[first + f]);
-                own[f * n_particles + k] = eps;
+                let eps = given.map_or_else(drawn, |given| given[*i]);
+                self.eps[i * n_particles + k] = eps;
                 square += eps * eps;
             }
             let base = 1.0 + square / NU as f64;
@@ -279,6 +281,8 @@ impl Swarm {
             self.factors[k] *= (0..power / 2).fold(root, |product, _| product * base);
             self.lns[k] -= 0.5 * square;
         }
+        let half = 0.5 * NU as f64;
+        0.5 * open.len() as f64 * half.ln() + ln_gamma(half) - ln_gamma(0.5 * power as f64)
     }
 
     /// Computes the weights. Where they are too unequal, draws the particles anew, of which `n_drawn` numbers are
