@@ -225,7 +225,7 @@ fn an_estimate_has_the_prior_where_the_free_unknowns_are_now() {
         conditional.take(&position);
         conditional.estimate(&position, &mut ChaCha8Rng::seed_from_u64(8))
     };
-    assert_eq!(estimate(0.0, 2.0), estimate(2.0, 2.0));
+    assert!((estimate(0.0, 2.0) - estimate(2.0, 2.0)).abs() < 1e-12);
     assert!((estimate(2.0, 0.0) - estimate(2.0, 2.0) - 2.0).abs() < 1e-12);
 }
 

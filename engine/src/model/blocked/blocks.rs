@@ -227,7 +227,9 @@ fn places_of_deviations(
     }
     let mut tape = model.tape();
     let mut numbers = |place: usize, deviation: f64| -> Vec<Vec<f64>> {
-        places.iter().for_each(|block| block.set_value(place, deviation, &mut tape));
+        for block in places {
+            block.set_value(place, deviation, &mut tape);
+        }
         model.set_offsets(&mut tape);
         let of_row = |[observe, row]: &[usize; 2]| {
             model.observes[*observe].op.place.numbers_at(&tape.v, *row)

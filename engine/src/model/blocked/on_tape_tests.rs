@@ -3,7 +3,7 @@
 use super::blocks::Blocks;
 use super::free_priors;
 use super::models_of_tests::{Beside, Counts, apart, basis, measured, patients, places, rows};
-use crate::infer::{Design, Group, LatentGaussian as _, LogDensity as _};
+use crate::infer::{Design, LatentGaussian as _, LogDensity as _};
 use crate::model::Model;
 use rand::{RngExt as _, SeedableRng as _};
 use rand_chacha::ChaCha8Rng;
