@@ -3,7 +3,6 @@
 use pulp::{Simd, WithSimd};
 
 use super::functions::RowFn;
-use super::row_math::RowsOf;
 use crate::likelihood::Likelihood;
 use crate::num::Num;
 use crate::num::lanes::LANES;
@@ -26,33 +25,34 @@ pub(super) struct Slope {
 }
 
 /// Log likelihoods of one row at many latent values.
-pub(super) struct AddLns<'a, F: RowFn<N>, const N: usize, const W: usize> {
-    pub(super) rows: &'a RowsOf<F, N, W>,
-    pub(super) i: usize,
+pub(super) struct AddLns<'a, F: RowFn<N>, const N: usize> {
+    /// The row's columns, and its measurement.
+    pub(super) columns: &'a F::Columns,
+    pub(super) y: &'a F::Y,
     pub(super) line: Line<'a>,
     pub(super) theta: &'a [f64],
     pub(super) out: &'a mut [f64],
 }
 
-impl<F: RowFn<N>, const N: usize, const W: usize> AddLns<'_, F, N, W> {
+impl<F: RowFn<N>, const N: usize> AddLns<'_, F, N> {
     #[inline(always)]
-    fn likelihood(&self, k: usize) -> impl Likelihood<Num<f64>, F::Y> + use<F, N, W> {
+    fn likelihood(&self, k: usize) -> impl Likelihood<Num<f64>, F::Y> + use<F, N> {
         let mut s: [Num<f64>; N] = std::array::from_fn(|j| Num(self.line.base[j]));
         let theta = &self.theta[k * self.line.n_blocks..];
         for Slope { number, block, per_unit } in self.line.slopes {
             s[*number] += per_unit * theta[*block];
         }
-        F::likelihood(s, &self.rows.columns[self.i])
+        F::likelihood(s, self.columns)
     }
 }
 
-impl<F: RowFn<N>, const N: usize, const W: usize> WithSimd for AddLns<'_, F, N, W> {
+impl<F: RowFn<N>, const N: usize> WithSimd for AddLns<'_, F, N> {
     type Output = ();
     #[inline(always)]
     fn with_simd<S: Simd>(self, _: S) {
-        let (y, n) = (&self.rows.y[self.i], self.out.len());
+        let n = self.out.len();
         for first in (0..n).step_by(LANES) {
-            let row = |lane: usize| (self.likelihood((first + lane).min(n - 1)), y); // the last fills up
+            let row = |lane: usize| (self.likelihood((first + lane).min(n - 1)), self.y); // the last fills up
             let values = Likelihood::ln_likelihoods([row(0), row(1), row(2), row(3)]);
             for (out, value) in self.out[first..].iter_mut().zip(values) {
                 *out += value.0;

@@ -83,8 +83,8 @@ pub(super) trait RowMath: Send + Sync {
 /// The likelihood F of N numbers. The first W carry derivatives; the others are the offsets of
 /// `let`s.
 pub(super) struct RowsOf<F: RowFn<N>, const N: usize, const W: usize> {
-    pub(super) columns: Vec<F::Columns>,
-    pub(super) y: Vec<F::Y>,
+    columns: Vec<F::Columns>,
+    y: Vec<F::Y>,
 }
 
 impl<F: RowFn<N>, const N: usize, const W: usize> RowsOf<F, N, W> {
@@ -308,7 +308,8 @@ impl<F: RowFn<N>, const N: usize, const W: usize> RowMath for RowsOf<F, N, W> {
     fn add_lns(&self, row: Row<'_>, line: Line<'_>, theta: &[f64], out: &mut [f64]) {
         let is_plain = row.outliers.0 == 0.0 && Self::further_sd(row) == 0.0;
         if is_plain && line.slopes.iter().all(|slope| slope.number < N) {
-            Arch::new().dispatch(AddLns { rows: self, i: row.i, line, theta, out });
+            let (columns, y) = (&self.columns[row.i], &self.y[row.i]);
+            Arch::new().dispatch(AddLns::<F, N> { columns, y, line, theta, out });
             return;
         }
         let mut numbers = line.base.to_vec();
