@@ -167,27 +167,38 @@ impl<E: Evaluator> Kernel<E> {
         let energy = self.point.energy();
         let time = time * (0.5 + self.flow.rng.random::<f64>());
         let n = (time / step_size).round().clamp(1.0, f64::from(2u32.pow(self.max_depth)));
+        self.flow.begin(step_size, energy);
         let [edge, _] = &mut self.edges;
         edge.copy_from(&self.point);
-        let (mut n_leapfrog, mut diverging) = (0, false);
-        while n_leapfrog < n as u32 && !diverging {
-            self.flow.hamiltonian.leapfrog(edge, step_size);
-            n_leapfrog += 1;
-            let error = edge.energy() - energy;
-            diverging = error.is_nan() || error > MAX_ENERGY_ERROR;
+        let (mut ln_ratio, mut roughest, mut stop) = (0.0, 0.0_f64, None);
+        for _ in 0..n as u32 {
+            match self.flow.advance(edge, step_size) {
+                Ok(Step { ln_weight, whole }) => {
+                    ln_ratio = ln_weight;
+                    roughest = roughest.max(whole.unwrap_or(0.0));
+                }
+                Err(why) => {
+                    stop = Some(why);
+                    break;
+                }
+            }
         }
-        let accept = if diverging { 0.0 } else { (energy - edge.energy()).exp().min(1.0) };
+        let accept = if stop.is_some() { 0.0 } else { f64::exp(ln_ratio).min(1.0) };
         let drawn = if self.flow.rng.random::<f64>() < accept {
             std::mem::swap(&mut self.point, edge);
             self.point.energy()
         } else {
             energy
         };
+        let diverging = stop == Some(Stop::Divergence);
         if diverging {
             // the other end of the trajectory is where it began
             let [backward, forward] = &mut self.edges;
             forward.copy_from(backward);
         }
+        let n_leapfrog = self.flow.n;
+        // the step size is tuned to steps that are whole
+        let accept = accept.min((-roughest).exp());
         Transition { accept, energy: drawn, depth: n_leapfrog.ilog2(), n_leapfrog, diverging }
     }
 
@@ -259,6 +270,14 @@ impl<E> Flow<E> {
     }
 }
 
+/// What one step of a trajectory came to.
+struct Step {
+    /// ln of the weight of its end: the energy at the trajectory's start less that of the end.
+    ln_weight: f64,
+    /// Of a step that was halved: the difference of energies along the whole one.
+    whole: Option<f64>,
+}
+
 impl<E: Evaluator> Flow<E> {
     /// Moves `point` by `step_size` in 2^halvings leapfrog steps. Returns the difference between the
     /// highest energy and the lowest on the way; not finite where the density is not.
@@ -275,6 +294,39 @@ impl<E: Evaluator> Flow<E> {
             (low, high) = (low.min(energy), high.max(energy));
         }
         high - low
+    }
+
+    /// Moves `edge` by one step. A step along which energies differ by more than [`ROUGH`] is made
+    /// again in twice as many parts. It counts only if the way back, chosen by the same rule, has as
+    /// many: so the map from point to point stays its own inverse, and the draws stay exact.
+    fn advance(&mut self, edge: &mut PhasePoint, step_size: f64) -> Result<Step, Stop> {
+        self.begun.copy_from(edge);
+        let whole = self.parts(edge, step_size, 0);
+        let (mut change, mut halvings) = (whole, 0);
+        while change > ROUGH {
+            if halvings == MOST_HALVINGS {
+                return Err(Stop::Divergence);
+            }
+            halvings += 1;
+            edge.copy_from(&self.begun);
+            change = self.parts(edge, step_size, halvings);
+        }
+        for fewer in 0..halvings {
+            let mut back = std::mem::take(&mut self.back);
+            back.copy_from(edge);
+            let change = self.parts(&mut back, -step_size, fewer);
+            self.back = back;
+            if change <= ROUGH {
+                return Err(Stop::OneWay);
+            }
+        }
+        self.newest_energy = edge.energy();
+        let ln_weight = self.energy - self.newest_energy;
+        // NaN, from an undefined density or gradient, is in no range and diverges.
+        if !(-MAX_ENERGY_ERROR..f64::INFINITY).contains(&ln_weight) {
+            return Err(Stop::Divergence);
+        }
+        Ok(Step { ln_weight, whole: (halvings > 0).then_some(whole) })
     }
 }
 
@@ -312,42 +364,13 @@ impl<E: Evaluator> Trajectory for Flow<E> {
     type Proposal = Proposal;
     type Span = Span;
 
-    /// A step along which energies differ by more than [`ROUGH`] is made again in twice as many
-    /// parts. It counts only if the way back, chosen by the same rule, has as many: so the map from
-    /// point to point stays its own inverse, and the draws stay exact.
     fn step(&mut self, edge: &mut PhasePoint, direction: Direction) -> Result<f64, Stop> {
         let forward = direction == Direction::Forward;
         let step_size = if forward { self.step_size } else { -self.step_size };
         self.n_points += 1;
-        self.begun.copy_from(edge);
-        let whole = self.parts(edge, step_size, 0);
-        let (mut change, mut halvings) = (whole, 0);
-        while change > ROUGH {
-            if halvings == MOST_HALVINGS {
-                return Err(Stop::Divergence);
-            }
-            halvings += 1;
-            edge.copy_from(&self.begun);
-            change = self.parts(edge, step_size, halvings);
-        }
-        for fewer in 0..halvings {
-            let mut back = std::mem::take(&mut self.back);
-            back.copy_from(edge);
-            let change = self.parts(&mut back, -step_size, fewer);
-            self.back = back;
-            if change <= ROUGH {
-                return Err(Stop::OneWay);
-            }
-        }
-        self.newest_energy = edge.energy();
-        let ln_weight = self.energy - self.newest_energy;
-        // NaN, from an undefined density or gradient, is in no range and diverges.
-        if !(-MAX_ENERGY_ERROR..f64::INFINITY).contains(&ln_weight) {
-            return Err(Stop::Divergence);
-        }
+        let Step { ln_weight, whole } = self.advance(edge, step_size)?;
         // the step size is tuned to steps that are whole
-        let ln_accept = if halvings > 0 { -whole } else { ln_weight.min(0.0) };
-        self.accept += ln_accept.exp();
+        self.accept += whole.map_or(ln_weight.min(0.0), |change| -change).exp();
         Ok(ln_weight)
     }
 
