@@ -56,6 +56,26 @@ mod models {
             observe lat(row): Number [ms] ~ Normal(arrival(row), 2.0);
         }
     }
+
+    pub(super) mod rates {
+        use eplat::prelude::*;
+        model! {
+            model Rates;
+            column s2_ms [ms];
+            /// Each row's own; no arrival depends on it.
+            column deep;
+            field velocity(x) [m/s] within 0.1..1.5 = m + alpha * gp(Rbf(30.0), K = 6) where {
+                alpha [m/s] ~ HalfNormal(0.3);
+                m [m/s] ~ Normal(0.8, 0.3);
+            }
+            param slowing ~ HalfNormal(1.0);
+            let factor(x) = 1.0 + slowing * (600.0 - x.s2_ms) / 300.0;
+            let slowness(x) [ms/mm] = factor(x) / velocity(x);
+            let arrival(row) [ms] = eikonal(slowness(row); row.source);
+            let late(row) [ms] = arrival(row) + row.deep;
+            observe lat(row): Number [ms] ~ Normal(late(row), 2.0);
+        }
+    }
 }
 
 /// A coarse atrium with its modes.
@@ -166,6 +186,54 @@ fn arrivals_are_slowness_times_distance_and_add_effects() {
     for (row, (late, slow)) in late.iter().zip(&slow).enumerate() {
         let deep = data.number(row, "deep", "").unwrap();
         assert!((late - slow - 2.0 * deep).abs() < 1e-9, "row {row}: {late} {slow}");
+    }
+}
+
+/// Each vertex at an S2 of 600, 300 and 450 ms, from two sources.
+fn rates(surface: &Surface, basis: &Basis) -> Measurements {
+    let n = surface.mesh.n_vertices();
+    let lines: Vec<String> = (0..n / 31)
+        .flat_map(|i| {
+            [600, 300, 450]
+                .map(|s2| format!("lat,{},{},{},{s2},{i}", 31 * i, [5, n / 2][i % 2], 20 + i))
+        })
+        .collect();
+    let mut rows = table("protocol,vertex,source,value,s2_ms,deep", &lines);
+    rows.place_on(surface, 1.0).unwrap();
+    rows.probe(surface, basis).unwrap();
+    rows
+}
+
+/// What is twice as slow everywhere takes twice as long, by its own source's way.
+#[test]
+fn a_column_that_the_tissue_depends_on_makes_an_activation_for_each_of_its_values() {
+    let (surface, basis) = atrium();
+    let data = rates(&surface, &basis);
+    let model = Model::new(&models::rates::Rates, Some(&basis), &data).unwrap();
+    for point in 0..3 {
+        let error = gradient_error(&model, point);
+        assert!(error < 1e-5, "point {point}: {error}");
+    }
+    let mut u = model.initial();
+    let at = model.unknown_names().iter().position(|name| name == "slowing").unwrap();
+    u[at] = 1.0; // ln
+    let mut t = model.tape();
+    model.forward(&mut t, &u);
+    let mut values = vec![];
+    model.let_values(&t, &mut values);
+    let of = |name: &str| {
+        let at = model.lets.iter().position(|l| l.name == name).unwrap();
+        let first: usize = model.lets[..at].iter().map(|l| l.len).sum();
+        values[first..first + model.lets[at].len].to_vec()
+    };
+    let (arrivals, late) = (of("arrival"), of("late"));
+    let slowing = 1.0_f64.exp();
+    for (i, row) in arrivals.chunks_exact(3).enumerate() {
+        assert!(i == 0 || row[0] > 1.0, "{row:?}");
+        for (time, factor) in row[1..].iter().zip([1.0 + slowing, 1.0 + 0.5 * slowing]) {
+            assert!((time - factor * row[0]).abs() < 1e-9 * (1.0 + time), "{i}: {row:?}");
+        }
+        assert!((late[3 * i] - row[0] - i as f64).abs() < 1e-12);
     }
 }
 

@@ -60,8 +60,7 @@ impl Model {
     /// Whether the likelihood of `observe` takes brackets as exact: no parameter of it is an error.
     pub fn is_exact(&self, observe: &Observe) -> bool {
         let is_param = |name: &Ident| {
-            let mut items = self.statements.iter().map(|statement| &statement.item);
-            items.any(|item| matches!(item, Item::Param(param) if param.name == *name))
+            self.items().any(|item| matches!(item, Item::Param(param) if param.name == *name))
         };
         let all = mentions(&observe.likelihood);
         all.iter().any(|mention| mention.name == "TopHat")

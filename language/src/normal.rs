@@ -18,7 +18,7 @@ impl Model {
         if !is_sum(&sum) {
             return None;
         }
-        let items = self.statements.iter().map(|statement| &statement.item);
+        let items = self.items();
         for item in items.filter(|item| matches!(item, Item::Param(_) | Item::Effect(_))) {
             if self.is_mentioned_elsewhere(item.name()) {
                 continue;

@@ -310,6 +310,11 @@ impl Let {
 }
 
 impl Model {
+    /// What the statements declare, in order.
+    pub fn items(&self) -> impl Iterator<Item = &Item> {
+        self.statements.iter().map(|statement| &statement.item)
+    }
+
     /// The `let`s that are arrivals over the whole surface.
     pub fn arrivals(&self) -> impl Iterator<Item = &Let> {
         self.statements.iter().filter_map(|statement| match &statement.item {
@@ -337,7 +342,7 @@ impl Model {
     /// The statement that declares a field or a `let` of this name.
     pub fn value(&self, name: &Ident) -> Option<&Item> {
         let is_value = |item: &&Item| matches!(item, Item::Field(_) | Item::Let(_));
-        let mut items = self.statements.iter().map(|statement| &statement.item).filter(is_value);
+        let mut items = self.items().filter(is_value);
         items.find(|item| item.name() == name)
     }
 }

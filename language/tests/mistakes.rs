@@ -111,16 +111,16 @@ fn each_mistake_is_told_in_words() {
         ),
         // arrival times
         (
-            "let t(row) = eikonal(f(row), row.dose; row.source);",
-            "dose: `row.dose` has no value between the rows; an arrival depends on what lies on the way to it: fields and parameters, and what is computed of these alone",
+            "column age ~ Normal(50, 9); let t(row) = eikonal(f(row), row.age; row.source);",
+            "age: `row.age` has no value between the rows; an arrival depends on what lies on the way to it: fields, parameters and columns, and what is computed of these alone",
         ),
         (
-            "let h(row) = f(row) * row.dose; let t(row) = eikonal(h(row); row.source);",
-            "h: `h` has no value between the rows; an arrival depends on what lies on the way to it: fields and parameters, and what is computed of these alone",
+            "column age ~ Normal(50, 9); let h(row) = f(row) * row.age; let t(row) = eikonal(h(row); row.source);",
+            "h: `h` has no value between the rows; an arrival depends on what lies on the way to it: fields, parameters and columns, and what is computed of these alone",
         ),
         (
             "let t(row) = eikonal(alpha(row); row.source);",
-            "alpha: `alpha` has no value between the rows; an arrival depends on what lies on the way to it: fields and parameters, and what is computed of these alone",
+            "alpha: `alpha` has no value between the rows; an arrival depends on what lies on the way to it: fields, parameters and columns, and what is computed of these alone",
         ),
         (
             "let t(row) = eikonal(f(row), 2.0; row.start);",

@@ -3,7 +3,7 @@
 use std::collections::BTreeSet;
 use std::ops::Add;
 
-use eplat_language::names::{Mention, Seen, mentions, substitute};
+use eplat_language::names::{Mention, Seen, columns_of, mentions, substitute};
 use eplat_language::syntax::{Expr, Ident};
 use proc_macro2::{Literal, TokenStream};
 use quote::{ToTokens, format_ident, quote};
@@ -119,6 +119,21 @@ impl Scope {
             Seen::Value(name) => is(name, |k| matches!(k, Kind::Row | Kind::Let { .. })),
             Seen::Column(name) => is(name, |k| matches!(k, Kind::Cells)),
         })
+    }
+
+    /// The columns that `e` reads of its row, itself and through `let`s, but for those with a prior; `None` if
+    /// it hands on the whole row.
+    pub(crate) fn columns_behind(&self, e: &Expr, row: &Ident) -> Option<Vec<Ident>> {
+        let mut columns = columns_of(&self.plain(e, row), row)?;
+        for name in self.mentioned(e).lets {
+            if let Kind::Let { row, value } = &name.kind {
+                let own = columns_of(&self.plain(value, row), row)?;
+                columns.extend(
+                    own.into_iter().filter(|column| !columns.contains(column)).collect::<Vec<_>>(),
+                );
+            }
+        }
+        Some(columns)
     }
 
     /// Whether `e` reads a column of the row that is no imputed one.

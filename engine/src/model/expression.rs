@@ -46,9 +46,10 @@ pub struct AnyKernel {
 /// A `let`.
 pub struct AnyLet(pub(super) fn() -> Box<dyn MapFn>);
 
-/// An expression at every place of the surface.
+/// An expression at every place of the surface, which reads these columns.
 pub struct AnyOperand {
     pub(super) mentions: Place,
+    pub(super) columns: &'static [&'static str],
     pub(super) make: fn() -> Box<dyn PlaceFn>,
 }
 
@@ -104,9 +105,12 @@ pub fn value<F: LetFn<N>, const N: usize>() -> AnyLet {
     AnyLet(|| Box::new(MapAt::<F, N>::new()))
 }
 
-/// The operand F of an operator over the whole surface.
-pub fn operand<F: LetFn<N>, const N: usize>(mentions: Place) -> AnyOperand {
-    AnyOperand { mentions, make: || Box::new(PlaceAt::<F, N>::new()) }
+/// The operand F of an operator over the whole surface, which reads these columns.
+pub fn operand<F: LetFn<N>, const N: usize>(
+    mentions: Place,
+    columns: &'static [&'static str],
+) -> AnyOperand {
+    AnyOperand { mentions, columns, make: || Box::new(PlaceAt::<F, N>::new()) }
 }
 
 /// The linear predictor F.

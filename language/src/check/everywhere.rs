@@ -7,9 +7,10 @@ use crate::syntax::{Expr, Ident, Item, Let, Model, Over, Value};
 /// The column that names the vertex at which activation starts.
 const SOURCE: &str = "source";
 
-const HELP: &str = "an arrival depends on what lies on the way to it: fields and parameters, and what is computed of these alone";
+const HELP: &str = "an arrival depends on what lies on the way to it: fields, parameters and columns, and what is computed of these alone";
 
-/// What `e` mentions that rows alone have, or labels; through `let`s, too.
+/// What `e` mentions that has no value at every place: what labels have, columns with a prior, other arrivals and `linear`;
+/// through `let`s, too. A column has its row's value everywhere.
 pub(super) fn mistakes(e: &Expr, row: &Ident, model: &Model) -> Vec<Mistake> {
     let is_of_rows = |name: &Ident| {
         let behind = model.value(name).map(|item| model.and_behind(vec![item.name()]));
@@ -20,7 +21,9 @@ pub(super) fn mistakes(e: &Expr, row: &Ident, model: &Model) -> Vec<Mistake> {
     for mention in mentions(e) {
         let name = &mention.name;
         let (at, what) = match &mention.member {
-            Some(column) if name == row => (column, format!("{row}.{column}")),
+            Some(column) if name == row && is_imputed(column, model) => {
+                (column, format!("{row}.{column}"))
+            }
             _ if name != row && is_of_rows(name) => (name, name.to_string()),
             _ => continue,
         };
@@ -30,13 +33,15 @@ pub(super) fn mistakes(e: &Expr, row: &Ident, model: &Model) -> Vec<Mistake> {
     mistakes
 }
 
-/// Whether the statement of this field or `let` says itself that only rows have it, or their labels.
+/// Whether the statement of this field or `let` says itself that it has no value at every place.
 fn is_of_row(name: &Ident, model: &Model) -> bool {
     match model.value(name) {
         Some(Item::Field(field)) => field.label.is_some(),
         Some(Item::Let(Let { row, value: Value::Expr(e), .. })) => {
-            let is_column = |m: &Mention| m.name == *row && m.member.is_some();
-            mentions(e).iter().any(|m| is_column(m) || is_labelled(&m.name, model))
+            let is_unknown = |m: &Mention| {
+                m.name == *row && m.member.as_ref().is_some_and(|column| is_imputed(column, model))
+            };
+            mentions(e).iter().any(|m| is_unknown(m) || is_labelled(&m.name, model))
         }
         _ => true,
     }
@@ -44,10 +49,16 @@ fn is_of_row(name: &Ident, model: &Model) -> bool {
 
 /// Whether this is a parameter with a number for each label.
 fn is_labelled(name: &Ident, model: &Model) -> bool {
-    let mut items = model.statements.iter().map(|statement| &statement.item);
-    items.any(|item| {
+    model.items().any(|item| {
         matches!(item, Item::Param(param) if param.name == *name && matches!(param.over, Over::Each(_)))
     })
+}
+
+/// Whether empty cells of this column are unknowns, each the one row's own.
+fn is_imputed(column: &Ident, model: &Model) -> bool {
+    model
+        .items()
+        .any(|item| matches!(item, Item::Column(own) if own.name == *column && own.prior.is_some()))
 }
 
 /// Activation starts where column `source` says.

@@ -97,7 +97,7 @@ impl<'a> Scope<'a> {
     /// Whether a declared name is used in the form that it has there.
     fn use_of(&self, item: &Item, mention: &Mention, place: Place<'_>) -> Option<Mistake> {
         let (name, span) = (&mention.name, mention.name.span());
-        let items = self.model.statements.iter().map(|statement| &statement.item);
+        let items = self.model.items();
         if items.filter(|item| is_value(item) && item.name() == name).count() > 1 {
             return None; // which of them is meant is not known
         }

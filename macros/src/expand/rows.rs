@@ -45,13 +45,17 @@ impl State<'_> {
         }}
     }
 
-    /// `b.eikonal(…)` with slowness, ratio and angle, each as a function of what it mentions.
+    /// `b.eikonal(…)` with slowness, ratio and angle, each as a function of what it mentions and of these columns.
     fn eikonal(&mut self, declared: &Let, value: &Eikonal) -> TokenStream {
         let (name, row) = (declared.name.to_string(), &declared.row);
         let decl = decl(&declared.name, declared.unit.as_ref(), &value.text(row));
         let operand = |e: &Expr| {
             let (function, n, place) = self.value_function(e, row);
-            quote!(Some({ #function expansion::operand::<Value, #n>(#place) }))
+            let columns = match self.scope.columns_behind(e, row) {
+                Some(columns) => columns.iter().map(ToString::to_string).collect(),
+                None => self.columns.clone(),
+            };
+            quote!(Some({ #function expansion::operand::<Value, #n>(#place, &[#(#columns),*]) }))
         };
         let optional = |e: &Option<Expr>| e.as_ref().map_or(quote!(None), operand);
         let slowness = operand(&value.slowness);

@@ -3,12 +3,20 @@
 use std::collections::BTreeMap;
 
 use super::{Builder, Linear, Source};
-use crate::model::arrival::{Arrival, Operand, PIECES};
+use crate::model::arrival::{Arrival, OPERANDS, Operand, PIECES};
 use crate::model::error::ModelError;
 use crate::model::everywhere::Where;
 use crate::model::expression::AnyOperand;
 use crate::model::functions::Decl;
-use crate::table::Measurements;
+
+/// An `eikonal` statement.
+pub(super) struct Declared {
+    /// Where the numbers of each operand live, and the operand.
+    operands: [Option<(Vec<Where>, AnyOperand)>; OPERANDS],
+    /// Number of the model's arrivals, by the cells that the operands read of a row: each combination is an activation
+    /// of its own.
+    arrivals: BTreeMap<Vec<u64>, usize>,
+}
 
 impl Builder<'_> {
     /// `let name(row) [unit] = eikonal(slowness, ratio, angle; row.source);`
@@ -19,10 +27,9 @@ impl Builder<'_> {
         &mut self,
         decl: Decl,
         name: &'static str,
-        operands: [Option<AnyOperand>; 3],
+        operands: [Option<AnyOperand>; OPERANDS],
     ) -> Result<(), ModelError> {
-        let arrival = self.model.arrivals.len();
-        self.linear_let(decl, name, Linear::Arrival(arrival));
+        self.linear_let(decl, name, Linear::Arrival(self.eikonals.len()));
         let Some(data) = self.data else { return Ok(()) };
         let Some(waves) = data.waves() else {
             return Err(ModelError::NoSource { name: name.into(), file: data.file().into() });
@@ -31,18 +38,15 @@ impl Builder<'_> {
         if ratio.is_some() && angle.is_none() && !waves.has_fibres {
             return Err(ModelError::NoFibres { name: name.into() });
         }
-        let operands = operands.map(|operand| operand.map(|of| self.operand(of)));
-        let work = self.n_work;
-        self.n_work += PIECES * waves.solver.n_vertices();
-        let solver = waves.solver.clone();
-        self.model.arrivals.push(Arrival { solver, operands, sources: vec![], work, front: 0 });
+        let operands = operands.map(|operand| operand.map(|of| (self.places(&of), of)));
+        self.eikonals.push(Declared { operands, arrivals: BTreeMap::new() });
         Ok(())
     }
 
     /// Where the numbers of an operand live. Those that differ from place to place are fields.
-    fn operand(&mut self, AnyOperand { mentions, make }: AnyOperand) -> Operand {
+    fn places(&mut self, operand: &AnyOperand) -> Vec<Where> {
         let mut from = vec![];
-        for number in mentions.numbers {
+        for number in operand.mentions.numbers {
             match *self.source(number) {
                 Source::Scalars { v, len } => {
                     from.extend((v..v + len).map(|v| Where::Same(v as u32)));
@@ -57,25 +61,53 @@ impl Builder<'_> {
         {
             *self.mentions.entry(*at as usize).or_default() += 1;
         }
-        Operand { from, math: make() }
+        from
     }
 
     /// Lays out the arrivals at these rows. Returns the place of the first.
-    pub(super) fn arrivals_at(&mut self, arrival: usize, rows: &[usize]) -> usize {
+    ///
+    /// # Errors
+    /// A cell that an operand needs and the table lacks.
+    pub(super) fn arrivals_at(
+        &mut self,
+        name: &str,
+        eikonal: usize,
+        rows: &[usize],
+    ) -> Result<usize, ModelError> {
         let out = self.values(rows.len());
-        let Some(waves) = self.data.and_then(Measurements::waves) else { return out };
-        let mut of_source: BTreeMap<u32, Vec<(u32, usize)>> = BTreeMap::new();
+        let Some((data, waves)) = self.data.and_then(|data| Some((data, data.waves()?))) else {
+            return Ok(out);
+        };
+        let who = format!("let {name}");
         for (i, row) in rows.iter().enumerate() {
-            of_source.entry(waves.source[*row]).or_default().push((waves.at[*row], out + i));
-        }
-        let sources = &mut self.model.arrivals[arrival].sources;
-        for (source, rows) in of_source {
+            let mut cells = vec![];
+            let mut cell = |column: &str| -> Result<f64, ModelError> {
+                let cell = data.number(*row, column, &who)?;
+                cells.push(cell.to_bits());
+                Ok(cell)
+            };
+            let mut operands = [const { None }; OPERANDS];
+            for (operand, declared) in operands.iter_mut().zip(&self.eikonals[eikonal].operands) {
+                let Some((from, of)) = declared else { continue };
+                let mut math = (of.make)();
+                math.read(of.columns, &mut cell)?;
+                *operand = Some(Operand { from: from.clone(), math });
+            }
+            let arrivals = &mut self.model.arrivals;
+            let arrival = *self.eikonals[eikonal].arrivals.entry(cells).or_insert_with(|| {
+                let (work, solver) = (self.n_work, waves.solver.clone());
+                self.n_work += PIECES * solver.n_vertices();
+                arrivals.push(Arrival { solver, operands, sources: vec![], work, front: 0 });
+                arrivals.len() - 1
+            });
+            let (sources, source) = (&mut arrivals[arrival].sources, waves.source[*row]);
+            let at = (waves.at[*row], out + i);
             match sources.iter_mut().find(|(own, _)| *own == source) {
-                Some((_, own)) => own.extend(rows),
-                None => sources.push((source, rows)),
+                Some((_, own)) => own.push(at),
+                None => sources.push((source, vec![at])),
             }
         }
-        out
+        Ok(out)
     }
 
     /// Gives every source of every arrival a front on the tape.

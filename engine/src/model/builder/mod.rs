@@ -101,7 +101,7 @@ enum Linear {
     Columns { beta: &'static str, columns: Vec<&'static str> },
     /// An expression of these parameters.
     Written { numbers: &'static [&'static str], factors: Factors },
-    /// Arrival times: number `.0` of the model's.
+    /// Arrival times: the `eikonal` number `.0`.
     Arrival(usize),
 }
 
@@ -126,6 +126,7 @@ pub struct Builder<'a> {
     hooks: Hooks,
     /// First value of (observe, linear predictor).
     predictors: BTreeMap<(&'static str, &'static str), usize>,
+    eikonals: Vec<arrivals::Declared>,
     /// (`let`, observe that depends on it)
     seen: BTreeSet<(&'static str, &'static str)>,
     lets: Vec<lets::Declared>,
@@ -170,6 +171,7 @@ impl<'a> Builder<'a> {
             row_errors: vec![],
             hooks: Hooks::new(),
             predictors: BTreeMap::new(),
+            eikonals: vec![],
             seen: BTreeSet::new(),
             lets: vec![],
             flat: BTreeMap::new(),

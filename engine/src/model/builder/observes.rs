@@ -147,7 +147,7 @@ impl Builder<'_> {
                 return self.written(name, numbers, *factors, rows);
             }
             Source::Linear(Declared::Arrival(arrival)) => {
-                return Ok(self.arrivals_at(*arrival, rows));
+                return self.arrivals_at(name, *arrival, rows);
             }
             _ => return Ok(0),
         };
