@@ -12,6 +12,8 @@ use eplat_engine::model::Compiled;
 
 #[path = "../../models/apd_restitution.rs"]
 mod apd_restitution;
+#[path = "../../models/conduction_erp.rs"]
+mod conduction_erp;
 #[path = "../../models/custom.rs"]
 mod custom;
 #[path = "../../models/cv_restitution.rs"]
@@ -38,6 +40,8 @@ mod joint;
 mod lat;
 #[path = "../../models/lat_fibres.rs"]
 mod lat_fibres;
+#[path = "../../models/lat_rates.rs"]
+mod lat_rates;
 #[path = "../../models/lat_velocity.rs"]
 mod lat_velocity;
 #[path = "../../models/normal.rs"]
@@ -67,6 +71,7 @@ macro_rules! shipped {
 /// All of them, by the names of their files.
 pub const MODELS: &[Compiled] = &[
     shipped!("apd_restitution.rs", &apd_restitution::ApdRestitution),
+    shipped!("conduction_erp.rs", &conduction_erp::ConductionErp),
     shipped!("custom.rs", &custom::Custom),
     shipped!("cv_restitution.rs", &cv_restitution::CvRestitution),
     shipped!("eight_schools.rs", &eight_schools::EightSchools),
@@ -80,6 +85,7 @@ pub const MODELS: &[Compiled] = &[
     shipped!("joint.rs", &joint::Joint),
     shipped!("lat.rs", &lat::Lat),
     shipped!("lat_fibres.rs", &lat_fibres::LatFibres),
+    shipped!("lat_rates.rs", &lat_rates::LatRates),
     shipped!("lat_velocity.rs", &lat_velocity::LatVelocity),
     shipped!("normal.rs", &normal::MeanAndSpread),
     shipped!("one_compartment.rs", &one_compartment::OneCompartment),

@@ -9,7 +9,7 @@
 use std::ops::Range;
 use std::sync::Arc;
 
-use super::everywhere::{PlaceFn, Where};
+use super::everywhere::{PlaceFn, Where, pull, push};
 use super::tape::{Op, Second, Tape};
 use crate::manifold::{Eikonal, Front, Medium, MediumBar};
 
@@ -36,24 +36,38 @@ pub(super) struct Arrival {
     pub(super) operands: [Option<Operand>; OPERANDS],
     /// Every vertex at which activation starts, with the rows whose source it is.
     pub(super) sources: Vec<(u32, Vec<At>)>,
-    /// Its part of `work`: the operands at every vertex, their adjoints, and the adjoint of one map of arrivals.
+    /// Its part of `work`: the operands at every vertex and their slopes, then, as scratch memory, the operands'
+    /// adjoints and the adjoint of one map of arrivals.
     pub(super) work: usize,
     /// The first of its fronts on the tape: one for each source.
     pub(super) front: usize,
 }
-
-/// Pieces of (n_vertices) numbers that an [`Arrival`] needs of `work`.
-pub(super) const PIECES: usize = 2 * OPERANDS + 1;
 
 impl Arrival {
     fn n(&self) -> usize {
         self.solver.n_vertices()
     }
 
-    /// Piece number `i` of its part of `work`.
-    fn piece(&self, i: usize) -> Range<usize> {
-        let start = self.work + i * self.n();
-        start..start + self.n()
+    /// How many numbers of `work` it needs.
+    pub(super) fn n_work(&self) -> usize {
+        self.n_kept() + (OPERANDS + 1) * self.n()
+    }
+
+    /// How many of them a forward pass leaves.
+    fn n_kept(&self) -> usize {
+        OPERANDS * self.n() + self.slopes(OPERANDS).start
+    }
+
+    /// Where the slopes of operand `i` are among those of all.
+    fn slopes(&self, i: usize) -> Range<usize> {
+        let n = |of: &Option<Operand>| of.as_ref().map_or(0, |of| self.n() * of.from.len());
+        let start = self.operands[..i].iter().map(n).sum();
+        start..start + self.operands.get(i).map_or(0, n)
+    }
+
+    /// What a forward pass has left: the operands, and their slopes.
+    fn kept<'a>(&self, work: &'a [f64]) -> (&'a [f64], &'a [f64]) {
+        work[self.work..][..self.n_kept()].split_at(OPERANDS * self.n())
     }
 
     /// The operands that are written, with their number.
@@ -86,19 +100,18 @@ impl Arrival {
             && medium.angle.is_none_or(|angle| angle.iter().all(|x| x.is_finite()))
     }
 
-    /// Carries adjoints of the arrivals at the rows, in `g`, to what the operands depend on, in `g` too. `t` is
-    /// after a forward pass, `work` is scratch memory of the same layout.
+    /// Carries adjoints of the arrivals at the rows, in `g`, to what the operands depend on, in `g` too. What is `kept`
+    /// and the `fronts` are from a forward pass.
     fn carry_back(
         &self,
-        v: &[f64],
-        values: &[f64],
+        (values, slopes): (&[f64], &[f64]),
         fronts: &[Front],
-        work: &mut [f64],
+        scratch: &mut [f64],
         g: &mut [f64],
     ) {
         let n = self.n();
         let medium = self.medium(values);
-        let (bars, bar) = work.split_at_mut(OPERANDS * n);
+        let (bars, bar) = scratch.split_at_mut(OPERANDS * n);
         bars.fill(0.0);
         for ((_, rows), front) in self.arrived(fronts) {
             bar.fill(0.0);
@@ -115,7 +128,7 @@ impl Arrival {
             self.solver.backward(&medium, front, bar, &mut into);
         }
         for (i, operand) in self.written() {
-            operand.math.pull(v, &operand.from, &bars[i * n..(i + 1) * n], g);
+            pull(&slopes[self.slopes(i)], &operand.from, &bars[i * n..(i + 1) * n], g);
         }
     }
 }
@@ -129,11 +142,13 @@ fn split(all: &mut [f64], n: usize) -> [&mut [f64]; OPERANDS] {
 
 impl Op for Arrival {
     fn forward(&self, t: &mut Tape) {
+        let n = self.n();
+        let (values, slopes) = t.work[self.work..][..self.n_kept()].split_at_mut(OPERANDS * n);
         for (i, operand) in self.written() {
-            let out = self.piece(i);
-            operand.math.values(&t.v, &operand.from, &mut t.work[out]);
+            let (out, slopes) = (&mut values[i * n..(i + 1) * n], &mut slopes[self.slopes(i)]);
+            operand.math.values(&t.v, &operand.from, out, slopes);
         }
-        let medium = self.medium(&t.work[self.work..]);
+        let medium = self.medium(values);
         let fronts = t.fronts[self.front..].iter_mut();
         let is_tissue = Self::is_tissue(&medium);
         for ((source, rows), front) in self.sources.iter().zip(fronts) {
@@ -152,10 +167,10 @@ impl Op for Arrival {
     }
 
     fn backward(&self, t: &mut Tape) {
-        let n = self.n();
-        let (values, rest) = t.work[self.work..].split_at_mut(OPERANDS * n);
-        let scratch = &mut rest[..(PIECES - OPERANDS) * n];
-        self.carry_back(&t.v, values, &t.fronts[self.front..], scratch, &mut t.g);
+        let own = &mut t.work[self.work..][..self.n_work()];
+        let (kept, scratch) = own.split_at_mut(self.n_kept());
+        let kept = kept.split_at(OPERANDS * self.n());
+        self.carry_back(kept, &t.fronts[self.front..], scratch, &mut t.g);
     }
 
     fn ln_density(&self, _: &mut Tape) {}
@@ -165,14 +180,14 @@ impl Op for Arrival {
 impl Second for Arrival {
     fn push(&self, t: &Tape, d: &mut Tape) {
         let n = self.n();
-        for (i, operand) in self.written() {
-            let out = self.piece(i);
-            operand.math.push(&t.v, &operand.from, &d.v, &mut d.work[out]);
-        }
-        let medium = self.medium(&t.work[self.work..]);
+        let (values, slopes) = self.kept(&t.work);
         let (changes, rest) = d.work[self.work..].split_at_mut(OPERANDS * n);
-        let change = self.medium(changes);
-        let arrival = &mut rest[OPERANDS * n..][..n];
+        for (i, operand) in self.written() {
+            let out = &mut changes[i * n..(i + 1) * n];
+            push(&slopes[self.slopes(i)], &operand.from, &d.v, out);
+        }
+        let (medium, change) = (self.medium(values), self.medium(changes));
+        let arrival = &mut rest[..n];
         for ((_, rows), front) in self.arrived(&t.fronts[self.front..]) {
             self.solver.push(&medium, front, &change, &[0.0], arrival);
             for (vertex, at) in rows {
@@ -182,9 +197,7 @@ impl Second for Arrival {
     }
 
     fn pull(&self, t: &Tape, d: &mut Tape) {
-        let n = self.n();
-        let scratch = &mut d.work[self.work + OPERANDS * n..][..(PIECES - OPERANDS) * n];
-        let values = &t.work[self.work..][..OPERANDS * n];
-        self.carry_back(&t.v, values, &t.fronts[self.front..], scratch, &mut d.g);
+        let scratch = &mut d.work[self.work + self.n_kept()..][..(OPERANDS + 1) * self.n()];
+        self.carry_back(self.kept(&t.work), &t.fronts[self.front..], scratch, &mut d.g);
     }
 }

@@ -3,7 +3,7 @@
 use super::error::ModelError;
 use super::functions::{Columns, LetFn};
 use super::map::ReadCell;
-use crate::num::{Num, derivatives, dual, variable};
+use crate::num::{Dual, Num, derivatives, variable};
 
 /// Where a number of such an expression lives in the value vector.
 #[derive(Clone, Copy, Debug)]
@@ -27,33 +27,44 @@ impl Where {
 pub(super) trait PlaceFn: Send + Sync {
     /// Takes these columns of a row, whose cells are then those of every place.
     fn read(&mut self, columns: &[&str], cell: ReadCell<'_>) -> Result<(), ModelError>;
-    /// Its values (n_vertices).
-    fn values(&self, v: &[f64], from: &[Where], out: &mut [f64]);
-    /// Their change (n_vertices), where the values change by `d`.
-    fn push(&self, v: &[f64], from: &[Where], d: &[f64], out: &mut [f64]);
-    /// Adds to `g` the adjoint of what it depends on; `bars` (n_vertices) is that of its values.
-    fn pull(&self, v: &[f64], from: &[Where], bars: &[f64], g: &mut [f64]);
+    /// Its values (n_vertices), and its slopes in each number of `from` (n_vertices, from).
+    fn values(&self, v: &[f64], from: &[Where], out: &mut [f64], slopes: &mut [f64]);
 }
 
-/// The expression F of N numbers: those of `from`, then an offset for each `let` that it mentions, which is zero.
-pub(super) struct PlaceAt<F: LetFn<N>, const N: usize> {
+/// The change of an expression's values (n_vertices), where the numbers that it comes `from` change by `d`.
+pub(super) fn push(slopes: &[f64], from: &[Where], d: &[f64], out: &mut [f64]) {
+    for (vertex, (out, slopes)) in
+        out.iter_mut().zip(slopes.chunks_exact(from.len().max(1))).enumerate()
+    {
+        *out = from.iter().zip(slopes).map(|(from, slope)| slope * d[from.at(vertex)]).sum();
+    }
+}
+
+/// Adds to `g` the adjoint of what an expression comes `from`; `bars` (n_vertices) is that of its values.
+pub(super) fn pull(slopes: &[f64], from: &[Where], bars: &[f64], g: &mut [f64]) {
+    for (vertex, (bar, slopes)) in
+        bars.iter().zip(slopes.chunks_exact(from.len().max(1))).enumerate()
+    {
+        for (from, slope) in from.iter().zip(slopes) {
+            g[from.at(vertex)] += bar * slope;
+        }
+    }
+}
+
+/// The expression F of N numbers: the W of `from`, then an offset for each `let` that it mentions, which is zero.
+pub(super) struct PlaceAt<F: LetFn<N>, const N: usize, const W: usize> {
     row: F::Columns,
 }
 
-impl<F: LetFn<N>, const N: usize> PlaceAt<F, N> {
+impl<F: LetFn<N>, const N: usize, const W: usize> PlaceAt<F, N, W> {
     pub(super) fn new() -> Self {
         let absent = F::Columns::read(&mut |_| Ok::<_, std::convert::Infallible>(f64::NAN));
         let Ok(row) = absent;
         Self { row }
     }
-
-    /// Number `i` at a vertex; zero if it is an offset.
-    fn number(v: &[f64], from: &[Where], i: usize, vertex: usize) -> f64 {
-        from.get(i).map_or(0.0, |from| v[from.at(vertex)])
-    }
 }
 
-impl<F: LetFn<N>, const N: usize> PlaceFn for PlaceAt<F, N> {
+impl<F: LetFn<N>, const N: usize, const W: usize> PlaceFn for PlaceAt<F, N, W> {
     fn read(&mut self, columns: &[&str], cell: ReadCell<'_>) -> Result<(), ModelError> {
         let all = F::Columns::names().into_iter();
         let own = all.filter(|(column, _)| columns.contains(column));
@@ -64,28 +75,15 @@ impl<F: LetFn<N>, const N: usize> PlaceFn for PlaceAt<F, N> {
         Ok(())
     }
 
-    fn values(&self, v: &[f64], from: &[Where], out: &mut [f64]) {
+    fn values(&self, v: &[f64], from: &[Where], out: &mut [f64], slopes: &mut [f64]) {
         for (vertex, out) in out.iter_mut().enumerate() {
-            let number = |i| Num(Self::number(v, from, i, vertex));
-            *out = F::value(std::array::from_fn(number), &self.row).0;
-        }
-    }
-
-    fn push(&self, v: &[f64], from: &[Where], d: &[f64], out: &mut [f64]) {
-        for (vertex, out) in out.iter_mut().enumerate() {
-            let change = |i| Self::number(d, from, i, vertex);
-            let number = |i| Num(dual(Self::number(v, from, i, vertex), [change(i)]));
-            *out = derivatives(&F::value(std::array::from_fn(number), &self.row).0)[0];
-        }
-    }
-
-    fn pull(&self, v: &[f64], from: &[Where], bars: &[f64], g: &mut [f64]) {
-        for (vertex, bar) in bars.iter().enumerate().filter(|(_, bar)| **bar != 0.0) {
-            let number = |i| Num(variable::<N>(Self::number(v, from, i, vertex), i));
-            let slopes = derivatives(&F::value(std::array::from_fn(number), &self.row).0);
-            for (from, slope) in from.iter().zip(slopes) {
-                g[from.at(vertex)] += bar * slope;
-            }
+            let number = |i: usize| match from.get(i) {
+                Some(from) => Num(variable::<W>(v[from.at(vertex)], i)),
+                None => Num(Dual::from_re(0.0)),
+            };
+            let value = F::value(std::array::from_fn(number), &self.row).0;
+            *out = value.re;
+            slopes[vertex * W..][..W].copy_from_slice(&derivatives(&value));
         }
     }
 }

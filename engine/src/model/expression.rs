@@ -105,12 +105,13 @@ pub fn value<F: LetFn<N>, const N: usize>() -> AnyLet {
     AnyLet(|| Box::new(MapAt::<F, N>::new()))
 }
 
-/// The operand F of an operator over the whole surface, which reads these columns.
-pub fn operand<F: LetFn<N>, const N: usize>(
+/// The operand F of an operator over the whole surface, which depends on N numbers, of which W carry derivatives, and
+/// reads these columns.
+pub fn operand<F: LetFn<N>, const N: usize, const W: usize>(
     mentions: Place,
     columns: &'static [&'static str],
 ) -> AnyOperand {
-    AnyOperand { mentions, columns, make: || Box::new(PlaceAt::<F, N>::new()) }
+    AnyOperand { mentions, columns, make: || Box::new(PlaceAt::<F, N, W>::new()) }
 }
 
 /// The linear predictor F.

@@ -57,50 +57,34 @@ pub(super) struct Derivatives {
     pub(super) order: u32,
 }
 
-/// A function's value and derivatives at a point.
-pub(super) struct Partials<const D: usize> {
-    pub(super) value: f64,
-    pub(super) slope: [f64; D],
-    pub(super) curvature: [[f64; D]; D],
-    pub(super) third: [[[f64; D]; D]; D],
+/// The polynomials of all inputs up to the degrees in `terms`.
+fn bases<const D: usize>(
+    terms: &[Term<D>],
+    x: [f64; D],
+    ranges: &[(f64, f64); D],
+    how: Derivatives,
+) -> [Basis; D] {
+    let mut bases = [Basis::default(); D];
+    for d in 0..D {
+        let highest = terms.iter().fold(1, |most, (of, _)| of[d].max(most));
+        bases[d].fill(x[d], ranges[d], usize::from(highest), how);
+    }
+    bases
 }
 
-impl<const D: usize> Partials<D> {
-    /// The value and derivatives of the sum of `terms`. Not inlined, so that it is compiled with
-    /// eplat and not again with every model.
-    #[inline(never)]
-    pub(super) fn of(
-        terms: &[Term<D>],
-        x: [f64; D],
-        ranges: &[(f64, f64); D],
-        how: Derivatives,
-    ) -> Self {
-        let mut bases = [Basis::default(); D];
-        for d in 0..D {
-            let highest = terms.iter().fold(1, |most, (of, _)| of[d].max(most));
-            bases[d].fill(x[d], ranges[d], usize::from(highest), how);
-        }
-        let mut sum = Self {
-            value: 0.0,
-            slope: [0.0; D],
-            curvature: [[0.0; D]; D],
-            third: [[[0.0; D]; D]; D],
-        };
-        for term in terms {
-            sum.add(term, &bases);
-            if how.order > 1 {
-                sum.add_curvature(term, &bases);
-            }
-            if how.order > 2 {
-                sum.add_third(term, &bases);
-            }
-        }
-        sum
-    }
-
-    /// Value and slopes of a term: by products from the left and from the right.
-    #[inline]
-    fn add(&mut self, (of, c): &Term<D>, bases: &[Basis; D]) {
+/// The value and slopes of the sum of `terms`. Not inlined, so that it is compiled with eplat and not again with every
+/// model.
+#[inline(never)]
+pub(super) fn value_and_slopes<const D: usize>(
+    terms: &[Term<D>],
+    x: [f64; D],
+    ranges: &[(f64, f64); D],
+    goes_on: bool,
+) -> (f64, [f64; D]) {
+    let bases = bases(terms, x, ranges, Derivatives { goes_on, order: 1 });
+    let (mut value, mut slope) = (0.0, [0.0; D]);
+    for (of, c) in terms {
+        // products from the left and from the right
         let mut left = [*c; D];
         for d in 1..D {
             left[d] = left[d - 1] * bases[d - 1].t[usize::from(of[d - 1])];
@@ -108,10 +92,39 @@ impl<const D: usize> Partials<D> {
         let mut right = 1.0;
         for d in (0..D).rev() {
             let (basis, i) = (&bases[d], usize::from(of[d]));
-            self.slope[d] += left[d] * right * basis.dt[i];
+            slope[d] += left[d] * right * basis.dt[i];
             right *= basis.t[i];
         }
-        self.value += c * right;
+        value += c * right;
+    }
+    (value, slope)
+}
+
+/// A function's second and third derivatives at a point.
+pub(super) struct Higher<const D: usize> {
+    pub(super) curvature: [[f64; D]; D],
+    /// Where they are asked for.
+    pub(super) third: [[[f64; D]; D]; D],
+}
+
+impl<const D: usize> Higher<D> {
+    /// The derivatives of the sum of `terms`. Not inlined, for the same reason.
+    #[inline(never)]
+    pub(super) fn of(
+        terms: &[Term<D>],
+        x: [f64; D],
+        ranges: &[(f64, f64); D],
+        how: Derivatives,
+    ) -> Self {
+        let bases = bases(terms, x, ranges, how);
+        let mut sum = Self { curvature: [[0.0; D]; D], third: [[[0.0; D]; D]; D] };
+        for term in terms {
+            sum.add_curvature(term, &bases);
+            if how.order > 2 {
+                sum.add_third(term, &bases);
+            }
+        }
+        sum
     }
 
     /// Second derivatives of a term.

@@ -21,7 +21,7 @@ use std::fmt::Write as _;
 
 use crate::random::procedure;
 
-use super::chebyshev::{DEGREE, Derivatives, Partials, Term};
+use super::chebyshev::{DEGREE, Derivatives, Higher, Term, value_and_slopes};
 use super::design::random_hypercube;
 use super::gp::Gp;
 use super::sparse::few_terms;
@@ -80,13 +80,20 @@ impl<const D: usize> Emulator<D> {
     /// A polynomial at numbers that carry derivatives.
     #[inline]
     fn lift<T: Real>(&self, terms: &[Term<D>], x: [T; D], goes_on: bool) -> T {
-        let how = Derivatives { goes_on, order: T::ORDER };
-        let at = Partials::of(terms, x.map(|x| x.re()), &self.ranges, how);
+        let real = x.map(|x| x.re());
+        let (value, slope) = value_and_slopes(terms, real, &self.ranges, goes_on);
         let step = x.map(|x| x - x.re());
-        let mut sum = T::from(at.value);
+        let mut sum = T::from(value);
+        for (step, slope) in step.iter().zip(slope) {
+            sum += *step * slope;
+        }
+        if T::ORDER < 2 {
+            return sum;
+        }
+        let how = Derivatives { goes_on, order: T::ORDER };
+        let at = Higher::of(terms, real, &self.ranges, how);
         for d in 0..D {
-            sum += step[d] * at.slope[d];
-            for e in 0..if T::ORDER > 1 { D } else { 0 } {
+            for e in 0..D {
                 let square = step[d] * step[e];
                 sum += square * (0.5 * at.curvature[d][e]);
                 for (step, third) in step.iter().zip(&at.third[d][e]) {

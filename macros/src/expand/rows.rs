@@ -55,7 +55,8 @@ impl State<'_> {
                 Some(columns) => columns.iter().map(ToString::to_string).collect(),
                 None => self.columns.clone(),
             };
-            quote!(Some({ #function expansion::operand::<Value, #n>(#place, &[#(#columns),*]) }))
+            let w = self.scope.mentioned(e).width();
+            quote!(Some({ #function expansion::operand::<Value, #n, #w>(#place, &[#(#columns),*]) }))
         };
         let optional = |e: &Option<Expr>| e.as_ref().map_or(quote!(None), operand);
         let slowness = operand(&value.slowness);

@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 
 use super::{Builder, Linear, Source};
-use crate::model::arrival::{Arrival, OPERANDS, Operand, PIECES};
+use crate::model::arrival::{Arrival, OPERANDS, Operand};
 use crate::model::error::ModelError;
 use crate::model::everywhere::Where;
 use crate::model::expression::AnyOperand;
@@ -96,8 +96,9 @@ impl Builder<'_> {
             let arrivals = &mut self.model.arrivals;
             let arrival = *self.eikonals[eikonal].arrivals.entry(cells).or_insert_with(|| {
                 let (work, solver) = (self.n_work, waves.solver.clone());
-                self.n_work += PIECES * solver.n_vertices();
-                arrivals.push(Arrival { solver, operands, sources: vec![], work, front: 0 });
+                let arrival = Arrival { solver, operands, sources: vec![], work, front: 0 };
+                self.n_work += arrival.n_work();
+                arrivals.push(arrival);
                 arrivals.len() - 1
             });
             let (sources, source) = (&mut arrivals[arrival].sources, waves.source[*row]);
