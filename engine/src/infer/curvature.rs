@@ -2,6 +2,7 @@
 
 use super::density::Evaluator;
 use super::hamiltonian::Metric;
+use crate::num::vector::dot;
 use faer::{Mat, Side};
 use serde::{Deserialize, Serialize};
 
@@ -45,6 +46,9 @@ fn scale(precision: f64, position: f64, missing: f64) -> f64 {
 pub(super) struct Curvature {
     /// G, `(dim, dim)`, averaged over places.
     information: Vec<f64>,
+    /// ln L ≈ const + slopeᵀθ − ½ θᵀGθ, with θ the coordinates times c; averaged over places, too. What is not
+    /// multiplied has its prior in L.
+    slope: Vec<f64>,
     /// Coordinates that do not move.
     still: Vec<usize>,
 }
@@ -70,18 +74,48 @@ impl Curvature {
                 }
             }
         }
-        Self { information, still: still.to_vec() }
+        let mut gradient = vec![0.0; dim];
+        evaluator.ln_density(position, &mut gradient);
+        let mut theta: Vec<f64> =
+            position.iter().zip(&multipliers).map(|(x, c)| x * factor(*c)).collect();
+        // the likelihood sees what they multiply alone
+        still.iter().for_each(|i| theta[*i] = 0.0);
+        let slope = multipliers.iter().enumerate().map(|(i, c)| {
+            if *c != 0.0 && *c < UNSEEN * largest {
+                return 0.0;
+            }
+            let here = (gradient[i] + prior(*c) * position[i]) / factor(*c);
+            here + dot::<4>(&information[i * dim..][..dim], &theta)
+        });
+        let slope = slope.collect();
+        Self { information, slope, still: still.to_vec() }
+    }
+
+    /// Coordinates that do not move.
+    pub(super) fn still(&self) -> &[usize] {
+        &self.still
+    }
+
+    /// G
+    pub(super) fn information(&self, i: usize, j: usize) -> f64 {
+        self.information[i * self.slope.len() + j]
+    }
+
+    /// Of the normal likelihood.
+    pub(super) fn slope(&self, i: usize) -> f64 {
+        self.slope[i]
     }
 
     /// Counts what `others` say as much as what was known before.
     pub(super) fn learn(&mut self, others: &[Self]) {
         let share = 0.5 / others.len() as f64;
-        self.information.iter_mut().for_each(|x| *x *= 0.5);
-        for other in others {
-            for (x, new) in self.information.iter_mut().zip(&other.information) {
-                *x += share * new;
+        let mix = |own: &mut [f64], of: &dyn Fn(&Self) -> &[f64]| {
+            for (i, x) in own.iter_mut().enumerate() {
+                *x = 0.5 * *x + share * others.iter().map(|other| of(other)[i]).sum::<f64>();
             }
-        }
+        };
+        mix(&mut self.information, &|other| &other.information);
+        mix(&mut self.slope, &|other| &other.slope);
     }
 
     /// What is known at another place.
@@ -91,7 +125,9 @@ impl Curvature {
 
     /// Whether it is of `dim` coordinates.
     pub(super) fn fits(&self, dim: usize) -> bool {
-        Some(self.information.len()) == dim.checked_mul(dim) && self.still.iter().all(|i| *i < dim)
+        Some(self.information.len()) == dim.checked_mul(dim)
+            && self.slope.len() == dim
+            && self.still.iter().all(|i| *i < dim)
     }
 
     /// Where coordinates are multiplied by `multipliers`: scales, and directions in which the density falls off faster

@@ -4,10 +4,12 @@
 //! Hoffman & Gelman 2014; Betancourt 2017 for multinomial trajectories and the generalised U-turn
 //! criterion p♯ · Σp > 0 at both ends of every subtree and across every join.
 
+use super::curvature::Curvature;
 use super::density::Evaluator;
 use super::draws::Transition;
 use super::hamiltonian::{Hamiltonian, Metric, PhasePoint};
 use super::kernel_state::KernelState;
+use super::scales::move_scales;
 use super::tree::{self, Direction, Stop, Subtree, Trajectory, Workspace};
 use crate::num::vector::{axpy, dots_with_sum};
 use rand::{Rng, RngExt};
@@ -19,6 +21,8 @@ const MAX_ENERGY_ERROR: f64 = 1000.0;
 
 /// Difference of energies along one step beyond which the step is made in smaller parts.
 const ROUGH: f64 = 4.0;
+/// Mean length of a trajectory that does not look for a U-turn, in standard deviations.
+pub(super) const QUARTER_PERIOD: f64 = 1.6;
 /// How often a step is halved.
 const MOST_HALVINGS: u32 = 7;
 
@@ -128,6 +132,13 @@ impl<E: Evaluator> Kernel<E> {
         let Flow { hamiltonian, rng, .. } = &mut self.flow;
         hamiltonian.evaluator.interweave(&mut self.point.position, rng);
         self.evaluate();
+    }
+
+    /// Moves the current point's scales, and with them what they multiply.
+    pub(super) fn move_scales(&mut self, curvature: &Curvature) {
+        let Flow { hamiltonian, rng, .. } = &mut self.flow;
+        let n = move_scales(curvature, &mut hamiltonian.evaluator, &mut self.point, rng);
+        hamiltonian.n_evaluations += n;
     }
 
     /// Moves the current point by one transition with this step size.

@@ -63,6 +63,7 @@ mod optimise;
 mod progress;
 mod run;
 mod sample;
+mod scales;
 mod settings;
 mod stages;
 mod start;

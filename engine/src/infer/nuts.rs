@@ -5,7 +5,7 @@ use super::density::{Evaluator, LogDensity};
 use super::draws::{Draw, Transition};
 use super::error::{ChainError, ChainFailure, InferError};
 use super::hamiltonian::{Hamiltonian, Metric};
-use super::kernel::Kernel;
+use super::kernel::{Kernel, QUARTER_PERIOD};
 use super::kernel_state::KernelState;
 use super::lesson::Lesson;
 use super::markov::{MarkovChain, Together};
@@ -109,13 +109,15 @@ impl<'d> Nuts<'d> {
         Ok(new)
     }
 
-    /// A transition of NUTS, then the moves that cost nothing; the metric is that of where these led.
+    /// A transition of NUTS. Where the metric is that of the Hessian, all unknowns that move are nearly standard normal in
+    /// its units: a quarter of a period makes a fresh draw, and NUTS would need twice as long, to see a U-turn. Then the
+    /// scales move, and the metric becomes that of where these led.
     fn transition(&mut self, step_size: f64) -> Transition {
-        let transition = self.kernel.transition(step_size);
-        if self.curvature.is_some() {
-            self.kernel.interweave();
-            self.follow();
-        }
+        let Some(curvature) = &self.curvature else { return self.kernel.transition(step_size) };
+        let transition = self.kernel.static_transition(step_size, QUARTER_PERIOD);
+        self.kernel.interweave();
+        self.kernel.move_scales(curvature);
+        self.follow();
         transition
     }
 

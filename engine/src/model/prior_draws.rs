@@ -108,7 +108,7 @@ impl Model {
     }
 
     /// The parameter behind each prior. These are all parameters but the coefficients of fields.
-    fn declared(&self) -> impl Iterator<Item = &Parameter> {
+    pub(super) fn declared(&self) -> impl Iterator<Item = &Parameter> {
         self.parameters.iter().filter(|p| p.kind != Kind::Eta)
     }
 

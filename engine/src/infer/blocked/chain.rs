@@ -7,7 +7,7 @@ use super::proposal::Proposal;
 use crate::infer::draws::{Draw, Transition};
 use crate::infer::error::{ChainError, ChainFailure, InferError};
 use crate::infer::hamiltonian::{Hamiltonian, Metric};
-use crate::infer::kernel::Kernel;
+use crate::infer::kernel::{Kernel, QUARTER_PERIOD};
 use crate::infer::markov::{MarkovChain, Together};
 use crate::infer::moments::DrawMoments;
 use crate::infer::progress::Phase;
@@ -27,9 +27,6 @@ const STEPS_EACH: usize = 2;
 const SWEEPS: usize = 3;
 /// Proposals of hyperparameters and coefficients together between two kept draws.
 const LEAPS: usize = 2;
-/// Mean length of a trajectory that does not look for a U-turn, in standard deviations.
-const TIME: f64 = 1.6;
-
 /// What does not change in a chain.
 #[derive(Clone, Copy)]
 pub(super) struct Fixed<'d> {
@@ -206,7 +203,7 @@ impl<'d> Blocked<'d> {
     /// fresh draw. NUTS would need twice as long, to see a U-turn.
     fn move_inner(&mut self) -> Transition {
         if self.kernel.evaluator().is_nearly_normal() {
-            self.kernel.static_transition(self.step_size, TIME)
+            self.kernel.static_transition(self.step_size, QUARTER_PERIOD)
         } else {
             self.kernel.transition(self.step_size)
         }
