@@ -30,8 +30,14 @@ model! {
     param onset(source) [ms] ~ Normal(0.0, 100.0);
     let arrival(row) [ms] = eikonal(slowness(row), ratio, angle(row); row.source);
 
+    /// By how much the activation of a source is later than the fastest way: fronts bend, and the wall has a thickness.
+    field delay(x, source) [ms] = alpha * gp(Matern32(rho), K = 64) where {
+        alpha [ms] ~ HalfNormal(1.0);
+        rho   [mm] ~ LogNormal(2.5, 0.4);
+    }
+
     /// Of one point: annotation and place of the electrode.
     param noise [ms] ~ LogNormal(0.7, 0.7);
 
-    observe lat(row): Number [ms] ~ Normal(onset(row) + arrival(row), noise);
+    observe lat(row): Number [ms] ~ Normal(onset(row) + arrival(row) + delay(row), noise);
 }
