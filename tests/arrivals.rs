@@ -1,6 +1,6 @@
 //! Arrival times in models: gradients against differences, effects, maps, predictions and what is refused.
 
-#![allow(clippy::unwrap_used, reason = "tests")]
+#![allow(clippy::unwrap_used, clippy::print_stdout, reason = "tests")]
 
 #[path = "../models/conduction_erp.rs"]
 mod conduction_erp;
@@ -451,8 +451,8 @@ fn erp_apd_and_arrivals_share_one_tissue() {
 }
 
 #[test]
-#[ignore = "a measurement, 3 minutes: cargo test --release --test arrivals -- --ignored --nocapture"]
-fn all_five_parameters_are_found() {
+#[ignore = "a measurement, 1 minute: cargo test --release --test arrivals -- --ignored --nocapture"]
+fn what_erp_apd_and_arrivals_tell_of_five_parameters() {
     let surface = Surface::left_atrium(3.0);
     let basis = eigenpairs(&surface.mesh, 32).unwrap();
     let lines = all_kinds(&surface);
@@ -462,8 +462,12 @@ fn all_five_parameters_are_found() {
     let names = ["cv_max", "ln_tau_in", "tau_out", "tau_open", "apd_max"];
     let truths: Vec<(&str, &[f64])> =
         names.into_iter().zip(maps.iter().map(|map| &map[..])).collect();
-    for field in found(&model, &basis, 150, &truths) {
-        assert!(field.error < field.spread);
+    let [cv_max, _, tau_out, _, apd_max] = &found(&model, &basis, 150, &truths)[..] else {
+        panic!()
+    };
+    // so few measurements tell next to nothing of the other two
+    for field in [cv_max, tau_out, apd_max] {
+        assert!(field.error < 0.6 * field.spread && field.inside > 0.75);
     }
 }
 

@@ -79,7 +79,9 @@ impl Curvature {
         let mut theta: Vec<f64> =
             position.iter().zip(&multipliers).map(|(x, c)| x * factor(*c)).collect();
         // the likelihood sees what they multiply alone
-        still.iter().for_each(|i| theta[*i] = 0.0);
+        for i in still {
+            theta[*i] = 0.0;
+        }
         let slope = multipliers.iter().enumerate().map(|(i, c)| {
             if *c != 0.0 && *c < UNSEEN * largest {
                 return 0.0;

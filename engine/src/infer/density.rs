@@ -21,6 +21,11 @@ pub trait Evaluator: Send {
     /// Log density at `position`; writes its gradient. Out of support: −∞ (never a panic).
     fn ln_density(&mut self, position: &[f64], gradient: &mut [f64]) -> f64;
 
+    /// Log density at `position` alone: the same number, for less where the gradient costs more.
+    fn value(&mut self, position: &[f64]) -> f64 {
+        self.ln_density(position, &mut vec![0.0; position.len()])
+    }
+
     /// Moves `position` without evaluating what is costly. The moves leave the density as it is, and change the
     /// unknowns of [`LogDensity::interwoven`], with others that depend on them.
     fn interweave(&mut self, _position: &mut [f64], _rng: &mut dyn Rng) {}
@@ -64,6 +69,9 @@ impl<E: Evaluator + ?Sized> Evaluator for Box<E> {
     }
     fn ln_density(&mut self, position: &[f64], gradient: &mut [f64]) -> f64 {
         (**self).ln_density(position, gradient)
+    }
+    fn value(&mut self, position: &[f64]) -> f64 {
+        (**self).value(position)
     }
     fn hessian(&mut self, position: &[f64], take: &mut dyn FnMut(usize, &[f64])) {
         (**self).hessian(position, take);

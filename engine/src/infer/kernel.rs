@@ -127,18 +127,14 @@ impl<E: Evaluator> Kernel<E> {
         }
     }
 
-    /// Moves the current point as the density itself knows how to.
-    pub(super) fn interweave(&mut self) {
-        let Flow { hamiltonian, rng, .. } = &mut self.flow;
-        hamiltonian.evaluator.interweave(&mut self.point.position, rng);
-        self.evaluate();
-    }
-
-    /// Moves the current point's scales, and with them what they multiply.
+    /// Moves the current point as the density itself knows how to; then its scales, and with them what they multiply.
     pub(super) fn move_scales(&mut self, curvature: &Curvature) {
         let Flow { hamiltonian, rng, .. } = &mut self.flow;
+        hamiltonian.evaluator.interweave(&mut self.point.position, rng);
+        self.point.ln_density = hamiltonian.evaluator.value(&self.point.position);
         let n = move_scales(curvature, &mut hamiltonian.evaluator, &mut self.point, rng);
-        hamiltonian.n_evaluations += n;
+        hamiltonian.n_evaluations += 1 + n;
+        self.evaluate();
     }
 
     /// Moves the current point by one transition with this step size.

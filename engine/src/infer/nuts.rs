@@ -115,7 +115,6 @@ impl<'d> Nuts<'d> {
     fn transition(&mut self, step_size: f64) -> Transition {
         let Some(curvature) = &self.curvature else { return self.kernel.transition(step_size) };
         let transition = self.kernel.static_transition(step_size, QUARTER_PERIOD);
-        self.kernel.interweave();
         self.kernel.move_scales(curvature);
         self.follow();
         transition

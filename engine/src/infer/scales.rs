@@ -8,7 +8,7 @@
 //! η = μ(s) + L(s)⁻ᵀ z,  P = L Lᵀ        accepted with  min(1, π(s′, η′) |L(s)| / (π(s, η) |L(s′)|))
 //! ```
 //! So coordinates that measurements tell stay where they are, and those that they do not tell follow the scales. With the
-//! density's own π in the ratio this is exact, however poor the normal is. A move costs one evaluation.
+//! density's own π in the ratio this is exact, however poor the normal is. A move costs one evaluation, without gradient.
 
 use super::curvature::Curvature;
 use super::density::Evaluator;
@@ -17,10 +17,11 @@ use nalgebra::{Cholesky, DMatrix, DVector, Dyn};
 use rand::{Rng, RngExt as _};
 use rand_distr::StandardNormal;
 
-/// Standard deviations of the steps of one scale.
-const STEPS: [f64; 6] = [0.1, 0.3, 0.9, 0.1, 0.3, 0.9];
+/// Standard deviations of the steps of each scale.
+const STEPS: [f64; 2] = [0.2, 0.6];
 
-/// Makes some moves from `point`, which is kept up to date but for its force. Returns how often it evaluated the density.
+/// Moves each scale some times, from the position of `point`, which it keeps up to date with its log density. Returns
+/// how often it evaluated the density.
 pub(super) fn move_scales(
     curvature: &Curvature,
     evaluator: &mut dyn Evaluator,
@@ -44,23 +45,21 @@ fn moves(
         return 0;
     }
     let z = here.whitened(&point.position);
-    let (mut position, mut gradient) = (point.position.clone(), point.gradient.clone());
+    let mut position = point.position.clone();
     let mut n = 0;
-    for step in STEPS {
+    for (scale, step) in scales.iter().flat_map(|scale| STEPS.map(|step| (*scale, step))) {
         position.copy_from_slice(&point.position);
-        let scale = scales[rng.random_range(0..scales.len())];
         position[scale] += step * rng.sample::<f64, _>(StandardNormal);
         let uniform = rng.random::<f64>();
         let there = Normal::at(curvature, evaluator, &position);
         let Some(there) = there.filter(|there| there.free == here.free) else { continue };
         there.place(&z, &mut position);
-        let ln_density = evaluator.ln_density(&position, &mut gradient);
+        let ln_density = evaluator.value(&position);
         n += 1;
         let ln_volume = volume * (here.ln_det - there.ln_det);
         // NaN is not accepted
         if uniform.ln() < ln_density - point.ln_density + ln_volume {
             point.position.copy_from_slice(&position);
-            point.gradient.copy_from_slice(&gradient);
             point.ln_density = ln_density;
             here = there;
         }
@@ -171,7 +170,7 @@ mod tests {
             }
             let before = point.position.clone();
             moves(&curvature, &mut Bent, &mut point, &mut rng, volume);
-            moved += f64::from(u8::from(point.position[0] != before[0]));
+            moved += f64::from(u8::from(point.position[0].to_bits() != before[0].to_bits()));
             let pairs = || point.position.iter().zip(&before);
             changes.add(pairs().map(|(a, b)| a - b).chain(pairs().map(|(a, b)| a * a - b * b)));
         }

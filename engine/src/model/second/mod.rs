@@ -118,6 +118,9 @@ impl Evaluator for OnTape<'_> {
     fn ln_density(&mut self, position: &[f64], gradient: &mut [f64]) -> f64 {
         self.model.ln_density(&mut self.tape, position, gradient)
     }
+    fn value(&mut self, position: &[f64]) -> f64 {
+        self.model.ln_density_alone(&mut self.tape, position)
+    }
     fn hessian(&mut self, position: &[f64], take: &mut dyn FnMut(usize, &[f64])) {
         let mut hessian = Hessian::at(self.model, position, true);
         (0..position.len()).for_each(|i| take(i, hessian.column(i)));
