@@ -42,9 +42,8 @@ pub(super) fn push(slopes: &[f64], from: &[Where], d: &[f64], out: &mut [f64]) {
 
 /// Adds to `g` the adjoint of what an expression comes `from`; `bars` (n_vertices) is that of its values.
 pub(super) fn pull(slopes: &[f64], from: &[Where], bars: &[f64], g: &mut [f64]) {
-    for (vertex, (bar, slopes)) in
-        bars.iter().zip(slopes.chunks_exact(from.len().max(1))).enumerate()
-    {
+    let all = bars.iter().zip(slopes.chunks_exact(from.len().max(1))).enumerate();
+    for (vertex, (bar, slopes)) in all.filter(|(_, (bar, _))| **bar != 0.0) {
         for (from, slope) in from.iter().zip(slopes) {
             g[from.at(vertex)] += bar * slope;
         }

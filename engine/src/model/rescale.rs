@@ -78,7 +78,8 @@ impl Model {
             let Some((prior, (_, entry))) = found else { continue };
             let unknown = entry.u.start + (v - entry.v);
             let old = self.ln_prior_alone(t, position);
-            let scale = term.amplitude.value(&t.v) * term.spectrum.at(&t.v, 0.0) * phi0;
+            let sqrt_density = term.spectrum.at(&t.v, field.frequency[0]);
+            let scale = term.amplitude.value(&t.v) * sqrt_density * phi0;
             let eta: f64 = rng.sample(StandardNormal);
             let mut proposal = position.to_vec();
             proposal[term.eta] = eta;
@@ -172,12 +173,12 @@ struct Scaled {
 }
 
 impl Field {
-    /// φ₀, if the first sampled mode is constant.
+    /// φ₀, if the first sampled mode is the same wherever the field is seen.
     fn constant_mode(&self) -> Option<f64> {
-        let mut first = self.probes.chunks_exact(self.stride).map(|probe| probe[0]);
+        let mut first = self.probes.chunks_exact(self.stride.max(1)).map(|probe| probe[0]);
         let phi0 = first.next()?;
         let is_same = |phi: f64| (phi - phi0).abs() <= 1e-6 * phi0.abs();
-        (self.frequency.first() == Some(&0.0) && first.all(is_same)).then_some(phi0)
+        (self.k > 0 && first.all(is_same)).then_some(phi0)
     }
 }
 
