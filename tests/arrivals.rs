@@ -210,7 +210,7 @@ fn rates(surface: &Surface, basis: &Basis) -> Measurements {
     rows
 }
 
-/// What is twice as slow everywhere takes twice as long, by its own source's way.
+/// Tissue that is slower by the same factor everywhere takes longer by that factor.
 #[test]
 fn a_column_that_the_tissue_depends_on_makes_an_activation_for_each_of_its_values() {
     let (surface, basis) = atrium();
@@ -438,14 +438,19 @@ fn all_kinds(surface: &Surface) -> Vec<String> {
     lines
 }
 
+/// `conduction_erp.rs` on such rows, with the maps of its truth.
+fn all_kinds_measured(surface: &Surface, basis: &Basis) -> (Model, Vec<Vec<f64>>) {
+    let lines = all_kinds(surface);
+    let rows = ("protocol,vertex,source,value,s2_ms,beat,lower,upper", &lines[..]);
+    let (data, maps) = made(&conduction_erp::ConductionErp, surface, basis, rows, &TISSUE);
+    (Model::new(&conduction_erp::ConductionErp, Some(basis), &data).unwrap(), maps)
+}
+
 #[test]
 fn erp_apd_and_arrivals_share_one_tissue() {
     let surface = Surface::left_atrium(3.0);
     let basis = eigenpairs(&surface.mesh, 24).unwrap();
-    let lines = all_kinds(&surface);
-    let rows = ("protocol,vertex,source,value,s2_ms,beat,lower,upper", &lines[..]);
-    let (data, _) = made(&conduction_erp::ConductionErp, &surface, &basis, rows, &TISSUE);
-    let model = Model::new(&conduction_erp::ConductionErp, Some(&basis), &data).unwrap();
+    let (model, _) = all_kinds_measured(&surface, &basis);
     let error = gradient_error(&model, 1);
     assert!(error < 1e-5, "{error}");
 }
@@ -454,11 +459,8 @@ fn erp_apd_and_arrivals_share_one_tissue() {
 #[ignore = "a measurement, 1 minute: cargo test --release --test arrivals -- --ignored --nocapture"]
 fn what_erp_apd_and_arrivals_tell_of_five_parameters() {
     let surface = Surface::left_atrium(3.0);
-    let basis = eigenpairs(&surface.mesh, 32).unwrap();
-    let lines = all_kinds(&surface);
-    let rows = ("protocol,vertex,source,value,s2_ms,beat,lower,upper", &lines[..]);
-    let (data, maps) = made(&conduction_erp::ConductionErp, &surface, &basis, rows, &TISSUE);
-    let model = Model::new(&conduction_erp::ConductionErp, Some(&basis), &data).unwrap();
+    let basis = eigenpairs(&surface.mesh, 24).unwrap();
+    let (model, maps) = all_kinds_measured(&surface, &basis);
     let names = ["cv_max", "ln_tau_in", "tau_out", "tau_open", "apd_max"];
     let truths: Vec<(&str, &[f64])> =
         names.into_iter().zip(maps.iter().map(|map| &map[..])).collect();

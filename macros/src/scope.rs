@@ -126,11 +126,11 @@ impl Scope {
     pub(crate) fn columns_behind(&self, e: &Expr, row: &Ident) -> Option<Vec<Ident>> {
         let mut columns = columns_of(&self.plain(e, row), row)?;
         for name in self.mentioned(e).lets {
-            if let Kind::Let { row, value } = &name.kind {
-                let own = columns_of(&self.plain(value, row), row)?;
-                columns.extend(
-                    own.into_iter().filter(|column| !columns.contains(column)).collect::<Vec<_>>(),
-                );
+            let Kind::Let { row, value } = &name.kind else { continue };
+            for column in columns_of(&self.plain(value, row), row)? {
+                if !columns.contains(&column) {
+                    columns.push(column);
+                }
             }
         }
         Some(columns)

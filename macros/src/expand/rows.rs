@@ -51,10 +51,7 @@ impl State<'_> {
         let decl = decl(&declared.name, declared.unit.as_ref(), &value.text(row));
         let operand = |e: &Expr| {
             let (function, n, place) = self.value_function(e, row);
-            let columns = match self.scope.columns_behind(e, row) {
-                Some(columns) => columns.iter().map(ToString::to_string).collect(),
-                None => self.columns.clone(),
-            };
+            let columns = self.words_or_all(self.scope.columns_behind(e, row));
             let w = self.scope.mentioned(e).width();
             quote!(Some({ #function expansion::operand::<Value, #n, #w>(#place, &[#(#columns),*]) }))
         };
@@ -168,9 +165,11 @@ impl State<'_> {
 
     /// The columns that `e` reads of the row or table that it calls `of`: all where it hands on the whole.
     pub(super) fn columns_read(&self, e: &Expr, of: &Ident) -> Vec<String> {
-        match columns_of(e, of) {
-            Some(columns) => columns.iter().map(ToString::to_string).collect(),
-            None => self.columns.clone(),
-        }
+        self.words_or_all(columns_of(e, of))
+    }
+
+    fn words_or_all(&self, columns: Option<Vec<Ident>>) -> Vec<String> {
+        let words = |columns: Vec<Ident>| columns.iter().map(ToString::to_string).collect();
+        columns.map_or_else(|| self.columns.clone(), words)
     }
 }

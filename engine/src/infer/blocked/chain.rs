@@ -27,6 +27,7 @@ const STEPS_EACH: usize = 2;
 const SWEEPS: usize = 3;
 /// Proposals of hyperparameters and coefficients together between two kept draws.
 const LEAPS: usize = 2;
+
 /// What does not change in a chain.
 #[derive(Clone, Copy)]
 pub(super) struct Fixed<'d> {
