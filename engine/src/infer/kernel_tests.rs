@@ -4,7 +4,9 @@
 use super::super::density::LogDensity;
 use super::super::hamiltonian::Metric;
 use super::super::test_densities::{banana, normal};
+use super::super::tree::{Direction, Trajectory};
 use super::*;
+use crate::num::vector::{axpy, dots_with_sum};
 use rand::SeedableRng;
 
 /// What a broken twin does wrong.

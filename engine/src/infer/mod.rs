@@ -50,6 +50,7 @@ mod density;
 mod directions;
 mod draws;
 mod error;
+mod flow;
 mod hamiltonian;
 mod integrated;
 mod kernel;
