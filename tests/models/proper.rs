@@ -76,3 +76,43 @@ pub(crate) mod field_noisier {
         observe y(x): Number [ms] ~ Normal(f(x), noise * 1.2);
     }
 }
+
+/// Arrival times over tissue with fibres all round one axis.
+pub(crate) mod lat {
+    use super::*;
+    model! {
+        model LatProper;
+        field velocity(x) [m/s] within 0.1..1.5 = m + alpha * gp(Matern52(rho), K = 12) where {
+            m     [m/s] ~ Normal(0.8, 0.15);
+            alpha [m/s] ~ LogNormal(-1.5, 0.4);
+            rho   [mm]  ~ LogNormal(3.4, 0.3);
+        }
+        param ratio ~ LogNormal(0.5, 0.2);
+        param angle [rad] ~ Normal(0.0, 0.3);
+        param onset(source) [ms] ~ Normal(0.0, 20.0);
+        param noise [ms] ~ LogNormal(0.7, 0.4);
+        let slowness(x) [ms/mm] = 1.0 / velocity(x);
+        let arrival(row) [ms] = eikonal(slowness(row), ratio, angle; row.source);
+        observe lat(row): Number [ms] ~ Normal(onset(row) + arrival(row), noise);
+    }
+}
+
+/// The broken twin: activation takes a fifth longer.
+pub(crate) mod lat_slower {
+    use super::*;
+    model! {
+        model LatSlower;
+        field velocity(x) [m/s] within 0.1..1.5 = m + alpha * gp(Matern52(rho), K = 12) where {
+            m     [m/s] ~ Normal(0.8, 0.15);
+            alpha [m/s] ~ LogNormal(-1.5, 0.4);
+            rho   [mm]  ~ LogNormal(3.4, 0.3);
+        }
+        param ratio ~ LogNormal(0.5, 0.2);
+        param angle [rad] ~ Normal(0.0, 0.3);
+        param onset(source) [ms] ~ Normal(0.0, 20.0);
+        param noise [ms] ~ LogNormal(0.7, 0.4);
+        let slowness(x) [ms/mm] = 1.0 / velocity(x);
+        let arrival(row) [ms] = eikonal(slowness(row), ratio, angle; row.source);
+        observe lat(row): Number [ms] ~ Normal(onset(row) + 1.2 * arrival(row), noise);
+    }
+}

@@ -10,7 +10,7 @@
 //! Seyboldt, Carlson & Carpenter, "Preconditioning Hamiltonian Monte Carlo by minimizing Fisher
 //! divergence" (the low-rank metric).
 
-use super::hamiltonian::Metric;
+use super::hamiltonian::{Metric, Shape};
 use faer::linalg::matmul::matmul;
 use faer::{Accum, Mat, MatRef, Par, Side};
 
@@ -23,8 +23,7 @@ const LEAST: f64 = 2.0;
 /// they are if something is not finite.
 pub(super) fn fit(positions: &[f64], gradients: &[f64], metric: &mut Metric) {
     if let Some((directions, stretch)) = directions(positions, gradients, &metric.scale) {
-        metric.directions = directions;
-        metric.stretch = stretch;
+        metric.shape = Shape::Stretched { directions, stretch };
     }
 }
 
@@ -121,13 +120,14 @@ mod tests {
         };
         let mut metric = Metric::diagonal(vec![1.0; dim]);
         fit(&rows(&draws), &rows(&gradients), &mut metric);
-        for (u, stretch) in metric.directions.chunks_exact(dim).zip(&metric.stretch) {
+        let Shape::Stretched { directions, stretch } = &metric.shape else { panic!("{metric:?}") };
+        for (u, stretch) in directions.chunks_exact(dim).zip(stretch) {
             let u = Mat::from_fn(dim, 1, |i, _| u[i]);
             let variance = (u.transpose() * &covariance * &u)[(0, 0)];
             assert!((variance / stretch.powi(2) - 1.0).abs() < 1e-2, "{variance} {stretch}");
         }
         let eigen = covariance.self_adjoint_eigen(Side::Lower).unwrap();
         let far = eigen.S().column_vector().iter().filter(|v| !(0.5..2.0).contains(*v)).count();
-        assert_eq!(metric.stretch.len(), far);
+        assert_eq!(stretch.len(), far);
     }
 }

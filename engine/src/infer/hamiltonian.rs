@@ -9,61 +9,90 @@
 //!
 //! Knows nothing of trees or of adaptation.
 
+use super::cholesky::Factor;
 use super::density::Evaluator;
 use crate::num::vector::{axpy, dot};
 use serde::{Deserialize, Serialize};
 
-/// Factor F of the inverse mass matrix M⁻¹ = F Fᵀ:
-///
-/// ```text
-/// F = S (I + Σ (stretch_r − 1) u_r u_rᵀ)        S = diag(scale), u_r orthonormal
-/// ```
-/// A product with F costs `(1 + 2 rank) dim`.
+/// Factor F of the inverse mass matrix M⁻¹ = F Fᵀ: F = S G, S = diag(scale).
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub(super) struct Metric {
     /// One per coordinate.
     pub(super) scale: Vec<f64>,
-    /// The u, row-major `(rank, dim)`.
-    pub(super) directions: Vec<f64>,
-    /// One per direction.
-    pub(super) stretch: Vec<f64>,
+    /// G
+    pub(super) shape: Shape,
+}
+
+/// How coordinates go together, in units of their scales.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+pub(super) enum Shape {
+    /// G = I + Σ (stretch_r − 1) u_r u_rᵀ, u_r orthonormal. A product with it costs 2 rank dim.
+    Stretched {
+        /// The u, row-major `(rank, dim)`.
+        directions: Vec<f64>,
+        /// One per direction.
+        stretch: Vec<f64>,
+    },
+    /// G = L⁻ᵀ, of the precision L Lᵀ. A product with it costs ½ dim².
+    Precision(Factor),
+}
+
+impl Shape {
+    /// G = I
+    const ROUND: Self = Self::Stretched { directions: vec![], stretch: vec![] };
 }
 
 impl Metric {
     /// F = diag(scale).
     pub(super) fn diagonal(scale: Vec<f64>) -> Self {
-        Self { scale, directions: vec![], stretch: vec![] }
+        Self { scale, shape: Shape::ROUND }
     }
 
     /// Whether it is a metric of `dim` coordinates.
     pub(super) fn fits(&self, dim: usize) -> bool {
         self.scale.len() == dim
-            && Some(self.directions.len()) == self.stretch.len().checked_mul(dim)
-    }
-
-    fn stretched(&self) -> impl Iterator<Item = (&[f64], f64)> {
-        self.directions.chunks_exact(self.scale.len()).zip(self.stretch.iter().copied())
+            && match &self.shape {
+                Shape::Stretched { directions, stretch } => {
+                    Some(directions.len()) == stretch.len().checked_mul(dim)
+                }
+                Shape::Precision(factor) => factor.fits(dim),
+            }
     }
 
     /// q += ε F p
     pub(super) fn drift(&self, position: &mut [f64], step_size: f64, momentum: &[f64]) {
-        for ((q, s), p) in position.iter_mut().zip(&self.scale).zip(momentum) {
-            *q += step_size * s * p;
-        }
-        for (direction, stretch) in self.stretched() {
-            let c = step_size * (stretch - 1.0) * dot::<4>(direction, momentum);
-            for ((q, s), u) in position.iter_mut().zip(&self.scale).zip(direction) {
-                *q += c * s * u;
+        let mut add = |c: f64, x: &[f64]| {
+            for ((q, s), x) in position.iter_mut().zip(&self.scale).zip(x) {
+                *q += c * s * x;
+            }
+        };
+        match &self.shape {
+            Shape::Stretched { directions, stretch } => {
+                add(step_size, momentum);
+                for (u, stretch) in each(directions, stretch) {
+                    add(step_size * (stretch - 1.0) * dot::<4>(u, momentum), u);
+                }
+            }
+            Shape::Precision(factor) => {
+                let mut velocity = momentum.to_vec();
+                factor.solve_transposed(&mut velocity);
+                add(step_size, &velocity);
             }
         }
     }
 
-    /// x ← F⁻¹ x
-    pub(super) fn whiten(&self, x: &mut [f64]) {
-        x.iter_mut().zip(&self.scale).for_each(|(x, s)| *x /= s);
-        for (direction, stretch) in self.stretched() {
-            let c = (stretch.recip() - 1.0) * dot::<4>(direction, x);
-            axpy(c, direction, x);
+    /// F⁻¹ x
+    pub(super) fn whitened(&self, x: &[f64]) -> Vec<f64> {
+        let mut whitened: Vec<f64> = x.iter().zip(&self.scale).map(|(x, s)| x / s).collect();
+        match &self.shape {
+            Shape::Stretched { directions, stretch } => {
+                for (u, stretch) in each(directions, stretch) {
+                    let c = (stretch.recip() - 1.0) * dot::<4>(u, &whitened);
+                    axpy(c, u, &mut whitened);
+                }
+                whitened
+            }
+            Shape::Precision(factor) => factor.whitened(&whitened),
         }
     }
 
@@ -72,12 +101,23 @@ impl Metric {
         for ((f, s), g) in force.iter_mut().zip(&self.scale).zip(gradient) {
             *f = s * g;
         }
-        for (direction, stretch) in self.stretched() {
-            // earlier directions are orthogonal to this one, so they may be in `force` already
-            let c = (stretch - 1.0) * dot::<4>(direction, force);
-            axpy(c, direction, force);
+        match &self.shape {
+            Shape::Stretched { directions, stretch } => {
+                for (u, stretch) in each(directions, stretch) {
+                    // earlier directions are orthogonal to this one, so they may be in `force` already
+                    let c = (stretch - 1.0) * dot::<4>(u, force);
+                    axpy(c, u, force);
+                }
+            }
+            Shape::Precision(factor) => factor.solve(force),
         }
     }
+}
+
+/// Directions with their stretches.
+fn each<'m>(directions: &'m [f64], stretch: &'m [f64]) -> impl Iterator<Item = (&'m [f64], f64)> {
+    let dim = directions.len() / stretch.len().max(1);
+    directions.chunks_exact(dim.max(1)).zip(stretch.iter().copied())
 }
 
 /// A point in phase space with the density's value and slope there.
@@ -159,13 +199,13 @@ mod tests {
     use super::super::test_densities::{FnDensity, banana};
     use super::*;
 
-    fn metrics() -> [Metric; 2] {
-        let turned = Metric {
-            scale: vec![0.7, 1.9],
-            directions: vec![0.6, 0.8, -0.8, 0.6],
-            stretch: vec![3.0, 0.4],
-        };
-        [Metric::diagonal(vec![0.7, 1.9]), turned]
+    fn metrics() -> [Metric; 3] {
+        let scale = vec![0.7, 1.9];
+        let of = |shape: Shape| Metric { scale: scale.clone(), shape };
+        let (directions, stretch) = (vec![0.6, 0.8, -0.8, 0.6], vec![3.0, 0.4]);
+        let precision = faer::Mat::from_fn(2, 2, |i, j| [[2.0, -0.9], [-0.9, 0.7]][i][j]);
+        let factor = Factor::of(precision.as_ref()).unwrap();
+        [Shape::ROUND, Shape::Stretched { directions, stretch }, Shape::Precision(factor)].map(of)
     }
 
     fn start(hamiltonian: &mut Hamiltonian<impl Evaluator>) -> PhasePoint {
@@ -198,7 +238,7 @@ mod tests {
     }
 
     #[test]
-    fn leapfrog_preserves_volume_under_both_metrics() {
+    fn leapfrog_preserves_volume_under_each_metric() {
         for metric in metrics() {
             let density = banana();
             let mut hamiltonian = Hamiltonian::new(density.evaluator(), metric);
@@ -220,27 +260,51 @@ mod tests {
         }
     }
 
-    /// drift multiplies by F, pull by its transpose: p · (Fᵀ g) = (F p) · g, and F is as written.
-    #[test]
-    fn drift_and_pull_are_the_factor_and_its_transpose() {
-        let [_, metric] = metrics();
-        let factor = |column: usize| {
+    /// F, by what drift moves.
+    fn factor(metric: &Metric) -> [[f64; 2]; 2] {
+        let column = |j: usize| {
             let (mut moved, mut unit) = ([0.0; 2], [0.0; 2]);
-            unit[column] = 1.0;
+            unit[j] = 1.0;
             metric.drift(&mut moved, 1.0, &unit);
             moved
         };
-        let entry = |i: usize, j: usize| {
-            let u = [[0.6, 0.8], [-0.8, 0.6]];
-            let sum: f64 = (0..2).map(|r| (metric.stretch[r] - 1.0) * u[r][i] * u[r][j]).sum();
-            metric.scale[i] * (f64::from(u8::from(i == j)) + sum)
+        let columns = [column(0), column(1)];
+        [0, 1].map(|i| [0, 1].map(|j| columns[j][i]))
+    }
+
+    /// pull multiplies by the transpose of F, whitened by its inverse.
+    #[test]
+    fn drift_pull_and_whitened_are_of_one_factor() {
+        for metric in metrics() {
+            let f = factor(&metric);
+            let mut force = [0.0; 2];
+            metric.pull(&[0.3, -1.2], &mut force);
+            let there = [0, 1].map(|i| f[i][0] * 0.5 - f[i][1] * 0.8);
+            let back = metric.whitened(&there);
+            for (j, expected) in [0.5, -0.8].into_iter().enumerate() {
+                assert!((force[j] - (0.3 * f[0][j] - 1.2 * f[1][j])).abs() < 1e-14);
+                assert!((back[j] - expected).abs() < 1e-14);
+            }
+        }
+    }
+
+    /// As written: S (I + Σ (stretch − 1) u uᵀ), and F Fᵀ = S P⁻¹ S.
+    #[test]
+    fn factors_are_as_written() {
+        let [_, stretched, precise] = metrics();
+        let f = factor(&stretched);
+        let turned = |i: usize, j: usize| {
+            let (u, stretch) = ([[0.6, 0.8], [-0.8, 0.6]], [3.0, 0.4]);
+            (0..2).map(|r| stretch[r] * u[r][i] * u[r][j]).sum::<f64>()
         };
-        let mut force = [0.0; 2];
-        metric.pull(&[0.3, -1.2], &mut force);
-        for (j, force) in force.into_iter().enumerate() {
-            let column = factor(j);
-            assert!((0..2).all(|i| (column[i] - entry(i, j)).abs() < 1e-14));
-            assert!((force - (0.3 * column[0] - 1.2 * column[1])).abs() < 1e-14);
+        let g = factor(&precise);
+        let determinant = 2.0 * 0.7 - 0.9 * 0.9;
+        let covariance = [[0.7, 0.9], [0.9, 2.0]].map(|row| row.map(|x| x / determinant));
+        for (i, j) in [(0, 0), (0, 1), (1, 0), (1, 1)] {
+            let s = &stretched.scale;
+            assert!((f[i][j] - s[i] * turned(i, j)).abs() < 1e-14);
+            let product: f64 = (0..2).map(|k| g[i][k] * g[j][k]).sum();
+            assert!((product - s[i] * s[j] * covariance[i][j]).abs() < 1e-13);
         }
     }
 

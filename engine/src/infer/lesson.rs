@@ -102,9 +102,8 @@ fn fisher_divergence(metric: &Metric, draws: &[&WarmUpDraw]) -> f64 {
     let mean = |i: usize| draws.iter().map(|draw| draw.0[i]).sum::<f64>() / n;
     let centre: Vec<f64> = (0..dim).map(mean).collect();
     let of_draw = |(position, gradient, _): &&WarmUpDraw| {
-        let mut whitened: Vec<f64> = position.iter().zip(&centre).map(|(q, c)| q - c).collect();
-        let mut force = vec![0.0; dim];
-        metric.whiten(&mut whitened);
+        let off: Vec<f64> = position.iter().zip(&centre).map(|(q, c)| q - c).collect();
+        let (whitened, mut force) = (metric.whitened(&off), vec![0.0; dim]);
         metric.pull(gradient, &mut force);
         force.iter().zip(&whitened).map(|(f, x)| (f + x).powi(2)).sum::<f64>()
     };

@@ -45,6 +45,7 @@
 //! ```
 
 mod blocked;
+mod cholesky;
 mod curvature;
 mod density;
 mod directions;

@@ -10,10 +10,11 @@
 //! So coordinates that measurements tell stay where they are, and those that they do not tell follow the scales. With the
 //! density's own π in the ratio this is exact, however poor the normal is. A move costs one evaluation, without gradient.
 
+use super::cholesky::Factor;
 use super::curvature::Curvature;
 use super::density::Evaluator;
 use super::hamiltonian::PhasePoint;
-use nalgebra::{Cholesky, DMatrix, DVector, Dyn};
+use faer::Mat;
 use rand::{Rng, RngExt as _};
 use rand_distr::StandardNormal;
 
@@ -56,7 +57,7 @@ fn moves(
         there.place(&z, &mut position);
         let ln_density = evaluator.value(&position);
         n += 1;
-        let ln_volume = volume * (here.ln_det - there.ln_det);
+        let ln_volume = volume * (here.precision.ln_det() - there.precision.ln_det());
         // NaN is not accepted
         if uniform.ln() < ln_density - point.ln_density + ln_volume {
             point.position.copy_from_slice(&position);
@@ -71,10 +72,9 @@ fn moves(
 struct Normal {
     /// Which they are.
     free: Vec<usize>,
-    mean: DVector<f64>,
-    precision: Cholesky<f64, Dyn>,
-    /// ln |L|
-    ln_det: f64,
+    mean: Vec<f64>,
+    /// L
+    precision: Factor,
 }
 
 impl Normal {
@@ -86,32 +86,33 @@ impl Normal {
             (0..c.len()).filter(|i| c[*i] == 0.0 && !curvature.still().contains(i)).collect();
         let information = |i: usize, j: usize| curvature.information(i, j);
         let n = free.len();
-        let precision = DMatrix::from_fn(n, n, |a, b| {
+        let precision = Mat::from_fn(n, n, |a, b| {
             let (i, j) = (free[a], free[b]);
             c[i] * c[j] * information(i, j) + f64::from(u8::from(a == b))
         });
-        let pull = DVector::from_fn(n, |a, _| {
-            let i = free[a];
-            let told: f64 = others.iter().map(|j| information(i, *j) * position[*j]).sum();
-            c[i] * (curvature.slope(i) - told)
-        });
-        let precision = Cholesky::new(precision)?;
-        let mean = precision.solve(&pull);
-        let ln_det = precision.l_dirty().diagonal().iter().map(|x| x.ln()).sum();
-        Some(Self { free, mean, precision, ln_det })
+        let precision = Factor::of(precision.as_ref())?;
+        let pull = |i: &usize| {
+            let told: f64 = others.iter().map(|j| information(*i, *j) * position[*j]).sum();
+            c[*i] * (curvature.slope(*i) - told)
+        };
+        let mut mean: Vec<f64> = free.iter().map(pull).collect();
+        precision.solve(&mut mean);
+        precision.solve_transposed(&mut mean);
+        Some(Self { free, mean, precision })
     }
 
     /// z at a position.
-    fn whitened(&self, position: &[f64]) -> DVector<f64> {
-        let off = DVector::from_fn(self.free.len(), |a, _| position[self.free[a]] - self.mean[a]);
-        self.precision.l().tr_mul(&off)
+    fn whitened(&self, position: &[f64]) -> Vec<f64> {
+        let off: Vec<f64> =
+            self.free.iter().zip(&self.mean).map(|(i, mean)| position[*i] - mean).collect();
+        self.precision.whitened(&off)
     }
 
     /// Writes the coordinates at this z.
-    fn place(&self, z: &DVector<f64>, position: &mut [f64]) {
-        let mut x = z.clone();
-        self.precision.l_dirty().tr_solve_lower_triangular_mut(&mut x);
-        for ((i, x), mean) in self.free.iter().zip(x.iter()).zip(self.mean.iter()) {
+    fn place(&self, z: &[f64], position: &mut [f64]) {
+        let mut x = z.to_vec();
+        self.precision.solve_transposed(&mut x);
+        for ((i, x), mean) in self.free.iter().zip(x).zip(&self.mean) {
             position[*i] = mean + x;
         }
     }
