@@ -493,7 +493,7 @@ fn arrivals_at_some_vertices_are_those_of_the_surface() {
     let arrivals = |solver: &Eikonal, vertices: &[usize], source: u32, ratio: f64| {
         let slowness: Vec<f64> = vertices.iter().map(|v| slowness(*v)).collect();
         let ratio = vec![ratio; vertices.len()];
-        let medium = Medium { slowness: &slowness, ratio: Some(&ratio), angle: None };
+        let medium = Medium { slowness: &slowness, ratio: Some(&ratio), ..Medium::default() };
         let mut front = Front::default();
         solver.forward(&medium, &[(source, 0.0)], &mut front);
         front.arrival

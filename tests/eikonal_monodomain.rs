@@ -39,7 +39,7 @@ fn arrivals(
     let eikonal = Eikonal::new(mesh, Some(&per_triangle)).unwrap();
     let n = mesh.n_vertices();
     let (slowness, ratio) = (vec![1.0 / along; n], vec![along / across; n]);
-    let medium = Medium { slowness: &slowness, ratio: Some(&ratio), angle: None };
+    let medium = Medium { slowness: &slowness, ratio: Some(&ratio), ..Medium::default() };
     let mut front = Front::default();
     eikonal.forward(&medium, sources, &mut front);
     front.arrival

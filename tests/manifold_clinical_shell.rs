@@ -108,7 +108,7 @@ fn derivatives_agree(ratio: f64, sources: &[(u32, f64)]) {
         let here = 1e-4 * f64::from(moved);
         let ratios: Vec<f64> = wave(0.05).iter().map(|x| ratio * (0.2 * x).exp()).collect();
         let slowness = along(here);
-        let medium = Medium { slowness: &slowness, ratio: Some(&ratios), angle: None };
+        let medium = Medium { slowness: &slowness, ratio: Some(&ratios), ..Medium::default() };
         let mut front = Front::default();
         let mut mean = |slowness: &[f64]| {
             let start = Instant::now();

@@ -188,11 +188,11 @@ pub enum Value {
         /// The vector of coefficients.
         beta: Ident,
     },
-    /// `eikonal(SLOWNESS, RATIO, ANGLE; row.source)`: when an activation that starts at the row's source arrives.
+    /// `eikonal(SLOWNESS, RATIO, ANGLE, THICKNESS; row.source)`: when an activation that starts at the row's source arrives.
     Eikonal(Box<Eikonal>),
 }
 
-/// `eikonal(SLOWNESS, RATIO, ANGLE; row.source)`. Everything before the semicolon has a value at every place.
+/// `eikonal(SLOWNESS, RATIO, ANGLE, THICKNESS; row.source)`. Everything before the semicolon has a value at every place.
 pub struct Eikonal {
     /// ms/mm along the fibres.
     pub slowness: Expr,
@@ -200,6 +200,8 @@ pub struct Eikonal {
     pub ratio: Option<Expr>,
     /// By how much the fibres are turned from those of the mesh, rad; `None` where they are the mesh's.
     pub angle: Option<Expr>,
+    /// How thick fronts are, ms: diffusivity over squared velocity; `None` where fronts bend at no cost.
+    pub thickness: Option<Expr>,
     /// The column that holds the vertex at which activation starts.
     pub source: Ident,
 }
@@ -286,9 +288,10 @@ impl Form {
 }
 
 impl Eikonal {
-    /// Slowness, ratio and angle, as far as they are written.
+    /// Slowness, ratio, angle and thickness, as far as they are written.
     pub fn operands(&self) -> impl Iterator<Item = &Expr> {
-        std::iter::once(&self.slowness).chain(&self.ratio).chain(&self.angle)
+        let further = [&self.ratio, &self.angle, &self.thickness];
+        std::iter::once(&self.slowness).chain(further.into_iter().flatten())
     }
 
     /// As a person would write it, of a row of this name.

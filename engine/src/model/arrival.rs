@@ -1,7 +1,7 @@
-//! Arrival times over the whole surface, as an operation: `eikonal(SLOWNESS, RATIO, ANGLE; row.source)`.
+//! Arrival times over the whole surface, as an operation: `eikonal(SLOWNESS, RATIO, ANGLE, THICKNESS; row.source)`.
 //!
 //! ```text
-//! unknowns → fields at every vertex → slowness, ratio, angle there → arrival at the rows' vertices
+//! unknowns → fields at every vertex → slowness, ratio, angle, thickness there → arrival at the rows' vertices
 //! ```
 //! The solver and its adjoint are in [`Eikonal`]; this file carries values and adjoints between it and
 //! the tape.
@@ -13,8 +13,8 @@ use super::everywhere::{PlaceFn, Where, pull, push};
 use super::tape::{Op, Second, Tape};
 use crate::manifold::{Eikonal, Front, Medium, MediumBar};
 
-/// Slowness, ratio and angle: what the tissue is like at a place.
-pub(super) const OPERANDS: usize = 3;
+/// Slowness, ratio, angle and thickness: what the tissue is like at a place.
+pub(super) const OPERANDS: usize = 4;
 
 /// One of them: an expression, and where its numbers live.
 #[derive(Debug)]
@@ -28,6 +28,8 @@ pub(super) type At = (u32, usize);
 
 /// What a slowness (ms/mm) and a ratio may be. Beyond, nothing arrives.
 const LIMITS: Range<f64> = 1e-6..1e6;
+/// What a thickness may be, ms.
+const THICKNESSES: Range<f64> = 0.0..1e3;
 
 /// Arrival times at rows.
 #[derive(Debug)]
@@ -79,7 +81,7 @@ impl Arrival {
     fn medium<'a>(&self, values: &'a [f64]) -> Medium<'a> {
         let n = self.n();
         let of = |i: usize| self.operands[i].as_ref().map(|_| &values[i * n..(i + 1) * n]);
-        Medium { slowness: &values[..n], ratio: of(1), angle: of(2) }
+        Medium { slowness: &values[..n], ratio: of(1), angle: of(2), thickness: of(3) }
     }
 
     /// Sources with their fronts, of those from which activation arrived.
@@ -97,6 +99,7 @@ impl Arrival {
         };
         all(Some(medium.slowness), &LIMITS)
             && all(medium.ratio, &LIMITS)
+            && all(medium.thickness, &THICKNESSES)
             && medium.angle.is_none_or(|angle| angle.iter().all(|x| x.is_finite()))
     }
 
@@ -118,11 +121,12 @@ impl Arrival {
             for (vertex, at) in rows {
                 bar[*vertex as usize] += g[*at];
             }
-            let [slowness, ratio, angle] = split(bars, n);
+            let [slowness, ratio, angle, thickness] = split(bars, n);
             let mut into = MediumBar {
                 slowness,
                 ratio: self.operands[1].as_ref().map(|_| ratio),
                 angle: self.operands[2].as_ref().map(|_| angle),
+                thickness: self.operands[3].as_ref().map(|_| thickness),
                 onsets: &mut [0.0],
             };
             self.solver.backward(&medium, front, bar, &mut into);
@@ -133,11 +137,13 @@ impl Arrival {
     }
 }
 
-/// Three pieces of `n` numbers.
-fn split(all: &mut [f64], n: usize) -> [&mut [f64]; OPERANDS] {
-    let (a, rest) = all.split_at_mut(n);
-    let (b, c) = rest.split_at_mut(n);
-    [a, b, c]
+/// Pieces of `n` numbers.
+fn split(mut all: &mut [f64], n: usize) -> [&mut [f64]; OPERANDS] {
+    [(); OPERANDS].map(|()| {
+        let (own, rest) = std::mem::take(&mut all).split_at_mut(n);
+        all = rest;
+        own
+    })
 }
 
 impl Op for Arrival {

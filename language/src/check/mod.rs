@@ -140,7 +140,7 @@ impl<'a> Check<'a> {
         }
     }
 
-    /// Slowness, ratio and angle have a value at every place: fields and parameters.
+    /// What an arrival depends on has a value at every place: fields and parameters.
     fn eikonal(&mut self, l: &Let, e: &Eikonal, scope: &Scope<'_>) {
         for operand in e.operands() {
             self.say(scope.read(operand, Place::Row(&l.row), &[]));

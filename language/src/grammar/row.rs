@@ -56,7 +56,7 @@ fn linear(input: ParseStream<'_>, row: &Ident) -> Result<Option<Value>> {
     Ok(Some(Value::Linear { columns, beta }))
 }
 
-/// `eikonal(SLOWNESS, RATIO?, ANGLE?; ROW.source);`
+/// `eikonal(SLOWNESS, RATIO?, ANGLE?, THICKNESS?; ROW.source);`
 fn eikonal(input: ParseStream<'_>, row: &Ident) -> Result<Option<Value>> {
     if !is_call(input, "eikonal") {
         return Ok(None);
@@ -74,13 +74,14 @@ fn eikonal(input: ParseStream<'_>, row: &Ident) -> Result<Option<Value>> {
     };
     let ratio = further("a ratio of velocities")?;
     let angle = further("an angle")?;
+    let thickness = further("a thickness")?;
     if content.parse::<Token![;]>().is_err() {
         return Err(wrong(word.span(), "`eikonal` does not say where activation starts", EIKONAL));
     }
     let source = member(&content, row)?;
     all_read(&content)?;
     semicolon(input, source.span())?;
-    Ok(Some(Value::Eikonal(Box::new(Eikonal { slowness, ratio, angle, source }))))
+    Ok(Some(Value::Eikonal(Box::new(Eikonal { slowness, ratio, angle, thickness, source }))))
 }
 
 /// Whether `WORD(` follows.

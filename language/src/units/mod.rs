@@ -81,7 +81,7 @@ fn let_statement(l: &Let, declared: Option<Unit>, units: &Units, say: &mut Say<'
     known
 }
 
-/// A time per mm of way, a ratio, and an angle.
+/// A time per mm of way, a ratio, an angle, and a time.
 fn eikonal(e: &Eikonal, time: Option<Wanted>, units: &Units, say: &mut Say<'_>) -> Known {
     let mm = Unit::parse("mm").unwrap_or_else(Unit::one);
     let per_mm = time.map(|time| Wanted { unit: time.unit.times(mm, -1), ..time });
@@ -91,6 +91,9 @@ fn eikonal(e: &Eikonal, time: Option<Wanted>, units: &Units, say: &mut Say<'_>) 
     }
     if let Some(angle) = &e.angle {
         say.check(angle, wanted(Unit::parse("rad"), "as an angle"), units);
+    }
+    if let Some(thickness) = &e.thickness {
+        say.check(thickness, wanted(Unit::parse("ms"), "as the thickness of a front"), units);
     }
     slowness.times(Known::Unit(mm), 1)
 }

@@ -45,7 +45,7 @@ impl State<'_> {
         }}
     }
 
-    /// `b.eikonal(…)` with slowness, ratio and angle, each as a function of what it mentions and of these columns.
+    /// `b.eikonal(…)` with slowness, ratio, angle and thickness, each as a function of what it mentions and of these columns.
     fn eikonal(&mut self, declared: &Let, value: &Eikonal) -> TokenStream {
         let (name, row) = (declared.name.to_string(), &declared.row);
         let decl = decl(&declared.name, declared.unit.as_ref(), &value.text(row));
@@ -57,9 +57,9 @@ impl State<'_> {
         };
         let optional = |e: &Option<Expr>| e.as_ref().map_or(quote!(None), operand);
         let slowness = operand(&value.slowness);
-        let (ratio, angle) = (optional(&value.ratio), optional(&value.angle));
+        let further = [&value.ratio, &value.angle, &value.thickness].map(optional);
         self.scope.declare(&declared.name, name.clone(), Kind::Row);
-        quote!(b.eikonal(#decl, #name, [#slowness, #ratio, #angle])?;)
+        quote!(b.eikonal(#decl, #name, [#slowness, #(#further),*])?;)
     }
 
     /// `struct Value` with a function of what `value` mentions; how much that is, and its place.

@@ -125,7 +125,8 @@ pub(super) fn backward(geometry: &Geometry, front: &Front, bar: &[f64], into: &m
                 continue;
             }
             let link = linear.link(v, |(t, of)| {
-                add(geometry.triangles[t as usize].corners, of.map(|g| x * g / 3.0), into);
+                let corners = geometry.triangles[t as usize].corners.map(|v| v as usize);
+                into.add(corners, of.map(|g| x * g / 3.0));
             });
             if link.onset.0 != NONE {
                 into.onsets[link.onset.0 as usize] += x * link.onset.1;
@@ -138,18 +139,6 @@ pub(super) fn backward(geometry: &Geometry, front: &Front, bar: &[f64], into: &m
             }
         }
     });
-}
-
-fn add(corners: [u32; 3], of: [f64; 3], into: &mut MediumBar<'_>) {
-    for v in corners.map(|v| v as usize) {
-        into.slowness[v] += of[0];
-        if let Some(ratio) = &mut into.ratio {
-            ratio[v] += of[1];
-        }
-        if let Some(angle) = &mut into.angle {
-            angle[v] += of[2];
-        }
-    }
 }
 
 /// See [`Eikonal::push`](super::Eikonal::push).

@@ -9,23 +9,35 @@ struct Change {
     slowness: Vec<f64>,
     ratio: Vec<f64>,
     angle: Vec<f64>,
+    thickness: Vec<f64>,
     onsets: Vec<f64>,
 }
 
-const CHANGES: [&str; 5] = ["slowness", "ratio", "angle", "onsets", "everything"];
+const CHANGES: [&str; 6] = ["slowness", "ratio", "angle", "thickness", "onsets", "everything"];
 
 impl Change {
     fn new(case: &Case, which: usize) -> Self {
         let (n, n_sources) = (case.eikonal.n_vertices(), case.sources.len());
         let of = |k: usize, n: usize| {
-            let size = if which == k || which == 4 { 1.0 } else { 0.0 };
+            let size = if which == k || which == 5 { 1.0 } else { 0.0 };
             scatter(11 + k as u64, n).iter().map(|x| size * (x - 0.3)).collect()
         };
-        Self { slowness: of(0, n), ratio: of(1, n), angle: of(2, n), onsets: of(3, n_sources) }
+        Self {
+            slowness: of(0, n),
+            ratio: of(1, n),
+            angle: of(2, n),
+            thickness: of(3, n),
+            onsets: of(4, n_sources),
+        }
     }
 
     fn medium(&self) -> Medium<'_> {
-        Medium { slowness: &self.slowness, ratio: Some(&self.ratio), angle: Some(&self.angle) }
+        Medium {
+            slowness: &self.slowness,
+            ratio: Some(&self.ratio),
+            angle: Some(&self.angle),
+            thickness: Some(&self.thickness),
+        }
     }
 }
 
@@ -39,7 +51,13 @@ fn moved(case: &Case, change: &Change, h: f64, weights: &[f64]) -> f64 {
         add(&case.angle, &change.angle),
         add(&onsets, &change.onsets),
     ];
-    let medium = Medium { slowness: &slowness, ratio: Some(&ratio), angle: Some(&angle) };
+    let thickness = case.thickness.as_ref().map(|thickness| add(thickness, &change.thickness));
+    let medium = Medium {
+        slowness: &slowness,
+        ratio: Some(&ratio),
+        angle: Some(&angle),
+        thickness: thickness.as_deref(),
+    };
     let sources: Vec<_> = case.sources.iter().map(|s| s.0).zip(onsets).collect();
     let mut front = Front::default();
     case.eikonal.forward(&medium, &sources, &mut front);
@@ -50,18 +68,24 @@ fn dot(a: &[f64], b: &[f64]) -> f64 {
     a.iter().zip(b).map(|(a, b)| a * b).sum()
 }
 
-/// Adjoints of slowness, ratio, angle and onsets.
-fn adjoints(case: &Case, front: &Front, bar: &[f64]) -> [Vec<f64>; 4] {
+/// Adjoints of slowness, ratio, angle, thickness and onsets.
+fn adjoints(case: &Case, front: &Front, bar: &[f64]) -> [Vec<f64>; 5] {
     let n = case.eikonal.n_vertices();
-    let mut bars = [n, n, n, case.sources.len()].map(|n| vec![0.0; n]);
-    let [slowness, ratio, angle, onsets] = &mut bars;
-    let mut into = MediumBar { slowness, ratio: Some(ratio), angle: Some(angle), onsets };
+    let mut bars = [n, n, n, n, case.sources.len()].map(|n| vec![0.0; n]);
+    let [slowness, ratio, angle, thickness, onsets] = &mut bars;
+    let mut into = MediumBar {
+        slowness,
+        ratio: Some(ratio),
+        angle: Some(angle),
+        thickness: Some(thickness),
+        onsets,
+    };
     case.eikonal.backward(&case.medium(), front, bar, &mut into);
     bars
 }
 
 /// By differences, by `push` and by `backward`, for each of [`CHANGES`].
-fn three_ways(case: &Case) -> [[f64; 3]; 5] {
+fn three_ways(case: &Case) -> [[f64; 3]; 6] {
     let n = case.eikonal.n_vertices();
     let front = case.front();
     let weights: Vec<f64> = scatter(3, n).iter().map(|w| w - 0.4).collect();
@@ -77,7 +101,8 @@ fn three_ways(case: &Case) -> [[f64; 3]; 5] {
         let pulled = dot(&bars[0], &change.slowness)
             + dot(&bars[1], &change.ratio)
             + dot(&bars[2], &change.angle)
-            + dot(&bars[3], &change.onsets);
+            + dot(&bars[3], &change.thickness)
+            + dot(&bars[4], &change.onsets);
         [difference, dot(&out, &weights), pulled]
     })
 }
@@ -101,9 +126,19 @@ fn cases() -> Vec<(String, Case)> {
     cases
 }
 
+/// The same, each with fronts that have a thickness.
+fn bent(mut cases: Vec<(String, Case)>) -> Vec<(String, Case)> {
+    for (name, case) in &mut cases {
+        *name += ", bent";
+        let n = case.eikonal.n_vertices();
+        case.thickness = Some(scatter(9, n).iter().map(|x| 0.2 + 0.2 * x).collect());
+    }
+    cases
+}
+
 #[test]
 fn derivatives_agree_with_differences() {
-    for (name, case) in cases() {
+    for (name, case) in cases().into_iter().chain(bent(cases())) {
         let size: f64 = case.front().arrival.iter().sum();
         for (what, [difference, pushed, pulled]) in CHANGES.iter().zip(three_ways(&case)) {
             println!("{name}, {what}: {difference:.6} {pushed:.6} {pulled:.6}");
@@ -118,7 +153,7 @@ fn derivatives_agree_with_differences() {
 fn a_gradient_without_the_ratio_disagrees() {
     // the broken twin: what differences by everything see, but for the term of the ratio
     let (_, case) = cases().swap_remove(6);
-    let [_, ratio, _, _, everything] = three_ways(&case);
+    let [_, ratio, _, _, _, everything] = three_ways(&case);
     assert!((everything[0] - (everything[2] - ratio[2])).abs() > 1e-3 * everything[0].abs());
 }
 
@@ -148,14 +183,15 @@ fn adjoints_are_added_and_the_ratio_counts_where_it_is_1() {
     let mesh = crumpled(12, 1.0, 0.3, 0.0);
     let case = Case::waving(&mesh, 1.0, &[(20, 0.0)]);
     let n = mesh.n_vertices();
-    let isotropic = Medium { slowness: &case.slowness, ratio: None, angle: None };
+    let isotropic = Medium { slowness: &case.slowness, ..Medium::default() };
     let mut front = Front::default();
     case.eikonal.forward(&isotropic, &case.sources, &mut front);
     let (mut slowness, mut ratio, mut onsets) = (vec![1.0; n], vec![0.0; n], [1.0]);
     let mut once = vec![0.0; n];
     for slowness in [&mut slowness, &mut once] {
         let ratio = Some(&mut ratio[..]);
-        let mut into = MediumBar { slowness, ratio, angle: None, onsets: &mut onsets };
+        let mut into =
+            MediumBar { slowness, ratio, angle: None, thickness: None, onsets: &mut onsets };
         case.eikonal.backward(&isotropic, &front, &vec![1.0; n], &mut into);
     }
     assert!(slowness.iter().zip(&once).all(|(a, b)| (a - 1.0 - b).abs() < 1e-10));

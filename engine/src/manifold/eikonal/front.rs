@@ -32,6 +32,10 @@ pub struct Front {
     /// What waits for the next pass.
     pub(super) later: Queue,
     pub(super) order: Order,
+    /// Where fronts have a thickness: what they would be without.
+    pub(super) plain: Option<Box<Self>>,
+    /// By how much each vertex is slower than without, as a part (n_vertices).
+    pub(super) slowing: Vec<f64>,
 }
 
 impl Front {

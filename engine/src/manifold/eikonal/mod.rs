@@ -3,8 +3,8 @@
 //! ```text
 //! ∇Tᵀ M⁻¹ ∇T = 1,   T = onset at the sources,   M = s² (f fᵀ + r² g gᵀ)
 //! ```
-//! with `s` the slowness along the fibres `f`, and `r s` that across them, `g`.  Arrivals are at the vertices; the
-//! medium is constant in a triangle.  A vertex is reached from its neighbours at the least over all triangles at it
+//! with `s` the slowness along the fibres `f`, and `r s` that across them, `g`.  A front that has a thickness is slower
+//! where it spreads (`bend.rs`).  Arrivals are at the vertices; the medium is constant in a triangle.  A vertex is reached from its neighbours at the least over all triangles at it
 //! (`step.rs`), and near a source along straight lines alone (`rays.rs`).  Arrivals are the fixed point of this
 //! (`march.rs`).  They are continuous in medium and onsets, but that where fronts from two sources meet they may jump
 //! by less than the error of the method.
@@ -15,6 +15,7 @@
 
 #[cfg(test)]
 mod accuracy_tests;
+mod bend;
 mod derivative;
 #[cfg(test)]
 mod derivative_tests;
@@ -35,6 +36,7 @@ pub use front::Front;
 
 use super::ManifoldError;
 use crate::mesh::TriMesh;
+use bend::Bend;
 use geometry::Geometry;
 use march::March;
 
@@ -45,10 +47,12 @@ use march::March;
 #[derive(Clone, Debug)]
 pub struct Eikonal {
     geometry: Geometry,
+    /// See [`bend::inverse_areas`].
+    inverse_areas: Vec<f64>,
 }
 
 /// What the tissue is like at every vertex; a triangle takes the means of its corners.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, Default)]
 pub struct Medium<'a> {
     /// ms/mm along the fibres, > 0 (n_vertices)
     pub slowness: &'a [f64],
@@ -57,6 +61,8 @@ pub struct Medium<'a> {
     /// Angle by which fibres are turned from those of the mesh, about the outward normal, rad (n_vertices); 0 if
     /// absent.
     pub angle: Option<&'a [f64]>,
+    /// How thick fronts are, as a time: diffusivity over squared velocity, ms, ≥ 0 (n_vertices); 0 if absent.
+    pub thickness: Option<&'a [f64]>,
 }
 
 /// Adjoints of a medium and of onsets; what is found is added.
@@ -68,8 +74,25 @@ pub struct MediumBar<'a> {
     pub ratio: Option<&'a mut [f64]>,
     /// (n_vertices)
     pub angle: Option<&'a mut [f64]>,
+    /// (n_vertices)
+    pub thickness: Option<&'a mut [f64]>,
     /// One per source.
     pub onsets: &'a mut [f64],
+}
+
+impl MediumBar<'_> {
+    /// Adds adjoints of slowness, ratio and angle at three vertices.
+    fn add(&mut self, corners: [usize; 3], of: [f64; 3]) {
+        for v in corners {
+            self.slowness[v] += of[0];
+            if let Some(ratio) = &mut self.ratio {
+                ratio[v] += of[1];
+            }
+            if let Some(angle) = &mut self.angle {
+                angle[v] += of[2];
+            }
+        }
+    }
 }
 
 impl Eikonal {
@@ -79,7 +102,9 @@ impl Eikonal {
     /// # Errors
     /// [`ManifoldError::FibreCount`] and [`ManifoldError::NoFibre`].
     pub fn new(mesh: &TriMesh, fibres: Option<&[[f64; 3]]>) -> Result<Self, ManifoldError> {
-        Ok(Self { geometry: Geometry::new(mesh, fibres)? })
+        let geometry = Geometry::new(mesh, fibres)?;
+        let inverse_areas = bend::inverse_areas(&geometry);
+        Ok(Self { geometry, inverse_areas })
     }
 
     /// Number of vertices of the surface.
@@ -93,8 +118,27 @@ impl Eikonal {
     /// When the medium is not of the surface's vertices, or a source is none of them.
     pub fn forward(&self, medium: &Medium<'_>, sources: &[(u32, f64)], front: &mut Front) {
         self.require(medium);
+        if let Some(thickness) = medium.thickness {
+            let mut plain = front.plain.take().unwrap_or_default();
+            self.plain_forward(medium, sources, &mut plain);
+            self.bend(&plain, thickness).slowing(&mut front.slowing);
+            let slowness = slower(medium.slowness, &front.slowing);
+            self.plain_forward(&Medium { slowness: &slowness, ..*medium }, sources, front);
+            front.plain = Some(plain);
+        } else {
+            self.plain_forward(medium, sources, front);
+        }
+    }
+
+    fn plain_forward(&self, medium: &Medium<'_>, sources: &[(u32, f64)], front: &mut Front) {
         March::new(&self.geometry, medium, sources, front).run();
         front.sort(&self.geometry);
+    }
+
+    fn bend<'a>(&'a self, plain: &'a Front, thickness: &'a [f64]) -> Bend<'a> {
+        let Self { geometry, inverse_areas } = self;
+        let Front { tissue, arrival, .. } = plain;
+        Bend { geometry, inverse_areas, tissue, thickness, arrival }
     }
 
     /// Adds to `into` the adjoint of the medium and the onsets, for the adjoint `bar` of the arrivals
@@ -112,7 +156,26 @@ impl Eikonal {
     ) {
         self.require(medium);
         assert_eq!(bar.len(), self.n_vertices(), "an adjoint of each arrival");
-        derivative::backward(&self.geometry, front, bar, into);
+        let Some((thickness, plain)) = medium.thickness.zip(front.plain.as_deref()) else {
+            derivative::backward(&self.geometry, front, bar, into);
+            return;
+        };
+        let n = self.n_vertices();
+        let (mut slowness, mut arrival) = (vec![0.0; n], vec![0.0; n]);
+        let mut bent = MediumBar {
+            slowness: &mut slowness,
+            ratio: into.ratio.as_deref_mut(),
+            angle: into.angle.as_deref_mut(),
+            thickness: None,
+            onsets: into.onsets,
+        };
+        derivative::backward(&self.geometry, front, bar, &mut bent);
+        for (v, bar) in slowness.iter_mut().enumerate() {
+            into.slowness[v] += *bar * (1.0 + front.slowing[v]);
+            *bar *= medium.slowness[v];
+        }
+        self.bend(plain, thickness).pull(&front.slowing, &slowness, into, &mut arrival);
+        derivative::backward(&self.geometry, plain, &arrival, into);
     }
 
     /// Change of the arrivals (n_vertices), into `out`, for a small `change` of the medium and `onset_change` of the
@@ -131,13 +194,30 @@ impl Eikonal {
         self.require(medium);
         self.require(change);
         assert_eq!(out.len(), self.n_vertices(), "a change of each arrival");
-        derivative::push(&self.geometry, front, change, onset_change, out);
+        let Some((thickness, plain)) = medium.thickness.zip(front.plain.as_deref()) else {
+            derivative::push(&self.geometry, front, change, onset_change, out);
+            return;
+        };
+        derivative::push(&self.geometry, plain, change, onset_change, out);
+        let slowing = self.bend(plain, thickness).push(&front.slowing, change, out);
+        let mut slowness = slower(change.slowness, &front.slowing);
+        for (v, slower) in slowness.iter_mut().enumerate() {
+            *slower += medium.slowness[v] * slowing[v];
+        }
+        let change = Medium { slowness: &slowness, ..*change };
+        derivative::push(&self.geometry, front, &change, onset_change, out);
     }
 
     fn require(&self, medium: &Medium<'_>) {
         let n = self.n_vertices();
         let of = |values: Option<&[f64]>| values.is_none_or(|values| values.len() == n);
-        let fits = medium.slowness.len() == n && of(medium.ratio) && of(medium.angle);
+        let fits = medium.slowness.len() == n
+            && [medium.ratio, medium.angle, medium.thickness].into_iter().all(of);
         assert!(fits, "a medium of the surface's {n} vertices");
     }
+}
+
+/// Slowness where it is larger by these parts.
+fn slower(slowness: &[f64], slowing: &[f64]) -> Vec<f64> {
+    slowness.iter().zip(slowing).map(|(s, part)| s * (1.0 + part)).collect()
 }

@@ -36,6 +36,7 @@ pub(super) struct Case {
     pub(super) slowness: Vec<f64>,
     pub(super) ratio: Vec<f64>,
     pub(super) angle: Vec<f64>,
+    pub(super) thickness: Option<Vec<f64>>,
     pub(super) sources: Vec<(u32, f64)>,
 }
 
@@ -51,6 +52,7 @@ impl Case {
             slowness: wave(0.31, 0.2).map(|x| 1.4 * x.exp()).collect(),
             ratio: wave(0.23, 0.2).map(|x| ratio * x.exp()).collect(),
             angle: wave(0.17, 0.8).collect(),
+            thickness: None,
             sources: sources.to_vec(),
         }
     }
@@ -64,12 +66,18 @@ impl Case {
             slowness: vec![1.3; n],
             ratio: vec![ratio; n],
             angle: vec![0.0; n],
+            thickness: None,
             sources: sources.iter().map(|&v| (v, 2.0)).collect(),
         }
     }
 
     pub(super) fn medium(&self) -> Medium<'_> {
-        Medium { slowness: &self.slowness, ratio: Some(&self.ratio), angle: Some(&self.angle) }
+        Medium {
+            slowness: &self.slowness,
+            ratio: Some(&self.ratio),
+            angle: Some(&self.angle),
+            thickness: self.thickness.as_deref(),
+        }
     }
 
     pub(super) fn front(&self) -> Front {
@@ -95,8 +103,13 @@ fn bits_are_the_same_again_and_in_memory_used_before() {
     let adjoint = |front: &Front| {
         let n = case.eikonal.n_vertices();
         let (mut slowness, mut onsets) = (vec![0.0; n], [0.0; 3]);
-        let mut into =
-            MediumBar { slowness: &mut slowness, ratio: None, angle: None, onsets: &mut onsets };
+        let mut into = MediumBar {
+            slowness: &mut slowness,
+            ratio: None,
+            angle: None,
+            thickness: None,
+            onsets: &mut onsets,
+        };
         case.eikonal.backward(&case.medium(), front, &scatter(5, n), &mut into);
         (bits(&slowness), bits(&onsets))
     };

@@ -19,7 +19,7 @@ pub(super) struct Declared {
 }
 
 impl Builder<'_> {
-    /// `let name(row) [unit] = eikonal(slowness, ratio, angle; row.source);`
+    /// `let name(row) [unit] = eikonal(slowness, ratio, angle, thickness; row.source);`
     ///
     /// # Errors
     /// No column `source`; a ratio on a mesh without fibres, where no angle says how they run.
@@ -34,7 +34,7 @@ impl Builder<'_> {
         let Some(waves) = data.waves() else {
             return Err(ModelError::NoSource { name: name.into(), file: data.file().into() });
         };
-        let [_, ratio, angle] = &operands;
+        let [_, ratio, angle, _] = &operands;
         if ratio.is_some() && angle.is_none() && !waves.has_fibres {
             return Err(ModelError::NoFibres { name: name.into() });
         }
