@@ -19,9 +19,10 @@ impl Factor {
     pub(super) fn of(precision: MatRef<'_, f64>) -> Option<Self> {
         let is_finite = precision.col_iter().all(|column| column.iter().all(|x| x.is_finite()));
         let llt = is_finite.then(|| precision.llt(Side::Lower).ok()).flatten()?;
-        let columns = llt.L().col_iter();
-        let lower = columns.flat_map(|column| column.iter().copied().collect::<Vec<_>>()).collect();
-        Some(Self { dim: precision.nrows(), lower })
+        let dim = precision.nrows();
+        let mut lower = Vec::with_capacity(dim * dim);
+        llt.L().col_iter().for_each(|column| lower.extend(column.iter()));
+        Some(Self { dim, lower })
     }
 
     /// Whether it is of `dim` coordinates.
