@@ -19,6 +19,8 @@ use eplat::mesh::{Refined, TriMesh, left_atrium};
 
 /// CV along fibres in continuous tissue, mm/ms.
 const CV_MAX: f64 = 0.9;
+/// Diffusivity over squared CV in continuous tissue, ms: 2 τ_in / (1 − 2 V_gate)², with V_gate = 0.1.
+const THICKNESS: f64 = activation::TAU_IN / 0.32;
 /// CV along over CV across.
 const RATIO: f64 = 2.0;
 /// Until then the simulator's times are taken: the stimulus covers vertices at once, ms.
@@ -30,6 +32,7 @@ fn arrivals(
     fibres: &[[f64; 3]],
     sources: &[(u32, f64)],
     [along, across]: [f64; 2],
+    thickness: f64,
 ) -> Vec<f64> {
     let of = |t: &[u32; 3]| {
         let [a, b, c] = t.map(|v| fibres[v as usize]);
@@ -39,7 +42,13 @@ fn arrivals(
     let eikonal = Eikonal::new(mesh, Some(&per_triangle)).unwrap();
     let n = mesh.n_vertices();
     let (slowness, ratio) = (vec![1.0 / along; n], vec![along / across; n]);
-    let medium = Medium { slowness: &slowness, ratio: Some(&ratio), ..Medium::default() };
+    let thickness = vec![thickness; n];
+    let medium = Medium {
+        slowness: &slowness,
+        ratio: Some(&ratio),
+        angle: None,
+        thickness: Some(&thickness),
+    };
     let mut front = Front::default();
     eikonal.forward(&medium, sources, &mut front);
     front.arrival
@@ -84,16 +93,23 @@ fn arrivals_are_those_of_the_simulator() {
     let finer = once.carry(fibres.clone(), halfway);
     let early = known(lat);
     let early_once = known(&all[..once.mesh.n_vertices()]);
+    let paced = [(source, 0.0)];
+    let continuous = [CV_MAX, CV_MAX / RATIO];
     let found = [
-        ("edges 1.5 mm", arrivals(&coarse, &fibres, &early, cv)),
-        ("edges 0.75 mm", arrivals(&once.mesh, &finer, &early_once, cv)),
-        ("continuous CV", arrivals(&coarse, &fibres, &early, [CV_MAX, CV_MAX / RATIO])),
-        ("no fibres", arrivals(&coarse, &fibres, &early, [cv[0], cv[0]])),
+        ("edges 1.5 mm", arrivals(&coarse, &fibres, &early, cv, 0.0)),
+        ("edges 0.75 mm", arrivals(&once.mesh, &finer, &early_once, cv, 0.0)),
+        ("continuous CV", arrivals(&coarse, &fibres, &early, continuous, 0.0)),
+        ("no fibres", arrivals(&coarse, &fibres, &early, [cv[0], cv[0]], 0.0)),
+        ("from the place of pacing", arrivals(&coarse, &fibres, &paced, cv, 0.0)),
+        ("so, with a thickness", arrivals(&coarse, &fibres, &paced, cv, THICKNESS)),
+        ("three times as thick", arrivals(&coarse, &fibres, &paced, cv, 3.0 * THICKNESS)),
     ];
     let found = found.map(|(name, arrival)| {
         let [median, rms, largest] = differences(&arrival, lat);
-        println!("{name:14}: offset {median:6.2} ms, rms {rms:5.2}, largest {largest:5.2}");
+        println!("{name:24}: offset {median:6.2} ms, rms {rms:5.2}, largest {largest:5.2}");
         rms
     });
     assert!(found[0] < 1.0 && found[3] > 5.0 * found[0], "{found:?}");
+    let [.., plain, bent, thick] = found;
+    assert!(bent < 0.8 * plain && bent < 0.8 * thick, "{found:?}");
 }

@@ -9,7 +9,7 @@ const DT: f64 = 0.1;
 /// With this `tau_in` fronts are so thick that edges of 0.4 mm resolve them also across fibres. At 0.05 ms the
 /// simulator's own anisotropy depends on the mesh, and its times on the atrium differ by 7 ms from those that CV on
 /// sheets foretells.
-const TAU_IN: f64 = 0.15;
+pub(crate) const TAU_IN: f64 = 0.15;
 
 /// Activation times after one stimulus at `paced`, ms. `cv` is `CV_max` along fibres at every vertex, mm/ms.
 pub(crate) fn activation(

@@ -4,8 +4,9 @@
 //! slowing = div(θ M⁻¹ ∇T)      θ the thickness, T the arrivals of fronts that bend at no cost
 //! ```
 //! M⁻¹∇T is the velocity of activation, and its divergence the rate at which a piece of the front grows. It is computed
-//! with linear elements, and is 0 at the border of the surface, where what lies beyond would be needed. Where fronts
-//! meet T has a kink, and at a source a corner, so it is kept within [`LIMITS`].
+//! with linear elements, as a mean over the vertices of the triangles at each vertex: the divergence at one alone is
+//! rough. Those at the border of the surface are left out, for what lies beyond would be needed. Where fronts meet T
+//! has a kink, and at a source a corner, so slowing is kept within [`LIMITS`].
 //!
 //! # Source
 //! Keener, "An eikonal-curvature equation for action potential propagation in myocardium", J. Math. Biol. 29 (1991).
@@ -81,29 +82,53 @@ fn flow_by_medium(tissue: &Tissue, a: [f64; 2], b: [f64; 2]) -> [f64; 3] {
     ]
 }
 
-/// What is needed of the surface: 1 over a third of the area of the triangles at each vertex, mm⁻², and 0 at the border.
-pub(super) fn inverse_areas(geometry: &Geometry) -> Vec<f64> {
-    let mut areas = vec![0.0; geometry.n_vertices()];
-    for triangle in &geometry.triangles {
-        triangle.corners.iter().for_each(|v| areas[*v as usize] += triangle.area / 6.0);
-    }
-    let mut inverse: Vec<f64> =
-        areas.iter().map(|a| if *a > 0.0 { a.recip() } else { 0.0 }).collect();
-    for triangle in &geometry.triangles {
-        for side in (0..3).filter(|side| triangle.beyond[*side] == NONE) {
-            for k in 1..3 {
-                inverse[triangle.corners[(side + k) % 3] as usize] = 0.0;
+/// Where the surface has no border, and the areas of which a vertex takes the mean.
+#[derive(Clone, Debug)]
+pub(super) struct Patches {
+    /// 0 at the border, 1 elsewhere.
+    inner: Vec<f64>,
+    /// 1 over the sum of the areas, mm⁻²; 0 where no vertex is inside (n_vertices).
+    inverse: Vec<f64>,
+}
+
+impl Patches {
+    pub(super) fn new(geometry: &Geometry) -> Self {
+        let mut inner = vec![1.0; geometry.n_vertices()];
+        for triangle in &geometry.triangles {
+            for side in (0..3).filter(|side| triangle.beyond[*side] == NONE) {
+                for k in 1..3 {
+                    inner[triangle.corners[(side + k) % 3] as usize] = 0.0;
+                }
             }
         }
+        let mut areas = vec![0.0; inner.len()];
+        for triangle in &geometry.triangles {
+            for v in triangle.corners.map(|v| v as usize) {
+                areas[v] += inner[v] * triangle.area / 6.0;
+            }
+        }
+        let sum = |area: &f64| if *area > 0.0 { area.recip() } else { 0.0 };
+        let inverse = sums(geometry, &areas).iter().map(sum).collect();
+        Self { inner, inverse }
     }
-    inverse
+}
+
+/// At each vertex the sum over the corners of its triangles. As a matrix this is symmetric.
+fn sums(geometry: &Geometry, values: &[f64]) -> Vec<f64> {
+    let mut out = vec![0.0; values.len()];
+    for triangle in &geometry.triangles {
+        let corners = triangle.corners.map(|v| v as usize);
+        let sum: f64 = corners.iter().map(|v| values[*v]).sum();
+        corners.iter().for_each(|v| out[*v] += sum);
+    }
+    out
 }
 
 /// Slowing of the fronts that arrive at `arrival`.
 #[derive(Clone, Copy)]
 pub(super) struct Bend<'a> {
     pub(super) geometry: &'a Geometry,
-    pub(super) inverse_areas: &'a [f64],
+    pub(super) patches: &'a Patches,
     /// Of each triangle.
     pub(super) tissue: &'a [Tissue],
     /// θ, ms (n_vertices)
@@ -120,18 +145,26 @@ impl Bend<'_> {
             .filter(|piece| piece.corners.iter().all(|v| self.arrival[*v].is_finite()))
     }
 
+    /// Times the area, at each vertex: means of these are slowing.
+    fn mean(&self, of: &[f64]) -> Vec<f64> {
+        let mut means = sums(self.geometry, of);
+        means.iter_mut().zip(&self.patches.inverse).for_each(|(mean, inverse)| *mean *= inverse);
+        means
+    }
+
     /// At each vertex (n_vertices).
-    pub(super) fn slowing(&self, out: &mut Vec<f64>) {
-        out.clear();
-        out.resize(self.arrival.len(), 0.0);
+    pub(super) fn slowing(&self) -> Vec<f64> {
+        let mut out = vec![0.0; self.arrival.len()];
         for piece in self.pieces() {
             let gradient = piece.gradient(self.arrival);
             let weight = piece.mean(self.thickness) * piece.area;
             for (v, slope) in piece.corners.iter().zip(piece.slopes) {
-                out[*v] -= weight * self.inverse_areas[*v] * flow(piece.tissue, slope, gradient);
+                out[*v] -= weight * self.patches.inner[*v] * flow(piece.tissue, slope, gradient);
             }
         }
-        out.iter_mut().for_each(|x| *x = x.clamp(*LIMITS.start(), *LIMITS.end()));
+        let mut slowing = self.mean(&out);
+        slowing.iter_mut().for_each(|x| *x = x.clamp(*LIMITS.start(), *LIMITS.end()));
+        slowing
     }
 
     /// Change of the slowing (n_vertices) with the medium and the arrivals.
@@ -147,11 +180,12 @@ impl Bend<'_> {
                 let by_medium = (0..3).map(|k| by[k] * d[k]).sum::<f64>();
                 let change = thicker * flow(piece.tissue, slope, gradient)
                     + thickness * (flow(piece.tissue, slope, moved) + by_medium);
-                out[*v] -= piece.area * self.inverse_areas[*v] * change;
+                out[*v] -= piece.area * self.patches.inner[*v] * change;
             }
         }
+        let mut out = self.mean(&out);
         for (out, slowing) in out.iter_mut().zip(slowing) {
-            *out *= f64::from(u8::from(is_free(*slowing)));
+            *out *= free(*slowing);
         }
         out
     }
@@ -164,8 +198,10 @@ impl Bend<'_> {
         into: &mut MediumBar<'_>,
         arrival: &mut [f64],
     ) {
-        let of = |v: usize| if is_free(slowing[v]) { bar[v] * self.inverse_areas[v] } else { 0.0 };
-        let bar: Vec<f64> = (0..slowing.len()).map(of).collect();
+        let Patches { inner, inverse } = self.patches;
+        let of = |v: usize| free(slowing[v]) * bar[v] * inverse[v];
+        let mut bar = sums(self.geometry, &(0..slowing.len()).map(of).collect::<Vec<f64>>());
+        bar.iter_mut().zip(inner).for_each(|(bar, inner)| *bar *= inner);
         for piece in self.pieces() {
             let (gradient, pulled) = (piece.gradient(self.arrival), piece.gradient(&bar));
             let weight = piece.mean(self.thickness) * piece.area;
@@ -182,7 +218,7 @@ impl Bend<'_> {
     }
 }
 
-/// Whether a slowing lies between its limits, where it changes with what it depends on.
-fn is_free(slowing: f64) -> bool {
-    *LIMITS.start() < slowing && slowing < *LIMITS.end()
+/// 1 where a slowing lies between its limits and changes with what it depends on, else 0.
+fn free(slowing: f64) -> f64 {
+    f64::from(u8::from(*LIMITS.start() < slowing && slowing < *LIMITS.end()))
 }

@@ -36,7 +36,7 @@ pub use front::Front;
 
 use super::ManifoldError;
 use crate::mesh::TriMesh;
-use bend::Bend;
+use bend::{Bend, Patches};
 use geometry::Geometry;
 use march::March;
 
@@ -47,8 +47,7 @@ use march::March;
 #[derive(Clone, Debug)]
 pub struct Eikonal {
     geometry: Geometry,
-    /// See [`bend::inverse_areas`].
-    inverse_areas: Vec<f64>,
+    patches: Patches,
 }
 
 /// What the tissue is like at every vertex; a triangle takes the means of its corners.
@@ -103,8 +102,8 @@ impl Eikonal {
     /// [`ManifoldError::FibreCount`] and [`ManifoldError::NoFibre`].
     pub fn new(mesh: &TriMesh, fibres: Option<&[[f64; 3]]>) -> Result<Self, ManifoldError> {
         let geometry = Geometry::new(mesh, fibres)?;
-        let inverse_areas = bend::inverse_areas(&geometry);
-        Ok(Self { geometry, inverse_areas })
+        let patches = Patches::new(&geometry);
+        Ok(Self { geometry, patches })
     }
 
     /// Number of vertices of the surface.
@@ -121,7 +120,7 @@ impl Eikonal {
         if let Some(thickness) = medium.thickness {
             let mut plain = front.plain.take().unwrap_or_default();
             self.plain_forward(medium, sources, &mut plain);
-            self.bend(&plain, thickness).slowing(&mut front.slowing);
+            front.slowing = self.bend(&plain, thickness).slowing();
             let slowness = slower(medium.slowness, &front.slowing);
             self.plain_forward(&Medium { slowness: &slowness, ..*medium }, sources, front);
             front.plain = Some(plain);
@@ -136,9 +135,9 @@ impl Eikonal {
     }
 
     fn bend<'a>(&'a self, plain: &'a Front, thickness: &'a [f64]) -> Bend<'a> {
-        let Self { geometry, inverse_areas } = self;
+        let Self { geometry, patches } = self;
         let Front { tissue, arrival, .. } = plain;
-        Bend { geometry, inverse_areas, tissue, thickness, arrival }
+        Bend { geometry, patches, tissue, thickness, arrival }
     }
 
     /// Adds to `into` the adjoint of the medium and the onsets, for the adjoint `bar` of the arrivals
