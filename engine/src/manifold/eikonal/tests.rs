@@ -167,8 +167,13 @@ fn what_no_source_leads_to_is_never_reached_and_has_no_adjoint() {
     assert!(front.arrival[..n].iter().all(|t| t.is_finite()));
     assert!(front.arrival[n..].iter().all(|t| *t == f64::INFINITY));
     let (mut slowness, mut onsets) = (vec![0.0; 2 * n], [0.0]);
-    let mut into =
-        MediumBar { slowness: &mut slowness, ratio: None, angle: None, onsets: &mut onsets };
+    let mut into = MediumBar {
+        slowness: &mut slowness,
+        ratio: None,
+        angle: None,
+        thickness: None,
+        onsets: &mut onsets,
+    };
     case.eikonal.backward(&case.medium(), &front, &vec![1.0; 2 * n], &mut into);
     assert!(slowness[n..].iter().all(|x| *x == 0.0) && slowness.iter().all(|x| x.is_finite()));
     let mut empty = Front::default();
