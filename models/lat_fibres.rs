@@ -28,9 +28,11 @@ model! {
 
     /// When activation starts, on the clock of the recording: one for each source.
     param onset(source) [ms] ~ Normal(0.0, 100.0);
-    let arrival(row) [ms] = eikonal(slowness(row), ratio, angle(row); row.source);
+    /// Of fronts, which are slower where they spread: diffusivity over squared velocity.
+    param thickness [ms] ~ LogNormal(-1.2, 0.7);
+    let arrival(row) [ms] = eikonal(slowness(row), ratio, angle(row), thickness; row.source);
 
-    /// By how much the activation of a source is later than the fastest way: fronts bend, and the wall has a thickness.
+    /// By how much the activation of a source is later than that: where fronts meet, and for the wall's own thickness.
     field delay(x, source) [ms] = alpha * gp(Matern32(rho), K = 64) where {
         alpha [ms] ~ HalfNormal(1.0);
         rho   [mm] ~ LogNormal(2.5, 0.4);
