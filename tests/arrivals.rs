@@ -40,10 +40,11 @@ mod models {
         }
         field ln_ratio(x) = 0.5 + 0.2 * gp(Rbf(40.0), K = 4);
         param faster ~ Normal(0.0, 0.2);
+        param thickness [ms] ~ LogNormal(-1.2, 0.7);
         param onset(source) [ms] ~ Normal(0.0, 20.0);
         param noise [ms] ~ HalfNormal(5.0);
         let slowness(x) [ms/mm] = 1.0 / velocity(x);
-        let arrival(row) [ms] = eikonal(slowness(row), exp(ln_ratio(row) + faster), angle(row); row.source);
+        let arrival(row) [ms] = eikonal(slowness(row), exp(ln_ratio(row) + faster), angle(row), thickness; row.source);
         effect late on arrival [ms] = linear(row.deep) ~ Normal(0.0, 5.0);
         observe lat(row): Number [ms] ~ Normal(onset(row) + arrival(row), noise);
         observe bound(row): Bracket [ms] ~ Interval(arrival(row), noise);
@@ -179,6 +180,8 @@ fn arrivals_are_slowness_times_distance_and_add_effects() {
     let base = |name: &str| match name {
         "velocity.m" => Some(0.8),
         "faster" => Some(-0.5),
+        // of its logarithm: next to none
+        "thickness" => Some(-30.0),
         _ => None,
     };
     let slow = arrivals(&base);

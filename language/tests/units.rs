@@ -50,6 +50,10 @@ mistakes! {
         param turned [deg] ~ Normal(0.0, 20.0);
         let t(row) [ms] = eikonal(1.2, 2.0, turned; row.source);
     } => "let t: `turned`: expected [rad] as an angle, got [deg]";
+    an_eikonal_with_a_thickness_in_mm: {
+        param thickness [mm] ~ HalfNormal(1.0);
+        let t(row) [ms] = eikonal(1.2, 2.0, 0.3, thickness; row.source);
+    } => "let t: `thickness`: expected [ms] as the thickness of a front, got [mm]";
     an_amplitude_times_a_share: {
         param share [1] ~ Beta(1.0, 1.0);
         field f(x) [ms] = m + (a * share) * gp(Rbf(rho), K = 4) where {
