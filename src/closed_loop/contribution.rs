@@ -80,7 +80,7 @@ impl Contribution {
 }
 
 /// The predicted value of each row at each draw.
-fn locations(model: &Model, draws: &[&[f64]], ids: &[RowId]) -> Vec<Vec<f64>> {
+fn locations(model: &Model, draws: &[Vec<f64>], ids: &[RowId]) -> Vec<Vec<f64>> {
     let mut all = vec![vec![]; ids.len()];
     let mut rng = Stream::HeldOut.rng(0); // every unknown is known: nothing is drawn
     model.at_draws(model, draws, ids, &mut rng, &mut |row, own, _| {

@@ -106,7 +106,7 @@ impl Problem<'_> {
 
     fn forecast(
         &self,
-        draws: &[&[f64]],
+        draws: &[Vec<f64>],
         n_chains: usize,
         seed: u64,
         table: &Measurements,
