@@ -124,12 +124,13 @@ impl Chain {
         self.diverging.iter().filter(|d| **d).count()
     }
 
-    /// Whether it is a record of at most so many draws of `dim` unknowns, each with all that is told of it.
+    /// Whether it is what was kept of at most so many draws of `dim` unknowns, each with all that is told of it.
     pub(super) fn fits(&self, dim: usize, most_draws: usize) -> bool {
         let n = self.n_draws();
         let is_whole = [self.accept.len(), self.energy.len(), self.diverging.len()] == [n; 3]
             && [self.depth.len(), self.n_leapfrog.len()] == [n; 2]
-            && [self.draws.n_rows(), self.draws.width()] == [n, dim];
+            && self.draws.is_kept(dim)
+            && self.draws.n_rows() == n;
         let is_ours = |divergence: &Divergence| {
             divergence.iteration < n && [divergence.start.len(), divergence.end.len()] == [dim; 2]
         };

@@ -93,9 +93,8 @@ impl Spool {
     /// # Errors
     /// From the operating system.
     pub(crate) fn take_up(&mut self, other: Self) -> io::Result<bool> {
-        let Self { width, sums, last, .. } = other;
-        let numbers = self.numbers_of_block();
-        let fits = width == self.width && last.len() < numbers && last.len().is_multiple_of(width);
+        let (numbers, fits) = (self.numbers_of_block(), other.is_kept(self.width));
+        let Self { sums, last, .. } = other;
         if !fits || !sums.is_empty() && !self.has_file()? {
             return Ok(false);
         }
@@ -110,6 +109,12 @@ impl Spool {
         }
         (self.sums, self.last) = (sums, last);
         Ok(true)
+    }
+
+    /// Whether this can be what was serialised of rows of so many numbers with full blocks in a file.
+    pub(crate) fn is_kept(&self, width: usize) -> bool {
+        let n = self.last.len();
+        self.width == width && n < self.numbers_of_block() && n.is_multiple_of(width)
     }
 
     fn has_file(&mut self) -> io::Result<bool> {
