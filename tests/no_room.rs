@@ -164,6 +164,42 @@ fn a_full_disk_is_told_and_leaves_no_half_file() {
     }
 }
 
+/// What was sampled is kept, and gone on with where there is room.
+#[test]
+fn a_disk_without_room_for_draws_is_told_and_the_run_goes_on_later() {
+    let place = Workplace::new();
+    if !can_mount(&place) {
+        skipped::skipped("no disk can be mounted here (unshare -rm)");
+        return;
+    }
+    let run = "run erp --chains 2 --warmup 40 --draws 6000";
+    let script = format!(
+        "mount -t tmpfs -o size=3000k tmpfs full || exit 99\n\"$0\" {run} --out full/o 2>said\necho $? >code\n\
+         mount -o remount,size=200000k full\n\"$0\" {run} --out full/o --resume\ncode=$?\ncp -r full left\nexit $code"
+    );
+    let resumed = Command::new("unshare")
+        .args(["-rm", "sh", "-c", &script, env!("CARGO_BIN_EXE_eplat")])
+        .current_dir(place.path(""))
+        .env("EPLAT_CACHE", concat!(env!("CARGO_TARGET_TMPDIR"), "/cache"))
+        .output()
+        .unwrap();
+    let said = place.read("said");
+    assert_eq!(place.read("code"), "1\n", "{said}");
+    let error = &said[said.find("error: ").unwrap()..];
+    assert!(error.contains(": cannot write full/o/checkpoint/draws-"), "{said}");
+    assert!(error.contains(": No space left on device"), "{said}");
+    let help = "\nhelp: make room there, then give the command again with --resume\n";
+    assert!(error.ends_with(help), "{said}");
+    let said = text(&resumed.stderr);
+    assert!(matches!(resumed.status.code(), Some(0 | 3 | 4)), "{said}");
+    let whole = place.eplat(&format!("{run} --out whole"));
+    assert_eq!(whole.status.code(), resumed.status.code());
+    for name in ["draws.csv", "summary.csv", "loo.csv", "rows.csv"] {
+        assert!(place.read(&format!("left/o/{name}")) == place.read(&format!("whole/{name}")));
+    }
+    assert!(!place.path("left/o/checkpoint").exists());
+}
+
 /// Of a linker on a full disk nothing is heard but that it died.
 #[test]
 fn a_disk_that_fills_while_a_model_compiles_is_told() {

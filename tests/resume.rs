@@ -19,8 +19,8 @@ use std::time::Duration;
 
 use eplat::experiment::thinned;
 use eplat::infer::{
-    Chain, ChainFailure, ChainProgress, ChainResult, MetricKind, Progress, Settings, Silent,
-    jittered_starts,
+    Chain, ChainFailure, ChainProgress, ChainResult, LogDensity as _, MetricKind, Progress,
+    Settings, Silent, jittered_starts,
 };
 use eplat::model::{Model, Sampler};
 use eplat::store::{Checkpoint, CheckpointError, Identity, Spool};

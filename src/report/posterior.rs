@@ -54,21 +54,12 @@ pub struct Posterior {
 }
 
 impl Posterior {
-    /// From chains of equal length; `seed` is the run's.
-    ///
-    /// # Panics
-    /// If their draws are on a disk that cannot be read.
-    #[allow(clippy::expect_used, reason = "nothing is written")]
-    pub fn new(model: &Model, data: &Measurements, chains: &[Chain], seed: u64) -> Self {
-        Self::placed(model, data, chains, seed, None).expect("chains in memory")
-    }
-
-    /// The same to the last bit. With a `folder` it takes less memory and more time: [`Posterior::posterior`] and what is
-    /// told of measurements at draws are on its disk, in files without names that go with it.
+    /// From chains of equal length; `seed` is the run's. With a `folder` it is the same to the last bit in less memory and
+    /// more time: what is told of every draw is on its disk, in files without names that go with it.
     ///
     /// # Errors
-    /// From the disk of the `folder`, and from that of the chains.
-    pub fn placed(
+    /// From that disk, and from that of the chains, if they are on one.
+    pub fn new(
         model: &Model,
         data: &Measurements,
         chains: &[Chain],

@@ -72,7 +72,10 @@ pub enum RunError {
         source: io::Error,
     },
     /// Draws that went to the disk, and cannot be read back or added to.
-    #[error("draws on the disk of the output folder: {source}\nhelp: {}", advice(source))]
+    #[error(
+        "draws on the disk of the output folder cannot be written or read: {source}\nhelp: {}",
+        advice(source)
+    )]
     Draws {
         /// The cause.
         source: io::Error,

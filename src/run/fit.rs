@@ -199,8 +199,7 @@ impl<'m> Fit<'m> {
     fn reported(&self) -> io::Result<Posterior> {
         let (measurements, seed) = (self.problem.measurements(), self.settings.seed);
         let disk = self.settings.disk.as_deref();
-        let mut posterior =
-            Posterior::placed(self.model(), measurements, self.chains(), seed, disk)?;
+        let mut posterior = Posterior::new(self.model(), measurements, self.chains(), seed, disk)?;
         if !matches!(self.method, Method::Sampled(_)) {
             // Leaving a measurement out is a statement about draws from the posterior.
             posterior.loo = None;

@@ -140,7 +140,7 @@ pub enum InferError {
     #[error(transparent)]
     Checkpoint(#[from] CheckpointError),
     /// Draws that the disk of [`Settings::disk`](super::Settings::disk) does not take, or give back.
-    #[error("draws on the disk of {}: {source}\nhelp: {}", folder.display(), advice(source))]
+    #[error("draws on the disk of {} cannot be written or read: {source}\nhelp: {}", folder.display(), advice(source))]
     Disk {
         /// The folder.
         folder: PathBuf,
