@@ -14,6 +14,7 @@ mod support;
 
 use std::collections::BTreeMap;
 
+use eplat::experiment::thinned;
 use eplat::infer::{LogDensity as _, Settings, Silent, jittered_starts};
 use eplat::manifold::{Basis, Eikonal, Front, Medium, eigenpairs};
 use eplat::mesh::{Data, Surface};
@@ -309,7 +310,7 @@ fn made(
         data.set_numbers(column, values);
     }
     let everywhere: Vec<usize> = (0..surface.mesh.n_vertices()).collect();
-    let at = Maps::new(&model, basis).draws_at(&[&u], &everywhere);
+    let at = Maps::new(&model, basis).draws_at(std::slice::from_ref(&u), &everywhere);
     let maps = (0..at[0].len()).map(|map| at.iter().map(|maps| maps[map][0]).collect());
     (data, maps.collect())
 }
@@ -350,8 +351,7 @@ fn found(model: &Model, basis: &Basis, n: usize, truths: &[(&str, &[f64])]) -> V
     let begun = std::time::Instant::now();
     let chains = Sampler::Nuts.sample(model, &starts, &settings, &Silent).unwrap();
     let chains: Vec<_> = chains.into_iter().map(Result::unwrap).collect();
-    let draws: Vec<&[f64]> =
-        chains.iter().flat_map(|chain| (0..n).map(|i| chain.draw(i))).collect();
+    let draws = thinned(&chains, usize::MAX).unwrap();
     let n_grad: u64 = chains.iter().map(|chain| chain.n_grad_warmup + chain.n_grad_sampling).sum();
     println!("{n_grad} gradients, {:.0} s", begun.elapsed().as_secs_f64());
     let maps = Maps::new(model, basis).summarise(&draws, &[]).maps;

@@ -62,7 +62,7 @@ fn calibrate(model: &dyn Declare, domain: &Arc<Domain>, case: &Case, seed: u64) 
     let seconds = cpu::cpu_seconds() - begun;
     let vertices: Vec<usize> = (0..domain.basis.n_vertices()).step_by(STRIDE).collect();
     let maps = Maps::new(fit.model(), &domain.basis);
-    let draws = maps.draws_at(&thinned(fit.chains(), 400), &vertices);
+    let draws = maps.draws_at(&thinned(fit.chains(), 400).unwrap(), &vertices);
     let (mut held, mut errors) = (vec![], vec![]);
     for (i, truth) in case.maps.iter().enumerate() {
         let truth: Vec<f64> = vertices.iter().map(|v| truth[*v]).collect();
@@ -97,7 +97,7 @@ fn mean_of_known(draws: &[f64]) -> f64 {
 fn brackets_held(fit: &Fit<'_>, domain: &Domain, case: &Case, seed: u64) -> f64 {
     let table = placed(&with_heldout(&case.train, &case.heldout, &[]), domain);
     let joint = Model::new(fit.problem().declared(), Some(&domain.basis), &table).unwrap();
-    let draws = fit.thinned(400);
+    let draws = fit.thinned(400).unwrap();
     let predicted = predict_rows(&joint, fit.model(), &draws, case.train.len(), seed);
     let ranks: Vec<f64> = predicted.rows.iter().map(|p| p.quantile).collect();
     100.0 * coverage(&ranks)[1]

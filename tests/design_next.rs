@@ -5,7 +5,7 @@
 mod program;
 mod support;
 
-use eplat::experiment::lessons;
+use eplat::experiment::{lessons, thinned};
 use eplat::infer::{Chain, Settings, Silent, jittered_starts};
 use eplat::manifold::Basis;
 use eplat::model::{Declare, Maps, Model, Sampler};
@@ -67,8 +67,7 @@ fn draws(model: &Model) -> Vec<Chain> {
 
 /// Mean posterior variance of the field over the surface.
 fn variance(model: &Model, basis: &Basis, chains: &[Chain]) -> f64 {
-    let all: Vec<&[f64]> =
-        chains.iter().flat_map(|c| (0..c.n_draws()).map(|i| c.draw(i))).collect();
+    let all = thinned(chains, usize::MAX).unwrap();
     let field = &Maps::new(model, basis).summarise(&all, &[]).maps[0];
     field.sd.iter().map(|sd| sd * sd).sum::<f64>() / VERTICES as f64
 }
@@ -79,8 +78,7 @@ fn the_expected_gain_is_the_gain_that_comes() {
     let sites = [3, 60, 110];
     let model = Model::new(&gaussian::Gaussian, Some(&basis), &measured(&sites)).unwrap();
     let chains = draws(&model);
-    let all: Vec<&[f64]> =
-        chains.iter().flat_map(|c| (0..c.n_draws()).map(|i| c.draw(i))).collect();
+    let all = thinned(&chains, usize::MAX).unwrap();
     let candidates = [3, 4, 85, 199];
     let found = lessons(&gaussian::Gaussian, &model, &basis, &all, &candidates, 10.0).unwrap();
     let before = variance(&model, &basis, &chains);
@@ -106,7 +104,8 @@ fn a_map_in_smaller_units_counts_no_more() {
     let gains = |declared: &dyn Declare| -> Vec<f64> {
         let model = Model::new(declared, Some(&basis), &table).unwrap();
         let chains = draws(&model);
-        let first: Vec<&[f64]> = (0..500).map(|i| chains[0].draw(i)).collect();
+        let first: Vec<Vec<f64>> =
+            (0..500).map(|i| chains[0].draw(i).unwrap().into_owned()).collect();
         let found = lessons(declared, &model, &basis, &first, &[4, 85, 199], 10.0).unwrap();
         found.into_iter().map(|lesson| lesson.gain).collect()
     };

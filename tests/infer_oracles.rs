@@ -41,7 +41,8 @@ fn run(density: &dyn LogDensity, initial: &[f64], settings: &Settings) -> Vec<Ch
 
 /// A function of the position, per chain.
 fn quantity(chains: &[Chain], of: impl Fn(&[f64]) -> f64) -> Vec<Vec<f64>> {
-    let values = |chain: &Chain| (0..chain.n_draws()).map(|i| of(chain.draw(i))).collect();
+    let values =
+        |chain: &Chain| (0..chain.n_draws()).map(|i| of(&chain.draw(i).unwrap())).collect();
     chains.iter().map(values).collect()
 }
 

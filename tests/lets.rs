@@ -21,7 +21,7 @@ fn posterior(model: &dyn Declare, basis: Option<&Basis>, data: &Measurements) ->
     let starts = jittered_starts(&model, &model.initial(), settings.chains, 1).unwrap();
     let chains = sample(&model, &starts, &settings, &Silent).unwrap();
     let chains: Vec<_> = chains.into_iter().map(Result::unwrap).collect();
-    Posterior::new(&model, data, &chains, 1)
+    Posterior::new(&model, data, &chains, 1, None).unwrap()
 }
 
 /// (draw of both chains, element)

@@ -6,6 +6,7 @@
 #[path = "support/program.rs"]
 mod program;
 
+use std::collections::BTreeMap;
 use std::fmt::Write as _;
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -14,24 +15,11 @@ use std::process::{Command, Output};
 use program::{Workplace, text};
 use serde_json::Value;
 
-/// Files without times in them.
-const SAME: [&str; 8] = [
-    "summary.csv",
-    "summary.json",
-    "draws.csv",
-    "loo.csv",
-    "rows.csv",
-    "fields.vtp",
-    "field_draws.npz",
-    "unknowns.npz",
-];
+const DRAWS: &str = "--draws 65536 --chains 2";
 
-/// The model with a field of 64 modes, few rows and many draws, on two threads whatever the machine has.
-fn run(place: &Workplace, out: &str, limit: Option<u64>) -> Output {
-    let arguments = format!(
-        "run voltage --mesh embedded --data sites.csv --warmup 200 --draws 65536 --chains 2 --threads 2 --json --out {out}"
-    );
-    let plain = place.command(&arguments);
+/// Runs on two threads, whatever the machine has, and with so many bytes of memory at most.
+fn run(place: &Workplace, arguments: &str, out: &str, limit: Option<u64>) -> Output {
+    let plain = place.command(&format!("run {arguments} {DRAWS} --threads 2 --json --out {out}"));
     let Some(limit) = limit else { return with_two_threads(plain).output().unwrap() };
     let mut limited = Command::new("sh");
     limited
@@ -57,64 +45,79 @@ fn event(output: &Output, name: &str) -> Option<Value> {
     events.find(|event| event["event"] == name)
 }
 
-/// All files below a folder, by path.
-fn files(folder: &Path) -> Vec<(PathBuf, Vec<u8>)> {
-    let mut found = vec![];
+/// All files below a folder, by path from there, without those with times in them.
+fn files(folder: &Path) -> BTreeMap<PathBuf, Vec<u8>> {
+    let mut found = BTreeMap::new();
     for entry in fs::read_dir(folder).unwrap() {
-        let path = entry.unwrap().path();
+        let (path, name) = (entry.as_ref().unwrap().path(), entry.unwrap().file_name());
         if path.is_dir() {
-            found.extend(files(&path));
-        } else {
-            found.push((path.clone(), fs::read(path).unwrap()));
+            let below = files(&path).into_iter();
+            found.extend(below.map(|(path, bytes)| (Path::new(&name).join(path), bytes)));
+        } else if name != "run.json" && name != "report.html" {
+            found.insert(name.into(), fs::read(path).unwrap());
         }
     }
-    found.sort();
     found
 }
 
-#[test]
-fn with_less_memory_the_results_are_the_same() {
+/// A run with all memory and one with `limit` bytes leave the same; with `too_few` there is none.
+fn check(place: &Workplace, arguments: &str, [limit, too_few]: [u64; 2]) {
+    let whole = run(place, arguments, "whole", None);
+    assert!(matches!(whole.status.code(), Some(0 | 3 | 4)), "{}", text(&whole.stderr));
+    assert!(event(&whole, "on_disk").is_none());
+
+    let little = run(place, arguments, "little", Some(limit));
+    assert_eq!(little.status.code(), whole.status.code(), "{}", text(&little.stderr));
+    let told = event(&little, "on_disk").unwrap();
+    println!("{arguments}: {}", told["text"]);
+    let figure = |name: &str| told[name].as_u64();
+    assert!(figure("least") < figure("free") && figure("free") < figure("bytes"));
+    let [whole, little] = ["whole", "little"].map(|folder| files(&place.path(folder)));
+    assert!(whole.keys().eq(little.keys()), "{:?}", little.keys());
+    for (name, bytes) in &whole {
+        assert!(little[name] == *bytes, "{} differs", name.display());
+    }
+
+    let refused = run(place, arguments, "none", Some(too_few));
+    let said = event(&refused, "error").unwrap()["text"].as_str().unwrap().to_owned();
+    assert_eq!(refused.status.code(), Some(1), "{said}");
+    assert!(said.contains("GB of memory; ") && said.contains("--draws and --chains"), "{said}");
+}
+
+/// A field of 64 modes, few rows and many draws.
+fn with_voltages() -> Workplace {
     let place = Workplace::new();
     let mut table = "vertex,protocol,value\n".to_owned();
     for (vertex, value) in [(10, 1.5), (900, 2.25), (1800, 0.75), (2700, 3.5), (4000, 1.0)] {
         let _ = writeln!(table, "{vertex},bipolar,{value}");
     }
     place.file("sites.csv", table);
-    let whole = run(&place, "whole", None);
-    assert!(matches!(whole.status.code(), Some(0 | 3 | 4)), "{}", text(&whole.stderr));
-    assert!(event(&whole, "on_disk").is_none());
-    let bytes = event(&whole, "sampling").unwrap()["bytes"].as_u64().unwrap();
+    place
+}
 
-    let little = run(&place, "little", Some(bytes / 100 * 85));
-    assert_eq!(little.status.code(), whole.status.code(), "{}", text(&little.stderr));
-    let told = event(&little, "on_disk").unwrap();
-    println!("{}", told["text"]);
-    assert!(told["least"].as_u64() < told["free"].as_u64() && told["free"].as_u64() < Some(bytes));
-    for name in SAME {
-        let [whole, little] =
-            ["whole", "little"].map(|folder| fs::read(place.path(folder).join(name)).unwrap());
-        assert!(whole == little, "{name} differs");
-    }
-    let [whole, little] =
-        ["whole", "little"].map(|folder| place.path(folder).join("posterior.zarr"));
-    let [whole_files, little_files] = [&whole, &little].map(|folder| files(folder));
-    assert_eq!(whole_files.len(), little_files.len());
-    for ((one, expected), (other, got)) in whole_files.iter().zip(&little_files) {
-        let [one, other] =
-            [one.strip_prefix(&whole), other.strip_prefix(&little)].map(Result::unwrap);
-        assert!(one == other && expected == got, "{} differs", one.display());
-    }
-    // nothing else is left
-    let names = |folder: &str| {
-        let entries = fs::read_dir(place.path(folder)).unwrap();
-        let mut names: Vec<_> = entries.map(|entry| entry.unwrap().file_name()).collect();
-        names.sort();
-        names
-    };
-    assert_eq!(names("little"), names("whole"));
+const VOLTAGE: &str = "voltage --mesh embedded --data sites.csv";
+/// Less than a run takes with everything in memory, by a third at least; and less than it can do with.
+const LIMITS: [u64; 2] = [105_000_000, 60_000_000];
 
-    let refused = run(&place, "none", Some(bytes / 100 * 45));
-    let said = event(&refused, "error").unwrap()["text"].as_str().unwrap().to_owned();
-    assert_eq!(refused.status.code(), Some(1), "{said}");
-    assert!(said.contains("GB of memory; ") && said.contains("--draws and --chains"), "{said}");
+#[test]
+fn with_less_memory_the_results_are_the_same() {
+    check(&with_voltages(), &format!("{VOLTAGE} --warmup 200"), LIMITS);
+}
+
+#[test]
+fn so_are_draws_of_the_prior() {
+    check(&with_voltages(), &format!("{VOLTAGE} --prior"), LIMITS);
+}
+
+/// Draws are chosen by their weights from others on the disk.
+#[test]
+fn so_are_those_of_a_normal_approximation() {
+    let place = Workplace::new();
+    let mut table = "y,x1,x2,x3\n".to_owned();
+    for i in 0..40 {
+        let [a, b, c, noise] = [0.7, 1.3, 2.1, 3.7].map(|step| (step * f64::from(i)).sin());
+        let _ = writeln!(table, "{},{a},{b},{c}", 2.0 + a - 2.0 * b + 0.5 * c + 1.5 * noise);
+    }
+    place.file("table.csv", table);
+    check(&place, "regression --data table.csv --laplace", LIMITS);
 }

@@ -50,6 +50,7 @@ mod voltage;
 use std::path::Path;
 
 use eplat::diagnostics::{Summary, summarise};
+use eplat::experiment::thinned;
 use eplat::infer::{Chain, Settings, Silent, jittered_starts};
 use eplat::manifold::Basis;
 use eplat::model::{Declare, Kind, Maps, Model, Sampler};
@@ -131,7 +132,11 @@ fn simulate(
 }
 
 /// Mean and standard deviation of every field at every vertex over draws.
-fn field_moments(model: &Model, basis: &Basis, draws: &[&[f64]]) -> (Vec<Vec<f64>>, Vec<Vec<f64>>) {
+fn field_moments(
+    model: &Model,
+    basis: &Basis,
+    draws: &[Vec<f64>],
+) -> (Vec<Vec<f64>>, Vec<Vec<f64>>) {
     let maps = Maps::new(model, basis);
     let summaries = maps.summarise(draws, &[]).maps;
     summaries.into_iter().take(maps.n_fields()).map(|s| (s.mean, s.sd)).unzip()
@@ -158,7 +163,7 @@ impl Fit {
         let mut reported = |chain: &Chain| {
             let mut out = vec![];
             for i in 0..chain.n_draws() {
-                self.model.forward(&mut tape, chain.draw(i));
+                self.model.forward(&mut tape, &chain.draw(i).unwrap());
                 self.model.report(&tape, &mut rng, &mut out);
             }
             out
@@ -189,8 +194,7 @@ impl Fit {
             out.push(((s.mean - truth.reported[at]).abs() / s.sd.hypot(s.mcse), name));
         }
         if let Some(basis) = basis {
-            let draws: Vec<&[f64]> =
-                self.chains.iter().flat_map(|c| (0..c.n_draws()).map(|i| c.draw(i))).collect();
+            let draws = thinned(&self.chains, usize::MAX).unwrap();
             let (means, sds) = field_moments(&self.model, basis, &draws);
             for ((mean, sd), truth) in means.iter().zip(&sds).zip(&truth.fields) {
                 let score = |v: usize| ((mean[v] - truth[v]).abs() / sd[v], format!("vertex {v}"));
@@ -520,8 +524,7 @@ fn what_each_measurement_adds() {
     println!("cv_max, ln tau_in, tau_out, tau_open, apd_max");
     for (name, model, table) in parts {
         let fit = fit(model, Some(&basis), &table.read(), 600);
-        let draws: Vec<&[f64]> =
-            fit.chains.iter().flat_map(|c| (0..c.n_draws()).map(|i| c.draw(i))).collect();
+        let draws = thinned(&fit.chains, usize::MAX).unwrap();
         let sds = field_moments(&fit.model, &basis, &draws).1;
         let means: Vec<f64> =
             sds.iter().map(|sd| sd.iter().sum::<f64>() / VERTICES as f64).collect();
@@ -705,7 +708,7 @@ fn draws_from_the_prior_have_its_moments() {
     let alpha = fit.get("delay.alpha");
     let expected = 5.0 * (2.0 / std::f64::consts::PI).sqrt();
     assert!((alpha.mean - expected).abs() < limit(2) * alpha.mcse, "{} {expected}", alpha.mean);
-    let draws: Vec<&[f64]> = fit.chains.iter().flat_map(|c| (0..2000).map(|i| c.draw(i))).collect();
+    let draws = thinned(&fit.chains, usize::MAX).unwrap();
     let (means, sds) = field_moments(&fit.model, &basis, &draws);
     let error = sds[0][17] / (draws.len() as f64).sqrt();
     assert!((means[0][17] - 20.0).abs() < limit(2) * error, "{} ± {error}", means[0][17]);

@@ -17,6 +17,9 @@ use program::{Workplace, skipped, text};
 
 const SMALL: &str = "run erp --chains 2 --warmup 40 --draws 40";
 
+const PLAIN: &str = "use eplat::prelude::*;\nmodel! {\n    model Plain;\n    param mean ~ Normal(1.0, 2.0);\n    \
+                     observe y(row): Number ~ Normal(mean, 1.0);\n}\n";
+
 /// The commands that write, each to `full`.
 const WRITING: [&str; 20] = [
     "run erp --chains 2 --warmup 40 --draws 40 --out full/o",
@@ -67,6 +70,12 @@ fn workplace() -> Workplace {
 /// Runs a command on a disk of so many kilobytes, which is mounted on `full` for it alone, and copies to `left` what
 /// it left there.
 fn on_small_disk(place: &Workplace, arguments: &str, kilobytes: usize) -> Output {
+    let cache = concat!(env!("CARGO_TARGET_TMPDIR"), "/cache");
+    on_small_disk_with(place, arguments, kilobytes, cache)
+}
+
+/// The same, with a cache of one's own.
+fn on_small_disk_with(place: &Workplace, arguments: &str, kilobytes: usize, cache: &str) -> Output {
     let script = format!(
         "mount -t tmpfs -o size={kilobytes}k tmpfs full || exit 99\n\"$0\" {arguments}\ncode=$?\n\
          cp -r full left\nexit $code"
@@ -76,7 +85,7 @@ fn on_small_disk(place: &Workplace, arguments: &str, kilobytes: usize) -> Output
     Command::new("unshare")
         .args(["-rm", "sh", "-c", &script, env!("CARGO_BIN_EXE_eplat")])
         .current_dir(place.path(""))
-        .env("EPLAT_CACHE", concat!(env!("CARGO_TARGET_TMPDIR"), "/cache"))
+        .env("EPLAT_CACHE", cache)
         .output()
         .unwrap()
 }
@@ -155,6 +164,66 @@ fn a_full_disk_is_told_and_leaves_no_half_file() {
     }
 }
 
+/// What was sampled is kept, and gone on with where there is room.
+#[test]
+fn a_disk_without_room_for_draws_is_told_and_the_run_goes_on_later() {
+    let place = Workplace::new();
+    if !can_mount(&place) {
+        skipped::skipped("no disk can be mounted here (unshare -rm)");
+        return;
+    }
+    let run = "run erp --chains 2 --warmup 40 --draws 6000";
+    let script = format!(
+        "mount -t tmpfs -o size=3000k tmpfs full || exit 99\n\"$0\" {run} --out full/o 2>said\necho $? >code\n\
+         mount -o remount,size=200000k full\n\"$0\" {run} --out full/o --resume\ncode=$?\ncp -r full left\nexit $code"
+    );
+    let resumed = Command::new("unshare")
+        .args(["-rm", "sh", "-c", &script, env!("CARGO_BIN_EXE_eplat")])
+        .current_dir(place.path(""))
+        .env("EPLAT_CACHE", concat!(env!("CARGO_TARGET_TMPDIR"), "/cache"))
+        .output()
+        .unwrap();
+    let said = place.read("said");
+    assert_eq!(place.read("code"), "1\n", "{said}");
+    let error = &said[said.find("error: ").unwrap()..];
+    assert!(error.contains(": cannot write full/o/checkpoint/draws-"), "{said}");
+    assert!(error.contains(": No space left on device"), "{said}");
+    let help = "\nhelp: make room there, then give the command again with --resume\n";
+    assert!(error.ends_with(help), "{said}");
+    let said = text(&resumed.stderr);
+    assert!(matches!(resumed.status.code(), Some(0 | 3 | 4)), "{said}");
+    let whole = place.eplat(&format!("{run} --out whole"));
+    assert_eq!(whole.status.code(), resumed.status.code());
+    for name in ["draws.csv", "summary.csv", "loo.csv", "rows.csv"] {
+        assert!(place.read(&format!("left/o/{name}")) == place.read(&format!("whole/{name}")));
+    }
+    assert!(!place.path("left/o/checkpoint").exists());
+}
+
+/// Of a linker on a full disk nothing is heard but that it died.
+#[test]
+fn a_disk_that_fills_while_a_model_compiles_is_told() {
+    let place = Workplace::new();
+    if !can_mount(&place) {
+        skipped::skipped("no disk can be mounted here (unshare -rm)");
+        return;
+    }
+    place.file("m.rs", PLAIN).file("table.csv", "y\n1\n2\n");
+    let check = "check m.rs --data table.csv";
+    let on = |kilobytes| on_small_disk_with(&place, check, kilobytes, "full/cache");
+    for kilobytes in [16, 200, 2_000, 10_000] {
+        let output = on(kilobytes);
+        explains(&output, &format!("{check} on {kilobytes} kB"));
+        println!("{}", text(&output.stderr));
+    }
+    let whole = on(64_000);
+    assert_eq!(whole.status.code(), Some(0), "{}", text(&whole.stderr));
+    // an error in the model is told on a small disk, too
+    place.file("m.rs", PLAIN.replace("mean ~ Normal(1.0, 2.0)", "mean ~ Normal(1.0, Num(\"2\"))"));
+    let said = text(&on(2_000).stderr);
+    assert!(said.contains("m.rs does not compile"), "{said}");
+}
+
 /// A cache on a disk that nobody may write to, not even a superuser.
 fn on_sealed_cache(place: &Workplace, arguments: &str) -> Output {
     let script = format!("mount -t tmpfs -o ro tmpfs sealed || exit 99\nexec \"$0\" {arguments}");
@@ -203,9 +272,7 @@ fn with_a_read_only_cache_every_command_leaves_the_same_files() {
 #[test]
 fn without_a_cache_everything_works_but_what_is_compiled() {
     let place = Workplace::new();
-    let model = "use eplat::prelude::*;\nmodel! {\n    model Plain;\n    param mean ~ Normal(1.0, 2.0);\n    \
-                 observe y(row): Number ~ Normal(mean, 1.0);\n}\n";
-    place.file("cache", "").file("m.rs", model).file("table.csv", "y\n1\n2\n");
+    place.file("cache", "").file("m.rs", PLAIN).file("table.csv", "y\n1\n2\n");
     let without = |arguments: &str| {
         place.command(arguments).env("EPLAT_CACHE", place.path("cache")).output().unwrap()
     };

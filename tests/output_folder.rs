@@ -150,6 +150,7 @@ fn files_of_a_users_are_not_replaced_unasked() {
         "map.json",
         "checkpoint/common",
         "checkpoint/chain-notes.txt",
+        "checkpoint/draws-1",
         "checkpoint/identity.json",
     ];
     for name in cases {

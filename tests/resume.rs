@@ -17,12 +17,13 @@ use std::path::Path;
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::time::Duration;
 
+use eplat::experiment::thinned;
 use eplat::infer::{
-    Chain, ChainFailure, ChainProgress, ChainResult, MetricKind, Progress, Settings, Silent,
-    jittered_starts,
+    Chain, ChainFailure, ChainProgress, ChainResult, LogDensity as _, MetricKind, Progress,
+    Settings, Silent, jittered_starts,
 };
 use eplat::model::{Model, Sampler};
-use eplat::store::{Checkpoint, CheckpointError, Identity};
+use eplat::store::{Checkpoint, CheckpointError, Identity, Spool};
 use posterior::{all, erp, erp_experiment};
 
 fn settings() -> Settings {
@@ -131,10 +132,13 @@ impl Job {
     }
 }
 
-/// Everything about chains but times; floating-point numbers print so that their bits come back.
+/// Everything about chains but times, and where their draws are; floating-point numbers print so that their bits come
+/// back.
 fn numbers(chains: Vec<Chain>) -> String {
-    let timeless = |chain| Chain { seconds_warmup: 0.0, seconds_sampling: 0.0, ..chain };
-    format!("{:?}", chains.into_iter().map(timeless).collect::<Vec<_>>())
+    let draws = thinned(&chains, usize::MAX).unwrap();
+    let (seconds_warmup, seconds_sampling) = (0.0, 0.0);
+    let rest = |chain| Chain { draws: Spool::default(), seconds_warmup, seconds_sampling, ..chain };
+    format!("{draws:?} {:?}", chains.into_iter().map(rest).collect::<Vec<_>>())
 }
 
 fn erp_model(n_sites: usize) -> Model {
@@ -185,6 +189,66 @@ fn blocked_with_unknowns_beside_the_fields() {
     let basis = support::basis(200, 24);
     let model = Model::new(&language::mixed::Mixed, Some(&basis), &support::mixed_rows()).unwrap();
     check(&Job::new(model, Sampler::Blocked, settings()));
+}
+
+/// Most draws are in a file of their own: there is a block of them in it when the run is cut, and a part of one more
+/// that its state does not tell of.
+#[test]
+fn draws_that_fill_blocks() {
+    let basis = support::basis(60, 24);
+    let rows = support::numbers_on(&basis, &["direct"]);
+    let normal = || Model::new(&normal_fields::one_noise::OneNoise, Some(&basis), &rows).unwrap();
+    let jobs = [
+        (erp_model(10), Sampler::Blocked),
+        (normal(), Sampler::Integrated),
+        (normal(), Sampler::Nuts),
+    ];
+    for (model, sampler) in jobs {
+        let block = Spool::rows_of_block(model.dim());
+        let draws = block + 200;
+        // one chain after the other
+        let settings = Settings { chains: 2, draws, threads: 1, ..settings() };
+        let job = Job::new(model, sampler, settings);
+        let whole = job.whole();
+        let first = 2 * 60 + block + 100;
+        for every in [vec![first, 50, draws], vec![first - 200, 150, 2 * draws]] {
+            assert!(job.in_pieces(&every) == whole, "{sampler:?} in pieces of {every:?}");
+        }
+        for transitions in [first, first + draws] {
+            let resumed = job.after_loss(transitions);
+            assert!(resumed == whole, "{sampler:?} after a loss at {transitions}");
+        }
+    }
+}
+
+#[test]
+fn draws_that_are_not_those_of_the_state_are_refused() {
+    let job = Job::new(erp_model(10), Sampler::Blocked, settings());
+    let draws = Spool::rows_of_block(job.model.dim()) + 50;
+    let job = Job { settings: Settings { draws, threads: 1, ..job.settings }, ..job };
+    let place = tempfile::tempdir().unwrap();
+    let folder = place.path().join("checkpoint");
+    let long = Duration::from_hours(1);
+    let checkpoint = Checkpoint::begin(&folder, &identity(), long).unwrap();
+    job.sample(&Cut { checkpoint, left: (3 * 60 + draws - 10).into() });
+    let path = folder.join("draws-0");
+    let bytes = fs::read(&path).unwrap();
+    let resumed = || {
+        let checkpoint = Checkpoint::resume(&folder, &identity(), long).unwrap();
+        let cut = Cut { checkpoint, left: 0.into() };
+        job.sampler.sample(&job.model, &job.starts, &job.settings, &cut).map(|_| ())
+    };
+    for at in [8, bytes.len() / 2, bytes.len() - 1] {
+        let mut flipped = bytes.clone();
+        flipped[at] ^= 16;
+        fs::write(&path, flipped).unwrap();
+        let refused = resumed().unwrap_err().to_string();
+        assert!(refused.contains("draws-0: it does not hold the draws that chain-0 tells of"));
+        fs::write(&path, &bytes[..at]).unwrap();
+        assert!(resumed().is_err());
+    }
+    fs::write(&path, &bytes).unwrap();
+    resumed().unwrap();
 }
 
 /// A chain that is through a stage of warm-up when another is stopped in it must not go on into the

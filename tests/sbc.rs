@@ -56,7 +56,7 @@ struct Design<'a> {
 
 /// Fields and `let`s at every vertex of the basis, by name, at a position of the unknowns.
 fn maps(model: &Model, basis: &Basis, position: &[f64]) -> Vec<(String, Vec<f64>)> {
-    let maps = Maps::new(model, basis).summarise(&[position], &[]).maps;
+    let maps = Maps::new(model, basis).summarise(&[position.to_vec()], &[]).maps;
     maps.into_iter().map(|map| (map.name, map.mean)).collect()
 }
 
@@ -115,7 +115,7 @@ impl Design<'_> {
         let mut ranks: Vec<(String, usize)> =
             exact.iter().map(|(name, _)| (name.clone(), 0)).collect();
         for i in (THIN - 1..chain.n_draws()).step_by(THIN) {
-            let drawn = quantities(&model, self, chain.draw(i));
+            let drawn = quantities(&model, self, &chain.draw(i).unwrap());
             for ((rank, drawn), exact) in ranks.iter_mut().zip(&drawn).zip(&exact) {
                 rank.1 += usize::from(drawn.1 < exact.1);
             }

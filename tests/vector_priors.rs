@@ -20,7 +20,7 @@ fn assert_mean(model: &Model, chains: &[Chain], expected: f64, f: impl Fn(&[f64]
     let mut of = |chain: &Chain| -> Vec<f64> {
         let mut value = |i| {
             let mut reported = vec![];
-            model.forward(&mut tape, chain.draw(i));
+            model.forward(&mut tape, &chain.draw(i).unwrap());
             model.report(&tape, &mut rng, &mut reported);
             f(&reported)
         };

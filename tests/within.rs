@@ -65,7 +65,7 @@ fn maps_show_the_field_and_not_its_sum() {
     let [linked, by_hand] = models.each_ref().map(|model| {
         let maps = Maps::new(model, &basis);
         let names: Vec<String> = maps.names().iter().map(|map| map.name.to_owned()).collect();
-        let values = maps.draws_at(&[&u], &(0..200).collect::<Vec<_>>());
+        let values = maps.draws_at(std::slice::from_ref(&u), &(0..200).collect::<Vec<_>>());
         (names, values)
     });
     for name in ["level", "own[ann]", "own[bob]", "product[ann]", "product[bob]"] {

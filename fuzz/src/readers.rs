@@ -163,7 +163,7 @@ fn read_checkpoint(path: &Path) {
     let progress = Keeps { checkpoint, left: usize::MAX.into() };
     let chains = sample(&Normals, &seeds::STARTS.map(Vec::from), &settings(), &progress);
     for chain in chains.into_iter().flatten().flatten() {
-        assert_eq!(chain.draws.len(), Normals.dim() * settings().draws);
+        assert_eq!(chain.draws.n_rows(), settings().draws);
     }
 }
 

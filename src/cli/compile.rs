@@ -14,10 +14,10 @@ use serde_json::json;
 use super::library::{LIBRARY, TEXT, linked_from, with_cargo};
 use super::models::ModelFile;
 use super::programs::{self, PROGRAM, READ, Sources};
-use super::rustc::rendered;
+use super::rustc::{has_errors, rendered};
 use super::voice::{note, tell};
 use crate::error::Failure;
-use crate::store::cache;
+use crate::store::{cache, free_on_disk};
 
 /// Tells the compiled program how long its compilation took, s.
 pub(super) const COMPILE_SECONDS: &str = "EPLAT_COMPILE_SECONDS";
@@ -85,7 +85,11 @@ fn compiled(file: &ModelFile) -> Result<PathBuf, Failure> {
         ))
     })?;
     if !output.status.success() {
-        return Err(does_not_compile(file, &path, &output));
+        let said = [&output.stdout, &output.stderr].map(|bytes| String::from_utf8_lossy(bytes));
+        let said = said.concat();
+        return Err(
+            full_disk(&cache, &said).unwrap_or_else(|| does_not_compile(file, &path, &said))
+        );
     }
     let sources = Sources::read(&unfinished.path().join(READ), &[&package, &cache.join(LIBRARY)])
         .map_err(|error| Failure::io("read", &unfinished.path().join(READ), &error))?;
@@ -101,9 +105,12 @@ fn compiled(file: &ModelFile) -> Result<PathBuf, Failure> {
 
 /// That a folder of the cache cannot be written: a model can be compiled nowhere else.
 fn unwritable(folder: &Path, error: &std::io::Error) -> Failure {
+    let is_full = error.kind() == std::io::ErrorKind::StorageFull;
+    let first = if is_full { "make room there, or " } else { "" };
     Failure::new(format_args!(
-        "cannot write {}: {error}\nhelp: set EPLAT_CACHE to a folder that you may write to, with room for a program (20 MB)",
-        folder.display()
+        "cannot write {}: {error}\nhelp: {first}set EPLAT_CACHE to a folder that you may write to, with room for a program ({} MB)",
+        folder.display(),
+        ROOM / 1_000_000
     ))
 }
 
@@ -209,12 +216,29 @@ fn with_rustc(main: &Path, unfinished: &Path, library: &Path) -> std::io::Result
         .output()
 }
 
+/// What a model takes on the disk while it is compiled, bytes.
+const ROOM: u64 = 64_000_000;
+
+/// That a disk is full, if the compiler failed and found no error: a linker dies of it without a word of the disk.
+fn full_disk(cache: &Path, said: &str) -> Option<Failure> {
+    let temporary = std::env::temp_dir();
+    let folders = [("EPLAT_CACHE", cache), ("TMPDIR", &*temporary)].into_iter();
+    let mut free = folders.filter_map(|(variable, at)| Some((free_on_disk(at)?, variable, at)));
+    let (free, variable, folder) = free.find(|(free, ..)| *free < ROOM && !has_errors(said))?;
+    let megabytes = |bytes: u64| bytes / 1_000_000;
+    Some(Failure::new(format_args!(
+        "cannot write {}: No space left on device, or too little for a compiler: {} MB are free, {} MB are needed\n\
+         help: make room there, or set {variable} to a folder on a disk that has it",
+        folder.display(),
+        megabytes(free),
+        megabytes(ROOM)
+    )))
+}
+
 /// What the compiler says of expressions: the model's own mistakes were found before.
-fn does_not_compile(file: &ModelFile, path: &Path, output: &Output) -> Failure {
-    let text = |bytes| String::from_utf8_lossy(bytes).into_owned();
-    let said = rendered(&(text(&output.stdout) + &text(&output.stderr)));
+fn does_not_compile(file: &ModelFile, path: &Path, said: &str) -> Failure {
     let given = file.path.display().to_string();
-    let said = said.replace(&path.display().to_string(), &given);
+    let said = rendered(said).replace(&path.display().to_string(), &given);
     Failure::new(format_args!("{given} does not compile\n\n{said}\n\nhelp: {GENERIC}"))
 }
 

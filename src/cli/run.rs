@@ -201,11 +201,12 @@ impl Command {
             watch,
             compile_seconds: compile_seconds(),
         };
+        let on_disk = Settings { disk: Some(out.path().to_owned()), ..settings.clone() };
         if self.instead.prior {
-            return Ok(self.show(&problem.prior(settings, &options)?.write_into(out)?));
+            return Ok(self.show(&problem.prior(&on_disk, &options)?.write_into(out)?));
         }
         if self.instead.laplace {
-            return Ok(self.show(&problem.laplace(settings, &options)?.write_into(out)?));
+            return Ok(self.show(&problem.laplace(&on_disk, &options)?.write_into(out)?));
         }
         match problem.run_into(out, settings, &options, &self.begin.keep()?)? {
             Ended::Before => {

@@ -25,11 +25,20 @@ fn parse(line: &str) -> Option<Diagnostic> {
     from_cargo.or_else(|_| serde_json::from_str(line)).ok()
 }
 
+/// The errors that the compiler found in what it read.
+fn errors(output: &str) -> impl Iterator<Item = Diagnostic> {
+    let is_error = |d: &Diagnostic| d.level == "error" && !d.spans.is_empty();
+    output.lines().filter_map(parse).filter(is_error)
+}
+
+/// Whether the compiler found an error in what it read, and did not fail for another reason.
+pub(super) fn has_errors(output: &str) -> bool {
+    errors(output).next().is_some()
+}
+
 /// The errors in the compiler's output as it prints them itself; all of the output if it has none.
 pub(super) fn rendered(output: &str) -> String {
-    let is_error = |d: &Diagnostic| d.level == "error" && !d.spans.is_empty();
-    let errors = output.lines().filter_map(parse).filter(is_error);
-    let mut errors: Vec<String> = errors.filter_map(|d| d.rendered).collect();
+    let mut errors: Vec<String> = errors(output).filter_map(|d| d.rendered).collect();
     let mut seen = BTreeSet::new();
     errors.retain(|error| seen.insert(error.clone())); // `model!` may use an expression twice
     if !errors.is_empty() {
@@ -54,5 +63,7 @@ mod tests {
         let from_cargo = format!("{{\"message\":{}}}", of("error", "{}", "mismatched").trim());
         assert_eq!(rendered(&from_cargo), "mismatched");
         assert_eq!(rendered("linker not found\n"), "linker not found");
+        assert!(has_errors(&output) && has_errors(&from_cargo));
+        assert!(!has_errors("linker not found") && !has_errors(&of("error", "", "bus error")));
     }
 }

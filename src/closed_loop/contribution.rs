@@ -6,7 +6,7 @@ use super::FoundEffect;
 use crate::diagnostics::quantile;
 use crate::model::{AddedEffect, Model, RowId};
 use crate::random::Stream;
-use crate::run::Fit;
+use crate::run::{Fit, RunError};
 use crate::table::{Measurements, PROTOCOL};
 
 /// Number of draws that it is computed from.
@@ -44,15 +44,15 @@ impl Contribution {
         effects: &[FoundEffect],
         after: &Fit<'_>,
         table: &Measurements,
-    ) -> Option<Self> {
+    ) -> Result<Option<Self>, RunError> {
         let moving = effects.iter().filter(|found| !found.is_scatter());
         let moving: Vec<&AddedEffect> = moving.map(|found| &found.effect).collect();
-        let first = moving.first()?;
+        let Some(first) = moving.first() else { return Ok(None) };
         let own: Vec<&&AddedEffect> = moving.iter().filter(|e| e.form == first.form).collect();
         let model = after.model();
         let names = model.unknown_names();
         let is_own = |name: &str| own.iter().any(|e| name.split('[').next() == Some(&e.name));
-        let draws = after.thinned(DRAWS);
+        let draws = after.thinned(DRAWS)?;
         let without: Vec<Vec<f64>> = draws
             .iter()
             .map(|draw| {
@@ -60,7 +60,6 @@ impl Contribution {
                 draw.iter().zip(&names).map(one).collect()
             })
             .collect();
-        let without: Vec<&[f64]> = without.iter().map(Vec::as_slice).collect();
         let ids = model.row_ids();
         let (with, without) = (locations(model, &draws, &ids), locations(model, &without, &ids));
         let added: Vec<Vec<f64>> = with
@@ -75,12 +74,13 @@ impl Contribution {
         let (x, labels) = column.as_deref().map_or((vec![], vec![]), |name| places(table, name));
         let at: Vec<f64> =
             rows.iter().map(|row| x.get(*row).copied().unwrap_or(f64::NAN)).collect();
-        Some(Self { rows: medians.collect(), curve: curve(&at, &added), column, labels })
+        let curve = curve(&at, &added);
+        Ok(Some(Self { rows: medians.collect(), curve, column, labels }))
     }
 }
 
 /// The predicted value of each row at each draw.
-fn locations(model: &Model, draws: &[&[f64]], ids: &[RowId]) -> Vec<Vec<f64>> {
+fn locations(model: &Model, draws: &[Vec<f64>], ids: &[RowId]) -> Vec<Vec<f64>> {
     let mut all = vec![vec![]; ids.len()];
     let mut rng = Stream::HeldOut.rng(0); // every unknown is known: nothing is drawn
     model.at_draws(model, draws, ids, &mut rng, &mut |row, own, _| {

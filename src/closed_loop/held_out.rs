@@ -64,7 +64,7 @@ impl Joint {
         seed: u64,
     ) -> Result<Predictions, LoopError> {
         let all = Model::new(fit.problem().declared(), loaded.basis(), &self.table)?;
-        Ok(predict_rows(&all, fit.model(), &fit.thinned(PREDICTION_DRAWS), self.first, seed))
+        Ok(predict_rows(&all, fit.model(), &fit.thinned(PREDICTION_DRAWS)?, self.first, seed))
     }
 
     /// A record with predictions by the model as written, before there are further ones.

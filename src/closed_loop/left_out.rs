@@ -6,7 +6,7 @@ use crate::criticism::{
 };
 use crate::diagnostics::quantile;
 use crate::report::ErrorChange;
-use crate::run::Fit;
+use crate::run::{Fit, RunError};
 
 /// Further error of a measurement in the approximation of the model as written, in protocol steps.
 /// Without it a bracket would be a box without curvature.
@@ -32,9 +32,12 @@ pub struct LeftOut {
 
 /// The Laplace approximation of the model as written, at the median of its draws of
 /// hyperparameters.
-pub(super) fn as_written(criticism: &Criticism, fit: &Fit<'_>) -> Option<LaplaceFit> {
+pub(super) fn as_written(
+    criticism: &Criticism,
+    fit: &Fit<'_>,
+) -> Result<Option<LaplaceFit>, RunError> {
     let engine = &criticism.engine;
-    let draws = fit.thinned(DRAWS);
+    let draws = fit.thinned(DRAWS)?;
     let median = |unknown: &usize| {
         let mut values: Vec<f64> = draws.iter().map(|draw| draw[*unknown]).collect();
         values.sort_by(f64::total_cmp);
@@ -48,7 +51,7 @@ pub(super) fn as_written(criticism: &Criticism, fit: &Fit<'_>) -> Option<Laplace
         outliers: None,
         scatter: vec![],
     };
-    engine.fit(&outer, &[], None)
+    Ok(engine.fit(&outer, &[], None))
 }
 
 impl LeftOut {

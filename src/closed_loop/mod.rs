@@ -179,14 +179,16 @@ impl<'m> Loop<'m> {
         let after = after.transpose()?;
         seen.predict(&self, before.as_deref(), after.as_deref())?;
         let table = &self.loaded.measurements;
-        let effects = effects.into_iter().filter_map(|(effect, cause, why)| {
-            let size = Size::of(&effect, after.as_deref()?, table);
-            Some(FoundEffect { cause, effect, why, size })
-        });
-        let effects: Vec<FoundEffect> = effects.collect();
-        let contribution = after.as_deref().and_then(|fit| Contribution::of(&effects, fit, table));
+        let (mut found, mut contribution) = (vec![], None);
+        if let Some(fit) = after.as_deref() {
+            for (effect, cause, why) in effects {
+                let size = Size::of(&effect, fit, table)?;
+                found.push(FoundEffect { cause, effect, why, size });
+            }
+            contribution = Contribution::of(&found, fit, table)?;
+        }
         Ok(Story {
-            effects,
+            effects: found,
             contribution,
             narrow,
             spread: after

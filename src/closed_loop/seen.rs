@@ -26,7 +26,7 @@ impl Seen {
             let predicted = joint.predict(&of.loaded, declared, seed)?;
             Ok::<HeldOut, LoopError>(joint.told(&of.loaded, criticism, predicted, declared))
         });
-        let written = as_written(criticism, declared);
+        let written = as_written(criticism, declared)?;
         let table = &of.loaded.measurements;
         let name = |rows: &Vec<usize>| {
             let first = rows.first();

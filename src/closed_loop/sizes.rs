@@ -6,7 +6,7 @@ use crate::model::forms::Extent;
 use crate::model::{AddedEffect, Discrepancy};
 use crate::num::vector::dot;
 use crate::report::after_number;
-use crate::run::Fit;
+use crate::run::{Fit, RunError};
 use crate::table::{Measurements, SITE, VERTEX};
 
 /// The size of an effect.
@@ -20,8 +20,12 @@ pub struct Size {
 }
 
 impl Size {
-    pub(super) fn of(effect: &AddedEffect, after: &Fit<'_>, table: &Measurements) -> Self {
-        let draws = coefficients(effect, after);
+    pub(super) fn of(
+        effect: &AddedEffect,
+        after: &Fit<'_>,
+        table: &Measurements,
+    ) -> Result<Self, RunError> {
+        let draws = coefficients(effect, after)?;
         let over_rows = |of: &dyn Fn(&[f64]) -> f64| {
             let (design, n) = effect.form.design(table);
             let rows = |draw: &Vec<f64>| -> Vec<f64> {
@@ -42,7 +46,7 @@ impl Size {
             }
         };
         values.sort_by(f64::total_cmp);
-        Self { interval: [quantile(&values, 0.05), quantile(&values, 0.95)], of }
+        Ok(Self { interval: [quantile(&values, 0.05), quantile(&values, 0.95)], of })
     }
 
     /// The size in words, with the quantities that the effect acts on.
@@ -84,12 +88,12 @@ pub(super) fn spread(discrepancy: &Discrepancy, fit: &Fit<'_>) -> Vec<String> {
 }
 
 /// Draws of an effect's coefficients.
-fn coefficients(effect: &AddedEffect, after: &Fit<'_>) -> Vec<Vec<f64>> {
+fn coefficients(effect: &AddedEffect, after: &Fit<'_>) -> Result<Vec<Vec<f64>>, RunError> {
     let names = after.model().unknown_names();
     let is_own = |i: &usize| names[*i].split('[').next() == Some(effect.name.as_str());
     let own: Vec<usize> = (0..names.len()).filter(is_own).collect();
-    let draws = after.thinned(PREDICTION_DRAWS).into_iter();
-    draws.map(|draw| own.iter().map(|i| draw[*i]).collect()).collect()
+    let draws = after.thinned(PREDICTION_DRAWS)?.into_iter();
+    Ok(draws.map(|draw| own.iter().map(|i| draw[*i]).collect()).collect())
 }
 
 /// Numbers of the coefficients that are least and greatest on average.

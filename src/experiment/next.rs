@@ -102,7 +102,7 @@ pub fn lessons(
     model: &dyn Declare,
     fitted: &Model,
     basis: &Basis,
-    draws: &[&[f64]],
+    draws: &[Vec<f64>],
     sites: &[u32],
     resolution: f64,
 ) -> Result<Vec<Lesson>, ExperimentError> {
@@ -143,7 +143,7 @@ struct Predicted {
 }
 
 impl Predicted {
-    fn new(blank: &Model, fitted: &Model, draws: &[&[f64]]) -> Result<Self, ExperimentError> {
+    fn new(blank: &Model, fitted: &Model, draws: &[Vec<f64>]) -> Result<Self, ExperimentError> {
         let ids = blank.row_ids();
         if blank.dim() != fitted.dim() {
             let why = "its unknowns depend on the table".to_owned();
@@ -192,7 +192,7 @@ impl Predicted {
     }
 
     /// Covariances with the maps over the surface.
-    fn with_surface(&self, fitted: &Model, basis: &Basis, draws: &[&[f64]]) -> Surface {
+    fn with_surface(&self, fitted: &Model, basis: &Basis, draws: &[Vec<f64>]) -> Surface {
         let maps = Maps::new(fitted, basis);
         let (n_fields, n) = (maps.n_fields(), maps.names().len());
         let targets = if n > n_fields { n_fields..n } else { 0..n };

@@ -1,5 +1,7 @@
 //! How good an estimate is: draws thinned, chains that agree, errors and coverage over a surface.
 
+use std::io;
+
 use crate::diagnostics::r_hat;
 use crate::infer::{Chain, LogDensity as _};
 use crate::model::Model;
@@ -8,24 +10,38 @@ use crate::model::Model;
 pub const INTERVALS: [f64; 3] = [0.5, 0.9, 0.95];
 
 /// At most `most` draws (but one at least of each chain), evenly spaced in each chain.
-pub fn thinned(chains: &[Chain], most: usize) -> Vec<&[f64]> {
+///
+/// # Errors
+/// From the disk that the draws are on, if they are on one.
+pub fn thinned(chains: &[Chain], most: usize) -> io::Result<Vec<Vec<f64>>> {
     let most = (most / chains.len().max(1)).max(1);
-    let of_chain = |chain: &'_ Chain| chain.n_draws().div_ceil(most).max(1);
-    let draws =
-        chains.iter().flat_map(|c| (0..c.n_draws()).step_by(of_chain(c)).map(|i| c.draw(i)));
-    draws.collect()
+    let mut thinned = vec![];
+    for chain in chains {
+        chain.draws.each(chain.n_draws().div_ceil(most).max(1), |_, draw| {
+            thinned.push(draw.to_vec());
+            io::Result::Ok(())
+        })?;
+    }
+    Ok(thinned)
 }
 
 /// Whether every unknown has an R̂ that short chains can have.
-pub fn agree(model: &Model, chains: &[Chain]) -> bool {
+///
+/// # Errors
+/// From the disk that the draws are on, if they are on one.
+pub fn agree(model: &Model, chains: &[Chain]) -> io::Result<bool> {
     const MAX_R_HAT: f64 = 1.05;
-    (0..model.dim()).all(|i| {
-        let of = |chain: &Chain| (0..chain.n_draws()).map(|k| chain.draw(k)[i]).collect();
-        let columns: Vec<Vec<f64>> = chains.iter().map(of).collect();
+    for i in 0..model.dim() {
+        let mut columns = vec![vec![]; chains.len()];
+        for (chain, column) in chains.iter().zip(&mut columns) {
+            chain.draws.column(i, column)?;
+        }
         let slices: Vec<&[f64]> = columns.iter().map(Vec::as_slice).collect();
-        let r_hat = r_hat(&slices);
-        r_hat.is_nan() || r_hat <= MAX_R_HAT
-    })
+        if r_hat(&slices) > MAX_R_HAT {
+            return Ok(false);
+        }
+    }
+    Ok(true)
 }
 
 /// Share of ranks within the central interval of each of [`INTERVALS`]; unknown ranks (NaN) do not count.

@@ -1,126 +1,41 @@
-//! Numbers of which every draw has a row, in memory or on disk, and columns of them.
+//! Columns of numbers of which every draw has a row, in memory or on disk.
 //!
 //! Knows nothing of what the numbers are.
 
+use std::borrow::Cow;
 use std::io;
-use std::path::Path;
 use std::sync::Arc;
 
 use crate::store::Spool;
 
-/// A row of numbers for each draw of each chain.
-#[derive(Debug)]
-pub(super) struct Table {
-    width: usize,
-    n_draws: usize,
-    place: Place,
-}
-
-#[derive(Debug)]
-enum Place {
-    /// (chain, draw, width)
-    Memory(Arc<Vec<f64>>),
-    /// One for each chain.
-    Disk(Vec<Spool>),
-}
-
-/// Where the rows of one chain are written, from its first draw to its last.
-#[derive(Debug)]
-pub(super) enum Sink<'t> {
-    /// What is left of its part (draw, width).
-    Memory(&'t mut [f64]),
-    Disk(Spool),
-}
-
-impl Sink<'_> {
-    /// Adds the row of the next draw.
-    ///
-    /// # Errors
-    /// From the disk.
-    pub(super) fn push(&mut self, row: &[f64]) -> io::Result<()> {
-        match self {
-            Self::Memory(part) => {
-                let (own, rest) = std::mem::take(part).split_at_mut(row.len());
-                own.copy_from_slice(row);
-                *part = rest;
-                Ok(())
-            }
-            Self::Disk(spool) => spool.push(row),
-        }
-    }
-}
-
-impl Table {
-    /// Numbers in memory (chain, draw, width).
-    pub(super) fn of(values: Arc<Vec<f64>>, width: usize, n_draws: usize) -> Self {
-        Self { width, n_draws, place: Place::Memory(values) }
-    }
-
-    /// What `fill` writes, which is given a place for each chain and gives it back; on the disk of `folder` if there is
-    /// one.
-    ///
-    /// # Errors
-    /// From the disk.
-    pub(super) fn filled(
-        [n_chains, n_draws, width]: [usize; 3],
-        folder: Option<&Path>,
-        fill: impl for<'t> FnOnce(Vec<Sink<'t>>) -> io::Result<Vec<Sink<'t>>>,
-    ) -> io::Result<Self> {
-        let place = if let Some(folder) = folder {
-            let spool = |_| Spool::create(folder, width).map(Sink::Disk);
-            let sinks = (0..n_chains).map(spool).collect::<io::Result<Vec<Sink<'_>>>>()?;
-            let spool = |sink| match sink {
-                Sink::Disk(spool) => Some(spool),
-                Sink::Memory(_) => None,
-            };
-            Place::Disk(fill(sinks)?.into_iter().filter_map(spool).collect())
-        } else {
-            let mut values = vec![0.0; n_chains * n_draws * width];
-            fill(parts(&mut values, n_chains).into_iter().map(Sink::Memory).collect())?;
-            Place::Memory(Arc::new(values))
-        };
-        Ok(Self { width, n_draws, place })
-    }
-}
-
-/// `n` equal parts.
-pub(super) fn parts(values: &mut [f64], n: usize) -> Vec<&mut [f64]> {
-    let length = values.len() / n.max(1);
-    let mut rest = values;
-    let mut part = |_| {
-        let (own, others) = std::mem::take(&mut rest).split_at_mut(length);
-        rest = others;
-        own
-    };
-    (0..n).map(&mut part).collect()
-}
-
 /// Some of the numbers that there are for each draw: (chain, draw, column).
 #[derive(Clone, Debug)]
 pub struct Columns {
-    table: Arc<Table>,
+    /// A row for each draw, of each chain, of as many draws.
+    chains: Arc<Vec<Spool>>,
     from: usize,
     len: usize,
 }
 
 impl Columns {
-    /// Columns `from..from + len`.
-    pub(super) fn new(table: &Arc<Table>, from: usize, len: usize) -> Self {
-        Self { table: Arc::clone(table), from, len }
+    /// Columns `from..from + len` of all.
+    pub(super) fn new(chains: &Arc<Vec<Spool>>, from: usize, len: usize) -> Self {
+        Self { chains: Arc::clone(chains), from, len }
     }
 
     /// Number of columns.
-    pub(super) fn width(&self) -> usize {
+    pub(crate) fn width(&self) -> usize {
         self.len
+    }
+
+    /// Number of draws, of all chains.
+    pub(super) fn n_draws(&self) -> usize {
+        self.chains.iter().map(Spool::n_rows).sum()
     }
 
     /// Number of numbers.
     pub fn len(&self) -> usize {
-        let rows = match &self.table.place {
-            Place::Memory(values) => values.len() / self.table.width.max(1),
-            Place::Disk(spools) => spools.iter().map(Spool::n_rows).sum(),
-        };
-        rows * self.len
+        self.n_draws() * self.len
     }
 
     /// Whether there is no number.
@@ -133,19 +48,9 @@ impl Columns {
     /// # Errors
     /// From the disk.
     pub fn column(&self, i: usize) -> io::Result<Vec<f64>> {
-        let Table { width, place, .. } = &*self.table;
-        match place {
-            Place::Memory(values) => {
-                Ok(values.iter().skip(self.from + i).step_by((*width).max(1)).copied().collect())
-            }
-            Place::Disk(spools) => {
-                let mut column = vec![];
-                for spool in spools {
-                    spool.column(self.from + i, &mut column)?;
-                }
-                Ok(column)
-            }
-        }
+        let mut column = Vec::with_capacity(self.n_draws());
+        self.chains.iter().try_for_each(|chain| chain.column(self.from + i, &mut column))?;
+        Ok(column)
     }
 
     /// All numbers (chain, draw, column).
@@ -155,7 +60,7 @@ impl Columns {
     pub fn all(&self) -> io::Result<Vec<f64>> {
         let mut all = Vec::with_capacity(self.len());
         while all.len() < self.len() {
-            all.extend(self.rows_from(all.len() / self.len)?);
+            all.extend_from_slice(&self.rows_from(all.len() / self.len)?);
         }
         Ok(all)
     }
@@ -165,38 +70,30 @@ impl Columns {
     ///
     /// # Errors
     /// From the disk.
-    pub(super) fn rows_from(&self, row: usize) -> io::Result<Vec<f64>> {
-        let Table { width, n_draws, place } = &*self.table;
-        let columns = self.from..self.from + self.len;
-        let (chain, draw) = (row / n_draws, row % n_draws);
-        match place {
-            Place::Memory(values) => {
-                let block = Spool::rows_of_block(*width);
-                let end = row - draw + (draw / block * block + block).min(*n_draws);
-                let rows = values[row * width..end * width].chunks_exact((*width).max(1));
-                Ok(rows.flat_map(|row| &row[columns.clone()]).copied().collect())
-            }
-            Place::Disk(spools) => spools[chain].rows(draw, columns),
-        }
+    pub(super) fn rows_from(&self, row: usize) -> io::Result<Cow<'_, [f64]>> {
+        let n = self.chains[0].n_rows();
+        self.chains[row / n].rows(row % n, self.from..self.from + self.len)
     }
 }
 
 #[cfg(test)]
 mod tests {
+    use std::path::Path;
+
     use super::*;
 
-    fn made(folder: Option<&Path>, [n_chains, n_draws, width]: [usize; 3]) -> Arc<Table> {
+    fn made(folder: Option<&Path>, [n_chains, n_draws, width]: [usize; 3]) -> Arc<Vec<Spool>> {
         let number =
             |chain: usize, draw: usize, i: usize| ((chain * n_draws + draw) * width + i) as f64;
-        let table = Table::filled([n_chains, n_draws, width], folder, |mut sinks| {
-            for (chain, sink) in sinks.iter_mut().enumerate() {
-                for draw in 0..n_draws {
-                    sink.push(&(0..width).map(|i| number(chain, draw, i)).collect::<Vec<f64>>())?;
-                }
+        let chain = |chain| {
+            let mut spool = Spool::new(width, n_draws, folder);
+            for draw in 0..n_draws {
+                let row: Vec<f64> = (0..width).map(|i| number(chain, draw, i)).collect();
+                spool.push(&row).unwrap();
             }
-            Ok(sinks)
-        });
-        Arc::new(table.unwrap())
+            spool
+        };
+        Arc::new((0..n_chains).map(chain).collect())
     }
 
     /// Blocks of 262 rows, the last of which is not full.

@@ -4,15 +4,14 @@
 
 use std::borrow::Cow;
 use std::io;
-use std::sync::Arc;
 
 use super::Columns;
 
 /// The values of one array, in row-major order.
 #[derive(Clone, Debug)]
 pub enum Values {
-    /// 64-bit floats; NaN where a value does not exist. Two arrays may share them.
-    Float(Arc<Vec<f64>>),
+    /// 64-bit floats; NaN where a value does not exist.
+    Float(Vec<f64>),
     /// 64-bit floats that are kept with others of the same draws, perhaps on disk.
     Columns(Columns),
     /// 64-bit integers, e.g. `tree_depth`.
@@ -41,7 +40,7 @@ impl Values {
     /// From the disk that they are on.
     pub fn floats(&self) -> io::Result<Option<Cow<'_, [f64]>>> {
         match self {
-            Self::Float(values) => Ok(Some(Cow::Borrowed(values.as_slice()))),
+            Self::Float(values) => Ok(Some(Cow::Borrowed(values))),
             Self::Columns(columns) => columns.all().map(|all| Some(Cow::Owned(all))),
             Self::Int(_) | Self::Bool(_) | Self::Text(_) => Ok(None),
         }
@@ -55,12 +54,6 @@ impl Values {
 
 impl From<Vec<f64>> for Values {
     fn from(values: Vec<f64>) -> Self {
-        Self::Float(Arc::new(values))
-    }
-}
-
-impl From<Arc<Vec<f64>>> for Values {
-    fn from(values: Arc<Vec<f64>>) -> Self {
         Self::Float(values)
     }
 }

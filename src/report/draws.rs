@@ -1,5 +1,6 @@
 //! `draws.csv`: one line per draw, one column per scalar parameter, every digit.
 
+use std::borrow::Cow;
 use std::io;
 use std::path::Path;
 
@@ -76,14 +77,14 @@ struct Reader<'v> {
     /// Elements of a draw.
     width: usize,
     /// What was read at once of a variable that is kept elsewhere, from draw `first` on.
-    read: Vec<f64>,
+    read: Cow<'v, [f64]>,
     first: usize,
 }
 
 impl<'v> Reader<'v> {
     fn new(variable: &'v Variable) -> Self {
         let width = variable.dims[2..].iter().map(|(_, length)| length).product();
-        Self { variable, width, read: vec![], first: 0 }
+        Self { variable, width, read: Cow::default(), first: 0 }
     }
 
     /// Adds the elements in draw `row`, as text; draws are asked for in order.

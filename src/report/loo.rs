@@ -1,14 +1,16 @@
 //! Leave-one-out predictive accuracy of a run: `loo.csv`, and its totals in `run.json`.
 
+use std::io;
 use std::path::Path;
 
 use eplat_language::print;
 use eplat_language::syntax::{Expr, Item};
+use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
-use super::ReportError;
 use super::run_record::nan_if_null;
-use crate::diagnostics::{Loo, loo, relative_efficiency, standard_error};
+use super::{Columns, ReportError};
+use crate::diagnostics::{Loo, LooPoint, relative_efficiency, standard_error};
 use crate::model::Model;
 use crate::store::write_file;
 use crate::table::{Measurements, as_cell, from_cell};
@@ -73,22 +75,29 @@ pub struct LeaveOneOut {
 impl LeaveOneOut {
     /// From log likelihoods (S, measurement) of all chains' draws; `None` if nothing was measured.
     ///
-    /// `ess_mean` has every parameter's effective sample size for the mean.
+    /// `ess_mean` has every parameter's effective sample size for the mean; one thread reads at least `at_once`
+    /// measurements.
+    ///
+    /// # Errors
+    /// From the disk that the log likelihoods are on.
     pub(super) fn new(
         model: &Model,
         data: &Measurements,
-        log_likelihood: &[f64],
-        ess_mean: &[f64],
+        log_likelihood: &Columns,
+        (ess_mean, at_once): (&[f64], usize),
         [n_chains, n_draws]: [usize; 2],
-    ) -> Option<Self> {
+    ) -> io::Result<Option<Self>> {
         let n = model.measured().map(|(_, rows)| rows.len()).sum();
         if n == 0 {
-            return None;
+            return Ok(None);
         }
         let r_eff = relative_efficiency(ess_mean, n_chains, n_draws);
-        let loo = loo(log_likelihood, n, r_eff);
+        let point = |i| log_likelihood.column(i).map(|column| LooPoint::of(&column, r_eff));
+        let points: io::Result<Vec<_>> =
+            (0..n).into_par_iter().with_min_len(at_once).map(point).collect();
+        let loo = Loo::of(&points?, log_likelihood.n_draws());
         let rows = rows(model, data, &loo);
-        Some(Self { record: record(&loo, &rows), rows })
+        Ok(Some(Self { record: record(&loo, &rows), rows }))
     }
 
     /// Puts the log predictive density of measurement `i` from a fit without it in the place of that

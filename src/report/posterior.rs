@@ -7,12 +7,12 @@ use std::sync::Arc;
 use rand_chacha::ChaCha8Rng;
 use rayon::prelude::*;
 
-use super::columns::{Sink, Table, parts};
 use super::quantities::Quantities;
 use super::{Columns, Group, LeaveOneOut, Row, Values, Variable};
 use crate::infer::Chain;
 use crate::model::{Model, Observe};
 use crate::random::Stream;
+use crate::store::Spool;
 use crate::table::Measurements;
 
 /// All measurements together, and their dimension.
@@ -53,37 +53,13 @@ pub struct Posterior {
     pub loo: Option<LeaveOneOut>,
 }
 
-/// What is asked of every `step`-th draw, of all chains (chain, draw, measurement): 64 MB each, so that they are made
-/// where they stay.
-struct Asked {
-    step: usize,
-    log_likelihood: Vec<f64>,
-    predicted: Vec<f64>,
-}
-
 impl Posterior {
-    /// From chains of equal length; `seed` is the run's.
-    #[allow(clippy::expect_used, reason = "nothing is read or written")]
-    pub fn new(model: &Model, data: &Measurements, chains: &[Chain], seed: u64) -> Self {
-        Self::made(model, data, chains, seed, None).expect("no disk is used")
-    }
-
-    /// The same to the last bit, in less memory and more time: [`Posterior::posterior`] is on the disk of `folder`, in
-    /// files without names that go with it.
+    /// From chains of equal length; `seed` is the run's. With a `folder` it is the same to the last bit in less memory and
+    /// more time: what is told of every draw is on its disk, in files without names that go with it.
     ///
     /// # Errors
-    /// From the disk.
-    pub fn on_disk(
-        model: &Model,
-        data: &Measurements,
-        chains: &[Chain],
-        seed: u64,
-        folder: &Path,
-    ) -> io::Result<Self> {
-        Self::made(model, data, chains, seed, Some(folder))
-    }
-
-    fn made(
+    /// From that disk, and from that of the chains, if they are on one.
+    pub fn new(
         model: &Model,
         data: &Measurements,
         chains: &[Chain],
@@ -96,26 +72,39 @@ impl Posterior {
         // densities come last: nothing is simulated from them
         let observed_places = &places[..model.observes.iter().map(|o| o.rows.len()).sum()];
         let n_asked = [shape[0], shape[1].div_ceil(step)];
-        let room = |places: &[String]| vec![0.0; n_asked[0] * n_asked[1] * places.len()];
-        let mut asked =
-            Asked { step, log_likelihood: room(&places), predicted: room(observed_places) };
         let quantities = Quantities::of(model);
-        let reported = Table::filled([shape[0], shape[1], quantities.width()], folder, |sinks| {
-            asked.fill(model, chains, seed, sinks)
-        })?;
+        let of_chain = |(i, chain)| {
+            let new = |width, n| Spool::new(width, n, folder);
+            let mut told = Told {
+                reported: new(quantities.width(), shape[1]),
+                log_likelihood: new(places.len(), n_asked[1]),
+                predicted: new(observed_places.len(), n_asked[1]),
+            };
+            told.fill(model, chain, step, Stream::AfterSampling(i).rng(seed)).map(|()| told)
+        };
+        let told: io::Result<Vec<Told>> = chains.par_iter().enumerate().map(of_chain).collect();
+        let [mut reported, mut log_likelihood, mut predicted] = [(); 3].map(|()| vec![]);
+        for told in told? {
+            reported.push(told.reported);
+            log_likelihood.push(told.log_likelihood);
+            predicted.push(told.predicted);
+        }
         let posterior = quantities.variables(&Arc::new(reported), shape);
         // of what is on disk one column at a time is in memory
         let at_once = if folder.is_some() { usize::MAX } else { 1 };
         let (rows, strays) = quantities.summaries(&posterior, shape[1], at_once)?;
-        let log_likelihood = log_likelihood(asked.log_likelihood, &places, n_asked);
+        let log_likelihood = Columns::new(&Arc::new(log_likelihood), 0, places.len());
         Ok(Self {
             posterior,
-            loo: leave_one_out(model, data, &log_likelihood, &rows, shape),
+            loo: leave_one_out(model, data, &log_likelihood, (&rows, at_once), shape)?,
             rows,
             strays,
             sample_stats: sample_stats(chains, shape),
-            log_likelihood,
-            posterior_predictive: predictive(model, asked.predicted, observed_places, n_asked),
+            log_likelihood: Group {
+                name: "log_likelihood".into(),
+                variables: pooled(log_likelihood, &by_draw(n_asked), &places),
+            },
+            posterior_predictive: predictive(model, predicted, observed_places, n_asked),
             observed_data: observed(model, observed_places),
             constant_data: constant(model, data),
         })
@@ -137,67 +126,49 @@ impl Posterior {
     }
 }
 
-impl Asked {
-    /// Makes them, and writes what is reported of every draw (draw, number of all quantities) to the `sinks`, one for
-    /// each chain.
-    fn fill<'t>(
-        &mut self,
-        model: &Model,
-        chains: &[Chain],
-        seed: u64,
-        sinks: Vec<Sink<'t>>,
-    ) -> io::Result<Vec<Sink<'t>>> {
-        let step = self.step;
-        let of_chain = |(i, (((chain, sink), log_likelihood), predicted))| {
-            let rng = Stream::AfterSampling(i).rng(seed);
-            drawn(model, chain, step, rng, sink, [log_likelihood, predicted])
-        };
-        let parts = chains
-            .iter()
-            .zip(sinks)
-            .zip(parts(&mut self.log_likelihood, chains.len()))
-            .zip(parts(&mut self.predicted, chains.len()));
-        parts.collect::<Vec<_>>().into_par_iter().enumerate().map(of_chain).collect()
-    }
+/// What the draws of one chain say.
+struct Told {
+    /// Of every draw (number of all quantities).
+    reported: Spool,
+    /// Of every `step`-th draw (measurement).
+    log_likelihood: Spool,
+    predicted: Spool,
 }
 
-/// Writes what is reported of the draws of a chain to its `sink`, and likelihoods and replicates of every `step`-th.
-fn drawn<'t>(
-    model: &Model,
-    chain: &Chain,
-    step: usize,
-    mut rng: ChaCha8Rng,
-    mut sink: Sink<'t>,
-    [log_likelihood, predicted]: [&mut [f64]; 2],
-) -> io::Result<Sink<'t>> {
-    let (mut tape, mut reported) = (model.tape(), vec![]);
-    let (mut pointwise, mut replicates): (Vec<f64>, Vec<f64>) = (vec![], vec![]);
-    for i in 0..chain.n_draws() {
-        let is_asked = i.is_multiple_of(step);
-        if is_asked {
-            model.forward(&mut tape, chain.draw(i));
-        } else {
-            model.forward_reported(&mut tape, chain.draw(i));
-        }
-        reported.clear();
-        model.report(&tape, &mut rng, &mut reported);
-        model.let_values(&tape, &mut reported);
-        sink.push(&reported)?;
-        if !is_asked {
-            continue;
-        }
-        pointwise.clear();
-        model.pointwise(&tape, &mut pointwise);
-        replicates.clear();
-        for observe in &model.observes {
-            let simulated = observe.simulate(&tape, &mut rng);
-            replicates.extend(simulated.iter().map(|cells| cells[0]));
-        }
-        let (n, m) = (pointwise.len(), replicates.len());
-        log_likelihood[i / step * n..][..n].copy_from_slice(&pointwise);
-        predicted[i / step * m..][..m].copy_from_slice(&replicates);
+impl Told {
+    fn fill(
+        &mut self,
+        model: &Model,
+        chain: &Chain,
+        step: usize,
+        mut rng: ChaCha8Rng,
+    ) -> io::Result<()> {
+        let (mut tape, mut row) = (model.tape(), vec![]);
+        chain.draws.each(1, |i, draw| {
+            let is_asked = i.is_multiple_of(step);
+            if is_asked {
+                model.forward(&mut tape, draw);
+            } else {
+                model.forward_reported(&mut tape, draw);
+            }
+            row.clear();
+            model.report(&tape, &mut rng, &mut row);
+            model.let_values(&tape, &mut row);
+            self.reported.push(&row)?;
+            if !is_asked {
+                return Ok(());
+            }
+            row.clear();
+            model.pointwise(&tape, &mut row);
+            self.log_likelihood.push(&row)?;
+            row.clear();
+            for observe in &model.observes {
+                let simulated = observe.simulate(&tape, &mut rng);
+                row.extend(simulated.iter().map(|cells| cells[0]));
+            }
+            self.predicted.push(&row)
+        })
     }
-    Ok(sink)
 }
 
 /// Where each measurement was made, in words.
@@ -220,44 +191,43 @@ fn pooled(values: impl Into<Values>, dims: &[(&str, usize)], places: &[String]) 
     ]
 }
 
-fn log_likelihood(values: Vec<f64>, places: &[String], [chains, draws]: [usize; 2]) -> Group {
-    let variables = pooled(values, &[("chain", chains), ("draw", draws)], places);
-    Group { name: "log_likelihood".into(), variables }
+fn by_draw([chains, draws]: [usize; 2]) -> [(&'static str, usize); 2] {
+    [("chain", chains), ("draw", draws)]
 }
 
+/// `rows` summarise the parameters; of the log likelihoods one thread reads at least `at_once` columns.
 fn leave_one_out(
     model: &Model,
     data: &Measurements,
-    log_likelihood: &Group,
-    rows: &[Row],
+    log_likelihood: &Columns,
+    (rows, at_once): (&[Row], usize),
     shape: [usize; 2],
-) -> Option<LeaveOneOut> {
-    let Values::Float(values) = &log_likelihood.variables.first()?.values else { return None };
+) -> io::Result<Option<LeaveOneOut>> {
     // MCSE = sd / √ESS, of the mean
     let ess_mean: Vec<f64> =
         rows.iter().map(|row| (row.summary.sd / row.summary.mcse).powi(2)).collect();
-    LeaveOneOut::new(model, data, values, &ess_mean, shape)
+    LeaveOneOut::new(model, data, log_likelihood, (&ess_mean, at_once), shape)
 }
 
 fn predictive(
     model: &Model,
-    predicted: Vec<f64>,
+    predicted: Vec<Spool>,
     places: &[String],
-    [chains, draws]: [usize; 2],
+    n_asked: [usize; 2],
 ) -> Group {
-    let all = Arc::new(predicted);
-    let table = Arc::new(Table::of(Arc::clone(&all), places.len(), draws));
+    let (predicted, by_draw) = (Arc::new(predicted), by_draw(n_asked));
     let mut from = 0;
     let variable = |observe: &Observe| {
         let n = observe.rows.len();
-        let values = Columns::new(&table, from, n);
+        let values = Columns::new(&predicted, from, n);
         from += n;
         let dim = row_dimension(observe);
-        let dims = [("chain", chains), ("draw", draws), (dim.as_str(), n)];
+        let dims = [by_draw[0], by_draw[1], (dim.as_str(), n)];
         Variable::new(observe.name, &observe.unit, &dims, values)
     };
     let mut variables: Vec<Variable> = model.observes.iter().map(variable).collect();
-    variables.extend(pooled(all, &[("chain", chains), ("draw", draws)], places));
+    let all = Columns::new(&predicted, 0, places.len());
+    variables.extend(pooled(all, &by_draw, places));
     Group { name: "posterior_predictive".into(), variables }
 }
 
@@ -265,8 +235,8 @@ fn row_dimension(observe: &Observe) -> String {
     format!("{}_row", observe.name)
 }
 
-fn sample_stats(chains: &[Chain], [n, draws]: [usize; 2]) -> Group {
-    let dims = [("chain", n), ("draw", draws)];
+fn sample_stats(chains: &[Chain], shape: [usize; 2]) -> Group {
+    let dims = by_draw(shape);
     let floats = |name: &str, of: fn(&Chain) -> Vec<f64>| {
         Variable::new(name, "", &dims, chains.iter().flat_map(of).collect::<Vec<f64>>())
     };

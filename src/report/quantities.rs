@@ -5,11 +5,11 @@ use std::sync::Arc;
 
 use rayon::prelude::*;
 
-use super::columns::Table;
 use super::text::after_number;
 use super::{Columns, Group, MAX_R_HAT, Row, Values, Variable};
 use crate::diagnostics::{Stray, stray, summarise};
 use crate::model::{Kind, LetValues, Model, Parameter};
+use crate::store::Spool;
 
 /// A parameter, or a `let` that is no map.
 struct Quantity<'m> {
@@ -56,7 +56,11 @@ impl<'m> Quantities<'m> {
     }
 
     /// Each as a variable (chain, draw, …), with its labels.
-    pub(super) fn variables(&self, reported: &Arc<Table>, [chains, draws]: [usize; 2]) -> Group {
+    pub(super) fn variables(
+        &self,
+        reported: &Arc<Vec<Spool>>,
+        [chains, draws]: [usize; 2],
+    ) -> Group {
         let mut from = 0;
         let mut variables = vec![];
         for q in &self.0 {

@@ -71,6 +71,15 @@ pub enum RunError {
         /// The cause.
         source: io::Error,
     },
+    /// Draws that went to the disk, and cannot be read back or added to.
+    #[error(
+        "draws on the disk of the output folder cannot be written or read: {source}\nhelp: {}",
+        advice(source)
+    )]
+    Draws {
+        /// The cause.
+        source: io::Error,
+    },
     /// The output folder cannot be written to.
     #[error(
         "cannot write to the output folder {}: {source}\nhelp: name another with --out DIR",
@@ -243,6 +252,10 @@ impl RunError {
     /// For `map_err` on writing `path`.
     pub(super) fn write(path: &Path) -> impl FnOnce(io::Error) -> Self + use<'_> {
         move |source| Self::Write { path: path.to_owned(), source }
+    }
+
+    pub(crate) fn draws(source: io::Error) -> Self {
+        Self::Draws { source }
     }
 
     /// The folder is written to by the process of this number.

@@ -1,8 +1,10 @@
 //! Draws from a problem's posterior, and what they say.
 
 use std::collections::BTreeMap;
+use std::io;
 use std::path::Path;
 use std::sync::OnceLock;
+use std::time::Instant;
 
 use super::maps::{FittedMap, SurfaceMaps};
 use super::verdict::{LeftOut, exact};
@@ -15,8 +17,8 @@ use crate::report::{
     Approximation, LeaveOneOut, Posterior, Row, RunRecord, SettingsRecord, is_sampled,
 };
 
-/// Most draws that field maps are averaged over; more change nothing that can be seen.
-const MAP_DRAWS: usize = 1000;
+/// Most draws that field maps are averaged over, and that later runs start from; more change nothing that can be seen.
+pub(super) const KEPT: usize = 1000;
 
 /// How a problem is fitted, besides the sampler's settings.
 #[derive(Clone, Copy, Debug, Default)]
@@ -79,7 +81,7 @@ impl Method {
 }
 
 /// Draws as they were made.
-#[derive(Clone, Debug, Default)]
+#[derive(Debug, Default)]
 pub(super) struct Drawn {
     /// The chains that came through.
     pub(super) chains: Vec<Chain>,
@@ -101,9 +103,11 @@ pub struct Fit<'m> {
     /// SHA-256 of all that was read, by role.
     pub(super) hashes: BTreeMap<String, String>,
     pub(super) drawn: Drawn,
+    /// At most [`KEPT`] draws, evenly spaced over all chains, of each as many.
+    pub(super) kept: Vec<Vec<f64>>,
     /// Time of the compilation, s.
     pub(super) compile_seconds: f64,
-    /// Time from the beginning to the last draw in this process, s.
+    /// Time from the beginning to the last draw in this process, and of [`Fit::read`], s.
     pub(super) seconds: f64,
     /// Events whose probability is mapped.
     pub(super) exceed: Vec<Exceedance>,
@@ -118,18 +122,22 @@ pub struct Fit<'m> {
 }
 
 impl<'m> Fit<'m> {
+    /// # Errors
+    /// [`RunError::Draws`].
     pub(super) fn new(
         problem: &Problem<'m>,
         method: Method,
         settings: Settings,
         drawn: Drawn,
-    ) -> Self {
-        Self {
+    ) -> Result<Self, RunError> {
+        let kept = thinned(&drawn.chains, KEPT).map_err(RunError::draws)?;
+        Ok(Self {
             problem: problem.clone(),
             method,
             settings,
             hashes: problem.loaded().hashes.clone(),
             drawn,
+            kept,
             compile_seconds: 0.0,
             seconds: 0.0,
             exceed: vec![],
@@ -139,7 +147,7 @@ impl<'m> Fit<'m> {
             left_out: OnceLock::new(),
             questions: OnceLock::new(),
             gradient: OnceLock::new(),
-        }
+        })
     }
 
     /// What was fitted.
@@ -168,8 +176,11 @@ impl<'m> Fit<'m> {
     }
 
     /// At most `most` draws of the unknowns, evenly spaced over all chains.
-    pub fn thinned(&self, most: usize) -> Vec<&[f64]> {
-        thinned(&self.drawn.chains, most)
+    ///
+    /// # Errors
+    /// [`RunError::Draws`].
+    pub fn thinned(&self, most: usize) -> Result<Vec<Vec<f64>>, RunError> {
+        thinned(&self.drawn.chains, most).map_err(RunError::draws)
     }
 
     /// Mean, sd, quantiles and diagnostics of every parameter, element by element, in its unit.
@@ -178,28 +189,42 @@ impl<'m> Fit<'m> {
     }
 
     /// Everything that the draws say, in the groups that `ArviZ` knows.
+    #[allow(clippy::expect_used, reason = "of draws on a disk it was made with the fit")]
     pub fn posterior(&self) -> &Posterior {
-        self.posterior.get_or_init(|| {
-            let (measurements, seed) = (self.problem.measurements(), self.settings.seed);
-            let mut posterior = Posterior::new(self.model(), measurements, self.chains(), seed);
-            if !matches!(self.method, Method::Sampled(_)) {
-                // Leaving a measurement out is a statement about draws from the posterior.
-                posterior.loo = None;
-            }
-            posterior
-        })
+        self.posterior.get_or_init(|| self.reported().expect("no disk is used"))
     }
 
-    /// Makes [`Fit::posterior`] of draws from the posterior with what it reports of each on the disk of `folder`.
+    /// # Errors
+    /// From the disk that the draws are on, or what is reported of them.
+    fn reported(&self) -> io::Result<Posterior> {
+        let (measurements, seed) = (self.problem.measurements(), self.settings.seed);
+        let disk = self.settings.disk.as_deref();
+        let mut posterior = Posterior::new(self.model(), measurements, self.chains(), seed, disk)?;
+        if !matches!(self.method, Method::Sampled(_)) {
+            // Leaving a measurement out is a statement about draws from the posterior.
+            posterior.loo = None;
+        }
+        Ok(posterior)
+    }
+
+    /// Makes all that is read from a disk, so that nothing that is asked of the fit later can fail; `watch` is told of
+    /// measurements that are left out.
     ///
     /// # Errors
-    /// [`RunError::Write`].
-    pub(super) fn report_on_disk(&self, folder: &Path) -> Result<(), RunError> {
-        let (measurements, seed) = (self.problem.measurements(), self.settings.seed);
-        let made = Posterior::on_disk(self.model(), measurements, self.chains(), seed, folder);
-        // it is made once
-        let _ = self.posterior.set(made.map_err(RunError::write(folder))?);
-        Ok(())
+    /// [`RunError::Draws`].
+    pub(super) fn read(mut self, watch: &Watch<'_>) -> Result<Self, RunError> {
+        let begun = Instant::now();
+        // each is made once
+        let _ = self.posterior.set(self.reported().map_err(RunError::draws)?);
+        self.left_out_watched(watch);
+        let _ = self.questions.set(self.ask().map_err(RunError::draws)?);
+        self.seconds += begun.elapsed().as_secs_f64();
+        Ok(self)
+    }
+
+    /// Columns of numbers at draws that one thread reads at least: of those on a disk one at a time is in memory.
+    pub(super) fn at_once(&self) -> usize {
+        if self.settings.disk.is_some() { usize::MAX } else { 1 }
     }
 
     /// How well each measurement is predicted from the others; `None` without measurements, and for
@@ -238,14 +263,9 @@ impl<'m> Fit<'m> {
         let made = self.maps.get_or_init(|| {
             let basis = self.problem.loaded().basis()?;
             let truth = &self.problem.loaded().truth;
-            Some(SurfaceMaps::new(self.model(), basis, &self.map_draws(), truth, &self.exceed))
+            Some(SurfaceMaps::new(self.model(), basis, &self.kept, truth, &self.exceed))
         });
         made.as_ref()
-    }
-
-    /// Draws that maps are made of.
-    pub(super) fn map_draws(&self) -> Vec<&[f64]> {
-        self.thinned(MAP_DRAWS)
     }
 
     /// Whether the posterior is worth believing, and why.

@@ -69,7 +69,7 @@ impl SurfaceMaps {
     pub(super) fn new(
         model: &Model,
         basis: &Basis,
-        draws: &[&[f64]],
+        draws: &[Vec<f64>],
         truth: &[(String, Vec<f64>)],
         asked: &[Exceedance],
     ) -> Self {
@@ -139,7 +139,7 @@ impl SurfaceMaps {
 pub(super) fn field_draws<'b>(
     model: &Model,
     basis: &'b Basis,
-    draws: &[&[f64]],
+    draws: &[Vec<f64>],
 ) -> Option<FieldDraws<'b>> {
     let maps = Maps::new(model, basis);
     if maps.n_fields() == 0 {

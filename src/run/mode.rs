@@ -58,7 +58,7 @@ impl<'m> Problem<'m> {
         model.forward(&mut tape, &optimum.position);
         model.report_mode(&tape, &mut values);
         let maps = self.loaded().basis().map_or(vec![], |basis| {
-            Maps::new(model, basis).summarise(&[&optimum.position], &[]).maps
+            Maps::new(model, basis).summarise(std::slice::from_ref(&optimum.position), &[]).maps
         });
         Ok(Mode { problem: self.clone(), optimum, values, maps })
     }

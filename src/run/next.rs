@@ -48,18 +48,20 @@ impl Fit<'_> {
     ///
     /// # Errors
     /// [`RunError::NoField`]; [`RunError::NoProtocol`]; [`RunError::Manifold`] where the sites cannot be
-    /// placed; [`RunError::Experiment`] for a model that does not predict one value at a place alone.
+    /// placed; [`RunError::Experiment`] for a model that does not predict one value at a place alone;
+    /// [`RunError::Draws`].
     pub fn next(&self, candidates: &Candidates) -> Result<Ranking, RunError> {
         let Some(domain) = &self.problem.loaded().domain else { return Err(RunError::NoField) };
         let Candidates { n_sites, exclude, resolution, seed, .. } = *candidates;
         let minutes = candidates.minutes_of(&self.problem)?;
         let sites = maximin(&domain.surface.mesh, n_sites, exclude, seed)?;
-        let (declared, model, draws) = (self.problem.declared(), self.model(), self.thinned(DRAWS));
+        let (declared, model, draws) =
+            (self.problem.declared(), self.model(), self.thinned(DRAWS)?);
         let found = lessons(declared, model, &domain.basis, &draws, &sites, resolution)?;
         let timed = |lesson: Lesson| (minutes.moving + minutes.measuring(&lesson.observes), lesson);
         let mut choices: Vec<(f64, Lesson)> = found.into_iter().map(timed).collect();
         choices.sort_by(|a, b| (b.1.gain / b.0).total_cmp(&(a.1.gain / a.0)));
-        let is_reliable = agree(model, self.chains());
+        let is_reliable = agree(model, self.chains()).map_err(RunError::draws)?;
         Ok(Ranking::new(choices, is_reliable, &domain.surface, domain.scale))
     }
 }

@@ -2,9 +2,10 @@
 
 use std::path::PathBuf;
 
+use super::fit::KEPT;
 use super::forecast::{Forecast, Prediction};
 use super::results::{MEASUREMENTS, MODEL};
-use super::unknowns::{self, KEPT, Unknowns};
+use super::unknowns::{self, Unknowns};
 use super::verdict::{Reading, unweighted};
 use super::{DataSource, Fit, Inputs, MeshSource, ModelText, Problem, Results, RunError, hash};
 use crate::model::{Model, RowId};
@@ -33,7 +34,7 @@ impl Fit<'_> {
     /// surface; [`RunError::Model`] where the model cannot be laid out on them, and where they have a new
     /// label and the prior of what belongs to it cannot be drawn from, such as `Flat`.
     pub fn predict(&self, table: &Measurements) -> Result<Forecast, RunError> {
-        let draws = self.thinned(most_draws(table));
+        let draws = self.thinned(most_draws(table))?;
         self.problem.forecast(&draws, self.chains().len(), self.settings.seed, table)
     }
 }
@@ -97,7 +98,7 @@ impl Problem<'_> {
         let of_chain = |chain: &'_ Vec<Vec<f64>>| chain.len().div_ceil(most).max(1);
         let chains = unknowns.chains.iter();
         let draws = chains.flat_map(|chain| chain.iter().step_by(of_chain(chain)));
-        let draws: Vec<&[f64]> = draws.map(Vec::as_slice).collect();
+        let draws: Vec<Vec<f64>> = draws.cloned().collect();
         let mut forecast = self.forecast(&draws, n_chains, run.record.seed, table)?;
         let own = run.record.files.get(unknowns::FILE);
         forecast.hashes.extend(own.map(|hash| ("unknowns".to_owned(), hash.clone())));
@@ -106,7 +107,7 @@ impl Problem<'_> {
 
     fn forecast(
         &self,
-        draws: &[&[f64]],
+        draws: &[Vec<f64>],
         n_chains: usize,
         seed: u64,
         table: &Measurements,
@@ -173,7 +174,7 @@ impl Replicates {
         let reading = Reading::of(&cells);
         let lower_ends = self.values.iter().map(|middle| middle - 0.5 * reading.width);
         let told = PredictedRow {
-            fitted: unweighted(lower_ends, &reading),
+            fitted: unweighted(lower_ends.collect(), &reading),
             measured: if was_measured(table, row, &observe.cells) {
                 [cells[0], cells[cells.len() - 1]]
             } else {

@@ -8,7 +8,7 @@ use super::check::placed;
 use super::fit::{Drawn, Fit, Method, Options};
 use super::inputs::hash_file;
 use super::mode::climb;
-use super::needs::Needs;
+use super::needs::{InMemory, Needs};
 use super::results::{Results, VERSION};
 use super::{Event, Keep, OutputFolder, Problem, RunError, Watch, keep, unknowns, warm_start};
 use crate::diagnostics::importance;
@@ -51,13 +51,13 @@ impl<'m> Problem<'m> {
         settings: &Settings,
         options: &Options<'_>,
     ) -> Result<Fit<'m>, RunError> {
-        let job = Job::new(self, settings, options, false)?;
+        let job = Job::new(self, settings, options, InMemory::Once)?;
         let (drawn, _) = job.sample(None)?;
-        Ok(job.fit(some_chains(drawn.ok_or(RunError::Stopped)?)?))
+        job.fit(some_chains(drawn.ok_or(RunError::Stopped)?)?)
     }
 
-    /// Samples the posterior, kept in the folder `out` while it samples, and writes the results there. Where there is
-    /// not enough memory for all that is reported of the draws, it is kept on the folder's disk.
+    /// Samples the posterior, kept in the folder `out` while it samples, and writes the results there. Draws go to its
+    /// disk; where there is not enough memory, what is reported of them does too.
     ///
     /// # Errors
     /// Those of [`Problem::fit_with`] and [`Fit::write`]; [`RunError::Checkpoint`] for an interrupted
@@ -69,7 +69,8 @@ impl<'m> Problem<'m> {
         options: &Options<'_>,
         keep: &Keep,
     ) -> Result<Ended<'m>, RunError> {
-        let job = Job::new(self, settings, options, true)?;
+        let settings = &Settings { disk: Some(out.path().to_owned()), ..settings.clone() };
+        let job = Job::new(self, settings, options, InMemory::Never)?;
         let record = job.method().record(job.problem.model(), &job.settings);
         let identity = keep::identity(VERSION, job.settings.seed, &record, &job.hashes);
         let opened = keep::open(out, identity, &job.starts, keep, &options.watch)?;
@@ -83,12 +84,7 @@ impl<'m> Problem<'m> {
                 Err(error)
             }
             Ok(drawn) => {
-                let is_on_disk = job.is_on_disk;
-                let fit = job.fit(drawn);
-                if is_on_disk {
-                    fit.report_on_disk(out.path())?;
-                }
-                fit.left_out_watched(&options.watch);
+                let fit = job.fit(drawn)?;
                 let results = fit.write_into(out)?;
                 if !keep.stays {
                     forget()?;
@@ -105,13 +101,14 @@ impl<'m> Problem<'m> {
     /// model whose prior cannot be drawn from.
     pub fn prior(&self, settings: &Settings, options: &Options<'_>) -> Result<Fit<'m>, RunError> {
         settings.validate()?;
-        Needs::of(self, settings).require_memory()?;
+        let needs = Needs::of(self, settings, InMemory::Once);
+        let settings = needs.placed(settings, &options.watch)?;
         let begun = Instant::now();
-        let chains = self.model().prior_draws(settings)?;
+        let chains = self.model().prior_draws(&settings)?;
         options.watch.tell(&Event::Prior { model: self.model().name });
         let seconds = begun.elapsed().as_secs_f64();
         let drawn = Drawn { chains, seconds, ..Drawn::default() };
-        Ok(self.without_sampling(Method::Prior, settings, drawn, options))
+        self.without_sampling(Method::Prior, settings, drawn, options)
     }
 
     /// Draws from the normal approximation at the mode: as many chains as the settings say, corrected by
@@ -122,40 +119,42 @@ impl<'m> Problem<'m> {
     /// is no maximum.
     pub fn laplace(&self, settings: &Settings, options: &Options<'_>) -> Result<Fit<'m>, RunError> {
         settings.validate()?;
-        Needs::of(self, settings).require_memory()?;
+        let needs = Needs::of(self, settings, InMemory::Twice);
+        let settings = needs.placed(settings, &options.watch)?;
         let begun = Instant::now();
         let model = self.model();
         self.tell_doubts(&options.watch);
         let optimum = climb(model).map_err(|error| placed(model, error))?;
         let laplace = Laplace::at(model, &optimum).map_err(|error| named(model, error))?;
         options.watch.tell(&Event::Laplace { model: model.name });
-        let made = laplace.draws(model, settings)?;
+        let made = laplace.draws(model, &settings)?;
         let log_ratios: Vec<f64> = made.iter().flat_map(|d| d.log_ratios.clone()).collect();
         let importance = importance(&log_ratios);
         let quality = Approximation::new(&importance);
         let chains = if quality.is_reliable() {
-            LaplaceDraws::resample(&made, &importance.weights)
+            LaplaceDraws::resample(&made, &importance.weights, &settings)?
         } else {
             made.into_iter().map(|d| d.chain).collect()
         };
         let (seconds, approximation) = (begun.elapsed().as_secs_f64(), Some(quality));
         let drawn = Drawn { chains, seconds, approximation, ..Drawn::default() };
-        Ok(self.without_sampling(Method::Laplace, settings, drawn, options))
+        self.without_sampling(Method::Laplace, settings, drawn, options)
     }
 
     fn without_sampling(
         &self,
         method: Method,
-        settings: &Settings,
+        settings: Settings,
         drawn: Drawn,
         options: &Options<'_>,
-    ) -> Fit<'m> {
+    ) -> Result<Fit<'m>, RunError> {
         let seconds = self.seconds() + drawn.seconds;
-        let mut fit = Fit::new(self, method, settings.clone(), drawn);
+        let is_on_disk = settings.disk.is_some();
+        let mut fit = Fit::new(self, method, settings, drawn)?;
         fit.exceed = options.exceed.to_vec();
         fit.weights_only = options.weights_only;
         (fit.compile_seconds, fit.seconds) = (options.compile_seconds, seconds);
-        fit
+        if is_on_disk { fit.read(&options.watch) } else { Ok(fit) }
     }
 }
 
@@ -187,8 +186,7 @@ struct Job<'a, 'm> {
     /// One per chain.
     starts: Vec<Vec<f64>>,
     options: &'a Options<'a>,
-    /// Whether what is reported of draws is kept on disk.
-    is_on_disk: bool,
+    needs: Needs,
     begun: Instant,
 }
 
@@ -197,18 +195,13 @@ impl<'a, 'm> Job<'a, 'm> {
         problem: &'a Problem<'m>,
         settings: &Settings,
         options: &'a Options<'a>,
-        has_folder: bool,
+        draws: InMemory,
     ) -> Result<Self, RunError> {
         settings.validate()?;
         let begun = Instant::now();
-        let (model, needs) = (problem.model(), Needs::of(problem, settings));
-        let is_on_disk = if has_folder {
-            needs.are_on_disk(&options.watch)?
-        } else {
-            needs.require_memory()?;
-            false
-        };
-        let (mut settings, mut hashes) = (settings.clone(), problem.loaded().hashes.clone());
+        let (model, needs) = (problem.model(), Needs::of(problem, settings, draws));
+        let mut settings = needs.placed(settings, &options.watch)?;
+        let mut hashes = problem.loaded().hashes.clone();
         let starts = match options.warm_start {
             Some(folder) => {
                 hashes.insert("init".into(), hash_file(&folder.join(unknowns::FILE))?);
@@ -220,7 +213,7 @@ impl<'a, 'm> Job<'a, 'm> {
         let sampler = options.sampler.unwrap_or_else(|| Sampler::of(model));
         problem.tell_doubts(&options.watch);
         problem.tell_arrivals(&options.watch);
-        Ok(Self { problem, sampler, settings, hashes, starts, options, is_on_disk, begun })
+        Ok(Self { problem, sampler, settings, hashes, starts, options, needs, begun })
     }
 
     fn method(&self) -> Method {
@@ -238,15 +231,13 @@ impl<'a, 'm> Job<'a, 'm> {
         checkpoint: Option<Checkpoint>,
     ) -> Result<(Option<Drawn>, Option<Checkpoint>), RunError> {
         let (model, watch) = (self.problem.model(), &self.options.watch);
-        let needs = Needs::of(self.problem, &self.settings);
-        let bytes = if self.is_on_disk { needs.least() } else { needs.bytes() };
         watch.tell(&Event::Sampling {
             model: model.name,
             n_unknowns: model.dim(),
             sampler: self.sampler,
             settings: &self.settings,
             seconds: self.seconds(),
-            bytes: bytes as u64,
+            bytes: self.needs.taken(&self.settings) as u64,
         });
         let sampling = Instant::now();
         let kept = Kept { watch, checkpoint, warned: Once::new() };
@@ -261,6 +252,10 @@ impl<'a, 'm> Job<'a, 'm> {
                 Err(ChainError { failure: ChainFailure::Stopped, .. }) => {
                     return Ok((None, checkpoint));
                 }
+                // what was kept stays, to be gone on with where there is room
+                Err(error @ ChainError { failure: ChainFailure::NotWritten { .. }, .. }) => {
+                    return Err(InferError::Chain(error).into());
+                }
                 Err(error) => {
                     watch.tell(&Event::ChainFailed(&error));
                     drawn.failures.push(error);
@@ -272,14 +267,15 @@ impl<'a, 'm> Job<'a, 'm> {
         Ok((Some(drawn), checkpoint))
     }
 
-    fn fit(self, drawn: Drawn) -> Fit<'m> {
-        let seconds = self.seconds();
-        let mut fit = Fit::new(self.problem, self.method(), self.settings, drawn);
+    fn fit(self, drawn: Drawn) -> Result<Fit<'m>, RunError> {
+        let (seconds, method) = (self.seconds(), self.method());
+        let is_read = self.needs.draws_in_memory == InMemory::Never || self.settings.disk.is_some();
+        let mut fit = Fit::new(self.problem, method, self.settings, drawn)?;
         fit.hashes = self.hashes;
         fit.exceed = self.options.exceed.to_vec();
         fit.weights_only = self.options.weights_only;
         (fit.compile_seconds, fit.seconds) = (self.options.compile_seconds, seconds);
-        fit
+        if is_read { fit.read(&self.options.watch) } else { Ok(fit) }
     }
 }
 

@@ -9,16 +9,12 @@ use std::path::Path;
 
 use serde::{Deserialize, Serialize};
 
-use crate::experiment::thinned;
-use crate::infer::Chain;
-use crate::model::Model;
+use super::fit::Fit;
 use crate::report::ReportError;
 use crate::store::{NpzReader, NpzWriter, Packing, write_file};
 
 /// The file in an output folder.
 pub(super) const FILE: &str = "unknowns.npz";
-/// Most draws that are kept, over all chains.
-pub(super) const KEPT: usize = 1000;
 
 /// Whose draws they are.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
@@ -33,19 +29,17 @@ pub(super) struct About {
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Unknowns {
     pub(super) about: About,
-    /// `(chain, draw, unknown)`, evenly thinned.
+    /// `(chain, draw, unknown)`.
     pub(super) chains: Vec<Vec<Vec<f64>>>,
 }
 
 impl Unknowns {
-    pub(super) fn new(model: &Model, chains: &[Chain]) -> Self {
+    pub(super) fn new(fit: &Fit<'_>) -> Self {
+        let model = fit.model();
         let about = About { model: model.name.into(), unknowns: model.unknown_names() };
-        let own = |chain: &Chain| {
-            let most = (KEPT / chains.len()).max(1);
-            let draws = thinned(std::slice::from_ref(chain), most).into_iter();
-            draws.map(<[f64]>::to_vec).collect()
-        };
-        Self { about, chains: chains.iter().map(own).collect() }
+        let each = fit.kept.len() / fit.chains().len().max(1);
+        let chains = fit.kept.chunks_exact(each.max(1));
+        Self { about, chains: chains.map(<[Vec<f64>]>::to_vec).collect() }
     }
 
     /// # Errors

@@ -71,7 +71,7 @@ impl Fit<'_> {
         files.extend(self.write_surface(new, &arrays)?);
         files.extend(self.write_inputs(new)?);
         if self.method != Method::Prior {
-            Unknowns::new(self.model(), self.chains()).write(&new.file(unknowns::FILE))?;
+            Unknowns::new(self).write(&new.file(unknowns::FILE))?;
             files.push(unknowns::FILE);
         }
         let predictions = self.write_predictions(new)?;
@@ -108,7 +108,7 @@ impl Fit<'_> {
         if self.method == Method::Prior {
             return Ok(Predictions::default());
         }
-        let predictions = self.predictions();
+        let predictions = self.predictions()?;
         if !predictions.rows.is_empty() {
             write_rows(&new.file("rows.csv"), &predictions.rows)?;
         }
@@ -134,7 +134,7 @@ impl Fit<'_> {
             fine.surface.write_maps(&new.file("fields_full.vtp"), &carried)?;
             files.push("fields_full.vtp");
         }
-        if let Some(draws) = field_draws(self.model(), &domain.basis, &self.map_draws()) {
+        if let Some(draws) = field_draws(self.model(), &domain.basis, &self.kept) {
             draws.write(&new.file(FieldDraws::FILE))?;
             files.push(FieldDraws::FILE);
         }

@@ -16,6 +16,7 @@ use crate::infer::{Chain, OptimumSettings, Settings, Silent, jittered_starts, ma
 use crate::manifold::{Basis, eigenpairs_cached, maximin};
 use crate::mesh::TriMesh;
 use crate::model::{Declare, Maps, Model, Sampler, Summaries};
+use crate::run::RunError;
 
 /// Most iterations on the way to a mode: the ripple of bracket likelihoods needs thousands.
 const MOST_ITERATIONS: usize = 50_000;
@@ -191,7 +192,7 @@ impl<'a> Study<'a> {
                 self.laboratory.declared(),
                 &model,
                 self.laboratory.basis(),
-                &thinned(&chains, MAP_DRAWS),
+                &thinned(&chains, MAP_DRAWS).map_err(RunError::draws)?,
                 &self.candidates,
                 case.resolution,
             )?;
@@ -261,7 +262,7 @@ impl<'a> Study<'a> {
         let settings = OptimumSettings { max_iterations: MOST_ITERATIONS, ..Default::default() };
         let optimum = maximise(model, &model.initial(), &settings)?;
         let maps = Maps::new(model, self.laboratory.basis());
-        let summary = maps.summarise(&[&optimum.position], &[]).maps;
+        let summary = maps.summarise(std::slice::from_ref(&optimum.position), &[]).maps;
         let fields: Vec<Vec<f64>> =
             summary.into_iter().take(maps.n_fields()).map(|map| map.mean).collect();
         let mut tape = model.tape();
@@ -297,7 +298,7 @@ impl<'a> Study<'a> {
         seed: u64,
     ) -> Result<Outcome, StudyError> {
         let (chains, asked) = self.draws(model, seed)?;
-        let thinned = thinned(&chains, MAP_DRAWS);
+        let thinned = thinned(&chains, MAP_DRAWS).map_err(RunError::draws)?;
         let maps = Maps::new(model, self.laboratory.basis());
         let Summaries { maps: summary, unphysical, .. } = maps.summarise(&thinned, &[]);
         let truths: Vec<&[f64]> = truth.maps().map(Vec::as_slice).collect();
@@ -307,7 +308,7 @@ impl<'a> Study<'a> {
         });
         Ok(Outcome {
             case,
-            converged: chains.len() == asked && agree(model, &chains),
+            converged: chains.len() == asked && agree(model, &chains).map_err(RunError::draws)?,
             repaired: unphysical.iter().sum::<f64>() / unphysical.len() as f64,
             errors: errors.collect(),
             time: None,

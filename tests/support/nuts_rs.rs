@@ -8,6 +8,7 @@ use std::env::var;
 
 use eplat::infer::{Chain, Evaluator, LogDensity as _, Settings};
 use eplat::model::Model;
+use eplat::store::Spool;
 use nuts_rs::Settings as _;
 use nuts_rs::{
     Chain as _, CpuLogpFunc, CpuMath, CpuMathError, DiagNutsSettings, HasDims, LogpError,
@@ -97,7 +98,8 @@ where
     let ours = Ours { evaluator: model.evaluator(), dim: model.dim() };
     let mut sampler = theirs.new_chain(index as u64, CpuMath::new(ours), &mut rng).unwrap();
     sampler.set_position(start).unwrap();
-    let mut chain = Chain::default();
+    let draws = Spool::new(model.dim(), settings.draws, None);
+    let mut chain = Chain { draws, ..Chain::default() };
     for i in 0..warmup + settings.draws {
         let (position, progress) = sampler.draw().unwrap();
         if i < warmup {
@@ -105,7 +107,7 @@ where
             continue;
         }
         chain.n_grad_sampling += progress.num_gradients;
-        chain.draws.extend_from_slice(&position);
+        chain.draws.push(&position).unwrap();
         chain.ln_density.push(f64::NAN); // not asked for
         chain.diverging.push(progress.diverging);
     }

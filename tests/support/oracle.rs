@@ -19,7 +19,7 @@ pub(crate) fn draws(
     let starts = jittered_starts(&model, &model.initial(), settings.chains, settings.seed).unwrap();
     let chains: Vec<_> = sample(&model, &starts, &settings, &Silent).unwrap();
     let chains: Vec<_> = chains.into_iter().map(Result::unwrap).collect();
-    let posterior = Posterior::new(&model, data, &chains, settings.seed);
+    let posterior = Posterior::new(&model, data, &chains, settings.seed, None).unwrap();
     let mut draws: Vec<Vec<Vec<f64>>> = vec![];
     let is_parameter = |name: &str| model.parameters.iter().any(|p| p.name == name);
     for variable in posterior.posterior.variables.iter().filter(|v| is_parameter(&v.name)) {

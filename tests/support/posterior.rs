@@ -61,7 +61,7 @@ pub(crate) fn columns(model: &Model, chains: &[Chain]) -> Vec<Column> {
     let mut rng = ChaCha8Rng::seed_from_u64(99);
     for (c, chain) in chains.iter().enumerate() {
         for i in 0..chain.n_draws() {
-            model.forward(&mut tape, chain.draw(i));
+            model.forward(&mut tape, &chain.draw(i).unwrap());
             values.clear();
             model.report(&tape, &mut rng, &mut values);
             for (column, x) in columns.iter_mut().zip(&values) {

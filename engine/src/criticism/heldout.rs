@@ -64,7 +64,7 @@ impl Predictions {
 pub fn predict_rows(
     model: &Model,
     fitted: &Model,
-    draws: &[&[f64]],
+    draws: &[Vec<f64>],
     first: usize,
     seed: u64,
 ) -> Predictions {

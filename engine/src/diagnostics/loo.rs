@@ -7,8 +7,6 @@
 //! cross-validation and WAIC"; the threshold on k from Vehtari, Simpson, Gelman, Yao & Gabry 2024,
 //! "Pareto smoothed importance sampling".  Conventions as in `ArviZ` 1.3.
 
-use rayon::prelude::*;
-
 use super::mean_and_sd;
 use super::psis::{log_sum_exp, smooth};
 
@@ -36,32 +34,31 @@ pub struct LooPoint {
     pub pareto_k: f64,
 }
 
-/// PSIS-LOO of `n` measurements from `log_likelihood` (S, n), S draws of all chains, row-major.
-///
-/// `r_eff` is the mean number of independent draws that a draw is worth ([`relative_efficiency`]).
-/// A measurement with a log likelihood that is not finite has elpd NaN and k = ∞.
-///
-/// # Panics
-/// If `n` is zero or does not divide the length of `log_likelihood`.
-pub fn loo(log_likelihood: &[f64], n: usize, r_eff: f64) -> Loo {
-    assert!(n > 0 && log_likelihood.len().is_multiple_of(n), "(S, n) values, n > 0");
-    let n_draws = log_likelihood.len() / n;
-    let (pointwise, lpd): (Vec<LooPoint>, Vec<f64>) = (0..n)
-        .into_par_iter()
-        .map(|i| {
-            let column: Vec<f64> = log_likelihood.iter().skip(i).step_by(n).copied().collect();
-            let point = leave_out(&column, r_eff);
-            (point, log_sum_exp(&column) - (n_draws as f64).ln())
-        })
-        .unzip();
-    let elpd_of: Vec<f64> = pointwise.iter().map(|point| point.elpd).collect();
-    let elpd = elpd_of.iter().sum::<f64>();
-    Loo {
-        elpd,
-        se: standard_error(&elpd_of),
-        p_loo: lpd.iter().sum::<f64>() - elpd,
-        k_threshold: k_threshold(n_draws),
-        pointwise,
+impl LooPoint {
+    /// From the log likelihood of one measurement in each draw (S), of all chains. Its log density given all
+    /// measurements, itself among them, comes beside it.
+    ///
+    /// `r_eff` is the mean number of independent draws that a draw is worth ([`relative_efficiency`]).
+    /// A measurement with a log likelihood that is not finite has elpd NaN and k = ∞.
+    pub fn of(log_likelihood: &[f64], r_eff: f64) -> (Self, f64) {
+        let lpd = log_sum_exp(log_likelihood) - (log_likelihood.len() as f64).ln();
+        (leave_out(log_likelihood, r_eff), lpd)
+    }
+}
+
+impl Loo {
+    /// PSIS-LOO of measurements, each with its log density given all of them, from `n_draws` draws in all.
+    pub fn of(points: &[(LooPoint, f64)], n_draws: usize) -> Self {
+        let (pointwise, lpd): (Vec<LooPoint>, Vec<f64>) = points.iter().copied().unzip();
+        let elpd_of: Vec<f64> = pointwise.iter().map(|point| point.elpd).collect();
+        let elpd = elpd_of.iter().sum::<f64>();
+        Self {
+            elpd,
+            se: standard_error(&elpd_of),
+            p_loo: lpd.iter().sum::<f64>() - elpd,
+            k_threshold: k_threshold(n_draws),
+            pointwise,
+        }
     }
 }
 

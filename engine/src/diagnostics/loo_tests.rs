@@ -103,6 +103,13 @@ fn log_likelihood(case: &Case) -> Vec<f64> {
     (0..case.n_draws).flat_map(|_| SHAPES.map(&mut one)).collect()
 }
 
+/// Of `n` measurements from log likelihoods (S, n).
+fn loo(log_likelihood: &[f64], n: usize, r_eff: f64) -> Loo {
+    let column = |i| log_likelihood.iter().skip(i).step_by(n).copied().collect::<Vec<f64>>();
+    let points: Vec<_> = (0..n).map(|i| LooPoint::of(&column(i), r_eff)).collect();
+    Loo::of(&points, log_likelihood.len() / n)
+}
+
 #[test]
 fn every_figure_agrees_with_arviz_also_where_k_is_too_high() {
     for case in &CASES {

@@ -1,7 +1,10 @@
 //! What a chain gives: transitions, draws, and all draws of a run together.
 
 use super::error::ChainError;
+use crate::store::Spool;
 use serde::{Deserialize, Serialize};
+use std::borrow::Cow;
+use std::io;
 
 /// What one transition did.
 #[derive(Clone, Copy, Debug)]
@@ -48,11 +51,11 @@ pub struct Divergence {
     pub end: Vec<f64>,
 }
 
-/// The draws of one chain and how they were made; per-draw vectors have `draws` entries.
-#[derive(Clone, Debug, Default, Serialize, Deserialize)]
+/// The draws of one chain and how they were made; per-draw vectors have an entry for each.
+#[derive(Debug, Default, Serialize, Deserialize)]
 pub struct Chain {
-    /// Unconstrained positions, row-major `(n_draws, dim)`.
-    pub draws: Vec<f64>,
+    /// Unconstrained positions, a row `(dim)` for each draw.
+    pub draws: Spool,
     /// Log density of each draw.
     pub ln_density: Vec<f64>,
     /// Mean acceptance over each trajectory.
@@ -80,11 +83,14 @@ pub struct Chain {
 }
 
 impl Chain {
-    /// The record of `n` independent draws, as if a sampler had made them. Positions and densities
-    /// are to be filled in.
-    pub fn of_independent_draws(n: usize) -> Self {
+    /// The record of independent draws with these log densities, as if a sampler had made them.
+    pub fn of_independent_draws(draws: Spool, ln_density: Vec<f64>) -> Self {
+        let n = ln_density.len();
         Self {
+            draws,
             accept: vec![1.0; n],
+            energy: ln_density.iter().map(|ln| -ln).collect(),
+            ln_density,
             depth: vec![0; n],
             n_leapfrog: vec![0; n],
             diverging: vec![false; n],
@@ -98,10 +104,19 @@ impl Chain {
         self.ln_density.len()
     }
 
-    /// Draw `i`, `(dim)`.
-    pub fn draw(&self, i: usize) -> &[f64] {
-        let dim = self.draws.len() / self.n_draws().max(1);
-        &self.draws[i * dim..(i + 1) * dim]
+    /// Draw `i`, `(dim)`. To go through many, [`Spool::each`] of `draws` reads each block once.
+    ///
+    /// # Errors
+    /// From the disk that the draws are on, if they are on one.
+    pub fn draw(&self, i: usize) -> io::Result<Cow<'_, [f64]>> {
+        let dim = self.draws.width();
+        Ok(match self.draws.rows(i, 0..dim)? {
+            Cow::Borrowed(rows) => Cow::Borrowed(&rows[..dim]),
+            Cow::Owned(mut rows) => {
+                rows.truncate(dim);
+                Cow::Owned(rows)
+            }
+        })
     }
 
     /// Number of divergent draws.
@@ -109,12 +124,13 @@ impl Chain {
         self.diverging.iter().filter(|d| **d).count()
     }
 
-    /// Whether it is a record of at most so many draws of `dim` unknowns, each with all that is told of it.
+    /// Whether it is what was kept of at most so many draws of `dim` unknowns, each with all that is told of it.
     pub(super) fn fits(&self, dim: usize, most_draws: usize) -> bool {
         let n = self.n_draws();
         let is_whole = [self.accept.len(), self.energy.len(), self.diverging.len()] == [n; 3]
             && [self.depth.len(), self.n_leapfrog.len()] == [n; 2]
-            && self.draws.len() == n * dim;
+            && self.draws.is_kept(dim)
+            && self.draws.n_rows() == n;
         let is_ours = |divergence: &Divergence| {
             divergence.iteration < n && [divergence.start.len(), divergence.end.len()] == [dim; 2]
         };
@@ -122,18 +138,22 @@ impl Chain {
     }
 
     /// Adds a draw.
-    pub(super) fn record(&mut self, draw: Draw<'_>) {
+    ///
+    /// # Errors
+    /// From the disk that the draws go to.
+    pub(super) fn record(&mut self, draw: Draw<'_>) -> io::Result<()> {
+        self.draws.push(draw.position)?;
         if let Some([start, end]) = draw.divergence {
             let iteration = self.n_draws();
             self.divergences.push(Divergence { iteration, start, end });
         }
-        self.draws.extend_from_slice(draw.position);
         self.ln_density.push(draw.ln_density);
         self.accept.push(draw.transition.accept);
         self.energy.push(draw.transition.energy);
         self.depth.push(draw.transition.depth);
         self.n_leapfrog.push(draw.transition.n_leapfrog);
         self.diverging.push(draw.transition.diverging);
+        Ok(())
     }
 }
 

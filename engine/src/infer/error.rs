@@ -1,8 +1,10 @@
 //! What can go wrong in inference, as texts a person can act on.
 
 use super::progress::Phase;
-use crate::store::CheckpointError;
+use crate::store::{CheckpointError, advice};
 use serde::{Deserialize, Serialize};
+use std::io;
+use std::path::PathBuf;
 
 /// Input that cannot be sampled, found before any chain starts.
 #[derive(Debug, thiserror::Error)]
@@ -137,6 +139,14 @@ pub enum InferError {
     /// What was kept of an interrupted run cannot be used.
     #[error(transparent)]
     Checkpoint(#[from] CheckpointError),
+    /// Draws that the disk of [`Settings::disk`](super::Settings::disk) does not take, or give back.
+    #[error("draws on the disk of {} cannot be written or read: {source}\nhelp: {}", folder.display(), advice(source))]
+    Disk {
+        /// The folder.
+        folder: PathBuf,
+        /// The cause.
+        source: io::Error,
+    },
     /// The thread pool could not be made.
     #[error(
         "cannot start {threads} threads: {reason}\n\
@@ -172,6 +182,18 @@ pub enum ChainFailure {
          help: the gradient may be wrong or the density flat; compare it with finite differences"
     )]
     NoStepSize,
+    /// The disk that the draws go to does not take them.
+    #[error(
+        "cannot write {}: {reason}\n\
+         help: make room there, then give the command again with --resume",
+        to.display()
+    )]
+    NotWritten {
+        /// The file, or the folder.
+        to: PathBuf,
+        /// The system's answer.
+        reason: String,
+    },
     /// [`super::Progress::should_stop`] said so.
     #[error("stopped on request\nhelp: run again for the full number of draws")]
     Stopped,

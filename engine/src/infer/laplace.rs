@@ -12,6 +12,7 @@ use super::error::InferError;
 use super::optimise::Optimum;
 use super::settings::{Settings, thread_pool};
 use crate::random::Stream;
+use crate::store::Spool;
 use nalgebra::linalg::{Cholesky, SymmetricEigen};
 use nalgebra::{DMatrix, DVector, Dyn};
 use rand::RngExt;
@@ -19,6 +20,7 @@ use rand_chacha::ChaCha8Rng;
 use rand_distr::StandardNormal;
 use rayon::prelude::*;
 use std::f64::consts::TAU;
+use std::io;
 use std::time::Instant;
 
 /// The normal approximation at a mode, in unconstrained coordinates.
@@ -30,7 +32,7 @@ pub struct Laplace {
 }
 
 /// Independent draws from a [`Laplace`] approximation.
-#[derive(Clone, Debug)]
+#[derive(Debug)]
 pub struct LaplaceDraws {
     /// The draws, with the log density of the model, as if a sampler had made them.
     pub chain: Chain,
@@ -59,7 +61,7 @@ impl Laplace {
     /// As many chains and draws as the settings say, from the chains' own random streams.
     ///
     /// # Errors
-    /// [`InferError::Threads`].
+    /// [`InferError::Threads`], [`InferError::Disk`].
     pub fn draws(
         &self,
         density: &dyn LogDensity,
@@ -67,19 +69,25 @@ impl Laplace {
     ) -> Result<Vec<LaplaceDraws>, InferError> {
         let draw = |chain| {
             let mut rng = Stream::Chain(chain).rng(settings.seed);
-            self.chain(&mut *density.evaluator(), settings.draws, &mut rng)
+            self.chain(&mut *density.evaluator(), settings, &mut rng)
         };
         let chains = 0..settings.chains;
-        Ok(thread_pool(settings)?.install(|| chains.into_par_iter().map(draw).collect()))
+        let drawn = || chains.into_par_iter().map(draw).collect::<io::Result<_>>();
+        thread_pool(settings)?.install(drawn).map_err(|source| settings.disk_error(source))
     }
 
-    fn chain(&self, evaluator: &mut dyn Evaluator, n: usize, rng: &mut ChaCha8Rng) -> LaplaceDraws {
+    fn chain(
+        &self,
+        evaluator: &mut dyn Evaluator,
+        settings: &Settings,
+        rng: &mut ChaCha8Rng,
+    ) -> io::Result<LaplaceDraws> {
         let begun = Instant::now();
-        let dim = self.mode.len();
+        let (n, dim) = (settings.draws, self.mode.len());
         let ln_norm = self.factor.ln_determinant() / 2.0 - dim as f64 * TAU.ln() / 2.0;
         let mut gradient = vec![0.0; dim];
-        let mut chain = Chain::of_independent_draws(n);
-        let mut log_ratios = Vec::with_capacity(n);
+        let mut draws = Spool::new(dim, n, settings.disk.as_deref());
+        let [mut ln_densities, mut log_ratios] = [(); 2].map(|()| Vec::with_capacity(n));
         for _ in 0..n {
             let z = DVector::from_fn(dim, |_, _| rng.sample::<f64, _>(StandardNormal));
             let ln_normal = ln_norm - z.norm_squared() / 2.0;
@@ -88,13 +96,13 @@ impl Laplace {
             let _ = self.factor.l_dirty().tr_solve_lower_triangular_mut(&mut position);
             position += &self.mode;
             let ln_density = evaluator.ln_density(position.as_slice(), &mut gradient);
-            chain.draws.extend_from_slice(position.as_slice());
-            chain.ln_density.push(ln_density);
-            chain.energy.push(-ln_density);
+            draws.push(position.as_slice())?;
+            ln_densities.push(ln_density);
             log_ratios.push(ln_density - ln_normal);
         }
+        let mut chain = Chain::of_independent_draws(draws, ln_densities);
         chain.seconds_sampling = begun.elapsed().as_secs_f64();
-        LaplaceDraws { chain, log_ratios }
+        Ok(LaplaceDraws { chain, log_ratios })
     }
 }
 
@@ -104,29 +112,43 @@ impl LaplaceDraws {
     ///
     /// Copies of a draw follow each other, so that effective sample sizes count them once. Apart
     /// from that the draws are in random order; this makes a fixed offset as good as a random one.
-    pub fn resample(drawn: &[Self], weights: &[f64]) -> Vec<Chain> {
-        let places = drawn.iter().flat_map(|d| (0..d.chain.n_draws()).map(move |i| (&d.chain, i)));
-        let places: Vec<(&Chain, usize)> = places.collect();
-        let (n, mut sum, mut picks) = (places.len(), 0.0, vec![]);
-        for (weight, place) in weights.iter().zip(&places) {
-            sum += weight * n as f64;
-            let copies = (sum.round() as usize).min(n).saturating_sub(picks.len());
-            picks.extend(std::iter::repeat_n(*place, copies));
-        }
-        let fill = |of: &Self| {
-            let n = of.chain.n_draws();
-            let mut chain = Chain {
-                seconds_sampling: of.chain.seconds_sampling,
-                ..Chain::of_independent_draws(n)
-            };
-            for (from, i) in picks.drain(..n) {
-                chain.draws.extend_from_slice(from.draw(i));
-                chain.ln_density.push(from.ln_density[i]);
-                chain.energy.push(from.energy[i]);
-            }
-            chain
+    /// The new draws go where those of the `settings` go.
+    ///
+    /// # Errors
+    /// [`InferError::Disk`].
+    pub fn resample(
+        drawn: &[Self],
+        weights: &[f64],
+        settings: &Settings,
+    ) -> Result<Vec<Chain>, InferError> {
+        Self::resampled(drawn, weights, settings).map_err(|source| settings.disk_error(source))
+    }
+
+    fn resampled(drawn: &[Self], weights: &[f64], settings: &Settings) -> io::Result<Vec<Chain>> {
+        let (n, length) = (weights.len(), weights.len() / drawn.len().max(1));
+        let room = |of: &Self| {
+            let draws = Spool::new(of.chain.draws.width(), length, settings.disk.as_deref());
+            (draws, Vec::with_capacity(length))
         };
-        drawn.iter().map(fill).collect()
+        let mut chains: Vec<(Spool, Vec<f64>)> = drawn.iter().map(room).collect();
+        let (mut weights, mut sum, mut n_picked) = (weights.iter(), 0.0, 0);
+        for Self { chain, .. } in drawn {
+            chain.draws.each(1, |i, draw| {
+                sum += weights.next().unwrap_or(&0.0) * n as f64;
+                while n_picked < (f64::round(sum) as usize).min(n) {
+                    let (draws, ln_density) = &mut chains[n_picked / length];
+                    draws.push(draw)?;
+                    ln_density.push(chain.ln_density[i]);
+                    n_picked += 1;
+                }
+                io::Result::Ok(())
+            })?;
+        }
+        let filled = |((draws, ln_density), of): ((Spool, Vec<f64>), &Self)| Chain {
+            seconds_sampling: of.chain.seconds_sampling,
+            ..Chain::of_independent_draws(draws, ln_density)
+        };
+        Ok(chains.into_iter().zip(drawn).map(filled).collect())
     }
 }
 
@@ -190,7 +212,7 @@ mod tests {
         let covariance = a.try_inverse().unwrap();
         for i in 0..3 {
             let of = |d: &LaplaceDraws| -> Vec<f64> {
-                (0..d.chain.n_draws()).map(|k| d.chain.draw(k)[i] - centre[i]).collect()
+                (0..d.chain.n_draws()).map(|k| d.chain.draw(k).unwrap()[i] - centre[i]).collect()
             };
             let x: Vec<f64> = drawn.iter().flat_map(of).collect();
             let (n, variance) = (x.len() as f64, covariance[(i, i)]);
@@ -208,12 +230,16 @@ mod tests {
         let drawn = fitted(&density, &[0.0; 3]).unwrap().draws(&density, &settings).unwrap();
         let all: Vec<f64> = drawn.iter().flat_map(|d| d.chain.ln_density.clone()).collect();
         let weights = [0.0, 0.25, 0.05, 0.45, 0.0, 0.125, 0.0, 0.125];
-        let resampled = LaplaceDraws::resample(&drawn, &weights);
+        let resample =
+            |weights: &[f64]| LaplaceDraws::resample(&drawn, weights, &settings).unwrap();
+        let resampled = resample(&weights);
         let found: Vec<f64> = resampled.iter().flat_map(|c| c.ln_density.clone()).collect();
         assert_eq!(found, [1, 1, 3, 3, 3, 3, 5, 7].map(|i: usize| all[i]));
-        assert_eq!(resampled[1].draw(0), drawn[0].chain.draw(3));
-        let same = LaplaceDraws::resample(&drawn, &[0.125; 8]);
-        assert_eq!(same[1].draws, drawn[1].chain.draws);
+        assert_eq!(resampled[1].draw(0).unwrap(), drawn[0].chain.draw(3).unwrap());
+        let same = resample(&[0.125; 8]);
+        for i in 0..4 {
+            assert_eq!(same[1].draw(i).unwrap(), drawn[1].chain.draw(i).unwrap());
+        }
     }
 
     #[test]

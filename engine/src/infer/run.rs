@@ -5,7 +5,7 @@ use super::error::{ChainError, ChainFailure, InferError};
 use super::markov::Together;
 use super::progress::{ChainProgress, Phase, Progress};
 use super::settings::Settings;
-use crate::store::{Checkpoint, Keeper, take_chains};
+use crate::store::{Checkpoint, Keeper, Spool, take_chains};
 use rayon::prelude::*;
 use std::time::{Duration, Instant};
 
@@ -86,7 +86,7 @@ fn restore<C: Together>(
                 if !under.fits(&state, &record) {
                     return Err(misfit.into());
                 }
-                under.record = record;
+                under.take_up(record)?;
                 if let Err(error) = under.chain.restore(state) {
                     *chain = Err(error);
                 }
@@ -131,6 +131,14 @@ fn kept<'u, C: Together>(
     chain.as_ref().map(kept).map_err(Clone::clone)
 }
 
+/// Where the draws of chain number `index` go.
+fn draws_of(index: usize, dim: usize, settings: &Settings, progress: &dyn Progress) -> Spool {
+    progress.checkpoint().map_or_else(
+        || Spool::new(dim, settings.draws, settings.disk.as_deref()),
+        |checkpoint| checkpoint.draws(index, dim),
+    )
+}
+
 /// One chain under way.
 struct Under<'a, C> {
     index: usize,
@@ -151,14 +159,27 @@ impl<'a, C: Together> Under<'a, C> {
     fn new(index: usize, chain: C, settings: &'a Settings, progress: &'a dyn Progress) -> Self {
         Self {
             index,
+            record: Chain {
+                draws: draws_of(index, chain.dim(), settings, progress),
+                ..Chain::default()
+            },
             chain,
-            record: Chain::default(),
             settings,
             progress,
             keeper: Keeper::new(progress.checkpoint(), index),
             divergences: 0,
             reported: Instant::now(),
         }
+    }
+
+    /// Goes on from the draws that were kept.
+    fn take_up(&mut self, kept: Chain) -> Result<(), InferError> {
+        let mut draws = std::mem::take(&mut self.record.draws);
+        if let Some(checkpoint) = self.progress.checkpoint() {
+            checkpoint.take_draws(self.index, &mut draws, kept.draws)?;
+        }
+        self.record = Chain { draws, ..kept };
+        Ok(())
     }
 
     /// Whether the chain can have come to this state with this record.
@@ -189,11 +210,19 @@ impl<'a, C: Together> Under<'a, C> {
             self.pause(iteration)?;
             let draw = self.chain.draw()?;
             let transition = draw.transition;
-            self.record.record(draw);
+            if let Err(error) = self.record.record(draw) {
+                return Err(self.chain.error(iteration, self.not_written(&error)));
+            }
             self.record.seconds_sampling = before + begun.elapsed().as_secs_f64();
             self.report(Phase::Sampling, iteration, &transition);
         }
         Ok(())
+    }
+
+    fn not_written(&self, error: &std::io::Error) -> ChainFailure {
+        let kept = self.progress.checkpoint().map(|kept| kept.path_of_draws(self.index));
+        let to = kept.or_else(|| self.settings.disk.clone()).unwrap_or_default();
+        ChainFailure::NotWritten { to, reason: error.to_string() }
     }
 
     fn end(self) -> Chain {
@@ -206,7 +235,8 @@ impl<'a, C: Together> Under<'a, C> {
         let stops = self.progress.should_stop();
         if self.keeper.is_due(stops) {
             // written as it is read, as `Kept`
-            self.keeper.keep(&(self.chain.n_meetings(), self.chain.state(), &self.record));
+            let state = (self.chain.n_meetings(), self.chain.state(), &self.record);
+            self.keeper.keep_with(&state, Some(&self.record.draws));
         }
         if stops { Err(self.chain.error(iteration, ChainFailure::Stopped)) } else { Ok(()) }
     }

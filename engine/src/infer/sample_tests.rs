@@ -46,7 +46,7 @@ fn a_chain_that_is_stepped_draws_what_a_run_draws() {
     assert!(n <= settings.warmup && chain.phase() == Phase::Sampling);
     for i in 0..settings.draws {
         let draw = chain.draw().unwrap();
-        assert_eq!((draw.position, draw.ln_density), (run.draw(i), run.ln_density[i]));
+        assert_eq!((draw.position, draw.ln_density), (&*run.draw(i).unwrap(), run.ln_density[i]));
         assert_eq!(draw.divergence.is_some(), run.diverging[i]);
     }
     assert_eq!(chain.n_evaluations(), [run.n_grad_warmup, run.n_grad_sampling]);
@@ -59,7 +59,7 @@ fn draws_are_bit_identical_for_any_number_of_threads() {
     let run = |threads| {
         let settings = Settings { threads, ..settings() };
         let chains = sample(&funnel(5), &starts, &settings, &Silent).unwrap();
-        chains.into_iter().map(|chain| chain.unwrap().draws).collect::<Vec<_>>()
+        chains.into_iter().map(|chain| format!("{:?}", chain.unwrap().draws)).collect::<Vec<_>>()
     };
     let one = run(1);
     assert_eq!(one, run(3));
@@ -108,7 +108,7 @@ fn divergences_are_kept_with_both_ends() {
         for divergence in &chain.divergences {
             let i = divergence.iteration;
             assert!(chain.diverging[i]);
-            assert!(i == 0 || divergence.start == chain.draw(i - 1));
+            assert!(i == 0 || divergence.start == *chain.draw(i - 1).unwrap());
             assert!(divergence.start[0] >= -0.5 && divergence.end[0] < -0.5);
         }
         n += chain.divergences.len();
@@ -162,7 +162,7 @@ fn counters_add_up_and_adaptation_reaches_its_targets() {
         let chain = chain.unwrap();
         let leapfrogs: u64 = chain.n_leapfrog.iter().map(|&n| u64::from(n)).sum();
         assert_eq!(chain.n_grad_sampling, leapfrogs);
-        assert_eq!(chain.draws.len(), 1500);
+        assert_eq!([chain.draws.n_rows(), chain.draws.width()], [500, 3]);
         let accept = chain.accept.iter().sum::<f64>() / 500.0;
         assert!((accept - 0.8).abs() < 0.03, "{accept}");
     }

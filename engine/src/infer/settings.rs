@@ -3,6 +3,8 @@
 use super::density::LogDensity;
 use super::error::InferError;
 use serde::{Deserialize, Serialize};
+use std::io;
+use std::path::PathBuf;
 
 /// The shape of the inverse mass matrix.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Default, Serialize, Deserialize)]
@@ -38,6 +40,10 @@ pub struct Settings {
     /// Draws of a similar density, each `(dim)`. The warm-up begins with what they tell about
     /// scales, so that it can be short. If empty, it begins with no such knowledge.
     pub earlier: Vec<Vec<f64>>,
+    /// Folder on whose disk draws go in blocks of 2 MB, in files without names; without one they stay in memory. Where a
+    /// run is kept ([`Progress::checkpoint`](super::Progress::checkpoint)) they are in its folder. Does not change any
+    /// number.
+    pub disk: Option<PathBuf>,
 }
 
 impl Default for Settings {
@@ -52,6 +58,7 @@ impl Default for Settings {
             threads: 0,
             metric: MetricKind::default(),
             earlier: vec![],
+            disk: None,
         }
     }
 }
@@ -84,6 +91,13 @@ impl Settings {
             return Err(InferError::MaxDepth { got: self.max_depth });
         }
         Ok(())
+    }
+}
+
+impl Settings {
+    /// What the disk that draws go to said.
+    pub(super) fn disk_error(&self, source: io::Error) -> InferError {
+        InferError::Disk { folder: self.disk.clone().unwrap_or_default(), source }
     }
 }
 

@@ -1,7 +1,11 @@
 //! What can be wrong between a model and its data.
 
+use std::io;
+use std::path::PathBuf;
+
 use thiserror::Error;
 
+use crate::store::advice;
 use crate::table::DataError;
 
 /// Why a model cannot be built on its data.
@@ -10,6 +14,14 @@ pub enum ModelError {
     /// A table of measurements is wrong.
     #[error(transparent)]
     Data(#[from] DataError),
+    /// Draws that the disk of [`Settings::disk`](crate::infer::Settings::disk) does not take.
+    #[error("cannot write draws to the disk of {}: {source}\nhelp: {}", folder.display(), advice(source))]
+    Disk {
+        /// The folder.
+        folder: PathBuf,
+        /// The cause.
+        source: io::Error,
+    },
     /// More modes than the basis has.
     #[error(
         "field {field}: K = {k}, but the basis has {available} modes\nhelp: lower K in the model file, or give a basis with more modes"

@@ -91,7 +91,7 @@ impl Model {
     pub fn at_draws(
         &self,
         fitted: &Self,
-        draws: &[&[f64]],
+        draws: &[Vec<f64>],
         ids: &[RowId],
         rng: &mut dyn Rng,
         visit: &mut Visit<'_>,

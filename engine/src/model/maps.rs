@@ -182,7 +182,7 @@ impl<'m> Maps<'m> {
     /// draws at each vertex, and the probabilities that were asked for. Fields are averaged over
     /// all draws, derived quantities over the physical ones. For each thread one vertex with all its
     /// draws is in memory.
-    pub fn summarise(&self, draws: &[&[f64]], asked: &[Exceedance]) -> Summaries {
+    pub fn summarise(&self, draws: &[Vec<f64>], asked: &[Exceedance]) -> Summaries {
         let draws: Vec<Draw> = self.unpack(draws);
         let (names, n_vertices) = (self.names(), self.basis.n_vertices());
         let of = |e: &Exceedance| names.iter().position(|n| n.name == e.map);
@@ -222,7 +222,7 @@ impl<'m> Maps<'m> {
     /// For each field and draw of unknowns, the mean of its sum and the weights of the first
     /// `n_modes` eigenfunctions, (draw, 1 + n_modes); and `n_modes`, which is that of the field
     /// with most modes.
-    pub fn coefficients(&self, draws: &[&[f64]]) -> (usize, Vec<(&'m str, Vec<f64>)>) {
+    pub fn coefficients(&self, draws: &[Vec<f64>]) -> (usize, Vec<(&'m str, Vec<f64>)>) {
         let draws = self.unpack(draws);
         let fields = &self.model.fields;
         let n_modes = fields.iter().map(|f| f.first + f.op.k).max().unwrap_or(0);
@@ -246,7 +246,7 @@ impl<'m> Maps<'m> {
 
     /// All maps at these vertices in every draw of the unknowns, (vertex, map, draw); derived quantities are
     /// NaN where unphysical.
-    pub fn draws_at(&self, draws: &[&[f64]], vertices: &[usize]) -> Vec<Vec<Vec<f64>>> {
+    pub fn draws_at(&self, draws: &[Vec<f64>], vertices: &[usize]) -> Vec<Vec<Vec<f64>>> {
         self.of_draws_at(draws, vertices, |maps| maps)
     }
 
@@ -254,7 +254,7 @@ impl<'m> Maps<'m> {
     /// For each thread one vertex is in memory.
     pub fn of_draws_at<T: Send>(
         &self,
-        draws: &[&[f64]],
+        draws: &[Vec<f64>],
         vertices: &[usize],
         of: impl Fn(Vec<Vec<f64>>) -> T + Sync,
     ) -> Vec<T> {
@@ -273,7 +273,7 @@ impl<'m> Maps<'m> {
     /// The rank of `truth` among draws of unknowns: the share of physical draws below it. It is NaN
     /// if there are no such draws, or no truth. `truth` is a map (n_vertices) for each field and
     /// derived quantity.
-    pub fn ranks(&self, draws: &[&[f64]], truth: &[&[f64]]) -> Vec<Vec<f64>> {
+    pub fn ranks(&self, draws: &[Vec<f64>], truth: &[&[f64]]) -> Vec<Vec<f64>> {
         let draws: Vec<Draw> = self.unpack(draws);
         let n = truth.len();
         let vertices: Vec<Vec<f64>> = (0..self.basis.n_vertices())
@@ -293,7 +293,7 @@ impl<'m> Maps<'m> {
         (0..n).map(|i| vertices.iter().map(|v| v[i]).collect()).collect()
     }
 
-    fn unpack(&self, draws: &[&[f64]]) -> Vec<Draw> {
+    fn unpack(&self, draws: &[Vec<f64>]) -> Vec<Draw> {
         let mut t = self.model.tape();
         let read =
             self.model.maps.iter().flat_map(|map| &map.sources).map(|source| match *source {
@@ -301,7 +301,7 @@ impl<'m> Maps<'m> {
                 Source::Field(_) => 0,
             });
         let n_values = read.max().unwrap_or(0);
-        let mut one = |u: &&[f64]| {
+        let mut one = |u: &Vec<f64>| {
             self.model.forward(&mut t, u);
             let fields = self.model.fields.iter().map(|f| {
                 let (mean, w) = f.op.weights(&t);

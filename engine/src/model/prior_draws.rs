@@ -10,15 +10,16 @@ use super::error::ModelError;
 use super::laid_out::Model;
 use super::reported::{Kind, Parameter};
 use super::tape::Tape;
-use crate::infer::{Chain, Settings};
+use crate::infer::{Chain, LogDensity as _, Settings};
 use crate::random::Stream;
+use crate::store::Spool;
 
 impl Model {
-    /// Independent draws from the prior, as many as the settings say. Nothing else in the settings
-    /// is used. The measurements are left aside.
+    /// Independent draws from the prior, as many as the settings say, in memory or on the settings' disk.
+    /// Nothing else in the settings but the seed is used. The measurements are left aside.
     ///
     /// # Errors
-    /// [`ModelError::NoPriorDraw`], [`ModelError::DensityInPrior`].
+    /// [`ModelError::NoPriorDraw`], [`ModelError::DensityInPrior`], [`ModelError::Disk`].
     pub fn prior_draws(&self, settings: &Settings) -> Result<Vec<Chain>, ModelError> {
         if let Some(density) = self.densities.iter().find(|d| !d.reads_data) {
             return Err(ModelError::DensityInPrior { name: density.name });
@@ -30,15 +31,19 @@ impl Model {
         let mut rng = Stream::Prior(chain).rng(settings.seed);
         let (n, mut tape, begun) = (settings.draws, self.tape(), Instant::now());
         let mut gradient = vec![0.0; tape.u.len()];
-        let mut out = Chain::of_independent_draws(n);
+        let mut draws = Spool::new(self.dim(), n, settings.disk.as_deref());
+        let mut ln_densities = Vec::with_capacity(n);
         for _ in 0..n {
             self.draw_prior(&mut tape, &mut rng)?;
             let position = tape.u.clone();
             let ln_density = self.ln_density(&mut tape, &position, &mut gradient);
-            out.draws.extend(position);
-            out.ln_density.push(ln_density);
-            out.energy.push(-ln_density);
+            draws.push(&position).map_err(|source| {
+                let folder = settings.disk.clone().unwrap_or_default();
+                ModelError::Disk { folder, source }
+            })?;
+            ln_densities.push(ln_density);
         }
+        let mut out = Chain::of_independent_draws(draws, ln_densities);
         out.seconds_sampling = begun.elapsed().as_secs_f64();
         Ok(out)
     }

@@ -283,12 +283,13 @@ mod tests {
             let (mut t, mut rng) = (model.tape(), Stream::Prior(1).rng(2));
             let mut changes = Moments::new(2 * model.dim());
             for i in 0..chain.n_draws() {
-                let mut u = chain.draw(i).to_vec();
+                let mut u = chain.draw(i).unwrap().into_owned();
                 model.rescale(&mut t, &mut u, &mut rng, jacobian);
                 for _ in 0..5 {
                     model.recentre(&mut t, &mut u, &mut rng, power);
                 }
-                let pairs = || u.iter().zip(chain.draw(i));
+                let before = chain.draw(i).unwrap();
+                let pairs = || u.iter().zip(&*before);
                 let of = pairs().map(|(a, b)| a - b).chain(pairs().map(|(a, b)| a * a - b * b));
                 changes.add(of);
             }

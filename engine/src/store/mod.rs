@@ -6,6 +6,7 @@
 mod atomic;
 pub mod cache;
 mod checkpoint;
+mod disk;
 mod kind;
 mod lock;
 pub mod memory;
@@ -22,6 +23,7 @@ pub use atomic::{
 pub(crate) use checkpoint::take_chains;
 pub use checkpoint::{Checkpoint, CheckpointError, Identity, differences};
 pub use checkpoint::{Keeper, take_chain};
+pub use disk::free_on_disk;
 pub use kind::Kind;
 pub use lock::{FolderLock, LockError};
 pub use npz::{NpzReader, NpzWriter, Packing, array_name};

@@ -276,7 +276,6 @@ impl Physical {
         let Some(basis) = loaded.basis() else { return Self { at: BTreeMap::new() } };
         let maps = Maps::new(model, basis);
         let names = maps.names();
-        let draws: Vec<&[f64]> = draws.iter().map(Vec::as_slice).collect();
         let indices: Vec<usize> = vertices.iter().map(|v| *v as usize).collect();
         let is_inside = |at: &[Vec<f64>], d: usize| {
             let mut maps = at.iter().zip(&names);
@@ -286,7 +285,7 @@ impl Physical {
             })
         };
         let each = |at: Vec<Vec<f64>>| (0..draws.len()).map(|d| is_inside(&at, d)).collect();
-        let inside: Vec<Vec<bool>> = maps.of_draws_at(&draws, &indices, each);
+        let inside: Vec<Vec<bool>> = maps.of_draws_at(draws, &indices, each);
         Self { at: vertices.into_iter().zip(inside).collect() }
     }
 

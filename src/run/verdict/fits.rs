@@ -1,6 +1,7 @@
 //! The measurements against what the model predicts of them.
 
 use std::collections::BTreeMap;
+use std::io;
 
 use rayon::prelude::*;
 
@@ -50,12 +51,16 @@ impl Reading {
 
 impl Fit<'_> {
     /// The measurements against their predictive intervals; `None` if nothing can be simulated.
-    pub(super) fn fits(&self) -> Option<Fits> {
-        let observes = self.model().observes.iter().filter(|o| !o.rows.is_empty());
-        let judged: Vec<(&Observe, Vec<Judged>)> =
-            observes.filter_map(|o| Some((o, self.judge(o)?))).collect();
+    ///
+    /// # Errors
+    /// From the disk that replicates are on.
+    pub(super) fn fits(&self) -> io::Result<Option<Fits>> {
+        let mut judged: Vec<(&Observe, Vec<Judged>)> = vec![];
+        for observe in self.model().observes.iter().filter(|o| !o.rows.is_empty()) {
+            judged.extend(self.judge(observe)?.map(|rows| (observe, rows)));
+        }
         if judged.is_empty() {
-            return None;
+            return Ok(None);
         }
         let table = self.problem().measurements();
         let (mut all_sets, sites) = (sets(&judged, table), sites(&judged, table));
@@ -69,25 +74,24 @@ impl Fit<'_> {
         let misfit = |&(observe, row): &(&Observe, &Judged)| misfit(observe, row, table);
         fits.misfits = outside.iter().take(MOST_NAMED).map(misfit).collect();
         fits.doubts = self.problem().doubts().to_vec();
-        Some(fits)
+        Ok(Some(fits))
     }
 
     /// Every measurement of a statement against its replicates.
-    fn judge(&self, observe: &Observe) -> Option<Vec<Judged>> {
+    fn judge(&self, observe: &Observe) -> io::Result<Option<Vec<Judged>>> {
         let predictive = &self.posterior().posterior_predictive;
-        let variable = predictive.variables.iter().find(|v| v.name == observe.name)?;
-        let Values::Columns(columns) = &variable.values else { return None };
+        let variable = predictive.variables.iter().find(|v| v.name == observe.name);
+        let Some(Values::Columns(columns)) = variable.map(|v| &v.values) else { return Ok(None) };
         let observed = observe.observed();
         let one = |(i, row): (usize, &usize)| {
-            let mut sorted = columns.column(i).ok()?;
+            let mut sorted = columns.column(i)?;
             sorted.retain(|x| x.is_finite());
-            if sorted.is_empty() {
-                return None;
-            }
             sorted.sort_unstable_by(f64::total_cmp);
-            Some(Reading::of(&observed[i]).judged(*row, &sorted))
+            Ok((!sorted.is_empty()).then(|| Reading::of(&observed[i]).judged(*row, &sorted)))
         };
-        observe.rows.par_iter().enumerate().map(one).collect()
+        let rows = observe.rows.par_iter().enumerate().with_min_len(self.at_once());
+        let judged: io::Result<Vec<Option<Judged>>> = rows.map(one).collect();
+        Ok(judged?.into_iter().collect())
     }
 }
 

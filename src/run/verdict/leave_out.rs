@@ -4,6 +4,7 @@
 //! stays where it is in the model and only stops to count, so that both have the same unknowns.
 
 use std::collections::BTreeMap;
+use std::io;
 
 use crate::infer::{LogDensity as _, Settings, Silent};
 use crate::model::{Model, Noise, RowId, Sampler};
@@ -86,22 +87,24 @@ fn without(fit: &Fit<'_>, sampler: Sampler, id: RowId, i: usize) -> Option<(f64,
         warmup: WARMUP,
         draws: DRAWS,
         chains: fit.chains().len(),
-        earlier: fit.thinned(EARLIER).into_iter().map(<[f64]>::to_vec).collect(),
+        earlier: fit.thinned(EARLIER).ok()?,
+        disk: None,
         ..fit.settings.clone()
     };
-    let starts: Vec<Vec<f64>> =
-        fit.chains().iter().map(|c| c.draw(c.n_draws() - 1).to_vec()).collect();
-    let chains = sampler.sample(&model, &starts, &settings, &Silent).ok()?;
+    let starts: Option<Vec<Vec<f64>>> =
+        fit.chains().iter().map(|c| Some(c.draw(c.n_draws() - 1).ok()?.into_owned())).collect();
+    let chains = sampler.sample(&model, &starts?, &settings, &Silent).ok()?;
     let (cells, mut tape, mut locals) = (model.measured_row(id), model.tape(), vec![]);
     let (mut ln, mut replicates) = (vec![], vec![]);
     let mut rng = Stream::WithoutRow { row: i }.rng(fit.settings.seed);
     for chain in chains {
-        let chain = chain.ok()?;
-        for i in 0..chain.n_draws() {
-            model.locals_at(&mut tape, chain.draw(i), &[id], &mut locals);
+        let each = chain.ok()?.draws.each(1, |_, draw| {
+            model.locals_at(&mut tape, draw, &[id], &mut locals);
             ln.push(model.row_ln(id, &cells, &locals, &Noise::default()));
             replicates.push(model.row_replicate(id, &cells, &locals, &mut rng)[0]);
-        }
+            io::Result::Ok(())
+        });
+        each.ok()?;
     }
     let elpd = ln_mean_exp(&ln);
     elpd.is_finite().then_some((elpd, replicates))

@@ -16,22 +16,32 @@ pub(super) use leave_out::{LeftOut, exact};
 pub(super) use reading::Reading;
 pub(super) use rows::unweighted;
 
+use std::io;
+
 use super::fit::{Fit, Method};
 use crate::diagnostics::verdict::Questions;
 
 impl Fit<'_> {
     /// The figures behind every question that can be asked of these draws, but for *sampled*.
+    #[allow(
+        clippy::expect_used,
+        reason = "what is read from a disk was asked when the fit was made"
+    )]
     pub fn questions(&self) -> &Questions {
-        self.questions.get_or_init(|| {
-            if self.method == Method::Prior {
-                return Questions { physical: self.physical(), ..Questions::default() };
-            }
-            Questions {
-                fits: self.fits(),
-                physical: self.physical(),
-                informed: self.informed(),
-                trusted: self.trusted(),
-            }
+        self.questions.get_or_init(|| self.ask().expect("no disk is used"))
+    }
+
+    /// # Errors
+    /// From the disk that replicates are on.
+    pub(super) fn ask(&self) -> io::Result<Questions> {
+        if self.method == Method::Prior {
+            return Ok(Questions { physical: self.physical(), ..Questions::default() });
+        }
+        Ok(Questions {
+            fits: self.fits()?,
+            physical: self.physical(),
+            informed: self.informed(),
+            trusted: self.trusted(),
         })
     }
 }

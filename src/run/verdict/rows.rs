@@ -1,5 +1,7 @@
 //! Every measurement beside what is predicted of it: with it, and from the others alone.
 
+use std::io;
+
 use rayon::prelude::*;
 
 use super::LeftOut;
@@ -7,8 +9,10 @@ use super::reading::{Reading, groups};
 use crate::diagnostics::{loo_weights, quantile, relative_efficiency, weighted_quantile};
 use crate::infer::Chain;
 use crate::model::Observe;
-use crate::report::{LEVELS, LeftOutBy, Predicted, PredictedRow, Predictions, Values, Variable};
-use crate::run::Fit;
+use crate::report::{
+    Columns, LEVELS, LeftOutBy, Predicted, PredictedRow, Predictions, Values, Variable,
+};
+use crate::run::{Fit, RunError};
 
 impl Fit<'_> {
     /// Every measurement beside what is predicted of it, in the order of the model's statements.
@@ -16,91 +20,92 @@ impl Fit<'_> {
     /// Once from the posterior, which has seen it, and once from all other measurements: by the
     /// importance weights of [`Fit::loo`] where they can be relied on, or by the fit in which it was left
     /// out. Measurements of a `density` are not among them: nothing is simulated from one.
-    pub fn predictions(&self) -> Predictions {
+    ///
+    /// # Errors
+    /// [`RunError::Draws`].
+    pub fn predictions(&self) -> Result<Predictions, RunError> {
         let table = self.problem().measurements();
         let observes = self.model().observes.iter();
         let places: Vec<(&Observe, usize)> =
             observes.flat_map(|o| (0..o.rows.len()).map(move |i| (o, i))).collect();
-        let Some(replicates) = Replicates::of(self, places.len()) else {
-            return Predictions::default();
+        let Some(replicates) = Replicates::of(self) else {
+            return Ok(Predictions::default());
         };
-        let one = |(i, (observe, own)): (usize, &(&Observe, usize))| {
+        let one = |(i, (observe, own)): (usize, &(&Observe, usize))| -> io::Result<_> {
             let (row, cells) = (observe.rows[*own], observe.observed_row(*own));
             let reading = Reading::of(&cells);
-            PredictedRow {
+            let drawn = replicates.values.column(i)?;
+            Ok(PredictedRow {
                 measured: [cells[0], cells[cells.len() - 1]],
-                fitted: replicates.fitted(i, &reading),
-                left_out: replicates.left_out(i, &reading),
+                left_out: replicates.left_out(i, &drawn, &reading)?,
+                fitted: unweighted(drawn, &reading),
                 ..PredictedRow::at(table, row, observe.name, &observe.unit)
-            }
+            })
         };
-        let rows = places.par_iter().enumerate().map(one).collect();
+        let at_once = self.at_once();
+        let rows = places.par_iter().enumerate().with_min_len(at_once).map(one);
+        let rows: io::Result<Vec<PredictedRow>> = rows.collect();
         let named: Vec<(&str, usize)> = places.iter().map(|(o, i)| (o.name, o.rows[*i])).collect();
-        Predictions { rows, sets: groups(&named, table) }
+        Ok(Predictions { rows: rows.map_err(RunError::draws)?, sets: groups(&named, table) })
     }
 }
 
 /// Draws of the posterior as replicates of each measurement.
 struct Replicates<'f> {
     /// (draw, measurement)
-    values: &'f [f64],
-    n: usize,
+    values: &'f Columns,
     /// (draw, measurement of all statements)
-    ln_likelihood: &'f Variable,
+    ln_likelihood: &'f Columns,
     left_out: Option<&'f LeftOut>,
     r_eff: f64,
 }
 
-/// The numbers of a variable; none if it has others.
-fn numbers(variable: &Variable) -> &[f64] {
+/// The numbers of a variable, if it has a row of them for each draw.
+fn numbers(variable: &Variable) -> Option<&Columns> {
     match &variable.values {
-        Values::Float(values) => values,
-        _ => &[],
+        Values::Columns(columns) => Some(columns),
+        _ => None,
     }
 }
 
 impl<'f> Replicates<'f> {
     /// `None` if nothing can be simulated.
-    fn of(fit: &'f Fit<'_>, n: usize) -> Option<Self> {
+    fn of(fit: &'f Fit<'_>) -> Option<Self> {
         let posterior = fit.posterior();
         // all of them together are the last variable with numbers
         let predicted = posterior.posterior_predictive.variables.iter().rev();
-        let values = predicted.map(numbers).find(|values| !values.is_empty())?;
-        let ln_likelihood = posterior.log_likelihood.variables.first()?;
+        let values = predicted.filter_map(numbers).find(|values| !values.is_empty())?;
+        let ln_likelihood = numbers(posterior.log_likelihood.variables.first()?)?;
         let sizes = posterior.rows.iter().map(|row| (row.summary.sd / row.summary.mcse).powi(2));
         let sizes: Vec<f64> = sizes.collect();
         let draws = fit.chains().first().map_or(0, Chain::n_draws);
         let r_eff = relative_efficiency(&sizes, fit.chains().len(), draws);
-        Some(Self { values, n, ln_likelihood, left_out: fit.left_out(), r_eff })
+        Some(Self { values, ln_likelihood, left_out: fit.left_out(), r_eff })
     }
 
-    fn of_row(&self, i: usize) -> impl Iterator<Item = f64> {
-        self.values.iter().skip(i).step_by(self.n.max(1)).copied()
-    }
-
-    fn fitted(&self, i: usize, reading: &Reading) -> Predicted {
-        unweighted(self.of_row(i), reading)
-    }
-
-    /// From the other measurements alone; `None` where that cannot be told.
-    fn left_out(&self, i: usize, reading: &Reading) -> Option<(Predicted, LeftOutBy)> {
-        let LeftOut { loo, replicates } = self.left_out?;
+    /// From the other measurements alone, of which replicates were `drawn`; `None` where that cannot be told.
+    fn left_out(
+        &self,
+        i: usize,
+        drawn: &[f64],
+        reading: &Reading,
+    ) -> io::Result<Option<(Predicted, LeftOutBy)>> {
+        let Some(LeftOut { loo, replicates }) = self.left_out else { return Ok(None) };
         if let Some(replicates) = replicates.get(&i) {
-            return Some((unweighted(replicates.iter().copied(), reading), LeftOutBy::Fit));
+            return Ok(Some((unweighted(replicates.clone(), reading), LeftOutBy::Fit)));
         }
-        if loo.rows.get(i)?.pareto_k > loo.record.k_threshold {
-            return None;
+        if loo.rows.get(i).is_none_or(|row| row.pareto_k > loo.record.k_threshold) {
+            return Ok(None);
         }
-        let n = self.ln_likelihood.dims.last()?.1;
-        let column = numbers(self.ln_likelihood).iter().skip(i).step_by(n.max(1));
-        let weights = loo_weights(&column.copied().collect::<Vec<f64>>(), self.r_eff)?;
-        Some((weighted(self.of_row(i).zip(weights), reading), LeftOutBy::Weights))
+        let weights = loo_weights(&self.ln_likelihood.column(i)?, self.r_eff);
+        let weighted = |weights| weighted(drawn.iter().copied().zip(weights), reading);
+        Ok(weights.map(|weights| (weighted(weights), LeftOutBy::Weights)))
     }
 }
 
 /// Draws that are all worth the same.
-pub(in crate::run) fn unweighted(drawn: impl Iterator<Item = f64>, reading: &Reading) -> Predicted {
-    let mut sorted: Vec<f64> = drawn.filter(|value| value.is_finite()).collect();
+pub(in crate::run) fn unweighted(mut sorted: Vec<f64>, reading: &Reading) -> Predicted {
+    sorted.retain(|value| value.is_finite());
     sorted.sort_unstable_by(f64::total_cmp);
     predicted(&|p| quantile(&sorted, p), reading)
 }
@@ -146,7 +151,7 @@ mod tests {
             Problem::new(&conjugate::Conjugate, Loaded { measurements, ..Loaded::default() });
         let settings = Settings { seed: 3, ..Settings::default() };
         let fit = problem.unwrap().fit(&settings).unwrap();
-        let predictions = fit.predictions();
+        let predictions = fit.predictions().unwrap();
         // the verdict counts the same rows
         let n_inside = predictions.rows.iter().filter(|row| row.fitted.inside[2]).count();
         assert_eq!(fit.questions().fits.as_ref().unwrap().sets[0].inside, n_inside);
@@ -180,6 +185,6 @@ mod tests {
         assert_eq!(of(&[f64::NEG_INFINITY, 230.0]).inside, [false, false, false, true]);
         assert_eq!(of(&[f64::NEG_INFINITY, 240.0]).inside, [true; 4]);
         // nothing predicted holds nothing
-        assert_eq!(unweighted([].into_iter(), &Reading::of(&[1.0])).inside, [false; 4]);
+        assert_eq!(unweighted(vec![], &Reading::of(&[1.0])).inside, [false; 4]);
     }
 }

@@ -51,8 +51,7 @@ impl Fit<'_> {
         let maps = Maps::new(self.model(), basis);
         let step = basis.n_vertices().div_ceil(VERTICES).max(1);
         let vertices: Vec<usize> = (0..basis.n_vertices()).step_by(step).collect();
-        let draws: Vec<&[f64]> = prior.iter().map(Vec::as_slice).collect();
-        let before = maps.draws_at(&draws, &vertices);
+        let (has_prior, before) = (!prior.is_empty(), maps.draws_at(prior, &vertices));
         let names = maps.names();
         let share = |i: usize| {
             let range = names[i].range.map_or(f64::INFINITY, |(low, high)| OF_RANGE * (high - low));
@@ -63,7 +62,7 @@ impl Fit<'_> {
                 high[*v] - low[*v] <= INFORMED * prior(&before[i]).min(range)
             };
             let n = vertices.iter().zip(&before).filter(|at| is_informed(*at)).count();
-            let is_known = range.is_finite() || !(draws.is_empty() || is_flat);
+            let is_known = range.is_finite() || has_prior && !is_flat;
             let share = n as f64 / vertices.len() as f64;
             is_known.then(|| Share { name: names[i].name.to_owned(), share })
         };

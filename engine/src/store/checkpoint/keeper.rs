@@ -6,6 +6,7 @@ use serde::Serialize;
 use serde::de::DeserializeOwned;
 
 use super::{CHAIN, Checkpoint, CheckpointError};
+use crate::store::Spool;
 
 /// Keeps one chain now and then: so seldom that keeping costs no more than a hundredth of its time.
 #[derive(Debug)]
@@ -32,9 +33,14 @@ impl<'a> Keeper<'a> {
 
     /// Keeps the chain.
     pub fn keep(&mut self, state: &impl Serialize) {
+        self.keep_with(state, None);
+    }
+
+    /// Keeps the chain, whose state tells of `draws` that are in a file of their own.
+    pub(crate) fn keep_with(&mut self, state: &impl Serialize, draws: Option<&Spool>) {
         let Some(checkpoint) = self.checkpoint else { return };
         let begun = Instant::now();
-        checkpoint.keep(&self.name, state);
+        checkpoint.keep(&self.name, state, draws);
         self.due = Instant::now() + checkpoint.every.max(Self::COST * begun.elapsed());
     }
 }

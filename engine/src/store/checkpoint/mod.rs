@@ -5,6 +5,8 @@
 //! identity.json   what is run, as name and value; goes last, so a folder without it is nothing
 //! common          what all chains share since their last meeting (blocked sampler)
 //! chain-0 …       magic · SHA-256 of the identity · state (postcard) · CRC-32 of all before
+//! draws-0 …       magic · draws of the chain, added to as they are made: its state has the last of them, and a
+//!                 CRC-32 of each block of the others; there once they fill a block
 //! ```
 //! A state holds every number to the bit, so that the rest of the run is what it would have been.
 //! Knows nothing of what a state consists of.
@@ -25,20 +27,21 @@ use serde::de::DeserializeOwned;
 use sha2::{Digest as _, Sha256};
 
 use super::atomic::TEMPORARY;
-use crate::store::write_file_durably;
+use crate::store::{Spool, write_file_durably};
 
 pub use error::{CheckpointError, Identity, differences};
 pub(crate) use keeper::take_chains;
 pub use keeper::{Keeper, take_chain};
 
-/// First bytes of every state; the number changes with the layout of what follows.
-const MAGIC: &[u8; 8] = b"eplatCK2";
+/// First bytes of every file of states and draws; the number changes with the layout of what follows.
+const MAGIC: &[u8; 8] = b"eplatCK3";
 const DIGEST: usize = 32;
 const CRC: usize = 4;
 const IDENTITY: &str = "identity.json";
 const COMMON: &str = "common";
 const CHAIN: &str = "chain-";
-/// What states of every layout begin with.
+const DRAWS: &str = "draws-";
+/// What files of every layout begin with.
 const FAMILY: &[u8] = b"eplatCK";
 
 /// Where a run is kept while it samples.
@@ -236,6 +239,34 @@ impl Checkpoint {
         CheckpointError::Damaged { path: self.folder.join(name), reason }
     }
 
+    /// Where draws of `width` numbers go, of chain number `chain`.
+    pub(crate) fn draws(&self, chain: usize, width: usize) -> Spool {
+        Spool::kept(width, self.path_of_draws(chain), MAGIC)
+    }
+
+    /// Takes up the draws that a chain's state tells of.
+    ///
+    /// # Errors
+    /// [`CheckpointError::Damaged`] where they are not there, [`CheckpointError::Io`].
+    pub(crate) fn take_draws(
+        &self,
+        chain: usize,
+        draws: &mut Spool,
+        kept: Spool,
+    ) -> Result<(), CheckpointError> {
+        let path = self.path_of_draws(chain);
+        if draws.take_up(kept).map_err(io_error("read", &path))? {
+            return Ok(());
+        }
+        let reason = format!("it does not hold the draws that {} tells of", keeper::name_of(chain));
+        Err(CheckpointError::Damaged { path, reason })
+    }
+
+    /// The file with the draws of a chain.
+    pub(crate) fn path_of_draws(&self, chain: usize) -> PathBuf {
+        self.folder.join(format!("{DRAWS}{chain}"))
+    }
+
     /// What all chains share from here on; written with the first of them, if any is.
     pub(crate) fn share(&self, state: &impl Serialize) {
         match postcard::to_stdvec(state) {
@@ -244,7 +275,8 @@ impl Checkpoint {
         }
     }
 
-    fn keep(&self, name: &str, state: &impl Serialize) {
+    /// Keeps a state, once the `draws` that it tells of are on the disk.
+    fn keep(&self, name: &str, state: &impl Serialize, draws: Option<&Spool>) {
         let mut common = lock(&self.common);
         let result = match &*common {
             Some(bytes) => self.write(COMMON, |file| file.write_all(bytes)),
@@ -252,7 +284,8 @@ impl Checkpoint {
         };
         *common = None;
         drop(common);
-        let written = result.and_then(|()| {
+        let synced = result.and_then(|()| draws.map_or(Ok(()), Spool::sync));
+        let written = synced.and_then(|()| {
             self.write(name, |file| {
                 postcard::to_io(state, file).map(drop).map_err(io::Error::other)
             })
@@ -288,33 +321,33 @@ impl Checkpoint {
 /// Names of the states in a checkpoint, sorted.
 fn states(folder: &Path) -> Result<Vec<String>, CheckpointError> {
     let names = names(folder).map_err(io_error("read", folder))?;
-    Ok(names.into_iter().filter(|name| is_named(name)).collect())
+    Ok(names.into_iter().filter(|name| name == COMMON || name.starts_with(CHAIN)).collect())
 }
 
-/// Whether a file has the name of a state.
+/// Whether a file has the name of a state, or of draws.
 fn is_named(name: &str) -> bool {
-    name == COMMON || name.starts_with(CHAIN)
+    name == COMMON || name.starts_with(CHAIN) || name.starts_with(DRAWS)
 }
 
-/// Whether a file begins as states do.
-fn is_state(path: &Path) -> io::Result<bool> {
+/// Whether a file begins as states and draws do.
+fn is_ours(path: &Path) -> io::Result<bool> {
     if !path.is_file() {
         return Ok(false);
     }
-    // no more of it than that: it has all draws of a chain
+    // no more of it than that: it may be large
     let mut begin = vec![];
     fs::File::open(path)?.take(FAMILY.len() as u64).read_to_end(&mut begin)?;
     Ok(begin == FAMILY)
 }
 
-/// A file that has the name of a state and is none: somebody else's.
+/// A file that has the name of a state or of draws and is none: somebody else's.
 fn foreign(folder: &Path) -> io::Result<Option<PathBuf>> {
     if !folder.exists() {
         return Ok(None);
     }
     for name in names(folder)? {
         let path = folder.join(&name);
-        if is_named(&name) && !is_state(&path)? {
+        if is_named(&name) && !is_ours(&path)? {
             return Ok(Some(path));
         }
         if name == IDENTITY && serde_json::from_slice::<Identity>(&fs::read(&path)?).is_err() {
@@ -336,15 +369,15 @@ fn names(folder: &Path) -> io::Result<Vec<String>> {
 /// identity first: what is left if this is interrupted counts as nothing. The folder goes if nobody
 /// else put anything there.
 fn remove(folder: &Path) -> Result<(), CheckpointError> {
-    let is_ours = |name: &String| {
-        let is_state = || is_named(name) && is_state(&folder.join(name)).unwrap_or(false);
-        name == IDENTITY || name.starts_with(TEMPORARY) || is_state()
+    let goes = |name: &String| {
+        let is_ours = || is_named(name) && is_ours(&folder.join(name)).unwrap_or(false);
+        name == IDENTITY || name.starts_with(TEMPORARY) || is_ours()
     };
     let remove = || {
         if !folder.exists() {
             return Ok(());
         }
-        let mut ours: Vec<String> = names(folder)?.into_iter().filter(is_ours).collect();
+        let mut ours: Vec<String> = names(folder)?.into_iter().filter(goes).collect();
         ours.sort_by_key(|name| name != IDENTITY);
         ours.iter().try_for_each(|name| fs::remove_file(folder.join(name)))?;
         match fs::remove_dir(folder) {
