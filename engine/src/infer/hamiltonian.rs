@@ -26,7 +26,7 @@ pub(super) struct Metric {
 /// How coordinates go together, in units of their scales.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub(super) enum Shape {
-    /// G = I + Σ (stretch_r − 1) u_r u_rᵀ, u_r orthonormal. A product with it costs 2 rank dim.
+    /// G = I + Σ (stretch − 1) u uᵀ, the u orthonormal. A product with it costs 2 rank dim.
     Stretched {
         /// The u, row-major `(rank, dim)`.
         directions: Vec<f64>,

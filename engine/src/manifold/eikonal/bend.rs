@@ -119,7 +119,9 @@ fn sums(geometry: &Geometry, values: &[f64]) -> Vec<f64> {
     for triangle in &geometry.triangles {
         let corners = triangle.corners.map(|v| v as usize);
         let sum: f64 = corners.iter().map(|v| values[*v]).sum();
-        corners.iter().for_each(|v| out[*v] += sum);
+        for v in corners {
+            out[v] += sum;
+        }
     }
     out
 }
@@ -163,7 +165,9 @@ impl Bend<'_> {
             }
         }
         let mut slowing = self.mean(&out);
-        slowing.iter_mut().for_each(|x| *x = x.clamp(*LIMITS.start(), *LIMITS.end()));
+        for x in &mut slowing {
+            *x = x.clamp(*LIMITS.start(), *LIMITS.end());
+        }
         slowing
     }
 
