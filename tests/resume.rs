@@ -24,6 +24,7 @@ use eplat::infer::{
 };
 use eplat::model::{Model, Sampler};
 use eplat::store::{Checkpoint, CheckpointError, Identity, Spool};
+use eplat::table::Measurements;
 use posterior::{all, erp, erp_experiment};
 
 fn settings() -> Settings {
@@ -191,33 +192,34 @@ fn blocked_with_unknowns_beside_the_fields() {
     check(&Job::new(model, Sampler::Blocked, settings()));
 }
 
+mod wide {
+    use eplat::prelude::*;
+    model! {
+        /// A block of draws is soon full.
+        model Wide;
+        param x(400) ~ Normal(0.0, 1.0);
+    }
+}
+
 /// Most draws are in a file of their own: there is a block of them in it when the run is cut, and a part of one more
 /// that its state does not tell of.
 #[test]
 fn draws_that_fill_blocks() {
     let basis = support::basis(60, 24);
     let rows = support::numbers_on(&basis, &["direct"]);
-    let normal = || Model::new(&normal_fields::one_noise::OneNoise, Some(&basis), &rows).unwrap();
-    let jobs = [
-        (erp_model(10), Sampler::Blocked),
-        (normal(), Sampler::Integrated),
-        (normal(), Sampler::Nuts),
-    ];
+    let normal = Model::new(&normal_fields::one_noise::OneNoise, Some(&basis), &rows).unwrap();
+    let wide = Model::new(&wide::Wide, None, &Measurements::default()).unwrap();
+    let jobs =
+        [(erp_model(10), Sampler::Blocked), (normal, Sampler::Integrated), (wide, Sampler::Nuts)];
     for (model, sampler) in jobs {
-        let block = Spool::rows_of_block(model.dim());
-        let draws = block + 200;
-        // one chain after the other
-        let settings = Settings { chains: 2, draws, threads: 1, ..settings() };
+        let draws = Spool::rows_of_block(model.dim()) + 200;
+        let settings = Settings { chains: 1, warmup: 60, draws, ..settings() };
         let job = Job::new(model, sampler, settings);
         let whole = job.whole();
-        let first = 2 * 60 + block + 100;
-        for every in [vec![first, 50, draws], vec![first - 200, 150, 2 * draws]] {
-            assert!(job.in_pieces(&every) == whole, "{sampler:?} in pieces of {every:?}");
-        }
-        for transitions in [first, first + draws] {
-            let resumed = job.after_loss(transitions);
-            assert!(resumed == whole, "{sampler:?} after a loss at {transitions}");
-        }
+        // before the block is full, twice after that, and to the end
+        let every = [draws - 250, 150, 150, 300];
+        assert!(job.in_pieces(&every) == whole, "{sampler:?} in pieces of {every:?}");
+        assert!(job.after_loss(60 + draws - 50) == whole, "{sampler:?} after a loss");
     }
 }
 

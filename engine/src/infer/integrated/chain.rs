@@ -1,6 +1,6 @@
 //! One chain of the integrated sampler.
 
-use super::marginal::{At, Marginal};
+use super::marginal::{At, MadeAt, Marginal};
 use crate::infer::blocked::{LatentGaussian, Proposal};
 use crate::infer::curvature::conditional_scales;
 use crate::infer::draws::{Draw, Transition};
@@ -58,6 +58,8 @@ pub(in crate::infer) struct IntegratedState {
     lesson: Vec<Vec<f64>>,
     n_draws: usize,
     n_steps: [u64; 2],
+    /// The products that `outer` was asked with, and those that are known.
+    made_at: [MadeAt; 2],
 }
 
 impl<'d> Integrated<'d> {
@@ -203,6 +205,7 @@ impl Together for Integrated<'_> {
             lesson: self.lesson.clone(),
             n_draws: self.n_draws,
             n_steps: self.n_steps,
+            made_at: [&self.at.made_at, self.marginal.made_at()].map(Clone::clone),
         }
     }
 
@@ -212,17 +215,24 @@ impl Together for Integrated<'_> {
 
     fn fits(&self, state: &IntegratedState, n_draws: usize) -> bool {
         let n_outer = self.outer.len();
+        let is_place = |outer: &Option<Vec<f64>>| outer.as_ref().is_none_or(|o| o.len() == n_outer);
+        let is_like = |made_at: &MadeAt| {
+            made_at.len() == self.at.made_at.len() && made_at.iter().all(is_place)
+        };
         state.warm_up.follows(&self.warm_up)
             && state.proposal.is_like(&self.proposal)
             && state.outer.len() == n_outer
             && state.lesson.len() == state.warm_up.n_late()
             && state.lesson.iter().all(|outer| outer.len() == n_outer)
+            && state.made_at.iter().all(is_like)
             && state.n_draws == n_draws
             && (n_draws == 0 || state.warm_up.is_over())
     }
 
     fn restore(&mut self, state: IntegratedState) -> Result<(), ChainError> {
-        let Some(at) = self.marginal.at(&state.outer) else {
+        let [of_outer, known] = &state.made_at;
+        let at = self.marginal.remake(of_outer).and_then(|()| self.marginal.at(&state.outer));
+        let Some(at) = at.filter(|_| self.marginal.remake(known).is_some()) else {
             return Err(self.error(state.warm_up.n_done(), ChainFailure::RanAway));
         };
         self.rng = self.fixed.stream(&state.warm_up);

@@ -23,12 +23,19 @@ pub(super) struct Marginal<'d> {
     layout: &'d Layout,
     /// Offsets and scales; without rows, which nobody asks for.
     designs: Vec<Design>,
+    /// Of each group those that were made last, and the first, which all chains share.
     products: Vec<Option<Arc<Products>>>,
+    first: Vec<Option<Arc<Products>>>,
+    made_at: MadeAt,
     theta: Vec<f64>,
     slope: Vec<f64>,
     /// The slope one unit beside, for each number of a block in its group; last, all free values moved together.
     beside: Vec<Vec<f64>>,
 }
+
+/// The outer unknowns at which the products of each group were made; `None` for the first. The last bits of what is
+/// computed with them depend on it.
+pub(super) type MadeAt = Vec<Option<Vec<f64>>>;
 
 /// Where latent values are moved to.
 #[derive(Clone, Copy, PartialEq)]
@@ -48,6 +55,8 @@ pub(super) struct At {
     pub(super) ln_density: f64,
     /// Of each group.
     conditionals: Vec<Conditional>,
+    /// The products that it was computed with.
+    pub(super) made_at: MadeAt,
 }
 
 impl<'d> Marginal<'d> {
@@ -60,6 +69,8 @@ impl<'d> Marginal<'d> {
             layout,
             designs: layout.designs_without_rows(),
             products: layout.groups.iter().map(|_| None).collect(),
+            first: layout.groups.iter().map(|_| None).collect(),
+            made_at: vec![None; layout.groups.len()],
             theta: vec![0.0; n_latent],
             slope: vec![0.0; n_latent],
             beside: vec![vec![0.0; n_latent]; most],
@@ -69,6 +80,25 @@ impl<'d> Marginal<'d> {
     /// Takes the products that another of the same density has made, so that they are made once.
     pub(super) fn share(&mut self, other: &Self) {
         self.products.clone_from(&other.products);
+        self.first.clone_from(&other.products);
+    }
+
+    /// Which products are known.
+    pub(super) fn made_at(&self) -> &MadeAt {
+        &self.made_at
+    }
+
+    /// Makes the products again that were known; `None` if they cannot have been.
+    pub(super) fn remake(&mut self, made_at: &MadeAt) -> Option<()> {
+        let mut remade = self.first.clone();
+        for (g, outer) in made_at.iter().enumerate() {
+            let Some(outer) = outer else { continue };
+            self.products[g] = None;
+            self.at(outer);
+            remade[g] = Some(self.products[g].clone()?);
+        }
+        (self.products, self.made_at) = (remade, made_at.clone());
+        Some(())
     }
 
     /// The marginal at these outer unknowns; `None` out of support.
@@ -89,8 +119,7 @@ impl<'d> Marginal<'d> {
                 slope: &self.slope[first..][..n],
                 beside: self.beside.iter().map(|beside| &beside[first..][..n]).collect(),
             };
-            let mut known = self.products[g].take();
-            let factor = known.as_ref().and_then(|known| here.factor(known));
+            let factor = self.products[g].as_ref().and_then(|known| here.factor(known));
             if factor.is_none() {
                 let of_free = Self::of_free(
                     &mut *self.latent,
@@ -98,15 +127,17 @@ impl<'d> Marginal<'d> {
                     &mut self.theta,
                     here.slope,
                 );
-                known = Some(Arc::new(here.products(&of_free)));
+                self.products[g] = Some(Arc::new(here.products(&of_free)));
+                self.made_at[g] = Some(outer.to_vec());
             }
-            let (value, conditional) = here.integrated(known.as_ref()?, factor.unwrap_or(1.0))?;
-            self.products[g] = known;
+            let known = self.products[g].as_ref()?;
+            let (value, conditional) = here.integrated(known, factor.unwrap_or(1.0))?;
             ln_density += value;
             conditionals.push(conditional);
             first += n;
         }
-        ln_density.is_finite().then_some(At { ln_density, conditionals })
+        let made_at = self.made_at.clone();
+        ln_density.is_finite().then_some(At { ln_density, conditionals, made_at })
     }
 
     /// ℓ₀, and sets g₀ and what it is beside.
