@@ -122,7 +122,8 @@ fn derivatives_agree(ratio: f64, sources: &[(u32, f64)]) {
         let backward = (0..5).map(|_| {
             of.fill(0.0);
             let (slowness, ratio) = (&mut of[..], Some(&mut of_ratio[..]));
-            let mut into = MediumBar { slowness, ratio, angle: None, onsets: &mut onsets };
+            let mut into =
+                MediumBar { slowness, ratio, angle: None, thickness: None, onsets: &mut onsets };
             let start = Instant::now();
             eikonal.backward(&medium, &front, &bar, &mut into);
             start.elapsed()
