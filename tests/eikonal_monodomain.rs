@@ -19,7 +19,7 @@ use eplat::mesh::{Refined, TriMesh, left_atrium};
 
 /// CV along fibres in continuous tissue, mm/ms.
 const CV_MAX: f64 = 0.9;
-/// Diffusivity over squared CV in continuous tissue, ms: 2 τ_in / (1 − 2 V_gate)², with V_gate = 0.1.
+/// Diffusivity over squared CV in continuous tissue, ms: 2 `tau_in` over (1 − 2 `v_gate`)², which is 0.64.
 const THICKNESS: f64 = activation::TAU_IN / 0.32;
 /// CV along over CV across.
 const RATIO: f64 = 2.0;
