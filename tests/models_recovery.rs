@@ -117,7 +117,8 @@ fn simulate(
     laid_out.forward(&mut tape, &u);
     let mut truth = Truth { reported: vec![], fields: vec![] };
     laid_out.report(&tape, &mut rng, &mut truth.reported);
-    truth.fields = basis.map_or(vec![], |basis| field_moments(&laid_out, basis, &[&u]).0);
+    truth.fields =
+        basis.map_or(vec![], |basis| field_moments(&laid_out, basis, std::slice::from_ref(&u)).0);
     for observe in &laid_out.observes {
         for (row, cells) in observe.rows.iter().zip(observe.simulate(&tape, &mut rng)) {
             for (name, cell) in observe.columns.iter().zip(cells) {

@@ -90,7 +90,7 @@ impl Design<'_> {
         let drawn = truth.prior_draws(&settings).unwrap().remove(0);
         let fits: Vec<Vec<(String, usize)>> = (0..n_fits)
             .into_par_iter()
-            .map(|fit| self.fit(&truth, drawn.draw(fit), fit as u64))
+            .map(|fit| self.fit(&truth, &drawn.draw(fit).unwrap(), fit as u64))
             .collect();
         let names = fits[0].iter().map(|(name, _)| name.clone()).enumerate();
         names.map(|(i, name)| (name, fits.iter().map(|fit| fit[i].1).collect())).collect()

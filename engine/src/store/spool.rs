@@ -350,8 +350,11 @@ mod tests {
 
         let mut again = empty();
         assert!(again.take_up(other()).unwrap());
-        (block + 5..2 * block + 1).for_each(|i| again.push(&row(i)).unwrap());
-        let right = |i: usize, read: &[f64]| io::Result::Ok(assert_eq!(read, row(i)));
+        (block + 5..=2 * block).for_each(|i| again.push(&row(i)).unwrap());
+        let right = |i: usize, read: &[f64]| {
+            assert_eq!(read, row(i));
+            io::Result::Ok(())
+        };
         again.each(1, right).unwrap();
         assert_eq!(again.n_rows(), 2 * block + 1);
 

@@ -205,7 +205,7 @@ impl Together for Integrated<'_> {
             lesson: self.lesson.clone(),
             n_draws: self.n_draws,
             n_steps: self.n_steps,
-            made_at: [&self.at.made_at, self.marginal.made_at()].map(Clone::clone),
+            made_at: [&self.at.products, self.marginal.made_at()].map(Clone::clone),
         }
     }
 
@@ -217,7 +217,7 @@ impl Together for Integrated<'_> {
         let n_outer = self.outer.len();
         let is_place = |outer: &Option<Vec<f64>>| outer.as_ref().is_none_or(|o| o.len() == n_outer);
         let is_like = |made_at: &MadeAt| {
-            made_at.len() == self.at.made_at.len() && made_at.iter().all(is_place)
+            made_at.len() == self.at.products.len() && made_at.iter().all(is_place)
         };
         state.warm_up.follows(&self.warm_up)
             && state.proposal.is_like(&self.proposal)

@@ -55,8 +55,8 @@ pub(super) struct At {
     pub(super) ln_density: f64,
     /// Of each group.
     conditionals: Vec<Conditional>,
-    /// The products that it was computed with.
-    pub(super) made_at: MadeAt,
+    /// Where the products were made that it was computed with.
+    pub(super) products: MadeAt,
 }
 
 impl<'d> Marginal<'d> {
@@ -136,8 +136,11 @@ impl<'d> Marginal<'d> {
             conditionals.push(conditional);
             first += n;
         }
-        let made_at = self.made_at.clone();
-        ln_density.is_finite().then_some(At { ln_density, conditionals, made_at })
+        ln_density.is_finite().then_some(At {
+            ln_density,
+            conditionals,
+            products: self.made_at.clone(),
+        })
     }
 
     /// ℓ₀, and sets g₀ and what it is beside.
