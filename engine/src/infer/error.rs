@@ -184,15 +184,11 @@ pub enum ChainFailure {
     NoStepSize,
     /// The disk that the draws go to does not take them.
     #[error(
-        "cannot write {}: {reason}\n\
-         help: make room there, then give the command again with --resume",
-        to.display()
+        "cannot write {what}\nhelp: make room there, then give the command again with --resume"
     )]
     NotWritten {
-        /// The file, or the folder.
-        to: PathBuf,
-        /// The system's answer.
-        reason: String,
+        /// The file or the folder, and the system's answer.
+        what: String,
     },
     /// [`super::Progress::should_stop`] said so.
     #[error("stopped on request\nhelp: run again for the full number of draws")]

@@ -222,7 +222,7 @@ impl<'a, C: Together> Under<'a, C> {
     fn not_written(&self, error: &std::io::Error) -> ChainFailure {
         let kept = self.progress.checkpoint().map(|kept| kept.path_of_draws(self.index));
         let to = kept.or_else(|| self.settings.disk.clone()).unwrap_or_default();
-        ChainFailure::NotWritten { to, reason: error.to_string() }
+        ChainFailure::NotWritten { what: format!("{}: {error}", to.display()) }
     }
 
     fn end(self) -> Chain {

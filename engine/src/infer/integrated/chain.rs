@@ -1,6 +1,6 @@
 //! One chain of the integrated sampler.
 
-use super::marginal::{At, Marginal, Origins};
+use super::marginal::{At, MadeAt, Marginal};
 use crate::infer::blocked::{LatentGaussian, Proposal};
 use crate::infer::curvature::conditional_scales;
 use crate::infer::draws::{Draw, Transition};
@@ -59,7 +59,7 @@ pub(in crate::infer) struct IntegratedState {
     n_draws: usize,
     n_steps: [u64; 2],
     /// The products that `outer` was asked with, and those that are known.
-    origins: [Origins; 2],
+    made_at: [MadeAt; 2],
 }
 
 impl<'d> Integrated<'d> {
@@ -205,7 +205,7 @@ impl Together for Integrated<'_> {
             lesson: self.lesson.clone(),
             n_draws: self.n_draws,
             n_steps: self.n_steps,
-            origins: [&self.at.origins, self.marginal.origins()].map(Clone::clone),
+            made_at: [&self.at.products, self.marginal.made_at()].map(Clone::clone),
         }
     }
 
@@ -216,21 +216,21 @@ impl Together for Integrated<'_> {
     fn fits(&self, state: &IntegratedState, n_draws: usize) -> bool {
         let n_outer = self.outer.len();
         let is_place = |outer: &Option<Vec<f64>>| outer.as_ref().is_none_or(|o| o.len() == n_outer);
-        let is_like = |origins: &Origins| {
-            origins.len() == self.at.origins.len() && origins.iter().all(is_place)
+        let is_like = |made_at: &MadeAt| {
+            made_at.len() == self.at.products.len() && made_at.iter().all(is_place)
         };
         state.warm_up.follows(&self.warm_up)
             && state.proposal.is_like(&self.proposal)
             && state.outer.len() == n_outer
             && state.lesson.len() == state.warm_up.n_late()
             && state.lesson.iter().all(|outer| outer.len() == n_outer)
-            && state.origins.iter().all(is_like)
+            && state.made_at.iter().all(is_like)
             && state.n_draws == n_draws
             && (n_draws == 0 || state.warm_up.is_over())
     }
 
     fn restore(&mut self, state: IntegratedState) -> Result<(), ChainError> {
-        let [of_outer, known] = &state.origins;
+        let [of_outer, known] = &state.made_at;
         let at = self.marginal.remake(of_outer).and_then(|()| self.marginal.at(&state.outer));
         let Some(at) = at.filter(|_| self.marginal.remake(known).is_some()) else {
             return Err(self.error(state.warm_up.n_done(), ChainFailure::RanAway));

@@ -26,7 +26,7 @@ pub(super) struct Marginal<'d> {
     /// Of each group those that were made last, and the first, which all chains share.
     products: Vec<Option<Arc<Products>>>,
     first: Vec<Option<Arc<Products>>>,
-    origins: Origins,
+    made_at: MadeAt,
     theta: Vec<f64>,
     slope: Vec<f64>,
     /// The slope one unit beside, for each number of a block in its group; last, all free values moved together.
@@ -35,7 +35,7 @@ pub(super) struct Marginal<'d> {
 
 /// The outer unknowns at which the products of each group were made; `None` for the first. The last bits of what is
 /// computed with them depend on it.
-pub(super) type Origins = Vec<Option<Vec<f64>>>;
+pub(super) type MadeAt = Vec<Option<Vec<f64>>>;
 
 /// Where latent values are moved to.
 #[derive(Clone, Copy, PartialEq)]
@@ -55,8 +55,8 @@ pub(super) struct At {
     pub(super) ln_density: f64,
     /// Of each group.
     conditionals: Vec<Conditional>,
-    /// The products that it was computed with.
-    pub(super) origins: Origins,
+    /// Where the products were made that it was computed with.
+    pub(super) products: MadeAt,
 }
 
 impl<'d> Marginal<'d> {
@@ -70,7 +70,7 @@ impl<'d> Marginal<'d> {
             designs: layout.designs_without_rows(),
             products: layout.groups.iter().map(|_| None).collect(),
             first: layout.groups.iter().map(|_| None).collect(),
-            origins: vec![None; layout.groups.len()],
+            made_at: vec![None; layout.groups.len()],
             theta: vec![0.0; n_latent],
             slope: vec![0.0; n_latent],
             beside: vec![vec![0.0; n_latent]; most],
@@ -84,20 +84,20 @@ impl<'d> Marginal<'d> {
     }
 
     /// Which products are known.
-    pub(super) fn origins(&self) -> &Origins {
-        &self.origins
+    pub(super) fn made_at(&self) -> &MadeAt {
+        &self.made_at
     }
 
     /// Makes the products again that were known; `None` if they cannot have been.
-    pub(super) fn remake(&mut self, origins: &Origins) -> Option<()> {
+    pub(super) fn remake(&mut self, made_at: &MadeAt) -> Option<()> {
         let mut remade = self.first.clone();
-        for (g, outer) in origins.iter().enumerate() {
+        for (g, outer) in made_at.iter().enumerate() {
             let Some(outer) = outer else { continue };
             self.products[g] = None;
             self.at(outer);
             remade[g] = Some(self.products[g].clone()?);
         }
-        (self.products, self.origins) = (remade, origins.clone());
+        (self.products, self.made_at) = (remade, made_at.clone());
         Some(())
     }
 
@@ -128,7 +128,7 @@ impl<'d> Marginal<'d> {
                     here.slope,
                 );
                 self.products[g] = Some(Arc::new(here.products(&of_free)));
-                self.origins[g] = Some(outer.to_vec());
+                self.made_at[g] = Some(outer.to_vec());
             }
             let known = self.products[g].as_ref()?;
             let (value, conditional) = here.integrated(known, factor.unwrap_or(1.0))?;
@@ -136,8 +136,11 @@ impl<'d> Marginal<'d> {
             conditionals.push(conditional);
             first += n;
         }
-        let origins = self.origins.clone();
-        ln_density.is_finite().then_some(At { ln_density, conditionals, origins })
+        ln_density.is_finite().then_some(At {
+            ln_density,
+            conditionals,
+            products: self.made_at.clone(),
+        })
     }
 
     /// ℓ₀, and sets g₀ and what it is beside.
