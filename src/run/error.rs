@@ -197,7 +197,7 @@ pub enum RunError {
         /// The unknown that moves most along the worst direction, by its name.
         unknown: String,
         /// The cause, which knows the unknown's number.
-        source: Box<InferError>,
+        source: InferError,
     },
     /// It was stopped on request.
     #[error("interrupted")]

@@ -163,7 +163,7 @@ fn named(model: &Model, source: InferError) -> RunError {
     match source {
         InferError::NotConcave { unknown, .. } => {
             let unknown = model.unknown_names()[unknown].clone();
-            RunError::NotConcave { unknown, source: source.into() }
+            RunError::NotConcave { unknown, source }
         }
         other => other.into(),
     }
