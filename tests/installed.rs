@@ -1,6 +1,6 @@
 //! The installed program, in an empty home, runs a model of one's own: the README's, edited.
 //!
-//! It builds eplat twice, as a user's machine would, the first time without its dependencies: minutes. So it is asked for by name
+//! It builds eplat twice, as a user's machine would: minutes. So it is asked for by name
 //! (`cargo test --release --test installed -- --ignored`), as `.ci/run` does.
 #![allow(clippy::unwrap_used, reason = "tests")]
 
@@ -21,33 +21,6 @@ fn cargo_home() -> PathBuf {
     std::env::var_os("CARGO_HOME").map_or_else(home, PathBuf::from)
 }
 
-/// A target folder like the one of this test, by hard links, but for what is compiled from or against the program's
-/// own text: so what is installed finds its own library, and others' are not compiled again.
-fn target_in(place: &Path) -> PathBuf {
-    let built = Path::new(env!("CARGO_TARGET_TMPDIR")).parent().unwrap().join("release");
-    let target = place.join("target");
-    link(&built, &target.join("release"));
-    target
-}
-
-fn link(from: &Path, to: &Path) {
-    fs::create_dir_all(to).unwrap();
-    for entry in fs::read_dir(from).unwrap() {
-        let entry = entry.unwrap();
-        let name = entry.file_name();
-        let own = name.to_string_lossy().trim_start_matches("lib").replace('_', "-");
-        let others = ["eplat-engine-", "eplat-language-", "eplat-macros-"];
-        if own.starts_with("eplat") && !others.iter().any(|other| own.starts_with(other)) {
-            continue;
-        }
-        if entry.file_type().unwrap().is_dir() {
-            link(&entry.path(), &to.join(name));
-        } else {
-            fs::hard_link(entry.path(), to.join(name)).unwrap();
-        }
-    }
-}
-
 /// Both streams.
 fn said(output: &Output) -> String {
     let text = |bytes| String::from_utf8_lossy(bytes).into_owned();
@@ -57,15 +30,13 @@ fn said(output: &Output) -> String {
 #[test]
 #[ignore = "builds eplat twice: minutes"]
 fn the_installed_program_runs_a_model_of_ones_own() {
-    // beside what is linked
-    let place = tempfile::tempdir_in(env!("CARGO_TARGET_TMPDIR")).unwrap();
+    let place = tempfile::tempdir().unwrap();
     let folder = |name: &str| {
         let folder = place.path().join(name);
         fs::create_dir(&folder).unwrap();
         folder
     };
-    let [home, root, work] = ["home", "root", "work"].map(folder);
-    let target = target_in(place.path());
+    let [home, root, work, target] = ["home", "root", "work", "target"].map(folder);
     let installed = Command::new(env!("CARGO"))
         .args(["install", "--quiet", "--locked", "--path", env!("CARGO_MANIFEST_DIR"), "--root"])
         .arg(&root)
