@@ -192,7 +192,7 @@ fn brackets(
     placed(BRACKETS, &rows, &design.basis)
 }
 
-/// The table with numbers that the model itself simulates.
+/// What the model itself simulates at the sites.
 fn numbers(
     design: &Design<'_>,
     truth: &Model,
@@ -201,10 +201,24 @@ fn numbers(
 ) -> Measurements {
     let mut tape = truth.tape();
     truth.forward(&mut tape, position);
-    let observe = &truth.observes[0];
-    let simulated: Vec<f64> = observe.simulate(&tape, rng).iter().map(|y| y[0]).collect();
+    let simulated = truth.observes[0].simulate(&tape, rng);
+    let rows: Vec<String> =
+        simulated.iter().enumerate().map(|(v, y)| format!("{v},{}", y[0])).collect();
+    placed("vertex,y", &rows, &design.basis)
+}
+
+/// The table with arrival times that the model itself simulates.
+fn arrivals(
+    design: &Design<'_>,
+    truth: &Model,
+    position: &[f64],
+    rng: &mut ChaCha8Rng,
+) -> Measurements {
+    let mut tape = truth.tape();
+    truth.forward(&mut tape, position);
+    let simulated = truth.observes[0].simulate(&tape, rng);
     let mut data = design.blank.clone();
-    data.set_numbers(observe.columns[0], &simulated);
+    data.set_numbers("value", &simulated.iter().map(|y| y[0]).collect::<Vec<f64>>());
     data
 }
 
@@ -237,7 +251,7 @@ fn arrival_ranks(truth: &dyn Declare, n_fits: usize) -> Vec<(String, Vec<usize>)
     blank.place_on(&surface, 1.0).unwrap();
     blank.probe(&surface, &basis).unwrap();
     let fitted = &proper::lat::LatProper;
-    Design { truth, fitted, basis, blank, measure: numbers, sampler: None }.ranks(n_fits)
+    Design { truth, fitted, basis, blank, measure: arrivals, sampler: None }.ranks(n_fits)
 }
 
 /// Of `FITS`, or of so many.

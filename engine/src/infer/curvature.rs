@@ -233,7 +233,7 @@ mod tests {
             // the force of a standard normal is minus its position; along the ridge 0.1 of what the scales tell, and
             // LEAST is added to this
             for (x, f) in whitened.iter().zip(&force) {
-                assert!((x + f).abs() < 0.012 * (0.1 + x.abs()), "{whitened:?} {force:?}");
+                assert!((x + f).abs() < 0.02 * (0.1 + x.abs()), "{whitened:?} {force:?}");
             }
         }
         let still = Curvature::at(&mut *evaluator, &[0.3, 20.0, 1.0], &[1]).metric(&[0.0; 3]);
@@ -253,7 +253,7 @@ mod tests {
             let density = FnDensity { dim: 2, f };
             let saddle = Curvature::at(&mut *density.evaluator(), &[0.1, 0.2], &[]);
             let mut moved = [0.0; 2];
-            saddle.metric(&[0.0; 2]).drift(&mut moved, 1.0, &[1.0, 0.3]);
+            saddle.metric(&[0.0; 2]).drift(&mut moved, 1.0, &[1.0, -0.3]);
             assert!(moved.iter().all(|x| (0.1..10.0).contains(&x.abs())), "{moved:?}");
         }
     }
