@@ -17,7 +17,7 @@ mod activation;
 #[path = "support/program.rs"]
 mod program;
 
-use activation::{activation, in_surface, normals, unit, velocity};
+use activation::{activation, in_surface, normals, per_triangle, unit, velocity};
 use eplat::ep::surface::halfway;
 use eplat::manifold::{Eikonal, Front, Medium};
 use eplat::mesh::{Reading, Refined, Surface, TriMesh, read};
@@ -111,15 +111,7 @@ impl Truth {
     /// fronts have in theory.
     fn beside_the_equation(&self, surface: &Surface) {
         let mesh = &surface.mesh;
-        let per_triangle: Vec<[f64; 3]> = mesh
-            .triangles()
-            .iter()
-            .map(|t| {
-                let [a, b, c] = t.map(|v| self.fibres[v as usize]);
-                halfway(halfway(a, b), c)
-            })
-            .collect();
-        let eikonal = Eikonal::new(mesh, Some(&per_triangle)).unwrap();
+        let eikonal = Eikonal::new(mesh, Some(&per_triangle(mesh, &self.fibres))).unwrap();
         let slowness: Vec<f64> = self.velocity.iter().map(|v| 1.0 / v[0]).collect();
         let ratio: Vec<f64> = self.velocity.iter().map(|v| v[0] / v[1]).collect();
         for (source, lat) in SOURCES.iter().zip(&self.activation) {
@@ -143,7 +135,7 @@ impl Truth {
                 let slope = mean(&|p| (p.0 - t) * (p.1 - gap)) / mean(&|p| (p.0 - t).powi(2));
                 let rms = |slope: f64| mean(&|p| (p.1 - gap - slope * (p.0 - t)).powi(2)).sqrt();
                 println!(
-                    "from vertex {source}, thickness {thickness:.2} ms: simulator's later by {gap:.2} ms and {:.1} % of the time, rms {:.2} ms,                      with that line taken off {:.2}",
+                    "from vertex {source}, thickness {thickness:.2} ms: simulator's later by {gap:.2} ms and {:.1} % of the time, rms {:.2} ms, with that line taken off {:.2}",
                     100.0 * slope,
                     rms(0.0),
                     rms(slope),

@@ -13,7 +13,7 @@
 #[path = "support/activation.rs"]
 mod activation;
 
-use activation::{activation, in_surface, normals, round, velocity};
+use activation::{activation, in_surface, normals, per_triangle, round, velocity};
 use eplat::ep::surface::halfway;
 use eplat::manifold::{Eikonal, Front, Medium, nearest_vertex};
 use eplat::mesh::{Refined, TriMesh, left_atrium};
@@ -35,12 +35,7 @@ fn arrivals(
     [along, across]: [f64; 2],
     thickness: f64,
 ) -> Vec<f64> {
-    let of = |t: &[u32; 3]| {
-        let [a, b, c] = t.map(|v| fibres[v as usize]);
-        halfway(halfway(a, b), c)
-    };
-    let per_triangle: Vec<[f64; 3]> = mesh.triangles().iter().map(of).collect();
-    let eikonal = Eikonal::new(mesh, Some(&per_triangle)).unwrap();
+    let eikonal = Eikonal::new(mesh, Some(&per_triangle(mesh, fibres))).unwrap();
     let n = mesh.n_vertices();
     let (slowness, ratio) = (vec![1.0 / along; n], vec![along / across; n]);
     let thickness = vec![thickness; n];

@@ -192,6 +192,13 @@ fn brackets(
     placed(BRACKETS, &rows, &design.basis)
 }
 
+/// What the model itself simulates.
+fn simulated(truth: &Model, position: &[f64], rng: &mut ChaCha8Rng) -> Vec<f64> {
+    let mut tape = truth.tape();
+    truth.forward(&mut tape, position);
+    truth.observes[0].simulate(&tape, rng).iter().map(|y| y[0]).collect()
+}
+
 /// What the model itself simulates at the sites.
 fn numbers(
     design: &Design<'_>,
@@ -199,11 +206,8 @@ fn numbers(
     position: &[f64],
     rng: &mut ChaCha8Rng,
 ) -> Measurements {
-    let mut tape = truth.tape();
-    truth.forward(&mut tape, position);
-    let simulated = truth.observes[0].simulate(&tape, rng);
-    let rows: Vec<String> =
-        simulated.iter().enumerate().map(|(v, y)| format!("{v},{}", y[0])).collect();
+    let simulated = simulated(truth, position, rng);
+    let rows: Vec<String> = simulated.iter().enumerate().map(|(v, y)| format!("{v},{y}")).collect();
     placed("vertex,y", &rows, &design.basis)
 }
 
@@ -214,11 +218,8 @@ fn arrivals(
     position: &[f64],
     rng: &mut ChaCha8Rng,
 ) -> Measurements {
-    let mut tape = truth.tape();
-    truth.forward(&mut tape, position);
-    let simulated = truth.observes[0].simulate(&tape, rng);
     let mut data = design.blank.clone();
-    data.set_numbers("value", &simulated.iter().map(|y| y[0]).collect::<Vec<f64>>());
+    data.set_numbers("value", &simulated(truth, position, rng));
     data
 }
 

@@ -2,7 +2,7 @@
 #![allow(dead_code, clippy::unwrap_used, reason = "tests; each uses a part of it")]
 
 use eplat::ep::Parameters;
-use eplat::ep::surface::{Fibres, Pacing, Simulation, Substrate};
+use eplat::ep::surface::{Fibres, Pacing, Simulation, Substrate, halfway};
 use eplat::mesh::TriMesh;
 
 const DT: f64 = 0.1;
@@ -51,6 +51,15 @@ pub(crate) fn velocity(edge: f64, fibre: [f64; 3], (cv, ratio): (f64, f64)) -> f
     let lat = activation(&mesh, (&fibres, ratio), &vec![cv; n_vertices], paced.collect(), 60.0);
     let (a, b) = (n / 3, 2 * n / 3);
     f64::from(b - a) * edge / (lat[3 * b as usize] - lat[3 * a as usize])
+}
+
+/// Fibres of triangles, from those of vertices.
+pub(crate) fn per_triangle(mesh: &TriMesh, fibres: &[[f64; 3]]) -> Vec<[f64; 3]> {
+    let of = |t: &[u32; 3]| {
+        let [a, b, c] = t.map(|v| fibres[v as usize]);
+        halfway(halfway(a, b), c)
+    };
+    mesh.triangles().iter().map(of).collect()
 }
 
 /// Directions round the third axis.

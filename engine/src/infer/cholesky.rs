@@ -1,4 +1,4 @@
-//! The Cholesky factor of a precision, and the normal that it is of.
+//! The Cholesky factor of a precision matrix.
 
 use faer::linalg::triangular_solve::{
     solve_lower_triangular_in_place, solve_upper_triangular_in_place,
@@ -45,7 +45,7 @@ impl Factor {
         solve_lower_triangular_in_place(self.lower(), x, Par::Seq);
     }
 
-    /// x ← L⁻ᵀ x: of a standard normal, one with precision P
+    /// x ← L⁻ᵀ x, which makes a draw of the standard normal one of the normal with precision P
     pub(super) fn solve_transposed(&self, x: &mut [f64]) {
         let x = ColMut::from_slice_mut(x).as_mat_mut();
         solve_upper_triangular_in_place(self.lower().transpose(), x, Par::Seq);

@@ -142,10 +142,12 @@ fn arrivals_converge_where_the_medium_varies_and_on_a_sphere() {
     assert!(found[2][1] < 0.1 && order > 0.8, "{found:?}");
 }
 
-/// Largest and rms error of what fronts with a thickness of 0.3 ms are later by, in ms. It is θ ln J, with J what a
+/// Of the fronts below, ms.
+const THICKNESS: f64 = 0.3;
+
+/// Largest and rms error of what fronts with a thickness are later by, in ms. It is θ ln J, with J what a
 /// piece of the front has grown to, which is `exact` where that is known; but for a constant, as J is 0 at the source.
 fn late(mut case: Case, exact: impl Fn(usize) -> Option<f64>) -> [f64; 2] {
-    const THICKNESS: f64 = 0.3;
     let plain = case.front().arrival;
     case.thickness = Some(vec![THICKNESS; plain.len()]);
     let bent = case.front().arrival;
@@ -175,8 +177,9 @@ fn fronts_that_spread_are_late_and_those_that_gather_make_it_up() {
             late(Case::constant(&mesh, ratio, angle, &[source]), exact)
         });
         row(&format!("flat, moved {by}, {ratio} at {angle}"), &found);
-        // of 0.5 ms; why it is more with fibres is not known (docs/limits.md)
-        let bound = if ratio > 1.0 { 0.25 } else { 0.05 };
+        // of 0.5 ms. The first edge is passed in another time along fibres than across, and fronts are cut off there: an
+        // offset of up to θ ln(ratio) between directions
+        let bound = 0.05 + THICKNESS * ratio.ln();
         assert!(found.iter().all(|[_, rms]| *rms < bound), "{found:?}");
     }
     // the way round a sphere of 20 mm, at the angle from the source: fronts are largest at the equator

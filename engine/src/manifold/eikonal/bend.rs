@@ -147,7 +147,7 @@ impl Bend<'_> {
             .filter(|piece| piece.corners.iter().all(|v| self.arrival[*v].is_finite()))
     }
 
-    /// Times the area, at each vertex: means of these are slowing.
+    /// At each vertex the mean over the vertices of its triangles. Given are, at each vertex, values times areas.
     fn mean(&self, of: &[f64]) -> Vec<f64> {
         let mut means = sums(self.geometry, of);
         means.iter_mut().zip(&self.patches.inverse).for_each(|(mean, inverse)| *mean *= inverse);

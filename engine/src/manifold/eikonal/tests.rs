@@ -87,6 +87,11 @@ impl Case {
     }
 }
 
+/// Adjoints of slowness and onsets alone.
+fn of_slowness<'a>(slowness: &'a mut [f64], onsets: &'a mut [f64]) -> MediumBar<'a> {
+    MediumBar { slowness, ratio: None, angle: None, thickness: None, onsets }
+}
+
 fn bits(values: &[f64]) -> Vec<u64> {
     values.iter().map(|x| x.to_bits()).collect()
 }
@@ -103,13 +108,7 @@ fn bits_are_the_same_again_and_in_memory_used_before() {
     let adjoint = |front: &Front| {
         let n = case.eikonal.n_vertices();
         let (mut slowness, mut onsets) = (vec![0.0; n], [0.0; 3]);
-        let mut into = MediumBar {
-            slowness: &mut slowness,
-            ratio: None,
-            angle: None,
-            thickness: None,
-            onsets: &mut onsets,
-        };
+        let mut into = of_slowness(&mut slowness, &mut onsets);
         case.eikonal.backward(&case.medium(), front, &scatter(5, n), &mut into);
         (bits(&slowness), bits(&onsets))
     };
@@ -167,13 +166,7 @@ fn what_no_source_leads_to_is_never_reached_and_has_no_adjoint() {
     assert!(front.arrival[..n].iter().all(|t| t.is_finite()));
     assert!(front.arrival[n..].iter().all(|t| *t == f64::INFINITY));
     let (mut slowness, mut onsets) = (vec![0.0; 2 * n], [0.0]);
-    let mut into = MediumBar {
-        slowness: &mut slowness,
-        ratio: None,
-        angle: None,
-        thickness: None,
-        onsets: &mut onsets,
-    };
+    let mut into = of_slowness(&mut slowness, &mut onsets);
     case.eikonal.backward(&case.medium(), &front, &vec![1.0; 2 * n], &mut into);
     assert!(slowness[n..].iter().all(|x| *x == 0.0) && slowness.iter().all(|x| x.is_finite()));
     let mut empty = Front::default();
