@@ -243,7 +243,8 @@ fn field_ranks(truth: &dyn Declare, sampler: Sampler, n_fits: usize) -> Vec<(Str
 
 /// The same of arrival times at 20 vertices of a coarse atrium, from two sources each.
 fn arrival_ranks(truth: &dyn Declare, n_fits: usize) -> Vec<(String, Vec<usize>)> {
-    let surface = Surface::left_atrium(5.0);
+    let mesh = left_atrium(3.0).mesh.coarsened(300, &[]).unwrap().mesh;
+    let surface = Surface::new(mesh, std::collections::BTreeMap::new());
     let basis = eigenpairs(&surface.mesh, 12).unwrap();
     let n = surface.mesh.n_vertices();
     let row = |i: usize| [7, n / 2].map(|source| format!("lat,{},{source},0", i * n / 20));
