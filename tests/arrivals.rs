@@ -18,7 +18,7 @@ use eplat::experiment::thinned;
 use eplat::infer::{LogDensity as _, Settings, Silent, jittered_starts};
 use eplat::manifold::{Basis, Eikonal, Front, Medium, eigenpairs};
 use eplat::mesh::{Data, Surface};
-use eplat::model::{Declare, Maps, Model, Sampler};
+use eplat::model::{Declare, Exceedance, Maps, Model, Sampler, Summaries};
 use eplat::table::Measurements;
 use program::{Workplace, text};
 use rand::RngExt as _;
@@ -245,6 +245,67 @@ fn a_column_that_the_tissue_depends_on_makes_an_activation_for_each_of_its_value
         }
         assert!((late[3 * i] - row[0] - i as f64).abs() < 1e-12);
     }
+    // each activation has a map, which has the arrivals of its rows
+    let n = surface.mesh.n_vertices();
+    let maps = Maps::new(&model, &basis);
+    let names = maps.all_names();
+    let all = maps.summarise(&[u], &[]).maps;
+    assert_eq!(all.iter().map(|map| &*map.name).collect::<Vec<_>>(), names);
+    let first = names.iter().position(|name| *name == "arrival[5, 600]").unwrap();
+    assert_eq!((names.len() - first, &*all[first].unit), (6, "ms"));
+    for (row, arrival) in arrivals.iter().enumerate() {
+        let name = format!("arrival[{}, {}]", [5, n / 2][row / 3 % 2], [600, 300, 450][row % 3]);
+        let map = all.iter().find(|map| map.name == name).unwrap();
+        assert!((map.mean[31 * (row / 3)] - arrival).abs() < 1e-12, "row {row}: {name}");
+    }
+}
+
+/// A map of arrivals is made of draws of these, 100 at most, also where they are computed at some vertices.
+#[test]
+fn maps_of_arrivals_are_of_draws() {
+    let surface = Surface::left_atrium(1.5);
+    let basis = eigenpairs(&surface.mesh, 64).unwrap();
+    let (data, _) = recorded(&surface, &basis, 60, &[5, 700]);
+    let model = Model::new(&lat_velocity::LatVelocity, Some(&basis), &data).unwrap();
+    let at = model.unknown_names().iter().position(|n| n == "velocity.m").unwrap();
+    // 200 draws, every second of which is kept: velocities of these alone change
+    let draw = |i: usize| {
+        let mut u = model.initial();
+        u[at] = if i % 2 == 0 { 0.6 + 0.002 * i as f64 } else { 5.0 };
+        u
+    };
+    let draws: Vec<Vec<f64>> = (0..200).map(draw).collect();
+    let maps = Maps::new(&model, &basis);
+    let asked = Exceedance::read("arrival[5] > 60", &maps.all_names()).unwrap();
+    let Summaries { maps: all, exceeded, .. } = maps.summarise(&draws, &[asked]);
+    let map = all.iter().find(|map| map.name == "arrival[5]").unwrap();
+
+    // the same by hand, on the whole surface
+    let whole = Eikonal::new(&surface.mesh, None).unwrap();
+    let n = surface.mesh.n_vertices();
+    let of_draw = |u: &Vec<f64>| {
+        let mut t = model.tape();
+        model.forward(&mut t, u);
+        let everywhere: Vec<usize> = (0..n).collect();
+        let velocity = maps.draws_at(std::slice::from_ref(u), &everywhere);
+        let slowness: Vec<f64> = velocity.iter().map(|maps| 1.0 / maps[0][0]).collect();
+        let mut front = Front::default();
+        let medium = Medium { slowness: &slowness, ..Medium::default() };
+        whole.forward(&medium, &[(5, 0.0)], &mut front);
+        front.arrival
+    };
+    let times: Vec<Vec<f64>> = draws.iter().step_by(2).map(of_draw).collect();
+    let (mut off, mut wrong) = (0.0, 0.0);
+    for v in 0..n {
+        let own: Vec<f64> = times.iter().map(|times| times[v]).collect();
+        let mean = own.iter().sum::<f64>() / 100.0;
+        off += (map.mean[v] - mean).powi(2) / n as f64;
+        wrong += (map.quantiles[2][v] - mean).powi(2) / n as f64;
+        let share = own.iter().filter(|t| **t > 60.0).count() as f64 / 100.0;
+        assert!((exceeded[0][v] - share).abs() < 0.15, "{v}: {} {share}", exceeded[0][v]);
+    }
+    println!("off by {:.2} ms rms, the 95 % quantile by {:.2}", off.sqrt(), wrong.sqrt());
+    assert!(off.sqrt() < 0.5 && wrong.sqrt() > 2.0);
 }
 
 #[test]
@@ -529,10 +590,13 @@ fn the_program_runs_a_map_of_arrival_times() {
     surface.write_maps(&place.path("atrium.vtp"), &[]).unwrap();
     let settings = "--chains 2 --warmup 60 --draws 40 --seed 3";
     let run = place.eplat(&format!(
-        "run lat_velocity --mesh atrium.vtp --units mm --data lat.csv {settings} --out run"
+        "run lat_velocity --mesh atrium.vtp --units mm --data lat.csv {settings} --exceed arrival[5]>40 --out run"
     ));
     assert!(matches!(run.status.code(), Some(0 | 3)), "{}", text(&run.stderr));
-    assert!(place.read("run/fields.vtp").contains("velocity_mean"));
+    let maps = place.read("run/fields.vtp");
+    for name in ["velocity_mean", "arrival[5]_mean", "arrival[5]_sd", "P_arrival[5]_gt_40"] {
+        assert!(maps.contains(&format!("Name=\"{name}\"")), "{name}");
+    }
     let again = place.eplat("predict run lat.csv");
     assert_eq!(again.status.code(), Some(0), "{}", text(&again.stderr));
     assert!(text(&again.stdout).contains("of 60 measured rows"), "{}", text(&again.stdout));

@@ -196,8 +196,7 @@ impl<'m> Problem<'m> {
     pub fn exceedance(&self, text: &str) -> Result<Exceedance, RunError> {
         let basis = self.loaded().basis();
         let maps = basis.map(|basis| Maps::new(self.model(), basis));
-        let names = maps.as_ref().map_or(vec![], Maps::names);
-        let names: Vec<&str> = names.iter().map(|map| map.name).collect();
+        let names = maps.as_ref().map_or(vec![], Maps::all_names);
         Ok(Exceedance::read(text, &names)?)
     }
 

@@ -8,7 +8,7 @@ use super::carry::are_labels;
 use super::connectivity::Connectivity;
 use super::nearest::nearest;
 use super::quadric::Quadric;
-use super::surface::{DROPPED, OnTriangle, heaviest};
+use super::surface::{DROPPED, OnTriangle, Places, heaviest};
 use super::{Data, Fine, MeshError, Surface, TriMesh, data, vector};
 use nalgebra::Vector3;
 use std::cmp::Ordering;
@@ -32,8 +32,8 @@ pub struct Coarse {
     pub vertices: Vec<u32>,
     /// The triangle of the surface whose middle is nearest to that of each of `mesh` (one per triangle).
     pub triangles: Vec<u32>,
-    /// Where each vertex of the surface is on `mesh`.
-    places: Vec<OnTriangle>,
+    /// Where the vertices of the surface are on `mesh`.
+    pub places: Places,
 }
 
 impl TriMesh {
@@ -73,7 +73,7 @@ impl Surface {
     pub fn decimated(self, n_vertices: usize) -> Result<Self, MeshError> {
         let Coarse { mesh, vertices, triangles, places } = self.mesh.coarsened(n_vertices, &[])?;
         let distances = distances(&self.mesh, &mesh, &places);
-        let nearest: Vec<u32> = places.iter().map(heaviest).collect();
+        let nearest: Vec<u32> = places.0.iter().map(heaviest).collect();
         let vertex_of = self.vertex_of.iter().map(|v| match *v {
             DROPPED => DROPPED,
             v => nearest[v as usize],
@@ -134,7 +134,7 @@ fn errors(fine_data: &Data, coarse: &Data, fine: &Fine) -> Vec<String> {
 }
 
 /// Where each vertex of `fine` is on `coarse`: on one of the triangles about the vertex it was joined to.
-fn places(fine: &TriMesh, coarse: &TriMesh, root: impl Fn(usize) -> u32) -> Vec<OnTriangle> {
+fn places(fine: &TriMesh, coarse: &TriMesh, root: impl Fn(usize) -> u32) -> Places {
     let surface = Connectivity::new(coarse.n_vertices(), coarse.triangles());
     let at = |v: u32| vector(coarse.vertices()[v as usize]);
     let place = |v: usize| {
@@ -149,10 +149,10 @@ fn places(fine: &TriMesh, coarse: &TriMesh, root: impl Fn(usize) -> u32) -> Vec<
         let best = weighted.min_by(|a, b| distance(a).total_cmp(&distance(b)));
         best.unwrap_or(([home; 3], [1.0, 0.0, 0.0]))
     };
-    (0..fine.n_vertices()).map(place).collect()
+    Places((0..fine.n_vertices()).map(place).collect())
 }
 
-fn distances(fine: &TriMesh, coarse: &TriMesh, places: &[OnTriangle]) -> [f64; 2] {
+fn distances(fine: &TriMesh, coarse: &TriMesh, Places(places): &Places) -> [f64; 2] {
     let distance = |(v, (t, w)): (usize, &OnTriangle)| {
         let q: Point = (0..3).map(|k| vector(coarse.vertices()[t[k] as usize]) * w[k]).sum();
         (q - vector(fine.vertices()[v])).norm()
@@ -163,7 +163,7 @@ fn distances(fine: &TriMesh, coarse: &TriMesh, places: &[OnTriangle]) -> [f64; 2
 }
 
 /// For each triangle of `coarse` the one of `fine` whose middle is nearest to its own.
-fn sampled_triangles(fine: &TriMesh, coarse: &TriMesh, places: &[OnTriangle]) -> Vec<u32> {
+fn sampled_triangles(fine: &TriMesh, coarse: &TriMesh, Places(places): &Places) -> Vec<u32> {
     let middle = |mesh: &TriMesh, t: [u32; 3]| {
         t.iter().map(|v| vector(mesh.vertices()[*v as usize])).sum::<Point>() / 3.0
     };

@@ -46,7 +46,7 @@ pub use error::{MeshError, Piece, Place};
 pub use format::{Format, files};
 pub use read::{Reading, mended, read, repair};
 pub use refine::Refined;
-pub use surface::{Axes, Fine, Surface};
+pub use surface::{Axes, Fine, Places, Surface};
 pub use tri_mesh::TriMesh;
 pub use units::Units;
 pub use write::{write_vtk, write_vtp};

@@ -47,8 +47,8 @@ pub enum Axes {
 pub struct Fine {
     /// The surface with all its vertices.
     pub surface: Surface,
-    /// For each of them three vertices of the coarse surface, and their weights.
-    pub(super) places: Vec<OnTriangle>,
+    /// Where they are on the coarse surface.
+    pub(super) places: Places,
     /// Mean and largest distance of a vertex from the coarse surface, mm.
     pub distances: [f64; 2],
 }
@@ -57,15 +57,25 @@ impl Fine {
     /// Values at the vertices of the coarse surface at those of the fine one: linear in each triangle; a
     /// label (see [`Surface::scalar`]) is that of the nearest corner.
     pub fn carry(&self, coarse: &[f64]) -> Vec<f64> {
-        let are_labels = carry::are_labels(&coarse.to_vec().into());
-        let at = |place: &OnTriangle| {
-            if are_labels {
-                return coarse[heaviest(place) as usize];
-            }
-            let parts = place.0.iter().zip(place.1).filter(|(_, w)| *w > 0.0);
+        if carry::are_labels(&coarse.to_vec().into()) {
+            return self.places.0.iter().map(|place| coarse[heaviest(place) as usize]).collect();
+        }
+        self.places.carry(coarse)
+    }
+}
+
+/// Where the vertices of a surface are on a coarser one: for each three vertices of this, and their weights.
+#[derive(Clone, Debug)]
+pub struct Places(pub(super) Vec<OnTriangle>);
+
+impl Places {
+    /// Values at the vertices of the coarse surface at those of the fine one: linear in each triangle.
+    pub fn carry(&self, coarse: &[f64]) -> Vec<f64> {
+        let at = |(corners, weights): &OnTriangle| {
+            let parts = corners.iter().zip(weights).filter(|(_, w)| **w > 0.0);
             parts.map(|(v, w)| w * coarse[*v as usize]).sum()
         };
-        self.places.iter().map(at).collect()
+        self.0.iter().map(at).collect()
     }
 }
 

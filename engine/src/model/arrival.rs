@@ -12,6 +12,7 @@ use std::sync::Arc;
 use super::everywhere::{PlaceFn, Where, pull, push};
 use super::tape::{Op, Second, Tape};
 use crate::manifold::{Eikonal, Front, Medium, MediumBar};
+use crate::mesh::Places;
 
 /// Slowness, ratio, angle and thickness: what the tissue is like at a place.
 pub(super) const OPERANDS: usize = 4;
@@ -35,9 +36,14 @@ const THICKNESSES: Range<f64> = 0.0..1e3;
 #[derive(Debug)]
 pub(super) struct Arrival {
     pub(super) solver: Arc<Eikonal>,
+    /// Where the surface's vertices are on the solver's triangulation; `None` if they are the same.
+    pub(super) places: Option<Arc<Places>>,
     pub(super) operands: [Option<Operand>; OPERANDS],
     /// Every vertex at which activation starts, with the rows whose source it is.
     pub(super) sources: Vec<(u32, Vec<At>)>,
+    /// What the map of each source's arrivals is called.
+    pub(super) names: Vec<String>,
+    pub(super) unit: String,
     /// Its part of `work`: the operands at every vertex and their slopes, then, as scratch memory, the operands'
     /// adjoints and the adjoint of one map of arrivals.
     pub(super) work: usize,

@@ -2,6 +2,7 @@
 
 use rayon::prelude::*;
 
+use super::arrival_maps::Arrivals;
 use super::exceedance::Exceedance;
 use super::laid_out::Model;
 use super::map::Source;
@@ -50,7 +51,7 @@ pub struct MapSummary {
 /// What draws say of the whole surface.
 #[derive(Clone, Debug)]
 pub struct Summaries {
-    /// Fields, then derived quantities.
+    /// Fields, derived quantities, then arrivals from each source.
     pub maps: Vec<MapSummary>,
     /// Share of draws at each vertex in which a field or derived quantity is outside its range.
     pub unphysical: Vec<f64>,
@@ -72,8 +73,8 @@ struct AtVertex {
 /// Everything a model says about each vertex: its fields, then its derived quantities.
 #[derive(Debug)]
 pub struct Maps<'m> {
-    model: &'m Model,
-    basis: &'m Basis,
+    pub(super) model: &'m Model,
+    pub(super) basis: &'m Basis,
 }
 
 /// What is kept of one draw: the value vector as far as maps read it, and the mean and weights of each field.
@@ -183,6 +184,7 @@ impl<'m> Maps<'m> {
     /// all draws, derived quantities over the physical ones. For each thread one vertex with all its
     /// draws is in memory.
     pub fn summarise(&self, draws: &[Vec<f64>], asked: &[Exceedance]) -> Summaries {
+        let arrivals = self.arrivals(draws);
         let draws: Vec<Draw> = self.unpack(draws);
         let (names, n_vertices) = (self.names(), self.basis.n_vertices());
         let of = |e: &Exceedance| names.iter().position(|n| n.name == e.map);
@@ -216,7 +218,13 @@ impl<'m> Maps<'m> {
                     outside: name.range.map(|_| outside as f64 / n_pairs),
                 }
             };
-        Summaries { maps: maps.map(summary).collect(), unphysical, exceeded }
+        for (exceeded, (_, asked)) in exceeded.iter_mut().zip(&asked) {
+            if let Some(of) = arrivals.iter().find(|of| of.name == asked.map) {
+                *exceeded = of.draws.iter().map(|draws| asked.share(draws)).collect();
+            }
+        }
+        let maps = maps.map(summary).chain(arrivals.into_iter().map(Arrivals::summary));
+        Summaries { maps: maps.collect(), unphysical, exceeded }
     }
 
     /// For each field and draw of unknowns, the mean of its sum and the weights of the first
@@ -373,7 +381,7 @@ fn within(x: f64, range: Option<(f64, f64)>) -> bool {
 }
 
 /// Mean, standard deviation and 5, 50, 95 % quantiles; NaN where there are too few values.
-fn five_numbers(values: &mut [f64]) -> [f64; 5] {
+pub(super) fn five_numbers(values: &mut [f64]) -> [f64; 5] {
     let (mean, sd) = mean_and_sd(&[values]);
     values.sort_unstable_by(f64::total_cmp);
     let [q5, q50, q95] = [0.05, 0.5, 0.95].map(|p| quantile(values, p));

@@ -9,6 +9,7 @@
 //! hand-written adjoint. Nothing here knows the EP simulator.
 
 mod arrival;
+mod arrival_maps;
 mod augmented;
 mod blocked;
 mod builder;

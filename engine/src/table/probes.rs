@@ -5,7 +5,7 @@ use std::sync::Arc;
 
 use super::{DataError, Placement, SOURCE, Table};
 use crate::manifold::{Basis, Eikonal, ManifoldError, integrate_along_paths};
-use crate::mesh::{MeshError, Surface};
+use crate::mesh::{MeshError, Places, Surface};
 
 /// Most modes of a field that is tried as an effect.
 pub const FIELD_MODES: usize = 64;
@@ -36,6 +36,8 @@ pub struct Waves {
     pub solver: Arc<Eikonal>,
     /// The vertex of the surface that each of the solver's is, ascending.
     pub vertices: Vec<u32>,
+    /// Where the surface's are on that triangulation; `None` if they are the same.
+    pub places: Option<Arc<Places>>,
     /// The solver's vertex at which activation starts, for each row (rows).
     pub source: Vec<u32>,
     /// The solver's vertex at which each row is (rows).
@@ -129,13 +131,14 @@ impl Waves {
         let fibres = surface.any_fibres().map(|(_, vectors)| vectors);
         let has_fibres = fibres.is_some();
         let n = surface.mesh.n_vertices();
-        let (solver, vertices) = if n <= WAVE_VERTICES {
-            (Eikonal::new(&surface.mesh, fibres.as_deref())?, (0..n as u32).collect())
+        let (solver, vertices, places) = if n <= WAVE_VERTICES {
+            (Eikonal::new(&surface.mesh, fibres.as_deref())?, (0..n as u32).collect(), None)
         } else {
             let coarse = surface.mesh.coarsened(WAVE_VERTICES, &[sources, of_rows].concat())?;
             let of = |of: Vec<[f64; 3]>| coarse.triangles.iter().map(|t| of[*t as usize]).collect();
             let fibres: Option<Vec<_>> = fibres.map(of);
-            (Eikonal::new(&coarse.mesh, fibres.as_deref())?, coarse.vertices)
+            let solver = Eikonal::new(&coarse.mesh, fibres.as_deref())?;
+            (solver, coarse.vertices, Some(coarse.places.into()))
         };
         let mut number = vec![0; n];
         for (new, old) in (0..).zip(&vertices) {
@@ -143,7 +146,7 @@ impl Waves {
         }
         let [source, at] =
             [sources, of_rows].map(|of| of.iter().map(|v| number[*v as usize]).collect());
-        Ok(Self { solver: solver.into(), vertices, source, at, has_fibres })
+        Ok(Self { solver: solver.into(), vertices, places, source, at, has_fibres })
     }
 }
 

@@ -8,9 +8,11 @@ use crate::model::error::ModelError;
 use crate::model::everywhere::Where;
 use crate::model::expression::AnyOperand;
 use crate::model::functions::Decl;
+use crate::table::SOURCE;
 
 /// An `eikonal` statement.
 pub(super) struct Declared {
+    unit: String,
     /// Where the numbers of each operand live, and the operand.
     operands: [Option<(Vec<Where>, AnyOperand)>; OPERANDS],
     /// Number of the model's arrivals, by the cells that the operands read of a row: each combination is an activation
@@ -29,6 +31,7 @@ impl Builder<'_> {
         name: &'static str,
         operands: [Option<AnyOperand>; OPERANDS],
     ) -> Result<(), ModelError> {
+        let unit = decl.unit.clone().into();
         self.linear_let(decl, name, Linear::Arrival(self.eikonals.len()));
         let Some(data) = self.data else { return Ok(()) };
         let Some(waves) = data.waves() else {
@@ -39,7 +42,7 @@ impl Builder<'_> {
             return Err(ModelError::NoFibres { name: name.into() });
         }
         let operands = operands.map(|operand| operand.map(|of| (self.places(&of), of)));
-        self.eikonals.push(Declared { operands, arrivals: BTreeMap::new() });
+        self.eikonals.push(Declared { unit, operands, arrivals: BTreeMap::new() });
         Ok(())
     }
 
@@ -80,10 +83,13 @@ impl Builder<'_> {
         };
         let who = format!("let {name}");
         for (i, row) in rows.iter().enumerate() {
+            let label = data.column(SOURCE).map_or("", |column| column.text(*row));
+            let mut label = format!("{name}[{label}");
             let mut cells = vec![];
             let mut cell = |column: &str| -> Result<f64, ModelError> {
                 let cell = data.number(*row, column, &who)?;
                 cells.push(cell.to_bits());
+                label = format!("{label}, {cell}");
                 Ok(cell)
             };
             let mut operands = [const { None }; OPERANDS];
@@ -94,18 +100,30 @@ impl Builder<'_> {
                 *operand = Some(Operand { from: from.clone(), math });
             }
             let arrivals = &mut self.model.arrivals;
-            let arrival = *self.eikonals[eikonal].arrivals.entry(cells).or_insert_with(|| {
-                let (work, solver) = (self.n_work, waves.solver.clone());
-                let arrival = Arrival { solver, operands, sources: vec![], work, front: 0 };
+            let Declared { unit, arrivals: own, .. } = &mut self.eikonals[eikonal];
+            let arrival = *own.entry(cells).or_insert_with(|| {
+                let arrival = Arrival {
+                    solver: waves.solver.clone(),
+                    places: waves.places.clone(),
+                    operands,
+                    sources: vec![],
+                    names: vec![],
+                    unit: unit.clone(),
+                    work: self.n_work,
+                    front: 0,
+                };
                 self.n_work += arrival.n_work();
                 arrivals.push(arrival);
                 arrivals.len() - 1
             });
-            let (sources, source) = (&mut arrivals[arrival].sources, waves.source[*row]);
-            let at = (waves.at[*row], out + i);
+            let Arrival { sources, names, .. } = &mut arrivals[arrival];
+            let (source, at) = (waves.source[*row], (waves.at[*row], out + i));
             match sources.iter_mut().find(|(own, _)| *own == source) {
                 Some((_, own)) => own.push(at),
-                None => sources.push((source, vec![at])),
+                None => {
+                    sources.push((source, vec![at]));
+                    names.push(label + "]");
+                }
             }
         }
         Ok(out)
