@@ -57,7 +57,9 @@ model! {
 
     /// When the beat leaves its source, on the clock of the recording.
     param onset(beat) [ms] ~ Normal(0.0, 100.0);
-    let arrival(row) [ms] = eikonal(1.0 / cv(row); row.source);
+    /// Of fronts, which are slower where they spread: diffusivity over squared velocity, by tau_in and CV_max.
+    let thickness(x) [ms] = 3.125 * tau_in(x) * (cv_max(x) / cv(x)) * (cv_max(x) / cv(x));
+    let arrival(row) [ms] = eikonal(1.0 / cv(row), 1.0, 0.0, thickness(row); row.source);
 
     param apd_noise [ms] ~ HalfNormal(10.0);
     /// Of one arrival: annotation and place of the electrode.

@@ -17,7 +17,9 @@ model! {
 
     /// When activation starts, on the clock of the recording: one for each source.
     param onset(source) [ms] ~ Normal(0.0, 100.0);
-    let arrival(row) [ms] = eikonal(slowness(row); row.source);
+    /// Of fronts, which are slower where they spread: diffusivity over squared velocity.
+    param thickness [ms] ~ LogNormal(-1.2, 0.7);
+    let arrival(row) [ms] = eikonal(slowness(row), 1.0, 0.0, thickness; row.source);
 
     /// Of one point: annotation and place of the electrode.
     param noise [ms] ~ LogNormal(0.7, 0.7);

@@ -33,8 +33,11 @@ pub(super) trait PlaceFn: Send + Sync {
 
 /// The change of an expression's values (n_vertices), where the numbers that it comes `from` change by `d`.
 pub(super) fn push(slopes: &[f64], from: &[Where], d: &[f64], out: &mut [f64]) {
+    if from.is_empty() {
+        return out.fill(0.0);
+    }
     for (vertex, (out, slopes)) in
-        out.iter_mut().zip(slopes.chunks_exact(from.len().max(1))).enumerate()
+        out.iter_mut().zip(slopes.chunks_exact(from.len())).enumerate()
     {
         *out = from.iter().zip(slopes).map(|(from, slope)| slope * d[from.at(vertex)]).sum();
     }

@@ -145,16 +145,17 @@ fn arrivals_converge_where_the_medium_varies_and_on_a_sphere() {
 /// Of the fronts below, ms.
 const THICKNESS: f64 = 0.3;
 
-/// Largest and rms error of what fronts with a thickness are later by, in ms. It is θ ln J, with J what a
-/// piece of the front has grown to, which is `exact` where that is known; but for a constant, as J is 0 at the source.
-fn late(mut case: Case, exact: impl Fn(usize) -> Option<f64>) -> [f64; 2] {
+/// Largest and rms error of what fronts with a thickness are later by, in ms. It is θ ln J, with J what a piece of
+/// the front has grown to since it was as small as it can be: 1 + τ/θ after a time τ, or as much as fronts of `way` (ms)
+/// have grown to on a flat surface. None where that is not known.
+fn late(mut case: Case, way: impl Fn(usize) -> Option<f64>) -> [f64; 2] {
     let plain = case.front().arrival;
     case.thickness = Some(vec![THICKNESS; plain.len()]);
     let bent = case.front().arrival;
-    let known = |v: usize| Some((bent[v] - plain[v], THICKNESS * exact(v)?.ln()));
+    let growth = |way: f64| THICKNESS * (way / THICKNESS).ln_1p();
+    let known = |v: usize| Some((bent[v] - plain[v], growth(way(v)?)));
     let (found, exact): (Vec<f64>, Vec<f64>) = (0..plain.len()).filter_map(known).unzip();
-    let offset = found.iter().zip(&exact).map(|(a, b)| a - b).sum::<f64>() / found.len() as f64;
-    errors(&found, &exact.iter().map(|x| x + offset).collect::<Vec<f64>>())
+    errors(&found, &exact)
 }
 
 #[test]
@@ -172,14 +173,14 @@ fn fronts_that_spread_are_late_and_those_that_gather_make_it_up() {
                 let p = mesh.vertices()[v];
                 let is_inside = p[..2].iter().all(|x| (4.0..26.0).contains(x));
                 let is_far = (0..2).map(|k| (p[k] - from[k]).powi(2)).sum::<f64>() > 16.0;
-                (is_inside && is_far).then(|| place(p))
+                (is_inside && is_far).then(|| 1.3 * place(p))
             };
             late(Case::constant(&mesh, ratio, angle, &[source]), exact)
         });
         row(&format!("flat, moved {by}, {ratio} at {angle}"), &found);
-        // of 0.5 ms. The first edge is passed in another time along fibres than across, and fronts are cut off there: an
-        // offset of up to θ ln(ratio) between directions
-        let bound = 0.05 + THICKNESS * ratio.ln();
+        // Of 1.3 ms. The mean over a vertex's triangles reaches farther across fibres, in time, than along them, and that
+        // is most of the error where a front is small.
+        let bound = if ratio > 1.0 { 0.15 } else { 0.05 };
         assert!(found.iter().all(|[_, rms]| *rms < bound), "{found:?}");
     }
     // the way round a sphere of 20 mm, at the angle from the source: fronts are largest at the equator
@@ -191,12 +192,12 @@ fn fronts_that_spread_are_late_and_those_that_gather_make_it_up() {
     };
     let found = [3, 4, 5].map(|level| {
         let mesh = icosphere(level, 20.0);
-        late(Case::constant(&mesh, 1.0, 0.0, &[0]), |v| angle(&mesh, v).map(f64::sin))
+        late(Case::constant(&mesh, 1.0, 0.0, &[0]), |v| angle(&mesh, v).map(|a| 26.0 * a.sin()))
     });
     row("sphere of 20 mm", &found);
     assert!(found.iter().all(|[largest, rms]| *rms < 0.05 && *largest < 0.2), "{found:?}");
     // the broken twin: as if they grew all the way
     let mesh = icosphere(5, 20.0);
-    let twin = late(Case::constant(&mesh, 1.0, 0.0, &[0]), |v| angle(&mesh, v));
+    let twin = late(Case::constant(&mesh, 1.0, 0.0, &[0]), |v| angle(&mesh, v).map(|a| 26.0 * a));
     assert!(twin[1] > 0.1, "{twin:?}");
 }

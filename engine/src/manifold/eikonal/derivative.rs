@@ -50,11 +50,26 @@ impl Linear<'_> {
 
     fn ray(&self, index: u32, mut visit: impl FnMut(OfMedium)) -> Link {
         let ray = self.front.rays.ray(index);
-        for piece in self.front.rays.pieces(ray) {
-            let tissue = &self.front.tissue[piece.triangle as usize];
-            visit((piece.triangle, weighted(tissue, tissue.timed(piece.step))));
+        if self.front.plain_medium(ray.source).is_none() {
+            for piece in self.front.rays.pieces(ray) {
+                let tissue = &self.front.tissue[piece.triangle as usize];
+                visit((piece.triangle, weighted(tissue, tissue.timed(piece.step))));
+            }
         }
         Link { parents: [(NONE, 0.0); 2], onset: (ray.source, 1.0) }
+    }
+
+    /// Tells `visit` what a vertex that a front with a thickness reached along a line owes to the medium of each
+    /// triangle without, and to the thickness there.
+    fn line(&self, v: u32, mut visit: impl FnMut(OfMedium, f64)) {
+        let Way::Ray(index) = self.front.ways[v as usize] else { return };
+        let ray = self.front.rays.ray(index);
+        let Some((tissue, thickness)) = self.front.plain_medium(ray.source) else { return };
+        self.front.rays.late_slopes(ray, tissue, thickness, |piece, by_time, by_thickness| {
+            let tissue = &tissue[piece.triangle as usize];
+            let of = weighted(tissue, tissue.timed(piece.step)).map(|of| by_time * of);
+            visit((piece.triangle, of), by_thickness);
+        });
     }
 
     fn along(&self, index: u32, to: usize, end: usize, mut visit: impl FnMut(OfMedium)) -> Link {
@@ -110,8 +125,14 @@ fn weighted(tissue: &super::metric::Tissue, timed: [f64; 2]) -> [f64; 3] {
     tissue.derivative(timed.map(|x| x / length)).map(|x| length * x)
 }
 
-/// See [`Eikonal::backward`](super::Eikonal::backward).
-pub(super) fn backward(geometry: &Geometry, front: &Front, bar: &[f64], into: &mut MediumBar<'_>) {
+/// See [`Eikonal::backward`](super::Eikonal::backward). Of lines of fronts with a thickness, [`backward_lines`] does
+/// the rest. Returns the adjoint of each arrival, with what others owe to it.
+pub(super) fn backward(
+    geometry: &Geometry,
+    front: &Front,
+    bar: &[f64],
+    into: &mut MediumBar<'_>,
+) -> Vec<f64> {
     let linear = Linear { geometry, front };
     let mut total = bar.to_vec();
     front.order.each_group(true, |start, end| {
@@ -139,31 +160,53 @@ pub(super) fn backward(geometry: &Geometry, front: &Front, bar: &[f64], into: &m
             }
         }
     });
+    total
 }
 
-/// See [`Eikonal::push`](super::Eikonal::push).
+/// Adds the adjoint of the medium without a thickness, and of the thickness, that lines of fronts with one owe.
+pub(super) fn backward_lines(
+    geometry: &Geometry,
+    front: &Front,
+    total: &[f64],
+    into: &mut MediumBar<'_>,
+) {
+    let linear = Linear { geometry, front };
+    for (v, &x) in (0..).zip(total).filter(|(_, x)| **x != 0.0) {
+        linear.line(v, |(t, of), by_thickness| {
+            let corners = geometry.triangles[t as usize].corners.map(|v| v as usize);
+            into.add(corners, of.map(|g| x * g / 3.0));
+            if let Some(thickness) = &mut into.thickness {
+                corners.iter().for_each(|v| thickness[*v] += x * by_thickness / 3.0);
+            }
+        });
+    }
+}
+
+/// See [`Eikonal::push`](super::Eikonal::push). Changes are of the medium, and of that which lines of fronts with a
+/// thickness run through.
 pub(super) fn push(
     geometry: &Geometry,
     front: &Front,
-    change: &Medium<'_>,
+    [change, on_lines]: [&Medium<'_>; 2],
     onset_change: &[f64],
     out: &mut [f64],
 ) {
     let linear = Linear { geometry, front };
-    let mean = |values: &[f64], t: u32| {
-        let [a, b, c] = geometry.triangles[t as usize].corners.map(|v| values[v as usize]);
-        (a + b + c) / 3.0
+    let mean = |values: Option<&[f64]>, t: u32| {
+        values.map_or(0.0, |values| geometry.triangles[t as usize].mean(values))
     };
-    let of_medium = |(t, of): OfMedium| {
-        let ratio = change.ratio.map_or(0.0, |ratio| mean(ratio, t));
-        let angle = change.angle.map_or(0.0, |angle| mean(angle, t));
-        of[0] * mean(change.slowness, t) + of[1] * ratio + of[2] * angle
+    let of_medium = |change: &Medium<'_>, (t, of): OfMedium| {
+        let by = [Some(change.slowness), change.ratio, change.angle];
+        by.iter().zip(of).map(|(by, of)| of * mean(*by, t)).sum::<f64>()
     };
     front.order.each_group(false, |start, end| {
         let group = &front.order.vertices[start..end];
         for &v in group {
             let mut sum = 0.0;
-            let link = linear.link(v, |of| sum += of_medium(of));
+            let link = linear.link(v, |of| sum += of_medium(change, of));
+            linear.line(v, |of, by_thickness| {
+                sum += of_medium(on_lines, of) + by_thickness * mean(on_lines.thickness, of.0);
+            });
             if link.onset.0 != NONE {
                 sum += link.onset.1 * onset_change[link.onset.0 as usize];
             }

@@ -36,9 +36,18 @@ pub struct Front {
     pub(super) plain: Option<Box<Self>>,
     /// By how much each vertex is slower than without, as a part (n_vertices).
     pub(super) slowing: Vec<f64>,
+    /// How thick fronts are in each triangle, ms.
+    pub(super) thickness: Vec<f64>,
 }
 
 impl Front {
+    /// For lines from this source, if fronts have a thickness: the medium in which they would have none, and the
+    /// thickness of each triangle. No line of a source with neighbours is like that: its front is not born at a point.
+    pub(super) fn plain_medium(&self, source: u32) -> Option<(&[Tissue], &[f64])> {
+        let plain = self.plain.as_ref().filter(|_| self.own[source as usize] != NONE)?;
+        Some((&plain.tissue, &self.thickness))
+    }
+
     /// Puts the vertices in the order of their dependence.
     pub(super) fn sort(&mut self, geometry: &Geometry) {
         let ways = &self.ways;

@@ -24,6 +24,13 @@ pub(super) struct Triangle {
     pub(super) beyond: [u32; 3],
 }
 
+impl Triangle {
+    /// Mean of values at the vertices over the corners.
+    pub(super) fn mean(&self, values: &[f64]) -> f64 {
+        self.corners.iter().map(|v| values[*v as usize]).sum::<f64>() / 3.0
+    }
+}
+
 /// All triangles, and which of them meet at each vertex.
 #[derive(Clone, Debug)]
 pub(super) struct Geometry {

@@ -130,7 +130,10 @@ impl<'a> March<'a> {
 
     fn straight(&self, index: u32) -> Candidate {
         let ray = self.front.rays.ray(index);
-        let time = self.front.rays.time(ray, &self.front.tissue);
+        let time = match self.front.plain_medium(ray.source) {
+            Some((tissue, thickness)) => self.front.rays.late_time(ray, tissue, thickness),
+            None => self.front.rays.time(ray, &self.front.tissue),
+        };
         let arrival = self.front.births[ray.source as usize] + time;
         let origin = self.front.own[ray.source as usize];
         Candidate { arrival, way: Way::Ray(index), origin }

@@ -31,11 +31,8 @@ pub(super) struct Timed {
 }
 
 impl Tissue {
-    pub(super) fn of(medium: &Medium<'_>, corners: [u32; 3]) -> Self {
-        let mean = |values: &[f64]| {
-            let [a, b, c] = corners.map(|v| values[v as usize]);
-            (a + b + c) / 3.0
-        };
+    pub(super) fn of(medium: &Medium<'_>, triangle: &Triangle) -> Self {
+        let mean = |values: &[f64]| triangle.mean(values);
         let turn = medium.angle.map_or([1.0, 0.0], |angle| {
             let (sin, cos) = mean(angle).sin_cos();
             [cos, sin]
@@ -84,7 +81,7 @@ pub(super) fn measure(
     timed: &mut Vec<Timed>,
 ) {
     tissue.clear();
-    tissue.extend(geometry.triangles.iter().map(|t| Tissue::of(medium, t.corners)));
+    tissue.extend(geometry.triangles.iter().map(|t| Tissue::of(medium, t)));
     timed.clear();
     timed.extend(geometry.triangles.iter().zip(&*tissue).map(|(t, tissue)| Timed::of(t, tissue)));
 }

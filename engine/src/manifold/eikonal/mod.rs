@@ -4,7 +4,7 @@
 //! ∇Tᵀ M⁻¹ ∇T = 1,   T = onset at the sources,   M = s² (f fᵀ + r² g gᵀ)
 //! ```
 //! with `s` the slowness along the fibres `f`, and `r s` that across them, `g`.  A front that has a thickness is slower
-//! where it spreads (`bend.rs`).  Arrivals are at the vertices; the medium is constant in a triangle.  A vertex is reached from its neighbours at the least over all triangles at it
+//! where it spreads (`bend.rs`, and along lines from a source `rays.rs`).  Arrivals are at the vertices; the medium is constant in a triangle.  A vertex is reached from its neighbours at the least over all triangles at it
 //! (`step.rs`), and near a source along straight lines alone (`rays.rs`).  Arrivals are the fixed point of this
 //! (`march.rs`).  They are continuous in medium and onsets, but that where fronts from two sources meet they may jump
 //! by less than the error of the method.
@@ -121,10 +121,13 @@ impl Eikonal {
             let mut plain = front.plain.take().unwrap_or_default();
             self.plain_forward(medium, sources, &mut plain);
             front.slowing = self.bend(&plain, thickness).slowing();
+            front.plain = Some(plain);
+            front.thickness.clear();
+            front.thickness.extend(self.geometry.triangles.iter().map(|t| t.mean(thickness)));
             let slowness = slower(medium.slowness, &front.slowing);
             self.plain_forward(&Medium { slowness: &slowness, ..*medium }, sources, front);
-            front.plain = Some(plain);
         } else {
+            front.plain = None;
             self.plain_forward(medium, sources, front);
         }
     }
@@ -168,7 +171,8 @@ impl Eikonal {
             thickness: None,
             onsets: into.onsets,
         };
-        derivative::backward(&self.geometry, front, bar, &mut bent);
+        let total = derivative::backward(&self.geometry, front, bar, &mut bent);
+        derivative::backward_lines(&self.geometry, front, &total, into);
         for (v, bar) in slowness.iter_mut().enumerate() {
             into.slowness[v] += *bar * (1.0 + front.slowing[v]);
             *bar *= medium.slowness[v];
@@ -194,17 +198,17 @@ impl Eikonal {
         self.require(change);
         assert_eq!(out.len(), self.n_vertices(), "a change of each arrival");
         let Some((thickness, plain)) = medium.thickness.zip(front.plain.as_deref()) else {
-            derivative::push(&self.geometry, front, change, onset_change, out);
+            derivative::push(&self.geometry, front, [change; 2], onset_change, out);
             return;
         };
-        derivative::push(&self.geometry, plain, change, onset_change, out);
+        derivative::push(&self.geometry, plain, [change; 2], onset_change, out);
         let slowing = self.bend(plain, thickness).push(&front.slowing, change, out);
         let mut slowness = slower(change.slowness, &front.slowing);
         for (v, slower) in slowness.iter_mut().enumerate() {
             *slower += medium.slowness[v] * slowing[v];
         }
-        let change = Medium { slowness: &slowness, ..*change };
-        derivative::push(&self.geometry, front, &change, onset_change, out);
+        let slowed = Medium { slowness: &slowness, ..*change };
+        derivative::push(&self.geometry, front, [&slowed, change], onset_change, out);
     }
 
     fn require(&self, medium: &Medium<'_>) {

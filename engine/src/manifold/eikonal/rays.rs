@@ -46,6 +46,33 @@ pub(super) struct Piece {
     pub(super) step: [f64; 2],
 }
 
+impl Piece {
+    /// ms
+    fn time(&self, tissue: &[Tissue]) -> f64 {
+        norm(tissue[self.triangle as usize].timed(self.step))
+    }
+}
+
+/// What a front is later by for its thickness θ on a part of its line, `θ ln((end + θ)/(begin + θ))`, and the
+/// derivatives of this; that by the beginning without its sign.
+struct Late {
+    by: f64,
+    by_begin: f64,
+    by_end: f64,
+    by_thickness: f64,
+}
+
+impl Late {
+    fn new(begin: f64, end: f64, thickness: f64) -> Self {
+        if thickness <= 0.0 {
+            return Self { by: 0.0, by_begin: 0.0, by_end: 0.0, by_thickness: 0.0 };
+        }
+        let [by_begin, by_end] = [begin, end].map(|tau| thickness / (tau + thickness));
+        let ln = ((end + thickness) / (begin + thickness)).ln();
+        Self { by: thickness * ln, by_begin, by_end, by_thickness: ln + by_end - by_begin }
+    }
+}
+
 /// A triangle laid into the plane of the source's, the source at (0, 0).
 #[derive(Clone, Copy, Debug)]
 struct Link {
@@ -108,8 +135,38 @@ impl Rays {
 
     /// Time along a line, ms.
     pub(super) fn time(&self, ray: &Ray, tissue: &[Tissue]) -> f64 {
-        let along = |piece: &Piece| norm(tissue[piece.triangle as usize].timed(piece.step));
-        self.pieces(ray).iter().map(along).sum()
+        self.pieces(ray).iter().map(|piece| piece.time(tissue)).sum()
+    }
+
+    /// The same of a front with a `thickness` θ (of each triangle, ms): after a time τ it grows at the rate 1/τ, and is
+    /// that much later, `dT = dτ + θ/(τ + θ) dτ`, where θ in the sum ends what no front can be, a point.
+    pub(super) fn late_time(&self, ray: &Ray, tissue: &[Tissue], thickness: &[f64]) -> f64 {
+        let (mut tau, mut late) = (0.0, 0.0);
+        for piece in self.pieces(ray) {
+            let (from, thickness) = (tau, thickness[piece.triangle as usize]);
+            tau += piece.time(tissue);
+            late += Late::new(from, tau, thickness).by;
+        }
+        tau + late
+    }
+
+    /// Tells `visit` of each part of a line, and of the derivatives of [`Self::late_time`] by the time along it and by
+    /// the thickness there.
+    pub(super) fn late_slopes(
+        &self,
+        ray: &Ray,
+        tissue: &[Tissue],
+        thickness: &[f64],
+        mut visit: impl FnMut(&Piece, f64, f64),
+    ) {
+        let (mut until, mut beyond) = (self.time(ray, tissue), 1.0);
+        for piece in self.pieces(ray).iter().rev() {
+            let from = until - piece.time(tissue);
+            let late = Late::new(from.max(0.0), until, thickness[piece.triangle as usize]);
+            visit(piece, beyond + late.by_end, late.by_thickness);
+            beyond += late.by_end - late.by_begin;
+            until = from;
+        }
     }
 
     /// Adds the line without parts from `vertex`, which is source number `number`, to itself, and all others if
