@@ -251,10 +251,10 @@ fn a_column_that_the_tissue_depends_on_makes_an_activation_for_each_of_its_value
     let names = maps.all_names();
     let all = maps.summarise(&[u], &[]).maps;
     assert_eq!(all.iter().map(|map| &*map.name).collect::<Vec<_>>(), names);
-    let first = names.iter().position(|name| *name == "arrival[5, 600]").unwrap();
+    let first = names.iter().position(|name| *name == "arrival[5,600]").unwrap();
     assert_eq!((names.len() - first, &*all[first].unit), (6, "ms"));
     for (row, arrival) in arrivals.iter().enumerate() {
-        let name = format!("arrival[{}, {}]", [5, n / 2][row / 3 % 2], [600, 300, 450][row % 3]);
+        let name = format!("arrival[{},{}]", [5, n / 2][row / 3 % 2], [600, 300, 450][row % 3]);
         let map = all.iter().find(|map| map.name == name).unwrap();
         assert!((map.mean[31 * (row / 3)] - arrival).abs() < 1e-12, "row {row}: {name}");
     }
@@ -267,7 +267,9 @@ fn maps_of_arrivals_are_of_draws() {
     let basis = eigenpairs(&surface.mesh, 64).unwrap();
     let (data, _) = recorded(&surface, &basis, 60, &[5, 700]);
     let model = Model::new(&lat_velocity::LatVelocity, Some(&basis), &data).unwrap();
-    let at = model.unknown_names().iter().position(|n| n == "velocity.m").unwrap();
+    let names = model.unknown_names();
+    let [at, thickness] =
+        ["velocity.m", "thickness"].map(|name| names.iter().position(|n| n == name).unwrap());
     // 200 draws, every second of which is kept: velocities of these alone change
     let draw = |i: usize| {
         let mut u = model.initial();
@@ -290,7 +292,9 @@ fn maps_of_arrivals_are_of_draws() {
         let velocity = maps.draws_at(std::slice::from_ref(u), &everywhere);
         let slowness: Vec<f64> = velocity.iter().map(|maps| 1.0 / maps[0][0]).collect();
         let mut front = Front::default();
-        let medium = Medium { slowness: &slowness, ..Medium::default() };
+        let thickness = vec![u[thickness].exp(); n];
+        let medium =
+            Medium { slowness: &slowness, thickness: Some(&thickness), ..Medium::default() };
         whole.forward(&medium, &[(5, 0.0)], &mut front);
         front.arrival
     };

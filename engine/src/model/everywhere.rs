@@ -36,9 +36,7 @@ pub(super) fn push(slopes: &[f64], from: &[Where], d: &[f64], out: &mut [f64]) {
     if from.is_empty() {
         return out.fill(0.0);
     }
-    for (vertex, (out, slopes)) in
-        out.iter_mut().zip(slopes.chunks_exact(from.len())).enumerate()
-    {
+    for (vertex, (out, slopes)) in out.iter_mut().zip(slopes.chunks_exact(from.len())).enumerate() {
         *out = from.iter().zip(slopes).map(|(from, slope)| slope * d[from.at(vertex)]).sum();
     }
 }

@@ -89,7 +89,7 @@ impl Builder<'_> {
             let mut cell = |column: &str| -> Result<f64, ModelError> {
                 let cell = data.number(*row, column, &who)?;
                 cells.push(cell.to_bits());
-                label = format!("{label}, {cell}");
+                label = format!("{label},{cell}");
                 Ok(cell)
             };
             let mut operands = [const { None }; OPERANDS];
