@@ -9,7 +9,6 @@ use serde_json::{Map, Value, json};
 use super::KnownTruth;
 use super::settings::FIELDS;
 use super::simulation::Simulated;
-use super::stages::{SETTINGS, TISSUE};
 use crate::diagnostics::verdict::Verdict;
 use crate::experiment::INTERVALS;
 use crate::mesh::write_vtp;
@@ -21,6 +20,10 @@ use crate::run::{OutputFolder, Results, RunError};
 use crate::store::{Identity, write_file};
 use crate::study::{RecoveredMap, Recovery, StudyError};
 
+/// What an experiment is, in its folder, from the first.
+pub(super) const SETTINGS: &str = "settings.json";
+/// The parameters of both simulations.
+pub(super) const TISSUE: &str = "simulation/tissue.vtp";
 /// The record of an experiment, in its folder.
 pub(super) const RECORD: &str = "experiment.json";
 /// What else is written with it.

@@ -4,7 +4,7 @@ use std::io::Write as _;
 
 use serde_json::Value;
 
-use super::findings::{FILES, RECORD};
+use super::findings::{FILES, RECORD, SETTINGS, TISSUE};
 use super::settings::FIELDS;
 use super::{ExperimentSettings, ExperimentWatch, Findings, KnownTruth};
 use crate::infer::Settings;
@@ -16,11 +16,8 @@ use crate::study::{Recovery, StudyError, recover};
 
 /// Where the run is, in the output folder.
 const RUN: &str = "run";
-/// Where the simulations are, and the parameters of both.
+/// Where the simulations are, in the output folder.
 const SIMULATION: &str = "simulation";
-pub(super) const TISSUE: &str = "simulation/tissue.vtp";
-/// What the experiment is, in the output folder.
-pub(super) const SETTINGS: &str = "settings.json";
 
 impl KnownTruth<'_> {
     /// Calibrates and simulates what is not done yet in the folder `out`, and writes what was found there;
