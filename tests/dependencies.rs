@@ -1,6 +1,7 @@
 //! Every dependency is used by the crate that names it; all of them have a licence that `deny.toml` allows, come from
 //! the registry, and are there once, but for the doubles that it names. So this is held where cargo-deny is not
-//! installed, too. (What has become known of a dependency since needs a network: `cargo deny check advisories`.)
+//! installed, too. (What has become known of a dependency since needs a database; `.ci/run` asks it where
+//! cargo-deny has fetched one.)
 #![allow(clippy::unwrap_used, reason = "tests")]
 
 use std::collections::{BTreeMap, BTreeSet};

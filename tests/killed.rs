@@ -12,6 +12,8 @@ mod contents;
 mod program;
 #[path = "support/sheet.rs"]
 mod sheet;
+#[path = "support/sphere.rs"]
+mod sphere;
 
 use std::collections::BTreeMap;
 use std::fmt::Write as _;
@@ -31,7 +33,7 @@ use rand::{RngExt as _, SeedableRng as _};
 use rand_chacha::ChaCha8Rng;
 
 /// Records, each of which names the files beside it.
-const RECORDS: [&str; 9] = [
+const RECORDS: [&str; 10] = [
     "run.json",
     "map.json",
     "finding.json",
@@ -41,6 +43,7 @@ const RECORDS: [&str; 9] = [
     "cell.json",
     "export.json",
     "import.json",
+    "experiment.json",
 ];
 
 /// A command that writes into the folder `OUT`, and is killed `kills` times.
@@ -124,32 +127,45 @@ fn is_unfinished(path: &Path) -> bool {
     path.iter().any(|name| name == "checkpoint" || name.to_str().unwrap().starts_with(".eplat-"))
 }
 
+/// Whether a folder has a record of its own, or all that is in it has.
+fn has_own(path: &Path) -> bool {
+    let below = || fs::read_dir(path).into_iter().flatten().map(|entry| entry.unwrap().path());
+    RECORDS.iter().any(|record| path.join(record).exists())
+        || below().next().is_some() && below().all(|path| has_own(&path))
+}
+
 /// Every file that a killed command left is named in the record beside it, with its hash; or something else there
 /// tells the next command that this one was not through.
 fn is_named(folder: &Path) {
     let entries = fs::read_dir(folder).unwrap().map(|entry| entry.unwrap().path());
     let entries: Vec<PathBuf> = entries.filter(|path| !is_unfinished(path)).collect();
     let name = |path: &PathBuf| path.file_name().unwrap().to_str().unwrap().to_owned();
-    let has_own = |path: &&PathBuf| RECORDS.iter().any(|record| path.join(record).exists());
     let told = entries.iter().find(|path| RECORDS.contains(&&*name(path))).map(|path| {
         let told: serde_json::Value = serde_json::from_slice(&fs::read(path).unwrap()).unwrap();
         (path, told["files"].as_object().unwrap().clone())
     });
     if let Some((record, named)) = &told {
         for path in entries.iter().filter(|path| path != record && !has_own(path)) {
-            assert!(named.contains_key(&name(path)), "{} is not named", path.display());
+            // or all that is in a folder is, or has records of its own
+            let below = fs::read_dir(path).into_iter().flatten().map(|entry| entry.unwrap().path());
+            let mut below = below.filter(|path| !has_own(path)).peekable();
+            let is_named =
+                |at: &Path| named.contains_key(at.strip_prefix(folder).unwrap().to_str().unwrap());
+            let is_whole = below.peek().is_some() && below.all(|path| is_named(&path));
+            assert!(is_named(path) || is_whole, "{} is not named", path.display());
         }
         for (name, seal) in named {
             let found = seal_of(&folder.join(name)).unwrap();
             assert_eq!(seal.as_str(), Some(&*found), "{name} in {}", folder.display());
         }
     }
-    let is_told = [".eplat-replacing", "checkpoint"].iter().any(|name| folder.join(name).exists());
+    let tellers = [".eplat-replacing", "checkpoint", "settings.json"];
+    let is_told = tellers.iter().any(|name| folder.join(name).exists());
     for path in entries.iter().filter(|_| told.is_none() && !is_told) {
         assert!(path.is_dir(), "of {} no record tells", path.display());
         is_named(path);
     }
-    entries.iter().filter(has_own).for_each(|path| is_named(path));
+    entries.iter().filter(|path| has_own(path)).for_each(|path| is_named(path));
 }
 
 impl Long {
@@ -278,6 +294,15 @@ fn a_study() {
 }
 
 #[test]
+fn an_experiment() {
+    let place = Workplace::new();
+    sphere::write(&place.path("sphere.vtk"));
+    let arguments = "study experiment --mesh sphere.vtk --units mm --lengthscale 12 --sites 5 --chains 2 --warmup 60 \
+                     --draws 40 --beats 1 --json --out OUT";
+    Long { arguments, resume: "", is_shared: false, refusal: "", kills: 6 }.check(&place);
+}
+
+#[test]
 fn the_simulator() {
     let place = Workplace::new();
     sheet::write(&place.path("sheet.vtp"));
@@ -291,6 +316,8 @@ fn the_simulator() {
         .check(&place);
     let strip = "simulate strip --params sets.csv --beats 2 --cable --json --out OUT/o.csv --restitution OUT/c.csv";
     Long { arguments: strip, resume: "", is_shared: true, refusal: "", kills: 3 }.check(&place);
+    let table = "surrogate run --design sets.csv --json --out OUT/table.csv";
+    Long { arguments: table, resume: "", is_shared: true, refusal: "", kills: 3 }.check(&place);
     let fit = "surrogate fit --form gp --table design.csv --json --out OUT/fit.rs";
     Long { arguments: fit, resume: "", is_shared: true, refusal: "", kills: 3 }.check(&place);
 }

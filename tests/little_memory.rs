@@ -109,15 +109,19 @@ fn so_are_draws_of_the_prior() {
     check(&with_voltages(), &format!("{VOLTAGE} --prior"), LIMITS);
 }
 
+/// Nearly normal, of as many unknowns as the field.
+const WIDE: &str = "use eplat::prelude::*;
+model! {
+    model Wide;
+    param x(64) ~ Normal(0.0, 1.0);
+    param y ~ Gamma(20.0, 1.0);
+}
+";
+
 /// Draws are chosen by their weights from others on the disk.
 #[test]
 fn so_are_those_of_a_normal_approximation() {
     let place = Workplace::new();
-    let mut table = "y,x1,x2,x3\n".to_owned();
-    for i in 0..40 {
-        let [a, b, c, noise] = [0.7, 1.3, 2.1, 3.7].map(|step| (step * f64::from(i)).sin());
-        let _ = writeln!(table, "{},{a},{b},{c}", 2.0 + a - 2.0 * b + 0.5 * c + 1.5 * noise);
-    }
-    place.file("table.csv", table);
-    check(&place, "regression --data table.csv --laplace", LIMITS);
+    place.file("wide.rs", WIDE);
+    check(&place, "wide.rs --laplace", LIMITS);
 }

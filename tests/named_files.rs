@@ -6,6 +6,8 @@
 mod program;
 #[path = "support/sheet.rs"]
 mod sheet;
+#[path = "support/sphere.rs"]
+mod sphere;
 
 use std::fmt::Write as _;
 use std::fs;
@@ -25,7 +27,8 @@ fn succeeds(place: &Workplace, arguments: &str) {
     );
 }
 
-/// The record in a folder names what else is there, but for `folders`, which have records of their own.
+/// The record in a folder names what else is there, but for `folders`, which have records of their own or of which it
+/// names the files.
 fn names_all(place: &Workplace, folder: &str, record: &str, folders: &[&str]) {
     let read: Value = serde_json::from_str(&place.read(&format!("{folder}/{record}"))).unwrap();
     let files = read["files"].as_object().unwrap_or_else(|| panic!("{folder}/{record}: no files"));
@@ -35,7 +38,7 @@ fn names_all(place: &Workplace, folder: &str, record: &str, folders: &[&str]) {
         .filter(|name| name != record && !folders.contains(&name.as_str()))
         .collect();
     there.sort();
-    let mut named: Vec<&String> = files.keys().collect();
+    let mut named: Vec<&String> = files.keys().filter(|name| !name.contains('/')).collect();
     named.sort();
     assert_eq!(named, there.iter().collect::<Vec<_>>(), "{folder}");
     for (name, hash) in files {
@@ -63,6 +66,17 @@ fn a_record_names_every_file_of_its_folder() {
     succeeds(&place, experiment);
     names_all(&place, "experiment", "experiment.json", &["run"]);
     names_all(&place, "experiment/run", "run.json", &[]);
+    sphere::write(&place.path("sphere.vtk"));
+    let simulated = "study experiment --mesh sphere.vtk --units mm --lengthscale 12 --sites 5 --chains 2 --warmup 60 \
+                     --draws 40 --beats 1 --out simulated";
+    succeeds(&place, simulated);
+    names_all(&place, "simulated", "experiment.json", &["run", "simulation"]);
+    let record: Value = serde_json::from_str(&place.read("simulated/experiment.json")).unwrap();
+    assert!(record["files"]["simulation/tissue.vtp"].is_string());
+    assert_eq!(fs::read_dir(place.path("simulated/simulation")).unwrap().count(), 3);
+    for which in ["true", "mean"] {
+        names_all(&place, &format!("simulated/simulation/{which}"), "simulation.json", &[]);
+    }
 
     let atrium = "simulate atrium --fields sheet.vtp --units mm --refine 1 --tau-out 8 --apd-max 200 --pace 0 --beats 1 \
                   --last 100 --out atrium";

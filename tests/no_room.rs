@@ -21,7 +21,7 @@ const PLAIN: &str = "use eplat::prelude::*;\nmodel! {\n    model Plain;\n    par
                      observe y(row): Number ~ Normal(mean, 1.0);\n}\n";
 
 /// The commands that write, each to `full`.
-const WRITING: [&str; 20] = [
+const WRITING: [&str; 22] = [
     "run erp --chains 2 --warmup 40 --draws 40 --out full/o",
     "run erp --optimize --out full/o",
     "run voltage --prior --chains 2 --draws 40 --out full/o",
@@ -38,9 +38,11 @@ const WRITING: [&str; 20] = [
     "mesh repair sheet.vtp full/o.vtp --units mm",
     "mesh convert sheet.vtp full/o.ply --units mm",
     "surrogate design --n 2000 --out full/o.csv",
+    "surrogate run --design sets.csv --out full/o.csv",
     "surrogate fit --form gp --table design.csv --out full/o.rs",
     "study experiment --skip-simulation --chains 2 --warmup 60 --draws 40 --out full/o",
     "study run plan.toml --out full/o",
+    "study slurm plan.toml --out full/o",
     "loop recovery --mesh sheet.vtp --units mm --data train.csv --nulls 19 --out full/o",
 ];
 

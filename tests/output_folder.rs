@@ -182,3 +182,34 @@ fn files_of_a_users_are_not_replaced_unasked() {
     let said = text(&refused.stderr);
     assert!(said.contains("loop/report.html is of no run of eplat"), "{said}");
 }
+
+/// Nor are they by studies and experiments, whose folders hold other files.
+#[test]
+fn studies_replace_no_files_of_a_users() {
+    let place = Workplace::new().with_erp();
+    let plan = "model = \"erp.rs\"\nlengthscales = [64.0]\nsites = [5]\nresolutions = [10.0]\nfields = 1\ndesigns = 1\n\
+                warmup = 40\ndraws = 40\n";
+    place.file("plan.toml", plan);
+    let experiment = "study experiment --skip-simulation --chains 2 --warmup 60 --draws 40";
+    let cases = [
+        (experiment, "measurements.csv"),
+        (experiment, "fields.vtp"),
+        (experiment, "settings.json"),
+        (experiment, "experiment.json"),
+        (experiment, "run/summary.csv"),
+        ("study run plan.toml", "results.csv"),
+        ("study run plan.toml", "summary.csv"),
+        ("study run plan.toml", "blocks/00000.csv"),
+        ("study slurm plan.toml", "submit.sh"),
+    ];
+    for (i, (command, name)) in cases.into_iter().enumerate() {
+        let file = format!("out{i}/{name}");
+        place.file(&file, "mine");
+        let refused = place.eplat(&format!("{command} --out out{i}"));
+        let said = text(&refused.stderr);
+        assert_eq!(refused.status.code(), Some(1), "{command}, {name}: {said}");
+        let named = file.trim_end_matches("/00000.csv");
+        assert!(said.contains(&format!("{named} is of no run of eplat")), "{name}: {said}");
+        assert_eq!(place.read(&file), "mine");
+    }
+}

@@ -4,6 +4,9 @@
 #[path = "support/program.rs"]
 mod program;
 
+use std::io::{BufRead as _, BufReader};
+use std::process::Stdio;
+
 use eplat::manifold::{Basis, eigenpairs};
 use eplat::mesh::{Units, read};
 use program::{Workplace, text};
@@ -34,7 +37,10 @@ const PLY: &str = "ply\nformat ascii 1.0\nelement vertex 3\nproperty float x\npr
 #[test]
 fn meshes_that_contradict_themselves() {
     let place = Workplace::new();
-    for (name, mesh) in [("ok.vtk", VTK), ("ok.vtp", VTP), ("ok.ply", PLY)] {
+    // what follows a comment counts
+    let commented = &VTP.replace(">0 0 0 10", ">0 0 <!-- the first -->0 10");
+    let whole = [("ok.vtk", VTK), ("ok.vtp", VTP), ("ok.ply", PLY), ("said.vtp", commented)];
+    for (name, mesh) in whole {
         place.file(name, mesh);
         let info = place.eplat(&format!("mesh info {name} --units mm"));
         assert!(info.status.success(), "{name}: {}", text(&info.stderr));
@@ -72,6 +78,11 @@ fn meshes_that_contradict_themselves() {
             "more.vtp",
             VTP.replace("10 10 0<", "10 10 0 5 5 5<"),
             "4 of them, as NumberOfPoints says, got 5",
+        ),
+        (
+            "ragged.vtp",
+            VTP.replace("10 10 0<", "10 10<"),
+            "three coordinates for every point, got 11 numbers",
         ),
         (
             "part.ply",
@@ -147,6 +158,15 @@ fn numbers_that_no_machine_has_room_for() {
     );
     let said = refused(&place, "study run plan.toml --out study");
     assert!(said.contains("1000000000000000000000 cases: a study has at most 10000000"), "{said}");
+    assert!(place.eplat("mesh atrium --edge 3 --out la.vtk").status.success());
+    for times in ["12", "4294967295"] {
+        let refined =
+            "simulate atrium --fields la.vtk --units mm --tau-out 8 --apd-max 200 --pace 0";
+        let said = refused(&place, &format!("{refined} --refine {times} --out beat"));
+        assert!(said.contains(" GB of memory; ") && said.contains("--refine"), "{said}");
+    }
+    let said = refused(&place, "simulate cell --beats 4294967295 --out cell");
+    assert!(said.contains(" GB of memory; ") && said.contains("--beats"), "{said}");
     let nulls = place.eplat("loop erp --mesh embedded --data t.csv --nulls 100000000000000");
     assert!(text(&nulls.stderr).contains("more than a million"), "{}", text(&nulls.stderr));
 }
@@ -180,4 +200,19 @@ fn draws_of_fields_that_are_no_numbers() {
     draws.write(&path).unwrap();
     let said = eplat::report::FieldDraws::read(&path).unwrap_err().to_string();
     assert!(said.contains("tau_out: expected finite numbers"), "{said}");
+}
+
+/// What takes minutes is announced before it begins.
+#[test]
+fn many_eigenfunctions_are_announced() {
+    let place = Workplace::new();
+    place.file("k.rs", include_str!("../models/erp.rs").replace("K = 24", "K = 2000"));
+    let mut command = place.command("check k.rs");
+    let mut child = command.stdout(Stdio::null()).stderr(Stdio::piped()).spawn().unwrap();
+    let said = BufReader::new(child.stderr.take().unwrap()).lines();
+    let mut said = said.map_while(Result::ok).skip_while(|line| !line.starts_with("basis "));
+    let line = said.next().unwrap_or_default();
+    let _ = child.kill();
+    child.wait().unwrap();
+    assert!(line.contains("computing 2000 eigenfunctions of 5166 vertices: about 23 s"), "{line}");
 }

@@ -201,8 +201,7 @@ mod wide {
     }
 }
 
-/// Most draws are in a file of their own: there is a block of them in it when the run is cut, and a part of one more
-/// that its state does not tell of.
+/// Most draws are in a file of their own: there is a block of them in it when the run is cut.
 #[test]
 fn draws_that_fill_blocks() {
     let basis = support::basis(60, 24);
@@ -220,6 +219,20 @@ fn draws_that_fill_blocks() {
         let every = [draws - 250, 150, 150, 300];
         assert!(job.in_pieces(&every) == whole, "{sampler:?} in pieces of {every:?}");
         assert!(job.after_loss(60 + draws - 50) == whole, "{sampler:?} after a loss");
+    }
+}
+
+/// A block is in the file when the run is cut, and the state, which is older, does not tell of it: it is written again
+/// where it was, and the next one after it.
+#[test]
+fn a_block_that_the_state_does_not_tell_of_is_written_again() {
+    let wide = Model::new(&wide::Wide, None, &Measurements::default()).unwrap();
+    let block = Spool::rows_of_block(wide.dim());
+    let settings = Settings { chains: 1, warmup: 60, draws: 2 * block + 20, ..settings() };
+    let job = Job::new(wide, Sampler::Nuts, settings);
+    let whole = job.whole();
+    for transitions in 60 + block - 1..60 + block + 3 {
+        assert!(job.after_loss(transitions) == whole, "after a loss at {transitions}");
     }
 }
 

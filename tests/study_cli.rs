@@ -6,16 +6,17 @@
 mod picture;
 #[path = "support/program.rs"]
 mod program;
+#[path = "support/sphere.rs"]
+mod sphere;
 
 use std::collections::BTreeMap;
-use std::f64::consts::PI;
 use std::fs;
 use std::process::{Command, Output, Stdio};
 use std::thread::sleep;
 use std::time::{Duration, Instant};
 
 use eplat::manifold::{biharmonic, eigenpairs};
-use eplat::mesh::{self, Encoding, TriMesh, Units, write_vtk};
+use eplat::mesh::{self, Units};
 use eplat::report::FieldDraws;
 use eplat::surrogate::{erp_s2, erp_s3};
 use program::{Workplace, text};
@@ -191,42 +192,13 @@ fn the_job_array_runs_the_tasks_and_merges_after_any_of_them() {
     insta::assert_snapshot!(said);
 }
 
-/// A sphere of 8 mm radius: no opening, 482 vertices, an atrium of a second.
-fn sphere() -> TriMesh {
-    const N: u32 = 16;
-    let (around, radius) = (2 * N, 8.0);
-    let mut vertices = vec![[0.0, 0.0, radius]];
-    for ring in 1..N {
-        let polar = PI * f64::from(ring) / f64::from(N);
-        for i in 0..around {
-            let azimuth = 2.0 * PI * f64::from(i) / f64::from(around);
-            let (r, z) = (radius * polar.sin(), radius * polar.cos());
-            vertices.push([r * azimuth.cos(), r * azimuth.sin(), z]);
-        }
-    }
-    vertices.push([0.0, 0.0, -radius]);
-    let at = |ring: u32, i: u32| 1 + (ring - 1) * around + i % around;
-    let south = vertices.len() as u32 - 1;
-    let mut triangles = vec![];
-    for i in 0..around {
-        triangles.push([0, at(1, i), at(1, i + 1)]);
-        triangles.push([south, at(N - 1, i + 1), at(N - 1, i)]);
-        for ring in 1..N - 1 {
-            let [a, b] = [at(ring, i), at(ring, i + 1)];
-            let [c, d] = [at(ring + 1, i), at(ring + 1, i + 1)];
-            triangles.extend([[a, c, b], [b, c, d]]);
-        }
-    }
-    TriMesh::new(vertices, triangles).unwrap()
-}
-
 /// On that sphere, with one beat.
 const EXPERIMENT: &str = "study experiment --mesh sphere.vtk --units mm --lengthscale 12 --sites 5 --chains 2 \
                           --warmup 300 --draws 500 --beats 1";
 
 impl Workplace {
     fn with_sphere(self) -> Self {
-        write_vtk(&self.path("sphere.vtk"), &sphere(), &[], Encoding::Binary).unwrap();
+        sphere::write(&self.path("sphere.vtk"));
         self
     }
 
@@ -255,7 +227,7 @@ fn is_near(a: f64, b: f64) -> bool {
 /// `tau_out`, `apd_max`, ERP_S2, ERP_S3 in every draw and at every vertex, and whether it was repaired there: from
 /// the draws' coefficients, with biharmonic distances one by one.
 fn draws_made_physical(place: &Workplace, folder: &str) -> Vec<Vec<([f64; 4], bool)>> {
-    let mesh = sphere();
+    let mesh = sphere::sphere();
     let basis = eigenpairs(&mesh, 256).unwrap();
     let n = mesh.n_vertices();
     let weights: Vec<Vec<f64>> =
@@ -291,7 +263,7 @@ fn an_experiments_numbers_follow_from_its_draws_and_its_truth() {
     ends(&output);
     let (maps, found) = (place.maps("one/fields.vtp"), place.json("one/experiment.json"));
     let draws = draws_made_physical(&place, "one");
-    let n = sphere().n_vertices();
+    let n = sphere::sphere().n_vertices();
     assert_eq!(found["draws"], draws.len());
     let pairs = (draws.len() * n) as f64;
     let repaired = draws.iter().flatten().filter(|(_, was_bad)| *was_bad).count() as f64 / pairs;

@@ -13,7 +13,8 @@ use crate::ep::cell::{OutOfRange, RANGES};
 use crate::ep::paced_cell::CellProtocol;
 use crate::error::Failure;
 use crate::report::{write_restitution, write_trace};
-use crate::run::OutputFolder;
+use crate::run::{OutputFolder, RunError};
+use crate::store::memory;
 
 /// The record, and the files that it names.
 const RECORD: &str = "cell.json";
@@ -52,10 +53,20 @@ pub(super) struct CellArgs {
 }
 
 impl CellArgs {
+    /// Refuses a train whose trace there is no memory for: a time, V and h of every step.
+    fn require_memory(&self, protocol: &CellProtocol) -> Result<(), RunError> {
+        let Some((bytes, free)) = memory::exceeds(3 * protocol.n_samples() as u128) else {
+            return Ok(());
+        };
+        let what = format!("{} beats {} ms apart", self.beats, self.s1);
+        Err(RunError::Memory { what, bytes, free, help: "give fewer --beats" })
+    }
+
     pub(super) fn run(&self) -> Result<(), Failure> {
         let cell = self.parameters()?.tissue();
         let protocol = self.protocol();
         protocol.validate()?;
+        self.require_memory(&protocol)?;
         let out = OutputFolder::open(&self.out)?;
         let trace = protocol.trace(cell);
         let curve = protocol.restitution(cell);

@@ -347,3 +347,38 @@ fn remove(path: &Path) -> std::io::Result<()> {
         Err(error) => Err(error),
     }
 }
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used, reason = "tests")]
+mod tests {
+    use super::*;
+
+    const NAMES: [&str; 3] = ["a", "b", "record"];
+
+    /// A file that is not there when it is to take its place stands for a kill at that moment.
+    #[test]
+    fn whoever_dies_while_files_are_replaced_leaves_no_record_and_the_next_one_removes_the_rest() {
+        let place = tempfile::tempdir().unwrap();
+        let path = place.path().join("out");
+        let there = |name: &&str| path.join(name).exists();
+        for (i, missing) in NAMES.into_iter().enumerate() {
+            let out = OutputFolder::open(&path).unwrap();
+            let made = |without: Option<&str>| {
+                let new = out.begin().unwrap();
+                let names = NAMES.iter().filter(|name| Some(**name) != without);
+                names.for_each(|name| fs::write(new.file(name), name).unwrap());
+                out.put(&new, &NAMES)
+            };
+            made(None).unwrap();
+            assert!(NAMES.iter().all(there) && !out.file(REPLACING).exists());
+            assert!(made(Some(missing)).is_err());
+            assert_eq!(NAMES.into_iter().filter(there).collect::<Vec<_>>(), NAMES[..i]);
+            drop(out);
+            fs::write(path.join("notes.txt"), "mine").unwrap();
+            drop(OutputFolder::open(&path).unwrap());
+            let left: Vec<_> =
+                fs::read_dir(&path).unwrap().map(|e| e.unwrap().file_name()).collect();
+            assert_eq!(left, ["notes.txt"], "{missing}");
+        }
+    }
+}

@@ -12,7 +12,7 @@ use super::plan::{Block, Estimate, Plan};
 use super::{JobArray, StudyError};
 use crate::diagnostics::mean_and_sd;
 use crate::experiment::INTERVALS;
-use crate::run::{hash_file, hash_mesh};
+use crate::run::{RunError, hash_file, hash_mesh};
 use crate::store::{seals, write_file};
 
 /// The record of a study, in its folder.
@@ -53,6 +53,9 @@ pub struct Group {
 }
 
 impl Results {
+    /// What is made of all results: means and deviations, and their picture.
+    pub const OF_ALL: [&str; 2] = ["summary.csv", "figure.svg"];
+
     /// Opens or makes the folder for this plan.
     ///
     /// # Errors
@@ -67,10 +70,11 @@ impl Results {
         let record =
             json!({ "plan": plan, "version": env!("CARGO_PKG_VERSION"), "hashes": inputs });
         let path = results.file(RECORD);
-        fs::create_dir_all(results.file(BLOCKS)).map_err(StudyError::io(folder))?;
+        fs::create_dir_all(folder).map_err(StudyError::io(folder))?;
         match results.record() {
             Ok(there) if there == record => {}
             Err(error) if error.kind() == io::ErrorKind::NotFound => {
+                results.refuse_foreign()?;
                 results.write_record(&record)?;
             }
             _ => {
@@ -79,7 +83,17 @@ impl Results {
                 return Err(StudyError::Results { path, why: why.to_owned() });
             }
         }
+        fs::create_dir_all(results.file(BLOCKS)).map_err(StudyError::io(folder))?;
         Ok(results)
+    }
+
+    /// Refuses a folder without a record in which something has the name of a file of a study.
+    fn refuse_foreign(&self) -> Result<(), StudyError> {
+        let names = [BLOCKS, TABLE].into_iter().chain(Self::OF_ALL).chain(JobArray::FILES);
+        match names.map(|name| self.file(name)).find(|path| path.exists()) {
+            Some(path) => Err(RunError::Foreign { path }.into()),
+            None => Ok(()),
+        }
     }
 
     /// The record, but for the files that it names.

@@ -175,6 +175,11 @@ impl CellProtocol {
         }
     }
 
+    /// Number of samples of [`CellProtocol::trace`].
+    pub fn n_samples(&self) -> f64 {
+        1.0 + f64::from(self.beats) * (self.s1 / STEP).round()
+    }
+
     /// V and h of `cell` through the S1 train, from rest on.
     pub fn trace(&self, cell: Tissue) -> Vec<Sample> {
         let mut paced = PacedCell::new(cell, self.strength);

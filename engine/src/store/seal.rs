@@ -90,10 +90,11 @@ mod tests {
         let place = tempfile::tempdir().unwrap();
         let folder = place.path().join("figures");
         fs::create_dir(&folder).unwrap();
-        for name in ["figures/a", "figures/b", "c"] {
+        for name in ["figures/a", "figures/b", "figures/.hidden", "c"] {
             fs::write(place.path().join(name), name).unwrap();
         }
-        let files = seals(&folder, ["a", "b", "../c"]).unwrap();
+        fs::create_dir(folder.join("below")).unwrap();
+        let files = seals(&folder, ["a", "b", ".hidden", "../c", "below/../../c"]).unwrap();
         assert_eq!(unchanged(&folder, &files), ["a", "b"]);
         fs::write(folder.join("a"), "other").unwrap();
         assert_eq!(unchanged(&folder, &files), ["b"]);

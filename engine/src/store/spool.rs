@@ -358,6 +358,16 @@ mod tests {
         again.each(1, right).unwrap();
         assert_eq!(again.n_rows(), 2 * block + 1);
 
+        // rows of another width, and more of them than are kept in memory, of which the file says nothing
+        let of = |width, n| {
+            let last = vec![1.0; n];
+            Spool { width, last, ..Spool::default() }
+        };
+        for (width, n) in [(WIDTH + 1, WIDTH + 1), (WIDTH, WIDTH + 1), (WIDTH, block * WIDTH)] {
+            assert!(!empty().take_up(of(width, n)).unwrap(), "{n} numbers in rows of {width}");
+        }
+        assert!(empty().take_up(of(WIDTH, 2 * WIDTH)).unwrap());
+
         let refused = || !empty().take_up(other()).unwrap();
         assert!(!Spool::new(WIDTH, 0, None).take_up(other()).unwrap());
         assert!(!Spool::kept(WIDTH + 1, path.clone(), b"head").take_up(other()).unwrap());

@@ -199,7 +199,7 @@ impl SlurmArgs {
 /// Writes summary and figure of a merged study, and prints the summary.
 fn conclude(results: &Results, table: &Table) -> Result<(), Failure> {
     let groups = summarise(table);
-    let names = ["summary.csv", "figure.svg"];
+    let names = Results::OF_ALL;
     let [summary, figure] = names.map(|name| results.file(name));
     write_summary(&summary, &groups)?;
     write_figure(&figure, &[(String::new(), groups.clone())])?;

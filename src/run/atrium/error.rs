@@ -48,6 +48,21 @@ pub enum AtriumError {
         /// Vertices in the surface's file.
         n_vertices: usize,
     },
+    /// Triangles are cut into more than there is memory for.
+    #[error(
+        "--refine {times}: about {n_vertices} vertices, which take {:.1} GB of memory; {:.1} GB are free\n\
+         help: give a smaller number, 0.3 mm between vertices is enough", *bytes as f64 / 1e9, *free as f64 / 1e9
+    )]
+    Memory {
+        /// How often each triangle is cut into four.
+        times: u32,
+        /// Vertices that this makes.
+        n_vertices: u128,
+        /// Bytes that these take.
+        bytes: u128,
+        /// Bytes that are free.
+        free: u64,
+    },
     /// Snapshots closer together than time steps.
     #[error("--snapshots {0} is shorter than a time step\nhelp: give ms, for instance 5")]
     Snapshots(f64),

@@ -5,6 +5,7 @@ use crate::ep::Parameters;
 use crate::ep::cell::RANGES;
 use crate::ep::surface::{Fibres, halfway};
 use crate::mesh::{Refined, TriMesh};
+use crate::store::memory;
 
 /// The parameters on the surface as it was given, and the mesh that is simulated on.
 #[derive(Debug)]
@@ -44,6 +45,18 @@ impl InRange {
     }
 }
 
+/// Numbers that are held of each vertex, about: measured on 80,000 to 1,300,000.
+const NUMBERS: u128 = 80;
+
+/// Refuses what there is no memory for, before it is made.
+fn require_memory(n_vertices: usize, times: u32) -> Result<(), AtriumError> {
+    let n_vertices = 4_u128.saturating_pow(times).saturating_mul(n_vertices as u128);
+    match memory::exceeds(n_vertices.saturating_mul(NUMBERS)) {
+        Some((bytes, free)) => Err(AtriumError::Memory { times, n_vertices, bytes, free }),
+        None => Ok(()),
+    }
+}
+
 /// The nearest parameters in their valid ranges.
 fn nearest(parameters: Parameters) -> Parameters {
     let mut values = parameters.to_array();
@@ -57,6 +70,7 @@ impl TissueFields {
     pub(super) fn new(ground: &Ground, settings: &TissueSettings) -> Result<Self, AtriumError> {
         let mesh = &ground.surface.mesh;
         let columns = columns(ground, settings)?;
+        require_memory(mesh.n_vertices(), settings.refine)?;
         let refined = Refined::new(mesh.clone(), settings.refine)?;
         let fibres = fibres(ground, settings, &refined)?;
         let (n_coarse, is_fitted) = (mesh.n_vertices(), ground.is_fitted);

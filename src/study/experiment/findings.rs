@@ -2,6 +2,7 @@
 
 use std::fmt::Write as _;
 use std::io::Write as _;
+use std::path::Path;
 
 use serde_json::{Map, Value, json};
 
@@ -15,10 +16,18 @@ use crate::report::{
     ExperimentPage, Figure, PointData, Surface, after_number, write_experiment_page,
 };
 use crate::run::atrium::{AtriumRecord, MapDifference, Summary};
-use crate::run::{OutputFolder, Results, hash_file};
+use crate::run::{OutputFolder, Results, RunError};
 use crate::store::{Identity, write_file};
 use crate::study::{RecoveredMap, Recovery, StudyError};
 
+/// What an experiment is, in its folder, from the first.
+pub(super) const SETTINGS: &str = "settings.json";
+/// The parameters of both simulations.
+pub(super) const TISSUE: &str = "simulation/tissue.vtp";
+/// The record of an experiment, in its folder.
+pub(super) const RECORD: &str = "experiment.json";
+/// What else is written with it.
+pub(super) const FILES: [&str; 3] = ["fields.vtp", "measurements.csv", "report.html"];
 /// An error of so many standard deviations is a large one.
 const LARGE: f64 = 3.0;
 /// Maps of the beat that are drawn.
@@ -44,20 +53,25 @@ pub struct Findings<'t> {
 type NamedMap = (String, String, Vec<f64>);
 
 impl Findings<'_> {
-    /// Writes every file, the numbers last.
+    /// Writes every file aside, then puts all in their place, the numbers last.
     pub(super) fn write(&self, out: &OutputFolder) -> Result<(), StudyError> {
         let maps = self.maps();
         let surface = &self.truth.domain.surface;
         let data: Vec<(&str, &[f64])> =
             maps.iter().map(|(name, _, values)| (name.as_str(), values.as_slice())).collect();
-        write_vtp(&out.file("fields.vtp"), &surface.mesh, &data)?;
-        write_text(out, "measurements.csv", &self.truth.problem.measurements().to_csv())?;
-        self.write_page(out, &maps)?;
-        let mut record = self.json();
-        for name in ["fields.vtp", "measurements.csv", "report.html", "settings.json"] {
-            record["files"][name] = json!(hash_file(&out.file(name))?);
-        }
-        write_text(out, "experiment.json", &format!("{record:#}\n"))
+        let new = out.begin()?;
+        let [fields, table, page] = FILES.map(|name| new.path().join(name));
+        let write = || -> Result<(), RunError> {
+            let text = self.truth.problem.measurements().to_csv();
+            write_vtp(&fields, &surface.mesh, &data)?;
+            write_file(&table, |file| file.write_all(text.as_bytes()))
+                .map_err(|source| RunError::Write { path: table.clone(), source })?;
+            self.write_page(&page, &maps)
+        };
+        write().map_err(|error| new.named(out, error))?;
+        let kept = [SETTINGS, TISSUE].map(str::to_owned);
+        let kept = if self.simulated.is_some() { &kept[..] } else { &kept[..1] };
+        Ok(out.publish(&new, (RECORD, self.json()), kept, &[])?)
     }
 
     /// All maps, in the order of the figures: name, unit and values (n_vertices).
@@ -163,7 +177,7 @@ impl Findings<'_> {
         self.simulated.as_ref().map_or(&[], |simulated| &simulated.records[1].compared)
     }
 
-    fn write_page(&self, out: &OutputFolder, maps: &[NamedMap]) -> Result<(), StudyError> {
+    fn write_page(&self, path: &Path, maps: &[NamedMap]) -> Result<(), RunError> {
         let surface = &self.truth.domain.surface;
         let vertices = self.truth.problem.measurements().vertices();
         let sites: Vec<[f64; 3]> =
@@ -187,7 +201,7 @@ impl Findings<'_> {
                 axes: surface.axes,
             },
         };
-        Ok(write_experiment_page(&out.file("report.html"), &page)?)
+        Ok(write_experiment_page(path, &page)?)
     }
 
     /// The figures that are read first.
@@ -248,11 +262,6 @@ fn activated(record: &AtriumRecord) -> Option<usize> {
         Summary::One { activated_vertices, .. } => Some(activated_vertices),
         Summary::Many { .. } => None,
     }
-}
-
-fn write_text(out: &OutputFolder, name: &str, text: &str) -> Result<(), StudyError> {
-    let path = out.file(name);
-    write_file(&path, |file| file.write_all(text.as_bytes())).map_err(StudyError::io(&path))
 }
 
 fn of_map(map: &RecoveredMap) -> Value {

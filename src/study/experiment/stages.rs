@@ -4,6 +4,7 @@ use std::io::Write as _;
 
 use serde_json::Value;
 
+use super::findings::{FILES, RECORD, SETTINGS, TISSUE};
 use super::settings::FIELDS;
 use super::{ExperimentSettings, ExperimentWatch, Findings, KnownTruth};
 use crate::infer::Settings;
@@ -15,8 +16,8 @@ use crate::study::{Recovery, StudyError, recover};
 
 /// Where the run is, in the output folder.
 const RUN: &str = "run";
-/// What the experiment is, in the output folder.
-const SETTINGS: &str = "settings.json";
+/// Where the simulations are, in the output folder.
+const SIMULATION: &str = "simulation";
 
 impl KnownTruth<'_> {
     /// Calibrates and simulates what is not done yet in the folder `out`, and writes what was found there;
@@ -37,8 +38,9 @@ impl KnownTruth<'_> {
         sampler: Sampler,
         watch: ExperimentWatch<'_>,
     ) -> Result<Option<Findings<'_>>, StudyError> {
-        let identity = self.claim(out, settings, sampler)?;
         let folder = OutputFolder::open(out.file(RUN))?;
+        folder.refuse_another(self.problem.model().name)?;
+        let identity = self.claim(out, settings, sampler)?;
         let options = Options { sampler: Some(sampler), watch: watch.run, ..Options::default() };
         let keep = Keep::going_on(&folder)?;
         if let Ended::Stopped = self.problem.run_into(&folder, settings, &options, &keep)? {
@@ -48,7 +50,7 @@ impl KnownTruth<'_> {
         let recovery = self.recovery(&folder)?;
         let mut simulated = None;
         if !self.settings.skip_simulation {
-            let (plan, to) = (&self.settings.simulation, out.file("simulation"));
+            let (plan, to) = (&self.settings.simulation, out.file(SIMULATION));
             simulated =
                 plan.simulate(&self.domain.surface, (&self.cv_max, &recovery), &to, watch)?;
             if simulated.is_none() {
@@ -85,12 +87,17 @@ impl KnownTruth<'_> {
         let hashes = self.problem.loaded().hashes.iter();
         identity.extend(hashes.map(|(role, hash)| (format!("hash of the {role}"), hash.clone())));
         let path = out.file(SETTINGS);
-        if let Ok(text) = std::fs::read(&path) {
-            let differences = differences(&serde_json::from_slice(&text)?, &identity);
+        let text = std::fs::read(&path).ok();
+        let there = text.and_then(|text| serde_json::from_slice::<Identity>(&text).ok());
+        if let Some(there) = there {
+            let differences = differences(&there, &identity);
             if !differences.is_empty() {
                 let folder = out.path().to_owned();
                 return Err(StudyError::AnotherExperiment { folder, differences });
             }
+        } else {
+            // nothing here is of an experiment
+            out.refuse_foreign([SETTINGS, RECORD, TISSUE].into_iter().chain(FILES))?;
         }
         out.make()?;
         let text = serde_json::to_vec_pretty(&identity)?;
