@@ -15,6 +15,7 @@ use super::interrupt::{INTERRUPTED, farewell, stop_flag};
 use super::reading::ReadingArgs;
 use super::run::tell_complete;
 use super::voice::{bar_target, note, tell, tell_progress, voice};
+use super::vulnerability::S1S2Args;
 use crate::error::Failure;
 use crate::run::OutputFolder;
 use crate::run::atrium::{
@@ -28,6 +29,8 @@ pub(super) struct AtriumArgs {
     tissue: TissueArgs,
     #[command(flatten)]
     pacing: PacingArgs,
+    #[command(flatten)]
+    s1s2: S1S2Args,
     /// Time step, ms
     #[arg(long, value_name = "MS", default_value_t = 0.1)]
     dt: f64,
@@ -52,7 +55,8 @@ pub(super) struct AtriumArgs {
     /// Least time between two savings of what --resume goes on from; they never take more than 1 %
     #[arg(long, value_name = "SECONDS", default_value_t = 10.0)]
     checkpoint_every: f64,
-    /// Folder to write: beat.vtp (parameters, LAT, APD20 to APD90), simulation.json
+    /// Folder to write: beat.vtp (parameters, LAT, APD20 to APD90), simulation.json; with --s1s2 vulnerability.vtp,
+    /// s1s2.csv, sites.csv, vulnerability.json
     #[arg(long, value_name = "DIR")]
     out: PathBuf,
 }
@@ -101,7 +105,7 @@ struct PacingArgs {
         long,
         value_name = "VERTEX",
         value_delimiter = ',',
-        required_unless_present = "pace_region"
+        required_unless_present_any = ["pace_region", "sites"]
     )]
     pace: Vec<usize>,
     /// Pace all vertices at which point data have this value, such as region=6, the embedded atrium's
@@ -204,11 +208,14 @@ impl AtriumArgs {
     }
 
     pub(super) fn run(&self) -> Result<ExitCode, Failure> {
-        let atrium = Atrium::new(self.tissue.ground(self.draws.is_some())?, &self.settings())
-            .map_err(|error| match error {
-                AtriumError::Snapshots(_) => Failure::usage(error),
-                other => other.into(),
-            })?;
+        let ground = self.tissue.ground(self.draws.is_some())?;
+        if self.s1s2.is_asked() {
+            return self.s1s2.run(ground, &self.settings(), self.begin()?, &self.out);
+        }
+        let atrium = Atrium::new(ground, &self.settings()).map_err(|error| match error {
+            AtriumError::Snapshots(_) => Failure::usage(error),
+            other => other.into(),
+        })?;
         introduce(&atrium);
         if let Some((fields, n)) = atrium.drawn() {
             let (asked, fields) = (self.draws.unwrap_or(0), fields.join(", "));
@@ -233,8 +240,8 @@ impl AtriumArgs {
     }
 }
 
-/// Says on stderr what will be simulated.
-pub(super) fn introduce(atrium: &Atrium) {
+/// Says on stderr what a user should know of the tissue.
+pub(super) fn warn(atrium: &Atrium) {
     for warning in atrium.warnings() {
         match warning {
             Warning::LongEdges { .. } => note(
@@ -249,6 +256,11 @@ pub(super) fn introduce(atrium: &Atrium) {
             )),
         }
     }
+}
+
+/// Says on stderr what will be simulated.
+pub(super) fn introduce(atrium: &Atrium) {
+    warn(atrium);
     let (mesh, pacing) = (atrium.mesh(), atrium.pacing());
     note(format_args!(
         "{} vertices, edges {:.2} mm; {} stimuli at {} vertices, {:.0} ms in all",
@@ -301,6 +313,22 @@ fn tell_summary(atrium: &Atrium, beat: &Beat) {
     }
 }
 
+/// Says on stderr what happened that is no progress.
+pub(super) fn tell_event(event: Event<'_>) {
+    match event {
+        Event::Resumed { folder, seconds } => {
+            let text = format_args!("resume {}: {seconds:.1} s of it are done", folder.display());
+            tell("resumed", text, json!({ "folder": folder, "seconds": seconds }));
+        }
+        Event::NotKept(reason) => {
+            let text =
+                format_args!("warning: the simulation could not be kept for --resume: {reason}");
+            tell("not_kept", text, json!({ "reason": reason }));
+        }
+        Event::Time(_) | Event::Pairs { .. } => {}
+    }
+}
+
 /// How far simulations are, on stderr: a bar on a terminal, a line for every tenth otherwise.
 pub(super) struct AtriumBar {
     bar: ProgressBar,
@@ -319,20 +347,9 @@ impl AtriumBar {
     pub(super) fn show(&self, event: Event<'_>) {
         match event {
             Event::Time(time) => self.at(time),
-            Event::Resumed { folder, seconds } => {
-                let text =
-                    format_args!("resume {}: {seconds:.1} s of it are done", folder.display());
-                tell("resumed", text, json!({ "folder": folder, "seconds": seconds }));
-            }
-            Event::NotKept(reason) => {
-                let text = format_args!(
-                    "warning: the simulation could not be kept for --resume: {reason}"
-                );
-                tell("not_kept", text, json!({ "reason": reason }));
-            }
+            other => tell_event(other),
         }
     }
-
     /// `time` ms are done.
     fn at(&self, time: f64) {
         let part = |time: f64, of: f64| (of * time / self.total) as u64;

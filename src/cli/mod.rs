@@ -36,6 +36,7 @@ mod simulate;
 mod study;
 mod surrogate;
 mod voice;
+mod vulnerability;
 
 use std::process::ExitCode;
 
