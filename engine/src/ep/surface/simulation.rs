@@ -95,12 +95,12 @@ impl<F: Precision> Simulation<F> {
         self.measured = self.starts[pacing.measured]..end;
     }
 
-    /// Goes back to `state`, and from there on as `pacing` says: another S2 after the same S1, say. The beat that is
-    /// measured begins anew, and waves are no longer counted.
+    /// Goes back to `state`, and from there on as `pacing` says: another S2 after the same S1, say. No beat is measured
+    /// any more, and waves are no longer counted until [`Simulation::watch_waves`].
     ///
     /// # Errors
     /// Pacing that makes no sense on this surface; [`SurfaceError::State`] for a state of another surface, or after
-    /// the beat that is measured has begun.
+    /// the beat has begun that `pacing` measures.
     pub fn branch(&mut self, state: State<F>, pacing: &Pacing) -> Result<(), SurfaceError> {
         let n_vertices = self.solver.operators.vertex.len();
         pacing.validate(n_vertices, self.dt)?;
@@ -108,10 +108,9 @@ impl<F: Precision> Simulation<F> {
         if state.step > self.measured.start {
             return Err(SurfaceError::State);
         }
-        self.restore(state)?;
-        self.recorder = Recorder::new(n_vertices.div_ceil(BLOCK));
+        self.measured = 0..0;
         self.counter = None;
-        Ok(())
+        self.restore(state)
     }
 
     /// Counts the activations of every vertex from now on.
