@@ -100,7 +100,7 @@ pub(super) struct TissueArgs {
 
 #[derive(Debug, Args)]
 struct PacingArgs {
-    /// Vertices that are paced together, counted from 0 as in the file
+    /// Vertices that are paced together (with --s1s2 each by itself), counted from 0 as in the file
     #[arg(
         long,
         value_name = "VERTEX",
