@@ -14,13 +14,14 @@ use serde_json::json;
 use super::interrupt::{INTERRUPTED, farewell, stop_flag};
 use super::reading::ReadingArgs;
 use super::run::tell_complete;
+use super::simulation::{tell_event, warn};
 use super::voice::{bar_target, note, tell, tell_progress, voice};
 use super::vulnerability::S1S2Args;
 use crate::error::Failure;
 use crate::run::OutputFolder;
 use crate::run::atrium::{
     Atrium, AtriumError, AtriumSettings, Beat, Begin, Ended, Event, Ground, Numerics,
-    PacingSettings, Resume, Source, Summary, TissueSettings, Warning, Watch,
+    PacingSettings, Resume, Source, Summary, TissueSettings, Watch,
 };
 
 #[derive(Debug, Args)]
@@ -240,24 +241,6 @@ impl AtriumArgs {
     }
 }
 
-/// Says on stderr what a user should know of the tissue.
-pub(super) fn warn(atrium: &Atrium) {
-    for warning in atrium.warnings() {
-        match warning {
-            Warning::LongEdges { .. } => note(
-                "warning: fronts need edges below 0.5 mm, or they slow down and block\nhelp: --refine N halves edges N times",
-            ),
-            Warning::TiltedFibres { degrees } => note(format_args!(
-                "warning: fibres leave the surface at up to {degrees:.0}° and are laid into it"
-            )),
-            Warning::OutOfRange { share } => note(format_args!(
-                "warning: {:.1} % of the vertices have a mean parameter outside its range: it is the nearest in it",
-                100.0 * share
-            )),
-        }
-    }
-}
-
 /// Says on stderr what will be simulated.
 pub(super) fn introduce(atrium: &Atrium) {
     warn(atrium);
@@ -310,22 +293,6 @@ fn tell_summary(atrium: &Atrium, beat: &Beat) {
                 100.0 * (1.0 - pairs_in_range)
             ));
         }
-    }
-}
-
-/// Says on stderr what happened that is no progress.
-pub(super) fn tell_event(event: Event<'_>) {
-    match event {
-        Event::Resumed { folder, seconds } => {
-            let text = format_args!("resume {}: {seconds:.1} s of it are done", folder.display());
-            tell("resumed", text, json!({ "folder": folder, "seconds": seconds }));
-        }
-        Event::NotKept(reason) => {
-            let text =
-                format_args!("warning: the simulation could not be kept for --resume: {reason}");
-            tell("not_kept", text, json!({ "reason": reason }));
-        }
-        Event::Time(_) | Event::Pairs { .. } => {}
     }
 }
 

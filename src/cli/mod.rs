@@ -33,6 +33,7 @@ mod run;
 mod rustc;
 mod show;
 mod simulate;
+mod simulation;
 mod study;
 mod surrogate;
 mod voice;
