@@ -14,12 +14,14 @@ use serde_json::json;
 use super::interrupt::{INTERRUPTED, farewell, stop_flag};
 use super::reading::ReadingArgs;
 use super::run::tell_complete;
+use super::simulation::{tell_event, warn};
 use super::voice::{bar_target, note, tell, tell_progress, voice};
+use super::vulnerability::S1S2Args;
 use crate::error::Failure;
 use crate::run::OutputFolder;
 use crate::run::atrium::{
     Atrium, AtriumError, AtriumSettings, Beat, Begin, Ended, Event, Ground, Numerics,
-    PacingSettings, Resume, Source, Summary, TissueSettings, Warning, Watch,
+    PacingSettings, Resume, Source, Summary, TissueSettings, Watch,
 };
 
 #[derive(Debug, Args)]
@@ -28,6 +30,8 @@ pub(super) struct AtriumArgs {
     tissue: TissueArgs,
     #[command(flatten)]
     pacing: PacingArgs,
+    #[command(flatten)]
+    s1s2: S1S2Args,
     /// Time step, ms
     #[arg(long, value_name = "MS", default_value_t = 0.1)]
     dt: f64,
@@ -52,7 +56,8 @@ pub(super) struct AtriumArgs {
     /// Least time between two savings of what --resume goes on from; they never take more than 1 %
     #[arg(long, value_name = "SECONDS", default_value_t = 10.0)]
     checkpoint_every: f64,
-    /// Folder to write: beat.vtp (parameters, LAT, APD20 to APD90), simulation.json
+    /// Folder to write: beat.vtp (parameters, LAT, APD20 to APD90), simulation.json; with --s1s2 vulnerability.vtp,
+    /// s1s2.csv, sites.csv, vulnerability.json
     #[arg(long, value_name = "DIR")]
     out: PathBuf,
 }
@@ -96,12 +101,12 @@ pub(super) struct TissueArgs {
 
 #[derive(Debug, Args)]
 struct PacingArgs {
-    /// Vertices that are paced together, counted from 0 as in the file
+    /// Vertices that are paced together (with --s1s2 each by itself), counted from 0 as in the file
     #[arg(
         long,
         value_name = "VERTEX",
         value_delimiter = ',',
-        required_unless_present = "pace_region"
+        required_unless_present_any = ["pace_region", "sites"]
     )]
     pace: Vec<usize>,
     /// Pace all vertices at which point data have this value, such as region=6, the embedded atrium's
@@ -204,11 +209,14 @@ impl AtriumArgs {
     }
 
     pub(super) fn run(&self) -> Result<ExitCode, Failure> {
-        let atrium = Atrium::new(self.tissue.ground(self.draws.is_some())?, &self.settings())
-            .map_err(|error| match error {
-                AtriumError::Snapshots(_) => Failure::usage(error),
-                other => other.into(),
-            })?;
+        let ground = self.tissue.ground(self.draws.is_some())?;
+        if self.s1s2.is_asked() {
+            return self.s1s2.run(ground, &self.settings(), self.begin()?, &self.out);
+        }
+        let atrium = Atrium::new(ground, &self.settings()).map_err(|error| match error {
+            AtriumError::Snapshots(_) => Failure::usage(error),
+            other => other.into(),
+        })?;
         introduce(&atrium);
         if let Some((fields, n)) = atrium.drawn() {
             let (asked, fields) = (self.draws.unwrap_or(0), fields.join(", "));
@@ -235,20 +243,7 @@ impl AtriumArgs {
 
 /// Says on stderr what will be simulated.
 pub(super) fn introduce(atrium: &Atrium) {
-    for warning in atrium.warnings() {
-        match warning {
-            Warning::LongEdges { .. } => note(
-                "warning: fronts need edges below 0.5 mm, or they slow down and block\nhelp: --refine N halves edges N times",
-            ),
-            Warning::TiltedFibres { degrees } => note(format_args!(
-                "warning: fibres leave the surface at up to {degrees:.0}° and are laid into it"
-            )),
-            Warning::OutOfRange { share } => note(format_args!(
-                "warning: {:.1} % of the vertices have a mean parameter outside its range: it is the nearest in it",
-                100.0 * share
-            )),
-        }
-    }
+    warn(atrium);
     let (mesh, pacing) = (atrium.mesh(), atrium.pacing());
     note(format_args!(
         "{} vertices, edges {:.2} mm; {} stimuli at {} vertices, {:.0} ms in all",
@@ -319,20 +314,9 @@ impl AtriumBar {
     pub(super) fn show(&self, event: Event<'_>) {
         match event {
             Event::Time(time) => self.at(time),
-            Event::Resumed { folder, seconds } => {
-                let text =
-                    format_args!("resume {}: {seconds:.1} s of it are done", folder.display());
-                tell("resumed", text, json!({ "folder": folder, "seconds": seconds }));
-            }
-            Event::NotKept(reason) => {
-                let text = format_args!(
-                    "warning: the simulation could not be kept for --resume: {reason}"
-                );
-                tell("not_kept", text, json!({ "reason": reason }));
-            }
+            other => tell_event(other),
         }
     }
-
     /// `time` ms are done.
     fn at(&self, time: f64) {
         let part = |time: f64, of: f64| (of * time / self.total) as u64;

@@ -33,9 +33,11 @@ mod run;
 mod rustc;
 mod show;
 mod simulate;
+mod simulation;
 mod study;
 mod surrogate;
 mod voice;
+mod vulnerability;
 
 use std::process::ExitCode;
 

@@ -12,7 +12,8 @@ use super::voice::{Voice, stdout, tell};
 use crate::ep::table::read_rows;
 use crate::error::Failure;
 use crate::report::plot::{
-    OF_A_LOOP, OF_A_RUN, Picture, Surrogate, Uncertainty, of_a_loop, of_a_run, surrogates,
+    OF_A_LOOP, OF_A_RUN, OF_VULNERABILITY, Picture, Surrogate, Uncertainty, of_a_loop, of_a_run,
+    of_vulnerability, surrogates,
 };
 use crate::run::{OutputFolder, hash_file};
 use crate::study::{Table, pictures, summarise};
@@ -27,15 +28,15 @@ const OF_SURROGATES: [&str; 2] = ["cubic", "gp"];
 /// `eplat plot DIR`
 #[derive(Debug, Args)]
 pub(super) struct Command {
-    /// Output folder of `eplat run`, `eplat loop` or `eplat study run`, or a folder with the table of strips that a
-    /// surrogate was fitted to
+    /// Output folder of `eplat run`, `eplat loop`, `eplat study run` or `eplat simulate atrium --s1s2`, or a folder with
+    /// the table of strips that a surrogate was fitted to
     #[arg(value_name = "DIR")]
     folder: PathBuf,
     /// Folder of the pictures [default: DIR/figures]
     #[arg(long, value_name = "FOLDER")]
     out: Option<PathBuf>,
     /// Only these kinds of pictures; of a run fields, truth, shares, predicted, traces; of a loop effects,
-    /// residuals; of a study errors, coverage; of surrogates cubic, gp
+    /// residuals; of a study errors, coverage; of S1S2 at many sites vulnerability, activation; of surrogates cubic, gp
     #[arg(long, value_name = "KIND", num_args = 1.., value_delimiter = ',')]
     only: Vec<String>,
     /// How maps of a mean show where they are uncertain: a second map beside them, or fading to grey
@@ -56,6 +57,8 @@ enum Left {
     Run,
     Loop,
     Study,
+    /// S1S2 at many sites.
+    Vulnerability,
     /// The table of strips.
     Strips(PathBuf),
 }
@@ -72,10 +75,13 @@ impl Left {
         if has("study.json") {
             return Ok(Self::Study);
         }
+        if has("vulnerability.json") {
+            return Ok(Self::Vulnerability);
+        }
         strips(folder).map(Self::Strips).ok_or_else(|| {
             Failure::new(format_args!(
-                "{}: nothing to draw; expected run.json (eplat run), finding.json (eplat loop), study.json (eplat study run) \
-                 or a table of strips (eplat surrogate run: columns tau_out_ms, apd_max_ms, erp_s2_ms, erp_s3_ms)\n\
+                "{}: nothing to draw; expected run.json (eplat run), finding.json (eplat loop), study.json (eplat study run), \
+                 vulnerability.json (eplat simulate atrium --s1s2) or a table of strips (eplat surrogate run: columns tau_out_ms, apd_max_ms, erp_s2_ms, erp_s3_ms)\n\
                  help: name the --out folder of a finished command; run.json and finding.json are written last",
                 folder.display()
             ))
@@ -88,6 +94,7 @@ impl Left {
             Self::Run => folder.join("run.json"),
             Self::Loop => folder.join("finding.json"),
             Self::Study => folder.join("study.json"),
+            Self::Vulnerability => folder.join("vulnerability.json"),
             Self::Strips(table) => table.clone(),
         }
     }
@@ -97,6 +104,7 @@ impl Left {
             Self::Run => &OF_A_RUN,
             Self::Loop => &OF_A_LOOP,
             Self::Study => &OF_A_STUDY,
+            Self::Vulnerability => &OF_VULNERABILITY,
             Self::Strips(_) => &OF_SURROGATES,
         }
     }
@@ -202,6 +210,7 @@ impl Command {
                 let groups = summarise(&Table::read(&self.folder.join("results.csv"))?);
                 pictures(&[(String::new(), groups)], kind)
             }
+            Left::Vulnerability => of_vulnerability(&self.folder, kind)?,
             Left::Strips(table) => surrogates_of(table, kind)?.into(),
         })
     }

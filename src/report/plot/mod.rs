@@ -20,6 +20,7 @@ mod surface;
 mod surrogate;
 mod traces;
 mod view;
+mod vulnerability;
 
 use std::path::Path;
 
@@ -41,6 +42,8 @@ pub enum Uncertainty {
 pub const OF_A_RUN: [&str; 5] = ["fields", "truth", "shares", "predicted", "traces"];
 /// Of a loop.
 pub const OF_A_LOOP: [&str; 2] = ["effects", "residuals"];
+/// Of S1S2 at many sites.
+pub const OF_VULNERABILITY: [&str; 2] = ["vulnerability", "activation"];
 
 /// The pictures of one kind of a finished run; none where it has nothing of that kind.
 ///
@@ -71,6 +74,19 @@ pub fn of_a_loop(folder: &Path, kind: &str) -> Result<Vec<Picture>, ReportError>
     match kind {
         "effects" => Ok(finding.effects()),
         "residuals" => finding.residuals(),
+        _ => Ok(vec![]),
+    }
+}
+
+/// The pictures of one kind of S1S2 at many sites.
+///
+/// # Errors
+/// As [`of_a_run`].
+pub fn of_vulnerability(folder: &Path, kind: &str) -> Result<Vec<Picture>, ReportError> {
+    let found = vulnerability::Vulnerability::read(folder)?;
+    match kind {
+        "vulnerability" => Ok(found.vulnerability()),
+        "activation" => Ok(found.activation()),
         _ => Ok(vec![]),
     }
 }

@@ -45,6 +45,13 @@ pub enum Event<'a> {
     },
     /// So many ms are simulated, of all draws together.
     Time(f64),
+    /// So many pairs of a draw and a site are done, of [`Vulnerability`](super::Vulnerability).
+    Pairs {
+        /// Pairs that are done.
+        done: usize,
+        /// Pairs in all, of a task its own.
+        of: usize,
+    },
     /// The state could not be kept, for this reason; the simulation goes on.
     NotKept(&'a str),
 }

@@ -7,6 +7,7 @@ use thiserror::Error;
 
 use crate::ep::cell::OutOfRange;
 use crate::ep::surface::{FibreError, SurfaceError};
+use crate::manifold::ManifoldError;
 use crate::mesh::MeshError;
 use crate::report::ReportError;
 use crate::store::{CheckpointError, advice};
@@ -113,6 +114,41 @@ pub enum AtriumError {
         /// The map that it lacks.
         name: &'static str,
     },
+    /// S1S2 that makes no sense.
+    #[error("{what}\nhelp: {help}")]
+    S1S2 {
+        /// What is wrong.
+        what: String,
+        /// What to give instead.
+        help: &'static str,
+    },
+    /// Parts of tasks that cannot be put together.
+    #[error("the tasks in {} are not all there, or not of one plan: {what}\nhelp: {help}", folder.display())]
+    Merge {
+        /// The folder of the tasks.
+        folder: PathBuf,
+        /// What is wrong.
+        what: String,
+        /// What to do.
+        help: &'static str,
+    },
+    /// A task's part that could not be kept, and so was for nothing.
+    #[error(
+        "the task's part could not be kept in {}: {reason}\nhelp: give the command again once the folder can be written to",
+        folder.display()
+    )]
+    PartNotKept {
+        /// Where.
+        folder: PathBuf,
+        /// Why.
+        reason: String,
+    },
+    /// Threads that cannot be started.
+    #[error("cannot start a thread: {0}\nhelp: RAYON_NUM_THREADS=1 asks for fewer")]
+    Threads(io::Error),
+    /// Sites that cannot be spread over the surface.
+    #[error("--sites: {0}")]
+    Sites(#[from] ManifoldError),
     /// Fewer draws than asked for, none at all, or draws on another mesh.
     #[error(
         "--draws {asked}: the run kept {kept} draws at {n_vertices} vertices; its fields.vtp has {expected}\n\

@@ -9,7 +9,7 @@ use crate::mesh::{self, Units, write_vtp};
 use crate::store::{Checkpoint, differences, seals};
 
 /// Where a simulation is kept while it runs, in its output folder.
-const CHECKPOINT: &str = "checkpoint";
+pub(super) const CHECKPOINT: &str = "checkpoint";
 /// The maps, in the output folder.
 const BEAT: &str = "beat.vtp";
 /// All that a simulation leaves beside its record.

@@ -8,7 +8,7 @@ use sha2::{Digest as _, Sha256};
 
 use super::AtriumError;
 use crate::mesh::{self, Reading, Surface};
-use crate::report::{FieldDraws, RunRecord};
+use crate::report::{EMBEDDED_ATRIUM, FieldDraws, RunRecord};
 use crate::store::Identity;
 
 /// Edges of the embedded atrium, mm: short enough for a front.
@@ -23,6 +23,8 @@ pub struct Ground {
     pub draws: Option<FieldDraws<'static>>,
     /// Whether the fields are of a posterior, which may leave a parameter's range; those of a user's may not.
     pub is_fitted: bool,
+    /// Whether it is the embedded atrium, or was for the run that it is of.
+    pub is_embedded: bool,
     /// Hashes of the files that were read, by what they are: part of what a checkpoint is known by.
     pub hashes: Identity,
 }
@@ -30,12 +32,13 @@ pub struct Ground {
 impl Ground {
     /// The embedded left atrium with edges of 0.4 mm. It has no parameter fields.
     pub fn embedded() -> Self {
-        Self::of(Surface::left_atrium(EDGE))
+        Self { is_embedded: true, ..Self::of(Surface::left_atrium(EDGE)) }
     }
 
     /// A surface that is in memory.
     pub fn of(surface: Surface) -> Self {
-        Self { surface, draws: None, is_fitted: false, hashes: BTreeMap::new() }
+        let hashes = BTreeMap::new();
+        Self { surface, draws: None, is_fitted: false, is_embedded: false, hashes }
     }
 
     /// The surface in a file; `reading` may be the unit of its coordinates.
@@ -53,7 +56,10 @@ impl Ground {
     /// Those of [`Ground::read`]; [`AtriumError::Run`] for a file that is not the run's.
     pub fn of_run(run: &Path, reading: impl FnOnce(&Path) -> Reading) -> Result<Self, AtriumError> {
         let file = RunRecord::file_of(run, "fields.vtp")?;
-        Ok(Self { is_fitted: true, ..Self::read(&file, reading(&file))? })
+        let record = RunRecord::read(&run.join("run.json")).ok();
+        let mesh = record.and_then(|record| record.provenance.mesh);
+        let is_embedded = mesh.as_deref() == Some(EMBEDDED_ATRIUM);
+        Ok(Self { is_fitted: true, is_embedded, ..Self::read(&file, reading(&file))? })
     }
 
     /// Adds the draws of fields that a run left in its output folder.

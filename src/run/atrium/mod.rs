@@ -3,7 +3,7 @@
 //!
 //! [`Atrium::new`] prepares a simulation; [`Atrium::simulate`] does it in memory, and
 //! [`Atrium::simulate_into`] with an output folder, from which an interrupted simulation goes on to the same
-//! numbers. The equations are those of [`ep::surface`](crate::ep::surface).
+//! numbers. [`Vulnerability`] does S1S2 at many sites. The equations are those of [`ep::surface`](crate::ep::surface).
 //!
 //! ```no_run
 //! use eplat::mesh::Units;
@@ -36,6 +36,7 @@ mod series;
 mod settings;
 mod setup;
 mod tissue;
+mod vulnerability;
 
 pub use compare::{Map, MapDifference};
 pub use drive::{Event, Watch};
@@ -47,3 +48,7 @@ pub use opencarp::{Exported, export_opencarp};
 pub use record::{AtriumRecord, Summary};
 pub use settings::{AtriumSettings, Numerics, PacingSettings, Source, TissueSettings};
 pub use setup::{Atrium, Warning};
+pub use vulnerability::{
+    Outcome, Part, Response, S1S2Settings, SiteSummary, Vulnerability, VulnerabilityEnded,
+    VulnerabilityRecord,
+};

@@ -131,10 +131,19 @@ impl Atrium {
         &self,
         parameters: &[Parameters],
     ) -> Result<Simulation<F>, AtriumError> {
+        self.begin_with(parameters, &self.pacing)
+    }
+
+    /// The same, paced otherwise.
+    pub(super) fn begin_with<F: Precision>(
+        &self,
+        parameters: &[Parameters],
+        pacing: &Pacing,
+    ) -> Result<Simulation<F>, AtriumError> {
         let tissue: Vec<Tissue> = parameters.iter().map(|p| p.tissue()).collect();
         let fibres = self.tissue.fibres.as_ref();
         let substrate = Substrate { mesh: self.mesh(), tissue: &tissue, fibres };
-        Ok(Simulation::new(&substrate, &self.pacing, self.settings.numerics.dt)?)
+        Ok(Simulation::new(&substrate, pacing, self.settings.numerics.dt)?)
     }
 }
 

@@ -17,11 +17,13 @@ mod simulation;
 mod solver;
 #[cfg(test)]
 mod tests;
+mod waves;
 
 pub use fibres::{FibreError, Fibres, halfway};
 pub use pacing::{Pacing, SurfaceError};
 pub use record::BeatMap;
 pub use simulation::{Simulation, State};
+pub use waves::Waves;
 
 use super::cell::Tissue;
 use crate::mesh::TriMesh;

@@ -9,10 +9,13 @@ use super::solver::Solver;
 use crate::ep::precision::Precision;
 
 /// V at which an upstroke counts as activation; one of the levels of [`RECOVERY`].
-const ACTIVATION: f64 = RECOVERY[1];
+pub(super) const ACTIVATION: f64 = RECOVERY[1];
 
 /// V at which a downstroke counts as recovery to 20, 30, 50 and 90 %.
 const RECOVERY: [f64; 4] = [0.8, 0.7, 0.5, 0.1];
+
+/// V below which a vertex has recovered to 90 %.
+pub(super) const REPOLARISED: f64 = RECOVERY[3];
 
 /// One beat at every vertex, ms; NaN where a vertex does not activate or not recover.
 #[derive(Debug, Clone, PartialEq)]

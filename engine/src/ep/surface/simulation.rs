@@ -7,6 +7,7 @@ use super::lanes::BLOCK;
 use super::pacing::PULSE;
 use super::record::{Recorder, RecorderState};
 use super::solver::{Solver, SolverState};
+use super::waves::{Counter, Waves};
 use super::{BeatMap, Pacing, Substrate, SurfaceError, by_vertex};
 use crate::ep::precision::Precision;
 
@@ -26,6 +27,7 @@ use crate::ep::precision::Precision;
 pub struct Simulation<F> {
     solver: Solver<F>,
     recorder: Recorder<F>,
+    counter: Option<Counter<F>>,
     /// Rows that are stimulated, and what a step of it adds to V there.
     rows: Vec<u32>,
     amplitude: F,
@@ -60,28 +62,66 @@ impl<F: Precision> Simulation<F> {
             return Err(SurfaceError::Parameters { vertices, got });
         }
         let solver = Solver::<F>::new(substrate, dt);
-        let mut is_paced = vec![false; vertices];
+        let mut simulation = Self {
+            recorder: Recorder::new(vertices.div_ceil(BLOCK)),
+            counter: None,
+            solver,
+            rows: vec![],
+            amplitude: F::zero(),
+            measured: 0..0,
+            starts: vec![],
+            pulse: step_of(PULSE, dt),
+            dt,
+            step: 0,
+            n_steps: 0,
+        };
+        simulation.follow(pacing);
+        Ok(simulation)
+    }
+
+    /// Takes up `pacing`, which is one of this surface.
+    fn follow(&mut self, pacing: &Pacing) {
+        let vertex = &self.solver.operators.vertex;
+        let mut is_paced = vec![false; vertex.len()];
         for v in &pacing.vertices {
             is_paced[*v as usize] = true;
         }
-        let rows = (0..).zip(&solver.operators.vertex).filter(|(_, v)| is_paced[**v as usize]);
-        let rows = rows.map(|(row, _)| row).collect();
-        let step_of = |time: f64| (time / dt).round() as u64;
-        let starts: Vec<u64> = pacing.times.iter().map(|t| step_of(*t)).collect();
-        let n_steps = step_of(pacing.end);
-        let end = starts.get(pacing.measured + 1).copied().unwrap_or(n_steps);
-        Ok(Self {
-            recorder: Recorder::new(vertices.div_ceil(BLOCK)),
-            solver,
-            rows,
-            amplitude: F::of(pacing.strength * dt),
-            measured: starts[pacing.measured]..end,
-            starts,
-            pulse: step_of(PULSE),
-            dt,
-            step: 0,
-            n_steps,
-        })
+        let rows = (0..).zip(vertex).filter(|(_, v)| is_paced[**v as usize]);
+        self.rows = rows.map(|(row, _)| row).collect();
+        self.amplitude = F::of(pacing.strength * self.dt);
+        self.starts = pacing.times.iter().map(|t| step_of(*t, self.dt)).collect();
+        self.n_steps = step_of(pacing.end, self.dt);
+        let end = self.starts.get(pacing.measured + 1).copied().unwrap_or(self.n_steps);
+        self.measured = self.starts[pacing.measured]..end;
+    }
+
+    /// Goes back to `state`, and from there on as `pacing` says: another S2 after the same S1, say. No beat is measured
+    /// any more, and waves are no longer counted until [`Simulation::watch_waves`].
+    ///
+    /// # Errors
+    /// Pacing that makes no sense on this surface; [`SurfaceError::State`] for a state of another surface, or after
+    /// the beat has begun that `pacing` measures.
+    pub fn branch(&mut self, state: State<F>, pacing: &Pacing) -> Result<(), SurfaceError> {
+        let n_vertices = self.solver.operators.vertex.len();
+        pacing.validate(n_vertices, self.dt)?;
+        self.follow(pacing);
+        if state.step > self.measured.start {
+            return Err(SurfaceError::State);
+        }
+        self.measured = 0..0;
+        self.counter = None;
+        self.restore(state)
+    }
+
+    /// Counts the activations of every vertex from now on.
+    pub fn watch_waves(&mut self) {
+        self.counter = Some(Counter::new(&self.solver, self.step));
+    }
+
+    /// The activations since [`Simulation::watch_waves`]; `None` if they are not counted.
+    pub fn waves(&self) -> Option<Waves> {
+        let counter = self.counter.as_ref();
+        counter.map(|counter| counter.waves(&self.solver.operators.vertex))
     }
 
     /// Whether the end of the pacing is reached.
@@ -98,7 +138,7 @@ impl<F: Precision> Simulation<F> {
         let is_on = self.starts.iter().any(|s| (*s..*s + self.pulse).contains(&step));
         let stimulus = is_on.then_some((self.amplitude, &self.rows[..]));
         let is_measured = self.measured.contains(&step);
-        let Self { solver, recorder, .. } = self;
+        let Self { solver, recorder, counter, dt, .. } = self;
         // so that threads are woken once, and not for every loop
         let is_solved = rayon::scope(|_| {
             if is_measured {
@@ -106,7 +146,10 @@ impl<F: Precision> Simulation<F> {
             }
             let is_solved = solver.step(stimulus);
             if is_measured {
-                recorder.after(solver, (step - self.measured.start) as f64, self.dt);
+                recorder.after(solver, (step - self.measured.start) as f64, *dt);
+            }
+            if let Some(counter) = counter {
+                counter.after(solver, step, *dt);
             }
             is_solved
         });
@@ -163,4 +206,9 @@ impl<F: Precision> Simulation<F> {
         self.step = state.step;
         Ok(())
     }
+}
+
+/// The number of steps of `dt` ms in `time` ms.
+fn step_of(time: f64, dt: f64) -> u64 {
+    (time / dt).round() as u64
 }

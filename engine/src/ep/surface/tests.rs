@@ -192,6 +192,61 @@ fn what_goes_on_from_a_state_ends_in_the_same_bits() {
     assert_eq!(small.restore(simulation.state()), Err(SurfaceError::State));
 }
 
+/// Activations after a premature S2 that goes on from `state`.
+fn branched(simulation: &mut Simulation<f32>, state: State<f32>, pacing: &Pacing) -> Waves {
+    simulation.branch(state, pacing).unwrap();
+    while simulation.time() < pacing.times[pacing.measured] - 0.05 {
+        simulation.step().unwrap();
+    }
+    simulation.watch_waves();
+    while !simulation.is_done() {
+        simulation.step().unwrap();
+    }
+    simulation.waves().unwrap()
+}
+
+#[test]
+fn an_s2_from_a_kept_state_is_the_one_of_a_whole_train() {
+    let mesh = rectangle(41, 21, 0.5);
+    let tissue = vec![Parameters::from_array(TYPICAL).tissue(); mesh.n_vertices()];
+    let substrate = Substrate { mesh: &mesh, tissue: &tissue, fibres: None };
+    let s1 = paced_once(vec![0, 1, 21], 400.0);
+    let mut simulation = Simulation::<f32>::new(&substrate, &s1, 0.1).unwrap();
+    let at_rest = simulation.state();
+    simulation.watch_waves();
+    let mut states = vec![];
+    for interval in [230.0, 320.0] {
+        while simulation.time() < interval - 0.05 {
+            simulation.step().unwrap();
+        }
+        states.push((interval, simulation.state()));
+    }
+    while !simulation.is_done() {
+        simulation.step().unwrap();
+    }
+    let train = simulation.waves().unwrap();
+    assert_eq!(train.first, simulation.beat().lat);
+    assert!(train.counts.iter().all(|n| *n == 1));
+    for (interval, state) in states {
+        let s1s2 =
+            Pacing { times: vec![0.0, interval], end: interval + 60.0, measured: 1, ..s1.clone() };
+        let whole = paced::<f32>(&substrate, &s1s2, 0.1).unwrap();
+        let waves = branched(&mut simulation, state, &s1s2);
+        assert_eq!(waves.first, whole.lat);
+        assert!(waves.counts.iter().all(|n| *n == 1), "captured and conducted");
+        // a broken twin: S2 alone, without the S1 that slows it
+        let alone = Pacing { times: vec![interval], measured: 0, ..s1s2.clone() };
+        assert_ne!(branched(&mut simulation, at_rest.clone(), &alone).first, whole.lat);
+        // a state after S2 has begun
+        let late = simulation.state();
+        assert_eq!(simulation.branch(late, &s1s2), Err(SurfaceError::State));
+    }
+    // neither an S2 in the plateau nor its stimulus are activations elsewhere
+    let refractory = Pacing { times: vec![0.0, 100.0], end: 160.0, measured: 1, ..s1 };
+    let waves = branched(&mut simulation, at_rest, &refractory);
+    assert!(waves.counts[3..20].iter().all(|n| *n == 0), "{:?}", &waves.counts[..21]);
+}
+
 #[test]
 fn steps_too_long_for_the_cell_are_an_error() {
     let mesh = rectangle(20, 5, 0.4);
