@@ -273,7 +273,7 @@ fn maps_of_arrivals_are_of_draws() {
     // 200 draws, every second of which is kept: velocities of these alone change
     let draw = |i: usize| {
         let mut u = model.initial();
-        u[at] = if i % 2 == 0 { 0.6 + 0.002 * i as f64 } else { 5.0 };
+        u[at] = if i.is_multiple_of(2) { 0.6 + 0.002 * i as f64 } else { 5.0 };
         u
     };
     let draws: Vec<Vec<f64>> = (0..200).map(draw).collect();

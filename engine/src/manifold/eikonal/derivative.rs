@@ -176,7 +176,9 @@ pub(super) fn backward_lines(
             let corners = geometry.triangles[t as usize].corners.map(|v| v as usize);
             into.add(corners, of.map(|g| x * g / 3.0));
             if let Some(thickness) = &mut into.thickness {
-                corners.iter().for_each(|v| thickness[*v] += x * by_thickness / 3.0);
+                for v in corners {
+                    thickness[v] += x * by_thickness / 3.0;
+                }
             }
         });
     }

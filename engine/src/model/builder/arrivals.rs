@@ -118,12 +118,11 @@ impl Builder<'_> {
             });
             let Arrival { sources, names, .. } = &mut arrivals[arrival];
             let (source, at) = (waves.source[*row], (waves.at[*row], out + i));
-            match sources.iter_mut().find(|(own, _)| *own == source) {
-                Some((_, own)) => own.push(at),
-                None => {
-                    sources.push((source, vec![at]));
-                    names.push(label + "]");
-                }
+            if let Some((_, own)) = sources.iter_mut().find(|(own, _)| *own == source) {
+                own.push(at);
+            } else {
+                sources.push((source, vec![at]));
+                names.push(label + "]");
             }
         }
         Ok(out)
