@@ -127,6 +127,10 @@ impl<F: Precision> Solver<F> {
             for (blocks, values) in blocks.into_iter().zip(&state.values) {
                 blocks.as_flattened_mut().copy_from_slice(values);
             }
+            // what blocks at rest have left of other steps would reach their neighbours
+            for blocks in [&mut self.r, &mut self.w, &mut self.p, &mut self.s] {
+                blocks.as_flattened_mut().fill(F::zero());
+            }
             self.awake.clone_from(&state.awake);
             self.slept.clone_from(&state.slept);
             self.n_iterations = state.n_iterations;

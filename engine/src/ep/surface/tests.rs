@@ -215,7 +215,7 @@ fn an_s2_from_a_kept_state_is_the_one_of_a_whole_train() {
     let at_rest = simulation.state();
     simulation.watch_waves();
     let mut states = vec![];
-    for interval in [230.0, 320.0] {
+    for interval in [290.0, 320.0] {
         while simulation.time() < interval - 0.05 {
             simulation.step().unwrap();
         }
