@@ -2,7 +2,7 @@
 
 use rayon::prelude::*;
 
-use super::arrival_maps::Arrivals;
+use super::arrival_maps::{Arrivals, arrivals};
 use super::exceedance::Exceedance;
 use super::laid_out::Model;
 use super::map::Source;
@@ -73,8 +73,8 @@ struct AtVertex {
 /// Everything a model says about each vertex: its fields, then its derived quantities.
 #[derive(Debug)]
 pub struct Maps<'m> {
-    pub(super) model: &'m Model,
-    pub(super) basis: &'m Basis,
+    model: &'m Model,
+    basis: &'m Basis,
 }
 
 /// What is kept of one draw: the value vector as far as maps read it, and the mean and weights of each field.
@@ -109,6 +109,12 @@ impl<'m> Maps<'m> {
             has_flat_mean: false,
         });
         fields.chain(lets).collect()
+    }
+
+    /// Names of all maps of [`Maps::summarise`]; of arrivals with the cells on which they depend: `arrival[12]`.
+    pub fn all_names(&self) -> Vec<&'m str> {
+        let arrivals = self.model.arrivals.iter().flat_map(|of| &of.names).map(String::as_str);
+        self.names().iter().map(|map| map.name).chain(arrivals).collect()
     }
 
     /// Derived quantities at one place, from the sums of the fields there. They are NaN if a field
@@ -184,7 +190,7 @@ impl<'m> Maps<'m> {
     /// all draws, derived quantities over the physical ones. For each thread one vertex with all its
     /// draws is in memory.
     pub fn summarise(&self, draws: &[Vec<f64>], asked: &[Exceedance]) -> Summaries {
-        let arrivals = self.arrivals(draws);
+        let arrivals = arrivals(self.model, self.basis.n_vertices(), draws);
         let draws: Vec<Draw> = self.unpack(draws);
         let (names, n_vertices) = (self.names(), self.basis.n_vertices());
         let of = |e: &Exceedance| names.iter().position(|n| n.name == e.map);
@@ -207,23 +213,16 @@ impl<'m> Maps<'m> {
         }
         let n_pairs = (n_vertices * draws.len()) as f64;
         let maps = names.iter().zip(figures).zip(outside);
-        let summary =
-            |((name, [mean, sd, q5, q50, q95]), outside): ((&MapName<'_>, Figures), usize)| {
-                MapSummary {
-                    name: name.name.into(),
-                    unit: name.unit.into(),
-                    mean,
-                    sd,
-                    quantiles: [q5, q50, q95],
-                    outside: name.range.map(|_| outside as f64 / n_pairs),
-                }
-            };
+        let named = |((name, figures), outside): ((&MapName<'_>, Figures), usize)| {
+            let outside = name.range.map(|_| outside as f64 / n_pairs);
+            summary(name.name.into(), name.unit.into(), figures, outside)
+        };
         for (exceeded, (_, asked)) in exceeded.iter_mut().zip(&asked) {
             if let Some(of) = arrivals.iter().find(|of| of.name == asked.map) {
                 *exceeded = of.draws.iter().map(|draws| asked.share(draws)).collect();
             }
         }
-        let maps = maps.map(summary).chain(arrivals.into_iter().map(Arrivals::summary));
+        let maps = maps.map(named).chain(arrivals.into_iter().map(summary_of));
         Summaries { maps: maps.collect(), unphysical, exceeded }
     }
 
@@ -376,12 +375,23 @@ impl<'m> Maps<'m> {
     }
 }
 
+fn summary(name: String, unit: String, figures: Figures, outside: Option<f64>) -> MapSummary {
+    let [mean, sd, q5, q50, q95] = figures;
+    MapSummary { name, unit, mean, sd, quantiles: [q5, q50, q95], outside }
+}
+
+fn summary_of(Arrivals { name, unit, mut draws }: Arrivals) -> MapSummary {
+    let figures: Vec<[f64; 5]> = draws.par_iter_mut().map(|draws| five_numbers(draws)).collect();
+    let figures = std::array::from_fn(|k| figures.iter().map(|figures| figures[k]).collect());
+    summary(name, unit, figures, None)
+}
+
 fn within(x: f64, range: Option<(f64, f64)>) -> bool {
-    range.is_none_or(|(low, high)| low <= x && x <= high)
+    range.is_none_or(|(low, high)| (low..=high).contains(&x))
 }
 
 /// Mean, standard deviation and 5, 50, 95 % quantiles; NaN where there are too few values.
-pub(super) fn five_numbers(values: &mut [f64]) -> [f64; 5] {
+fn five_numbers(values: &mut [f64]) -> [f64; 5] {
     let (mean, sd) = mean_and_sd(&[values]);
     values.sort_unstable_by(f64::total_cmp);
     let [q5, q50, q95] = [0.05, 0.5, 0.95].map(|p| quantile(values, p));
