@@ -524,7 +524,7 @@ fn erp_apd_and_arrivals_share_one_tissue() {
 }
 
 #[test]
-#[ignore = "a measurement, 1 minute: cargo test --release --test arrivals -- --ignored --nocapture"]
+#[ignore = "a measurement, 2 minutes: cargo test --release --test arrivals -- --ignored --nocapture"]
 fn what_erp_apd_and_arrivals_tell_of_five_parameters() {
     let surface = Surface::left_atrium(3.0);
     let basis = eigenpairs(&surface.mesh, 24).unwrap();

@@ -75,6 +75,7 @@ mod problem;
 mod record;
 mod results;
 mod sample;
+mod task;
 mod unknowns;
 mod verdict;
 mod warm_start;
@@ -98,6 +99,7 @@ pub use next::{Candidates, Ranking};
 pub use problem::{Domain, Loaded, Problem, surface};
 pub use results::Results;
 pub use sample::Ended;
+pub use task::Task;
 pub use warm_start::WarmStartError;
 
 #[cfg(test)]

@@ -19,7 +19,7 @@ pub use experiment::{
 };
 pub use figure::{pictures, table_text, write_figure, write_summary};
 pub use outcome::{MapError, Outcome, Time};
-pub use plan::{Block, Case, Choice, Estimate, Plan, Task};
+pub use plan::{Block, Case, Choice, Estimate, Plan};
 pub use recovery::{RecoveredMap, Recovery, recover};
 pub use results::{Group, Results, Table, summarise};
 pub use slurm::JobArray;

@@ -71,11 +71,14 @@ pub struct Places(pub(super) Vec<OnTriangle>);
 impl Places {
     /// Values at the vertices of the coarse surface at those of the fine one: linear in each triangle.
     pub fn carry(&self, coarse: &[f64]) -> Vec<f64> {
-        let at = |(corners, weights): &OnTriangle| {
-            let parts = corners.iter().zip(weights).filter(|(_, w)| **w > 0.0);
-            parts.map(|(v, w)| w * coarse[*v as usize]).sum()
-        };
-        self.0.iter().map(at).collect()
+        (0..self.0.len()).map(|vertex| self.at(vertex, coarse)).collect()
+    }
+
+    /// The same at one vertex.
+    pub fn at(&self, vertex: usize, coarse: &[f64]) -> f64 {
+        let (corners, weights) = &self.0[vertex];
+        let parts = corners.iter().zip(weights).filter(|(_, w)| **w > 0.0);
+        parts.map(|(v, w)| w * coarse[*v as usize]).sum()
     }
 }
 

@@ -190,7 +190,7 @@ impl<'m> Maps<'m> {
     /// all draws, derived quantities over the physical ones. For each thread one vertex with all its
     /// draws is in memory.
     pub fn summarise(&self, draws: &[Vec<f64>], asked: &[Exceedance]) -> Summaries {
-        let arrivals = arrivals(self.model, self.basis.n_vertices(), draws);
+        let arrivals = arrivals(self.model, draws);
         let draws: Vec<Draw> = self.unpack(draws);
         let (names, n_vertices) = (self.names(), self.basis.n_vertices());
         let of = |e: &Exceedance| names.iter().position(|n| n.name == e.map);
@@ -218,11 +218,13 @@ impl<'m> Maps<'m> {
             summary(name.name.into(), name.unit.into(), figures, outside)
         };
         for (exceeded, (_, asked)) in exceeded.iter_mut().zip(&asked) {
-            if let Some(of) = arrivals.iter().find(|of| of.name == asked.map) {
-                *exceeded = of.draws.iter().map(|draws| asked.share(draws)).collect();
+            if let Some(of) = arrivals.iter().find(|of| of.name() == asked.map) {
+                let share = |vertex| asked.share(&of.at(vertex));
+                *exceeded = (0..n_vertices).into_par_iter().map(share).collect();
             }
         }
-        let maps = maps.map(named).chain(arrivals.into_iter().map(summary_of));
+        let arrivals = arrivals.iter().map(|of| summary_of(of, n_vertices));
+        let maps = maps.map(named).chain(arrivals);
         Summaries { maps: maps.collect(), unphysical, exceeded }
     }
 
@@ -380,10 +382,11 @@ fn summary(name: String, unit: String, figures: Figures, outside: Option<f64>) -
     MapSummary { name, unit, mean, sd, quantiles: [q5, q50, q95], outside }
 }
 
-fn summary_of(Arrivals { name, unit, mut draws }: Arrivals) -> MapSummary {
-    let figures: Vec<[f64; 5]> = draws.par_iter_mut().map(|draws| five_numbers(draws)).collect();
+fn summary_of(of: &Arrivals<'_>, n_vertices: usize) -> MapSummary {
+    let at = |vertex| five_numbers(&mut of.at(vertex));
+    let figures: Vec<[f64; 5]> = (0..n_vertices).into_par_iter().map(at).collect();
     let figures = std::array::from_fn(|k| figures.iter().map(|figures| figures[k]).collect());
-    summary(name, unit, figures, None)
+    summary(of.name().into(), of.unit().into(), figures, None)
 }
 
 fn within(x: f64, range: Option<(f64, f64)>) -> bool {

@@ -16,9 +16,10 @@ use super::compile::run_compiled;
 use super::models::{Compiled, ModelFile};
 use super::voice::{Count, stdout, tell};
 use crate::error::Failure;
+use crate::run::Task;
 use crate::study::{
-    Block, JobArray, Plan, Results, Study, StudyError, Table, Task, summarise, table_text,
-    write_figure, write_summary,
+    Block, JobArray, Plan, Results, Study, StudyError, Table, summarise, table_text, write_figure,
+    write_summary,
 };
 
 /// `eplat study …`
@@ -138,7 +139,7 @@ impl RunArgs {
         let study = Study::new(&plan, model, &surface.mesh, &basis)?;
         // a plan that cannot be done leaves no folder
         let results = Results::open(&self.plan.folder(), &plan)?;
-        let mine = |block: &Block| self.task.is_none_or(|task| task.has(block));
+        let mine = |block: &Block| self.task.is_none_or(|task| task.has(block.index));
         let blocks: Vec<Block> = plan.blocks().into_iter().filter(mine).collect();
         let (n_cases, n_left) = (plan.cases().len(), results.missing(&blocks).len());
         let (model, truths) = (&file.path, blocks.len());

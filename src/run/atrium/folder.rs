@@ -6,7 +6,7 @@ use std::time::{Duration, Instant};
 use super::drive::{Drive, Event, Watch};
 use super::{Atrium, AtriumError, AtriumRecord, Beat, series};
 use crate::mesh::{self, Units, write_vtp};
-use crate::store::{Checkpoint, differences, seals};
+use crate::store::{Checkpoint, Identity, differences, seals};
 
 /// Where a simulation is kept while it runs, in its output folder.
 pub(super) const CHECKPOINT: &str = "checkpoint";
@@ -59,7 +59,13 @@ impl Atrium {
         begin: Begin,
         watch: Watch<'_>,
     ) -> Result<Ended, AtriumError> {
-        let Some(checkpoint) = self.open(folder, begin, watch)? else {
+        let done = Done {
+            record: AtriumRecord::FILE,
+            files: &FILES,
+            settings: |folder| Ok(AtriumRecord::read(folder)?.settings),
+        };
+        let Some(checkpoint) = done.begin(folder, &self.identity, begin, watch)? else {
+            series::forget(&folder.join(CHECKPOINT))?;
             return Ok(Ended::Before);
         };
         let begun = Instant::now();
@@ -82,54 +88,75 @@ impl Atrium {
         series::forget(&folder.join(CHECKPOINT))?;
         Ok(Ended::Now(Box::new(beat)))
     }
+}
 
-    /// The checkpoint of a simulation that begins or goes on; `None` if it is complete.
-    fn open(
+/// What is in an output folder when all is done.
+pub(super) struct Done {
+    /// The record.
+    pub(super) record: &'static str,
+    /// All that is left beside it.
+    pub(super) files: &'static [&'static str],
+    /// What the results depend on, from the record in a folder.
+    pub(super) settings: fn(&Path) -> Result<Identity, AtriumError>,
+}
+
+impl Done {
+    /// The checkpoint of simulations that begin or go on in `folder`; `None` if they are complete.
+    pub(super) fn begin(
         &self,
         folder: &Path,
+        identity: &Identity,
         begin: Begin,
         watch: Watch<'_>,
     ) -> Result<Option<Checkpoint>, AtriumError> {
-        let (path, every) = (folder.join(CHECKPOINT), begin.every);
+        let path = folder.join(CHECKPOINT);
         let is_interrupted = Checkpoint::identity(&path)?.is_some();
-        let is_complete = folder.join(AtriumRecord::FILE).exists();
+        let is_complete = folder.join(self.record).exists();
         let resumes = match begin.resume {
             Resume::Never => false,
             Resume::Always => true,
             Resume::IfBegun => is_interrupted || is_complete,
         };
         if !resumes {
-            refuse_foreign(folder)?;
-            return Ok(Some(Checkpoint::begin(&path, &self.identity, every)?));
+            self.refuse_foreign(folder)?;
+            return Ok(Some(Checkpoint::begin(&path, identity, begin.every)?));
         }
-        if !is_interrupted && is_complete {
-            let differences = differences(&AtriumRecord::read(folder)?.settings, &self.identity);
-            return if differences.is_empty() {
-                // it may have been killed while it forgot what it went on from
-                Checkpoint::forget(&path)?;
-                series::forget(&path)?;
-                Ok(None)
-            } else {
-                Err(AtriumError::Other { folder: folder.to_owned(), differences })
-            };
+        if is_interrupted || !is_complete {
+            return resumed(&path, identity, begin, watch).map(Some);
         }
-        let checkpoint = Checkpoint::resume(&path, &self.identity, every)?;
-        let seconds = checkpoint.seconds_before();
-        (watch.on_event)(Event::Resumed { folder: &path, seconds });
-        Ok(Some(checkpoint))
+        let differences = differences(&(self.settings)(folder)?, identity);
+        if differences.is_empty() {
+            // it may have been killed while it forgot what it went on from
+            Checkpoint::forget(&path)?;
+            return Ok(None);
+        }
+        Err(AtriumError::Other { folder: folder.to_owned(), differences })
+    }
+
+    /// Refuses a folder in which files have the names of these and there is no record.
+    pub(super) fn refuse_foreign(&self, folder: &Path) -> Result<(), AtriumError> {
+        if (self.settings)(folder).is_ok() {
+            return Ok(());
+        }
+        let mut names = self.files.iter().chain([&self.record]).map(|name| folder.join(name));
+        match names.find(|path| path.exists()) {
+            Some(path) => Err(AtriumError::Foreign { path }),
+            None => Ok(()),
+        }
     }
 }
 
-/// Refuses a folder in which files have the names of a simulation's and there is no simulation.
-fn refuse_foreign(folder: &Path) -> Result<(), AtriumError> {
-    if AtriumRecord::read(folder).is_ok() {
-        return Ok(());
-    }
-    let mut names = FILES.iter().chain([&AtriumRecord::FILE]).map(|name| folder.join(name));
-    match names.find(|path| path.exists()) {
-        Some(path) => Err(AtriumError::Foreign { path }),
-        None => Ok(()),
-    }
+/// The checkpoint at `path`, of simulations that go on.
+pub(super) fn resumed(
+    path: &Path,
+    identity: &Identity,
+    begin: Begin,
+    watch: Watch<'_>,
+) -> Result<Checkpoint, AtriumError> {
+    let checkpoint = Checkpoint::resume(path, identity, begin.every)?;
+    let seconds = checkpoint.seconds_before();
+    (watch.on_event)(Event::Resumed { folder: path, seconds });
+    Ok(checkpoint)
 }
 
 impl Beat {

@@ -49,6 +49,6 @@ pub use record::{AtriumRecord, Summary};
 pub use settings::{AtriumSettings, Numerics, PacingSettings, Source, TissueSettings};
 pub use setup::{Atrium, Warning};
 pub use vulnerability::{
-    Outcome, Part, Response, S1S2Settings, SiteSummary, Vulnerability, VulnerabilityEnded,
+    Outcome, Response, S1S2Settings, SiteSummary, Vulnerability, VulnerabilityEnded,
     VulnerabilityRecord,
 };

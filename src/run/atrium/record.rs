@@ -5,6 +5,7 @@ use std::fs;
 use std::io::{self, Write as _};
 use std::path::Path;
 
+use serde::de::DeserializeOwned;
 use serde::{Deserialize, Deserializer, Serialize, Serializer};
 
 use super::compare::MapDifference;
@@ -90,27 +91,36 @@ impl AtriumRecord {
     /// # Errors
     /// [`AtriumError::Io`], [`AtriumError::Record`].
     pub fn read(folder: &Path) -> Result<Self, AtriumError> {
-        let path = folder.join(Self::FILE);
-        let bytes = fs::read(&path).map_err(AtriumError::io("read", &path))?;
-        Ok(serde_json::from_slice(&bytes)?)
+        read_record(&folder.join(Self::FILE))
     }
 
     /// Removes the record of an earlier simulation, so that none of its files stands beside new ones as one of them.
     pub(super) fn remove(folder: &Path) -> Result<(), AtriumError> {
-        let path = folder.join(Self::FILE);
-        match fs::remove_file(&path) {
-            Err(error) if error.kind() != io::ErrorKind::NotFound => {
-                Err(AtriumError::io("remove", &path)(error))
-            }
-            _ => Ok(()),
-        }
+        remove_record(&folder.join(Self::FILE))
     }
 
     pub(super) fn write(&self, folder: &Path) -> Result<(), AtriumError> {
-        let text = serde_json::to_string_pretty(self)? + "\n";
-        let path = folder.join(Self::FILE);
-        write_file(&path, |file| file.write_all(text.as_bytes()))
-            .map_err(AtriumError::io("write", &path))
+        write_record(&folder.join(Self::FILE), self)
+    }
+}
+
+pub(super) fn read_record<T: DeserializeOwned>(path: &Path) -> Result<T, AtriumError> {
+    let bytes = fs::read(path).map_err(AtriumError::io("read", path))?;
+    Ok(serde_json::from_slice(&bytes)?)
+}
+
+pub(super) fn write_record<T: Serialize>(path: &Path, record: &T) -> Result<(), AtriumError> {
+    let text = serde_json::to_string_pretty(record)? + "\n";
+    write_file(path, |file| file.write_all(text.as_bytes())).map_err(AtriumError::io("write", path))
+}
+
+/// Removes a record, if there is one.
+pub(super) fn remove_record(path: &Path) -> Result<(), AtriumError> {
+    match fs::remove_file(path) {
+        Err(error) if error.kind() != io::ErrorKind::NotFound => {
+            Err(AtriumError::io("remove", path)(error))
+        }
+        _ => Ok(()),
     }
 }
 

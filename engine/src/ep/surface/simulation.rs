@@ -104,10 +104,10 @@ impl<F: Precision> Simulation<F> {
     pub fn branch(&mut self, state: State<F>, pacing: &Pacing) -> Result<(), SurfaceError> {
         let n_vertices = self.solver.operators.vertex.len();
         pacing.validate(n_vertices, self.dt)?;
-        self.follow(pacing);
-        if state.step > self.measured.start {
+        if state.step > step_of(pacing.times[pacing.measured], self.dt) {
             return Err(SurfaceError::State);
         }
+        self.follow(pacing);
         self.measured = 0..0;
         self.counter = None;
         self.restore(state)
