@@ -4,7 +4,7 @@ use super::bench::Bench;
 use super::claim::Claim;
 use super::fit::LaplaceFit;
 use super::judgement::{Judgement, Record, Round, least_log_bf};
-use super::leave::leave_sites_out;
+use super::leave::{Left, leave_sites_out};
 use super::outer::Free;
 use super::rivals::Duel;
 use super::search::{Searched, Tried, search};
@@ -28,31 +28,49 @@ pub(super) struct Judge<'j, 'a> {
 impl<'a> Judge<'_, 'a> {
     /// The round, and what it claims.
     pub(super) fn judge(self) -> (Round, Option<Claim<'a>>) {
-        let base = &self.searched.base;
-        let left = leave_sites_out(&self.bench.engine, base, self.bench.seed);
-        let duel = |best| Duel { best, base, left: &left };
-        let tried = &self.searched.tried;
-        let mut tried_so_far: Vec<Record> = tried.iter().map(|t| self.record(t)).collect();
-        let mut claim = None;
-        // another may explain more where it was fitted, and predict nothing
-        for (record, best) in tried_so_far.iter_mut().zip(tried) {
-            let Some(fit) = best.fit.as_ref().filter(|_| self.is_enough(best)) else { continue };
-            match self.claimed(&duel(best), fit) {
-                Ok(own) => (record.judgement, claim) = (Judgement::Found, Some(own)),
-                Err(why) => record.judgement = why,
-            }
-            if matches!(record.judgement, Judgement::Found | Judgement::NotToldApart(_)) {
-                break;
-            }
+        let left = leave_sites_out(&self.bench.engine, &self.searched.base, self.bench.seed);
+        let mut tried_so_far: Vec<Record> =
+            self.searched.tried.iter().map(|t| self.record(t)).collect();
+        // causes that hide each other: each alone may be mistaken for something else
+        let mut claim = self.is_pair_best().then(|| self.of_pair(&mut tried_so_far)).flatten();
+        if claim.is_none() {
+            claim = self.of_one(&left, &mut tried_so_far);
         }
         let is_ambiguous = |r: &Record| matches!(r.judgement, Judgement::NotToldApart(_));
-        if claim.is_none() && !tried_so_far.iter().any(is_ambiguous) {
+        if claim.is_none() && !self.is_pair_best() && !tried_so_far.iter().any(is_ambiguous) {
             claim = self.of_pair(&mut tried_so_far);
         }
         let claimed = claim.as_ref().map_or(vec![], |claim: &Claim<'_>| claim.effects.clone());
         let Self { searched: Searched { base, pair, .. }, nulls, .. } = self;
         let pair = pair.map(|pair| (pair.candidates, pair.log_bf));
         (Round { tried: tried_so_far, pair, nulls, base, left, claimed }, claim)
+    }
+
+    /// What is claimed of a single cause: the first, best first, that predicts what was left out. None
+    /// where it is not told apart from others.
+    fn of_one(&self, left: &Left, records: &mut [Record]) -> Option<Claim<'a>> {
+        let base = &self.searched.base;
+        // another may explain more where it was fitted, and predict nothing
+        for (record, best) in records.iter_mut().zip(&self.searched.tried) {
+            let Some(fit) = best.fit.as_ref().filter(|_| self.is_enough(best)) else { continue };
+            match self.claimed(&Duel { best, base, left }, fit) {
+                Ok(claim) => {
+                    record.judgement = Judgement::Found;
+                    return Some(claim);
+                }
+                Err(why) => record.judgement = why,
+            }
+            if matches!(record.judgement, Judgement::NotToldApart(_)) {
+                return None;
+            }
+        }
+        None
+    }
+
+    /// Whether two causes explain more together, at the price of a pair, than any cause alone.
+    fn is_pair_best(&self) -> bool {
+        let single = self.searched.tried.first().map_or(f64::NEG_INFINITY, |tried| tried.log_bf);
+        self.searched.pair.is_some_and(|pair| pair.log_bf > single)
     }
 
     /// What is claimed of the best pair, where no single cause is claimed. Each of the two must

@@ -32,7 +32,7 @@ const PRICE_OF_PAIR: f64 = CLAIM;
 /// What scatter must explain more: it moves no prediction, so that no site left out speaks against a wrong column. Without
 /// it two of 20 studies of nothing (seeds 501 to 520) ended in a claim, with 4.4 and 4.9.
 const PRICE_OF_SCATTER: f64 = CLAIM;
-/// So far below the base, the sds of sites and noise would not bring them above it.
+/// So far below the base, outer values that are tried are not made free.
 const HOPELESS: f64 = 5.0;
 
 /// A candidate's evidence.
@@ -42,8 +42,11 @@ pub(super) struct Tried {
     pub(super) candidate: usize,
     /// p-value of the screen; 1 for what is not screened.
     pub(super) p_screen: f64,
-    /// Log Bayes factor against the base; −∞ where the screen stopped it.
+    /// Log Bayes factor against the base, less [`Self::price`]; −∞ where the screen stopped it.
     pub(super) log_bf: f64,
+    /// What its log Bayes factor is less than that of its fit: its fit is the best of several, or
+    /// more is asked of it.
+    pub(super) price: f64,
     /// Its fit.
     pub(super) fit: Option<LaplaceFit>,
 }
@@ -130,7 +133,8 @@ impl Pass<'_> {
                 Screen::Units => f_test(self.engine, &units, candidate),
                 Screen::None => 1.0,
             };
-            let tried = Tried { candidate, p_screen, log_bf: f64::NEG_INFINITY, fit: None };
+            let log_bf = f64::NEG_INFINITY;
+            let tried = Tried { candidate, p_screen, log_bf, price: 0.0, fit: None };
             let gate = if screen == Screen::Scatter { GATE_OF_SCATTER } else { GATE };
             if screen != Screen::None && p_screen > gate { tried } else { self.fitted(tried) }
         };
@@ -145,12 +149,12 @@ impl Pass<'_> {
         let reference = score(base, step);
         let active = self.bench.and(&self.active, tried.candidate);
         if level == Level::Noise {
-            let Some((fit, score)) = self.with_noise(&active, tried.candidate) else {
-                return tried;
-            };
             let is_scatter = self.bench.candidates[tried.candidate].is_scatter();
-            let price = if is_scatter { PRICE_OF_SCATTER } else { 0.0 };
-            return Tried { log_bf: score - price - reference, fit: Some(fit), ..tried };
+            let scattered = || self.with_scatter(&active, tried.candidate);
+            let found = if is_scatter { scattered() } else { self.with_outliers(&active) };
+            let Some((fit, price)) = found else { return tried };
+            let log_bf = score(&fit, step) - reference - price;
+            return Tried { log_bf, price, fit: Some(fit), ..tried };
         }
         let Some(fit) = engine.fit(&base.outer, &active, Some(base)) else { return tried };
         let log_bf = score(&fit, step) - reference;
@@ -164,25 +168,48 @@ impl Pass<'_> {
         Tried { log_bf, fit: Some(fit), ..tried }
     }
 
-    /// The fit with outliers or scatter, and its score averaged over what is tried of it.
-    fn with_noise(&self, active: &[usize], candidate: usize) -> Option<(LaplaceFit, f64)> {
+    /// The fit with outliers, and what is taken off its score for being the best of those tried.
+    fn with_outliers(&self, active: &[usize]) -> Option<(LaplaceFit, f64)> {
+        let tried = self.not_hopeless(active, self.outlying())?;
+        let best = tried.iter().max_by(|a, b| a.1.total_cmp(&b.1))?;
+        let price = best.1 - mean_evidence(&tried, tried.len());
+        let (fit, _) = optimise(self.engine, active, &best.0, Free::Spread, self.bench.step)?;
+        Some((fit, price))
+    }
+
+    /// The fit with scatter, and what is taken off its score. Which coefficient is best is seen once the model's
+    /// own unknowns are free: with all errors alike its fields have followed the measurements that scatter. So those
+    /// of the sign, and label, of the best one are fitted again.
+    fn with_scatter(&self, active: &[usize], candidate: usize) -> Option<(LaplaceFit, f64)> {
+        let Self { engine, bench, .. } = self;
+        let outers = self.scattering(candidate);
+        let n = outers.len();
+        let tried = self.not_hopeless(active, outers)?;
+        let best = tried.iter().max_by(|a, b| a.1.total_cmp(&b.1))?;
+        let signs = |fit: &LaplaceFit| {
+            let own = fit.outer.scatter.last();
+            own.map(|own| own.iter().map(|c| c.partial_cmp(&0.0)).collect::<Vec<_>>())
+        };
+        let alike = tried.iter().filter(|one| signs(&one.0) == signs(&best.0));
+        let free = alike.filter_map(|one| optimise(engine, active, &one.0, Free::All, bench.step));
+        let free: Vec<(LaplaceFit, f64)> = free.collect();
+        let mean = mean_evidence(&free, n);
+        let (fit, score) = free.into_iter().max_by(|a, b| a.1.total_cmp(&b.1))?;
+        Some((fit, score - mean + PRICE_OF_SCATTER))
+    }
+
+    /// Fits at these outer values with their scores, unless all are so far below the base that the sds of sites and
+    /// noise would not bring them above it.
+    fn not_hopeless(&self, active: &[usize], outers: Vec<Outer>) -> Option<Vec<(LaplaceFit, f64)>> {
         let (Self { engine, base, .. }, step) = (self, self.bench.step);
-        let is_scatter = self.bench.candidates[candidate].is_scatter();
-        let outers = if is_scatter { self.scattering(candidate) } else { self.outlying() };
-        let mut tried: Vec<(LaplaceFit, f64)> = vec![];
-        for outer in outers {
+        let one = |outer| {
             let fit = engine.fit(&outer, active, Some(base))?;
             let score = score(&fit, step);
-            tried.push((fit, score));
-        }
-        let (best, most) = tried.iter().max_by(|a, b| a.1.total_cmp(&b.1))?;
-        if *most < score(base, step) - HOPELESS {
-            return None;
-        }
-        let total = tried.iter().map(|t| (t.1 - most).exp()).sum::<f64>();
-        let average = (total / tried.len() as f64).ln();
-        let (fit, score) = optimise(engine, active, best, Free::Spread, step)?;
-        Some((fit, score + average))
+            Some((fit, score))
+        };
+        let tried: Vec<(LaplaceFit, f64)> = outers.into_iter().map(one).collect::<Option<_>>()?;
+        let is_near = |tried: &(LaplaceFit, f64)| tried.1 >= score(base, step) - HOPELESS;
+        tried.iter().any(is_near).then_some(tried)
     }
 
     /// The base with each share and size of outliers.
@@ -264,8 +291,9 @@ impl Pass<'_> {
             let refined = t.fit.as_ref().and_then(|fit| {
                 optimise(self.engine, &fit.active, fit, Free::All, self.bench.step)
             });
-            if let Some((fit, score)) = refined.filter(|(_, s)| s - reference > t.log_bf) {
-                (t.log_bf, t.fit) = (score - reference, Some(fit));
+            let log_bf = |score: f64| score - reference - t.price;
+            if let Some((fit, score)) = refined.filter(|(_, s)| log_bf(*s) > t.log_bf) {
+                (t.log_bf, t.fit) = (log_bf(score), Some(fit));
             }
         }
     }
@@ -298,4 +326,11 @@ impl Pass<'_> {
         let (fit, score_there) = optimise(engine, active, &start, Free::All, step)?;
         (score_there > score(base, step) + 0.5).then_some(fit)
     }
+}
+
+/// ln of the mean evidence of `n` fits, of which those that are not here have next to none.
+fn mean_evidence(fits: &[(LaplaceFit, f64)], n: usize) -> f64 {
+    let most = fits.iter().map(|fit| fit.1).fold(f64::NEG_INFINITY, f64::max);
+    let total = fits.iter().map(|fit| (fit.1 - most).exp()).sum::<f64>();
+    most + (total / n as f64).ln()
 }
