@@ -5,14 +5,12 @@ use super::content::{Cells, Content};
 use super::geometry::{Geometry, Rows};
 use super::{Array, Data, MeshError, Place, Units};
 use crate::store::npy::{self, Npy};
-use crate::store::{NpzWriter, Packing, array_name, write_file};
+use crate::store::{MOST_INFLATED, NpzWriter, Packing, array_name, write_file};
 use std::collections::BTreeMap;
 use std::io::{self, Cursor, Read as _, Seek, Write};
 use std::path::Path;
 use zip::ZipArchive;
 
-/// How many bytes an honest file inflates to, for each of its own.
-const MOST_INFLATED: u64 = 32;
 /// A scalar that eplat writes: mm in one unit of the coordinates.
 const SCALE: &str = "mm_per_unit";
 

@@ -26,6 +26,7 @@ pub use checkpoint::{Keeper, take_chain};
 pub use disk::free_on_disk;
 pub use kind::Kind;
 pub use lock::{FolderLock, LockError};
+pub(crate) use npz::MOST_INFLATED;
 pub use npz::{NpzReader, NpzWriter, Packing, array_name};
 pub use seal::{is_name, seal_of, seals, unchanged};
 pub use spool::Spool;

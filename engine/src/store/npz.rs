@@ -11,6 +11,10 @@ use super::npy::{self, Element, Npy};
 
 /// Ending of an array's name in the archive.
 const ENDING: &str = ".npy";
+/// What honest arrays inflate to at most, in multiples of their file.
+pub(crate) const MOST_INFLATED: u64 = 32;
+/// What any file may inflate to.
+const SMALL: u64 = 1 << 20;
 /// Numbers in an array from which on its file needs 64-bit sizes.
 const LARGE: usize = 1 << 28;
 
@@ -65,7 +69,11 @@ impl<W: Write + Seek> NpzWriter<W> {
 
 /// An archive that is read.
 #[derive(Debug)]
-pub struct NpzReader(ZipArchive<BufReader<File>>);
+pub struct NpzReader {
+    zip: ZipArchive<BufReader<File>>,
+    /// Bytes that arrays which are not read yet may have: a few bytes of an archive can inflate to any size.
+    budget: u64,
+}
 
 impl NpzReader {
     /// Opens a file.
@@ -73,9 +81,11 @@ impl NpzReader {
     /// # Errors
     /// There is no such file, or it is no archive.
     pub fn open(path: &Path) -> io::Result<Self> {
-        let file = BufReader::new(File::open(path)?);
+        let file = File::open(path)?;
+        let budget = SMALL.max(MOST_INFLATED.saturating_mul(file.metadata()?.len()));
         let damaged = |error| format!("no .npz archive, or a damaged one ({error})");
-        Ok(Self(ZipArchive::new(file).map_err(|error| io::Error::other(damaged(error)))?))
+        let zip = ZipArchive::new(BufReader::new(file));
+        Ok(Self { zip: zip.map_err(|error| io::Error::other(damaged(error)))?, budget })
     }
 
     /// Names of the arrays, sorted.
@@ -84,7 +94,7 @@ impl NpzReader {
     /// A name that is no text.
     pub fn names(&self) -> io::Result<Vec<String>> {
         let mut names = vec![];
-        for file in self.0.file_names() {
+        for file in self.zip.file_names() {
             names.extend(array_name(&file?).map(String::from));
         }
         names.sort();
@@ -94,11 +104,16 @@ impl NpzReader {
     /// The array of this name, of any numbers.
     ///
     /// # Errors
-    /// No such array, or one of something else; a damaged archive.
+    /// No such array, or one of something else; a damaged archive, or one that inflates to more than honest arrays do.
     pub fn array(&mut self, name: &str) -> io::Result<Npy> {
         let mut bytes = vec![];
         // to the end, because only there the archive checks their sum
-        self.0.by_name(&format!("{name}{ENDING}"))?.read_to_end(&mut bytes)?;
+        let file = self.zip.by_name(&format!("{name}{ENDING}"))?;
+        file.take(self.budget + 1).read_to_end(&mut bytes)?;
+        let left = self.budget.checked_sub(bytes.len() as u64);
+        self.budget = left.ok_or_else(|| {
+            io::Error::other("the archive inflates to more than an honest file does")
+        })?;
         let array = npy::parse(&bytes).map_err(io::Error::other)?;
         array.ok_or_else(|| io::Error::other("expected numbers, got another type"))
     }
@@ -107,4 +122,35 @@ impl NpzReader {
 /// The name of the array in this file of an archive, if it is one.
 pub fn array_name(file: &str) -> Option<&str> {
     file.strip_suffix(ENDING)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::store::write_file;
+
+    /// Zeros deflate to a thousandth: of 32 MB of them are left 32 kB.
+    #[test]
+    fn an_archive_that_inflates_without_end_is_refused() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("zeros.npz");
+        let read = |n: u64, name: &str| {
+            let zeros = vec![0.0; n as usize];
+            write_file(&path, |file| {
+                let mut archive = NpzWriter::new(file, Packing::Deflated);
+                archive.array("a", &[n], &zeros)?;
+                archive.array("b", &[n], &zeros)?;
+                archive.finish()
+            })
+            .unwrap();
+            let mut archive = NpzReader::open(&path).unwrap();
+            let first = archive.array("a").map(|array| array.values.len());
+            if name == "a" { first } else { archive.array(name).map(|array| array.values.len()) }
+        };
+        let said = read(4_000_000, "a").unwrap_err().to_string();
+        assert_eq!(said, "the archive inflates to more than an honest file does");
+        // what is small is read, but not again and again
+        assert_eq!(read(100_000, "a").unwrap(), 100_000);
+        assert!(read(100_000, "b").is_err());
+    }
 }
