@@ -27,7 +27,7 @@ fn is_formula(text: &str) -> bool {
 }
 
 /// A line of CSV with its end. A cell that holds a separator stands in quotes, and so does one that begins with
-/// `#`: it is no comment.
+/// `#`: it is no comment. So does an only cell that is empty: the line is not blank, for blank lines are no rows.
 pub fn csv_line<'t>(cells: impl IntoIterator<Item = &'t str>) -> String {
     let quoted = |cell: &str| {
         let cell = as_cell(cell);
@@ -37,7 +37,8 @@ pub fn csv_line<'t>(cells: impl IntoIterator<Item = &'t str>) -> String {
             cell
         }
     };
-    cells.into_iter().map(quoted).collect::<Vec<_>>().join(",") + "\n"
+    let line = cells.into_iter().map(quoted).collect::<Vec<_>>().join(",");
+    if line.is_empty() { "\"\"\n".into() } else { line + "\n" }
 }
 
 #[cfg(test)]
@@ -73,5 +74,15 @@ mod tests {
         }
         let is_formula = |line: &str| line.trim_start_matches('"').starts_with(['=', '+', '@']);
         assert!(!csv.lines().any(is_formula), "{csv}");
+    }
+
+    #[test]
+    fn an_empty_cell_that_is_a_row_stays_one() {
+        let rows = ["a", "", "b"].map(|text| vec![text.to_owned()]).to_vec();
+        let csv = Measurements::from_cells("made", vec!["site".into()], rows).unwrap().to_csv();
+        assert_eq!(csv, "site\na\n\"\"\nb\n");
+        let file = tempfile::NamedTempFile::with_suffix(".csv").unwrap();
+        std::fs::write(file.path(), csv).unwrap();
+        assert_eq!(Measurements::read(file.path()).unwrap().len(), 3);
     }
 }

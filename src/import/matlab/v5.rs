@@ -15,7 +15,7 @@ use super::{Found, Matrix};
 use crate::import::ImportError;
 use crate::mesh::Place;
 
-/// What compressed elements may grow by, each of them and all of a file, and the size
+/// What the compressed elements of a file may grow by, all together and in multiples of the file, and the size
 /// they may have whatever they grow by, bytes.
 #[derive(Clone, Copy, Debug)]
 pub(in crate::import) struct Bounds {
@@ -94,16 +94,15 @@ impl Mat {
         place: usize,
         left: &mut usize,
     ) -> Result<Option<Vec<u8>>, ImportError> {
-        let limit = Bounds::DEFAULT.of(packed.len()).min(*left);
         let mut bytes = vec![];
-        let mut decoder = ZlibDecoder::new(packed).take(limit as u64 + 1);
+        let mut decoder = ZlibDecoder::new(packed).take(*left as u64 + 1);
         let done = decoder.read_to_end(&mut bytes);
         done.map_err(|e| wrong(&self.file, place, "a compressed variable", &e.to_string()))?;
-        if bytes.len() > limit {
-            let got = format!("more than {} times its compressed size", Bounds::DEFAULT.growth);
-            return Err(wrong(&self.file, place, "a variable of a mapping study", &got));
-        }
-        *left -= bytes.len();
+        let Some(rest) = left.checked_sub(bytes.len()) else {
+            let got = format!("more than {} times the size of the file", Bounds::DEFAULT.growth);
+            return Err(wrong(&self.file, place, "variables of a mapping study", &got));
+        };
+        *left = rest;
         let mut inner = Reader { bytes: &bytes, at: 0, mat: self };
         let element = inner.element()?;
         Ok((element.kind == MATRIX).then(|| element.bytes.to_vec()))
