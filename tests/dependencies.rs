@@ -12,7 +12,7 @@ use std::process::Command;
 /// Folders of the crates of this repository, and dependencies that none of their files names, with the reason.
 const CRATES: [(&str, &[&str]); 8] = [
     // with their features, program and Python module share one build
-    ("", &["num-complex", "num-integer", "once_cell"]),
+    ("", &["either", "num-complex", "num-integer", "once_cell", "simd-adler32"]),
     ("engine", &[]),
     ("language", &[]),
     ("macros", &[]),
