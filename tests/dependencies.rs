@@ -11,8 +11,9 @@ use std::process::Command;
 
 /// Folders of the crates of this repository, and dependencies that none of their files names, with the reason.
 const CRATES: [(&str, &[&str]); 8] = [
-    // with their features, program and Python module share one build
-    ("", &["either", "num-complex", "num-integer", "once_cell", "simd-adler32"]),
+    // with their features, program, Python module and tests share one build; the name of another, `either`, is a word
+    // that comments use
+    ("", &["num-complex", "num-integer", "once_cell", "simd-adler32"]),
     ("engine", &[]),
     ("language", &[]),
     ("macros", &[]),
