@@ -45,10 +45,9 @@ fn bring_along(target: &Path) {
 fn is_below(path: &Path) -> bool {
     let name = path.file_stem().unwrap_or_default().to_string_lossy();
     let package = name.rsplit_once('-').map_or(&*name, |(package, _)| package);
-    let is_library = |e: &std::ffi::OsStr| ["rlib", "rmeta", "so", "d"].iter().any(|own| e == *own);
-    package.trim_start_matches("lib") != "eplat"
-        && path.extension().is_none_or(is_library)
-        && (path.is_dir() || path.extension().is_some())
+    let ending = path.extension().unwrap_or_default();
+    let is_library = ["rlib", "rmeta", "so", "d"].iter().any(|own| ending == *own);
+    package.trim_start_matches("lib") != "eplat" && (path.is_dir() || is_library)
 }
 
 #[test]

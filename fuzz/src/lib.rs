@@ -6,12 +6,15 @@
 //! cargo run --release --manifest-path fuzz/Cargo.toml -- all 600
 //! ```
 //!
+//! Each mutation is written to a file: with `TMPDIR` on a disk in memory (`/dev/shm`) it goes some fifteen times faster.
+//!
 //! With coverage guidance, which needs a nightly compiler and `cargo install cargo-fuzz`:
 //!
 //! ```sh
 //! cargo run --release --manifest-path fuzz/Cargo.toml -- corpus fuzz/corpus
 //! cargo +nightly fuzz run --features libfuzzer ply -- -dict=fuzz/words.dict -max_total_time=600 -timeout=2
 //! ```
+//!
 //! `tests/mutated.rs` does the first for about a minute in all, in every run of the tests.
 
 #![allow(clippy::unwrap_used, clippy::expect_used, reason = "a panic is what is looked for")]

@@ -31,7 +31,7 @@ impl<'a> Judge<'_, 'a> {
         let left = leave_sites_out(&self.bench.engine, &self.searched.base, self.bench.seed);
         let mut tried_so_far: Vec<Record> =
             self.searched.tried.iter().map(|t| self.record(t)).collect();
-        // causes that hide each other: each alone may be mistaken for something else
+        // causes that hide each other come first: each alone may be mistaken for something else
         let mut claim = self.is_pair_best().then(|| self.of_pair(&mut tried_so_far)).flatten();
         if claim.is_none() {
             claim = self.of_one(&left, &mut tried_so_far);
@@ -46,8 +46,8 @@ impl<'a> Judge<'_, 'a> {
         (Round { tried: tried_so_far, pair, nulls, base, left, claimed }, claim)
     }
 
-    /// What is claimed of a single cause: the first, best first, that predicts what was left out. None
-    /// where it is not told apart from others.
+    /// What is claimed of a single cause. Causes are judged in the order of their evidence, until one
+    /// is claimed or is not told apart from others.
     fn of_one(&self, left: &Left, records: &mut [Record]) -> Option<Claim<'a>> {
         let base = &self.searched.base;
         // another may explain more where it was fitted, and predict nothing
@@ -67,13 +67,13 @@ impl<'a> Judge<'_, 'a> {
         None
     }
 
-    /// Whether two causes explain more together, at the price of a pair, than any cause alone.
+    /// Whether two causes explain more together, at the price of a pair, than the first cause does alone.
     fn is_pair_best(&self) -> bool {
         let single = self.searched.tried.first().map_or(f64::NEG_INFINITY, |tried| tried.log_bf);
         self.searched.pair.is_some_and(|pair| pair.log_bf > single)
     }
 
-    /// What is claimed of the best pair, where no single cause is claimed. Each of the two must
+    /// What is claimed of the best pair. Each of the two must
     /// predict with the other in the model, and must have more evidence there than any further
     /// cause. Then the first is claimed. The second is left to the next round.
     fn of_pair(&self, records: &mut [Record]) -> Option<Claim<'a>> {

@@ -32,7 +32,7 @@ const PRICE_OF_PAIR: f64 = CLAIM;
 /// What scatter must explain more: it moves no prediction, so that no site left out speaks against a wrong column. Without
 /// it two of 20 studies of nothing (seeds 501 to 520) ended in a claim, with 4.4 and 4.9.
 const PRICE_OF_SCATTER: f64 = CLAIM;
-/// So far below the base, outer values that are tried are not made free.
+/// Outliers or scatter that start so far below the base are not fitted further.
 const HOPELESS: f64 = 5.0;
 
 /// A candidate's evidence.
@@ -44,8 +44,7 @@ pub(super) struct Tried {
     pub(super) p_screen: f64,
     /// Log Bayes factor against the base, less [`Self::price`]; −∞ where the screen stopped it.
     pub(super) log_bf: f64,
-    /// What its log Bayes factor is less than that of its fit: its fit is the best of several, or
-    /// more is asked of it.
+    /// What is taken off: for the choice of the best among several fits, and for [`PRICE_OF_SCATTER`].
     pub(super) price: f64,
     /// Its fit.
     pub(super) fit: Option<LaplaceFit>,
