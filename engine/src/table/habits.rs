@@ -23,15 +23,35 @@ pub(super) fn packed(bytes: &[u8]) -> Option<(&'static str, &'static str)> {
 }
 
 /// The text with empty lines for those that begin with `#`, so that lines keep their numbers; and how
-/// many these were.
+/// many these were. A line within a quoted cell is none of them.
 pub(super) fn without_comments(text: Cow<'_, str>) -> (Cow<'_, str>, usize) {
-    let is_comment = |line: &&str| line.starts_with('#');
-    let n = text.lines().filter(is_comment).count();
-    if n == 0 {
+    if !text.lines().any(|line| line.starts_with('#')) {
         return (text, 0);
     }
-    let kept = text.split_inclusive('\n').map(|line| if is_comment(&line) { "\n" } else { line });
-    (Cow::Owned(kept.collect()), n)
+    let (mut is_quoted, mut n) = (false, 0);
+    let kept = text.split_inclusive('\n').map(|line| {
+        if !is_quoted && line.starts_with('#') {
+            n += 1;
+            return "\n";
+        }
+        is_quoted = ends_quoted(line, is_quoted);
+        line
+    });
+    let kept = kept.collect();
+    (Cow::Owned(kept), n)
+}
+
+/// Whether a quoted cell goes on after a line, if one did or did not before it. A quote opens a cell
+/// only at its beginning; doubled within a quoted cell it closes nothing.
+fn ends_quoted(line: &str, mut is_quoted: bool) -> bool {
+    let (mut begins_cell, mut has_closed) = (true, false);
+    for c in line.chars() {
+        let was_quoted = is_quoted;
+        is_quoted ^= c == '"' && (is_quoted || begins_cell || has_closed);
+        has_closed = was_quoted && !is_quoted;
+        begins_cell = matches!(c, ',' | ';' | '\t');
+    }
+    is_quoted
 }
 
 /// The first two columns of one name.
