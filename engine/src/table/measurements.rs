@@ -169,6 +169,8 @@ mod tests {
         let commented = of_file(b"# made by hand\n\na,b\n1,2\n# later\n3,x\n").unwrap();
         assert_eq!((commented.len(), commented.line(0), commented.line(1)), (2, 4, 6));
         assert_eq!(commented.notes(), ["2 lines that begin with # are left out"]);
+        let marked = of_file("\u{feff}\u{feff}site,value\na,1\n".as_bytes()).unwrap();
+        assert_eq!(marked.columns(), ["site", "value"]);
         // a line of a quoted cell is no comment; a quote within a cell quotes nothing
         let quoted = of_file(b"a,b\n\"first\n#2 \"\"x\"\"\",1\n5\"\"\",2\n# out\n3,x\n").unwrap();
         assert_eq!(quoted.cell(0, "a"), Some("first\n#2 \"x\""));

@@ -33,7 +33,7 @@ pub(super) fn read(path: &Path) -> Result<Table, DataError> {
         .headers()
         .map_err(unreadable)?
         .iter()
-        .map(|name| habits::plain(from_cell(name)))
+        .map(|name| habits::plain(from_cell(without_marks(name))))
         .collect();
     let (mut lines, mut cells) = (vec![], Cells::new(header.len()));
     let mut counted = (0, 1 + u64::from(skipped > 0));
@@ -78,6 +78,11 @@ pub(super) fn read(path: &Path) -> Result<Table, DataError> {
         notes.push(format!("read with {sign} between cells{commas}"));
     }
     Ok(Table::new(file, header, lines, &cells)?.with_notes(notes))
+}
+
+/// A name without byte order marks around it: files that were put together begin with several.
+fn without_marks(name: &str) -> &str {
+    name.trim_matches(|c: char| c == '\u{feff}' || c.is_whitespace())
 }
 
 fn unreadable(file: &str, error: &csv::Error) -> DataError {
