@@ -22,7 +22,7 @@ use eplat::model::{Declare, Exceedance, Maps, Model, Sampler, Summaries};
 use eplat::table::Measurements;
 use program::{Workplace, text};
 use rand::RngExt as _;
-use support::{rng, table};
+use support::{gradient_error, rng, table};
 
 mod models {
     use eplat::prelude::*;
@@ -107,32 +107,6 @@ fn rows(surface: &Surface, basis: &Basis) -> Measurements {
     rows.place_on(surface, 1.0).unwrap();
     rows.probe(surface, basis).unwrap();
     rows
-}
-
-/// The largest error of the gradient against central differences, relative to 1 + |derivative|, at `point`s
-/// around the start.
-fn gradient_error(model: &Model, point: u64) -> f64 {
-    let mut rng = rng(point);
-    let mut u = model.initial();
-    for x in &mut u {
-        *x += rng.random_range(-0.4..0.4);
-    }
-    let mut evaluator = model.evaluator();
-    let mut gradient = vec![0.0; u.len()];
-    assert!(evaluator.ln_density(&u, &mut gradient).is_finite());
-    let mut f = |i: usize, h: f64| {
-        let mut x = u.clone();
-        x[i] += h;
-        evaluator.ln_density(&x, &mut vec![0.0; x.len()])
-    };
-    let mut error: f64 = 0.0;
-    for (i, slope) in gradient.iter().enumerate() {
-        let central =
-            |f: &mut dyn FnMut(usize, f64) -> f64, h: f64| (f(i, h) - f(i, -h)) / (2.0 * h);
-        let difference = (4.0 * central(&mut f, 5e-6) - central(&mut f, 1e-5)) / 3.0;
-        error = error.max((difference - slope).abs() / (1.0 + slope.abs()));
-    }
-    error
 }
 
 #[test]
@@ -549,7 +523,7 @@ fn arrivals_at_some_vertices_are_those_of_the_surface() {
     let basis = eigenpairs(&surface.mesh, 4).unwrap();
     let n = surface.mesh.n_vertices();
     let data = rows(&surface, &basis);
-    let waves = data.waves().unwrap();
+    let waves = data.ground().unwrap().triangulation().unwrap();
     assert!(n > 2 * waves.vertices.len(), "{n} vertices");
     for row in 0..data.len() {
         assert_eq!(Some(waves.vertices[waves.at[row] as usize]), data.vertex(row));
@@ -568,7 +542,7 @@ fn arrivals_at_some_vertices_are_those_of_the_surface() {
     };
     let some: Vec<usize> = waves.vertices.iter().map(|v| *v as usize).collect();
     let off = |ratio: f64| {
-        let here = arrivals(&waves.solver, &some, waves.source[0], ratio);
+        let here = arrivals(&waves.eikonal, &some, waves.source[0], ratio);
         let source = waves.vertices[waves.source[0] as usize];
         let there = arrivals(&whole, &(0..n).collect::<Vec<_>>(), source, 2.0);
         let gaps = some.iter().zip(&here).map(|(v, t)| (t - there[*v]).powi(2));
@@ -608,7 +582,8 @@ fn the_program_runs_a_map_of_arrival_times() {
     let refused =
         place.eplat("loop lat_velocity --mesh atrium.vtp --units mm --data lat.csv --out loop");
     assert!(
-        text(&refused.stderr).contains("let arrival: what is missing from a model of `eikonal`")
+        text(&refused.stderr)
+            .contains("let arrival: what is missing from a model that measures `eikonal`")
     );
     let refused = place.eplat("run lat_velocity");
     let said = text(&refused.stderr);

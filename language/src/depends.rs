@@ -1,7 +1,7 @@
 //! What a measurement depends on, from the tree.
 
 use crate::names::mentions;
-use crate::syntax::{Expr, Ident, Item, Let, Model, Observe};
+use crate::syntax::{Expr, Ident, Item, Let, Model, Observe, Value};
 
 impl Model {
     /// The first field or `let` that the likelihood of `observe` mentions; `None` if it mentions
@@ -37,10 +37,21 @@ impl Model {
         found
     }
 
-    /// The fields that arrivals over the whole surface depend on, each once.
+    /// The operators over the whole surface that measurements depend on, each once.
+    pub fn operators_observed(&self) -> Vec<&Let> {
+        let first = self.observes().flat_map(|observe| self.values_in(&observe.likelihood));
+        let all = self.and_behind(first.collect());
+        let operator = |name: &Ident| match self.value(name) {
+            Some(Item::Let(own @ Let { value: Value::Operator(_), .. })) => Some(own),
+            _ => None,
+        };
+        all.into_iter().filter_map(operator).collect()
+    }
+
+    /// The fields that measurements depend on through such operators, each once.
     pub fn fields_everywhere(&self) -> Vec<&Ident> {
-        let first = self.arrivals().flat_map(Let::exprs).flat_map(|e| self.values_in(e));
-        let mut found = self.and_behind(first.collect());
+        let operands = self.operators_observed().into_iter().flat_map(Let::exprs);
+        let mut found = self.and_behind(operands.flat_map(|e| self.values_in(e)).collect());
         found.retain(|name| matches!(self.value(name), Some(Item::Field(_))));
         found
     }

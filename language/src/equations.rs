@@ -209,7 +209,7 @@ fn let_statement(l: &Let) -> String {
             let columns: Vec<String> = columns.iter().map(|c| format!("{row}.{c}")).collect();
             format!("linear({}; {beta})", columns.join(", "))
         }
-        Value::Eikonal(e) => e.text(row),
+        Value::Operator(o) => o.text(row),
     };
     format!("  {name}({row}){unit} = {value}{}", expected(range.as_ref(), &unit))
 }

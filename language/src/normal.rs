@@ -82,7 +82,7 @@ impl Sum<'_> {
                             && match &own.value {
                                 Value::Expr(e) => self.is_free(e),
                                 Value::Linear { beta, .. } => !self.names.contains(&beta),
-                                Value::Eikonal(e) => e.operands().all(|e| self.is_free(e)),
+                                Value::Operator(o) => o.operands.iter().all(|e| self.is_free(e)),
                             }
                     }
                     _ => true,
@@ -144,7 +144,7 @@ impl Sum<'_> {
             Some(Item::Let(own)) => match &own.value {
                 Value::Expr(e) => self.is_linear(e),
                 Value::Linear { .. } => true,
-                Value::Eikonal(_) => false,
+                Value::Operator(_) => false,
             },
             _ => false,
         }

@@ -188,22 +188,31 @@ pub enum Value {
         /// The vector of coefficients.
         beta: Ident,
     },
-    /// `eikonal(SLOWNESS, RATIO, ANGLE, THICKNESS; row.source)`: when an activation that starts at the row's source arrives.
-    Eikonal(Box<Eikonal>),
+    /// `eikonal(SLOWNESS; row.source)`, `path(EXPR; row.source)` or `gradient(EXPR)`.
+    Operator(Box<Operator>),
 }
 
-/// `eikonal(SLOWNESS, RATIO, ANGLE, THICKNESS; row.source)`. Everything before the semicolon has a value at every place.
-pub struct Eikonal {
-    /// ms/mm along the fibres.
-    pub slowness: Expr,
-    /// Velocity along the fibres over that across; `None` where it is the same in all directions.
-    pub ratio: Option<Expr>,
-    /// By how much the fibres are turned from those of the mesh, rad; `None` where they are the mesh's.
-    pub angle: Option<Expr>,
-    /// How thick fronts are, ms: diffusivity over squared velocity; `None` where fronts bend at no cost.
-    pub thickness: Option<Expr>,
+/// An operator over the whole surface, `WORD(OPERAND, …; row.source)`. Its operands have a value at every place.
+pub struct Operator {
+    /// Which.
+    pub operation: Operation,
+    /// Its operands, at least one.
+    pub operands: Vec<Expr>,
     /// The column that holds the vertex at which activation starts.
-    pub source: Ident,
+    pub source: Option<Ident>,
+}
+
+/// The operators over the whole surface.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Operation {
+    /// When an activation that starts at the row's source arrives. Operands: slowness along the fibres, then, as far as
+    /// they are written, the ratio of velocities along and across the fibres, the angle by which fibres are turned
+    /// from those of the mesh, and the thickness of fronts.
+    Eikonal,
+    /// The integral of an expression along the geodesic from the row's source.
+    Path,
+    /// How steep an expression is.
+    Gradient,
 }
 
 /// Measurements of one kind.
@@ -287,17 +296,39 @@ impl Form {
     }
 }
 
-impl Eikonal {
-    /// Slowness, ratio, angle and thickness, as far as they are written.
-    pub fn operands(&self) -> impl Iterator<Item = &Expr> {
-        let further = [&self.ratio, &self.angle, &self.thickness];
-        std::iter::once(&self.slowness).chain(further.into_iter().flatten())
+impl Operation {
+    /// All of them.
+    pub const ALL: [Self; 3] = [Self::Eikonal, Self::Path, Self::Gradient];
+
+    /// The word that calls it.
+    pub fn word(self) -> &'static str {
+        match self {
+            Self::Eikonal => "eikonal",
+            Self::Path => "path",
+            Self::Gradient => "gradient",
+        }
     }
 
+    /// What its operands are; the first must be written.
+    pub fn operands(self) -> &'static [&'static str] {
+        match self {
+            Self::Eikonal => &["a slowness", "a ratio of velocities", "an angle", "a thickness"],
+            Self::Path | Self::Gradient => &["an expression"],
+        }
+    }
+
+    /// Whether it has a source.
+    pub fn has_source(self) -> bool {
+        self != Self::Gradient
+    }
+}
+
+impl Operator {
     /// As a person would write it, of a row of this name.
     pub fn text(&self, row: &Ident) -> String {
-        let operands: Vec<String> = self.operands().map(print).collect();
-        format!("eikonal({}; {row}.{})", operands.join(", "), self.source)
+        let operands: Vec<String> = self.operands.iter().map(print).collect();
+        let source = self.source.as_ref().map_or(String::new(), |at| format!("; {row}.{at}"));
+        format!("{}({}{source})", self.operation.word(), operands.join(", "))
     }
 }
 
@@ -307,7 +338,7 @@ impl Let {
         match &self.value {
             Value::Expr(e) => vec![e],
             Value::Linear { .. } => vec![],
-            Value::Eikonal(e) => e.operands().collect(),
+            Value::Operator(o) => o.operands.iter().collect(),
         }
     }
 }
@@ -316,14 +347,6 @@ impl Model {
     /// What the statements declare, in order.
     pub fn items(&self) -> impl Iterator<Item = &Item> {
         self.statements.iter().map(|statement| &statement.item)
-    }
-
-    /// The `let`s that are arrivals over the whole surface.
-    pub fn arrivals(&self) -> impl Iterator<Item = &Let> {
-        self.statements.iter().filter_map(|statement| match &statement.item {
-            Item::Let(own @ Let { value: Value::Eikonal(_), .. }) => Some(own),
-            _ => None,
-        })
     }
 
     /// The block of hyperparameters of this name.

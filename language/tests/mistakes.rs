@@ -112,19 +112,23 @@ fn each_mistake_is_told_in_words() {
         // arrival times
         (
             "column age ~ Normal(50, 9); let t(row) = eikonal(f(row), row.age; row.source);",
-            "age: `row.age` has no value between the rows; an arrival depends on what lies on the way to it: fields, parameters and columns, and what is computed of these alone",
+            "age: `row.age` has no value between the rows; it is needed at every place of the surface: only fields, parameters and columns have a value there, and what is computed of these alone",
         ),
         (
             "column age ~ Normal(50, 9); let h(row) = f(row) * row.age; let t(row) = eikonal(h(row); row.source);",
-            "h: `h` has no value between the rows; an arrival depends on what lies on the way to it: fields, parameters and columns, and what is computed of these alone",
+            "h: `h` has no value between the rows; it is needed at every place of the surface: only fields, parameters and columns have a value there, and what is computed of these alone",
         ),
         (
             "let t(row) = eikonal(alpha(row); row.source);",
-            "alpha: `alpha` has no value between the rows; an arrival depends on what lies on the way to it: fields, parameters and columns, and what is computed of these alone",
+            "alpha: `alpha` has no value between the rows; it is needed at every place of the surface: only fields, parameters and columns have a value there, and what is computed of these alone",
         ),
         (
             "let t(row) = eikonal(f(row), 2.0; row.start);",
             "start: activation cannot start at column `start`; the column with the vertex at which it starts is called `source`",
+        ),
+        (
+            "let t(x) = path(f(x); x.source); let s(x) = gradient(t(x));",
+            "t: `t` has no value between the rows; it is needed at every place of the surface: only fields, parameters and columns have a value there, and what is computed of these alone",
         ),
         // fields
         (
@@ -250,6 +254,7 @@ fn what_is_right_is_no_mistake() {
         "let h(x) = if f(x) > LOW { half(mu) } else { match 1 { n if n > 0 => mu, _ => g(x) } };",
         "let h(x) = (0..3).map(|i| beta[i]).sum::<D>() + D::from(x.dose) as f64;",
         "let h(x) = f(x) * mu; let t(x) = eikonal(h(x) + 0.2, 2.0, half(g(x)); x.source); let u(x) = t(x) + x.dose;",
+        "let w(x) = path(f(x) * x.dose; x.source); let s(x) = gradient(f(x) + mu); let v(x) = 1 / s(x);",
         "let h(x) = std::f64::consts::PI * surrogate::erp_s2(f(x), mu);",
         "let alphas(x) = alpha(x); let g2(x) = g(x);",
         "let h(x) = linear(x.a, x.b; beta); let k(x) = linear(x.dose; mu);",
@@ -270,5 +275,34 @@ fn what_is_right_is_no_mistake() {
     ] {
         let said = in_words(&format!("{ABOVE}{statement} observe y(x): Number ~ Normal(g(x), 1);"));
         assert!(said.is_empty(), "{statement}: {said:#?}");
+    }
+}
+
+/// What is no operator over the surface cannot be read.
+#[test]
+fn an_operator_has_its_operands_and_a_source() {
+    let of_path = "write `path(EXPRESSION; x.source)`: the integral along the way from the vertex in column `source`";
+    for (value, token, message, help) in [
+        ("path(mu)", "path", "`path` does not say where activation starts", of_path),
+        ("path(mu, 2; row.source)", "path", "`path` does not say where activation starts", of_path),
+        (
+            "path(mu; source)",
+            "source",
+            "expected a column",
+            "a column of the row is written `row.NAME`",
+        ),
+        (
+            "gradient(mu; row.source)",
+            ";",
+            "this does not belong between these brackets",
+            "take it out",
+        ),
+    ] {
+        let text = format!(
+            "use eplat::prelude::*;\nmodel! {{\nmodel Case;\nparam mu ~ Flat;\nlet t(row) = {value};\n}}\n"
+        );
+        let mistake = File::read(&text).map(drop).unwrap_err();
+        let said = (&text[mistake.range()], &*mistake.message, &*mistake.help);
+        assert_eq!(said, (token, message, help), "{value}");
     }
 }

@@ -54,6 +54,19 @@ mistakes! {
         param thickness [mm] ~ HalfNormal(1.0);
         let t(row) [ms] = eikonal(1.2, 2.0, 0.3, thickness; row.source);
     } => "let t: `thickness`: expected [ms] as the thickness of a front, got [mm]";
+    a_path_of_a_velocity: {
+        param v [m/s] ~ Normal(0.8, 0.3);
+        let t(row) [ms] = path(v; row.source);
+    } => "let t: `v`: expected [ms/mm] as declared, got [m/s]";
+    a_gradient_of_a_voltage: {
+        param v [mV] ~ Normal(0.8, 0.3);
+        let t(row) [ms/mm] = gradient(v);
+    } => "let t: `v`: expected [ms] as declared, got [mV]";
+    the_inverse_of_a_gradient: {
+        param late [ms] ~ Normal(0.8, 0.3);
+        let t(row) [ms/mm] = gradient(late);
+        let v(row) [mm] = 1.0 / t(row);
+    } => "let v: `1.0 / t(row)`: expected [mm] as declared, got [m/s]";
     an_amplitude_times_a_share: {
         param share [1] ~ Beta(1.0, 1.0);
         field f(x) [ms] = m + (a * share) * gp(Rbf(rho), K = 4) where {

@@ -40,6 +40,8 @@ mod joint;
 mod lat;
 #[path = "../../models/lat_fibres.rs"]
 mod lat_fibres;
+#[path = "../../models/lat_local.rs"]
+mod lat_local;
 #[path = "../../models/lat_rates.rs"]
 mod lat_rates;
 #[path = "../../models/lat_velocity.rs"]
@@ -85,6 +87,7 @@ pub const MODELS: &[Compiled] = &[
     shipped!("joint.rs", &joint::Joint),
     shipped!("lat.rs", &lat::Lat),
     shipped!("lat_fibres.rs", &lat_fibres::LatFibres),
+    shipped!("lat_local.rs", &lat_local::LatLocal),
     shipped!("lat_rates.rs", &lat_rates::LatRates),
     shipped!("lat_velocity.rs", &lat_velocity::LatVelocity),
     shipped!("normal.rs", &normal::MeanAndSpread),

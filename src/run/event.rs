@@ -111,8 +111,8 @@ pub enum Event<'a> {
         /// Memory that the run will take, about, bytes.
         bytes: u64,
     },
-    /// Arrival times are computed on a triangulation between some of the surface's vertices.
-    Arrivals {
+    /// Operators over the whole surface are computed on a triangulation between some of its vertices.
+    Triangulation {
         /// Their number.
         n_vertices: usize,
         /// That of the surface.
@@ -234,9 +234,9 @@ impl fmt::Display for Event<'_> {
                 }
                 write!(f, "; about {gigabytes:.1} GB of memory")
             }
-            Self::Arrivals { n_vertices, of } => write!(
+            Self::Triangulation { n_vertices, of } => write!(
                 f,
-                "waves  arrival times are computed at {n_vertices} of the {of} vertices, those of all rows among them"
+                "mesh   what depends on the whole surface is computed at {n_vertices} of the {of} vertices, those of all rows among them"
             ),
             Self::OnDisk { bytes, least, free } => {
                 f.write_str(&on_disk_in_words([*bytes, *least, *free]))

@@ -181,11 +181,11 @@ impl<'m> Problem<'m> {
         }
     }
 
-    /// Says so where arrival times are computed at fewer vertices than the surface has.
-    pub(super) fn tell_arrivals(&self, watch: &Watch<'_>) {
+    /// Says so where operators are computed at fewer vertices than the surface has.
+    pub(super) fn tell_triangulation(&self, watch: &Watch<'_>) {
         let of = self.loaded().surface().map_or(0, |surface| surface.mesh.n_vertices());
-        if let Some(n_vertices) = self.model().n_arrival_vertices().filter(|n| *n < of) {
-            watch.tell(&Event::Arrivals { n_vertices, of });
+        if let Some(n_vertices) = self.model().n_everywhere().filter(|n| *n < of) {
+            watch.tell(&Event::Triangulation { n_vertices, of });
         }
     }
 

@@ -212,7 +212,7 @@ impl<'a, 'm> Job<'a, 'm> {
         };
         let sampler = options.sampler.unwrap_or_else(|| Sampler::of(model));
         problem.tell_doubts(&options.watch);
-        problem.tell_arrivals(&options.watch);
+        problem.tell_triangulation(&options.watch);
         Ok(Self { problem, sampler, settings, hashes, starts, options, needs, begun })
     }
 

@@ -3,7 +3,9 @@
 
 pub(crate) mod oracle;
 
+use eplat::infer::LogDensity as _;
 use eplat::manifold::Basis;
+use eplat::model::Model;
 use eplat::table::Measurements;
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
@@ -22,6 +24,32 @@ pub(crate) fn basis(n_vertices: usize, n_modes: usize) -> Basis {
             .map(|i| if i % n_modes == 0 { 0.007 } else { rng.random_range(-0.012..0.012) })
             .collect(),
     }
+}
+
+/// The largest error of the gradient against central differences, relative to 1 + |derivative|, at `point`s
+/// around the start.
+pub(crate) fn gradient_error(model: &Model, point: u64) -> f64 {
+    let mut rng = rng(point);
+    let mut u = model.initial();
+    for x in &mut u {
+        *x += rng.random_range(-0.4..0.4);
+    }
+    let mut evaluator = model.evaluator();
+    let mut gradient = vec![0.0; u.len()];
+    assert!(evaluator.ln_density(&u, &mut gradient).is_finite());
+    let mut f = |i: usize, h: f64| {
+        let mut x = u.clone();
+        x[i] += h;
+        evaluator.ln_density(&x, &mut vec![0.0; x.len()])
+    };
+    let mut error: f64 = 0.0;
+    for (i, slope) in gradient.iter().enumerate() {
+        let central =
+            |f: &mut dyn FnMut(usize, f64) -> f64, h: f64| (f(i, h) - f(i, -h)) / (2.0 * h);
+        let difference = (4.0 * central(&mut f, 5e-6) - central(&mut f, 1e-5)) / 3.0;
+        error = error.max((difference - slope).abs() / (1.0 + slope.abs()));
+    }
+    error
 }
 
 /// A table from a header and rows of text.

@@ -19,11 +19,11 @@ pub enum CriticismError {
         /// The statement.
         observe: String,
     },
-    /// Arrival times over the whole surface, in which measurements are not linear.
+    /// An operator over the whole surface, in whose fields measurements need not be linear.
     #[error(
-        "let {name}: what is missing from a model of `eikonal` cannot be searched for: the search needs measurements that are linear in the fields\nhelp: search with `models/lat.rs`, whose activation runs along straight paths, and compare the models with `eplat compare`"
+        "let {name}: what is missing from a model that measures `eikonal`, `path` or `gradient` cannot be searched for: the search needs measurements that depend on fields at their own place alone\nhelp: search with `models/lat.rs`, whose activation runs along straight paths, and compare the models with `eplat compare`"
     )]
-    Arrivals {
+    Everywhere {
         /// The `let`.
         name: String,
     },

@@ -6,13 +6,13 @@ use crate::model::{Model, Observe};
 /// For each `observe` of a model, the first field or `let` that its likelihood mentions.
 ///
 /// # Errors
-/// An `observe` that mentions parameters alone: there is nothing that an effect could act on. Arrival times over
+/// An `observe` that mentions parameters alone: there is nothing that an effect could act on. An operator over
 /// the whole surface.
 pub fn observables(model: &Model) -> Result<Vec<String>, CriticismError> {
     let no_text = |_| CriticismError::NoObservable { observe: model.name.into() };
     let tree = model.syntax().map_err(no_text)?;
-    if let Some(arrival) = tree.arrivals().next() {
-        return Err(CriticismError::Arrivals { name: arrival.name.to_string() });
+    if let Some(own) = tree.operators_observed().first() {
+        return Err(CriticismError::Everywhere { name: own.name.to_string() });
     }
     let one = |observe: &Observe| {
         let own = tree.observes().find(|own| own.name == observe.name);

@@ -76,9 +76,13 @@ impl Places {
 
     /// The same at one vertex.
     pub fn at(&self, vertex: usize, coarse: &[f64]) -> f64 {
-        let (corners, weights) = &self.0[vertex];
-        let parts = corners.iter().zip(weights).filter(|(_, w)| **w > 0.0);
-        parts.map(|(v, w)| w * coarse[*v as usize]).sum()
+        self.on(vertex).map(|(v, w)| w * coarse[v as usize]).sum()
+    }
+
+    /// The vertices of the coarse surface on which values at a vertex depend, and their weights.
+    pub fn on(&self, vertex: usize) -> impl Iterator<Item = (u32, f64)> {
+        let (corners, weights) = self.0[vertex];
+        corners.into_iter().zip(weights).filter(|(_, w)| *w > 0.0)
     }
 }
 

@@ -6,7 +6,7 @@ use std::path::PathBuf;
 use thiserror::Error;
 
 use crate::store::advice;
-use crate::table::DataError;
+use crate::table::{DataError, ProbeError};
 
 /// Why a model cannot be built on its data.
 #[derive(Debug, Error)]
@@ -86,6 +86,17 @@ pub enum ModelError {
         /// The table.
         file: String,
     },
+    /// A gradient where nothing but modes is known of the surface.
+    #[error(
+        "let {name}: a gradient needs the triangles of the surface, and there are none\nhelp: give the mesh itself with --mesh, not its modes alone"
+    )]
+    NoMesh {
+        /// The `let`.
+        name: String,
+    },
+    /// The surface, as operators over it need it.
+    #[error(transparent)]
+    Surface(#[from] ProbeError),
     /// Different velocities along fibres and across them, on a mesh that has none.
     #[error(
         "let {name}: `eikonal` has a ratio of velocities, but the mesh has no fibres\nhelp: fibres are data of three components called `fibre`, `fibres`, `fiber` or `fibers`, of points or of triangles; without them leave the ratio out, or give an angle as the third argument"

@@ -15,7 +15,7 @@ pub(super) enum Where {
 }
 
 impl Where {
-    fn at(self, vertex: usize) -> usize {
+    pub(super) fn at(self, vertex: usize) -> usize {
         match self {
             Self::Same(v) => v as usize,
             Self::Each(v) => v as usize + vertex,

@@ -7,13 +7,14 @@ use std::ops::Range;
 use rand::{Rng, RngExt as _};
 use rand_distr::StandardNormal;
 
-use super::arrival::Arrival;
 use super::density::Density;
 use super::error::ModelError;
 use super::gp::Field;
+use super::late_maps::LateMaps;
 use super::lets::LetValues;
 use super::linear::Linear;
 use super::map::Map;
+use super::over::Over;
 use super::predictor::Predictor;
 use super::reported::{Parameter, Position};
 use super::rows::Rows;
@@ -119,11 +120,10 @@ pub struct Model {
     pub(super) linear: Vec<Linear>,
     /// Linear predictors that are written out. Only a model without fields has any.
     pub(super) predictors: Vec<Predictor>,
-    /// Arrival times over the whole surface. They depend on fields and parameters.
-    pub(super) arrivals: Vec<Arrival>,
-    /// How many activations of the surface these are.
-    pub(super) n_fronts: usize,
+    /// Operators over the whole surface. They depend on fields and parameters.
+    pub(super) over: Vec<Over>,
     pub(super) maps: Vec<Map>,
+    pub(super) late_maps: LateMaps,
     pub(super) offsets: Vec<Range<usize>>,
     /// First offset of (observe, field or let).
     pub(super) hooks: Hooks,
@@ -170,10 +170,10 @@ impl Model {
             spreads: vec![],
             linear: vec![],
             predictors: vec![],
-            arrivals: vec![],
-            n_fronts: 0,
+            over: vec![],
             densities: vec![],
             maps: vec![],
+            late_maps: LateMaps::default(),
             offsets: vec![],
             hooks: Hooks::new(),
             constants: vec![],
@@ -213,9 +213,9 @@ impl Model {
         !self.fields.is_empty()
     }
 
-    /// Number of vertices at which arrival times are computed, in a model with any.
-    pub fn n_arrival_vertices(&self) -> Option<usize> {
-        self.arrivals.first().map(|arrival| arrival.solver.n_vertices())
+    /// Number of vertices at which operators over the whole surface are computed, in a model with any.
+    pub fn n_everywhere(&self) -> Option<usize> {
+        self.over.first().map(|over| over.n)
     }
 
     /// The most modes that a field, or an effect that is one, asks for.

@@ -2,9 +2,9 @@
 
 use rayon::prelude::*;
 
-use super::arrival_maps::{Arrivals, arrivals};
 use super::exceedance::Exceedance;
 use super::laid_out::Model;
+use super::late_maps::LateMap;
 use super::map::Source;
 use super::tape::Tape;
 use crate::diagnostics::{mean_and_sd, quantile};
@@ -51,7 +51,7 @@ pub struct MapSummary {
 /// What draws say of the whole surface.
 #[derive(Clone, Debug)]
 pub struct Summaries {
-    /// Fields, derived quantities, then arrivals from each source.
+    /// Fields, derived quantities, then what needs the whole surface: arrivals from each source, and gradients.
     pub maps: Vec<MapSummary>,
     /// Share of draws at each vertex in which a field or derived quantity is outside its range.
     pub unphysical: Vec<f64>,
@@ -113,8 +113,8 @@ impl<'m> Maps<'m> {
 
     /// Names of all maps of [`Maps::summarise`]; of arrivals with the cells on which they depend: `arrival[12]`.
     pub fn all_names(&self) -> Vec<&'m str> {
-        let arrivals = self.model.arrivals.iter().flat_map(|of| &of.names).map(String::as_str);
-        self.names().iter().map(|map| map.name).chain(arrivals).collect()
+        let late = self.model.late_names();
+        self.names().iter().map(|map| map.name).chain(late).collect()
     }
 
     /// Derived quantities at one place, from the sums of the fields there. They are NaN if a field
@@ -190,7 +190,7 @@ impl<'m> Maps<'m> {
     /// all draws, derived quantities over the physical ones. For each thread one vertex with all its
     /// draws is in memory.
     pub fn summarise(&self, draws: &[Vec<f64>], asked: &[Exceedance]) -> Summaries {
-        let arrivals = arrivals(self.model, draws);
+        let late = self.model.late_maps(self.basis, draws);
         let draws: Vec<Draw> = self.unpack(draws);
         let (names, n_vertices) = (self.names(), self.basis.n_vertices());
         let of = |e: &Exceedance| names.iter().position(|n| n.name == e.map);
@@ -218,13 +218,13 @@ impl<'m> Maps<'m> {
             summary(name.name.into(), name.unit.into(), figures, outside)
         };
         for (exceeded, (_, asked)) in exceeded.iter_mut().zip(&asked) {
-            if let Some(of) = arrivals.iter().find(|of| of.name() == asked.map) {
+            if let Some(of) = late.iter().find(|of| of.name == asked.map) {
                 let share = |vertex| asked.share(&of.at(vertex));
                 *exceeded = (0..n_vertices).into_par_iter().map(share).collect();
             }
         }
-        let arrivals = arrivals.iter().map(|of| summary_of(of, n_vertices));
-        let maps = maps.map(named).chain(arrivals);
+        let late = late.iter().map(|of| summary_of(of, n_vertices));
+        let maps = maps.map(named).chain(late);
         Summaries { maps: maps.collect(), unphysical, exceeded }
     }
 
@@ -382,11 +382,15 @@ fn summary(name: String, unit: String, figures: Figures, outside: Option<f64>) -
     MapSummary { name, unit, mean, sd, quantiles: [q5, q50, q95], outside }
 }
 
-fn summary_of(of: &Arrivals<'_>, n_vertices: usize) -> MapSummary {
-    let at = |vertex| five_numbers(&mut of.at(vertex));
-    let figures: Vec<[f64; 5]> = (0..n_vertices).into_par_iter().map(at).collect();
-    let figures = std::array::from_fn(|k| figures.iter().map(|figures| figures[k]).collect());
-    summary(of.name().into(), of.unit().into(), figures, None)
+fn summary_of(of: &LateMap<'_>, n_vertices: usize) -> MapSummary {
+    let at = |vertex| {
+        let mut values = of.at(vertex);
+        (five_numbers(&mut values), values.len())
+    };
+    let figures: Vec<([f64; 5], usize)> = (0..n_vertices).into_par_iter().map(at).collect();
+    let outside = of.outside(figures.iter().map(|(_, n)| n).sum(), n_vertices);
+    let figures = std::array::from_fn(|k| figures.iter().map(|(figures, _)| figures[k]).collect());
+    summary(of.name.into(), of.unit.into(), figures, outside)
 }
 
 fn within(x: f64, range: Option<(f64, f64)>) -> bool {

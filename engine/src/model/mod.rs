@@ -8,8 +8,6 @@
 //! Everything between parameters and `v` is linear, or the spectral density of a kernel, and has a
 //! hand-written adjoint. Nothing here knows the EP simulator.
 
-mod arrival;
-mod arrival_maps;
 mod augmented;
 mod blocked;
 mod builder;
@@ -26,11 +24,14 @@ pub mod forms;
 mod functions;
 mod gp;
 mod laid_out;
+mod late_maps;
 mod lets;
 mod linear;
 mod local;
 mod map;
 mod maps;
+mod operator;
+mod over;
 mod parameter;
 mod passes;
 mod predictor;
@@ -69,7 +70,7 @@ pub use tape::Tape;
 /// used by hand.
 #[doc(hidden)]
 pub mod expansion {
-    pub use super::builder::{Builder, Computed, Len, Place, Range};
+    pub use super::builder::{Builder, Computed, Len, Operation, Place, Range};
     pub use super::expression::*;
     pub use super::forms::Form;
     pub use super::functions::*;

@@ -1,8 +1,8 @@
 //! Passes over a laid-out model: from the unknowns to all values, and back to the gradient.
 
 use super::laid_out::Model;
+use super::operator::Kept;
 use super::tape::{Op, Tape};
-use crate::manifold::Front;
 
 impl Model {
     /// Fresh scratch memory.
@@ -18,7 +18,7 @@ impl Model {
             v,
             g: vec![0.0; n_v],
             work: vec![0.0; n_work],
-            fronts: vec![Front::default(); self.n_fronts],
+            kept: vec![Kept::default(); self.over.len()],
             lp: 0.0,
         }
     }
@@ -35,8 +35,8 @@ impl Model {
         for field in &self.fields {
             field.op.forward(t);
         }
-        for arrival in &self.arrivals {
-            arrival.forward(t);
+        for over in &self.over {
+            over.forward(t);
         }
         for predictor in &self.predictors {
             predictor.forward(t);
@@ -76,8 +76,8 @@ impl Model {
         for predictor in &self.predictors {
             predictor.backward(t);
         }
-        for arrival in &self.arrivals {
-            arrival.backward(t);
+        for over in &self.over {
+            over.backward(t);
         }
         for field in self.fields.iter().rev() {
             field.op.backward(t);

@@ -3,8 +3,8 @@
 use pulp::{Arch, NullaryFnOnce};
 use rand::Rng;
 
+use super::operator::Kept;
 use crate::dist::Gaussian;
-use crate::manifold::Front;
 use crate::num::vector::axpy;
 
 /// The memory of one evaluation; one per thread.
@@ -20,8 +20,8 @@ pub struct Tape {
     pub(super) g: Vec<f64>,
     /// What operations keep from their forward pass for their backward pass.
     pub(super) work: Vec<f64>,
-    /// How each activation of the surface came about, kept for the backward pass.
-    pub(super) fronts: Vec<Front>,
+    /// What each operator over the surface keeps for its backward pass.
+    pub(super) kept: Vec<Kept>,
     /// Log density so far.
     pub(super) lp: f64,
 }

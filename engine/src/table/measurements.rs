@@ -4,7 +4,7 @@ use std::ops::{Deref, DerefMut};
 use std::path::Path;
 use std::sync::Arc;
 
-use super::{DataError, PATH, Placement, ProbeError, Probes, Table, Waves, read};
+use super::{DataError, Ground, PATH, Placement, ProbeError, Probes, Table, read};
 use crate::manifold::Basis;
 use crate::mesh::Surface;
 
@@ -105,9 +105,9 @@ impl Measurements {
         self.probes.as_deref()
     }
 
-    /// Activation from the sources of the rows, once probed; none without a column `source`.
-    pub fn waves(&self) -> Option<&Waves> {
-        self.probes.as_deref()?.waves()
+    /// The surface below the rows, once probed.
+    pub fn ground(&self) -> Option<&Ground> {
+        self.probes.as_deref()?.ground()
     }
 
     /// Vertex of a row, once placed.

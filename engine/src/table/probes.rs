@@ -3,9 +3,9 @@
 
 use std::sync::Arc;
 
-use super::{DataError, Placement, SOURCE, Table};
-use crate::manifold::{Basis, Eikonal, ManifoldError, integrate_along_paths};
-use crate::mesh::{MeshError, Places, Surface};
+use super::{DataError, Ground, Placement, SOURCE, Table};
+use crate::manifold::{Basis, ManifoldError, integrate_along_paths};
+use crate::mesh::{MeshError, Surface};
 
 /// Most modes of a field that is tried as an effect.
 pub const FIELD_MODES: usize = 64;
@@ -21,29 +21,8 @@ pub struct Probes {
     along: Vec<f64>,
     /// Lengths of these paths, mm.
     length: Vec<f64>,
-    /// Activation from the sources of the rows.
-    waves: Option<Waves>,
-}
-
-/// How many vertices of the surface activation is computed at, those of sources and rows among them; more where these
-/// are more, or fewer would fold the surface.
-const WAVE_VERTICES: usize = 2000;
-
-/// Activation of the surface from the column `source`.
-#[derive(Clone, Debug)]
-pub struct Waves {
-    /// A triangulation between vertices of the surface, prepared for arrival times.
-    pub solver: Arc<Eikonal>,
-    /// The vertex of the surface that each of the solver's is, ascending.
-    pub vertices: Vec<u32>,
-    /// Where the surface's are on that triangulation; `None` if they are the same.
-    pub places: Option<Arc<Places>>,
-    /// The solver's vertex at which activation starts, for each row (rows).
-    pub source: Vec<u32>,
-    /// The solver's vertex at which each row is (rows).
-    pub at: Vec<u32>,
-    /// Whether the surface has fibres, or directions of the solver's own.
-    pub has_fibres: bool,
+    /// The surface below; `None` only where nothing was probed.
+    ground: Option<Arc<Ground>>,
 }
 
 impl Probes {
@@ -60,8 +39,9 @@ impl Probes {
         let frequency: Vec<f64> = basis.eigenvalues.iter().map(|l| l.max(0.0).sqrt()).collect();
         let vertices = placement.of_rows();
         let at = vertices.iter().flat_map(|v| basis.at(*v as usize).iter().copied()).collect();
+        let ground = |sources: &[u32]| Some(Ground::new(surface, vertices, sources).into());
         if !table.has(SOURCE) {
-            return Ok(Self { frequency, at, ..Self::default() });
+            return Ok(Self { frequency, at, ground: ground(&[]), ..Self::default() });
         }
         let sources = Placement::by_column(table, SOURCE, surface)?;
         let n = basis.n_modes();
@@ -84,13 +64,12 @@ impl Probes {
                 length[row] = own[n];
             }
         }
-        let waves = Some(Waves::new(&sources, vertices, surface)?);
-        Ok(Self { frequency, at, along, length, waves })
+        Ok(Self { frequency, at, along, length, ground: ground(&sources) })
     }
 
-    /// Activation from the sources of the rows; none without a column `source`.
-    pub(super) fn waves(&self) -> Option<&Waves> {
-        self.waves.as_ref()
+    /// The surface below the rows.
+    pub(super) fn ground(&self) -> Option<&Ground> {
+        self.ground.as_deref()
     }
 
     /// Lengths of the paths, mm; none without a column `source`.
@@ -122,31 +101,6 @@ impl Probes {
     /// The modes, row-major (rows, modes): φ at each row's place in mm⁻¹ or, `along` the paths, ∫ φ ds.
     pub fn modes(&self, along: bool) -> &[f64] {
         if along { &self.along } else { &self.at }
-    }
-}
-
-impl Waves {
-    /// From the `sources` to the vertices `of_rows` (each of the surface, one per row), all of which are the solver's.
-    fn new(sources: &[u32], of_rows: &[u32], surface: &Surface) -> Result<Self, ProbeError> {
-        let fibres = surface.any_fibres().map(|(_, vectors)| vectors);
-        let has_fibres = fibres.is_some();
-        let n = surface.mesh.n_vertices();
-        let (solver, vertices, places) = if n <= WAVE_VERTICES {
-            (Eikonal::new(&surface.mesh, fibres.as_deref())?, (0..n as u32).collect(), None)
-        } else {
-            let coarse = surface.mesh.coarsened(WAVE_VERTICES, &[sources, of_rows].concat())?;
-            let of = |of: Vec<[f64; 3]>| coarse.triangles.iter().map(|t| of[*t as usize]).collect();
-            let fibres: Option<Vec<_>> = fibres.map(of);
-            let solver = Eikonal::new(&coarse.mesh, fibres.as_deref())?;
-            (solver, coarse.vertices, Some(coarse.places.into()))
-        };
-        let mut number = vec![0; n];
-        for (new, old) in (0..).zip(&vertices) {
-            number[*old as usize] = new;
-        }
-        let [source, at] =
-            [sources, of_rows].map(|of| of.iter().map(|v| number[*v as usize]).collect());
-        Ok(Self { solver: solver.into(), vertices, places, source, at, has_fibres })
     }
 }
 

@@ -7,9 +7,9 @@ use crate::syntax::{Expr, Ident, Item, Let, Model, Over, Value};
 /// The column that names the vertex at which activation starts.
 const SOURCE: &str = "source";
 
-const HELP: &str = "an arrival depends on what lies on the way to it: fields, parameters and columns, and what is computed of these alone";
+const HELP: &str = "it is needed at every place of the surface: only fields, parameters and columns have a value there, and what is computed of these alone";
 
-/// What `e` mentions that has no value at every place: what labels have, columns with a prior, other arrivals and `linear`;
+/// What `e` mentions that has no value at every place: what labels have, columns with a prior, other operators and `linear`;
 /// through `let`s, too. A column has its row's value everywhere.
 pub(super) fn mistakes(e: &Expr, row: &Ident, model: &Model) -> Vec<Mistake> {
     let is_of_rows = |name: &Ident| {

@@ -3,7 +3,7 @@
 use crate::around::Around;
 use crate::file::File;
 use crate::mistake::Mistake;
-use crate::syntax::{Density, Eikonal, Field, Hyper, Item, Let, Model, Observe, Param, Value};
+use crate::syntax::{Density, Field, Hyper, Item, Let, Model, Observe, Operator, Param, Value};
 use crate::units;
 use scope::{Local, Place, Scope};
 
@@ -136,18 +136,18 @@ impl<'a> Check<'a> {
                 self.say(words::arguments(e, self.around));
             }
             Value::Linear { columns, beta } => self.say(scope.linear(l, columns, beta)),
-            Value::Eikonal(e) => self.eikonal(l, e, scope),
+            Value::Operator(o) => self.operator(l, o, scope),
         }
     }
 
-    /// What an arrival depends on has a value at every place: fields and parameters.
-    fn eikonal(&mut self, l: &Let, e: &Eikonal, scope: &Scope<'_>) {
-        for operand in e.operands() {
+    /// What an operator depends on has a value at every place: fields and parameters.
+    fn operator(&mut self, l: &Let, o: &Operator, scope: &Scope<'_>) {
+        for operand in &o.operands {
             self.say(scope.read(operand, Place::Row(&l.row), &[]));
             self.say(words::arguments(operand, self.around));
             self.say(everywhere::mistakes(operand, &l.row, scope.model));
         }
-        self.say(everywhere::source(&e.source));
+        self.say(o.source.as_ref().map_or(vec![], everywhere::source));
     }
 
     fn observe(&mut self, observe: &Observe, scope: &Scope<'_>) {

@@ -6,9 +6,9 @@ use syn::{Expr, Ident, Result, Token, token};
 
 use super::field::place;
 use super::pieces::{all_read, equals, expr, last_span, name, over, prior, range, semicolon, unit};
-use super::{DENSITY, EFFECT, EIKONAL, LET, OBSERVE, wrong};
+use super::{DENSITY, EFFECT, EIKONAL, LET, OBSERVE, PATH, wrong};
 use crate::print;
-use crate::syntax::{Density, Effect, Eikonal, Form, Let, Observe, Over, Value};
+use crate::syntax::{Density, Effect, Form, Let, Observe, Operation, Operator, Over, Value};
 
 /// `let NAME(ROW) [UNIT]? in LOW..HIGH? = VALUE;`
 pub(super) fn let_statement(input: ParseStream<'_>) -> Result<Let> {
@@ -19,7 +19,7 @@ pub(super) fn let_statement(input: ParseStream<'_>) -> Result<Let> {
     let equals = equals(input, &name, LET)?;
     let value = if let Some(value) = linear(input, &row)? {
         value
-    } else if let Some(value) = eikonal(input, &row)? {
+    } else if let Some(value) = operator(input, &row)? {
         value
     } else {
         let value = expr(input, equals, "an expression")?;
@@ -56,32 +56,34 @@ fn linear(input: ParseStream<'_>, row: &Ident) -> Result<Option<Value>> {
     Ok(Some(Value::Linear { columns, beta }))
 }
 
-/// `eikonal(SLOWNESS, RATIO?, ANGLE?, THICKNESS?; ROW.source);`
-fn eikonal(input: ParseStream<'_>, row: &Ident) -> Result<Option<Value>> {
-    if !is_call(input, "eikonal") {
-        return Ok(None);
-    }
+/// `eikonal(SLOWNESS, RATIO?, ANGLE?, THICKNESS?; ROW.source);`, `path(EXPR; ROW.source);` or `gradient(EXPR);`
+fn operator(input: ParseStream<'_>, row: &Ident) -> Result<Option<Value>> {
+    let called = |operation: &Operation| is_call(input, operation.word());
+    let Some(operation) = Operation::ALL.into_iter().find(called) else { return Ok(None) };
     let word: Ident = input.parse()?;
     let content;
-    syn::parenthesized!(content in input);
-    let slowness = expr(&content, word.span(), "a slowness")?;
-    let further = |what| -> Result<Option<Expr>> {
-        if !content.peek(Token![,]) {
-            return Ok(None);
+    let bracket = syn::parenthesized!(content in input).span.close();
+    let (first, further) = operation.operands().split_first().unwrap_or((&"", &[]));
+    let mut operands = vec![expr(&content, word.span(), first)?];
+    for what in further {
+        if content.peek(Token![,]) {
+            let comma: Token![,] = content.parse()?;
+            operands.push(expr(&content, comma.span, what)?);
         }
-        let comma: Token![,] = content.parse()?;
-        expr(&content, comma.span, what).map(Some)
-    };
-    let ratio = further("a ratio of velocities")?;
-    let angle = further("an angle")?;
-    let thickness = further("a thickness")?;
-    if content.parse::<Token![;]>().is_err() {
-        return Err(wrong(word.span(), "`eikonal` does not say where activation starts", EIKONAL));
     }
-    let source = member(&content, row)?;
+    let source = if operation.has_source() {
+        if content.parse::<Token![;]>().is_err() {
+            let message = format!("`{}` does not say where activation starts", operation.word());
+            let help = if operation == Operation::Eikonal { EIKONAL } else { PATH };
+            return Err(wrong(word.span(), message, help));
+        }
+        Some(member(&content, row)?)
+    } else {
+        None
+    };
     all_read(&content)?;
-    semicolon(input, source.span())?;
-    Ok(Some(Value::Eikonal(Box::new(Eikonal { slowness, ratio, angle, thickness, source }))))
+    semicolon(input, bracket)?;
+    Ok(Some(Value::Operator(Box::new(Operator { operation, operands, source }))))
 }
 
 /// Whether `WORD(` follows.

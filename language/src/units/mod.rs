@@ -8,7 +8,8 @@ use unit::Unit;
 use crate::mistake::Mistake;
 use crate::syntax;
 use crate::syntax::{
-    Effect, Eikonal, Expr, Field, Ident, Item, Let, Model, Observe, Param, Statement, Value,
+    Effect, Expr, Field, Ident, Item, Let, Model, Observe, Operation, Operator, Param, Statement,
+    Value,
 };
 
 mod expression;
@@ -69,7 +70,7 @@ fn let_statement(l: &Let, declared: Option<Unit>, units: &Units, say: &mut Say<'
     let (columns, beta) = match &l.value {
         Value::Expr(e) => return say.check(e, wanted, units),
         Value::Linear { columns, beta } => (columns, beta),
-        Value::Eikonal(e) => return eikonal(e, wanted, units, say),
+        Value::Operator(o) => return operator(o, wanted, units, say),
     };
     let mut known = Known::Nothing;
     for column in columns {
@@ -81,21 +82,20 @@ fn let_statement(l: &Let, declared: Option<Unit>, units: &Units, say: &mut Say<'
     known
 }
 
-/// A time per mm of way, a ratio, an angle, and a time.
-fn eikonal(e: &Eikonal, time: Option<Wanted>, units: &Units, say: &mut Say<'_>) -> Known {
+/// A time per mm of way, or anything per mm; or anything, whose gradient is per mm. Then a ratio, an angle, and a time.
+fn operator(o: &Operator, result: Option<Wanted>, units: &Units, say: &mut Say<'_>) -> Known {
     let mm = Unit::parse("mm").unwrap_or_else(Unit::one);
-    let per_mm = time.map(|time| Wanted { unit: time.unit.times(mm, -1), ..time });
-    let slowness = say.check(&e.slowness, per_mm, units);
-    if let Some(ratio) = &e.ratio {
-        say.check(ratio, wanted(Some(Unit::one()), "as a ratio of velocities"), units);
-    }
-    if let Some(angle) = &e.angle {
-        say.check(angle, wanted(Unit::parse("rad"), "as an angle"), units);
-    }
-    if let Some(thickness) = &e.thickness {
-        say.check(thickness, wanted(Unit::parse("ms"), "as the thickness of a front"), units);
-    }
-    slowness.times(Known::Unit(mm), 1)
+    let power = if o.operation == Operation::Gradient { -1 } else { 1 };
+    let first = result.map(|own| Wanted { unit: own.unit.times(mm, -power), ..own });
+    let further = [
+        wanted(Some(Unit::one()), "as a ratio of velocities"),
+        wanted(Unit::parse("rad"), "as an angle"),
+        wanted(Unit::parse("ms"), "as the thickness of a front"),
+    ];
+    let all = std::iter::once(first).chain(further);
+    let known: Vec<Known> =
+        o.operands.iter().zip(all).map(|(e, wanted)| say.check(e, wanted, units)).collect();
+    known.into_iter().next().map_or(Known::Nothing, |first| first.times(Known::Unit(mm), power))
 }
 
 /// The likelihood is of the unit of the measurement, and so is what the measurement is computed from.

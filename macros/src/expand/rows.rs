@@ -2,7 +2,7 @@
 
 use eplat_language::names::columns_of;
 use eplat_language::print as text;
-use eplat_language::syntax::{Eikonal, Expr, Ident, Let, Model, Observe, Value};
+use eplat_language::syntax::{Expr, Ident, Let, Model, Observe, Operation, Operator, Value};
 use proc_macro2::TokenStream;
 use quote::{format_ident, quote};
 
@@ -21,7 +21,7 @@ impl State<'_> {
                 self.scope.declare(&declared.name, name.clone(), Kind::Row);
                 return quote!(b.linear(#decl, #name, &[#(#columns),*], #beta););
             }
-            Value::Eikonal(value) => return self.eikonal(declared, value),
+            Value::Operator(value) => return self.operator(declared, value),
             Value::Expr(value) => value,
         };
         let decl = decl(&declared.name, unit, &text(value));
@@ -45,21 +45,24 @@ impl State<'_> {
         }}
     }
 
-    /// `b.eikonal(…)` with slowness, ratio, angle and thickness, each as a function of what it mentions and of these columns.
-    fn eikonal(&mut self, declared: &Let, value: &Eikonal) -> TokenStream {
+    /// `b.operator(…)` with its operands, each as a function of what it mentions and of these columns.
+    fn operator(&mut self, declared: &Let, value: &Operator) -> TokenStream {
         let (name, row) = (declared.name.to_string(), &declared.row);
         let decl = decl(&declared.name, declared.unit.as_ref(), &value.text(row));
         let operand = |e: &Expr| {
             let (function, n, place) = self.value_function(e, row);
             let columns = self.words_or_all(self.scope.columns_behind(e, row));
             let w = self.scope.mentioned(e).width();
-            quote!(Some({ #function expansion::operand::<Value, #n, #w>(#place, &[#(#columns),*]) }))
+            quote!({ #function expansion::operand::<Value, #n, #w>(#place, &[#(#columns),*]) })
         };
-        let optional = |e: &Option<Expr>| e.as_ref().map_or(quote!(None), operand);
-        let slowness = operand(&value.slowness);
-        let further = [&value.ratio, &value.angle, &value.thickness].map(optional);
+        let operands: Vec<TokenStream> = value.operands.iter().map(operand).collect();
+        let operation = match value.operation {
+            Operation::Eikonal => quote!(Eikonal),
+            Operation::Path => quote!(Path),
+            Operation::Gradient => quote!(Gradient),
+        };
         self.scope.declare(&declared.name, name.clone(), Kind::Row);
-        quote!(b.eikonal(#decl, #name, [#slowness, #(#further),*])?;)
+        quote!(b.operator(#decl, #name, expansion::Operation::#operation, vec![#(#operands),*])?;)
     }
 
     /// `struct Value` with a function of what `value` mentions; how much that is, and its place.

@@ -85,7 +85,7 @@ impl Sampler {
     /// every field at the places of their rows alone; the integrated one in addition that every measurement is normal about a sum of fields, parameters
     /// and effects; NUTS samples all models.
     pub fn takes(self, model: &Model) -> bool {
-        let is_local = model.arrivals.is_empty();
+        let is_local = model.over.is_empty();
         let is_seen = || is_local && model.has_fields() && model.fields.iter().all(|f| size(f) > 0);
         match self {
             Self::Nuts => true,
@@ -109,7 +109,7 @@ impl Sampler {
         let suits = match self {
             Self::Integrated => return None,
             Self::Blocked => Blocked::TARGET_ACCEPT,
-            Self::Nuts if model.has_fields() && model.arrivals.is_empty() => WITH_FIELDS,
+            Self::Nuts if model.has_fields() && model.over.is_empty() => WITH_FIELDS,
             Self::Nuts => Nuts::TARGET_ACCEPT,
         };
         settings.target_accept.or(Some(suits))

@@ -126,7 +126,7 @@ impl Builder<'_> {
         for (label, mean) in mean.0.into_iter().enumerate().take(n_fields) {
             let own: Vec<Term> = terms.iter_mut().filter_map(Iterator::next).collect();
             let lone = lone_mean.and_then(|name| self.lone_mean(name, label));
-            self.one_field(&declared, label, &modes, lone, (mean, own));
+            self.one_field(&declared, label, &modes, lone, (mean, own))?;
         }
         let labels = declared.labels.clone();
         let source = Source::Field { field: first_field, labels };
@@ -147,14 +147,14 @@ impl Builder<'_> {
         modes: &Modes,
         lone: Option<usize>,
         (mean, mut terms): (Box<dyn Scalar>, Vec<Term>),
-    ) {
+    ) -> Result<(), ModelError> {
         let name = declared.name_of(label);
         let n_modes = modes.frequency.len();
         let lone_mean = lone.filter(|v| self.mentions.get(v) == Some(&1));
         let collapsed = self.collapse(lone, lone_mean, declared.range, modes.phi0);
         let first = usize::from(collapsed.is_some());
         let work_of_terms = self.coefficients_of(&name, &mut terms, first);
-        let (group, seen) = self.seen_by(declared, label);
+        let (group, seen) = self.seen_by(declared, label)?;
         let has_flat_mean = mean.mentions().iter().any(|v| self.flat.contains_key(v));
         let (k, n) = (n_modes - first, seen.len());
         let stride = padded(k);
@@ -188,6 +188,7 @@ impl Builder<'_> {
             group,
             op,
         });
+        Ok(())
     }
 
     /// Declares the coefficients of each term, which are parameters of the model. Returns the
@@ -236,21 +237,21 @@ impl Builder<'_> {
         Ok(Modes { frequency, phi0: constant_mode(basis) })
     }
 
-    /// The group of the field of this label, and the vertices that its rows are at; all at which activation is
-    /// computed where arrivals depend on it.
-    fn seen_by(&self, declared: &Declared, label: usize) -> (usize, Vec<u32>) {
-        let waves = self.data.and_then(Measurements::waves);
-        if let Some(waves) = waves.filter(|_| is_everywhere(&self.model, declared.name)) {
-            return (0, waves.vertices.clone());
+    /// The group of the field of this label, and the vertices that its rows are at; all of the triangulation where
+    /// operators depend on it.
+    fn seen_by(&self, declared: &Declared, label: usize) -> Result<(usize, Vec<u32>), ModelError> {
+        let ground = self.data.and_then(Measurements::ground);
+        if let Some(ground) = ground.filter(|_| is_everywhere(&self.model, declared.name)) {
+            return Ok((0, ground.triangulation()?.vertices.clone()));
         }
         let Some((labels, data)) =
             declared.labels.as_ref().zip(self.data).filter(|_| declared.is_apart)
         else {
-            return (0, self.probes.clone());
+            return Ok((0, self.probes.clone()));
         };
         let own = labels.of_row.iter().enumerate().filter(|(_, of)| **of == label);
         let seen: BTreeSet<u32> = own.filter_map(|(row, _)| data.vertex(row)).collect();
-        (label, seen.into_iter().collect())
+        Ok((label, seen.into_iter().collect()))
     }
 
     /// The modes from `first` on at these vertices, (probes, padded modes), and transposed.

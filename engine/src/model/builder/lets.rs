@@ -8,6 +8,7 @@ use super::{Builder, Labels, Linear, Place, Source};
 use crate::model::error::ModelError;
 use crate::model::expression::{AnyLet, AnyPredictor};
 use crate::model::functions::Decl;
+use crate::model::late_maps::{LateLet, LateSource};
 use crate::model::lets::{LetValues, Local, Values};
 use crate::model::map::{Map, MapFn, Source as MapSource};
 use crate::table::Measurements;
@@ -108,9 +109,24 @@ impl Builder<'_> {
     }
 
     pub(super) fn linear_let(&mut self, decl: Decl, name: &'static str, linear: Linear) {
-        let mentions = Place { numbers: &[], lets: &[], reads_row: true };
+        self.let_without_value(decl, name, Differs::Row, linear);
+    }
+
+    /// A gradient, which a map shows.
+    pub(super) fn linear_let_of_place(&mut self, decl: Decl, name: &'static str, linear: Linear) {
+        self.let_without_value(decl, name, Differs::Place, linear);
+    }
+
+    fn let_without_value(
+        &mut self,
+        decl: Decl,
+        name: &'static str,
+        differs: Differs,
+        linear: Linear,
+    ) {
+        let mentions = Place { numbers: &[], lets: &[], reads_row: differs == Differs::Row };
         let unit = decl.unit.into();
-        self.lets.push(Declared { name, unit, mentions, differs: Differs::Row, make: None });
+        self.lets.push(Declared { name, unit, mentions, differs, make: None });
         self.names.push((name.into(), Source::Linear(linear)));
     }
 
@@ -141,10 +157,17 @@ impl Builder<'_> {
         mentions: Place,
         make: fn() -> Box<dyn MapFn>,
     ) {
-        let is_map_too =
-            |name: &&str| self.is_link(name) || self.model.maps.iter().any(|m| m.of == *name);
+        let late = &self.model.late_maps;
+        let is_map_too = |name: &&str| {
+            self.is_link(name)
+                || self.model.maps.iter().any(|m| m.of == *name)
+                || late.lets.iter().any(|own| own.name == *name)
+        };
         if mentions.reads_row || !mentions.lets.iter().all(is_map_too) {
             return;
+        }
+        if mentions.numbers.iter().any(|number| self.steepness_of(number).is_some()) {
+            return self.late_map_of(name, unit, range, mentions, make);
         }
         let mut labels: Option<&Arc<Labels>> = None;
         for number in mentions.numbers {
@@ -189,11 +212,48 @@ impl Builder<'_> {
         self.model.maps.extend(maps);
     }
 
+    /// The number of the gradient of this name.
+    fn steepness_of(&self, name: &str) -> Option<usize> {
+        self.model.late_maps.steepness.iter().position(|own| own.name == name)
+    }
+
+    /// The map of a `let` that mentions a gradient.
+    fn late_map_of(
+        &mut self,
+        name: &'static str,
+        unit: &str,
+        range: Option<(f64, f64)>,
+        mentions: Place,
+        make: fn() -> Box<dyn MapFn>,
+    ) {
+        let mut sources = vec![];
+        for number in mentions.numbers {
+            match self.source(number) {
+                Source::Scalars { v, len } => {
+                    let own = (*v..v + len).map(MapSource::Value);
+                    sources.extend(own.map(LateSource::Early));
+                }
+                Source::Field { field, labels: None } => {
+                    sources.push(LateSource::Early(MapSource::Field(*field)));
+                }
+                _ => match self.steepness_of(number) {
+                    Some(own) => sources.push(LateSource::Steepness(own)),
+                    None => return,
+                },
+            }
+        }
+        let offsets = mentions.lets.iter().map(|_| LateSource::Early(MapSource::Value(0)));
+        sources.extend(offsets);
+        let own = LateLet { name, unit: unit.into(), range, sources, at: make() };
+        self.model.late_maps.lets.push(own);
+    }
+
     fn differs(&self, name: &str) -> Differs {
         match self.source(name) {
             Source::Scalars { .. } => Differs::Not,
             Source::Each { labels, .. } => Differs::Label(labels.of_row.clone()),
             Source::Field { .. } => Differs::Place,
+            Source::Linear(_) if self.steepness_of(name).is_some() => Differs::Place,
             Source::Linear(_) | Source::Cells { .. } => Differs::Row,
             Source::Let => {
                 let declared = self.lets.iter().rev().find(|l| l.name == name);

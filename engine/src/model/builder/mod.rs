@@ -11,12 +11,14 @@ use crate::model::laid_out::{Hooks, Model};
 use crate::model::predictor::Factors;
 use crate::table::Measurements;
 
-mod arrivals;
 mod effects;
 mod fields;
 mod lets;
 mod observes;
+mod operators;
 mod params;
+
+pub use operators::Operation;
 
 /// How many numbers a parameter has.
 #[derive(Clone, Copy, Debug)]
@@ -101,8 +103,8 @@ enum Linear {
     Columns { beta: &'static str, columns: Vec<&'static str> },
     /// An expression of these parameters.
     Written { numbers: &'static [&'static str], factors: Factors },
-    /// Arrival times: the `eikonal` number `.0`.
-    Arrival(usize),
+    /// Numbers of the operator number `.0`.
+    Operator(usize),
 }
 
 /// Lays a model out on its data.
@@ -126,7 +128,9 @@ pub struct Builder<'a> {
     hooks: Hooks,
     /// First value of (observe, linear predictor).
     predictors: BTreeMap<(&'static str, &'static str), usize>,
-    eikonals: Vec<arrivals::Declared>,
+    operators: Vec<operators::Declared>,
+    /// Operators at the rows that are known so far.
+    over: Vec<operators::Waiting>,
     /// (`let`, observe that depends on it)
     seen: BTreeSet<(&'static str, &'static str)>,
     lets: Vec<lets::Declared>,
@@ -171,7 +175,8 @@ impl<'a> Builder<'a> {
             row_errors: vec![],
             hooks: Hooks::new(),
             predictors: BTreeMap::new(),
-            eikonals: vec![],
+            operators: vec![],
+            over: vec![],
             seen: BTreeSet::new(),
             lets: vec![],
             flat: BTreeMap::new(),
@@ -242,7 +247,7 @@ impl<'a> Builder<'a> {
     pub(super) fn finish(mut self) -> Result<Model, ModelError> {
         self.apply_effects()?;
         self.lay_out_lets()?;
-        self.lay_out_fronts();
+        self.lay_out_operators()?;
         self.model.layout = [self.n_u, self.n_v, self.n_work];
         if let Some(data) = self.data {
             self.model.check(data)?;

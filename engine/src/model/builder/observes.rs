@@ -146,8 +146,8 @@ impl Builder<'_> {
             Source::Linear(Declared::Written { numbers, factors }) => {
                 return self.written(name, numbers, *factors, rows);
             }
-            Source::Linear(Declared::Arrival(arrival)) => {
-                return self.arrivals_at(name, *arrival, rows);
+            Source::Linear(Declared::Operator(number)) => {
+                return self.operator_at(name, *number, rows);
             }
             _ => return Ok(0),
         };

@@ -58,7 +58,7 @@ impl<'m> Hessian<'m> {
         }
         model.priors.iter().for_each(|op| op.push(t, d));
         model.fields.iter().for_each(|field| field.op.push(t, d));
-        model.arrivals.iter().for_each(|op| op.push(t, d));
+        model.over.iter().for_each(|op| op.push(t, d));
         model.predictors.iter().for_each(|op| op.push(t, d));
         model.linear.iter().for_each(|op| op.push(t, d));
         for term in curved {
@@ -88,7 +88,7 @@ impl<'m> Hessian<'m> {
         let Self { model, t, d, .. } = self;
         model.linear.iter().rev().for_each(|op| op.pull(t, d));
         model.predictors.iter().for_each(|op| op.pull(t, d));
-        model.arrivals.iter().for_each(|op| op.pull(t, d));
+        model.over.iter().for_each(|op| op.pull(t, d));
         model.fields.iter().rev().for_each(|field| field.op.pull(t, d));
         model.priors.iter().rev().for_each(|op| op.pull(t, d));
         &d.gu
@@ -134,9 +134,9 @@ impl LogDensity for Model {
     fn evaluator(&self) -> Box<dyn Evaluator + '_> {
         Box::new(OnTape { model: self, tape: self.tape() })
     }
-    /// Arrivals over a whole surface cost milliseconds.
+    /// Operators over a whole surface cost milliseconds.
     fn interwoven(&self) -> Option<Vec<usize>> {
-        (!self.arrivals.is_empty()).then(|| self.scales_of_fields())
+        (!self.over.is_empty()).then(|| self.scales_of_fields())
     }
 }
 

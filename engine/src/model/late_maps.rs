@@ -1,0 +1,172 @@
+//! Maps that need the whole surface at once, in at most 100 draws: arrivals from every source, gradients, and what is
+//! computed of gradients.
+
+use rayon::prelude::*;
+
+use super::everywhere::{PlaceFn, Where};
+use super::laid_out::Model;
+use super::map::{MapFn, Source};
+use super::tape::Tape;
+use crate::manifold::{Basis, Gradient};
+use crate::mesh::Places;
+use crate::num::vector::dot;
+
+/// Most draws of which such maps are kept: each is as large as the surface.
+const DRAWS: usize = 100;
+
+/// Those of a model, but for the maps of its operators.
+#[derive(Debug, Default)]
+pub(super) struct LateMaps {
+    pub(super) steepness: Vec<Steepness>,
+    pub(super) lets: Vec<LateLet>,
+}
+
+/// The map of `let name(x) = gradient(EXPR);`.
+#[derive(Debug)]
+pub(super) struct Steepness {
+    pub(super) name: &'static str,
+    pub(super) unit: String,
+    /// Where the numbers of the expression come from.
+    pub(super) sources: Vec<Source>,
+    pub(super) math: Box<dyn PlaceFn>,
+    pub(super) gradient: Gradient,
+}
+
+/// The map of a `let` that mentions a gradient.
+#[derive(Debug)]
+pub(super) struct LateLet {
+    pub(super) name: &'static str,
+    pub(super) unit: String,
+    pub(super) range: Option<(f64, f64)>,
+    pub(super) sources: Vec<LateSource>,
+    pub(super) at: Box<dyn MapFn>,
+}
+
+/// Where a number of such a `let` comes from.
+#[derive(Clone, Copy, Debug)]
+pub(super) enum LateSource {
+    Early(Source),
+    /// The gradient number `.0`.
+    Steepness(usize),
+}
+
+/// A map in some draws.
+pub(super) struct LateMap<'m> {
+    pub(super) name: &'m str,
+    pub(super) unit: &'m str,
+    range: Option<(f64, f64)>,
+    /// Where the surface's vertices are on that of the values; `None` if they are the same.
+    places: Option<&'m Places>,
+    /// (draw, vertex), of draws that have a value.
+    values: Vec<Vec<f64>>,
+}
+
+impl LateMap<'_> {
+    /// Its values at a vertex of the surface, in the draws in which it has one within its range.
+    pub(super) fn at(&self, vertex: usize) -> Vec<f64> {
+        let at = |values: &Vec<f64>| {
+            self.places.map_or_else(|| values[vertex], |p| p.at(vertex, values))
+        };
+        let is_physical = |x: &f64| {
+            x.is_finite() && self.range.is_none_or(|(low, high)| (low..=high).contains(x))
+        };
+        self.values.iter().map(at).filter(is_physical).collect()
+    }
+
+    /// The share of values outside the range at `n_vertices`, of which `within` are not; `None` if it has none.
+    pub(super) fn outside(&self, within: usize, n_vertices: usize) -> Option<f64> {
+        let n = n_vertices * self.values.len();
+        self.range.map(|_| 1.0 - within as f64 / n.max(1) as f64)
+    }
+}
+
+impl Model {
+    /// Names, units, ranges and places of such maps, in their order.
+    fn late(&self) -> Vec<LateMap<'_>> {
+        let of_operators = self.over.iter().flat_map(|over| {
+            let places = over.places.as_deref();
+            over.names.iter().map(move |name| (name.as_str(), &over.unit, None, places))
+        });
+        let LateMaps { steepness, lets } = &self.late_maps;
+        let steepness = steepness.iter().map(|own| (own.name, &own.unit, None, None));
+        let lets = lets.iter().map(|own| (own.name, &own.unit, own.range, None));
+        let all = of_operators.chain(steepness).chain(lets);
+        all.map(|(name, unit, range, places)| LateMap { name, unit, range, places, values: vec![] })
+            .collect()
+    }
+
+    /// What such maps are called.
+    pub(super) fn late_names(&self) -> Vec<&str> {
+        self.late().into_iter().map(|map| map.name).collect()
+    }
+
+    /// Such maps in at most 100 of the draws, evenly spaced.
+    pub(super) fn late_maps(&self, basis: &Basis, draws: &[Vec<f64>]) -> Vec<LateMap<'_>> {
+        let mut maps = self.late();
+        if maps.is_empty() {
+            return maps;
+        }
+        let some: Vec<&Vec<f64>> =
+            draws.iter().step_by(draws.len().div_ceil(DRAWS).max(1)).collect();
+        let of_draw = |t: &mut Tape, u: &Vec<f64>| {
+            self.forward(t, u);
+            let of_operators = self.over.iter();
+            let mut all: Vec<_> =
+                of_operators.flat_map(|over| over.operator.maps(&t.kept[over.kept])).collect();
+            all.extend(self.late_maps.of_draw(self, t, basis));
+            all
+        };
+        // (draw, map, vertex)
+        let all: Vec<Vec<Vec<f64>>> =
+            some.into_par_iter().map_init(|| self.tape(), of_draw).collect();
+        for draw in all {
+            for (map, values) in maps.iter_mut().zip(draw).filter(|(_, values)| !values.is_empty())
+            {
+                map.values.push(values);
+            }
+        }
+        maps
+    }
+}
+
+impl LateMaps {
+    /// Gradients, then what is computed of them, each (n_vertices), after a forward pass.
+    fn of_draw(&self, model: &Model, t: &Tape, basis: &Basis) -> Vec<Vec<f64>> {
+        if self.steepness.is_empty() {
+            return vec![];
+        }
+        let n = basis.n_vertices();
+        // the tape's values, then the sum of each field at every vertex
+        let (mut v, first) = (t.v.clone(), t.v.len());
+        for field in &model.fields {
+            let (mean, w) = field.op.weights(t);
+            let at = |vertex| mean + dot::<8>(w, &basis.at(vertex)[field.first..][..w.len()]);
+            v.extend((0..n).map(at));
+        }
+        let place = |source: &Source| match *source {
+            Source::Value(at) => Where::Same(at as u32),
+            Source::Field(field) => Where::Each((first + field * n) as u32),
+        };
+        let mut all: Vec<Vec<f64>> = vec![];
+        for own in &self.steepness {
+            let from: Vec<Where> = own.sources.iter().map(place).collect();
+            let (mut values, mut slopes) = (vec![0.0; n], vec![0.0; n * from.len()]);
+            own.math.values(&v, &from, &mut values, &mut slopes);
+            all.push((0..n).map(|vertex| own.gradient.length(vertex, &values)).collect());
+        }
+        let mut numbers = vec![];
+        for own in &self.lets {
+            let at = |vertex: usize| {
+                numbers.clear();
+                numbers.extend(own.sources.iter().map(|source| match source {
+                    LateSource::Steepness(i) => all[*i][vertex],
+                    LateSource::Early(source) => v[place(source).at(vertex)],
+                }));
+                own.at.value(&numbers, None)
+            };
+            let values = (0..n).map(at).collect();
+            all.push(values);
+        }
+        all
+    }
+}

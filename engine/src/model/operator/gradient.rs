@@ -1,0 +1,33 @@
+//! How steep a quantity is: `gradient(EXPR)`.
+
+use super::{Kept, Operator};
+use crate::manifold::Gradient;
+
+/// The length of the gradient of its one operand at each row.
+#[derive(Debug)]
+pub(in crate::model) struct Slope {
+    pub(in crate::model) gradient: Gradient,
+    /// The vertex of each row.
+    pub(in crate::model) rows: Vec<u32>,
+}
+
+impl Operator for Slope {
+    fn forward(&self, operands: &[&[f64]], _: &mut Kept, out: &mut [f64]) {
+        for (out, vertex) in out.iter_mut().zip(&self.rows) {
+            *out = self.gradient.length(*vertex as usize, operands[0]);
+        }
+    }
+
+    /// Exact but for the curvature of the length of a vector, which is left out.
+    fn push(&self, operands: &[&[f64]], _: &Kept, changes: &[&[f64]], out: &mut [f64]) {
+        for (out, vertex) in out.iter_mut().zip(&self.rows) {
+            *out = self.gradient.push(*vertex as usize, operands[0], changes[0]);
+        }
+    }
+
+    fn pull(&self, operands: &[&[f64]], _: &Kept, bars: &[f64], into: &mut [&mut [f64]]) {
+        for (bar, vertex) in bars.iter().zip(&self.rows) {
+            self.gradient.pull(*vertex as usize, operands[0], *bar, into[0]);
+        }
+    }
+}

@@ -1,0 +1,138 @@
+//! The surface below a table's rows, as operators over the whole surface need it.
+
+use std::collections::BTreeMap;
+use std::sync::{Arc, OnceLock};
+
+use super::ProbeError;
+use crate::manifold::{Eikonal, Gradient, Paths};
+use crate::mesh::{Places, Surface, TriMesh};
+
+/// How many vertices of the surface operators see it at, those of sources and rows among them; more where these
+/// are more, or fewer would fold the surface.
+const VERTICES: usize = 2000;
+
+/// A surface, and where on it rows are and activation starts.
+#[derive(Debug)]
+pub struct Ground {
+    mesh: TriMesh,
+    /// Of each triangle.
+    fibres: Option<Vec<[f64; 3]>>,
+    /// The vertex of each row.
+    rows: Vec<u32>,
+    /// The vertex at which activation starts, of each row; empty without a column `source`.
+    sources: Vec<u32>,
+    /// Made when an operator first asks for it.
+    triangulation: OnceLock<Triangulation>,
+}
+
+/// A triangulation between vertices of the surface.
+#[derive(Debug)]
+pub struct Triangulation {
+    /// It.
+    pub mesh: TriMesh,
+    /// The vertex of the surface that each of its own is, ascending.
+    pub vertices: Vec<u32>,
+    /// Where the surface's are on it; `None` if they are the same.
+    pub places: Option<Arc<Places>>,
+    /// Its vertex at which activation starts, for each row (rows); empty without a column `source`.
+    pub source: Vec<u32>,
+    /// Its vertex at which each row is (rows).
+    pub at: Vec<u32>,
+    /// Whether the surface has fibres.
+    pub has_fibres: bool,
+    /// Arrival times on it.
+    pub eikonal: Arc<Eikonal>,
+}
+
+impl Ground {
+    pub(super) fn new(surface: &Surface, rows: &[u32], sources: &[u32]) -> Self {
+        let fibres = surface.any_fibres().filter(|_| !sources.is_empty());
+        Self {
+            mesh: surface.mesh.clone(),
+            fibres: fibres.map(|(_, vectors)| vectors),
+            rows: rows.to_vec(),
+            sources: sources.to_vec(),
+            triangulation: OnceLock::new(),
+        }
+    }
+
+    /// Whether the table says where activation starts.
+    pub fn has_sources(&self) -> bool {
+        !self.sources.is_empty()
+    }
+
+    /// The gradient on the surface itself.
+    pub fn gradient(&self) -> Gradient {
+        Gradient::new(&self.mesh)
+    }
+
+    /// The triangulation on which operators are computed.
+    ///
+    /// # Errors
+    /// What a mesh, and the solver of arrival times, refuse.
+    pub fn triangulation(&self) -> Result<&Triangulation, ProbeError> {
+        if let Some(made) = self.triangulation.get() {
+            return Ok(made);
+        }
+        let made = self.triangulated()?;
+        Ok(self.triangulation.get_or_init(|| made))
+    }
+
+    fn triangulated(&self) -> Result<Triangulation, ProbeError> {
+        let n = self.mesh.n_vertices();
+        let (mesh, vertices, fibres, places) = if n <= VERTICES {
+            (self.mesh.clone(), (0..n as u32).collect(), self.fibres.clone(), None)
+        } else {
+            let stay = [&self.sources[..], &self.rows[..]].concat();
+            let coarse = self.mesh.coarsened(VERTICES, &stay)?;
+            let of =
+                |of: &Vec<[f64; 3]>| coarse.triangles.iter().map(|t| of[*t as usize]).collect();
+            let fibres = self.fibres.as_ref().map(of);
+            (coarse.mesh, coarse.vertices, fibres, Some(coarse.places.into()))
+        };
+        let eikonal = Eikonal::new(&mesh, fibres.as_deref())?.into();
+        let mut number = vec![0; n];
+        for (new, old) in (0..).zip(&vertices) {
+            number[*old as usize] = new;
+        }
+        let [source, at] =
+            [&self.sources, &self.rows].map(|of| of.iter().map(|v| number[*v as usize]).collect());
+        let has_fibres = fibres.is_some();
+        Ok(Triangulation { mesh, vertices, places, source, at, has_fibres, eikonal })
+    }
+
+    /// For each of these rows, how much the value at each vertex of the triangulation adds to the integral along the
+    /// geodesic from the row's source to the row, mm. The geodesic is that of the surface itself.
+    ///
+    /// # Errors
+    /// Those of [`Paths::new`] and [`Ground::triangulation`].
+    pub fn path_weights(&self, rows: &[usize]) -> Result<Vec<Vec<(u32, f64)>>, ProbeError> {
+        let places = &self.triangulation()?.places;
+        let mut of_source: BTreeMap<u32, Vec<usize>> = BTreeMap::new();
+        for (i, row) in rows.iter().enumerate() {
+            of_source.entry(self.sources[*row]).or_default().push(i);
+        }
+        let mut all = vec![vec![]; rows.len()];
+        for (source, own) in of_source {
+            let paths = Paths::new(&self.mesh, source)?;
+            for i in own {
+                all[i] = carried(&paths.weights(self.rows[rows[i]]), places.as_deref());
+            }
+        }
+        Ok(all)
+    }
+}
+
+/// Weights at the vertices of the surface as weights at those of the triangulation.
+fn carried(weights: &[f64], places: Option<&Places>) -> Vec<(u32, f64)> {
+    let mut sums: BTreeMap<u32, f64> = BTreeMap::new();
+    for (vertex, weight) in (0u32..).zip(weights).filter(|(_, weight)| **weight != 0.0) {
+        match places {
+            None => drop(sums.insert(vertex, *weight)),
+            Some(places) => places
+                .on(vertex as usize)
+                .for_each(|(v, share)| *sums.entry(v).or_default() += share * weight),
+        }
+    }
+    sums.into_iter().collect()
+}

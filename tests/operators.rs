@@ -1,0 +1,254 @@
+//! `path` and `gradient`: derivatives against differences, values against exact ones, maps, and what is refused.
+
+#![allow(clippy::unwrap_used, clippy::print_stdout, reason = "tests")]
+
+#[path = "../models/lat_local.rs"]
+mod lat_local;
+#[path = "support/program.rs"]
+mod program;
+mod support;
+
+use eplat::experiment::thinned;
+use eplat::infer::{Settings, Silent, jittered_starts};
+use eplat::manifold::{Basis, Gradient, eigenpairs, integrate_along_paths};
+use eplat::mesh::Surface;
+use eplat::model::{Exceedance, Maps, Model, Sampler, Summaries};
+use eplat::table::Measurements;
+use program::{Workplace, text};
+use rand::RngExt as _;
+use rand_distr::{Distribution as _, StandardNormal};
+use support::{gradient_error, rng, table};
+
+mod way {
+    use eplat::prelude::*;
+    model! {
+        /// Activation along straight ways, through tissue whose velocity varies.
+        model Way;
+        field velocity(x) [m/s] within 0.1..1.5 = m + alpha * gp(Matern52(rho), K = 9) where {
+            m [m/s] ~ Normal(0.8, 0.3);
+            alpha [m/s] ~ HalfNormal(0.3);
+            rho [mm] ~ InvGamma(3.0, 60.0);
+        }
+        param onset [ms] ~ Normal(0.0, 20.0);
+        param noise [ms] ~ HalfNormal(5.0);
+        let slowness(x) [ms/mm] = 1.0 / velocity(x);
+        let way(row) [ms] = path(slowness(row); row.source);
+        observe lat(row): Number [ms] ~ Normal(onset + way(row), noise);
+    }
+}
+
+mod measured {
+    use eplat::prelude::*;
+    model! {
+        /// How slow a catheter finds the tissue at a place, beside arrival times.
+        model Measured;
+        field arrival(x) [ms] = m + alpha * gp(Rbf(40.0), K = 12) where {
+            m [ms] ~ Normal(60.0, 30.0);
+            alpha [ms] ~ HalfNormal(30.0);
+        }
+        param scale ~ LogNormal(0.0, 0.2);
+        let steepness(x) [ms/mm] = gradient(scale * arrival(x));
+        observe lat(x): Number [ms] ~ Normal(arrival(x), 2.0);
+        observe slow(x): Number [ms/mm] ~ Normal(steepness(x), 0.5);
+    }
+}
+
+/// An atrium with edges of this length, mm, and its modes.
+fn atrium(edge: f64) -> (Surface, Basis) {
+    let surface = Surface::left_atrium(edge);
+    let basis = eigenpairs(&surface.mesh, 128).unwrap();
+    (surface, basis)
+}
+
+/// Rows of these protocols, in turn, at every `step`th vertex, from the vertex 5.
+fn rows(surface: &Surface, basis: &Basis, step: usize, protocols: &[&str]) -> Measurements {
+    let line =
+        |i: usize| format!("{},{},5,{}", protocols[i % protocols.len()], step * i, 10 + i % 90);
+    let lines: Vec<String> = (0..surface.mesh.n_vertices() / step).map(line).collect();
+    let mut rows = table("protocol,vertex,source,value", &lines);
+    rows.place_on(surface, 1.0).unwrap();
+    rows.probe(surface, basis).unwrap();
+    rows
+}
+
+#[test]
+fn gradients_are_those_of_differences() {
+    let (surface, basis) = atrium(3.0);
+    let ways = rows(&surface, &basis, 13, &["lat"]);
+    let both = rows(&surface, &basis, 13, &["lat", "slow"]);
+    let of_ways = Model::new(&way::Way, Some(&basis), &ways).unwrap();
+    let of_both = Model::new(&measured::Measured, Some(&basis), &both).unwrap();
+    for model in [&of_ways, &of_both] {
+        for point in 0..3 {
+            let error = gradient_error(model, point);
+            assert!(error < 1e-5, "point {point}: {error}");
+        }
+        assert_eq!(Sampler::of(model), Sampler::Nuts);
+        assert!(!Sampler::Blocked.takes(model) && !Sampler::Integrated.takes(model));
+    }
+}
+
+/// The values of the first `let` that is reported of each row.
+fn let_values(model: &Model, u: &[f64]) -> Vec<f64> {
+    let mut t = model.tape();
+    model.forward(&mut t, u);
+    let mut values = vec![];
+    model.let_values(&t, &mut values);
+    values
+}
+
+/// Unknowns of a model around its start.
+fn some_draw(model: &Model, seed: u64) -> Vec<f64> {
+    let mut rng = rng(seed);
+    let mut u = model.initial();
+    u.iter_mut().for_each(|x| *x += rng.random_range(-0.5..0.5));
+    u
+}
+
+/// A map in one draw at every vertex.
+fn map_of(model: &Model, basis: &Basis, u: &[f64], name: &str) -> Vec<f64> {
+    let maps = Maps::new(model, basis);
+    let at = maps.names().iter().position(|map| map.name == name).unwrap();
+    let everywhere: Vec<usize> = (0..basis.n_vertices()).collect();
+    maps.draws_at(&[u.to_vec()], &everywhere).iter().map(|maps| maps[at][0]).collect()
+}
+
+/// The ways of a surface of more vertices than operators see are those of the surface itself.
+#[test]
+fn a_path_is_the_integral_along_the_geodesic() {
+    for (edge, bound) in [(3.0, 1e-9), (1.5, 0.02)] {
+        let (surface, basis) = atrium(edge);
+        let data = rows(&surface, &basis, 41, &["lat"]);
+        let model = Model::new(&way::Way, Some(&basis), &data).unwrap();
+        let u = some_draw(&model, 4);
+        let slowness: Vec<f64> =
+            map_of(&model, &basis, &u, "velocity").iter().map(|v| 1.0 / v).collect();
+        let exact = integrate_along_paths(&surface.mesh, 5, &slowness, 1).unwrap();
+        let ways = let_values(&model, &u);
+        assert_eq!(ways.len(), data.len());
+        for (row, way) in ways.iter().enumerate() {
+            let exact = exact[data.vertex(row).unwrap() as usize];
+            assert!((way - exact).abs() <= bound * (1.0 + exact), "{edge}, {row}: {way} {exact}");
+        }
+    }
+}
+
+/// A gradient that nothing measures is a map; the model is sampled as it would be without.
+#[test]
+fn a_gradient_and_what_follows_from_it_are_maps() {
+    let (surface, basis) = atrium(3.0);
+    let data = rows(&surface, &basis, 29, &["lat"]);
+    let model = Model::new(&lat_local::LatLocal, Some(&basis), &data).unwrap();
+    assert_eq!(Sampler::of(&model), Sampler::Integrated);
+    let maps = Maps::new(&model, &basis);
+    assert_eq!(maps.all_names(), ["arrival", "steepness", "velocity"]);
+    let draws: Vec<Vec<f64>> = (0..150).map(|seed| some_draw(&model, seed)).collect();
+    let asked = Exceedance::read("velocity < 0.5", &maps.all_names()).unwrap();
+    let Summaries { maps: all, exceeded, .. } = maps.summarise(&draws, &[asked]);
+    let named = |name: &str| all.iter().find(|map| map.name == name).unwrap();
+    let (steepness, velocity) = (named("steepness"), named("velocity"));
+    assert_eq!((&*steepness.unit, &*velocity.unit, steepness.outside), ("ms/mm", "m/s", None));
+
+    // by hand, in every second draw
+    let gradient = Gradient::new(&surface.mesh);
+    let kept: Vec<Vec<f64>> =
+        draws.iter().step_by(2).map(|u| map_of(&model, &basis, u, "arrival")).collect();
+    let mut outside = 0;
+    for v in 0..surface.mesh.n_vertices() {
+        let slopes: Vec<f64> = kept.iter().map(|values| gradient.length(v, values)).collect();
+        let mean = slopes.iter().sum::<f64>() / slopes.len() as f64;
+        assert!((steepness.mean[v] - mean).abs() < 1e-9, "{v}: {} {mean}", steepness.mean[v]);
+        let within: Vec<f64> = slopes.iter().map(|s| 1.0 / s).filter(|v| *v <= 3.0).collect();
+        outside += slopes.len() - within.len();
+        let share = within.iter().filter(|v| **v < 0.5).count() as f64 / within.len() as f64;
+        assert!((exceeded[0][v] - share).abs() < 1e-12, "{v}: {} {share}", exceeded[0][v]);
+    }
+    let share = outside as f64 / (75 * surface.mesh.n_vertices()) as f64;
+    assert!(share > 0.0 && (velocity.outside.unwrap() - share).abs() < 1e-12, "{share}");
+}
+
+/// How steep fields are is covered as it should be, where their arrivals are draws of the model's prior: eight tables of 60
+/// rows. A twin that is steeper by three tenths is covered less.
+#[test]
+fn the_steepness_of_fitted_maps_is_calibrated() {
+    let (surface, basis) = atrium(3.0);
+    let gradient = Gradient::new(&surface.mesh);
+    let (mut inside, mut of_twin, mut n) = (0, 0, 0);
+    for seed in 0..8 {
+        let mut rng = rng(seed);
+        let mut data = rows(&surface, &basis, surface.mesh.n_vertices() / 60, &["lat"]);
+        let model = Model::new(&lat_local::LatLocal, Some(&basis), &data).unwrap();
+        let mut truth = some_draw(&model, seed);
+        for (u, name) in truth.iter_mut().zip(model.unknown_names()) {
+            match &*name {
+                // ln of 30 ms, of 30 mm and of 2 ms
+                "arrival.alpha" | "arrival.rho" => *u = 3.4,
+                "noise" => *u = 0.7,
+                _ => *u = StandardNormal.sample(&mut rng),
+            }
+        }
+        let mut t = model.tape();
+        model.forward(&mut t, &truth);
+        let simulated = model.observes[0].simulate(&t, &mut rng);
+        let values: Vec<f64> = simulated.into_iter().map(|row| row[0]).collect();
+        data.set_numbers("value", &values);
+        let arrivals = map_of(&model, &basis, &truth, "arrival");
+
+        let model = Model::new(&lat_local::LatLocal, Some(&basis), &data).unwrap();
+        let starts = jittered_starts(&model, &model.initial(), 4, seed).unwrap();
+        let settings = Settings { chains: 4, draws: 250, seed, ..Settings::default() };
+        let chains = Sampler::of(&model).sample(&model, &starts, &settings, &Silent).unwrap();
+        let chains: Vec<_> = chains.into_iter().map(Result::unwrap).collect();
+        let draws = thinned(&chains, usize::MAX).unwrap();
+        let all = Maps::new(&model, &basis).summarise(&draws, &[]).maps;
+        let map = all.iter().find(|map| map.name == "steepness").unwrap();
+        for v in 0..surface.mesh.n_vertices() {
+            let exact = gradient.length(v, &arrivals);
+            let holds =
+                |x: f64| usize::from((map.quantiles[0][v]..=map.quantiles[2][v]).contains(&x));
+            inside += holds(exact);
+            of_twin += holds(1.3 * exact);
+            n += 1;
+        }
+    }
+    let [share, of_twin] = [inside, of_twin].map(|k| k as f64 / n as f64);
+    println!("{share:.3} of the surface within 90 % intervals, {of_twin:.3} of a twin's");
+    assert!((0.82..0.96).contains(&share) && of_twin < 0.8, "{share} {of_twin}");
+}
+
+#[test]
+fn a_gradient_needs_triangles() {
+    let (_, basis) = atrium(3.0);
+    let mut data = table("protocol,vertex,value", &["lat,3,20".into()]);
+    data.place_at_indices(basis.n_vertices()).unwrap();
+    let refused = Model::new(&lat_local::LatLocal, Some(&basis), &data).unwrap_err().to_string();
+    assert!(refused.starts_with("let steepness: a gradient needs the triangles"), "{refused}");
+    let refused = Model::new(&way::Way, Some(&basis), &data).unwrap_err().to_string();
+    assert!(refused.contains("has no column `source`"), "{refused}");
+}
+
+/// Activation of a sheet-like wave at 0.7 m/s: the program shows its velocity.
+#[test]
+fn the_program_shows_the_local_velocity() {
+    let place = Workplace::new();
+    let surface = Surface::left_atrium(3.0);
+    surface.write_maps(&place.path("atrium.vtp"), &[]).unwrap();
+    let geodesic =
+        integrate_along_paths(&surface.mesh, 5, &vec![1.0; surface.mesh.n_vertices()], 1);
+    let lines: Vec<String> = geodesic
+        .unwrap()
+        .iter()
+        .enumerate()
+        .step_by(9)
+        .map(|(v, mm)| format!("lat,{v},{}", 10.0 + mm / 0.7))
+        .collect();
+    place.file("lat.csv", format!("protocol,vertex,value\n{}\n", lines.join("\n")));
+    let run = place.eplat(
+        "run lat_local --mesh atrium.vtp --units mm --data lat.csv --draws 300 --exceed velocity>0.6 --out run",
+    );
+    assert!(matches!(run.status.code(), Some(0 | 3)), "{}", text(&run.stderr));
+    let maps = place.read("run/fields.vtp");
+    for name in ["steepness_mean", "velocity_q50", "velocity_sd", "P_velocity_gt_0.6"] {
+        assert!(maps.contains(&format!("Name=\"{name}\"")), "{name}");
+    }
+}
