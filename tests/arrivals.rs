@@ -525,9 +525,10 @@ fn arrivals_at_some_vertices_are_those_of_the_surface() {
     let data = rows(&surface, &basis);
     let waves = data.ground().unwrap().triangulation().unwrap();
     assert!(n > 2 * waves.vertices.len(), "{n} vertices");
+    let sources = waves.source("source").unwrap();
     for row in 0..data.len() {
         assert_eq!(Some(waves.vertices[waves.at[row] as usize]), data.vertex(row));
-        let source = waves.vertices[waves.source[row] as usize];
+        let source = waves.vertices[sources[row].unwrap() as usize];
         assert_eq!(data.cell(row, "source"), Some(&*source.to_string()));
     }
     let whole = Eikonal::new(&surface.mesh, None).unwrap();
@@ -542,8 +543,8 @@ fn arrivals_at_some_vertices_are_those_of_the_surface() {
     };
     let some: Vec<usize> = waves.vertices.iter().map(|v| *v as usize).collect();
     let off = |ratio: f64| {
-        let here = arrivals(&waves.eikonal, &some, waves.source[0], ratio);
-        let source = waves.vertices[waves.source[0] as usize];
+        let here = arrivals(&waves.eikonal, &some, sources[0].unwrap(), ratio);
+        let source = waves.vertices[sources[0].unwrap() as usize];
         let there = arrivals(&whole, &(0..n).collect::<Vec<_>>(), source, 2.0);
         let gaps = some.iter().zip(&here).map(|(v, t)| (t - there[*v]).powi(2));
         (gaps.sum::<f64>() / here.len() as f64).sqrt()

@@ -1,4 +1,4 @@
-//! `path` and `gradient`: derivatives against differences, values against exact ones, maps, and what is refused.
+//! Operators over the surface, `path`, `gradient` and `eikonal` from several places: derivatives against differences, values against exact ones, maps, and what is refused.
 
 #![allow(clippy::unwrap_used, clippy::print_stdout, reason = "tests")]
 
@@ -10,7 +10,7 @@ mod support;
 
 use eplat::experiment::thinned;
 use eplat::infer::{Settings, Silent, jittered_starts};
-use eplat::manifold::{Basis, Gradient, eigenpairs, integrate_along_paths};
+use eplat::manifold::{Basis, Eikonal, Front, Gradient, Medium, eigenpairs, integrate_along_paths};
 use eplat::mesh::Surface;
 use eplat::model::{Exceedance, Maps, Model, Sampler, Summaries};
 use eplat::table::Measurements;
@@ -50,6 +50,20 @@ mod measured {
         let steepness(x) [ms/mm] = gradient(scale * arrival(x));
         observe lat(x): Number [ms] ~ Normal(arrival(x), 2.0);
         observe slow(x): Number [ms/mm] ~ Normal(steepness(x), 0.5);
+    }
+}
+
+mod breakthroughs {
+    use eplat::prelude::*;
+    model! {
+        /// Activation that breaks through at a second place in some rhythms.
+        model Breakthroughs;
+        param slowness [ms/mm] ~ Normal(1.3, 0.5);
+        param onset(rhythm) [ms] ~ Normal(0.0, 50.0);
+        param later(rhythm) [ms] ~ Normal(0.0, 30.0);
+        param noise [ms] ~ HalfNormal(5.0);
+        let arrival(row) [ms] = eikonal(slowness; row.source, row.source2 + later(row));
+        observe lat(row): Number [ms] ~ Normal(onset(row) + arrival(row), noise);
     }
 }
 
@@ -130,6 +144,87 @@ fn a_path_is_the_integral_along_the_geodesic() {
             let exact = exact[data.vertex(row).unwrap() as usize];
             assert!((way - exact).abs() <= bound * (1.0 + exact), "{edge}, {row}: {way} {exact}");
         }
+    }
+}
+
+/// Sites of two rhythms: activation of the first starts at two vertices, of the second at one of them.
+fn rhythms(
+    surface: &Surface,
+    basis: &Basis,
+    mut value: impl FnMut(&str, usize) -> f64,
+) -> Measurements {
+    let n = surface.mesh.n_vertices();
+    let mut line = |i: usize| {
+        let (vertex, rhythm) = (19 * i % n, ["sinus", "paced"][i % 2]);
+        let second = if rhythm == "sinus" { (n - 9).to_string() } else { String::new() };
+        format!("lat,{vertex},5,{second},{rhythm},{}", value(rhythm, vertex))
+    };
+    let lines: Vec<String> = (0..120).map(&mut line).collect();
+    let mut rows = table("protocol,vertex,source,source2,rhythm,value", &lines);
+    rows.place_on(surface, 1.0).unwrap();
+    rows.probe(surface, basis).unwrap();
+    rows
+}
+
+/// Arrivals are the first from either place, and when the second starts is found from them.
+#[test]
+fn activation_starts_at_several_places() {
+    let (surface, basis) = atrium(3.0);
+    let solver = Eikonal::new(&surface.mesh, None).unwrap();
+    let n = surface.mesh.n_vertices();
+    let slowness = vec![1.4; n];
+    let from = |source: usize| {
+        let mut front = Front::default();
+        let medium = Medium { slowness: &slowness, ..Medium::default() };
+        solver.forward(&medium, &[(source as u32, 0.0)], &mut front);
+        front.arrival
+    };
+    let (first, second) = (from(5), from(n - 9));
+    let exact = |rhythm: &str, v: usize| match rhythm {
+        "sinus" => first[v].min(second[v] + 17.0),
+        _ => first[v],
+    };
+    let n_of_second = (0..n).filter(|v| second[*v] + 17.0 < first[*v]).count();
+    assert!(n_of_second > n / 4 && n_of_second < n * 3 / 4, "{n_of_second} of {n}");
+
+    let data = rhythms(&surface, &basis, &exact);
+    let model = Model::new(&breakthroughs::Breakthroughs, Some(&basis), &data).unwrap();
+    let unknown = |name: &str| match name {
+        "slowness" => 1.4,
+        "later[sinus]" => 17.0,
+        // no second place of this rhythm
+        "later[paced]" => -40.0,
+        _ => 0.0,
+    };
+    let u: Vec<f64> = model.unknown_names().iter().map(|name| unknown(name)).collect();
+    for (row, arrival) in let_values(&model, &u).iter().enumerate() {
+        let exact = data.number(row, "value", "").unwrap();
+        // where the two meet, arrivals are off by less than the error of the method
+        assert!((arrival - exact).abs() < 0.7, "row {row}: {arrival} {exact}");
+    }
+    assert!(gradient_error(&model, 2) < 1e-5);
+    let names = Maps::new(&model, &basis).all_names().join(" ");
+    assert_eq!(names, format!("arrival[5+{}:sinus] arrival[5]", n - 9));
+
+    let mut noise = rng(3);
+    let data = rhythms(&surface, &basis, |rhythm, v| {
+        let error: f64 = StandardNormal.sample(&mut noise);
+        exact(rhythm, v) + error + if rhythm == "sinus" { 100.0 } else { -20.0 }
+    });
+    let model = Model::new(&breakthroughs::Breakthroughs, Some(&basis), &data).unwrap();
+    let starts = jittered_starts(&model, &model.initial(), 2, 1).unwrap();
+    let settings = Settings { chains: 2, warmup: 200, draws: 200, ..Settings::default() };
+    let chains = Sampler::Nuts.sample(&model, &starts, &settings, &Silent).unwrap();
+    let chains: Vec<_> = chains.into_iter().map(Result::unwrap).collect();
+    let draws = thinned(&chains, usize::MAX).unwrap();
+    let names = model.unknown_names();
+    for (name, truth) in [("later[sinus]", 17.0), ("slowness", 1.4), ("onset[sinus]", 100.0)] {
+        let at = names.iter().position(|own| own == name).unwrap();
+        let own: Vec<f64> = draws.iter().map(|u| u[at]).collect();
+        let mean = own.iter().sum::<f64>() / own.len() as f64;
+        let sd = (own.iter().map(|x| (x - mean).powi(2)).sum::<f64>() / own.len() as f64).sqrt();
+        println!("{name}: {mean:.3} ± {sd:.3}, truth {truth}");
+        assert!((mean - truth).abs() < 4.0 * sd && sd < 1.0, "{name}: {mean} ± {sd}");
     }
 }
 

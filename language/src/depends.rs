@@ -1,7 +1,7 @@
 //! What a measurement depends on, from the tree.
 
 use crate::names::mentions;
-use crate::syntax::{Expr, Ident, Item, Let, Model, Observe, Value};
+use crate::syntax::{Expr, Ident, Item, Let, Model, Observe, Over, Param, Value};
 
 impl Model {
     /// The first field or `let` that the likelihood of `observe` mentions; `None` if it mentions
@@ -54,6 +54,26 @@ impl Model {
         let mut found = self.and_behind(operands.flat_map(|e| self.values_in(e)).collect());
         found.retain(|name| matches!(self.value(name), Some(Item::Field(_))));
         found
+    }
+
+    /// The parameter that `e` is: `later`, or `later(row)` with a number for each label.
+    pub fn later_by(&self, e: &Expr) -> Option<&Param> {
+        let (path, is_of_row) = match e {
+            Expr::Path(path) => (path, false),
+            Expr::Call(call) => match &*call.func {
+                Expr::Path(path) => (path, true),
+                _ => return None,
+            },
+            _ => return None,
+        };
+        self.items().find_map(|item| match item {
+            Item::Param(own) if path.path.is_ident(&own.name) => match own.over {
+                Over::One => (!is_of_row).then_some(own),
+                Over::Each(_) => is_of_row.then_some(own),
+                Over::Many(_) => None,
+            },
+            _ => None,
+        })
     }
 
     /// Whether a field on the surface stands behind the likelihood of `observe`.

@@ -82,7 +82,7 @@ impl Sum<'_> {
                             && match &own.value {
                                 Value::Expr(e) => self.is_free(e),
                                 Value::Linear { beta, .. } => !self.names.contains(&beta),
-                                Value::Operator(o) => o.operands.iter().all(|e| self.is_free(e)),
+                                Value::Operator(o) => o.exprs().all(|e| self.is_free(e)),
                             }
                     }
                     _ => true,

@@ -192,7 +192,8 @@ pub enum Value {
     Operator(Box<Operator>),
 }
 
-/// An operator over the whole surface, `WORD(OPERAND, …; row.source)`. Its operands have a value at every place.
+/// An operator over the whole surface, `WORD(OPERAND, …; row.source, row.source2 + LATER)`. Its operands have a value at every
+/// place.
 pub struct Operator {
     /// Which.
     pub operation: Operation,
@@ -200,6 +201,8 @@ pub struct Operator {
     pub operands: Vec<Expr>,
     /// The column that holds the vertex at which activation starts.
     pub source: Option<Ident>,
+    /// Columns with vertices at which the same activation starts too, and by how much later.
+    pub further: Vec<(Ident, Expr)>,
 }
 
 /// The operators over the whole surface.
@@ -328,7 +331,14 @@ impl Operator {
     pub fn text(&self, row: &Ident) -> String {
         let operands: Vec<String> = self.operands.iter().map(print).collect();
         let source = self.source.as_ref().map_or(String::new(), |at| format!("; {row}.{at}"));
-        format!("{}({}{source})", self.operation.word(), operands.join(", "))
+        let further = self.further.iter().map(|(at, e)| format!(", {row}.{at} + {}", print(e)));
+        let further: String = further.collect();
+        format!("{}({}{source}{further})", self.operation.word(), operands.join(", "))
+    }
+
+    /// All expressions in it.
+    pub fn exprs(&self) -> impl Iterator<Item = &Expr> {
+        self.operands.iter().chain(self.further.iter().map(|(_, later)| later))
     }
 }
 
@@ -338,7 +348,7 @@ impl Let {
         match &self.value {
             Value::Expr(e) => vec![e],
             Value::Linear { .. } => vec![],
-            Value::Operator(o) => o.operands.iter().collect(),
+            Value::Operator(o) => o.exprs().collect(),
         }
     }
 }

@@ -127,6 +127,14 @@ fn each_mistake_is_told_in_words() {
             "start: activation cannot start at column `start`; the column with the vertex at which it starts is called `source`",
         ),
         (
+            "let t(row) = eikonal(f(row); row.source, row.start + mu);",
+            "start: activation cannot start at column `start`; columns with further vertices at which it starts are called `source2`, `source3` and so on",
+        ),
+        (
+            "let t(row) = eikonal(f(row); row.source, row.source2 + 2 * mu);",
+            "mu: `2 * mu` is no parameter; by how much later activation starts is one parameter, `later`, or one for each label, `later(row)`",
+        ),
+        (
             "let t(x) = path(f(x); x.source); let s(x) = gradient(t(x));",
             "t: `t` has no value between the rows; it is needed at every place of the surface: only fields, parameters and columns have a value there, and what is computed of these alone",
         ),
@@ -254,7 +262,7 @@ fn what_is_right_is_no_mistake() {
         "let h(x) = if f(x) > LOW { half(mu) } else { match 1 { n if n > 0 => mu, _ => g(x) } };",
         "let h(x) = (0..3).map(|i| beta[i]).sum::<D>() + D::from(x.dose) as f64;",
         "let h(x) = f(x) * mu; let t(x) = eikonal(h(x) + 0.2, 2.0, half(g(x)); x.source); let u(x) = t(x) + x.dose;",
-        "let w(x) = path(f(x) * x.dose; x.source); let s(x) = gradient(f(x) + mu); let v(x) = 1 / s(x);",
+        "let b(x) = eikonal(f(x); x.source, x.source2 + mu, x.source3 + alpha(x)); let w(x) = path(f(x) * x.dose; x.source); let s(x) = gradient(f(x) + mu); let v(x) = 1 / s(x);",
         "let h(x) = std::f64::consts::PI * surrogate::erp_s2(f(x), mu);",
         "let alphas(x) = alpha(x); let g2(x) = g(x);",
         "let h(x) = linear(x.a, x.b; beta); let k(x) = linear(x.dose; mu);",
@@ -284,6 +292,12 @@ fn an_operator_has_its_operands_and_a_source() {
     let of_path = "write `path(EXPRESSION; x.source)`: the integral along the way from the vertex in column `source`";
     for (value, token, message, help) in [
         ("path(mu)", "path", "`path` does not say where activation starts", of_path),
+        (
+            "eikonal(mu; row.source, row.source2)",
+            "source2",
+            "`row.source2` does not say by how much later it starts",
+            "add a parameter: `eikonal(SLOWNESS; x.source, x.source2 + later)` with `param later [ms] ~ PRIOR;` above",
+        ),
         ("path(mu, 2; row.source)", "path", "`path` does not say where activation starts", of_path),
         (
             "path(mu; source)",

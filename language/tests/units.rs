@@ -54,6 +54,10 @@ mistakes! {
         param thickness [mm] ~ HalfNormal(1.0);
         let t(row) [ms] = eikonal(1.2, 2.0, 0.3, thickness; row.source);
     } => "let t: `thickness`: expected [ms] as the thickness of a front, got [mm]";
+    a_second_source_that_is_farther: {
+        param later [mm] ~ Normal(0.0, 9.0);
+        let t(row) [ms] = eikonal(1.2; row.source, row.source2 + later);
+    } => "let t: `later`: expected [ms] as declared, got [mm]";
     a_path_of_a_velocity: {
         param v [m/s] ~ Normal(0.8, 0.3);
         let t(row) [ms] = path(v; row.source);

@@ -78,13 +78,15 @@ pub enum ModelError {
     },
     /// Arrival times in a table that does not say where activation starts.
     #[error(
-        "let {name}: {file} has no column `source`\nhelp: it holds, for each row, the vertex of the mesh at which activation starts (from 0, as in column `vertex`)"
+        "let {name}: {file} has no column `{column}`\nhelp: it holds, for each row, the vertex of the mesh at which activation starts (from 0, as in column `vertex`)"
     )]
     NoSource {
         /// The `let`.
         name: String,
         /// The table.
         file: String,
+        /// `source`, or `source2` and so on.
+        column: String,
     },
     /// A gradient where nothing but modes is known of the surface.
     #[error(

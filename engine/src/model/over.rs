@@ -10,7 +10,7 @@ use std::ops::Range;
 use std::sync::Arc;
 
 use super::everywhere::{PlaceFn, Where, pull, push};
-use super::operator::{Kept, Operator};
+use super::operator::{Bars, Kept, Operands, Operator};
 use super::tape::{Op, Second, Tape};
 use crate::mesh::Places;
 
@@ -26,6 +26,8 @@ pub(super) struct Operand {
 pub(super) struct Over {
     pub(super) operator: Box<dyn Operator>,
     pub(super) operands: Vec<Operand>,
+    /// The place in `v` of each single number that it depends on.
+    pub(super) numbers: Vec<usize>,
     /// Number of vertices of the triangulation.
     pub(super) n: usize,
     /// Where the surface's vertices are on the triangulation; `None` if they are the same.
@@ -69,25 +71,30 @@ impl Over {
         work[self.work..][..self.n_left()].split_at(self.n_operands())
     }
 
-    /// Each operand of those that lie in `values` one after the other.
-    fn split<'a>(&self, values: &'a [f64]) -> Vec<&'a [f64]> {
-        values.chunks_exact(self.n).collect()
+    /// What it depends on: expressions, which lie in `values` one after the other, and numbers of `v`.
+    fn operands<'a>(&self, values: &'a [f64], v: &[f64]) -> Operands<'a> {
+        let numbers = self.numbers.iter().map(|at| v[*at]).collect();
+        Operands { everywhere: values.chunks_exact(self.n).collect(), numbers }
     }
 
     /// Carries adjoints of its numbers, in `g`, to what the operands depend on, in `g` too.
     fn carry_back(
         &self,
-        (values, slopes): (&[f64], &[f64]),
-        kept: &Kept,
+        of: &Operands<'_>,
+        (slopes, kept): (&[f64], &Kept),
         bars: &mut [f64],
         g: &mut [f64],
     ) {
         bars.fill(0.0);
         let of_rows: Vec<f64> = self.rows.iter().map(|at| g[*at]).collect();
-        let mut into: Vec<&mut [f64]> = bars.chunks_exact_mut(self.n).collect();
-        self.operator.pull(&self.split(values), kept, &of_rows, &mut into);
-        for (i, (operand, bars)) in self.operands.iter().zip(into).enumerate() {
+        let everywhere = bars.chunks_exact_mut(self.n).collect();
+        let mut into = Bars { everywhere, numbers: vec![0.0; self.numbers.len()] };
+        self.operator.pull(of, kept, &of_rows, &mut into);
+        for (i, (operand, bars)) in self.operands.iter().zip(into.everywhere).enumerate() {
             pull(&slopes[self.slopes(i)], &operand.from, bars, g);
+        }
+        for (at, bar) in self.numbers.iter().zip(into.numbers) {
+            g[*at] += bar;
         }
     }
 }
@@ -101,7 +108,8 @@ impl Op for Over {
             operand.math.values(&t.v, &operand.from, out, &mut slopes[self.slopes(i)]);
         }
         let mut out = vec![0.0; self.rows.len()];
-        self.operator.forward(&self.split(values), &mut t.kept[self.kept], &mut out);
+        let of = self.operands(values, &t.v);
+        self.operator.forward(&of, &mut t.kept[self.kept], &mut out);
         for (at, x) in self.rows.iter().zip(out) {
             t.v[*at] = x;
         }
@@ -110,8 +118,9 @@ impl Op for Over {
     fn backward(&self, t: &mut Tape) {
         let own = &mut t.work[self.work..][..self.n_work()];
         let (left, bars) = own.split_at_mut(self.n_left());
-        let left = left.split_at(self.n_operands());
-        self.carry_back(left, &t.kept[self.kept], bars, &mut t.g);
+        let (values, slopes) = left.split_at(self.n_operands());
+        let of = self.operands(values, &t.v);
+        self.carry_back(&of, (slopes, &t.kept[self.kept]), bars, &mut t.g);
     }
 
     fn ln_density(&self, _: &mut Tape) {}
@@ -129,7 +138,8 @@ impl Second for Over {
         }
         let mut out = vec![0.0; self.rows.len()];
         let kept = &t.kept[self.kept];
-        self.operator.push(&self.split(values), kept, &self.split(changes), &mut out);
+        let (of, changes) = (self.operands(values, &t.v), self.operands(changes, &d.v));
+        self.operator.push(&of, kept, &changes, &mut out);
         for (at, x) in self.rows.iter().zip(out) {
             d.v[*at] = x;
         }
@@ -137,6 +147,8 @@ impl Second for Over {
 
     fn pull(&self, t: &Tape, d: &mut Tape) {
         let bars = &mut d.work[self.work + self.n_left()..][..self.n_operands()];
-        self.carry_back(self.left(&t.work), &t.kept[self.kept], bars, &mut d.g);
+        let (values, slopes) = self.left(&t.work);
+        let of = self.operands(values, &t.v);
+        self.carry_back(&of, (slopes, &t.kept[self.kept]), bars, &mut d.g);
     }
 }

@@ -14,6 +14,13 @@ pub const VERTEX: &str = "vertex";
 pub const PROTOCOL: &str = "protocol";
 /// The column that holds, for each row, the vertex (index in the mesh file) at which activation starts.
 pub const SOURCE: &str = "source";
+
+/// Whether a column holds further vertices at which activation starts: `source2`, `source3`, ….
+pub(super) fn is_further_source(name: &str) -> bool {
+    let number = name.strip_prefix(SOURCE).and_then(|rest| rest.parse::<u32>().ok());
+    number.is_some_and(|number| number >= 2)
+}
+
 /// The column that is then added: length of the geodesic path from there, mm.
 pub const PATH: &str = "path_mm";
 /// Quantities that the export of a mapping system has for every point; `protocol` names them.
@@ -142,7 +149,7 @@ impl Columns {
 
 /// The role that a name has by itself.
 fn known(name: &str) -> Role {
-    if STRUCTURAL.contains(&name) {
+    if STRUCTURAL.contains(&name) || is_further_source(name) {
         return Role::Structural;
     }
     let lower = name.to_lowercase();

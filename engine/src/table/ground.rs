@@ -19,8 +19,8 @@ pub struct Ground {
     fibres: Option<Vec<[f64; 3]>>,
     /// The vertex of each row.
     rows: Vec<u32>,
-    /// The vertex at which activation starts, of each row; empty without a column `source`.
-    sources: Vec<u32>,
+    /// Columns with vertices at which activation starts, of each row that has one; the first is `source`, if there is any.
+    sources: Vec<(String, Vec<Option<u32>>)>,
     /// Made when an operator first asks for it.
     triangulation: OnceLock<Triangulation>,
 }
@@ -34,8 +34,9 @@ pub struct Triangulation {
     pub vertices: Vec<u32>,
     /// Where the surface's are on it; `None` if they are the same.
     pub places: Option<Arc<Places>>,
-    /// Its vertex at which activation starts, for each row (rows); empty without a column `source`.
-    pub source: Vec<u32>,
+    /// Columns with its vertices at which activation starts, for each row that has one (rows); the first is `source`, if
+    /// there is any.
+    pub sources: Vec<(String, Vec<Option<u32>>)>,
     /// Its vertex at which each row is (rows).
     pub at: Vec<u32>,
     /// Whether the surface has fibres.
@@ -44,14 +45,26 @@ pub struct Triangulation {
     pub eikonal: Arc<Eikonal>,
 }
 
+impl Triangulation {
+    /// Its vertices at which activation starts, for each row that has one, by a column.
+    pub fn source(&self, column: &str) -> Option<&[Option<u32>]> {
+        let own = self.sources.iter().find(|(name, _)| name == column);
+        own.map(|(_, of_rows)| &of_rows[..])
+    }
+}
+
 impl Ground {
-    pub(super) fn new(surface: &Surface, rows: &[u32], sources: &[u32]) -> Self {
+    pub(super) fn new(
+        surface: &Surface,
+        rows: &[u32],
+        sources: Vec<(String, Vec<Option<u32>>)>,
+    ) -> Self {
         let fibres = surface.any_fibres().filter(|_| !sources.is_empty());
         Self {
             mesh: surface.mesh.clone(),
             fibres: fibres.map(|(_, vectors)| vectors),
             rows: rows.to_vec(),
-            sources: sources.to_vec(),
+            sources,
             triangulation: OnceLock::new(),
         }
     }
@@ -83,7 +96,8 @@ impl Ground {
         let (mesh, vertices, fibres, places) = if n <= VERTICES {
             (self.mesh.clone(), (0..n as u32).collect(), self.fibres.clone(), None)
         } else {
-            let stay = [&self.sources[..], &self.rows[..]].concat();
+            let sources = self.sources.iter().flat_map(|(_, of_rows)| of_rows).flatten();
+            let stay: Vec<u32> = sources.chain(&self.rows).copied().collect();
             let coarse = self.mesh.coarsened(VERTICES, &stay)?;
             let of =
                 |of: &Vec<[f64; 3]>| coarse.triangles.iter().map(|t| of[*t as usize]).collect();
@@ -95,10 +109,13 @@ impl Ground {
         for (new, old) in (0..).zip(&vertices) {
             number[*old as usize] = new;
         }
-        let [source, at] =
-            [&self.sources, &self.rows].map(|of| of.iter().map(|v| number[*v as usize]).collect());
+        let new = |v: &u32| number[*v as usize];
+        let at = self.rows.iter().map(new).collect();
+        let of_rows = |rows: &[Option<u32>]| rows.iter().map(|v| v.as_ref().map(new)).collect();
+        let sources =
+            self.sources.iter().map(|(name, rows)| (name.clone(), of_rows(rows))).collect();
         let has_fibres = fibres.is_some();
-        Ok(Triangulation { mesh, vertices, places, source, at, has_fibres, eikonal })
+        Ok(Triangulation { mesh, vertices, places, sources, at, has_fibres, eikonal })
     }
 
     /// For each of these rows, how much the value at each vertex of the triangulation adds to the integral along the
@@ -110,7 +127,9 @@ impl Ground {
         let places = &self.triangulation()?.places;
         let mut of_source: BTreeMap<u32, Vec<usize>> = BTreeMap::new();
         for (i, row) in rows.iter().enumerate() {
-            of_source.entry(self.sources[*row]).or_default().push(i);
+            if let Some(source) = self.sources.first().and_then(|(_, of_rows)| of_rows[*row]) {
+                of_source.entry(source).or_default().push(i);
+            }
         }
         let mut all = vec![vec![]; rows.len()];
         for (source, own) in of_source {

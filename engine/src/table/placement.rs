@@ -59,6 +59,20 @@ impl Placement {
         (0..table.len()).map(|row| by_index(table, row, column, surface)).collect()
     }
 
+    /// The same, of a column whose cells may be empty.
+    ///
+    /// # Errors
+    /// A cell that is no vertex of the surface.
+    pub(super) fn by_column_if_filled(
+        table: &Table,
+        column: &str,
+        surface: &Surface,
+    ) -> Result<Vec<Option<u32>>, DataError> {
+        let is_filled = |row: usize| table.cell(row, column).is_some_and(|cell| !cell.is_empty());
+        let one = |row| is_filled(row).then(|| by_index(table, row, column, surface)).transpose();
+        (0..table.len()).map(one).collect()
+    }
+
     /// Vertex of a row.
     pub fn vertex(&self, row: usize) -> Option<u32> {
         self.0.get(row).copied()

@@ -3,6 +3,7 @@
 
 use std::sync::Arc;
 
+use super::columns::is_further_source;
 use super::{DataError, Ground, Placement, SOURCE, Table};
 use crate::manifold::{Basis, ManifoldError, integrate_along_paths};
 use crate::mesh::{MeshError, Surface};
@@ -39,11 +40,18 @@ impl Probes {
         let frequency: Vec<f64> = basis.eigenvalues.iter().map(|l| l.max(0.0).sqrt()).collect();
         let vertices = placement.of_rows();
         let at = vertices.iter().flat_map(|v| basis.at(*v as usize).iter().copied()).collect();
-        let ground = |sources: &[u32]| Some(Ground::new(surface, vertices, sources).into());
         if !table.has(SOURCE) {
-            return Ok(Self { frequency, at, ground: ground(&[]), ..Self::default() });
+            let ground = Some(Ground::new(surface, vertices, vec![]).into());
+            return Ok(Self { frequency, at, ground, ..Self::default() });
         }
         let sources = Placement::by_column(table, SOURCE, surface)?;
+        let further = table.columns().iter().filter(|name| is_further_source(name));
+        let own = sources.iter().copied().map(Some).collect();
+        let mut all = vec![(SOURCE.to_owned(), own)];
+        for name in further {
+            all.push((name.clone(), Placement::by_column_if_filled(table, name, surface)?));
+        }
+        let ground = Some(Ground::new(surface, vertices, all).into());
         let n = basis.n_modes();
         // the modes and 1, whose integral is the length
         let with_one: Vec<f64> = (0..basis.n_vertices())
@@ -64,7 +72,7 @@ impl Probes {
                 length[row] = own[n];
             }
         }
-        Ok(Self { frequency, at, along, length, ground: ground(&sources) })
+        Ok(Self { frequency, at, along, length, ground })
     }
 
     /// The surface below the rows.

@@ -1,7 +1,9 @@
 //! What is needed at every place of the surface, where there is no row.
 
+use crate::grammar::last_span;
 use crate::mistake::Mistake;
 use crate::names::{Mention, mentions};
+use crate::print;
 use crate::syntax::{Expr, Ident, Item, Let, Model, Over, Value};
 
 /// The column that names the vertex at which activation starts.
@@ -69,4 +71,21 @@ pub(super) fn source(column: &Ident) -> Vec<Mistake> {
     let message = format!("activation cannot start at column `{column}`");
     let help = format!("the column with the vertex at which it starts is called `{SOURCE}`");
     vec![Mistake::at(column.span(), message, help)]
+}
+
+/// A further source is one of the columns `source2`, `source3`, …, and what it is later by is a parameter.
+pub(super) fn further_source(column: &Ident, later: &Expr, model: &Model) -> Vec<Mistake> {
+    let word = column.to_string();
+    let number = word.strip_prefix(SOURCE).and_then(|rest| rest.parse::<u32>().ok());
+    if number.is_none_or(|number| number < 2) {
+        let message = format!("activation cannot start at column `{column}`");
+        let help = "columns with further vertices at which it starts are called `source2`, `source3` and so on";
+        return vec![Mistake::at(column.span(), message, help)];
+    }
+    if model.later_by(later).is_none() {
+        let message = format!("`{}` is no parameter", print(later));
+        let help = "by how much later activation starts is one parameter, `later`, or one for each label, `later(row)`";
+        return vec![Mistake::at(last_span(later), message, help)];
+    }
+    vec![]
 }

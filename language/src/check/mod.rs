@@ -148,6 +148,10 @@ impl<'a> Check<'a> {
             self.say(everywhere::mistakes(operand, &l.row, scope.model));
         }
         self.say(o.source.as_ref().map_or(vec![], everywhere::source));
+        for (column, later) in &o.further {
+            self.say(scope.read(later, Place::Row(&l.row), &[]));
+            self.say(everywhere::further_source(column, later, scope.model));
+        }
     }
 
     fn observe(&mut self, observe: &Observe, scope: &Scope<'_>) {

@@ -27,6 +27,7 @@ const PARAM: &str = "write `param NAME [unit] ~ PRIOR;`, `param NAME(label_colum
 const FIELD: &str = "write `field NAME(x) [unit] in 1.0..30.0 = m + alpha * gp(Rbf(rho), K = 24) where { m [ms] ~ Flat; … }`";
 const LET: &str = "write `let NAME(x) [unit] = EXPRESSION;`";
 const EIKONAL: &str = "write `eikonal(SLOWNESS; x.source)`, with the ratio of velocities along and across fibres `eikonal(SLOWNESS, RATIO; x.source)`, with an angle of the fibres `eikonal(SLOWNESS, RATIO, ANGLE; x.source)`, and with the thickness of fronts `eikonal(SLOWNESS, RATIO, ANGLE, THICKNESS; x.source)`";
+const FURTHER: &str = "add a parameter: `eikonal(SLOWNESS; x.source, x.source2 + later)` with `param later [ms] ~ PRIOR;` above";
 const PATH: &str = "write `path(EXPRESSION; x.source)`: the integral along the way from the vertex in column `source`";
 const COLUMN: &str = "write `column NAME [unit];` or `column NAME(3);`";
 const OBSERVE: &str = "write `observe NAME(x): Bracket [unit] ~ LIKELIHOOD;` or `observe NAME(row): Number [unit] from (row.a / row.b) ~ LIKELIHOOD;`";

@@ -6,7 +6,7 @@ use syn::{Expr, Ident, Result, Token, token};
 
 use super::field::place;
 use super::pieces::{all_read, equals, expr, last_span, name, over, prior, range, semicolon, unit};
-use super::{DENSITY, EFFECT, EIKONAL, LET, OBSERVE, PATH, wrong};
+use super::{DENSITY, EFFECT, EIKONAL, FURTHER, LET, OBSERVE, PATH, wrong};
 use crate::print;
 use crate::syntax::{Density, Effect, Form, Let, Observe, Operation, Operator, Over, Value};
 
@@ -56,7 +56,7 @@ fn linear(input: ParseStream<'_>, row: &Ident) -> Result<Option<Value>> {
     Ok(Some(Value::Linear { columns, beta }))
 }
 
-/// `eikonal(SLOWNESS, RATIO?, ANGLE?, THICKNESS?; ROW.source);`, `path(EXPR; ROW.source);` or `gradient(EXPR);`
+/// `eikonal(SLOWNESS, RATIO?, ANGLE?, THICKNESS?; ROW.source, ROW.source2 + LATER);`, `path(EXPR; ROW.source);` or `gradient(EXPR);`
 fn operator(input: ParseStream<'_>, row: &Ident) -> Result<Option<Value>> {
     let called = |operation: &Operation| is_call(input, operation.word());
     let Some(operation) = Operation::ALL.into_iter().find(called) else { return Ok(None) };
@@ -81,9 +81,20 @@ fn operator(input: ParseStream<'_>, row: &Ident) -> Result<Option<Value>> {
     } else {
         None
     };
+    let mut further = vec![];
+    while operation == Operation::Eikonal && content.peek(Token![,]) {
+        content.parse::<Token![,]>()?;
+        let column = member(&content, row)?;
+        if !content.peek(Token![+]) {
+            let message = format!("`{row}.{column}` does not say by how much later it starts");
+            return Err(wrong(column.span(), message, FURTHER));
+        }
+        let plus: Token![+] = content.parse()?;
+        further.push((column, expr(&content, plus.span, "a parameter")?));
+    }
     all_read(&content)?;
     semicolon(input, bracket)?;
-    Ok(Some(Value::Operator(Box::new(Operator { operation, operands, source }))))
+    Ok(Some(Value::Operator(Box::new(Operator { operation, operands, source, further }))))
 }
 
 /// Whether `WORD(` follows.

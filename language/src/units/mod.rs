@@ -86,6 +86,9 @@ fn let_statement(l: &Let, declared: Option<Unit>, units: &Units, say: &mut Say<'
 fn operator(o: &Operator, result: Option<Wanted>, units: &Units, say: &mut Say<'_>) -> Known {
     let mm = Unit::parse("mm").unwrap_or_else(Unit::one);
     let power = if o.operation == Operation::Gradient { -1 } else { 1 };
+    for (_, later) in &o.further {
+        say.check(later, result.clone(), units);
+    }
     let first = result.map(|own| Wanted { unit: own.unit.times(mm, -power), ..own });
     let further = [
         wanted(Some(Unit::one()), "as a ratio of velocities"),

@@ -21,7 +21,7 @@ impl State<'_> {
                 self.scope.declare(&declared.name, name.clone(), Kind::Row);
                 return quote!(b.linear(#decl, #name, &[#(#columns),*], #beta););
             }
-            Value::Operator(value) => return self.operator(declared, value),
+            Value::Operator(value) => return self.operator(model, declared, value),
             Value::Expr(value) => value,
         };
         let decl = decl(&declared.name, unit, &text(value));
@@ -46,7 +46,7 @@ impl State<'_> {
     }
 
     /// `b.operator(…)` with its operands, each as a function of what it mentions and of these columns.
-    fn operator(&mut self, declared: &Let, value: &Operator) -> TokenStream {
+    fn operator(&mut self, model: &Model, declared: &Let, value: &Operator) -> TokenStream {
         let (name, row) = (declared.name.to_string(), &declared.row);
         let decl = decl(&declared.name, declared.unit.as_ref(), &value.text(row));
         let operand = |e: &Expr| {
@@ -61,8 +61,15 @@ impl State<'_> {
             Operation::Path => quote!(Path),
             Operation::Gradient => quote!(Gradient),
         };
+        let further = value.further.iter().filter_map(|(column, later)| {
+            let (column, later) = (column.to_string(), model.later_by(later)?.name.to_string());
+            Some(quote!((#column, #later)))
+        });
+        let further = quote!(&[#(#further),*]);
         self.scope.declare(&declared.name, name.clone(), Kind::Row);
-        quote!(b.operator(#decl, #name, expansion::Operation::#operation, vec![#(#operands),*])?;)
+        quote! {
+            b.operator(#decl, #name, expansion::Operation::#operation, vec![#(#operands),*], #further)?;
+        }
     }
 
     /// `struct Value` with a function of what `value` mentions; how much that is, and its place.

@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 
-use super::{Builder, Linear, Source};
+use super::{Builder, Linear, Source as BuilderSource};
 use crate::manifold::Gradient;
 use crate::model::error::ModelError;
 use crate::model::everywhere::Where;
@@ -10,9 +10,9 @@ use crate::model::expression::AnyOperand;
 use crate::model::functions::Decl;
 use crate::model::late_maps::Steepness;
 use crate::model::map::Source as MapSource;
-use crate::model::operator::{Along, Arrival, Operator, Slope};
+use crate::model::operator::{Along, Arrival, Operator, Slope, Source};
 use crate::model::over::{Operand, Over};
-use crate::table::{Ground, SOURCE, Triangulation};
+use crate::table::{Ground, Measurements, SOURCE, Triangulation};
 
 /// Which operator.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -31,6 +31,7 @@ pub(super) struct Declared {
     unit: String,
     /// Where the numbers of each operand live, and the operand.
     operands: Vec<(Vec<Where>, AnyOperand)>,
+    further: &'static [FurtherSource],
     /// Which of the builder's `over` it is, by the cells that the operands read of a row: each combination is an
     /// operator of its own.
     over: BTreeMap<Vec<u64>, usize>,
@@ -41,14 +42,27 @@ pub(super) struct Waiting {
     operation: Operation,
     unit: String,
     operands: Vec<Operand>,
-    /// Row of the table, and the place of its number.
-    rows: Vec<(usize, usize)>,
-    /// Of the maps: one for each source.
-    names: Vec<(u32, String)>,
+    /// The place of each single number that it depends on.
+    numbers: Vec<usize>,
+    rows: Vec<Row>,
+    /// Of the maps: one for each activation.
+    names: Vec<(Vec<Source>, String)>,
 }
 
+/// A row of an operator.
+struct Row {
+    /// Number of the row in the table.
+    of_table: usize,
+    /// Place of its number.
+    at: usize,
+    sources: Vec<Source>,
+}
+
+/// A column with a vertex at which activation starts too, and the parameter that tells by how much later.
+type FurtherSource = (&'static str, &'static str);
+
 impl Builder<'_> {
-    /// `let name(row) [unit] = OPERATION(operands; row.source);`
+    /// `let name(row) [unit] = OPERATION(operands; row.source, row.source2 + later(row));`
     ///
     /// # Errors
     /// No column `source`, where activation must start; a ratio on a mesh without fibres, where no angle says how they
@@ -59,6 +73,7 @@ impl Builder<'_> {
         name: &'static str,
         operation: Operation,
         operands: Vec<AnyOperand>,
+        further: &'static [FurtherSource],
     ) -> Result<(), ModelError> {
         let unit: String = decl.unit.clone().into();
         let operator = Linear::Operator(self.operators.len());
@@ -67,26 +82,41 @@ impl Builder<'_> {
             self.steepness(name, &unit, &operands)?;
         } else {
             self.linear_let(decl, name, operator);
-            self.require_source(name, operation, operands.len())?;
+            self.require_sources(name, operation, operands.len(), further)?;
+        }
+        for (_, later) in further {
+            if let BuilderSource::Scalars { v, .. } = *self.source(later) {
+                *self.mentions.entry(v).or_default() += 1;
+            }
         }
         if self.data.is_some() {
             let operands = operands.into_iter().map(|of| (self.places(&of), of)).collect();
-            let declared = Declared { operation, unit, operands, over: BTreeMap::new() };
+            let over = BTreeMap::new();
+            let declared = Declared { operation, unit, operands, further, over };
             self.operators.push(declared);
         }
         Ok(())
     }
 
-    fn require_source(
+    fn require_sources(
         &self,
         name: &str,
         operation: Operation,
         n_operands: usize,
+        further: &[FurtherSource],
     ) -> Result<(), ModelError> {
         let Some(data) = self.data else { return Ok(()) };
-        let Some(ground) = data.ground().filter(|ground| ground.has_sources()) else {
-            return Err(ModelError::NoSource { name: name.into(), file: data.file().into() });
+        let lacks = |column: &str| ModelError::NoSource {
+            name: name.into(),
+            file: data.file().into(),
+            column: column.into(),
         };
+        let Some(ground) = data.ground().filter(|ground| ground.has_sources()) else {
+            return Err(lacks(SOURCE));
+        };
+        if let Some((column, _)) = further.iter().find(|(column, _)| !data.has(column)) {
+            return Err(lacks(column));
+        }
         let has_only_ratio = operation == Operation::Eikonal && n_operands == 2;
         if has_only_ratio && !ground.triangulation()?.has_fibres {
             return Err(ModelError::NoFibres { name: name.into() });
@@ -109,8 +139,10 @@ impl Builder<'_> {
         let mut sources = vec![];
         for number in of.mentions.numbers {
             match self.source(number) {
-                Source::Scalars { v, len } => sources.extend((*v..v + len).map(MapSource::Value)),
-                Source::Field { field, .. } => sources.push(MapSource::Field(*field)),
+                BuilderSource::Scalars { v, len } => {
+                    sources.extend((*v..v + len).map(MapSource::Value))
+                }
+                BuilderSource::Field { field, .. } => sources.push(MapSource::Field(*field)),
                 _ => unreachable!("the language refuses what has no value at every place"),
             }
         }
@@ -125,10 +157,10 @@ impl Builder<'_> {
         let mut from = vec![];
         for number in operand.mentions.numbers {
             match *self.source(number) {
-                Source::Scalars { v, len } => {
+                BuilderSource::Scalars { v, len } => {
                     from.extend((v..v + len).map(|v| Where::Same(v as u32)));
                 }
-                Source::Field { field, .. } => {
+                BuilderSource::Field { field, .. } => {
                     from.push(Where::Each(self.model.fields[field].op.theta as u32));
                 }
                 _ => unreachable!("the language refuses what has no value at every place"),
@@ -155,10 +187,11 @@ impl Builder<'_> {
         let Some((data, ground)) = self.data.and_then(|data| Some((data, data.ground()?))) else {
             return Ok(out);
         };
-        let sources = &ground.triangulation()?.source;
+        let on = ground.triangulation()?;
         let who = format!("let {name}");
         for (i, row) in rows.iter().enumerate() {
-            let mut label = data.column(SOURCE).map_or("", |column| column.text(*row)).to_owned();
+            let places = self.sources_of(number, *row, on);
+            let mut label = self.label_of(number, *row, data);
             let mut cells = vec![];
             let mut cell = |column: &str| -> Result<f64, ModelError> {
                 let cell = data.number(*row, column, &who)?;
@@ -176,17 +209,55 @@ impl Builder<'_> {
             let Declared { operation, unit, over: own, .. } = &mut self.operators[number];
             let at = *own.entry(cells).or_insert_with(|| {
                 let (operation, unit) = (*operation, unit.clone());
-                over.push(Waiting { operation, unit, operands, rows: vec![], names: vec![] });
+                let (numbers, rows, names) = (vec![], vec![], vec![]);
+                over.push(Waiting { operation, unit, operands, numbers, rows, names });
                 over.len() - 1
             });
-            let Waiting { operation, rows, names, .. } = &mut over[at];
-            rows.push((*row, out + i));
-            if *operation == Operation::Eikonal && !names.iter().any(|(of, _)| *of == sources[*row])
-            {
-                names.push((sources[*row], format!("{name}[{label}]")));
+            let Waiting { operation, numbers, rows, names, .. } = &mut over[at];
+            let mut number = |place: usize| {
+                numbers.iter().position(|own| *own == place).unwrap_or_else(|| {
+                    numbers.push(place);
+                    numbers.len() - 1
+                })
+            };
+            let sources: Vec<Source> = places
+                .into_iter()
+                .map(|(vertex, place)| (vertex, place.map(&mut number)))
+                .collect();
+            if *operation == Operation::Eikonal && !names.iter().any(|(of, _)| *of == sources) {
+                names.push((sources.clone(), format!("{name}[{label}]")));
             }
+            rows.push(Row { of_table: *row, at: out + i, sources });
         }
         Ok(out)
+    }
+
+    /// The vertices at which the activation of a row starts, and of all but the first the place of the number that
+    /// tells by how much later.
+    fn sources_of(&self, number: usize, row: usize, on: &Triangulation) -> Vec<Source> {
+        let at = |column: &str| on.source(column).and_then(|of_rows| of_rows[row]);
+        let first = at(SOURCE).map(|vertex| (vertex, None));
+        let further = self.operators[number].further.iter().filter_map(|(column, later)| {
+            let place = self.value_at(self.source(later), row);
+            at(column).map(|vertex| (vertex, Some(place)))
+        });
+        first.into_iter().chain(further).collect()
+    }
+
+    /// What tells the activation of a row from others: the cells of its sources, and labels of what is later.
+    fn label_of(&self, number: usize, row: usize, data: &Measurements) -> String {
+        let cell = |column: &str| data.cell(row, column).filter(|cell| !cell.is_empty());
+        let mut label = cell(SOURCE).unwrap_or("").to_owned();
+        for (column, later) in self.operators[number].further {
+            let Some(vertex) = cell(column) else { continue };
+            label = format!("{label}+{vertex}");
+            if let BuilderSource::Each { labels, .. } = self.source(later)
+                && labels.column != *column
+            {
+                label = format!("{label}:{}", labels.names[labels.of_row[row]]);
+            }
+        }
+        label
     }
 
     /// Makes the operators, all of whose rows are now known.
@@ -196,15 +267,15 @@ impl Builder<'_> {
     pub(super) fn lay_out_operators(&mut self) -> Result<(), ModelError> {
         let Some(ground) = self.data.and_then(|data| data.ground()) else { return Ok(()) };
         for (kept, waiting) in std::mem::take(&mut self.over).into_iter().enumerate() {
-            let Waiting { operation, unit, operands, rows, names } = waiting;
+            let Waiting { operation, unit, operands, numbers, rows, names } = waiting;
             let on = ground.triangulation()?;
-            let (of_table, rows): (Vec<usize>, Vec<usize>) = rows.into_iter().unzip();
             let over = Over {
-                operator: made(operation, &of_table, ground, on)?,
+                operator: made(operation, &rows, ground, on)?,
                 operands,
+                numbers,
                 n: on.mesh.n_vertices(),
                 places: on.places.clone(),
-                rows,
+                rows: rows.iter().map(|row| row.at).collect(),
                 names: names.into_iter().map(|(_, name)| name).collect(),
                 unit,
                 work: self.n_work,
@@ -219,18 +290,19 @@ impl Builder<'_> {
 
 fn made(
     operation: Operation,
-    rows: &[usize],
+    rows: &[Row],
     ground: &Ground,
     on: &Triangulation,
 ) -> Result<Box<dyn Operator>, ModelError> {
-    let at = |row: &usize| on.at[*row];
+    let at = |row: &Row| on.at[row.of_table];
     Ok(match operation {
         Operation::Eikonal => {
-            let rows: Vec<_> = rows.iter().map(|row| (on.source[*row], at(row))).collect();
-            Box::new(Arrival::new(on.eikonal.clone(), &rows))
+            let rows = rows.iter().map(|row| (row.sources.clone(), at(row))).collect();
+            Box::new(Arrival::new(on.eikonal.clone(), rows))
         }
         Operation::Path => {
-            let weights = ground.path_weights(rows)?;
+            let of_table: Vec<usize> = rows.iter().map(|row| row.of_table).collect();
+            let weights = ground.path_weights(&of_table)?;
             Box::new(Along { weights })
         }
         Operation::Gradient => {

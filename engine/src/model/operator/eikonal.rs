@@ -3,7 +3,7 @@
 use std::ops::Range;
 use std::sync::Arc;
 
-use super::{Kept, Operator};
+use super::{Bars, Kept, Operands, Operator};
 use crate::manifold::{Eikonal, Front, Medium, MediumBar};
 
 /// What a slowness (ms/mm) and a ratio may be. Beyond, nothing arrives.
@@ -11,39 +11,46 @@ const LIMITS: Range<f64> = 1e-6..1e6;
 /// What a thickness may be, ms.
 const THICKNESSES: Range<f64> = 0.0..1e3;
 
+/// Where activation starts: a vertex, and which of the single numbers tells by how much later than at 0 ms.
+pub(in crate::model) type Source = (u32, Option<usize>);
+
 /// Arrivals at rows from their sources. Operands are a slowness, then, as far as they are given, ratio, angle and
 /// thickness.
 #[derive(Debug)]
 pub(in crate::model) struct Arrival {
     solver: Arc<Eikonal>,
-    /// Every vertex at which activation starts, with the rows whose source it is: vertex, and number.
-    sources: Vec<(u32, Vec<(u32, usize)>)>,
+    activations: Vec<Activation>,
+}
+
+/// One activation of the surface.
+#[derive(Debug)]
+struct Activation {
+    sources: Vec<Source>,
+    /// The rows in which it is seen: vertex, and number.
+    rows: Vec<(u32, usize)>,
 }
 
 impl Arrival {
-    /// At rows, each with its source and its vertex.
-    pub(in crate::model) fn new(solver: Arc<Eikonal>, rows: &[(u32, u32)]) -> Self {
-        let mut sources: Vec<(u32, Vec<(u32, usize)>)> = vec![];
-        for (i, (source, vertex)) in rows.iter().enumerate() {
-            match sources.iter_mut().find(|(own, _)| own == source) {
-                Some((_, own)) => own.push((*vertex, i)),
-                None => sources.push((*source, vec![(*vertex, i)])),
+    /// At rows, each with its sources and its vertex.
+    pub(in crate::model) fn new(solver: Arc<Eikonal>, rows: Vec<(Vec<Source>, u32)>) -> Self {
+        let mut activations: Vec<Activation> = vec![];
+        for (i, (sources, vertex)) in rows.into_iter().enumerate() {
+            match activations.iter_mut().find(|own| own.sources == sources) {
+                Some(own) => own.rows.push((vertex, i)),
+                None => activations.push(Activation { sources, rows: vec![(vertex, i)] }),
             }
         }
-        Self { solver, sources }
+        Self { solver, activations }
     }
 
-    fn medium<'a>(operands: &[&'a [f64]]) -> Medium<'a> {
-        let of = |i: usize| operands.get(i).copied();
-        Medium { slowness: operands[0], ratio: of(1), angle: of(2), thickness: of(3) }
+    fn medium<'a>(of: &Operands<'a>) -> Medium<'a> {
+        let at = |i: usize| of.everywhere.get(i).copied();
+        Medium { slowness: of.everywhere[0], ratio: at(1), angle: at(2), thickness: at(3) }
     }
 
-    /// Sources with their fronts, of those from which activation arrived.
-    fn arrived<'a>(
-        &'a self,
-        kept: &'a Kept,
-    ) -> impl Iterator<Item = (&'a (u32, Vec<(u32, usize)>), &'a Front)> {
-        self.sources.iter().zip(&kept.fronts).filter(|(_, front)| !front.arrival.is_empty())
+    /// Activations with their fronts, of those that arrived.
+    fn arrived<'a>(&'a self, kept: &'a Kept) -> impl Iterator<Item = (&'a Activation, &'a Front)> {
+        self.activations.iter().zip(&kept.fronts).filter(|(_, front)| !front.arrival.is_empty())
     }
 
     /// Whether the solver can have this medium: velocities are numbers, and not out of all reason.
@@ -58,54 +65,70 @@ impl Arrival {
     }
 }
 
+impl Activation {
+    /// The number of each source, of these.
+    fn onsets(&self, numbers: &[f64]) -> Vec<f64> {
+        self.sources.iter().map(|(_, number)| number.map_or(0.0, |i| numbers[i])).collect()
+    }
+}
+
 impl Operator for Arrival {
-    fn forward(&self, operands: &[&[f64]], kept: &mut Kept, out: &mut [f64]) {
-        let medium = Self::medium(operands);
-        kept.fronts.resize_with(self.sources.len(), Front::default);
-        let is_tissue = Self::is_tissue(&medium);
-        for ((source, rows), front) in self.sources.iter().zip(&mut kept.fronts) {
+    fn forward(&self, of: &Operands<'_>, kept: &mut Kept, out: &mut [f64]) {
+        let medium = Self::medium(of);
+        kept.fronts.resize_with(self.activations.len(), Front::default);
+        let is_tissue = Self::is_tissue(&medium) && of.numbers.iter().all(|x| x.is_finite());
+        for (own, front) in self.activations.iter().zip(&mut kept.fronts) {
             if is_tissue {
-                self.solver.forward(&medium, &[(*source, 0.0)], front);
+                let onsets = own.onsets(&of.numbers);
+                let born = own.sources.iter().zip(onsets).map(|((vertex, _), at)| (*vertex, at));
+                self.solver.forward(&medium, &born.collect::<Vec<_>>(), front);
             } else {
                 front.arrival.clear();
             }
-            for (vertex, i) in rows {
+            for (vertex, i) in &own.rows {
                 out[*i] = front.arrival.get(*vertex as usize).copied().unwrap_or(f64::NAN);
             }
         }
     }
 
     /// Exact but for the curvature of the operator itself, which is left out: Gauss and Newton's Hessian.
-    fn push(&self, operands: &[&[f64]], kept: &Kept, changes: &[&[f64]], out: &mut [f64]) {
-        let (medium, change) = (Self::medium(operands), Self::medium(changes));
+    fn push(&self, of: &Operands<'_>, kept: &Kept, changes: &Operands<'_>, out: &mut [f64]) {
+        let (medium, change) = (Self::medium(of), Self::medium(changes));
         let mut arrival = vec![0.0; self.solver.n_vertices()];
-        for ((_, rows), front) in self.arrived(kept) {
-            self.solver.push(&medium, front, &change, &[0.0], &mut arrival);
-            for (vertex, i) in rows {
+        for (own, front) in self.arrived(kept) {
+            let onsets = own.onsets(&changes.numbers);
+            self.solver.push(&medium, front, &change, &onsets, &mut arrival);
+            for (vertex, i) in &own.rows {
                 out[*i] = arrival[*vertex as usize];
             }
         }
     }
 
-    fn pull(&self, operands: &[&[f64]], kept: &Kept, bars: &[f64], into: &mut [&mut [f64]]) {
-        let medium = Self::medium(operands);
+    fn pull(&self, of: &Operands<'_>, kept: &Kept, bars: &[f64], into: &mut Bars<'_>) {
+        let medium = Self::medium(of);
         let mut bar = vec![0.0; self.solver.n_vertices()];
-        let mut into = into.iter_mut().map(|into| &mut **into);
-        let Some(slowness) = into.next() else { return };
-        let [mut ratio, mut angle, mut thickness] = [(); 3].map(|()| into.next());
-        for ((_, rows), front) in self.arrived(kept) {
+        let mut everywhere = into.everywhere.iter_mut().map(|into| &mut **into);
+        let Some(slowness) = everywhere.next() else { return };
+        let [mut ratio, mut angle, mut thickness] = [(); 3].map(|()| everywhere.next());
+        for (own, front) in self.arrived(kept) {
             bar.fill(0.0);
-            for (vertex, i) in rows {
+            for (vertex, i) in &own.rows {
                 bar[*vertex as usize] += bars[*i];
             }
-            let mut bars = MediumBar {
+            let mut onsets = vec![0.0; own.sources.len()];
+            let mut medium_bar = MediumBar {
                 slowness: &mut *slowness,
                 ratio: ratio.as_deref_mut(),
                 angle: angle.as_deref_mut(),
                 thickness: thickness.as_deref_mut(),
-                onsets: &mut [0.0],
+                onsets: &mut onsets,
             };
-            self.solver.backward(&medium, front, &bar, &mut bars);
+            self.solver.backward(&medium, front, &bar, &mut medium_bar);
+            for ((_, number), bar) in own.sources.iter().zip(onsets) {
+                if let Some(i) = number {
+                    into.numbers[*i] += bar;
+                }
+            }
         }
     }
 

@@ -1,6 +1,6 @@
 //! Integrals along paths: `path(EXPR; row.source)`.
 
-use super::{Kept, Operator};
+use super::{Bars, Kept, Operands, Operator};
 
 /// The integral of its one operand along the geodesic from each row's source to the row.
 #[derive(Debug)]
@@ -18,18 +18,18 @@ impl Along {
 }
 
 impl Operator for Along {
-    fn forward(&self, operands: &[&[f64]], _: &mut Kept, out: &mut [f64]) {
-        self.integrals(operands[0], out);
+    fn forward(&self, of: &Operands<'_>, _: &mut Kept, out: &mut [f64]) {
+        self.integrals(of.everywhere[0], out);
     }
 
-    fn push(&self, _: &[&[f64]], _: &Kept, changes: &[&[f64]], out: &mut [f64]) {
-        self.integrals(changes[0], out);
+    fn push(&self, _: &Operands<'_>, _: &Kept, changes: &Operands<'_>, out: &mut [f64]) {
+        self.integrals(changes.everywhere[0], out);
     }
 
-    fn pull(&self, _: &[&[f64]], _: &Kept, bars: &[f64], into: &mut [&mut [f64]]) {
+    fn pull(&self, _: &Operands<'_>, _: &Kept, bars: &[f64], into: &mut Bars<'_>) {
         for (bar, weights) in bars.iter().zip(&self.weights) {
             for (vertex, weight) in weights {
-                into[0][*vertex as usize] += bar * weight;
+                into.everywhere[0][*vertex as usize] += bar * weight;
             }
         }
     }
