@@ -12,7 +12,7 @@ use eplat::experiment::thinned;
 use eplat::infer::{Settings, Silent, jittered_starts};
 use eplat::manifold::{Basis, Eikonal, Front, Gradient, Medium, eigenpairs, integrate_along_paths};
 use eplat::mesh::Surface;
-use eplat::model::{Exceedance, Maps, Model, Sampler, Summaries};
+use eplat::model::{Everywhere, Exceedance, Maps, Model, Sampler, Summaries, operator_error};
 use eplat::table::Measurements;
 use program::{Workplace, text};
 use rand::RngExt as _;
@@ -64,6 +64,64 @@ mod breakthroughs {
         param noise [ms] ~ HalfNormal(5.0);
         let arrival(row) [ms] = eikonal(slowness; row.source, row.source2 + later(row));
         observe lat(row): Number [ms] ~ Normal(onset(row) + arrival(row), noise);
+    }
+}
+
+mod own {
+    use eplat::prelude::*;
+    model! {
+        /// A catheter that sees the mean of what is near, in squares.
+        model Catheter;
+        field voltage(x) [mV] within 0.1..9.0 = m + alpha * gp(Matern32(20.0), K = 20) where {
+            m [mV] ~ Normal(3.0, 1.0);
+            alpha [mV] ~ HalfNormal(1.0);
+        }
+        param gain ~ LogNormal(0.0, 0.1);
+        let seen(row) [mV] = near(voltage(row), gain; 8.0);
+        observe v(row): Number [mV] ~ Normal(seen(row), 0.1);
+    }
+
+    #[derive(Debug)]
+    pub(super) struct Near(Vec<Vec<usize>>);
+
+    pub(super) fn near(surface: &Everywhere<'_>, width: f64) -> Near {
+        let p = surface.mesh.vertices();
+        let gap = |a: usize, b: usize| (0..3).map(|k| (p[a][k] - p[b][k]).powi(2)).sum::<f64>();
+        let near = |a: usize| (0..p.len()).filter(|b| gap(a, *b) < width * width).collect();
+        Near(surface.at.iter().map(|row| near(*row as usize)).collect())
+    }
+
+    impl Operator for Near {
+        fn forward(&self, of: &Operands<'_>, _: &mut Kept, out: &mut [f64]) {
+            let [x, gain] = of.everywhere[..] else { return };
+            for (out, near) in out.iter_mut().zip(&self.0) {
+                let sum: f64 = near.iter().map(|v| gain[*v] * x[*v] * x[*v]).sum();
+                *out = (sum / near.len() as f64).sqrt();
+            }
+        }
+        fn push(&self, of: &Operands<'_>, _: &Kept, changes: &Operands<'_>, out: &mut [f64]) {
+            let ([x, gain], [dx, d_gain]) = (&of.everywhere[..], &changes.everywhere[..]) else {
+                return;
+            };
+            self.forward(of, &mut Kept::default(), out);
+            for (out, near) in out.iter_mut().zip(&self.0) {
+                let change =
+                    |v: &usize| 2.0 * gain[*v] * x[*v] * dx[*v] + d_gain[*v] * x[*v] * x[*v];
+                *out = near.iter().map(change).sum::<f64>() / (2.0 * *out * near.len() as f64);
+            }
+        }
+        fn pull(&self, of: &Operands<'_>, _: &Kept, bars: &[f64], into: &mut Adjoints<'_>) {
+            let [x, gain] = of.everywhere[..] else { return };
+            let mut out = vec![0.0; bars.len()];
+            self.forward(of, &mut Kept::default(), &mut out);
+            for ((near, bar), out) in self.0.iter().zip(bars).zip(out) {
+                let bar = bar / (2.0 * out * near.len() as f64);
+                for v in near {
+                    into.everywhere[0][*v] += 2.0 * bar * gain[*v] * x[*v];
+                    into.everywhere[1][*v] += bar * x[*v] * x[*v];
+                }
+            }
+        }
     }
 }
 
@@ -228,6 +286,26 @@ fn activation_starts_at_several_places() {
     }
 }
 
+/// An operator of a model file's own: its derivatives, and those of the model.
+#[test]
+fn an_operator_of_ones_own_is_a_function_of_the_file() {
+    let (surface, basis) = atrium(3.0);
+    let data = rows(&surface, &basis, 13, &["v"]);
+    let model = Model::new(&own::Catheter, Some(&basis), &data).unwrap();
+    for point in 0..2 {
+        let error = gradient_error(&model, point);
+        assert!(error < 1e-5, "point {point}: {error}");
+    }
+    assert_eq!(Sampler::of(&model), Sampler::Nuts);
+    let on = data.ground().unwrap().triangulation().unwrap();
+    let everywhere = Everywhere { mesh: &on.mesh, at: &on.at, source: &[] };
+    let operator = own::near(&everywhere, 8.0);
+    let n = surface.mesh.n_vertices();
+    let voltage: Vec<f64> = (0..n).map(|i| 3.0 + (i as f64).sin()).collect();
+    let error = operator_error(&operator, &[&voltage, &vec![1.1; n]], on.at.len());
+    assert!(error < 1e-6, "{error}");
+}
+
 /// A gradient that nothing measures is a map; the model is sampled as it would be without.
 #[test]
 fn a_gradient_and_what_follows_from_it_are_maps() {
@@ -317,7 +395,10 @@ fn a_gradient_needs_triangles() {
     let mut data = table("protocol,vertex,value", &["lat,3,20".into()]);
     data.place_at_indices(basis.n_vertices()).unwrap();
     let refused = Model::new(&lat_local::LatLocal, Some(&basis), &data).unwrap_err().to_string();
-    assert!(refused.starts_with("let steepness: a gradient needs the triangles"), "{refused}");
+    assert!(
+        refused.starts_with("let steepness: an operator over the surface needs its triangles"),
+        "{refused}"
+    );
     let refused = Model::new(&way::Way, Some(&basis), &data).unwrap_err().to_string();
     assert!(refused.contains("has no column `source`"), "{refused}");
 }

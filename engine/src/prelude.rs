@@ -11,7 +11,9 @@ pub use crate::likelihood::{
     BernoulliLogit, BinomialLogit, Bracket, Censored, Count, Interval, Likelihood, Mixture,
     NegBinomialLog, Number, Observation, OrderedLogit, Outliers, PoissonLog, TopHat, Widened,
 };
-pub use crate::model::{EffectForm, forms};
+pub use crate::model::{
+    Adjoints, EffectForm, Everywhere, Kept, Operands, Operator, forms, operator_error,
+};
 pub use crate::num::functions::{abs, cos, exp, ln, log10, max, min, pow, sin, sqrt, tan, tanh};
 pub use crate::num::{Argument, Num, Real, ln_sum_exp};
 pub use crate::surrogate;

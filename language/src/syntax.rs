@@ -201,6 +201,8 @@ pub struct Operator {
     pub operands: Vec<Expr>,
     /// The column that holds the vertex at which activation starts.
     pub source: Option<Ident>,
+    /// Of one of the file's own: the function that makes it, and its numbers.
+    pub own: Option<(syn::Path, Vec<Expr>)>,
     /// Columns with vertices at which the same activation starts too, and by how much later.
     pub further: Vec<(Ident, Expr)>,
 }
@@ -216,6 +218,8 @@ pub enum Operation {
     Path,
     /// How steep an expression is.
     Gradient,
+    /// One of the file's own.
+    Own,
 }
 
 /// Measurements of one kind.
@@ -300,15 +304,16 @@ impl Form {
 }
 
 impl Operation {
-    /// All of them.
-    pub const ALL: [Self; 3] = [Self::Eikonal, Self::Path, Self::Gradient];
+    /// Those that ship.
+    pub const SHIPPED: [Self; 3] = [Self::Eikonal, Self::Path, Self::Gradient];
 
-    /// The word that calls it.
+    /// The word that calls it; empty of one of the file's own.
     pub fn word(self) -> &'static str {
         match self {
             Self::Eikonal => "eikonal",
             Self::Path => "path",
             Self::Gradient => "gradient",
+            Self::Own => "",
         }
     }
 
@@ -316,13 +321,13 @@ impl Operation {
     pub fn operands(self) -> &'static [&'static str] {
         match self {
             Self::Eikonal => &["a slowness", "a ratio of velocities", "an angle", "a thickness"],
-            Self::Path | Self::Gradient => &["an expression"],
+            Self::Path | Self::Gradient | Self::Own => &["an expression"],
         }
     }
 
     /// Whether it has a source.
     pub fn has_source(self) -> bool {
-        self != Self::Gradient
+        matches!(self, Self::Eikonal | Self::Path)
     }
 }
 
@@ -333,7 +338,13 @@ impl Operator {
         let source = self.source.as_ref().map_or(String::new(), |at| format!("; {row}.{at}"));
         let further = self.further.iter().map(|(at, e)| format!(", {row}.{at} + {}", print(e)));
         let further: String = further.collect();
-        format!("{}({}{source}{further})", self.operation.word(), operands.join(", "))
+        let operands = operands.join(", ");
+        let Some((function, numbers)) = &self.own else {
+            return format!("{}({operands}{source}{further})", self.operation.word());
+        };
+        let numbers: Vec<String> = numbers.iter().map(print).collect();
+        let blank = if numbers.is_empty() { "" } else { " " };
+        format!("{}({operands};{blank}{})", print(function), numbers.join(", "))
     }
 
     /// All expressions in it.

@@ -135,6 +135,11 @@ fn each_mistake_is_told_in_words() {
             "mu: `2 * mu` is no parameter; by how much later activation starts is one parameter, `later`, or one for each label, `later(row)`",
         ),
         (
+            "let t(row) = grdient(f(row); 2.0);",
+            "grdient: unknown operator `grdient`; did you mean `gradient`? Operators over the surface are `eikonal`, `path`, `gradient`, and functions of the file that make one",
+        ),
+        ("let t(row) = half(f(row); mu);", "mu: `mu` is not known before the model is fitted; "),
+        (
             "let t(x) = path(f(x); x.source); let s(x) = gradient(t(x));",
             "t: `t` has no value between the rows; it is needed at every place of the surface: only fields, parameters and columns have a value there, and what is computed of these alone",
         ),
@@ -263,6 +268,7 @@ fn what_is_right_is_no_mistake() {
         "let h(x) = (0..3).map(|i| beta[i]).sum::<D>() + D::from(x.dose) as f64;",
         "let h(x) = f(x) * mu; let t(x) = eikonal(h(x) + 0.2, 2.0, half(g(x)); x.source); let u(x) = t(x) + x.dose;",
         "let b(x) = eikonal(f(x); x.source, x.source2 + mu, x.source3 + alpha(x)); let w(x) = path(f(x) * x.dose; x.source); let s(x) = gradient(f(x) + mu); let v(x) = 1 / s(x);",
+        "let n(x) = half(f(x), mu; 2.0, LOW); let o(x) = own::half(x.dose * f(x););",
         "let h(x) = std::f64::consts::PI * surrogate::erp_s2(f(x), mu);",
         "let alphas(x) = alpha(x); let g2(x) = g(x);",
         "let h(x) = linear(x.a, x.b; beta); let k(x) = linear(x.dose; mu);",

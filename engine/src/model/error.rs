@@ -88,9 +88,9 @@ pub enum ModelError {
         /// `source`, or `source2` and so on.
         column: String,
     },
-    /// A gradient where nothing but modes is known of the surface.
+    /// An operator where nothing but modes is known of the surface.
     #[error(
-        "let {name}: a gradient needs the triangles of the surface, and there are none\nhelp: give the mesh itself with --mesh, not its modes alone"
+        "let {name}: an operator over the surface needs its triangles, and there are none\nhelp: give the mesh itself with --mesh, not its modes alone"
     )]
     NoMesh {
         /// The `let`.

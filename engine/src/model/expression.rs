@@ -11,6 +11,7 @@ use super::everywhere::{PlaceAt, PlaceFn};
 use super::functions::{DensityFn, KernelFn, LetFn, PriorFn, RowFn, ScalarFn};
 use super::gp::{Spectrum, SpectrumAt};
 use super::map::{MapAt, MapFn};
+use super::operator::Operator;
 use super::parameter::{ParameterOp, PriorOp};
 use super::predictor::{Factors, factors};
 use super::row_math::{RowMath, RowsOf};
@@ -112,6 +113,11 @@ pub fn operand<F: LetFn<N>, const N: usize, const W: usize>(
     columns: &'static [&'static str],
 ) -> AnyOperand {
     AnyOperand { mentions, columns, make: || Box::new(PlaceAt::<F, N, W>::new()) }
+}
+
+/// An operator of the model file's own.
+pub fn boxed(operator: impl Operator + 'static) -> Box<dyn Operator> {
+    Box::new(operator)
 }
 
 /// The linear predictor F.

@@ -10,7 +10,7 @@ use std::ops::Range;
 use std::sync::Arc;
 
 use super::everywhere::{PlaceFn, Where, pull, push};
-use super::operator::{Bars, Kept, Operands, Operator};
+use super::operator::{Adjoints, Kept, Operands, Operator};
 use super::tape::{Op, Second, Tape};
 use crate::mesh::Places;
 
@@ -88,7 +88,7 @@ impl Over {
         bars.fill(0.0);
         let of_rows: Vec<f64> = self.rows.iter().map(|at| g[*at]).collect();
         let everywhere = bars.chunks_exact_mut(self.n).collect();
-        let mut into = Bars { everywhere, numbers: vec![0.0; self.numbers.len()] };
+        let mut into = Adjoints { everywhere, numbers: vec![0.0; self.numbers.len()] };
         self.operator.pull(of, kept, &of_rows, &mut into);
         for (i, (operand, bars)) in self.operands.iter().zip(into.everywhere).enumerate() {
             pull(&slopes[self.slopes(i)], &operand.from, bars, g);

@@ -1,10 +1,12 @@
 //! What is needed at every place of the surface, where there is no row.
 
+use crate::around::Around;
 use crate::grammar::last_span;
 use crate::mistake::Mistake;
 use crate::names::{Mention, mentions};
 use crate::print;
-use crate::syntax::{Expr, Ident, Item, Let, Model, Over, Value};
+use crate::syntax::{Expr, Ident, Item, Let, Model, Operation, Over, Value};
+use crate::vocabulary::nearest;
 
 /// The column that names the vertex at which activation starts.
 const SOURCE: &str = "source";
@@ -88,4 +90,20 @@ pub(super) fn further_source(column: &Ident, later: &Expr, model: &Model) -> Vec
         return vec![Mistake::at(last_span(later), message, help)];
     }
     vec![]
+}
+
+/// An operator of the file's own is made by a function of the file.
+pub(super) fn own(function: &syn::Path, around: &Around) -> Vec<Mistake> {
+    let Some(name) = function.get_ident() else { return vec![] };
+    if around.is_open() || around.declares(&name.to_string()) {
+        return vec![];
+    }
+    let shipped: Vec<&str> = Operation::SHIPPED.iter().map(|own| own.word()).collect();
+    let near = nearest(&name.to_string(), &shipped);
+    let near = near.map_or(String::new(), |near| format!("did you mean `{near}`? "));
+    let help = format!(
+        "{near}Operators over the surface are `{}`, and functions of the file that make one",
+        shipped.join("`, `")
+    );
+    vec![Mistake::at(name.span(), format!("unknown operator `{name}`"), help)]
 }

@@ -148,6 +148,12 @@ impl<'a> Check<'a> {
             self.say(everywhere::mistakes(operand, &l.row, scope.model));
         }
         self.say(o.source.as_ref().map_or(vec![], everywhere::source));
+        if let Some((function, numbers)) = &o.own {
+            self.say(everywhere::own(function, self.around));
+            for number in numbers {
+                self.say(scope.read(number, Place::Cells(None), &[]));
+            }
+        }
         for (column, later) in &o.further {
             self.say(scope.read(later, Place::Row(&l.row), &[]));
             self.say(everywhere::further_source(column, later, scope.model));

@@ -59,7 +59,9 @@ fn linear(input: ParseStream<'_>, row: &Ident) -> Result<Option<Value>> {
 /// `eikonal(SLOWNESS, RATIO?, ANGLE?, THICKNESS?; ROW.source, ROW.source2 + LATER);`, `path(EXPR; ROW.source);` or `gradient(EXPR);`
 fn operator(input: ParseStream<'_>, row: &Ident) -> Result<Option<Value>> {
     let called = |operation: &Operation| is_call(input, operation.word());
-    let Some(operation) = Operation::ALL.into_iter().find(called) else { return Ok(None) };
+    let Some(operation) = Operation::SHIPPED.into_iter().find(called) else {
+        return own_operator(input);
+    };
     let word: Ident = input.parse()?;
     let content;
     let bracket = syn::parenthesized!(content in input).span.close();
@@ -94,7 +96,62 @@ fn operator(input: ParseStream<'_>, row: &Ident) -> Result<Option<Value>> {
     }
     all_read(&content)?;
     semicolon(input, bracket)?;
-    Ok(Some(Value::Operator(Box::new(Operator { operation, operands, source, further }))))
+    Ok(Some(Value::Operator(Box::new(Operator {
+        operation,
+        operands,
+        source,
+        own: None,
+        further,
+    }))))
+}
+
+/// `FUNCTION(EXPR, …; NUMBER, …);`, an operator of the file's own: what tells it from an expression is the semicolon.
+fn own_operator(input: ParseStream<'_>) -> Result<Option<Value>> {
+    let ahead = input.fork();
+    if ahead.call(syn::Path::parse_mod_style).is_err() || !ahead.peek(token::Paren) {
+        return Ok(None);
+    }
+    let content;
+    syn::parenthesized!(content in ahead);
+    let inner: proc_macro2::TokenStream = content.parse()?;
+    let is_semicolon =
+        |token| matches!(token, proc_macro2::TokenTree::Punct(p) if p.as_char() == ';');
+    if !inner.into_iter().any(is_semicolon) {
+        return Ok(None);
+    }
+    let function = input.call(syn::Path::parse_mod_style)?;
+    let span = last_span(&function);
+    let content;
+    let bracket = syn::parenthesized!(content in input).span.close();
+    let mut operands = vec![expr(&content, span, "an expression")?];
+    while content.peek(Token![,]) {
+        let comma: Token![,] = content.parse()?;
+        operands.push(expr(&content, comma.span, "an expression")?);
+    }
+    if !content.peek(Token![;]) {
+        let help = "write `FUNCTION(EXPRESSION, …; NUMBER, …)`: what varies over the surface, then numbers";
+        return Err(wrong(content.span(), "expected `;` and the numbers of the operator", help));
+    }
+    content.parse::<Token![;]>()?;
+    let mut numbers = vec![];
+    while !content.is_empty() {
+        numbers.push(expr(&content, span, "a number")?);
+        if content.peek(Token![,]) {
+            content.parse::<Token![,]>()?;
+        } else {
+            break;
+        }
+    }
+    all_read(&content)?;
+    semicolon(input, bracket)?;
+    let (operation, own) = (Operation::Own, Some((function, numbers)));
+    Ok(Some(Value::Operator(Box::new(Operator {
+        operation,
+        operands,
+        source: None,
+        own,
+        further: vec![],
+    }))))
 }
 
 /// Whether `WORD(` follows.

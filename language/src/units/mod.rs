@@ -89,6 +89,12 @@ fn operator(o: &Operator, result: Option<Wanted>, units: &Units, say: &mut Say<'
     for (_, later) in &o.further {
         say.check(later, result.clone(), units);
     }
+    if o.operation == Operation::Own {
+        for e in &o.operands {
+            say.check(e, None, units);
+        }
+        return Known::Nothing;
+    }
     let first = result.map(|own| Wanted { unit: own.unit.times(mm, -power), ..own });
     let further = [
         wanted(Some(Unit::one()), "as a ratio of velocities"),

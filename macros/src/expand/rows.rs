@@ -56,10 +56,13 @@ impl State<'_> {
             quote!({ #function expansion::operand::<Value, #n, #w>(#place, &[#(#columns),*]) })
         };
         let operands: Vec<TokenStream> = value.operands.iter().map(operand).collect();
-        let operation = match value.operation {
-            Operation::Eikonal => quote!(Eikonal),
-            Operation::Path => quote!(Path),
-            Operation::Gradient => quote!(Gradient),
+        let operation = match (value.operation, &value.own) {
+            (_, Some((function, numbers))) => {
+                quote!(Own(|surface| expansion::boxed(#function(surface, #(#numbers),*))))
+            }
+            (Operation::Eikonal, _) => quote!(Eikonal),
+            (Operation::Gradient, _) => quote!(Gradient),
+            (_, None) => quote!(Path),
         };
         let further = value.further.iter().filter_map(|(column, later)| {
             let (column, later) = (column.to_string(), model.later_by(later)?.name.to_string());

@@ -1,5 +1,6 @@
 """The installed package (`pip install .`), on small runs: what Python adds is tested here, not the statistics."""
 
+import signal
 import subprocess
 import warnings
 from pathlib import Path
@@ -12,6 +13,9 @@ from eplat.program import PROGRAM
 
 ROOT = Path(__file__).parents[3]
 SMALL = dict(chains=2, warmup=150, draws=150)
+
+# a job in the background of a shell begins without Python's own handler, and would never be interrupted
+signal.signal(signal.SIGINT, signal.default_int_handler)
 
 # so few draws do not converge, and say so
 warnings.simplefilter("ignore", eplat.VerdictWarning)

@@ -10,12 +10,12 @@ use crate::model::expression::AnyOperand;
 use crate::model::functions::Decl;
 use crate::model::late_maps::Steepness;
 use crate::model::map::Source as MapSource;
-use crate::model::operator::{Along, Arrival, Operator, Slope, Source};
+use crate::model::operator::{Along, Arrival, Everywhere, Operator, Slope, Source};
 use crate::model::over::{Operand, Over};
 use crate::table::{Ground, Measurements, SOURCE, Triangulation};
 
 /// Which operator.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug)]
 pub enum Operation {
     /// `eikonal(SLOWNESS, RATIO, ANGLE, THICKNESS; row.source)`
     Eikonal,
@@ -23,6 +23,14 @@ pub enum Operation {
     Path,
     /// `gradient(EXPR)`
     Gradient,
+    /// `function(EXPR, …; numbers)`, a function of the model file.
+    Own(fn(&Everywhere<'_>) -> Box<dyn Operator>),
+}
+
+impl Operation {
+    fn is_eikonal(self) -> bool {
+        matches!(self, Self::Eikonal)
+    }
 }
 
 /// An operator as declared.
@@ -77,12 +85,19 @@ impl Builder<'_> {
     ) -> Result<(), ModelError> {
         let unit: String = decl.unit.clone().into();
         let operator = Linear::Operator(self.operators.len());
-        if operation == Operation::Gradient {
-            self.linear_let_of_place(decl, name, operator);
-            self.steepness(name, &unit, &operands)?;
-        } else {
-            self.linear_let(decl, name, operator);
-            self.require_sources(name, operation, operands.len(), further)?;
+        match operation {
+            Operation::Gradient => {
+                self.linear_let_of_place(decl, name, operator);
+                self.steepness(name, &unit, &operands)?;
+            }
+            Operation::Own(_) => {
+                self.linear_let(decl, name, operator);
+                self.require_ground(name)?;
+            }
+            Operation::Eikonal | Operation::Path => {
+                self.linear_let(decl, name, operator);
+                self.require_sources(name, operation, operands.len(), further)?;
+            }
         }
         for (_, later) in further {
             if let BuilderSource::Scalars { v, .. } = *self.source(later) {
@@ -96,6 +111,11 @@ impl Builder<'_> {
             self.operators.push(declared);
         }
         Ok(())
+    }
+
+    fn require_ground(&self, name: &str) -> Result<(), ModelError> {
+        let is_lacking = self.data.is_some_and(|data| data.ground().is_none());
+        if is_lacking { Err(ModelError::NoMesh { name: name.into() }) } else { Ok(()) }
     }
 
     fn require_sources(
@@ -117,7 +137,7 @@ impl Builder<'_> {
         if let Some((column, _)) = further.iter().find(|(column, _)| !data.has(column)) {
             return Err(lacks(column));
         }
-        let has_only_ratio = operation == Operation::Eikonal && n_operands == 2;
+        let has_only_ratio = operation.is_eikonal() && n_operands == 2;
         if has_only_ratio && !ground.triangulation()?.has_fibres {
             return Err(ModelError::NoFibres { name: name.into() });
         }
@@ -131,10 +151,8 @@ impl Builder<'_> {
         unit: &str,
         operands: &[AnyOperand],
     ) -> Result<(), ModelError> {
-        let Some(data) = self.data else { return Ok(()) };
-        let Some(ground) = data.ground() else {
-            return Err(ModelError::NoMesh { name: name.into() });
-        };
+        self.require_ground(name)?;
+        let Some(ground) = self.data.and_then(Measurements::ground) else { return Ok(()) };
         let Some(of) = operands.iter().find(|of| of.columns.is_empty()) else { return Ok(()) };
         let mut sources = vec![];
         for number in of.mentions.numbers {
@@ -224,7 +242,7 @@ impl Builder<'_> {
                 .into_iter()
                 .map(|(vertex, place)| (vertex, place.map(&mut number)))
                 .collect();
-            if *operation == Operation::Eikonal && !names.iter().any(|(of, _)| *of == sources) {
+            if operation.is_eikonal() && !names.iter().any(|(of, _)| *of == sources) {
                 names.push((sources.clone(), format!("{name}[{label}]")));
             }
             rows.push(Row { of_table: *row, at: out + i, sources });
@@ -308,6 +326,12 @@ fn made(
         Operation::Gradient => {
             let gradient = Gradient::new(&on.mesh);
             Box::new(Slope { gradient, rows: rows.iter().map(at).collect() })
+        }
+        Operation::Own(make) => {
+            let at: Vec<u32> = rows.iter().map(at).collect();
+            let of_source = |row: &Row| on.source(SOURCE).and_then(|all| all[row.of_table]);
+            let source: Vec<Option<u32>> = rows.iter().map(of_source).collect();
+            make(&Everywhere { mesh: &on.mesh, at: &at, source: &source })
         }
     })
 }

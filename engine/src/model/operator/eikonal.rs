@@ -3,7 +3,7 @@
 use std::ops::Range;
 use std::sync::Arc;
 
-use super::{Bars, Kept, Operands, Operator};
+use super::{Adjoints, Kept, Operands, Operator};
 use crate::manifold::{Eikonal, Front, Medium, MediumBar};
 
 /// What a slowness (ms/mm) and a ratio may be. Beyond, nothing arrives.
@@ -104,7 +104,7 @@ impl Operator for Arrival {
         }
     }
 
-    fn pull(&self, of: &Operands<'_>, kept: &Kept, bars: &[f64], into: &mut Bars<'_>) {
+    fn pull(&self, of: &Operands<'_>, kept: &Kept, bars: &[f64], into: &mut Adjoints<'_>) {
         let medium = Self::medium(of);
         let mut bar = vec![0.0; self.solver.n_vertices()];
         let mut everywhere = into.everywhere.iter_mut().map(|into| &mut **into);

@@ -1,6 +1,6 @@
 //! How steep a quantity is: `gradient(EXPR)`.
 
-use super::{Bars, Kept, Operands, Operator};
+use super::{Adjoints, Kept, Operands, Operator};
 use crate::manifold::Gradient;
 
 /// The length of the gradient of its one operand at each row.
@@ -25,7 +25,7 @@ impl Operator for Slope {
         }
     }
 
-    fn pull(&self, of: &Operands<'_>, _: &Kept, bars: &[f64], into: &mut Bars<'_>) {
+    fn pull(&self, of: &Operands<'_>, _: &Kept, bars: &[f64], into: &mut Adjoints<'_>) {
         for (bar, vertex) in bars.iter().zip(&self.rows) {
             self.gradient.pull(*vertex as usize, of.everywhere[0], *bar, into.everywhere[0]);
         }

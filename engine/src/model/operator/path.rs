@@ -1,6 +1,6 @@
 //! Integrals along paths: `path(EXPR; row.source)`.
 
-use super::{Bars, Kept, Operands, Operator};
+use super::{Adjoints, Kept, Operands, Operator};
 
 /// The integral of its one operand along the geodesic from each row's source to the row.
 #[derive(Debug)]
@@ -26,7 +26,7 @@ impl Operator for Along {
         self.integrals(changes.everywhere[0], out);
     }
 
-    fn pull(&self, _: &Operands<'_>, _: &Kept, bars: &[f64], into: &mut Bars<'_>) {
+    fn pull(&self, _: &Operands<'_>, _: &Kept, bars: &[f64], into: &mut Adjoints<'_>) {
         for (bar, weights) in bars.iter().zip(&self.weights) {
             for (vertex, weight) in weights {
                 into.everywhere[0][*vertex as usize] += bar * weight;
