@@ -12,7 +12,7 @@ pub use crate::likelihood::{
     NegBinomialLog, Number, Observation, OrderedLogit, Outliers, PoissonLog, TopHat, Widened,
 };
 pub use crate::model::{
-    Adjoints, EffectForm, Everywhere, Kept, Operands, Operator, forms, operator_error,
+    Adjoints, EffectForm, Everywhere, Memo, Operands, Operator, forms, operator_error,
 };
 pub use crate::num::functions::{abs, cos, exp, ln, log10, max, min, pow, sin, sqrt, tan, tanh};
 pub use crate::num::{Argument, Num, Real, ln_sum_exp};

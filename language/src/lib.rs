@@ -20,6 +20,7 @@ mod linear;
 mod mistake;
 pub mod names;
 mod normal;
+mod operator;
 mod predictor;
 mod print;
 pub mod syntax;

@@ -98,7 +98,7 @@ pub enum ModelError {
     },
     /// The surface, as operators over it need it.
     #[error(transparent)]
-    Surface(#[from] ProbeError),
+    Surface(Box<ProbeError>),
     /// Different velocities along fibres and across them, on a mesh that has none.
     #[error(
         "let {name}: `eikonal` has a ratio of velocities, but the mesh has no fibres\nhelp: fibres are data of three components called `fibre`, `fibres`, `fiber` or `fibers`, of points or of triangles; without them leave the ratio out, or give an angle as the third argument"
@@ -177,4 +177,11 @@ pub enum ModelError {
         /// Its prior.
         prior: String,
     },
+}
+
+/// It is large beside the other errors.
+impl From<ProbeError> for ModelError {
+    fn from(error: ProbeError) -> Self {
+        Self::Surface(error.into())
+    }
 }

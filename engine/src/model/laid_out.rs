@@ -10,7 +10,7 @@ use rand_distr::StandardNormal;
 use super::density::Density;
 use super::error::ModelError;
 use super::gp::Field;
-use super::late_maps::LateMaps;
+use super::late::LateMaps;
 use super::lets::LetValues;
 use super::linear::Linear;
 use super::map::Map;

@@ -3,57 +3,23 @@
 
 use rayon::prelude::*;
 
-use super::everywhere::{PlaceFn, Where};
+use super::everywhere::Where;
 use super::laid_out::Model;
-use super::map::{MapFn, Source};
+use super::late::{LateMaps, LateSource};
+use super::map::Source;
+use super::maps::{MapSummary, five_numbers, summary};
 use super::tape::Tape;
-use crate::manifold::{Basis, Gradient};
+use crate::manifold::Basis;
 use crate::mesh::Places;
 use crate::num::vector::dot;
 
 /// Most draws of which such maps are kept: each is as large as the surface.
 const DRAWS: usize = 100;
 
-/// Those of a model, but for the maps of its operators.
-#[derive(Debug, Default)]
-pub(super) struct LateMaps {
-    pub(super) steepness: Vec<Steepness>,
-    pub(super) lets: Vec<LateLet>,
-}
-
-/// The map of `let name(x) = gradient(EXPR);`.
-#[derive(Debug)]
-pub(super) struct Steepness {
-    pub(super) name: &'static str,
-    pub(super) unit: String,
-    /// Where the numbers of the expression come from.
-    pub(super) sources: Vec<Source>,
-    pub(super) math: Box<dyn PlaceFn>,
-    pub(super) gradient: Gradient,
-}
-
-/// The map of a `let` that mentions a gradient.
-#[derive(Debug)]
-pub(super) struct LateLet {
-    pub(super) name: &'static str,
-    pub(super) unit: String,
-    pub(super) range: Option<(f64, f64)>,
-    pub(super) sources: Vec<LateSource>,
-    pub(super) at: Box<dyn MapFn>,
-}
-
-/// Where a number of such a `let` comes from.
-#[derive(Clone, Copy, Debug)]
-pub(super) enum LateSource {
-    Early(Source),
-    /// The gradient number `.0`.
-    Steepness(usize),
-}
-
 /// A map in some draws.
 pub(super) struct LateMap<'m> {
     pub(super) name: &'m str,
-    pub(super) unit: &'m str,
+    unit: &'m str,
     range: Option<(f64, f64)>,
     /// Where the surface's vertices are on that of the values; `None` if they are the same.
     places: Option<&'m Places>,
@@ -73,8 +39,21 @@ impl LateMap<'_> {
         self.values.iter().map(at).filter(is_physical).collect()
     }
 
+    /// What its draws say of each vertex.
+    pub(super) fn summary(&self, n_vertices: usize) -> MapSummary {
+        let at = |vertex| {
+            let mut values = self.at(vertex);
+            (five_numbers(&mut values), values.len())
+        };
+        let figures: Vec<([f64; 5], usize)> = (0..n_vertices).into_par_iter().map(at).collect();
+        let outside = self.outside(figures.iter().map(|(_, n)| n).sum(), n_vertices);
+        let figures =
+            std::array::from_fn(|k| figures.iter().map(|(figures, _)| figures[k]).collect());
+        summary(self.name.into(), self.unit.into(), figures, outside)
+    }
+
     /// The share of values outside the range at `n_vertices`, of which `within` are not; `None` if it has none.
-    pub(super) fn outside(&self, within: usize, n_vertices: usize) -> Option<f64> {
+    fn outside(&self, within: usize, n_vertices: usize) -> Option<f64> {
         let n = n_vertices * self.values.len();
         self.range.map(|_| 1.0 - within as f64 / n.max(1) as f64)
     }

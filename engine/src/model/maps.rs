@@ -4,7 +4,6 @@ use rayon::prelude::*;
 
 use super::exceedance::Exceedance;
 use super::laid_out::Model;
-use super::late_maps::LateMap;
 use super::map::Source;
 use super::tape::Tape;
 use crate::diagnostics::{mean_and_sd, quantile};
@@ -223,7 +222,7 @@ impl<'m> Maps<'m> {
                 *exceeded = (0..n_vertices).into_par_iter().map(share).collect();
             }
         }
-        let late = late.iter().map(|of| summary_of(of, n_vertices));
+        let late = late.iter().map(|of| of.summary(n_vertices));
         let maps = maps.map(named).chain(late);
         Summaries { maps: maps.collect(), unphysical, exceeded }
     }
@@ -377,20 +376,14 @@ impl<'m> Maps<'m> {
     }
 }
 
-fn summary(name: String, unit: String, figures: Figures, outside: Option<f64>) -> MapSummary {
+pub(super) fn summary(
+    name: String,
+    unit: String,
+    figures: Figures,
+    outside: Option<f64>,
+) -> MapSummary {
     let [mean, sd, q5, q50, q95] = figures;
     MapSummary { name, unit, mean, sd, quantiles: [q5, q50, q95], outside }
-}
-
-fn summary_of(of: &LateMap<'_>, n_vertices: usize) -> MapSummary {
-    let at = |vertex| {
-        let mut values = of.at(vertex);
-        (five_numbers(&mut values), values.len())
-    };
-    let figures: Vec<([f64; 5], usize)> = (0..n_vertices).into_par_iter().map(at).collect();
-    let outside = of.outside(figures.iter().map(|(_, n)| n).sum(), n_vertices);
-    let figures = std::array::from_fn(|k| figures.iter().map(|(figures, _)| figures[k]).collect());
-    summary(of.name.into(), of.unit.into(), figures, outside)
 }
 
 fn within(x: f64, range: Option<(f64, f64)>) -> bool {
@@ -398,7 +391,7 @@ fn within(x: f64, range: Option<(f64, f64)>) -> bool {
 }
 
 /// Mean, standard deviation and 5, 50, 95 % quantiles; NaN where there are too few values.
-fn five_numbers(values: &mut [f64]) -> [f64; 5] {
+pub(super) fn five_numbers(values: &mut [f64]) -> [f64; 5] {
     let (mean, sd) = mean_and_sd(&[values]);
     values.sort_unstable_by(f64::total_cmp);
     let [q5, q50, q95] = [0.05, 0.5, 0.95].map(|p| quantile(values, p));

@@ -10,7 +10,7 @@ use std::ops::Range;
 use std::sync::Arc;
 
 use super::everywhere::{PlaceFn, Where, pull, push};
-use super::operator::{Adjoints, Kept, Operands, Operator};
+use super::operator::{Adjoints, Memo, Operands, Operator};
 use super::tape::{Op, Second, Tape};
 use crate::mesh::Places;
 
@@ -81,7 +81,7 @@ impl Over {
     fn carry_back(
         &self,
         of: &Operands<'_>,
-        (slopes, kept): (&[f64], &Kept),
+        (slopes, kept): (&[f64], &Memo),
         bars: &mut [f64],
         g: &mut [f64],
     ) {

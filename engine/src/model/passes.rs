@@ -1,7 +1,7 @@
 //! Passes over a laid-out model: from the unknowns to all values, and back to the gradient.
 
 use super::laid_out::Model;
-use super::operator::Kept;
+use super::operator::Memo;
 use super::tape::{Op, Tape};
 
 impl Model {
@@ -18,7 +18,7 @@ impl Model {
             v,
             g: vec![0.0; n_v],
             work: vec![0.0; n_work],
-            kept: vec![Kept::default(); self.over.len()],
+            kept: vec![Memo::default(); self.over.len()],
             lp: 0.0,
         }
     }

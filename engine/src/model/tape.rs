@@ -3,7 +3,7 @@
 use pulp::{Arch, NullaryFnOnce};
 use rand::Rng;
 
-use super::operator::Kept;
+use super::operator::Memo;
 use crate::dist::Gaussian;
 use crate::num::vector::axpy;
 
@@ -21,7 +21,7 @@ pub struct Tape {
     /// What operations keep from their forward pass for their backward pass.
     pub(super) work: Vec<f64>,
     /// What each operator over the surface keeps for its backward pass.
-    pub(super) kept: Vec<Kept>,
+    pub(super) kept: Vec<Memo>,
     /// Log density so far.
     pub(super) lp: f64,
 }

@@ -8,7 +8,7 @@ use super::{Builder, Labels, Linear, Place, Source};
 use crate::model::error::ModelError;
 use crate::model::expression::{AnyLet, AnyPredictor};
 use crate::model::functions::Decl;
-use crate::model::late_maps::{LateLet, LateSource};
+use crate::model::late::{LateLet, LateSource};
 use crate::model::lets::{LetValues, Local, Values};
 use crate::model::map::{Map, MapFn, Source as MapSource};
 use crate::table::Measurements;

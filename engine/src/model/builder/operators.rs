@@ -8,7 +8,7 @@ use crate::model::error::ModelError;
 use crate::model::everywhere::Where;
 use crate::model::expression::AnyOperand;
 use crate::model::functions::Decl;
-use crate::model::late_maps::Steepness;
+use crate::model::late::Steepness;
 use crate::model::map::Source as MapSource;
 use crate::model::operator::{Along, Arrival, Everywhere, Operator, Slope, Source};
 use crate::model::over::{Operand, Over};
@@ -158,7 +158,7 @@ impl Builder<'_> {
         for number in of.mentions.numbers {
             match self.source(number) {
                 BuilderSource::Scalars { v, len } => {
-                    sources.extend((*v..v + len).map(MapSource::Value))
+                    sources.extend((*v..v + len).map(MapSource::Value));
                 }
                 BuilderSource::Field { field, .. } => sources.push(MapSource::Field(*field)),
                 _ => unreachable!("the language refuses what has no value at every place"),

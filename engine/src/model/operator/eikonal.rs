@@ -3,7 +3,7 @@
 use std::ops::Range;
 use std::sync::Arc;
 
-use super::{Adjoints, Kept, Operands, Operator};
+use super::{Adjoints, Memo, Operands, Operator};
 use crate::manifold::{Eikonal, Front, Medium, MediumBar};
 
 /// What a slowness (ms/mm) and a ratio may be. Beyond, nothing arrives.
@@ -49,7 +49,7 @@ impl Arrival {
     }
 
     /// Activations with their fronts, of those that arrived.
-    fn arrived<'a>(&'a self, kept: &'a Kept) -> impl Iterator<Item = (&'a Activation, &'a Front)> {
+    fn arrived<'a>(&'a self, kept: &'a Memo) -> impl Iterator<Item = (&'a Activation, &'a Front)> {
         self.activations.iter().zip(&kept.fronts).filter(|(_, front)| !front.arrival.is_empty())
     }
 
@@ -73,7 +73,7 @@ impl Activation {
 }
 
 impl Operator for Arrival {
-    fn forward(&self, of: &Operands<'_>, kept: &mut Kept, out: &mut [f64]) {
+    fn forward(&self, of: &Operands<'_>, kept: &mut Memo, out: &mut [f64]) {
         let medium = Self::medium(of);
         kept.fronts.resize_with(self.activations.len(), Front::default);
         let is_tissue = Self::is_tissue(&medium) && of.numbers.iter().all(|x| x.is_finite());
@@ -92,7 +92,7 @@ impl Operator for Arrival {
     }
 
     /// Exact but for the curvature of the operator itself, which is left out: Gauss and Newton's Hessian.
-    fn push(&self, of: &Operands<'_>, kept: &Kept, changes: &Operands<'_>, out: &mut [f64]) {
+    fn push(&self, of: &Operands<'_>, kept: &Memo, changes: &Operands<'_>, out: &mut [f64]) {
         let (medium, change) = (Self::medium(of), Self::medium(changes));
         let mut arrival = vec![0.0; self.solver.n_vertices()];
         for (own, front) in self.arrived(kept) {
@@ -104,7 +104,7 @@ impl Operator for Arrival {
         }
     }
 
-    fn pull(&self, of: &Operands<'_>, kept: &Kept, bars: &[f64], into: &mut Adjoints<'_>) {
+    fn pull(&self, of: &Operands<'_>, kept: &Memo, bars: &[f64], into: &mut Adjoints<'_>) {
         let medium = Self::medium(of);
         let mut bar = vec![0.0; self.solver.n_vertices()];
         let mut everywhere = into.everywhere.iter_mut().map(|into| &mut **into);
@@ -132,7 +132,7 @@ impl Operator for Arrival {
         }
     }
 
-    fn maps(&self, kept: &Kept) -> Vec<Vec<f64>> {
+    fn maps(&self, kept: &Memo) -> Vec<Vec<f64>> {
         kept.fronts.iter().map(|front| front.arrival.clone()).collect()
     }
 }

@@ -1,6 +1,6 @@
 //! How steep a quantity is: `gradient(EXPR)`.
 
-use super::{Adjoints, Kept, Operands, Operator};
+use super::{Adjoints, Memo, Operands, Operator};
 use crate::manifold::Gradient;
 
 /// The length of the gradient of its one operand at each row.
@@ -12,20 +12,20 @@ pub(in crate::model) struct Slope {
 }
 
 impl Operator for Slope {
-    fn forward(&self, of: &Operands<'_>, _: &mut Kept, out: &mut [f64]) {
+    fn forward(&self, of: &Operands<'_>, _: &mut Memo, out: &mut [f64]) {
         for (out, vertex) in out.iter_mut().zip(&self.rows) {
             *out = self.gradient.length(*vertex as usize, of.everywhere[0]);
         }
     }
 
     /// Exact but for the curvature of the length of a vector, which is left out.
-    fn push(&self, of: &Operands<'_>, _: &Kept, changes: &Operands<'_>, out: &mut [f64]) {
+    fn push(&self, of: &Operands<'_>, _: &Memo, changes: &Operands<'_>, out: &mut [f64]) {
         for (out, vertex) in out.iter_mut().zip(&self.rows) {
             *out = self.gradient.push(*vertex as usize, of.everywhere[0], changes.everywhere[0]);
         }
     }
 
-    fn pull(&self, of: &Operands<'_>, _: &Kept, bars: &[f64], into: &mut Adjoints<'_>) {
+    fn pull(&self, of: &Operands<'_>, _: &Memo, bars: &[f64], into: &mut Adjoints<'_>) {
         for (bar, vertex) in bars.iter().zip(&self.rows) {
             self.gradient.pull(*vertex as usize, of.everywhere[0], *bar, into.everywhere[0]);
         }

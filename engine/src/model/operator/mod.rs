@@ -41,15 +41,15 @@ use crate::mesh::TriMesh;
 /// }
 ///
 /// impl Operator for Near {
-///     fn forward(&self, of: &Operands<'_>, _: &mut Kept, out: &mut [f64]) {
+///     fn forward(&self, of: &Operands<'_>, _: &mut Memo, out: &mut [f64]) {
 ///         for (out, near) in out.iter_mut().zip(&self.0) {
 ///             *out = near.iter().map(|v| of.everywhere[0][*v]).sum::<f64>() / near.len() as f64;
 ///         }
 ///     }
-///     fn push(&self, _: &Operands<'_>, kept: &Kept, changes: &Operands<'_>, out: &mut [f64]) {
+///     fn push(&self, _: &Operands<'_>, kept: &Memo, changes: &Operands<'_>, out: &mut [f64]) {
 ///         self.forward(changes, &mut kept.clone(), out); // it is linear
 ///     }
-///     fn pull(&self, _: &Operands<'_>, _: &Kept, bars: &[f64], into: &mut Adjoints<'_>) {
+///     fn pull(&self, _: &Operands<'_>, _: &Memo, bars: &[f64], into: &mut Adjoints<'_>) {
 ///         for (bar, near) in bars.iter().zip(&self.0) {
 ///             near.iter().for_each(|v| into.everywhere[0][*v] += bar / near.len() as f64);
 ///         }
@@ -58,17 +58,17 @@ use crate::mesh::TriMesh;
 /// ```
 pub trait Operator: Debug + Send + Sync {
     /// Its numbers (one per row) for these operands; NaN refuses the draw.
-    fn forward(&self, of: &Operands<'_>, kept: &mut Kept, out: &mut [f64]);
+    fn forward(&self, of: &Operands<'_>, kept: &mut Memo, out: &mut [f64]);
 
     /// The change of its numbers for a change of the operands, about the last forward pass with the same operands.
-    fn push(&self, of: &Operands<'_>, kept: &Kept, changes: &Operands<'_>, out: &mut [f64]);
+    fn push(&self, of: &Operands<'_>, kept: &Memo, changes: &Operands<'_>, out: &mut [f64]);
 
     /// Adds the adjoints of the operands to `into`, for those of its numbers.
-    fn pull(&self, of: &Operands<'_>, kept: &Kept, bars: &[f64], into: &mut Adjoints<'_>);
+    fn pull(&self, of: &Operands<'_>, kept: &Memo, bars: &[f64], into: &mut Adjoints<'_>);
 
     /// The whole maps that a forward pass has made, each (`n_vertices`), or empty where it could not. One of your own
     /// needs none.
-    fn maps(&self, _: &Kept) -> Vec<Vec<f64>> {
+    fn maps(&self, _: &Memo) -> Vec<Vec<f64>> {
         vec![]
     }
 }
@@ -93,7 +93,7 @@ pub struct Adjoints<'a> {
 
 /// What a forward pass leaves for the passes that follow it.
 #[derive(Clone, Debug, Default)]
-pub struct Kept {
+pub struct Memo {
     /// Whatever an operator wants to find again.
     pub numbers: Vec<f64>,
     /// Of each activation.
@@ -120,7 +120,7 @@ pub fn operator_error(operator: &dyn Operator, operands: &[&[f64]], n_rows: usiz
     const STEP: f64 = 1e-5;
     let of = |everywhere: Vec<&[f64]>| {
         let mut out = vec![0.0; n_rows];
-        let mut kept = Kept::default();
+        let mut kept = Memo::default();
         operator.forward(&Operands { everywhere, numbers: vec![] }, &mut kept, &mut out);
         (out, kept)
     };
@@ -205,14 +205,14 @@ mod tests {
     }
 
     impl Operator for Wrong {
-        fn forward(&self, of: &Operands<'_>, _: &mut Kept, out: &mut [f64]) {
+        fn forward(&self, of: &Operands<'_>, _: &mut Memo, out: &mut [f64]) {
             out[0] = of.everywhere[0].iter().map(|x| x * x).sum();
         }
-        fn push(&self, of: &Operands<'_>, _: &Kept, changes: &Operands<'_>, out: &mut [f64]) {
+        fn push(&self, of: &Operands<'_>, _: &Memo, changes: &Operands<'_>, out: &mut [f64]) {
             let both = of.everywhere[0].iter().zip(changes.everywhere[0]);
             out[0] = both.map(|(x, d)| self.push * x * d).sum();
         }
-        fn pull(&self, of: &Operands<'_>, _: &Kept, bars: &[f64], into: &mut Adjoints<'_>) {
+        fn pull(&self, of: &Operands<'_>, _: &Memo, bars: &[f64], into: &mut Adjoints<'_>) {
             for (into, x) in into.everywhere[0].iter_mut().zip(of.everywhere[0]) {
                 *into += self.pull * x * bars[0];
             }

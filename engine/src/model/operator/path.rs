@@ -1,6 +1,6 @@
 //! Integrals along paths: `path(EXPR; row.source)`.
 
-use super::{Adjoints, Kept, Operands, Operator};
+use super::{Adjoints, Memo, Operands, Operator};
 
 /// The integral of its one operand along the geodesic from each row's source to the row.
 #[derive(Debug)]
@@ -18,15 +18,15 @@ impl Along {
 }
 
 impl Operator for Along {
-    fn forward(&self, of: &Operands<'_>, _: &mut Kept, out: &mut [f64]) {
+    fn forward(&self, of: &Operands<'_>, _: &mut Memo, out: &mut [f64]) {
         self.integrals(of.everywhere[0], out);
     }
 
-    fn push(&self, _: &Operands<'_>, _: &Kept, changes: &Operands<'_>, out: &mut [f64]) {
+    fn push(&self, _: &Operands<'_>, _: &Memo, changes: &Operands<'_>, out: &mut [f64]) {
         self.integrals(changes.everywhere[0], out);
     }
 
-    fn pull(&self, _: &Operands<'_>, _: &Kept, bars: &[f64], into: &mut Adjoints<'_>) {
+    fn pull(&self, _: &Operands<'_>, _: &Memo, bars: &[f64], into: &mut Adjoints<'_>) {
         for (bar, weights) in bars.iter().zip(&self.weights) {
             for (vertex, weight) in weights {
                 into.everywhere[0][*vertex as usize] += bar * weight;
