@@ -526,9 +526,9 @@ fn arrivals_at_some_vertices_are_those_of_the_surface() {
     let waves = data.ground().unwrap().triangulation().unwrap();
     assert!(n > 2 * waves.vertices.len(), "{n} vertices");
     let sources = waves.source("source").unwrap();
-    for row in 0..data.len() {
+    for (row, source) in sources.iter().enumerate() {
         assert_eq!(Some(waves.vertices[waves.at[row] as usize]), data.vertex(row));
-        let source = waves.vertices[sources[row].unwrap() as usize];
+        let source = waves.vertices[source.unwrap() as usize];
         assert_eq!(data.cell(row, "source"), Some(&*source.to_string()));
     }
     let whole = Eikonal::new(&surface.mesh, None).unwrap();
