@@ -319,7 +319,7 @@ fn a_gradient_and_what_follows_from_it_are_maps() {
     assert_eq!(maps.all_names(), ["arrival", "steepness", "velocity"]);
     let draws: Vec<Vec<f64>> = (0..150).map(|seed| some_draw(&model, seed)).collect();
     let asked = Exceedance::read("velocity < 0.5", &maps.all_names()).unwrap();
-    let Summaries { maps: all, exceeded, .. } = maps.summarise(&draws, &[asked]);
+    let Summaries { maps: all, exceeded, unphysical } = maps.summarise(&draws, &[asked]);
     let named = |name: &str| all.iter().find(|map| map.name == name).unwrap();
     let (steepness, velocity) = (named("steepness"), named("velocity"));
     assert_eq!((&*steepness.unit, &*velocity.unit, steepness.outside), ("ms/mm", "m/s", None));
@@ -338,6 +338,8 @@ fn a_gradient_and_what_follows_from_it_are_maps() {
         let share = within.iter().filter(|v| **v < 0.5).count() as f64 / within.len() as f64;
         assert!((exceeded - share).abs() < 1e-12, "{v}: {exceeded} {share}");
     }
+    let mean = unphysical.iter().sum::<f64>() / unphysical.len() as f64;
+    assert!((mean - velocity.outside.unwrap()).abs() < 1e-12, "{mean}");
     let share = outside as f64 / (75 * surface.mesh.n_vertices()) as f64;
     assert!(share > 0.0 && (velocity.outside.unwrap() - share).abs() < 1e-12, "{share}");
 }

@@ -39,23 +39,20 @@ impl LateMap<'_> {
         self.values.iter().map(at).filter(is_physical).collect()
     }
 
-    /// What its draws say of each vertex.
-    pub(super) fn summary(&self, n_vertices: usize) -> MapSummary {
+    /// What its draws say of each vertex, and, if it has a range, the share of them that leaves it there (n_vertices).
+    pub(super) fn summary(&self, n_vertices: usize) -> (MapSummary, Option<Vec<f64>>) {
         let at = |vertex| {
             let mut values = self.at(vertex);
             (five_numbers(&mut values), values.len())
         };
         let figures: Vec<([f64; 5], usize)> = (0..n_vertices).into_par_iter().map(at).collect();
-        let outside = self.outside(figures.iter().map(|(_, n)| n).sum(), n_vertices);
+        let n_draws = self.values.len().max(1) as f64;
+        let share = |(_, n): &([f64; 5], usize)| 1.0 - *n as f64 / n_draws;
+        let outside: Option<Vec<f64>> = self.range.map(|_| figures.iter().map(share).collect());
+        let mean = outside.as_ref().map(|at| at.iter().sum::<f64>() / n_vertices as f64);
         let figures =
             std::array::from_fn(|k| figures.iter().map(|(figures, _)| figures[k]).collect());
-        summary(self.name.into(), self.unit.into(), figures, outside)
-    }
-
-    /// The share of values outside the range at `n_vertices`, of which `within` are not; `None` if it has none.
-    fn outside(&self, within: usize, n_vertices: usize) -> Option<f64> {
-        let n = n_vertices * self.values.len();
-        self.range.map(|_| 1.0 - within as f64 / n.max(1) as f64)
+        (summary(self.name.into(), self.unit.into(), figures, mean), outside)
     }
 }
 

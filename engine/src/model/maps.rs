@@ -52,7 +52,8 @@ pub struct MapSummary {
 pub struct Summaries {
     /// Fields, derived quantities, then what needs the whole surface: arrivals from each source, and gradients.
     pub maps: Vec<MapSummary>,
-    /// Share of draws at each vertex in which a field or derived quantity is outside its range.
+    /// Share of draws at each vertex in which a field or derived quantity is outside its range; of those that need the
+    /// whole surface, the largest share.
     pub unphysical: Vec<f64>,
     /// For each exceedance that was asked for, its probability at each vertex over the physical
     /// draws. NaN where there are no such draws, or if there is no such map.
@@ -222,9 +223,15 @@ impl<'m> Maps<'m> {
                 *exceeded = (0..n_vertices).into_par_iter().map(share).collect();
             }
         }
-        let late = late.iter().map(|of| of.summary(n_vertices));
-        let maps = maps.map(named).chain(late);
-        Summaries { maps: maps.collect(), unphysical, exceeded }
+        let mut maps: Vec<MapSummary> = maps.map(named).collect();
+        for of in &late {
+            let (summary, outside) = of.summary(n_vertices);
+            maps.push(summary);
+            // of other draws: how many leave both ranges is not known
+            let shares = unphysical.iter_mut().zip(outside.into_iter().flatten());
+            shares.for_each(|(all, own)| *all = all.max(own));
+        }
+        Summaries { maps, unphysical, exceeded }
     }
 
     /// For each field and draw of unknowns, the mean of its sum and the weights of the first
