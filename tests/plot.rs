@@ -67,6 +67,15 @@ fn every_picture_of_a_run_is_whole() {
     assert_eq!(bytes("some/traces.png"), bytes("run/figures/traces.png"));
     assert_ne!(bytes("some/field_erp_s2.png"), bytes("run/figures/field_erp_s2.png"));
 
+    // lines every 10 ms
+    assert!(!svg.contains("every 10 ms"));
+    let (_, lined) = place.plot("run --only fields --isochrones 10 --out lined");
+    assert_eq!(lined, names[..4]);
+    let svg = place.read("lined/field_apd_max.svg");
+    assert!(svg.contains("every 10 ms") && svg.contains(r#"stroke-width=".5" stroke-linecap"#));
+    let stderr = place.refused("run --isochrones 0", 2);
+    assert!(stderr.contains("expected a number of ms, 0.1 or more"), "{stderr}");
+
     let stderr = place.refused("run --only fields maps", 2);
     assert!(stderr.contains("--only maps: no such kind"), "{stderr}");
     assert!(stderr.contains("there are fields, truth, shares, predicted, traces"), "{stderr}");

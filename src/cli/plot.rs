@@ -12,8 +12,8 @@ use super::voice::{Voice, stdout, tell};
 use crate::ep::table::read_rows;
 use crate::error::Failure;
 use crate::report::plot::{
-    OF_A_LOOP, OF_A_RUN, OF_VULNERABILITY, Picture, Surrogate, Uncertainty, of_a_loop, of_a_run,
-    of_vulnerability, surrogates,
+    OF_A_LOOP, OF_A_RUN, OF_VULNERABILITY, Picture, Style, Surrogate, Uncertainty, of_a_loop,
+    of_a_run, of_vulnerability, surrogates,
 };
 use crate::run::{OutputFolder, hash_file};
 use crate::study::{Table, pictures, summarise};
@@ -42,8 +42,17 @@ pub(super) struct Command {
     /// How maps of a mean show where they are uncertain: a second map beside them, or fading to grey
     #[arg(long, value_enum, default_value_t = Shown::Beside)]
     uncertainty: Shown,
+    /// Lines at every multiple of so many ms on maps in ms, such as 10 for isochrones
+    #[arg(long, value_name = "MS", value_parser = step)]
+    isochrones: Option<f64>,
     #[command(flatten)]
     pub(super) voice: Voice,
+}
+
+/// A step between lines, ms.
+fn step(text: &str) -> Result<f64, String> {
+    let step: Option<f64> = text.parse().ok().filter(|step| (0.1..1e6).contains(step));
+    step.ok_or_else(|| "expected a number of ms, 0.1 or more".into())
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
@@ -203,8 +212,9 @@ impl Command {
             Shown::Beside => Uncertainty::Beside,
             Shown::Opacity => Uncertainty::Opacity,
         };
+        let style = Style { uncertainty, isochrones: self.isochrones };
         Ok(match left {
-            Left::Run => of_a_run(&self.folder, kind, uncertainty)?,
+            Left::Run => of_a_run(&self.folder, kind, style)?,
             Left::Loop => of_a_loop(&self.folder, kind)?,
             Left::Study => {
                 let groups = summarise(&Table::read(&self.folder.join("results.csv"))?);

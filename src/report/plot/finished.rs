@@ -12,7 +12,7 @@ use super::palette::Palette;
 use super::picture::Picture;
 use super::surface::{self, Block, Ground, range};
 use super::traces::Scalar;
-use super::{Uncertainty, scatter, traces};
+use super::{Style, Uncertainty, scatter, traces};
 use crate::diagnostics::quantile;
 use crate::mesh::{self, Reading, Units};
 
@@ -82,20 +82,21 @@ impl Finished {
     }
 
     /// Mean and standard deviation of every field and derived map.
-    pub(super) fn fields(&self, uncertainty: Uncertainty) -> Result<Vec<Picture>, ReportError> {
+    pub(super) fn fields(&self, style: Style) -> Result<Vec<Picture>, ReportError> {
         let Some(maps) = self.maps()? else { return Ok(vec![]) };
-        Ok(maps.names(["_mean", "_sd"]).map(|name| self.field(&maps, name, uncertainty)).collect())
+        Ok(maps.names(["_mean", "_sd"]).map(|name| self.field(&maps, name, style)).collect())
     }
 
-    fn field(&self, maps: &Maps, name: &str, uncertainty: Uncertainty) -> Picture {
+    fn field(&self, maps: &Maps, name: &str, style: Style) -> Picture {
         let [mean, sd] = ["mean", "sd"].map(|what| maps.array(name, what));
         let (named, unit) = (format!("field_{name}"), self.unit(name));
         let sides = surface::sides(&maps.ground);
         let block = |what: &str, values, palette| {
             Block::new(format!("{name}: {what}{}", in_brackets(unit)), unit, values, palette)
         };
-        let mean = block("posterior mean", mean, Palette::Values);
-        if uncertainty == Uncertainty::Beside {
+        let lines = style.isochrones.filter(|_| unit == "ms");
+        let mean = Block { lines, ..block("posterior mean", mean, Palette::Values) };
+        if style.uncertainty == Uncertainty::Beside {
             let sd = block("posterior standard deviation", sd, Palette::Spread);
             let shows = format!("{name}, posterior mean and standard deviation, {sides}");
             return surface::picture(named, shows, &maps.ground, &[mean, sd]);

@@ -8,6 +8,7 @@ mod axes_pictures;
 mod closed_loop;
 mod finished;
 mod font;
+mod isolines;
 mod opening;
 mod paint;
 mod palette;
@@ -38,6 +39,15 @@ pub enum Uncertainty {
     Opacity,
 }
 
+/// How maps of a run are drawn.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Style {
+    /// How standard deviations are shown.
+    pub uncertainty: Uncertainty,
+    /// Lines at every multiple of so many ms, on maps in ms.
+    pub isochrones: Option<f64>,
+}
+
 /// Kinds of pictures of a run.
 pub const OF_A_RUN: [&str; 5] = ["fields", "truth", "shares", "predicted", "traces"];
 /// Of a loop.
@@ -49,14 +59,10 @@ pub const OF_VULNERABILITY: [&str; 2] = ["vulnerability", "activation"];
 ///
 /// # Errors
 /// [`ReportError::Read`], [`ReportError::Malformed`] for a file that is not there or was edited.
-pub fn of_a_run(
-    folder: &Path,
-    kind: &str,
-    uncertainty: Uncertainty,
-) -> Result<Vec<Picture>, ReportError> {
+pub fn of_a_run(folder: &Path, kind: &str, style: Style) -> Result<Vec<Picture>, ReportError> {
     let run = finished::Finished::read(folder)?;
     match kind {
-        "fields" => run.fields(uncertainty),
+        "fields" => run.fields(style),
         "truth" => run.truth(),
         "shares" => run.shares(),
         "predicted" => run.predicted(),

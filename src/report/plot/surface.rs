@@ -4,6 +4,7 @@ use std::fmt::Write as _;
 
 use super::super::axes::{Scale, group};
 use super::super::text::escape;
+use super::isolines;
 use super::opening::{Opening, draw, openings};
 use super::palette::{Colour, Palette, VOID, hex};
 use super::picture::{FONT, MOST, Picture, WIDTH};
@@ -54,6 +55,8 @@ pub(super) struct Block<'a> {
     pub(super) range: [f64; 2],
     /// Standard deviations, and the one from which on a vertex is grey.
     pub(super) fades: Option<(&'a [f64], f64)>,
+    /// Lines at every multiple of this.
+    pub(super) lines: Option<f64>,
     /// Places with a value each, mm, drawn in its colour instead of the sites.
     pub(super) dots: &'a [([f64; 3], f64)],
 }
@@ -87,6 +90,7 @@ impl<'a> Block<'a> {
             palette,
             range,
             fades: None,
+            lines: None,
             dots: &[],
         }
     }
@@ -154,6 +158,9 @@ pub(super) fn picture(
 /// Name of the view, openings and sites, in the cell.
 fn marks(seen: &Seen<'_>, ground: &Ground, openings: &[Opening], block: &Block<'_>) -> String {
     let mut svg = format!(r##"<text x="2" y="11" fill="#555">{}</text>"##, seen.frame().name());
+    if let Some((values, step)) = block.values.zip(block.lines) {
+        svg += &isolines::draw(values, step, seen);
+    }
     svg += &draw(openings, seen);
     if block.dots.is_empty() {
         let radius = RADIUS * (FULL_SIZE / ground.sites.len().max(1) as f64).sqrt().min(1.0);
@@ -250,6 +257,10 @@ fn legend(
     if !openings.is_empty() {
         let line = r##"<path d="M0 0h14" stroke="#111" stroke-width="1.2"/>"##;
         item(line, 19.0, "opening");
+    }
+    if let Some((block, step)) = blocks.iter().find_map(|block| Some((block, block.lines?))) {
+        let line = r##"<path d="M0 0h14" stroke="#000" stroke-width=".5"/>"##;
+        item(line, 19.0, &format!("every {step} {}", block.unit));
     }
     let is_void =
         |block: &Block<'_>| block.values.is_some_and(|v| v.iter().any(|x| !x.is_finite()));
