@@ -177,6 +177,9 @@ fn needs_a_column(error: ModelError) -> ExperimentError {
         ModelError::NoSource { name, .. } => ExperimentError::NotSynthetic {
             why: format!("`{name}` depends on where activation starts"),
         },
+        ModelError::NoMesh { name } => ExperimentError::NotSynthetic {
+            why: format!("`{name}` depends on the surface between the places of fields"),
+        },
         other => other.into(),
     }
 }
