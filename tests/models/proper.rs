@@ -116,3 +116,43 @@ pub(crate) mod lat_slower {
         observe lat(row): Number [ms] ~ Normal(onset(row) + 1.2 * arrival(row), noise);
     }
 }
+
+/// Arrival times of fronts with a thickness, which start at two places in half of the rows.
+pub(crate) mod lat_thick {
+    use super::*;
+    model! {
+        model LatThick;
+        field velocity(x) [m/s] within 0.1..1.5 = m + alpha * gp(Matern52(rho), K = 12) where {
+            m     [m/s] ~ Normal(0.8, 0.15);
+            alpha [m/s] ~ LogNormal(-1.5, 0.4);
+            rho   [mm]  ~ LogNormal(3.4, 0.3);
+        }
+        param thickness [ms] ~ LogNormal(-1.2, 0.7);
+        param onset(source) [ms] ~ Normal(0.0, 20.0);
+        param later [ms] ~ Normal(0.0, 15.0);
+        param noise [ms] ~ LogNormal(0.7, 0.4);
+        let slowness(x) [ms/mm] = 1.0 / velocity(x);
+        let arrival(row) [ms] = eikonal(slowness(row), 1.0, 0.0, thickness; row.source, row.source2 + later);
+        observe lat(row): Number [ms] ~ Normal(onset(row) + arrival(row), noise);
+    }
+}
+
+/// The broken twin: fronts are twice as thick.
+pub(crate) mod lat_thicker {
+    use super::*;
+    model! {
+        model LatThicker;
+        field velocity(x) [m/s] within 0.1..1.5 = m + alpha * gp(Matern52(rho), K = 12) where {
+            m     [m/s] ~ Normal(0.8, 0.15);
+            alpha [m/s] ~ LogNormal(-1.5, 0.4);
+            rho   [mm]  ~ LogNormal(3.4, 0.3);
+        }
+        param thickness [ms] ~ LogNormal(-0.5, 0.7);
+        param onset(source) [ms] ~ Normal(0.0, 20.0);
+        param later [ms] ~ Normal(0.0, 15.0);
+        param noise [ms] ~ LogNormal(0.7, 0.4);
+        let slowness(x) [ms/mm] = 1.0 / velocity(x);
+        let arrival(row) [ms] = eikonal(slowness(row), 1.0, 0.0, thickness; row.source, row.source2 + later);
+        observe lat(row): Number [ms] ~ Normal(onset(row) + arrival(row), noise);
+    }
+}
