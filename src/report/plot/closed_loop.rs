@@ -276,6 +276,7 @@ impl Finding {
                 palette: Palette::Difference,
                 range,
                 fades: None,
+                lines: None,
                 dots,
             })
             .collect();
