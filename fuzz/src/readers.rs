@@ -173,6 +173,8 @@ fn read_model(path: &Path) {
     if let Ok(file) = eplat_language::File::read(&source) {
         let _ = file.check();
     }
+    // where tokens stand is kept of every text that was ever read: after 2¹⁷ of them that list outgrew the memory allowed
+    proc_macro2::extra::invalidate_current_thread_spans();
 }
 
 /// Keeps chains.
