@@ -19,13 +19,16 @@ use crate::mesh::TriMesh;
 /// [`Everywhere`] and gives an operator. [`operator_error`] says whether its derivatives are right.
 ///
 /// ```
-/// use eplat_engine as eplat;
+/// # extern crate eplat_engine as eplat;
 /// use eplat::prelude::*;
 ///
 /// model! {
 ///     /// A voltage, seen as the mean over all vertices nearer than `width` mm.
 ///     model Blurred;
-///     field voltage(x) [mV] = m + gp(Rbf(20.0), K = 8) where { m [mV] ~ Flat; }
+///     field voltage(x) [mV] = m + alpha * gp(Rbf(20.0), K = 8) where {
+///         m     [mV] ~ Flat;
+///         alpha [mV] ~ HalfNormal(2.0);
+///     }
 ///     let seen(row) [mV] = near(voltage(row); 5.0);
 ///     observe v(row): Number [mV] ~ Normal(seen(row), 0.1);
 /// }
@@ -55,6 +58,7 @@ use crate::mesh::TriMesh;
 ///         }
 ///     }
 /// }
+/// # fn main() {}
 /// ```
 pub trait Operator: Debug + Send + Sync {
     /// Its numbers (one per row) for these operands; NaN refuses the draw.
@@ -117,7 +121,7 @@ pub struct Everywhere<'a> {
 /// # Panics
 /// When the operator panics on these operands.
 pub fn operator_error(operator: &dyn Operator, operands: &[&[f64]], n_rows: usize) -> f64 {
-    const STEP: f64 = 1e-5;
+    const STEP: f64 = 1e-6;
     let of = |everywhere: Vec<&[f64]>| {
         let mut out = vec![0.0; n_rows];
         let mut kept = Memo::default();
@@ -125,7 +129,7 @@ pub fn operator_error(operator: &dyn Operator, operands: &[&[f64]], n_rows: usiz
         (out, kept)
     };
     // directions that have nothing to do with each other
-    let wave = |i: usize, k: usize| ((i * (2 * k + 3)) as f64 * 0.7).sin();
+    let wave = |i: usize, k: usize| (((i + 1) * (2 * k + 3)) as f64 * 0.7).sin();
     let directions: Vec<Vec<f64>> = operands
         .iter()
         .enumerate()
