@@ -88,7 +88,7 @@ impl Model {
             self.forward(t, u);
             let of_operators = self.over.iter();
             let mut all: Vec<_> =
-                of_operators.flat_map(|over| over.operator.maps(&t.kept[over.kept])).collect();
+                of_operators.flat_map(|over| over.maps(&t.kept[over.kept])).collect();
             all.extend(self.late_maps.of_draw(self, t, basis));
             all
         };

@@ -49,6 +49,11 @@ impl Over {
         self.operands.len() * self.n
     }
 
+    /// Its maps that have a name.
+    pub(super) fn maps(&self, kept: &Memo) -> Vec<Vec<f64>> {
+        self.operator.maps(kept).into_iter().take(self.names.len()).collect()
+    }
+
     /// How many numbers of `work` it needs.
     pub(super) fn n_work(&self) -> usize {
         self.n_left() + self.n_operands()

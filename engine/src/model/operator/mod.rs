@@ -15,7 +15,7 @@ use crate::mesh::TriMesh;
 
 /// An operator over the whole surface: numbers of rows that depend on expressions of the model at every vertex.
 ///
-/// One of your own is written `let y(row) = blurred(f(row); 5.0);`, which calls `blurred(surface, 5.0)`. That function takes an
+/// One of your own is written `let y(row) = near(f(row); 5.0);`, which calls `near(surface, 5.0)`. That function takes an
 /// [`Everywhere`] and gives an operator. [`operator_error`] says whether its derivatives are right.
 ///
 /// ```
@@ -70,8 +70,8 @@ pub trait Operator: Debug + Send + Sync {
     /// Adds the adjoints of the operands to `into`, for those of its numbers.
     fn pull(&self, of: &Operands<'_>, kept: &Memo, bars: &[f64], into: &mut Adjoints<'_>);
 
-    /// The whole maps that a forward pass has made, each (`n_vertices`), or empty where it could not. One of your own
-    /// needs none.
+    /// The maps that a forward pass has made, each (`n_vertices`), or empty where it could not. Those of `eikonal` are
+    /// reported; one of your own has none.
     fn maps(&self, _: &Memo) -> Vec<Vec<f64>> {
         vec![]
     }
