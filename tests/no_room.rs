@@ -37,7 +37,7 @@ const WRITING: [&str; 22] = [
     "import log.csv --mesh sheet.vtp --units mm --out full/o",
     "mesh repair sheet.vtp full/o.vtp --units mm",
     "mesh convert sheet.vtp full/o.ply --units mm",
-    "surrogate design --n 2000 --out full/o.csv",
+    "surrogate design --n 400 --out full/o.csv",
     "surrogate run --design sets.csv --out full/o.csv",
     "surrogate fit --form gp --table design.csv --out full/o.rs",
     "study experiment --skip-simulation --chains 2 --warmup 60 --draws 40 --out full/o",

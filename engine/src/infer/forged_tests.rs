@@ -47,7 +47,7 @@ fn basis() -> Basis {
 
 fn table() -> Measurements {
     let cells = |line: String| line.split(',').map(String::from).collect::<Vec<_>>();
-    let rows = (0..12).map(|i| cells(format!("number,{},{}", 2 * i, i % 4))).collect();
+    let rows = (0..6).map(|i| cells(format!("number,{},{}", 4 * i, i % 4))).collect();
     let header = cells("protocol,vertex,value".into());
     let mut table = Measurements::from_cells("test", header, rows).unwrap();
     table.place_at_indices(30).unwrap();
@@ -85,7 +85,7 @@ const SELDOM: Duration = Duration::from_hours(1);
 impl Job {
     fn new(model: Model, sampler: Sampler, place: &Path) -> Self {
         let settings =
-            Settings { chains: 2, warmup: 30, draws: 12, threads: 1, ..Settings::default() };
+            Settings { chains: 2, warmup: 20, draws: 6, threads: 1, ..Settings::default() };
         let starts = jittered_starts(&model, &model.initial(), 2, 1).unwrap();
         Self { model, sampler, starts, settings, folder: place.join("checkpoint") }
     }
@@ -175,7 +175,7 @@ fn check<C: Together>(model: Model, sampler: Sampler) {
     let place = tempfile::tempdir().unwrap();
     let job = Job::new(model, sampler, place.path());
     // in the first round of the warm-up, after a meeting, and while sampling
-    for transitions in [8, 29, 66] {
+    for transitions in [8, 29, 46] {
         let Tally { tried, refused } = forge::<C>(&job, transitions);
         assert!(tried > 60 && 5 * refused > tried, "{refused} of {tried} refused");
     }

@@ -57,7 +57,8 @@ fn channels(colour: u32) -> Colour {
 pub(super) fn mixed(from: Colour, to: Colour, share: f64) -> Colour {
     std::array::from_fn(|k| {
         let [from, to] = [from[k], to[k]].map(f64::from);
-        (from + share * (to - from)).round() as u8
+        // rounded: `f64::round` is a call of the C library, for each of millions of samples
+        (from + share * (to - from) + 0.5) as u8
     })
 }
 

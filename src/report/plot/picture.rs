@@ -5,6 +5,7 @@ use std::io::{self, Write as _};
 use std::path::{Path, PathBuf};
 
 use base64::{Engine as _, engine::general_purpose::STANDARD as BASE64};
+use rayon::prelude::*;
 
 use super::super::ReportError;
 use super::super::text::escape;
@@ -90,8 +91,10 @@ impl Picture {
             escape(&self.shows)
         );
         let mut svg = self.drawing().replacen("<svg", &mm, 1);
-        for (number, image) in self.images.iter().enumerate() {
-            let data = BASE64.encode(image.png(DOTS_PER_INCH)?);
+        let files: Vec<io::Result<Vec<u8>>> =
+            self.images.par_iter().map(|image| image.png(DOTS_PER_INCH)).collect();
+        for (number, file) in files.into_iter().enumerate() {
+            let data = BASE64.encode(file?);
             let (name, data) =
                 (format!("href=\"#{number}\""), format!("data:image/png;base64,{data}"));
             svg = svg.replacen(&name, &format!("href=\"{data}\""), 1);
@@ -119,8 +122,9 @@ impl Picture {
             let written = bytes.and_then(|bytes| write_file(path, |file| file.write_all(&bytes)));
             written.map_err(ReportError::write(path))
         };
-        save(&files[0], self.svg().map(String::into_bytes))?;
-        save(&files[1], pixels.png(DOTS_PER_INCH))?;
+        let (svg, png) = rayon::join(|| self.svg(), || pixels.png(DOTS_PER_INCH));
+        save(&files[0], svg.map(String::into_bytes))?;
+        save(&files[1], png)?;
         Ok(files)
     }
 }

@@ -1,6 +1,7 @@
 //! A surface as pixels: what of it is in front, how it is shaded, and whether a place is hidden.
 
 use nalgebra::Vector3;
+use rayon::prelude::*;
 
 use super::palette::{Colour, VOID, mixed};
 use super::picture::PER_UNIT;
@@ -159,23 +160,20 @@ impl<'s> Seen<'s> {
     }
 
     /// The pixels; `colour` is told how to read arrays (n_vertices) at a place.
-    pub(super) fn image(&self, colour: &dyn Fn(&At<'_>) -> Colour) -> Image {
+    pub(super) fn image(&self, colour: &(dyn Fn(&At<'_>) -> Colour + Sync)) -> Image {
+        const N: usize = SAMPLES * SAMPLES;
         let [width, height] = self.size.map(|n| n / SAMPLES);
-        let mut pixels = Vec::with_capacity(width * height);
-        for row in 0..height {
-            for column in 0..width {
-                let mut sum = [0_u32; 3];
-                for k in 0..SAMPLES * SAMPLES {
-                    let (x, y) = (SAMPLES * column + k % SAMPLES, SAMPLES * row + k / SAMPLES);
-                    let sample = self.sample(y * self.size[0] + x, colour);
-                    sum = std::array::from_fn(|c| sum[c] + u32::from(sample[c]));
-                }
-                pixels.push(
-                    sum.map(|sum| (f64::from(sum) / (SAMPLES * SAMPLES) as f64).round() as u8),
-                );
+        let pixel = |at: usize| {
+            let (column, row) = (SAMPLES * (at % width), SAMPLES * (at / width));
+            let mut sum = [N as u32 / 2; 3]; // to round, not to cut
+            for k in 0..N {
+                let (x, y) = (column + k % SAMPLES, row + k / SAMPLES);
+                let sample = self.sample(y * self.size[0] + x, colour);
+                sum = std::array::from_fn(|c| sum[c] + u32::from(sample[c]));
             }
-        }
-        Image { width, height, pixels }
+            sum.map(|sum| (sum / N as u32) as u8)
+        };
+        Image { width, height, pixels: (0..width * height).into_par_iter().map(pixel).collect() }
     }
 
     fn sample(&self, at: usize, colour: &dyn Fn(&At<'_>) -> Colour) -> Colour {
