@@ -65,6 +65,37 @@ fn new_sites_and_fitted_ones() {
     assert_eq!(place.read("same/predictions.csv"), new);
 }
 
+/// Paths to new rows are measured as those to fitted ones were.
+#[test]
+fn arrival_times_at_new_rows() {
+    let place = Workplace::new();
+    let rows = |vertices: &[usize]| {
+        let row = |v: &usize| format!("{v},40,lat,{}\n", 20 + v / 12);
+        "vertex,source,protocol,value\n".to_owned() + &vertices.iter().map(row).collect::<String>()
+    };
+    let fitted: Vec<usize> = (0..24).map(|i| 40 + 50 * i).collect();
+    place.file("fitted.csv", rows(&fitted)).file("new.csv", rows(&[100, 700, 540]));
+    place.eplat("mesh atrium --edge 3 --out atrium.vtk");
+    let run = place.eplat(
+        "run lat --mesh atrium.vtk --units mm --data fitted.csv --chains 2 --draws 500 --out run",
+    );
+    assert!(matches!(run.status.code(), Some(0 | 3 | 4)), "{}", text(&run.stderr));
+    let output = place.eplat("predict run new.csv --quiet");
+    assert_eq!(output.status.code(), Some(0), "{}", text(&output.stderr));
+    let predicted = place.read("run/predicted/predictions.csv");
+    let at = |csv: &str, title: &str, line: &str| {
+        let row = column(csv, "line").iter().position(|cell| cell == line).unwrap();
+        numbers(csv, title)[row]
+    };
+    // the last of the new rows was fitted, too; medians of 1000 replicates are off by 0.04 sd each
+    let here = at(&predicted, "predicted_q50", "4");
+    let there = at(&place.read("run/rows.csv"), "predicted_q50", "12");
+    let sd = at(&predicted, "sd", "4");
+    assert!((here - there).abs() < 4.5 * 0.056 * sd, "{here} {there} of sd {sd}");
+    let nearer = at(&predicted, "predicted_q50", "2");
+    assert!((nearer - here).abs() > 4.5 * 0.056 * sd, "paths of other lengths: {nearer} {here}");
+}
+
 /// The record names the file of the mesh, which may have changed or gone.
 #[test]
 fn what_the_run_was_made_from_must_be_as_it_was() {

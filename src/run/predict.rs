@@ -113,7 +113,8 @@ impl Problem<'_> {
         table: &Measurements,
     ) -> Result<Forecast, RunError> {
         let placed = self.placed(table)?;
-        let joint = self.with_rows(table)?;
+        // with its paths, as the fitted rows have theirs
+        let joint = self.with_rows(&placed)?;
         let first = self.measurements().len();
         let ids = joint.row_ids().into_iter();
         let ids: Vec<RowId> = ids.filter(|id| joint.table_row(*id) >= first).collect();
