@@ -1,4 +1,5 @@
-//! What arrival times tell of velocity and fibres on a clinical left atrium, whose truth is the monodomain simulator's.
+//! What arrival times tell of velocity and fibres on a clinical left atrium, whose truth is the monodomain simulator's;
+//! and how well a patient's are told of patches that are left out.
 //!
 //! ```text
 //! cargo test --release --test arrival_bars -- --ignored --nocapture
@@ -238,5 +239,86 @@ fn what_arrival_times_tell_of_fibres() {
             continue;
         }
         truth.judge(&what, &read(&place.path("run/fields.vtp"), Reading::default()).unwrap());
+    }
+}
+
+/// Slowness that varies along straight paths, and a field that is added to one velocity's times.
+const ON_STRAIGHT_PATHS: [&str; 2] = [
+    "field slowness(x) [ms/mm] = m + alpha * gp(Matern52(rho), K = 64) where {
+        m     [ms/mm] ~ Normal(1.0, 0.5);
+        alpha [ms/mm] ~ HalfNormal(0.5);
+        rho   [mm]    ~ LogNormal(3.4, 0.5);
+    }
+    let way(row) [ms] = path(slowness(row); row.source);
+    let arrival(row) [ms] = onset + way(row);",
+    "column path_mm [mm];
+    param slowness [ms/mm] ~ Normal(1.0, 0.5);
+    field further(x) [ms] = alpha * gp(Matern52(rho), K = 64) where {
+        alpha [ms] ~ HalfNormal(20.0);
+        rho   [mm] ~ LogNormal(3.4, 0.5);
+    }
+    let arrival(row) [ms] = onset + slowness * row.path_mm + further(row);",
+];
+
+/// Not in the repository: `openep_la/la_lat.vtk` of the reference data.
+#[test]
+#[ignore = "48 runs, a quarter of an hour"]
+fn patches_left_out_of_a_clinical_map() {
+    let Some(file) = shared("openep_la/la_lat.vtk") else { return };
+    let place = Workplace::new();
+    let table = place.path("lat.csv");
+    let made = std::process::Command::new(env!("CARGO"))
+        .args(["run", "--quiet", "--release", "--example", "measured_tables", "--", "lat"])
+        .args([&file, &table])
+        .status();
+    assert!(made.unwrap().success());
+    for (name, own) in ["slowness.rs", "added.rs"].iter().zip(ON_STRAIGHT_PATHS) {
+        let text = format!(
+            "use eplat::prelude::*;\n\nmodel! {{\n    model Own;\n    param onset [ms] ~ Normal(0.0, 100.0);\n    \
+             param noise [ms] ~ HalfNormal(20.0);\n    {own}\n    \
+             observe lat(row): Number [ms] ~ Normal(arrival(row), noise);\n}}\n"
+        );
+        place.file(name, text);
+    }
+    let text_of = std::fs::read_to_string(&table).unwrap();
+    let (header, rows) = text_of.split_once('\n').unwrap();
+    let fold = |row: &str| row.split(',').nth(3).unwrap().to_owned();
+    let folds: std::collections::BTreeSet<String> = rows.lines().map(fold).collect();
+    for (model, draws) in
+        [("lat", 300), ("slowness.rs", 300), ("lat_velocity", 300), ("added.rs", 500)]
+    {
+        let (mut square, mut inside, mut n, mut red) = (0.0, 0.0, 0.0, 0);
+        for own in &folds {
+            let of = |left_out: bool| {
+                let kept = rows.lines().filter(|row| (fold(row) == *own) == left_out);
+                [&[header], &kept.collect::<Vec<_>>()[..]].concat().join("\n") + "\n"
+            };
+            place.file("fitted.csv", of(false)).file("left_out.csv", of(true));
+            let run = place.eplat(&format!(
+                "run {model} --mesh {} --units mm --data fitted.csv --chains 2 --warmup {draws} --draws {draws} --out run --force",
+                file.display()
+            ));
+            assert!(place.path("run/run.json").exists(), "{}", text(&run.stderr));
+            red += usize::from(run.status.code() == Some(3));
+            let predicted = place.eplat("predict run left_out.csv --out predicted");
+            assert!(predicted.status.success(), "{}", text(&predicted.stderr));
+            let csv = place.read("predicted/predictions.csv");
+            let at = |title: &str| csv.lines().next().unwrap().split(',').position(|c| c == title);
+            let [measured, median, is_inside] =
+                ["measured_lower", "predicted_q50", "inside"].map(|title| at(title).unwrap());
+            for cells in csv.lines().skip(1).map(|line| line.split(',').collect::<Vec<_>>()) {
+                let [y, q50]: [f64; 2] = [measured, median].map(|at| cells[at].parse().unwrap());
+                square += (y - q50).powi(2);
+                inside += f64::from(u8::from(cells[is_inside] == "true"));
+                n += 1.0;
+            }
+            std::fs::remove_dir_all(place.path("predicted")).unwrap();
+        }
+        println!(
+            "{model}: left out {:.2} ms rms, {:.0} % in 90 % intervals; {red} of {} fits not converged",
+            f64::sqrt(square / n),
+            100.0 * inside / n,
+            folds.len()
+        );
     }
 }
