@@ -57,7 +57,7 @@ fn channels(colour: u32) -> Colour {
 pub(super) fn mixed(from: Colour, to: Colour, share: f64) -> Colour {
     std::array::from_fn(|k| {
         let [from, to] = [from[k], to[k]].map(f64::from);
-        // rounded: `f64::round` is a call of the C library, for each of millions of samples
+        // a half more, to round: `f64::round` would be a call of the C library for each of millions of samples
         (from + share * (to - from) + 0.5) as u8
     })
 }
