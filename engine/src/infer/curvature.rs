@@ -104,9 +104,24 @@ impl Curvature {
         self.information[i * self.slope.len() + j]
     }
 
-    /// Of the normal likelihood.
-    pub(super) fn slope(&self, i: usize) -> f64 {
-        self.slope[i]
+    /// The slope of the normal likelihood in θᵢ.
+    pub(super) fn slope_at(&self, i: usize, theta: &[f64]) -> f64 {
+        let dim = self.slope.len();
+        self.slope[i] - dot::<4>(&self.information[i * dim..][..dim], theta)
+    }
+
+    /// Coordinates in blocks of which measurements see no two together.
+    pub(super) fn seen_together(&self, mut left: Vec<usize>) -> Vec<Vec<usize>> {
+        let mut blocks = vec![];
+        while let Some(first) = left.pop() {
+            let (mut block, mut reached) = (vec![first], 0);
+            while let Some(i) = block.get(reached).copied() {
+                block.extend(left.extract_if(.., |j| self.information(i, *j) != 0.0));
+                reached += 1;
+            }
+            blocks.push(block);
+        }
+        blocks
     }
 
     /// Counts what `others` say as much as what was known before.

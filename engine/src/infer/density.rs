@@ -36,6 +36,12 @@ pub trait Evaluator: Send {
         vec![0.0; position.len()]
     }
 
+    /// The part of the log density that costs little, where [`Evaluator::multipliers`] are told of: all but what
+    /// measurements say.
+    fn ln_prior(&mut self, _position: &[f64]) -> f64 {
+        0.0
+    }
+
     /// Calls `take` with each column of the Hessian at `position`, `(dim)`, in order.
     ///
     /// If a density does not have second derivatives of its own, these are central differences of
@@ -66,6 +72,9 @@ impl<E: Evaluator + ?Sized> Evaluator for Box<E> {
     }
     fn multipliers(&mut self, position: &[f64]) -> Vec<f64> {
         (**self).multipliers(position)
+    }
+    fn ln_prior(&mut self, position: &[f64]) -> f64 {
+        (**self).ln_prior(position)
     }
     fn ln_density(&mut self, position: &[f64], gradient: &mut [f64]) -> f64 {
         (**self).ln_density(position, gradient)

@@ -1,14 +1,23 @@
 //! Moves of what multiplies coordinates, the scales of fields, in which the coordinates move as well.
 //!
-//! What the Hessians at some places say (see [`Curvature`]) is a normal likelihood of the coordinates. With it their
-//! posterior given the scales s is normal, N(μ(s), P(s)⁻¹). A move takes s to s′ and leaves z, the coordinates in
-//! units of that normal:
+//! What the Hessians at some places say (see [`Curvature`]) is a normal likelihood of the coordinates. With it the
+//! coordinates η of a field are normal, N(μ(s), P(s)⁻¹), given its scales s and all other unknowns, and the scales have a
+//! density π* of their own, which costs no evaluation of the model:
 //!
 //! ```text
-//! η = μ(s) + L(s)⁻ᵀ z,  P = L Lᵀ        accepted with  min(1, π(s′, η′) |L(s)| / (π(s, η) |L(s′)|))
+//! ln π*(s) = ln p(s) + ½ μᵀ P μ − ln |L|        P = L Lᵀ
 //! ```
-//! So coordinates that measurements tell stay where they are, and those that they do not tell follow the scales. With the
-//! density's own π in the ratio this is exact, however poor the normal is. A move costs one evaluation, without gradient.
+//! A move makes some Metropolis steps from s under π*, and leaves z, the coordinates in units of that normal. Where they
+//! end is accepted by the model's own density π:
+//!
+//! ```text
+//! η = μ(s) + L(s)⁻ᵀ z        min(1, π(s′, η′) |L(s)| π*(s) / (π(s, η) |L(s′)| π*(s′)))
+//! ```
+//! So coordinates that measurements tell stay where they are, and those that they do not tell follow the scales. This is
+//! exact, however poor the normal is, and costs one evaluation, without gradient, however far the steps lead.
+//!
+//! # Source
+//! Christen and Fox 2005, "Markov chain Monte Carlo using an approximation", with several steps instead of one.
 
 use super::cholesky::Factor;
 use super::curvature::Curvature;
@@ -18,11 +27,13 @@ use faer::Mat;
 use rand::{Rng, RngExt as _};
 use rand_distr::StandardNormal;
 
-/// Standard deviations of the steps of each scale.
-const STEPS: [f64; 2] = [0.2, 0.6];
+/// Standard deviations of the steps under π*.
+const STEPS: [f64; 3] = [0.1, 0.3, 0.9];
+/// How many of each.
+const ROUNDS: usize = 10;
 
-/// Moves each scale some times, from the position of `point`, which it keeps up to date with its log density. Returns
-/// how often it evaluated the density.
+/// Moves the scales of each field once, from the position of `point`, which it keeps up to date with its log density.
+/// Returns how often it evaluated the density.
 pub(super) fn move_scales(
     curvature: &Curvature,
     evaluator: &mut dyn Evaluator,
@@ -40,80 +51,169 @@ fn moves(
     rng: &mut impl Rng,
     volume: f64,
 ) -> u64 {
-    let scales = curvature.still();
-    let Some(mut here) = Normal::at(curvature, evaluator, &point.position) else { return 0 };
-    if scales.is_empty() || here.free.is_empty() {
-        return 0;
-    }
-    let z = here.whitened(&point.position);
-    let mut position = point.position.clone();
     let mut n = 0;
-    for (scale, step) in scales.iter().flat_map(|scale| STEPS.map(|step| (*scale, step))) {
-        position.copy_from_slice(&point.position);
-        position[scale] += step * rng.sample::<f64, _>(StandardNormal);
-        let uniform = rng.random::<f64>();
-        let there = Normal::at(curvature, evaluator, &position);
-        let Some(there) = there.filter(|there| there.free == here.free) else { continue };
-        there.place(&z, &mut position);
+    for (scales, coordinates) in fields(curvature.still(), evaluator, &point.position) {
+        let field = Field::new(curvature, evaluator, &point.position, scales, coordinates);
+        let Some(here) = field.normal(evaluator, &point.position) else { continue };
+        let Some((there, mut position)) = field.walk(&here, evaluator, &point.position, rng) else {
+            continue;
+        };
+        field.carry(&here, &there, &mut position);
         let ln_density = evaluator.value(&position);
         n += 1;
-        let ln_volume = volume * (here.precision.ln_det() - there.precision.ln_det());
+        let ln_ratio = ln_density - point.ln_density + volume * (here.ln_det - there.ln_det)
+            - (there.ln_density - here.ln_density);
         // NaN is not accepted
-        if uniform.ln() < ln_density - point.ln_density + ln_volume {
+        if rng.random::<f64>().ln() < ln_ratio {
             point.position.copy_from_slice(&position);
             point.ln_density = ln_density;
-            here = there;
         }
     }
     n
 }
 
-/// The coordinates that are multiplied, given all others, under the normal likelihood.
-struct Normal {
-    /// Which they are.
-    free: Vec<usize>,
-    mean: Vec<f64>,
-    /// L
-    precision: Factor,
+/// Scales, each with the coordinates that it multiplies. Scales of the same coordinates go together.
+fn fields(
+    scales: &[usize],
+    evaluator: &mut dyn Evaluator,
+    position: &[f64],
+) -> Vec<(Vec<usize>, Vec<usize>)> {
+    let here = evaluator.multipliers(position);
+    let mut fields: Vec<(Vec<usize>, Vec<usize>)> = vec![];
+    for scale in scales {
+        let mut moved = position.to_vec();
+        moved[*scale] += 0.1;
+        let there = evaluator.multipliers(&moved);
+        let is_multiplied = |i: &usize| here[*i].to_bits() != there[*i].to_bits();
+        let coordinates: Vec<usize> = (0..here.len()).filter(is_multiplied).collect();
+        let shared = fields.iter_mut().find(|(_, of)| of.iter().any(|i| coordinates.contains(i)));
+        match shared {
+            None => fields.push((vec![*scale], coordinates)),
+            Some((scales, of)) => {
+                scales.push(*scale);
+                of.extend(coordinates);
+                of.sort_unstable();
+                of.dedup();
+            }
+        }
+    }
+    fields
 }
 
-impl Normal {
-    /// `None` where the likelihood's information is no normal's.
-    fn at(curvature: &Curvature, evaluator: &mut dyn Evaluator, position: &[f64]) -> Option<Self> {
+/// A field's scales and coordinates, with what all other unknowns leave for these to explain.
+struct Field<'c> {
+    curvature: &'c Curvature,
+    scales: Vec<usize>,
+    blocks: Vec<Block>,
+}
+
+/// Coordinates that measurements see together.
+struct Block {
+    coordinates: Vec<usize>,
+    /// The slope of the normal likelihood in each, times its multiplier, where all of them are 0.
+    slope: Vec<f64>,
+}
+
+/// The coordinates of a field, given its scales and all other unknowns, under the normal likelihood.
+struct Normal {
+    /// Of each block: mean, and L.
+    blocks: Vec<(Vec<f64>, Factor)>,
+    /// ln |L|
+    ln_det: f64,
+    /// ln π* of the scales.
+    ln_density: f64,
+}
+
+impl<'c> Field<'c> {
+    fn new(
+        curvature: &'c Curvature,
+        evaluator: &mut dyn Evaluator,
+        position: &[f64],
+        scales: Vec<usize>,
+        coordinates: Vec<usize>,
+    ) -> Self {
         let c = evaluator.multipliers(position);
-        let free: Vec<usize> = (0..c.len()).filter(|i| c[*i] != 0.0).collect();
-        let others: Vec<usize> =
-            (0..c.len()).filter(|i| c[*i] == 0.0 && !curvature.still().contains(i)).collect();
-        let information = |i: usize, j: usize| curvature.information(i, j);
-        let n = free.len();
-        let precision = Mat::from_fn(n, n, |a, b| {
-            let (i, j) = (free[a], free[b]);
-            c[i] * c[j] * information(i, j) + f64::from(u8::from(a == b))
-        });
-        let precision = Factor::of(precision.as_ref())?;
-        let pull = |i: &usize| {
-            let told: f64 = others.iter().map(|j| information(*i, *j) * position[*j]).sum();
-            c[*i] * (curvature.slope(*i) - told)
+        let mut others: Vec<f64> =
+            position.iter().zip(&c).map(|(x, c)| if *c == 0.0 { *x } else { c * x }).collect();
+        for i in coordinates.iter().chain(curvature.still()) {
+            others[*i] = 0.0;
+        }
+        let slope = |i: &usize| curvature.slope_at(*i, &others);
+        let block = |coordinates: Vec<usize>| Block {
+            slope: coordinates.iter().map(slope).collect(),
+            coordinates,
         };
-        let mut mean: Vec<f64> = free.iter().map(pull).collect();
-        precision.solve(&mut mean);
-        precision.solve_transposed(&mut mean);
-        Some(Self { free, mean, precision })
+        let blocks = curvature.seen_together(coordinates).into_iter().map(block).collect();
+        Self { curvature, scales, blocks }
     }
 
-    /// z at a position.
-    fn whitened(&self, position: &[f64]) -> Vec<f64> {
-        let off: Vec<f64> =
-            self.free.iter().zip(&self.mean).map(|(i, mean)| position[*i] - mean).collect();
-        self.precision.whitened(&off)
+    /// `None` where the likelihood's information is no normal's.
+    fn normal(&self, evaluator: &mut dyn Evaluator, position: &[f64]) -> Option<Normal> {
+        let c = evaluator.multipliers(position);
+        let mut normal =
+            Normal { blocks: vec![], ln_det: 0.0, ln_density: evaluator.ln_prior(position) };
+        for Block { coordinates, slope } in &self.blocks {
+            let n = coordinates.len();
+            let precision = Mat::from_fn(n, n, |a, b| {
+                let (i, j) = (coordinates[a], coordinates[b]);
+                c[i] * c[j] * self.curvature.information(i, j) + f64::from(u8::from(a == b))
+            });
+            let factor = Factor::of(precision.as_ref())?;
+            let mut mean: Vec<f64> =
+                coordinates.iter().zip(slope).map(|(i, slope)| c[*i] * slope).collect();
+            factor.solve(&mut mean);
+            normal.ln_det += factor.ln_det();
+            // the coordinates' own prior is in the normal
+            let own = coordinates.iter().map(|i| position[*i] * position[*i]).sum::<f64>();
+            normal.ln_density +=
+                0.5 * (own + mean.iter().map(|x| x * x).sum::<f64>()) - factor.ln_det();
+            factor.solve_transposed(&mut mean);
+            normal.blocks.push((mean, factor));
+        }
+        Some(normal)
     }
 
-    /// Writes the coordinates at this z.
-    fn place(&self, z: &[f64], position: &mut [f64]) {
-        let mut x = z.to_vec();
-        self.precision.solve_transposed(&mut x);
-        for ((i, x), mean) in self.free.iter().zip(x).zip(&self.mean) {
-            position[*i] = mean + x;
+    /// Metropolis steps under π*. Where they end: the normal there, and the position with its scales there; `None` if none
+    /// led elsewhere.
+    fn walk(
+        &self,
+        here: &Normal,
+        evaluator: &mut dyn Evaluator,
+        position: &[f64],
+        rng: &mut impl Rng,
+    ) -> Option<(Normal, Vec<f64>)> {
+        let mut end: Option<(Normal, Vec<f64>)> = None;
+        for _ in 0..STEPS.len() * ROUNDS {
+            // drawn, so that the steps the other way round are as likely
+            let step = STEPS[rng.random_range(0..STEPS.len())];
+            let (from, at) = end.as_ref().map_or((here, position), |(normal, at)| (normal, at));
+            let mut next = at.to_vec();
+            for scale in &self.scales {
+                next[*scale] += step * rng.sample::<f64, _>(StandardNormal);
+            }
+            let normal = self.normal(evaluator, &next);
+            let uniform = rng.random::<f64>();
+            if let Some(normal) = normal
+                && uniform.ln() < normal.ln_density - from.ln_density
+            {
+                end = Some((normal, next));
+            }
+        }
+        end
+    }
+
+    /// Brings the coordinates from one normal to the other.
+    fn carry(&self, from: &Normal, to: &Normal, position: &mut [f64]) {
+        for ((block, (old, before)), (new, after)) in
+            self.blocks.iter().zip(&from.blocks).zip(&to.blocks)
+        {
+            let off: Vec<f64> =
+                block.coordinates.iter().zip(old).map(|(i, mean)| position[*i] - mean).collect();
+            let mut z = before.whitened(&off);
+            after.solve_transposed(&mut z);
+            for ((i, x), mean) in block.coordinates.iter().zip(z).zip(new) {
+                position[*i] = mean + x;
+            }
         }
     }
 }
@@ -146,6 +246,9 @@ mod tests {
         }
         fn multipliers(&mut self, q: &[f64]) -> Vec<f64> {
             vec![0.0, q[0].exp(), q[0].exp(), 0.0]
+        }
+        fn ln_prior(&mut self, q: &[f64]) -> f64 {
+            -0.5 * (4.0 * q[0] * q[0] + q[1] * q[1] + q[2] * q[2] + q[3] * q[3])
         }
     }
 

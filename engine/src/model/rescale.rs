@@ -156,7 +156,7 @@ impl Model {
     }
 
     /// Log density of all priors, without any value but those of parameters.
-    fn ln_prior_alone(&self, t: &mut Tape, u: &[f64]) -> f64 {
+    pub(super) fn ln_prior_alone(&self, t: &mut Tape, u: &[f64]) -> f64 {
         t.u.copy_from_slice(u);
         self.priors.iter().for_each(|prior| prior.forward(t));
         t.lp = 0.0;

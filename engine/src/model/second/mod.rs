@@ -115,6 +115,9 @@ impl Evaluator for OnTape<'_> {
     fn multipliers(&mut self, position: &[f64]) -> Vec<f64> {
         self.model.multipliers(&mut self.tape, position)
     }
+    fn ln_prior(&mut self, position: &[f64]) -> f64 {
+        self.model.ln_prior_alone(&mut self.tape, position)
+    }
     fn ln_density(&mut self, position: &[f64], gradient: &mut [f64]) -> f64 {
         self.model.ln_density(&mut self.tape, position, gradient)
     }
