@@ -3,7 +3,7 @@
 use faer::linalg::triangular_solve::{
     solve_lower_triangular_in_place, solve_upper_triangular_in_place,
 };
-use faer::{ColMut, Mat, MatMut, MatRef, Par, Side};
+use faer::{ColMut, Mat, MatRef, Par, Side};
 use serde::{Deserialize, Serialize};
 
 /// L of P = L Lᵀ, `(dim, dim)`.
@@ -41,22 +41,14 @@ impl Factor {
 
     /// x ← L⁻¹ x
     pub(super) fn solve(&self, x: &mut [f64]) {
-        self.solve_all(ColMut::from_slice_mut(x).as_mat_mut());
-    }
-
-    /// Each column x ← L⁻¹ x
-    pub(super) fn solve_all(&self, columns: MatMut<'_, f64>) {
-        solve_lower_triangular_in_place(self.lower(), columns, Par::Seq);
+        let x = ColMut::from_slice_mut(x).as_mat_mut();
+        solve_lower_triangular_in_place(self.lower(), x, Par::Seq);
     }
 
     /// x ← L⁻ᵀ x, which makes a draw of the standard normal one of the normal with precision P
     pub(super) fn solve_transposed(&self, x: &mut [f64]) {
-        self.solve_all_transposed(ColMut::from_slice_mut(x).as_mat_mut());
-    }
-
-    /// Each column x ← L⁻ᵀ x
-    pub(super) fn solve_all_transposed(&self, columns: MatMut<'_, f64>) {
-        solve_upper_triangular_in_place(self.lower().transpose(), columns, Par::Seq);
+        let x = ColMut::from_slice_mut(x).as_mat_mut();
+        solve_upper_triangular_in_place(self.lower().transpose(), x, Par::Seq);
     }
 
     /// Lᵀ x

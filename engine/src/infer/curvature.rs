@@ -104,9 +104,24 @@ impl Curvature {
         self.information[i * self.slope.len() + j]
     }
 
-    /// Of the normal likelihood.
-    pub(super) fn slope(&self, i: usize) -> f64 {
-        self.slope[i]
+    /// The slope of the normal likelihood in θᵢ.
+    pub(super) fn slope_at(&self, i: usize, theta: &[f64]) -> f64 {
+        let dim = self.slope.len();
+        self.slope[i] - dot::<4>(&self.information[i * dim..][..dim], theta)
+    }
+
+    /// Coordinates in blocks of which measurements see no two together.
+    pub(super) fn seen_together(&self, mut left: Vec<usize>) -> Vec<Vec<usize>> {
+        let mut blocks = vec![];
+        while let Some(first) = left.pop() {
+            let (mut block, mut reached) = (vec![first], 0);
+            while let Some(i) = block.get(reached).copied() {
+                block.extend(left.extract_if(.., |j| self.information(i, *j) != 0.0));
+                reached += 1;
+            }
+            blocks.push(block);
+        }
+        blocks
     }
 
     /// Counts what `others` say as much as what was known before.
@@ -162,18 +177,18 @@ impl Curvature {
 }
 
 /// Added to the Hessian in units of the scales, whose diagonal is 1: the first with which it falls off in every direction.
-pub(super) const LEAST: [f64; 6] = [1e-5, 1e-4, 1e-3, 1e-2, 1e-1, 1.0];
+const LEAST: [f64; 6] = [1e-5, 1e-4, 1e-3, 1e-2, 1e-1, 1.0];
 
 /// A coordinate whose multiplier is a smaller part of the largest is not seen by measurements.
 const UNSEEN: f64 = 1e-6;
 
 /// What a coordinate with this multiplier is multiplied by.
-pub(super) fn factor(multiplier: f64) -> f64 {
+fn factor(multiplier: f64) -> f64 {
     if multiplier == 0.0 { 1.0 } else { multiplier }
 }
 
 /// The curvature of its prior, if it is multiplied.
-pub(super) fn prior(multiplier: f64) -> f64 {
+fn prior(multiplier: f64) -> f64 {
     f64::from(u8::from(multiplier != 0.0))
 }
 

@@ -20,18 +20,17 @@
 //! Christen and Fox 2005, "Markov chain Monte Carlo using an approximation", with several steps instead of one.
 
 use super::cholesky::Factor;
-use super::curvature::{Curvature, LEAST, factor, prior};
+use super::curvature::Curvature;
 use super::density::Evaluator;
 use super::hamiltonian::PhasePoint;
-use faer::linalg::matmul::matmul;
-use faer::{Accum, Mat, Par};
+use faer::Mat;
 use rand::{Rng, RngExt as _};
 use rand_distr::StandardNormal;
 
 /// Standard deviations of the steps under π*.
 const STEPS: [f64; 3] = [0.1, 0.3, 0.9];
-/// How many there are in a move.
-const N_STEPS: usize = 30;
+/// How many of each.
+const ROUNDS: usize = 10;
 
 /// Moves the scales of each field once, from the position of `point`, which it keeps up to date with its log density.
 /// Returns how often it evaluated the density.
@@ -53,9 +52,8 @@ fn moves(
     volume: f64,
 ) -> u64 {
     let mut n = 0;
-    for of in fields(curvature.still(), evaluator, &point.position) {
-        let multipliers = evaluator.multipliers(&point.position);
-        let Some(field) = Field::new(curvature, &multipliers, of) else { continue };
+    for (scales, coordinates) in fields(curvature.still(), evaluator, &point.position) {
+        let field = Field::new(curvature, evaluator, &point.position, scales, coordinates);
         let Some(here) = field.normal(evaluator, &point.position) else { continue };
         let Some((there, mut position)) = field.walk(&here, evaluator, &point.position, rng) else {
             continue;
@@ -63,7 +61,7 @@ fn moves(
         field.carry(&here, &there, &mut position);
         let ln_density = evaluator.value(&position);
         n += 1;
-        let ln_ratio = ln_density - point.ln_density + volume * (here.factor.ln_det() - there.factor.ln_det())
+        let ln_ratio = ln_density - point.ln_density + volume * (here.ln_det - there.ln_det)
             - (there.ln_density - here.ln_density);
         // NaN is not accepted
         if rng.random::<f64>().ln() < ln_ratio {
@@ -102,85 +100,77 @@ fn fields(
     fields
 }
 
-/// A field: its scales and the coordinates that they multiply. All others are integrated out under the normal likelihood,
-/// or rest if they are scales.
-struct Field {
+/// A field's scales and coordinates, with what all other unknowns leave for these to explain.
+struct Field<'c> {
+    curvature: &'c Curvature,
     scales: Vec<usize>,
-    coordinates: Vec<usize>,
-    /// G and slope of the normal likelihood of the coordinates times their multipliers.
-    information: Mat<f64>,
-    slope: Vec<f64>,
-    others: Vec<usize>,
-    /// By how much the others' means fall where a coordinate times its multiplier rises, `(others, coordinates)`.
-    follows: Mat<f64>,
+    blocks: Vec<Block>,
 }
 
-/// The coordinates of a field, given its scales, under the normal likelihood.
+/// Coordinates that measurements see together.
+struct Block {
+    coordinates: Vec<usize>,
+    /// The slope of the normal likelihood in each, times its multiplier, where all of them are 0.
+    slope: Vec<f64>,
+}
+
+/// The coordinates of a field, given its scales and all other unknowns, under the normal likelihood.
 struct Normal {
-    multipliers: Vec<f64>,
-    mean: Vec<f64>,
-    /// L
-    factor: Factor,
+    /// Of each block: mean, and L.
+    blocks: Vec<(Vec<f64>, Factor)>,
+    /// ln |L|
+    ln_det: f64,
     /// ln π* of the scales.
     ln_density: f64,
 }
 
-impl Field {
-    /// `None` where the likelihood's information is no normal's.
+impl<'c> Field<'c> {
     fn new(
-        curvature: &Curvature,
-        multipliers: &[f64],
-        (scales, coordinates): (Vec<usize>, Vec<usize>),
-    ) -> Option<Self> {
-        let moves = |i: &usize| !coordinates.contains(i) && !curvature.still().contains(i);
-        let others: Vec<usize> = (0..multipliers.len()).filter(moves).collect();
-        let c: Vec<f64> = others.iter().map(|i| factor(multipliers[*i])).collect();
-        let precision = |least: f64| {
-            let of = |a: usize, b: usize| {
-                let (i, j) = (others[a], others[b]);
-                let own = f64::from(u8::from(a == b)) * (prior(multipliers[i]) + least);
-                c[a] * c[b] * curvature.information(i, j) + own
-            };
-            Factor::of(Mat::from_fn(others.len(), others.len(), of).as_ref())
+        curvature: &'c Curvature,
+        evaluator: &mut dyn Evaluator,
+        position: &[f64],
+        scales: Vec<usize>,
+        coordinates: Vec<usize>,
+    ) -> Self {
+        let c = evaluator.multipliers(position);
+        let mut others: Vec<f64> =
+            position.iter().zip(&c).map(|(x, c)| if *c == 0.0 { *x } else { c * x }).collect();
+        for i in coordinates.iter().chain(curvature.still()) {
+            others[*i] = 0.0;
+        }
+        let slope = |i: &usize| curvature.slope_at(*i, &others);
+        let block = |coordinates: Vec<usize>| Block {
+            slope: coordinates.iter().map(slope).collect(),
+            coordinates,
         };
-        let precision = LEAST.into_iter().find_map(precision)?;
-        let mut follows = Mat::from_fn(others.len(), coordinates.len(), |a, b| {
-            c[a] * curvature.information(others[a], coordinates[b])
-        });
-        precision.solve_all(follows.as_mut());
-        let mut told: Vec<f64> =
-            others.iter().zip(&c).map(|(i, c)| c * curvature.slope(*i)).collect();
-        precision.solve(&mut told);
-        let mut information = Mat::from_fn(coordinates.len(), coordinates.len(), |a, b| {
-            curvature.information(coordinates[a], coordinates[b])
-        });
-        matmul(&mut information, Accum::Add, follows.transpose(), &follows, -1.0, Par::Seq);
-        let slope = coordinates.iter().enumerate().map(|(b, i)| {
-            let by_others: f64 = follows.col(b).iter().zip(&told).map(|(w, x)| w * x).sum();
-            curvature.slope(*i) - by_others
-        });
-        let slope = slope.collect();
-        precision.solve_all_transposed(follows.as_mut());
-        Some(Self { scales, coordinates, information, slope, others, follows })
+        let blocks = curvature.seen_together(coordinates).into_iter().map(block).collect();
+        Self { curvature, scales, blocks }
     }
 
     /// `None` where the likelihood's information is no normal's.
     fn normal(&self, evaluator: &mut dyn Evaluator, position: &[f64]) -> Option<Normal> {
-        let all = evaluator.multipliers(position);
-        let c: Vec<f64> = self.coordinates.iter().map(|i| all[*i]).collect();
-        let precision = Mat::from_fn(c.len(), c.len(), |a, b| {
-            c[a] * c[b] * self.information[(a, b)] + f64::from(u8::from(a == b))
-        });
-        let factor = Factor::of(precision.as_ref())?;
-        let mut mean: Vec<f64> = self.slope.iter().zip(&c).map(|(slope, c)| c * slope).collect();
-        factor.solve(&mut mean);
-        let square = |x: f64| x * x;
-        // the coordinates' own prior is in the normal
-        let own: f64 = self.coordinates.iter().map(|i| square(position[*i])).sum();
-        let told: f64 = mean.iter().map(|x| square(*x)).sum();
-        let ln_density = evaluator.ln_prior(position) + 0.5 * (own + told) - factor.ln_det();
-        factor.solve_transposed(&mut mean);
-        Some(Normal { multipliers: c, mean, factor, ln_density })
+        let c = evaluator.multipliers(position);
+        let mut normal =
+            Normal { blocks: vec![], ln_det: 0.0, ln_density: evaluator.ln_prior(position) };
+        for Block { coordinates, slope } in &self.blocks {
+            let n = coordinates.len();
+            let precision = Mat::from_fn(n, n, |a, b| {
+                let (i, j) = (coordinates[a], coordinates[b]);
+                c[i] * c[j] * self.curvature.information(i, j) + f64::from(u8::from(a == b))
+            });
+            let factor = Factor::of(precision.as_ref())?;
+            let mut mean: Vec<f64> =
+                coordinates.iter().zip(slope).map(|(i, slope)| c[*i] * slope).collect();
+            factor.solve(&mut mean);
+            normal.ln_det += factor.ln_det();
+            // the coordinates' own prior is in the normal
+            let own = coordinates.iter().map(|i| position[*i] * position[*i]).sum::<f64>();
+            normal.ln_density +=
+                0.5 * (own + mean.iter().map(|x| x * x).sum::<f64>()) - factor.ln_det();
+            factor.solve_transposed(&mut mean);
+            normal.blocks.push((mean, factor));
+        }
+        Some(normal)
     }
 
     /// Metropolis steps under π*. Where they end: the normal there, and the position with its scales there; `None` if none
@@ -193,7 +183,7 @@ impl Field {
         rng: &mut impl Rng,
     ) -> Option<(Normal, Vec<f64>)> {
         let mut end: Option<(Normal, Vec<f64>)> = None;
-        for _ in 0..N_STEPS {
+        for _ in 0..STEPS.len() * ROUNDS {
             // drawn, so that the steps the other way round are as likely
             let step = STEPS[rng.random_range(0..STEPS.len())];
             let (from, at) = end.as_ref().map_or((here, position), |(normal, at)| (normal, at));
@@ -212,18 +202,17 @@ impl Field {
         end
     }
 
-    /// Brings the coordinates from one normal to the other, and all others after them.
+    /// Brings the coordinates from one normal to the other.
     fn carry(&self, from: &Normal, to: &Normal, position: &mut [f64]) {
-        let off: Vec<f64> =
-            self.coordinates.iter().zip(&from.mean).map(|(i, mean)| position[*i] - mean).collect();
-        let mut z = from.factor.whitened(&off);
-        to.factor.solve_transposed(&mut z);
-        for (b, i) in self.coordinates.iter().enumerate() {
-            let new = to.mean[b] + z[b];
-            let rise = to.multipliers[b] * new - from.multipliers[b] * position[*i];
-            position[*i] = new;
-            for (other, follows) in self.others.iter().zip(self.follows.col(b).iter()) {
-                position[*other] -= rise * follows;
+        for ((block, (old, before)), (new, after)) in
+            self.blocks.iter().zip(&from.blocks).zip(&to.blocks)
+        {
+            let off: Vec<f64> =
+                block.coordinates.iter().zip(old).map(|(i, mean)| position[*i] - mean).collect();
+            let mut z = before.whitened(&off);
+            after.solve_transposed(&mut z);
+            for ((i, x), mean) in block.coordinates.iter().zip(z).zip(new) {
+                position[*i] = mean + x;
             }
         }
     }
