@@ -18,6 +18,10 @@ const LARGEST_SCALE: f64 = 1.0;
 /// of the typical set, dim/2 below the mode. It does not go on to the joint mode: in a hierarchical
 /// model this is a corner far from the mass.
 ///
+/// Where the density knows moves of its own ([`LogDensity::interwoven`]) the chains climb themselves, and the scales that
+/// these move start at `initial`. A climb would shrink the scale of a field that others can stand for, and its chain
+/// would stay there.
+///
 /// The jitter has each coordinate's conditional standard deviation (at most 1). On a normal
 /// density, however correlated, this lowers the log density by dim/2 on average, which is where its
 /// draws lie. Some densities fall off faster than their curvature tells: a bracket is flat inside
@@ -32,12 +36,17 @@ pub fn jittered_starts(
     seed: u64,
 ) -> Result<Vec<Vec<f64>>, InferError> {
     let least_gain = 0.01 * density.dim() as f64;
-    let settings = OptimumSettings { max_iterations: 200, least_gain, ..Default::default() };
+    let resting = density.interwoven();
+    let max_iterations = if resting.is_some() { 0 } else { 200 };
+    let settings = OptimumSettings { max_iterations, least_gain, ..Default::default() };
     let optimum = maximise(density, initial, &settings)?;
     let mut evaluator = density.evaluator();
     let mut scales = conditional_scales(&mut *evaluator, &optimum.position, LARGEST_SCALE);
     for scale in &mut scales {
         *scale = scale.min(LARGEST_SCALE);
+    }
+    for i in resting.into_iter().flatten() {
+        scales[i] = 0.0;
     }
     (0..chains).map(|chain| jitter(&mut *evaluator, &optimum, &scales, chain, seed)).collect()
 }
