@@ -18,9 +18,8 @@ const LARGEST_SCALE: f64 = 1.0;
 /// of the typical set, dim/2 below the mode. It does not go on to the joint mode: in a hierarchical
 /// model this is a corner far from the mass.
 ///
-/// Where the density knows moves of its own ([`LogDensity::interwoven`]) the chains climb themselves, and the scales that
-/// these move start at `initial`. A climb would shrink the scale of a field that others can stand for, and its chain
-/// would stay there.
+/// Where the density knows moves of its own ([`LogDensity::interwoven`]), the scales that these move stay at `initial`. A
+/// climb would shrink the scale of a field that others can stand for, and its chain would stay there.
 ///
 /// The jitter has each coordinate's conditional standard deviation (at most 1). On a normal
 /// density, however correlated, this lowers the log density by dim/2 on average, which is where its
@@ -36,19 +35,49 @@ pub fn jittered_starts(
     seed: u64,
 ) -> Result<Vec<Vec<f64>>, InferError> {
     let least_gain = 0.01 * density.dim() as f64;
-    let resting = density.interwoven();
-    let max_iterations = if resting.is_some() { 0 } else { 200 };
-    let settings = OptimumSettings { max_iterations, least_gain, ..Default::default() };
-    let optimum = maximise(density, initial, &settings)?;
+    let resting = density.interwoven().unwrap_or_default();
+    let settings = OptimumSettings { max_iterations: 200, least_gain, ..Default::default() };
+    let optimum = maximise(&Resting { density, resting: &resting }, initial, &settings)?;
     let mut evaluator = density.evaluator();
     let mut scales = conditional_scales(&mut *evaluator, &optimum.position, LARGEST_SCALE);
     for scale in &mut scales {
         *scale = scale.min(LARGEST_SCALE);
     }
-    for i in resting.into_iter().flatten() {
+    for i in resting {
         scales[i] = 0.0;
     }
     (0..chains).map(|chain| jitter(&mut *evaluator, &optimum, &scales, chain, seed)).collect()
+}
+
+/// A density some of whose unknowns no climb moves.
+struct Resting<'d> {
+    density: &'d dyn LogDensity,
+    resting: &'d [usize],
+}
+
+struct RestingEvaluator<'d> {
+    evaluator: Box<dyn Evaluator + 'd>,
+    resting: &'d [usize],
+}
+
+impl LogDensity for Resting<'_> {
+    fn dim(&self) -> usize {
+        self.density.dim()
+    }
+    fn evaluator(&self) -> Box<dyn Evaluator + '_> {
+        let (evaluator, resting) = (self.density.evaluator(), self.resting);
+        Box::new(RestingEvaluator { evaluator, resting })
+    }
+}
+
+impl Evaluator for RestingEvaluator<'_> {
+    fn ln_density(&mut self, position: &[f64], gradient: &mut [f64]) -> f64 {
+        let ln_density = self.evaluator.ln_density(position, gradient);
+        for i in self.resting {
+            gradient[*i] = 0.0;
+        }
+        ln_density
+    }
 }
 
 /// Tries ever smaller jitters. Gives the first point that is near enough to the optimum in log
