@@ -128,6 +128,40 @@ mod tests {
         assert_eq!(starts, jittered_starts(&density, &[0.3; 100], 8, 5).unwrap());
     }
 
+    /// exp(s) multiplies x, and a smaller one is likelier.
+    struct Shrinking {
+        knows_moves: bool,
+    }
+
+    impl LogDensity for Shrinking {
+        fn dim(&self) -> usize {
+            2
+        }
+        fn evaluator(&self) -> Box<dyn Evaluator + '_> {
+            Box::new(Shrinking { knows_moves: false })
+        }
+        fn interwoven(&self) -> Option<Vec<usize>> {
+            self.knows_moves.then(|| vec![0])
+        }
+    }
+
+    impl Evaluator for Shrinking {
+        fn ln_density(&mut self, q: &[f64], g: &mut [f64]) -> f64 {
+            let off = q[1] - 3.0;
+            g.copy_from_slice(&[-q[0].exp() - 0.1 * q[0], -off]);
+            -q[0].exp() - 0.05 * q[0] * q[0] - 0.5 * off * off
+        }
+    }
+
+    #[test]
+    fn a_scale_that_the_density_moves_itself_starts_where_it_is() {
+        let starts = |knows_moves| jittered_starts(&Shrinking { knows_moves }, &[1.0, 0.0], 4, 5);
+        for start in starts(true).unwrap() {
+            assert!(start[0].to_bits() == 1f64.to_bits() && start[1] > 0.5, "{start:?}");
+        }
+        assert!(starts(false).unwrap().iter().all(|start| start[0] < 0.5));
+    }
+
     #[test]
     fn a_wall_next_to_the_optimum_is_avoided() {
         // Support only q > 0 in all of ten coordinates, optimum within a few scales of it.
