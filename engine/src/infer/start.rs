@@ -148,8 +148,8 @@ mod tests {
     impl Evaluator for Shrinking {
         fn ln_density(&mut self, q: &[f64], g: &mut [f64]) -> f64 {
             let off = q[1] - 3.0;
-            g.copy_from_slice(&[-q[0].exp() - 0.1 * q[0], -off]);
-            -q[0].exp() - 0.05 * q[0] * q[0] - 0.5 * off * off
+            g.copy_from_slice(&[-5.0 * q[0].exp() - 0.1 * q[0], -off]);
+            -5.0 * q[0].exp() - 0.05 * q[0] * q[0] - 0.5 * off * off
         }
     }
 
@@ -159,7 +159,9 @@ mod tests {
         for start in starts(true).unwrap() {
             assert!(start[0].to_bits() == 1f64.to_bits() && start[1] > 0.5, "{start:?}");
         }
-        assert!(starts(false).unwrap().iter().all(|start| start[0] < 0.5));
+        // all climb alike, and then they are moved at random
+        let climbed = starts(false).unwrap();
+        assert!(climbed.iter().map(|start| start[0]).sum::<f64>() < 0.0, "{climbed:?}");
     }
 
     #[test]
