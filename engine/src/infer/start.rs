@@ -128,7 +128,7 @@ mod tests {
         assert_eq!(starts, jittered_starts(&density, &[0.3; 100], 8, 5).unwrap());
     }
 
-    /// exp(s) multiplies x, and a smaller one is likelier.
+    /// A scale s, the likelier the smaller, and an x near 3.
     struct Shrinking {
         knows_moves: bool,
     }
