@@ -3,7 +3,7 @@
 //! [`parse`] turns the tokens of a `model! { … }` into one typed tree, [`syntax::Model`];
 //! [`File::read`] finds the `model! { … }` of a model file first. [`check()`] resolves the names of the
 //! tree and compares its units. What else is asked of a model's text is answered from the tree:
-//! what an expression mentions ([`names`]), the model as equations
+//! what an expression mentions ([`names`]), the calls that it stands for ([`plan`]), the model as equations
 //! ([`equations()`]), and the same file with an effect added ([`File::with_added`]).
 //!
 //! Knows no numbers, no files and no data: everything here is tested on text alone.
@@ -21,6 +21,7 @@ mod mistake;
 pub mod names;
 mod normal;
 mod operator;
+pub mod plan;
 mod predictor;
 mod print;
 pub mod syntax;

@@ -4,7 +4,7 @@ use proc_macro::TokenStream;
 use quote::quote_spanned;
 
 mod expand;
-mod scope;
+mod function;
 
 /// Declares a model: see `models/erp.rs` for a whole one, and `docs/write_a_model.md` for the language.
 #[proc_macro]

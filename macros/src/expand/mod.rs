@@ -1,51 +1,23 @@
-//! The Rust that a model stands for: a unit struct, its columns as a struct, and for each statement an
+//! The Rust that a model stands for: a unit struct, its columns as a struct, and for each call of its plan an
 //! implementation of a trait of one function and a call of the builder.
 
-use eplat_language::print as text;
-use eplat_language::syntax::{
-    self, Column, Density, Effect, Expr, Hyper, Ident, Item, Model, Param, Prior, Range, Unit,
-};
-use eplat_language::vocabulary::{Class, find, shape};
+use eplat_language::plan::{Call, Declared, Function, Parameter, Prior};
+use eplat_language::syntax::{Column, Effect, Ident, Model, Over, Range};
+use eplat_language::vocabulary::shape;
 use proc_macro2::{Literal, TokenStream};
 use quote::quote;
 
-use crate::scope::{Count, Kind, Scope};
+use crate::function::{Count, arguments, full_names, pattern, place, width};
 
 mod field;
 mod rows;
 
-/// What has been read so far.
-#[derive(Default)]
-struct State<'m> {
-    scope: Scope,
-    /// Hyperparameter blocks, with what fields that share a block see.
-    blocks: Vec<(&'m Hyper, Scope)>,
-    /// Names of the numeric columns.
-    columns: Vec<String>,
-}
-
 /// The whole model; `source` is its text.
 pub(crate) fn model(model: &Model, source: &str) -> TokenStream {
     let (name, docs) = (&model.name, &model.docs);
-    let columns: Vec<&Column> = columns_of_model(model).filter(|c| c.prior.is_none()).collect();
-    let mut state = State {
-        columns: columns.iter().map(|column| column.name.to_string()).collect(),
-        ..State::default()
-    };
-    // measurements come last, when every effect is known
-    let (mut body, mut observes) = (TokenStream::new(), TokenStream::new());
-    let mut later = vec![];
-    for statement in &model.statements {
-        match &statement.item {
-            Item::Observe(observe) => later.push((observe, state.scope.clone())),
-            item => body.extend(state.item(model, item)),
-        }
-    }
-    for (item, scope) in later {
-        let mut state = State { scope, columns: state.columns.clone(), ..State::default() };
-        observes.extend(state.observe(model, item));
-    }
-    let row = row_struct(&columns);
+    let plan = model.plan();
+    let row = row_struct(&plan.columns);
+    let calls: TokenStream = plan.calls.iter().map(call).collect();
     let name_text = name.to_string();
     quote! {
         #(#[doc = #docs])*
@@ -67,19 +39,11 @@ pub(crate) fn model(model: &Model, source: &str) -> TokenStream {
                     ScalarFn, Terms, Vector, VectorFn,
                 };
                 #row
-                #body
-                #observes
+                #calls
                 Ok(())
             }
         }
     }
-}
-
-fn columns_of_model(model: &Model) -> impl Iterator<Item = &Column> {
-    model.statements.iter().filter_map(|s| match &s.item {
-        Item::Column(column) => Some(column),
-        _ => None,
-    })
 }
 
 /// `struct Row { dose: f64, x: [f64; 3] }`, the columns of a row, and `struct Data`, those of the table.
@@ -115,7 +79,7 @@ fn row_struct(columns: &[&Column]) -> TokenStream {
 }
 
 /// `Decl::new("tau_out", "ms", "…")`
-fn decl(name: &Ident, unit: Option<&Unit>, text: &str) -> TokenStream {
+fn decl(Declared { name, unit, text }: &Declared<'_>) -> TokenStream {
     let (name, unit) = (name.to_string(), unit.map_or("", |unit| unit.text.as_str()));
     quote!(Decl::new(#name, #unit, #text))
 }
@@ -127,115 +91,120 @@ fn range(range: Option<Range>) -> TokenStream {
     quote!(Some((#low, #high)))
 }
 
-impl<'m> State<'m> {
-    fn item(&mut self, model: &'m Model, item: &'m Item) -> TokenStream {
-        match item {
-            Item::Param(param) => {
-                let call = param_call(param, &self.scope);
-                self.scope.declare(&param.name, param.name.to_string(), kind_of(param));
-                call
-            }
-            Item::Column(column) => self.column(column),
-            Item::Hyper(hyper) => self.hyper(model, hyper),
-            Item::Field(field) => self.field(field),
-            Item::Let(declared) => self.let_statement(model, declared),
-            Item::Effect(effect) => self.effect(effect),
-            Item::Density(density) => self.density(density),
-            Item::Observe(_) => TokenStream::new(),
+fn call(call: &Call<'_>) -> TokenStream {
+    match call {
+        Call::Param(param) => param_call(param),
+        Call::Imputed { declared, prior } => {
+            let (decl, item, n) = (decl(declared), prior_item(prior, Of::Numbers), width(prior));
+            let (m, names) = (n + 1, full_names(prior));
+            quote!({ #item b.imputed::<Prior, #n, #m>(#decl, #names, Prior)?; })
         }
-    }
-
-    fn column(&mut self, column: &Column) -> TokenStream {
-        let Some(of) = &column.prior else { return TokenStream::new() };
-        let decl = decl(&column.name, column.unit.as_ref(), &text(&of.expr));
-        let Function { item, n, names } = prior(of, &self.scope, Over::Numbers);
-        let m = n + 1;
-        let call = quote!({ #item b.imputed::<Prior, #n, #m>(#decl, #names, Prior)?; });
-        self.scope.declare(&column.name, column.name.to_string(), Kind::Cells);
-        call
-    }
-
-    fn effect(&self, effect: &Effect) -> TokenStream {
-        let decl = decl(&effect.name, effect.unit.as_ref(), &text(&effect.prior.expr));
-        let (prior, form) = (any_prior(&effect.prior, &self.scope), &effect.form);
-        let on: Vec<String> = effect.on.iter().map(ToString::to_string).collect();
-        let columns: Vec<String> = form.columns.iter().map(ToString::to_string).collect();
-        let kind = form.name.get_ident();
-        if kind.is_some_and(|kind| kind == "linear") {
-            return quote! {
-                b.linear_effect(#decl, &[#(#on),*], &[#(#columns),*], &#prior)?;
-            };
+        Call::Block { name, params } => {
+            let (name, params) = (name.to_string(), params.iter().map(param_call));
+            quote!(b.block(#name); #(#params)* b.end_block();)
         }
-        let (function, numbers) = (&form.name, &form.numbers);
-        let ships = kind.is_some_and(|kind| shape(kind).is_some());
-        let from = ships.then(|| quote!(::eplat::model::forms::));
-        let columns = columns.iter().map(|column| quote!(#column));
-        let arguments = columns.chain(numbers.iter().map(|number| quote!(f64::from(#number))));
-        quote! {{
-            let form = Form::from(#from #function(#(#arguments),*));
-            b.effect(#decl, &[#(#on),*], form, &#prior)?;
-        }}
-    }
-
-    fn density(&self, density: &Density) -> TokenStream {
-        let (name, e) = (density.name.to_string(), &density.expr);
-        let mentioned = self.scope.mentioned(e);
-        let (n, names) = (mentioned.width(), mentioned.full_names());
-        let (pattern, vectors) = mentioned.pattern();
-        let reads = match &density.data {
-            None => quote!(None),
-            Some(data) => {
-                let columns = self.columns_read(e, data);
-                quote!(Some(&[#(#columns),*]))
-            }
-        };
-        let data = density.data.iter();
-        let bind = quote!(#(let #data = data;)*);
-        quote! {{
-            struct LogDensity;
-            impl DensityFn<#n> for LogDensity {
-                type Columns = Row;
-                #[inline]
-                fn terms<T: Real>(#pattern: [Num<T>; #n], data: &Data<'_>) -> impl Terms<Num<T>> + use<T> {
-                    #vectors
-                    #bind
-                    #e
-                }
-            }
-            b.density(#name, #reads, &expansion::density::<LogDensity, #n>(#names))?;
-        }}
+        Call::Field(field) => field::call(field),
+        Call::Linear { declared, columns, beta } => {
+            let (decl, name) = (decl(declared), declared.name.to_string());
+            let columns: Vec<String> = columns.iter().map(ToString::to_string).collect();
+            let beta = beta.to_string();
+            quote!(b.linear(#decl, #name, &[#(#columns),*], #beta);)
+        }
+        Call::Predictor(declared, value) => {
+            let (function, n, place) = (rows::value(value), arguments(value), place(value));
+            let (decl, name) = (decl(declared), declared.name.to_string());
+            quote! {{
+                #function
+                b.predictor(#decl, #name, #place, expansion::predictor::<Value, #n>());
+            }}
+        }
+        Call::Part(name, value) => {
+            let (function, n, place) = (rows::value(value), arguments(value), place(value));
+            let name = name.to_string();
+            quote! {{
+                #function
+                b.part(#name, #place, expansion::predictor::<Value, #n>());
+            }}
+        }
+        Call::Value { declared, range: ends, value } => {
+            let (function, n, place) = (rows::value(value), arguments(value), place(value));
+            let (decl, name, ends) = (decl(declared), declared.name.to_string(), range(*ends));
+            quote! {{
+                #function
+                b.value(#decl, #name, #ends, #place, expansion::value::<Value, #n>());
+            }}
+        }
+        Call::Operator(operator) => rows::operator(operator),
+        Call::Effect { declared, effect, prior } => effect_call(declared, effect, prior),
+        Call::Density { name, table, value } => density(name, table.as_ref(), value),
+        Call::Observe(observe) => rows::observe(observe),
     }
 }
 
-/// A `struct Prior` with a function of what an expression mentions; how much that is, and its names.
-struct Function {
-    item: TokenStream,
-    n: Count,
-    names: TokenStream,
+fn effect_call(declared: &Declared<'_>, effect: &Effect, prior: &Prior) -> TokenStream {
+    let (decl, prior, form) = (decl(declared), any_prior(prior), &effect.form);
+    let on: Vec<String> = effect.on.iter().map(ToString::to_string).collect();
+    let columns: Vec<String> = form.columns.iter().map(ToString::to_string).collect();
+    let kind = form.name.get_ident();
+    if kind.is_some_and(|kind| kind == "linear") {
+        return quote! {
+            b.linear_effect(#decl, &[#(#on),*], &[#(#columns),*], &#prior)?;
+        };
+    }
+    let (function, numbers) = (&form.name, &form.numbers);
+    let ships = kind.is_some_and(|kind| shape(kind).is_some());
+    let from = ships.then(|| quote!(::eplat::model::forms::));
+    let columns = columns.iter().map(|column| quote!(#column));
+    let arguments = columns.chain(numbers.iter().map(|number| quote!(f64::from(#number))));
+    quote! {{
+        let form = Form::from(#from #function(#(#arguments),*));
+        b.effect(#decl, &[#(#on),*], form, &#prior)?;
+    }}
+}
+
+fn density(name: &Ident, table: Option<&(&Ident, Vec<String>)>, value: &Function) -> TokenStream {
+    let (name, e) = (name.to_string(), &value.value);
+    let (n, names, (pattern, vectors)) = (width(value), full_names(value), pattern(value));
+    let reads = match table {
+        None => quote!(None),
+        Some((_, columns)) => quote!(Some(&[#(#columns),*])),
+    };
+    let data = table.iter().map(|(data, _)| data);
+    let bind = quote!(#(let #data = data;)*);
+    quote! {{
+        struct LogDensity;
+        impl DensityFn<#n> for LogDensity {
+            type Columns = Row;
+            #[inline]
+            fn terms<T: Real>(#pattern: [Num<T>; #n], data: &Data<'_>) -> impl Terms<Num<T>> + use<T> {
+                #vectors
+                #bind
+                #e
+            }
+        }
+        b.density(#name, #reads, &expansion::density::<LogDensity, #n>(#names))?;
+    }}
 }
 
 /// What a prior is one of.
 #[derive(Clone, Copy)]
-enum Over {
+enum Of {
     /// One number, or each of several.
     Numbers,
     /// A vector: of each number or of the whole, as the prior's type has it.
     Vector,
 }
 
-/// The prior as a function of what it mentions of `scope`.
-fn prior(prior: &Prior, scope: &Scope, over: Over) -> Function {
-    let mentioned = scope.mentioned(&prior.expr);
-    let (n, names) = (mentioned.width(), mentioned.full_names());
-    let (pattern, vectors) = mentioned.pattern();
-    let e = &prior.expr;
+/// A `struct Prior` with the prior as a function of what it mentions.
+fn prior_item(prior: &Function, over: Of) -> TokenStream {
+    let (n, (pattern, vectors), e) = (width(prior), pattern(prior), &prior.value);
     let (kind, result, e) = match over {
-        Over::Numbers => (quote!(PriorFn), quote!(Dist), quote!(#e)),
-        Over::Vector => {
+        Of::Numbers => (quote!(PriorFn), quote!(Dist), quote!(#e)),
+        Of::Vector => {
             (quote!(VectorFn), quote!(Vector), quote!(expansion::vector::<Num<T>, _, _>(#e)))
         }
     };
-    let item = quote! {
+    quote! {
         #[derive(Clone, Copy)]
         struct Prior;
         impl #kind<#n> for Prior {
@@ -245,16 +214,16 @@ fn prior(prior: &Prior, scope: &Scope, over: Over) -> Function {
                 #e
             }
         }
-    };
-    Function { item, n, names }
+    }
 }
 
 /// The prior of one number as an object: one that the library has compiled, where it is a word that ships with
 /// plain numbers.
-fn any_prior(of: &Prior, scope: &Scope) -> TokenStream {
-    let Function { item, n, names } = prior(of, scope, Over::Numbers);
-    let (m, e) = (n + 1, &of.expr);
-    let made = if is_plain(of, scope) {
+fn any_prior(Prior { of, is_plain }: &Prior) -> TokenStream {
+    let item = prior_item(of, Of::Numbers);
+    let (n, names, e) = (width(of), full_names(of), &of.value);
+    let m = n + 1;
+    let made = if *is_plain {
         quote!(expansion::Written(#e).prior(Prior))
     } else {
         quote!(expansion::prior::<Prior, #n, #m>(#names, Prior))
@@ -262,28 +231,15 @@ fn any_prior(of: &Prior, scope: &Scope) -> TokenStream {
     quote!({ #item #made })
 }
 
-/// Whether a prior is a word for a prior of one number that ships, of plain numbers.
-fn is_plain(prior: &Prior, scope: &Scope) -> bool {
-    let word = match &prior.expr {
-        Expr::Call(call) => &*call.func,
-        e => e,
-    };
-    let Expr::Path(path) = word else { return false };
-    let word = path.path.get_ident().and_then(|word| find(&word.to_string()));
-    let is_prior = word.is_some_and(|word| word.classes.contains(&Class::Prior));
-    is_prior && scope.mentioned(&prior.expr).width().0 == 0
-}
-
 /// A field's mean or amplitude as an object.
-fn scalar(e: &Expr, scope: &Scope) -> TokenStream {
-    if let Expr::Lit(number) = e {
-        return quote!(expansion::constant(f64::from(#number)));
-    }
-    let mentioned = scope.mentioned(e);
-    let (n, names) = (mentioned.width(), mentioned.full_names());
-    let (pattern, vectors) = mentioned.pattern();
-    if matches!(e, Expr::Path(_)) && n.0 == 1 && vectors.is_empty() {
-        return quote!(expansion::lone(#names));
+fn scalar(of: &Function) -> TokenStream {
+    let (n, names, (pattern, vectors), e) = (width(of), full_names(of), pattern(of), &of.value);
+    match syn::parse2(e.clone()) {
+        Ok(syn::Expr::Lit(number)) => return quote!(expansion::constant(f64::from(#number))),
+        Ok(syn::Expr::Path(_)) if n.0 == 1 && vectors.is_empty() => {
+            return quote!(expansion::lone(#names));
+        }
+        _ => {}
     }
     quote! {{
         struct Value;
@@ -303,35 +259,24 @@ fn option(ident: Option<&Ident>) -> TokenStream {
     text.map_or(quote!(None), |text| quote!(Some(#text)))
 }
 
-/// What the name of a parameter stands for.
-fn kind_of(param: &Param) -> Kind {
-    match &param.over {
-        syntax::Over::One => Kind::Numbers(None),
-        syntax::Over::Many(n) => Kind::Numbers(Some(*n)),
-        syntax::Over::Each(_) => Kind::Row,
-    }
-}
-
-/// A parameter whose prior sees `scope`.
-fn param_call(param: &Param, scope: &Scope) -> TokenStream {
-    let decl = decl(&param.name, param.unit.as_ref(), &text(&param.prior.expr));
-    let len = match &param.over {
-        syntax::Over::One => quote!(Len::One),
-        syntax::Over::Many(len) if is_plain(&param.prior, scope) => {
+fn param_call(Parameter { declared, over, prior }: &Parameter<'_>) -> TokenStream {
+    let decl = decl(declared);
+    let len = match over {
+        Over::One => quote!(Len::One),
+        Over::Many(len) if prior.is_plain => {
             let len = Count(*len);
             quote!(Len::Many(#len))
         }
-        syntax::Over::Many(len) => {
-            let (len, prior) = (Count(*len), prior(&param.prior, scope, Over::Vector));
-            let Function { item, n, names } = prior;
-            let (m1, m2) = (n + 1, n + 2);
+        Over::Many(len) => {
+            let (len, item, n) = (Count(*len), prior_item(&prior.of, Of::Vector), width(&prior.of));
+            let (m1, m2, names) = (n + 1, n + 2, full_names(&prior.of));
             return quote!({ #item b.vector::<Prior, #n, #m1, #m2>(#decl, #len, #names, Prior)?; });
         }
-        syntax::Over::Each(column) => {
+        Over::Each(column) => {
             let column = column.to_string();
             quote!(Len::Each(#column))
         }
     };
-    let prior = any_prior(&param.prior, scope);
+    let prior = any_prior(prior);
     quote!(b.param(#decl, #len, &#prior)?;)
 }
