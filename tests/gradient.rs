@@ -45,21 +45,74 @@ mod support;
 #[path = "models/vector_priors.rs"]
 mod vector_priors;
 
+use eplat::cli::shipped_models;
 use eplat::infer::LogDensity;
-use eplat::model::{Declare, Model};
+use eplat::model::{Declare, Interpreted, Model};
 use eplat::table::Measurements;
+use eplat_language::File;
 use rand::RngExt;
 use support::{basis, rng, table};
 
-/// Central differences with Richardson's extrapolation.
-fn check(model: &dyn Declare, data: &Measurements) {
+/// Models that only a compiler understands: they have functions or types of their own, or densities that are
+/// written out.
+const COMPILED: [&str; 9] = [
+    "Answers",
+    "Autoregression",
+    "Curve",
+    "Custom",
+    "Garch",
+    "Mixed",
+    "Nested",
+    "OneCompartment",
+    "Shares",
+];
+
+/// The same model, read from its text and evaluated without a compiler.
+fn interpreted(model: &dyn Declare) -> Option<Interpreted> {
+    let named = format!("model {};", model.name());
+    let shipped = shipped_models().into_values().find(|source| source.contains(&named));
+    let own = || format!("use eplat::prelude::*;\nmodel! {{ {} }}\n", model.source());
+    let source = shipped.map_or_else(own, Into::into);
+    let file = File::read(&source).unwrap_or_else(|mistake| panic!("{}", mistake.message));
+    let read = Interpreted::of(&file);
+    assert_eq!(
+        read.is_err(),
+        COMPILED.contains(&model.name()),
+        "{}: {:?}",
+        model.name(),
+        read.err()
+    );
+    read.ok()
+}
+
+/// That density, gradient and Hessian of two models are the same to the bit.
+fn same(one: &Model, other: &Model, u: &[f64]) {
+    let bits = |x: &[f64]| x.iter().map(|x| x.to_bits()).collect::<Vec<_>>();
+    let of = |model: &Model| {
+        let (mut evaluator, mut gradient) = (model.evaluator(), vec![0.0; u.len()]);
+        let lp = evaluator.ln_density(u, &mut gradient);
+        let mut all = vec![bits(&[lp]), bits(&gradient)];
+        evaluator.hessian(u, &mut |_, column| all.push(bits(column)));
+        all
+    };
+    assert!(of(one) == of(other), "{}", one.name);
+}
+
+/// Central differences with Richardson's extrapolation. And the model reads the same without a compiler.
+fn check(declared: &dyn Declare, data: &Measurements) {
     let basis = basis(200, 60);
-    let model = Model::new(model, Some(&basis), data).unwrap();
+    let model = Model::new(declared, Some(&basis), data).unwrap();
+    let as_written = interpreted(declared);
+    let as_written = as_written.map(|own| Model::new(&own, Some(&basis), data).unwrap());
     let mut rng = rng(7);
     for point in 0..3 {
         let mut u = model.initial();
         for x in &mut u {
             *x += rng.random_range(-0.4..0.4);
+        }
+        if let Some(as_written) = &as_written {
+            assert_eq!(model.unknown_names(), as_written.unknown_names());
+            same(&model, as_written, &u);
         }
         let mut evaluator = model.evaluator();
         let mut gradient = vec![0.0; model.dim()];

@@ -1,4 +1,5 @@
-//! Which compiled model belongs to a model file: one in this program, or one compiled on the spot.
+//! Which model belongs to a model file: one in this program, one that is read as it is written, or one that is compiled on the
+//! spot.
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -7,7 +8,7 @@ use eplat_language::{File, Mistake};
 
 use crate::error::Failure;
 pub use crate::model::Compiled;
-use crate::model::Declare;
+use crate::model::{Declare, Interpreted};
 use crate::run::Inputs;
 
 /// A model file and its text.
@@ -77,19 +78,21 @@ impl ModelFile {
         Failure::new(shown.join("\n\nerror: "))
     }
 
-    /// The model among those compiled into this program, if its source is the same.
+    /// The model: among those compiled into this program, if its source is the same, otherwise as it is written.
+    /// `None` of one that only a compiler understands.
     ///
     /// # Errors
-    /// Those of [`ModelFile::checked`]: what is not in this program is read before it is compiled.
+    /// Those of [`ModelFile::checked`].
     pub(super) fn find(
         &self,
         compiled: &[Compiled],
     ) -> Result<Option<&'static dyn Declare>, Failure> {
-        let found = compiled.iter().find(|c| c.source == self.source);
-        if found.is_none() {
-            self.checked()?;
+        if let Some(found) = compiled.iter().find(|c| c.source == self.source) {
+            return Ok(Some(found.model));
         }
-        Ok(found.map(|found| found.model))
+        // a process has one model or two, and keeps them until it ends
+        let own = Interpreted::of(&self.checked()?).ok();
+        Ok(own.map(|own| &*Box::leak(Box::new(own)) as &dyn Declare))
     }
 }
 

@@ -94,6 +94,28 @@ pub trait Likelihood<D: Real, Y: Observation> {
     }
 }
 
+impl<D: Real, Y: Observation, L: Likelihood<D, Y>> Likelihood<D, Y> for Box<L> {
+    const WIDENS: bool = L::WIDENS;
+    fn ln_likelihood(&self, y: &Y) -> D {
+        L::ln_likelihood(self, y)
+    }
+    fn simulate(&self, like: &Y, rng: &mut dyn Rng) -> Y {
+        L::simulate(self, like, rng)
+    }
+    fn simulate_widened(&self, like: &Y, sd: f64, rng: &mut dyn Rng) -> Y {
+        L::simulate_widened(self, like, sd, rng)
+    }
+    fn ln_widened(&self, y: &Y, variance: D) -> D {
+        L::ln_widened(self, y, variance)
+    }
+    fn location(&self) -> Option<D> {
+        L::location(self)
+    }
+    fn objection(&self, y: &Y) -> Option<&'static str> {
+        L::objection(self, y)
+    }
+}
+
 /// A plain number.
 pub type Number = f64;
 

@@ -5,7 +5,10 @@
 //! compiled once, with the library. Shipped priors and kernels are not even compiled with the
 //! model: see [`shipped`](super::shipped).
 
+use std::rc::Rc;
+
 use super::builder::Place;
+use super::compiled_rows::CompiledRows;
 use super::density::{DensityAt, LogTerms};
 use super::everywhere::{PlaceAt, PlaceFn};
 use super::functions::{DensityFn, KernelFn, LetFn, PriorFn, RowFn, ScalarFn};
@@ -37,26 +40,29 @@ pub struct AnyScalar {
     pub(super) make: Box<MakeScalar>,
 }
 
+/// Makes a kernel, given the places of what it mentions.
+type MakeSpectrum = dyn Fn(&[u32]) -> Box<dyn Spectrum>;
+
 /// A kernel.
-#[derive(Clone, Copy)]
 pub struct AnyKernel {
     pub(super) mentions: Names,
-    pub(super) make: fn(&[u32]) -> Box<dyn Spectrum>,
+    pub(super) make: Box<MakeSpectrum>,
 }
 
 /// A `let`.
-pub struct AnyLet(pub(super) fn() -> Box<dyn MapFn>);
+#[derive(Clone)]
+pub struct AnyLet(pub(super) Rc<dyn Fn() -> Box<dyn MapFn>>);
 
 /// An expression at every place of the surface, which reads these columns.
 pub struct AnyOperand {
     pub(super) mentions: Place,
     pub(super) columns: &'static [&'static str],
-    pub(super) make: fn() -> Box<dyn PlaceFn>,
+    pub(super) make: Box<dyn Fn() -> Box<dyn PlaceFn>>,
 }
 
 /// A linear predictor.
-#[derive(Clone, Copy)]
-pub struct AnyPredictor(pub(super) Factors);
+#[derive(Clone)]
+pub struct AnyPredictor(pub(super) Rc<Factors>);
 
 /// A likelihood; of the numbers that it mentions these carry derivatives.
 pub struct AnyRows(pub(super) Box<dyn RowMath>, pub(super) usize);
@@ -71,16 +77,15 @@ opaque!(AnyPrior, AnyScalar, AnyKernel, AnyLet, AnyOperand, AnyPredictor, AnyRow
 opaque!(dyn Scalar, dyn PlaceFn, dyn Spectrum, dyn MapFn, dyn LogTerms, dyn RowMath);
 
 /// The prior `f`. W is N + 1.
-pub fn prior<F: PriorFn<N> + Copy, const N: usize, const W: usize>(
-    mentions: Names,
-    f: F,
-) -> AnyPrior {
-    AnyPrior { mentions, make: Box::new(move || Box::new(ParameterOp::<F, N, W>::new(f))) }
+pub fn prior<F: PriorFn<N>, const N: usize, const W: usize>(mentions: Names, f: F) -> AnyPrior {
+    AnyPrior { mentions, make: Box::new(move || Box::new(ParameterOp::<F, N, W>::new(f.clone()))) }
 }
 
-/// The mean or amplitude F.
-pub fn scalar<F: ScalarFn<N>, const N: usize>(mentions: Names) -> AnyScalar {
-    let make = |at: &[u32]| -> Box<dyn Scalar> { Box::new(ScalarAt::<F, N>::new(Local::new(at))) };
+/// The mean or amplitude `f`.
+pub fn scalar<F: ScalarFn<N>, const N: usize>(mentions: Names, f: F) -> AnyScalar {
+    let make = move |at: &[u32]| -> Box<dyn Scalar> {
+        Box::new(ScalarAt::<F, N> { local: Local::new(at), f: f.clone() })
+    };
     AnyScalar { mentions, make: Box::new(make) }
 }
 
@@ -96,14 +101,17 @@ pub fn lone(name: Names) -> AnyScalar {
     AnyScalar { mentions: name, make: Box::new(|at| Box::new(Lone(at[0] as usize))) }
 }
 
-/// The kernel F.
-pub fn kernel<F: KernelFn<N>, const N: usize>(mentions: Names) -> AnyKernel {
-    AnyKernel { mentions, make: |at| Box::new(SpectrumAt::<F, N>::new(Local::new(at))) }
+/// The kernel `f`.
+pub fn kernel<F: KernelFn<N>, const N: usize>(mentions: Names, f: F) -> AnyKernel {
+    let make = move |at: &[u32]| -> Box<dyn Spectrum> {
+        Box::new(SpectrumAt::<F, N> { local: Local::new(at), f: f.clone() })
+    };
+    AnyKernel { mentions, make: Box::new(make) }
 }
 
 /// The `let` F.
 pub fn value<F: LetFn<N>, const N: usize>() -> AnyLet {
-    AnyLet(|| Box::new(MapAt::<F, N>::new()))
+    AnyLet(Rc::new(|| Box::new(MapAt::<F, N>::new())))
 }
 
 /// The operand F of an operator over the whole surface, which depends on N numbers, of which W carry derivatives, and
@@ -112,7 +120,7 @@ pub fn operand<F: LetFn<N>, const N: usize, const W: usize>(
     mentions: Place,
     columns: &'static [&'static str],
 ) -> AnyOperand {
-    AnyOperand { mentions, columns, make: || Box::new(PlaceAt::<F, N, W>::new()) }
+    AnyOperand { mentions, columns, make: Box::new(|| Box::new(PlaceAt::<F, N, W>::new())) }
 }
 
 /// An operator of the model file's own.
@@ -122,12 +130,12 @@ pub fn boxed(operator: impl Operator + 'static) -> Box<dyn Operator> {
 
 /// The linear predictor F.
 pub fn predictor<F: LetFn<N>, const N: usize>() -> AnyPredictor {
-    AnyPredictor(factors::<F, N>)
+    AnyPredictor(Rc::new(factors::<F, N>))
 }
 
 /// The likelihood F, which depends on N numbers, of which W carry derivatives.
 pub fn rows<F: RowFn<N>, const N: usize, const W: usize>() -> AnyRows {
-    AnyRows(Box::new(RowsOf::<F, N, W>::new()), W)
+    AnyRows(Box::new(RowsOf::new(CompiledRows::<F, N, W>::new())), W)
 }
 
 /// The log density F.

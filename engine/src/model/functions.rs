@@ -32,28 +32,28 @@ impl Decl {
 }
 
 /// A prior as a function of the N numbers that it mentions.
-pub trait PriorFn<const N: usize>: Send + Sync + 'static {
+pub trait PriorFn<const N: usize>: Clone + Send + Sync + 'static {
     /// The prior.
     fn prior<T: Real>(&self, s: [Num<T>; N]) -> impl Dist<Num<T>> + use<Self, T, N>;
 }
 
 /// The prior of a vector as a function of the N numbers that it mentions: a prior of each number,
 /// or of the whole.
-pub trait VectorFn<const N: usize>: Send + Sync + 'static {
+pub trait VectorFn<const N: usize>: Clone + Send + Sync + 'static {
     /// The prior.
     fn prior<T: Real>(&self, s: [Num<T>; N]) -> impl Vector<Num<T>> + use<Self, T, N>;
 }
 
 /// A field's mean or amplitude as a function of the N numbers that it mentions.
-pub trait ScalarFn<const N: usize>: Send + Sync + 'static {
+pub trait ScalarFn<const N: usize>: Clone + Send + Sync + 'static {
     /// The value.
-    fn value<T: Real>(s: [Num<T>; N]) -> Num<T>;
+    fn value<T: Real>(&self, s: [Num<T>; N]) -> Num<T>;
 }
 
 /// A kernel as a function of the N numbers that it mentions.
-pub trait KernelFn<const N: usize>: Send + Sync + 'static {
+pub trait KernelFn<const N: usize>: Clone + Send + Sync + 'static {
     /// The kernel.
-    fn kernel<T: Real>(s: [Num<T>; N]) -> impl Kernel<Num<T>> + use<Self, T, N>;
+    fn kernel<T: Real>(&self, s: [Num<T>; N]) -> impl Kernel<Num<T>> + use<Self, T, N>;
 }
 
 /// A `let` as a function of its row. Its arguments are the numbers that it mentions, then an offset

@@ -10,8 +10,6 @@
 //! = m + Σ_terms amplitude √S(0) φ₀ η₀`. This is exact, with the Jacobian 1. η₀ stays standard
 //! normal and independent of everything else, so it is drawn afterwards ([`Field::restore`]).
 
-use std::marker::PhantomData;
-
 use num_dual::DualStruct;
 use pulp::{Arch, NullaryFnOnce};
 
@@ -41,13 +39,7 @@ pub(super) trait Spectrum: Bent + Send + Sync {
 
 pub(super) struct SpectrumAt<F, const N: usize> {
     pub(super) local: Local<N>,
-    f: PhantomData<F>,
-}
-
-impl<F, const N: usize> SpectrumAt<F, N> {
-    pub(super) fn new(local: Local<N>) -> Self {
-        Self { local, f: PhantomData }
-    }
+    pub(super) f: F,
 }
 
 impl<F: KernelFn<N>, const N: usize> Spectrum for SpectrumAt<F, N> {
@@ -56,7 +48,7 @@ impl<F: KernelFn<N>, const N: usize> Spectrum for SpectrumAt<F, N> {
     }
 
     fn push(&self, v: &[f64], frequency: &[f64], c: &mut [f64], dc: &mut [f64]) {
-        Arch::new().dispatch(Push { local: &self.local, f: self.f, v, frequency, c, dc });
+        Arch::new().dispatch(Push { local: &self.local, f: &self.f, v, frequency, c, dc });
     }
 
     fn pull(&self, bar: &[f64], dc: &[f64], g: &mut [f64]) {
@@ -65,11 +57,11 @@ impl<F: KernelFn<N>, const N: usize> Spectrum for SpectrumAt<F, N> {
     }
 
     fn at(&self, v: &[f64], frequency: f64) -> f64 {
-        F::kernel(self.local.plain(v)).sqrt_density(frequency).0
+        self.f.kernel(self.local.plain(v)).sqrt_density(frequency).0
     }
 
     fn values(&self, v: &[f64], frequency: &[f64], c: &mut [f64]) {
-        let kernel = F::kernel(self.local.plain(v));
+        let kernel = self.f.kernel(self.local.plain(v));
         for (c, w) in c.iter_mut().zip(frequency) {
             *c = kernel.sqrt_density(*w).0;
         }
@@ -82,7 +74,7 @@ impl<F: KernelFn<N>, const N: usize> Spectrum for SpectrumAt<F, N> {
 
 struct Push<'a, F, const N: usize> {
     local: &'a Local<N>,
-    f: PhantomData<F>,
+    f: &'a F,
     v: &'a [f64],
     frequency: &'a [f64],
     c: &'a mut [f64],
@@ -95,7 +87,7 @@ impl<F: KernelFn<N>, const N: usize> NullaryFnOnce for Push<'_, F, N> {
     fn call(self) {
         let n = self.frequency.len();
         let (c, dc) = (&mut self.c[..n], &mut self.dc[..n * N]);
-        let kernel = F::kernel::<Dual<N>>(self.local.dual(self.v));
+        let kernel = self.f.kernel::<Dual<N>>(self.local.dual(self.v));
         for k in 0..n {
             let s = kernel.sqrt_density(self.frequency[k]);
             c[k] = s.re();

@@ -235,7 +235,7 @@ pub(super) trait SequenceFn<const N: usize>: Send + Sync + 'static {
 }
 
 /// A [`VectorFn`] as the kind of prior that it turns out to be.
-#[derive(Clone, Copy)]
+#[derive(Clone)]
 pub(super) struct Known<F>(pub(super) F);
 
 impl<F: VectorFn<N>, const N: usize> PriorFn<N> for Known<F> {

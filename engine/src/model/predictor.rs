@@ -17,7 +17,7 @@ use crate::num::vector::dot;
 use crate::num::{Dual, Num, derivatives, dual};
 
 /// Reads one row's columns, and gives the constant of a predictor there and its factor of each parameter.
-pub(super) type Factors = fn(ReadCell<'_>) -> Result<(f64, Vec<f64>), ModelError>;
+pub(super) type Factors = dyn Fn(ReadCell<'_>) -> Result<(f64, Vec<f64>), ModelError>;
 
 /// The [`Factors`] of the predictor F of N numbers.
 pub(super) fn factors<F: LetFn<N>, const N: usize>(

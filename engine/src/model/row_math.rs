@@ -1,19 +1,15 @@
-//! The likelihood of an `observe` statement on its rows: the part of it that is compiled with each
-//! model.
+//! The likelihood of an `observe` statement on its rows.
 
-use num_dual::{DualNum, DualStruct};
-use pulp::{Arch, Simd, WithSimd};
+use num_dual::DualNum;
 use rand::Rng;
 
 use super::error::ModelError;
-use super::functions::{Columns, RowFn};
 use super::map::ReadCell;
-use super::row_line::{AddLns, Line, Slope};
+use super::row_line::{Line, Slope};
 use super::row_place::{ERROR, Place};
 use super::tape::Tape;
 use crate::likelihood::{Likelihood, Observation, Outliers};
-use crate::num::lanes::LANES;
-use crate::num::{Dual, Hyper, Num, Real, Third, derivatives, variable};
+use crate::num::{Hyper, Num, Real, Third};
 
 /// Share of outlying measurements, and the variance of their further error.
 pub(super) type OutlierShare = (f64, f64);
@@ -80,69 +76,93 @@ pub(super) trait RowMath: Send + Sync {
     fn objection(&self, row: Row<'_>) -> Option<&'static str>;
 }
 
-/// The likelihood F of N numbers. The first W carry derivatives; the others are the offsets of
-/// `let`s.
-pub(super) struct RowsOf<F: RowFn<N>, const N: usize, const W: usize> {
-    columns: Vec<F::Columns>,
-    y: Vec<F::Y>,
+/// The likelihood of the rows of an `observe` statement, of numbers of any kind: what a model brings with it.
+pub(super) trait RowLikelihood: Send + Sync {
+    /// What was measured.
+    type Y: Observation;
+    /// The numeric columns that the model reads.
+    fn columns(&self) -> Vec<(&'static str, Vec<String>)>;
+    /// Takes the columns of one more row.
+    fn read(&mut self, cell: ReadCell<'_>) -> Result<(), ModelError>;
+    /// The measurement of the last row, where it is computed from columns.
+    fn compute(&self) -> Option<Self::Y>;
+    /// How many numbers it depends on: those that carry derivatives, then the offsets of `let`s.
+    fn n(&self) -> usize;
+    /// The likelihood of row `i` at these numbers.
+    fn at<D: Real>(
+        &self,
+        i: usize,
+        number: &dyn Fn(usize) -> Num<D>,
+    ) -> impl Likelihood<Num<D>, Self::Y> + use<D, Self>;
+    /// See [`RowMath::backward`]; without anything that was added.
+    fn backward(&self, y: &[Self::Y], place: &Place, t: &mut Tape);
+    /// The same with the outliers and the further error that were added.
+    fn backward_with_added(
+        &self,
+        y: &[Self::Y],
+        place: &Place,
+        outliers: OutlierShare,
+        t: &mut Tape,
+    );
+    /// See [`RowMath::add_lns`]; of row `i`, without anything that was added.
+    fn add_lns(&self, i: usize, y: &Self::Y, line: Line<'_>, theta: &[f64], out: &mut [f64]);
 }
 
-impl<F: RowFn<N>, const N: usize, const W: usize> RowsOf<F, N, W> {
+/// Log likelihood of row `i` with what was added.
+pub(super) fn ln_with_added<D: Real, Y: Observation>(
+    likelihood: impl Likelihood<Num<D>, Y>,
+    i: usize,
+    y: &Y,
+    place: &Place,
+    outliers: OutlierShare,
+    v: &[f64],
+) -> Num<D> {
+    let likelihood = with_outliers(likelihood, outliers);
+    match place.error {
+        Some(error) => {
+            let ln = error.scatter.map_or(0.0, |at| v[at + i]);
+            let variance = (v[error.sd] * ln.exp()).powi(2);
+            likelihood.ln_widened(y, Num(D::from(variance)))
+        }
+        None => likelihood.ln_likelihood(y),
+    }
+}
+
+fn with_outliers<L>(likelihood: L, (share, variance): OutlierShare) -> Outliers<L> {
+    Outliers(likelihood, share, variance.sqrt())
+}
+
+/// A likelihood with its measurements.
+pub(super) struct RowsOf<L: RowLikelihood> {
+    of: L,
+    y: Vec<L::Y>,
+}
+
+impl<L: RowLikelihood> RowsOf<L> {
     /// A likelihood without rows.
-    pub(super) fn new() -> Self {
-        Self { columns: vec![], y: vec![] }
+    pub(super) fn new(of: L) -> Self {
+        Self { of, y: vec![] }
     }
 
-    /// The numbers of row `i`. The offsets of `let`s are those from W on. An offset that nobody
-    /// sets is a constant, and the compiler sees that.
-    #[inline(always)]
-    fn gather(place: &Place, v: &[f64], i: usize) -> [Num<Dual<W>>; N] {
-        let mut s = [Num(Dual::from(0.0)); N];
-        let index = &place.index[i * W..][..W];
-        for j in 0..W {
-            let mut x = v[index[j] as usize];
-            if !place.hook.is_empty() {
-                x += v[place.hook[i * W + j] as usize];
-            }
-            s[j] = Num(variable(x, j));
-        }
-        for (j, at) in place.lets.iter().enumerate().take(const { N - W }) {
-            if let Some(at) = at {
-                s[W + j] = Num(Dual::from_re(v[at + i]));
-            }
-        }
-        s
-    }
-
-    /// The likelihood of a row, with the outliers that were added. It is not inlined, so that the
-    /// expressions of a model are compiled only once for everything but the gradient.
-    #[inline(never)]
-    fn likelihood<D: Real>(
-        &self,
-        s: [Num<D>; N],
-        i: usize,
-        (share, variance): OutlierShare,
-    ) -> Outliers<impl Likelihood<Num<D>, F::Y> + use<D, F, N, W>> {
-        Outliers(F::likelihood(s, &self.columns[i]), share, variance.sqrt())
-    }
-
-    fn plain(&self, row: Row<'_>) -> Outliers<impl Likelihood<Num<f64>, F::Y> + use<F, N, W>> {
-        self.likelihood(std::array::from_fn(|j| Num(row.numbers[j])), row.i, row.outliers)
+    fn plain(&self, row: Row<'_>) -> Outliers<impl Likelihood<Num<f64>, L::Y> + use<L>> {
+        with_outliers(self.of.at(row.i, &|j| Num(row.numbers[j])), row.outliers)
     }
 
     /// The sd of the further error of a row.
-    fn further_sd(row: Row<'_>) -> f64 {
-        row.numbers[N] * row.numbers[N + 1].exp()
+    fn further_sd(&self, row: Row<'_>) -> f64 {
+        let n = self.of.n();
+        row.numbers[n] * row.numbers[n + 1].exp()
     }
 
     /// Its variance.
-    fn further(row: Row<'_>) -> f64 {
-        Self::further_sd(row).powi(2)
+    fn further(&self, row: Row<'_>) -> f64 {
+        self.further_sd(row).powi(2)
     }
 
     /// As [`Self::further`], with derivatives in the numbers `a` and `b`.
-    fn further_hyper(row: Row<'_>, a: usize, b: usize) -> Num<Hyper> {
-        let [sd, ln] = [N, N + 1].map(|j| Num(hyper(row.numbers[j], j, a, b)));
+    fn further_hyper(&self, row: Row<'_>, a: usize, b: usize) -> Num<Hyper> {
+        let n = self.of.n();
+        let [sd, ln] = [n, n + 1].map(|j| Num(hyper(row.numbers[j], j, a, b)));
         let sd = sd * ln.exp();
         sd * sd
     }
@@ -152,67 +172,13 @@ impl<F: RowFn<N>, const N: usize, const W: usize> RowsOf<F, N, W> {
         row: Row<'_>,
         a: usize,
         b: usize,
-    ) -> Outliers<impl Likelihood<Num<Hyper>, F::Y> + use<F, N, W>> {
-        let number = |j: usize| Num(hyper(row.numbers[j], j, a, b));
-        self.likelihood(std::array::from_fn(number), row.i, row.outliers)
+    ) -> Outliers<impl Likelihood<Num<Hyper>, L::Y> + use<L>> {
+        with_outliers(self.of.at(row.i, &|j| Num(hyper(row.numbers[j], j, a, b))), row.outliers)
     }
 
     /// A measurement of row `i` from its cells, or the row's own if these hold none.
-    fn measurement(&self, i: usize, cells: &[f64]) -> F::Y {
-        F::Y::read(cells).ok().flatten().unwrap_or(self.y[i])
-    }
-
-    /// The likelihood of row `i` with derivatives in the W numbers, and its measurement.
-    #[inline(always)]
-    fn dual_row(
-        &self,
-        place: &Place,
-        v: &[f64],
-        i: usize,
-    ) -> (impl Likelihood<Num<Dual<W>>, F::Y>, &F::Y) {
-        (F::likelihood(Self::gather(place, v, i), &self.columns[i]), &self.y[i])
-    }
-
-    /// Several rows at once.
-    #[inline(always)]
-    fn backward_lanes(&self, place: &Place, t: &mut Tape) {
-        let n = self.y.len();
-        for first in (0..n).step_by(LANES) {
-            let row = |lane: usize| self.dual_row(place, &t.v, (first + lane).min(n - 1)); // the last fills up
-            let values = Likelihood::ln_likelihoods([row(0), row(1), row(2), row(3)]);
-            for (i, value) in (first..n).zip(values) {
-                scatter(place, i, &value.0, t);
-            }
-        }
-    }
-
-    /// The same bits row by row: less to compile for machines without vector registers.
-    #[inline(always)]
-    fn backward_rows(&self, place: &Place, t: &mut Tape) {
-        for i in 0..self.y.len() {
-            let value = {
-                let (likelihood, y) = self.dual_row(place, &t.v, i);
-                likelihood.ln_likelihood(y)
-            };
-            scatter(place, i, &value.0, t);
-        }
-    }
-
-    /// As [`Self::backward_rows`], with the outliers and the further error that were added.
-    #[inline(never)]
-    fn backward_with_added(&self, place: &Place, outliers: OutlierShare, t: &mut Tape) {
-        for i in 0..self.y.len() {
-            let likelihood = self.likelihood(Self::gather(place, &t.v, i), i, outliers);
-            let value = match place.error {
-                Some(error) => {
-                    let ln = error.scatter.map_or(0.0, |at| t.v[at + i]);
-                    let variance = (t.v[error.sd] * ln.exp()).powi(2);
-                    likelihood.ln_widened(&self.y[i], Num(Dual::from_re(variance)))
-                }
-                None => likelihood.ln_likelihood(&self.y[i]),
-            };
-            scatter(place, i, &value.0, t);
-        }
+    fn measurement(&self, i: usize, cells: &[f64]) -> L::Y {
+        L::Y::read(cells).ok().flatten().unwrap_or(self.y[i])
     }
 }
 
@@ -222,61 +188,27 @@ fn hyper(x: f64, j: usize, a: usize, b: usize) -> Hyper {
     Hyper::new(x, is(a), is(b), 0.0)
 }
 
-/// Adds row `i`'s log likelihood to the density, and its derivatives to the adjoint.
-#[inline(always)]
-fn scatter<const W: usize>(place: &Place, i: usize, value: &Dual<W>, t: &mut Tape) {
-    if place.left_out == Some(i) {
-        return;
-    }
-    t.lp += value.re();
-    let e = &derivatives(value);
-    for (at, e) in place.index[i * W..][..W].iter().zip(e) {
-        t.g[*at as usize] += e;
-    }
-    if !place.hook.is_empty() {
-        for (at, e) in place.hook[i * W..][..W].iter().zip(e) {
-            t.g[*at as usize] += e;
-        }
-    }
-}
-
-struct Backward<'a, F: RowFn<N>, const N: usize, const W: usize> {
-    rows: &'a RowsOf<F, N, W>,
-    place: &'a Place,
-    t: &'a mut Tape,
-}
-
-impl<F: RowFn<N>, const N: usize, const W: usize> WithSimd for Backward<'_, F, N, W> {
-    type Output = ();
-    #[inline(always)]
-    fn with_simd<S: Simd>(self, _: S) {
-        let Self { rows, place, t } = self;
-        if S::IS_SCALAR { rows.backward_rows(place, t) } else { rows.backward_lanes(place, t) }
-    }
-}
-
-impl<F: RowFn<N>, const N: usize, const W: usize> RowMath for RowsOf<F, N, W> {
+impl<L: RowLikelihood> RowMath for RowsOf<L> {
     fn columns(&self) -> Vec<(&'static str, Vec<String>)> {
-        F::Columns::names()
+        self.of.columns()
     }
 
     fn cells(&self) -> &'static [&'static str] {
-        F::Y::COLUMNS
+        L::Y::COLUMNS
     }
 
     fn read(&mut self, cell: ReadCell<'_>) -> Result<(), ModelError> {
-        self.columns.push(F::Columns::read(cell)?);
-        Ok(())
+        self.of.read(cell)
     }
 
     fn take(&mut self, cells: &[f64]) -> Result<bool, String> {
-        let y = F::Y::read(cells)?;
+        let y = L::Y::read(cells)?;
         self.y.extend(y);
         Ok(y.is_some())
     }
 
     fn compute(&mut self) -> Option<Vec<f64>> {
-        let y = F::measured(self.columns.last()?)?;
+        let y = self.of.compute()?;
         self.y.push(y);
         Some(y.cells())
     }
@@ -291,25 +223,24 @@ impl<F: RowFn<N>, const N: usize, const W: usize> RowMath for RowsOf<F, N, W> {
 
     fn backward(&self, place: &Place, outliers: Option<OutlierShare>, t: &mut Tape) {
         if outliers.is_some() || place.error.is_some() {
-            self.backward_with_added(place, outliers.unwrap_or_default(), t);
+            self.of.backward_with_added(&self.y, place, outliers.unwrap_or_default(), t);
         } else {
-            Arch::new().dispatch(Backward { rows: self, place, t });
+            self.of.backward(&self.y, place, t);
         }
     }
 
     fn ln(&self, row: Row<'_>) -> f64 {
         let (likelihood, y) = (self.plain(row), &self.y[row.i]);
-        match Self::further(row) {
+        match self.further(row) {
             0.0 => likelihood.ln_likelihood(y).0,
             variance => likelihood.ln_widened(y, Num(variance)).0,
         }
     }
 
     fn add_lns(&self, row: Row<'_>, line: Line<'_>, theta: &[f64], out: &mut [f64]) {
-        let is_plain = row.outliers.0 == 0.0 && Self::further_sd(row) == 0.0;
-        if is_plain && line.slopes.iter().all(|slope| slope.number < N) {
-            let (columns, y) = (&self.columns[row.i], &self.y[row.i]);
-            Arch::new().dispatch(AddLns::<F, N> { columns, y, line, theta, out });
+        let is_plain = row.outliers.0 == 0.0 && self.further_sd(row) == 0.0;
+        if is_plain && line.slopes.iter().all(|slope| slope.number < self.of.n()) {
+            self.of.add_lns(row.i, &self.y[row.i], line, theta, out);
             return;
         }
         let mut numbers = line.base.to_vec();
@@ -324,20 +255,20 @@ impl<F: RowFn<N>, const N: usize, const W: usize> RowMath for RowsOf<F, N, W> {
 
     fn second(&self, row: Row<'_>, a: usize, b: usize) -> Hyper {
         let (likelihood, y) = (self.hyper(row, a, b), &self.y[row.i]);
-        if Self::further(row) == 0.0 {
+        if self.further(row) == 0.0 {
             return likelihood.ln_likelihood(y).0;
         }
-        likelihood.ln_widened(y, Self::further_hyper(row, a, b)).0
+        likelihood.ln_widened(y, self.further_hyper(row, a, b)).0
     }
 
     fn ln_of(&self, row: Row<'_>, y: Measurement<'_>) -> f64 {
         let measured = self.measurement(row.i, y.cells);
-        self.plain(row).ln_widened(&measured, Num(y.variance + Self::further(row))).0
+        self.plain(row).ln_widened(&measured, Num(y.variance + self.further(row))).0
     }
 
     fn second_of(&self, row: Row<'_>, y: Measurement<'_>, a: usize, b: usize) -> Hyper {
         let measured = self.measurement(row.i, y.cells);
-        let variance = Self::further_hyper(row, a, b) + Num(hyper(y.variance, N + ERROR, a, b));
+        let variance = self.further_hyper(row, a, b) + Num(hyper(y.variance, self.of.n() + ERROR, a, b));
         self.hyper(row, a, b).ln_widened(&measured, variance).0
     }
 
@@ -347,17 +278,17 @@ impl<F: RowFn<N>, const N: usize, const W: usize> RowMath for RowsOf<F, N, W> {
             let own = f64::from(u8::from(j == a));
             Num(Third::new(x, along, along, own, 0.0, 0.0, 0.0, 0.0))
         };
-        let numbers = std::array::from_fn(|j| number(j, row.numbers[j], direction[j]));
-        let [sd, ln] = [N, N + 1].map(|j| number(j, row.numbers[j], direction[j]));
+        let of_row = |j: usize| number(j, row.numbers[j], direction[j]);
+        let [sd, ln] = [self.of.n(), self.of.n() + 1].map(of_row);
         let sd = sd * ln.exp();
-        let variance = sd * sd + number(N + ERROR, y.variance, 0.0);
-        self.likelihood(numbers, row.i, row.outliers).ln_widened(&measured, variance).0
+        let variance = sd * sd + number(self.of.n() + ERROR, y.variance, 0.0);
+        with_outliers(self.of.at(row.i, &of_row), row.outliers).ln_widened(&measured, variance).0
     }
 
     fn simulate(&self, row: Row<'_>, like: Option<&[f64]>, rng: &mut dyn Rng) -> Vec<f64> {
         let like = like.map_or(self.y[row.i], |cells| self.measurement(row.i, cells));
         let likelihood = self.plain(row);
-        match Self::further_sd(row) {
+        match self.further_sd(row) {
             0.0 => likelihood.simulate(&like, rng).cells(),
             sd => likelihood.simulate_widened(&like, sd, rng).cells(),
         }

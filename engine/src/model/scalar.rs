@@ -1,7 +1,5 @@
 //! Scalar expressions over parameters: a field's mean and amplitudes.
 
-use std::marker::PhantomData;
-
 use super::functions::ScalarFn;
 use super::scope::Local;
 use super::tape::{Bent, Tape};
@@ -18,21 +16,15 @@ pub(super) trait Scalar: Bent + Send + Sync {
 
 pub(super) struct ScalarAt<F, const N: usize> {
     pub(super) local: Local<N>,
-    f: PhantomData<F>,
-}
-
-impl<F, const N: usize> ScalarAt<F, N> {
-    pub(super) fn new(local: Local<N>) -> Self {
-        Self { local, f: PhantomData }
-    }
+    pub(super) f: F,
 }
 
 impl<F: ScalarFn<N>, const N: usize> Scalar for ScalarAt<F, N> {
     fn value(&self, v: &[f64]) -> f64 {
-        F::value(self.local.plain(v)).0
+        self.f.value(self.local.plain(v)).0
     }
     fn pull(&self, v: &[f64], bar: f64, g: &mut [f64]) {
-        let x: Num<Dual<N>> = F::value(self.local.dual(v));
+        let x: Num<Dual<N>> = self.f.value(self.local.dual(v));
         self.local.scatter(&(x * bar), g);
     }
     fn mentions(&self) -> Vec<usize> {

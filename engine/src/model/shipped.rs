@@ -25,7 +25,7 @@ pub struct Written<E>(pub E);
 /// A prior that does not ship: its code is compiled with the model.
 pub trait OwnPrior: Sized {
     /// The prior `f`.
-    fn prior<F: PriorFn<0> + Copy>(self, f: F) -> AnyPrior {
+    fn prior<F: PriorFn<0>>(self, f: F) -> AnyPrior {
         prior::<F, 0, 1>(&[], f)
     }
 }
@@ -35,8 +35,8 @@ impl<P: Dist<Num<f64>>> OwnPrior for Written<P> {}
 /// A kernel that does not ship: its code is compiled with the model.
 pub trait OwnKernel: Sized {
     /// The kernel F, of one parameter.
-    fn kernel<F: KernelFn<1>>(self, mentions: Names, _: F) -> AnyKernel {
-        kernel::<F, 1>(mentions)
+    fn kernel<F: KernelFn<1>>(self, mentions: Names, f: F) -> AnyKernel {
+        kernel::<F, 1>(mentions, f)
     }
 }
 
@@ -111,14 +111,14 @@ macro_rules! kernels {
     ($($Kernel:ident)*) => {$(
         impl KernelFn<1> for $Kernel<Num<f64>> {
             #[inline(always)]
-            fn kernel<T: Real>([lengthscale]: [Num<T>; 1]) -> impl Kernel<Num<T>> + use<T> {
+            fn kernel<T: Real>(&self, [lengthscale]: [Num<T>; 1]) -> impl Kernel<Num<T>> + use<T> {
                 $Kernel { lengthscale }
             }
         }
 
         impl KernelFn<1> for Authors<$Kernel<Num<f64>>> {
             #[inline(always)]
-            fn kernel<T: Real>([lengthscale]: [Num<T>; 1]) -> impl Kernel<Num<T>> + use<T> {
+            fn kernel<T: Real>(&self, [lengthscale]: [Num<T>; 1]) -> impl Kernel<Num<T>> + use<T> {
                 authors($Kernel { lengthscale })
             }
         }
@@ -133,12 +133,12 @@ macro_rules! shipped_kernel {
         impl Written<$Kernel> {
             /// The kernel, whatever stands for it in the model's program.
             pub fn kernel<F>(self, mentions: Names, _: F) -> AnyKernel {
-                Self::shipped(mentions)
+                self.shipped(mentions)
             }
 
             #[inline(never)]
-            fn shipped(mentions: Names) -> AnyKernel {
-                kernel::<$Kernel, 1>(mentions)
+            fn shipped(self, mentions: Names) -> AnyKernel {
+                kernel::<$Kernel, 1>(mentions, self.0)
             }
         }
     };

@@ -42,13 +42,14 @@ fn kernel(of: &Function) -> TokenStream {
             let #argument = Num(1.0);
             expansion::Written(#e).kernel(#names, Covariance)
         },
-        _ => quote!(expansion::kernel::<Covariance, #n>(#names)),
+        _ => quote!(expansion::kernel::<Covariance, #n>(#names, Covariance)),
     };
     quote! {{
+        #[derive(Clone)]
         struct Covariance;
         impl KernelFn<#n> for Covariance {
             #[inline(always)]
-            fn kernel<T: Real>(#pattern: [Num<T>; #n]) -> impl Kernel<Num<T>> + use<T> {
+            fn kernel<T: Real>(&self, #pattern: [Num<T>; #n]) -> impl Kernel<Num<T>> + use<T> {
                 #vectors
                 #e
             }

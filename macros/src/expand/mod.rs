@@ -205,7 +205,7 @@ fn prior_item(prior: &Function, over: Of) -> TokenStream {
         }
     };
     quote! {
-        #[derive(Clone, Copy)]
+        #[derive(Clone)]
         struct Prior;
         impl #kind<#n> for Prior {
             #[inline]
@@ -242,15 +242,16 @@ fn scalar(of: &Function) -> TokenStream {
         _ => {}
     }
     quote! {{
+        #[derive(Clone)]
         struct Value;
         impl ScalarFn<#n> for Value {
             #[inline]
-            fn value<T: Real>(#pattern: [Num<T>; #n]) -> Num<T> {
+            fn value<T: Real>(&self, #pattern: [Num<T>; #n]) -> Num<T> {
                 #vectors
                 expansion::number::<T>(#e)
             }
         }
-        expansion::scalar::<Value, #n>(#names)
+        expansion::scalar::<Value, #n>(#names, Value)
     }}
 }
 

@@ -10,7 +10,7 @@ use crate::model::expression::{AnyLet, AnyPredictor};
 use crate::model::functions::Decl;
 use crate::model::late::{LateLet, LateSource};
 use crate::model::lets::{LetValues, Local, Values};
-use crate::model::map::{Map, MapFn, Source as MapSource};
+use crate::model::map::{Map, Source as MapSource};
 use crate::table::Measurements;
 
 /// A `let` as declared.
@@ -21,7 +21,7 @@ pub(super) struct Declared {
     mentions: Place,
     differs: Differs,
     /// The expression; `None` for a linear predictor.
-    make: Option<fn() -> Box<dyn MapFn>>,
+    make: Option<AnyLet>,
 }
 
 /// What makes the values of a `let` differ from each other.
@@ -62,10 +62,10 @@ impl Builder<'_> {
         name: &'static str,
         range: Option<(f64, f64)>,
         mentions: Place,
-        AnyLet(make): AnyLet,
+        make: AnyLet,
     ) {
         let unit: String = decl.unit.into();
-        self.maps_of(name, &unit, range, mentions, make);
+        self.maps_of(name, &unit, range, mentions, &make);
         let mut differs = if mentions.reads_row { Differs::Row } else { Differs::Not };
         for of in mentions.numbers.iter().chain(mentions.lets) {
             differs = differs.and(self.differs(of));
@@ -92,7 +92,7 @@ impl Builder<'_> {
         decl: Decl,
         name: &'static str,
         mentions: Place,
-        AnyPredictor(factors): AnyPredictor,
+        factors: AnyPredictor,
     ) {
         self.linear_let(decl, name, Linear::Written { numbers: mentions.numbers, factors });
     }
@@ -102,7 +102,7 @@ impl Builder<'_> {
         &mut self,
         name: &'static str,
         mentions: Place,
-        AnyPredictor(factors): AnyPredictor,
+        factors: AnyPredictor,
     ) {
         let linear = Linear::Written { numbers: mentions.numbers, factors };
         self.names.push((name.into(), Source::Linear(linear)));
@@ -155,7 +155,7 @@ impl Builder<'_> {
         unit: &str,
         range: Option<(f64, f64)>,
         mentions: Place,
-        make: fn() -> Box<dyn MapFn>,
+        AnyLet(make): &AnyLet,
     ) {
         let late = &self.model.late_maps;
         let is_map_too = |name: &&str| {
@@ -167,7 +167,7 @@ impl Builder<'_> {
             return;
         }
         if mentions.numbers.iter().any(|number| self.steepness_of(number).is_some()) {
-            return self.late_map_of(name, unit, range, mentions, make);
+            return self.late_map_of(name, unit, range, mentions, &AnyLet(make.clone()));
         }
         let mut labels: Option<&Arc<Labels>> = None;
         for number in mentions.numbers {
@@ -224,7 +224,7 @@ impl Builder<'_> {
         unit: &str,
         range: Option<(f64, f64)>,
         mentions: Place,
-        make: fn() -> Box<dyn MapFn>,
+        AnyLet(make): &AnyLet,
     ) {
         let mut sources = vec![];
         for number in mentions.numbers {
@@ -318,7 +318,7 @@ impl Builder<'_> {
             None => {
                 Values::Linear(rows.iter().flat_map(|row| self.scalars_of(name, *row)).collect())
             }
-            Some(make) => {
+            Some(AnyLet(make)) => {
                 let mut at = make();
                 let (mut scalars, mut offset) = (vec![], vec![]);
                 for row in rows {

@@ -8,7 +8,7 @@ use crate::manifold::Basis;
 use crate::model::discrepancy::RowError;
 use crate::model::error::ModelError;
 use crate::model::laid_out::{Hooks, Model};
-use crate::model::predictor::Factors;
+use crate::model::expression::AnyPredictor;
 use crate::table::Measurements;
 
 mod effects;
@@ -102,7 +102,7 @@ enum Linear {
     /// `linear(row.a, row.b; beta)`
     Columns { beta: &'static str, columns: Vec<&'static str> },
     /// An expression of these parameters.
-    Written { numbers: &'static [&'static str], factors: Factors },
+    Written { numbers: &'static [&'static str], factors: AnyPredictor },
     /// Numbers of the operator number `.0`.
     Operator(usize),
 }

@@ -6,11 +6,11 @@ use std::borrow::Cow;
 use super::{Builder, Computed, Linear as Declared, Place, Source};
 use crate::model::density::Density;
 use crate::model::error::ModelError;
-use crate::model::expression::{AnyDensity, AnyRows};
+use crate::model::expression::{AnyDensity, AnyPredictor, AnyRows};
 use crate::model::functions::Decl;
 use crate::model::laid_out::Observe;
 use crate::model::linear::Linear;
-use crate::model::predictor::{Factors, Predictor};
+use crate::model::predictor::Predictor;
 use crate::model::row_math::RowMath;
 use crate::model::row_place;
 use crate::model::rows::Rows;
@@ -144,7 +144,7 @@ impl Builder<'_> {
         let (beta, columns) = match source {
             Source::Linear(Declared::Columns { beta, columns }) => (beta, columns),
             Source::Linear(Declared::Written { numbers, factors }) => {
-                return self.written(name, numbers, *factors, rows);
+                return self.written(name, numbers, &factors.clone(), rows);
             }
             Source::Linear(Declared::Operator(number)) => {
                 return self.operator_at(name, *number, rows);
@@ -178,7 +178,7 @@ impl Builder<'_> {
         &mut self,
         name: &str,
         numbers: &[&str],
-        factors: Factors,
+        AnyPredictor(factors): &AnyPredictor,
         rows: &[usize],
     ) -> Result<usize, ModelError> {
         let Some(data) = self.data else { return Ok(0) };

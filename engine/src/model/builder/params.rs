@@ -169,7 +169,7 @@ impl Builder<'_> {
     ///
     /// # Errors
     /// A prior of the whole vector that has another length, or that is no density.
-    pub fn vector<F: VectorFn<N> + Copy, const N: usize, const M1: usize, const M2: usize>(
+    pub fn vector<F: VectorFn<N>, const N: usize, const M1: usize, const M2: usize>(
         &mut self,
         decl: Decl,
         n: usize,
@@ -184,7 +184,7 @@ impl Builder<'_> {
     }
 
     /// A vector with a prior of all of its numbers.
-    fn sequence<F: SequenceFn<N>, const N: usize, const M: usize>(
+    pub(in crate::model) fn sequence<F: SequenceFn<N>, const N: usize, const M: usize>(
         &mut self,
         decl: Decl,
         n: usize,

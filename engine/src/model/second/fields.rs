@@ -10,7 +10,7 @@ use crate::num::{Hyper, Num};
 impl<F: ScalarFn<N>, const N: usize> Bent for ScalarAt<F, N> {
     fn bend(&self, t: &Tape, bars: &[f64], _: &[f64], d: &mut Tape) {
         for j in 0..N {
-            let x: Num<Hyper> = F::value(self.local.hyper(j, t, d));
+            let x: Num<Hyper> = self.f.value(self.local.hyper(j, t, d));
             d.g[self.local.place(j)] += bars[0] * x.0.eps1eps2;
         }
     }
@@ -19,7 +19,7 @@ impl<F: ScalarFn<N>, const N: usize> Bent for ScalarAt<F, N> {
 impl<F: KernelFn<N>, const N: usize> Bent for SpectrumAt<F, N> {
     fn bend(&self, t: &Tape, bars: &[f64], frequency: &[f64], d: &mut Tape) {
         for j in 0..N {
-            let kernel = F::kernel::<Hyper>(self.local.hyper(j, t, d));
+            let kernel = self.f.kernel::<Hyper>(self.local.hyper(j, t, d));
             let term = |(bar, w): (&f64, &f64)| bar * kernel.sqrt_density(*w).0.eps1eps2;
             d.g[self.local.place(j)] += bars.iter().zip(frequency).map(term).sum::<f64>();
         }

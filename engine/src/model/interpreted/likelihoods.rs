@@ -1,0 +1,279 @@
+//! Likelihoods of an interpreted model: those that ship, with their arguments.
+
+use num_dual::DualStruct as _;
+use rand::Rng;
+
+use super::program::{Numbers, Value};
+use crate::dist::{Cauchy, Exponential, Gamma, Laplace, LogNormal, Normal, StudentT};
+use crate::likelihood::{
+    BernoulliLogit, BinomialLogit, Bracket, Censored, Count, Interval, Likelihood, Mixture,
+    NegBinomialLog, Number, Observation, Outliers, PoissonLog, TopHat, Widened,
+};
+use crate::num::lanes::LANES;
+use crate::num::{Num, Real};
+
+/// At most so many arguments has a likelihood that stands around no other.
+pub(super) const MOST: usize = 3;
+
+/// A likelihood as written.
+#[derive(Clone, Debug)]
+pub(super) enum Written {
+    /// One of the table below, with its arguments.
+    Plain(Word, [Value; MOST]),
+    /// `Outliers(…, share, sd)`
+    Outliers(Box<Self>, u32, u32),
+    /// `Widened(…, sd)`
+    Widened(Box<Self>, Value),
+    /// `Mixture(share, …, …)`
+    Mixture(Value, Box<Self>, Box<Self>),
+}
+
+/// What an argument must be.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) enum Takes {
+    /// A number of any kind.
+    Any,
+    /// One with derivatives.
+    Derivatives,
+    /// One without.
+    Plain,
+}
+
+use Takes::{Any, Derivatives, Plain};
+
+macro_rules! words {
+    ($($Kind:ident $Own:ident { $($Word:ident $widens:literal [$($takes:ident),*] $arguments:pat => $T:ty: $e:expr;)* })*) => {
+        #[derive(Clone, Copy, Debug, PartialEq)]
+        pub(super) enum Word { $($($Word,)*)* }
+
+        impl Word {
+            /// The likelihood of this name, and what its arguments are.
+            pub(super) fn of(kind: &str, name: &str) -> Option<(Self, &'static [Takes])> {
+                match (kind, name) {
+                    $($((stringify!($Kind), stringify!($Word)) => {
+                        Some((Self::$Word, &[$($takes),*]))
+                    })*)*
+                    _ => None,
+                }
+            }
+
+            /// Whether a further normal error widens it.
+            pub(super) fn widens(self) -> bool {
+                match self { $($(Self::$Word => $widens,)*)* }
+            }
+        }
+
+        $(
+            /// Likelihoods of this kind that stand around no other.
+            #[derive(Clone, Copy, Debug)]
+            pub(super) enum $Own<D> { $($Word($T),)* }
+
+            impl<D: Real> Likelihood<D, $Kind> for $Own<D> {
+                const WIDENS: bool = true;
+                fn ln_likelihood(&self, y: &$Kind) -> D {
+                    match self { $(Self::$Word(own) => own.ln_likelihood(y),)* }
+                }
+                #[inline(always)]
+                fn ln_likelihoods(rows: [(Self, &$Kind); LANES]) -> [D; LANES] {
+                    match rows[0].0 {
+                        $(Self::$Word(first) => Likelihood::ln_likelihoods(rows.map(|(own, y)| {
+                            // the same statement made them all
+                            (if let Self::$Word(own) = own { own } else { first }, y)
+                        })),)*
+                    }
+                }
+                fn simulate(&self, like: &$Kind, rng: &mut dyn Rng) -> $Kind {
+                    match self { $(Self::$Word(own) => own.simulate(like, rng),)* }
+                }
+                fn simulate_widened(&self, like: &$Kind, sd: f64, rng: &mut dyn Rng) -> $Kind {
+                    match self { $(Self::$Word(own) => own.simulate_widened(like, sd, rng),)* }
+                }
+                fn ln_widened(&self, y: &$Kind, variance: D) -> D {
+                    match self { $(Self::$Word(own) => own.ln_widened(y, variance),)* }
+                }
+                fn location(&self) -> Option<D> {
+                    match self { $(Self::$Word(own) => Likelihood::<D, $Kind>::location(own),)* }
+                }
+                fn objection(&self, y: &$Kind) -> Option<&'static str> {
+                    match self { $(Self::$Word(own) => Likelihood::<D, $Kind>::objection(own, y),)* }
+                }
+            }
+
+            impl Kind for $Kind {
+                type Own<D: Real> = $Own<D>;
+                fn computed(x: f64) -> Option<Self> {
+                    (&x as &dyn std::any::Any).downcast_ref().copied()
+                }
+                fn own<T: Real>(
+                    word: Word,
+                    of: Numbers<'_, T>,
+                    arguments: [Value; MOST],
+                ) -> $Own<Num<T>> {
+                    let numbers = arguments.map(|x| of.of(x));
+                    match word {
+                        $(Word::$Word => {
+                            let $arguments = numbers;
+                            $Own::$Word($e)
+                        })*
+                        _ => unreachable!("it is read only of the words of this kind"),
+                    }
+                }
+            }
+        )*
+    };
+}
+
+words! {
+    Bracket Brackets {
+        TopHat true [Derivatives] [f, ..] => TopHat<D>: TopHat(f);
+        Interval true [Any, Any] [f, sigma, ..] => Interval<D>: Interval { f, sigma };
+    }
+    Number Plains {
+        Normal true [Any, Any] [mu, sd, ..] => Normal<D>: Normal { mu, sd };
+        StudentT false [Any, Any, Any] [nu, mu, sd] => StudentT<D>: StudentT { nu, mu, sd };
+        Cauchy false [Any, Any] [mu, scale, ..] => Cauchy<D>: Cauchy { mu, scale };
+        Laplace false [Any, Any] [mu, scale, ..] => Laplace<D>: Laplace { mu, scale };
+        LogNormal false [Any, Any] [mu, sd, ..] => LogNormal<D>: LogNormal { mu, sd };
+        Gamma false [Any, Any] [shape, rate, ..] => Gamma<D>: Gamma { shape, rate };
+        Exponential false [Any] [rate, ..] => Exponential<D>: Exponential { rate };
+        CensoredNormal true [Any, Any, Plain] [mu, sd, floor] => Censored<Normal<D>>:
+            Censored { inner: Normal { mu, sd }, floor: floor.re() };
+        CensoredLogNormal false [Any, Any, Plain] [mu, sd, floor] => Censored<LogNormal<D>>:
+            Censored { inner: LogNormal { mu, sd }, floor: floor.re() };
+    }
+    Count Counts {
+        PoissonLog false [Derivatives] [eta, ..] => PoissonLog<D>: PoissonLog(eta);
+        BernoulliLogit false [Derivatives] [eta, ..] => BernoulliLogit<D>: BernoulliLogit(eta);
+        BinomialLogit false [Plain, Derivatives] [n, eta, ..] => BinomialLogit<D>: BinomialLogit(n.re(), eta);
+        NegBinomialLog false [Derivatives, Derivatives] [eta, phi, ..] => NegBinomialLog<D>: NegBinomialLog(eta, phi);
+    }
+}
+
+/// A kind of measurement, with the likelihoods that it takes.
+pub(super) trait Kind: Observation {
+    /// Likelihoods that stand around no other.
+    type Own<D: Real>: Likelihood<D, Self> + Copy;
+    /// A measurement that is computed, for kinds that are numbers.
+    fn computed(x: f64) -> Option<Self>;
+    /// One of these.
+    fn own<T: Real>(
+        word: Word,
+        of: Numbers<'_, T>,
+        arguments: [Value; MOST],
+    ) -> Self::Own<Num<T>>;
+}
+
+/// A likelihood, one that stands around others or not.
+#[derive(Clone, Debug)]
+pub(super) enum Tree<D, L> {
+    Own(L),
+    Outliers(Outliers<Box<Self>>),
+    Widened(Widened<D, Box<Self>>),
+    Mixture(Mixture<D, Box<Self>, Box<Self>>),
+}
+
+macro_rules! each {
+    ($of:expr, $own:ident => $e:expr) => {
+        match $of {
+            Tree::Own($own) => $e,
+            Tree::Outliers($own) => $e,
+            Tree::Widened($own) => $e,
+            Tree::Mixture($own) => $e,
+        }
+    };
+}
+
+/// What cannot be widened is not read inside what widens, so that each tree may say that it can.
+impl<D: Real, Y: Observation, L: Likelihood<D, Y> + Copy> Likelihood<D, Y> for Tree<D, L> {
+    const WIDENS: bool = true;
+    fn ln_likelihood(&self, y: &Y) -> D {
+        each!(self, own => own.ln_likelihood(y))
+    }
+    #[inline(always)]
+    fn ln_likelihoods(rows: [(Self, &Y); LANES]) -> [D; LANES] {
+        if let [(Self::Own(a), _), (Self::Own(b), _), (Self::Own(c), _), (Self::Own(d), _)] = &rows {
+            let own = [*a, *b, *c, *d];
+            return L::ln_likelihoods(std::array::from_fn(|lane| (own[lane], rows[lane].1)));
+        }
+        rows.map(|(likelihood, y)| likelihood.ln_likelihood(y))
+    }
+    fn simulate(&self, like: &Y, rng: &mut dyn Rng) -> Y {
+        each!(self, own => Likelihood::<D, Y>::simulate(own, like, rng))
+    }
+    fn simulate_widened(&self, like: &Y, sd: f64, rng: &mut dyn Rng) -> Y {
+        each!(self, own => Likelihood::<D, Y>::simulate_widened(own, like, sd, rng))
+    }
+    fn ln_widened(&self, y: &Y, variance: D) -> D {
+        each!(self, own => own.ln_widened(y, variance))
+    }
+    fn location(&self) -> Option<D> {
+        each!(self, own => Likelihood::<D, Y>::location(own))
+    }
+    fn objection(&self, y: &Y) -> Option<&'static str> {
+        each!(self, own => Likelihood::<D, Y>::objection(own, y))
+    }
+}
+
+/// A likelihood of which is known whether a further normal error widens it.
+#[derive(Clone, Debug)]
+pub(super) struct Known<L, const WIDENS: bool>(pub(super) L);
+
+impl<D: Real, Y: Observation, L: Likelihood<D, Y>, const WIDENS: bool> Likelihood<D, Y>
+    for Known<L, WIDENS>
+{
+    const WIDENS: bool = WIDENS;
+    fn ln_likelihood(&self, y: &Y) -> D {
+        self.0.ln_likelihood(y)
+    }
+    #[inline(always)]
+    fn ln_likelihoods(rows: [(Self, &Y); LANES]) -> [D; LANES] {
+        L::ln_likelihoods(rows.map(|(likelihood, y)| (likelihood.0, y)))
+    }
+    fn simulate(&self, like: &Y, rng: &mut dyn Rng) -> Y {
+        self.0.simulate(like, rng)
+    }
+    fn simulate_widened(&self, like: &Y, sd: f64, rng: &mut dyn Rng) -> Y {
+        self.0.simulate_widened(like, sd, rng)
+    }
+    fn ln_widened(&self, y: &Y, variance: D) -> D {
+        self.0.ln_widened(y, variance)
+    }
+    fn location(&self) -> Option<D> {
+        self.0.location()
+    }
+    fn objection(&self, y: &Y) -> Option<&'static str> {
+        self.0.objection(y)
+    }
+}
+
+impl Written {
+    /// Whether a further normal error widens it.
+    pub(super) fn widens(&self) -> bool {
+        match self {
+            Self::Plain(word, _) => word.widens(),
+            Self::Outliers(inner, ..) | Self::Widened(inner, _) => inner.widens(),
+            Self::Mixture(..) => false,
+        }
+    }
+
+    /// The likelihood at these numbers.
+    pub(super) fn at<Y: Kind, T: Real>(
+        &self,
+        of: Numbers<'_, T>,
+    ) -> Tree<Num<T>, Y::Own<Num<T>>> {
+        let inner = |inner: &Self| Box::new(inner.at::<Y, T>(of));
+        match self {
+            Self::Plain(word, arguments) => Tree::Own(Y::own(*word, of, *arguments)),
+            Self::Outliers(own, share, sd) => {
+                let (share, sd) = (of.plain(*share), of.plain(*sd));
+                Tree::Outliers(Outliers { inner: inner(own), share, sd })
+            }
+            Self::Widened(own, sd) => {
+                Tree::Widened(Widened { inner: inner(own), sd: of.of(*sd) })
+            }
+            Self::Mixture(share, a, b) => {
+                Tree::Mixture(Mixture(of.of(*share), inner(a), inner(b)))
+            }
+        }
+    }
+}
