@@ -31,7 +31,8 @@ impl std::fmt::Debug for File {
 impl File {
     /// The tokens between the brackets of `model! { … }`, as the macro gets them.
     pub fn between_brackets(&self) -> String {
-        the_model(&self.tokens).map_or_else(|_| String::new(), |(_, group)| group.stream().to_string())
+        the_model(&self.tokens)
+            .map_or_else(|_| String::new(), |(_, group)| group.stream().to_string())
     }
 
     /// Reads the text of a model file.

@@ -119,13 +119,7 @@ impl<F: RowFn<N>, const N: usize, const W: usize> RowLikelihood for CompiledRows
     }
 
     #[inline(never)]
-    fn backward_with_added(
-        &self,
-        y: &[F::Y],
-        place: &Place,
-        outliers: OutlierShare,
-        t: &mut Tape,
-    ) {
+    fn backward_with_added(&self, y: &[F::Y], place: &Place, outliers: OutlierShare, t: &mut Tape) {
         for (i, y) in y.iter().enumerate() {
             let numbers = Self::gather(place, &t.v, i);
             let value = ln_with_added(self.at(i, &|j| numbers[j]), i, y, place, outliers, &t.v);
@@ -168,7 +162,10 @@ impl<F: RowFn<N>, const N: usize, const W: usize> WithSimd for Backward<'_, F, N
     #[inline(always)]
     fn with_simd<S: Simd>(self, _: S) {
         let Self { rows, y, place, t } = self;
-        if S::IS_SCALAR { rows.backward_rows(y, place, t) } else { rows.backward_lanes(y, place, t) }
+        if S::IS_SCALAR {
+            rows.backward_rows(y, place, t)
+        } else {
+            rows.backward_lanes(y, place, t)
+        }
     }
 }
-

@@ -268,7 +268,8 @@ impl<L: RowLikelihood> RowMath for RowsOf<L> {
 
     fn second_of(&self, row: Row<'_>, y: Measurement<'_>, a: usize, b: usize) -> Hyper {
         let measured = self.measurement(row.i, y.cells);
-        let variance = self.further_hyper(row, a, b) + Num(hyper(y.variance, self.of.n() + ERROR, a, b));
+        let variance =
+            self.further_hyper(row, a, b) + Num(hyper(y.variance, self.of.n() + ERROR, a, b));
         self.hyper(row, a, b).ln_widened(&measured, variance).0
     }
 

@@ -98,12 +98,7 @@ impl Builder<'_> {
     }
 
     /// A linear predictor that is a part of the expression of another statement.
-    pub fn part(
-        &mut self,
-        name: &'static str,
-        mentions: Place,
-        factors: AnyPredictor,
-    ) {
+    pub fn part(&mut self, name: &'static str, mentions: Place, factors: AnyPredictor) {
         let linear = Linear::Written { numbers: mentions.numbers, factors };
         self.names.push((name.into(), Source::Linear(linear)));
     }

@@ -7,8 +7,8 @@ use std::sync::Arc;
 use crate::manifold::Basis;
 use crate::model::discrepancy::RowError;
 use crate::model::error::ModelError;
-use crate::model::laid_out::{Hooks, Model};
 use crate::model::expression::AnyPredictor;
+use crate::model::laid_out::{Hooks, Model};
 use crate::table::Measurements;
 
 mod effects;

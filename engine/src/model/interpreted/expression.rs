@@ -47,18 +47,13 @@ pub(super) struct Reader<'a> {
 
 impl<'a> Reader<'a> {
     /// A reader of what `of` mentions: its numbers, and its `let`s, each with its offset.
-    pub(super) fn new(
-        of: &Function,
-        columns: &'a Columns,
-        constants: &'a Constants,
-    ) -> Read<Self> {
+    pub(super) fn new(of: &Function, columns: &'a Columns, constants: &'a Constants) -> Read<Self> {
         let width = of.width();
         let program = Program { n: width + of.lets.len(), ..Program::default() };
         if program.n > LIMIT {
             return beyond(&of.value);
         }
-        let mut reader =
-            Reader { program, names: BTreeMap::new(), row: None, columns, constants };
+        let mut reader = Reader { program, names: BTreeMap::new(), row: None, columns, constants };
         let mut first = 0;
         for number in &of.numbers {
             let named = match number.len {
@@ -135,7 +130,9 @@ impl<'a> Reader<'a> {
             Expr::Paren(e) => self.value(&e.expr),
             Expr::Group(e) => self.value(&e.expr),
             Expr::Lit(lit) => match &lit.lit {
-                Lit::Float(x) if matches!(x.suffix(), "" | "f64") => self.literal(e, x.base10_parse()),
+                Lit::Float(x) if matches!(x.suffix(), "" | "f64") => {
+                    self.literal(e, x.base10_parse())
+                }
                 Lit::Int(n) if n.suffix() == "f64" => {
                     self.literal(e, n.base10_digits().parse::<f64>())
                 }
@@ -150,7 +147,9 @@ impl<'a> Reader<'a> {
                     Value::Plain(_) if let Some(x) = self.constant(value) => {
                         Ok(self.plain_step(PlainStep::Constant(-x)))
                     }
-                    Value::Whole(n) => n.checked_neg().map_or_else(|| beyond(e), |n| Ok(Value::Whole(n))),
+                    Value::Whole(n) => {
+                        n.checked_neg().map_or_else(|| beyond(e), |n| Ok(Value::Whole(n)))
+                    }
                     value => self.unary(Unary::neg, value),
                 }
             }
@@ -270,8 +269,7 @@ impl<'a> Reader<'a> {
             return beyond(call);
         }
         let receiver = self.value(&call.receiver)?;
-        let arguments =
-            call.args.iter().map(|e| self.value(e)).collect::<Read<Vec<Value>>>()?;
+        let arguments = call.args.iter().map(|e| self.value(e)).collect::<Read<Vec<Value>>>()?;
         match (call.method.to_string().as_str(), receiver, &arguments[..]) {
             (_, Value::Whole(_), _) => beyond(call),
             ("powi", Value::Number(x), [Value::Whole(n)]) => self.step(Step::Powi(x, *n)),
@@ -297,8 +295,7 @@ impl<'a> Reader<'a> {
         if name == "ln_sum_exp" {
             return self.ln_sum_exp(call);
         }
-        let arguments =
-            call.args.iter().map(|e| self.value(e)).collect::<Read<Vec<Value>>>()?;
+        let arguments = call.args.iter().map(|e| self.value(e)).collect::<Read<Vec<Value>>>()?;
         let number = |value: &Value| matches!(value, Value::Number(_));
         match (name.as_str(), &arguments[..]) {
             ("max", [a, b]) => self.binary(call, Operator::Max, *a, *b),

@@ -10,8 +10,8 @@ use super::expression::{Beyond, Constants, Read, beyond};
 /// # Errors
 /// Anything but these, the model and `use eplat::prelude::*;`: only a compiler knows what it means for the model.
 pub(super) fn constants(file: &File) -> Read<Constants> {
-    let whole: syn::File =
-        syn::parse2(file.tokens.clone()).map_err(|_| Beyond("what stands around the model".into()))?;
+    let whole: syn::File = syn::parse2(file.tokens.clone())
+        .map_err(|_| Beyond("what stands around the model".into()))?;
     let mut constants = Constants::new();
     for item in &whole.items {
         match item {

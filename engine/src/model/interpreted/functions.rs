@@ -1,9 +1,18 @@
 //! The functions that an expression may call.
 
-
 use crate::dist::{ln_gamma, ln_logistic, logistic};
 use crate::num::{Num, Real};
 use crate::surrogate::{self, emulated, five};
+
+/// One number for each lane. (`array::from_fn` is not inlined, and then costs more than most steps.)
+#[inline(always)]
+pub(super) fn each<T: Real, const L: usize>(of: impl Fn(usize) -> Num<T>) -> [Num<T>; L] {
+    let mut out = [Num::from(0.0); L];
+    for lane in 0..L {
+        out[lane] = of(lane);
+    }
+    out
+}
 
 /// A function of one number.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -93,13 +102,18 @@ macro_rules! surrogates {
                 }
             }
 
-            #[inline]
-            pub(super) fn at<T: Real>(self, of: [Num<T>; MOST]) -> Num<T> {
+            /// Its values in several lanes; `of(k, lane)` is argument k.
+            #[inline(always)]
+            pub(super) fn at<T: Real, const L: usize>(
+                self,
+                of: impl Fn(usize, usize) -> Num<T>,
+            ) -> [Num<T>; L] {
                 match self {
-                    $(Self::$Name => {
-                        let [$($x,)* ..] = of;
+                    $(Self::$Name => each(|lane| {
+                        let mut k = 0..;
+                        $(let $x = of(k.next().unwrap_or(0), lane);)*
                         $function($($x),*)
-                    })*
+                    }),)*
                 }
             }
         }

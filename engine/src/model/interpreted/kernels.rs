@@ -3,11 +3,9 @@
 use std::sync::Arc;
 
 use super::priors::with_width;
-use super::program::{Numbers, Program, Registers, Value};
+use super::program::{Program, Value};
 use crate::field::{Authors, Kernel, Matern12, Matern32, Matern52, Rbf, authors};
-use crate::model::expression::{
-    AnyKernel, AnyScalar, Names, constant, kernel, lone, scalar,
-};
+use crate::model::expression::{AnyKernel, AnyScalar, Names, constant, kernel, lone, scalar};
 use crate::model::functions::{KernelFn, ScalarFn};
 use crate::num::{Num, Real};
 
@@ -76,9 +74,7 @@ pub(super) struct Quantity {
 
 impl Quantity {
     fn at<T: Real>(&self, s: &[Num<T>]) -> Num<T> {
-        let mut numbers = Registers::new();
-        self.program.run(&|i| s[i], &self.plain, &mut numbers);
-        Numbers { numbers: &numbers, plain: &self.plain }.of(self.value)
+        self.program.value(self.value, &|i| s[i], &self.plain)
     }
 
     /// Whether it is one parameter and nothing else.

@@ -73,15 +73,6 @@ macro_rules! words {
                 fn ln_likelihood(&self, y: &$Kind) -> D {
                     match self { $(Self::$Word(own) => own.ln_likelihood(y),)* }
                 }
-                #[inline(always)]
-                fn ln_likelihoods(rows: [(Self, &$Kind); LANES]) -> [D; LANES] {
-                    match rows[0].0 {
-                        $(Self::$Word(first) => Likelihood::ln_likelihoods(rows.map(|(own, y)| {
-                            // the same statement made them all
-                            (if let Self::$Word(own) = own { own } else { first }, y)
-                        })),)*
-                    }
-                }
                 fn simulate(&self, like: &$Kind, rng: &mut dyn Rng) -> $Kind {
                     match self { $(Self::$Word(own) => own.simulate(like, rng),)* }
                 }
@@ -104,16 +95,29 @@ macro_rules! words {
                 fn computed(x: f64) -> Option<Self> {
                     (&x as &dyn std::any::Any).downcast_ref().copied()
                 }
-                fn own<T: Real>(
-                    word: Word,
-                    of: Numbers<'_, T>,
-                    arguments: [Value; MOST],
-                ) -> $Own<Num<T>> {
-                    let numbers = arguments.map(|x| of.of(x));
+                #[inline(always)]
+                fn own<T: Real>(word: Word, numbers: [Num<T>; MOST]) -> $Own<Num<T>> {
                     match word {
                         $(Word::$Word => {
                             let $arguments = numbers;
                             $Own::$Word($e)
+                        })*
+                        _ => unreachable!("it is read only of the words of this kind"),
+                    }
+                }
+                #[inline(always)]
+                fn ln_likelihoods<T: Real>(
+                    word: Word,
+                    numbers: impl Fn(usize) -> [Num<T>; MOST],
+                    y: [&$Kind; LANES],
+                ) -> [Num<T>; LANES] {
+                    match word {
+                        $(Word::$Word => {
+                            let row = |lane: usize| {
+                                let $arguments = numbers(lane);
+                                ($e, y[lane])
+                            };
+                            Likelihood::ln_likelihoods([row(0), row(1), row(2), row(3)])
                         })*
                         _ => unreachable!("it is read only of the words of this kind"),
                     }
@@ -156,11 +160,13 @@ pub(super) trait Kind: Observation {
     /// A measurement that is computed, for kinds that are numbers.
     fn computed(x: f64) -> Option<Self>;
     /// One of these.
-    fn own<T: Real>(
+    fn own<T: Real>(word: Word, arguments: [Num<T>; MOST]) -> Self::Own<Num<T>>;
+    /// Log likelihoods of several rows by one of these.
+    fn ln_likelihoods<T: Real>(
         word: Word,
-        of: Numbers<'_, T>,
-        arguments: [Value; MOST],
-    ) -> Self::Own<Num<T>>;
+        numbers: impl Fn(usize) -> [Num<T>; MOST],
+        y: [&Self; LANES],
+    ) -> [Num<T>; LANES];
 }
 
 /// A likelihood, one that stands around others or not.
@@ -188,14 +194,6 @@ impl<D: Real, Y: Observation, L: Likelihood<D, Y> + Copy> Likelihood<D, Y> for T
     const WIDENS: bool = true;
     fn ln_likelihood(&self, y: &Y) -> D {
         each!(self, own => own.ln_likelihood(y))
-    }
-    #[inline(always)]
-    fn ln_likelihoods(rows: [(Self, &Y); LANES]) -> [D; LANES] {
-        if let [(Self::Own(a), _), (Self::Own(b), _), (Self::Own(c), _), (Self::Own(d), _)] = &rows {
-            let own = [*a, *b, *c, *d];
-            return L::ln_likelihoods(std::array::from_fn(|lane| (own[lane], rows[lane].1)));
-        }
-        rows.map(|(likelihood, y)| likelihood.ln_likelihood(y))
     }
     fn simulate(&self, like: &Y, rng: &mut dyn Rng) -> Y {
         each!(self, own => Likelihood::<D, Y>::simulate(own, like, rng))
@@ -225,10 +223,6 @@ impl<D: Real, Y: Observation, L: Likelihood<D, Y>, const WIDENS: bool> Likelihoo
     fn ln_likelihood(&self, y: &Y) -> D {
         self.0.ln_likelihood(y)
     }
-    #[inline(always)]
-    fn ln_likelihoods(rows: [(Self, &Y); LANES]) -> [D; LANES] {
-        L::ln_likelihoods(rows.map(|(likelihood, y)| (likelihood.0, y)))
-    }
     fn simulate(&self, like: &Y, rng: &mut dyn Rng) -> Y {
         self.0.simulate(like, rng)
     }
@@ -256,24 +250,52 @@ impl Written {
         }
     }
 
-    /// The likelihood at these numbers.
-    pub(super) fn at<Y: Kind, T: Real>(
+    /// The likelihood at the numbers of a lane.
+    pub(super) fn at<Y: Kind, T: Real, const L: usize>(
         &self,
-        of: Numbers<'_, T>,
+        of: Numbers<'_, T, L>,
+        lane: usize,
     ) -> Tree<Num<T>, Y::Own<Num<T>>> {
-        let inner = |inner: &Self| Box::new(inner.at::<Y, T>(of));
+        let inner = |inner: &Self| Box::new(inner.at::<Y, T, L>(of, lane));
         match self {
-            Self::Plain(word, arguments) => Tree::Own(Y::own(*word, of, *arguments)),
+            Self::Plain(word, arguments) => Tree::Own(Y::own(*word, all(of, arguments, lane))),
             Self::Outliers(own, share, sd) => {
-                let (share, sd) = (of.plain(*share), of.plain(*sd));
+                let (share, sd) = (of.plain(*share, lane), of.plain(*sd, lane));
                 Tree::Outliers(Outliers { inner: inner(own), share, sd })
             }
             Self::Widened(own, sd) => {
-                Tree::Widened(Widened { inner: inner(own), sd: of.of(*sd) })
+                Tree::Widened(Widened { inner: inner(own), sd: of.of(*sd, lane) })
             }
             Self::Mixture(share, a, b) => {
-                Tree::Mixture(Mixture(of.of(*share), inner(a), inner(b)))
+                Tree::Mixture(Mixture(of.of(*share, lane), inner(a), inner(b)))
             }
         }
     }
+
+    /// Log likelihoods of these rows, one in each lane.
+    #[inline(always)]
+    pub(super) fn ln_likelihoods<Y: Kind, T: Real>(
+        &self,
+        of: Numbers<'_, T, LANES>,
+        y: [&Y; LANES],
+    ) -> [Num<T>; LANES] {
+        if let Self::Plain(word, arguments) = self {
+            return Y::ln_likelihoods(*word, |lane| all(of, arguments, lane), y);
+        }
+        let mut out = [Num::from(0.0); LANES];
+        for lane in 0..LANES {
+            out[lane] = self.at::<Y, T, LANES>(of, lane).ln_likelihood(y[lane]);
+        }
+        out
+    }
+}
+
+/// The numbers of these arguments in a lane.
+#[inline(always)]
+fn all<T: Real, const L: usize>(
+    of: Numbers<'_, T, L>,
+    [a, b, c]: &[Value; MOST],
+    lane: usize,
+) -> [Num<T>; MOST] {
+    [of.of(*a, lane), of.of(*b, lane), of.of(*c, lane)]
 }

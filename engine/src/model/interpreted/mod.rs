@@ -128,7 +128,13 @@ impl Interpreted {
                     AnyOperand { mentions: *mentions, columns, make }
                 });
                 let operands = operands.collect();
-                return b.operator(own.decl.clone(), own.name, own.operation, operands, own.further);
+                return b.operator(
+                    own.decl.clone(),
+                    own.name,
+                    own.operation,
+                    operands,
+                    own.further,
+                );
             }
             Call::LinearEffect { decl, on, columns, prior } => {
                 let (on, columns) = (words(on), words(columns));

@@ -224,10 +224,10 @@ pub(super) struct Prior<F> {
 impl<F> Prior<F> {
     /// Its arguments.
     fn at<T: Real>(&self, s: &[Num<T>]) -> [Num<T>; MOST] {
-        let mut numbers = Registers::new();
-        self.program.run(&|i| s[i], &self.plain, &mut numbers);
-        let of = Numbers { numbers: &numbers, plain: &self.plain };
-        let argument = |i: usize| self.arguments.get(i).map_or(Num::from(0.0), |x| of.of(*x));
+        let mut numbers = Registers::<T, 1>::new();
+        self.program.run(|i, _| s[i], [&self.plain], &mut numbers);
+        let of = Numbers { numbers: &numbers, plain: [&self.plain] };
+        let argument = |i: usize| self.arguments.get(i).map_or(Num::from(0.0), |x| of.of(*x, 0));
         std::array::from_fn(argument)
     }
 }

@@ -4,15 +4,15 @@
 use arrayvec::ArrayVec;
 use num_dual::DualNum as _;
 
-use super::functions::{MOST, Surrogate, Unary};
+use super::functions::{MOST, Surrogate, Unary, each};
 use crate::num::functions::{max, min, pow};
 use crate::num::{Num, Real, ln_sum_exp, within};
 
 /// At most so many numbers has an expression, arguments and steps together.
 pub(super) const LIMIT: usize = 128;
 
-/// The numbers of one evaluation.
-pub(super) type Registers<T> = ArrayVec<Num<T>, LIMIT>;
+/// The numbers of `L` evaluations side by side.
+pub(super) type Registers<T, const L: usize> = ArrayVec<[Num<T>; L], LIMIT>;
 
 /// What a part of an expression is: where its number stands.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -99,98 +99,158 @@ impl Program {
         of
     }
 
-    /// All its numbers: arguments, then steps.
-    pub(super) fn run<T: Real>(
+    /// All its numbers, in `L` evaluations: arguments, then steps. `argument(i, lane)` is number i of an evaluation.
+    #[inline(always)]
+    pub(super) fn run<T: Real, const L: usize>(
         &self,
-        argument: &dyn Fn(usize) -> Num<T>,
-        plain: &[f64],
-        numbers: &mut Registers<T>,
+        argument: impl Fn(usize, usize) -> Num<T>,
+        plain: [&[f64]; L],
+        numbers: &mut Registers<T, L>,
     ) {
-        numbers.clear();
-        numbers.extend((0..self.n).map(argument));
+        for i in 0..self.n {
+            numbers.push(each(|lane| argument(i, lane)));
+        }
         for step in &self.steps {
-            let x = step.at(&Numbers { numbers, plain });
+            let x = step.at(Numbers { numbers, plain });
             numbers.push(x);
         }
+    }
+
+    /// The number of a value in one evaluation.
+    pub(super) fn value<T: Real>(
+        &self,
+        value: Value,
+        argument: &dyn Fn(usize) -> Num<T>,
+        plain: &[f64],
+    ) -> Num<T> {
+        let mut numbers = Registers::<T, 1>::new();
+        self.run(|i, _| argument(i), [plain], &mut numbers);
+        Numbers { numbers: &numbers, plain: [plain] }.of(value, 0)
     }
 }
 
 /// Numbers that are there.
 #[derive(Clone, Copy)]
-pub(super) struct Numbers<'a, T> {
-    pub(super) numbers: &'a Registers<T>,
-    pub(super) plain: &'a [f64],
+pub(super) struct Numbers<'a, T, const L: usize> {
+    pub(super) numbers: &'a Registers<T, L>,
+    pub(super) plain: [&'a [f64]; L],
 }
 
-impl<T: Real> Numbers<'_, T> {
+impl<T: Real, const L: usize> Numbers<'_, T, L> {
     #[inline(always)]
-    fn at(self, i: u32) -> Num<T> {
+    fn at(self, i: u32) -> [Num<T>; L] {
         self.numbers[i as usize]
     }
 
-    pub(super) fn plain(self, i: u32) -> f64 {
-        self.plain[i as usize]
+    #[inline(always)]
+    pub(super) fn plain(self, i: u32, lane: usize) -> f64 {
+        self.plain[lane][i as usize]
     }
 
     /// The number of a value.
     #[inline(always)]
-    pub(super) fn of(self, value: Value) -> Num<T> {
+    pub(super) fn of(self, value: Value, lane: usize) -> Num<T> {
         match value {
-            Value::Number(i) => self.at(i),
-            Value::Plain(i) => Num::from(self.plain(i)),
+            Value::Number(i) => self.numbers[i as usize][lane],
+            Value::Plain(i) => Num::from(self.plain(i, lane)),
             Value::Whole(n) => Num::from(f64::from(n)),
         }
     }
 }
 
-/// `$a $op $b` of a number with derivatives and of one that may be plain.
+/// `$a $op $b` of a number with derivatives and of one that may be plain, in each lane.
 macro_rules! arithmetic {
     ($of:ident, $a:ident, $b:ident, $op:tt) => {
         match ($a, $b) {
-            (Value::Number(a), Value::Number(b)) => $of.at(a) $op $of.at(b),
-            (Value::Number(a), Value::Plain(b)) => $of.at(a) $op $of.plain(b),
-            (Value::Number(a), Value::Whole(b)) => $of.at(a) $op b,
-            (Value::Plain(a), Value::Number(b)) => $of.plain(a) $op $of.at(b),
-            (Value::Whole(a), Value::Number(b)) => a $op $of.at(b),
-            _ => $of.of($a) $op $of.of($b),
+            (Value::Number(a), Value::Number(b)) => {
+                let (a, b) = ($of.at(a), $of.at(b));
+                each(|lane| a[lane] $op b[lane])
+            }
+            (Value::Number(a), Value::Plain(b)) => {
+                let a = $of.at(a);
+                each(|lane| a[lane] $op $of.plain(b, lane))
+            }
+            (Value::Number(a), Value::Whole(b)) => {
+                let a = $of.at(a);
+                each(|lane| a[lane] $op b)
+            }
+            (Value::Plain(a), Value::Number(b)) => {
+                let b = $of.at(b);
+                each(|lane| $of.plain(a, lane) $op b[lane])
+            }
+            (Value::Whole(a), Value::Number(b)) => {
+                let b = $of.at(b);
+                each(|lane| a $op b[lane])
+            }
+            _ => each(|lane| $of.of($a, lane) $op $of.of($b, lane)),
         }
     };
 }
 
 impl Step {
     #[inline(always)]
-    fn at<T: Real>(&self, of: &Numbers<'_, T>) -> Num<T> {
+    fn at<T: Real, const L: usize>(&self, of: Numbers<'_, T, L>) -> [Num<T>; L] {
         match *self {
-            Self::Of(value) => of.of(value),
-            Self::Unary(f, x) => f.at(of.at(x)),
-            Self::Powi(x, n) => of.at(x).powi(n),
-            Self::Powf(x, y) => of.at(x).powf(of.plain(y)),
-            Self::Powd(x, y) => of.at(x).powd(of.at(y)),
+            Self::Of(value) => each(|lane| of.of(value, lane)),
+            Self::Unary(f, x) => {
+                let x = of.at(x);
+                each(|lane| {
+                    let x = x[lane];
+                    f.at(x)
+                })
+            }
+            Self::Powi(x, n) => {
+                let x = of.at(x);
+                each(|lane| {
+                    let x = x[lane];
+                    x.powi(n)
+                })
+            }
+            Self::Powf(x, y) => {
+                let x = of.at(x);
+                each(|lane| x[lane].powf(of.plain(y, lane)))
+            }
+            Self::Powd(x, y) => {
+                let (x, y) = (of.at(x), of.at(y));
+                each(|lane| x[lane].powd(y[lane]))
+            }
             Self::Operator(op, a, b) => match op {
                 Operator::Add => arithmetic!(of, a, b, +),
                 Operator::Sub => arithmetic!(of, a, b, -),
                 Operator::Mul => arithmetic!(of, a, b, *),
                 Operator::Div => arithmetic!(of, a, b, /),
-                Operator::Max => max(of.of(a), of.of(b)),
-                Operator::Min => min(of.of(a), of.of(b)),
-                Operator::Pow => power(of, a, b),
+                Operator::Max => each(|lane| max(of.of(a, lane), of.of(b, lane))),
+                Operator::Min => each(|lane| min(of.of(a, lane), of.of(b, lane))),
+                Operator::Pow => each(|lane| power(of, a, b, lane)),
             },
-            Self::Surrogate(f, arguments) => f.at(arguments.map(|x| of.of(x))),
-            Self::LnSumExp(ref terms) => {
-                let terms: Vec<Num<T>> = terms.iter().map(|x| of.at(*x)).collect();
+            Self::Surrogate(f, of_it) => f.at(|k, lane| of.of(of_it[k], lane)),
+            Self::LnSumExp(ref terms) => each(|lane| {
+                let terms: Vec<Num<T>> =
+                    terms.iter().map(|x| of.numbers[*x as usize][lane]).collect();
                 ln_sum_exp(&terms)
+            }),
+            Self::Within(low, high, x) => {
+                let x = of.at(x);
+                each(|lane| {
+                    let x = x[lane];
+                    within(low, high, x)
+                })
             }
-            Self::Within(low, high, x) => within(low, high, of.at(x)),
         }
     }
 }
 
-fn power<T: Real>(of: &Numbers<'_, T>, a: Value, b: Value) -> Num<T> {
+fn power<T: Real, const L: usize>(
+    of: Numbers<'_, T, L>,
+    a: Value,
+    b: Value,
+    lane: usize,
+) -> Num<T> {
     match (a, b) {
-        (Value::Number(a), Value::Whole(n)) => pow(of.at(a), n),
-        (Value::Number(a), Value::Plain(b)) => pow(of.at(a), of.plain(b)),
-        (Value::Plain(a), Value::Number(b)) => pow(of.plain(a), of.at(b)),
-        (Value::Whole(a), Value::Number(b)) => pow(a, of.at(b)),
-        _ => pow(of.of(a), of.of(b)),
+        (a, Value::Whole(n)) => pow(of.of(a, lane), n),
+        (a, Value::Plain(b)) => pow(of.of(a, lane), of.plain(b, lane)),
+        (Value::Plain(a), b) => pow(of.plain(a, lane), of.of(b, lane)),
+        (Value::Whole(a), b) => pow(a, of.of(b, lane)),
+        _ => pow(of.of(a, lane), of.of(b, lane)),
     }
 }

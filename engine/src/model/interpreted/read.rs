@@ -114,9 +114,7 @@ impl Calls<'_> {
                 let (place, value) = self.row_value(value)?;
                 Call::Value(decl(declared), name(declared), range.map(ends), place, value)
             }
-            plan::Call::Operator(operator) => {
-                Call::Operator(Box::new(self.operator(operator)?))
-            }
+            plan::Call::Operator(operator) => Call::Operator(Box::new(self.operator(operator)?)),
             plan::Call::Effect { declared, effect, prior } => {
                 let (decl, prior) = (decl(declared), self.numbers(&prior.of)?);
                 let on = effect.on.iter().map(ToString::to_string).collect();
@@ -136,7 +134,10 @@ impl Calls<'_> {
         params.iter().map(|param| self.param(param)).collect()
     }
 
-    fn param(&self, plan::Parameter { declared, over, prior }: &plan::Parameter<'_>) -> Read<Param> {
+    fn param(
+        &self,
+        plan::Parameter { declared, over, prior }: &plan::Parameter<'_>,
+    ) -> Read<Param> {
         let decl = decl(declared);
         let len = match over {
             Over::One => Len::One,
@@ -262,9 +263,10 @@ impl Calls<'_> {
             let (place, value) = self.row_value(of)?;
             Ok((place, kept_all(columns.iter().cloned()), value))
         });
-        let further = of.further.iter().map(|(column, later)| {
-            (kept(&column.to_string()), kept(&later.to_string()))
-        });
+        let further = of
+            .further
+            .iter()
+            .map(|(column, later)| (kept(&column.to_string()), kept(&later.to_string())));
         Ok(Operator {
             decl: decl(&of.declared),
             name: name(&of.declared),

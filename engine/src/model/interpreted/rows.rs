@@ -4,6 +4,7 @@ use std::marker::PhantomData;
 use std::sync::Arc;
 
 use num_dual::DualStruct as _;
+use pulp::{Arch, NullaryFnOnce};
 
 use super::likelihoods::{Kind, Known, Written};
 use super::program::{Numbers, Program, Registers, Value};
@@ -46,9 +47,7 @@ pub(super) struct RowValue {
 
 impl RowValue {
     fn at<T: Real>(&self, number: &dyn Fn(usize) -> Num<T>, plain: &[f64]) -> Num<T> {
-        let mut numbers = Registers::new();
-        self.program.run(number, plain, &mut numbers);
-        Numbers { numbers: &numbers, plain }.of(self.value)
+        self.program.value(self.value, number, plain)
     }
 
     /// What only its columns decide, in the row of this cell.
@@ -187,31 +186,49 @@ impl<Y: Kind, const WIDENS: bool> LikelihoodOf<Y, WIDENS> {
         if place.hook.is_empty() { x } else { x + v[place.hook[i * w + j] as usize] }
     }
 
-    /// The likelihood of row `i` with the W derivatives from number `first` on.
+    /// Number `j` of row `i`, with one of the W derivatives from number `first` on.
     #[inline(always)]
-    fn row<const W: usize>(
+    fn dual<const W: usize>(
         &self,
         place: &Place,
         v: &[f64],
-        i: usize,
+        (i, j): (usize, usize),
         first: usize,
-    ) -> impl Likelihood<Num<Dual<W>>, Y> + use<Y, WIDENS, W> {
-        let number = |j: usize| {
-            let x = self.number(place, v, i, j);
-            Num(if j < self.width { chosen(x, j, first) } else { Dual::from_re(x) })
-        };
-        self.at(i, &number)
+    ) -> Num<Dual<W>> {
+        let x = self.number(place, v, i, j);
+        Num(if j < self.width { chosen(x, j, first) } else { Dual::from_re(x) })
     }
 
+    /// Log likelihoods of several rows.
+    #[inline(always)]
+    fn ln_likelihoods<T: Real>(
+        &self,
+        i: [usize; LANES],
+        y: [&Y; LANES],
+        number: impl Fn(usize, usize) -> Num<T>,
+    ) -> [Num<T>; LANES] {
+        let mut numbers = Registers::<T, LANES>::new();
+        let mut plain: [&[f64]; LANES] = [&[]; LANES];
+        for lane in 0..LANES {
+            plain[lane] = &self.rows[i[lane]];
+        }
+        self.program.run(number, plain, &mut numbers);
+        self.written.ln_likelihoods(Numbers { numbers: &numbers, plain }, y)
+    }
+
+    #[inline(always)]
     fn backward_by<const W: usize>(&self, y: &[Y], place: &Place, t: &mut Tape) {
         let n = y.len();
         for first in (0..self.width.max(1)).step_by(W) {
             for top in (0..n).step_by(LANES) {
-                let row = |lane: usize| {
-                    let i = (top + lane).min(n - 1); // the last fills up
-                    (self.row::<W>(place, &t.v, i, first), &y[i])
-                };
-                let values = Likelihood::ln_likelihoods([row(0), row(1), row(2), row(3)]);
+                let (mut i, mut own) = ([0; LANES], [&y[top]; LANES]);
+                for lane in 0..LANES {
+                    i[lane] = (top + lane).min(n - 1); // the last fills up
+                    own[lane] = &y[i[lane]];
+                }
+                let number =
+                    |j: usize, lane: usize| self.dual::<W>(place, &t.v, (i[lane], j), first);
+                let values = self.ln_likelihoods(i, own, number);
                 for (i, value) in (top..n).zip(values) {
                     self.scatter(place, i, first, &value.0, t);
                 }
@@ -228,7 +245,7 @@ impl<Y: Kind, const WIDENS: bool> LikelihoodOf<Y, WIDENS> {
     ) {
         for first in (0..self.width.max(1)).step_by(W) {
             for (i, y) in y.iter().enumerate() {
-                let likelihood = self.row::<W>(place, &t.v, i, first);
+                let likelihood = self.at(i, &|j| self.dual::<W>(place, &t.v, (i, j), first));
                 let value = ln_with_added(likelihood, i, y, place, outliers, &t.v);
                 self.scatter(place, i, first, &value.0, t);
             }
@@ -290,26 +307,16 @@ impl<Y: Kind, const WIDENS: bool> RowLikelihood for LikelihoodOf<Y, WIDENS> {
         i: usize,
         number: &dyn Fn(usize) -> Num<D>,
     ) -> impl Likelihood<Num<D>, Y> + use<D, Y, WIDENS> {
-        let (mut numbers, plain) = (Registers::new(), &self.rows[i]);
-        self.program.run(number, plain, &mut numbers);
-        Known::<_, WIDENS>(self.written.at::<Y, D>(Numbers { numbers: &numbers, plain }))
+        let (mut numbers, plain) = (Registers::<D, 1>::new(), [&*self.rows[i]]);
+        self.program.run(|j, _| number(j), plain, &mut numbers);
+        Known::<_, WIDENS>(self.written.at::<Y, D, 1>(Numbers { numbers: &numbers, plain }, 0))
     }
 
     fn backward(&self, y: &[Y], place: &Place, t: &mut Tape) {
-        if self.width <= FEW {
-            self.backward_by::<FEW>(y, place, t);
-        } else {
-            self.backward_by::<MANY>(y, place, t);
-        }
+        Arch::new().dispatch(Backward { rows: self, y, place, t });
     }
 
-    fn backward_with_added(
-        &self,
-        y: &[Y],
-        place: &Place,
-        outliers: OutlierShare,
-        t: &mut Tape,
-    ) {
+    fn backward_with_added(&self, y: &[Y], place: &Place, outliers: OutlierShare, t: &mut Tape) {
         if self.width <= FEW {
             self.backward_with_added_by::<FEW>(y, place, outliers, t);
         } else {
@@ -318,22 +325,56 @@ impl<Y: Kind, const WIDENS: bool> RowLikelihood for LikelihoodOf<Y, WIDENS> {
     }
 
     fn add_lns(&self, i: usize, y: &Y, line: Line<'_>, theta: &[f64], out: &mut [f64]) {
+        Arch::new().dispatch(AddLns { rows: self, i, y, line, theta, out });
+    }
+}
+
+struct Backward<'a, Y, const WIDENS: bool> {
+    rows: &'a LikelihoodOf<Y, WIDENS>,
+    y: &'a [Y],
+    place: &'a Place,
+    t: &'a mut Tape,
+}
+
+impl<Y: Kind, const WIDENS: bool> NullaryFnOnce for Backward<'_, Y, WIDENS> {
+    type Output = ();
+    #[inline(always)]
+    fn call(self) {
+        let Self { rows, y, place, t } = self;
+        if rows.width <= FEW {
+            rows.backward_by::<FEW>(y, place, t);
+        } else {
+            rows.backward_by::<MANY>(y, place, t);
+        }
+    }
+}
+
+/// Log likelihoods of one row at many latent values.
+struct AddLns<'a, Y, const WIDENS: bool> {
+    rows: &'a LikelihoodOf<Y, WIDENS>,
+    i: usize,
+    y: &'a Y,
+    line: Line<'a>,
+    theta: &'a [f64],
+    out: &'a mut [f64],
+}
+
+impl<Y: Kind, const WIDENS: bool> NullaryFnOnce for AddLns<'_, Y, WIDENS> {
+    type Output = ();
+    #[inline(always)]
+    fn call(self) {
+        let Self { rows, i, y, line, theta, out } = self;
         let n = out.len();
-        let likelihood = |k: usize| {
-            let theta = &theta[k * line.n_blocks..];
-            let number = |j: usize| {
+        for top in (0..n).step_by(LANES) {
+            let number = |j: usize, lane: usize| {
+                let theta = &theta[(top + lane).min(n - 1) * line.n_blocks..]; // the last fills up
                 let own = line.slopes.iter().filter(|slope| slope.number == j);
-                let moved = own.fold(line.base[j], |x, Slope { block, per_unit, .. }| {
+                Num(own.fold(line.base[j], |x, Slope { block, per_unit, .. }| {
                     x + per_unit * theta[*block]
-                });
-                Num(moved)
+                }))
             };
-            self.at(i, &number)
-        };
-        for first in (0..n).step_by(LANES) {
-            let row = |lane: usize| (likelihood((first + lane).min(n - 1)), y); // the last fills up
-            let values = Likelihood::ln_likelihoods([row(0), row(1), row(2), row(3)]);
-            for (out, value) in out[first..].iter_mut().zip(values) {
+            let values = rows.ln_likelihoods([i; LANES], [y; LANES], number);
+            for (out, value) in out[top..].iter_mut().zip(values) {
                 *out += value.0;
             }
         }
