@@ -4,6 +4,8 @@
 
 #[path = "../models/apd_restitution.rs"]
 mod apd_restitution;
+#[path = "models/called.rs"]
+mod called;
 #[path = "../models/custom.rs"]
 mod custom;
 #[path = "../models/cv_restitution.rs"]
@@ -71,7 +73,10 @@ const COMPILED: [&str; 9] = [
 fn interpreted(model: &dyn Declare) -> Option<Interpreted> {
     let named = format!("model {};", model.name());
     let shipped = shipped_models().into_values().find(|source| source.contains(&named));
-    let own = || format!("use eplat::prelude::*;\nmodel! {{ {} }}\n", model.source());
+    let own = || match model.name() {
+        "Called" => include_str!("models/called.rs").into(),
+        _ => format!("use eplat::prelude::*;\nmodel! {{ {} }}\n", model.source()),
+    };
     let source = shipped.map_or_else(own, Into::into);
     let file = File::read(&source).unwrap_or_else(|mistake| panic!("{}", mistake.message));
     let read = Interpreted::of(&file);
@@ -302,6 +307,24 @@ fn everything_mixed() {
 fn vectors_with_constraints() {
     check(&language::vectors::Vectors, &rows(12, &["y"]));
     check(&vector_priors::nested::Nested, &rows(12, &["y"]));
+}
+
+#[test]
+fn everything_that_an_expression_may_call() {
+    let line = |i: usize| {
+        let protocol = ["near", "far", "low", "ratio"][i % 4];
+        format!(
+            "{protocol},{},{},{},{},{}",
+            7 * i,
+            0.1 * i as f64,
+            0.3 * (i % 5) as f64,
+            i % 3,
+            0.2 * (i % 7) as f64
+        )
+    };
+    let lines: Vec<String> = (0..24).map(line).collect();
+    let data = place(table("protocol,vertex,value,dose,seen1,seen2", &lines));
+    check(&called::Called, &data);
 }
 
 #[test]

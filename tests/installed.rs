@@ -1,7 +1,8 @@
 //! The installed program, in an empty home, runs a model of one's own: the README's, edited.
 //!
-//! Without what an installation leaves, the library is built for the first model, as on a user's machine: minutes. So
-//! it is asked for by name (`cargo test --release --test installed -- --ignored`), as `.ci/run` does.
+//! That needs the program alone. A model with Rust code in it is compiled; without what an installation leaves, the
+//! library is built for the first of them, as on a user's machine: minutes. So that is asked for by name
+//! (`cargo test --release --test installed -- --ignored`), as `.ci/run` does.
 #![allow(clippy::unwrap_used, reason = "tests")]
 
 use std::fs;
@@ -50,6 +51,41 @@ fn is_below(path: &Path) -> bool {
     package.trim_start_matches("lib") != "eplat" && (path.is_dir() || is_library)
 }
 
+/// The README's own model, edited.
+fn model() -> String {
+    let (_, after) = include_str!("../README.md").split_once("```rust\n").unwrap();
+    let (model, _) = after.split_once("```").unwrap();
+    let edited = model.replace("m     [ms] ~ Flat", "m     [ms] ~ Normal(150.0, 200.0)");
+    assert_ne!(edited, model);
+    edited
+}
+
+/// The program is copied, nothing else is there, and where this user may become another it is another.
+#[cfg(unix)]
+#[test]
+fn a_copy_of_the_program_runs_a_model_of_ones_own_for_another_user() {
+    use std::os::unix::fs::{PermissionsExt as _, chown};
+    use std::os::unix::process::CommandExt as _;
+
+    const NOBODY: u32 = 65534;
+    let place = tempfile::tempdir().unwrap();
+    fs::set_permissions(place.path(), fs::Permissions::from_mode(0o755)).unwrap();
+    let (program, home) = (place.path().join("eplat"), place.path().join("home"));
+    fs::copy(env!("CARGO_BIN_EXE_eplat"), &program).unwrap();
+    fs::create_dir(&home).unwrap();
+    fs::write(home.join("mine.rs"), model()).unwrap();
+    let is_other = chown(&home, Some(NOBODY), Some(NOBODY)).is_ok();
+    let mut run = Command::new(&program);
+    run.args(["run", "mine.rs", "--out", "out"]).env_clear().env("HOME", &home).current_dir(&home);
+    if is_other {
+        run.uid(NOBODY).gid(NOBODY);
+    }
+    let run = run.output().unwrap();
+    assert_eq!(run.status.code(), Some(0), "{}", said(&run));
+    assert!(said(&run).contains("Converged"), "{}", said(&run));
+    assert!(home.join("out/run.json").is_file());
+}
+
 #[test]
 #[ignore = "builds the library: minutes"]
 fn the_installed_program_runs_a_model_of_ones_own() {
@@ -70,14 +106,10 @@ fn the_installed_program_runs_a_model_of_ones_own() {
         .unwrap();
     assert!(installed.status.success(), "{}", said(&installed));
 
-    let (_, after) = include_str!("../README.md").split_once("```rust\n").unwrap();
-    let (model, _) = after.split_once("```").unwrap();
-    fs::write(
-        work.join("mine.rs"),
-        model.replace("m     [ms] ~ Flat", "m     [ms] ~ Normal(150.0, 200.0)"),
-    )
-    .unwrap();
+    fs::write(work.join("mine.rs"), model() + "\n/// Rust, which is compiled.\nstruct Own;\n")
+        .unwrap();
     let path = std::env::join_paths([toolchain(), "/usr/bin".into(), "/bin".into()]).unwrap();
+    // the library that is built below is not run for long
     let eplat = |arguments: &[&str]| {
         Command::new(root.join("bin/eplat"))
             .args(arguments)
@@ -85,6 +117,7 @@ fn the_installed_program_runs_a_model_of_ones_own() {
             .env("HOME", &home)
             .env("CARGO_HOME", cargo_home())
             .env("PATH", &path)
+            .env("CARGO_PROFILE_RELEASE_OPT_LEVEL", "0")
             .current_dir(&work)
             .output()
             .unwrap()
@@ -107,10 +140,10 @@ fn the_installed_program_runs_a_model_of_ones_own() {
         .unwrap();
     let words = said(&eplat(&["doctor"]));
     assert!(words.contains("not built yet"), "{words}");
-    let run = eplat(&["run", "mine.rs", "--out", "again"]);
-    let words = said(&run);
-    assert_eq!(run.status.code(), Some(0), "{words}");
-    assert!(words.contains("minutes, this once") && words.contains("Converged"), "{words}");
+    let checked = eplat(&["check", "mine.rs"]);
+    let words = said(&checked);
+    assert_eq!(checked.status.code(), Some(0), "{words}");
+    assert!(words.contains("minutes, this once") && words.contains("log density"), "{words}");
     let words = said(&eplat(&["doctor"]));
-    assert!(words.contains("built: a model of your own compiles in seconds"), "{words}");
+    assert!(words.contains("built: a model with Rust code compiles in seconds"), "{words}");
 }

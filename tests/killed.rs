@@ -361,7 +361,7 @@ fn what_is_made_of_a_run_and_of_a_study() {
 fn a_compilation() {
     let place = Workplace::new();
     let model = "use eplat::prelude::*;\nmodel! {\n    model Plain;\n    param mean ~ Normal(1.0, 2.0);\n    \
-                 observe y(row): Number ~ Normal(mean, 1.0);\n}\n";
+                 observe y(row): Number ~ Normal(mean, 1.0);\n}\n/// Rust, which is compiled.\nstruct Own;\n";
     place.file("m.rs", model).file("table.csv", "y\n1\n2\n");
     // of its own for each round: the compiler of a killed command still writes into the last one
     let cache = |round: usize| [place.path(&format!("cache{round}"))];

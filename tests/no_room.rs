@@ -18,7 +18,7 @@ use program::{Workplace, skipped, text};
 const SMALL: &str = "run erp --chains 2 --warmup 40 --draws 40";
 
 const PLAIN: &str = "use eplat::prelude::*;\nmodel! {\n    model Plain;\n    param mean ~ Normal(1.0, 2.0);\n    \
-                     observe y(row): Number ~ Normal(mean, 1.0);\n}\n";
+                     observe y(row): Number ~ Normal(mean, 1.0);\n}\n/// Rust, which is compiled.\nstruct Own;\n";
 
 /// The commands that write, each to `full`.
 const WRITING: [&str; 22] = [

@@ -1,4 +1,4 @@
-//! Compiles a model file that is not in this program, and hands the command line over to the result.
+//! Compiles a model file that only a compiler understands, and hands the command line over to the result.
 //!
 //! What is compiled is eplat again, with this one model in it, so it takes the same command line. It takes
 //! one to two seconds, once there is a library to compile it against ([`super::library`]). The result is
@@ -80,8 +80,9 @@ fn compiled(file: &ModelFile) -> Result<PathBuf, Failure> {
         .map_err(|error| unwritable(&package, &error))?;
     let output = build(&cache, &main, unfinished.path()).map_err(|error| {
         Failure::new(format_args!(
-            "cannot compile {}: {error}\nhelp: install Rust, or run a model that ships unedited",
-            file.path.display()
+            "cannot compile {}: {error}\nhelp: install Rust (https://rustup.rs): `{}` needs its compiler; what the language says itself needs none",
+            file.path.display(),
+            file.needs_a_compiler_for()
         ))
     })?;
     if !output.status.success() {

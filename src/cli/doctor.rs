@@ -18,12 +18,21 @@ const ENOUGH_MEMORY: u64 = 1 << 30;
 #[derive(Debug, Args)]
 pub(super) struct Command {}
 
+/// How something is.
+#[derive(Clone, Copy, PartialEq)]
+enum State {
+    Well,
+    /// Not there, and not needed for most.
+    Absent,
+    Bad,
+}
+
 /// A line of the answer.
 struct Line {
     what: &'static str,
-    is_well: bool,
+    state: State,
     text: String,
-    /// What to do where it is not well.
+    /// What to do where it is not there.
     remedy: &'static str,
 }
 
@@ -32,22 +41,27 @@ impl Command {
     #[expect(clippy::unused_self, reason = "as every command")]
     pub(super) fn run(&self) -> Result<ExitCode, Failure> {
         let (kept, toolchain) = (kept(), toolchain());
-        let runs_own = kept.is_well && toolchain.is_well;
+        let compiles = kept.state == State::Well && toolchain.state == State::Well;
         let lines = [program(), free_memory(), kept, toolchain, compiled_against()];
         let mut out = stdout();
-        for Line { what, is_well, text, remedy } in &lines {
-            writeln!(out, "{} {what:<13} {text}", if *is_well { "ok " } else { "NO " })?;
-            if !is_well {
+        for Line { what, state, text, remedy } in &lines {
+            let mark = match state {
+                State::Well => "ok ",
+                State::Absent => "-- ",
+                State::Bad => "NO ",
+            };
+            writeln!(out, "{mark} {what:<13} {text}")?;
+            if *state != State::Well {
                 writeln!(out, "                  → {remedy}")?;
             }
         }
-        let own = if runs_own {
-            ", and so do models of your own"
+        let rust = if compiles {
+            ", with Rust code in them, too"
         } else {
-            "; models of your own do not yet"
+            "; those with Rust code in them do not yet"
         };
-        writeln!(out, "\nModels that ship run{own}.")?;
-        Ok(ExitCode::from(u8::from(!lines.iter().all(|line| line.is_well))))
+        writeln!(out, "\nModels that ship and models of your own run{rust}.")?;
+        Ok(ExitCode::from(u8::from(lines.iter().any(|line| line.state == State::Bad))))
     }
 }
 
@@ -56,17 +70,20 @@ fn program() -> Line {
     let threads = std::thread::available_parallelism().map_or(1, usize::from);
     let version = env!("CARGO_PKG_VERSION");
     let text = format!("eplat {version}, {path}; {threads} threads");
-    Line { what: "program", is_well: true, text, remedy: "" }
+    Line { what: "program", state: State::Well, text, remedy: "" }
 }
 
 /// Memory that is free, where the system tells it.
 fn free_memory() -> Line {
-    let (is_well, text) = match memory::available() {
-        Some(bytes) => (bytes >= ENOUGH_MEMORY, format!("{:.1} GB free", bytes as f64 / 1e9)),
-        None => (true, "this system does not tell".into()),
+    let state = |is_well| if is_well { State::Well } else { State::Bad };
+    let (state, text) = match memory::available() {
+        Some(bytes) => {
+            (state(bytes >= ENOUGH_MEMORY), format!("{:.1} GB free", bytes as f64 / 1e9))
+        }
+        None => (State::Well, "this system does not tell".into()),
     };
     let remedy = "large meshes and tables may not fit: close other programs";
-    Line { what: "memory", is_well, text, remedy }
+    Line { what: "memory", state, text, remedy }
 }
 
 /// The folder in which compiled models, eigenfunctions and checkpoints are kept.
@@ -74,7 +91,7 @@ fn kept() -> Line {
     let remedy = "set EPLAT_CACHE to a folder that can be written";
     let Some(folder) = cache::folder() else {
         let text = "no folder: neither EPLAT_CACHE nor HOME is set".into();
-        return Line { what: "cache", is_well: false, text, remedy };
+        return Line { what: "cache", state: State::Bad, text, remedy };
     };
     let written = std::fs::create_dir_all(&folder)
         .and_then(|()| tempfile::NamedTempFile::new_in(&folder).map(drop));
@@ -89,7 +106,8 @@ fn kept() -> Line {
         }
         Err(error) => format!("{} cannot be written: {error}", folder.display()),
     };
-    Line { what: "cache", is_well: written.is_ok(), text, remedy }
+    let state = if written.is_ok() { State::Well } else { State::Bad };
+    Line { what: "cache", state, text, remedy }
 }
 
 /// Bytes of the files in a folder.
@@ -103,29 +121,30 @@ fn size(folder: &Path) -> u64 {
     entries.map(of).sum()
 }
 
-/// Rust, which compiles models of the user's own.
+/// Rust, which compiles models that hold code of the user's own.
 fn toolchain() -> Line {
     let version = |tool: &str| {
         let output = Process::new(tool).arg("--version").stdin(Stdio::null()).output().ok()?;
         let text = String::from_utf8_lossy(&output.stdout).trim().to_owned();
         output.status.success().then_some(text)
     };
-    let remedy =
-        "install Rust (https://rustup.rs) to run models of your own; models that ship need none";
+    let remedy = "install Rust (https://rustup.rs) to run models with Rust code in them; all others need none";
     match (version("rustc"), version("cargo")) {
-        (Some(rustc), Some(_)) => Line { what: "Rust", is_well: true, text: rustc, remedy },
-        _ => Line { what: "Rust", is_well: false, text: "no rustc or no cargo".into(), remedy },
+        (Some(rustc), Some(_)) => Line { what: "Rust", state: State::Well, text: rustc, remedy },
+        _ => {
+            Line { what: "Rust", state: State::Absent, text: "no rustc or no cargo".into(), remedy }
+        }
     }
 }
 
-/// The library that a model of the user's own is compiled against.
+/// The library that a model with Rust code in it is compiled against.
 fn compiled_against() -> Line {
     let text = match library() {
         Library::LinkedFrom => {
-            "where this program was built: a model of your own compiles in seconds"
+            "where this program was built: a model with Rust code compiles in seconds"
         }
-        Library::Built => "built: a model of your own compiles in seconds",
-        Library::ToBuild => "not built yet: the first model of your own takes some minutes",
+        Library::Built => "built: a model with Rust code compiles in seconds",
+        Library::ToBuild => "not built yet: the first model with Rust code takes some minutes",
     };
-    Line { what: "library", is_well: true, text: text.into(), remedy: "" }
+    Line { what: "library", state: State::Well, text: text.into(), remedy: "" }
 }

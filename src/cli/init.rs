@@ -96,8 +96,8 @@ fn readme(model: &str, columns: &[String]) -> String {
     format!(
         "# A calibration with eplat
 
-- `{model}` is the model. As it is it needs nothing. Once you change it, it is compiled, which needs Rust
-  (https://rustup.rs).
+- `{model}` is the model. Change it as you like: it runs as it is written. Only Rust functions or types of your own
+  need a compiler (https://rustup.rs).
 - `{TABLE}` holds measurements of an example, which eplat made on its own atrium. Put yours in
   their place, in the same columns: `{columns}`.
   A row is placed by a `vertex` of the mesh, counted from 0, or by `x`, `y`, `z` in the mesh's unit.

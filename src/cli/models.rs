@@ -8,7 +8,7 @@ use eplat_language::{File, Mistake};
 
 use crate::error::Failure;
 pub use crate::model::Compiled;
-use crate::model::{Declare, Interpreted};
+use crate::model::{Beyond, Declare, Interpreted};
 use crate::run::Inputs;
 
 /// A model file and its text.
@@ -93,6 +93,12 @@ impl ModelFile {
         // a process has one model or two, and keeps them until it ends
         let own = Interpreted::of(&self.checked()?).ok();
         Ok(own.map(|own| &*Box::leak(Box::new(own)) as &dyn Declare))
+    }
+
+    /// What of it only a compiler understands.
+    pub(super) fn needs_a_compiler_for(&self) -> String {
+        let read = self.checked().map(|file| Interpreted::of(&file));
+        if let Ok(Err(Beyond(what))) = read { what } else { String::new() }
     }
 }
 

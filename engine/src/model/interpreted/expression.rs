@@ -14,7 +14,7 @@ use super::likelihoods::{self, Takes, Word, Written};
 use super::program::{LIMIT, Operator, PlainStep, Program, Step, Value};
 use super::rows::Columns;
 
-/// An expression that only a compiler understands.
+/// What only a compiler understands, in short.
 #[derive(Debug)]
 pub struct Beyond(pub String);
 
@@ -25,8 +25,36 @@ pub(super) fn beyond<T>(e: &impl quote::ToTokens) -> Read<T> {
     Err(Beyond(print(e)))
 }
 
-/// Plain numbers that the file declares, by name.
-pub(super) type Constants = BTreeMap<String, f64>;
+/// What a file declares around its model, by name.
+#[derive(Debug, Default)]
+pub(super) struct Around {
+    /// Plain numbers.
+    pub(super) constants: BTreeMap<String, f64>,
+    /// Functions of numbers.
+    pub(super) functions: BTreeMap<String, OwnFunction>,
+}
+
+/// A function of numbers: values that it names, and its result.
+#[derive(Debug)]
+pub(super) struct OwnFunction {
+    pub(super) parameters: Vec<(Ident, Parameter)>,
+    pub(super) values: Vec<(Ident, Expr)>,
+    pub(super) result: Expr,
+}
+
+/// The type of a function's parameter.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) enum Parameter {
+    /// `D` of a function of `D: Real`: of the same type as the others.
+    Generic,
+    /// `Num<T>`
+    Number,
+    /// `f64`
+    Plain,
+}
+
+/// So deep may functions call each other.
+const DEEPEST: usize = 16;
 
 /// What a word of an expression stands for.
 #[derive(Clone, Copy, Debug)]
@@ -42,18 +70,29 @@ pub(super) struct Reader<'a> {
     names: BTreeMap<String, Named>,
     row: Option<Ident>,
     columns: &'a Columns,
-    constants: &'a Constants,
+    around: &'a Around,
+    /// How many functions the expression stands in, and whether the innermost is one of `D: Real`.
+    depth: usize,
+    is_generic: bool,
 }
 
 impl<'a> Reader<'a> {
     /// A reader of what `of` mentions: its numbers, and its `let`s, each with its offset.
-    pub(super) fn new(of: &Function, columns: &'a Columns, constants: &'a Constants) -> Read<Self> {
+    pub(super) fn new(of: &Function, columns: &'a Columns, around: &'a Around) -> Read<Self> {
         let width = of.width();
         let program = Program { n: width + of.lets.len(), ..Program::default() };
         if program.n > LIMIT {
             return beyond(&of.value);
         }
-        let mut reader = Reader { program, names: BTreeMap::new(), row: None, columns, constants };
+        let mut reader = Reader {
+            program,
+            names: BTreeMap::new(),
+            row: None,
+            columns,
+            around,
+            depth: 0,
+            is_generic: false,
+        };
         let mut first = 0;
         for number in &of.numbers {
             let named = match number.len {
@@ -163,6 +202,13 @@ impl<'a> Reader<'a> {
                     _ => return beyond(e),
                 };
                 match (a, b) {
+                    // `D: Real` has plain numbers on its right alone
+                    (Value::Plain(_) | Value::Whole(_), Value::Number(_))
+                    | (Value::Number(_), Value::Whole(_))
+                        if self.is_generic =>
+                    {
+                        beyond(e)
+                    }
                     (Value::Number(_), _) | (_, Value::Number(_)) => {
                         self.step(Step::Operator(operator, a, b))
                     }
@@ -207,7 +253,7 @@ impl<'a> Reader<'a> {
             "std::f64::consts::TAU" => Some(TAU),
             "std::f64::consts::E" => Some(E),
             "std::f64::consts::LN_2" => Some(LN_2),
-            name => self.constants.get(name).copied(),
+            name => self.around.constants.get(name).copied(),
         };
         Some(self.plain_step(PlainStep::Constant(known?)))
     }
@@ -297,6 +343,10 @@ impl<'a> Reader<'a> {
         }
         let arguments = call.args.iter().map(|e| self.value(e)).collect::<Read<Vec<Value>>>()?;
         let number = |value: &Value| matches!(value, Value::Number(_));
+        let around = self.around;
+        if let Some(own) = around.functions.get(&name) {
+            return self.own_function(own, &arguments)?.map_or_else(|| beyond(call), Ok);
+        }
         match (name.as_str(), &arguments[..]) {
             ("max", [a, b]) => self.binary(call, Operator::Max, *a, *b),
             ("min", [a, b]) => self.binary(call, Operator::Min, *a, *b),
@@ -323,6 +373,40 @@ impl<'a> Reader<'a> {
                 _ => beyond(call),
             },
         }
+    }
+
+    /// The result of a function of the file's own; `None` of other arguments than it takes.
+    fn own_function(&mut self, own: &OwnFunction, arguments: &[Value]) -> Read<Option<Value>> {
+        let given = own.parameters.iter().map(|(_, takes)| *takes).zip(arguments.iter().copied());
+        let is_one = given.clone().all(|(takes, value)| match takes {
+            Parameter::Number => matches!(value, Value::Number(_)),
+            Parameter::Plain => matches!(value, Value::Plain(_)),
+            Parameter::Generic => !matches!(value, Value::Whole(_)),
+        });
+        let is_number = |value: Value| matches!(value, Value::Number(_));
+        let generic: Vec<bool> = given
+            .filter(|(takes, _)| *takes == Parameter::Generic)
+            .map(|(_, value)| is_number(value))
+            .collect();
+        let is_same = generic.iter().all(|own| *own) || !generic.iter().any(|own| *own);
+        let fits = own.parameters.len() == arguments.len() && is_one && is_same;
+        if !fits || self.depth == DEEPEST {
+            return Ok(None);
+        }
+        let names = own.parameters.iter().zip(arguments);
+        let names = names.map(|((name, _), value)| (name.to_string(), Named::One(*value)));
+        let outside = std::mem::replace(&mut self.names, names.collect());
+        let row = self.row.take();
+        let is_generic = std::mem::replace(&mut self.is_generic, !generic.is_empty());
+        self.depth += 1;
+        for (name, e) in &own.values {
+            let value = self.value(e)?;
+            self.names.insert(name.to_string(), Named::One(value));
+        }
+        let result = self.value(&own.result)?;
+        self.depth -= 1;
+        (self.names, self.row, self.is_generic) = (outside, row, is_generic);
+        Ok(Some(result))
     }
 
     fn binary(&mut self, call: &ExprCall, operator: Operator, a: Value, b: Value) -> Read<Value> {

@@ -53,7 +53,7 @@ impl Interpreted {
     /// # Errors
     /// The first thing that only a compiler understands.
     pub fn of(file: &File) -> Result<Self, Beyond> {
-        let constants = file::constants(file)?;
+        let around = file::around(file)?;
         let plan = file.model.plan();
         let columns = plan.columns.iter().map(|column| {
             let name = column.name.to_string();
@@ -62,7 +62,7 @@ impl Interpreted {
             (kept(&name), own)
         });
         let columns = Arc::new(columns.collect());
-        let calls = Calls { columns: &columns, constants: &constants }.read(&plan)?;
+        let calls = Calls { columns: &columns, around: &around }.read(&plan)?;
         let name = kept(&file.model.name.to_string());
         Ok(Self { name, source: file.between_brackets(), columns, calls })
     }

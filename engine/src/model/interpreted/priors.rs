@@ -23,8 +23,8 @@ macro_rules! families {
         /// The prior of one number.
         #[derive(Clone, Copy, Debug)]
         enum One<D> {
-            Flat,
-            FlatPositive,
+            Flat(Flat),
+            FlatPositive(FlatPositive),
             $($Family($Family<D>)),*
         }
 
@@ -46,8 +46,8 @@ macro_rules! families {
 
             fn at<D: Real>(self, arguments: [D; MOST]) -> One<D> {
                 match self {
-                    Self::Flat => One::Flat,
-                    Self::FlatPositive => One::FlatPositive,
+                    Self::Flat => One::Flat(Flat),
+                    Self::FlatPositive => One::FlatPositive(FlatPositive),
                     $(Self::$Family => {
                         let [$($argument,)* ..] = arguments;
                         One::$Family($Family { $($argument),* })
@@ -60,8 +60,8 @@ macro_rules! families {
         macro_rules! each {
             ($of:expr, $dist:ident => $e:expr) => {
                 match $of {
-                    One::Flat => { let $dist = &Flat; $e }
-                    One::FlatPositive => { let $dist = &FlatPositive; $e }
+                    One::Flat($dist) => $e,
+                    One::FlatPositive($dist) => $e,
                     $(One::$Family($dist) => $e,)*
                 }
             };
@@ -261,9 +261,16 @@ pub(super) use with_width;
 /// At most so many numbers does a prior, a kernel or an amplitude mention.
 pub(super) const WIDEST: usize = 4;
 
+fn shipped<F: PriorFn<0>>(of: F) -> AnyPrior {
+    prior::<F, 0, 1>(&[], of)
+}
+
 impl Prior<Family> {
-    /// The prior as an object.
+    /// The prior as an object: of plain numbers, the one that the library has compiled.
     pub(super) fn object(&self) -> AnyPrior {
+        if self.program.n == 0 {
+            return each!(self.family.at(self.at::<f64>(&[])), own => shipped(own));
+        }
         macro_rules! of {
             ($N:literal, $M:literal, $_:literal,) => {
                 prior::<_, $N, $M>(self.mentions, self.clone())

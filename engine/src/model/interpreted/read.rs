@@ -6,7 +6,7 @@ use eplat_language::plan::{self, Function, Plan};
 use eplat_language::print;
 use eplat_language::syntax::{self, Expr, Over, Range};
 
-use super::expression::{Beyond, Constants, Read, Reader, beyond, expression};
+use super::expression::{Around, Beyond, Read, Reader, beyond, expression};
 use super::kernels::{Covariance, Quantity, Shape};
 use super::likelihoods::Written;
 use super::priors::{Family, Prior, WIDEST, Whole};
@@ -74,7 +74,7 @@ pub(super) struct Observe {
 /// Reads the calls of a plan.
 pub(super) struct Calls<'a> {
     pub(super) columns: &'a Arc<Columns>,
-    pub(super) constants: &'a Constants,
+    pub(super) around: &'a Around,
 }
 
 impl Calls<'_> {
@@ -83,7 +83,7 @@ impl Calls<'_> {
     }
 
     fn reader(&self, of: &Function) -> Read<Reader<'_>> {
-        Reader::new(of, self.columns, self.constants)
+        Reader::new(of, self.columns, self.around)
     }
 
     fn call(&self, call: &plan::Call<'_>) -> Read<Call> {

@@ -95,9 +95,16 @@ impl MapFn for LetOf {
     }
 }
 
-/// How many derivatives one pass carries where an expression has few, and where it has many.
-const FEW: usize = 2;
-const MANY: usize = 4;
+/// How many derivatives one pass carries.
+macro_rules! by_width {
+    ($width:expr, $of:ident.$f:ident($($argument:expr),*)) => {
+        match $width {
+            0..=2 => $of.$f::<2>($($argument),*),
+            3..=4 => $of.$f::<4>($($argument),*),
+            _ => $of.$f::<8>($($argument),*),
+        }
+    };
+}
 
 /// An operand of an operator over the whole surface.
 pub(super) struct OperandOf {
@@ -146,11 +153,7 @@ impl PlaceFn for OperandOf {
     }
 
     fn values(&self, v: &[f64], from: &[Where], out: &mut [f64], slopes: &mut [f64]) {
-        if from.len() <= FEW {
-            self.values_by::<FEW>(v, from, out, slopes);
-        } else {
-            self.values_by::<MANY>(v, from, out, slopes);
-        }
+        by_width!(from.len(), self.values_by(v, from, out, slopes));
     }
 }
 
@@ -317,11 +320,7 @@ impl<Y: Kind, const WIDENS: bool> RowLikelihood for LikelihoodOf<Y, WIDENS> {
     }
 
     fn backward_with_added(&self, y: &[Y], place: &Place, outliers: OutlierShare, t: &mut Tape) {
-        if self.width <= FEW {
-            self.backward_with_added_by::<FEW>(y, place, outliers, t);
-        } else {
-            self.backward_with_added_by::<MANY>(y, place, outliers, t);
-        }
+        by_width!(self.width, self.backward_with_added_by(y, place, outliers, t));
     }
 
     fn add_lns(&self, i: usize, y: &Y, line: Line<'_>, theta: &[f64], out: &mut [f64]) {
@@ -341,11 +340,7 @@ impl<Y: Kind, const WIDENS: bool> NullaryFnOnce for Backward<'_, Y, WIDENS> {
     #[inline(always)]
     fn call(self) {
         let Self { rows, y, place, t } = self;
-        if rows.width <= FEW {
-            rows.backward_by::<FEW>(y, place, t);
-        } else {
-            rows.backward_by::<MANY>(y, place, t);
-        }
+        by_width!(rows.width, rows.backward_by(y, place, t));
     }
 }
 
