@@ -2,6 +2,8 @@
 
 #![allow(clippy::unwrap_used, clippy::print_stdout, reason = "tests")]
 
+#[path = "support/as_written.rs"]
+mod as_written;
 #[path = "../models/conduction_erp.rs"]
 mod conduction_erp;
 #[path = "../models/lat_rates.rs"]
@@ -14,6 +16,7 @@ mod support;
 
 use std::collections::BTreeMap;
 
+use as_written::same_as_written;
 use eplat::experiment::thinned;
 use eplat::infer::{LogDensity as _, Settings, Silent, jittered_starts};
 use eplat::manifold::{Basis, Eikonal, Front, Medium, eigenpairs};
@@ -117,6 +120,7 @@ fn gradients_are_those_of_differences() {
         let error = gradient_error(&model, point);
         assert!(error < 1e-5, "point {point}: {error}");
     }
+    same_as_written(&models::Tissue, &basis, &rows(&surface, &basis), &model.initial());
     // tissue that is none: the draw is refused, and nothing hangs or panics
     for (name, value) in [("velocity.m", f64::NAN), ("faster", 1e3), ("faster", -1e3)] {
         let mut u = model.initial();
@@ -199,6 +203,7 @@ fn a_column_that_the_tissue_depends_on_makes_an_activation_for_each_of_its_value
         assert!(error < 1e-5, "point {point}: {error}");
     }
     let mut u = model.initial();
+    same_as_written(&models::rates::Rates, &basis, &data, &u);
     let at = model.unknown_names().iter().position(|name| name == "slowing").unwrap();
     u[at] = 1.0; // ln
     let mut t = model.tape();

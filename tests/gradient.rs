@@ -4,6 +4,8 @@
 
 #[path = "../models/apd_restitution.rs"]
 mod apd_restitution;
+#[path = "support/as_written.rs"]
+mod as_written;
 #[path = "models/called.rs"]
 mod called;
 #[path = "../models/custom.rs"]
@@ -47,6 +49,7 @@ mod support;
 #[path = "models/vector_priors.rs"]
 mod vector_priors;
 
+use as_written::same;
 use eplat::cli::shipped_models;
 use eplat::infer::LogDensity;
 use eplat::model::{Declare, Interpreted, Model};
@@ -90,34 +93,20 @@ fn interpreted(model: &dyn Declare) -> Option<Interpreted> {
     read.ok()
 }
 
-/// That density, gradient and Hessian of two models are the same to the bit.
-fn same(one: &Model, other: &Model, u: &[f64]) {
-    let bits = |x: &[f64]| x.iter().map(|x| x.to_bits()).collect::<Vec<_>>();
-    let of = |model: &Model| {
-        let (mut evaluator, mut gradient) = (model.evaluator(), vec![0.0; u.len()]);
-        let lp = evaluator.ln_density(u, &mut gradient);
-        let mut all = vec![bits(&[lp]), bits(&gradient)];
-        evaluator.hessian(u, &mut |_, column| all.push(bits(column)));
-        all
-    };
-    assert!(of(one) == of(other), "{}", one.name);
-}
-
 /// Central differences with Richardson's extrapolation. And the model reads the same without a compiler.
 fn check(declared: &dyn Declare, data: &Measurements) {
     let basis = basis(200, 60);
     let model = Model::new(declared, Some(&basis), data).unwrap();
-    let as_written = interpreted(declared);
-    let as_written = as_written.map(|own| Model::new(&own, Some(&basis), data).unwrap());
+    let written = interpreted(declared);
+    let written = written.map(|own| Model::new(&own, Some(&basis), data).unwrap());
     let mut rng = rng(7);
     for point in 0..3 {
         let mut u = model.initial();
         for x in &mut u {
             *x += rng.random_range(-0.4..0.4);
         }
-        if let Some(as_written) = &as_written {
-            assert_eq!(model.unknown_names(), as_written.unknown_names());
-            same(&model, as_written, &u);
+        if let Some(written) = &written {
+            same(&model, written, &u);
         }
         let mut evaluator = model.evaluator();
         let mut gradient = vec![0.0; model.dim()];

@@ -2,12 +2,15 @@
 
 #![allow(clippy::unwrap_used, clippy::print_stdout, reason = "tests")]
 
+#[path = "support/as_written.rs"]
+mod as_written;
 #[path = "../models/lat_local.rs"]
 mod lat_local;
 #[path = "support/program.rs"]
 mod program;
 mod support;
 
+use as_written::same_as_written;
 use eplat::experiment::thinned;
 use eplat::infer::{Settings, Silent, jittered_starts};
 use eplat::manifold::{Basis, Eikonal, Front, Gradient, Medium, eigenpairs, integrate_along_paths};
@@ -150,6 +153,8 @@ fn gradients_are_those_of_differences() {
     let both = rows(&surface, &basis, 13, &["lat", "slow"]);
     let of_ways = Model::new(&way::Way, Some(&basis), &ways).unwrap();
     let of_both = Model::new(&measured::Measured, Some(&basis), &both).unwrap();
+    same_as_written(&way::Way, &basis, &ways, &of_ways.initial());
+    same_as_written(&measured::Measured, &basis, &both, &of_both.initial());
     for model in [&of_ways, &of_both] {
         for point in 0..3 {
             let error = gradient_error(model, point);
