@@ -25,6 +25,7 @@ pub use interval::Interval;
 pub use mixture::Mixture;
 pub use outliers::Outliers;
 pub use top_hat::TopHat;
+pub(crate) use widened::NOT_WIDENED;
 pub use widened::Widened;
 
 /// How a measurement is read from a row of a table.

@@ -27,7 +27,7 @@ pub fn Widened<D: Real, L>(inner: L, sd: impl Argument<D>) -> Widened<D, L> {
 }
 
 /// Why a likelihood that cannot be widened is refused.
-pub(super) const NOT_WIDENED: &str =
+pub(crate) const NOT_WIDENED: &str =
     "only a likelihood with a normal error can be widened: TopHat, Interval or Normal";
 
 impl<D: Real, Y: Observation, L: Likelihood<D, Y>> Likelihood<D, Y> for Widened<D, L> {

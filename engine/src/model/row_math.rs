@@ -8,7 +8,7 @@ use super::map::ReadCell;
 use super::row_line::{Line, Slope};
 use super::row_place::{ERROR, Place};
 use super::tape::Tape;
-use crate::likelihood::{Likelihood, Observation, Outliers};
+use crate::likelihood::{Likelihood, NOT_WIDENED, Observation, Outliers};
 use crate::num::{Hyper, Num, Real, Third};
 
 /// Share of outlying measurements, and the variance of their further error.
@@ -88,6 +88,10 @@ pub(super) trait RowLikelihood: Send + Sync {
     fn compute(&self) -> Option<Self::Y>;
     /// How many numbers it depends on: those that carry derivatives, then the offsets of `let`s.
     fn n(&self) -> usize;
+    /// Whether a further normal error widens it, where the type of [`Self::at`] does not tell.
+    fn widens(&self) -> bool {
+        true
+    }
     /// The likelihood of row `i` at these numbers.
     fn at<D: Real>(
         &self,
@@ -304,6 +308,9 @@ impl<L: RowLikelihood> RowMath for RowsOf<L> {
     }
 
     fn objection(&self, row: Row<'_>) -> Option<&'static str> {
+        if row.outliers.0 > 0.0 && !self.of.widens() {
+            return Some(NOT_WIDENED);
+        }
         self.plain(row).objection(&self.y[row.i])
     }
 }

@@ -29,9 +29,9 @@ impl<const N: usize> Local<N> {
         std::array::from_fn(|i| Num(variable(v[self.at[i] as usize], i)))
     }
 
-    /// Their places.
+    /// Their places, of those that there are.
     pub(super) fn places(&self) -> Vec<usize> {
-        self.at.iter().map(|at| *at as usize).collect()
+        self.at.iter().filter(|at| **at != 0).map(|at| *at as usize).collect()
     }
 
     /// Adds the derivatives that `x` carries to the adjoint.

@@ -72,7 +72,8 @@ impl Unary {
         matches!(self, Self::method(_))
     }
 
-    #[inline(always)]
+    /// Not inlined, so that it is compiled once for each number type.
+    #[inline(never)]
     pub(super) fn at<D: Real>(self, x: D) -> D {
         match self {
             Self::neg => -x,
@@ -102,18 +103,14 @@ macro_rules! surrogates {
                 }
             }
 
-            /// Its values in several lanes; `of(k, lane)` is argument k.
-            #[inline(always)]
-            pub(super) fn at<T: Real, const L: usize>(
-                self,
-                of: impl Fn(usize, usize) -> Num<T>,
-            ) -> [Num<T>; L] {
+            /// Its value; not inlined, so that it is compiled once for each number type.
+            #[inline(never)]
+            pub(super) fn at<T: Real>(self, of: [Num<T>; MOST]) -> Num<T> {
                 match self {
-                    $(Self::$Name => each(|lane| {
-                        let mut k = 0..;
-                        $(let $x = of(k.next().unwrap_or(0), lane);)*
+                    $(Self::$Name => {
+                        let [$($x,)* ..] = of;
                         $function($($x),*)
-                    }),)*
+                    })*
                 }
             }
         }

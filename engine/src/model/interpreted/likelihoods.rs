@@ -212,34 +212,6 @@ impl<D: Real, Y: Observation, L: Likelihood<D, Y> + Copy> Likelihood<D, Y> for T
     }
 }
 
-/// A likelihood of which is known whether a further normal error widens it.
-#[derive(Clone, Debug)]
-pub(super) struct Known<L, const WIDENS: bool>(pub(super) L);
-
-impl<D: Real, Y: Observation, L: Likelihood<D, Y>, const WIDENS: bool> Likelihood<D, Y>
-    for Known<L, WIDENS>
-{
-    const WIDENS: bool = WIDENS;
-    fn ln_likelihood(&self, y: &Y) -> D {
-        self.0.ln_likelihood(y)
-    }
-    fn simulate(&self, like: &Y, rng: &mut dyn Rng) -> Y {
-        self.0.simulate(like, rng)
-    }
-    fn simulate_widened(&self, like: &Y, sd: f64, rng: &mut dyn Rng) -> Y {
-        self.0.simulate_widened(like, sd, rng)
-    }
-    fn ln_widened(&self, y: &Y, variance: D) -> D {
-        self.0.ln_widened(y, variance)
-    }
-    fn location(&self) -> Option<D> {
-        self.0.location()
-    }
-    fn objection(&self, y: &Y) -> Option<&'static str> {
-        self.0.objection(y)
-    }
-}
-
 impl Written {
     /// Whether a further normal error widens it.
     pub(super) fn widens(&self) -> bool {

@@ -153,18 +153,16 @@ impl Interpreted {
     }
 
     fn rows(&self, own: &Observe) -> AnyRows {
-        let math = match (own.kind.as_str(), own.written.widens()) {
-            ("Bracket", true) => self.likelihood::<Bracket, true>(own),
-            ("Bracket", false) => self.likelihood::<Bracket, false>(own),
-            ("Count", _) => self.likelihood::<Count, false>(own),
-            (_, true) => self.likelihood::<Number, true>(own),
-            (_, false) => self.likelihood::<Number, false>(own),
+        let math = match own.kind.as_str() {
+            "Bracket" => self.likelihood::<Bracket>(own),
+            "Count" => self.likelihood::<Count>(own),
+            _ => self.likelihood::<Number>(own),
         };
         AnyRows(math, own.width)
     }
 
-    fn likelihood<Y: Kind, const WIDENS: bool>(&self, own: &Observe) -> Box<dyn RowMath> {
-        Box::new(RowsOf::new(LikelihoodOf::<Y, WIDENS> {
+    fn likelihood<Y: Kind>(&self, own: &Observe) -> Box<dyn RowMath> {
+        Box::new(RowsOf::new(LikelihoodOf::<Y> {
             program: own.program.clone(),
             written: own.written.clone(),
             width: own.width,

@@ -225,7 +225,8 @@ impl<F> Prior<F> {
     /// Its arguments.
     fn at<T: Real>(&self, s: &[Num<T>]) -> [Num<T>; MOST] {
         let mut numbers = Registers::<T, 1>::new();
-        self.program.run(|i, _| s[i], [&self.plain], &mut numbers);
+        numbers.extend(s[..self.program.n].iter().map(|x| [*x]));
+        self.program.run([&self.plain], &mut numbers);
         let of = Numbers { numbers: &numbers, plain: [&self.plain] };
         let argument = |i: usize| self.arguments.get(i).map_or(Num::from(0.0), |x| of.of(*x, 0));
         std::array::from_fn(argument)
@@ -244,14 +245,13 @@ impl<const N: usize> SequenceFn<N> for Prior<Whole> {
     }
 }
 
-/// A call of `$f` with how many numbers there are as the first constant, and one and two more.
+/// A call of `$f` with how many numbers there are as the first constant, and one and two more. Two or three are taken to be four,
+/// of which the last are zero and are passed over.
 macro_rules! with_width {
     ($n:expr, $f:ident, $($argument:expr),*) => {
         match $n {
             0 => $f!(0, 1, 2, $($argument),*),
             1 => $f!(1, 2, 3, $($argument),*),
-            2 => $f!(2, 3, 4, $($argument),*),
-            3 => $f!(3, 4, 5, $($argument),*),
             _ => $f!(4, 5, 6, $($argument),*),
         }
     };
@@ -271,11 +271,9 @@ impl Prior<Family> {
         if self.program.n == 0 {
             return each!(self.family.at(self.at::<f64>(&[])), own => shipped(own));
         }
-        macro_rules! of {
-            ($N:literal, $M:literal, $_:literal,) => {
-                prior::<_, $N, $M>(self.mentions, self.clone())
-            };
+        match self.program.n {
+            1 => prior::<_, 1, 2>(self.mentions, self.clone()),
+            _ => prior::<_, WIDEST, { WIDEST + 1 }>(self.mentions, self.clone()),
         }
-        with_width!(self.program.n, of,)
     }
 }

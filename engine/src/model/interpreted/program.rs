@@ -3,10 +3,12 @@
 
 use arrayvec::ArrayVec;
 use num_dual::DualNum as _;
+use pulp::{Arch, NullaryFnOnce};
 
 use super::functions::{MOST, Surrogate, Unary, each};
 use crate::num::functions::{max, min, pow};
 use crate::num::{Num, Real, ln_sum_exp, within};
+use crate::surrogate::{erp_s2, erp_s3};
 
 /// At most so many numbers has an expression, arguments and steps together.
 pub(super) const LIMIT: usize = 128;
@@ -99,21 +101,15 @@ impl Program {
         of
     }
 
-    /// All its numbers, in `L` evaluations: arguments, then steps. `argument(i, lane)` is number i of an evaluation.
-    #[inline(always)]
+    /// All its numbers, in `L` evaluations: to the arguments, which are there, it adds the steps.
     pub(super) fn run<T: Real, const L: usize>(
         &self,
-        argument: impl Fn(usize, usize) -> Num<T>,
         plain: [&[f64]; L],
         numbers: &mut Registers<T, L>,
     ) {
-        for i in 0..self.n {
-            numbers.push(each(|lane| argument(i, lane)));
-        }
-        for step in &self.steps {
-            let x = step.at(Numbers { numbers, plain });
-            numbers.push(x);
-        }
+        let run = Run { program: self, plain, numbers };
+        // what is computed alone fills no vector register
+        if L == 1 { run.call() } else { Arch::new().dispatch(run) }
     }
 
     /// The number of a value in one evaluation.
@@ -124,8 +120,27 @@ impl Program {
         plain: &[f64],
     ) -> Num<T> {
         let mut numbers = Registers::<T, 1>::new();
-        self.run(|i, _| argument(i), [plain], &mut numbers);
+        numbers.extend((0..self.n).map(|i| [argument(i)]));
+        self.run([plain], &mut numbers);
         Numbers { numbers: &numbers, plain: [plain] }.of(value, 0)
+    }
+}
+
+struct Run<'a, T, const L: usize> {
+    program: &'a Program,
+    plain: [&'a [f64]; L],
+    numbers: &'a mut Registers<T, L>,
+}
+
+impl<T: Real, const L: usize> NullaryFnOnce for Run<'_, T, L> {
+    type Output = ();
+    #[inline(always)]
+    fn call(self) {
+        let Self { program, plain, numbers } = self;
+        for step in &program.steps {
+            let x = step.at(Numbers { numbers, plain });
+            numbers.push(x);
+        }
     }
 }
 
@@ -223,7 +238,14 @@ impl Step {
                 Operator::Min => each(|lane| min(of.of(a, lane), of.of(b, lane))),
                 Operator::Pow => each(|lane| power(of, a, b, lane)),
             },
-            Self::Surrogate(f, of_it) => f.at(|k, lane| of.of(of_it[k], lane)),
+            // polynomials of the paper, which fill vector registers
+            Self::Surrogate(Surrogate::ErpS2, [a, b, ..]) => {
+                each(|lane| erp_s2(of.of(a, lane), of.of(b, lane)))
+            }
+            Self::Surrogate(Surrogate::ErpS3, [a, b, ..]) => {
+                each(|lane| erp_s3(of.of(a, lane), of.of(b, lane)))
+            }
+            Self::Surrogate(f, arguments) => each(|lane| f.at(arguments.map(|x| of.of(x, lane)))),
             Self::LnSumExp(ref terms) => each(|lane| {
                 let terms: Vec<Num<T>> =
                     terms.iter().map(|x| of.numbers[*x as usize][lane]).collect();

@@ -6,7 +6,8 @@ use std::sync::Arc;
 use num_dual::DualStruct as _;
 use pulp::{Arch, NullaryFnOnce};
 
-use super::likelihoods::{Kind, Known, Written};
+use super::functions::each;
+use super::likelihoods::{Kind, Written};
 use super::program::{Numbers, Program, Registers, Value};
 use crate::likelihood::Likelihood;
 use crate::model::error::ModelError;
@@ -100,7 +101,6 @@ macro_rules! by_width {
     ($width:expr, $of:ident.$f:ident($($argument:expr),*)) => {
         match $width {
             0..=2 => $of.$f::<2>($($argument),*),
-            3..=4 => $of.$f::<4>($($argument),*),
             _ => $of.$f::<8>($($argument),*),
         }
     };
@@ -164,7 +164,7 @@ fn chosen<const W: usize>(x: f64, i: usize, first: usize) -> Dual<W> {
 }
 
 /// A likelihood on its rows.
-pub(super) struct LikelihoodOf<Y, const WIDENS: bool> {
+pub(super) struct LikelihoodOf<Y> {
     pub(super) program: Program,
     pub(super) written: Written,
     /// How many numbers carry derivatives.
@@ -177,7 +177,7 @@ pub(super) struct LikelihoodOf<Y, const WIDENS: bool> {
     pub(super) y: PhantomData<Y>,
 }
 
-impl<Y: Kind, const WIDENS: bool> LikelihoodOf<Y, WIDENS> {
+impl<Y: Kind> LikelihoodOf<Y> {
     /// Number `j` of row `i`.
     #[inline(always)]
     fn number(&self, place: &Place, v: &[f64], i: usize, j: usize) -> f64 {
@@ -215,7 +215,10 @@ impl<Y: Kind, const WIDENS: bool> LikelihoodOf<Y, WIDENS> {
         for lane in 0..LANES {
             plain[lane] = &self.rows[i[lane]];
         }
-        self.program.run(number, plain, &mut numbers);
+        for j in 0..self.program.n {
+            numbers.push(each(|lane| number(j, lane)));
+        }
+        self.program.run(plain, &mut numbers);
         self.written.ln_likelihoods(Numbers { numbers: &numbers, plain }, y)
     }
 
@@ -284,7 +287,7 @@ impl<Y: Kind, const WIDENS: bool> LikelihoodOf<Y, WIDENS> {
     }
 }
 
-impl<Y: Kind, const WIDENS: bool> RowLikelihood for LikelihoodOf<Y, WIDENS> {
+impl<Y: Kind> RowLikelihood for LikelihoodOf<Y> {
     type Y = Y;
 
     fn columns(&self) -> Columns {
@@ -305,14 +308,19 @@ impl<Y: Kind, const WIDENS: bool> RowLikelihood for LikelihoodOf<Y, WIDENS> {
         self.program.n
     }
 
+    fn widens(&self) -> bool {
+        self.written.widens()
+    }
+
     fn at<D: Real>(
         &self,
         i: usize,
         number: &dyn Fn(usize) -> Num<D>,
-    ) -> impl Likelihood<Num<D>, Y> + use<D, Y, WIDENS> {
+    ) -> impl Likelihood<Num<D>, Y> + use<D, Y> {
         let (mut numbers, plain) = (Registers::<D, 1>::new(), [&*self.rows[i]]);
-        self.program.run(|j, _| number(j), plain, &mut numbers);
-        Known::<_, WIDENS>(self.written.at::<Y, D, 1>(Numbers { numbers: &numbers, plain }, 0))
+        numbers.extend((0..self.program.n).map(|j| [number(j)]));
+        self.program.run(plain, &mut numbers);
+        self.written.at::<Y, D, 1>(Numbers { numbers: &numbers, plain }, 0)
     }
 
     fn backward(&self, y: &[Y], place: &Place, t: &mut Tape) {
@@ -328,14 +336,14 @@ impl<Y: Kind, const WIDENS: bool> RowLikelihood for LikelihoodOf<Y, WIDENS> {
     }
 }
 
-struct Backward<'a, Y, const WIDENS: bool> {
-    rows: &'a LikelihoodOf<Y, WIDENS>,
+struct Backward<'a, Y> {
+    rows: &'a LikelihoodOf<Y>,
     y: &'a [Y],
     place: &'a Place,
     t: &'a mut Tape,
 }
 
-impl<Y: Kind, const WIDENS: bool> NullaryFnOnce for Backward<'_, Y, WIDENS> {
+impl<Y: Kind> NullaryFnOnce for Backward<'_, Y> {
     type Output = ();
     #[inline(always)]
     fn call(self) {
@@ -345,8 +353,8 @@ impl<Y: Kind, const WIDENS: bool> NullaryFnOnce for Backward<'_, Y, WIDENS> {
 }
 
 /// Log likelihoods of one row at many latent values.
-struct AddLns<'a, Y, const WIDENS: bool> {
-    rows: &'a LikelihoodOf<Y, WIDENS>,
+struct AddLns<'a, Y> {
+    rows: &'a LikelihoodOf<Y>,
     i: usize,
     y: &'a Y,
     line: Line<'a>,
@@ -354,7 +362,7 @@ struct AddLns<'a, Y, const WIDENS: bool> {
     out: &'a mut [f64],
 }
 
-impl<Y: Kind, const WIDENS: bool> NullaryFnOnce for AddLns<'_, Y, WIDENS> {
+impl<Y: Kind> NullaryFnOnce for AddLns<'_, Y> {
     type Output = ();
     #[inline(always)]
     fn call(self) {
