@@ -163,9 +163,9 @@ impl<F: RowFn<N>, const N: usize, const W: usize> WithSimd for Backward<'_, F, N
     fn with_simd<S: Simd>(self, _: S) {
         let Self { rows, y, place, t } = self;
         if S::IS_SCALAR {
-            rows.backward_rows(y, place, t)
+            rows.backward_rows(y, place, t);
         } else {
-            rows.backward_lanes(y, place, t)
+            rows.backward_lanes(y, place, t);
         }
     }
 }

@@ -19,7 +19,7 @@ pub(super) fn call(call: &Field<'_>) -> TokenStream {
             (scalar(&term.amplitude), kernel(&term.kernel), Count(term.modes));
         quote! {{
             let amplitude = b.scalar(&#amplitude);
-            b.term(amplitude, #modes, #kernel)
+            b.term(amplitude, #modes, &#kernel)
         }}
     });
     let (mean, is_within) = (scalar(mean), field.is_within);

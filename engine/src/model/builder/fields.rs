@@ -97,7 +97,7 @@ impl Builder<'_> {
     }
 
     /// One `amplitude * gp(kernel, K = k)`.
-    pub fn term(&mut self, amplitude: Scalars, k: usize, kernel: AnyKernel) -> Terms {
+    pub fn term(&mut self, amplitude: Scalars, k: usize, kernel: &AnyKernel) -> Terms {
         let terms = amplitude.0.into_iter().enumerate().map(|(label, amplitude)| {
             let spectrum = (kernel.make)(&self.local(kernel.mentions, label));
             Term { amplitude, spectrum, k, eta: 0, work: 0 }

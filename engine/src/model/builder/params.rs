@@ -200,7 +200,7 @@ impl Builder<'_> {
         if n != expected {
             return Err(ModelError::Length { parameter, len: n, expected });
         }
-        if N == 0 && !prior.ln_norm(n).0.is_finite() {
+        if mentions.is_empty() && !prior.ln_norm(n).0.is_finite() {
             return Err(ModelError::NoDensity { parameter, prior: decl.text.into() });
         }
         let (n_unknowns, n_carry) = (prior.n_unknowns(n), prior.n_carry(n).max(1));

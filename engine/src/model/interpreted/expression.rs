@@ -2,6 +2,7 @@
 //! text; all else is left to the compiler.
 
 use std::collections::BTreeMap;
+use std::f64::consts;
 
 use eplat_language::plan::Function;
 use eplat_language::print;
@@ -170,10 +171,10 @@ impl<'a> Reader<'a> {
             Expr::Group(e) => self.value(&e.expr),
             Expr::Lit(lit) => match &lit.lit {
                 Lit::Float(x) if matches!(x.suffix(), "" | "f64") => {
-                    self.literal(e, x.base10_parse())
+                    self.literal(e, x.base10_parse().ok())
                 }
                 Lit::Int(n) if n.suffix() == "f64" => {
-                    self.literal(e, n.base10_digits().parse::<f64>())
+                    self.literal(e, n.base10_digits().parse().ok())
                 }
                 Lit::Int(n) if n.suffix().is_empty() => {
                     n.base10_parse().map(Value::Whole).or_else(|_| beyond(e))
@@ -233,10 +234,10 @@ impl<'a> Reader<'a> {
         }
     }
 
-    fn literal<E>(&mut self, e: &Expr, x: Result<f64, E>) -> Read<Value> {
+    fn literal(&mut self, e: &Expr, x: Option<f64>) -> Read<Value> {
         match x {
-            Ok(x) => Ok(self.plain_step(PlainStep::Constant(x))),
-            Err(_) => beyond(e),
+            Some(x) => Ok(self.plain_step(PlainStep::Constant(x))),
+            None => beyond(e),
         }
     }
 
@@ -247,12 +248,11 @@ impl<'a> Reader<'a> {
                 Named::Vector(..) => None,
             };
         }
-        use std::f64::consts::{E, LN_2, PI, TAU};
         let known = match name {
-            "std::f64::consts::PI" => Some(PI),
-            "std::f64::consts::TAU" => Some(TAU),
-            "std::f64::consts::E" => Some(E),
-            "std::f64::consts::LN_2" => Some(LN_2),
+            "std::f64::consts::PI" => Some(consts::PI),
+            "std::f64::consts::TAU" => Some(consts::TAU),
+            "std::f64::consts::E" => Some(consts::E),
+            "std::f64::consts::LN_2" => Some(consts::LN_2),
             name => self.around.constants.get(name).copied(),
         };
         Some(self.plain_step(PlainStep::Constant(known?)))

@@ -8,8 +8,8 @@ use crate::surrogate::{self, emulated, five};
 #[inline(always)]
 pub(super) fn each<T: Real, const L: usize>(of: impl Fn(usize) -> Num<T>) -> [Num<T>; L] {
     let mut out = [Num::from(0.0); L];
-    for lane in 0..L {
-        out[lane] = of(lane);
+    for (lane, out) in out.iter_mut().enumerate() {
+        *out = of(lane);
     }
     out
 }

@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use super::priors::with_width;
+use super::priors::WIDEST;
 use super::program::{Program, Value};
 use crate::field::{Authors, Kernel, Matern12, Matern32, Matern52, Rbf, authors};
 use crate::model::expression::{AnyKernel, AnyScalar, Names, constant, kernel, lone, scalar};
@@ -90,12 +90,7 @@ impl Quantity {
             Value::Number(_) if self.is_lone() => return lone(self.mentions),
             Value::Number(_) => {}
         }
-        macro_rules! of {
-            ($N:literal, $_1:literal, $_2:literal,) => {
-                scalar::<_, $N>(self.mentions, self.clone())
-            };
-        }
-        with_width!(self.program.n, of,)
+        scalar::<_, WIDEST>(self.mentions, self.clone())
     }
 }
 
@@ -135,11 +130,6 @@ impl Covariance {
         if self.lengthscale.is_lone() {
             return self.shape.shipped(self.of_authors, mentions);
         }
-        macro_rules! of {
-            ($N:literal, $_1:literal, $_2:literal,) => {
-                kernel::<_, $N>(mentions, self.clone())
-            };
-        }
-        with_width!(self.lengthscale.program.n, of,)
+        kernel::<_, WIDEST>(mentions, self.clone())
     }
 }

@@ -29,7 +29,7 @@ mod rows;
 
 pub use expression::Beyond;
 use likelihoods::Kind;
-use priors::{Prior, Whole, with_width};
+use priors::WIDEST;
 use read::{Call, Calls, Field, Observe, Param};
 use rows::{Columns, LetOf, LikelihoodOf, OperandOf};
 
@@ -96,12 +96,8 @@ impl Interpreted {
         match call {
             Call::Param(own) => return param(own, b),
             Call::Imputed(decl, prior) => {
-                macro_rules! imputed {
-                    ($N:literal, $M:literal, $_:literal,) => {
-                        b.imputed::<_, $N, $M>(decl.clone(), prior.mentions, prior.clone())
-                    };
-                }
-                return with_width!(prior.program.n, imputed,);
+                let (decl, prior) = (decl.clone(), prior.clone());
+                return b.imputed::<_, WIDEST, { WIDEST + 1 }>(decl, prior.mentions, prior);
             }
             Call::Block(name, params) => {
                 b.block(name);
@@ -187,13 +183,8 @@ fn param(own: &Param, b: &mut Builder<'_>) -> Result<(), ModelError> {
     match own {
         Param::Numbers(decl, len, prior) => b.param(decl.clone(), *len, &prior.object()),
         Param::Vector(decl, n, prior) => {
-            let prior: &Prior<Whole> = prior;
-            macro_rules! sequence {
-                ($N:literal, $_:literal, $M:literal,) => {
-                    b.sequence::<_, $N, $M>(decl.clone(), *n, prior.mentions, prior.clone())
-                };
-            }
-            with_width!(prior.program.n, sequence,)
+            let (decl, prior) = (decl.clone(), prior.clone());
+            b.sequence::<_, WIDEST, { WIDEST + 2 }>(decl, *n, prior.mentions, prior)
         }
     }
 }
@@ -205,7 +196,7 @@ fn field(own: &Field, b: &mut Builder<'_>) -> Result<(), ModelError> {
     let mean = b.scalar(&own.mean.object());
     let terms = own.terms.iter().map(|(amplitude, k, kernel)| {
         let amplitude = b.scalar(&amplitude.object());
-        b.term(amplitude, *k, kernel.object())
+        b.term(amplitude, *k, &kernel.object())
     });
     let terms = terms.collect();
     b.end_field(own.lone_mean.as_deref(), mean, terms)

@@ -245,20 +245,8 @@ impl<const N: usize> SequenceFn<N> for Prior<Whole> {
     }
 }
 
-/// A call of `$f` with how many numbers there are as the first constant, and one and two more. Two or three are taken to be four,
-/// of which the last are zero and are passed over.
-macro_rules! with_width {
-    ($n:expr, $f:ident, $($argument:expr),*) => {
-        match $n {
-            0 => $f!(0, 1, 2, $($argument),*),
-            1 => $f!(1, 2, 3, $($argument),*),
-            _ => $f!(4, 5, 6, $($argument),*),
-        }
-    };
-}
-pub(super) use with_width;
-
-/// At most so many numbers does a prior, a kernel or an amplitude mention.
+/// At most so many numbers does a prior, a kernel or an amplitude mention. One that mentions fewer gets zeros for the
+/// rest, and passes them over.
 pub(super) const WIDEST: usize = 4;
 
 fn shipped<F: PriorFn<0>>(of: F) -> AnyPrior {
@@ -272,7 +260,7 @@ impl Prior<Family> {
             return each!(self.family.at(self.at::<f64>(&[])), own => shipped(own));
         }
         match self.program.n {
-            1 => prior::<_, 1, 2>(self.mentions, self.clone()),
+            1 | 2 => prior::<_, 2, 3>(self.mentions, self.clone()),
             _ => prior::<_, WIDEST, { WIDEST + 1 }>(self.mentions, self.clone()),
         }
     }

@@ -154,7 +154,7 @@ impl Calls<'_> {
 
     /// A prior of numbers.
     fn numbers(&self, of: &Function) -> Read<Prior<Family>> {
-        self.prior(of, &expression(of)?, |name| Family::of(name))
+        self.prior(of, &expression(of)?, Family::of)
     }
 
     /// A prior of a vector.
