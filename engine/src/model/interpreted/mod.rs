@@ -26,6 +26,8 @@ mod priors;
 mod program;
 mod read;
 mod rows;
+#[cfg(test)]
+mod tests;
 
 pub use expression::Beyond;
 use likelihoods::Kind;
