@@ -14,7 +14,7 @@ from .errors import EplatError, UsageError
 
 
 def models() -> list[str]:
-    """Names of the models that ship. They run at once, without a Rust toolchain."""
+    """Names of the models that ship."""
     return sorted(_eplat.shipped_models())
 
 
@@ -29,7 +29,7 @@ def model_source(name: str) -> str:
 def model_file(model: str | os.PathLike[str]) -> Path:
     """The file of a model that is given by name, path or source text.
 
-    A text is kept in the cache folder under its hash, so that an own model is compiled once.
+    A text is kept in the cache folder under its hash, so that one with Rust code in it is compiled once.
     """
     text = os.fspath(model)
     if "model!" in text:

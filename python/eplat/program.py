@@ -1,7 +1,7 @@
 """The program that came with this package, as a child process.
 
-A run is a process of its own: what ends it does not end Python, an interrupt reaches it as Ctrl-C does, and a model of
-one's own can be compiled into it.
+A run is a process of its own: what ends it does not end Python, an interrupt reaches it as Ctrl-C does, and a model
+with Rust code in it can be compiled into it.
 """
 
 from __future__ import annotations

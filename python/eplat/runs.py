@@ -44,8 +44,8 @@ def run(
 ) -> Result:
     """Samples a model's posterior.
 
-    model: the name of a model that ships ("erp"; see `eplat.models()`), a path (.rs), or source text. One that does not
-        ship is compiled first, which needs a Rust toolchain.
+    model: the name of a model that ships ("erp"; see `eplat.models()`), a path (.rs), or source text. Only one
+        with Rust code in it is compiled first, which needs a Rust toolchain.
     mesh: a path, a `pyvista.PolyData`, a pair (vertices (n, 3), triangles (m, 3)), an `eplat.Surface`, or "embedded",
         the procedural left atrium. The unit of a file or of arrays is what the file says, `units="mm"`, or guessed
         from the size.

@@ -47,7 +47,8 @@ impl Command {
                 self.model.display()
             ))
         };
-        let model = file.find(compiled)?.ok_or_else(unshipped)?;
+        let shipped = compiled.iter().find(|c| c.source == file.source);
+        let model = shipped.ok_or_else(unshipped)?.model;
         let design = Design { seed: self.seed, ..Design::default() };
         let inputs = Inputs {
             mesh: MeshSource::default(),
