@@ -8,10 +8,9 @@ use eplat_language::plan::Function;
 use eplat_language::print;
 use eplat_language::syntax::{Expr, Ident};
 use proc_macro2::TokenStream;
-use syn::{BinOp, ExprCall, ExprMethodCall, Lit, Member, UnOp};
+use syn::{BinOp, Lit, Member, UnOp};
 
-use super::functions::{MOST, Method, Surrogate, Unary};
-use super::likelihoods::{self, Takes, Word, Written};
+use super::functions::Unary;
 use super::program::{LIMIT, Operator, PlainStep, Program, Step, Value};
 use super::rows::Columns;
 
@@ -55,11 +54,11 @@ pub(super) enum Parameter {
 }
 
 /// So deep may functions call each other.
-const DEEPEST: usize = 16;
+pub(super) const DEEPEST: usize = 16;
 
 /// What a word of an expression stands for.
 #[derive(Clone, Copy, Debug)]
-enum Named {
+pub(super) enum Named {
     One(Value),
     /// The first of so many numbers.
     Vector(u32, usize),
@@ -68,13 +67,13 @@ enum Named {
 /// Reads the expressions of one function.
 pub(super) struct Reader<'a> {
     program: Program,
-    names: BTreeMap<String, Named>,
-    row: Option<Ident>,
+    pub(super) names: BTreeMap<String, Named>,
+    pub(super) row: Option<Ident>,
     columns: &'a Columns,
-    around: &'a Around,
+    pub(super) around: &'a Around,
     /// How many functions the expression stands in, and whether the innermost is one of `D: Real`.
-    depth: usize,
-    is_generic: bool,
+    pub(super) depth: usize,
+    pub(super) is_generic: bool,
 }
 
 impl<'a> Reader<'a> {
@@ -127,7 +126,7 @@ impl<'a> Reader<'a> {
         }
     }
 
-    fn step(&mut self, step: Step) -> Read<Value> {
+    pub(super) fn step(&mut self, step: Step) -> Read<Value> {
         let at = self.program.n + self.program.steps.len();
         if at >= LIMIT {
             return Err(Beyond("so long an expression".into()));
@@ -136,7 +135,7 @@ impl<'a> Reader<'a> {
         Ok(Value::Number(at as u32))
     }
 
-    fn plain_step(&mut self, step: PlainStep) -> Value {
+    pub(super) fn plain_step(&mut self, step: PlainStep) -> Value {
         let found = self.program.plain.iter().position(|own| *own == step);
         let at = found.unwrap_or_else(|| {
             self.program.plain.push(step);
@@ -154,7 +153,7 @@ impl<'a> Reader<'a> {
     }
 
     /// As a plain number, unless it carries derivatives.
-    fn as_plain(&mut self, value: Value) -> Option<u32> {
+    pub(super) fn as_plain(&mut self, value: Value) -> Option<u32> {
         match value {
             Value::Number(_) => None,
             Value::Plain(i) => Some(i),
@@ -299,7 +298,7 @@ impl<'a> Reader<'a> {
         None
     }
 
-    fn unary(&mut self, f: Unary, value: Value) -> Read<Value> {
+    pub(super) fn unary(&mut self, f: Unary, value: Value) -> Read<Value> {
         match value {
             Value::Number(x) => self.step(Step::Unary(f, x)),
             value => match self.as_plain(value) {
@@ -309,134 +308,8 @@ impl<'a> Reader<'a> {
         }
     }
 
-    fn method(&mut self, call: &ExprMethodCall) -> Read<Value> {
-        // of a bare number the compiler asks which kind it is
-        if matches!(&*call.receiver, Expr::Lit(_)) || call.turbofish.is_some() {
-            return beyond(call);
-        }
-        let receiver = self.value(&call.receiver)?;
-        let arguments = call.args.iter().map(|e| self.value(e)).collect::<Read<Vec<Value>>>()?;
-        match (call.method.to_string().as_str(), receiver, &arguments[..]) {
-            (_, Value::Whole(_), _) => beyond(call),
-            ("powi", Value::Number(x), [Value::Whole(n)]) => self.step(Step::Powi(x, *n)),
-            ("powi", Value::Plain(x), [Value::Whole(n)]) => {
-                Ok(self.plain_step(PlainStep::Powi(x, *n)))
-            }
-            ("powf", Value::Number(x), [Value::Plain(y)]) => self.step(Step::Powf(x, *y)),
-            ("powf", Value::Plain(x), [Value::Plain(y)]) => {
-                Ok(self.plain_step(PlainStep::Operator(Operator::Pow, x, *y)))
-            }
-            ("powd", Value::Number(x), [Value::Number(y)]) => self.step(Step::Powd(x, *y)),
-            (name, x, []) => match Method::of(name) {
-                Some(method) => self.unary(Unary::method(method), x),
-                None => beyond(call),
-            },
-            _ => beyond(call),
-        }
-    }
-
-    fn call(&mut self, call: &ExprCall) -> Read<Value> {
-        let Expr::Path(path) = &*call.func else { return beyond(call) };
-        let name = print(path);
-        if name == "ln_sum_exp" && !self.around.functions.contains_key(&name) {
-            return self.ln_sum_exp(call);
-        }
-        let arguments = call.args.iter().map(|e| self.value(e)).collect::<Read<Vec<Value>>>()?;
-        let number = |value: &Value| matches!(value, Value::Number(_));
-        let around = self.around;
-        if let Some(own) = around.functions.get(&name) {
-            return self.own_function(own, &arguments)?.map_or_else(|| beyond(call), Ok);
-        }
-        match (name.as_str(), &arguments[..]) {
-            ("max", [a, b]) => self.binary(call, Operator::Max, *a, *b),
-            ("min", [a, b]) => self.binary(call, Operator::Min, *a, *b),
-            ("pow", [Value::Plain(a), Value::Whole(n)]) => {
-                Ok(self.plain_step(PlainStep::Powi(*a, *n)))
-            }
-            ("pow", [a, b]) if number(a) || number(b) || matches!(b, Value::Plain(_)) => {
-                self.binary(call, Operator::Pow, *a, *b)
-            }
-            ("expansion::within", [low, high, Value::Number(x)]) => {
-                match (self.constant(*low), self.constant(*high)) {
-                    (Some(low), Some(high)) => self.step(Step::Within(low, high, *x)),
-                    _ => beyond(call),
-                }
-            }
-            (name, arguments) => match (Unary::of(name), Surrogate::of(name), arguments) {
-                (Some(f), _, [Value::Whole(_)]) if !f.takes_whole() => beyond(call),
-                (Some(f), _, [x]) => self.unary(f, *x),
-                (_, Some((f, n)), all) if all.len() == n && all.iter().any(number) => {
-                    let mut own = [Value::Whole(0); MOST];
-                    own[..n].copy_from_slice(all);
-                    self.step(Step::Surrogate(f, own))
-                }
-                _ => beyond(call),
-            },
-        }
-    }
-
-    /// The result of a function of the file's own; `None` of other arguments than it takes.
-    fn own_function(&mut self, own: &OwnFunction, arguments: &[Value]) -> Read<Option<Value>> {
-        let given = own.parameters.iter().map(|(_, takes)| *takes).zip(arguments.iter().copied());
-        let is_one = given.clone().all(|(takes, value)| match takes {
-            Parameter::Number => matches!(value, Value::Number(_)),
-            Parameter::Plain => matches!(value, Value::Plain(_)),
-            Parameter::Generic => !matches!(value, Value::Whole(_)),
-        });
-        let is_number = |value: Value| matches!(value, Value::Number(_));
-        let generic: Vec<bool> = given
-            .filter(|(takes, _)| *takes == Parameter::Generic)
-            .map(|(_, value)| is_number(value))
-            .collect();
-        let is_same = generic.iter().all(|own| *own) || !generic.iter().any(|own| *own);
-        let fits = own.parameters.len() == arguments.len() && is_one && is_same;
-        if !fits || self.depth == DEEPEST {
-            return Ok(None);
-        }
-        let names = own.parameters.iter().zip(arguments);
-        let names = names.map(|((name, _), value)| (name.to_string(), Named::One(*value)));
-        let outside = std::mem::replace(&mut self.names, names.collect());
-        let row = self.row.take();
-        let is_generic = std::mem::replace(&mut self.is_generic, !generic.is_empty());
-        self.depth += 1;
-        for (name, e) in &own.values {
-            let value = self.value(e)?;
-            self.names.insert(name.to_string(), Named::One(value));
-        }
-        let result = self.value(&own.result)?;
-        self.depth -= 1;
-        (self.names, self.row, self.is_generic) = (outside, row, is_generic);
-        Ok(Some(result))
-    }
-
-    fn binary(&mut self, call: &ExprCall, operator: Operator, a: Value, b: Value) -> Read<Value> {
-        if let (Some(a), Some(b)) = (self.as_plain(a), self.as_plain(b)) {
-            return Ok(self.plain_step(PlainStep::Operator(operator, a, b)));
-        }
-        match (a, b) {
-            (Value::Number(_), _) | (_, Value::Number(_)) => {
-                self.step(Step::Operator(operator, a, b))
-            }
-            _ => beyond(call),
-        }
-    }
-
-    /// `ln_sum_exp(&[a, b])`
-    fn ln_sum_exp(&mut self, call: &ExprCall) -> Read<Value> {
-        let Some(Expr::Reference(reference)) = call.args.first() else { return beyond(call) };
-        let Expr::Array(array) = &*reference.expr else { return beyond(call) };
-        let mut terms = vec![];
-        for e in &array.elems {
-            match self.value(e)? {
-                Value::Number(x) => terms.push(x),
-                _ => return beyond(call),
-            }
-        }
-        self.step(Step::LnSumExp(terms.into()))
-    }
-
     /// A number that is written out.
-    fn constant(&self, value: Value) -> Option<f64> {
+    pub(super) fn constant(&self, value: Value) -> Option<f64> {
         match value {
             Value::Plain(i) => match self.program.plain[i as usize] {
                 PlainStep::Constant(x) => Some(x),
@@ -445,80 +318,6 @@ impl<'a> Reader<'a> {
             Value::Whole(n) => Some(f64::from(n)),
             Value::Number(_) => None,
         }
-    }
-
-    /// A likelihood of this kind of measurement.
-    pub(super) fn likelihood(&mut self, kind: &str, e: &Expr) -> Read<Written> {
-        let Expr::Call(call) = e else { return beyond(e) };
-        let Expr::Path(path) = &*call.func else { return beyond(e) };
-        let all: Vec<&Expr> = call.args.iter().collect();
-        match (print(path).as_str(), &all[..]) {
-            ("Censored", [inner, floor]) if kind == "Number" => self.censored(e, inner, floor),
-            ("Outliers", [inner, share, sd]) => {
-                let inner = self.likelihood(kind, inner)?;
-                let (share, sd) = (self.value(share)?, self.value(sd)?);
-                match (share, sd) {
-                    (Value::Plain(share), Value::Plain(sd)) if inner.widens() => {
-                        Ok(Written::Outliers(Box::new(inner), share, sd))
-                    }
-                    _ => beyond(e),
-                }
-            }
-            ("Widened", [inner, sd]) => {
-                let (inner, sd) = (self.likelihood(kind, inner)?, self.value(sd)?);
-                if !inner.widens() {
-                    return beyond(e);
-                }
-                Ok(Written::Widened(Box::new(inner), sd))
-            }
-            ("Mixture", [share, a, b]) => {
-                let share = self.value(share)?;
-                let (a, b) = (self.likelihood(kind, a)?, self.likelihood(kind, b)?);
-                match share {
-                    Value::Number(_) => Ok(Written::Mixture(share, Box::new(a), Box::new(b))),
-                    _ => beyond(e),
-                }
-            }
-            (name, all) => {
-                let Some((word, takes)) = Word::of(kind, name) else { return beyond(e) };
-                let arguments = self.arguments(e, takes, all)?;
-                Ok(Written::Plain(word, arguments))
-            }
-        }
-    }
-
-    fn censored(&mut self, e: &Expr, inner: &Expr, floor: &Expr) -> Read<Written> {
-        let Expr::Call(call) = inner else { return beyond(e) };
-        let word = match print(&call.func).as_str() {
-            "Normal" => "CensoredNormal",
-            "LogNormal" => "CensoredLogNormal",
-            _ => return beyond(e),
-        };
-        let Some((word, takes)) = Word::of("Number", word) else { return beyond(e) };
-        let all: Vec<&Expr> = call.args.iter().chain([floor]).collect();
-        Ok(Written::Plain(word, self.arguments(e, takes, &all)?))
-    }
-
-    fn arguments(
-        &mut self,
-        e: &Expr,
-        takes: &[Takes],
-        all: &[&Expr],
-    ) -> Read<[Value; likelihoods::MOST]> {
-        if takes.len() != all.len() {
-            return beyond(e);
-        }
-        let mut own = [Value::Whole(0); likelihoods::MOST];
-        for ((own, takes), e) in own.iter_mut().zip(takes).zip(all) {
-            *own = self.value(e)?;
-            match (takes, &own) {
-                (Takes::Any, _)
-                | (Takes::Derivatives, Value::Number(_))
-                | (Takes::Plain, Value::Plain(_)) => {}
-                _ => return beyond(*e),
-            }
-        }
-        Ok(own)
     }
 
     /// From now on the row is called so, and none of its values is known.

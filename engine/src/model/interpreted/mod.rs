@@ -17,6 +17,8 @@ use super::expression::{AnyLet, AnyOperand, AnyPredictor, AnyRows};
 use super::row_math::{RowMath, RowsOf};
 use crate::likelihood::{Bracket, Count, Number};
 
+mod calls;
+mod distributions;
 mod expression;
 mod file;
 mod functions;
