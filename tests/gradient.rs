@@ -58,8 +58,8 @@ use eplat_language::File;
 use rand::RngExt;
 use support::{basis, rng, table};
 
-/// Models that only a compiler understands: they have functions or types of their own, or densities that are
-/// written out.
+/// Models that only a compiler understands: they hold Rust code, densities that are written out, or words that the
+/// interpreter does not know.
 const COMPILED: [&str; 9] = [
     "Answers",
     "Autoregression",
@@ -93,7 +93,8 @@ fn interpreted(model: &dyn Declare) -> Option<Interpreted> {
     read.ok()
 }
 
-/// Central differences with Richardson's extrapolation. And the model reads the same without a compiler.
+/// The gradient against central differences with Richardson's extrapolation; and that the model gives the same bits as it
+/// is written.
 fn check(declared: &dyn Declare, data: &Measurements) {
     let basis = basis(200, 60);
     let model = Model::new(declared, Some(&basis), data).unwrap();

@@ -1,5 +1,5 @@
-//! Which model belongs to a model file: one in this program, one that is read as it is written, or one that is compiled on the
-//! spot.
+//! Which model belongs to a model file: one that is compiled into this program, or the file's own, evaluated as it is
+//! written. A file that only a compiler understands has neither.
 
 use std::fs;
 use std::path::{Path, PathBuf};
