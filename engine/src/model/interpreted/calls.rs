@@ -106,7 +106,16 @@ impl Reader<'_> {
         let result = self.value(&own.result)?;
         self.depth -= 1;
         (self.names, self.row, self.is_generic) = (outside, row, is_generic);
-        Ok(Some(result))
+        let is_of_its_type = match own.gives {
+            Parameter::Number => is_number(result),
+            Parameter::Plain => matches!(result, Value::Plain(_)),
+            Parameter::Generic => match generic.first() {
+                Some(true) => is_number(result),
+                Some(false) => matches!(result, Value::Plain(_)),
+                None => false,
+            },
+        };
+        Ok(Some(result).filter(|_| is_of_its_type))
     }
 
     fn binary(&mut self, call: &ExprCall, operator: Operator, a: Value, b: Value) -> Read<Value> {

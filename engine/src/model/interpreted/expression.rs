@@ -40,9 +40,11 @@ pub(super) struct OwnFunction {
     pub(super) parameters: Vec<(Ident, Parameter)>,
     pub(super) values: Vec<(Ident, Expr)>,
     pub(super) result: Expr,
+    /// The type of the result.
+    pub(super) gives: Parameter,
 }
 
-/// The type of a function's parameter.
+/// The type of a function's parameter, or of its result.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) enum Parameter {
     /// `D` of a function of `D: Real`: of the same type as the others.

@@ -76,11 +76,11 @@ fn function(of: &ItemFn) -> Option<OwnFunction> {
     };
     let parameters = sig.inputs.iter().map(parameter).collect::<Option<_>>()?;
     let ReturnType::Type(_, result) = &sig.output else { return None };
-    kind(result)?;
+    let gives = kind(result)?;
     let (last, before) = of.block.stmts.split_last()?;
     let Stmt::Expr(result, None) = last else { return None };
     let values = before.iter().map(value).collect::<Option<_>>()?;
-    Some(OwnFunction { parameters, values, result: result.clone() })
+    Some(OwnFunction { parameters, values, result: result.clone(), gives })
 }
 
 /// `let name = EXPR;`

@@ -209,17 +209,11 @@ impl Step {
             Self::Of(value) => each(|lane| of.of(value, lane)),
             Self::Unary(f, x) => {
                 let x = of.at(x);
-                each(|lane| {
-                    let x = x[lane];
-                    f.at(x)
-                })
+                each(|lane| f.at(x[lane]))
             }
             Self::Powi(x, n) => {
                 let x = of.at(x);
-                each(|lane| {
-                    let x = x[lane];
-                    x.powi(n)
-                })
+                each(|lane| x[lane].powi(n))
             }
             Self::Powf(x, y) => {
                 let x = of.at(x);
@@ -253,10 +247,7 @@ impl Step {
             }),
             Self::Within(low, high, x) => {
                 let x = of.at(x);
-                each(|lane| {
-                    let x = x[lane];
-                    within(low, high, x)
-                })
+                each(|lane| within(low, high, x[lane]))
             }
         }
     }

@@ -89,6 +89,10 @@ fn functions_of_numbers_are_read_and_others_named() {
     assert!(of("fn f<D: Real>(x: D) -> D { 2.0 * x }", "f(a)").is_some());
     assert_eq!(of("fn f<T: Real>(x: Num<T>) -> Num<T> { 2 * x }", "f(a)"), None);
     assert!(of("fn f<T: Real>(x: Num<T>) -> Num<T> { 2 * x }", "a + f(row.dose)").is_some());
+    // a result of another type
+    assert!(of("fn f<T: Real>(x: Num<T>) -> Num<T> { 1.0 }", "f(a)").is_some());
+    assert!(of("fn f<D: Real>(x: D) -> D { 1.0 }", "f(a)").is_some());
+    assert!(of("fn f(x: f64) -> f64 { 1 }", "a + f(2.0)").is_some());
     // it would never end
     assert!(of("fn f<D: Real>(x: D) -> D { f(x) }", "f(a)").is_some());
     let named = |around: &str| left(around, "Normal(a, 1.0)").unwrap();
