@@ -173,7 +173,7 @@ fn leave_one_out() -> LeaveOneOut {
         observed: "240 250".to_owned(),
         elpd: -2.5,
         pareto_k,
-        left_out: false,
+        loo_by: LeftOutBy::Weights,
     };
     let record = LooRecord {
         elpd_loo: -7.5,
@@ -182,6 +182,7 @@ fn leave_one_out() -> LeaveOneOut {
         n_measurements: 3,
         k_threshold: 0.7,
         n_high_k: 2,
+        n_integrated: 0,
         n_left_out: 0,
         worst: vec!["s1s2 at site 3 <roof> (inf)".to_owned()],
     };

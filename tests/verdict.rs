@@ -3,8 +3,10 @@
 #![allow(clippy::unwrap_used, reason = "tests")]
 
 use eplat::diagnostics::verdict::{Colour, Doubt, Question};
+use eplat::infer::{Settings as Sampling, Silent};
 use eplat::mesh::{Surface, Units};
-use eplat::model::Declare;
+use eplat::model::{Declare, Model, Noise, RowId, Sampler};
+use eplat::report::LeftOutBy;
 use eplat::run::{DataSource, Design, Fit, Inputs, Options, OutputFolder, Problem, Settings};
 use eplat::table::Measurements;
 
@@ -378,8 +380,71 @@ fn an_influential_measurement_is_left_out_exactly() {
         // what a fit would say that the measurement is not left out of: Normal(y, √2 · 0.5)
         let with = -0.5 * (2.0 * std::f64::consts::PI * 0.5f64).ln();
         assert!((with - exact).abs() > tolerance, "{with} {exact}");
-        assert!(row.left_out && row.pareto_k > 0.7);
+        assert!(row.loo_by == LeftOutBy::Fit && row.pareto_k > 0.7);
     }
     let total: f64 = loo.rows.iter().map(|row| row.elpd).sum();
     assert!((loo.record.elpd_loo - total).abs() < 1e-9);
+}
+
+/// Log predictive density of a row in a long fit without it, with its Monte Carlo error.
+fn in_a_fit_without(fit: &Fit<'_>, id: RowId) -> [f64; 2] {
+    let loaded = fit.problem().loaded();
+    let declared = fit.problem().declared();
+    let mut model = Model::new(declared, loaded.basis(), &loaded.measurements).unwrap();
+    model.leave_out(id);
+    let starts: Vec<Vec<f64>> =
+        fit.chains().iter().map(|chain| chain.draw(0).unwrap().into_owned()).collect();
+    let settings = Sampling { draws: 1000, ..Sampling::default() };
+    let chains = Sampler::Blocked.sample(&model, &starts, &settings, &Silent).unwrap();
+    let (cells, mut tape, mut locals) = (model.measured_row(id), model.tape(), vec![]);
+    let mut densities = vec![];
+    for chain in chains {
+        let each = chain.unwrap().draws.each(1, |_, draw| {
+            model.locals_at(&mut tape, draw, &[id], &mut locals);
+            densities.push(model.row_ln(id, &cells, &locals, &Noise::default()).exp());
+            std::io::Result::Ok(())
+        });
+        each.unwrap();
+    }
+    let n = densities.len() as f64;
+    let mean = densities.iter().sum::<f64>() / n;
+    let variance = densities.iter().map(|p| (p - mean).powi(2)).sum::<f64>() / n;
+    // draws of the blocked sampler are worth a half or more
+    [mean.ln(), (variance / (0.5 * n)).sqrt() / mean]
+}
+
+/// Brackets move the posterior so far that plain weights are wrong by up to two nats, though Pareto k may be low.
+/// With the fields integrated out each is right.
+#[test]
+fn rows_are_left_out_with_the_fields_integrated_out() {
+    let inputs = Inputs { data: DataSource::Synthetic(Design::default()), ..Inputs::default() };
+    let problem = Problem::load(&erp::Erp, &inputs).unwrap();
+    let fit = problem.fit(&Settings::default()).unwrap();
+    let loo = fit.loo().unwrap();
+    let n_integrated = loo.rows.iter().filter(|row| row.loo_by == LeftOutBy::Integrated).count();
+    assert!(n_integrated >= 12 && loo.record.n_integrated == n_integrated, "{loo:?}");
+    let by_weights = fit.posterior().loo.as_ref().unwrap();
+    let rows = loo.rows.iter().zip(&by_weights.rows).zip(fit.model().row_ids());
+    let mut told: Vec<_> =
+        rows.filter(|((row, _), _)| row.loo_by == LeftOutBy::Integrated).collect();
+    told.sort_by(|((a, plain_a), _), ((b, plain_b), _)| {
+        (plain_b.elpd - b.elpd).total_cmp(&(plain_a.elpd - a.elpd))
+    });
+    // those of which plain weights are farthest off, and one in the middle
+    let some = [told[0], told[1], told[n_integrated / 2]];
+    for (n, ((row, plain), id)) in some.into_iter().enumerate() {
+        let [exact, error] = in_a_fit_without(&fit, id);
+        // of a thousand draws with weights as uneven as a k of 0.7 allows some 50 count
+        let tolerance = 4.0 * error.hypot(1.0 / 50_f64.sqrt());
+        assert!((row.elpd - exact).abs() < tolerance, "{row:?} but {exact} ± {error}");
+        assert!(n > 0 || plain.elpd - exact > tolerance, "{plain:?} but {exact} ± {error}");
+    }
+    let ((row, _), _) = told[0];
+    // its replicates are those of a fit without it, too: wider than the bracket that was measured
+    let predictions = fit.predictions().unwrap();
+    let place = loo.rows.iter().position(|other| other.name() == row.name()).unwrap();
+    let (left_out, by) = predictions.rows[place].left_out.as_ref().unwrap();
+    assert_eq!(*by, LeftOutBy::Integrated);
+    let width = |quantiles: [f64; 3]| quantiles[2] - quantiles[0];
+    assert!(width(left_out.quantiles) >= width(predictions.rows[place].fitted.quantiles) + 10.0);
 }

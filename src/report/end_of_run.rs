@@ -73,24 +73,22 @@ pub fn rmse_line(rmse: &BTreeMap<String, f64>, units: &BTreeMap<String, String>)
 pub(super) fn leave_one_out_figures(loo: &LooRecord) -> String {
     let LooRecord { elpd_loo, se, p_loo, n_measurements: n, k_threshold, .. } = loo;
     let figures = format!("Leave-one-out elpd {elpd_loo:.1} ± {se:.1}, p_loo {p_loo:.1}");
-    let above = format!("Pareto k is above {k_threshold:.2} at");
-    match (loo.n_left_out, loo.n_high_k) {
-        (0, 0) => format!("{figures}; Pareto k at most {k_threshold:.2} at all {n} measurements"),
-        (left, 0) => format!(
-            "{figures}; {above} {left} of {n} measurements: {} left out in a fit of its own",
-            if left == 1 { "it was" } else { "each was" }
-        ),
-        (left, high) => {
-            let of_these = match left {
-                0 => String::new(),
-                left => format!(", {left} of which were left out in fits of their own"),
-            };
-            format!(
-                "{figures}: not reliable, {above} {} of {n} measurements{of_these}, worst {}; to know, draw more (--draws), or fit without one of them and predict it",
-                left + high,
-                loo.worst.join(", ")
-            )
+    let each = [
+        (loo.n_integrated, "with the fields integrated out"),
+        (loo.n_left_out, "left out in a fit of its own"),
+    ];
+    let each = each.into_iter().filter(|(n, _)| *n > 0).map(|(n, how)| format!("{n} {how}"));
+    let mended = each.collect::<Vec<_>>().join(" and ");
+    match (mended.is_empty(), loo.n_high_k) {
+        (true, 0) => {
+            format!("{figures}; Pareto k at most {k_threshold:.2} at all {n} measurements")
         }
+        (false, 0) => format!("{figures}; of {n} measurements {mended}"),
+        (nothing, high) => format!(
+            "{figures}: not reliable, Pareto k is above {k_threshold:.2} at {high} of {n} measurements{}, worst {}; to know, draw more (--draws), or fit without one of them and predict it",
+            if nothing { String::new() } else { format!(" ({mended})") },
+            loo.worst.join(", ")
+        ),
     }
 }
 

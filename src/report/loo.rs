@@ -6,10 +6,11 @@ use std::path::Path;
 use eplat_language::print;
 use eplat_language::syntax::{Expr, Item};
 use rayon::prelude::*;
-use serde::{Deserialize, Serialize};
+use serde::de::Error as _;
+use serde::{Deserialize, Deserializer, Serialize};
 
 use super::run_record::nan_if_null;
-use super::{Columns, ReportError};
+use super::{Columns, LeftOutBy, ReportError};
 use crate::diagnostics::{Loo, LooPoint, relative_efficiency, standard_error};
 use crate::model::Model;
 use crate::store::write_file;
@@ -33,9 +34,9 @@ pub struct LooRow {
     pub elpd: f64,
     /// Shape of the importance weights' tail; `inf` if it cannot be had.
     pub pareto_k: f64,
-    /// Whether `elpd` is not from importance weights but from a fit without this measurement.
-    #[serde(default)]
-    pub left_out: bool,
+    /// How the measurement was left out for `elpd`. Pareto k is that of plain weights however it was.
+    #[serde(alias = "left_out", deserialize_with = "left_out_by")]
+    pub loo_by: LeftOutBy,
 }
 
 /// Totals over all measurements.
@@ -54,12 +55,15 @@ pub struct LooRecord {
     pub n_measurements: usize,
     /// Pareto k above which a measurement's elpd cannot be relied on.
     pub k_threshold: f64,
-    /// Number of measurements above it, but for those that were left out in a fit of their own.
+    /// Number of measurements above it of which the weights are all there is.
     pub n_high_k: usize,
-    /// Number of those.
+    /// Number of measurements above it of which the fields integrate out.
+    #[serde(default)]
+    pub n_integrated: usize,
+    /// Number of measurements above it that were left out in a fit of their own.
     #[serde(default)]
     pub n_left_out: usize,
-    /// The worst of those, with their k, in words.
+    /// The worst of which the weights are all there is, with their k, in words.
     pub worst: Vec<String>,
 }
 
@@ -100,20 +104,20 @@ impl LeaveOneOut {
         Ok(Some(Self { record: record(&loo, &rows), rows }))
     }
 
-    /// Puts the log predictive density of measurement `i` from a fit without it in the place of that
-    /// from importance weights.
-    pub fn set_exact(&mut self, i: usize, elpd: f64) {
+    /// Puts a log predictive density of measurement `i` in the place of that from importance weights.
+    pub fn set(&mut self, i: usize, elpd: f64, by: LeftOutBy) {
         let row = &mut self.rows[i];
         let better = elpd - row.elpd;
-        (row.elpd, row.left_out) = (elpd, true);
+        (row.elpd, row.loo_by) = (elpd, by);
         let elpd_of: Vec<f64> = self.rows.iter().map(|row| row.elpd).collect();
         let record = &mut self.record;
         record.elpd_loo = elpd_of.iter().sum();
         record.se = standard_error(&elpd_of);
         record.p_loo -= better;
-        record.n_left_out = self.rows.iter().filter(|row| row.left_out).count();
-        let is_high = |row: &&LooRow| row.pareto_k > record.k_threshold && !row.left_out;
-        record.n_high_k = self.rows.iter().filter(is_high).count();
+        let count = |by| self.rows.iter().filter(|row| row.loo_by == by).count();
+        record.n_integrated = count(LeftOutBy::Integrated);
+        record.n_left_out = count(LeftOutBy::Fit);
+        record.n_high_k = self.rows.iter().filter(|row| row.is_high(record.k_threshold)).count();
         record.worst = worst_k(&self.rows, record.k_threshold);
     }
 }
@@ -123,13 +127,28 @@ impl LooRow {
     pub fn name(&self) -> String {
         format!("{} {}", self.measurement, self.place)
     }
+
+    /// Whether its Pareto k is too high for weights, and these are all there is.
+    fn is_high(&self, threshold: f64) -> bool {
+        self.pareto_k > threshold && self.loo_by == LeftOutBy::Weights
+    }
 }
 
-/// The worst of the measurements whose k is above `threshold` and that were not left out, with their k,
-/// in words.
+/// A name of [`LeftOutBy`], or, of a version that knew only fits, whether it was one.
+fn left_out_by<'de, D: Deserializer<'de>>(cell: D) -> Result<LeftOutBy, D::Error> {
+    let name = String::deserialize(cell)?;
+    match name.as_str() {
+        "true" => Ok(LeftOutBy::Fit),
+        "false" => Ok(LeftOutBy::Weights),
+        name => LeftOutBy::named(name)
+            .ok_or_else(|| D::Error::custom(format!("`{name}` is no way of leaving out"))),
+    }
+}
+
+/// The worst of the measurements whose k is above `threshold` and of which weights are all there is, with their
+/// k, in words.
 pub fn worst_k(rows: &[LooRow], threshold: f64) -> Vec<String> {
-    let mut high: Vec<&LooRow> =
-        rows.iter().filter(|row| row.pareto_k > threshold && !row.left_out).collect();
+    let mut high: Vec<&LooRow> = rows.iter().filter(|row| row.is_high(threshold)).collect();
     high.sort_by(|a, b| b.pareto_k.total_cmp(&a.pareto_k));
     let words = |row: &&LooRow| format!("{} ({:.2})", row.name(), row.pareto_k);
     high.iter().take(MOST_NAMED).map(words).collect()
@@ -148,7 +167,7 @@ fn rows(model: &Model, data: &Measurements, loo: &Loo) -> Vec<LooRow> {
                 observed: observed.iter().map(f64::to_string).collect::<Vec<_>>().join(" "),
                 elpd: point.elpd,
                 pareto_k: point.pareto_k,
-                left_out: false,
+                loo_by: LeftOutBy::Weights,
             });
         }
     }
@@ -177,7 +196,8 @@ fn record(loo: &Loo, rows: &[LooRow]) -> LooRecord {
         p_loo: loo.p_loo,
         n_measurements: rows.len(),
         k_threshold: loo.k_threshold,
-        n_high_k: rows.iter().filter(|row| row.pareto_k > loo.k_threshold).count(),
+        n_high_k: rows.iter().filter(|row| row.is_high(loo.k_threshold)).count(),
+        n_integrated: 0,
         n_left_out: 0,
         worst: worst_k(rows, loo.k_threshold),
     }
@@ -221,23 +241,37 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("loo.csv");
         let mut rows = vec![samples::loo_row("s1s2", 1, -2.5), samples::loo_row("s1s2", 2, -0.25)];
-        rows[1].pareto_k = f64::INFINITY;
+        (rows[1].pareto_k, rows[1].loo_by) = (f64::INFINITY, LeftOutBy::Integrated);
         write_loo(&path, &rows).unwrap();
         insta::assert_snapshot!(std::fs::read_to_string(&path).unwrap(), @r"
-        measurement,place,likelihood,observed,elpd,pareto_k,left_out
-        s1s2,at site 1,TopHat,240 250,-2.5,0.5,false
-        s1s2,at site 2,TopHat,240 250,-0.25,inf,false
+        measurement,place,likelihood,observed,elpd,pareto_k,loo_by
+        s1s2,at site 1,TopHat,240 250,-2.5,0.5,weights
+        s1s2,at site 2,TopHat,240 250,-0.25,inf,integrated
         ");
         assert_eq!(format!("{:?}", read_loo(&path).unwrap()), format!("{rows:?}"));
+        assert!(worst_k(&rows, 0.7).is_empty());
+        rows[1].loo_by = LeftOutBy::Weights;
         assert_eq!(worst_k(&rows, 0.7), ["s1s2 at site 2 (inf)"]);
+    }
+
+    /// It told only whether a measurement was left out in a fit.
+    #[test]
+    fn a_table_of_an_earlier_version_is_read() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("loo.csv");
+        let header = "measurement,place,likelihood,observed,elpd,pareto_k,left_out";
+        std::fs::write(&path, format!("{header}\ns,p,l,1,-1,0.5,true\ns,p,l,1,-1,0.5,false\n"))
+            .unwrap();
+        let by: Vec<LeftOutBy> = read_loo(&path).unwrap().iter().map(|row| row.loo_by).collect();
+        assert_eq!(by, [LeftOutBy::Fit, LeftOutBy::Weights]);
     }
 
     #[test]
     fn an_edited_table_is_named_with_its_line() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("loo.csv");
-        let header = "measurement,place,likelihood,observed,elpd,pareto_k";
-        std::fs::write(&path, format!("{header}\ns1s2,at site 1,TopHat,1,ten,0.5\n")).unwrap();
+        let header = "measurement,place,likelihood,observed,elpd,pareto_k,loo_by";
+        std::fs::write(&path, format!("{header}\ns1s2,at site 1,TopHat,1,ten,0.5,fit\n")).unwrap();
         let text = read_loo(&path).unwrap_err().to_string();
         assert!(text.contains("loo.csv") && text.contains("line: 2"), "{text}");
     }

@@ -278,24 +278,25 @@ fn how(predictions: &Predictions) -> String {
         let of = |row: &&PredictedRow| row.left_out.as_ref().map(|(_, by)| *by) == how;
         predictions.rows.iter().filter(of).count()
     };
-    let counts = [by(Some(LeftOutBy::Weights)), by(Some(LeftOutBy::Fit)), by(None)];
+    let [weights, integrated, fit] = LeftOutBy::ALL.map(|how| by(Some(how)));
     let mut rest =
         "A column's share should be near its title; amber: lower than chance explains.".to_owned();
     if has_brackets(predictions) {
         rest += " Brackets are compared on the grid of their width, which raises all shares.";
     }
-    if counts[0] + counts[1] == 0 {
+    if weights + integrated + fit == 0 {
         return format!(
             "Share of rows in their central predictive intervals. The intervals have seen the rows, so they \
              hold more than they would of new ones; no row was left out in this run. {rest}"
         );
     }
     let mut parts = vec![];
-    for (n, what) in counts.into_iter().zip([
-        "by importance weights (PSIS)",
-        "in a fit without the row",
-        "not known, Pareto k too high",
-    ]) {
+    for (n, what) in [
+        (weights, "by importance weights (PSIS)"),
+        (integrated, "by such weights with the fields integrated out"),
+        (fit, "in a fit without the row"),
+        (by(None), "not known, Pareto k too high"),
+    ] {
         if n > 0 {
             parts.push(format!("{n} {what}"));
         }

@@ -2,6 +2,8 @@
 
 use std::path::Path;
 
+use serde::Serialize;
+
 use super::ReportError;
 use crate::store::write_file;
 use crate::table::{Measurements, SITE, as_cell, from_cell};
@@ -22,12 +24,34 @@ pub struct Predicted {
 }
 
 /// How a measurement was left out.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "lowercase")]
 pub enum LeftOutBy {
     /// By Pareto-smoothed importance weights of the posterior's draws.
     Weights,
+    /// By such weights, with the coefficients of the fields integrated out.
+    Integrated,
     /// In a fit of its own.
     Fit,
+}
+
+impl LeftOutBy {
+    /// From the cheapest to the dearest.
+    pub const ALL: [Self; 3] = [Self::Weights, Self::Integrated, Self::Fit];
+
+    /// Its name in a table.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Weights => "weights",
+            Self::Integrated => "integrated",
+            Self::Fit => "fit",
+        }
+    }
+
+    /// That of this name.
+    pub fn named(name: &str) -> Option<Self> {
+        Self::ALL.into_iter().find(|by| by.name() == name)
+    }
 }
 
 /// One measurement and its predictions.
@@ -149,7 +173,7 @@ impl PredictedRow {
         match &self.left_out {
             Some((predicted, by)) => {
                 cells.extend(predicted.cells());
-                cells.push(if *by == LeftOutBy::Fit { "fit" } else { "weights" }.to_owned());
+                cells.push(by.name().to_owned());
             }
             None => cells.extend(std::iter::repeat_n(String::new(), 5)),
         }
@@ -250,11 +274,7 @@ fn row_of(record: &csv::StringRecord) -> Option<PredictedRow> {
         let quantiles = [number(at)?, number(at + 1)?, number(at + 2)?];
         Some(Predicted { quantiles, inside: [record.get(at + 3)?.parse().ok()?; 4] })
     };
-    let by = match record.get(14)? {
-        "weights" => Some(LeftOutBy::Weights),
-        "fit" => Some(LeftOutBy::Fit),
-        _ => None,
-    };
+    let by = LeftOutBy::named(record.get(14)?);
     Some(PredictedRow {
         line: record.get(0)?.parse().ok()?,
         site: from_cell(record.get(1)?).to_owned(),

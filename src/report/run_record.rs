@@ -337,6 +337,7 @@ mod tests {
             "n_measurements": 20,
             "k_threshold": 0.7,
             "n_high_k": 0,
+            "n_integrated": 0,
             "n_left_out": 0,
             "worst": []
           },

@@ -82,6 +82,7 @@ pub(super) fn record() -> RunRecord {
             n_measurements: 20,
             k_threshold: 0.7,
             n_high_k: 0,
+            n_integrated: 0,
             n_left_out: 0,
             worst: vec![],
         }),
@@ -100,7 +101,7 @@ pub(super) fn loo_row(measurement: &str, site: usize, elpd: f64) -> LooRow {
         observed: "240 250".to_owned(),
         elpd,
         pareto_k: 0.5,
-        left_out: false,
+        loo_by: LeftOutBy::Weights,
     }
 }
 

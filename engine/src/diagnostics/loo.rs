@@ -94,7 +94,7 @@ pub fn relative_efficiency(ess_mean: &[f64], n_chains: usize, n_draws: usize) ->
 }
 
 /// `min(1 − 1/log₁₀ S, 0.7)`: the largest Pareto k at which S draws can be relied on.
-pub(super) fn k_threshold(n_draws: usize) -> f64 {
+pub fn k_threshold(n_draws: usize) -> f64 {
     if n_draws > 1 { (1.0 - 1.0 / (n_draws as f64).log10()).min(0.7) } else { 0.7 }
 }
 

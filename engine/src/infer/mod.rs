@@ -75,7 +75,8 @@ mod tree;
 mod warmup;
 
 pub use blocked::{
-    BlockLayout, Blocked, Design, Group, Latent, LatentGaussian, Layout, Shape, sample_blocked,
+    BlockLayout, Blocked, Design, Group, Latent, LatentGaussian, Layout, RowWithout, Shape,
+    sample_blocked, without_rows,
 };
 pub use density::{Evaluator, LogDensity};
 pub use draws::{Chain, ChainResult, Divergence, Draw, Transition};

@@ -53,7 +53,7 @@ mod shipped;
 mod tape;
 
 pub use augmented::{AddedEffect, Augmented};
-pub use blocked::Sampler;
+pub use blocked::{Predictive, Sampler};
 pub use declare::{Compiled, Declare};
 pub use density::Density;
 pub use discrepancy::{Discrepancy, RowError, Spread};

@@ -61,6 +61,13 @@ pub enum Stream {
         /// The measurement that is left out.
         row: usize,
     },
+    /// Predictions of measurements from the others, with the coefficients integrated out.
+    IntegratedOut {
+        /// The draw of the posterior, of those that are used.
+        draw: usize,
+    },
+    /// Replicates that are drawn anew by weights.
+    Resampled,
     /// What a model expects before anything is measured.
     Expected,
     /// A procedure with a seed of its own: see [`procedure`].
@@ -105,6 +112,8 @@ impl Stream {
             Self::LeftOut { site } => (20, index(site, 32)),
             Self::Expected => (21, 0),
             Self::WithoutRow { row } => (23, index(row, 32)),
+            Self::Resampled => (21, 1),
+            Self::IntegratedOut { draw } => (24, index(draw, 32)),
             // counted from the top, as ever
             Self::Start(chain) => (u64::from(u32::MAX), u64::from(u32::MAX) - index(chain, 32)),
         };
@@ -155,12 +164,14 @@ mod tests {
             Stream::StandIn,
             Stream::Leap,
             Stream::Expected,
+            Stream::Resampled,
             Stream::Procedure,
         ];
         for i in of(32) {
             all.extend([Stream::Chain(i), Stream::Start(i), Stream::AfterSampling(i)]);
             all.extend([Stream::Prior(i), Stream::LeftOut { site: i }]);
             all.push(Stream::WithoutRow { row: i });
+            all.push(Stream::IntegratedOut { draw: i });
         }
         for (round, search) in of(12).into_iter().flat_map(|r| of(20).map(|k| (r, k))) {
             all.push(Stream::Null { round, search });
@@ -185,7 +196,7 @@ mod tests {
         }
         // the kinds are told apart by the upper half, so what holds at the ends holds in between
         let kinds: BTreeMap<u64, _> = seen.into_iter().map(|(n, s)| (n >> 32, s)).collect();
-        assert_eq!(kinds.len(), 14);
+        assert_eq!(kinds.len(), 15);
     }
 
     #[test]

@@ -241,6 +241,7 @@ fn same_measurements(a: &Side, b: &Side) -> Result<(), CompareError> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::report::LeftOutBy;
 
     /// A run with these pointwise elpd, nothing wrong with it.
     fn side(folder: &str, elpd: &[f64]) -> Side {
@@ -251,7 +252,7 @@ mod tests {
             observed: "240 250".into(),
             elpd: *elpd,
             pareto_k: 0.3,
-            left_out: false,
+            loo_by: LeftOutBy::Weights,
         };
         let totals = LooRecord {
             elpd_loo: elpd.iter().sum(),
@@ -260,6 +261,7 @@ mod tests {
             n_measurements: elpd.len(),
             k_threshold: 0.7,
             n_high_k: 0,
+            n_integrated: 0,
             n_left_out: 0,
             worst: vec![],
         };

@@ -1,4 +1,5 @@
-//! Leave-one-out prediction where importance weights cannot tell it: a short fit without the measurement.
+//! Leave-one-out prediction where importance weights cannot tell it: with the fields integrated out
+//! ([`Model::predictive`]), and where that does not do, in a short fit without the measurement.
 //!
 //! The fit starts from the draws of the fit with it, so that a short warm-up is enough. The measurement
 //! stays where it is in the model and only stops to count, so that both have the same unknowns.
@@ -6,11 +7,16 @@
 use std::collections::BTreeMap;
 use std::io;
 
+use rand::Rng;
+use rand_distr::Distribution as _;
+use rand_distr::weighted::WeightedIndex;
+
+use crate::diagnostics::{LooPoint, k_threshold, loo_weights};
 use crate::infer::{LogDensity as _, Settings, Silent};
-use crate::model::{Model, Noise, RowId, Sampler};
+use crate::model::{Model, Noise, Predictive, RowId, Sampler};
 use crate::num::ln_mean_exp;
 use crate::random::Stream;
-use crate::report::LeaveOneOut;
+use crate::report::{LeaveOneOut, LeftOutBy};
 use crate::run::fit::Method;
 use crate::run::{Event, Fit, Watch};
 
@@ -32,30 +38,46 @@ const EARLIER: usize = 200;
 pub(in crate::run) struct LeftOut {
     /// The figures of all measurements.
     pub(in crate::run) loo: LeaveOneOut,
-    /// Replicates, of a bracket its lower end, of those that were left out in a fit of their own.
+    /// Replicates, of a bracket its lower end, of those of which it is not told by plain weights.
     pub(in crate::run) replicates: BTreeMap<usize, Vec<f64>>,
 }
 
 impl LeftOut {
-    /// With no measurement left out in a fit of its own.
+    /// By plain weights.
     pub(in crate::run) fn by_weights(loo: LeaveOneOut) -> Self {
         Self { loo, replicates: BTreeMap::new() }
     }
 }
 
-/// `loo` with the elpd of those measurements whose Pareto k is too high from fits without them; `watch` is told
-/// how many of these are done.
+/// `loo` with the elpd of those measurements whose Pareto k is too high from elsewhere; `watch` is told how many fits
+/// without one are done.
 pub(in crate::run) fn exact(fit: &Fit<'_>, loo: LeaveOneOut, watch: &Watch<'_>) -> LeftOut {
     let mut left = LeftOut::by_weights(loo);
     let Method::Sampled(sampler) = fit.method() else { return left };
     if !fit.converged() {
         return left;
     }
-    let loo = &mut left.loo;
+    let LeftOut { loo, replicates } = &mut left;
     let ids = fit.model().row_ids();
     let threshold = loo.record.k_threshold;
     let mut high: Vec<usize> =
         (0..ids.len()).filter(|i| loo.rows[*i].pareto_k > threshold).collect();
+    if high.is_empty() {
+        return left;
+    }
+    // a k that is barely low hides errors, too: where there are few rows all of them are told so
+    let asked = if ids.len() <= MOST { (0..ids.len()).collect() } else { high.clone() };
+    let of_asked: Vec<RowId> = asked.iter().map(|i| ids[*i]).collect();
+    let predictive = fit.model().predictive(&fit.kept, &of_asked, fit.settings.seed);
+    let mut rng = Stream::Resampled.rng(fit.settings.seed);
+    for (i, predictive) in asked.iter().zip(&predictive) {
+        let told = predictive.as_ref().and_then(|predictive| told(predictive, &mut rng));
+        if let Some((elpd, own)) = told {
+            loo.set(*i, elpd, LeftOutBy::Integrated);
+            replicates.insert(*i, own);
+        }
+    }
+    high.retain(|i| !replicates.contains_key(i));
     high.sort_by(|a, b| loo.rows[*b].pareto_k.total_cmp(&loo.rows[*a].pareto_k));
     let gradients: u64 = fit.chains().iter().map(|c| c.n_grad_warmup + c.n_grad_sampling).sum();
     // where each place has a deviation of its own nearly every measurement would have to be left out
@@ -65,15 +87,25 @@ pub(in crate::run) fn exact(fit: &Fit<'_>, loo: LeaveOneOut, watch: &Watch<'_>) 
     let of = high.len();
     for (done, i) in high.into_iter().enumerate() {
         watch.tell(&Event::LeavingOut { done, of });
-        if let Some((elpd, replicates)) = without(fit, sampler, ids[i], i) {
-            loo.set_exact(i, elpd);
-            left.replicates.insert(i, replicates);
+        if let Some((elpd, own)) = without(fit, sampler, ids[i], i) {
+            loo.set(i, elpd, LeftOutBy::Fit);
+            replicates.insert(i, own);
         }
     }
     if of > 0 {
         watch.tell(&Event::LeavingOut { done: of, of });
     }
     left
+}
+
+/// Log predictive density of a measurement, and replicates of it, where weights can tell it.
+fn told(predictive: &Predictive, rng: &mut impl Rng) -> Option<(f64, Vec<f64>)> {
+    // the draws are spread over the chains, and nearly independent
+    let (point, _) = LooPoint::of(&predictive.ln_density, 1.0);
+    let weights = loo_weights(&predictive.ln_density, 1.0)?;
+    let n = weights.len();
+    let weighted = WeightedIndex::new(weights).ok().filter(|_| point.pareto_k <= k_threshold(n))?;
+    Some((point.elpd, (0..n).map(|_| predictive.replicates[weighted.sample(rng)]).collect()))
 }
 
 /// Log predictive density of measurement `i` in a fit without it, and replicates of it; `None` if that

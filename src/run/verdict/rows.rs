@@ -18,8 +18,7 @@ impl Fit<'_> {
     /// Every measurement beside what is predicted of it, in the order of the model's statements.
     ///
     /// Once from the posterior, which has seen it, and once from all other measurements: by the
-    /// importance weights of [`Fit::loo`] where they can be relied on, or by the fit in which it was left
-    /// out. Measurements of a `density` are not among them: nothing is simulated from one.
+    /// importance weights of [`Fit::loo`] where they can be relied on, or as it was left out there. Measurements of a `density` are not among them: nothing is simulated from one.
     ///
     /// # Errors
     /// [`RunError::Draws`].
@@ -92,7 +91,7 @@ impl<'f> Replicates<'f> {
     ) -> io::Result<Option<(Predicted, LeftOutBy)>> {
         let Some(LeftOut { loo, replicates }) = self.left_out else { return Ok(None) };
         if let Some(replicates) = replicates.get(&i) {
-            return Ok(Some((unweighted(replicates.clone(), reading), LeftOutBy::Fit)));
+            return Ok(Some((unweighted(replicates.clone(), reading), loo.rows[i].loo_by)));
         }
         if loo.rows.get(i).is_none_or(|row| row.pareto_k > loo.record.k_threshold) {
             return Ok(None);

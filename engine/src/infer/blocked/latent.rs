@@ -202,6 +202,9 @@ pub trait Latent: Send {
     /// Log likelihood of one place of a group, `[group, place]`, at each of these values there, `(n, n_blocks)`.
     fn ln_likelihoods(&mut self, at: [usize; 2], theta: &[f64], out: &mut [f64]);
 
+    /// As [`Latent::ln_likelihoods`], but of each row of the place on its own, in the order in which they are told.
+    fn ln_of_rows(&mut self, at: [usize; 2], theta: &[f64]) -> Vec<Vec<f64>>;
+
     /// As [`Latent::ln_likelihood`], with its gradient in the latent values.
     fn slope(&mut self, theta: &[f64], theta_bar: &mut [f64]) -> f64;
 

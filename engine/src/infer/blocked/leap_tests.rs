@@ -2,12 +2,14 @@
 
 use super::conditional::Conditional;
 use super::groups::Whitening;
+use super::left_out::with_particles;
 use super::meeting::Shared;
 use super::mixture::{Mixture, Tails};
 use super::particles::Here;
 use super::proposal::Proposal;
 use super::stand_in::{Sample, StandIn, Trust};
-use super::{BlockLayout, Design, Group, Latent, Layout, Shape};
+use super::{BlockLayout, Design, Group, Latent, LatentGaussian, Layout, Shape};
+use crate::infer::density::{Evaluator, LogDensity};
 use nalgebra::{Cholesky, DMatrix, DVector};
 use rand::{Rng, RngExt as _, SeedableRng as _};
 use rand_chacha::ChaCha8Rng;
@@ -19,6 +21,8 @@ const LATENT: usize = 2 * PLACES;
 /// Measurements of the sum of two fields, and their error.
 const Y: [f64; PLACES] = [1.6, 0.2, -0.7, 1.1];
 const SD: f64 = 0.4;
+/// Each is the sum of two rows, which have these shares of the log likelihood.
+const SHARES: [f64; 2] = [0.75, 0.25];
 /// Two-sided 0.001 % of a normal number.
 const LARGEST_Z: f64 = 4.4;
 
@@ -68,6 +72,11 @@ impl Latent for Sums {
             *out = -0.5 * ((theta[0] + theta[1] - Y[place]) / SD).powi(2);
         }
     }
+    fn ln_of_rows(&mut self, at: [usize; 2], theta: &[f64]) -> Vec<Vec<f64>> {
+        let mut both = vec![0.0; theta.len() / 2];
+        self.ln_likelihoods(at, theta, &mut both);
+        SHARES.map(|share| both.iter().map(|ln| share * ln).collect()).to_vec()
+    }
     fn slope(&mut self, theta: &[f64], theta_bar: &mut [f64]) -> f64 {
         for place in 0..PLACES {
             let slope = (Y[place] - theta[place] - theta[PLACES + place]) / SD.powi(2);
@@ -76,8 +85,8 @@ impl Latent for Sums {
         }
         f64::NAN
     }
-    fn coefficients(&mut self, _: &[f64], _: &mut [f64]) {
-        unreachable!("not asked for")
+    fn coefficients(&mut self, position: &[f64], coefficients: &mut [f64]) {
+        coefficients.copy_from_slice(position);
     }
     fn join(&mut self, _: &[f64], _: &[f64], _: &mut dyn Rng, _: &mut [f64]) -> f64 {
         unreachable!("not asked for")
@@ -101,12 +110,15 @@ struct Exact {
 }
 
 fn exact(rank: usize) -> Exact {
+    exact_with(rank, [SD; PLACES])
+}
+
+/// Where the measurements have these errors.
+fn exact_with(rank: usize, sd: [f64; PLACES]) -> Exact {
     let y = DVector::from_row_slice(&Y);
-    let sum = Cholesky::new(
-        covariance(0, rank) + covariance(1, rank) + DMatrix::identity(PLACES, PLACES) * SD.powi(2),
-    )
-    .unwrap();
-    let ln_ratio: f64 = sum.l().diagonal().iter().map(|l| (SD / l).ln()).sum();
+    let noise = DMatrix::from_diagonal(&DVector::from_row_slice(&sd.map(|sd| sd * sd)));
+    let sum = Cholesky::new(covariance(0, rank) + covariance(1, rank) + noise).unwrap();
+    let ln_ratio: f64 = sum.l().diagonal().iter().zip(sd).map(|(l, sd)| (sd / l).ln()).sum();
     let mut prior = DMatrix::zeros(LATENT, LATENT);
     let mut seen = DMatrix::zeros(PLACES, LATENT);
     for field in 0..2 {
@@ -207,6 +219,95 @@ fn coefficients_weighted_by_their_estimates_are_those_of_the_posterior() {
     assert!(largest(&new) < LARGEST_Z, "{}", largest(&new));
     let without_weights = vec![1.0; draws.len()];
     assert!(largest(&without_weights) > LARGEST_Z);
+}
+
+/// Of draws of the posterior the mean of Z₋ᵢ/Z is exact, and so is the mean of the values at the place with these
+/// weights, whichever row is left out. Plain weights 1/Lᵢ have heavy tails here.
+#[test]
+fn rows_are_predicted_from_the_others() {
+    for (n_particles, rank) in [(2, PLACES), (64, PLACES), (16, 2), (16, 1)] {
+        let mut rng = ChaCha8Rng::seed_from_u64(11);
+        let with = exact(rank);
+        let factors = [0, 1].map(|field| factor(field, if field == 0 { rank } else { PLACES }));
+        let draw = |_| {
+            let standard = DVector::from_fn(LATENT, |_, _| rng.sample(StandardNormal));
+            let theta = &with.mean + &with.factor * standard;
+            let of = |(field, l): (usize, &DMatrix<f64>)| {
+                whitened(l, &theta.as_slice()[field * PLACES..][..PLACES])
+            };
+            factors.iter().enumerate().flat_map(of).collect()
+        };
+        let draws: Vec<Vec<f64>> = (0..4000).map(draw).collect();
+        let places: Vec<[usize; 2]> = (0..PLACES).map(|place| [0, place]).collect();
+        let density = SumsAlone { layout: layout(), rank };
+        let told = with_particles(&density, &draws, &places, n_particles, 5);
+        for place in 0..PLACES {
+            for (row, share) in SHARES.iter().enumerate() {
+                let mut sd = [SD; PLACES];
+                sd[place] /= (1.0 - share).sqrt();
+                let without = exact_with(rank, sd);
+                let ratio = without.ln_evidence - with.ln_evidence;
+                let at = || told.iter().map(|places| &places[place][row]);
+                let weights: Vec<f64> = at().map(|row| (-row.ln_density - ratio).exp()).collect();
+                assert!(
+                    z(&weights).abs() < LARGEST_Z,
+                    "{n_particles} particles, rank {rank}, place {place}, row {row}: {}",
+                    z(&weights)
+                );
+                let plain: Vec<f64> = at().map(|row| (-row.ln_density).exp()).collect();
+                assert!(z(&plain).abs() > LARGEST_Z, "the ratio is not 1");
+                for field in 0..2 {
+                    let mean = without.mean[field * PLACES + place];
+                    let moment: Vec<f64> = at()
+                        .zip(&weights)
+                        .map(|(row, w)| 1.0 + w * (row.theta[field] - mean))
+                        .collect();
+                    assert!(
+                        z(&moment).abs() < LARGEST_Z,
+                        "{n_particles} particles, rank {rank}, place {place}, row {row}: {}",
+                        z(&moment)
+                    );
+                }
+            }
+        }
+    }
+}
+
+/// w with L w = θ.
+fn whitened(l: &DMatrix<f64>, theta: &[f64]) -> Vec<f64> {
+    let mut w: Vec<f64> = vec![];
+    for i in 0..PLACES {
+        let left = theta[i] - (0..i).map(|j| l[(i, j)] * w[j]).sum::<f64>();
+        w.push(if l[(i, i)] > 1e-9 { left / l[(i, i)] } else { 0.0 });
+    }
+    w
+}
+
+/// [`Sums`] without other unknowns.
+struct SumsAlone {
+    layout: Layout,
+    rank: usize,
+}
+
+impl LogDensity for SumsAlone {
+    fn dim(&self) -> usize {
+        LATENT
+    }
+    fn evaluator(&self) -> Box<dyn Evaluator + '_> {
+        unreachable!("not asked for")
+    }
+}
+
+impl LatentGaussian for SumsAlone {
+    fn layout(&self) -> &Layout {
+        &self.layout
+    }
+    fn latent(&self) -> Box<dyn Latent + '_> {
+        Box::new(Sums { rank: self.rank })
+    }
+    fn prior_outer(&self, _: usize, _: &mut ChaCha8Rng) -> Option<Vec<Vec<f64>>> {
+        unreachable!("not asked for")
+    }
 }
 
 /// Between two moves of hyperparameters those of the coefficients move other unknowns, too.

@@ -30,7 +30,7 @@ const NEGLIGIBLE: f64 = 1e-9;
 
 /// A multivariate Student distribution.
 #[derive(Clone, Debug, Serialize, Deserialize)]
-struct Student {
+pub(super) struct Student {
     /// Its share of a mixture.
     share: f64,
     mean: Vec<f64>,
@@ -42,21 +42,33 @@ struct Student {
 }
 
 impl Student {
-    fn new(share: f64, mean: &DVector<f64>, scale: DMatrix<f64>, nu: usize) -> Option<Self> {
+    pub(super) fn new(
+        share: f64,
+        mean: &DVector<f64>,
+        scale: DMatrix<f64>,
+        nu: usize,
+    ) -> Option<Self> {
         let n = mean.len();
         let l = Cholesky::new(scale)?.l();
         let ln_det: f64 = (0..n).map(|i| l[(i, i)].ln()).sum();
-        let (df, dim) = (nu as f64, n as f64);
-        let ln_peak =
-            ln_gamma(0.5 * (df + dim)) - ln_gamma(0.5 * df) - 0.5 * dim * (df * PI).ln() - ln_det;
         let factor = (0..n * n).map(|k| l[(k / n, k % n)]).collect();
-        Some(Self { share, mean: mean.as_slice().to_vec(), factor, nu, ln_peak })
+        let mean = mean.as_slice().to_vec();
+        let standard = Self::standard(n, nu);
+        Some(Self { share, mean, factor, ln_peak: standard.ln_peak - ln_det, ..standard })
+    }
+
+    /// Of the unit scale matrix about 0.
+    pub(super) fn standard(n: usize, nu: usize) -> Self {
+        let (df, dim) = (nu as f64, n as f64);
+        let ln_peak = ln_gamma(0.5 * (df + dim)) - ln_gamma(0.5 * df) - 0.5 * dim * (df * PI).ln();
+        let factor = (0..n * n).map(|k| if k / n == k % n { 1.0 } else { 0.0 }).collect();
+        Self { share: 1.0, mean: vec![0.0; n], factor, nu, ln_peak }
     }
 
     /// (x − m)ᵀ(L Lᵀ)⁻¹(x − m); `y` is memory.
     fn distance(&self, x: &[f64], y: &mut Vec<f64>) -> f64 {
         y.clear();
-        for (i, row) in self.factor.chunks_exact(x.len()).enumerate() {
+        for (i, row) in self.factor.chunks_exact(x.len().max(1)).enumerate() {
             let done: f64 = row.iter().zip(y.iter()).map(|(l, y)| l * y).sum();
             y.push((x[i] - self.mean[i] - done) / row[i]);
         }
@@ -68,7 +80,16 @@ impl Student {
         self.ln_peak - 0.5 * (nu + x.len() as f64) * (self.distance(x, y) / nu).ln_1p()
     }
 
-    fn draw(&self, rng: &mut impl Rng, x: &mut [f64]) {
+    /// The density itself.
+    pub(super) fn density(&self, x: &[f64], y: &mut Vec<f64>) -> f64 {
+        let base = 1.0 + self.distance(x, y) / self.nu as f64;
+        let power = self.nu + x.len();
+        // base^(power/2)
+        let root = if power.is_multiple_of(2) { 1.0 } else { base.sqrt() };
+        self.ln_peak.exp() / (0..power / 2).fold(root, |product, _| product * base)
+    }
+
+    pub(super) fn draw(&self, rng: &mut impl Rng, x: &mut [f64]) {
         let n = x.len();
         let scale = student_scale(self.nu, rng);
         x.copy_from_slice(&self.mean);

@@ -28,6 +28,7 @@ mod latent;
 #[cfg(test)]
 #[allow(clippy::unwrap_used, reason = "tests")]
 mod leap_tests;
+mod left_out;
 mod meeting;
 mod mixture;
 mod particles;
@@ -40,6 +41,7 @@ pub use chain::Blocked;
 pub(super) use proposal::Proposal;
 
 pub use latent::{BlockLayout, Design, Group, Latent, LatentGaussian, Layout, Shape};
+pub use left_out::{RowWithout, without_rows};
 
 use super::draws::ChainResult;
 use super::error::InferError;

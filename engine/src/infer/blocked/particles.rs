@@ -74,7 +74,7 @@ impl<'a> Here<'a> {
     ) -> f64 {
         let (mut first, mut sum) = (0, self.whitening.ln_evidence);
         for group in 0..self.layout.groups.len() {
-            let order = Order::new(self, group);
+            let order = Order::new(self, group, None);
             let mut swarm = Swarm::new(order.n(), n_particles, None);
             sum += swarm.run(self, group, &order, latent, rng);
             let z = &mut z[first..][..order.n_coefficients];
@@ -94,7 +94,7 @@ impl<'a> Here<'a> {
     ) -> f64 {
         let (mut first, mut sum) = (0, self.whitening.ln_evidence);
         for group in 0..self.layout.groups.len() {
-            let order = Order::new(self, group);
+            let order = Order::new(self, group, None);
             let present = order.standard(&theta[first..][..order.n()]);
             first += order.n();
             let mut swarm = Swarm::new(order.n(), n_particles, Some(present));
@@ -105,9 +105,10 @@ impl<'a> Here<'a> {
 }
 
 /// A group's latent values under G, place after place: θ = μ + B z = μ + L ε.
-struct Order {
-    n_blocks: usize,
-    n_seen: usize,
+pub(super) struct Order {
+    pub(super) n_blocks: usize,
+    /// The places in their order.
+    places: Vec<usize>,
     n_coefficients: usize,
     mean: Vec<f64>,
     /// B, row-major `(n, n_coefficients)`.
@@ -117,12 +118,16 @@ struct Order {
 }
 
 impl Order {
-    fn new(here: &Here<'_>, group: usize) -> Self {
+    /// In the order of the places, but this one last.
+    pub(super) fn new(here: &Here<'_>, group: usize, last: Option<usize>) -> Self {
         let layout = &here.layout.groups[group];
         let (n_blocks, n_seen, n) = (layout.blocks.len(), layout.n_seen, layout.n_latent());
         let (origin, columns) = here.whitening.basis(group);
         let n_coefficients = layout.n_coefficients();
-        let at = |i: usize| (i % n_blocks) * n_seen + i / n_blocks;
+        let places = (0..n_seen).filter(|place| Some(*place) != last).chain(last).collect();
+        let mut order =
+            Self { n_blocks, places, n_coefficients, mean: vec![], basis: vec![], lower: vec![] };
+        let at = |i: usize| order.at(i);
         let mean = (0..n).map(|i| origin[at(i)]).collect();
         let mut basis = vec![0.0; n * n_coefficients];
         for (i, row) in basis.chunks_exact_mut(n_coefficients).enumerate() {
@@ -142,24 +147,35 @@ impl Order {
             let left = variance - dot::<4>(&own[..i], &own[..i]);
             own[i] = if left > ROUNDING * variance { left.sqrt() } else { 0.0 };
         }
-        Self { n_blocks, n_seen, n_coefficients, mean, basis, lower }
+        (order.mean, order.basis, order.lower) = (mean, basis, lower);
+        order
     }
 
-    fn n(&self) -> usize {
+    /// Which of the latent values `(block, place)` is number i.
+    fn at(&self, i: usize) -> usize {
+        (i % self.n_blocks) * self.places.len() + self.places[i / self.n_blocks]
+    }
+
+    pub(super) fn n(&self) -> usize {
         self.mean.len()
     }
 
     /// Row i of L up to its diagonal.
-    fn row(&self, i: usize) -> &[f64] {
+    pub(super) fn row(&self, i: usize) -> &[f64] {
         &self.lower[i * self.n()..][..=i]
     }
 
     /// θᵢ of each particle, from ε `(n, particle)`.
-    fn values(&self, i: usize, eps: &[f64], out: &mut [f64]) {
+    pub(super) fn values(&self, i: usize, eps: &[f64], out: &mut [f64]) {
         out.fill(self.mean[i]);
         for (l, eps) in self.row(i).iter().zip(eps.chunks_exact(out.len())) {
             axpy(*l, eps, out);
         }
+    }
+
+    /// What the first `n` of ε say of θᵢ.
+    pub(super) fn given_before(&self, i: usize, n: usize, eps: &[f64]) -> f64 {
+        self.mean[i] + dot::<4>(&self.row(i)[..n], &eps[..n])
     }
 
     /// L⁻¹ x; 0 where L has no pivot.
@@ -174,9 +190,8 @@ impl Order {
     }
 
     /// ε at θ `(block, place)`.
-    fn standard(&self, theta: &[f64]) -> Vec<f64> {
-        let at = |i: usize| (i % self.n_blocks) * self.n_seen + i / self.n_blocks;
-        self.solve(|i| theta[at(i)] - self.mean[i])
+    pub(super) fn standard(&self, theta: &[f64]) -> Vec<f64> {
+        self.solve(|i| theta[self.at(i)] - self.mean[i])
     }
 
     /// Draws z given ε: `z = ξ + Bᵀ L⁻ᵀ (ε − L⁻¹ B ξ)` for ξ standard normal.
@@ -199,7 +214,7 @@ impl Order {
 }
 
 /// The particles of a group.
-struct Swarm {
+pub(super) struct Swarm {
     /// ε `(n, particle)`
     eps: Vec<f64>,
     /// Each particle's weight since they were last drawn anew is `factor e^ln`.
@@ -212,7 +227,7 @@ struct Swarm {
 }
 
 impl Swarm {
-    fn new(n: usize, n_particles: usize, present: Option<Vec<f64>>) -> Self {
+    pub(super) fn new(n: usize, n_particles: usize, present: Option<Vec<f64>>) -> Self {
         Self {
             eps: vec![0.0; n * n_particles],
             factors: vec![1.0; n_particles],
@@ -231,16 +246,28 @@ impl Swarm {
         latent: &mut dyn Latent,
         rng: &mut impl Rng,
     ) -> f64 {
+        self.run_until(here, group, (order, order.places.len()), latent, rng)
+    }
+
+    /// The same up to so many places. It is not the whole estimate before the last of all.
+    pub(super) fn run_until(
+        &mut self,
+        here: &Here<'_>,
+        group: usize,
+        (order, n_places): (&Order, usize),
+        latent: &mut dyn Latent,
+        rng: &mut impl Rng,
+    ) -> f64 {
         let (d, n_particles) = (order.n_blocks, self.weights.len());
         let mut values = vec![0.0; n_particles];
         let mut theta = vec![0.0; n_particles * d];
         let mut likelihoods = vec![0.0; n_particles];
         let stand_in = &here.lookahead.groups[group];
         let mut sum = 0.0;
-        for place in 0..order.n_seen {
-            sum += self.draw(order, place, rng);
+        for (step, place) in order.places.iter().copied().enumerate().take(n_places) {
+            sum += self.draw(order, step, rng);
             for f in 0..d {
-                order.values(place * d + f, &self.eps, &mut values);
+                order.values(step * d + f, &self.eps, &mut values);
                 theta.iter_mut().skip(f).step_by(d).zip(&values).for_each(|(to, x)| *to = *x);
             }
             latent.ln_likelihoods([group, place], &theta, &mut likelihoods);
@@ -249,7 +276,7 @@ impl Swarm {
             {
                 *ln += likelihood + stand_in.quadratic(place, theta);
             }
-            let n_drawn = (place + 1) * d;
+            let n_drawn = (step + 1) * d;
             sum += self.weigh((n_drawn < order.n()).then_some(n_drawn), rng);
             if !sum.is_finite() {
                 break;
@@ -258,11 +285,11 @@ impl Swarm {
         sum
     }
 
-    /// Draws ε of a place from a Student distribution. The weights are multiplied by the standard normal density over
+    /// Draws ε of the place of a step from a Student distribution. The weights are multiplied by the standard normal density over
     /// that one, but for a constant, whose ln is returned. What the values before determine has no ε.
-    fn draw(&mut self, order: &Order, place: usize, rng: &mut impl Rng) -> f64 {
+    fn draw(&mut self, order: &Order, step: usize, rng: &mut impl Rng) -> f64 {
         let n_particles = self.weights.len();
-        let all = place * order.n_blocks..(place + 1) * order.n_blocks;
+        let all = step * order.n_blocks..(step + 1) * order.n_blocks;
         let open: Vec<usize> = all.filter(|i| order.row(*i)[*i] > 0.0).collect();
         let power = NU + open.len();
         for k in 0..n_particles {
@@ -328,7 +355,16 @@ impl Swarm {
 
     /// ε of a particle, by their weights.
     fn chosen(&self, rng: &mut impl Rng) -> Vec<f64> {
-        let own = self.pick(rng);
-        self.eps.chunks_exact(self.weights.len()).map(|row| row[own]).collect()
+        self.particle(self.pick(rng))
+    }
+
+    /// ε of particle k.
+    pub(super) fn particle(&self, k: usize) -> Vec<f64> {
+        self.eps.chunks_exact(self.weights.len()).map(|row| row[k]).collect()
+    }
+
+    /// ln of the weight of particle k since they were last drawn anew.
+    pub(super) fn ln_weight(&self, k: usize) -> f64 {
+        self.lns[k] + self.factors[k].ln()
     }
 }

@@ -55,6 +55,15 @@ impl StandIn {
         new
     }
 
+    /// The same, but knowing nothing of this place, `[group, place]`.
+    pub(super) fn without(&self, [group, place]: [usize; 2], layout: &Layout) -> Self {
+        let mut new = self.clone();
+        let own = &mut new.groups[group];
+        own.information.iter_mut().skip(place).step_by(own.n_seen).for_each(|w| *w = 0.0);
+        own.set_gram(&layout.groups[group]);
+        new
+    }
+
     /// Whether both are of the same layout.
     pub(super) fn is_like(&self, other: &Self) -> bool {
         self.groups.len() == other.groups.len()

@@ -18,12 +18,14 @@
 
 mod blocks;
 mod free;
+mod left_out;
 mod on_tape;
 mod places;
 
 use std::collections::BTreeMap;
 
 use blocks::Blocks;
+pub use left_out::Predictive;
 
 use crate::infer::{
     self, Blocked, ChainResult, InferError, LatentGaussian as _, Nuts, Progress, Settings,

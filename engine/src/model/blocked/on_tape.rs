@@ -4,6 +4,7 @@ use super::blocks::{Blocks, gaussian};
 use crate::dist::Gaussian;
 use crate::infer::{Design, Evaluator, Latent, LatentGaussian, Layout, LogDensity};
 use crate::model::gp::Field;
+use crate::model::laid_out::Model;
 use crate::model::restore::{Seen, coefficients, weights_of};
 use crate::model::row_line::{Line, Slope};
 use crate::model::tape::{Op, Tape};
@@ -22,9 +23,27 @@ pub(super) struct OnTape<'m> {
     pub(super) covariance: Vec<f64>,
 }
 
+/// A row as a function of the values at its place, at some outer unknowns.
+struct RowAt {
+    /// `[observe, row]`
+    id: [usize; 2],
+    base: Vec<f64>,
+    slopes: Vec<Slope>,
+    n_blocks: usize,
+}
+
+impl RowAt {
+    /// Adds the row's log likelihood at each of these values `(n, n_blocks)`.
+    fn add_lns(&self, model: &Model, theta: &[f64], out: &mut [f64]) {
+        let Self { id: [observe, row], base, slopes, n_blocks } = self;
+        let line = Line { base, slopes, n_blocks: *n_blocks };
+        model.observes[*observe].op.add_lns(*row, line, theta, out);
+    }
+}
+
 impl OnTape<'_> {
     /// Computes the values of everything but the fields, from the outer unknowns.
-    fn forward(&mut self, outer: &[f64]) {
+    pub(super) fn forward(&mut self, outer: &[f64]) {
         let (model, t) = (self.blocks.model, &mut self.tape);
         for (u, x) in self.blocks.layout.outer.iter().zip(outer) {
             t.u[*u] = *x;
@@ -53,7 +72,7 @@ impl OnTape<'_> {
     }
 
     /// Sets the latent values of one place of a group.
-    fn set_place(&mut self, group: usize, place: usize, theta: &[f64]) {
+    pub(super) fn set_place(&mut self, group: usize, place: usize, theta: &[f64]) {
         let fields = self.blocks.fields.iter().zip(&self.theta);
         let own = fields.filter(|(block, _)| block.at.0 == group).map(|(_, at)| at.start + place);
         let n_fields = own.zip(theta).map(|(at, x)| self.tape.v[at] = *x).count();
@@ -64,6 +83,29 @@ impl OnTape<'_> {
             block.set_value(place, *x, &mut self.tape);
         }
         self.blocks.model.set_offsets(&mut self.tape);
+    }
+
+    /// The rows of a place. Their numbers are linear in the values there.
+    fn rows_at(&mut self, [group, place]: [usize; 2], n_blocks: usize) -> Vec<RowAt> {
+        let rows = &self.blocks.rows[group][place];
+        let mut at = |theta: &[f64]| {
+            self.set_place(group, place, theta);
+            rows.iter().map(|[observe, row]| self.numbers(*observe, *row)).collect::<Vec<_>>()
+        };
+        let mut one = vec![0.0; n_blocks];
+        let base = at(&one);
+        let mut slopes: Vec<Vec<Slope>> = vec![vec![]; rows.len()];
+        for block in 0..n_blocks {
+            one[block] = 1.0;
+            for ((slopes, base), numbers) in slopes.iter_mut().zip(&base).zip(at(&one)) {
+                let changes = base.iter().zip(&numbers).map(|(base, x)| x - base).enumerate();
+                let changes = changes.filter(|(_, change)| *change != 0.0);
+                slopes.extend(changes.map(|(number, per_unit)| Slope { number, block, per_unit }));
+            }
+            one[block] = 0.0;
+        }
+        let row = |((id, base), slopes)| RowAt { id, base, slopes, n_blocks };
+        rows.iter().copied().zip(base).zip(slopes).map(row).collect()
     }
 
     /// The numbers that the likelihood of a row depends on.
@@ -230,31 +272,21 @@ impl Latent for OnTape<'_> {
         self.tape.lp
     }
 
-    /// The numbers of a row are linear in the values at its place.
     fn ln_likelihoods(&mut self, [group, place]: [usize; 2], theta: &[f64], out: &mut [f64]) {
-        let n_blocks = theta.len() / out.len();
-        let rows = &self.blocks.rows[group][place];
-        let mut at = |theta: &[f64]| {
-            self.set_place(group, place, theta);
-            rows.iter().map(|[observe, row]| self.numbers(*observe, *row)).collect::<Vec<_>>()
-        };
-        let mut one = vec![0.0; n_blocks];
-        let base = at(&one);
-        let mut slopes: Vec<Vec<Slope>> = vec![vec![]; rows.len()];
-        for block in 0..n_blocks {
-            one[block] = 1.0;
-            for ((slopes, base), numbers) in slopes.iter_mut().zip(&base).zip(at(&one)) {
-                let changes = base.iter().zip(&numbers).map(|(base, x)| x - base).enumerate();
-                let changes = changes.filter(|(_, change)| *change != 0.0);
-                slopes.extend(changes.map(|(number, per_unit)| Slope { number, block, per_unit }));
-            }
-            one[block] = 0.0;
-        }
         out.fill(0.0);
-        for (([observe, row], base), slopes) in rows.iter().zip(&base).zip(&slopes) {
-            let line = Line { base, slopes, n_blocks };
-            self.blocks.model.observes[*observe].op.add_lns(*row, line, theta, out);
+        for row in self.rows_at([group, place], theta.len() / out.len()) {
+            row.add_lns(self.blocks.model, theta, out);
         }
+    }
+
+    fn ln_of_rows(&mut self, at: [usize; 2], theta: &[f64]) -> Vec<Vec<f64>> {
+        let n_blocks = self.blocks.layout.groups[at[0]].blocks.len();
+        let one = |row: RowAt| {
+            let mut out = vec![0.0; theta.len() / n_blocks];
+            row.add_lns(self.blocks.model, theta, &mut out);
+            out
+        };
+        self.rows_at(at, n_blocks).into_iter().map(one).collect()
     }
 
     fn slope(&mut self, theta: &[f64], theta_bar: &mut [f64]) -> f64 {
@@ -310,18 +342,25 @@ impl LatentGaussian for Blocks<'_> {
         Some(draws.iter().map(|draw| self.layout.outer_of(draw)).collect())
     }
     fn latent(&self) -> Box<dyn Latent + '_> {
+        Box::new(self.on_tape())
+    }
+}
+
+impl Blocks<'_> {
+    /// Memory to evaluate them with.
+    pub(super) fn on_tape(&self) -> OnTape<'_> {
         let k = self.model.fields.iter().map(|f| f.op.k).max().unwrap_or(0);
         let ops = || self.fields.iter().map(|block| &self.model.fields[block.field].op);
         let triangular = self.fields.iter().filter(|block| block.is_triangular);
         let n = triangular.map(|block| self.model.fields[block.field].op.n_probes());
         let n = n.max().unwrap_or(0);
-        Box::new(OnTape {
+        OnTape {
             blocks: self,
             tape: self.model.tape(),
             theta: ops().map(|op| op.theta..op.theta + op.n_probes()).collect(),
             c: vec![0.0; k],
             variances: vec![0.0; k],
             covariance: vec![0.0; n * (n + 1) / 2],
-        })
+        }
     }
 }

@@ -94,6 +94,9 @@ impl Latent for TwinLatent<'_> {
             out.fill(0.0);
         }
     }
+    fn ln_of_rows(&mut self, at: [usize; 2], theta: &[f64]) -> Vec<Vec<f64>> {
+        self.0.ln_of_rows(at, theta)
+    }
     fn slope(&mut self, theta: &[f64], theta_bar: &mut [f64]) -> f64 {
         self.0.slope(theta, theta_bar)
     }
