@@ -75,7 +75,7 @@ pub(super) fn leave_one_out_figures(loo: &LooRecord) -> String {
     let figures = format!("Leave-one-out elpd {elpd_loo:.1} ± {se:.1}, p_loo {p_loo:.1}");
     let each = [
         (loo.n_integrated, "with the fields integrated out"),
-        (loo.n_left_out, "left out in a fit of its own"),
+        (loo.n_left_out, "in fits without them"),
     ];
     let each = each.into_iter().filter(|(n, _)| *n > 0).map(|(n, how)| format!("{n} {how}"));
     let mended = each.collect::<Vec<_>>().join(" and ");
@@ -83,7 +83,7 @@ pub(super) fn leave_one_out_figures(loo: &LooRecord) -> String {
         (true, 0) => {
             format!("{figures}; Pareto k at most {k_threshold:.2} at all {n} measurements")
         }
-        (false, 0) => format!("{figures}; of {n} measurements {mended}"),
+        (false, 0) => format!("{figures}; of {n} measurements, {mended}"),
         (nothing, high) => format!(
             "{figures}: not reliable, Pareto k is above {k_threshold:.2} at {high} of {n} measurements{}, worst {}; to know, draw more (--draws), or fit without one of them and predict it",
             if nothing { String::new() } else { format!(" ({mended})") },
