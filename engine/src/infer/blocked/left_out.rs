@@ -49,7 +49,7 @@ pub struct RowWithout {
 }
 
 /// Each row of these places, `[group, place]`, in each of `draws` of the density's unknowns `(dim)`: `(draw, place,
-/// row)`. A row is empty where it cannot be told. Where there is nothing to integrate out, the result is empty.
+/// row)`. The rows of a place are missing in a draw from which they cannot be told.
 pub fn without_rows(
     density: &dyn LatentGaussian,
     draws: &[Vec<f64>],
