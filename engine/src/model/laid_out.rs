@@ -151,11 +151,6 @@ impl Model {
         self.linear.iter().for_each(|linear| linear.forward(t));
     }
 
-    /// Whether places have deviations whose sd is learnt: `group(row.site) ~ Normal(0, sd)`.
-    pub fn has_spreads(&self) -> bool {
-        !self.spreads.is_empty()
-    }
-
     /// A model of which nothing is laid out yet.
     pub(super) fn empty(name: &'static str, source: String) -> Self {
         Model {

@@ -38,7 +38,7 @@ const EARLIER: usize = 200;
 pub(in crate::run) struct LeftOut {
     /// The figures of all measurements.
     pub(in crate::run) loo: LeaveOneOut,
-    /// Replicates, of a bracket its lower end, of those of which it is not told by plain weights.
+    /// Replicates of the measurements that plain weights do not tell; of a bracket its lower end.
     pub(in crate::run) replicates: BTreeMap<usize, Vec<f64>>,
 }
 
@@ -49,8 +49,8 @@ impl LeftOut {
     }
 }
 
-/// `loo` with the elpd of those measurements whose Pareto k is too high from elsewhere; `watch` is told how many fits
-/// without one are done.
+/// `loo` with a better elpd where the Pareto k of plain weights is too high; `watch` is told how many fits without a
+/// measurement are done.
 pub(in crate::run) fn exact(fit: &Fit<'_>, loo: LeaveOneOut, watch: &Watch<'_>) -> LeftOut {
     let mut left = LeftOut::by_weights(loo);
     let Method::Sampled(sampler) = fit.method() else { return left };
@@ -80,9 +80,8 @@ pub(in crate::run) fn exact(fit: &Fit<'_>, loo: LeaveOneOut, watch: &Watch<'_>) 
     high.retain(|i| !replicates.contains_key(i));
     high.sort_by(|a, b| loo.rows[*b].pareto_k.total_cmp(&loo.rows[*a].pareto_k));
     let gradients: u64 = fit.chains().iter().map(|c| c.n_grad_warmup + c.n_grad_sampling).sum();
-    // where each place has a deviation of its own nearly every measurement would have to be left out
     let size = fit.model().dim() as f64 + ROW * ids.len() as f64;
-    let is_dear = fit.model().has_spreads() || gradients as f64 * size > DEAR;
+    let is_dear = gradients as f64 * size > DEAR;
     high.truncate(if is_dear { MOST_DEAR } else { MOST });
     let of = high.len();
     for (done, i) in high.into_iter().enumerate() {
@@ -98,7 +97,7 @@ pub(in crate::run) fn exact(fit: &Fit<'_>, loo: LeaveOneOut, watch: &Watch<'_>) 
     left
 }
 
-/// Log predictive density of a measurement, and replicates of it, where weights can tell it.
+/// Log predictive density of a measurement, and replicates of it; `None` if these weights cannot tell it either.
 fn told(predictive: &Predictive, rng: &mut impl Rng) -> Option<(f64, Vec<f64>)> {
     // the draws are spread over the chains, and nearly independent
     let (point, _) = LooPoint::of(&predictive.ln_density, 1.0);

@@ -18,7 +18,8 @@ impl Fit<'_> {
     /// Every measurement beside what is predicted of it, in the order of the model's statements.
     ///
     /// Once from the posterior, which has seen it, and once from all other measurements: by the
-    /// importance weights of [`Fit::loo`] where they can be relied on, or as it was left out there. Measurements of a `density` are not among them: nothing is simulated from one.
+    /// importance weights of [`Fit::loo`] where they can be relied on, or as it was left out there.
+    /// Measurements of a `density` are not among them: nothing is simulated from one.
     ///
     /// # Errors
     /// [`RunError::Draws`].

@@ -130,6 +130,11 @@ impl Layout {
         designs
     }
 
+    /// Number of latent values of the groups before this one.
+    pub(super) fn n_latent_before(&self, group: usize) -> usize {
+        self.groups[..group].iter().map(Group::n_latent).sum()
+    }
+
     /// The outer unknowns of a position.
     pub(crate) fn outer_of(&self, position: &[f64]) -> Vec<f64> {
         self.outer.iter().map(|i| position[*i]).collect()
@@ -202,7 +207,7 @@ pub trait Latent: Send {
     /// Log likelihood of one place of a group, `[group, place]`, at each of these values there, `(n, n_blocks)`.
     fn ln_likelihoods(&mut self, at: [usize; 2], theta: &[f64], out: &mut [f64]);
 
-    /// As [`Latent::ln_likelihoods`], but of each row of the place on its own, in the order in which they are told.
+    /// As [`Latent::ln_likelihoods`], but of each row of the place on its own, `(row, n)`.
     fn ln_of_rows(&mut self, at: [usize; 2], theta: &[f64]) -> Vec<Vec<f64>>;
 
     /// As [`Latent::ln_likelihood`], with its gradient in the latent values.

@@ -23,7 +23,7 @@ use rayon::prelude::*;
 use std::f64::consts::PI;
 
 use super::groups::Whitening;
-use super::latent::{Group, Latent, LatentGaussian, Layout};
+use super::latent::{Latent, LatentGaussian, Layout};
 use super::mixture::Student;
 use super::particles::{Here, Order, Swarm, lookahead};
 use super::stand_in::{Sample, StandIn, Trust};
@@ -134,7 +134,7 @@ impl<'d> Memory<'d> {
 
 /// Where the posterior has the values of a place; `None` if they do not vary.
 fn posterior(samples: &[Sample], layout: &Layout, [group, place]: [usize; 2]) -> Option<Student> {
-    let first: usize = layout.groups[..group].iter().map(Group::n_latent).sum();
+    let first = layout.n_latent_before(group);
     let own = &layout.groups[group];
     let n = own.blocks.len();
     let at =
@@ -170,7 +170,7 @@ impl Place {
         let here = Here::new(layout, &self.lookahead, whitening)?;
         let [group, _] = self.at;
         let order = Order::new(&here, group, Some(self.at[1]));
-        let first: usize = layout.groups[..group].iter().map(Group::n_latent).sum();
+        let first = layout.n_latent_before(group);
         let present = order.standard(&theta[first..][..order.n()]);
         let n_before = layout.groups[group].n_seen - 1;
         let mut swarm = Swarm::new(order.n(), self.n_particles, Some(present.clone()));
