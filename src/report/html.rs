@@ -221,27 +221,28 @@ fn traces(posterior: &Group, files: &[&str]) -> io::Result<String> {
     Ok(html)
 }
 
-/// Pareto k of every measurement as a plot and, the worst first, as a table.
+/// Pareto k of every measurement as a plot and, the worst first, as a table. Marked is what cannot be told.
 fn leave_one_out(loo: &LeaveOneOut) -> String {
     let threshold = loo.record.k_threshold;
-    let points: Vec<(String, f64)> =
-        loo.rows.iter().map(|row| (escape(&row.name()), row.pareto_k)).collect();
+    let point = |row: &LooRow| (escape(&row.name()), row.pareto_k, row.is_high(threshold));
+    let points: Vec<_> = loo.rows.iter().map(point).collect();
     let mut html = format!(
         "<p>{}.</p>{}<details><summary>Every measurement</summary><table><thead><tr><th class=\"text\">measurement\
-         <th>observed<th>elpd<th>Pareto k</thead><tbody>",
+         <th>observed<th>elpd<th class=\"text\">left out by<th>Pareto k</thead><tbody>",
         escape(&leave_one_out_figures(&loo.record)),
         k_plot(&points, threshold)
     );
     let mut rows: Vec<&LooRow> = loo.rows.iter().collect();
     rows.sort_by(|a, b| b.pareto_k.total_cmp(&a.pareto_k));
     for row in rows {
-        let class = if row.pareto_k > threshold { " class=\"suspect\"" } else { "" };
+        let class = if row.is_high(threshold) { " class=\"suspect\"" } else { "" };
         let observed = escape(&row.observed.replace(' ', " … "));
         let _ = writeln!(
             html,
-            "<tr{class}><td class=\"text\">{}<td>{observed}<td>{:.2}<td>{:.2}",
+            "<tr{class}><td class=\"text\">{}<td>{observed}<td>{:.2}<td class=\"text\">{}<td>{:.2}",
             escape(&row.name()),
             row.elpd,
+            row.loo_by.name(),
             row.pareto_k
         );
     }

@@ -129,7 +129,7 @@ impl LooRow {
     }
 
     /// Whether its Pareto k is too high for weights, and these are all there is.
-    fn is_high(&self, threshold: f64) -> bool {
+    pub(super) fn is_high(&self, threshold: f64) -> bool {
         self.pareto_k > threshold && self.loo_by == LeftOutBy::Weights
     }
 }

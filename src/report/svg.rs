@@ -79,9 +79,9 @@ pub(super) fn rank_counts(chains: &[&[f64]]) -> Option<Vec<[usize; RANK_BINS]>> 
     (!order.is_empty()).then_some(counts)
 }
 
-/// Pareto k of every named measurement in order, with the `threshold` beyond which it says nothing; a k that cannot
-/// be had is at the top.
-pub(super) fn k_plot(points: &[(String, f64)], threshold: f64) -> String {
+/// Pareto k of every named measurement in order, with the `threshold` beyond which plain weights say nothing; a k
+/// that cannot be had is at the top. Those are marked of which nothing else is known.
+pub(super) fn k_plot(points: &[(String, f64, bool)], threshold: f64) -> String {
     let finite = || points.iter().map(|point| point.1).filter(|k| k.is_finite());
     let (low, high) = (finite().fold(0.0, f64::min), finite().fold(1.0, f64::max));
     let y = |k: f64| HEIGHT * (1.0 - (k.min(high) - low) / (high - low));
@@ -93,9 +93,9 @@ pub(super) fn k_plot(points: &[(String, f64)], threshold: f64) -> String {
         y(threshold) + 4.0,
         tick(threshold)
     );
-    for (i, (name, k)) in points.iter().enumerate() {
+    for (i, (name, k, is_untold)) in points.iter().enumerate() {
         let x = K_WIDTH * (i as f64 + 0.5) / points.len() as f64;
-        let class = if *k > threshold { r#" class="high""# } else { "" };
+        let class = if *is_untold { r#" class="high""# } else { "" };
         let _ = write!(
             svg,
             r#"<circle{class} cx="{x:.1}" cy="{:.1}" r="3.5"><title>{name}: {k:.2}</title></circle>"#,
@@ -295,5 +295,14 @@ mod tests {
     fn empty_and_void_draws_draw_nothing() {
         assert_eq!(trace_plot(&[&[], &[f64::NAN]]), "");
         assert_eq!(rank_plot(&[]), "");
+    }
+
+    #[test]
+    fn only_what_nothing_could_tell_is_marked() {
+        let plot =
+            k_plot(&[("told".to_owned(), 0.9, false), ("untold".to_owned(), 0.8, true)], 0.7);
+        assert_eq!(plot.matches("class=\"high\"").count(), 1);
+        let marked = plot.split("class=\"high\"").nth(1).unwrap_or_default();
+        assert!(marked.contains("untold: 0.80"), "{plot}");
     }
 }
