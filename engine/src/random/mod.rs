@@ -42,6 +42,8 @@ pub enum Stream {
     StandIn,
     /// What the blocked sampler proposes hyperparameters and coefficients together by.
     Leap,
+    /// Lookaheads of the blocked sampler's particles, and how many of these there are.
+    Anchors,
     /// A chain of the blocked sampler between two meetings of its chains.
     Blocked {
         /// Which of its two moves, or the completion of its draws with the second.
@@ -107,6 +109,7 @@ impl Stream {
             Self::Prior(chain) => (16, index(chain, 32)),
             Self::StandIn => (17, 0),
             Self::Leap => (17, 1),
+            Self::Anchors => (17, 2),
             Self::Blocked { part: Part::Inner, round, chain } => (18, of_round(round, chain)),
             Self::Blocked { part: Part::Hyper, round, chain } => (19, of_round(round, chain)),
             Self::LeftOut { site } => (20, index(site, 32)),
@@ -163,6 +166,7 @@ mod tests {
             Stream::HeldOut,
             Stream::StandIn,
             Stream::Leap,
+            Stream::Anchors,
             Stream::Expected,
             Stream::Resampled,
             Stream::Procedure,

@@ -1,6 +1,7 @@
 //! One chain of the blocked sampler.
 
 use super::conditional::Conditional;
+use super::explore::Leaps;
 use super::latent::LatentGaussian;
 use super::meeting::{Lesson, Link, Shared, first_link};
 use super::proposal::Proposal;
@@ -212,18 +213,22 @@ impl<'d> Blocked<'d> {
 
     /// A few proposals of hyperparameters and coefficients together, where they are prepared.
     fn leap(&mut self) {
-        let Some(mixture) = &self.shared.together else { return };
+        let Some(Leaps { mixture, anchors, .. }) = &self.shared.leaps else { return };
+        let layout = self.fixed.density.layout();
         let (conditional, point) = self.kernel.parts();
         conditional.take(&point.position);
-        let mut estimate = conditional.estimate(&point.position, &mut self.rng);
         let [present, proposed] = &mut self.hyper;
+        conditional.hyper(present);
+        let Some(guide) = anchors.at(present, layout) else { return };
+        let mut estimate = conditional.estimate(&point.position, &guide, &mut self.rng);
         let mut moved = false;
         for _ in 0..LEAPS {
             conditional.hyper(present);
             mixture.draw(&mut self.rng, proposed);
+            let Some(guide) = anchors.at(proposed, layout) else { continue };
             let ln_ratio = mixture.ln_density(present) - mixture.ln_density(proposed);
             let state = (&mut point.position[..], &mut estimate);
-            moved |= conditional.leap(proposed, ln_ratio, state, &mut self.rng);
+            moved |= conditional.leap((proposed, &guide), ln_ratio, state, &mut self.rng);
         }
         conditional.settle(moved);
         if moved {

@@ -6,11 +6,12 @@
 //! - *Hyper*: the hyperparameters, given z and the rest. Each value takes one factorisation and one
 //!   likelihood.
 
+use super::anchors::Guide;
 use super::groups::Whitening;
 use super::latent::{Latent, Layout};
 use super::meeting::Shared;
-use super::particles::{Here, lookahead};
-use super::stand_in::{Sample, StandIn};
+use super::particles::Here;
+use super::stand_in::Sample;
 use crate::infer::density::Evaluator;
 use crate::num::vector::dot;
 use rand::{Rng, RngExt as _};
@@ -20,16 +21,11 @@ use std::sync::Arc;
 /// So many latent values for each coefficient are many.
 const MANY: usize = 4;
 
-/// Particles of an estimate.
-const PARTICLES: usize = 32;
-
 /// A chain's state with the memory to evaluate both conditionals.
 pub(super) struct Conditional<'d> {
     latent: Box<dyn Latent + 'd>,
     layout: &'d Layout,
     shared: Arc<Shared>,
-    /// For moves of hyperparameters and coefficients together.
-    lookahead: StandIn,
     /// Outer unknowns that are no hyperparameters.
     free: Vec<usize>,
     pub(super) outer: Vec<f64>,
@@ -60,7 +56,6 @@ impl<'d> Conditional<'d> {
         let mut new = Self {
             latent,
             layout,
-            lookahead: lookahead(&shared.stand_in),
             shared,
             free: layout.free(),
             outer: outer.to_vec(),
@@ -164,16 +159,16 @@ impl<'d> Conditional<'d> {
 
     /// ln of an estimate of the posterior density of the present outer unknowns, in which the coefficients of this
     /// position are one particle. What is not a number tells that there is none.
-    pub(super) fn estimate(&mut self, position: &[f64], rng: &mut impl Rng) -> f64 {
+    pub(super) fn estimate(&mut self, position: &[f64], guide: &Guide, rng: &mut impl Rng) -> f64 {
         self.whitening.coefficients(&position[..self.w.len()], &mut self.w);
         // the free unknowns may have moved since it was computed last
         let ln_prior = self.latent.set_outer(&self.outer, &mut self.trial.designs);
         self.trial.latent(&self.w, &mut self.theta);
-        let Some(here) = Here::new(self.layout, &self.lookahead, &mut self.trial) else {
+        let Some(here) = Here::new(self.layout, &guide.lookahead, &mut self.trial) else {
             return f64::NAN;
         };
-        self.n_trials += PARTICLES as u64;
-        ln_prior + here.at(&mut *self.latent, PARTICLES, &self.theta, rng)
+        self.n_trials += guide.n_particles as u64;
+        ln_prior + here.at(&mut *self.latent, guide.n_particles, &self.theta, rng)
     }
 
     /// Proposes these hyperparameters with new coefficients, which take their place in `position`. Moves there with
@@ -181,7 +176,7 @@ impl<'d> Conditional<'d> {
     /// estimate at the present hyperparameters, and is kept up to date.
     pub(super) fn leap(
         &mut self,
-        proposed: &[f64],
+        (proposed, guide): (&[f64], &Guide),
         ln_ratio: f64,
         (position, present): (&mut [f64], &mut f64),
         rng: &mut impl Rng,
@@ -191,12 +186,12 @@ impl<'d> Conditional<'d> {
         if !ln_prior.is_finite() {
             return false;
         }
-        let Some(here) = Here::new(self.layout, &self.lookahead, &mut self.trial) else {
+        let Some(here) = Here::new(self.layout, &guide.lookahead, &mut self.trial) else {
             return false;
         };
         let mut z = vec![0.0; self.w.len()];
-        self.n_trials += PARTICLES as u64;
-        let value = ln_prior + here.draw(&mut *self.latent, PARTICLES, &mut z, rng);
+        self.n_trials += guide.n_particles as u64;
+        let value = ln_prior + here.draw(&mut *self.latent, guide.n_particles, &mut z, rng);
         // written so that what is not a number is refused
         if !(rng.random::<f64>().ln() < value - *present + ln_ratio) {
             return false;

@@ -4,72 +4,147 @@
 //! # Source
 //! Cornuet, Marin, Mira & Robert 2012, "Adaptive multiple importance sampling".
 
+use super::anchors::{Anchors, Spots};
 use super::groups::Whitening;
-use super::latent::LatentGaussian;
+use super::latent::{LatentGaussian, Layout};
 use super::mixture::{Mixture, Tails};
 use super::particles::Here;
 use super::stand_in::StandIn;
+use crate::random::Stream;
 use rand::RngExt as _;
-use rand_chacha::ChaCha8Rng;
+use serde::{Deserialize, Serialize};
 
-const ROUNDS: usize = 3;
+/// After each round the proposal is fitted to the prior times this power of the likelihood. Another regime that the
+/// chains have not met is found by a small one.
+const POWERS: [f64; 3] = [0.25, 0.5, 1.0];
 /// Points of a round.
 const POINTS: usize = 1000;
-const PARTICLES: usize = 16;
 /// Share of proposals with one number from where its prior lies, while exploring and when it is done.
 const FAR: [f64; 2] = [0.3, 0.1];
-/// Draws of the prior, for where it lies.
+/// Draws of the prior. Half of the first round's points are from where it lies.
 const PRIOR_DRAWS: usize = 400;
 
-/// A mixture fitted to the hyperparameters given the measurements. It begins with `outer`, draws of the outer
-/// unknowns; from these also come the unknowns that are no hyperparameters. `None` where the prior cannot be
-/// drawn from, or nothing was found.
+/// What is proposed where hyperparameters and coefficients move together.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+pub(super) struct Leaps {
+    pub(super) mixture: Mixture,
+    spots: Spots,
+    /// A chain that is restored makes them again: [`Leaps::ready`].
+    #[serde(skip)]
+    pub(super) anchors: Anchors,
+}
+
+impl Leaps {
+    /// Whether they are of this layout.
+    pub(super) fn fits(&self, layout: &Layout) -> bool {
+        self.mixture.fits(layout.hyper.len()) && self.spots.fits(layout)
+    }
+
+    /// With the anchors at its spots; `None` if there can be none.
+    pub(super) fn ready(
+        self,
+        density: &dyn LatentGaussian,
+        stand_in: &StandIn,
+        seed: u64,
+    ) -> Option<Self> {
+        let anchors = Anchors::new(density, stand_in, &self.spots, seed)?;
+        Some(Self { anchors, ..self })
+    }
+}
+
+/// A mixture fitted to the hyperparameters given the measurements, and anchors for its estimates. It begins with `outer`,
+/// draws of the outer unknowns, and with draws of the prior; from `outer` also come the unknowns that are no
+/// hyperparameters. `None` where the prior cannot be drawn from, or nothing was found.
 pub(super) fn explore(
     density: &dyn LatentGaussian,
-    lookahead: &StandIn,
+    stand_in: &StandIn,
     outer: &[Vec<f64>],
-    rng: &mut ChaCha8Rng,
-) -> Option<Mixture> {
+    seed: u64,
+) -> Option<Leaps> {
     let layout = density.layout();
-    let hyper = |outer: &Vec<f64>| layout.hyper.iter().map(|i| outer[*i]).collect::<Vec<f64>>();
-    let prior = density.prior_outer(PRIOR_DRAWS, rng)?;
-    let of_one = |i: &usize| Tails::of(prior.iter().map(|outer| outer[*i]).collect());
-    let tails: Vec<Tails> = layout.hyper.iter().map(of_one).collect();
-    let mut points: Vec<Vec<f64>> = outer.iter().map(hyper).collect();
-    let equal = vec![1.0; points.len()];
-    let mut mixture = Mixture::fit(&points, &equal, (FAR[0], &tails), rng)?;
-    points.clear();
+    let rng = &mut Stream::Leap.rng(seed);
+    let hyper_of = |outer: &Vec<f64>| layout.hyper.iter().map(|i| outer[*i]).collect();
+    let hyper = |all: &[Vec<f64>]| all.iter().map(hyper_of).collect::<Vec<Vec<f64>>>();
+    let prior = hyper(&density.prior_outer(PRIOR_DRAWS, rng)?);
+    let tails: Vec<Tails> =
+        (0..layout.hyper.len()).map(|i| Tails::of(prior.iter().map(|h| h[i]).collect())).collect();
+    let met = hyper(outer);
+    let equal = vec![1.0; met.len()];
+    let mut mixtures = vec![
+        Mixture::fit(&met, &equal, (FAR[0], &tails), rng)?,
+        Mixture::fit(&prior, &[1.0; PRIOR_DRAWS][..prior.len()], (FAR[0], &tails), rng)?,
+    ];
+    let mut spots = Spots::new(layout, (&met, &equal), outer, rng);
+    let mut anchors = Anchors::new(density, stand_in, &spots, seed)?;
     let (mut latent, mut whitening) = (density.latent(), Whitening::new(layout));
     let mut z = vec![0.0; layout.n_coefficients()];
-    let mut used: Vec<Mixture> = vec![];
-    // ln of each point's density, and the sum of the densities of drawing it
-    let (mut ln_density, mut drawn): (Vec<f64>, Vec<f64>) = (vec![], vec![]);
-    for _ in 0..ROUNDS {
-        for _ in 0..POINTS {
+    let mut points = Points::default();
+    for power in POWERS {
+        for k in 0..POINTS {
             let mut point = vec![0.0; tails.len()];
-            mixture.draw(rng, &mut point);
+            mixtures[k % mixtures.len()].draw(rng, &mut point);
             let mut at = outer[rng.random_range(0..outer.len())].clone();
             layout.hyper.iter().zip(&point).for_each(|(i, h)| at[*i] = *h);
             let ln_prior = latent.set_outer(&at, &mut whitening.designs);
             if !ln_prior.is_finite() {
                 continue;
             }
-            let Some(here) = Here::new(layout, lookahead, &mut whitening) else { continue };
-            let ln = ln_prior + here.draw(&mut *latent, PARTICLES, &mut z, rng);
-            if ln.is_finite() {
-                drawn.push(used.iter().map(|q| q.ln_density(&point).exp()).sum());
-                ln_density.push(ln);
-                points.push(point);
+            let Some(guide) = anchors.at(&point, layout) else { continue };
+            let Some(here) = Here::new(layout, &guide.lookahead, &mut whitening) else { continue };
+            let ln_likelihood = here.draw(&mut *latent, guide.n_particles, &mut z, rng);
+            if ln_likelihood.is_finite() {
+                points.push(point, [ln_prior, ln_likelihood]);
             }
         }
-        for (point, sum) in points.iter().zip(&mut drawn) {
-            *sum += mixture.ln_density(point).exp();
-        }
-        let ln: Vec<f64> = ln_density.iter().zip(&drawn).map(|(ln, sum)| ln - sum.ln()).collect();
-        let most = ln.iter().copied().fold(f64::NEG_INFINITY, f64::max);
-        let weights: Vec<f64> = ln.iter().map(|ln| (ln - most).exp()).collect();
-        used.push(mixture);
-        mixture = Mixture::fit(&points, &weights, (FAR[1], &tails), rng)?;
+        points.drawn_from(mixtures);
+        let weights = points.weights(power);
+        mixtures = vec![Mixture::fit(&points.all, &weights, (FAR[1], &tails), rng)?];
+        spots = Spots::new(layout, (&points.all, &weights), outer, rng);
+        anchors = Anchors::new(density, stand_in, &spots, seed)?;
     }
-    Some(mixture)
+    Some(Leaps { mixture: mixtures.swap_remove(0), spots, anchors })
+}
+
+/// Points of all rounds.
+#[derive(Default)]
+struct Points {
+    all: Vec<Vec<f64>>,
+    /// ln of the prior density and of the estimated likelihood.
+    ln: Vec<[f64; 2]>,
+    /// The mean density of drawing a point, times the number of rounds.
+    drawn: Vec<f64>,
+    /// What each round has drawn from, in equal parts.
+    rounds: Vec<Vec<Mixture>>,
+}
+
+impl Points {
+    /// Adds a point of the present round.
+    fn push(&mut self, point: Vec<f64>, ln: [f64; 2]) {
+        self.drawn.push(self.rounds.iter().map(|mixtures| density_of(mixtures, &point)).sum());
+        self.all.push(point);
+        self.ln.push(ln);
+    }
+
+    /// Ends a round.
+    fn drawn_from(&mut self, mixtures: Vec<Mixture>) {
+        for (point, sum) in self.all.iter().zip(&mut self.drawn) {
+            *sum += density_of(&mixtures, point);
+        }
+        self.rounds.push(mixtures);
+    }
+
+    /// The weights for the prior times this power of the likelihood, the largest 1.
+    fn weights(&self, power: f64) -> Vec<f64> {
+        let ln_weight =
+            |([prior, likelihood], sum): (&[f64; 2], &f64)| prior + power * likelihood - sum.ln();
+        let ln: Vec<f64> = self.ln.iter().zip(&self.drawn).map(ln_weight).collect();
+        let most = ln.iter().copied().fold(f64::NEG_INFINITY, f64::max);
+        ln.iter().map(|ln| (ln - most).exp()).collect()
+    }
+}
+
+/// The mean density.
+fn density_of(mixtures: &[Mixture], point: &[f64]) -> f64 {
+    let sum: f64 = mixtures.iter().map(|q| q.ln_density(point).exp()).sum();
+    sum / mixtures.len() as f64
 }

@@ -1,5 +1,6 @@
 //! Particles against exact figures, and the mixture's draws against its density.
 
+use super::anchors::{Guide, sweep};
 use super::conditional::Conditional;
 use super::groups::Whitening;
 use super::left_out::with_particles;
@@ -221,6 +222,35 @@ fn coefficients_weighted_by_their_estimates_are_those_of_the_posterior() {
     assert!(largest(&without_weights) > LARGEST_Z);
 }
 
+/// A stand-in that knows nothing and one that is far off both become one of which few particles know the likelihood.
+#[test]
+fn sweeps_find_the_lookahead() {
+    let mut rng = ChaCha8Rng::seed_from_u64(9);
+    let (layout, mut sums) = (layout(), Sums { rank: PLACES });
+    let mut off = lookahead(&layout, &mut rng);
+    for place in 0..PLACES {
+        off.groups[0].set(place, &(DMatrix::identity(2, 2) * 4.0), &DVector::from_element(2, 3.0));
+    }
+    let mut whitening = Whitening::new(&layout);
+    let mut z = vec![0.0; LATENT];
+    for mut stand_in in [StandIn::new(&layout), off] {
+        let mut variances = vec![];
+        for _ in 0..=3 {
+            sums.set_outer(&[], &mut whitening.designs);
+            let lookahead = stand_in.times(0.5);
+            let here = Here::new(&layout, &lookahead, &mut whitening).unwrap();
+            let lns: Vec<f64> =
+                (0..400).map(|_| here.draw(&mut sums, 4, &mut z, &mut rng)).collect();
+            let mean = lns.iter().sum::<f64>() / 400.0;
+            variances.push(lns.iter().map(|ln| (ln - mean).powi(2)).sum::<f64>() / 400.0);
+            assert!(whitening.prepare(&stand_in));
+            whitening.set_basis();
+            sweep(&layout, &mut sums, &whitening, &mut stand_in, &mut rng);
+        }
+        assert!(variances[3] < 0.3 * variances[0], "{variances:?}");
+    }
+}
+
 /// Of draws of the posterior the mean of Z₋ᵢ/Z is exact, and so is the mean of the values at the place with these
 /// weights, whichever row is left out. Plain weights 1/Lᵢ have heavy tails here.
 #[test]
@@ -315,7 +345,8 @@ impl LatentGaussian for SumsAlone {
 fn an_estimate_has_the_prior_where_the_free_unknowns_are_now() {
     let layout = Layout { outer: vec![LATENT], ..layout() };
     let stand_in = lookahead(&layout, &mut ChaCha8Rng::seed_from_u64(7));
-    let shared = Arc::new(Shared { stand_in, proposal: Proposal::new(&[]), together: None });
+    let guide = Guide { lookahead: stand_in.times(0.5), n_particles: 32 };
+    let shared = Arc::new(Shared { stand_in, proposal: Proposal::new(&[]), leaps: None });
     let estimate = |at_first: f64, then: f64| {
         let shared = Arc::clone(&shared);
         let mut conditional =
@@ -324,7 +355,7 @@ fn an_estimate_has_the_prior_where_the_free_unknowns_are_now() {
         let mut position = conditional.position(&[0.1; LATENT]);
         position[LATENT] = then;
         conditional.take(&position);
-        conditional.estimate(&position, &mut ChaCha8Rng::seed_from_u64(8))
+        conditional.estimate(&position, &guide, &mut ChaCha8Rng::seed_from_u64(8))
     };
     assert!((estimate(0.0, 2.0) - estimate(2.0, 2.0)).abs() < 1e-12);
     assert!((estimate(2.0, 0.0) - estimate(2.0, 2.0) - 2.0).abs() < 1e-12);

@@ -1,18 +1,15 @@
 //! What the chains share: the stand-in and the proposal of the hyperparameters. A first version is
 //! made at the chains' starts; at each meeting they are fitted to the draws of all chains.
 
-use super::explore::explore;
+use super::explore::{Leaps, explore};
 use super::groups::Whitening;
 use super::latent::{LatentGaussian, Layout};
-use super::mixture::Mixture;
-use super::particles::lookahead;
 use super::proposal::Proposal;
 use super::stand_in::{Sample, StandIn, Trust};
 use crate::infer::curvature::conditional_scales;
 use crate::infer::settings::Settings;
 use crate::random::Stream;
 use rand::RngExt;
-use rand_chacha::ChaCha8Rng;
 use rand_distr::StandardNormal;
 use serde::{Deserialize, Serialize};
 
@@ -61,18 +58,26 @@ pub(super) struct Shared {
     pub(super) stand_in: StandIn,
     pub(super) proposal: Proposal,
     /// What is proposed where hyperparameters and coefficients move together, once the warm-up is over.
-    pub(super) together: Option<Mixture>,
+    pub(super) leaps: Option<Leaps>,
 }
 
 impl Shared {
+    /// As it was before it was kept; `None` if that cannot be.
+    pub(super) fn ready(mut self, density: &dyn LatentGaussian, seed: u64) -> Option<Self> {
+        if let Some(leaps) = self.leaps.take() {
+            self.leaps = Some(leaps.ready(density, &self.stand_in, seed)?);
+        }
+        Some(self)
+    }
+
     /// With this many draws of an earlier run the first round is not needed.
     const ENOUGH: usize = 80;
 
-    /// Whether both are of the same layout.
-    pub(super) fn is_like(&self, other: &Self) -> bool {
-        self.stand_in.is_like(&other.stand_in)
+    /// Whether both are of the same layout, which is this one.
+    pub(super) fn is_like(&self, other: &Self, layout: &Layout) -> bool {
+        self.leaps.as_ref().is_none_or(|leaps| leaps.fits(layout))
+            && self.stand_in.is_like(&other.stand_in)
             && self.proposal.is_like(&other.proposal)
-            && self.together.as_ref().is_none_or(|mixture| mixture.fits(self.proposal.n()))
     }
 
     /// Whether draws of an earlier run take the place of the first round.
@@ -99,18 +104,18 @@ impl Shared {
             };
             proposal.fit(&settings.earlier.iter().map(hyper).collect::<Vec<_>>(), FLOOR);
         }
-        Self { stand_in, proposal, together: None }
+        Self { stand_in, proposal, leaps: None }
     }
 
     /// What the chains share after a meeting, fitted to what they have seen. At the end of the
-    /// warm-up (`last`, with its random numbers) the stand-in stays as it is, because the step size has been
+    /// warm-up (`last`, with the seed of the run) the stand-in stays as it is, because the step size has been
     /// tuned to it, and moves of hyperparameters and coefficients together are prepared.
     #[must_use]
     pub(super) fn fitted(
         &self,
         density: &dyn LatentGaussian,
         lessons: Vec<Lesson>,
-        last: Option<&mut ChaCha8Rng>,
+        last: Option<u64>,
     ) -> Self {
         let mut new = self.clone();
         let (mut samples, mut outer) = (vec![], vec![]);
@@ -128,8 +133,8 @@ impl Shared {
         let hyper = |outer: &Vec<f64>| layout.hyper.iter().map(|i| outer[*i]).collect();
         new.proposal.fit(&outer.iter().map(hyper).collect::<Vec<_>>(), FLOOR);
         let is_small = layout.n_latent() <= MOST_LATENT && layout.hyper.len() <= MOST_HYPER;
-        if let Some(rng) = last.filter(|_| is_small) {
-            new.together = explore(density, &lookahead(&new.stand_in), &outer, rng);
+        if let Some(seed) = last.filter(|_| is_small) {
+            new.leaps = explore(density, &new.stand_in, &outer, seed);
         }
         new
     }

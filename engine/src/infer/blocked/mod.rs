@@ -19,6 +19,7 @@
 //!
 //! Knows nothing of fields, kernels, meshes or models: only [`LatentGaussian`].
 
+mod anchors;
 mod chain;
 mod conditional;
 mod explore;

@@ -60,11 +60,6 @@ impl Proposal {
         }
     }
 
-    /// How many hyperparameters there are.
-    pub(in crate::infer) fn n(&self) -> usize {
-        self.centre.len()
-    }
-
     /// Whether both are of as many hyperparameters.
     pub(in crate::infer) fn is_like(&self, other: &Self) -> bool {
         let lengths =

@@ -9,6 +9,7 @@
 //! A poor stand-in costs the sampler speed, never exactness.
 
 use super::latent::{Group, Layout, Shape};
+use crate::num::vector::axpy;
 use nalgebra::{Cholesky, DMatrix, DVector};
 use serde::{Deserialize, Serialize};
 
@@ -62,6 +63,23 @@ impl StandIn {
         own.information.iter_mut().skip(place).step_by(own.n_seen).for_each(|w| *w = 0.0);
         own.set_gram(&layout.groups[group]);
         new
+    }
+
+    /// Between these, with weights that sum to one: means of W and of W y. `None` if there are none.
+    pub(super) fn between(parts: &[(f64, &Self)]) -> Option<Self> {
+        let of_group = |g: usize| {
+            let parts = parts.iter().map(|(weight, part)| (*weight, &part.groups[g]));
+            GroupStandIn::between(&parts.collect::<Vec<_>>())
+        };
+        let n_groups = parts.first()?.1.groups.len();
+        Some(Self { groups: (0..n_groups).map(of_group).collect::<Option<_>>()? })
+    }
+
+    /// Adds to the covariance of each place that of these latent values `(group, block, place)`, which have weights
+    /// that sum to one. `None` where there is none.
+    pub(super) fn widen(&mut self, layout: &Layout, values: &[(f64, &[f64])]) -> Option<()> {
+        let mut groups = self.groups.iter_mut().zip(&layout.groups);
+        groups.try_for_each(|(own, group)| own.widen(group, values))
     }
 
     /// Whether both are of the same layout.
@@ -160,13 +178,7 @@ impl GroupStandIn {
         let trust = Trust { least: share * trust.least, ..trust };
         for place in 0..self.n_seen {
             if let Some((information, centre)) = self.fit_place(samples, trust, place) {
-                for f in 0..self.n_blocks {
-                    self.centre[f * self.n_seen + place] = centre[f];
-                    for g in 0..self.n_blocks {
-                        let at = (f * self.n_blocks + g) * self.n_seen + place;
-                        self.information[at] = information[(f, g)];
-                    }
-                }
+                self.set(place, &information, &centre);
             }
         }
         self.set_gram(group);
@@ -181,9 +193,7 @@ impl GroupStandIn {
         place: usize,
     ) -> Option<(DMatrix<f64>, DVector<f64>)> {
         let n = samples.len() as f64;
-        let at = |values: &[f64]| {
-            DVector::from_fn(self.n_blocks, |f, _| values[self.first + f * self.n_seen + place])
-        };
+        let at = |all: &[f64]| self.values(all, place);
         let zero = || DVector::zeros(self.n_blocks);
         let mean = samples.iter().fold(zero(), |sum, s| sum + at(&s.theta)) / n;
         let slope = samples.iter().fold(zero(), |sum, s| sum + at(&s.slope)) / n;
@@ -209,7 +219,76 @@ impl GroupStandIn {
             .then_some((information, centre))
     }
 
-    fn set_gram(&mut self, group: &Group) {
+    /// Between these: see [`StandIn::between`].
+    fn between(parts: &[(f64, &Self)]) -> Option<Self> {
+        let mut new = parts.first()?.1.clone();
+        let own = new.information.iter_mut().chain(new.gram.iter_mut().flatten());
+        own.for_each(|w| *w = 0.0);
+        let mut pull = vec![0.0; new.centre.len()];
+        let mut product = pull.clone();
+        for (weight, part) in parts {
+            axpy(*weight, &part.information, &mut new.information);
+            for (sum, own) in new.gram.iter_mut().zip(&part.gram) {
+                axpy(*weight, own, sum);
+            }
+            product.fill(0.0);
+            part.add_product(&part.centre, &mut product);
+            axpy(*weight, &product, &mut pull);
+        }
+        for place in 0..new.n_seen {
+            let (information, _) = new.at(place);
+            let own = DVector::from_fn(new.n_blocks, |f, _| pull[f * new.n_seen + place]);
+            let centre = Cholesky::new(information)?.solve(&own);
+            for (f, y) in centre.iter().enumerate() {
+                new.centre[f * new.n_seen + place] = *y;
+            }
+        }
+        Some(new)
+    }
+
+    /// See [`StandIn::widen`].
+    fn widen(&mut self, group: &Group, values: &[(f64, &[f64])]) -> Option<()> {
+        for place in 0..self.n_seen {
+            let at = |theta: &[f64]| self.values(theta, place);
+            let zero = DVector::zeros(self.n_blocks);
+            let mean = values.iter().fold(zero, |sum, (weight, x)| sum + at(x) * *weight);
+            let (information, centre) = self.at(place);
+            let covariance = Cholesky::new(information)?.inverse();
+            let wider = values.iter().fold(covariance, |sum, (weight, x)| {
+                let d = at(x) - &mean;
+                sum + &d * d.transpose() * *weight
+            });
+            self.set(place, &Cholesky::new(wider)?.inverse(), &centre);
+        }
+        self.set_gram(group);
+        Some(())
+    }
+
+    /// Those of one place of all latent values, `(block)`.
+    fn values(&self, all: &[f64], place: usize) -> DVector<f64> {
+        DVector::from_fn(self.n_blocks, |f, _| all[self.first + f * self.n_seen + place])
+    }
+
+    /// W and y of one place.
+    pub(super) fn at(&self, place: usize) -> (DMatrix<f64>, DVector<f64>) {
+        let n = self.n_blocks;
+        let information = DMatrix::from_fn(n, n, |f, g| self.information(f, g)[place]);
+        (information, DVector::from_fn(n, |f, _| self.centre[f * self.n_seen + place]))
+    }
+
+    /// Sets them. [`GroupStandIn::set_gram`] is to follow.
+    pub(super) fn set(&mut self, place: usize, information: &DMatrix<f64>, centre: &DVector<f64>) {
+        for f in 0..self.n_blocks {
+            self.centre[f * self.n_seen + place] = centre[f];
+            for g in 0..self.n_blocks {
+                let at = (f * self.n_blocks + g) * self.n_seen + place;
+                self.information[at] = information[(f, g)];
+            }
+        }
+    }
+
+    /// After a change of the information.
+    pub(super) fn set_gram(&mut self, group: &Group) {
         for (f, first) in group.blocks.iter().enumerate() {
             for (g, second) in group.blocks.iter().enumerate() {
                 let (Shape::Scaled(left), Shape::Scaled(right)) = (&first.shape, &second.shape)

@@ -8,7 +8,7 @@ use crate::infer::markov::{MarkovChain as _, Together};
 use crate::infer::settings::MetricKind;
 use crate::infer::stages::WarmUp;
 use crate::infer::warmup::Adaptation;
-use crate::random::{Part, Stream};
+use crate::random::Part;
 use serde::{Deserialize, Serialize};
 use std::sync::Arc;
 
@@ -59,7 +59,7 @@ impl Together for Blocked<'_> {
             adaptation.fits(dim, MetricKind::Diagonal) && lesson.fits(warm_up.n_late(), layout)
         };
         warm_up.follows(&self.warm_up)
-            && state.shared.is_like(&self.shared)
+            && state.shared.is_like(&self.shared, layout)
             && state.outer.len() == layout.outer.len()
             && state.kernel.fits(dim)
             && state.learning.is_none() == warm_up.is_over()
@@ -68,8 +68,10 @@ impl Together for Blocked<'_> {
     }
 
     fn restore(&mut self, state: BlockedState) -> Result<(), ChainError> {
-        let (fixed, shared) = (self.fixed, Arc::new(state.shared));
-        let Some(conditional) = fixed.conditional(&shared, &state.outer) else {
+        let fixed = self.fixed;
+        let shared = state.shared.ready(fixed.density, fixed.seed).map(Arc::new);
+        let with = shared.and_then(|s| Some((fixed.conditional(&s, &state.outer)?, s)));
+        let Some((conditional, shared)) = with else {
             return Err(self.error(state.warm_up.n_done(), ChainFailure::RanAway));
         };
         let position = state.kernel.position.clone();
@@ -108,8 +110,7 @@ impl Together for Blocked<'_> {
         let Some(first) = chains.first() else { return vec![] };
         let mut warm_up = first.warm_up.clone();
         warm_up.met();
-        let mut rng = Stream::Leap.rng(first.fixed.seed);
-        let last = warm_up.is_over().then_some(&mut rng);
+        let last = warm_up.is_over().then_some(first.fixed.seed);
         let shared = first.shared.fitted(first.fixed.density, lessons, last);
         let shared = Arc::new(shared);
         agree(&mut links);
