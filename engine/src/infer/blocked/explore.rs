@@ -72,7 +72,7 @@ pub(super) fn explore(
     let equal = vec![1.0; met.len()];
     let mut mixtures = vec![
         Mixture::fit(&met, &equal, (FAR[0], &tails), rng)?,
-        Mixture::fit(&prior, &[1.0; PRIOR_DRAWS][..prior.len()], (FAR[0], &tails), rng)?,
+        Mixture::fit(&prior, &vec![1.0; prior.len()], (FAR[0], &tails), rng)?,
     ];
     let mut spots = Spots::new(layout, (&met, &equal), outer, rng);
     let mut anchors = Anchors::new(density, stand_in, &spots, seed)?;
