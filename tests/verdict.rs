@@ -439,12 +439,17 @@ fn rows_are_left_out_with_the_fields_integrated_out() {
         assert!((row.elpd - exact).abs() < tolerance, "{row:?} but {exact} ± {error}");
         assert!(n > 0 || plain.elpd - exact > tolerance, "{plain:?} but {exact} ± {error}");
     }
-    let ((row, _), _) = told[0];
-    // its replicates are those of a fit without it, too: wider than the bracket that was measured
+    // their replicates are those of a fit without them, too: together much wider, and of the first one elsewhere
     let predictions = fit.predictions().unwrap();
-    let place = loo.rows.iter().position(|other| other.name() == row.name()).unwrap();
-    let (left_out, by) = predictions.rows[place].left_out.as_ref().unwrap();
-    assert_eq!(*by, LeftOutBy::Integrated);
-    let width = |quantiles: [f64; 3]| quantiles[2] - quantiles[0];
-    assert!(width(left_out.quantiles) >= width(predictions.rows[place].fitted.quantiles) + 10.0);
+    let mut widths = [0.0; 2];
+    for (n, ((row, _), _)) in told.iter().enumerate() {
+        let place = loo.rows.iter().position(|other| other.name() == row.name()).unwrap();
+        let (left_out, by) = predictions.rows[place].left_out.as_ref().unwrap();
+        assert_eq!(*by, LeftOutBy::Integrated);
+        let both = [predictions.rows[place].fitted.quantiles, left_out.quantiles];
+        widths = [0, 1].map(|k| widths[k] + both[k][2] - both[k][0]);
+        let moved = (0..3).map(|k| (both[1][k] - both[0][k]).abs()).fold(0.0, f64::max);
+        assert!(n > 0 || moved >= 10.0, "{row:?}: {both:?}");
+    }
+    assert!(widths[1] > 2.0 * widths[0], "{widths:?}");
 }
