@@ -221,10 +221,10 @@ fn traces(posterior: &Group, files: &[&str]) -> io::Result<String> {
     Ok(html)
 }
 
-/// Pareto k of every measurement as a plot and, the worst first, as a table. Marked is what cannot be told.
+/// Pareto k of every measurement as a plot and, the worst first, as a table. Marked are those that cannot be told.
 fn leave_one_out(loo: &LeaveOneOut) -> String {
     let threshold = loo.record.k_threshold;
-    let point = |row: &LooRow| (escape(&row.name()), row.pareto_k, row.is_high(threshold));
+    let point = |row: &LooRow| (escape(&row.name()), row.pareto_k, row.is_untold(threshold));
     let points: Vec<_> = loo.rows.iter().map(point).collect();
     let mut html = format!(
         "<p>{}.</p>{}<details><summary>Every measurement</summary><table><thead><tr><th class=\"text\">measurement\
@@ -235,7 +235,7 @@ fn leave_one_out(loo: &LeaveOneOut) -> String {
     let mut rows: Vec<&LooRow> = loo.rows.iter().collect();
     rows.sort_by(|a, b| b.pareto_k.total_cmp(&a.pareto_k));
     for row in rows {
-        let class = if row.is_high(threshold) { " class=\"suspect\"" } else { "" };
+        let class = if row.is_untold(threshold) { " class=\"suspect\"" } else { "" };
         let observed = escape(&row.observed.replace(' ', " … "));
         let _ = writeln!(
             html,

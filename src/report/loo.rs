@@ -117,7 +117,7 @@ impl LeaveOneOut {
         let count = |by| self.rows.iter().filter(|row| row.loo_by == by).count();
         record.n_integrated = count(LeftOutBy::Integrated);
         record.n_left_out = count(LeftOutBy::Fit);
-        record.n_high_k = self.rows.iter().filter(|row| row.is_high(record.k_threshold)).count();
+        record.n_high_k = self.rows.iter().filter(|row| row.is_untold(record.k_threshold)).count();
         record.worst = worst_k(&self.rows, record.k_threshold);
     }
 }
@@ -129,7 +129,7 @@ impl LooRow {
     }
 
     /// Whether its Pareto k is too high for weights, and these are all there is.
-    pub(super) fn is_high(&self, threshold: f64) -> bool {
+    pub(super) fn is_untold(&self, threshold: f64) -> bool {
         self.pareto_k > threshold && self.loo_by == LeftOutBy::Weights
     }
 }
@@ -148,7 +148,7 @@ fn left_out_by<'de, D: Deserializer<'de>>(cell: D) -> Result<LeftOutBy, D::Error
 /// The worst of the measurements whose k is above `threshold` and of which weights are all there is, with their
 /// k, in words.
 pub fn worst_k(rows: &[LooRow], threshold: f64) -> Vec<String> {
-    let mut high: Vec<&LooRow> = rows.iter().filter(|row| row.is_high(threshold)).collect();
+    let mut high: Vec<&LooRow> = rows.iter().filter(|row| row.is_untold(threshold)).collect();
     high.sort_by(|a, b| b.pareto_k.total_cmp(&a.pareto_k));
     let words = |row: &&LooRow| format!("{} ({:.2})", row.name(), row.pareto_k);
     high.iter().take(MOST_NAMED).map(words).collect()
@@ -196,7 +196,7 @@ fn record(loo: &Loo, rows: &[LooRow]) -> LooRecord {
         p_loo: loo.p_loo,
         n_measurements: rows.len(),
         k_threshold: loo.k_threshold,
-        n_high_k: rows.iter().filter(|row| row.is_high(loo.k_threshold)).count(),
+        n_high_k: rows.iter().filter(|row| row.is_untold(loo.k_threshold)).count(),
         n_integrated: 0,
         n_left_out: 0,
         worst: worst_k(rows, loo.k_threshold),

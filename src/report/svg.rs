@@ -80,7 +80,7 @@ pub(super) fn rank_counts(chains: &[&[f64]]) -> Option<Vec<[usize; RANK_BINS]>> 
 }
 
 /// Pareto k of every named measurement in order, with the `threshold` beyond which plain weights say nothing; a k
-/// that cannot be had is at the top. Those are marked of which nothing else is known.
+/// that cannot be had is at the top. A point is marked if no other way could tell it either.
 pub(super) fn k_plot(points: &[(String, f64, bool)], threshold: f64) -> String {
     let finite = || points.iter().map(|point| point.1).filter(|k| k.is_finite());
     let (low, high) = (finite().fold(0.0, f64::min), finite().fold(1.0, f64::max));

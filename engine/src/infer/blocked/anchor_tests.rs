@@ -8,7 +8,7 @@ use std::sync::Arc;
 fn anchors_are_far_apart_and_the_first_is_in_the_middle() {
     let points: Vec<Vec<f64>> = (0..101).map(|i| vec![f64::from(i), 0.0]).collect();
     let chosen = far_apart(&points.iter().collect::<Vec<_>>(), &[1.0, 1.0]);
-    assert_eq!(chosen.len(), MOST);
+    assert_eq!(chosen.len(), N_ANCHORS);
     let first: Vec<f64> = chosen.iter().map(|x| x[0]).take(3).collect();
     assert!(first == [50.0, 100.0, 0.0] || first == [50.0, 0.0, 100.0], "{first:?}");
     let gap = |a: &Vec<f64>| {

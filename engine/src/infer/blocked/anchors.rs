@@ -1,12 +1,15 @@
-//! Lookaheads of regimes. Far from where the stand-in was fitted it suits the likelihood badly: an estimate of
-//! particles is then nearly always too small, rarely far too large, and a chain that has got there stays.
+//! How to estimate the likelihood at hyperparameters far from those where the stand-in was fitted. There the stand-in
+//! suits the likelihood badly, and an estimate by particles is nearly always too small, but sometimes far too large. A
+//! chain at a state whose estimate is far too large stays there.
 //!
-//! So there are several *anchors*, values of the hyperparameters spread over all that was found plausible. Each has
-//! a lookahead of its own, by sweeps of expectation propagation, and as many particles as estimates there need. An
-//! estimate uses a mean of all anchors, the nearer the more of it. It is unbiased whatever they are.
+//! So there are several *anchors*: values of the hyperparameters, spread over all that was found plausible. Each has
+//! a lookahead of its own, found by expectation propagation, and as many particles as estimates need there. An
+//! estimate at other hyperparameters uses a mean of all anchors, in which near ones count more. It is unbiased
+//! whatever the anchors are.
 //!
-//! Where the likelihood of a place has several regions, anchors may have different ones, and estimates of those who
-//! know but one are far off. So the lookahead of a place is widened by how far the anchors' means are apart there.
+//! The measurements at a place may allow two regions of values, of which each anchor knows one. A lookahead that knew
+//! one alone would make estimates in the other far too large. So the lookahead of a place is widened by how far the
+//! anchors' means are apart there.
 //!
 //! # Source
 //! Minka 2001, "Expectation propagation for approximate Bayesian inference".
@@ -22,28 +25,29 @@ use rand_chacha::ChaCha8Rng;
 use rand_distr::StandardNormal;
 use serde::{Deserialize, Serialize};
 
-/// How many anchors there are at most.
-const MOST: usize = 16;
+/// How many anchors there are.
+const N_ANCHORS: usize = 16;
 /// Points with less than this share of the largest weight are no anchors.
 const NEGLIGIBLE: f64 = 1e-3;
 /// Sweeps over all places for a lookahead.
 const SWEEPS: usize = 4;
-/// They begin with this share of the stand-in's information: with more they would stay in its region.
+/// Sweeps begin with this share of the stand-in's information. With all of it they would stay in the region of
+/// values that the stand-in knows.
 const BEGIN: f64 = 0.05;
-/// The lookahead has this share of the information that was found.
+/// An anchor's lookahead has this share of the information that the sweeps have found.
 const LOOKAHEAD: f64 = 0.85;
-/// Points of an integral over the values of a place, for each of them.
+/// A sweep integrates over the values of a place with so many points for each value.
 const POINTS: usize = 32;
-/// How much wider they lie than the present approximation.
+/// The points have so many times the sd of the present approximation.
 const WIDER: f64 = 1.4;
 /// Least information of a place, in units of that of the present approximation.
 const LEAST: f64 = 0.02;
-/// An integral of which the points are worth fewer than this, for each value, says nothing.
+/// Where the points are worth fewer equally weighted ones than this, for each value, the integral says nothing.
 const WORTH: f64 = 4.0;
-/// How much of the way from the stand-in to the likelihood a sweep goes, where the points allow.
+/// How much of the way from the present approximation to the likelihood a sweep goes: the first of these at which the
+/// integral says something.
 const SHARES: [f64; 5] = [1.0, 0.5, 0.2, 0.05, 0.01];
-
-/// Added to a squared distance in sds: an anchor may be where it is asked for.
+/// Added to the squared distance of an anchor, which may be 0.
 const NEAREST: f64 = 1e-6;
 
 /// Pairs of estimates by which the number of particles is found, and their particles.
@@ -57,15 +61,15 @@ const VARIANCE: f64 = 0.5;
 /// Where the anchors are. A chain keeps these alone; the rest is made from them.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub(super) struct Spots {
-    /// What each hyperparameter is measured in.
+    /// The sd of each hyperparameter among the points: distances are in these.
     scale: Vec<f64>,
     /// The outer unknowns of each.
     outer: Vec<Vec<f64>>,
 }
 
 impl Spots {
-    /// Spread over those of `points` that have weights worth counting, `(n, hyper)`. Other unknowns are those of some
-    /// of `outer`.
+    /// Spread over those of `points`, `(n, hyper)`, that have weights worth counting. Each takes the other outer unknowns
+    /// from one of `outer`.
     pub(super) fn new(
         layout: &Layout,
         (points, weights): (&[Vec<f64>], &[f64]),
@@ -84,26 +88,26 @@ impl Spots {
             at
         };
         // where there are few different points, some are there twice
-        let outer = chosen.iter().cycle().take(MOST).map(one).collect();
+        let outer = chosen.iter().cycle().take(N_ANCHORS).map(one).collect();
         Self { scale, outer }
     }
 
     /// Whether they are of this layout.
     pub(super) fn fits(&self, layout: &Layout) -> bool {
         self.scale.len() == layout.hyper.len()
-            && self.outer.len() == MOST
+            && self.outer.len() == N_ANCHORS
             && self.outer.iter().all(|outer| outer.len() == layout.outer.len())
     }
 }
 
-/// See the module.
+/// All anchors.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Anchors {
     scale: Vec<f64>,
     all: Vec<Anchor>,
 }
 
-/// How to estimate the likelihood near some hyperparameters.
+/// Some hyperparameters, and how to estimate the likelihood near them.
 #[derive(Clone, Debug)]
 struct Anchor {
     hyper: Vec<f64>,
@@ -120,7 +124,7 @@ pub(super) struct Guide {
 }
 
 impl Anchors {
-    /// At these spots; `None` if nothing can be estimated at any.
+    /// At these spots, but those where nothing can be estimated; `None` if none is left.
     pub(super) fn new(
         density: &dyn LatentGaussian,
         stand_in: &StandIn,
@@ -149,10 +153,9 @@ impl Anchors {
             *weight /= total;
         }
         let parts = || weights.iter().copied().zip(&self.all);
-        let all: Vec<_> = parts().map(|(w, anchor)| (w, &anchor.guide.lookahead)).collect();
-        let mut lookahead = StandIn::between(&all)?;
-        let means: Vec<_> = parts().map(|(w, anchor)| (w, &anchor.theta[..])).collect();
-        lookahead.widen(layout, &means)?;
+        let all: Vec<_> =
+            parts().map(|(w, anchor)| (w, &anchor.guide.lookahead, &anchor.theta[..])).collect();
+        let lookahead = StandIn::between(&all, layout)?;
         let n: f64 = parts().map(|(w, anchor)| w * anchor.guide.n_particles as f64).sum();
         Some(Guide { lookahead, n_particles: n as usize })
     }
@@ -172,15 +175,11 @@ impl Anchor {
         if !ln_prior.is_finite() {
             return None;
         }
-        for done in 0..=SWEEPS {
-            if !whitening.prepare(&own) {
-                return None;
-            }
-            whitening.set_basis();
-            if done < SWEEPS {
-                sweep(layout, latent, whitening, &mut own, rng);
-            }
+        for _ in 0..SWEEPS {
+            whitening.prepare_basis(&own)?;
+            sweep(layout, latent, whitening, &mut own, rng);
         }
+        whitening.prepare_basis(&own)?;
         let of_group = |group: usize| whitening.basis(group).0.to_vec();
         let theta = (0..layout.groups.len()).flat_map(of_group).collect();
         let lookahead = own.times(LOOKAHEAD);
@@ -320,7 +319,7 @@ fn distance(a: &[f64], b: &[f64], scale: &[f64]) -> f64 {
     a.iter().zip(b).zip(scale).map(|((a, b), s)| ((a - b) / s).powi(2)).sum()
 }
 
-/// Up to [`MOST`] of these points, each as far as can be from those before it.
+/// Up to [`N_ANCHORS`] of these points, each as far as can be from those before it.
 fn far_apart(points: &[&Vec<f64>], scale: &[f64]) -> Vec<Vec<f64>> {
     let n = points.len() as f64;
     let mean: Vec<f64> =
@@ -330,7 +329,7 @@ fn far_apart(points: &[&Vec<f64>], scale: &[f64]) -> Vec<Vec<f64>> {
     let to_mean: Vec<f64> = points.iter().map(|x| distance(x, &mean, scale)).collect();
     let mut next = (0..points.len()).min_by(|a, b| to_mean[*a].total_cmp(&to_mean[*b]));
     let mut chosen = vec![];
-    while let Some(own) = next.filter(|own| chosen.len() < MOST && gaps[*own] > 0.0) {
+    while let Some(own) = next.filter(|own| chosen.len() < N_ANCHORS && gaps[*own] > 0.0) {
         chosen.push(points[own].clone());
         for (gap, x) in gaps.iter_mut().zip(points) {
             *gap = gap.min(distance(x, points[own], scale));

@@ -14,8 +14,8 @@ use crate::random::Stream;
 use rand::RngExt as _;
 use serde::{Deserialize, Serialize};
 
-/// After each round the proposal is fitted to the prior times this power of the likelihood. Another regime that the
-/// chains have not met is found by a small one.
+/// After each round the proposal is fitted to the prior times the likelihood to this power. A small power keeps the
+/// points spread out, so that a regime is found that no chain has met.
 const POWERS: [f64; 3] = [0.25, 0.5, 1.0];
 /// Points of a round.
 const POINTS: usize = 1000;
@@ -29,7 +29,7 @@ const PRIOR_DRAWS: usize = 400;
 pub(super) struct Leaps {
     pub(super) mixture: Mixture,
     spots: Spots,
-    /// A chain that is restored makes them again: [`Leaps::ready`].
+    /// Not kept: a chain that is restored makes them again, by [`Leaps::ready`].
     #[serde(skip)]
     pub(super) anchors: Anchors,
 }
@@ -52,9 +52,9 @@ impl Leaps {
     }
 }
 
-/// A mixture fitted to the hyperparameters given the measurements, and anchors for its estimates. It begins with `outer`,
-/// draws of the outer unknowns, and with draws of the prior; from `outer` also come the unknowns that are no
-/// hyperparameters. `None` where the prior cannot be drawn from, or nothing was found.
+/// A mixture fitted to the hyperparameters given the measurements, and anchors for estimates. The first round draws
+/// from mixtures fitted to `outer`, the outer unknowns of the chains' draws, and to draws of the prior. The outer
+/// unknowns that are no hyperparameters are always those of some of `outer`. `None` where the prior cannot be drawn from, or nothing was found.
 pub(super) fn explore(
     density: &dyn LatentGaussian,
     stand_in: &StandIn,
@@ -111,7 +111,7 @@ struct Points {
     all: Vec<Vec<f64>>,
     /// ln of the prior density and of the estimated likelihood.
     ln: Vec<[f64; 2]>,
-    /// The mean density of drawing a point, times the number of rounds.
+    /// The sum over all rounds of the density of drawing a point.
     drawn: Vec<f64>,
     /// What each round has drawn from, in equal parts.
     rounds: Vec<Vec<Mixture>>,

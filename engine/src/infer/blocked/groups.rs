@@ -89,6 +89,11 @@ impl Whitening {
         }
     }
 
+    /// Both; `None` if one of the designs has no factor.
+    pub(super) fn prepare_basis(&mut self, stand_in: &StandIn) -> Option<()> {
+        self.prepare(stand_in).then(|| self.set_basis())
+    }
+
     /// θ at z.
     pub(super) fn latent_at(&self, z: &[f64], theta: &mut [f64]) {
         for Part { whitening, coefficients, latent } in &self.groups {

@@ -243,8 +243,7 @@ fn sweeps_find_the_lookahead() {
                 (0..400).map(|_| here.draw(&mut sums, 4, &mut z, &mut rng)).collect();
             let mean = lns.iter().sum::<f64>() / 400.0;
             variances.push(lns.iter().map(|ln| (ln - mean).powi(2)).sum::<f64>() / 400.0);
-            assert!(whitening.prepare(&stand_in));
-            whitening.set_basis();
+            whitening.prepare_basis(&stand_in).unwrap();
             sweep(&layout, &mut sums, &whitening, &mut stand_in, &mut rng);
         }
         assert!(variances[3] < 0.3 * variances[0], "{variances:?}");

@@ -25,12 +25,15 @@ use std::f64::consts::PI;
 use super::groups::Whitening;
 use super::latent::{Latent, LatentGaussian, Layout};
 use super::mixture::Student;
-use super::particles::{Here, Order, Swarm, lookahead};
+use super::particles::{Here, Order, Swarm};
 use super::stand_in::{Sample, StandIn, Trust};
 use crate::num::ln_mean_exp;
 use crate::num::vector::{axpy, dot};
 use crate::random::Stream;
 
+/// The lookahead is the stand-in with this share of its information: with all of it, what suits the rows at other
+/// places less well would be given up too early.
+const LOOKAHEAD: f64 = 0.5;
 /// Particles up to the last place, and points of each there.
 const PARTICLES: usize = 64;
 const POINTS: usize = 4;
@@ -75,7 +78,7 @@ pub(super) fn with_particles(
     let samples: Vec<Sample> = seen.iter().filter_map(|seen| seen.sample.clone()).collect();
     let mut stand_in = StandIn::new(layout);
     stand_in.fit(&samples, Trust::FULL, layout);
-    let stand_in = lookahead(&stand_in);
+    let stand_in = stand_in.times(LOOKAHEAD);
     let place = |at: &[usize; 2]| Place {
         at: *at,
         n_particles,

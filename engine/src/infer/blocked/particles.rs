@@ -27,20 +27,12 @@ use crate::num::vector::{axpy, dot};
 use rand::{Rng, RngExt as _};
 use rand_distr::StandardNormal;
 
-/// The lookahead is the stand-in with this share of its information. The stand-in suits the main regime of the
-/// posterior; with all of it, others would be given up too early.
-const LOOKAHEAD: f64 = 0.5;
 /// Degrees of freedom of what a particle draws at a place: heavier tails than G, since L/q may be large there.
 const NU: usize = 4;
 /// Particles are drawn anew where they are worth less than this share of them.
 const WORTH: f64 = 0.5;
 /// A latent value of which the values before leave less than this share of the variance is determined by them.
 const ROUNDING: f64 = 1e-10;
-
-/// The lookahead that goes with a stand-in.
-pub(super) fn lookahead(stand_in: &StandIn) -> StandIn {
-    stand_in.times(LOOKAHEAD)
-}
 
 /// Where coefficients are drawn: some hyperparameters.
 pub(super) struct Here<'a> {
@@ -57,10 +49,7 @@ impl<'a> Here<'a> {
         lookahead: &'a StandIn,
         whitening: &'a mut Whitening,
     ) -> Option<Self> {
-        if !whitening.prepare(lookahead) {
-            return None;
-        }
-        whitening.set_basis();
+        whitening.prepare_basis(lookahead)?;
         Some(Self { layout, lookahead, whitening })
     }
 

@@ -65,21 +65,17 @@ impl StandIn {
         new
     }
 
-    /// Between these, with weights that sum to one: means of W and of W y. `None` if there are none.
-    pub(super) fn between(parts: &[(f64, &Self)]) -> Option<Self> {
-        let of_group = |g: usize| {
-            let parts = parts.iter().map(|(weight, part)| (*weight, &part.groups[g]));
-            GroupStandIn::between(&parts.collect::<Vec<_>>())
+    /// Between these, of which each has a weight and means of the latent values, `(group, block, place)`. The weights
+    /// sum to one. W and W y are weighted means; then the covariance W⁻¹ of each place is widened by that of the
+    /// means there. `None` where it has none.
+    pub(super) fn between(parts: &[(f64, &Self, &[f64])], layout: &Layout) -> Option<Self> {
+        let of_group = |(g, group): (usize, &Group)| {
+            let parts =
+                parts.iter().map(|(weight, part, theta)| (*weight, &part.groups[g], *theta));
+            GroupStandIn::between(&parts.collect::<Vec<_>>(), group)
         };
-        let n_groups = parts.first()?.1.groups.len();
-        Some(Self { groups: (0..n_groups).map(of_group).collect::<Option<_>>()? })
-    }
-
-    /// Adds to the covariance of each place that of these latent values `(group, block, place)`, which have weights
-    /// that sum to one. `None` where there is none.
-    pub(super) fn widen(&mut self, layout: &Layout, values: &[(f64, &[f64])]) -> Option<()> {
-        let mut groups = self.groups.iter_mut().zip(&layout.groups);
-        groups.try_for_each(|(own, group)| own.widen(group, values))
+        let groups = layout.groups.iter().enumerate().map(of_group).collect::<Option<_>>()?;
+        Some(Self { groups })
     }
 
     /// Whether both are of the same layout.
@@ -219,49 +215,33 @@ impl GroupStandIn {
             .then_some((information, centre))
     }
 
-    /// Between these: see [`StandIn::between`].
-    fn between(parts: &[(f64, &Self)]) -> Option<Self> {
+    /// See [`StandIn::between`].
+    fn between(parts: &[(f64, &Self, &[f64])], group: &Group) -> Option<Self> {
         let mut new = parts.first()?.1.clone();
-        let own = new.information.iter_mut().chain(new.gram.iter_mut().flatten());
-        own.for_each(|w| *w = 0.0);
+        new.information.fill(0.0);
         let mut pull = vec![0.0; new.centre.len()];
         let mut product = pull.clone();
-        for (weight, part) in parts {
+        for (weight, part, _) in parts {
             axpy(*weight, &part.information, &mut new.information);
-            for (sum, own) in new.gram.iter_mut().zip(&part.gram) {
-                axpy(*weight, own, sum);
-            }
             product.fill(0.0);
             part.add_product(&part.centre, &mut product);
             axpy(*weight, &product, &mut pull);
         }
+        let n = new.n_blocks;
         for place in 0..new.n_seen {
-            let (information, _) = new.at(place);
-            let own = DVector::from_fn(new.n_blocks, |f, _| pull[f * new.n_seen + place]);
-            let centre = Cholesky::new(information)?.solve(&own);
-            for (f, y) in centre.iter().enumerate() {
-                new.centre[f * new.n_seen + place] = *y;
-            }
-        }
-        Some(new)
-    }
-
-    /// See [`StandIn::widen`].
-    fn widen(&mut self, group: &Group, values: &[(f64, &[f64])]) -> Option<()> {
-        for place in 0..self.n_seen {
-            let at = |theta: &[f64]| self.values(theta, place);
-            let zero = DVector::zeros(self.n_blocks);
-            let mean = values.iter().fold(zero, |sum, (weight, x)| sum + at(x) * *weight);
-            let (information, centre) = self.at(place);
-            let covariance = Cholesky::new(information)?.inverse();
-            let wider = values.iter().fold(covariance, |sum, (weight, x)| {
-                let d = at(x) - &mean;
-                sum + &d * d.transpose() * *weight
+            let pull = DVector::from_fn(n, |f, _| pull[f * new.n_seen + place]);
+            let factor = Cholesky::new(new.at(place).0)?;
+            let at = |theta: &[f64]| new.values(theta, place);
+            let none = DVector::zeros(n);
+            let mean = parts.iter().fold(none, |sum, (w, _, theta)| sum + at(theta) * *w);
+            let wider = parts.iter().fold(factor.inverse(), |sum, (w, _, theta)| {
+                let d = at(theta) - &mean;
+                sum + &d * d.transpose() * *w
             });
-            self.set(place, &Cholesky::new(wider)?.inverse(), &centre);
+            new.set(place, &Cholesky::new(wider)?.inverse(), &factor.solve(&pull));
         }
-        self.set_gram(group);
-        Some(())
+        new.set_gram(group);
+        Some(new)
     }
 
     /// Those of one place of all latent values, `(block)`.
