@@ -1,7 +1,7 @@
 //! Conduction velocity and the direction of fibres over a surface, from arrival times of several activations.
 //!
 //! `eplat run models/lat_fibres.rs --mesh SHELL.vtk --data FILE.csv`, with the columns of `lat_velocity.rs`. The mesh's
-//! own fibres (an atlas) are where the angle starts from. Activation from one source cannot tell an angle from a ratio:
+//! own fibres (those of an atlas: `eplat mesh fibres`) are where the angle starts from. Activation from one source cannot tell an angle from a ratio:
 //! the intervals of both are then as wide as their priors.
 use eplat::prelude::*;
 

@@ -9,7 +9,7 @@
 //! | 5 | [`run`], [`report`], [`import`] |
 //! | 4 | [`experiment`], [`criticism`]; `models/*.rs`, through [`prelude`] only |
 //! | 3 | [`model`](mod@model) |
-//! | 2 | [`table`], [`field`], [`surrogate`], [`infer`], [`diagnostics`] |
+//! | 2 | [`table`], [`field`], [`surrogate`], [`infer`], [`diagnostics`], [`anatomy`] |
 //! | 1 | [`dist`], [`likelihood`], [`manifold`], [`ep`] |
 //! | 0 | [`mesh`], [`num`], [`random`], [`error`], [`store`] |
 
@@ -17,8 +17,8 @@
 extern crate self as eplat;
 
 pub use eplat_engine::{
-    criticism, diagnostics, dist, ep, error, field, infer, likelihood, manifold, mesh, model, num,
-    prelude, random, store, surrogate, table,
+    anatomy, criticism, diagnostics, dist, ep, error, field, infer, likelihood, manifold, mesh,
+    model, num, prelude, random, store, surrogate, table,
 };
 
 pub mod cli;

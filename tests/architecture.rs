@@ -18,7 +18,7 @@ const LAYERS: &[(u32, &[&str])] = &[
     (5, &["run", "report", "import"]),
     (4, &["experiment", "criticism"]),
     (3, &["model", "prelude"]),
-    (2, &["table", "field", "surrogate", "infer", "diagnostics"]),
+    (2, &["table", "field", "surrogate", "infer", "diagnostics", "anatomy"]),
     (1, &["dist", "likelihood", "manifold", "ep"]),
     (0, &["mesh", "num", "random", "error", "store"]),
 ];

@@ -32,7 +32,7 @@ fn atrium_info_and_convert_work_together() {
     let info = eplat(folder.path(), &["info", "la.vtk"]);
     let stdout = String::from_utf8(info.stdout).unwrap();
     assert!(stdout.contains("Euler characteristic  -3\n"), "{stdout}");
-    assert!(stdout.contains("openings              5 (edges: "), "{stdout}");
+    assert!(stdout.contains("openings              5\n  1 "), "{stdout}");
     assert!(stdout.contains("point data            region\n"), "{stdout}");
     for (arguments, name) in [
         (["convert", "la.vtk", "b.vtk", "--units=mm"], "b.vtk"),

@@ -6,6 +6,7 @@
 // `model!` and the models call this by the name of the whole
 extern crate self as eplat;
 
+pub mod anatomy;
 pub mod criticism;
 pub mod diagnostics;
 pub mod dist;

@@ -2,9 +2,12 @@
 
 use super::reading::ReadingArgs;
 use super::voice::{note, stdout};
+use crate::anatomy::{Coordinates, Opening, Openings, around, carry_fibres, middle, openings};
 use crate::error::Failure;
 use crate::manifold::{eigenpairs, maximin, random_maximin};
-use crate::mesh::{self, Atrium, Data, Encoding, Format, REGION_NAMES, Reading, Surface};
+use crate::mesh::{
+    self, Atrium, Data, Encoding, Format, REGION_NAMES, Reading, Surface, TriMesh, Units,
+};
 use clap::Subcommand;
 use std::io::Write;
 use std::path::{Path, PathBuf};
@@ -88,6 +91,42 @@ pub(super) enum Command {
         #[arg(long, default_value_t = 1)]
         seed: u64,
     },
+    /// Write universal coordinates of a left atrium beside its other data: `uac_ls` from its right to its left wall,
+    /// `uac_pa` from the mitral valve behind over the roof to the valve in front, both from 0 to 1
+    Coordinates {
+        /// Mesh: .vtp, .vtu, .vtk, .ply, .stl, .obj, .pts (openCARP) or .npz
+        input: PathBuf,
+        /// File to write, in mm: an extension as above
+        output: PathBuf,
+        #[command(flatten)]
+        reading: ReadingArgs,
+        /// Which opening is which, by the numbers of `mesh info`: mv=1,lspv=2,lipv=3,rspv=4,ripv=5 [default: found by their
+        /// places]
+        #[arg(long, value_name = "LIST")]
+        openings: Option<String>,
+    },
+    /// Write a left atrium with the fibres of another one, carried over by universal coordinates
+    Fibres {
+        /// Mesh: .vtp, .vtu, .vtk, .ply, .stl, .obj, .pts (openCARP) or .npz
+        input: PathBuf,
+        /// File to write, in mm: an extension as above
+        output: PathBuf,
+        /// The atrium that has fibres, such as one of an atlas
+        #[arg(long, value_name = "MESH")]
+        from: PathBuf,
+        #[command(flatten)]
+        reading: ReadingArgs,
+        /// Which opening is which, by the numbers of `mesh info`: mv=1,lspv=2,lipv=3,rspv=4,ripv=5 [default: found by their
+        /// places]
+        #[arg(long, value_name = "LIST")]
+        openings: Option<String>,
+        /// The same of the atrium that has fibres
+        #[arg(long, value_name = "LIST")]
+        from_openings: Option<String>,
+        /// Unit of its coordinates: mm, cm, um or m [default: what the file says, or guessed from the size]
+        #[arg(long, value_name = "UNIT")]
+        from_units: Option<Units>,
+    },
     /// Make the procedural left atrium
     Atrium {
         /// Length of the edges, mm
@@ -139,6 +178,39 @@ impl Command {
                 let sites = choose(&surface.mesh, n, exclude, seed)?;
                 print_sites(&surface, &sites)
             }
+            Self::Coordinates { input, output, reading, openings } => {
+                Format::of(&output)?;
+                let mut surface = mesh::read(&input, reading.of(&input))?;
+                let [first, second] = coordinates(&surface, openings.as_deref())?.at_vertices();
+                surface.point_data.insert("uac_ls".into(), first.into());
+                surface.point_data.insert("uac_pa".into(), second.into());
+                write_surface(&output, &surface, Encoding::Binary)
+            }
+            Self::Fibres { input, output, from, reading, openings, from_openings, from_units } => {
+                Format::of(&output)?;
+                let mut surface = mesh::read(&input, reading.of(&input))?;
+                let from_reading = ReadingArgs { units: from_units, piece: None };
+                let other = mesh::read(&from, from_reading.of(&from))?;
+                let Some((_, fibres)) = other.any_fibres() else {
+                    return Err(Failure::new(format_args!(
+                        "{} has no fibres: expected an array named fibre, fibres, fiber or fibers of three numbers\n\
+                         help: give the mesh of an atlas that has them; `eplat mesh info` lists the arrays of a mesh",
+                        from.display()
+                    )));
+                };
+                print_notes(&other);
+                let there = coordinates(&other, from_openings.as_deref())?;
+                let here = coordinates(&surface, openings.as_deref())?;
+                let carried = carry_fibres(&there, &fibres, &here);
+                let n_without = carried.iter().filter(|f| f.iter().all(|x| *x == 0.0)).count();
+                surface.cell_data.insert("fibre".into(), carried.into());
+                if n_without > 0 {
+                    note(format_args!(
+                        "{n_without} triangles have none: the coordinates do not grow there"
+                    ));
+                }
+                write_surface(&output, &surface, Encoding::Binary)
+            }
             Self::Atrium { edge, out } => atrium(edge, &out),
         }
     }
@@ -147,7 +219,6 @@ impl Command {
 fn info(surface: &Surface) -> Result<(), Failure> {
     let mesh = &surface.mesh;
     let [low, high] = mesh.bounding_box();
-    let loops: Vec<String> = mesh.boundary_loops().iter().map(|l| l.len().to_string()).collect();
     let mut out = stdout();
     let mut row =
         |name: &str, value: String| writeln!(out, "{name:<22}{value}").map_err(Failure::from);
@@ -161,13 +232,41 @@ fn info(surface: &Surface) -> Result<(), Failure> {
     row("mean edge", format!("{:.3} mm", mesh.mean_edge_length()))?;
     row("smallest angle", format!("{:.2}°", mesh.min_angle()))?;
     row("Euler characteristic", mesh.euler_characteristic().to_string())?;
-    row("openings", format!("{} (edges: {})", loops.len(), or_none(&loops.join(", "))))?;
+    let openings = openings(mesh);
+    row("openings", openings.len().to_string())?;
+    for (number, ring) in (1..).zip(&openings) {
+        let (length, middle) = (around(mesh, ring), place(mesh, ring));
+        row(
+            &format!("  {number}"),
+            format!("{} edges, {length:.0} mm around, at {middle} mm", ring.len()),
+        )?;
+    }
     row("point data", or_none(&arrays(&surface.point_data)).into())?;
     if !surface.cell_data.is_empty() {
         row("cell data", arrays(&surface.cell_data))?;
     }
     print_notes(surface);
     Ok(())
+}
+
+/// The middle of an opening.
+fn place(mesh: &TriMesh, ring: &[u32]) -> String {
+    let [x, y, z] = middle(mesh, ring).into();
+    format!("({x:.1}, {y:.1}, {z:.1})")
+}
+
+/// Universal coordinates, by these openings or those that are found; tells which is which.
+fn coordinates(surface: &Surface, given: Option<&str>) -> Result<Coordinates, Failure> {
+    let mesh = &surface.mesh;
+    let openings = match given {
+        Some(given) => Openings::named(mesh, given)?,
+        None => Openings::guess(mesh)?,
+    };
+    let one = |opening: Opening| format!("{opening} at {}", place(mesh, openings.of(opening)));
+    let all: Vec<String> = Opening::ALL.into_iter().map(one).collect();
+    let said = if given.is_some() { "as said" } else { "by their places (another: --openings)" };
+    note(format_args!("openings, {said}: {} mm", all.join(", ")));
+    Ok(Coordinates::new(mesh, &openings)?)
 }
 
 /// Names of arrays, with the width of those that are not scalars.

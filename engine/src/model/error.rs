@@ -101,7 +101,7 @@ pub enum ModelError {
     Surface(Box<ProbeError>),
     /// Different velocities along fibres and across them, on a mesh that has none.
     #[error(
-        "let {name}: `eikonal` has a ratio of velocities, but the mesh has no fibres\nhelp: fibres are data of three components called `fibre`, `fibres`, `fiber` or `fibers`, of points or of triangles; without them leave the ratio out, or give an angle as the third argument"
+        "let {name}: `eikonal` has a ratio of velocities, but the mesh has no fibres\nhelp: fibres are data of three components called `fibre`, `fibres`, `fiber` or `fibers`, of points or of triangles; `eplat mesh fibres` carries those of another atrium over; without them leave the ratio out, or give an angle as the third argument"
     )]
     NoFibres {
         /// The `let`.

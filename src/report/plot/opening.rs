@@ -2,12 +2,11 @@
 
 use std::fmt::Write as _;
 
-use nalgebra::Vector3;
-
 use super::super::text::escape;
 use super::font;
 use super::picture::FONT;
 use super::raster::Seen;
+use crate::anatomy;
 use crate::mesh::TriMesh;
 
 /// With more openings only the largest have labels: small ones are holes in a scan.
@@ -27,19 +26,14 @@ pub(super) struct Opening {
 
 /// The largest first, named by number; of the embedded atrium by anatomy.
 pub(super) fn openings(mesh: &TriMesh, is_atrium: bool) -> Vec<Opening> {
-    let at = |v: u32| Vector3::from(mesh.vertices()[v as usize]);
-    let length = |ring: &[u32]| {
-        let next = ring.iter().cycle().skip(1);
-        ring.iter().zip(next).map(|(a, b)| (at(*b) - at(*a)).norm()).sum::<f64>()
-    };
-    let mut rings = mesh.boundary_loops();
-    rings.sort_by(|a, b| length(b).total_cmp(&length(a)));
+    let mut rings = anatomy::openings(mesh);
     let is_atrium = is_atrium && rings.len() == OF_THE_ATRIUM.len();
     if is_atrium {
         // x points to the patient's left, z to the head
-        let middle =
-            |ring: &Vec<u32>| ring.iter().map(|v| at(*v)).sum::<Vector3<f64>>() / ring.len() as f64;
-        let order = |ring: &Vec<u32>| (middle(ring).x < 0.0, -middle(ring).z);
+        let order = |ring: &Vec<u32>| {
+            let middle = anatomy::middle(mesh, ring);
+            (middle.x < 0.0, -middle.z)
+        };
         rings[1..].sort_by(|a, b| {
             let (a, b) = (order(a), order(b));
             a.0.cmp(&b.0).then(a.1.total_cmp(&b.1))
