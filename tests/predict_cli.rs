@@ -96,6 +96,26 @@ fn arrival_times_at_new_rows() {
     assert!((nearer - here).abs() > 4.5 * 0.056 * sd, "paths of other lengths: {nearer} {here}");
 }
 
+/// Where the embedded atrium is named, paths on it are measured as on a mesh of one's own; without a mesh that is asked for.
+#[test]
+fn arrival_times_on_the_embedded_atrium() {
+    let place = Workplace::new();
+    let row = |i: i32| format!("lat,{},10,{}", 20 + 160 * i, 20 + 2 * i);
+    let rows = (0..30).map(row).collect::<Vec<_>>().join("\n");
+    place.file("lat.csv", format!("protocol,vertex,source,value\n{rows}"));
+    let run = "run lat --data lat.csv --chains 2 --warmup 200 --draws 200 --out";
+    let made = place.eplat(&format!("{run} run --mesh embedded"));
+    assert!(matches!(made.status.code(), Some(0 | 3 | 4)), "{}", text(&made.stderr));
+    let predicted = place.eplat("predict run lat.csv --quiet");
+    assert_eq!(predicted.status.code(), Some(0), "{}", text(&predicted.stderr));
+    let unnamed = place.eplat(&format!("{run} other"));
+    let said = text(&unnamed.stderr);
+    assert!(
+        unnamed.status.code() == Some(1) && said.contains("name the surface with --mesh"),
+        "{said}"
+    );
+}
+
 /// The record names the file of the mesh, which may have changed or gone.
 #[test]
 fn what_the_run_was_made_from_must_be_as_it_was() {

@@ -93,7 +93,7 @@ impl InputArgs {
             Some(path) if path == Path::new(EMBEDDED) && is_said => Err(Failure::usage(
                 "--mesh embedded is in mm and in one piece\nhelp: leave --units, --piece and --whole-mesh out; for a file of this name write ./embedded",
             )),
-            Some(path) if path == Path::new(EMBEDDED) => Ok(MeshSource::default()),
+            Some(path) if path == Path::new(EMBEDDED) => Ok(MeshSource::ATRIUM),
             None if is_said => Err(Failure::usage(
                 "--units, --piece and --whole-mesh say how a mesh is read, and there is no --mesh\nhelp: name it with --mesh FILE",
             )),

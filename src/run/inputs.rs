@@ -64,8 +64,11 @@ pub struct Origin {
 }
 
 /// Where the surface comes from.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Default)]
 pub enum MeshSource {
+    /// None is named: a model that has a field is on the embedded atrium, any other on no surface.
+    #[default]
+    Unnamed,
     /// The embedded procedural left atrium.
     Embedded {
         /// Length of its edges, mm, in [`Atrium::EDGE_RANGE`](crate::mesh::Atrium::EDGE_RANGE).
@@ -84,10 +87,9 @@ pub enum MeshSource {
     Surface(Box<Surface>),
 }
 
-impl Default for MeshSource {
-    fn default() -> Self {
-        Self::Embedded { edge: ATRIUM_EDGE }
-    }
+impl MeshSource {
+    /// The embedded procedural left atrium with edges of the usual length.
+    pub const ATRIUM: Self = Self::Embedded { edge: ATRIUM_EDGE };
 }
 
 impl From<Surface> for MeshSource {
@@ -100,7 +102,7 @@ impl MeshSource {
     /// What it is called in records.
     pub fn name(&self) -> String {
         match self {
-            Self::Embedded { .. } => EMBEDDED_ATRIUM.into(),
+            Self::Unnamed | Self::Embedded { .. } => EMBEDDED_ATRIUM.into(),
             Self::File { path, .. } => path.display().to_string(),
             Self::Surface(_) => "a surface in memory".into(),
         }
@@ -109,6 +111,7 @@ impl MeshSource {
     /// What it takes to read or make it again, if it can be.
     fn record(&self) -> Result<Option<SurfaceRecord>, RunError> {
         Ok(match self {
+            Self::Unnamed => Self::ATRIUM.record()?,
             Self::Embedded { edge } => Some(SurfaceRecord::Embedded { edge: *edge }),
             Self::File { path, reading, whole } => Some(SurfaceRecord::File {
                 path: absolute(path)?,

@@ -62,7 +62,7 @@ impl Loaded {
             DataSource::File(path) => Some(Measurements::read(path)?),
             DataSource::Table(table) => Some(table.clone()),
         };
-        let is_own_surface = !matches!(inputs.mesh, MeshSource::Embedded { .. });
+        let is_own_surface = !matches!(inputs.mesh, MeshSource::Unnamed);
         let is_on_a_surface = outline.has_fields() || is_own_surface && table.is_some();
         if !is_on_a_surface {
             let measurements = without_a_surface(table, &outline, watch)?;
@@ -243,6 +243,7 @@ fn checked(
 /// [`RunError::Mesh`].
 pub fn surface(mesh: &MeshSource, watch: &Watch<'_>) -> Result<Surface, RunError> {
     let (file, surface) = match mesh {
+        MeshSource::Unnamed => return self::surface(&MeshSource::ATRIUM, watch),
         MeshSource::Embedded { edge } if !Atrium::EDGE_RANGE.contains(edge) => {
             return Err(MeshError::Edge { edge: *edge }.into());
         }

@@ -4,7 +4,7 @@ use std::path::Path;
 
 use super::cells::Cells;
 use super::column::TypedColumn;
-use super::columns::{Columns, EXPORTED, PROTOCOL, Role, SITE};
+use super::columns::{Columns, EXPORTED, PATH, PROTOCOL, Role, SITE, SOURCE};
 use super::error::{DataError, edit_distance};
 
 /// A table: one row per measurement, columns by name, each parsed once.
@@ -278,6 +278,9 @@ impl Table {
     pub(super) fn no_column(&self, column: &str, who: &str) -> DataError {
         let guess = match self.nearest(column) {
             Some(near) => format!("\nhelp: rename `{near}` to `{column}`?"),
+            None if column == PATH => format!(
+                "\nhelp: name the surface with --mesh: on it paths are measured from the vertex in the column `{SOURCE}`; or add the column"
+            ),
             None => format!("\nhelp: add a column `{column}` to the header and to every row"),
         };
         self.lacks(column, who, guess)
