@@ -10,6 +10,7 @@
 
 mod augmented;
 mod blocked;
+mod breakthrough;
 mod builder;
 mod compiled_rows;
 mod coordinate;
@@ -54,6 +55,7 @@ mod tape;
 
 pub use augmented::{AddedEffect, Augmented};
 pub use blocked::{Predictive, Sampler};
+pub use breakthrough::Breakthrough;
 pub use declare::{Compiled, Declare};
 pub use density::Density;
 pub use discrepancy::{Discrepancy, RowError, Spread};

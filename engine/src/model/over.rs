@@ -54,6 +54,17 @@ impl Over {
         self.operator.maps(kept).into_iter().take(self.names.len()).collect()
     }
 
+    /// See [`Operator::activations`].
+    pub(super) fn activations(&self) -> Vec<Vec<usize>> {
+        self.operator.activations()
+    }
+
+    /// See [`Operator::started_at`], with the operands of the last forward pass.
+    pub(super) fn started_at(&self, t: &Tape, vertex: u32) -> Vec<f64> {
+        let (values, _) = self.left(&t.work);
+        self.operator.started_at(&self.operands(values, &t.v), vertex)
+    }
+
     /// How many numbers of `work` it needs.
     pub(super) fn n_work(&self) -> usize {
         self.n_left() + self.n_operands()

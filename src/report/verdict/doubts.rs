@@ -1,4 +1,4 @@
-//! What is wrong with measurements before anything is sampled, in words.
+//! What is wrong with measurements, in words.
 
 use super::{list, rounded};
 use crate::diagnostics::verdict::Doubt;
@@ -47,6 +47,15 @@ pub fn doubted(doubt: &Doubt) -> String {
                 if lines.len() < *n { " …" } else { "" }
             )
         }
+        Doubt::Breakthrough { activation, vertex, later, gain, rows: [n, of] } => {
+            let when = match *later {
+                later if later < 0.0 => format!("{:.0} ms earlier", -later),
+                later => format!("{later:.0} ms later"),
+            };
+            format!(
+                "{activation}: a front that starts at vertex {vertex}, {when}, and reaches {n} of {of} rows first, would explain them better by {gain:.0} nats"
+            )
+        }
     }
 }
 
@@ -72,6 +81,10 @@ pub fn remedy(doubt: &Doubt) -> String {
                 }
                 None => format!("times {factor} they would fit: is the table in another unit?"),
             }
+        }
+        Doubt::Breakthrough { .. } => {
+            "did activation start there, too, or there alone? Name the vertex in a column `source2`, or in `source`, and fit again"
+                .to_owned()
         }
         Doubt::Range { .. } => "mend or drop these rows, or widen the declared ranges".to_owned(),
     }
@@ -109,7 +122,22 @@ mod tests {
             n: 10,
             measured: "240 to 250".to_owned(),
         };
-        let said = [contradiction, alike, range(Some(1e3)), range(Some(1e6)), range(None)];
+        let breakthrough = |later| Doubt::Breakthrough {
+            activation: "arrival[5]".to_owned(),
+            vertex: 1297,
+            later,
+            gain: 18.7,
+            rows: [24, 120],
+        };
+        let said = [
+            contradiction,
+            alike,
+            breakthrough(31.2),
+            breakthrough(-4.6),
+            range(Some(1e3)),
+            range(Some(1e6)),
+            range(None),
+        ];
         let said =
             said.map(|doubt| format!("{}\n→ {}", doubted(&doubt), remedy(&doubt))).join("\n");
         insta::assert_snapshot!(said, @r"
@@ -117,6 +145,10 @@ mod tests {
         → mend or drop these rows, or give the likelihood a noise that explains them
         s1s2: all 10 measurements are 240 to 250 ms
         → where nothing varies, neither an amplitude nor a lengthscale can be learnt: was the column filled in by mistake? Else measure where it differs
+        arrival[5]: a front that starts at vertex 1297, 31 ms later, and reaches 24 of 120 rows first, would explain them better by 19 nats
+        → did activation start there, too, or there alone? Name the vertex in a column `source2`, or in `source`, and fit again
+        arrival[5]: a front that starts at vertex 1297, 5 ms earlier, and reaches 24 of 120 rows first, would explain them better by 19 nats
+        → did activation start there, too, or there alone? Name the vertex in a column `source2`, or in `source`, and fit again
         s1s2: 10 of 10 measurements (0.17 to 0.25 ms, lines 2, 4 …) are far from what the model can mean, 102 to 280 ms
         → is the table in s? The model is in ms: multiply by 1000
         s1s2: 10 of 10 measurements (0.17 to 0.25 ms, lines 2, 4 …) are far from what the model can mean, 102 to 280 ms

@@ -4,6 +4,7 @@
 //! is asked of fields and parameters. [`leave_out`] fits again without a measurement, and [`rows`] has
 //! every measurement beside its predictions.
 
+mod breakthroughs;
 mod doubts;
 mod fits;
 mod leave_out;

@@ -68,7 +68,7 @@ pub struct Misfit {
     pub is_impossible: bool,
 }
 
-/// What is wrong with measurements before anything is sampled.
+/// What is wrong with measurements, or what they ask for; all but the last is known before anything is sampled.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Doubt {
@@ -114,6 +114,19 @@ pub enum Doubt {
         /// unit.
         factor: Option<f64>,
     },
+    /// Activation that seems to have started at another place, too.
+    Breakthrough {
+        /// The map of the activation.
+        activation: String,
+        /// The vertex of that place, as the mesh file counts.
+        vertex: u32,
+        /// By how much later than at the first place, ms.
+        later: f64,
+        /// By how much the log likelihood grows with it, at the least.
+        gain: f64,
+        /// How many rows it would reach first, of how many.
+        rows: [usize; 2],
+    },
 }
 
 impl Doubt {
@@ -123,7 +136,7 @@ impl Doubt {
         match self {
             Self::Contradiction { .. } => Colour::Red,
             Self::Range { n, of, .. } if 2 * n >= *of && *n >= 2 => Colour::Red,
-            Self::Range { .. } | Self::Alike { .. } => Colour::Amber,
+            Self::Range { .. } | Self::Alike { .. } | Self::Breakthrough { .. } => Colour::Amber,
         }
     }
 }

@@ -132,6 +132,20 @@ impl Operator for Arrival {
         }
     }
 
+    fn activations(&self) -> Vec<Vec<usize>> {
+        let rows = |own: &Activation| own.rows.iter().map(|(_, i)| *i).collect();
+        self.activations.iter().map(rows).collect()
+    }
+
+    fn started_at(&self, of: &Operands<'_>, vertex: u32) -> Vec<f64> {
+        let mut front = Front::default();
+        self.solver.forward(&Self::medium(of), &[(vertex, 0.0)], &mut front);
+        let rows = self.activations.iter().flat_map(|own| &own.rows);
+        let mut out = vec![f64::NAN; rows.clone().count()];
+        rows.for_each(|(vertex, i)| out[*i] = front.arrival[*vertex as usize]);
+        out
+    }
+
     fn maps(&self, kept: &Memo) -> Vec<Vec<f64>> {
         kept.fronts.iter().map(|front| front.arrival.clone()).collect()
     }

@@ -70,6 +70,16 @@ pub trait Operator: Debug + Send + Sync {
     /// Adds the adjoints of the operands to `into`, for those of its numbers.
     fn pull(&self, of: &Operands<'_>, kept: &Memo, bars: &[f64], into: &mut Adjoints<'_>);
 
+    /// The places among its numbers of those that belong to each activation. Only `eikonal` has any.
+    fn activations(&self) -> Vec<Vec<usize>> {
+        vec![]
+    }
+
+    /// What its numbers would be if activation started at this vertex of the triangulation alone, at 0 ms.
+    fn started_at(&self, _: &Operands<'_>, _vertex: u32) -> Vec<f64> {
+        vec![]
+    }
+
     /// The maps that a forward pass has made, each (`n_vertices`), or empty where it could not. Those of `eikonal` are
     /// reported; one of your own has none.
     fn maps(&self, _: &Memo) -> Vec<Vec<f64>> {
