@@ -1,8 +1,8 @@
 //! Conduction velocity and the direction of fibres over a surface, from arrival times of several activations.
 //!
 //! `eplat run models/lat_fibres.rs --mesh SHELL.vtk --data FILE.csv`, with the columns of `lat_velocity.rs`. The mesh's
-//! own fibres (those of an atlas: `eplat mesh fibres`) are where the angle starts from. Activation from one source cannot tell an angle from a ratio:
-//! the intervals of both are then as wide as their priors.
+//! own fibres are where the angle starts from; `eplat mesh fibres` takes those of an atlas. Activation from one source
+//! cannot tell an angle from a ratio: the intervals of both are then as wide as their priors.
 use eplat::prelude::*;
 
 model! {

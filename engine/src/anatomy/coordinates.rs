@@ -35,8 +35,8 @@ const WIDTH: f64 = 0.115;
 /// How far a superior vein reaches in front of the roof.
 const HEIGHT: f64 = 0.11;
 
-/// Radius of the rim about the tip of an appendage, mm.
-const TIP: f64 = 12.0;
+/// Radius of the rim about the tip of an appendage, as a share of the tip's distance from the openings.
+const TIP: f64 = 0.3;
 
 /// Universal atrial coordinates, and others in the veins and the appendage, where these are too coarse.
 #[derive(Clone, Debug)]
@@ -71,12 +71,12 @@ impl Coordinates {
             Rim([half(behind, 1.0), half(before, -1.0)[1..inner].to_vec()].concat())
         };
         let mut rims = vec![superior(0), lipv, superior(1), ripv];
-        rims.extend(appendage(mesh, &ways, openings, &halves[1])?);
+        let appendage = appendage(mesh, &ways, openings, &halves[1])?;
+        let has_appendage = appendage.is_some();
+        rims.extend(appendage);
         let mut tubes = tubes(mesh, openings, &rims)?;
-        if let [.., tube] = &mut tubes[..]
-            && rims.len() == 5
-        {
-            turn_mouth(tube, &halves[1]);
+        if let Some(last) = tubes.last_mut().filter(|_| has_appendage) {
+            turn_mouth(last, &halves[1]);
         }
         Ok(Self { halves, tubes, n_vertices: mesh.n_vertices() })
     }
@@ -192,7 +192,9 @@ fn appendage(
         return Ok(None);
     }
     let from_tip = Geodesic::distance_once(mesh, &[tip])?;
-    let is_near = |corners: &[u32; 3]| corners.iter().all(|v| from_tip[*v as usize] < TIP);
+    let is_near = |corners: &[u32; 3]| {
+        corners.iter().all(|v| from_tip[*v as usize] < TIP * distance[tip as usize])
+    };
     let near: Vec<u32> =
         (0u32..).zip(mesh.triangles()).filter(|(_, c)| is_near(c)).map(|(t, _)| t).collect();
     if near.is_empty() {
