@@ -109,7 +109,8 @@ fn coordinates_are_near_those_of_an_atlas() {
     assert!(share > 0.93 && x < 0.08 && y < 0.05);
 }
 
-/// How far the fibres of one real atrium tell those of another: no bound, for it is not known how alike they are.
+/// How far the fibres of one real atrium tell those of another. It is not known how alike they are, so the bound is that of
+/// chance.
 #[test]
 fn fibres_of_an_atlas_on_another_atrium() {
     let (Some(atlas), Some(shell)) =

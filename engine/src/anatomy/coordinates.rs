@@ -11,7 +11,7 @@
 //! valve                free                       0 behind, 1 in front
 //! roof                 free                       ½
 //! superior veins       half an ellipse each: their posterior halves on the roof, the anterior ones in front of it
-//! inferior veins       circles, turned so as to turn them least
+//! inferior veins       circles, at the angle at which the veins lie without them
 //! ```
 //! Places and sizes of the veins are those of an atlas (Roney et al. 2019), in which the walls are landmarks set by hand.
 
@@ -55,8 +55,8 @@ impl Coordinates {
     /// [`AnatomyError`] if the lines between the openings do not divide the surface in two, or a half has no
     /// coordinates.
     pub fn new(mesh: &TriMesh, openings: &Openings) -> Result<Self, AnatomyError> {
-        let seams = Seams::new(mesh, openings)?;
         let ways = Ways::new(mesh);
+        let seams = Seams::new(mesh, &ways, openings)?;
         let (posterior, [lipv, ripv]) = posterior(mesh, &ways, openings, &seams)?;
         let halves = [posterior, anterior(mesh, &ways, openings, &seams)?];
         let superior = |side: usize| {
@@ -116,7 +116,7 @@ fn known(openings: &Openings, seams: &Seams, number: u8) -> [Known; 2] {
     [first, second]
 }
 
-/// How far from its wall a superior vein has `x`.
+/// The first coordinate at this distance from the left wall (side 0) or the right one (side 1).
 fn from_wall(side: usize, x: f64) -> f64 {
     if side == 0 { 1.0 - x } else { x }
 }

@@ -7,7 +7,8 @@ use rayon::prelude::*;
 
 /// Squares along each coordinate in which triangles are looked up.
 const SQUARES: usize = 128;
-/// Where the coordinates grow along one direction alone, by this share of the other, fibres cannot be carried.
+/// Least squared sine of the angle between the directions in which the two coordinates grow. Below it fibres cannot be
+/// carried.
 const FLAT: f64 = 1e-3;
 
 /// The fibres of an atrium (one for each triangle), carried to the triangles of another: the direction along which the

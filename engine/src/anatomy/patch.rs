@@ -35,8 +35,8 @@ impl Patch {
         Ok(Self { mesh: TriMesh::new(points, corners)?, triangles, vertices, at })
     }
 
-    /// Both coordinates at a vertex of the whole; `None` if it is not one of this part.
-    pub(super) fn at_all(&self) -> BTreeMap<u32, [f64; 2]> {
+    /// Both coordinates by the vertex of the whole.
+    pub(super) fn by_vertex(&self) -> BTreeMap<u32, [f64; 2]> {
         (0..)
             .zip(&self.vertices)
             .map(|(i, v): (usize, _)| (*v, self.at.each_ref().map(|of| of[i])))

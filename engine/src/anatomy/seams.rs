@@ -32,8 +32,12 @@ pub(super) struct Side {
 }
 
 impl Seams {
-    pub(super) fn new(mesh: &TriMesh, openings: &Openings) -> Result<Self, AnatomyError> {
-        let ways = Ways::new(mesh);
+    /// On a surface whose edges are `ways`.
+    pub(super) fn new(
+        mesh: &TriMesh,
+        ways: &Ways,
+        openings: &Openings,
+    ) -> Result<Self, AnatomyError> {
         let ring = |opening| openings.of(opening);
         let rims: BTreeSet<u32> = Opening::ALL.iter().flat_map(|o| ring(*o)).copied().collect();
         let closed = |lines: &[&[u32]]| -> BTreeSet<u32> {
@@ -68,7 +72,7 @@ impl Seams {
                 &[&roof, &across, other],
                 "from an inferior vein to the valve",
             )?;
-            let length = lengths(&ways, &wall);
+            let length = lengths(ways, &wall);
             let half = length.iter().position(|l| 2.0 * l >= length[length.len() - 1]).unwrap_or(0);
             let (_, end) = wall.split_at(half);
             let lines = [&roof[..], &across, &gaps[1 - side], other, end];
@@ -126,7 +130,7 @@ fn arcs(ring: &[u32], from: u32, to: u32) -> [Vec<u32>; 2] {
     [one(1), one(n - 1)]
 }
 
-/// Triangles on both sides of the lines: that of the inferior veins, and the rest.
+/// The triangles on the side of the lines where the inferior veins are, and the rest.
 fn halves(
     mesh: &TriMesh,
     lines: &[&[u32]],

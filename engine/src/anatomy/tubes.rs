@@ -32,7 +32,7 @@ pub(super) struct Rim(pub(super) Vec<(u32, f64)>);
 impl Rim {
     /// Angles as the coordinates of `half` have them on the whole, but evenly along the opening `ring`.
     pub(super) fn turned(ways: &Ways, ring: &[u32], half: &Patch) -> Self {
-        let at = half.at_all();
+        let at = half.by_vertex();
         let even = even(ways, ring);
         let points = ring.iter().zip(&even).filter_map(|(v, even)| Some((*at.get(v)?, *even)));
         let (way, by) = least_turn(&points.collect::<Vec<_>>());
@@ -77,7 +77,7 @@ fn least_turn(points: &[([f64; 2], f64)]) -> (f64, f64) {
 
 /// Turns a tube so that at its mouth it has the angles of the coordinates of `half`.
 pub(super) fn turn_mouth(tube: &mut Patch, half: &Patch) {
-    let at = half.at_all();
+    let at = half.by_vertex();
     let [x, y] = &mut tube.at;
     let polar = |x: f64, y: f64| (2.0 * (x - 0.5).hypot(y - 0.5), (y - 0.5).atan2(x - 0.5));
     let points = x.iter().zip(&*y).zip(&tube.vertices).filter_map(|((x, y), v)| {

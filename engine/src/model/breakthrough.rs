@@ -24,7 +24,7 @@ pub struct Breakthrough {
 
 impl Model {
     /// For each activation of an `eikonal`, in their order, the best of these vertices for a further start, at the
-    /// unknowns `u`; `None` where none helps.
+    /// unknowns `u`, though the gain may be negative; `None` where none can be tried.
     pub fn breakthroughs(&self, u: &[f64], among: &[Vec<u32>]) -> Vec<Option<Breakthrough>> {
         let mut t = self.tape();
         self.forward(&mut t, u);
