@@ -46,7 +46,7 @@ pub enum Stream {
     Anchors,
     /// A chain of the blocked sampler between two meetings of its chains.
     Blocked {
-        /// Which of its two moves, or the completion of its draws with the second.
+        /// Which of its moves, or the completion of its draws with the second.
         part: Part,
         /// How many meetings there have been, below 2⁸.
         round: usize,
@@ -76,13 +76,15 @@ pub enum Stream {
     Procedure,
 }
 
-/// The two moves of the blocked sampler.
+/// The moves of the blocked sampler that have numbers of their own.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Part {
     /// Of the coefficients and the free unknowns.
     Inner,
     /// Of the hyperparameters; also what completes a draw.
     Hyper,
+    /// Of scouts, which look for regimes that no chain has met.
+    Scout,
 }
 
 impl Stream {
@@ -112,6 +114,7 @@ impl Stream {
             Self::Anchors => (17, 2),
             Self::Blocked { part: Part::Inner, round, chain } => (18, of_round(round, chain)),
             Self::Blocked { part: Part::Hyper, round, chain } => (19, of_round(round, chain)),
+            Self::Blocked { part: Part::Scout, round, chain } => (25, of_round(round, chain)),
             Self::LeftOut { site } => (20, index(site, 32)),
             Self::Expected => (21, 0),
             Self::WithoutRow { row } => (23, index(row, 32)),
@@ -181,7 +184,7 @@ mod tests {
             all.push(Stream::Null { round, search });
         }
         for (round, chain) in of(8).into_iter().flat_map(|r| of(24).map(|c| (r, c))) {
-            all.extend([Part::Inner, Part::Hyper].map(|part| Stream::Blocked {
+            all.extend([Part::Inner, Part::Hyper, Part::Scout].map(|part| Stream::Blocked {
                 part,
                 round,
                 chain,
@@ -200,7 +203,7 @@ mod tests {
         }
         // the kinds are told apart by the upper half, so what holds at the ends holds in between
         let kinds: BTreeMap<u64, _> = seen.into_iter().map(|(n, s)| (n >> 32, s)).collect();
-        assert_eq!(kinds.len(), 15);
+        assert_eq!(kinds.len(), 16);
     }
 
     #[test]

@@ -117,7 +117,8 @@ impl<'d> Blocked<'d> {
         };
         let conditional = fixed.conditional(shared, &link.outer).ok_or_else(no_support)?;
         let position = conditional.position(&link.coefficients);
-        let mut kernel = fixed.kernel(conditional, &link.scale, &position, &warm_up);
+        let mut kernel =
+            fixed.kernel(conditional, &link.scale, &position, fixed.stream(Part::Inner, &warm_up));
         if !kernel.is_usable() {
             return Err(no_support());
         }
@@ -188,6 +189,7 @@ impl<'d> Blocked<'d> {
             }
             n_leapfrog += transition.n_leapfrog;
             self.move_hyper();
+            self.swap();
             last = Some(transition);
         }
         let diverging = divergence.is_some();
@@ -232,6 +234,21 @@ impl<'d> Blocked<'d> {
         }
         conditional.settle(moved);
         if moved {
+            self.kernel.evaluate();
+        }
+    }
+
+    /// A step of a region from one regime to another, where there are any.
+    fn swap(&mut self) {
+        let swaps = &self.shared.swaps;
+        if swaps.is_empty() {
+            return;
+        }
+        let (conditional, point) = self.kernel.parts();
+        conditional.take(&point.position);
+        conditional.settle(false);
+        let swap = &swaps[self.rng.random_range(0..swaps.len())];
+        if conditional.swap(swap, &mut point.position, &mut self.rng) {
             self.kernel.evaluate();
         }
     }
@@ -287,10 +304,10 @@ impl<'d> Fixed<'d> {
         conditional: Conditional<'d>,
         scale: &[f64],
         position: &[f64],
-        warm_up: &WarmUp,
+        rng: ChaCha8Rng,
     ) -> Kernel<Conditional<'d>> {
         let hamiltonian = Hamiltonian::new(conditional, Metric::diagonal(scale.to_vec()));
-        Kernel::new(hamiltonian, position, self.max_depth, self.stream(Part::Inner, warm_up))
+        Kernel::new(hamiltonian, position, self.max_depth, rng)
     }
 
     /// Each round has streams of its own.
@@ -332,6 +349,7 @@ impl MarkovChain for Blocked<'_> {
             self.step_size = adaptation.step_size();
         }
         let accept = self.move_hyper();
+        self.swap();
         self.ln_length += (accept - Proposal::TARGET) / (1.0 + iteration as f64).powf(0.6);
         if let (Some((_, lesson)), true) = (&mut self.learning, self.warm_up.is_late()) {
             let (conditional, point) = self.kernel.parts();

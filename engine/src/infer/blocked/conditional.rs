@@ -12,6 +12,7 @@ use super::latent::{Latent, Layout};
 use super::meeting::Shared;
 use super::particles::Here;
 use super::stand_in::Sample;
+use super::swaps::Swap;
 use crate::infer::density::Evaluator;
 use crate::num::vector::dot;
 use rand::{Rng, RngExt as _};
@@ -20,6 +21,8 @@ use std::sync::Arc;
 
 /// So many latent values for each coefficient are many.
 const MANY: usize = 4;
+/// Proposals of a swap, one after the other: to add it or to take it away.
+const SWAPS: usize = 2;
 
 /// A chain's state with the memory to evaluate both conditionals.
 pub(super) struct Conditional<'d> {
@@ -206,6 +209,36 @@ impl<'d> Conditional<'d> {
         self.whitening.whitened(&self.w, &mut position[..z.len()]);
         *present = value;
         true
+    }
+
+    /// Proposes to add `swap` to the values of its places, or to take it away, a few times; whether it has changed
+    /// `position`. Its free unknowns must have been taken.
+    pub(super) fn swap(&mut self, swap: &Swap, position: &mut [f64], rng: &mut impl Rng) -> bool {
+        let Some((coefficients, step)) = swap.step(&self.whitening, self.layout) else {
+            return false;
+        };
+        let n = self.w.len();
+        let mut present = self.ln_given_outer(&position[..n]);
+        let mut moved = false;
+        for _ in 0..SWAPS {
+            let sign = if rng.random() { 1.0 } else { -1.0 };
+            let mut z = position[..n].to_vec();
+            z[coefficients.clone()].iter_mut().zip(&step).for_each(|(z, step)| *z += sign * step);
+            let proposed = self.ln_given_outer(&z);
+            // what is not a number is refused
+            if rng.random::<f64>().ln() < proposed - present {
+                position[..n].copy_from_slice(&z);
+                (present, moved) = (proposed, true);
+            }
+        }
+        moved
+    }
+
+    /// ln π at z, given the present outer unknowns, up to a constant.
+    fn ln_given_outer(&mut self, z: &[f64]) -> f64 {
+        self.n_trials += 1;
+        self.whitening.latent_at(z, &mut self.theta);
+        self.latent.ln_likelihood(&self.theta) + self.stand_in_quadratic() - 0.5 * dot::<4>(z, z)
     }
 
     /// ½ (θ − y)ᵀW(θ − y), and adds W(θ − y) to the slope.

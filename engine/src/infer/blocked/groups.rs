@@ -82,6 +82,12 @@ impl Whitening {
         self.groups[group].whitening.basis()
     }
 
+    /// Which coefficients are of a group, and how many latent values.
+    pub(super) fn of_group(&self, group: usize) -> (Range<usize>, usize) {
+        let Part { coefficients, latent, .. } = &self.groups[group];
+        (coefficients.clone(), latent.len())
+    }
+
     /// Makes ready for [`Whitening::latent_at`], [`Whitening::pull`] and [`Whitening::basis`].
     pub(super) fn set_basis(&mut self) {
         for (part, design) in self.groups.iter_mut().zip(&self.designs) {

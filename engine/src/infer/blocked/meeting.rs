@@ -6,6 +6,7 @@ use super::groups::Whitening;
 use super::latent::{LatentGaussian, Layout};
 use super::proposal::Proposal;
 use super::stand_in::{Sample, StandIn, Trust};
+use super::swaps::Swap;
 use crate::infer::curvature::conditional_scales;
 use crate::infer::settings::Settings;
 use crate::random::Stream;
@@ -59,6 +60,8 @@ pub(super) struct Shared {
     pub(super) proposal: Proposal,
     /// What is proposed where hyperparameters and coefficients move together, once the warm-up is over.
     pub(super) leaps: Option<Leaps>,
+    /// By what a region of the surface goes over from one regime to another.
+    pub(super) swaps: Vec<Swap>,
 }
 
 impl Shared {
@@ -76,6 +79,7 @@ impl Shared {
     /// Whether both are of the same layout, which is this one.
     pub(super) fn is_like(&self, other: &Self, layout: &Layout) -> bool {
         self.leaps.as_ref().is_none_or(|leaps| leaps.fits(layout))
+            && self.swaps.iter().all(|swap| swap.fits(layout))
             && self.stand_in.is_like(&other.stand_in)
             && self.proposal.is_like(&other.proposal)
     }
@@ -104,17 +108,19 @@ impl Shared {
             };
             proposal.fit(&settings.earlier.iter().map(hyper).collect::<Vec<_>>(), FLOOR);
         }
-        Self { stand_in, proposal, leaps: None }
+        Self { stand_in, proposal, leaps: None, swaps: vec![] }
     }
 
     /// What the chains share after a meeting, fitted to what they have seen. At the end of the
     /// warm-up (`last`, with the seed of the run) the stand-in stays as it is, because the step size has been
-    /// tuned to it, and moves of hyperparameters and coefficients together are prepared.
+    /// tuned to it, and moves of hyperparameters and coefficients together are prepared. What scouts have found
+    /// is for swaps alone, for it is no draw of the posterior.
     #[must_use]
     pub(super) fn fitted(
         &self,
         density: &dyn LatentGaussian,
         lessons: Vec<Lesson>,
+        scouts: Option<Vec<Sample>>,
         last: Option<u64>,
     ) -> Self {
         let mut new = self.clone();
@@ -126,6 +132,10 @@ impl Shared {
         let layout = density.layout();
         if last.is_none() {
             new.stand_in.fit(&samples, Trust::FULL, layout);
+        }
+        if let Some(scouts) = scouts {
+            samples.extend(scouts);
+            new.swaps = Swap::of(&samples, &self.swaps, layout);
         }
         if layout.hyper.is_empty() {
             return new;

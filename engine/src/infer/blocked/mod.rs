@@ -34,7 +34,9 @@ mod meeting;
 mod mixture;
 mod particles;
 mod proposal;
+mod scouts;
 mod stand_in;
+mod swaps;
 mod together;
 mod whiten;
 

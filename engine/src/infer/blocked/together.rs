@@ -2,6 +2,7 @@
 
 use super::chain::Blocked;
 use super::meeting::{Lesson, Link, Shared, agree};
+use super::scouts::scouts;
 use crate::infer::error::{ChainError, ChainFailure};
 use crate::infer::kernel_state::KernelState;
 use crate::infer::markov::{MarkovChain as _, Together};
@@ -77,7 +78,8 @@ impl Together for Blocked<'_> {
         let position = state.kernel.position.clone();
         // the metric and all of the point are in the kernel's state
         let scale = vec![1.0; position.len()];
-        self.kernel = fixed.kernel(conditional, &scale, &position, &state.warm_up);
+        self.kernel =
+            fixed.kernel(conditional, &scale, &position, fixed.stream(Part::Inner, &state.warm_up));
         self.kernel.restore(state.kernel);
         self.kernel.parts().0.n_trials = state.n_trials;
         self.rng = fixed.stream(Part::Hyper, &state.warm_up);
@@ -111,9 +113,11 @@ impl Together for Blocked<'_> {
         let mut warm_up = first.warm_up.clone();
         warm_up.met();
         let last = warm_up.is_over().then_some(first.fixed.seed);
-        let shared = first.shared.fitted(first.fixed.density, lessons, last);
-        let shared = Arc::new(shared);
         agree(&mut links);
+        let Self { fixed, shared, .. } = &**first;
+        let scouts = scouts(*fixed, shared, &links, (&first.warm_up, &warm_up));
+        let shared = shared.fitted(fixed.density, lessons, scouts, last);
+        let shared = Arc::new(shared);
         let begin = |(chain, link): (&mut Self, Link)| {
             *chain = Self::begin(chain.fixed, &shared, warm_up.clone(), &link)?;
             Ok(())
