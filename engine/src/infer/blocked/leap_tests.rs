@@ -345,7 +345,8 @@ fn an_estimate_has_the_prior_where_the_free_unknowns_are_now() {
     let layout = Layout { outer: vec![LATENT], ..layout() };
     let stand_in = lookahead(&layout, &mut ChaCha8Rng::seed_from_u64(7));
     let guide = Guide { lookahead: stand_in.times(0.5), n_particles: 32 };
-    let shared = Arc::new(Shared { stand_in, proposal: Proposal::new(&[]), leaps: None });
+    let shared =
+        Arc::new(Shared { stand_in, proposal: Proposal::new(&[]), leaps: None, swaps: vec![] });
     let estimate = |at_first: f64, then: f64| {
         let shared = Arc::clone(&shared);
         let mut conditional =

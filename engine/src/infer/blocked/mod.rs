@@ -10,6 +10,8 @@
 //! Where the likelihood sees few latent values, a third move proposes other hyperparameters and, with them,
 //! all coefficients anew ([`particles`]). It goes from one regime of the posterior to another in a step.
 //!
+//! Where the values of a region have two regimes of their own, a fourth goes from one to the other ([`swaps`]).
+//!
 //! Without whitening, the hyperparameters of a block and its coefficients would form a funnel. The
 //! whitened coefficients hardly depend on the hyperparameters, so there is none.
 //!
@@ -36,6 +38,9 @@ mod particles;
 mod proposal;
 mod scouts;
 mod stand_in;
+#[cfg(test)]
+#[allow(clippy::unwrap_used, reason = "tests")]
+mod swap_tests;
 mod swaps;
 mod together;
 mod whiten;

@@ -2,8 +2,8 @@
 //!
 //! Measurements can allow two regimes of the values at neighbouring places: `tau_out` 15 ms with `apd_max` 130 ms, or
 //! 29 ms with 100 ms. Hardly any trajectory goes from one to the other, for what lies between them is next to
-//! impossible. Draws of the warm-up tell of such regimes if chains are in both: the values at a place fall into two
-//! clusters that are far apart. The *swap* of that place is the difference of the clusters' means, at all places where
+//! impossible. Draws of the warm-up and what [`scouts`](super::scouts) find tell of such regimes: the values at a
+//! place fall into two clusters that are far apart. The *swap* of that place is the difference of the clusters' means, at all places where
 //! it is large.
 //!
 //! A step adds a swap to the latent values, or takes it away, with the same probability. Values at other places follow
@@ -25,6 +25,7 @@ use super::stand_in::Sample;
 use nalgebra::{Cholesky, DMatrix, DVector};
 use serde::{Deserialize, Serialize};
 use std::ops::Range;
+use std::slice::ChunksExact;
 
 /// Least distance of the means of two clusters, in standard deviations. A normal that is cut in two at its mean has 2.6,
 /// a uniform 3.5.
@@ -37,18 +38,20 @@ const LEAST: usize = 5;
 const SAME: f64 = 0.8;
 /// Most swaps.
 const MOST: usize = 8;
+/// About the most places that are looked at.
+const MOST_TRIED: usize = 400;
 /// Most places of a swap.
 const MOST_PLACES: usize = 16;
 /// Slack of a swap's values, as a share of their variance in a cluster.
-const SLACK: f64 = 0.1;
+const SLACK: f64 = 1e-4;
 
 /// Places of a group, and by how much their values differ between two regimes.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub(super) struct Swap {
     group: usize,
-    places: Vec<usize>,
+    pub(super) places: Vec<usize>,
     /// δ and the diagonal of E, `(block, place of these)`.
-    shift: Vec<f64>,
+    pub(super) shift: Vec<f64>,
     slack: Vec<f64>,
 }
 
@@ -65,7 +68,7 @@ impl Swap {
     pub(super) fn of(samples: &[Sample], earlier: &[Self], layout: &Layout) -> Vec<Self> {
         let mut found = vec![];
         for (g, group) in layout.groups.iter().enumerate() {
-            for place in 0..group.n_seen {
+            for place in places(group) {
                 let values = Values::of(samples, layout, [g, place]);
                 found.extend(values.cut(g).filter(|cut| cut.apart > APART));
             }
@@ -88,7 +91,7 @@ impl Swap {
 
     fn new(samples: &[Sample], cut: &Cut, layout: &Layout) -> Self {
         let group = &layout.groups[cut.group];
-        let mut parts: Vec<(usize, Between)> = (0..group.n_seen)
+        let mut parts: Vec<(usize, Between)> = places(group)
             .filter_map(|place| {
                 let values = Values::of(samples, layout, [cut.group, place]);
                 Some((place, values.between(&cut.is_high)?))
@@ -152,8 +155,16 @@ impl Cut {
     }
 }
 
-/// The values of the blocks at one place, of each draw.
-struct Values(Vec<DVector<f64>>);
+/// The places that are looked at: all, or so many that the others lie between them.
+fn places(group: &Group) -> impl Iterator<Item = usize> {
+    (0..group.n_seen).step_by(group.n_seen.div_ceil(MOST_TRIED).max(1))
+}
+
+/// The values at one place, `(draw, block)`.
+struct Values {
+    n_blocks: usize,
+    all: Vec<f64>,
+}
 
 /// What is different between two clusters at a place.
 struct Between {
@@ -165,48 +176,61 @@ struct Between {
 }
 
 impl Values {
-    fn of(samples: &[Sample], layout: &Layout, [g, place]: [usize; 2]) -> Self {
+    fn of<'s>(samples: &'s [Sample], layout: &'s Layout, [g, place]: [usize; 2]) -> Self {
         let group = &layout.groups[g];
-        let at = |f: usize| layout.n_latent_before(g) + f * group.n_seen + place;
-        let values =
-            |sample: &Sample| DVector::from_fn(group.blocks.len(), |f, _| sample.theta[at(f)]);
-        Self(samples.iter().map(values).collect())
+        let n_blocks = group.blocks.len();
+        let at = move |f: usize| layout.n_latent_before(g) + f * group.n_seen + place;
+        let values = move |sample: &'s Sample| (0..n_blocks).map(move |f| sample.theta[at(f)]);
+        Self { n_blocks, all: samples.iter().flat_map(values).collect() }
+    }
+
+    fn draws(&self) -> ChunksExact<'_, f64> {
+        self.all.chunks_exact(self.n_blocks)
     }
 
     /// Cuts in two along the axis on which the values vary most, in units of each block, so that the clusters vary least.
     /// `None` where they do not vary, or are too few.
     fn cut(&self, group: usize) -> Option<Cut> {
-        let (mean, covariance) = moments(self.0.iter());
+        let n = self.draws().len();
+        if n < 2 * LEAST {
+            return None;
+        }
+        let (_, covariance) = moments(self.draws());
         let scale = covariance.diagonal().map(|variance| 1.0 / variance.sqrt());
-        if self.0.len() < 2 * LEAST || !scale.iter().all(|scale| scale.is_finite()) {
+        if !scale.iter().all(|scale| scale.is_normal()) {
             return None;
         }
         let scales = DMatrix::from_diagonal(&scale);
         let eigen = (&scales * covariance * &scales).symmetric_eigen();
         let axis = scales * eigen.eigenvectors.column(eigen.eigenvalues.imax());
-        let along: Vec<f64> = self.0.iter().map(|values| axis.dot(&(values - &mean))).collect();
+        let along: Vec<f64> =
+            self.draws().map(|x| x.iter().zip(&axis).map(|(x, a)| x * a).sum()).collect();
+        let mean = along.iter().sum::<f64>() / n as f64;
         let mut sorted = along.clone();
         sorted.sort_by(f64::total_cmp);
-        let (n, mut low) = (sorted.len(), 0.0);
-        let (mut best, mut most) = (0.0, 0.0);
-        for (i, x) in sorted.iter().enumerate() {
-            low += x;
+        let (mut low, mut best, mut most) = (0.0, 0.0, 0.0);
+        for (i, pair) in sorted.windows(2).enumerate() {
+            low += pair[0] - mean;
             let [n_low, n_high] = [i + 1, n - i - 1];
-            // the sum of all is 0
+            // the sum over all draws is 0
             let between = low * low * (1.0 / n_low as f64 + 1.0 / n_high as f64);
-            if n_low.min(n_high) >= LEAST && between > most {
-                (best, most) = (*x, between);
+            if n_low.min(n_high) >= LEAST && pair[0] < pair[1] && between > most {
+                (best, most) = (pair[0], between);
             }
         }
+        if most == 0.0 {
+            return None;
+        }
         let is_high: Vec<bool> = along.iter().map(|x| *x > best).collect();
-        let line = Self(along.into_iter().map(|x| DVector::from_element(1, x)).collect());
+        let line = Self { n_blocks: 1, all: along };
         Some(Cut { apart: line.between(&is_high)?.apart, group, is_high })
     }
 
     /// `None` where the values do not vary within the clusters.
     fn between(&self, is_high: &[bool]) -> Option<Between> {
         let cluster = |high: bool| {
-            moments(self.0.iter().zip(is_high).filter(|(_, is)| **is == high).map(|(x, _)| x))
+            let own = self.draws().zip(is_high).filter(|(_, is)| **is == high);
+            moments(own.map(|(x, _)| x))
         };
         let [(low, spread_low), (high, spread_high)] = [false, true].map(cluster);
         let (shift, within) = (high - low, (spread_low + spread_high) * 0.5);
@@ -216,12 +240,21 @@ impl Values {
     }
 }
 
-/// Mean and covariance of at least one vector.
-fn moments<'v>(
-    all: impl Iterator<Item = &'v DVector<f64>> + Clone,
-) -> (DVector<f64>, DMatrix<f64>) {
-    let n = all.clone().count() as f64;
-    let mean = all.clone().sum::<DVector<f64>>() / n;
-    let spread = all.map(|x| (x - &mean) * (x - &mean).transpose()).sum::<DMatrix<f64>>();
-    (mean, spread / n)
+/// Mean and covariance of draws, of which there is at least one.
+fn moments<'v>(draws: impl Iterator<Item = &'v [f64]> + Clone) -> (DVector<f64>, DMatrix<f64>) {
+    let n_blocks = draws.clone().next().map_or(0, <[f64]>::len);
+    let n = draws.clone().count() as f64;
+    let mut mean = DVector::zeros(n_blocks);
+    for draw in draws.clone() {
+        mean.iter_mut().zip(draw).for_each(|(mean, x)| *mean += x / n);
+    }
+    let mut covariance = DMatrix::zeros(n_blocks, n_blocks);
+    for draw in draws {
+        for f in 0..n_blocks {
+            for g in 0..n_blocks {
+                covariance[(f, g)] += (draw[f] - mean[f]) * (draw[g] - mean[g]) / n;
+            }
+        }
+    }
+    (mean, covariance)
 }
