@@ -25,11 +25,12 @@ const LAYERS: &[(u32, &[&str])] = &[
 
 /// Imports within a layer: (who, whom).
 const SAME_LAYER: &[(&str, &str)] = &[
-    ("likelihood", "dist"), // a likelihood of a Number is a distribution
-    ("surrogate", "infer"), // a Gaussian process is fitted by the optimiser
-    ("mesh", "store"),      // files appear whole or not at all
-    ("error", "store"),     // what to do about a file that cannot be written
-    ("run", "report"),      // what renders it writes its page and tables
+    ("likelihood", "dist"),   // a likelihood of a Number is a distribution
+    ("surrogate", "infer"),   // a Gaussian process is fitted by the optimiser
+    ("infer", "diagnostics"), // regimes that draws of the warm-up fall into
+    ("mesh", "store"),        // files appear whole or not at all
+    ("error", "store"),       // what to do about a file that cannot be written
+    ("run", "report"),        // what renders it writes its page and tables
     ("main", "cli"),
 ];
 

@@ -3,6 +3,8 @@
 
 #[path = "support/posterior.rs"]
 mod posterior;
+#[path = "support/program.rs"]
+mod program;
 mod support;
 
 use std::f64::consts::TAU;
@@ -10,8 +12,10 @@ use std::f64::consts::TAU;
 use eplat::diagnostics::{mcse_mean, mean_and_sd};
 use eplat::infer::{Settings, Silent};
 use eplat::manifold::Basis;
+use eplat::mesh::Surface;
 use eplat::model::{Model, Sampler};
 use posterior::{all, columns};
+use program::{Workplace, text};
 use support::table;
 
 /// Vertices, all measured. They are so many that coefficients are not proposed anew with the hyperparameters.
@@ -100,4 +104,47 @@ fn each_regime_has_its_share() {
     println!("{share} ± {error}, exactly {exact}");
     assert!(error < 0.02, "chains stay in one regime: {share} ± {error}");
     assert!(((share - exact) / error).abs() < LARGEST_Z, "{share} ± {error}, exactly {exact}");
+}
+
+/// What the verdict says of regimes where `seen`, 2 or 4, is measured of a field at ten vertices.
+fn said(seen: &str, value: f64) -> Vec<String> {
+    let place = Workplace::new();
+    let surface = Surface::left_atrium(3.0);
+    surface.write_maps(&place.path("atrium.vtp"), &[]).unwrap();
+    let n = surface.mesh.n_vertices();
+    let row = |i: usize| format!("y,{},{}\n", i * n / 10, value + 0.1 * (i % 3) as f64);
+    place.file(
+        "y.csv",
+        "protocol,vertex,value\n".to_owned() + &(0..10).map(row).collect::<String>(),
+    );
+    place.file(
+        "seen.rs",
+        format!(
+            "use eplat::prelude::*;
+            model! {{
+                /// A field, or its square.
+                model Seen;
+                field f(x) [1] = m + alpha * gp(Rbf(rho), K = 8) where {{
+                    m [1] ~ Normal(0.3, 2.0); alpha [1] ~ HalfNormal(0.3); rho [mm] ~ InvGamma(5.0, 150.0);
+                }}
+                let seen(x) [1] = {seen};
+                observe y(x): Number [1] ~ Normal(seen(x), 0.5);
+            }}"
+        ),
+    );
+    let run = place.eplat(
+        "run seen.rs --mesh atrium.vtp --units mm --data y.csv --chains 2 --warmup 400 --draws 400 --out run",
+    );
+    assert!(place.path("run/run.json").exists(), "{}", text(&run.stderr));
+    let all = text(&run.stdout);
+    all.lines().filter(|line| line.contains("two regimes")).map(str::to_owned).collect()
+}
+
+#[test]
+fn the_verdict_names_a_region_with_two_regimes() {
+    assert_eq!(said("f(x)", 2.0), Vec::<String>::new());
+    let found = said("f(x) * f(x)", 4.0);
+    let [line] = &found[..] else { panic!("{found:?}") };
+    println!("{line}");
+    assert!(line.contains("and 9 more") && line.contains("-2"), "{line}");
 }

@@ -14,6 +14,7 @@ mod loo;
 mod mcse;
 mod psis;
 mod rank;
+pub mod regimes;
 mod special;
 mod stray;
 pub mod verdict;

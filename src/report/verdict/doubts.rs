@@ -56,7 +56,27 @@ pub fn doubted(doubt: &Doubt) -> String {
                 "{activation}: a front that starts at vertex {vertex}, {when}, and reaches {n} of {of} rows first, would explain them better by {gain:.0} nats"
             )
         }
+        Doubt::Regimes { vertex, n, share, fields } => {
+            let more = match n {
+                1 => String::new(),
+                n => format!(" and {} more", n - 1),
+            };
+            format!(
+                "at vertex {vertex}{more} the measurements allow two regimes: {}, or {} ({:.0} % of the draws)",
+                regime(fields, 1),
+                regime(fields, 0),
+                100.0 * share
+            )
+        }
     }
+}
+
+/// As `tau_out 15 ms and apd_max 131 ms`, of one of two regimes.
+fn regime(fields: &[(String, String, [f64; 2])], which: usize) -> String {
+    let one = |(name, unit, means): &(String, String, [f64; 2])| {
+        format!("{name} {}{}", rounded(means[which]), after_number(unit))
+    };
+    list(&fields.iter().map(one).collect::<Vec<_>>())
 }
 
 /// What to do about a doubt.
@@ -84,6 +104,10 @@ pub fn remedy(doubt: &Doubt) -> String {
         }
         Doubt::Breakthrough { .. } => {
             "did activation start there, too, or there alone? Name the vertex in a column `source2`, or in `source`, and fit again"
+                .to_owned()
+        }
+        Doubt::Regimes { .. } => {
+            "a mean between the two is neither: look at quantiles there, and measure again nearby, or another quantity, to tell which it is"
                 .to_owned()
         }
         Doubt::Range { .. } => "mend or drop these rows, or widen the declared ranges".to_owned(),
@@ -129,11 +153,19 @@ mod tests {
             gain: 18.7,
             rows: [24, 120],
         };
+        let field = |name: &str, means| (name.to_owned(), "ms".to_owned(), means);
+        let regimes = Doubt::Regimes {
+            vertex: 3501,
+            n: 7,
+            share: 0.138,
+            fields: vec![field("tau_out", [14.93, 28.4]), field("apd_max", [130.8, 101.6])],
+        };
         let said = [
             contradiction,
             alike,
             breakthrough(31.2),
             breakthrough(-4.6),
+            regimes,
             range(Some(1e3)),
             range(Some(1e6)),
             range(None),
@@ -149,6 +181,8 @@ mod tests {
         → did activation start there, too, or there alone? Name the vertex in a column `source2`, or in `source`, and fit again
         arrival[5]: a front that starts at vertex 1297, 5 ms earlier, and reaches 24 of 120 rows first, would explain them better by 19 nats
         → did activation start there, too, or there alone? Name the vertex in a column `source2`, or in `source`, and fit again
+        at vertex 3501 and 6 more the measurements allow two regimes: tau_out 28.4 ms and apd_max 102 ms, or tau_out 14.9 ms and apd_max 131 ms (14 % of the draws)
+        → a mean between the two is neither: look at quantiles there, and measure again nearby, or another quantity, to tell which it is
         s1s2: 10 of 10 measurements (0.17 to 0.25 ms, lines 2, 4 …) are far from what the model can mean, 102 to 280 ms
         → is the table in s? The model is in ms: multiply by 1000
         s1s2: 10 of 10 measurements (0.17 to 0.25 ms, lines 2, 4 …) are far from what the model can mean, 102 to 280 ms

@@ -73,7 +73,7 @@ impl Fit<'_> {
         outside.sort_by(|a, b| b.1.excess.total_cmp(&a.1.excess));
         let misfit = |&(observe, row): &(&Observe, &Judged)| misfit(observe, row, table);
         fits.misfits = outside.iter().take(MOST_NAMED).map(misfit).collect();
-        fits.doubts = [self.problem().doubts(), &self.breakthroughs()?].concat();
+        fits.doubts = [self.problem().doubts(), &self.breakthroughs()?, &self.regimes()?].concat();
         Ok(Some(fits))
     }
 

@@ -9,6 +9,7 @@ mod doubts;
 mod fits;
 mod leave_out;
 mod reading;
+mod regimes;
 mod rows;
 mod surface;
 

@@ -68,7 +68,7 @@ pub struct Misfit {
     pub is_impossible: bool,
 }
 
-/// What is wrong with measurements, or what they ask for; all but the last is known before anything is sampled.
+/// What is wrong with measurements, or what they ask for. All but the last two is known before anything is sampled.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Doubt {
@@ -127,6 +127,17 @@ pub enum Doubt {
         /// How many rows it would reach first, of how many.
         rows: [usize; 2],
     },
+    /// Fields whose values fall into two regimes at some measured places.
+    Regimes {
+        /// The vertex where they are farthest apart, as the mesh file counts.
+        vertex: u32,
+        /// At how many measured vertices draws are cut in the same way.
+        n: usize,
+        /// The share of the draws in the smaller regime.
+        share: f64,
+        /// Name, unit and the means in the smaller regime and in the other, of each field that differs there.
+        fields: Vec<(String, String, [f64; 2])>,
+    },
 }
 
 impl Doubt {
@@ -136,7 +147,10 @@ impl Doubt {
         match self {
             Self::Contradiction { .. } => Colour::Red,
             Self::Range { n, of, .. } if 2 * n >= *of && *n >= 2 => Colour::Red,
-            Self::Range { .. } | Self::Alike { .. } | Self::Breakthrough { .. } => Colour::Amber,
+            Self::Range { .. }
+            | Self::Alike { .. }
+            | Self::Breakthrough { .. }
+            | Self::Regimes { .. } => Colour::Amber,
         }
     }
 }

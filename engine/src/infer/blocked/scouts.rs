@@ -19,11 +19,11 @@ use std::sync::Arc;
 
 /// From which meeting on scouts are sent. The stand-ins before know little.
 const FIRST_MEETING: usize = 4;
-/// Share of the stand-in's information that they begin with.
-const SHARE: f64 = 0.02;
-/// Most scouts of a chain.
-const MOST: usize = 15;
-/// One scout for so many transitions of the round.
+/// Shares of the stand-in's information that they begin with, in turn.
+const SHARES: [f64; 2] = [0.02, 1e-4];
+/// Most scouts of a chain with each share.
+const MOST: usize = 12;
+/// One of these for so many transitions of the round.
 const TRANSITIONS_EACH: usize = 10;
 /// Transitions of a scout.
 const TRANSITIONS: usize = 10;
@@ -43,10 +43,14 @@ pub(super) fn scouts(
         return None;
     }
     let mut rng = fixed.stream(Part::Scout, next);
-    let vague = shared.stand_in.times(SHARE);
     let n = (round.length() / TRANSITIONS_EACH).min(MOST);
-    let of_link = |link| of_chain(fixed, (shared, &vague), link, n, &mut rng);
-    Some(links.iter().filter_map(of_link).flatten().collect())
+    let mut found = vec![];
+    for vague in SHARES.map(|share| shared.stand_in.times(share)) {
+        for link in links {
+            found.extend(of_chain(fixed, (shared, &vague), link, n, &mut rng).unwrap_or_default());
+        }
+    }
+    Some(found)
 }
 
 /// What `n` scouts find at a chain's hyperparameters; `None` where they cannot begin.

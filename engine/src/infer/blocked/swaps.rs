@@ -15,25 +15,17 @@
 //! ```
 //! It depends on the hyperparameters alone, which stay as they are. So the step back is as probable as the step, and the ratio
 //! of the densities decides.
-//!
-//! # Source
-//! Ashman, Bird & Zepf 1994, "Detecting bimodality in astronomical datasets", for the distance of two clusters.
 
 use super::groups::Whitening;
 use super::latent::{Group, Layout};
 use super::stand_in::Sample;
+use crate::diagnostics::regimes::{APART, Between, Cut, Draws};
 use nalgebra::{Cholesky, DMatrix, DVector};
 use serde::{Deserialize, Serialize};
 use std::ops::Range;
-use std::slice::ChunksExact;
 
-/// Least distance of the means of two clusters, in standard deviations. A normal that is cut in two at its mean has 2.6,
-/// a uniform 3.5.
-const APART: f64 = 4.0;
-/// The same at the other places of a swap, in any direction.
+/// Least distance of both regimes' means at a place that takes part in a swap, in standard deviations in any direction.
 const TAKES_PART: f64 = 2.0;
-/// Least number of draws in a cluster.
-const LEAST: usize = 5;
 /// Two swaps whose clusters agree in this share of the draws are one.
 const SAME: f64 = 0.8;
 /// Most swaps.
@@ -55,32 +47,27 @@ pub(super) struct Swap {
     slack: Vec<f64>,
 }
 
-/// A cut of the draws into two clusters, by the values at a place of a group.
-struct Cut {
-    group: usize,
-    is_high: Vec<bool>,
-    /// How far the means are apart, in standard deviations.
-    apart: f64,
-}
-
 impl Swap {
     /// Those that draws tell of, and earlier ones of regimes that these do not tell of.
     pub(super) fn of(samples: &[Sample], earlier: &[Self], layout: &Layout) -> Vec<Self> {
         let mut found = vec![];
         for (g, group) in layout.groups.iter().enumerate() {
             for place in places(group) {
-                let values = Values::of(samples, layout, [g, place]);
-                found.extend(values.cut(g).filter(|cut| cut.apart > APART));
+                let cut = values(samples, layout, [g, place]).cut();
+                found.extend(cut.filter(|cut| cut.apart > APART).map(|cut| (g, cut)));
             }
         }
-        found.sort_by(|one, other| other.apart.total_cmp(&one.apart));
-        let mut cuts: Vec<Cut> = vec![];
-        for cut in found {
-            if cuts.len() < MOST && !cuts.iter().any(|other| cut.is_as(other)) {
-                cuts.push(cut);
+        found.sort_by(|(_, one), (_, other)| other.apart.total_cmp(&one.apart));
+        let mut cuts: Vec<(usize, Cut)> = vec![];
+        for (g, cut) in found {
+            let is_same = |(of, other): &(usize, Cut)| *of == g && cut.agrees(other) >= SAME;
+            if cuts.len() < MOST && !cuts.iter().any(is_same) {
+                cuts.push((g, cut));
             }
         }
-        let mut swaps: Vec<Self> = cuts.iter().map(|cut| Self::new(samples, cut, layout)).collect();
+        let of_cut = |(g, cut): &(usize, Cut)| Self::new(samples, layout, *g, cut);
+        let mut swaps: Vec<Self> = cuts.iter().map(of_cut).collect();
+        swaps.retain(|swap| !swap.places.is_empty());
         for one in earlier {
             if swaps.len() < MOST && !swaps.iter().any(|swap| swap.has_place_of(one)) {
                 swaps.push(one.clone());
@@ -89,25 +76,24 @@ impl Swap {
         swaps
     }
 
-    fn new(samples: &[Sample], cut: &Cut, layout: &Layout) -> Self {
-        let group = &layout.groups[cut.group];
+    fn new(samples: &[Sample], layout: &Layout, g: usize, cut: &Cut) -> Self {
+        let group = &layout.groups[g];
+        let between =
+            |place| Some((place, values(samples, layout, [g, place]).between(&cut.is_high)?));
         let mut parts: Vec<(usize, Between)> = places(group)
-            .filter_map(|place| {
-                let values = Values::of(samples, layout, [cut.group, place]);
-                Some((place, values.between(&cut.is_high)?))
-            })
+            .filter_map(between)
             .filter(|(_, between)| between.apart > TAKES_PART)
             .collect();
         parts.sort_by(|(_, one), (_, other)| other.apart.total_cmp(&one.apart));
         parts.truncate(MOST_PLACES);
-        let all = |of: fn(&Between) -> &DVector<f64>| {
-            let block = |f: usize| parts.iter().map(move |(_, between)| of(between)[f]);
+        let all = |of: fn(&Between, usize) -> f64| {
+            let block = |f: usize| parts.iter().map(move |(_, between)| of(between, f));
             (0..group.blocks.len()).flat_map(block).collect()
         };
         Self {
-            group: cut.group,
-            shift: all(|between| &between.shift),
-            slack: all(|between| &between.slack),
+            group: g,
+            shift: all(|between, f| between.means[1][f] - between.means[0][f]),
+            slack: all(|between, f| SLACK * between.variance[f]),
             places: parts.iter().map(|(place, _)| *place).collect(),
         }
     }
@@ -146,115 +132,18 @@ impl Swap {
     }
 }
 
-impl Cut {
-    /// Whether both are of the same regimes.
-    fn is_as(&self, other: &Self) -> bool {
-        let agree = self.is_high.iter().zip(&other.is_high).filter(|(one, other)| one == other);
-        let share = agree.count() as f64 / self.is_high.len() as f64;
-        self.group == other.group && share.max(1.0 - share) >= SAME
-    }
-}
-
 /// The places that are looked at: all, or so many that the others lie between them.
 fn places(group: &Group) -> impl Iterator<Item = usize> {
     (0..group.n_seen).step_by(group.n_seen.div_ceil(MOST_TRIED).max(1))
 }
 
-/// The values at one place, `(draw, block)`.
-struct Values {
-    n_blocks: usize,
-    all: Vec<f64>,
-}
-
-/// What is different between two clusters at a place.
-struct Between {
-    /// The difference of their means.
-    shift: DVector<f64>,
-    slack: DVector<f64>,
-    /// How far the means are apart, in the standard deviations within the clusters.
-    apart: f64,
-}
-
-impl Values {
-    fn of<'s>(samples: &'s [Sample], layout: &'s Layout, [g, place]: [usize; 2]) -> Self {
-        let group = &layout.groups[g];
-        let n_blocks = group.blocks.len();
-        let at = move |f: usize| layout.n_latent_before(g) + f * group.n_seen + place;
-        let values = move |sample: &'s Sample| (0..n_blocks).map(move |f| sample.theta[at(f)]);
-        Self { n_blocks, all: samples.iter().flat_map(values).collect() }
-    }
-
-    fn draws(&self) -> ChunksExact<'_, f64> {
-        self.all.chunks_exact(self.n_blocks)
-    }
-
-    /// Cuts in two along the axis on which the values vary most, in units of each block, so that the clusters vary least.
-    /// `None` where they do not vary, or are too few.
-    fn cut(&self, group: usize) -> Option<Cut> {
-        let n = self.draws().len();
-        if n < 2 * LEAST {
-            return None;
-        }
-        let (_, covariance) = moments(self.draws());
-        let scale = covariance.diagonal().map(|variance| 1.0 / variance.sqrt());
-        if !scale.iter().all(|scale| scale.is_normal()) {
-            return None;
-        }
-        let scales = DMatrix::from_diagonal(&scale);
-        let eigen = (&scales * covariance * &scales).symmetric_eigen();
-        let axis = scales * eigen.eigenvectors.column(eigen.eigenvalues.imax());
-        let along: Vec<f64> =
-            self.draws().map(|x| x.iter().zip(&axis).map(|(x, a)| x * a).sum()).collect();
-        let mean = along.iter().sum::<f64>() / n as f64;
-        let mut sorted = along.clone();
-        sorted.sort_by(f64::total_cmp);
-        let (mut low, mut best, mut most) = (0.0, 0.0, 0.0);
-        for (i, pair) in sorted.windows(2).enumerate() {
-            low += pair[0] - mean;
-            let [n_low, n_high] = [i + 1, n - i - 1];
-            // the sum over all draws is 0
-            let between = low * low * (1.0 / n_low as f64 + 1.0 / n_high as f64);
-            if n_low.min(n_high) >= LEAST && pair[0] < pair[1] && between > most {
-                (best, most) = (pair[0], between);
-            }
-        }
-        if most == 0.0 {
-            return None;
-        }
-        let is_high: Vec<bool> = along.iter().map(|x| *x > best).collect();
-        let line = Self { n_blocks: 1, all: along };
-        Some(Cut { apart: line.between(&is_high)?.apart, group, is_high })
-    }
-
-    /// `None` where the values do not vary within the clusters.
-    fn between(&self, is_high: &[bool]) -> Option<Between> {
-        let cluster = |high: bool| {
-            let own = self.draws().zip(is_high).filter(|(_, is)| **is == high);
-            moments(own.map(|(x, _)| x))
-        };
-        let [(low, spread_low), (high, spread_high)] = [false, true].map(cluster);
-        let (shift, within) = (high - low, (spread_low + spread_high) * 0.5);
-        let slack = within.diagonal() * SLACK;
-        let apart = shift.dot(&Cholesky::new(within)?.solve(&shift)).sqrt();
-        Some(Between { shift, slack, apart })
-    }
-}
-
-/// Mean and covariance of draws, of which there is at least one.
-fn moments<'v>(draws: impl Iterator<Item = &'v [f64]> + Clone) -> (DVector<f64>, DMatrix<f64>) {
-    let n_blocks = draws.clone().next().map_or(0, <[f64]>::len);
-    let n = draws.clone().count() as f64;
-    let mut mean = DVector::zeros(n_blocks);
-    for draw in draws.clone() {
-        mean.iter_mut().zip(draw).for_each(|(mean, x)| *mean += x / n);
-    }
-    let mut covariance = DMatrix::zeros(n_blocks, n_blocks);
-    for draw in draws {
-        for f in 0..n_blocks {
-            for g in 0..n_blocks {
-                covariance[(f, g)] += (draw[f] - mean[f]) * (draw[g] - mean[g]) / n;
-            }
-        }
-    }
-    (mean, covariance)
+/// The values of the blocks at one place in all draws.
+fn values(samples: &[Sample], layout: &Layout, [g, place]: [usize; 2]) -> Draws {
+    let group = &layout.groups[g];
+    let n_blocks = group.blocks.len();
+    let first = layout.n_latent_before(g) + place;
+    let of_sample = |s: &Sample| -> Vec<f64> {
+        (0..n_blocks).map(|f| s.theta[first + f * group.n_seen]).collect()
+    };
+    Draws::new(n_blocks, samples.iter().flat_map(of_sample).collect())
 }
