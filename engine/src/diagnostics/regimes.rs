@@ -46,18 +46,18 @@ impl Draws {
         Self { n_quantities, all }
     }
 
-    fn iter(&self) -> ChunksExact<'_, f64> {
+    fn each(&self) -> ChunksExact<'_, f64> {
         self.all.chunks_exact(self.n_quantities)
     }
 
     /// Cuts in two along the axis on which the draws vary most, in units of each quantity, so that the clusters vary
     /// least. `None` where a quantity does not vary, or draws are too few.
     pub fn cut(&self) -> Option<Cut> {
-        let n = self.iter().len();
+        let n = self.each().len();
         if n < 2 * LEAST {
             return None;
         }
-        let (_, covariance) = moments(self.iter());
+        let (_, covariance) = moments(self.each());
         let scale = covariance.diagonal().map(|variance| 1.0 / variance.sqrt());
         if !scale.iter().all(|scale| scale.is_normal()) {
             return None;
@@ -66,7 +66,7 @@ impl Draws {
         let eigen = (&scales * covariance * &scales).symmetric_eigen();
         let axis = scales * eigen.eigenvectors.column(eigen.eigenvalues.imax());
         let dot = |x: &[f64]| x.iter().zip(&axis).map(|(x, a)| x * a).sum();
-        let along: Vec<f64> = self.iter().map(dot).collect();
+        let along: Vec<f64> = self.each().map(dot).collect();
         let mean = along.iter().sum::<f64>() / n as f64;
         let mut sorted = along.clone();
         sorted.sort_by(f64::total_cmp);
@@ -91,7 +91,7 @@ impl Draws {
     /// What is different between the clusters of a cut; `None` where nothing varies within them.
     pub fn between(&self, is_high: &[bool]) -> Option<Between> {
         let cluster = |high: bool| {
-            let own = self.iter().zip(is_high).filter(|(_, is)| **is == high);
+            let own = self.each().zip(is_high).filter(|(_, is)| **is == high);
             moments(own.map(|(x, _)| x))
         };
         let [(low, spread_low), (high, spread_high)] = [false, true].map(cluster);
