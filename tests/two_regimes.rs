@@ -132,9 +132,8 @@ fn said(seen: &str, value: f64) -> Vec<String> {
             }}"
         ),
     );
-    let run = place.eplat(
-        "run seen.rs --mesh atrium.vtp --units mm --data y.csv --chains 2 --warmup 400 --draws 400 --out run",
-    );
+    let run =
+        place.eplat("run seen.rs --mesh atrium.vtp --units mm --data y.csv --draws 400 --out run");
     assert!(place.path("run/run.json").exists(), "{}", text(&run.stderr));
     let all = text(&run.stdout);
     all.lines().filter(|line| line.contains("two regimes")).map(str::to_owned).collect()

@@ -10,7 +10,7 @@ use std::slice::ChunksExact;
 /// has 2.6, a uniform 3.5.
 pub const APART: f64 = 4.0;
 /// Least number of draws in a cluster.
-const LEAST: usize = 5;
+const LEAST: usize = 3;
 
 /// Draws of quantities that may change together.
 #[derive(Clone, Debug)]

@@ -19,12 +19,11 @@ use std::sync::Arc;
 
 /// From which meeting on scouts are sent. The stand-ins before know little.
 const FIRST_MEETING: usize = 4;
-/// Shares of the stand-in's information that they begin with, in turn.
-const SHARES: [f64; 2] = [0.02, 1e-4];
-/// Most scouts of a chain with each share.
-const MOST: usize = 12;
-/// One of these for so many transitions of the round.
-const TRANSITIONS_EACH: usize = 10;
+/// Shares of the stand-in's information that they begin with, and the most scouts of a chain that begin so. Those that
+/// begin farther off take more and shorter steps, and are sent at the first meeting alone.
+const STARTS: [(f64, usize); 2] = [(0.02, 12), (1e-4, 6)];
+/// At most one of these for so many transitions of the round.
+const TRANSITIONS_EACH: usize = 8;
 /// Transitions of a scout.
 const TRANSITIONS: usize = 10;
 /// A scout is lost whose ln density is lower than that of its chain by more than this. The ln density of a chain varies by the
@@ -39,13 +38,16 @@ pub(super) fn scouts(
     links: &[Link],
     (round, next): (&WarmUp, &WarmUp),
 ) -> Option<Vec<Sample>> {
-    if next.n_meetings() < FIRST_MEETING {
-        return None;
-    }
+    let starts = match next.n_meetings() {
+        ..FIRST_MEETING => return None,
+        FIRST_MEETING => &STARTS[..],
+        _ => &STARTS[..1],
+    };
     let mut rng = fixed.stream(Part::Scout, next);
-    let n = (round.length() / TRANSITIONS_EACH).min(MOST);
     let mut found = vec![];
-    for vague in SHARES.map(|share| shared.stand_in.times(share)) {
+    for &(share, most) in starts {
+        let vague = shared.stand_in.times(share);
+        let n = (round.length() / TRANSITIONS_EACH).min(most);
         for link in links {
             found.extend(of_chain(fixed, (shared, &vague), link, n, &mut rng).unwrap_or_default());
         }
