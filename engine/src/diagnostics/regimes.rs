@@ -11,6 +11,8 @@ use std::slice::ChunksExact;
 pub const APART: f64 = 4.0;
 /// Least number of draws in a cluster.
 const LEAST: usize = 3;
+/// Fewer draws tell of no regimes.
+const FEWEST: usize = 50;
 
 /// Draws of quantities that may change together.
 #[derive(Clone, Debug)]
@@ -54,7 +56,7 @@ impl Draws {
     /// least. `None` where a quantity does not vary, or draws are too few.
     pub fn cut(&self) -> Option<Cut> {
         let n = self.each().len();
-        if n < 2 * LEAST {
+        if n < FEWEST {
             return None;
         }
         let (_, covariance) = moments(self.each());
