@@ -6,13 +6,15 @@
 use nalgebra::{Cholesky, DMatrix, DVector};
 use std::slice::ChunksExact;
 
-/// Two clusters are two regimes if their means are farther apart, in standard deviations. A normal that is cut in two at its mean
-/// has 2.6, a uniform 3.5.
+/// Two clusters are two regimes if their means are farther apart than this, in standard deviations within them. A normal
+/// that is cut in two at its mean has 2.6, a uniform 3.5.
 pub const APART: f64 = 4.0;
-/// Least number of draws in a cluster.
-const LEAST: usize = 3;
-/// Fewer draws tell of no regimes.
+/// Fewest draws in a cluster.
+const CLUSTER: usize = 3;
+/// Fewest draws in all: of a few, clusters are far apart by chance.
 const FEWEST: usize = 50;
+/// Two cuts are of the same regimes if they agree in this share of the draws.
+const SAME: f64 = 0.8;
 
 /// Draws of quantities that may change together.
 #[derive(Clone, Debug)]
@@ -52,8 +54,8 @@ impl Draws {
         self.all.chunks_exact(self.n_quantities)
     }
 
-    /// Cuts in two along the axis on which the draws vary most, in units of each quantity, so that the clusters vary
-    /// least. `None` where a quantity does not vary, or draws are too few.
+    /// Cuts the draws in two where both parts vary least, along the axis on which they vary most together when each quantity
+    /// is divided by its standard deviation. `None` where a quantity does not vary, or draws are too few.
     pub fn cut(&self) -> Option<Cut> {
         let n = self.each().len();
         if n < FEWEST {
@@ -76,9 +78,9 @@ impl Draws {
         for (i, pair) in sorted.windows(2).enumerate() {
             low += pair[0] - mean;
             let [n_low, n_high] = [i + 1, n - i - 1];
-            // the sum over all draws is 0
+            // of both means about the mean of all, weighted by the number of draws
             let between = low * low * (1.0 / n_low as f64 + 1.0 / n_high as f64);
-            if n_low.min(n_high) >= LEAST && pair[0] < pair[1] && between > most {
+            if n_low.min(n_high) >= CLUSTER && pair[0] < pair[1] && between > most {
                 (best, most) = (pair[0], between);
             }
         }
@@ -105,11 +107,11 @@ impl Draws {
 }
 
 impl Cut {
-    /// In what share of the draws both cuts say the same, whichever cluster is called high.
-    pub fn agrees(&self, other: &Self) -> f64 {
+    /// Whether both, of the same draws, are of the same regimes, whichever cluster is called high.
+    pub fn is_as(&self, other: &Self) -> bool {
         let same = self.is_high.iter().zip(&other.is_high).filter(|(one, other)| one == other);
         let share = same.count() as f64 / self.is_high.len() as f64;
-        share.max(1.0 - share)
+        share.max(1.0 - share) >= SAME
     }
 
     /// The share of the draws in the high cluster.

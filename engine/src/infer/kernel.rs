@@ -197,9 +197,11 @@ impl<E: Evaluator> Kernel<E> {
             forward.copy_from(backward);
         }
         let n_leapfrog = self.flow.n;
+        // none where the first step cannot be made
+        let depth = n_leapfrog.checked_ilog2().unwrap_or(0);
         // the step size is tuned to steps that are whole
         let accept = accept.min((-roughest).exp());
-        Transition { accept, energy: drawn, depth: n_leapfrog.ilog2(), n_leapfrog, diverging }
+        Transition { accept, energy: drawn, depth, n_leapfrog, diverging }
     }
 
     /// Where the last transition diverged: the edge of its trajectory at the highest energy.

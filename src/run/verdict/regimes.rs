@@ -15,8 +15,6 @@ const DRAWS: usize = 1000;
 const VERTICES: usize = 400;
 /// Least share of the draws in the smaller regime.
 const LEAST: f64 = 0.02;
-/// Two cuts are of the same regimes if they agree in this share of the draws.
-const SAME: f64 = 0.8;
 /// A field differs if its means are farther apart than so many standard deviations.
 const DIFFERS: f64 = 2.0;
 
@@ -60,7 +58,7 @@ impl Fit<'_> {
         sites.sort_by(|one, other| other.cut.apart.total_cmp(&one.cut.apart));
         let mut regions: Vec<(Site, usize)> = vec![];
         for site in sites {
-            let is_same = |(first, _): &&mut (Site, usize)| site.cut.agrees(&first.cut) >= SAME;
+            let is_same = |(first, _): &&mut (Site, usize)| site.cut.is_as(&first.cut);
             match regions.iter_mut().find(is_same) {
                 Some((_, n)) => *n += 1,
                 None => regions.push((site, 1)),

@@ -3,8 +3,8 @@
 //! Measurements can allow two regimes of the values at neighbouring places: `tau_out` 15 ms with `apd_max` 130 ms, or
 //! 29 ms with 100 ms. Hardly any trajectory goes from one to the other, for what lies between them is next to
 //! impossible. Draws of the warm-up and what [`scouts`](super::scouts) find tell of such regimes: the values at a
-//! place fall into two clusters that are far apart. The *swap* of that place is the difference of the clusters' means, at all places where
-//! it is large.
+//! place fall into two clusters that are far apart. The *swap* of that place is the difference of the
+//! clusters' means, there and wherever else it is large.
 //!
 //! A step adds a swap to the latent values, or takes it away, with the same probability. Values at other places follow
 //! as the stand-in has it. Of all changes of z that change the values by δ, give or take their slack E, it is the
@@ -26,8 +26,6 @@ use std::ops::Range;
 
 /// Least distance of both regimes' means at a place that takes part in a swap, in standard deviations in any direction.
 const TAKES_PART: f64 = 2.0;
-/// Two swaps whose clusters agree in this share of the draws are one.
-const SAME: f64 = 0.8;
 /// Most swaps.
 const MOST: usize = 8;
 /// About the most places that are looked at.
@@ -60,7 +58,7 @@ impl Swap {
         found.sort_by(|(_, one), (_, other)| other.apart.total_cmp(&one.apart));
         let mut cuts: Vec<(usize, Cut)> = vec![];
         for (g, cut) in found {
-            let is_same = |(of, other): &(usize, Cut)| *of == g && cut.agrees(other) >= SAME;
+            let is_same = |(of, other): &(usize, Cut)| *of == g && cut.is_as(other);
             if cuts.len() < MOST && !cuts.iter().any(is_same) {
                 cuts.push((g, cut));
             }
