@@ -21,7 +21,7 @@ use eplat::experiment::thinned;
 use eplat::infer::{LogDensity as _, Settings, Silent, jittered_starts};
 use eplat::manifold::{Basis, Eikonal, Front, Medium, eigenpairs};
 use eplat::mesh::{Data, Surface};
-use eplat::model::{Declare, Exceedance, Maps, Model, Sampler, Summaries};
+use eplat::model::{Asked, Declare, Exceedance, Maps, Model, Sampler, Summaries};
 use eplat::table::Measurements;
 use program::{Workplace, text};
 use rand::RngExt as _;
@@ -228,7 +228,7 @@ fn a_column_that_the_tissue_depends_on_makes_an_activation_for_each_of_its_value
     let n = surface.mesh.n_vertices();
     let maps = Maps::new(&model, &basis);
     let names = maps.all_names();
-    let all = maps.summarise(&[u], &[]).maps;
+    let all = maps.summarise(&[u], &Asked::default()).maps;
     assert_eq!(all.iter().map(|map| &*map.name).collect::<Vec<_>>(), names);
     let first = names.iter().position(|name| *name == "arrival[5,600]").unwrap();
     assert_eq!((names.len() - first, &*all[first].unit), (6, "ms"));
@@ -258,7 +258,8 @@ fn maps_of_arrivals_are_of_draws() {
     let draws: Vec<Vec<f64>> = (0..200).map(draw).collect();
     let maps = Maps::new(&model, &basis);
     let asked = Exceedance::read("arrival[5] > 60", &maps.all_names()).unwrap();
-    let Summaries { maps: all, exceeded, .. } = maps.summarise(&draws, &[asked]);
+    let Summaries { maps: all, exceeded, .. } =
+        maps.summarise(&draws, &Asked { exceed: &[asked], ..Asked::default() });
     let map = all.iter().find(|map| map.name == "arrival[5]").unwrap();
 
     // the same by hand, on the whole surface
@@ -398,7 +399,7 @@ fn found(model: &Model, basis: &Basis, n: usize, truths: &[(&str, &[f64])]) -> V
     let draws = thinned(&chains, usize::MAX).unwrap();
     let n_grad: u64 = chains.iter().map(|chain| chain.n_grad_warmup + chain.n_grad_sampling).sum();
     println!("{n_grad} gradients, {:.0} s", begun.elapsed().as_secs_f64());
-    let maps = Maps::new(model, basis).summarise(&draws, &[]).maps;
+    let maps = Maps::new(model, basis).summarise(&draws, &Asked::default()).maps;
     let one = |(name, truth): &(&str, &[f64])| {
         let map = maps.iter().find(|map| map.name == *name).unwrap();
         let n = truth.len() as f64;

@@ -8,7 +8,7 @@ mod support;
 use eplat::experiment::{lessons, thinned};
 use eplat::infer::{Chain, Settings, Silent, jittered_starts};
 use eplat::manifold::Basis;
-use eplat::model::{Declare, Maps, Model, Sampler};
+use eplat::model::{Asked, Declare, Maps, Model, Sampler};
 use eplat::table::Measurements;
 use program::{Workplace, text};
 use support::{basis, table};
@@ -68,7 +68,7 @@ fn draws(model: &Model) -> Vec<Chain> {
 /// Mean posterior variance of the field over the surface.
 fn variance(model: &Model, basis: &Basis, chains: &[Chain]) -> f64 {
     let all = thinned(chains, usize::MAX).unwrap();
-    let field = &Maps::new(model, basis).summarise(&all, &[]).maps[0];
+    let field = &Maps::new(model, basis).summarise(&all, &Asked::default()).maps[0];
     field.sd.iter().map(|sd| sd * sd).sum::<f64>() / VERTICES as f64
 }
 

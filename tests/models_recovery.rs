@@ -53,7 +53,7 @@ use eplat::diagnostics::{Summary, summarise};
 use eplat::experiment::thinned;
 use eplat::infer::{Chain, Settings, Silent, jittered_starts};
 use eplat::manifold::Basis;
-use eplat::model::{Declare, Kind, Maps, Model, Sampler};
+use eplat::model::{Asked, Declare, Kind, Maps, Model, Sampler};
 use eplat::table::Measurements;
 use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
@@ -139,7 +139,7 @@ fn field_moments(
     draws: &[Vec<f64>],
 ) -> (Vec<Vec<f64>>, Vec<Vec<f64>>) {
     let maps = Maps::new(model, basis);
-    let summaries = maps.summarise(draws, &[]).maps;
+    let summaries = maps.summarise(draws, &Asked::default()).maps;
     summaries.into_iter().take(maps.n_fields()).map(|s| (s.mean, s.sd)).unzip()
 }
 

@@ -15,7 +15,9 @@ use eplat::experiment::thinned;
 use eplat::infer::{Settings, Silent, jittered_starts};
 use eplat::manifold::{Basis, Eikonal, Front, Gradient, Medium, eigenpairs, integrate_along_paths};
 use eplat::mesh::Surface;
-use eplat::model::{Everywhere, Exceedance, Maps, Model, Sampler, Summaries, operator_error};
+use eplat::model::{
+    Asked, Everywhere, Exceedance, Maps, Model, Sampler, Summaries, operator_error,
+};
 use eplat::table::Measurements;
 use program::{Workplace, text};
 use rand::RngExt as _;
@@ -324,7 +326,8 @@ fn a_gradient_and_what_follows_from_it_are_maps() {
     assert_eq!(maps.all_names(), ["arrival", "steepness", "velocity"]);
     let draws: Vec<Vec<f64>> = (0..150).map(|seed| some_draw(&model, seed)).collect();
     let asked = Exceedance::read("velocity < 0.5", &maps.all_names()).unwrap();
-    let Summaries { maps: all, exceeded, unphysical } = maps.summarise(&draws, &[asked]);
+    let Summaries { maps: all, exceeded, unphysical } =
+        maps.summarise(&draws, &Asked { exceed: &[asked], ..Asked::default() });
     let named = |name: &str| all.iter().find(|map| map.name == name).unwrap();
     let (steepness, velocity) = (named("steepness"), named("velocity"));
     assert_eq!((&*steepness.unit, &*velocity.unit, steepness.outside), ("ms/mm", "m/s", None));
@@ -382,7 +385,7 @@ fn the_steepness_of_fitted_maps_is_calibrated() {
         let chains = Sampler::of(&model).sample(&model, &starts, &settings, &Silent).unwrap();
         let chains: Vec<_> = chains.into_iter().map(Result::unwrap).collect();
         let draws = thinned(&chains, usize::MAX).unwrap();
-        let all = Maps::new(&model, &basis).summarise(&draws, &[]).maps;
+        let all = Maps::new(&model, &basis).summarise(&draws, &Asked::default()).maps;
         let map = all.iter().find(|map| map.name == "steepness").unwrap();
         for v in 0..surface.mesh.n_vertices() {
             let exact = gradient.length(v, &arrivals);

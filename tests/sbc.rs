@@ -22,7 +22,7 @@ use eplat::experiment::TRUTH_MODES;
 use eplat::infer::{Settings, Silent, jittered_starts};
 use eplat::manifold::{Basis, eigenpairs, eigenpairs_cached, maximin};
 use eplat::mesh::{Surface, left_atrium};
-use eplat::model::{Declare, Kind, Maps, Model, Sampler};
+use eplat::model::{Asked, Declare, Kind, Maps, Model, Sampler};
 use eplat::table::Measurements;
 use posterior::all;
 use rand::RngExt;
@@ -56,7 +56,7 @@ struct Design<'a> {
 
 /// Fields and `let`s at every vertex of the basis, by name, at a position of the unknowns.
 fn maps(model: &Model, basis: &Basis, position: &[f64]) -> Vec<(String, Vec<f64>)> {
-    let maps = Maps::new(model, basis).summarise(&[position.to_vec()], &[]).maps;
+    let maps = Maps::new(model, basis).summarise(&[position.to_vec()], &Asked::default()).maps;
     maps.into_iter().map(|map| (map.name, map.mean)).collect()
 }
 

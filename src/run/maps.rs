@@ -5,7 +5,7 @@ use std::borrow::Cow;
 use crate::experiment::{coverage, rms_error};
 use crate::manifold::Basis;
 use crate::mesh::Surface;
-use crate::model::{Exceedance, MapSummary, Maps, Model, Summaries};
+use crate::model::{Asked, Exceedance, MapSummary, Maps, Model, Summaries};
 use crate::report::FieldDraws;
 
 /// What the names of maps of quantiles end with.
@@ -73,15 +73,14 @@ impl SurfaceMaps {
         truth: &[(String, Vec<f64>)],
         asked: &[Exceedance],
     ) -> Self {
-        let maps = Maps::new(model, basis);
-        let Summaries { maps: summaries, unphysical, exceeded } = maps.summarise(draws, asked);
         // the truth is in the order of the model's maps
         let values: Vec<&[f64]> = truth.iter().map(|(_, map)| map.as_slice()).collect();
-        let ranks = if truth.is_empty() { vec![] } else { maps.ranks(draws, &values) };
-        let fitted = |MapSummary { name, unit, mean, sd, quantiles, outside }| {
-            let known = truth.iter().position(|(of, _)| *of == name);
-            let coverage = known.map(|i| coverage(&ranks[i]));
-            let truth = known.map(|i| truth[i].1.clone());
+        let wanted = Asked { exceed: asked, truth: &values };
+        let Summaries { maps: summaries, unphysical, exceeded } =
+            Maps::new(model, basis).summarise(draws, &wanted);
+        let fitted = |MapSummary { name, unit, mean, sd, quantiles, outside, rank }| {
+            let truth = truth.iter().find(|(of, _)| *of == name).map(|(_, map)| map.clone());
+            let coverage = rank.map(|rank| coverage(&rank));
             FittedMap { name, unit, mean, sd, quantiles, outside, truth, coverage }
         };
         Self {

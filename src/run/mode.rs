@@ -14,7 +14,7 @@ use super::{OutputFolder, Problem, RunError};
 use crate::experiment::rms_error;
 use crate::infer::{InferError, Optimum, OptimumSettings, maximise};
 use crate::mesh::write_vtp;
-use crate::model::{Kind, MapSummary, Maps, Model};
+use crate::model::{Asked, Kind, MapSummary, Maps, Model};
 use crate::report::{rmse_line, shown};
 use crate::store::write_file;
 
@@ -58,7 +58,8 @@ impl<'m> Problem<'m> {
         model.forward(&mut tape, &optimum.position);
         model.report_mode(&tape, &mut values);
         let maps = self.loaded().basis().map_or(vec![], |basis| {
-            Maps::new(model, basis).summarise(std::slice::from_ref(&optimum.position), &[]).maps
+            let one = std::slice::from_ref(&optimum.position);
+            Maps::new(model, basis).summarise(one, &Asked::default()).maps
         });
         Ok(Mode { problem: self.clone(), optimum, values, maps })
     }

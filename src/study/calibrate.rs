@@ -15,7 +15,7 @@ use crate::experiment::{
 use crate::infer::{Chain, OptimumSettings, Settings, Silent, jittered_starts, maximise};
 use crate::manifold::{Basis, eigenpairs_cached, maximin};
 use crate::mesh::TriMesh;
-use crate::model::{Declare, Maps, Model, Sampler, Summaries};
+use crate::model::{Asked, Declare, Maps, Model, Sampler, Summaries};
 use crate::run::RunError;
 
 /// Most iterations on the way to a mode: the ripple of bracket likelihoods needs thousands.
@@ -262,7 +262,8 @@ impl<'a> Study<'a> {
         let settings = OptimumSettings { max_iterations: MOST_ITERATIONS, ..Default::default() };
         let optimum = maximise(model, &model.initial(), &settings)?;
         let maps = Maps::new(model, self.laboratory.basis());
-        let summary = maps.summarise(std::slice::from_ref(&optimum.position), &[]).maps;
+        let one = std::slice::from_ref(&optimum.position);
+        let summary = maps.summarise(one, &Asked::default()).maps;
         let fields: Vec<Vec<f64>> =
             summary.into_iter().take(maps.n_fields()).map(|map| map.mean).collect();
         let mut tape = model.tape();
@@ -300,11 +301,12 @@ impl<'a> Study<'a> {
         let (chains, asked) = self.draws(model, seed)?;
         let thinned = thinned(&chains, MAP_DRAWS).map_err(RunError::draws)?;
         let maps = Maps::new(model, self.laboratory.basis());
-        let Summaries { maps: summary, unphysical, .. } = maps.summarise(&thinned, &[]);
         let truths: Vec<&[f64]> = truth.maps().map(Vec::as_slice).collect();
-        let ranks = maps.ranks(&thinned, &truths);
-        let errors = summary.iter().zip(&truths).zip(&ranks).map(|((map, truth), ranks)| {
-            MapError { rmse: rms_error(&map.mean, truth), coverage: Some(coverage(ranks)) }
+        let asked_of_maps = Asked { truth: &truths, ..Asked::default() };
+        let Summaries { maps: summary, unphysical, .. } = maps.summarise(&thinned, &asked_of_maps);
+        let errors = summary.iter().zip(&truths).map(|(map, truth)| MapError {
+            rmse: rms_error(&map.mean, truth),
+            coverage: map.rank.as_ref().map(|rank| coverage(rank)),
         });
         Ok(Outcome {
             case,

@@ -4,12 +4,11 @@ use rayon::prelude::*;
 
 use super::exceedance::Exceedance;
 use super::laid_out::Model;
-use super::map::Source;
+use super::map_columns::{Coefficients, Draws, Here};
 use super::tape::Tape;
-use crate::diagnostics::{mean_and_sd, quantile};
+use crate::diagnostics::{mean_and_sd, quantiles};
 use crate::manifold::Basis;
 use crate::num::Within;
-use crate::num::vector::dot;
 
 /// Vertices whose figures are computed before they are put where they stay.
 const BLOCK: usize = 1 << 12;
@@ -45,6 +44,9 @@ pub struct MapSummary {
     pub quantiles: [Vec<f64>; 3],
     /// Share of (vertex, draw) pairs outside the declared range; `None` if there is none.
     pub outside: Option<f64>,
+    /// Where the truth ranks: the share of physical draws below it (n_vertices). NaN where there are no such draws or no
+    /// truth; `None` for a map of which no truth was given.
+    pub rank: Option<Vec<f64>>,
 }
 
 /// What draws say of the whole surface.
@@ -60,6 +62,15 @@ pub struct Summaries {
     pub exceeded: Vec<Vec<f64>>,
 }
 
+/// What is asked of draws besides their figures.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Asked<'a> {
+    /// Events whose probability is asked for.
+    pub exceed: &'a [Exceedance],
+    /// The true fields and derived quantities, each (n_vertices), in the model's order; empty where they are not known.
+    pub truth: &'a [&'a [f64]],
+}
+
 /// What draws say of one vertex.
 struct AtVertex {
     /// Mean, sd and three quantiles of each map.
@@ -68,19 +79,15 @@ struct AtVertex {
     outside: Vec<usize>,
     unphysical: f64,
     exceeded: Vec<f64>,
+    /// Of each map of which the truth is known.
+    ranks: Vec<f64>,
 }
 
 /// Everything a model says about each vertex: its fields, then its derived quantities.
 #[derive(Debug)]
 pub struct Maps<'m> {
-    model: &'m Model,
-    basis: &'m Basis,
-}
-
-/// What is kept of one draw: the value vector as far as maps read it, and the mean and weights of each field.
-struct Draw {
-    v: Vec<f64>,
-    fields: Vec<(f64, Vec<f64>)>,
+    pub(super) model: &'m Model,
+    pub(super) basis: &'m Basis,
 }
 
 impl<'m> Maps<'m> {
@@ -117,45 +124,6 @@ impl<'m> Maps<'m> {
         self.names().iter().map(|map| map.name).chain(late).collect()
     }
 
-    /// Derived quantities at one place, from the sums of the fields there. They are NaN if a field
-    /// or a derived quantity is outside its declared range, because a surrogate means nothing
-    /// there. `outside` gets, for each field and derived quantity, whether it is outside its own
-    /// range.
-    fn derived(
-        &self,
-        v: &[f64],
-        sums: &[f64],
-        scratch: &mut Vec<f64>,
-        out: &mut [f64],
-        outside: &mut [bool],
-    ) {
-        let (of_fields, of_lets) = outside.split_at_mut(self.n_fields());
-        for ((field, sum), outside) in self.model.fields.iter().zip(sums).zip(of_fields.iter_mut())
-        {
-            *outside = !within(field.value(*sum), field.range);
-        }
-        for ((map, out), outside) in
-            self.model.maps.iter().zip(out.iter_mut()).zip(of_lets.iter_mut())
-        {
-            scratch.clear();
-            scratch.extend(map.sources.iter().map(|source| match *source {
-                Source::Value(at) => v[at],
-                Source::Field(field) => sums[field],
-            }));
-            *out = map.at.value(scratch, None);
-            *outside = !within(*out, map.range);
-        }
-        let labels = self.model.fields.iter().map(|f| f.label);
-        let labels = labels.chain(self.model.maps.iter().map(|m| m.label));
-        for (label, _) in labels.zip(outside.iter()).filter(|(_, outside)| **outside) {
-            for (map, out) in self.model.maps.iter().zip(out.iter_mut()) {
-                if label.is_none() || map.label.is_none() || label == map.label {
-                    *out = f64::NAN;
-                }
-            }
-        }
-    }
-
     /// Derived quantities, vertex by vertex, from whole fields (each n_vertices) and the values of
     /// the last forward pass.
     pub fn derived_fields(&self, t: &Tape, fields: &[Vec<f64>]) -> Vec<Vec<f64>> {
@@ -186,22 +154,25 @@ impl<'m> Maps<'m> {
     }
 
     /// Means, standard deviations and quantiles over draws of unknowns, the share of unphysical
-    /// draws at each vertex, and the probabilities that were asked for. Fields are averaged over
+    /// draws at each vertex, and what was asked for. Fields are averaged over
     /// all draws, derived quantities over the physical ones. For each thread one vertex with all its
     /// draws is in memory.
-    pub fn summarise(&self, draws: &[Vec<f64>], asked: &[Exceedance]) -> Summaries {
+    pub fn summarise(&self, draws: &[Vec<f64>], asked: &Asked<'_>) -> Summaries {
         let late = self.model.late_maps(self.basis, draws);
-        let draws: Vec<Draw> = self.unpack(draws);
-        let (names, n_vertices) = (self.names(), self.basis.n_vertices());
+        let (names, n_vertices, n_draws) = (self.names(), self.basis.n_vertices(), draws.len());
+        let draws = self.unpack(draws);
         let of = |e: &Exceedance| names.iter().position(|n| n.name == e.map);
-        let asked: Vec<(Option<usize>, &Exceedance)> = asked.iter().map(|e| (of(e), e)).collect();
+        let (exceed, truth) = (asked.exceed, asked.truth);
+        let of_maps: Vec<(Option<usize>, &Exceedance)> =
+            exceed.iter().map(|e| (of(e), e)).collect();
         let room = || Vec::with_capacity(n_vertices);
         let mut figures: Vec<Figures> = names.iter().map(|_| [(); 5].map(|()| room())).collect();
         let (mut outside, mut unphysical) = (vec![0; names.len()], room());
-        let mut exceeded: Vec<Vec<f64>> = asked.iter().map(|_| room()).collect();
+        let mut exceeded: Vec<Vec<f64>> = exceed.iter().map(|_| room()).collect();
+        let mut ranks: Vec<Vec<f64>> = truth.iter().map(|_| room()).collect();
         for first in (0..n_vertices).step_by(BLOCK) {
             let block = first..n_vertices.min(first + BLOCK);
-            let at = |vertex| self.at_vertex(vertex, &draws, &asked);
+            let at = |vertex| self.at_vertex(vertex, &draws, &of_maps, truth);
             for vertex in block.into_par_iter().map(at).collect::<Vec<AtVertex>>() {
                 for (all, own) in figures.iter_mut().zip(vertex.maps) {
                     all.iter_mut().zip(own).for_each(|(all, figure)| all.push(figure));
@@ -209,21 +180,24 @@ impl<'m> Maps<'m> {
                 outside.iter_mut().zip(vertex.outside).for_each(|(all, own)| *all += own);
                 unphysical.push(vertex.unphysical);
                 exceeded.iter_mut().zip(vertex.exceeded).for_each(|(all, own)| all.push(own));
+                ranks.iter_mut().zip(vertex.ranks).for_each(|(all, own)| all.push(own));
             }
         }
-        let n_pairs = (n_vertices * draws.len()) as f64;
+        let n_pairs = (n_vertices * n_draws) as f64;
+        let mut ranks = ranks.into_iter();
         let maps = names.iter().zip(figures).zip(outside);
         let named = |((name, figures), outside): ((&MapName<'_>, Figures), usize)| {
             let outside = name.range.map(|_| outside as f64 / n_pairs);
-            summary(name.name.into(), name.unit.into(), figures, outside)
+            let summary = summary(name.name.into(), name.unit.into(), figures, outside);
+            MapSummary { rank: ranks.next(), ..summary }
         };
-        for (exceeded, (_, asked)) in exceeded.iter_mut().zip(&asked) {
+        let mut maps: Vec<MapSummary> = maps.map(named).collect();
+        for (exceeded, asked) in exceeded.iter_mut().zip(exceed) {
             if let Some(of) = late.iter().find(|of| of.name == asked.map) {
                 let share = |vertex| asked.share(&of.at(vertex));
                 *exceeded = (0..n_vertices).into_par_iter().map(share).collect();
             }
         }
-        let mut maps: Vec<MapSummary> = maps.map(named).collect();
         for of in &late {
             let (summary, outside) = of.summary(n_vertices);
             maps.push(summary);
@@ -238,17 +212,18 @@ impl<'m> Maps<'m> {
     /// `n_modes` eigenfunctions, (draw, 1 + n_modes); and `n_modes`, which is that of the field
     /// with most modes.
     pub fn coefficients(&self, draws: &[Vec<f64>]) -> (usize, Vec<(&'m str, Vec<f64>)>) {
-        let draws = self.unpack(draws);
-        let fields = &self.model.fields;
+        let (n_draws, draws, fields) = (draws.len(), self.unpack(draws), &self.model.fields);
         let n_modes = fields.iter().map(|f| f.first + f.op.k).max().unwrap_or(0);
         let of_field = |i: usize| {
-            let mut all = vec![0.0; draws.len() * (1 + n_modes)];
-            for (row, draw) in all.chunks_exact_mut(1 + n_modes).zip(&draws) {
-                let (mean, weights) = &draw.fields[i];
-                row[0] = *mean;
-                row[1 + fields[i].first..][..weights.len()].copy_from_slice(weights);
+            let (field, Coefficients { mean, weights }) = (&fields[i], &draws.fields[i]);
+            let mut all = vec![0.0; n_draws * (1 + n_modes)];
+            for (draw, row) in all.chunks_exact_mut(1 + n_modes).enumerate() {
+                row[0] = mean[draw];
+                for (mode, to) in row[1 + field.first..][..field.op.k].iter_mut().enumerate() {
+                    *to = weights[mode * n_draws + draw];
+                }
             }
-            (fields[i].name.as_str(), all)
+            (field.name.as_str(), all)
         };
         (n_modes, (0..fields.len()).map(of_field).collect())
     }
@@ -273,112 +248,32 @@ impl<'m> Maps<'m> {
         vertices: &[usize],
         of: impl Fn(Vec<Vec<f64>>) -> T + Sync,
     ) -> Vec<T> {
-        let draws: Vec<Draw> = self.unpack(draws);
-        let n = self.n_fields() + self.model.maps.len();
-        let at = |vertex: &usize| {
-            let mut maps = vec![Vec::with_capacity(draws.len()); n];
-            self.each_at(*vertex, &draws, n, |values, _| {
-                maps.iter_mut().zip(values).for_each(|(map, x)| map.push(*x));
-            });
-            of(maps)
-        };
-        vertices.par_iter().map(at).collect()
-    }
-
-    /// The rank of `truth` among draws of unknowns: the share of physical draws below it. It is NaN
-    /// if there are no such draws, or no truth. `truth` is a map (n_vertices) for each field and
-    /// derived quantity.
-    pub fn ranks(&self, draws: &[Vec<f64>], truth: &[&[f64]]) -> Vec<Vec<f64>> {
-        let draws: Vec<Draw> = self.unpack(draws);
-        let n = truth.len();
-        let vertices: Vec<Vec<f64>> = (0..self.basis.n_vertices())
-            .into_par_iter()
-            .map(|vertex| {
-                let (mut below, mut count) = (vec![0.0; n], vec![0.0; n]);
-                self.each_at(vertex, &draws, n, |values, _| {
-                    for i in (0..n).filter(|i| !values[*i].is_nan()) {
-                        below[i] += f64::from(u8::from(values[i] < truth[i][vertex]));
-                        count[i] += 1.0;
-                    }
-                });
-                let is_known = |i: usize| !truth[i][vertex].is_nan();
-                (0..n).map(|i| if is_known(i) { below[i] / count[i] } else { f64::NAN }).collect()
-            })
-            .collect();
-        (0..n).map(|i| vertices.iter().map(|v| v[i]).collect()).collect()
-    }
-
-    fn unpack(&self, draws: &[Vec<f64>]) -> Vec<Draw> {
-        let mut t = self.model.tape();
-        let read =
-            self.model.maps.iter().flat_map(|map| &map.sources).map(|source| match *source {
-                Source::Value(at) => at + 1,
-                Source::Field(_) => 0,
-            });
-        let n_values = read.max().unwrap_or(0);
-        let mut one = |u: &Vec<f64>| {
-            self.model.forward(&mut t, u);
-            let fields = self.model.fields.iter().map(|f| {
-                let (mean, w) = f.op.weights(&t);
-                (mean, w.to_vec())
-            });
-            Draw { fields: fields.collect(), v: t.v[..n_values].to_vec() }
-        };
-        draws.iter().map(&mut one).collect()
+        let draws = self.unpack(draws);
+        vertices.par_iter().map(|vertex| of(self.here(*vertex, &draws).values)).collect()
     }
 
     fn at_vertex(
         &self,
         vertex: usize,
-        draws: &[Draw],
-        asked: &[(Option<usize>, &Exceedance)],
+        draws: &Draws,
+        exceed: &[(Option<usize>, &Exceedance)],
+        truth: &[&[f64]],
     ) -> AtVertex {
-        let n = self.n_fields() + self.model.maps.len();
-        let mut values = vec![Vec::with_capacity(draws.len()); n];
-        let (mut counts, mut unphysical) = (vec![0; n], 0usize);
-        self.each_at(vertex, draws, n, |at, outside| {
-            unphysical += usize::from(outside.contains(&true));
-            for (count, outside) in counts.iter_mut().zip(outside) {
-                *count += usize::from(*outside);
-            }
-            for (values, x) in values.iter_mut().zip(at).filter(|(_, x)| !x.is_nan()) {
-                values.push(*x);
-            }
-        });
+        let Here { mut values, outside, unphysical } = self.here(vertex, draws);
+        values.iter_mut().for_each(|values| values.retain(|x| !x.is_nan()));
         let of = |i: &Option<usize>| i.map_or([].as_slice(), |i| &values[i]);
-        let exceeded = asked.iter().map(|(i, exceedance)| exceedance.share(of(i))).collect();
+        let exceeded = exceed.iter().map(|(i, exceedance)| exceedance.share(of(i))).collect();
+        let rank = |(values, truth): (&Vec<f64>, &&[f64])| {
+            let below = values.iter().filter(|x| **x < truth[vertex]).count();
+            if truth[vertex].is_nan() { f64::NAN } else { below as f64 / values.len() as f64 }
+        };
+        let ranks = values.iter().zip(truth).map(rank).collect();
         AtVertex {
             maps: values.iter_mut().map(|values| five_numbers(values)).collect(),
-            outside: counts,
-            unphysical: unphysical as f64 / draws.len() as f64,
+            outside,
+            unphysical: unphysical as f64 / draws.v.len() as f64,
             exceeded,
-        }
-    }
-
-    /// Gives the values of all maps at a vertex, draw by draw, and says which are outside their
-    /// range.
-    fn each_at(
-        &self,
-        vertex: usize,
-        draws: &[Draw],
-        n: usize,
-        mut take: impl FnMut(&[f64], &[bool]),
-    ) {
-        let phi = self.basis.at(vertex);
-        let n_fields = self.n_fields();
-        let (mut values, mut scratch, mut outside) = (vec![0.0; n], vec![], vec![false; n]);
-        for draw in draws {
-            let (fields, lets) = values.split_at_mut(n_fields);
-            for ((x, (mean, w)), entry) in
-                fields.iter_mut().zip(&draw.fields).zip(&self.model.fields)
-            {
-                *x = mean + dot::<8>(w, &phi[entry.first..entry.first + w.len()]);
-            }
-            self.derived(&draw.v, fields, &mut scratch, lets, &mut outside);
-            for (x, entry) in fields.iter_mut().zip(&self.model.fields) {
-                *x = entry.value(*x);
-            }
-            take(&values, &outside);
+            ranks,
         }
     }
 }
@@ -390,17 +285,12 @@ pub(super) fn summary(
     outside: Option<f64>,
 ) -> MapSummary {
     let [mean, sd, q5, q50, q95] = figures;
-    MapSummary { name, unit, mean, sd, quantiles: [q5, q50, q95], outside }
-}
-
-fn within(x: f64, range: Option<(f64, f64)>) -> bool {
-    range.is_none_or(|(low, high)| (low..=high).contains(&x))
+    MapSummary { name, unit, mean, sd, quantiles: [q5, q50, q95], outside, rank: None }
 }
 
 /// Mean, standard deviation and 5, 50, 95 % quantiles; NaN where there are too few values.
 pub(super) fn five_numbers(values: &mut [f64]) -> [f64; 5] {
     let (mean, sd) = mean_and_sd(&[values]);
-    values.sort_unstable_by(f64::total_cmp);
-    let [q5, q50, q95] = [0.05, 0.5, 0.95].map(|p| quantile(values, p));
+    let [q5, q50, q95] = quantiles(values, [0.05, 0.5, 0.95]);
     [mean, if values.len() < 2 { f64::NAN } else { sd }, q5, q50, q95]
 }

@@ -20,9 +20,10 @@ use super::particles::Here;
 use super::stand_in::{GroupStandIn, StandIn};
 use crate::random::Stream;
 use nalgebra::{Cholesky, DMatrix, DVector};
-use rand::{Rng, RngExt as _};
+use rand::{Rng, RngExt as _, SeedableRng as _};
 use rand_chacha::ChaCha8Rng;
 use rand_distr::StandardNormal;
+use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
 /// How many anchors there are.
@@ -132,14 +133,17 @@ impl Anchors {
         seed: u64,
     ) -> Option<Self> {
         let mut rng = Stream::Anchors.rng(seed);
-        let layout = density.layout();
-        let (mut latent, mut whitening) = (density.latent(), Whitening::new(layout));
-        let begin = stand_in.times(BEGIN);
-        let mut all = vec![];
-        for outer in &spots.outer {
-            let begin = begin.clone();
-            all.extend(Anchor::new(layout, &mut *latent, &mut whitening, begin, outer, &mut rng));
-        }
+        let (layout, begin) = (density.layout(), stand_in.times(BEGIN));
+        let begun: Vec<(&Vec<f64>, ChaCha8Rng)> =
+            spots.outer.iter().map(|outer| (outer, ChaCha8Rng::from_rng(&mut rng))).collect();
+        let memory = || (density.latent(), Whitening::new(layout));
+        let all: Vec<Option<Anchor>> = begun
+            .into_par_iter()
+            .map_init(memory, |(latent, whitening), (outer, mut rng)| {
+                Anchor::new(layout, &mut **latent, whitening, begin.clone(), outer, &mut rng)
+            })
+            .collect();
+        let all: Vec<Anchor> = all.into_iter().flatten().collect();
         (!all.is_empty()).then(|| Self { scale: spots.scale.clone(), all })
     }
 

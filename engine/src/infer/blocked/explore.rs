@@ -6,12 +6,14 @@
 
 use super::anchors::{Anchors, Spots};
 use super::groups::Whitening;
-use super::latent::{LatentGaussian, Layout};
+use super::latent::{Latent, LatentGaussian, Layout};
 use super::mixture::{Mixture, Tails};
 use super::particles::Here;
 use super::stand_in::StandIn;
 use crate::random::Stream;
-use rand::RngExt as _;
+use rand::{RngExt as _, SeedableRng as _};
+use rand_chacha::ChaCha8Rng;
+use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
 /// After each round the proposal is fitted to the prior times the likelihood to this power. A small power keeps the
@@ -19,6 +21,8 @@ use serde::{Deserialize, Serialize};
 const POWERS: [f64; 3] = [0.25, 0.5, 1.0];
 /// Points of a round.
 const POINTS: usize = 1000;
+/// Of these, how many one thread takes at a time at least.
+const AT_ONCE: usize = 50;
 /// Share of proposals with one number from where its prior lies, while exploring and when it is done.
 const FAR: [f64; 2] = [0.3, 0.1];
 /// Draws of the prior. Half of the first round's points are from where it lies.
@@ -76,26 +80,28 @@ pub(super) fn explore(
     ];
     let mut spots = Spots::new(layout, (&met, &equal), outer, rng);
     let mut anchors = Anchors::new(density, stand_in, &spots, seed)?;
-    let (mut latent, mut whitening) = (density.latent(), Whitening::new(layout));
-    let mut z = vec![0.0; layout.n_coefficients()];
     let mut points = Points::default();
     for power in POWERS {
-        for k in 0..POINTS {
+        let mut begin = |k: usize| {
             let mut point = vec![0.0; tails.len()];
             mixtures[k % mixtures.len()].draw(rng, &mut point);
             let mut at = outer[rng.random_range(0..outer.len())].clone();
             layout.hyper.iter().zip(&point).for_each(|(i, h)| at[*i] = *h);
-            let ln_prior = latent.set_outer(&at, &mut whitening.designs);
-            if !ln_prior.is_finite() {
-                continue;
-            }
-            let Some(guide) = anchors.at(&point, layout) else { continue };
-            let Some(here) = Here::new(layout, &guide.lookahead, &mut whitening) else { continue };
-            let ln_likelihood = here.draw(&mut *latent, guide.n_particles, &mut z, rng);
-            if ln_likelihood.is_finite() {
-                points.push(point, [ln_prior, ln_likelihood]);
-            }
-        }
+            (point, at, ChaCha8Rng::from_rng(rng))
+        };
+        let begun: Vec<(Vec<f64>, Vec<f64>, ChaCha8Rng)> = (0..POINTS).map(&mut begin).collect();
+        let estimated: Vec<Option<(Vec<f64>, [f64; 2])>> = begun
+            .into_par_iter()
+            .with_min_len(AT_ONCE)
+            .map_init(
+                || Estimator::new(density),
+                |estimator, (point, at, mut rng)| {
+                    let ln = estimator.estimate(&anchors, &point, &at, &mut rng)?;
+                    Some((point, ln))
+                },
+            )
+            .collect();
+        estimated.into_iter().flatten().for_each(|(point, ln)| points.push(point, ln));
         points.drawn_from(mixtures);
         let weights = points.weights(power);
         mixtures = vec![Mixture::fit(&points.all, &weights, (FAR[1], &tails), rng)?];
@@ -103,6 +109,41 @@ pub(super) fn explore(
         anchors = Anchors::new(density, stand_in, &spots, seed)?;
     }
     Some(Leaps { mixture: mixtures.swap_remove(0), spots, anchors })
+}
+
+/// What one thread needs for estimates.
+struct Estimator<'d> {
+    layout: &'d Layout,
+    latent: Box<dyn Latent + 'd>,
+    whitening: Whitening,
+    z: Vec<f64>,
+}
+
+impl<'d> Estimator<'d> {
+    fn new(density: &'d dyn LatentGaussian) -> Self {
+        let layout = density.layout();
+        let z = vec![0.0; layout.n_coefficients()];
+        Self { layout, latent: density.latent(), whitening: Whitening::new(layout), z }
+    }
+
+    /// ln of the prior density of the hyperparameters `point`, which are part of the outer unknowns `at`, and of the
+    /// estimated likelihood; `None` where it is 0 or cannot be told.
+    fn estimate(
+        &mut self,
+        anchors: &Anchors,
+        point: &[f64],
+        at: &[f64],
+        rng: &mut ChaCha8Rng,
+    ) -> Option<[f64; 2]> {
+        let ln_prior = self.latent.set_outer(at, &mut self.whitening.designs);
+        if !ln_prior.is_finite() {
+            return None;
+        }
+        let guide = anchors.at(point, self.layout)?;
+        let here = Here::new(self.layout, &guide.lookahead, &mut self.whitening)?;
+        let ln_likelihood = here.draw(&mut *self.latent, guide.n_particles, &mut self.z, rng);
+        ln_likelihood.is_finite().then_some([ln_prior, ln_likelihood])
+    }
 }
 
 /// Points of all rounds.

@@ -15,6 +15,7 @@ use crate::random::Part;
 use rand::{RngExt as _, SeedableRng as _};
 use rand_chacha::ChaCha8Rng;
 use rand_distr::StandardNormal;
+use rayon::prelude::*;
 use std::sync::Arc;
 
 /// From which meeting on scouts are sent. The stand-ins before know little.
@@ -44,15 +45,18 @@ pub(super) fn scouts(
         _ => &STARTS[..1],
     };
     let mut rng = fixed.stream(Part::Scout, next);
-    let mut found = vec![];
+    let mut begun = vec![];
     for &(share, most) in starts {
-        let vague = shared.stand_in.times(share);
+        let vague = Arc::new(shared.stand_in.times(share));
         let n = (round.length() / TRANSITIONS_EACH).min(most);
-        for link in links {
-            found.extend(of_chain(fixed, (shared, &vague), link, n, &mut rng).unwrap_or_default());
-        }
+        let begin = |link| (vague.clone(), n, link, ChaCha8Rng::from_rng(&mut rng));
+        begun.extend(links.iter().map(begin));
     }
-    Some(found)
+    let found: Vec<Option<Vec<Sample>>> = begun
+        .into_par_iter()
+        .map(|(vague, n, link, mut rng)| of_chain(fixed, (shared, &vague), link, n, &mut rng))
+        .collect();
+    Some(found.into_iter().flatten().flatten().collect())
 }
 
 /// What `n` scouts find at a chain's hyperparameters; `None` where they cannot begin.
