@@ -35,6 +35,8 @@ pub(super) struct Fixed<'d> {
     pub(super) density: &'d dyn LatentGaussian,
     chain: usize,
     pub(super) seed: u64,
+    /// Whether draws of an earlier run have told where the hyperparameters are.
+    pub(super) knows_hyper: bool,
     max_depth: u32,
     target_accept: f64,
 }
@@ -96,7 +98,7 @@ impl<'d> Blocked<'d> {
         let Settings { seed, max_depth, .. } = *settings;
         let target_accept = settings.target_accept.unwrap_or(Self::TARGET_ACCEPT);
         let begin = |(chain, link): (usize, Link)| {
-            let fixed = Fixed { density, chain, seed, max_depth, target_accept };
+            let fixed = Fixed { density, chain, seed, knows_hyper, max_depth, target_accept };
             Self::begin(fixed, &shared, warm_up.clone(), &link)
         };
         links.into_iter().enumerate().map(begin).collect()

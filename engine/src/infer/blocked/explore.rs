@@ -5,6 +5,7 @@
 //! Cornuet, Marin, Mira & Robert 2012, "Adaptive multiple importance sampling".
 
 use super::anchors::{Anchors, Spots};
+use super::chain::Fixed;
 use super::groups::Whitening;
 use super::latent::{Latent, LatentGaussian, Layout};
 use super::mixture::{Mixture, Tails};
@@ -60,10 +61,9 @@ impl Leaps {
 /// from mixtures fitted to `outer`, the outer unknowns of the chains' draws, and to draws of the prior. The outer
 /// unknowns that are no hyperparameters are always those of some of `outer`. `None` where the prior cannot be drawn from, or nothing was found.
 pub(super) fn explore(
-    density: &dyn LatentGaussian,
+    Fixed { density, seed, knows_hyper, .. }: Fixed<'_>,
     stand_in: &StandIn,
     outer: &[Vec<f64>],
-    seed: u64,
 ) -> Option<Leaps> {
     let layout = density.layout();
     let rng = &mut Stream::Leap.rng(seed);
@@ -81,7 +81,9 @@ pub(super) fn explore(
     let mut spots = Spots::new(layout, (&met, &equal), outer, rng);
     let mut anchors = Anchors::new(density, stand_in, &spots, seed)?;
     let mut points = Points::default();
-    for power in POWERS {
+    // an earlier run has looked for regimes that no chain has met
+    let powers = if knows_hyper { &POWERS[POWERS.len() - 1..] } else { &POWERS };
+    for power in powers.iter().copied() {
         let mut begin = |k: usize| {
             let mut point = vec![0.0; tails.len()];
             mixtures[k % mixtures.len()].draw(rng, &mut point);

@@ -112,11 +112,10 @@ impl Together for Blocked<'_> {
         let Some(first) = chains.first() else { return vec![] };
         let mut warm_up = first.warm_up.clone();
         warm_up.met();
-        let last = warm_up.is_over().then_some(first.fixed.seed);
         agree(&mut links);
         let Self { fixed, shared, .. } = &**first;
         let scouts = scouts(*fixed, shared, &links, (&first.warm_up, &warm_up));
-        let shared = shared.fitted(fixed.density, lessons, scouts, last);
+        let shared = shared.fitted(*fixed, lessons, scouts, warm_up.is_over());
         let shared = Arc::new(shared);
         let begin = |(chain, link): (&mut Self, Link)| {
             *chain = Self::begin(chain.fixed, &shared, warm_up.clone(), &link)?;
