@@ -45,6 +45,29 @@ pub(crate) mod erp_larger {
     }
 }
 
+/// The density of `models/erp_robust.rs`. ERP_S2 has no range here, so that every draw has a value to be ranked.
+pub(crate) mod robust {
+    use super::*;
+    model! {
+        model Robust;
+        field tau_out(x) [ms] within 1.0..30.0 = m + alpha * gp(Matern52(rho), K = 128) where {
+            m     [ms] ~ Normal(15.0, 10.0);
+            alpha [ms] ~ LogNormal(2.2, 0.5);
+            rho   [mm] ~ LogNormal(3.9, 0.5);
+        }
+        field apd_max(x) [ms] within 120.0..270.0 = m + alpha * gp(Matern52(rho), K = 128) where {
+            m     [ms] ~ Normal(195.0, 50.0);
+            alpha [ms] ~ LogNormal(3.9, 0.5);
+            rho   [mm] ~ LogNormal(3.9, 0.5);
+        }
+        let erp_s2(x) [ms] = surrogate::erp_s2(tau_out(x), apd_max(x));
+        let erp_s3(x) [ms] = surrogate::erp_s3(tau_out(x), apd_max(x));
+        param discrepancy [ms] ~ HalfNormal(2.0);
+        observe s1s2(x):   Bracket [ms] ~ Widened(Widened(TopHat(erp_s2(x)), 0.5), discrepancy);
+        observe s1s2s3(x): Bracket [ms] ~ Widened(Widened(TopHat(erp_s3(x)), 1.0), discrepancy);
+    }
+}
+
 /// A field seen through noise; small, so that hundreds of fits take seconds.
 pub(crate) mod field {
     use super::*;
@@ -154,5 +177,109 @@ pub(crate) mod lat_thicker {
         let slowness(x) [ms/mm] = 1.0 / velocity(x);
         let arrival(row) [ms] = eikonal(slowness(row), 1.0, 0.0, thickness; row.source, row.source2 + later);
         observe lat(row): Number [ms] ~ Normal(onset(row) + arrival(row), noise);
+    }
+}
+
+/// ERP, APD and CV together, as in `models/joint.rs`, with priors that stay well within the emulators' ranges.
+pub(crate) mod joint {
+    use super::*;
+    model! {
+        model JointProper;
+        column s2_ms [ms];
+        field cv_max(x) [m/s] = m + alpha * gp(Rbf(rho), K = 8) where {
+            m     [m/s] ~ Normal(0.8, 0.08);
+            alpha [m/s] ~ LogNormal(-2.8, 0.4);
+            rho   [mm]  ~ InvGamma(5.0, 150.0);
+        }
+        field ln_tau_in(x) [1] = m + alpha * gp(Rbf(rho), K = 8) where {
+            m     [1]  ~ Normal(-2.6, 0.2);
+            alpha [1]  ~ LogNormal(-1.6, 0.4);
+            rho   [mm] ~ InvGamma(5.0, 150.0);
+        }
+        field tau_out(x) [ms] = m + alpha * gp(Rbf(rho), K = 8) where {
+            m     [ms] ~ Normal(12.0, 1.5);
+            alpha [ms] ~ LogNormal(0.3, 0.4);
+            rho   [mm] ~ InvGamma(5.0, 150.0);
+        }
+        field tau_open(x) [ms] = m + alpha * gp(Rbf(rho), K = 8) where {
+            m     [ms] ~ Normal(125.0, 10.0);
+            alpha [ms] ~ LogNormal(1.9, 0.4);
+            rho   [mm] ~ InvGamma(5.0, 150.0);
+        }
+        field apd_max(x) [ms] = m + alpha * gp(Rbf(rho), K = 8) where {
+            m     [ms] ~ Normal(185.0, 10.0);
+            alpha [ms] ~ LogNormal(1.9, 0.4);
+            rho   [mm] ~ InvGamma(5.0, 150.0);
+        }
+        param apd_noise [ms]  ~ LogNormal(1.0, 0.4);
+        param cv_noise  [m/s] ~ LogNormal(-3.5, 0.4);
+
+        let tau_in(x) [ms] = exp(ln_tau_in(x));
+        let erp_s2(x) [ms] = surrogate::five::erp_s2(cv_max(x), tau_in(x), tau_out(x), tau_open(x), apd_max(x));
+        let erp_s3(x) [ms] = surrogate::five::erp_s3(cv_max(x), tau_in(x), tau_out(x), tau_open(x), erp_s2(x));
+        let sd_s2(x)  [ms] = surrogate::five::erp_s2_sd(cv_max(x), tau_in(x), tau_out(x), tau_open(x), apd_max(x));
+        let sd_s3(x)  [ms] = surrogate::five::erp_s3_sd(cv_max(x), tau_in(x), tau_out(x), tau_open(x), erp_s2(x));
+        let r(x)      [1]   = surrogate::five::unrecovered(erp_s2(x), tau_open(x), x.s2_ms);
+        let apd90(x)  [ms]  = surrogate::five::apd90(cv_max(x), tau_in(x), tau_out(x), apd_max(x), r(x));
+        let sd_apd(x) [ms]  = surrogate::five::apd90_sd(cv_max(x), tau_in(x), tau_out(x), apd_max(x), r(x));
+        let cv(x)     [m/s] = surrogate::five::cv(cv_max(x), tau_in(x), tau_out(x), tau_open(x), r(x));
+        let sd_cv(x)  [m/s] = surrogate::five::cv_sd(cv_max(x), tau_in(x), tau_out(x), tau_open(x), r(x));
+
+        observe s1s2(x):   Bracket [ms] ~ Widened(TopHat(erp_s2(x)), sd_s2(x));
+        observe s1s2s3(x): Bracket [ms] ~ Widened(TopHat(erp_s3(x)), sd_s3(x));
+        observe apd(x):    Number [ms]  ~ Widened(Normal(apd90(x), apd_noise), sd_apd(x));
+        observe speed(x):  Number [m/s] ~ Widened(Normal(cv(x), cv_noise), sd_cv(x));
+    }
+}
+
+/// The broken twin: the noise of APD is half as large again.
+pub(crate) mod joint_noisier {
+    use super::*;
+    model! {
+        model JointNoisier;
+        column s2_ms [ms];
+        field cv_max(x) [m/s] = m + alpha * gp(Rbf(rho), K = 8) where {
+            m     [m/s] ~ Normal(0.8, 0.08);
+            alpha [m/s] ~ LogNormal(-2.8, 0.4);
+            rho   [mm]  ~ InvGamma(5.0, 150.0);
+        }
+        field ln_tau_in(x) [1] = m + alpha * gp(Rbf(rho), K = 8) where {
+            m     [1]  ~ Normal(-2.6, 0.2);
+            alpha [1]  ~ LogNormal(-1.6, 0.4);
+            rho   [mm] ~ InvGamma(5.0, 150.0);
+        }
+        field tau_out(x) [ms] = m + alpha * gp(Rbf(rho), K = 8) where {
+            m     [ms] ~ Normal(12.0, 1.5);
+            alpha [ms] ~ LogNormal(0.3, 0.4);
+            rho   [mm] ~ InvGamma(5.0, 150.0);
+        }
+        field tau_open(x) [ms] = m + alpha * gp(Rbf(rho), K = 8) where {
+            m     [ms] ~ Normal(125.0, 10.0);
+            alpha [ms] ~ LogNormal(1.9, 0.4);
+            rho   [mm] ~ InvGamma(5.0, 150.0);
+        }
+        field apd_max(x) [ms] = m + alpha * gp(Rbf(rho), K = 8) where {
+            m     [ms] ~ Normal(185.0, 10.0);
+            alpha [ms] ~ LogNormal(1.9, 0.4);
+            rho   [mm] ~ InvGamma(5.0, 150.0);
+        }
+        param apd_noise [ms]  ~ LogNormal(1.0, 0.4);
+        param cv_noise  [m/s] ~ LogNormal(-3.5, 0.4);
+
+        let tau_in(x) [ms] = exp(ln_tau_in(x));
+        let erp_s2(x) [ms] = surrogate::five::erp_s2(cv_max(x), tau_in(x), tau_out(x), tau_open(x), apd_max(x));
+        let erp_s3(x) [ms] = surrogate::five::erp_s3(cv_max(x), tau_in(x), tau_out(x), tau_open(x), erp_s2(x));
+        let sd_s2(x)  [ms] = surrogate::five::erp_s2_sd(cv_max(x), tau_in(x), tau_out(x), tau_open(x), apd_max(x));
+        let sd_s3(x)  [ms] = surrogate::five::erp_s3_sd(cv_max(x), tau_in(x), tau_out(x), tau_open(x), erp_s2(x));
+        let r(x)      [1]   = surrogate::five::unrecovered(erp_s2(x), tau_open(x), x.s2_ms);
+        let apd90(x)  [ms]  = surrogate::five::apd90(cv_max(x), tau_in(x), tau_out(x), apd_max(x), r(x));
+        let sd_apd(x) [ms]  = surrogate::five::apd90_sd(cv_max(x), tau_in(x), tau_out(x), apd_max(x), r(x));
+        let cv(x)     [m/s] = surrogate::five::cv(cv_max(x), tau_in(x), tau_out(x), tau_open(x), r(x));
+        let sd_cv(x)  [m/s] = surrogate::five::cv_sd(cv_max(x), tau_in(x), tau_out(x), tau_open(x), r(x));
+
+        observe s1s2(x):   Bracket [ms] ~ Widened(TopHat(erp_s2(x)), sd_s2(x));
+        observe s1s2s3(x): Bracket [ms] ~ Widened(TopHat(erp_s3(x)), sd_s3(x));
+        observe apd(x):    Number [ms]  ~ Widened(Normal(apd90(x), 1.5 * apd_noise), sd_apd(x));
+        observe speed(x):  Number [m/s] ~ Widened(Normal(cv(x), cv_noise), sd_cv(x));
     }
 }
