@@ -131,7 +131,9 @@ impl Maps<'_> {
             here.outside.iter_mut().zip(&outside).for_each(|(n, o)| *n += usize::from(*o));
         }
         for (values, entry) in fields.iter_mut().zip(&self.model.fields) {
-            values.iter_mut().for_each(|x| *x = entry.value(*x));
+            for x in values.iter_mut() {
+                *x = entry.value(*x);
+            }
         }
         here
     }

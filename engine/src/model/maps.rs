@@ -260,7 +260,9 @@ impl<'m> Maps<'m> {
         truth: &[&[f64]],
     ) -> AtVertex {
         let Here { mut values, outside, unphysical } = self.here(vertex, draws);
-        values.iter_mut().for_each(|values| values.retain(|x| !x.is_nan()));
+        for values in &mut values {
+            values.retain(|x| !x.is_nan());
+        }
         let of = |i: &Option<usize>| i.map_or([].as_slice(), |i| &values[i]);
         let exceeded = exceed.iter().map(|(i, exceedance)| exceedance.share(of(i))).collect();
         let rank = |(values, truth): (&Vec<f64>, &&[f64])| {

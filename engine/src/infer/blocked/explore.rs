@@ -20,6 +20,9 @@ use serde::{Deserialize, Serialize};
 /// After each round the proposal is fitted to the prior times the likelihood to this power. A small power keeps the
 /// points spread out, so that a regime is found that no chain has met.
 const POWERS: [f64; 3] = [0.25, 0.5, 1.0];
+/// The last fit is to the posterior but for this share, which is of the power before. Where the posterior is thin few
+/// points tell of it, and a chain that comes to where the proposal is thinner still stays there.
+const SPREAD: (f64, f64) = (0.25, 0.5);
 /// Points of a round.
 const POINTS: usize = 1000;
 /// Of these, how many one thread takes at a time at least.
@@ -83,7 +86,7 @@ pub(super) fn explore(
     let mut points = Points::default();
     // an earlier run has looked for regimes that no chain has met
     let powers = if knows_hyper { &POWERS[POWERS.len() - 1..] } else { &POWERS };
-    for power in powers.iter().copied() {
+    for (round, power) in powers.iter().copied().enumerate() {
         let mut begin = |k: usize| {
             let mut point = vec![0.0; tails.len()];
             mixtures[k % mixtures.len()].draw(rng, &mut point);
@@ -105,7 +108,13 @@ pub(super) fn explore(
             .collect();
         estimated.into_iter().flatten().for_each(|(point, ln)| points.push(point, ln));
         points.drawn_from(mixtures);
-        let weights = points.weights(power);
+        let mut weights = points.weights(power);
+        if round + 1 == powers.len() {
+            let (share, power) = SPREAD;
+            for (own, spread) in weights.iter_mut().zip(points.weights(power)) {
+                *own += share * (spread - *own);
+            }
+        }
         mixtures = vec![Mixture::fit(&points.all, &weights, (FAR[1], &tails), rng)?];
         spots = Spots::new(layout, (&points.all, &weights), outer, rng);
         anchors = Anchors::new(density, stand_in, &spots, seed)?;
@@ -176,13 +185,15 @@ impl Points {
         self.rounds.push(mixtures);
     }
 
-    /// The weights for the prior times this power of the likelihood, the largest 1.
+    /// The weights for the prior times this power of the likelihood, in all 1.
     fn weights(&self, power: f64) -> Vec<f64> {
         let ln_weight =
             |([prior, likelihood], sum): (&[f64; 2], &f64)| prior + power * likelihood - sum.ln();
         let ln: Vec<f64> = self.ln.iter().zip(&self.drawn).map(ln_weight).collect();
         let most = ln.iter().copied().fold(f64::NEG_INFINITY, f64::max);
-        ln.iter().map(|ln| (ln - most).exp()).collect()
+        let weights: Vec<f64> = ln.iter().map(|ln| (ln - most).exp()).collect();
+        let total: f64 = weights.iter().sum();
+        weights.iter().map(|weight| weight / total).collect()
     }
 }
 
