@@ -255,6 +255,20 @@ fn two_chains_stuck_apart_have_an_infinite_r_hat_and_are_not_nan_elsewhere() {
 }
 
 #[test]
+fn quantiles_of_values_in_any_order_are_those_of_sorted_ones() {
+    let asked = [0.0, 0.05, 0.5, 0.5, 0.95, 1.0];
+    for n in 0..60_u32 {
+        // ties, and both signs
+        let values: Vec<f64> = (0..n).map(|i| f64::from(i * 37 % 23) - 9.5).collect();
+        let mut sorted = values.clone();
+        sorted.sort_by(f64::total_cmp);
+        let [of_sorted, of_any] =
+            [asked.map(|p| quantile(&sorted, p)), quantiles(&mut values.clone(), asked)];
+        assert_eq!(of_sorted.map(f64::to_bits), of_any.map(f64::to_bits), "{n} values");
+    }
+}
+
+#[test]
 fn quantiles_interpolate_between_order_statistics() {
     let sorted = [1.0, 2.0, 4.0, 8.0];
     for (probability, want) in [(0.0, 1.0), (0.5, 3.0), (0.9, 6.8), (1.0, 8.0)] {

@@ -2,8 +2,8 @@
 
 use pulp::Arch;
 
+use super::laid_out::Model;
 use super::map::Source;
-use super::maps::Maps;
 use crate::num::vector::axpy;
 
 /// What maps read of some draws.
@@ -40,12 +40,12 @@ pub(super) struct Here {
     pub(super) unphysical: usize,
 }
 
-impl Maps<'_> {
+impl Model {
     /// Derived quantities at one place, from the sums of the fields there. They are NaN if a field
     /// or a derived quantity is outside its declared range, because a surrogate means nothing
     /// there. `outside` gets, for each field and derived quantity, whether it is outside its own
     /// range.
-    pub(super) fn derived(
+    pub(super) fn derived_at(
         &self,
         v: &[f64],
         sums: &[f64],
@@ -53,14 +53,11 @@ impl Maps<'_> {
         out: &mut [f64],
         outside: &mut [bool],
     ) {
-        let (of_fields, of_lets) = outside.split_at_mut(self.n_fields());
-        for ((field, sum), outside) in self.model.fields.iter().zip(sums).zip(of_fields.iter_mut())
-        {
+        let (of_fields, of_lets) = outside.split_at_mut(self.fields.len());
+        for ((field, sum), outside) in self.fields.iter().zip(sums).zip(of_fields.iter_mut()) {
             *outside = !within(field.value(*sum), field.range);
         }
-        for ((map, out), outside) in
-            self.model.maps.iter().zip(out.iter_mut()).zip(of_lets.iter_mut())
-        {
+        for ((map, out), outside) in self.maps.iter().zip(out.iter_mut()).zip(of_lets.iter_mut()) {
             scratch.clear();
             scratch.extend(map.sources.iter().map(|source| match *source {
                 Source::Value(at) => v[at],
@@ -69,10 +66,10 @@ impl Maps<'_> {
             *out = map.at.value(scratch, None);
             *outside = !within(*out, map.range);
         }
-        let labels = self.model.fields.iter().map(|f| f.label);
-        let labels = labels.chain(self.model.maps.iter().map(|m| m.label));
+        let labels = self.fields.iter().map(|f| f.label);
+        let labels = labels.chain(self.maps.iter().map(|m| m.label));
         for (label, _) in labels.zip(outside.iter()).filter(|(_, outside)| **outside) {
-            for (map, out) in self.model.maps.iter().zip(out.iter_mut()) {
+            for (map, out) in self.maps.iter().zip(out.iter_mut()) {
                 if label.is_none() || map.label.is_none() || label == map.label {
                     *out = f64::NAN;
                 }
@@ -81,21 +78,19 @@ impl Maps<'_> {
     }
 
     /// What maps read of these draws of the unknowns.
-    pub(super) fn unpack(&self, draws: &[Vec<f64>]) -> Draws {
-        let mut t = self.model.tape();
-        let read =
-            self.model.maps.iter().flat_map(|map| &map.sources).map(|source| match *source {
-                Source::Value(at) => at + 1,
-                Source::Field(_) => 0,
-            });
+    pub(super) fn read_by_maps(&self, draws: &[Vec<f64>]) -> Draws {
+        let mut t = self.tape();
+        let read = self.maps.iter().flat_map(|map| &map.sources).map(|source| match *source {
+            Source::Value(at) => at + 1,
+            Source::Field(_) => 0,
+        });
         let n_values = read.max().unwrap_or(0);
         let n = draws.len();
         let room = |k| Coefficients { mean: vec![0.0; n], weights: vec![0.0; k * n] };
-        let mut fields: Vec<Coefficients> =
-            self.model.fields.iter().map(|f| room(f.op.k)).collect();
+        let mut fields: Vec<Coefficients> = self.fields.iter().map(|f| room(f.op.k)).collect();
         let mut one = |(draw, u): (usize, &Vec<f64>)| {
-            self.model.forward(&mut t, u);
-            for (own, field) in fields.iter_mut().zip(&self.model.fields) {
+            self.forward(&mut t, u);
+            for (own, field) in fields.iter_mut().zip(&self.fields) {
                 let (mean, w) = field.op.weights(&t);
                 own.mean[draw] = mean;
                 own.weights.iter_mut().skip(draw).step_by(n).zip(w).for_each(|(to, w)| *to = *w);
@@ -106,31 +101,31 @@ impl Maps<'_> {
         Draws { v, fields }
     }
 
-    /// All maps at a vertex in every draw.
-    pub(super) fn here(&self, vertex: usize, draws: &Draws) -> Here {
-        Arch::new().dispatch(|| self.here_by_lanes(vertex, draws))
+    /// All maps at a vertex with these modes in every draw.
+    pub(super) fn maps_at(&self, phi: &[f64], draws: &Draws) -> Here {
+        Arch::new().dispatch(|| self.maps_by_lanes(phi, draws))
     }
 
     #[inline(always)]
-    fn here_by_lanes(&self, vertex: usize, draws: &Draws) -> Here {
-        let (phi, n_fields) = (self.basis.at(vertex), self.n_fields());
-        let n = n_fields + self.model.maps.len();
+    fn maps_by_lanes(&self, phi: &[f64], draws: &Draws) -> Here {
+        let n_fields = self.fields.len();
+        let n = n_fields + self.maps.len();
         let mut here =
             Here { values: vec![vec![0.0; draws.v.len()]; n], outside: vec![0; n], unphysical: 0 };
         let (fields, lets) = here.values.split_at_mut(n_fields);
-        for ((sums, own), entry) in fields.iter_mut().zip(&draws.fields).zip(&self.model.fields) {
+        for ((sums, own), entry) in fields.iter_mut().zip(&draws.fields).zip(&self.fields) {
             own.sums(&phi[entry.first..][..entry.op.k], sums);
         }
         let (mut at, mut derived) = (vec![0.0; n_fields], vec![0.0; lets.len()]);
         let (mut scratch, mut outside) = (vec![], vec![false; n]);
         for (draw, v) in draws.v.iter().enumerate() {
             at.iter_mut().zip(&*fields).for_each(|(sum, sums)| *sum = sums[draw]);
-            self.derived(v, &at, &mut scratch, &mut derived, &mut outside);
+            self.derived_at(v, &at, &mut scratch, &mut derived, &mut outside);
             lets.iter_mut().zip(&derived).for_each(|(to, x)| to[draw] = *x);
             here.unphysical += usize::from(outside.contains(&true));
             here.outside.iter_mut().zip(&outside).for_each(|(n, o)| *n += usize::from(*o));
         }
-        for (values, entry) in fields.iter_mut().zip(&self.model.fields) {
+        for (values, entry) in fields.iter_mut().zip(&self.fields) {
             for x in values.iter_mut() {
                 *x = entry.value(*x);
             }

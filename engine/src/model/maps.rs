@@ -86,8 +86,8 @@ struct AtVertex {
 /// Everything a model says about each vertex: its fields, then its derived quantities.
 #[derive(Debug)]
 pub struct Maps<'m> {
-    pub(super) model: &'m Model,
-    pub(super) basis: &'m Basis,
+    model: &'m Model,
+    basis: &'m Basis,
 }
 
 impl<'m> Maps<'m> {
@@ -135,7 +135,7 @@ impl<'m> Maps<'m> {
             for ((sum, field), entry) in at.iter_mut().zip(fields).zip(&self.model.fields) {
                 *sum = entry.sum(field[vertex]);
             }
-            self.derived(&t.v, &at, &mut scratch, &mut lets, &mut outside);
+            self.model.derived_at(&t.v, &at, &mut scratch, &mut lets, &mut outside);
             for (out, value) in out.iter_mut().zip(&lets) {
                 out[vertex] = *value;
             }
@@ -160,7 +160,7 @@ impl<'m> Maps<'m> {
     pub fn summarise(&self, draws: &[Vec<f64>], asked: &Asked<'_>) -> Summaries {
         let late = self.model.late_maps(self.basis, draws);
         let (names, n_vertices, n_draws) = (self.names(), self.basis.n_vertices(), draws.len());
-        let draws = self.unpack(draws);
+        let draws = self.model.read_by_maps(draws);
         let of = |e: &Exceedance| names.iter().position(|n| n.name == e.map);
         let (exceed, truth) = (asked.exceed, asked.truth);
         let of_maps: Vec<(Option<usize>, &Exceedance)> =
@@ -212,7 +212,8 @@ impl<'m> Maps<'m> {
     /// `n_modes` eigenfunctions, (draw, 1 + n_modes); and `n_modes`, which is that of the field
     /// with most modes.
     pub fn coefficients(&self, draws: &[Vec<f64>]) -> (usize, Vec<(&'m str, Vec<f64>)>) {
-        let (n_draws, draws, fields) = (draws.len(), self.unpack(draws), &self.model.fields);
+        let (n_draws, draws, fields) =
+            (draws.len(), self.model.read_by_maps(draws), &self.model.fields);
         let n_modes = fields.iter().map(|f| f.first + f.op.k).max().unwrap_or(0);
         let of_field = |i: usize| {
             let (field, Coefficients { mean, weights }) = (&fields[i], &draws.fields[i]);
@@ -248,8 +249,11 @@ impl<'m> Maps<'m> {
         vertices: &[usize],
         of: impl Fn(Vec<Vec<f64>>) -> T + Sync,
     ) -> Vec<T> {
-        let draws = self.unpack(draws);
-        vertices.par_iter().map(|vertex| of(self.here(*vertex, &draws).values)).collect()
+        let draws = self.model.read_by_maps(draws);
+        vertices
+            .par_iter()
+            .map(|vertex| of(self.model.maps_at(self.basis.at(*vertex), &draws).values))
+            .collect()
     }
 
     fn at_vertex(
@@ -259,7 +263,8 @@ impl<'m> Maps<'m> {
         exceed: &[(Option<usize>, &Exceedance)],
         truth: &[&[f64]],
     ) -> AtVertex {
-        let Here { mut values, outside, unphysical } = self.here(vertex, draws);
+        let Here { mut values, outside, unphysical } =
+            self.model.maps_at(self.basis.at(vertex), draws);
         for values in &mut values {
             values.retain(|x| !x.is_nan());
         }

@@ -5,7 +5,6 @@
 //! Cornuet, Marin, Mira & Robert 2012, "Adaptive multiple importance sampling".
 
 use super::anchors::{Anchors, Spots};
-use super::chain::Fixed;
 use super::groups::Whitening;
 use super::latent::{Latent, LatentGaussian, Layout};
 use super::mixture::{Mixture, Tails};
@@ -31,6 +30,15 @@ const AT_ONCE: usize = 50;
 const FAR: [f64; 2] = [0.3, 0.1];
 /// Draws of the prior. Half of the first round's points are from where it lies.
 const PRIOR_DRAWS: usize = 400;
+
+/// How to look for regimes at the end of the warm-up.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Exploring {
+    /// Whether draws of an earlier run, which has looked for regimes, have told where the hyperparameters are.
+    pub(super) knows_hyper: bool,
+    /// Of the run.
+    pub(super) seed: u64,
+}
 
 /// What is proposed where hyperparameters and coefficients move together.
 #[derive(Clone, Debug, Serialize, Deserialize)]
@@ -64,9 +72,10 @@ impl Leaps {
 /// from mixtures fitted to `outer`, the outer unknowns of the chains' draws, and to draws of the prior. The outer
 /// unknowns that are no hyperparameters are always those of some of `outer`. `None` where the prior cannot be drawn from, or nothing was found.
 pub(super) fn explore(
-    Fixed { density, seed, knows_hyper, .. }: Fixed<'_>,
+    density: &dyn LatentGaussian,
     stand_in: &StandIn,
     outer: &[Vec<f64>],
+    Exploring { knows_hyper, seed }: Exploring,
 ) -> Option<Leaps> {
     let layout = density.layout();
     let rng = &mut Stream::Leap.rng(seed);
@@ -84,7 +93,6 @@ pub(super) fn explore(
     let mut spots = Spots::new(layout, (&met, &equal), outer, rng);
     let mut anchors = Anchors::new(density, stand_in, &spots, seed)?;
     let mut points = Points::default();
-    // an earlier run has looked for regimes that no chain has met
     let powers = if knows_hyper { &POWERS[POWERS.len() - 1..] } else { &POWERS };
     for (round, power) in powers.iter().copied().enumerate() {
         let mut begin = |k: usize| {

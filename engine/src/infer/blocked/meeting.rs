@@ -1,8 +1,7 @@
 //! What the chains share: the stand-in and the proposal of the hyperparameters. A first version is
 //! made at the chains' starts; at each meeting they are fitted to the draws of all chains.
 
-use super::chain::Fixed;
-use super::explore::{Leaps, explore};
+use super::explore::{Exploring, Leaps, explore};
 use super::groups::Whitening;
 use super::latent::{LatentGaussian, Layout};
 use super::proposal::Proposal;
@@ -113,16 +112,16 @@ impl Shared {
     }
 
     /// What the chains share after a meeting, fitted to what they have seen. At the end of the
-    /// warm-up the stand-in stays as it is, because the step size has been
+    /// warm-up (`last`) the stand-in stays as it is, because the step size has been
     /// tuned to it, and moves of hyperparameters and coefficients together are prepared. What scouts have found
     /// is for swaps alone, for it is no draw of the posterior.
     #[must_use]
     pub(super) fn fitted(
         &self,
-        fixed: Fixed<'_>,
+        density: &dyn LatentGaussian,
         lessons: Vec<Lesson>,
         scouts: Option<Vec<Sample>>,
-        is_last: bool,
+        last: Option<Exploring>,
     ) -> Self {
         let mut new = self.clone();
         let (mut samples, mut outer) = (vec![], vec![]);
@@ -130,8 +129,8 @@ impl Shared {
             samples.extend(lesson.samples);
             outer.extend(lesson.outer);
         }
-        let layout = fixed.density.layout();
-        if !is_last {
+        let layout = density.layout();
+        if last.is_none() {
             new.stand_in.fit(&samples, Trust::FULL, layout);
         }
         if let Some(scouts) = scouts {
@@ -144,8 +143,8 @@ impl Shared {
         let hyper = |outer: &Vec<f64>| layout.hyper.iter().map(|i| outer[*i]).collect();
         new.proposal.fit(&outer.iter().map(hyper).collect::<Vec<_>>(), FLOOR);
         let is_small = layout.n_latent() <= MOST_LATENT && layout.hyper.len() <= MOST_HYPER;
-        if is_last && is_small {
-            new.leaps = explore(fixed, &new.stand_in, &outer);
+        if let Some(exploring) = last.filter(|_| is_small) {
+            new.leaps = explore(density, &new.stand_in, &outer, exploring);
         }
         new
     }

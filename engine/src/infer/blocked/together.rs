@@ -1,6 +1,7 @@
 //! What a run of several blocked chains needs: the state of each chain, and their meetings.
 
-use super::chain::Blocked;
+use super::chain::{Blocked, Fixed};
+use super::explore::Exploring;
 use super::meeting::{Lesson, Link, Shared, agree};
 use super::scouts::scouts;
 use crate::infer::error::{ChainError, ChainFailure};
@@ -115,7 +116,9 @@ impl Together for Blocked<'_> {
         agree(&mut links);
         let Self { fixed, shared, .. } = &**first;
         let scouts = scouts(*fixed, shared, &links, (&first.warm_up, &warm_up));
-        let shared = shared.fitted(*fixed, lessons, scouts, warm_up.is_over());
+        let Fixed { density, knows_hyper, seed, .. } = *fixed;
+        let last = warm_up.is_over().then_some(Exploring { knows_hyper, seed });
+        let shared = shared.fitted(density, lessons, scouts, last);
         let shared = Arc::new(shared);
         let begin = |(chain, link): (&mut Self, Link)| {
             *chain = Self::begin(chain.fixed, &shared, warm_up.clone(), &link)?;
