@@ -34,8 +34,6 @@ const SIDE_BY_SIDE: usize = 2;
 /// Warm-up and draws of each chain.
 const WARMUP: usize = 100;
 const DRAWS: usize = 250;
-/// Draws in which fields are integrated out: with twice as many it takes twice as long, and as many rows are not told.
-const INTEGRATED: usize = 500;
 /// Draws of the run that a fit starts from.
 const EARLIER: usize = 200;
 
@@ -73,8 +71,7 @@ pub(in crate::run) fn exact(fit: &Fit<'_>, loo: LeaveOneOut, watch: &Watch<'_>) 
     // a k that is barely low hides errors, too: where there are few rows all of them are told so
     let asked = if ids.len() <= MOST { (0..ids.len()).collect() } else { high.clone() };
     let of_asked: Vec<RowId> = asked.iter().map(|i| ids[*i]).collect();
-    let Ok(draws) = fit.thinned(INTEGRATED) else { return left };
-    let predictive = fit.model().predictive(&draws, &of_asked, fit.settings.seed);
+    let predictive = fit.model().predictive(&fit.kept, &of_asked, fit.settings.seed);
     let mut rng = Stream::Resampled.rng(fit.settings.seed);
     for (i, predictive) in asked.iter().zip(&predictive) {
         let told = predictive.as_ref().and_then(|predictive| told(predictive, &mut rng));

@@ -16,7 +16,7 @@
 
 use super::groups::Whitening;
 use super::latent::{Latent, LatentGaussian, Layout};
-use super::particles::Here;
+use super::particles::{Here, Memory};
 use super::stand_in::{GroupStandIn, StandIn};
 use crate::random::Stream;
 use nalgebra::{Cholesky, DMatrix, DVector};
@@ -133,16 +133,14 @@ impl Anchors {
         seed: u64,
     ) -> Option<Self> {
         let mut rng = Stream::Anchors.rng(seed);
-        let (layout, begin) = (density.layout(), stand_in.times(BEGIN));
+        let begin = stand_in.times(BEGIN);
         let begun: Vec<(&Vec<f64>, ChaCha8Rng)> =
             spots.outer.iter().map(|outer| (outer, ChaCha8Rng::from_rng(&mut rng))).collect();
-        let memory = || (density.latent(), Whitening::new(layout));
-        let all: Vec<Option<Anchor>> = begun
-            .into_par_iter()
-            .map_init(memory, |(latent, whitening), (outer, mut rng)| {
-                Anchor::new(layout, &mut **latent, whitening, begin.clone(), outer, &mut rng)
-            })
-            .collect();
+        let anchor = |memory: &mut Memory<'_>, (outer, mut rng): (&Vec<f64>, ChaCha8Rng)| {
+            Anchor::new(memory, begin.clone(), outer, &mut rng)
+        };
+        let all: Vec<Option<Anchor>> =
+            begun.into_par_iter().map_init(|| Memory::new(density), anchor).collect();
         let all: Vec<Anchor> = all.into_iter().flatten().collect();
         (!all.is_empty()).then(|| Self { scale: spots.scale.clone(), all })
     }
@@ -168,13 +166,12 @@ impl Anchors {
 impl Anchor {
     /// At these outer unknowns; `None` where nothing can be estimated.
     fn new(
-        layout: &Layout,
-        latent: &mut dyn Latent,
-        whitening: &mut Whitening,
+        Memory { layout, latent, whitening, coefficients }: &mut Memory<'_>,
         mut own: StandIn,
         outer: &[f64],
         rng: &mut ChaCha8Rng,
     ) -> Option<Self> {
+        let latent = &mut **latent;
         let ln_prior = latent.set_outer(outer, &mut whitening.designs);
         if !ln_prior.is_finite() {
             return None;
@@ -188,9 +185,8 @@ impl Anchor {
         let theta = (0..layout.groups.len()).flat_map(of_group).collect();
         let lookahead = own.times(LOOKAHEAD);
         let here = Here::new(layout, &lookahead, whitening)?;
-        let mut z = vec![0.0; layout.n_coefficients()];
         let mut square = || {
-            let [a, b] = [0, 1].map(|_| here.draw(latent, PARTICLES, &mut z, rng));
+            let [a, b] = [0, 1].map(|_| here.draw(latent, PARTICLES, coefficients, rng));
             0.5 * (a - b) * (a - b)
         };
         let squares: Vec<f64> = (0..PAIRS).map(|_| square()).filter(|s| s.is_finite()).collect();

@@ -5,10 +5,9 @@
 //! Cornuet, Marin, Mira & Robert 2012, "Adaptive multiple importance sampling".
 
 use super::anchors::{Anchors, Spots};
-use super::groups::Whitening;
-use super::latent::{Latent, LatentGaussian, Layout};
+use super::latent::{LatentGaussian, Layout};
 use super::mixture::{Mixture, Tails};
-use super::particles::Here;
+use super::particles::{Here, Memory};
 use super::stand_in::StandIn;
 use crate::random::Stream;
 use rand::{RngExt as _, SeedableRng as _};
@@ -19,12 +18,12 @@ use serde::{Deserialize, Serialize};
 /// After each round the proposal is fitted to the prior times the likelihood to this power. A small power keeps the
 /// points spread out, so that a regime is found that no chain has met.
 const POWERS: [f64; 3] = [0.25, 0.5, 1.0];
-/// The last fit is to the posterior but for this share, which is of the power before. Where the posterior is thin few
-/// points tell of it, and a chain that comes to where the proposal is thinner still stays there.
-const SPREAD: (f64, f64) = (0.25, 0.5);
+/// This share of the last fit is to the likelihood to the power before the last. Where the posterior is thin, few points
+/// tell of it, and a fit to it alone may be thinner still. A chain that comes to such a place does not leave it for long.
+const SPREAD: f64 = 0.25;
 /// Points of a round.
 const POINTS: usize = 1000;
-/// Of these, how many one thread takes at a time at least.
+/// A thread takes at least so many of them at a time.
 const AT_ONCE: usize = 50;
 /// Share of proposals with one number from where its prior lies, while exploring and when it is done.
 const FAR: [f64; 2] = [0.3, 0.1];
@@ -93,7 +92,8 @@ pub(super) fn explore(
     let mut spots = Spots::new(layout, (&met, &equal), outer, rng);
     let mut anchors = Anchors::new(density, stand_in, &spots, seed)?;
     let mut points = Points::default();
-    let powers = if knows_hyper { &POWERS[POWERS.len() - 1..] } else { &POWERS };
+    let [.., before_last, last] = POWERS;
+    let powers = if knows_hyper { &[last][..] } else { &POWERS };
     for (round, power) in powers.iter().copied().enumerate() {
         let mut begin = |k: usize| {
             let mut point = vec![0.0; tails.len()];
@@ -107,9 +107,9 @@ pub(super) fn explore(
             .into_par_iter()
             .with_min_len(AT_ONCE)
             .map_init(
-                || Estimator::new(density),
-                |estimator, (point, at, mut rng)| {
-                    let ln = estimator.estimate(&anchors, &point, &at, &mut rng)?;
+                || Memory::new(density),
+                |memory, (point, at, mut rng)| {
+                    let ln = estimate(memory, &anchors, (&point, &at), &mut rng)?;
                     Some((point, ln))
                 },
             )
@@ -118,9 +118,8 @@ pub(super) fn explore(
         points.drawn_from(mixtures);
         let mut weights = points.weights(power);
         if round + 1 == powers.len() {
-            let (share, power) = SPREAD;
-            for (own, spread) in weights.iter_mut().zip(points.weights(power)) {
-                *own += share * (spread - *own);
+            for (own, spread) in weights.iter_mut().zip(points.weights(before_last)) {
+                *own += SPREAD * (spread - *own);
             }
         }
         mixtures = vec![Mixture::fit(&points.all, &weights, (FAR[1], &tails), rng)?];
@@ -130,39 +129,23 @@ pub(super) fn explore(
     Some(Leaps { mixture: mixtures.swap_remove(0), spots, anchors })
 }
 
-/// What one thread needs for estimates.
-struct Estimator<'d> {
-    layout: &'d Layout,
-    latent: Box<dyn Latent + 'd>,
-    whitening: Whitening,
-    z: Vec<f64>,
-}
-
-impl<'d> Estimator<'d> {
-    fn new(density: &'d dyn LatentGaussian) -> Self {
-        let layout = density.layout();
-        let z = vec![0.0; layout.n_coefficients()];
-        Self { layout, latent: density.latent(), whitening: Whitening::new(layout), z }
+/// ln of the prior density of the hyperparameters `point`, which are part of the outer unknowns `at`, and of the
+/// estimated likelihood; `None` where it is 0 or cannot be told.
+fn estimate(
+    memory: &mut Memory<'_>,
+    anchors: &Anchors,
+    (point, at): (&[f64], &[f64]),
+    rng: &mut ChaCha8Rng,
+) -> Option<[f64; 2]> {
+    let Memory { layout, latent, whitening, coefficients } = memory;
+    let ln_prior = latent.set_outer(at, &mut whitening.designs);
+    if !ln_prior.is_finite() {
+        return None;
     }
-
-    /// ln of the prior density of the hyperparameters `point`, which are part of the outer unknowns `at`, and of the
-    /// estimated likelihood; `None` where it is 0 or cannot be told.
-    fn estimate(
-        &mut self,
-        anchors: &Anchors,
-        point: &[f64],
-        at: &[f64],
-        rng: &mut ChaCha8Rng,
-    ) -> Option<[f64; 2]> {
-        let ln_prior = self.latent.set_outer(at, &mut self.whitening.designs);
-        if !ln_prior.is_finite() {
-            return None;
-        }
-        let guide = anchors.at(point, self.layout)?;
-        let here = Here::new(self.layout, &guide.lookahead, &mut self.whitening)?;
-        let ln_likelihood = here.draw(&mut *self.latent, guide.n_particles, &mut self.z, rng);
-        ln_likelihood.is_finite().then_some([ln_prior, ln_likelihood])
-    }
+    let guide = anchors.at(point, layout)?;
+    let here = Here::new(layout, &guide.lookahead, whitening)?;
+    let ln_likelihood = here.draw(&mut **latent, guide.n_particles, coefficients, rng);
+    ln_likelihood.is_finite().then_some([ln_prior, ln_likelihood])
 }
 
 /// Points of all rounds.

@@ -22,10 +22,9 @@ use rand::{Rng, RngExt as _};
 use rayon::prelude::*;
 use std::f64::consts::PI;
 
-use super::groups::Whitening;
-use super::latent::{Latent, LatentGaussian, Layout};
+use super::latent::{LatentGaussian, Layout};
 use super::mixture::Student;
-use super::particles::{Here, Order, Swarm};
+use super::particles::{Here, Memory, Order, Swarm};
 use super::stand_in::{Sample, StandIn, Trust};
 use crate::num::ln_mean_exp;
 use crate::num::vector::{axpy, dot};
@@ -107,21 +106,7 @@ struct Seen {
     sample: Option<Sample>,
 }
 
-/// What one thread writes over and over.
-struct Memory<'d> {
-    layout: &'d Layout,
-    latent: Box<dyn Latent + 'd>,
-    whitening: Whitening,
-    coefficients: Vec<f64>,
-}
-
-impl<'d> Memory<'d> {
-    fn new(density: &'d dyn LatentGaussian) -> Self {
-        let layout = density.layout();
-        let coefficients = vec![0.0; layout.n_coefficients()];
-        Self { layout, latent: density.latent(), whitening: Whitening::new(layout), coefficients }
-    }
-
+impl Memory<'_> {
     fn seen(&mut self, draw: &[f64]) -> Seen {
         self.latent.coefficients(draw, &mut self.coefficients);
         let outer = self.layout.outer_of(draw);

@@ -113,7 +113,7 @@ impl Student {
 
 /// The factor that makes a standard normal number one of Student's t.
 pub(super) fn student_scale(nu: usize, rng: &mut impl Rng) -> f64 {
-    // half of it, of an even number of squared normal numbers, is −ln of as many halves uniform ones
+    // half the sum of two squared normal numbers is −ln of a uniform one
     let product: f64 = (0..nu / 2).map(|_| rng.random::<f64>()).product();
     let odd: f64 = if nu.is_multiple_of(2) { 0.0 } else { rng.sample(StandardNormal) };
     let chi_square = odd * odd - 2.0 * product.ln();

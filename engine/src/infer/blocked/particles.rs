@@ -19,7 +19,7 @@
 //! Andrieu, Doucet & Holenstein 2010, "Particle Markov chain Monte Carlo methods".
 
 use super::groups::Whitening;
-use super::latent::{Latent, Layout};
+use super::latent::{Latent, LatentGaussian, Layout};
 use super::mixture::student_scale;
 use super::stand_in::StandIn;
 use crate::dist::ln_gamma;
@@ -33,6 +33,22 @@ const NU: usize = 4;
 const WORTH: f64 = 0.5;
 /// A latent value of which the values before leave less than this share of the variance is determined by them.
 const ROUNDING: f64 = 1e-10;
+
+/// What one thread writes over and over.
+pub(super) struct Memory<'d> {
+    pub(super) layout: &'d Layout,
+    pub(super) latent: Box<dyn Latent + 'd>,
+    pub(super) whitening: Whitening,
+    pub(super) coefficients: Vec<f64>,
+}
+
+impl<'d> Memory<'d> {
+    pub(super) fn new(density: &'d dyn LatentGaussian) -> Self {
+        let layout = density.layout();
+        let coefficients = vec![0.0; layout.n_coefficients()];
+        Self { layout, latent: density.latent(), whitening: Whitening::new(layout), coefficients }
+    }
+}
 
 /// Where coefficients are drawn: some hyperparameters.
 pub(super) struct Here<'a> {
