@@ -39,7 +39,7 @@ fn anchor(layout: &Layout, at: f64, information: [f64; 3], centre: [f64; 2]) -> 
     own.set(0, &DMatrix::from_row_slice(2, 2, &[a, b, b, c]), &DVector::from(centre.to_vec()));
     own.set_gram(&layout.groups[0]);
     Anchor {
-        hyper: vec![at],
+        outer: vec![at],
         theta: centre.to_vec(),
         guide: Guide { lookahead, n_particles: 20 + 100 * at as usize },
     }

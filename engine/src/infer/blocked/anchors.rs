@@ -1,10 +1,10 @@
-//! How to estimate the likelihood at hyperparameters far from those where the stand-in was fitted. There the stand-in
+//! How to estimate the likelihood at outer unknowns far from those where the stand-in was fitted. There the stand-in
 //! suits the likelihood badly, and an estimate by particles is nearly always too small, but sometimes far too large. A
 //! chain at a state whose estimate is far too large stays there.
 //!
-//! So there are several *anchors*: values of the hyperparameters, spread over all that was found plausible. Each has
+//! So there are several *anchors*: values of the outer unknowns, spread over all that was found plausible. Each has
 //! a lookahead of its own, found by expectation propagation, and as many particles as estimates need there. An
-//! estimate at other hyperparameters uses a mean of all anchors, in which near ones count more. It is unbiased
+//! estimate at other outer unknowns uses a mean of all anchors, in which near ones count more. It is unbiased
 //! whatever the anchors are.
 //!
 //! The measurements at a place may allow two regions of values, of which each anchor knows one. A lookahead that knew
@@ -62,40 +62,29 @@ const VARIANCE: f64 = 0.5;
 /// Where the anchors are. A chain keeps these alone; the rest is made from them.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub(super) struct Spots {
-    /// The sd of each hyperparameter among the points: distances are in these.
+    /// The sd of each outer unknown among the points: distances are in these.
     scale: Vec<f64>,
     /// The outer unknowns of each.
     outer: Vec<Vec<f64>>,
 }
 
 impl Spots {
-    /// Spread over those of `points`, `(n, hyper)`, that have weights worth counting. Each takes the other outer unknowns
-    /// from one of `outer`.
-    pub(super) fn new(
-        layout: &Layout,
-        (points, weights): (&[Vec<f64>], &[f64]),
-        outer: &[Vec<f64>],
-        rng: &mut ChaCha8Rng,
-    ) -> Self {
+    /// Spread over those of `points`, `(n, outer)`, that have weights worth counting.
+    pub(super) fn new(points: &[Vec<f64>], weights: &[f64]) -> Self {
         let most = weights.iter().copied().fold(0.0, f64::max);
         let counts = |(_, weight): &(&Vec<f64>, &f64)| **weight > NEGLIGIBLE * most;
         let kept: Vec<&Vec<f64>> =
             points.iter().zip(weights).filter(counts).map(|(point, _)| point).collect();
         let scale = spread_of(points, weights);
         let chosen = far_apart(&kept, &scale);
-        let one = |hyper: &Vec<f64>| {
-            let mut at = outer[rng.random_range(0..outer.len())].clone();
-            layout.hyper.iter().zip(hyper).for_each(|(i, h)| at[*i] = *h);
-            at
-        };
         // where there are few different points, some are there twice
-        let outer = chosen.iter().cycle().take(N_ANCHORS).map(one).collect();
+        let outer = chosen.iter().cycle().take(N_ANCHORS).cloned().collect();
         Self { scale, outer }
     }
 
     /// Whether they are of this layout.
     pub(super) fn fits(&self, layout: &Layout) -> bool {
-        self.scale.len() == layout.hyper.len()
+        self.scale.len() == layout.outer.len()
             && self.outer.len() == N_ANCHORS
             && self.outer.iter().all(|outer| outer.len() == layout.outer.len())
     }
@@ -108,10 +97,10 @@ pub(super) struct Anchors {
     all: Vec<Anchor>,
 }
 
-/// Some hyperparameters, and how to estimate the likelihood near them.
+/// Some outer unknowns, and how to estimate the likelihood near them.
 #[derive(Clone, Debug)]
 struct Anchor {
-    hyper: Vec<f64>,
+    outer: Vec<f64>,
     /// Means of the latent values, `(group, block, place)`.
     theta: Vec<f64>,
     guide: Guide,
@@ -145,10 +134,10 @@ impl Anchors {
         (!all.is_empty()).then(|| Self { scale: spots.scale.clone(), all })
     }
 
-    /// How to estimate the likelihood at these hyperparameters; `None` if that cannot be told.
-    pub(super) fn at(&self, hyper: &[f64], layout: &Layout) -> Option<Guide> {
+    /// How to estimate the likelihood at these outer unknowns; `None` if that cannot be told.
+    pub(super) fn at(&self, outer: &[f64], layout: &Layout) -> Option<Guide> {
         let near =
-            |anchor: &Anchor| (distance(&anchor.hyper, hyper, &self.scale) + NEAREST).powi(-2);
+            |anchor: &Anchor| (distance(&anchor.outer, outer, &self.scale) + NEAREST).powi(-2);
         let mut weights: Vec<f64> = self.all.iter().map(near).collect();
         let total: f64 = weights.iter().sum();
         for weight in &mut weights {
@@ -193,8 +182,7 @@ impl Anchor {
         let variance = squares.iter().sum::<f64>() / squares.len().max(1) as f64;
         let needed = (PARTICLES as f64 * variance / VARIANCE) as usize;
         let n_particles = needed.clamp(PARTICLES, MOST_PARTICLES);
-        let hyper = layout.hyper.iter().map(|i| outer[*i]).collect();
-        Some(Self { hyper, theta, guide: Guide { lookahead, n_particles } })
+        Some(Self { outer: outer.to_vec(), theta, guide: Guide { lookahead, n_particles } })
     }
 }
 

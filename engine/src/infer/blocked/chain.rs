@@ -26,7 +26,7 @@ const STEPS_EACH: usize = 2;
 /// How often both moves are made between two kept draws. Hyperparameters move by slow random steps,
 /// and a sweep costs less than a kept draw.
 const SWEEPS: usize = 3;
-/// Proposals of hyperparameters and coefficients together between two kept draws.
+/// Proposals of all unknowns together between two kept draws.
 const LEAPS: usize = 2;
 
 /// What does not change in a chain.
@@ -215,24 +215,22 @@ impl<'d> Blocked<'d> {
         }
     }
 
-    /// A few proposals of hyperparameters and coefficients together, where they are prepared.
+    /// A few proposals of all unknowns together, where they are prepared.
     fn leap(&mut self) {
         let Some(Leaps { mixture, anchors, .. }) = &self.shared.leaps else { return };
         let layout = self.fixed.density.layout();
         let (conditional, point) = self.kernel.parts();
         conditional.take(&point.position);
-        let [present, proposed] = &mut self.hyper;
-        conditional.hyper(present);
-        let Some(guide) = anchors.at(present, layout) else { return };
+        let Some(guide) = anchors.at(&conditional.outer, layout) else { return };
         let mut estimate = conditional.estimate(&point.position, &guide, &mut self.rng);
+        let mut proposed = vec![0.0; conditional.outer.len()];
         let mut moved = false;
         for _ in 0..LEAPS {
-            conditional.hyper(present);
-            mixture.draw(&mut self.rng, proposed);
-            let Some(guide) = anchors.at(proposed, layout) else { continue };
-            let ln_ratio = mixture.ln_density(present) - mixture.ln_density(proposed);
+            mixture.draw(&mut self.rng, &mut proposed);
+            let Some(guide) = anchors.at(&proposed, layout) else { continue };
+            let ln_ratio = mixture.ln_density(&conditional.outer) - mixture.ln_density(&proposed);
             let state = (&mut point.position[..], &mut estimate);
-            moved |= conditional.leap((proposed, &guide), ln_ratio, state, &mut self.rng);
+            moved |= conditional.leap((&proposed, &guide), ln_ratio, state, &mut self.rng);
         }
         conditional.settle(moved);
         if moved {

@@ -174,9 +174,9 @@ impl<'d> Conditional<'d> {
         ln_prior + here.at(&mut *self.latent, guide.n_particles, &self.theta, rng)
     }
 
-    /// Proposes these hyperparameters with new coefficients, which take their place in `position`. Moves there with
+    /// Proposes these outer unknowns with new coefficients, which take their place in `position`. Moves there with
     /// the Metropolis–Hastings probability. `ln_ratio` is the proposal's own part of it. `present` is ln of the
-    /// estimate at the present hyperparameters, and is kept up to date.
+    /// estimate at the present outer unknowns, and is kept up to date.
     pub(super) fn leap(
         &mut self,
         (proposed, guide): (&[f64], &Guide),
@@ -184,7 +184,7 @@ impl<'d> Conditional<'d> {
         (position, present): (&mut [f64], &mut f64),
         rng: &mut impl Rng,
     ) -> bool {
-        self.propose(proposed);
+        self.trial_outer.copy_from_slice(proposed);
         let ln_prior = self.latent.set_outer(&self.trial_outer, &mut self.trial.designs);
         if !ln_prior.is_finite() {
             return false;
@@ -206,7 +206,9 @@ impl<'d> Conditional<'d> {
         mem::swap(&mut self.whitening, &mut self.trial);
         mem::swap(&mut self.outer, &mut self.trial_outer);
         self.ln_prior = ln_prior;
-        self.whitening.whitened(&self.w, &mut position[..z.len()]);
+        let (z, free) = position.split_at_mut(z.len());
+        self.whitening.whitened(&self.w, z);
+        free.iter_mut().zip(&self.free).for_each(|(x, i)| *x = self.outer[*i]);
         *present = value;
         true
     }

@@ -1,4 +1,4 @@
-//! Which hyperparameters to propose together with all coefficients: adaptive importance sampling of
+//! Which outer unknowns to propose together with all coefficients: adaptive importance sampling of
 //! them, by the estimates of [`particles`](super::particles).
 //!
 //! # Source
@@ -10,7 +10,7 @@ use super::mixture::{Mixture, Tails};
 use super::particles::{Here, Memory};
 use super::stand_in::StandIn;
 use crate::random::Stream;
-use rand::{RngExt as _, SeedableRng as _};
+use rand::SeedableRng as _;
 use rand_chacha::ChaCha8Rng;
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
@@ -39,7 +39,7 @@ pub(super) struct Exploring {
     pub(super) seed: u64,
 }
 
-/// What is proposed where hyperparameters and coefficients move together.
+/// What is proposed where all unknowns move together.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub(super) struct Leaps {
     pub(super) mixture: Mixture,
@@ -52,7 +52,7 @@ pub(super) struct Leaps {
 impl Leaps {
     /// Whether they are of this layout.
     pub(super) fn fits(&self, layout: &Layout) -> bool {
-        self.mixture.fits(layout.hyper.len()) && self.spots.fits(layout)
+        self.mixture.fits(layout.outer.len()) && self.spots.fits(layout)
     }
 
     /// With the anchors at its spots; `None` if there can be none.
@@ -67,29 +67,25 @@ impl Leaps {
     }
 }
 
-/// A mixture fitted to the hyperparameters given the measurements, and anchors for estimates. The first round draws
-/// from mixtures fitted to `outer`, the outer unknowns of the chains' draws, and to draws of the prior. The outer
-/// unknowns that are no hyperparameters are always those of some of `outer`. `None` where the prior cannot be drawn from, or nothing was found.
+/// A mixture fitted to the outer unknowns given the measurements, and anchors for estimates. The first round draws
+/// from mixtures fitted to `met`, the outer unknowns of the chains' draws, and to draws of the prior. `None` where the
+/// prior cannot be drawn from, or nothing was found.
 pub(super) fn explore(
     density: &dyn LatentGaussian,
     stand_in: &StandIn,
-    outer: &[Vec<f64>],
+    met: &[Vec<f64>],
     Exploring { knows_hyper, seed }: Exploring,
 ) -> Option<Leaps> {
-    let layout = density.layout();
     let rng = &mut Stream::Leap.rng(seed);
-    let hyper_of = |outer: &Vec<f64>| layout.hyper.iter().map(|i| outer[*i]).collect();
-    let hyper = |all: &[Vec<f64>]| all.iter().map(hyper_of).collect::<Vec<Vec<f64>>>();
-    let prior = hyper(&density.prior_outer(PRIOR_DRAWS, rng)?);
-    let tails: Vec<Tails> =
-        (0..layout.hyper.len()).map(|i| Tails::of(prior.iter().map(|h| h[i]).collect())).collect();
-    let met = hyper(outer);
+    let prior = density.prior_outer(PRIOR_DRAWS, rng)?;
+    let tail = |i: usize| Tails::of(prior.iter().map(|outer| outer[i]).collect());
+    let tails: Vec<Tails> = (0..density.layout().outer.len()).map(tail).collect();
     let equal = vec![1.0; met.len()];
     let mut mixtures = vec![
-        Mixture::fit(&met, &equal, (FAR[0], &tails), rng)?,
+        Mixture::fit(met, &equal, (FAR[0], &tails), rng)?,
         Mixture::fit(&prior, &vec![1.0; prior.len()], (FAR[0], &tails), rng)?,
     ];
-    let mut spots = Spots::new(layout, (&met, &equal), outer, rng);
+    let mut spots = Spots::new(met, &equal);
     let mut anchors = Anchors::new(density, stand_in, &spots, seed)?;
     let mut points = Points::default();
     let [.., before_last, last] = POWERS;
@@ -98,18 +94,16 @@ pub(super) fn explore(
         let mut begin = |k: usize| {
             let mut point = vec![0.0; tails.len()];
             mixtures[k % mixtures.len()].draw(rng, &mut point);
-            let mut at = outer[rng.random_range(0..outer.len())].clone();
-            layout.hyper.iter().zip(&point).for_each(|(i, h)| at[*i] = *h);
-            (point, at, ChaCha8Rng::from_rng(rng))
+            (point, ChaCha8Rng::from_rng(rng))
         };
-        let begun: Vec<(Vec<f64>, Vec<f64>, ChaCha8Rng)> = (0..POINTS).map(&mut begin).collect();
+        let begun: Vec<(Vec<f64>, ChaCha8Rng)> = (0..POINTS).map(&mut begin).collect();
         let estimated: Vec<Option<(Vec<f64>, [f64; 2])>> = begun
             .into_par_iter()
             .with_min_len(AT_ONCE)
             .map_init(
                 || Memory::new(density),
-                |memory, (point, at, mut rng)| {
-                    let ln = estimate(memory, &anchors, (&point, &at), &mut rng)?;
+                |memory, (point, mut rng)| {
+                    let ln = estimate(memory, &anchors, &point, &mut rng)?;
                     Some((point, ln))
                 },
             )
@@ -123,26 +117,25 @@ pub(super) fn explore(
             }
         }
         mixtures = vec![Mixture::fit(&points.all, &weights, (FAR[1], &tails), rng)?];
-        spots = Spots::new(layout, (&points.all, &weights), outer, rng);
+        spots = Spots::new(&points.all, &weights);
         anchors = Anchors::new(density, stand_in, &spots, seed)?;
     }
     Some(Leaps { mixture: mixtures.swap_remove(0), spots, anchors })
 }
 
-/// ln of the prior density of the hyperparameters `point`, which are part of the outer unknowns `at`, and of the
-/// estimated likelihood; `None` where it is 0 or cannot be told.
+/// ln of the prior density of these outer unknowns, and of the estimated likelihood; `None` where it is 0 or cannot be told.
 fn estimate(
     memory: &mut Memory<'_>,
     anchors: &Anchors,
-    (point, at): (&[f64], &[f64]),
+    outer: &[f64],
     rng: &mut ChaCha8Rng,
 ) -> Option<[f64; 2]> {
     let Memory { layout, latent, whitening, coefficients } = memory;
-    let ln_prior = latent.set_outer(at, &mut whitening.designs);
+    let ln_prior = latent.set_outer(outer, &mut whitening.designs);
     if !ln_prior.is_finite() {
         return None;
     }
-    let guide = anchors.at(point, layout)?;
+    let guide = anchors.at(outer, layout)?;
     let here = Here::new(layout, &guide.lookahead, whitening)?;
     let ln_likelihood = here.draw(&mut **latent, guide.n_particles, coefficients, rng);
     ln_likelihood.is_finite().then_some([ln_prior, ln_likelihood])

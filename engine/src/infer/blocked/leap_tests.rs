@@ -339,19 +339,22 @@ impl LatentGaussian for SumsAlone {
     }
 }
 
+/// A chain's state, and how to estimate its density.
+fn state(layout: &Layout, free: f64) -> (Conditional<'_>, Guide) {
+    let stand_in = lookahead(layout, &mut ChaCha8Rng::seed_from_u64(7));
+    let guide = Guide { lookahead: stand_in.times(0.5), n_particles: 32 };
+    let proposal = Proposal::new(&[]);
+    let shared = Arc::new(Shared { stand_in, proposal, leaps: None, swaps: vec![] });
+    let latent = Box::new(Sums { rank: PLACES });
+    (Conditional::new(latent, layout, shared, &[free]).unwrap(), guide)
+}
+
 /// Between two moves of hyperparameters those of the coefficients move other unknowns, too.
 #[test]
 fn an_estimate_has_the_prior_where_the_free_unknowns_are_now() {
     let layout = Layout { outer: vec![LATENT], ..layout() };
-    let stand_in = lookahead(&layout, &mut ChaCha8Rng::seed_from_u64(7));
-    let guide = Guide { lookahead: stand_in.times(0.5), n_particles: 32 };
-    let shared =
-        Arc::new(Shared { stand_in, proposal: Proposal::new(&[]), leaps: None, swaps: vec![] });
     let estimate = |at_first: f64, then: f64| {
-        let shared = Arc::clone(&shared);
-        let mut conditional =
-            Conditional::new(Box::new(Sums { rank: PLACES }), &layout, shared, &[at_first])
-                .unwrap();
+        let (mut conditional, guide) = state(&layout, at_first);
         let mut position = conditional.position(&[0.1; LATENT]);
         position[LATENT] = then;
         conditional.take(&position);
@@ -359,6 +362,37 @@ fn an_estimate_has_the_prior_where_the_free_unknowns_are_now() {
     };
     assert!((estimate(0.0, 2.0) - estimate(2.0, 2.0)).abs() < 1e-12);
     assert!((estimate(2.0, 0.0) - estimate(2.0, 2.0) - 2.0).abs() < 1e-12);
+}
+
+/// The measurements do not tell of the free unknown, so leaps alone draw it from its prior, the standard normal
+/// distribution, beyond −1 where they are proposed.
+#[test]
+fn leaps_move_the_free_unknowns_as_their_density_says() {
+    let layout = Layout { outer: vec![LATENT], ..layout() };
+    let shares = |forget: f64| {
+        let (mut conditional, guide) = state(&layout, 3.0);
+        let mut rng = ChaCha8Rng::seed_from_u64(9);
+        let mut position = conditional.position(&[0.1; LATENT]);
+        // triangular about 3
+        let ln_q = |x: f64| (4.0 - (x - 3.0).abs()).ln();
+        let n = 40_000;
+        let mut within = 0;
+        let mut present = conditional.estimate(&position, &guide, &mut rng);
+        for _ in 0..n {
+            let x = [3.0 + 4.0 * (rng.random::<f64>() - rng.random::<f64>())];
+            let ln_ratio = forget * (ln_q(position[LATENT]) - ln_q(x[0]));
+            let state = (&mut position[..], &mut present);
+            conditional.leap((&x, &guide), ln_ratio, state, &mut rng);
+            conditional.take(&position);
+            within += i32::from((0.0..1.0).contains(&position[LATENT]));
+        }
+        f64::from(within) / f64::from(n)
+    };
+    // (Φ(1) − Φ(0))/(1 − Φ(−1)); four standard errors at 2,000 effective draws
+    let exact = 0.341_34 / 0.841_34;
+    let (right, twin) = (shares(1.0), shares(0.0));
+    assert!((right - exact).abs() < 0.044, "{right} for {exact}");
+    assert!((twin - exact).abs() > 0.044, "a forgotten ratio goes unseen: {twin}");
 }
 
 /// Of draws, the mean of p/q is 1 for any density p.

@@ -17,11 +17,11 @@ use serde::{Deserialize, Serialize};
 /// Least variance of a hyperparameter in the proposal.
 const FLOOR: f64 = 1e-3;
 
-/// Hyperparameters and coefficients move together where there are at most so many latent values: with 80 it took twice
+/// All unknowns move together where there are at most so many latent values: with 80 it took twice
 /// as long as all other moves, and brought nothing (docs/experiments.md).
 const MOST_LATENT: usize = 40;
-/// And so many hyperparameters.
-const MOST_HYPER: usize = 12;
+/// And so many outer unknowns.
+const MOST_OUTER: usize = 12;
 
 /// What a chain takes from one round to the next.
 #[derive(Clone, Debug)]
@@ -58,7 +58,7 @@ impl Lesson {
 pub(super) struct Shared {
     pub(super) stand_in: StandIn,
     pub(super) proposal: Proposal,
-    /// What is proposed where hyperparameters and coefficients move together, once the warm-up is over.
+    /// What is proposed where all unknowns move together, once the warm-up is over.
     pub(super) leaps: Option<Leaps>,
     /// By what a region of the surface goes over from one regime to another.
     pub(super) swaps: Vec<Swap>,
@@ -113,7 +113,7 @@ impl Shared {
 
     /// What the chains share after a meeting, fitted to what they have seen. At the end of the
     /// warm-up (`last`) the stand-in stays as it is, because the step size has been
-    /// tuned to it, and moves of hyperparameters and coefficients together are prepared. What scouts have found
+    /// tuned to it, and moves of all unknowns together are prepared. What scouts have found
     /// is for swaps alone, for it is no draw of the posterior.
     #[must_use]
     pub(super) fn fitted(
@@ -142,7 +142,7 @@ impl Shared {
         }
         let hyper = |outer: &Vec<f64>| layout.hyper.iter().map(|i| outer[*i]).collect();
         new.proposal.fit(&outer.iter().map(hyper).collect::<Vec<_>>(), FLOOR);
-        let is_small = layout.n_latent() <= MOST_LATENT && layout.hyper.len() <= MOST_HYPER;
+        let is_small = layout.n_latent() <= MOST_LATENT && layout.outer.len() <= MOST_OUTER;
         if let Some(exploring) = last.filter(|_| is_small) {
             new.leaps = explore(density, &new.stand_in, &outer, exploring);
         }

@@ -1,4 +1,4 @@
-//! Independent proposals of the hyperparameters, fitted to weighted points: a mixture of Student
+//! Independent proposals of the outer unknowns, fitted to weighted points: a mixture of Student
 //! distributions, of which one number may be drawn anew from where its prior lies.
 //!
 //! ```text

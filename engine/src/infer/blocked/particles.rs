@@ -1,5 +1,5 @@
-//! Coefficients drawn anew at given hyperparameters, with an unbiased estimate of the likelihood
-//! there. So hyperparameters and coefficients can be proposed together.
+//! Coefficients drawn anew at given outer unknowns, with an unbiased estimate of the likelihood
+//! there. So all unknowns can be proposed together.
 //!
 //! The *lookahead* is a Gaussian (W, y) for each place, of which q = exp(−½ (θ − y)ᵀW(θ − y)). With it the
 //! latent values are normal, G, and
@@ -12,7 +12,7 @@
 //! weights become unequal, the particles are drawn anew from among them.
 //!
 //! To estimate it at a state of a chain, that state is one of the particles and stays (conditional
-//! sequential Monte Carlo). Moving on to a particle of other hyperparameters by the ratio of the estimates
+//! sequential Monte Carlo). Moving on to a particle of other outer unknowns by the ratio of the estimates
 //! leaves the posterior as it is, for any lookahead and any number of particles.
 //!
 //! # Source
@@ -50,7 +50,7 @@ impl<'d> Memory<'d> {
     }
 }
 
-/// Where coefficients are drawn: some hyperparameters.
+/// Where coefficients are drawn: some outer unknowns.
 pub(super) struct Here<'a> {
     layout: &'a Layout,
     lookahead: &'a StandIn,
