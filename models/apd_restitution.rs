@@ -18,18 +18,18 @@ model! {
 
     field tau_out(x) [ms] in 1.0..30.0 = m + alpha * gp(Rbf(rho), K = 24) where {
         m     [ms] ~ Normal(15.0, 7.0);
-        alpha [ms] ~ InvGamma(2.0, 5.0);
-        rho   [mm] ~ InvGamma(2.0, 64.0);
+        alpha [ms] ~ LogNormal(1.4, 0.8);
+        rho   [mm] ~ LogNormal(3.9, 0.5);
     }
     field tau_open(x) [ms] in 65.0..215.0 = m + alpha * gp(Rbf(rho), K = 24) where {
         m     [ms] ~ Normal(130.0, 30.0);
-        alpha [ms] ~ InvGamma(2.0, 15.0);
-        rho   [mm] ~ InvGamma(2.0, 64.0);
+        alpha [ms] ~ LogNormal(2.2, 0.8);
+        rho   [mm] ~ LogNormal(3.9, 0.5);
     }
     field apd_max(x) [ms] in 120.0..270.0 = m + alpha * gp(Rbf(rho), K = 24) where {
         m     [ms] ~ Normal(195.0, 40.0);
-        alpha [ms] ~ InvGamma(2.0, 15.0);
-        rho   [mm] ~ InvGamma(2.0, 64.0);
+        alpha [ms] ~ LogNormal(2.9, 0.8);
+        rho   [mm] ~ LogNormal(3.9, 0.5);
     }
     param noise [ms] ~ HalfNormal(10.0);
 

@@ -19,14 +19,14 @@ model! {
 
     field cv_max(x) [m/s] in 0.3..1.5 = m + alpha * gp(Rbf(rho), K = 24) where {
         m     [m/s] ~ Normal(0.8, 0.3);
-        alpha [m/s] ~ InvGamma(2.0, 0.1);
-        rho   [mm]  ~ InvGamma(2.0, 64.0);
+        alpha [m/s] ~ LogNormal(-2.8, 0.8);
+        rho   [mm]  ~ LogNormal(3.9, 0.5);
     }
     /// Of tau_in in ms, which ranges from 0.01 to 0.3.
     field ln_tau_in(x) [1] in -4.6..-1.2 = m + alpha * gp(Rbf(rho), K = 24) where {
         m     [1]  ~ Normal(-2.5, 0.7);
-        alpha [1]  ~ InvGamma(2.0, 0.3);
-        rho   [mm] ~ InvGamma(2.0, 64.0);
+        alpha [1]  ~ LogNormal(-1.7, 0.8);
+        rho   [mm] ~ LogNormal(3.9, 0.5);
     }
     param apd_max [ms]  ~ TruncatedNormal(195.0, 40.0, 120.0, 270.0);
     param noise   [m/s] ~ HalfNormal(0.1);

@@ -5,15 +5,15 @@ model! {
     /// tau_out and APD_max over the atrium; the likelihood allows for what the emulators leave open.
     model ErpEmulated;
 
-    field tau_out(x) [ms] in 1.0..30.0 = m + alpha * gp(authors(Rbf(rho)), K = 24) where {
-        m     [ms] ~ Flat;
-        alpha [ms] ~ InvGamma(1.0, 5.0);
-        rho   [mm] ~ InvGamma(1.01, 64.0);
+    field tau_out(x) [ms] in 1.0..30.0 = m + alpha * gp(Rbf(rho), K = 24) where {
+        m     [ms] ~ Normal(15.0, 10.0);
+        alpha [ms] ~ LogNormal(1.4, 0.8);
+        rho   [mm] ~ LogNormal(3.9, 0.5);
     }
-    field apd_max(x) [ms] in 120.0..270.0 = m + alpha * gp(authors(Rbf(rho)), K = 24) where {
-        m     [ms] ~ Flat;
-        alpha [ms] ~ InvGamma(1.0, 5.0);
-        rho   [mm] ~ InvGamma(1.01, 64.0);
+    field apd_max(x) [ms] in 120.0..270.0 = m + alpha * gp(Rbf(rho), K = 24) where {
+        m     [ms] ~ Normal(195.0, 50.0);
+        alpha [ms] ~ LogNormal(2.9, 0.8);
+        rho   [mm] ~ LogNormal(3.9, 0.5);
     }
 
     /// Beyond 280 ms nothing was fitted, and ERP_S3 jumps.

@@ -8,15 +8,15 @@ model! {
     /// tau_out and APD_max over the atrium, from ERP brackets whose ends may be open.
     model ErpExact;
 
-    field tau_out(x) [ms] in 1.0..30.0 = m + alpha * gp(authors(Rbf(rho)), K = 24) where {
-        m     [ms] ~ Flat;
-        alpha [ms] ~ InvGamma(1.0, 5.0);
-        rho   [mm] ~ InvGamma(1.01, 64.0);
+    field tau_out(x) [ms] in 1.0..30.0 = m + alpha * gp(Rbf(rho), K = 24) where {
+        m     [ms] ~ Normal(15.0, 10.0);
+        alpha [ms] ~ LogNormal(1.4, 0.8);
+        rho   [mm] ~ LogNormal(3.9, 0.5);
     }
-    field apd_max(x) [ms] in 120.0..270.0 = m + alpha * gp(authors(Rbf(rho)), K = 24) where {
-        m     [ms] ~ Flat;
-        alpha [ms] ~ InvGamma(1.0, 5.0);
-        rho   [mm] ~ InvGamma(1.01, 64.0);
+    field apd_max(x) [ms] in 120.0..270.0 = m + alpha * gp(Rbf(rho), K = 24) where {
+        m     [ms] ~ Normal(195.0, 50.0);
+        alpha [ms] ~ LogNormal(2.9, 0.8);
+        rho   [mm] ~ LogNormal(3.9, 0.5);
     }
 
     let erp_s2(x) [ms] in 0.0..280.0 = surrogate::erp_s2(tau_out(x), apd_max(x));

@@ -13,14 +13,17 @@ model! {
     param apd_mean [ms] ~ Normal(190.0, 50.0);
     param apd_sd   [ms] ~ HalfNormal(25.0);
 
-    hyper common {
-        alpha [ms] ~ InvGamma(1.0, 5.0);
-        rho   [mm] ~ InvGamma(1.01, 64.0);
+    hyper smooth {
+        rho [mm] ~ LogNormal(3.9, 0.5);
     }
-    field tau_out(x, patient) [ms] in 1.0..30.0 = m + alpha * gp(authors(Rbf(rho)), K = 24)
-        where common { m(patient) [ms] ~ Normal(tau_mean, tau_sd); }
-    field apd_max(x, patient) [ms] in 120.0..270.0 = m + alpha * gp(authors(Rbf(rho)), K = 24)
-        where common { m(patient) [ms] ~ Normal(apd_mean, apd_sd); }
+    field tau_out(x, patient) [ms] in 1.0..30.0 = m + alpha * gp(Rbf(rho), K = 24) where smooth {
+        m(patient) [ms] ~ Normal(tau_mean, tau_sd);
+        alpha      [ms] ~ LogNormal(1.4, 0.8);
+    }
+    field apd_max(x, patient) [ms] in 120.0..270.0 = m + alpha * gp(Rbf(rho), K = 24) where smooth {
+        m(patient) [ms] ~ Normal(apd_mean, apd_sd);
+        alpha      [ms] ~ LogNormal(2.9, 0.8);
+    }
 
     let erp_s2(x) [ms] in 0.0..280.0 = surrogate::erp_s2(tau_out(x), apd_max(x));
     let erp_s3(x) [ms] = surrogate::erp_s3(tau_out(x), apd_max(x));

@@ -14,29 +14,29 @@ model! {
 
     field cv_max(x) [m/s] in 0.3..1.5 = m + alpha * gp(Rbf(rho), K = 16) where {
         m     [m/s] ~ Normal(0.8, 0.3);
-        alpha [m/s] ~ InvGamma(2.0, 0.1);
-        rho   [mm]  ~ InvGamma(2.0, 64.0);
+        alpha [m/s] ~ LogNormal(-2.8, 0.8);
+        rho   [mm]  ~ LogNormal(3.9, 0.5);
     }
     /// Of tau_in in ms, which ranges from 0.01 to 0.3.
     field ln_tau_in(x) [1] in -4.6..-1.2 = m + alpha * gp(Rbf(rho), K = 16) where {
         m     [1]  ~ Normal(-2.5, 0.7);
-        alpha [1]  ~ InvGamma(2.0, 0.3);
-        rho   [mm] ~ InvGamma(2.0, 64.0);
+        alpha [1]  ~ LogNormal(-1.7, 0.8);
+        rho   [mm] ~ LogNormal(3.9, 0.5);
     }
     field tau_out(x) [ms] in 1.0..30.0 = m + alpha * gp(Rbf(rho), K = 16) where {
         m     [ms] ~ Normal(15.0, 7.0);
-        alpha [ms] ~ InvGamma(2.0, 5.0);
-        rho   [mm] ~ InvGamma(2.0, 64.0);
+        alpha [ms] ~ LogNormal(1.4, 0.8);
+        rho   [mm] ~ LogNormal(3.9, 0.5);
     }
     field tau_open(x) [ms] in 65.0..215.0 = m + alpha * gp(Rbf(rho), K = 16) where {
         m     [ms] ~ Normal(130.0, 30.0);
-        alpha [ms] ~ InvGamma(2.0, 15.0);
-        rho   [mm] ~ InvGamma(2.0, 64.0);
+        alpha [ms] ~ LogNormal(2.2, 0.8);
+        rho   [mm] ~ LogNormal(3.9, 0.5);
     }
     field apd_max(x) [ms] in 120.0..270.0 = m + alpha * gp(Rbf(rho), K = 16) where {
         m     [ms] ~ Normal(195.0, 40.0);
-        alpha [ms] ~ InvGamma(2.0, 15.0);
-        rho   [mm] ~ InvGamma(2.0, 64.0);
+        alpha [ms] ~ LogNormal(2.9, 0.8);
+        rho   [mm] ~ LogNormal(3.9, 0.5);
     }
     param apd_noise [ms]  ~ HalfNormal(10.0);
     param cv_noise  [m/s] ~ HalfNormal(0.1);

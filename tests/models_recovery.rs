@@ -345,10 +345,10 @@ fn erp_exact_recovers_fields_and_noise_with_open_brackets() {
     let basis = basis(VERTICES, 24);
     let given = [
         ("tau_out.m", 12.0),
-        ("tau_out.alpha", 1.2f64.ln()),
+        ("tau_out.alpha", 2.6f64.ln()),
         ("tau_out.rho", 64f64.ln()),
         ("apd_max.m", 195.0),
-        ("apd_max.alpha", 6f64.ln()),
+        ("apd_max.alpha", 13f64.ln()),
         ("apd_max.rho", 50f64.ln()),
         ("noise", 3f64.ln()),
     ];
@@ -371,10 +371,10 @@ fn erp_emulated_recovers_fields() {
     let basis = basis(VERTICES, 24);
     let given = [
         ("tau_out.m", 12.0),
-        ("tau_out.alpha", 1.2f64.ln()),
+        ("tau_out.alpha", 2.6f64.ln()),
         ("tau_out.rho", 64f64.ln()),
         ("apd_max.m", 195.0),
-        ("apd_max.alpha", 6f64.ln()),
+        ("apd_max.alpha", 13f64.ln()),
         ("apd_max.rho", 50f64.ln()),
     ];
     let mut table = sites(40);
@@ -719,7 +719,8 @@ fn draws_from_the_prior_have_its_moments() {
 #[test]
 fn a_prior_that_cannot_be_drawn_from_is_named() {
     let basis = basis(VERTICES, 24);
-    let model = Model::new(&erp_exact::ErpExact, Some(&basis), &sites(3).read()).unwrap();
+    let basis = Some(&basis);
+    let model = Model::new(&erp_multiscale::ErpMultiscale, basis, &sites(3).read()).unwrap();
     let text = model.prior_draws(&Settings::default()).unwrap_err().to_string();
     assert!(
         text.starts_with("tau_out.m ~ Flat: no draw can be made from this prior\nhelp: "),
@@ -758,11 +759,11 @@ fn erp_population_recovers_three_patients_and_what_they_share() {
         rows: (0..6 * 14).map(row).collect(),
     };
     let given = [
-        ("tau_out.alpha", 1.2f64.ln()),
+        ("tau_out.alpha", 2.6f64.ln()),
         ("tau_out.rho", 64f64.ln()),
         ("tau_mean", 12.0),
         ("tau_sd", 1f64.ln()),
-        ("apd_max.alpha", 6f64.ln()),
+        ("apd_max.alpha", 13f64.ln()),
         ("apd_max.rho", 50f64.ln()),
         ("apd_mean", 195.0),
         ("apd_sd", 5f64.ln()),
@@ -799,11 +800,11 @@ fn erp_population_recovers_forty_patients() {
     let header = "vertex,patient,protocol,lower,upper";
     let mut table = Table { header, rows: (0..400).map(row).collect() };
     let mut given: Vec<(String, f64)> = [
-        ("tau_out.alpha", 1.2f64.ln()),
+        ("tau_out.alpha", 2.6f64.ln()),
         ("tau_out.rho", 64f64.ln()),
         ("tau_mean", 12.0),
         ("tau_sd", 1f64.ln()),
-        ("apd_max.alpha", 6f64.ln()),
+        ("apd_max.alpha", 13f64.ln()),
         ("apd_max.rho", 50f64.ln()),
         ("apd_mean", 195.0),
         ("apd_sd", 5f64.ln()),

@@ -4,11 +4,13 @@
 //! cargo test --profile bench --test regimes -- --ignored --nocapture
 //! SITES=10 SEEDS=7,11,15,17,19,20,31,56 RUNS=4 cargo test --profile bench --test regimes -- --ignored --nocapture
 //! ```
-//! `SEEDS` are those of the experiment (1-40), `RUNS` how often each is sampled with other random numbers,
-//! `TARGET` the acceptance aimed at. Prints of each run, and of all, the smallest effective sample size of
+//! `MODEL` is erp or exact, `SEEDS` are those of the experiment (1-40), `RUNS` how often each is sampled with other random
+//! numbers, `TARGET` the acceptance aimed at. Prints of each run, and of all, the smallest effective sample size of
 //! 4 × 1000 draws (bulk or tail), the same by CPU second with the warm-up, and which runs do not converge.
 #![allow(clippy::unwrap_used, reason = "a test")]
 
+#[path = "../models/erp_exact.rs"]
+mod erp_exact;
 #[path = "support/posterior.rs"]
 mod posterior;
 #[path = "support/speed.rs"]
@@ -20,7 +22,7 @@ use eplat::experiment::{Design, TRUTH_MODES, experiment};
 use eplat::infer::{Settings, Silent, jittered_starts};
 use eplat::manifold::eigenpairs_cached;
 use eplat::mesh::left_atrium;
-use eplat::model::{Model, Sampler};
+use eplat::model::{Declare, Model, Sampler};
 use posterior::{all, erp};
 use speed::{Figures, cpu_seconds};
 
@@ -30,6 +32,11 @@ fn no_seed_is_stuck() {
     let n_sites = var("SITES").map_or(10, |sites| sites.parse().unwrap());
     let seeds = var("SEEDS").unwrap_or("1-40".into());
     let runs = var("RUNS").map_or(1, |runs| runs.parse().unwrap());
+    let declared: &dyn Declare = match var("MODEL").as_deref() {
+        Err(_) | Ok("erp") => &erp::Erp,
+        Ok("exact") => &erp_exact::ErpExact,
+        Ok(other) => panic!("MODEL={other}: expected erp or exact"),
+    };
     let mesh = left_atrium(1.5).mesh;
     let basis = eigenpairs_cached(&mesh, TRUTH_MODES).unwrap();
     let (mut least, mut rates, mut refused) = (vec![], vec![], vec![]);
@@ -37,8 +44,8 @@ fn no_seed_is_stuck() {
         numbers(&seeds).into_iter().flat_map(|seed| (0..runs).map(move |run| (seed, run)))
     {
         let design = Design { n_sites, seed, ..Design::default() };
-        let data = experiment(&erp::Erp, &mesh, &basis, &design).unwrap().measurements;
-        let model = Model::new(&erp::Erp, Some(&basis), &data).unwrap();
+        let data = experiment(declared, &mesh, &basis, &design).unwrap().measurements;
+        let model = Model::new(declared, Some(&basis), &data).unwrap();
         let target_accept = var("TARGET").ok().map(|target| target.parse().unwrap());
         let settings =
             Settings { seed: seed + 1000 * run, threads: 1, target_accept, ..Settings::default() };

@@ -28,3 +28,22 @@ pub(crate) fn is_linear(
         _ => false,
     }
 }
+
+/// Whether `e` is a sum of terms without factors, up to something free; the rest as in [`is_linear`].
+pub(crate) fn is_sum(
+    e: &Expr,
+    is_free: &dyn Fn(&Expr) -> bool,
+    is_term: &dyn Fn(&Expr) -> bool,
+) -> bool {
+    let sum = |e: &Expr| is_sum(e, is_free, is_term);
+    match e {
+        _ if is_free(e) || is_term(e) => true,
+        Expr::Paren(e) => sum(&e.expr),
+        Expr::Group(e) => sum(&e.expr),
+        Expr::Unary(e) => matches!(e.op, UnOp::Neg(_)) && sum(&e.expr),
+        Expr::Binary(e) => {
+            matches!(e.op, BinOp::Add(_) | BinOp::Sub(_)) && sum(&e.left) && sum(&e.right)
+        }
+        _ => false,
+    }
+}

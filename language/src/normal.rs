@@ -1,18 +1,89 @@
-//! Models whose measurements are normal about a sum: of fields, parameters and effects, each with a factor.
+//! Models whose measurements are normal about a sum: of fields, parameters and effects, each with a factor. And what shifts
+//! normal measurements, without a factor.
 
-use crate::linear::is_linear;
+use crate::linear::{is_linear, is_sum};
 use crate::names::mentions;
 use crate::syntax::{Expr, Field, Ident, Item, Model, Observe, Over, Prior, Value};
 use quote::ToTokens;
 
+/// Fields and parameters that shift normal measurements.
+#[derive(Debug)]
+pub struct Shifts<'m> {
+    /// The fields and parameters.
+    pub names: Vec<&'m Ident>,
+    /// The parameters that the sds of these measurements are made of. Nothing else mentions them.
+    pub sds: Vec<&'m Ident>,
+}
+
 impl Model {
+    /// Fields and parameters that are added to the MU of measurements `Normal(MU, SD)`, and are seen nowhere else; `None` if
+    /// there are none, or if the SDs are not made of parameters of their own.
+    ///
+    /// `let`s count as what they stand for. Fields that are bent into a range do not shift.
+    pub fn shifts(&self) -> Option<Shifts<'_>> {
+        let mut sum = Sum { model: self, names: vec![], fields: Fields::These(vec![]) };
+        let normals = || self.observes().filter_map(normal);
+        let others = || self.observes().filter(|observe| normal(observe).is_none());
+        let is_shift = |sum: &Sum<'_>| {
+            normals().all(|(mu, sd)| sum.is_linear(mu) && sum.is_free(sd))
+                && others().all(|observe| sum.is_free(&observe.likelihood))
+        };
+        for item in self.items().filter(|item| matches!(item, Item::Field(_) | Item::Param(_))) {
+            if self.is_mentioned_elsewhere(item.name()) {
+                continue;
+            }
+            sum.push(item);
+            if !is_shift(&sum) {
+                sum.pop(item);
+            }
+        }
+        let (mut sds, mut others) = (vec![], vec![]);
+        for observe in self.observes() {
+            match normal(observe) {
+                Some((mu, sd)) if !sum.is_free(mu) => {
+                    self.mentioned(sd, &mut sds);
+                    self.mentioned(mu, &mut others);
+                }
+                _ => self.mentioned(&observe.likelihood, &mut others),
+            }
+        }
+        let names = sum.summed();
+        let is_own = |item: &&Item| {
+            matches!(item, Item::Param(_))
+                && !self.is_mentioned_elsewhere(item.name())
+                && others.iter().all(|other| other.name() != item.name())
+        };
+        (!names.is_empty() && sds.iter().all(is_own))
+            .then(|| Shifts { names, sds: sds.iter().map(|item| item.name()).collect() })
+    }
+
+    /// Adds what `e` mentions, itself or by its `let`s, each once.
+    fn mentioned<'m>(&'m self, e: &impl ToTokens, found: &mut Vec<&'m Item>) {
+        for mention in mentions(e) {
+            let is_it = |item: &&Item| *item.name() == mention.name;
+            let Some(item) = self.items().find(is_it) else { continue };
+            if found.iter().any(|known| known.name() == item.name()) {
+                continue;
+            }
+            found.push(item);
+            if let Item::Let(own) = item {
+                found.pop();
+                match &own.value {
+                    Value::Expr(e) => self.mentioned(e, found),
+                    Value::Linear { .. } => found.push(item),
+                    Value::Operator(o) => o.exprs().for_each(|e| self.mentioned(e, found)),
+                }
+            }
+        }
+    }
+
     /// If every measurement is `Normal(MU, SD)`, MU linear in the fields and SD without any: the parameters and effects
     /// in which MU is linear, too, together with the fields. Nothing else mentions these.
     ///
     /// `let`s count as what they stand for. Fields that are bent into a range are not linear.
     pub fn normal_about(&self) -> Option<Vec<&Ident>> {
         let normals = self.observes().map(normal).collect::<Option<Vec<_>>>()?;
-        let mut sum = Sum { model: self, names: vec![] };
+        let mut sum = Sum { model: self, names: vec![], fields: Fields::All };
         let is_sum =
             |sum: &Sum<'_>| normals.iter().all(|(mu, sd)| sum.is_linear(mu) && sum.is_free(sd));
         if !is_sum(&sum) {
@@ -64,19 +135,60 @@ fn normal(observe: &Observe) -> Option<(&Expr, &Expr)> {
     (is_normal && arguments.next().is_none()).then_some((mu, sd))
 }
 
-/// A sum of all fields, and of the parameters and effects of these names.
+/// Which fields are summed.
+enum Fields<'m> {
+    /// All, each with a factor. So may parameters and effects have.
+    All,
+    /// These, without a factor. Nor have parameters any.
+    These(Vec<&'m Ident>),
+}
+
+/// A sum of fields, and of the parameters and effects of these names.
 struct Sum<'m> {
     model: &'m Model,
     names: Vec<&'m Ident>,
+    fields: Fields<'m>,
 }
 
-impl Sum<'_> {
+impl<'m> Sum<'m> {
+    /// Adds a field, which is one of these, or a parameter.
+    fn push(&mut self, item: &'m Item) {
+        match (&mut self.fields, item) {
+            (Fields::These(fields), Item::Field(_)) => fields.push(item.name()),
+            _ => self.names.push(item.name()),
+        }
+    }
+
+    /// Takes away what was added last.
+    fn pop(&mut self, item: &Item) {
+        match (&mut self.fields, item) {
+            (Fields::These(fields), Item::Field(_)) => fields.pop(),
+            _ => self.names.pop(),
+        };
+    }
+
+    /// What is summed, if fields are named.
+    fn summed(&self) -> Vec<&'m Ident> {
+        match &self.fields {
+            Fields::All => vec![],
+            Fields::These(fields) => fields.iter().chain(&self.names).copied().collect(),
+        }
+    }
+
+    /// Whether this field is summed.
+    fn has_field(&self, name: &Ident) -> bool {
+        match &self.fields {
+            Fields::All => true,
+            Fields::These(fields) => fields.contains(&name),
+        }
+    }
+
     /// Whether `e` depends on nothing that is summed.
     fn is_free(&self, e: &Expr) -> bool {
         mentions(e).iter().all(|mention| {
             !self.names.contains(&&mention.name)
                 && match self.model.value(&mention.name) {
-                    Some(Item::Field(_)) => false,
+                    Some(Item::Field(field)) => !self.has_field(&field.name),
                     Some(Item::Let(own)) => {
                         !self.has_effect(&own.name)
                             && match &own.value {
@@ -98,9 +210,13 @@ impl Sum<'_> {
         })
     }
 
-    /// Whether `e` is linear in what is summed, up to something free.
+    /// Whether `e` is linear in what is summed, up to something free; without factors, if there are none.
     fn is_linear(&self, e: &Expr) -> bool {
-        is_linear(e, &|e| self.is_free(e), &|e| self.is_term(e))
+        let (is_free, is_term) = (|e: &Expr| self.is_free(e), |e: &Expr| self.is_term(e));
+        match self.fields {
+            Fields::All => is_linear(e, &is_free, &is_term),
+            Fields::These(_) => is_sum(e, &is_free, &is_term),
+        }
     }
 
     /// Whether `e` is one number that is summed: `f(x)`, `a`, `b[0]`, `c(row)`, or a `let` that is a sum.
@@ -140,10 +256,10 @@ impl Sum<'_> {
     /// Whether this is a field that is not bent, or a `let` that is a sum.
     fn is_sum(&self, name: &Ident) -> bool {
         match self.model.value(name) {
-            Some(Item::Field(field)) => !field.is_within,
+            Some(Item::Field(field)) => !field.is_within && self.has_field(&field.name),
             Some(Item::Let(own)) => match &own.value {
                 Value::Expr(e) => self.is_linear(e),
-                Value::Linear { .. } => true,
+                Value::Linear { .. } => matches!(self.fields, Fields::All),
                 Value::Operator(_) => false,
             },
             _ => false,
@@ -201,6 +317,64 @@ mod tests {
             };
             let own = names(mu, "2.0 * s", "").unwrap_or_else(|| panic!("{mu}"));
             assert_eq!(sorted(&own), sorted(found), "{mu}");
+        }
+    }
+
+    /// What shifts the measurements, and what their sds are made of.
+    fn shifts(mu: &str, sd: &str, more: &str) -> String {
+        let text = format!(
+            "model! {{
+                model M;
+                column dose;
+                param s(source) ~ HalfNormal(1.0);
+                param a ~ Normal(0.0, 1.0);
+                param c(source) ~ Normal(0.0, 1.0);
+                param d ~ Normal(0.0, 1.0);
+                field f(x) = m + gp(Rbf(2.0), K = 4) where {{ m ~ Flat; }}
+                field g(x, source) = gp(Rbf(2.0), K = 4);
+                field h(x) within 0.0..1.0 = m + gp(Rbf(2.0), K = 4) where {{ m ~ Normal(0.5, 0.5); }}
+                let path(row) = eikonal(f(row); row.source);
+                let spread(row) = s(row) * 2.0;
+                let later(row) = c(row) - g(row);
+                {more}
+                observe y(row): Number ~ Normal({mu}, {sd});
+            }}"
+        );
+        let model = File::read(&text).unwrap_or_else(|mistake| panic!("{}", mistake.message)).model;
+        let Some(super::Shifts { names, sds }) = model.shifts() else { return String::new() };
+        let joined = |names: Vec<&syn::Ident>| {
+            let mut names: Vec<String> = names.iter().map(ToString::to_string).collect();
+            names.sort();
+            names.join(" ")
+        };
+        joined(names) + ": " + &joined(sds)
+    }
+
+    #[test]
+    fn what_shifts_normal_measurements_is_found() {
+        for (mu, sd, found) in [
+            ("c(row) + path(row) + g(row)", "s(row)", "c g: s"),
+            ("later(row) + path(row) - a", "spread(row) + 1.0", "a c g: s"),
+            ("2.0 * c(row) + path(row) + g(row)", "2.0", "g: "),
+            ("path(row) + f(row) + a", "1.0", "a: "),
+            ("path(row) + h(row)", "1.0", ""),
+            ("path(row) * g(row) + a", "s(row)", "a: s"),
+            ("path(row) + g(row)", "g(row)", ""),
+            ("path(row) + g(row)", "s(row) + h(row)", ""),
+            ("path(row) + g(row) + s(row)", "s(row)", ""),
+            ("path(row) + g(row) + exp(s(row))", "s(row)", ""),
+        ] {
+            assert_eq!(shifts(mu, sd, ""), found, "{mu}, {sd}");
+        }
+        let both = "c(row) + path(row) + g(row) + a";
+        for (more, found) in [
+            ("observe z(row): Number ~ StudentT(4.0, g(row), 1.0);", "a c: s"),
+            ("observe z(row): Number ~ StudentT(4.0, path(row), 1.0);", "a c g: s"),
+            ("observe z(row): Number ~ StudentT(4.0, path(row), s(row));", ""),
+            ("param e ~ Normal(a, 1.0);", "c g: s"),
+            ("density e = s[0];", ""),
+        ] {
+            assert_eq!(shifts(both, "s(row)", more), found, "{more}");
         }
     }
 

@@ -8,7 +8,7 @@ use serde::{Deserialize, Serialize};
 
 /// L of P = L Lᵀ, `(dim, dim)`.
 #[derive(Clone, Debug, Serialize, Deserialize)]
-pub(super) struct Factor {
+pub(crate) struct Factor {
     dim: usize,
     /// Column-major; 0 above the diagonal.
     lower: Vec<f64>,
@@ -16,7 +16,7 @@ pub(super) struct Factor {
 
 impl Factor {
     /// Of a symmetric matrix, whose lower triangle is read. `None` where it is not positive definite.
-    pub(super) fn of(precision: MatRef<'_, f64>) -> Option<Self> {
+    pub(crate) fn of(precision: MatRef<'_, f64>) -> Option<Self> {
         let is_finite = precision.col_iter().all(|column| column.iter().all(|x| x.is_finite()));
         let llt = is_finite.then(|| precision.llt(Side::Lower).ok()).flatten()?;
         let dim = precision.nrows();
@@ -26,7 +26,7 @@ impl Factor {
     }
 
     /// Whether it is of `dim` coordinates.
-    pub(super) fn fits(&self, dim: usize) -> bool {
+    pub(crate) fn fits(&self, dim: usize) -> bool {
         self.dim == dim && Some(self.lower.len()) == dim.checked_mul(dim)
     }
 
@@ -35,24 +35,24 @@ impl Factor {
     }
 
     /// ln |L|
-    pub(super) fn ln_det(&self) -> f64 {
+    pub(crate) fn ln_det(&self) -> f64 {
         self.lower.iter().step_by(self.dim + 1).map(|x| x.ln()).sum()
     }
 
     /// x ← L⁻¹ x
-    pub(super) fn solve(&self, x: &mut [f64]) {
+    pub(crate) fn solve(&self, x: &mut [f64]) {
         let x = ColMut::from_slice_mut(x).as_mat_mut();
         solve_lower_triangular_in_place(self.lower(), x, Par::Seq);
     }
 
     /// x ← L⁻ᵀ x, which makes a draw of the standard normal one of the normal with precision P
-    pub(super) fn solve_transposed(&self, x: &mut [f64]) {
+    pub(crate) fn solve_transposed(&self, x: &mut [f64]) {
         let x = ColMut::from_slice_mut(x).as_mat_mut();
         solve_upper_triangular_in_place(self.lower().transpose(), x, Par::Seq);
     }
 
     /// Lᵀ x
-    pub(super) fn whitened(&self, x: &[f64]) -> Vec<f64> {
+    pub(crate) fn whitened(&self, x: &[f64]) -> Vec<f64> {
         let product: Mat<f64> =
             self.lower().transpose() * MatRef::from_column_major_slice(x, self.dim, 1);
         product.col(0).iter().copied().collect()

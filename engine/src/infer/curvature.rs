@@ -52,6 +52,8 @@ pub(super) struct Curvature {
     slope: Vec<f64>,
     /// Coordinates that do not move.
     still: Vec<usize>,
+    /// Those of them by which others are multiplied.
+    scales: Vec<usize>,
 }
 
 impl Curvature {
@@ -91,12 +93,20 @@ impl Curvature {
             here + dot::<4>(&information[i * dim..][..dim], &theta)
         });
         let slope = slope.collect();
-        Self { information, slope, still: still.to_vec() }
+        let mut moved = position.to_vec();
+        let mut is_scale = |i: &usize| {
+            moved[*i] += 0.1;
+            let there = evaluator.multipliers(&moved);
+            moved[*i] = position[*i];
+            there.iter().zip(&multipliers).any(|(a, b)| a.to_bits() != b.to_bits())
+        };
+        let scales = still.iter().copied().filter(|i| is_scale(i)).collect();
+        Self { information, slope, still: still.to_vec(), scales }
     }
 
-    /// Coordinates that do not move.
-    pub(super) fn still(&self) -> &[usize] {
-        &self.still
+    /// Coordinates that do not move, and by which others are multiplied.
+    pub(super) fn scales(&self) -> &[usize] {
+        &self.scales
     }
 
     /// G
@@ -145,7 +155,7 @@ impl Curvature {
     pub(super) fn fits(&self, dim: usize) -> bool {
         Some(self.information.len()) == dim.checked_mul(dim)
             && self.slope.len() == dim
-            && self.still.iter().all(|i| *i < dim)
+            && self.still.iter().chain(&self.scales).all(|i| *i < dim)
     }
 
     /// Where coordinates are multiplied by `multipliers`: their scales, and the Hessian in units of these. Where the

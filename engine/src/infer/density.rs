@@ -26,6 +26,12 @@ pub trait Evaluator: Send {
         self.ln_density(position, &mut vec![0.0; position.len()])
     }
 
+    /// Log density of all unknowns, where [`Evaluator::ln_density`], which is `ln_density` here, leaves out some: those that it
+    /// integrates out.
+    fn ln_whole(&mut self, _position: &[f64], ln_density: f64) -> f64 {
+        ln_density
+    }
+
     /// Moves `position` without evaluating what is costly. The moves leave the density as it is, and change the
     /// unknowns of [`LogDensity::interwoven`], with others that depend on them.
     fn interweave(&mut self, _position: &mut [f64], _rng: &mut dyn Rng) {}
@@ -69,6 +75,9 @@ pub trait Evaluator: Send {
 impl<E: Evaluator + ?Sized> Evaluator for Box<E> {
     fn interweave(&mut self, position: &mut [f64], rng: &mut dyn Rng) {
         (**self).interweave(position, rng);
+    }
+    fn ln_whole(&mut self, position: &[f64], ln_density: f64) -> f64 {
+        (**self).ln_whole(position, ln_density)
     }
     fn multipliers(&mut self, position: &[f64]) -> Vec<f64> {
         (**self).multipliers(position)

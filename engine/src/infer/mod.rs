@@ -78,6 +78,7 @@ pub use blocked::{
     BlockLayout, Blocked, Design, Group, Latent, LatentGaussian, Layout, RowWithout, Shape,
     sample_blocked, without_rows,
 };
+pub(crate) use cholesky::Factor;
 pub use density::{Evaluator, LogDensity};
 pub use draws::{Chain, ChainResult, Divergence, Draw, Transition};
 pub use error::{ChainError, ChainFailure, InferError};

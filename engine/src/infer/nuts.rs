@@ -174,12 +174,10 @@ impl MarkovChain for Nuts<'_> {
         self.start.copy_from_slice(&self.kernel.point.position);
         let transition = self.transition(self.step_size);
         let ends = || [self.start.clone(), self.kernel.divergent_position().to_vec()];
-        Ok(Draw {
-            divergence: transition.diverging.then(ends),
-            position: &self.kernel.point.position,
-            ln_density: self.kernel.point.ln_density,
-            transition,
-        })
+        let divergence = transition.diverging.then(ends);
+        let (evaluator, point) = self.kernel.parts();
+        let ln_density = evaluator.ln_whole(&point.position, point.ln_density);
+        Ok(Draw { divergence, position: &point.position, ln_density, transition })
     }
 
     fn phase(&self) -> Phase {

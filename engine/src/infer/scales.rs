@@ -52,7 +52,7 @@ fn moves(
     powers: [f64; 2],
 ) -> u64 {
     let mut n = 0;
-    let all = fields(curvature.still(), evaluator, &point.position);
+    let all = fields(curvature.scales(), evaluator, &point.position);
     for (scales, coordinates) in all.clone() {
         let field = Field::new(curvature, evaluator, &point.position, scales, coordinates);
         let Some(here) = field.normal(evaluator, &point.position) else { continue };
@@ -60,7 +60,7 @@ fn moves(
             continue;
         };
         // the way back would not be this one, where a multiplier has become 0 or is no longer
-        if fields(curvature.still(), evaluator, &position) != all {
+        if fields(curvature.scales(), evaluator, &position) != all {
             continue;
         }
         field.carry(&here, &there, &mut position);
@@ -141,7 +141,7 @@ impl<'c> Field<'c> {
         let c = evaluator.multipliers(position);
         let mut others: Vec<f64> =
             position.iter().zip(&c).map(|(x, c)| if *c == 0.0 { *x } else { c * x }).collect();
-        for i in coordinates.iter().chain(curvature.still()) {
+        for i in coordinates.iter().chain(curvature.scales()) {
             others[*i] = 0.0;
         }
         let slope = |i: &usize| curvature.slope_at(*i, &others);

@@ -51,6 +51,7 @@ mod rows;
 mod scalar;
 mod scope;
 mod second;
+mod shifts;
 mod shipped;
 mod tape;
 

@@ -61,6 +61,13 @@ impl Model {
     /// Log density and gradient.
     pub fn ln_density(&self, t: &mut Tape, u: &[f64], gradient: &mut [f64]) -> f64 {
         self.forward(t, u);
+        self.backward(t);
+        gradient.copy_from_slice(&t.gu);
+        t.lp
+    }
+
+    /// Log density and its gradient on the tape, after a forward pass.
+    pub(super) fn backward(&self, t: &mut Tape) {
         t.lp = 0.0;
         t.g.fill(0.0);
         t.gu.fill(0.0);
@@ -85,14 +92,17 @@ impl Model {
         for prior in self.priors.iter().rev() {
             prior.backward(t);
         }
-        gradient.copy_from_slice(&t.gu);
-        t.lp
     }
 
     /// Log density without its gradient: the same number as [`Model::ln_density`] gives. Rows have value
     /// and slopes at once, so only what comes after them is saved.
     pub(super) fn ln_density_alone(&self, t: &mut Tape, u: &[f64]) -> f64 {
         self.forward(t, u);
+        self.ln_density_of_values(t)
+    }
+
+    /// The same after a forward pass. It leaves the adjoints of what rows see.
+    pub(super) fn ln_density_of_values(&self, t: &mut Tape) -> f64 {
         t.lp = 0.0;
         t.g.fill(0.0);
         t.gu.fill(0.0);

@@ -184,7 +184,7 @@ impl Field {
 
 impl Term {
     /// Where the values are that its amplitude and its kernel mention.
-    fn scaled_by(&self) -> Vec<usize> {
+    pub(super) fn scaled_by(&self) -> Vec<usize> {
         [self.amplitude.mentions(), self.spectrum.mentions()].concat()
     }
 }

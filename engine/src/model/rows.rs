@@ -226,6 +226,12 @@ impl Rows {
         self.place.slots().into_iter().map(slope).collect()
     }
 
+    /// The information about number `slot` of row `i`, after a forward pass: minus the second derivative of its log likelihood.
+    pub(super) fn information(&self, t: &Tape, i: usize, slot: usize) -> f64 {
+        let numbers = self.place.numbers_at(&t.v, i);
+        -self.math.second(self.row(i, &numbers), slot, slot).eps1eps2
+    }
+
     /// The first row whose measurement this likelihood cannot take, and why.
     pub(super) fn objection(&self, t: &Tape) -> Option<(usize, &'static str)> {
         let one = |i: usize| {

@@ -21,7 +21,7 @@ pub(super) struct FreeBlock {
 }
 
 /// The priors, normal or flat, of the parameters and effects of these names.
-pub(super) fn priors_of(model: &Model, names: &[String]) -> Vec<usize> {
+pub(in crate::model) fn priors_of(model: &Model, names: &[String]) -> Vec<usize> {
     let values = model.tape().v;
     let named = model.parameters.iter().filter(|own| names.contains(&own.name));
     let prior = |at: &Position| match at {

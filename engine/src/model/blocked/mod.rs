@@ -25,6 +25,7 @@ mod places;
 use std::collections::BTreeMap;
 
 use blocks::Blocks;
+pub(super) use free::priors_of;
 pub use left_out::Predictive;
 
 use crate::infer::{
@@ -138,7 +139,10 @@ impl Sampler {
             Self::Nuts => {
                 let target_accept = self.target_accept(model, settings);
                 let settings = Settings { target_accept, ..settings.clone() };
-                infer::sample(model, starts, &settings, progress)
+                match model.without_shifts() {
+                    Some(density) => infer::sample(&*density, starts, &settings, progress),
+                    None => infer::sample(model, starts, &settings, progress),
+                }
             }
         }
     }
@@ -162,7 +166,7 @@ fn is_normal(model: &Model) -> bool {
 fn free_priors(model: &Model) -> Option<Vec<usize>> {
     let tree = model.syntax().ok()?;
     let names: Vec<String> = tree.normal_about()?.iter().map(ToString::to_string).collect();
-    let priors = free::priors_of(model, &names);
+    let priors = priors_of(model, &names);
     let n: usize = priors.iter().map(|prior| model.prior_entries[*prior].len).sum();
     let is_one_group = sizes(model).len() == 1;
     Some(if is_one_group && n <= MOST_FREE { priors } else { vec![] })

@@ -1,0 +1,213 @@
+//! Fields and parameters that shift arrival times, integrated out: against the density with them, and against NUTS on all
+//! unknowns.
+
+#![allow(clippy::unwrap_used, clippy::print_stdout, reason = "tests")]
+
+#[path = "support/posterior.rs"]
+mod posterior;
+mod support;
+
+use eplat::diagnostics::summarise;
+use eplat::infer::{Chain, LogDensity, Settings, Silent, jittered_starts, sample};
+use eplat::manifold::{Basis, eigenpairs};
+use eplat::mesh::{Surface, left_atrium};
+use eplat::model::{Declare, Model};
+use nalgebra::{DMatrix, DVector};
+use posterior::all;
+use rand::RngExt as _;
+use rand_distr::StandardNormal;
+use support::{rng, table};
+
+mod shifted {
+    use eplat::prelude::*;
+    model! {
+        /// Arrival times with a field of delays for each source, which is seen by the rows of that source alone.
+        model Shifted;
+        field velocity(x) [m/s] within 0.1..1.5 = m + alpha * gp(Matern52(rho), K = 6) where {
+            m     [m/s] ~ Normal(0.8, 0.2);
+            alpha [m/s] ~ LogNormal(-1.5, 0.4);
+            rho   [mm]  ~ LogNormal(3.5, 0.4);
+        }
+        param onset(source) [ms] ~ Normal(5.0, 20.0);
+        let slowness(x) [ms/mm] = 1.0 / velocity(x);
+        let arrival(row) [ms] = eikonal(slowness(row); row.source);
+        field delay(x, source) [ms] = alpha * gp(Matern32(rho), K = 5) where {
+            alpha [ms] ~ LogNormal(0.5, 0.5);
+            rho   [mm] ~ LogNormal(3.0, 0.4);
+        }
+        param noise(catheter) [ms] ~ LogNormal(0.0, 0.5);
+        let sd(row) [ms] = noise(row) * 2.0;
+        observe lat(row): Number [ms] ~ Normal(arrival(row) - delay(row) + onset(row), sd(row));
+    }
+}
+
+mod others {
+    use eplat::prelude::*;
+    model! {
+        /// As above, but the delays are measured on their own, too, with other than normal errors.
+        model SeenTwice;
+        param slowness [ms/mm] ~ LogNormal(0.2, 0.2);
+        let arrival(row) [ms] = eikonal(slowness; row.source);
+        field delay(x) [ms] = alpha * gp(Matern32(20.0), K = 5) where { alpha [ms] ~ HalfNormal(2.0); }
+        observe lat(row): Number [ms] ~ Normal(arrival(row) + delay(row), 1.0);
+        observe other(row): Number [ms] ~ StudentT(4.0, delay(row), 1.0);
+    }
+    model! {
+        /// The amplitude of the delays is the noise, which moves with the velocity.
+        model SharedScale;
+        param slowness [ms/mm] ~ LogNormal(0.2, 0.2);
+        param noise [ms] ~ HalfNormal(2.0);
+        let arrival(row) [ms] = eikonal(slowness; row.source);
+        field delay(x) [ms] = noise * gp(Matern32(20.0), K = 5);
+        observe lat(row): Number [ms] ~ Normal(arrival(row) + delay(row), noise);
+    }
+}
+
+/// A coarse atrium with its basis, and times at 20 of its vertices from two sources each, by two catheters.
+fn laid_out(declared: &dyn Declare) -> Model {
+    let mesh = left_atrium(3.0).mesh.coarsened(300, &[]).unwrap().mesh;
+    let surface = Surface::new(mesh, std::collections::BTreeMap::new());
+    let basis: Basis = eigenpairs(&surface.mesh, 12).unwrap();
+    let n = surface.mesh.n_vertices();
+    let mut rng = rng(3);
+    let mut row = |i: usize| {
+        let (source, vertex) = ([7, n / 2][i % 2], i / 2 % 20 * n / 20);
+        let time = 40.0 + 20.0 * rng.random::<f64>();
+        let protocol = if i < 40 { "lat" } else { "other" };
+        format!("{protocol},{vertex},{source},{},{time}", ["lasso", "grid"][i / 2 % 2])
+    };
+    let n_rows = if declared.name() == "SeenTwice" { 42 } else { 40 };
+    let rows: Vec<String> = (0..n_rows).map(&mut row).collect();
+    let mut data = table("protocol,vertex,source,catheter,value", &rows);
+    data.place_on(&surface, 1.0).unwrap();
+    data.probe(&surface, &basis).unwrap();
+    Model::new(declared, Some(&basis), &data).unwrap()
+}
+
+/// Positions about the start.
+fn positions(model: &Model, n: usize) -> Vec<Vec<f64>> {
+    let mut rng = rng(4);
+    let one = |_| model.initial().iter().map(|x| x + 0.3 * rng.sample::<f64, _>(StandardNormal)).collect();
+    (0..n).map(one).collect()
+}
+
+/// The integral times the conditional of what is integrated out is the whole density, wherever that is. The integral does
+/// not depend on it, and its gradient is right in all that moves.
+#[test]
+fn the_integral_times_the_conditional_is_the_density() {
+    let model = laid_out(&shifted::Shifted);
+    let density = model.without_shifts().unwrap();
+    let (mut integral, mut whole) = (density.evaluator(), model.evaluator());
+    let names = model.unknown_names();
+    let resting = density.interwoven().unwrap();
+    let resting: Vec<&str> = resting.iter().map(|i| &*names[*i]).collect();
+    let rests = |name: &str| {
+        name.starts_with("delay") || name.starts_with("onset") || name.starts_with("noise")
+    };
+    let expected = names.iter().filter(|n| rests(n) || ["velocity.alpha", "velocity.rho"].contains(&&***n));
+    assert_eq!(resting, expected.map(|n| &**n).collect::<Vec<_>>());
+
+    let mut gradient = vec![0.0; model.dim()];
+    let integrated: Vec<usize> = (0..model.dim())
+        .filter(|i| names[*i].starts_with("delay") && names[*i].contains("eta") || names[*i].starts_with("onset"))
+        .collect();
+    assert_eq!(integrated.len(), 2 * 5 + 2);
+    for position in positions(&model, 5) {
+        let value = integral.ln_density(&position, &mut gradient);
+        let mut elsewhere = position.clone();
+        integrated.iter().for_each(|i| elsewhere[*i] -= 1.7);
+        for at in [&position, &elsewhere] {
+            let own = integral.ln_whole(at, value);
+            let exact = whole.value(at);
+            assert!((own - exact).abs() < 1e-9 * exact.abs(), "{own} {exact}");
+        }
+        assert!((integral.value(&elsewhere) - value).abs() < 1e-9 * value.abs());
+        for i in (0..model.dim()).filter(|i| !resting.contains(&&*names[*i])) {
+            let step = |h: f64| {
+                let mut moved = position.clone();
+                moved[i] += h;
+                moved
+            };
+            let [low, high] = [-1e-5, 1e-5].map(|h| integral.value(&step(h)));
+            let slope = (high - low) / 2e-5;
+            assert!((slope - gradient[i]).abs() < 1e-4 * (1.0 + slope.abs()), "{}: {slope} {}", names[i], gradient[i]);
+        }
+    }
+}
+
+/// Of all that moves, that of the whole density where what is integrated out has its mean, less what goes with that.
+#[test]
+fn the_hessian_is_that_of_the_integral() {
+    let model = laid_out(&shifted::Shifted);
+    let density = model.without_shifts().unwrap();
+    let resting = density.interwoven().unwrap();
+    let names = model.unknown_names();
+    let is_integrated = |i: usize| {
+        names[i].starts_with("delay") && names[i].contains("eta") || names[i].starts_with("onset")
+    };
+    let w: Vec<usize> = (0..model.dim()).filter(|i| is_integrated(*i)).collect();
+    let r: Vec<usize> = (0..model.dim()).filter(|i| !resting.contains(i)).collect();
+    let hessian_of = |density: &dyn LogDensity, at: &[f64]| {
+        let mut h = DMatrix::zeros(model.dim(), model.dim());
+        density.evaluator().hessian(at, &mut |i, column| h.set_column(i, &DVector::from_column_slice(column)));
+        h
+    };
+    for mut position in positions(&model, 2) {
+        let own = hessian_of(&*density, &position);
+        // Newton's step leads to the mean
+        let mut gradient = vec![0.0; model.dim()];
+        model.evaluator().ln_density(&position, &mut gradient);
+        let whole = hessian_of(&model, &position);
+        let part = |h: &DMatrix<f64>, rows: &[usize], columns: &[usize]| h.select_rows(rows).select_columns(columns);
+        let slope = DVector::from_iterator(w.len(), w.iter().map(|i| gradient[*i]));
+        let step = part(&whole, &w, &w).lu().solve(&slope).unwrap();
+        w.iter().zip(&step).for_each(|(i, step)| position[*i] -= step);
+        let whole = hessian_of(&model, &position);
+        let inner = part(&whole, &w, &w).lu().solve(&part(&whole, &w, &r)).unwrap();
+        let exact = part(&whole, &r, &r) - part(&whole, &r, &w) * inner;
+        let error = (part(&own, &r, &r) - &exact).abs().max();
+        assert!(error < 1e-8 * exact.abs().max(), "{error}");
+        assert!((part(&whole, &r, &r) - &exact).abs().max() > 1e-2 * exact.abs().max());
+    }
+}
+
+/// NUTS on all unknowns draws from the same posterior.
+#[test]
+fn draws_are_those_of_the_whole_density() {
+    let model = laid_out(&shifted::Shifted);
+    let density = model.without_shifts().unwrap();
+    let settings = Settings { warmup: 300, draws: 1000, ..Settings::default() };
+    let draws = |density: &dyn LogDensity| {
+        let starts = jittered_starts(&model, &model.initial(), settings.chains, 1).unwrap();
+        all(sample(density, &starts, &settings, &Silent).unwrap())
+    };
+    let [own, whole] = [&*density, &model as &dyn LogDensity].map(draws);
+    let names = model.unknown_names();
+    let mut worst: f64 = 0.0;
+    for (i, name) in names.iter().enumerate() {
+        for square in [false, true] {
+            let column = |chains: &[Chain]| -> Vec<Vec<f64>> {
+                let of = |chain: &Chain| {
+                    let x = |d: usize| chain.draw(d).unwrap()[i];
+                    (0..chain.n_draws()).map(|d| if square { x(d) * x(d) } else { x(d) }).collect()
+                };
+                chains.iter().map(of).collect()
+            };
+            let [a, b] = [column(&own), column(&whole)].map(|columns| {
+                summarise(&columns.iter().map(Vec::as_slice).collect::<Vec<_>>())
+            });
+            let z = (a.mean - b.mean).abs() / a.mcse.hypot(b.mcse);
+            println!("{name} {square}: {:.3} {:.3}, z {z:.1}, ESS {:.0} {:.0}", a.mean, b.mean, a.ess_bulk, b.ess_bulk);
+            worst = worst.max(z);
+        }
+    }
+    // the largest of some 70 normal numbers
+    assert!(worst < 4.5, "{worst}");
+}
+
+/// What a likelihood that is not normal sees stays, and what is scaled by unknowns that move.
+#[test]
+fn what_does_not_integrate_out_stays() {
+    assert!(laid_out(&others::SharedScale).without_shifts().is_none());
+    assert!(laid_out(&others::SeenTwice).without_shifts().is_none());
+}
