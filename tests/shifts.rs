@@ -87,7 +87,9 @@ fn laid_out(declared: &dyn Declare) -> Model {
 /// Positions about the start.
 fn positions(model: &Model, n: usize) -> Vec<Vec<f64>> {
     let mut rng = rng(4);
-    let one = |_| model.initial().iter().map(|x| x + 0.3 * rng.sample::<f64, _>(StandardNormal)).collect();
+    let one = |_| {
+        model.initial().iter().map(|x| x + 0.3 * rng.sample::<f64, _>(StandardNormal)).collect()
+    };
     (0..n).map(one).collect()
 }
 
@@ -104,12 +106,16 @@ fn the_integral_times_the_conditional_is_the_density() {
     let rests = |name: &str| {
         name.starts_with("delay") || name.starts_with("onset") || name.starts_with("noise")
     };
-    let expected = names.iter().filter(|n| rests(n) || ["velocity.alpha", "velocity.rho"].contains(&&***n));
+    let expected =
+        names.iter().filter(|n| rests(n) || ["velocity.alpha", "velocity.rho"].contains(&&***n));
     assert_eq!(resting, expected.map(|n| &**n).collect::<Vec<_>>());
 
     let mut gradient = vec![0.0; model.dim()];
     let integrated: Vec<usize> = (0..model.dim())
-        .filter(|i| names[*i].starts_with("delay") && names[*i].contains("eta") || names[*i].starts_with("onset"))
+        .filter(|i| {
+            names[*i].starts_with("delay") && names[*i].contains("eta")
+                || names[*i].starts_with("onset")
+        })
         .collect();
     assert_eq!(integrated.len(), 2 * 5 + 2);
     for position in positions(&model, 5) {
@@ -130,7 +136,12 @@ fn the_integral_times_the_conditional_is_the_density() {
             };
             let [low, high] = [-1e-5, 1e-5].map(|h| integral.value(&step(h)));
             let slope = (high - low) / 2e-5;
-            assert!((slope - gradient[i]).abs() < 1e-4 * (1.0 + slope.abs()), "{}: {slope} {}", names[i], gradient[i]);
+            assert!(
+                (slope - gradient[i]).abs() < 1e-4 * (1.0 + slope.abs()),
+                "{}: {slope} {}",
+                names[i],
+                gradient[i]
+            );
         }
     }
 }
@@ -149,7 +160,9 @@ fn the_hessian_is_that_of_the_integral() {
     let r: Vec<usize> = (0..model.dim()).filter(|i| !resting.contains(i)).collect();
     let hessian_of = |density: &dyn LogDensity, at: &[f64]| {
         let mut h = DMatrix::zeros(model.dim(), model.dim());
-        density.evaluator().hessian(at, &mut |i, column| h.set_column(i, &DVector::from_column_slice(column)));
+        density
+            .evaluator()
+            .hessian(at, &mut |i, column| h.set_column(i, &DVector::from_column_slice(column)));
         h
     };
     for mut position in positions(&model, 2) {
@@ -158,7 +171,9 @@ fn the_hessian_is_that_of_the_integral() {
         let mut gradient = vec![0.0; model.dim()];
         model.evaluator().ln_density(&position, &mut gradient);
         let whole = hessian_of(&model, &position);
-        let part = |h: &DMatrix<f64>, rows: &[usize], columns: &[usize]| h.select_rows(rows).select_columns(columns);
+        let part = |h: &DMatrix<f64>, rows: &[usize], columns: &[usize]| {
+            h.select_rows(rows).select_columns(columns)
+        };
         let slope = DVector::from_iterator(w.len(), w.iter().map(|i| gradient[*i]));
         let step = part(&whole, &w, &w).lu().solve(&slope).unwrap();
         w.iter().zip(&step).for_each(|(i, step)| position[*i] -= step);
@@ -193,11 +208,13 @@ fn draws_are_those_of_the_whole_density() {
                 };
                 chains.iter().map(of).collect()
             };
-            let [a, b] = [column(&own), column(&whole)].map(|columns| {
-                summarise(&columns.iter().map(Vec::as_slice).collect::<Vec<_>>())
-            });
+            let [a, b] = [column(&own), column(&whole)]
+                .map(|columns| summarise(&columns.iter().map(Vec::as_slice).collect::<Vec<_>>()));
             let z = (a.mean - b.mean).abs() / a.mcse.hypot(b.mcse);
-            println!("{name} {square}: {:.3} {:.3}, z {z:.1}, ESS {:.0} {:.0}", a.mean, b.mean, a.ess_bulk, b.ess_bulk);
+            println!(
+                "{name} {square}: {:.3} {:.3}, z {z:.1}, ESS {:.0} {:.0}",
+                a.mean, b.mean, a.ess_bulk, b.ess_bulk
+            );
             worst = worst.max(z);
         }
     }

@@ -25,14 +25,16 @@ use crate::infer::{Evaluator, Factor, LogDensity};
 use crate::num::vector::dot;
 
 /// Steps of C and of W: some small, some large, and how often each is made.
-const STEPS: [f64; 3] = [0.05, 0.2, 0.6];
-const ROUNDS: usize = 5;
+const STEPS: [f64; 3] = [0.03, 0.1, 0.3];
+const ROUNDS: usize = 10;
 
 /// The density of a model with an operator over the surface, with what shifts its measurements integrated out. A position is
 /// one of the model's unknowns; of those that are integrated out it does not depend.
 #[derive(Debug)]
 pub(super) struct WithoutShifts<'m> {
     model: &'m Model,
+    /// The fields that are integrated out.
+    fields: Vec<usize>,
     coefficients: Vec<Coefficient>,
     parts: Vec<Part>,
     /// Unknowns that C, then those that W depends on. Each of these moves on its own.
@@ -88,7 +90,7 @@ impl<'m> WithoutShifts<'m> {
         let own = model.scales_of_fields();
         let mut tape = model.tape();
         model.forward(&mut tape, &model.initial());
-        let mut coefficients = vec![];
+        let (mut fields, mut coefficients) = (vec![], vec![]);
         let (mut moving, mut depends) = (vec![], [vec![], vec![]]);
         for (field, entry) in model.fields.iter().enumerate() {
             let name = entry.name.split('[').next().unwrap_or_default();
@@ -111,6 +113,7 @@ impl<'m> WithoutShifts<'m> {
                     from: From::Mode { field, term, k },
                 }));
             }
+            fields.push(field);
             depends[0].extend(scaled_by);
             if !scales.is_empty() && !moving.contains(&scales) {
                 moving.push(scales);
@@ -146,6 +149,7 @@ impl<'m> WithoutShifts<'m> {
         resting.dedup();
         (!coefficients.is_empty()).then_some(Self {
             model,
+            fields,
             coefficients,
             parts,
             moving,
@@ -240,9 +244,15 @@ struct Known {
     /// The values on which C and W depend.
     at: [Vec<f64>; 2],
     c: Vec<f64>,
-    /// DᵀWD of each part.
-    grams: Vec<Mat<f64>>,
+    grams: Vec<Gram>,
     factors: Vec<Factor>,
+}
+
+/// DᵀWD of a part: W is that of its first row times these factors.
+struct Gram {
+    first: f64,
+    factors: Vec<f64>,
+    product: Mat<f64>,
 }
 
 struct Integrated<'m> {
@@ -266,6 +276,9 @@ impl Integrated<'_> {
     /// ln of the integral at a position.
     fn value_at(&mut self, position: &[f64]) -> f64 {
         let u = self.at_zero(position);
+        if u == self.position {
+            return self.value_again(position);
+        }
         self.of.model.forward(&mut self.tape, &u);
         self.position = u;
         self.integral()
@@ -275,7 +288,9 @@ impl Integrated<'_> {
     fn value_again(&mut self, position: &[f64]) -> f64 {
         self.position = self.at_zero(position);
         self.tape.u.copy_from_slice(&self.position);
-        self.of.model.priors.iter().for_each(|prior| prior.forward(&mut self.tape));
+        let model = self.of.model;
+        model.priors.iter().for_each(|prior| prior.forward(&mut self.tape));
+        self.of.fields.iter().for_each(|f| model.fields[*f].op.forward(&mut self.tape));
         self.integral()
     }
 
@@ -319,17 +334,18 @@ impl Integrated<'_> {
         if self.known.as_ref().is_some_and(|known| known.at == at) {
             return true;
         }
-        let old = self.known.take().filter(|known| known.at[1] == at[1]);
-        let grams = old.map_or_else(
-            || of.parts.iter().map(|part| of.gram(part, t)).collect(),
-            |old| old.grams,
-        );
+        let is_w_known = self.known.as_ref().is_some_and(|known| known.at[1] == at[1]);
+        let mut grams = self.known.take().map_or_else(Vec::new, |known| known.grams);
+        if !is_w_known {
+            let mut old = grams.into_iter();
+            grams = of.parts.iter().map(|part| of.gram(part, t, old.next())).collect();
+        }
         let c = of.multipliers(t);
-        let factor = |(part, gram): (&Part, &Mat<f64>)| {
+        let factor = |(part, gram): (&Part, &Gram)| {
             let n = part.of.len();
             let entry = |i: usize, j: usize| {
                 let prior = if i == j { of.coefficients[part.of[i]].precision } else { 0.0 };
-                prior + c[part.of[i]] * c[part.of[j]] * gram[(i, j)]
+                prior + c[part.of[i]] * c[part.of[j]] * gram.first * gram.product[(i, j)]
             };
             Factor::of(Mat::from_fn(n, n, entry).as_ref())
         };
@@ -356,16 +372,7 @@ impl Integrated<'_> {
                 t.v[at] = location + scale * w;
             }
         }
-        let is_moved = |field: usize| {
-            of.coefficients
-                .iter()
-                .any(|c| matches!(c.from, From::Mode { field: own, .. } if own == field))
-        };
-        for (field, entry) in of.model.fields.iter().enumerate() {
-            if is_moved(field) {
-                entry.op.forward(t);
-            }
-        }
+        of.fields.iter().for_each(|field| of.model.fields[*field].op.forward(t));
     }
 
     /// A position with coefficients drawn given all else, after [`Integrated::integral`] there.
@@ -403,15 +410,20 @@ impl WithoutShifts<'_> {
         self.coefficients.iter().map(&mut one).collect()
     }
 
-    /// DᵀWD
-    fn gram(&self, part: &Part, t: &Tape) -> Mat<f64> {
+    /// DᵀWD, by the product of `old` if W has changed by a factor alone.
+    fn gram(&self, part: &Part, t: &Tape, old: Option<Gram>) -> Gram {
         let n = part.of.len();
-        let root = |([observe, row], slot, slope): &([usize; 2], usize, f64)| {
-            self.model.observes[*observe].op.information(t, *row, *slot).sqrt() / slope.abs()
+        let information = |([observe, row], slot, slope): &([usize; 2], usize, f64)| {
+            self.model.observes[*observe].op.information(t, *row, *slot) / (slope * slope)
         };
-        let roots: Vec<f64> = part.rows.iter().map(root).collect();
-        let weighted = Mat::from_fn(part.rows.len(), n, |i, j| roots[i] * part.design[i * n + j]);
-        weighted.transpose() * &weighted
+        let first = part.rows.first().map_or(0.0, information);
+        let factors: Vec<f64> = part.rows.iter().map(|row| information(row) / first).collect();
+        if let Some(old) = old.filter(|old| old.factors == factors) {
+            return Gram { first, ..old };
+        }
+        let weighted =
+            Mat::from_fn(part.rows.len(), n, |i, j| factors[i].sqrt() * part.design[i * n + j]);
+        Gram { first, factors, product: weighted.transpose() * &weighted }
     }
 }
 
