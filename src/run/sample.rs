@@ -14,7 +14,7 @@ use super::{Event, Keep, OutputFolder, Problem, RunError, Watch, keep, unknowns,
 use crate::diagnostics::importance;
 use crate::infer::{
     Chain, ChainError, ChainFailure, ChainProgress, InferError, Laplace, LaplaceDraws,
-    LogDensity as _, Progress, Settings, jittered_starts,
+    LogDensity as _, Progress, Settings,
 };
 use crate::model::{Model, Sampler};
 use crate::report::Approximation;
@@ -202,15 +202,14 @@ impl<'a, 'm> Job<'a, 'm> {
         let (model, needs) = (problem.model(), Needs::of(problem, settings, draws));
         let mut settings = needs.placed(settings, &options.watch)?;
         let mut hashes = problem.loaded().hashes.clone();
+        let sampler = options.sampler.unwrap_or_else(|| Sampler::of(model));
         let starts = match options.warm_start {
             Some(folder) => {
                 hashes.insert("init".into(), hash_file(&folder.join(unknowns::FILE))?);
-                warm_start::starts(folder, model, &mut settings, &options.watch)?
+                warm_start::starts(folder, (model, sampler), &mut settings, &options.watch)?
             }
-            None => jittered_starts(model, &model.initial(), settings.chains, settings.seed)
-                .map_err(|error| placed(model, error))?,
+            None => sampler.starts(model, &settings).map_err(|error| placed(model, error))?,
         };
-        let sampler = options.sampler.unwrap_or_else(|| Sampler::of(model));
         problem.tell_doubts(&options.watch);
         problem.tell_triangulation(&options.watch);
         Ok(Self { problem, sampler, settings, hashes, starts, options, needs, begun })

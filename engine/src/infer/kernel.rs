@@ -123,10 +123,12 @@ impl<E: Evaluator> Kernel<E> {
     /// Moves the current point as the density itself knows how to; then its scales, and with them what they multiply.
     pub(super) fn move_scales(&mut self, curvature: &Curvature) {
         let Flow { hamiltonian, rng, .. } = &mut self.flow;
-        hamiltonian.evaluator.interweave(&mut self.point.position, rng);
-        self.point.ln_density = hamiltonian.evaluator.value(&self.point.position);
-        let n = move_scales(curvature, &mut hamiltonian.evaluator, &mut self.point, rng);
-        hamiltonian.n_evaluations += 1 + n;
+        let known = hamiltonian.evaluator.interweave(&mut self.point.position, rng);
+        hamiltonian.n_evaluations += u64::from(known.is_none());
+        self.point.ln_density =
+            known.unwrap_or_else(|| hamiltonian.evaluator.value(&self.point.position));
+        hamiltonian.n_evaluations +=
+            move_scales(curvature, &mut hamiltonian.evaluator, &mut self.point, rng);
         self.evaluate();
     }
 

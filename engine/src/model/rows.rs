@@ -226,10 +226,11 @@ impl Rows {
         self.place.slots().into_iter().map(slope).collect()
     }
 
-    /// The information about number `slot` of row `i`, after a forward pass: minus the second derivative of its log likelihood.
-    pub(super) fn information(&self, t: &Tape, i: usize, slot: usize) -> f64 {
+    /// First and second derivative of the log likelihood of row `i` in its number `slot`, after a forward pass.
+    pub(super) fn derivatives(&self, t: &Tape, i: usize, slot: usize) -> [f64; 2] {
         let numbers = self.place.numbers_at(&t.v, i);
-        -self.math.second(self.row(i, &numbers), slot, slot).eps1eps2
+        let ln = self.math.second(self.row(i, &numbers), slot, slot);
+        [ln.eps1, ln.eps1eps2]
     }
 
     /// The first row whose measurement this likelihood cannot take, and why.

@@ -14,15 +14,19 @@
 use faer::Mat;
 use rand::{Rng, RngExt as _};
 use rand_distr::StandardNormal;
+use rayon::prelude::*;
 
-use super::blocked::priors_of;
-use super::gp::padded;
-use super::laid_out::Model;
+use super::blocked::{Predictive, priors_of};
+use super::gp::{Term, padded};
+use super::laid_out::{FieldEntry, Model};
+use super::local::RowId;
 use super::second::Hessian;
 use super::tape::{Op as _, Tape};
 use crate::dist::Gaussian;
 use crate::infer::{Evaluator, Factor, LogDensity};
+use crate::num::LN_SQRT_2PI;
 use crate::num::vector::dot;
+use crate::random::Stream;
 
 /// Steps of C and of W: some small, some large, and how often each is made.
 const STEPS: [f64; 3] = [0.03, 0.1, 0.3];
@@ -71,10 +75,28 @@ enum From {
 struct Part {
     /// Which coefficients.
     of: Vec<usize>,
-    /// Its rows: `observe` and row, and the number of the row from which W is computed, with the slope of the row's location in it.
-    rows: Vec<([usize; 2], usize, f64)>,
+    rows: Vec<PartRow>,
     /// D, row-major `(row, coefficient)`.
     design: Vec<f64>,
+}
+
+/// A row, and one of its numbers, which shifts it.
+#[derive(Clone, Copy, Debug)]
+struct PartRow {
+    /// `[observe, row]`
+    id: [usize; 2],
+    number: usize,
+    /// Of the row's location in the number.
+    slope: f64,
+}
+
+impl PartRow {
+    /// dln L/dlocation and W, after a forward pass.
+    fn normal(self, model: &Model, t: &Tape) -> [f64; 2] {
+        let Self { id: [observe, row], number, slope } = self;
+        let [first, second] = model.observes[observe].op.derivatives(t, row, number);
+        [first / slope, -second / (slope * slope)]
+    }
 }
 
 impl<'m> WithoutShifts<'m> {
@@ -90,18 +112,22 @@ impl<'m> WithoutShifts<'m> {
         let own = model.scales_of_fields();
         let mut tape = model.tape();
         model.forward(&mut tape, &model.initial());
+        let scaled_by = |entry: &FieldEntry| -> Vec<usize> {
+            entry.op.terms.iter().flat_map(Term::scaled_by).collect()
+        };
+        let is_named = |entry: &FieldEntry| {
+            let name = entry.name.split('[').next();
+            name.is_some_and(|name| names.iter().any(|n| n == name))
+        };
+        let others: Vec<usize> =
+            model.fields.iter().filter(|f| !is_named(f)).flat_map(scaled_by).collect();
         let (mut fields, mut coefficients) = (vec![], vec![]);
         let (mut moving, mut depends) = (vec![], [vec![], vec![]]);
-        for (field, entry) in model.fields.iter().enumerate() {
-            let name = entry.name.split('[').next().unwrap_or_default();
-            let scaled_by: Vec<usize> =
-                entry.op.terms.iter().flat_map(|term| term.scaled_by()).collect();
-            let Some(scales) =
-                names.iter().any(|n| n == name).then(|| model.unknowns_of(&scaled_by))
-            else {
-                continue;
-            };
-            if !scales.iter().all(|u| own.contains(u)) {
+        for (field, entry) in model.fields.iter().enumerate().filter(|(_, entry)| is_named(entry)) {
+            let scaled_by = scaled_by(entry);
+            let scales = model.unknowns_of(&scaled_by);
+            let is_own = scales.iter().all(|u| own.contains(u));
+            if !is_own || scaled_by.iter().any(|v| others.contains(v)) {
                 continue;
             }
             for (term, op) in entry.op.terms.iter().enumerate() {
@@ -159,6 +185,47 @@ impl<'m> WithoutShifts<'m> {
     }
 }
 
+impl WithoutShifts<'_> {
+    /// See [`Model::predictive`]. Of y ~ N(μ, 1/W) at the coefficients' mean, of which the row has variance v by them, the others
+    /// leave a residual (y − μ)/(1 − W v) and a variance 1/W/(1 − W v).
+    pub(super) fn predictive(
+        &self,
+        draws: &[Vec<f64>],
+        rows: &[RowId],
+        seed: u64,
+    ) -> Vec<Option<Predictive>> {
+        let found = |id: &RowId| {
+            let is_it = |row: &PartRow| row.id == [id.observe, id.row];
+            self.parts
+                .iter()
+                .enumerate()
+                .find_map(|(p, part)| Some((p, part.rows.iter().position(is_it)?)))
+        };
+        let places: Vec<Option<(usize, usize)>> = rows.iter().map(found).collect();
+        let known: Vec<(usize, usize)> = places.iter().flatten().copied().collect();
+        let told: Vec<Vec<[f64; 2]>> = draws
+            .par_iter()
+            .map_init(|| Integrated::new(self), |on, draw| on.left_out(draw, &known))
+            .collect();
+        let mut nth = 0..;
+        let of_row = |(i, (place, id)): (usize, (&Option<(usize, usize)>, &RowId))| {
+            let nth = place.and(nth.next())?;
+            let y = self.model.observes[id.observe].op.observed_row(id.row)[0];
+            let mut rng = Stream::WithoutRow { row: i }.rng(seed);
+            let mut predictive = Predictive::default();
+            for row in &told {
+                let [residual, variance] = *row.get(nth)?;
+                let ln_norm = -0.5 * variance.ln() - LN_SQRT_2PI;
+                predictive.ln_density.push(ln_norm - 0.5 * residual * residual / variance);
+                let z: f64 = rng.sample(StandardNormal);
+                predictive.replicates.push(y - residual + variance.sqrt() * z);
+            }
+            Some(predictive)
+        };
+        places.iter().zip(rows).enumerate().map(of_row).collect()
+    }
+}
+
 /// Coefficients in parts that no row connects; `None` where the rows are not all normal.
 fn parts(model: &Model, tape: &Tape, coefficients: &[Coefficient]) -> Option<Vec<Part>> {
     // the coefficients that each value of a row shows, with what each is multiplied by beside C
@@ -189,8 +256,9 @@ fn parts(model: &Model, tape: &Tape, coefficients: &[Coefficient]) -> Option<Vec
                 design.extend(seen.iter().map(|(j, x)| (*j, slope * x)));
             }
             let number = seen.iter().position(|seen| !seen.is_empty())?;
-            let slot = of.op.place.slots()[number];
-            rows.push(([observe, row], slot, slopes[number], design));
+            let slope = slopes[number];
+            let own = PartRow { id: [observe, row], number: of.op.place.slots()[number], slope };
+            rows.push((own, design));
         }
     }
     let mut left: Vec<usize> = (0..rows.len()).collect();
@@ -199,25 +267,25 @@ fn parts(model: &Model, tape: &Tape, coefficients: &[Coefficient]) -> Option<Vec
         let (mut own, mut reached) = (vec![first], 0);
         while let Some(row) = own.get(reached).copied() {
             let shares = |other: &mut usize| {
-                rows[*other].3.iter().any(|(j, _)| rows[row].3.iter().any(|(k, _)| j == k))
+                rows[*other].1.iter().any(|(j, _)| rows[row].1.iter().any(|(k, _)| j == k))
             };
             own.extend(left.extract_if(.., shares));
             reached += 1;
         }
         own.sort_unstable();
         let mut of: Vec<usize> =
-            own.iter().flat_map(|row| &rows[*row].3).map(|(j, _)| *j).collect();
+            own.iter().flat_map(|row| &rows[*row].1).map(|(j, _)| *j).collect();
         of.sort_unstable();
         of.dedup();
         let mut design = vec![0.0; own.len() * of.len()];
         for (row, out) in own.iter().zip(design.chunks_exact_mut(of.len())) {
-            for (j, x) in &rows[*row].3 {
+            for (j, x) in &rows[*row].1 {
                 if let Ok(at) = of.binary_search(j) {
                     out[at] += x;
                 }
             }
         }
-        let rows = own.iter().map(|row| (rows[*row].0, rows[*row].1, rows[*row].2)).collect();
+        let rows = own.iter().map(|row| rows[*row].0).collect();
         parts.push(Part { of, rows, design });
     }
     Some(parts)
@@ -265,7 +333,32 @@ struct Integrated<'m> {
     position: Vec<f64>,
 }
 
-impl Integrated<'_> {
+impl<'m> Integrated<'m> {
+    fn new(of: &'m WithoutShifts<'m>) -> Self {
+        let mean = vec![0.0; of.coefficients.len()];
+        Self { of, tape: of.model.tape(), known: None, mean, position: vec![] }
+    }
+
+    /// Residual and variance that the other rows leave each of these, (part, row), at a position; nothing where there is no integral.
+    fn left_out(&mut self, position: &[f64], rows: &[(usize, usize)]) -> Vec<[f64; 2]> {
+        if !self.value_at(position).is_finite() {
+            return vec![];
+        }
+        self.set_mean(position);
+        let Some(known) = &self.known else { return vec![] };
+        let one = |(p, row): &(usize, usize)| {
+            let (part, factor) = (&self.of.parts[*p], &known.factors[*p]);
+            let [slope, w] = part.rows[*row].normal(self.of.model, &self.tape);
+            let design = &part.design[row * part.of.len()..][..part.of.len()];
+            let mut x: Vec<f64> =
+                part.of.iter().zip(design).map(|(j, d)| known.c[*j] * d).collect();
+            factor.solve(&mut x);
+            let left = 1.0 - w * dot::<4>(&x, &x);
+            [slope / w / left, 1.0 / w / left]
+        };
+        rows.iter().map(one).collect()
+    }
+
     /// The unknowns at w = 0.
     fn at_zero(&self, position: &[f64]) -> Vec<f64> {
         let mut u = position.to_vec();
@@ -413,9 +506,7 @@ impl WithoutShifts<'_> {
     /// DᵀWD, by the product of `old` if W has changed by a factor alone.
     fn gram(&self, part: &Part, t: &Tape, old: Option<Gram>) -> Gram {
         let n = part.of.len();
-        let information = |([observe, row], slot, slope): &([usize; 2], usize, f64)| {
-            self.model.observes[*observe].op.information(t, *row, *slot) / (slope * slope)
-        };
+        let information = |row: &PartRow| row.normal(self.model, t)[1];
         let first = part.rows.first().map_or(0.0, information);
         let factors: Vec<f64> = part.rows.iter().map(|row| information(row) / first).collect();
         if let Some(old) = old.filter(|old| old.factors == factors) {
@@ -463,7 +554,7 @@ impl Evaluator for Integrated<'_> {
     }
 
     /// C and W move under the integral, what is integrated out is drawn, and then scales and means move as fields rest.
-    fn interweave(&mut self, position: &mut [f64], rng: &mut dyn Rng) {
+    fn interweave(&mut self, position: &mut [f64], rng: &mut dyn Rng) -> Option<f64> {
         let mut here = self.value_at(position);
         let mut proposal = position.to_vec();
         for step in std::iter::repeat_n(STEPS, ROUNDS).flatten() {
@@ -484,6 +575,10 @@ impl Evaluator for Integrated<'_> {
         self.draw(position, rng);
         self.of.model.rescale_fields(&mut self.tape, position, rng);
         self.of.model.recentre_fields(&mut self.tape, position, rng);
+        // other fields are as they were, but nothing on the tape is at their new scales
+        let value = self.value_again(position);
+        self.position.clear();
+        Some(value)
     }
 
     fn multipliers(&mut self, position: &[f64]) -> Vec<f64> {
@@ -540,14 +635,7 @@ impl LogDensity for WithoutShifts<'_> {
         self.model.dim()
     }
     fn evaluator(&self) -> Box<dyn Evaluator + '_> {
-        let mean = vec![0.0; self.coefficients.len()];
-        Box::new(Integrated {
-            of: self,
-            tape: self.model.tape(),
-            known: None,
-            mean,
-            position: vec![],
-        })
+        Box::new(Integrated::new(self))
     }
     fn interwoven(&self) -> Option<Vec<usize>> {
         Some(self.resting.clone())

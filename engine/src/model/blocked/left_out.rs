@@ -5,12 +5,14 @@ use super::blocks::Blocks;
 use crate::infer::{RowWithout, without_rows};
 use crate::model::laid_out::Model;
 use crate::model::local::RowId;
+use crate::model::shifts::WithoutShifts;
 use crate::random::Stream;
 
 /// The model is not asked if its blocks have more latent values than this: each draw takes the square of them.
 const MOST_LATENT: usize = 200;
 
-/// What is predicted of a row from the others in each draw, with the coefficients of fields integrated out.
+/// What is predicted of a row from the others in each draw, with the coefficients of fields integrated out, or with what shifts
+/// arrival times.
 #[derive(Clone, Debug, Default)]
 pub struct Predictive {
     /// ln of its density at the measurement.
@@ -29,6 +31,9 @@ impl Model {
         rows: &[RowId],
         seed: u64,
     ) -> Vec<Option<Predictive>> {
+        if let Some(density) = WithoutShifts::of(self) {
+            return density.predictive(draws, rows, seed);
+        }
         let mut out = vec![None; rows.len()];
         if !Sampler::Blocked.takes(self) {
             return out;

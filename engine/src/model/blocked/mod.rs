@@ -30,7 +30,7 @@ pub use left_out::Predictive;
 
 use crate::infer::{
     self, Blocked, ChainResult, InferError, LatentGaussian as _, Nuts, Progress, Settings,
-    sample_blocked, sample_integrated,
+    jittered_starts, sample_blocked, sample_integrated,
 };
 use crate::model::laid_out::{FieldEntry, Model};
 
@@ -116,6 +116,16 @@ impl Sampler {
             Self::Nuts => Nuts::TARGET_ACCEPT,
         };
         settings.target_accept.or(Some(suits))
+    }
+
+    /// Where chains start: see [`jittered_starts`].
+    ///
+    /// # Errors
+    /// Those of [`jittered_starts`].
+    pub fn starts(self, model: &Model, settings: &Settings) -> Result<Vec<Vec<f64>>, InferError> {
+        let without_shifts = model.without_shifts().filter(|_| self == Self::Nuts);
+        let density = without_shifts.as_deref().unwrap_or(model);
+        jittered_starts(density, &model.initial(), settings.chains, settings.seed)
     }
 
     /// Samples `model`; the draws are its own unknowns whichever sampler it is.

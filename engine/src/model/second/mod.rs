@@ -108,9 +108,10 @@ struct OnTape<'m> {
 }
 
 impl Evaluator for OnTape<'_> {
-    fn interweave(&mut self, position: &mut [f64], rng: &mut dyn Rng) {
+    fn interweave(&mut self, position: &mut [f64], rng: &mut dyn Rng) -> Option<f64> {
         self.model.rescale_fields(&mut self.tape, position, rng);
         self.model.recentre_fields(&mut self.tape, position, rng);
+        None
     }
     fn multipliers(&mut self, position: &[f64]) -> Vec<f64> {
         self.model.multipliers(&mut self.tape, position)
