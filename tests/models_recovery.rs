@@ -354,10 +354,10 @@ fn erp_exact_recovers_fields_and_noise_with_open_brackets() {
     ];
     let mut table = sites(40);
     let truth = simulate(&erp_exact::ErpExact, Some(&basis), &mut table, &given, 5);
-    // the protocol ended at 250 ms: what captured nowhere below is known to be longer
+    // the protocol ended at 230 ms: what captured nowhere below is known to be longer
     let mut n_open = 0;
-    for row in table.rows.iter_mut().filter(|r| r[2].parse::<f64>().unwrap() >= 250.0) {
-        (row[2], row[3], n_open) = ("250".into(), String::new(), n_open + 1);
+    for row in table.rows.iter_mut().filter(|r| r[2].parse::<f64>().unwrap() >= 230.0) {
+        (row[2], row[3], n_open) = ("230".into(), String::new(), n_open + 1);
     }
     assert!((5..40).contains(&n_open), "{n_open} brackets are open");
     let good = fit(&erp_exact::ErpExact, Some(&basis), &table.read(), 1000);
@@ -718,7 +718,7 @@ fn draws_from_the_prior_have_its_moments() {
 
 #[test]
 fn a_prior_that_cannot_be_drawn_from_is_named() {
-    let basis = basis(VERTICES, 24);
+    let basis = basis(VERTICES, 60);
     let basis = Some(&basis);
     let model = Model::new(&erp_multiscale::ErpMultiscale, basis, &sites(3).read()).unwrap();
     let text = model.prior_draws(&Settings::default()).unwrap_err().to_string();

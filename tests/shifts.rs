@@ -121,7 +121,9 @@ fn the_integral_times_the_conditional_is_the_density() {
     for position in positions(&model, 5) {
         let value = integral.ln_density(&position, &mut gradient);
         let mut elsewhere = position.clone();
-        integrated.iter().for_each(|i| elsewhere[*i] -= 1.7);
+        for i in &integrated {
+            elsewhere[*i] -= 1.7;
+        }
         for at in [&position, &elsewhere] {
             let own = integral.ln_whole(at, value);
             let exact = whole.value(at);

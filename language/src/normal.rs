@@ -28,7 +28,10 @@ impl Model {
             normals().all(|(mu, sd)| sum.is_linear(mu) && sum.is_free(sd))
                 && others().all(|observe| sum.is_free(&observe.likelihood))
         };
-        for item in self.items().filter(|item| matches!(item, Item::Field(_) | Item::Param(_))) {
+        let mut seen = vec![];
+        normals().for_each(|(mu, _)| self.mentioned(mu, &mut seen));
+        for item in seen.into_iter().filter(|item| matches!(item, Item::Field(_) | Item::Param(_)))
+        {
             if self.is_mentioned_elsewhere(item.name()) {
                 continue;
             }

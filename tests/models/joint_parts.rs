@@ -9,19 +9,19 @@ macro_rules! joint {
             model $M;
             column s2_ms [ms];
             field cv_max(x) [m/s] in 0.3..1.5 = m + alpha * gp(Rbf(rho), K = 16) where {
-                m ~ Normal(0.8, 0.3); alpha ~ InvGamma(2.0, 0.1); rho ~ InvGamma(2.0, 64.0);
+                m ~ Normal(0.8, 0.3); alpha ~ LogNormal(-2.8, 0.8); rho ~ LogNormal(3.9, 0.5);
             }
             field ln_tau_in(x) [1] in -4.6..-1.2 = m + alpha * gp(Rbf(rho), K = 16) where {
-                m ~ Normal(-2.5, 0.7); alpha ~ InvGamma(2.0, 0.3); rho ~ InvGamma(2.0, 64.0);
+                m ~ Normal(-2.5, 0.7); alpha ~ LogNormal(-1.7, 0.8); rho ~ LogNormal(3.9, 0.5);
             }
             field tau_out(x) [ms] in 1.0..30.0 = m + alpha * gp(Rbf(rho), K = 16) where {
-                m ~ Normal(15.0, 7.0); alpha ~ InvGamma(2.0, 5.0); rho ~ InvGamma(2.0, 64.0);
+                m ~ Normal(15.0, 7.0); alpha ~ LogNormal(1.4, 0.8); rho ~ LogNormal(3.9, 0.5);
             }
             field tau_open(x) [ms] in 65.0..215.0 = m + alpha * gp(Rbf(rho), K = 16) where {
-                m ~ Normal(130.0, 30.0); alpha ~ InvGamma(2.0, 15.0); rho ~ InvGamma(2.0, 64.0);
+                m ~ Normal(130.0, 30.0); alpha ~ LogNormal(2.2, 0.8); rho ~ LogNormal(3.9, 0.5);
             }
             field apd_max(x) [ms] in 120.0..270.0 = m + alpha * gp(Rbf(rho), K = 16) where {
-                m ~ Normal(195.0, 40.0); alpha ~ InvGamma(2.0, 15.0); rho ~ InvGamma(2.0, 64.0);
+                m ~ Normal(195.0, 40.0); alpha ~ LogNormal(2.9, 0.8); rho ~ LogNormal(3.9, 0.5);
             }
             param apd_noise ~ HalfNormal(10.0);
             param cv_noise ~ HalfNormal(0.1);

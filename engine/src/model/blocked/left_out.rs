@@ -5,7 +5,6 @@ use super::blocks::Blocks;
 use crate::infer::{RowWithout, without_rows};
 use crate::model::laid_out::Model;
 use crate::model::local::RowId;
-use crate::model::shifts::WithoutShifts;
 use crate::random::Stream;
 
 /// The model is not asked if its blocks have more latent values than this: each draw takes the square of them.
@@ -31,8 +30,8 @@ impl Model {
         rows: &[RowId],
         seed: u64,
     ) -> Vec<Option<Predictive>> {
-        if let Some(density) = WithoutShifts::of(self) {
-            return density.predictive(draws, rows, seed);
+        if let Some(told) = self.predictive_without_shifts(draws, rows, seed) {
+            return told;
         }
         let mut out = vec![None; rows.len()];
         if !Sampler::Blocked.takes(self) {
