@@ -84,6 +84,14 @@ fn laid_out(declared: &dyn Declare) -> Model {
     Model::new(declared, Some(&basis), &data).unwrap()
 }
 
+/// The unknowns that are integrated out of [`shifted::Shifted`].
+fn integrated(model: &Model) -> Vec<usize> {
+    let is_integrated =
+        |name: &str| name.starts_with("delay") && name.contains("eta") || name.starts_with("onset");
+    let names = model.unknown_names();
+    (0..model.dim()).filter(|i| is_integrated(&names[*i])).collect()
+}
+
 /// Positions about the start.
 fn positions(model: &Model, n: usize) -> Vec<Vec<f64>> {
     let mut rng = rng(4);
@@ -111,12 +119,7 @@ fn the_integral_times_the_conditional_is_the_density() {
     assert_eq!(resting, expected.map(|n| &**n).collect::<Vec<_>>());
 
     let mut gradient = vec![0.0; model.dim()];
-    let integrated: Vec<usize> = (0..model.dim())
-        .filter(|i| {
-            names[*i].starts_with("delay") && names[*i].contains("eta")
-                || names[*i].starts_with("onset")
-        })
-        .collect();
+    let integrated = integrated(&model);
     assert_eq!(integrated.len(), 2 * 5 + 2);
     for position in positions(&model, 5) {
         let value = integral.ln_density(&position, &mut gradient);
@@ -154,11 +157,7 @@ fn the_hessian_is_that_of_the_integral() {
     let model = laid_out(&shifted::Shifted);
     let density = model.without_shifts().unwrap();
     let resting = density.interwoven().unwrap();
-    let names = model.unknown_names();
-    let is_integrated = |i: usize| {
-        names[i].starts_with("delay") && names[i].contains("eta") || names[i].starts_with("onset")
-    };
-    let w: Vec<usize> = (0..model.dim()).filter(|i| is_integrated(*i)).collect();
+    let w = integrated(&model);
     let r: Vec<usize> = (0..model.dim()).filter(|i| !resting.contains(i)).collect();
     let hessian_of = |density: &dyn LogDensity, at: &[f64]| {
         let mut h = DMatrix::zeros(model.dim(), model.dim());

@@ -1,7 +1,7 @@
 //! Models whose measurements are normal about a sum: of fields, parameters and effects, each with a factor. And what shifts
 //! normal measurements, without a factor.
 
-use crate::linear::{is_linear, is_sum};
+use crate::linear::is_linear;
 use crate::names::mentions;
 use crate::syntax::{Expr, Field, Ident, Item, Model, Observe, Over, Prior, Value};
 use quote::ToTokens;
@@ -215,11 +215,8 @@ impl<'m> Sum<'m> {
 
     /// Whether `e` is linear in what is summed, up to something free; without factors, if there are none.
     fn is_linear(&self, e: &Expr) -> bool {
-        let (is_free, is_term) = (|e: &Expr| self.is_free(e), |e: &Expr| self.is_term(e));
-        match self.fields {
-            Fields::All => is_linear(e, &is_free, &is_term),
-            Fields::These(_) => is_sum(e, &is_free, &is_term),
-        }
+        let is_factor = |e: &Expr| matches!(self.fields, Fields::All) && self.is_free(e);
+        is_linear(e, &|e| self.is_free(e), &is_factor, &|e| self.is_term(e))
     }
 
     /// Whether `e` is one number that is summed: `f(x)`, `a`, `b[0]`, `c(row)`, or a `let` that is a sum.

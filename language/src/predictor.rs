@@ -99,7 +99,8 @@ impl Model {
             }
             _ => false,
         };
-        is_linear(e, &|e| self.is_known(e), &is_parameter)
+        let is_known = |e: &Expr| self.is_known(e);
+        is_linear(e, &is_known, &is_known, &is_parameter)
     }
 
     /// Whether `e` is the same at every draw: it mentions no parameter, no `let`, no field and no column with a prior.

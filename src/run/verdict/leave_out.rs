@@ -85,10 +85,13 @@ pub(in crate::run) fn exact(fit: &Fit<'_>, loo: LeaveOneOut, watch: &Watch<'_>) 
     let gradients: u64 = fit.chains().iter().map(|c| c.n_grad_warmup + c.n_grad_sampling).sum();
     let size = fit.model().dim() as f64 + ROW * ids.len() as f64;
     let is_dear = gradients as f64 * size > DEAR;
-    high.truncate(if is_dear { MOST_DEAR } else { MOST });
-    if fit.model().interwoven().is_some() {
-        high.clear(); // where a gradient costs milliseconds, one such fit takes a fifth of the run
-    }
+    // where a gradient costs milliseconds, one such fit takes a fifth of the run
+    let is_slow = fit.model().interwoven().is_some();
+    high.truncate(match (is_slow, is_dear) {
+        (true, _) => 0,
+        (false, true) => MOST_DEAR,
+        (false, false) => MOST,
+    });
     let of = high.len();
     for (turn, rows) in high.chunks(SIDE_BY_SIDE).enumerate() {
         watch.tell(&Event::LeavingOut { done: turn * SIDE_BY_SIDE, of });

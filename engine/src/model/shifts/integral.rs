@@ -13,6 +13,7 @@ use rand_distr::StandardNormal;
 pub(super) struct Known {
     /// The values on which C and W depend.
     at: [Vec<f64>; 2],
+    /// C
     pub(super) c: Vec<f64>,
     grams: Vec<Gram>,
     pub(super) factors: Vec<Factor>,
@@ -25,6 +26,7 @@ struct Gram {
     product: Mat<f64>,
 }
 
+/// Computes the integral; one per thread.
 pub(super) struct Integrated<'m> {
     pub(super) of: &'m Shifts<'m>,
     pub(super) tape: Tape,

@@ -16,7 +16,7 @@ pub(super) struct Shifts<'m> {
     pub(super) fields: Vec<usize>,
     pub(super) coefficients: Vec<Coefficient>,
     pub(super) parts: Vec<Part>,
-    /// Unknowns that C, then those that W depends on. Each of these moves on its own.
+    /// Unknowns that C depends on, then those that W depends on, in groups that move one after the other.
     pub(super) moving: Vec<Vec<usize>>,
     /// All unknowns of [`Model::scales_of_fields`], of `moving`, and the coefficients.
     pub(super) resting: Vec<usize>,
@@ -27,7 +27,7 @@ pub(super) struct Shifts<'m> {
 /// A number that is integrated out.
 #[derive(Debug)]
 pub(super) struct Coefficient {
-    /// Its unknown: where w is 0, and by how much it moves with w.
+    /// Its unknown, which is `zero + unit w`.
     pub(super) unknown: usize,
     pub(super) zero: f64,
     pub(super) unit: f64,
@@ -36,7 +36,7 @@ pub(super) struct Coefficient {
     pub(super) from: Origin,
 }
 
-/// What a coefficient shifts.
+/// Where a coefficient belongs.
 #[derive(Clone, Copy, Debug)]
 pub(super) enum Origin {
     /// Mode k of a term of a field.
@@ -55,18 +55,18 @@ pub(super) struct Part {
     pub(super) design: Vec<f64>,
 }
 
-/// A row, and one of its numbers, which shifts it.
+/// A row, and one of its numbers that shift it.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct PartRow {
     /// `[observe, row]`
     pub(super) id: [usize; 2],
     pub(super) number: usize,
-    /// Of the row's location in the number.
+    /// Derivative of the row's mean in that number: 1 or −1.
     pub(super) slope: f64,
 }
 
 impl PartRow {
-    /// dln L/dlocation and W, after a forward pass.
+    /// The derivative of ln L in the row's mean, and W, after a forward pass.
     pub(super) fn normal(self, model: &Model, t: &Tape) -> [f64; 2] {
         let Self { id: [observe, row], number, slope } = self;
         let [first, second] = model.observes[observe].op.derivatives(t, row, number);
