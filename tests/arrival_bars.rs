@@ -87,9 +87,17 @@ impl Truth {
         let carried = fine.carry(fibres.clone(), halfway);
         let cv = fine.carry(cv_max.clone(), |a, b| 0.5 * (a + b));
         let edge = fine.mesh.mean_edge_length();
-        // what a front on such edges makes of CV_max
-        let share = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0]]
-            .map(|fibre| velocity(edge, fibre, (0.75, RATIO)) / 0.75);
+        // what fronts on such edges make of CV_max, along fibres and across: more where they are thin
+        let steps: Vec<f64> = (0..6).map(|i| 0.55 + 0.08 * f64::from(i)).collect();
+        let along_and_across = |cv: &f64| {
+            [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0]].map(|fibre| velocity(edge, fibre, (*cv, RATIO)) / cv)
+        };
+        let shares: Vec<[f64; 2]> = steps.iter().map(along_and_across).collect();
+        let share = |cv: f64, k: usize| {
+            let at = ((cv - 0.55) / 0.08).clamp(0.0, 4.999);
+            let (i, part) = (at as usize, at.fract());
+            (1.0 - part) * shares[i][k] + part * shares[i + 1][k]
+        };
         let mut activations = vec![];
         for source in SOURCES {
             let begun = Instant::now();
@@ -103,44 +111,52 @@ impl Truth {
             println!("from vertex {source}: until {last:.0} ms, {:.1?}", begun.elapsed());
             activations.push(lat);
         }
-        let velocity = cv_max.iter().map(|cv| share.map(|s| s * cv)).collect();
-        println!("edges of {edge:.2} mm, CV / CV_max {share:.3?}");
+        let velocity = cv_max.iter().map(|cv| [0, 1].map(|k| share(*cv, k) * cv)).collect();
+        println!("edges of {edge:.2} mm, CV / CV_max {shares:.3?} at {steps:.2?}");
         Self { velocity, angle, fibres, activation: activations }
     }
 
     /// Prints by how much arrivals with the true tissue differ from the simulator's, without and with the thickness that
-    /// fronts have in theory.
+    /// fronts have in theory, on the surface's own triangles and on those cut into 4 and into 16.
     fn beside_the_equation(&self, surface: &Surface) {
-        let mesh = &surface.mesh;
-        let eikonal = Eikonal::new(mesh, Some(&per_triangle(mesh, &self.fibres))).unwrap();
-        let slowness: Vec<f64> = self.velocity.iter().map(|v| 1.0 / v[0]).collect();
-        let ratio: Vec<f64> = self.velocity.iter().map(|v| v[0] / v[1]).collect();
-        for (source, lat) in SOURCES.iter().zip(&self.activation) {
-            for thickness in [0.0, activation::TAU_IN / 0.32] {
-                let thick = vec![thickness; slowness.len()];
-                let medium = Medium {
-                    slowness: &slowness,
-                    ratio: Some(&ratio),
-                    angle: None,
-                    thickness: Some(&thick),
-                };
-                let mut front = Front::default();
-                eikonal.forward(&medium, &[(*source as u32, 0.0)], &mut front);
-                // where the stimulus does not reach
-                let far = lat.iter().zip(&front.arrival).filter(|(lat, _)| **lat > 10.0);
-                let pairs: Vec<(f64, f64)> = far.map(|(lat, t)| (*t, lat - t)).collect();
-                let mean = |of: &dyn Fn(&(f64, f64)) -> f64| {
-                    pairs.iter().map(of).sum::<f64>() / pairs.len() as f64
-                };
-                let [t, gap] = [mean(&|p| p.0), mean(&|p| p.1)];
-                let slope = mean(&|p| (p.0 - t) * (p.1 - gap)) / mean(&|p| (p.0 - t).powi(2));
-                let rms = |slope: f64| mean(&|p| (p.1 - gap - slope * (p.0 - t)).powi(2)).sqrt();
-                println!(
-                    "from vertex {source}, thickness {thickness:.2} ms: simulator's later by {gap:.2} ms and {:.1} % of the time, rms {:.2} ms, with that line taken off {:.2}",
-                    100.0 * slope,
-                    rms(0.0),
-                    rms(slope),
-                );
+        for times in 0..3 {
+            let fine = Refined::new(surface.mesh.clone(), times).unwrap();
+            let mesh = &fine.mesh;
+            let fibres = fine.carry(self.fibres.clone(), halfway);
+            let velocity =
+                fine.carry(self.velocity.clone(), |a, b| [0, 1].map(|k| 0.5 * (a[k] + b[k])));
+            let eikonal = Eikonal::new(mesh, Some(&per_triangle(mesh, &fibres))).unwrap();
+            let slowness: Vec<f64> = velocity.iter().map(|v| 1.0 / v[0]).collect();
+            let ratio: Vec<f64> = velocity.iter().map(|v| v[0] / v[1]).collect();
+            for (source, lat) in SOURCES.iter().zip(&self.activation) {
+                for thickness in [0.0, activation::TAU_IN / 0.32] {
+                    let thick = vec![thickness; slowness.len()];
+                    let medium = Medium {
+                        slowness: &slowness,
+                        ratio: Some(&ratio),
+                        angle: None,
+                        thickness: Some(&thick),
+                    };
+                    let mut front = Front::default();
+                    eikonal.forward(&medium, &[(*source as u32, 0.0)], &mut front);
+                    // where the stimulus does not reach
+                    let far = lat.iter().zip(&front.arrival).filter(|(lat, _)| **lat > 10.0);
+                    let pairs: Vec<(f64, f64)> = far.map(|(lat, t)| (*t, lat - t)).collect();
+                    let mean = |of: &dyn Fn(&(f64, f64)) -> f64| {
+                        pairs.iter().map(of).sum::<f64>() / pairs.len() as f64
+                    };
+                    let [t, gap] = [mean(&|p| p.0), mean(&|p| p.1)];
+                    let slope = mean(&|p| (p.0 - t) * (p.1 - gap)) / mean(&|p| (p.0 - t).powi(2));
+                    let rms =
+                        |slope: f64| mean(&|p| (p.1 - gap - slope * (p.0 - t)).powi(2)).sqrt();
+                    println!(
+                        "{} vertices, from vertex {source}, thickness {thickness:.2} ms: simulator's later by {gap:.2} ms and {:.1} % of the time, rms {:.2} ms, with that line taken off {:.2}",
+                        mesh.n_vertices(),
+                        100.0 * slope,
+                        rms(0.0),
+                        rms(slope),
+                    );
+                }
             }
         }
     }

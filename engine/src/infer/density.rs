@@ -33,8 +33,14 @@ pub trait Evaluator: Send {
     }
 
     /// Moves `position` without evaluating what is costly. The moves leave the density as it is, and change the
-    /// unknowns of [`LogDensity::interwoven`], with others that depend on them. Returns the log density there, if it is known.
-    fn interweave(&mut self, _position: &mut [f64], _rng: &mut dyn Rng) -> Option<f64> {
+    /// unknowns of [`LogDensity::interwoven`], with others that depend on them. Returns the log density there and writes its
+    /// gradient, if it knows them.
+    fn interweave(
+        &mut self,
+        _position: &mut [f64],
+        _gradient: &mut [f64],
+        _rng: &mut dyn Rng,
+    ) -> Option<f64> {
         None
     }
 
@@ -75,8 +81,13 @@ pub trait Evaluator: Send {
 }
 
 impl<E: Evaluator + ?Sized> Evaluator for Box<E> {
-    fn interweave(&mut self, position: &mut [f64], rng: &mut dyn Rng) -> Option<f64> {
-        (**self).interweave(position, rng)
+    fn interweave(
+        &mut self,
+        position: &mut [f64],
+        gradient: &mut [f64],
+        rng: &mut dyn Rng,
+    ) -> Option<f64> {
+        (**self).interweave(position, gradient, rng)
     }
     fn ln_whole(&mut self, position: &[f64], ln_density: f64) -> f64 {
         (**self).ln_whole(position, ln_density)

@@ -120,16 +120,19 @@ impl<E: Evaluator> Kernel<E> {
         }
     }
 
-    /// Moves the current point as the density itself knows how to; then its scales, and with them what they multiply.
+    /// Moves the scales at the current point, and with them what they multiply; then all that the density itself knows how to.
     pub(super) fn move_scales(&mut self, curvature: &Curvature) {
         let Flow { hamiltonian, rng, .. } = &mut self.flow;
-        let known = hamiltonian.evaluator.interweave(&mut self.point.position, rng);
-        hamiltonian.n_evaluations += u64::from(known.is_none());
-        self.point.ln_density =
-            known.unwrap_or_else(|| hamiltonian.evaluator.value(&self.point.position));
-        hamiltonian.n_evaluations +=
-            move_scales(curvature, &mut hamiltonian.evaluator, &mut self.point, rng);
-        self.evaluate();
+        let Hamiltonian { evaluator, n_evaluations, .. } = hamiltonian;
+        *n_evaluations += move_scales(curvature, evaluator, &mut self.point, rng);
+        let PhasePoint { position, gradient, .. } = &mut self.point;
+        match evaluator.interweave(position, gradient, rng) {
+            Some(ln_density) => {
+                self.point.ln_density = ln_density;
+                *n_evaluations += 1;
+            }
+            None => self.evaluate(),
+        }
     }
 
     /// Moves the current point by one transition with this step size.

@@ -89,7 +89,7 @@ impl Model {
         let room = |k| Coefficients { mean: vec![0.0; n], weights: vec![0.0; k * n] };
         let mut fields: Vec<Coefficients> = self.fields.iter().map(|f| room(f.op.k)).collect();
         let mut one = |(draw, u): (usize, &Vec<f64>)| {
-            self.forward(&mut t, u);
+            self.forward_fields(&mut t, u);
             for (own, field) in fields.iter_mut().zip(&self.fields) {
                 let (mean, w) = field.op.weights(&t);
                 own.mean[draw] = mean;

@@ -25,6 +25,20 @@ impl Model {
 
     /// Computes all values from the unknowns.
     pub fn forward(&self, t: &mut Tape, u: &[f64]) {
+        self.forward_fields(t, u);
+        for over in &self.over {
+            over.forward(t);
+        }
+        for predictor in &self.predictors {
+            predictor.forward(t);
+        }
+        for linear in &self.linear {
+            linear.forward(t);
+        }
+    }
+
+    /// Computes parameters and fields, and leaves all else as it was: an operator over the surface takes milliseconds.
+    pub fn forward_fields(&self, t: &mut Tape, u: &[f64]) {
         t.u.copy_from_slice(u);
         for range in &self.offsets {
             t.v[range.clone()].fill(0.0);
@@ -34,15 +48,6 @@ impl Model {
         }
         for field in &self.fields {
             field.op.forward(t);
-        }
-        for over in &self.over {
-            over.forward(t);
-        }
-        for predictor in &self.predictors {
-            predictor.forward(t);
-        }
-        for linear in &self.linear {
-            linear.forward(t);
         }
     }
 

@@ -7,13 +7,16 @@ use std::collections::{BTreeMap, BTreeSet};
 
 use super::fits::in_words;
 use crate::diagnostics::verdict::Doubt;
-use crate::model::{Maps, Model, Observe, RowId};
+use crate::model::{Maps, Model, Observe, RowId, Tape};
 use crate::random::Stream;
 use crate::run::Loaded;
 use crate::table::Measurements;
+use rayon::prelude::*;
 
 /// Draws from the prior.
 const DRAWS: usize = 400;
+/// Draws at which rows are computed side by side.
+const AT_ONCE: usize = 32;
 /// Fewer physical draws than this at a measurement tell nothing about its range.
 const FEWEST: usize = 40;
 /// Draws at which two measurements must be predicted alike to be of one quantity.
@@ -95,15 +98,21 @@ impl<'m> Simulated<'m> {
         physical: &Physical,
     ) -> Self {
         let mut rng = Stream::Expected.rng(1);
-        let (mut tape, mut locals) = (model.tape(), vec![]);
         let mut expected = vec![Expected::NONE; ids.len()];
         let mut groups = groups(model, ids, &draws[..draws.len().min(ALIKE)]);
         let vertices: Vec<Option<u32>> =
             ids.iter().map(|id| table.vertex(model.table_row(*id))).collect();
         let measured: Vec<Vec<f64>> = ids.iter().map(|id| model.measured_row(*id)).collect();
         let mut replicates = vec![None; ids.len()];
-        for (d, draw) in draws.iter().enumerate() {
-            model.locals_at(&mut tape, draw, ids, &mut locals);
+        let locals_of = |tape: &mut Tape, draw: &Vec<f64>| {
+            let mut locals = vec![];
+            model.locals_at(tape, draw, ids, &mut locals);
+            locals
+        };
+        let some = draws.chunks(AT_ONCE).flat_map(|some| -> Vec<Vec<f64>> {
+            some.par_iter().map_init(|| model.tape(), locals_of).collect()
+        });
+        for (d, locals) in some.enumerate() {
             let mut rest = locals.as_slice();
             for (i, id) in ids.iter().enumerate() {
                 let (own, others) = rest.split_at(model.n_locals(*id));

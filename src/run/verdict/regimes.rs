@@ -76,8 +76,10 @@ impl Site {
     fn doubt(&self, n: usize, names: &[MapName<'_>], surface: Option<&Surface>) -> Doubt {
         let Between { means, variance, .. } = &self.between;
         let [smaller, larger] = if self.cut.high() < 0.5 { [1, 0] } else { [0, 1] };
-        let differs =
-            |f: &usize| (means[1][*f] - means[0][*f]).abs() > DIFFERS * variance[*f].sqrt();
+        let apart = |f: usize| (means[1][f] - means[0][f]).abs() / variance[f].sqrt();
+        // of many fields that differ together none may differ so much by itself
+        let most = (0..variance.len()).map(apart).fold(0.0, f64::max);
+        let differs = |f: &usize| apart(*f) > DIFFERS || most <= DIFFERS && apart(*f) > 0.5 * most;
         let field = |f: usize| {
             let MapName { name, unit, .. } = names[f];
             (name.to_owned(), unit.to_owned(), [smaller, larger].map(|which| means[which][f]))

@@ -75,7 +75,7 @@ impl Fit<'_> {
         let mut rng = Stream::Expected.rng(self.settings.seed);
         let (mut tape, mut values) = (model.tape(), vec![]);
         for draw in prior {
-            model.forward(&mut tape, draw);
+            model.forward_fields(&mut tape, draw);
             model.report(&tape, &mut rng, &mut values);
         }
         let (n_reported, mut first, mut compared) = (model.n_reported(), 0, 0);

@@ -4,98 +4,132 @@
 //! dT_v = Σ_parents w dT_parent + w_o d onset + Σ_triangles (g_s ds + g_r dr + g_φ dφ)
 //! ```
 //! `backward` adds the transpose of this, last vertices first; `push` is this, first vertices first.  Vertices of a
-//! group (`order.rs`) depend on each other, and their linear system is solved by iterating it.
+//! group (`order.rs`) depend on each other, and their linear system is solved by iterating it.  For `push`, of
+//! which a Hessian asks hundreds of times, these numbers are kept ([`Linear`]).
 
 use super::front::Front;
 use super::geometry::Geometry;
+use super::metric::Tissue;
 use super::step::{Slope, Step};
 use super::way::{NONE, Way};
 use super::{Medium, MediumBar};
+use std::ops::Range;
 
 /// Iterations of a group end once what is left is smaller than this part of where they began.
 const SMALL: f64 = 1e-17;
 const MOST_ITERATIONS: usize = 10_000;
 
-/// One vertex's arrival as a linear function of what it depends on, but for the medium.
+/// The arrivals of a front as linear functions of each other, of the onsets and of the medium.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Linear {
+    /// Of each vertex (n_vertices).
+    links: Vec<Link>,
+    /// What vertices owe to the medium of triangles.
+    dues: Vec<Due>,
+    /// What vertices that a front with a thickness reached along a line owe to the medium of triangles without, with the
+    /// derivative by the thickness there.
+    of_lines: Vec<(Due, f64)>,
+}
+
+/// One vertex's arrival as a linear function of what it depends on.
 #[derive(Clone, Copy, Debug)]
 struct Link {
     parents: [(u32, f64); 2],
     onset: (u32, f64),
+    /// Its parts of all dues, and of those of lines: first, and one after the last.
+    dues: [u32; 2],
+    of_lines: [u32; 2],
 }
 
-/// By the medium of one triangle: slowness, ratio, angle.
-type OfMedium = (u32, [f64; 3]);
-
-struct Linear<'a> {
-    geometry: &'a Geometry,
-    front: &'a Front,
+/// Derivatives by the medium of one triangle: slowness, ratio, angle.
+#[derive(Clone, Copy, Debug)]
+struct Due {
+    triangle: u32,
+    by: [f64; 3],
 }
 
-impl Linear<'_> {
-    /// The link of a vertex; `visit` is told what it owes to the medium of each triangle.
-    fn link(&self, v: u32, visit: impl FnMut(OfMedium)) -> Link {
-        let none = (NONE, 0.0);
-        let nothing = Link { parents: [none; 2], onset: none };
-        match self.front.ways[v as usize] {
-            Way::Never => nothing,
-            Way::Ray(index) => self.ray(index, visit),
+impl Linear {
+    pub(super) fn new(geometry: &Geometry, front: &Front) -> Self {
+        let mut new = Self::default();
+        new.links.reserve(front.ways.len());
+        new.dues.reserve(front.ways.len());
+        front.ways.iter().for_each(|way| new.add(geometry, front, *way));
+        new
+    }
+
+    /// Adds a vertex that is reached so.
+    fn add(&mut self, geometry: &Geometry, front: &Front, way: Way) {
+        let (none, starts) = ((NONE, 0.0), [self.dues.len(), self.of_lines.len()]);
+        let (parents, onset) = match way {
+            Way::Never => ([none; 2], none),
+            Way::Ray(index) => ([none; 2], self.ray(front, index)),
             Way::Along { triangle, to, end } => {
-                self.along(triangle, to as usize, end as usize, visit)
+                ([self.along(geometry, front, triangle, [to, end]), none], none)
             }
             Way::Across { triangle, to, is_round } => {
-                self.across(triangle, to as usize, is_round, visit)
+                self.across(geometry, front, (triangle, to as usize), is_round)
+            }
+        };
+        let dues = [starts[0], self.dues.len()].map(|at| at as u32);
+        let of_lines = [starts[1], self.of_lines.len()].map(|at| at as u32);
+        self.links.push(Link { parents, onset, dues, of_lines });
+    }
+
+    /// Along a line. Returns what is owed to its source.
+    fn ray(&mut self, front: &Front, index: u32) -> (u32, f64) {
+        let ray = front.rays.ray(index);
+        let due = |triangle: u32, step: [f64; 2], tissue: &[Tissue], by: f64| {
+            let tissue = &tissue[triangle as usize];
+            Due { triangle, by: weighted(tissue, tissue.timed(step)).map(|x| by * x) }
+        };
+        match front.plain_medium(ray.source) {
+            None => {
+                for piece in front.rays.pieces(ray) {
+                    self.dues.push(due(piece.triangle, piece.step, &front.tissue, 1.0));
+                }
+            }
+            Some((tissue, thickness)) => {
+                front.rays.late_slopes(ray, tissue, thickness, |piece, by_time, by_thickness| {
+                    let due = due(piece.triangle, piece.step, tissue, by_time);
+                    self.of_lines.push((due, by_thickness));
+                });
             }
         }
+        (ray.source, 1.0)
     }
 
-    fn ray(&self, index: u32, mut visit: impl FnMut(OfMedium)) -> Link {
-        let ray = self.front.rays.ray(index);
-        if self.front.plain_medium(ray.source).is_none() {
-            for piece in self.front.rays.pieces(ray) {
-                let tissue = &self.front.tissue[piece.triangle as usize];
-                visit((piece.triangle, weighted(tissue, tissue.timed(piece.step))));
-            }
-        }
-        Link { parents: [(NONE, 0.0); 2], onset: (ray.source, 1.0) }
-    }
-
-    /// Tells `visit` what a vertex that a front with a thickness reached along a line owes to the medium of each
-    /// triangle without, and to the thickness there.
-    fn line(&self, v: u32, mut visit: impl FnMut(OfMedium, f64)) {
-        let Way::Ray(index) = self.front.ways[v as usize] else { return };
-        let ray = self.front.rays.ray(index);
-        let Some((tissue, thickness)) = self.front.plain_medium(ray.source) else { return };
-        self.front.rays.late_slopes(ray, tissue, thickness, |piece, by_time, by_thickness| {
-            let tissue = &tissue[piece.triangle as usize];
-            let of = weighted(tissue, tissue.timed(piece.step)).map(|of| by_time * of);
-            visit((piece.triangle, of), by_thickness);
-        });
-    }
-
-    fn along(&self, index: u32, to: usize, end: usize, mut visit: impl FnMut(OfMedium)) -> Link {
-        let triangle = &self.geometry.triangles[index as usize];
-        let (tissue, from) = (&self.front.tissue[index as usize], (to + 1 + end) % 3);
-        let d = minus(triangle.points[to], triangle.points[from]);
-        visit((index, weighted(tissue, tissue.timed(d))));
-        Link { parents: [(triangle.corners[from], 1.0), (NONE, 0.0)], onset: (NONE, 0.0) }
-    }
-
-    fn across(
-        &self,
+    /// Along a side. Returns what is owed to the vertex at its end.
+    fn along(
+        &mut self,
+        geometry: &Geometry,
+        front: &Front,
         index: u32,
-        to: usize,
+        [to, end]: [u8; 2],
+    ) -> (u32, f64) {
+        let triangle = &geometry.triangles[index as usize];
+        let (tissue, from) = (&front.tissue[index as usize], (to + 1 + end) as usize % 3);
+        let d = minus(triangle.points[to as usize], triangle.points[from]);
+        self.dues.push(Due { triangle: index, by: weighted(tissue, tissue.timed(d)) });
+        (triangle.corners[from], 1.0)
+    }
+
+    /// Across a side. Returns what is owed to its ends, and to a source.
+    fn across(
+        &mut self,
+        geometry: &Geometry,
+        front: &Front,
+        (index, to): (u32, usize),
         is_round: bool,
-        mut visit: impl FnMut(OfMedium),
-    ) -> Link {
-        let triangle = &self.geometry.triangles[index as usize];
-        let tissue = &self.front.tissue[index as usize];
+    ) -> ([(u32, f64); 2], (u32, f64)) {
+        let triangle = &geometry.triangles[index as usize];
+        let tissue = &front.tissue[index as usize];
         let ends = [(to + 1) % 3, (to + 2) % 3];
         let vertices = ends.map(|k| triangle.corners[k]);
-        let arrivals = vertices.map(|v| self.front.arrival[v as usize]);
-        let step = Step::new(&self.front.timed[index as usize], to, arrivals);
-        let origin = if is_round { self.front.origins[vertices[0] as usize] } else { NONE };
+        let arrivals = vertices.map(|v| front.arrival[v as usize]);
+        let step = Step::new(&front.timed[index as usize], to, arrivals);
+        let origin = if is_round { front.origins[vertices[0] as usize] } else { NONE };
         let slope: Slope = if is_round {
-            step.round_slope(self.front.births[origin as usize])
+            step.round_slope(front.births[origin as usize])
         } else {
             step.plane_slope()
         };
@@ -107,20 +141,57 @@ impl Linear<'_> {
         if into[0] * rise[0] + into[1] * rise[1] < 0.0 {
             into = into.map(|x| -x);
         }
-        let mut sum = [0.0; 3];
+        let mut by = [0.0; 3];
         for ([x, y], weight) in slope.ways {
             let n = [x * along[0] + y * into[0], x * along[1] + y * into[1]];
             let of = tissue.derivative(n);
-            (0..3).for_each(|k| sum[k] += weight * of[k]);
+            (0..3).for_each(|k| by[k] += weight * of[k]);
         }
-        visit((index, sum));
+        self.dues.push(Due { triangle: index, by });
         let [a, b] = slope.ends;
-        Link { parents: [(vertices[0], a), (vertices[1], b)], onset: (origin, slope.birth) }
+        ([(vertices[0], a), (vertices[1], b)], (origin, slope.birth))
+    }
+
+    /// A vertex: its link, what it owes, and what it owes along lines.
+    fn at(&self, v: usize) -> (&Link, &[Due], &[(Due, f64)]) {
+        let link = &self.links[v];
+        (link, &self.dues[range(link.dues)], &self.of_lines[range(link.of_lines)])
     }
 }
 
+/// The links of a front, from where they are kept, or computed as they are asked for: a gradient asks for some of them once.
+struct Links<'a> {
+    geometry: &'a Geometry,
+    front: &'a Front,
+    kept: Option<&'a Linear>,
+    /// The last one that was computed.
+    one: Linear,
+}
+
+impl<'a> Links<'a> {
+    fn of(geometry: &'a Geometry, front: &'a Front) -> Self {
+        Self { geometry, front, kept: front.linear.get(), one: Linear::default() }
+    }
+
+    fn at(&mut self, v: u32) -> (&Link, &[Due], &[(Due, f64)]) {
+        if let Some(kept) = self.kept {
+            return kept.at(v as usize);
+        }
+        let one = &mut self.one;
+        one.links.clear();
+        one.dues.clear();
+        one.of_lines.clear();
+        one.add(self.geometry, self.front, self.front.ways[v as usize]);
+        one.at(0)
+    }
+}
+
+fn range([start, end]: [u32; 2]) -> Range<usize> {
+    start as usize..end as usize
+}
+
 /// Derivatives of the time along a displacement of the timed plane.
-fn weighted(tissue: &super::metric::Tissue, timed: [f64; 2]) -> [f64; 3] {
+fn weighted(tissue: &Tissue, timed: [f64; 2]) -> [f64; 3] {
     let length = (timed[0] * timed[0] + timed[1] * timed[1]).sqrt();
     tissue.derivative(timed.map(|x| x / length)).map(|x| length * x)
 }
@@ -133,22 +204,23 @@ pub(super) fn backward(
     bar: &[f64],
     into: &mut MediumBar<'_>,
 ) -> Vec<f64> {
-    let linear = Linear { geometry, front };
+    let mut links = Links::of(geometry, front);
     let mut total = bar.to_vec();
     front.order.each_group(true, |start, end| {
         let group = &front.order.vertices[start..end];
         if end - start > 1 {
-            linear.gather(group, &mut total);
+            links.gather(group, &mut total);
         }
         for &v in group {
             let x = total[v as usize];
             if x == 0.0 {
                 continue;
             }
-            let link = linear.link(v, |(t, of)| {
-                let corners = geometry.triangles[t as usize].corners.map(|v| v as usize);
-                into.add(corners, of.map(|g| x * g / 3.0));
-            });
+            let (link, dues, _) = links.at(v);
+            for Due { triangle, by } in dues {
+                let corners = geometry.triangles[*triangle as usize].corners.map(|v| v as usize);
+                into.add(corners, by.map(|g| x * g / 3.0));
+            }
             if link.onset.0 != NONE {
                 into.onsets[link.onset.0 as usize] += x * link.onset.1;
             }
@@ -170,17 +242,19 @@ pub(super) fn backward_lines(
     total: &[f64],
     into: &mut MediumBar<'_>,
 ) {
-    let linear = Linear { geometry, front };
-    for (v, &x) in (0..).zip(total).filter(|(_, x)| **x != 0.0) {
-        linear.line(v, |(t, of), by_thickness| {
-            let corners = geometry.triangles[t as usize].corners.map(|v| v as usize);
-            into.add(corners, of.map(|g| x * g / 3.0));
+    let mut links = Links::of(geometry, front);
+    let is_along_line = |v: u32| matches!(front.ways[v as usize], Way::Ray(_));
+    for (v, &x) in (0..).zip(total).filter(|(v, x)| **x != 0.0 && is_along_line(*v)) {
+        let (_, _, of_lines) = links.at(v);
+        for (Due { triangle, by }, by_thickness) in of_lines {
+            let corners = geometry.triangles[*triangle as usize].corners.map(|v| v as usize);
+            into.add(corners, by.map(|g| x * g / 3.0));
             if let Some(thickness) = &mut into.thickness {
                 for v in corners {
                     thickness[v] += x * by_thickness / 3.0;
                 }
             }
-        });
+        }
     }
 }
 
@@ -193,22 +267,24 @@ pub(super) fn push(
     onset_change: &[f64],
     out: &mut [f64],
 ) {
-    let linear = Linear { geometry, front };
+    front.linear.get_or_init(|| Linear::new(geometry, front));
+    let mut links = Links::of(geometry, front);
     let mean = |values: Option<&[f64]>, t: u32| {
         values.map_or(0.0, |values| geometry.triangles[t as usize].mean(values))
     };
-    let of_medium = |change: &Medium<'_>, (t, of): OfMedium| {
-        let by = [Some(change.slowness), change.ratio, change.angle];
-        by.iter().zip(of).map(|(by, of)| of * mean(*by, t)).sum::<f64>()
+    let of_medium = |change: &Medium<'_>, due: &Due| {
+        let of = [Some(change.slowness), change.ratio, change.angle];
+        of.iter().zip(due.by).map(|(of, by)| by * mean(*of, due.triangle)).sum::<f64>()
     };
     front.order.each_group(false, |start, end| {
         let group = &front.order.vertices[start..end];
         for &v in group {
-            let mut sum = 0.0;
-            let link = linear.link(v, |of| sum += of_medium(change, of));
-            linear.line(v, |of, by_thickness| {
-                sum += of_medium(on_lines, of) + by_thickness * mean(on_lines.thickness, of.0);
-            });
+            let (link, dues, of_lines) = links.at(v);
+            let mut sum: f64 = dues.iter().map(|due| of_medium(change, due)).sum();
+            for (due, by_thickness) in of_lines {
+                sum += of_medium(on_lines, due)
+                    + by_thickness * mean(on_lines.thickness, due.triangle);
+            }
             if link.onset.0 != NONE {
                 sum += link.onset.1 * onset_change[link.onset.0 as usize];
             }
@@ -220,17 +296,17 @@ pub(super) fn push(
             out[v as usize] = sum;
         }
         if end - start > 1 {
-            linear.settle(group, out);
+            links.settle(group, out);
         }
     });
 }
 
-impl Linear<'_> {
+impl Links<'_> {
     /// Links within a group: (child, parent, weight) by places in it.
-    fn inside(&self, group: &[u32]) -> Vec<(usize, usize, f64)> {
+    fn inside(&mut self, group: &[u32]) -> Vec<(usize, usize, f64)> {
         let mut links = vec![];
         for (child, &v) in group.iter().enumerate() {
-            for (parent, weight) in self.link(v, |_| ()).parents {
+            for (parent, weight) in self.at(v).0.parents {
                 if let Some(parent) = group.iter().position(|&u| u == parent) {
                     links.push((child, parent, weight));
                 }
@@ -240,7 +316,7 @@ impl Linear<'_> {
     }
 
     /// Solves `x = b + Wᵀ x` within a group; `total` holds b, then x.
-    fn gather(&self, group: &[u32], total: &mut [f64]) {
+    fn gather(&mut self, group: &[u32], total: &mut [f64]) {
         let links = self.inside(group);
         let mut left: Vec<f64> = group.iter().map(|&v| total[v as usize]).collect();
         let size = largest(&left);
@@ -260,7 +336,7 @@ impl Linear<'_> {
     }
 
     /// Solves `x = b + W x` within a group; `out` holds b, then x.
-    fn settle(&self, group: &[u32], out: &mut [f64]) {
+    fn settle(&mut self, group: &[u32], out: &mut [f64]) {
         let links = self.inside(group);
         let mut left: Vec<f64> = group.iter().map(|&v| out[v as usize]).collect();
         let size = largest(&left);

@@ -1,11 +1,13 @@
 //! What a front leaves: arrivals, and how each came about.
 
+use super::derivative::Linear;
 use super::geometry::Geometry;
 use super::metric::{Timed, Tissue};
 use super::order::Order;
 use super::queue::Queue;
 use super::rays::Rays;
 use super::way::{NONE, Way};
+use std::sync::OnceLock;
 
 /// Arrival times, and how each came about; memory is reused between calls.
 #[derive(Clone, Debug, Default)]
@@ -38,9 +40,16 @@ pub struct Front {
     pub(super) slowing: Vec<f64>,
     /// How thick fronts are in each triangle, ms.
     pub(super) thickness: Vec<f64>,
+    /// Its derivatives, once a change was asked for.
+    pub(super) linear: OnceLock<Linear>,
 }
 
 impl Front {
+    /// What it would be if fronts had no thickness: itself, where they have none.
+    pub(super) fn without_thickness(&mut self) -> &mut Self {
+        if self.plain.is_none() { self } else { self.plain.get_or_insert_default() }
+    }
+
     /// For lines from this source, if fronts have a thickness: the medium in which they would have none, and the
     /// thickness of each triangle. No line of a source with neighbours is like that: its front is not born at a point.
     pub(super) fn plain_medium(&self, source: u32) -> Option<(&[Tissue], &[f64])> {

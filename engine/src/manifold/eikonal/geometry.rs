@@ -36,7 +36,17 @@ impl Triangle {
 pub(super) struct Geometry {
     pub(super) triangles: Vec<Triangle>,
     starts: Vec<u32>,
-    fans: Vec<(u32, u8)>,
+    fans: Vec<Blade>,
+}
+
+/// A triangle at a vertex.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Blade {
+    pub(super) triangle: u32,
+    /// Which of its corners the vertex is.
+    pub(super) corner: u8,
+    /// The vertices at its corners after this one.
+    pub(super) others: [u32; 2],
 }
 
 impl Geometry {
@@ -71,8 +81,8 @@ impl Geometry {
         self.starts.len() - 1
     }
 
-    /// The triangles at a vertex, and which corner of each it is.
-    pub(super) fn fan(&self, vertex: u32) -> &[(u32, u8)] {
+    /// The triangles at a vertex.
+    pub(super) fn fan(&self, vertex: u32) -> &[Blade] {
         let v = vertex as usize;
         &self.fans[self.starts[v] as usize..self.starts[v + 1] as usize]
     }
@@ -137,8 +147,8 @@ fn neighbours(mesh: &TriMesh) -> Vec<[u32; 3]> {
     beyond
 }
 
-/// Where each vertex's list of (triangle, corner) starts, and the lists.
-fn fans(mesh: &TriMesh) -> (Vec<u32>, Vec<(u32, u8)>) {
+/// Where each vertex's list of triangles starts, and the lists.
+fn fans(mesh: &TriMesh) -> (Vec<u32>, Vec<Blade>) {
     let mut starts = vec![0_u32; mesh.n_vertices() + 1];
     for &v in mesh.triangles().iter().flatten() {
         starts[v as usize + 1] += 1;
@@ -146,10 +156,13 @@ fn fans(mesh: &TriMesh) -> (Vec<u32>, Vec<(u32, u8)>) {
     for v in 0..mesh.n_vertices() {
         starts[v + 1] += starts[v];
     }
-    let (mut next, mut fans) = (starts.clone(), vec![(NONE, 0); 3 * mesh.n_triangles()]);
-    for (index, corners) in (0..).zip(mesh.triangles()) {
-        for (corner, &v) in (0..).zip(corners) {
-            fans[next[v as usize] as usize] = (index, corner);
+    let none = Blade { triangle: NONE, corner: 0, others: [NONE; 2] };
+    let (mut next, mut fans) = (starts.clone(), vec![none; 3 * mesh.n_triangles()]);
+    for (triangle, corners) in (0..).zip(mesh.triangles()) {
+        for (k, &v) in corners.iter().enumerate() {
+            let others = [1, 2].map(|i| corners[(k + i) % 3]);
+            let blade = Blade { triangle, corner: k as u8, others };
+            fans[next[v as usize] as usize] = blade;
             next[v as usize] += 1;
         }
     }

@@ -5,10 +5,8 @@
 //! that no single order of the vertices will do; vertices are taken up again until nothing changes by more than
 //! [`LEAST`].
 
-use super::Medium;
 use super::front::Front;
-use super::geometry::Geometry;
-use super::metric::measure;
+use super::geometry::{Blade, Geometry};
 use super::step::Step;
 use super::way::{NONE, Way};
 
@@ -35,6 +33,18 @@ struct Candidate {
     origin: u32,
 }
 
+/// A front at a side of a triangle, on its way to the corner opposite.
+struct Side {
+    index: u32,
+    /// Which corner.
+    to: usize,
+    step: Step,
+    /// Of both ends.
+    origins: [u32; 2],
+    /// Of a front that may be round.
+    birth: Option<f64>,
+}
+
 /// Arrivals on their way.
 pub(super) struct March<'a> {
     geometry: &'a Geometry,
@@ -47,13 +57,12 @@ pub(super) struct March<'a> {
 }
 
 impl<'a> March<'a> {
+    /// Of a front whose tissue is known.
     pub(super) fn new(
         geometry: &'a Geometry,
-        medium: &Medium<'_>,
         sources: &[(u32, f64)],
         front: &'a mut Front,
     ) -> Self {
-        measure(geometry, medium, &mut front.tissue, &mut front.timed);
         front.births.clear();
         front.births.extend(sources.iter().map(|&(_, onset)| onset));
         trace(geometry, sources, front);
@@ -169,33 +178,37 @@ impl<'a> March<'a> {
     fn spread(&mut self, v: u32) {
         let geometry = self.geometry;
         let has_changed = std::mem::take(&mut self.front.has_changed[v as usize]);
-        for &(index, corner) in geometry.fan(v) {
-            let corners = self.front.timed[index as usize].corners;
-            let i = corner as usize;
-            for (to, end) in [((i + 1) % 3, 1), ((i + 2) % 3, 0)] {
-                let (vertex, other) = (corners[to], corners[3 - i - to]);
+        for &Blade { triangle: index, corner, others } in geometry.fan(v) {
+            for (end, vertex, other) in [(1, others[0], others[1]), (0, others[1], others[0])] {
+                let to = (corner as usize + 2 - end) % 3;
                 let [here, there, now] = [v, other, vertex].map(|u| self.front.arrival[u as usize]);
-                if has_changed && self.is_from(vertex, v) {
-                    self.reconsider(vertex);
-                } else if now > here.min(there) {
-                    // across the side when its other end has its turn
-                    let candidate = if self.had_turn(other) {
-                        self.through(index, to, [end, end])
-                    } else {
-                        self.along(index, to, end)
-                    };
-                    if !self.is_near(vertex, candidate.origin) {
-                        self.offer(vertex, candidate);
+                let is_own = has_changed && self.is_from(vertex, index, v);
+                if !is_own && now <= here.min(there) {
+                    continue;
+                }
+                // across the side when its other end has its turn
+                let candidate = if self.had_turn(other) {
+                    let side = self.side(index, to);
+                    if !is_own && side.step.is_later_than(now, side.birth) {
+                        continue;
                     }
+                    Self::through(&side, [end, end])
+                } else {
+                    self.along(index, to, end)
+                };
+                if is_own && self.is_otherwise(vertex, &candidate) {
+                    self.reconsider(vertex);
+                } else if !self.is_near(vertex, candidate.origin) {
+                    self.offer(vertex, candidate);
                 }
             }
         }
     }
 
-    /// Whether `vertex` is reached from `parent`.
-    fn is_from(&self, vertex: u32, parent: u32) -> bool {
+    /// Whether `vertex` is reached from `parent` through this triangle.
+    fn is_from(&self, vertex: u32, index: u32, parent: u32) -> bool {
         let corner = |triangle: u32, k: usize| {
-            self.geometry.triangles[triangle as usize].corners[k % 3] == parent
+            triangle == index && self.geometry.triangles[index as usize].corners[k % 3] == parent
         };
         match self.front.ways[vertex as usize] {
             Way::Along { triangle, to, end } => corner(triangle, (to + 1 + end) as usize),
@@ -206,26 +219,40 @@ impl<'a> March<'a> {
         }
     }
 
+    /// Whether the way that a vertex has, as it is now, may no longer be the earliest: it is later than it was, or another.
+    fn is_otherwise(&self, vertex: u32, now: &Candidate) -> bool {
+        let (v, front) = (vertex as usize, &*self.front);
+        let later = now.arrival - front.arrival[v];
+        let is_same = now.way == front.ways[v] && now.origin == front.origins[v];
+        later > LEAST * now.arrival.abs() || !is_same && later >= -LEAST * now.arrival.abs()
+    }
+
+    /// To corner `to` of a triangle, from the side opposite.
+    #[inline(always)]
+    fn side(&self, index: u32, to: usize) -> Side {
+        let front = &*self.front;
+        let timed = &front.timed[index as usize];
+        let ends = [1, 2].map(|k| timed.corners[(to + k) % 3] as usize);
+        let arrivals = ends.map(|v| front.arrival[v]);
+        let origins = ends.map(|v| front.origins[v]);
+        let is_one = origins[0] == origins[1];
+        let is_round = is_one && front.turns[timed.corners[to] as usize] < ROUND;
+        let birth = front.births.get(origins[0] as usize).filter(|_| is_round).copied();
+        Side { index, to, step: Step::new(timed, to, arrivals), origins, birth }
+    }
+
     /// The earliest way to corner `to` of a triangle: across the side opposite, or along the sides from its
     /// `ends`.
     #[inline]
-    fn through(&self, index: u32, to: usize, ends: [usize; 2]) -> Candidate {
-        let front = &*self.front;
-        let timed = &front.timed[index as usize];
-        let sides = [1, 2].map(|k| timed.corners[(to + k) % 3] as usize);
-        let arrivals = sides.map(|v| front.arrival[v]);
-        let origins = sides.map(|v| front.origins[v]);
-        let step = Step::new(timed, to, arrivals);
+    fn through(side: &Side, ends: [usize; 2]) -> Candidate {
+        let Side { index, to, ref step, origins, birth } = *side;
         let to = to as u8;
-        if arrivals[0] < f64::INFINITY && arrivals[1] < f64::INFINITY {
-            let is_one = origins[0] == origins[1];
-            let is_round = is_one && front.turns[timed.corners[to as usize] as usize] < ROUND;
-            let birth = front.births.get(origins[0] as usize).filter(|_| is_round).copied();
-            if let Some((arrival, is_round)) = step.across(birth) {
-                let way = Way::Across { triangle: index, to, is_round };
-                let nearer = usize::from(step.along(1) < step.along(0));
-                return Candidate { arrival, way, origin: origins[nearer] };
-            }
+        if step.has_arrived()
+            && let Some((arrival, is_round)) = step.across(birth)
+        {
+            let way = Way::Across { triangle: index, to, is_round };
+            let nearer = usize::from(step.along(1) < step.along(0));
+            return Candidate { arrival, way, origin: origins[nearer] };
         }
         let [one, two] = ends.map(|end| (step.along(end), end));
         let (arrival, end) = if two.0 < one.0 { two } else { one };
@@ -263,12 +290,10 @@ impl<'a> March<'a> {
             consider(self.straight(index));
             next = self.front.rays.next_to(index);
         }
-        for &(index, corner) in self.geometry.fan(vertex) {
+        for &Blade { triangle: index, corner, others } in self.geometry.fan(vertex) {
             let to = corner as usize;
-            let corners = self.front.timed[index as usize].corners;
-            let had_turn = [1, 2].map(|k| self.had_turn(corners[(to + k) % 3]));
-            let candidate = match had_turn {
-                [true, true] => self.through(index, to, [0, 1]),
+            let candidate = match others.map(|v| self.had_turn(v)) {
+                [true, true] => Self::through(&self.side(index, to), [0, 1]),
                 [true, false] => self.along(index, to, 0),
                 [false, true] => self.along(index, to, 1),
                 [false, false] => continue,
@@ -310,9 +335,7 @@ fn trace(geometry: &Geometry, sources: &[(u32, f64)], front: &mut Front) {
     front.own.clear();
     front.rays.clear(geometry.n_vertices());
     for (number, &(vertex, _)) in (0..).zip(sources) {
-        let neighbours = geometry.fan(vertex).iter().flat_map(|&(t, _)| {
-            geometry.triangles[t as usize].corners.into_iter().filter(|v| *v != vertex)
-        });
+        let neighbours = geometry.fan(vertex).iter().flat_map(|blade| blade.others);
         let mut are_sources = neighbours.map(|v| vertices.binary_search(&v).is_ok());
         let (is_lone, is_inner) = (!are_sources.clone().any(|is| is), are_sources.all(|is| is));
         front.own.push(if is_lone { number } else { NONE });

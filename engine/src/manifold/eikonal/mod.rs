@@ -39,6 +39,7 @@ use crate::mesh::TriMesh;
 use bend::{Bend, Patches};
 use geometry::Geometry;
 use march::March;
+use metric::{measure, slow_down};
 
 /// First arrivals on one surface.
 ///
@@ -116,24 +117,50 @@ impl Eikonal {
     /// # Panics
     /// When the medium is not of the surface's vertices, or a source is none of them.
     pub fn forward(&self, medium: &Medium<'_>, sources: &[(u32, f64)], front: &mut Front) {
+        self.forward_each(medium, &[sources], std::slice::from_mut(front));
+    }
+
+    /// The same for several activations of one medium, which is measured once, with one of `fronts` for each.
+    ///
+    /// # Panics
+    /// As [`Self::forward`].
+    pub fn forward_each<S: AsRef<[(u32, f64)]>>(
+        &self,
+        medium: &Medium<'_>,
+        activations: &[S],
+        fronts: &mut [Front],
+    ) {
         self.require(medium);
-        if let Some(thickness) = medium.thickness {
-            let mut plain = front.plain.take().unwrap_or_default();
-            self.plain_forward(medium, sources, &mut plain);
+        for front in &mut *fronts {
+            front.plain = medium.thickness.map(|_| front.plain.take().unwrap_or_default());
+        }
+        if let Some((first, others)) = fronts.split_first_mut() {
+            let first = first.without_thickness();
+            measure(&self.geometry, medium, &mut first.tissue, &mut first.timed);
+            for front in others {
+                let front = front.without_thickness();
+                front.tissue.clone_from(&first.tissue);
+                front.timed.clone_from(&first.timed);
+            }
+        }
+        for (sources, front) in activations.iter().zip(fronts) {
+            self.march(sources.as_ref(), front.without_thickness());
+            let (Some(thickness), Some(plain)) = (medium.thickness, front.plain.take()) else {
+                continue;
+            };
             front.slowing = self.bend(&plain, thickness).slowing();
-            front.plain = Some(plain);
             front.thickness.clear();
             front.thickness.extend(self.geometry.triangles.iter().map(|t| t.mean(thickness)));
             let slowness = slower(medium.slowness, &front.slowing);
-            self.plain_forward(&Medium { slowness: &slowness, ..*medium }, sources, front);
-        } else {
-            front.plain = None;
-            self.plain_forward(medium, sources, front);
+            slow_down(&self.geometry, &slowness, &plain, front);
+            front.plain = Some(plain);
+            self.march(sources.as_ref(), front);
         }
     }
 
-    fn plain_forward(&self, medium: &Medium<'_>, sources: &[(u32, f64)], front: &mut Front) {
-        March::new(&self.geometry, medium, sources, front).run();
+    fn march(&self, sources: &[(u32, f64)], front: &mut Front) {
+        front.linear.take();
+        March::new(&self.geometry, sources, front).run();
         front.sort(&self.geometry);
     }
 

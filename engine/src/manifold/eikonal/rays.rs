@@ -5,7 +5,7 @@
 //! the surface alone, so that the time changes smoothly with the medium.  What a bent way would gain there, where the
 //! medium changes within the radius, is left out.
 
-use super::geometry::{Geometry, Triangle};
+use super::geometry::{Blade, Geometry, Triangle};
 use super::metric::Tissue;
 use super::way::NONE;
 
@@ -173,8 +173,9 @@ impl Rays {
     /// `is_all`.
     pub(super) fn trace(&mut self, geometry: &Geometry, vertex: u32, number: u32, is_all: bool) {
         let fan = geometry.fan(vertex);
-        let edges = fan.iter().flat_map(|&(t, corner)| {
-            let (points, i) = (&geometry.triangles[t as usize].points, corner as usize);
+        let edges = fan.iter().flat_map(|blade| {
+            let points = &geometry.triangles[blade.triangle as usize].points;
+            let i = blade.corner as usize;
             [1, 2].map(|k| norm(minus(points[(i + k) % 3], points[i])))
         });
         let radius = RADIUS * edges.sum::<f64>() / (2 * fan.len()) as f64;
@@ -184,7 +185,7 @@ impl Rays {
         if !is_all {
             return;
         }
-        for &(t, corner) in fan {
+        for &Blade { triangle: t, corner, .. } in fan {
             let (triangle, i) = (&geometry.triangles[t as usize], corner as usize);
             let place = |k: usize| minus(triangle.points[k], triangle.points[i]);
             let mut ends = [(i + 1) % 3, (i + 2) % 3];

@@ -77,6 +77,22 @@ impl Step {
         Some((arrival, true))
     }
 
+    /// Whether both ends are reached.
+    #[inline(always)]
+    pub(super) fn has_arrived(&self) -> bool {
+        self.ends[0] < f64::INFINITY && self.ends[1] < f64::INFINITY
+    }
+
+    /// Whether the arrival is later than `time` for sure, and little is to be computed to know it: the corner is as high above
+    /// the side as a front goes in the time from the earlier end. One that was born above the side reaches points of it before
+    /// both ends, and is not known so.
+    #[inline(always)]
+    pub(super) fn is_later_than(&self, time: f64, birth: Option<f64>) -> bool {
+        let Self { side, y, ends: [a, b], .. } = *self;
+        let comes_from_end = |birth: f64| ((a - b) * (a + b - 2.0 * birth)).abs() >= side * side;
+        (time - a.min(b)) * side <= y && birth.is_none_or(comes_from_end)
+    }
+
     #[inline(always)]
     fn plane(&self) -> Option<f64> {
         let Self { side, x, y, .. } = *self;

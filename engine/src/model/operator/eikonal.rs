@@ -77,14 +77,17 @@ impl Operator for Arrival {
         let medium = Self::medium(of);
         kept.fronts.resize_with(self.activations.len(), Front::default);
         let is_tissue = Self::is_tissue(&medium) && of.numbers.iter().all(|x| x.is_finite());
-        for (own, front) in self.activations.iter().zip(&mut kept.fronts) {
-            if is_tissue {
+        if is_tissue {
+            let born = |own: &Activation| -> Vec<(u32, f64)> {
                 let onsets = own.onsets(&of.numbers);
-                let born = own.sources.iter().zip(onsets).map(|((vertex, _), at)| (*vertex, at));
-                self.solver.forward(&medium, &born.collect::<Vec<_>>(), front);
-            } else {
-                front.arrival.clear();
-            }
+                own.sources.iter().zip(onsets).map(|((vertex, _), at)| (*vertex, at)).collect()
+            };
+            let born: Vec<_> = self.activations.iter().map(born).collect();
+            self.solver.forward_each(&medium, &born, &mut kept.fronts);
+        } else {
+            kept.fronts.iter_mut().for_each(|front| front.arrival.clear());
+        }
+        for (own, front) in self.activations.iter().zip(&kept.fronts) {
             for (vertex, i) in &own.rows {
                 out[*i] = front.arrival.get(*vertex as usize).copied().unwrap_or(f64::NAN);
             }

@@ -108,7 +108,12 @@ struct OnTape<'m> {
 }
 
 impl Evaluator for OnTape<'_> {
-    fn interweave(&mut self, position: &mut [f64], rng: &mut dyn Rng) -> Option<f64> {
+    fn interweave(
+        &mut self,
+        position: &mut [f64],
+        _: &mut [f64],
+        rng: &mut dyn Rng,
+    ) -> Option<f64> {
         self.model.rescale_fields(&mut self.tape, position, rng);
         self.model.recentre_fields(&mut self.tape, position, rng);
         None

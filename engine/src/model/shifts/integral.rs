@@ -34,13 +34,16 @@ pub(super) struct Integrated<'m> {
     /// b, then P⁻¹b.
     pub(super) mean: Vec<f64>,
     /// Where the last integral was, but for w.
+    pub(super) last_at: Vec<f64>,
+    /// The same, if all that is on the tape was computed there.
     pub(super) position: Vec<f64>,
 }
 
 impl<'m> Integrated<'m> {
     pub(super) fn new(of: &'m Shifts<'m>) -> Self {
         let mean = vec![0.0; of.coefficients.len()];
-        Self { of, tape: of.model.tape(), known: None, mean, position: vec![] }
+        let (last_at, position) = (vec![], vec![]);
+        Self { of, tape: of.model.tape(), known: None, mean, last_at, position }
     }
 
     /// The unknowns at w = 0.
@@ -74,6 +77,7 @@ impl<'m> Integrated<'m> {
     /// ln of the integral, with everything on the tape at w = 0; −∞ where there is none.
     fn integral(&mut self) -> f64 {
         let of = self.of;
+        self.last_at.clone_from(&self.position);
         let at_zero = of.model.ln_density_of_values(&mut self.tape);
         if !at_zero.is_finite() || !self.know() {
             return f64::NEG_INFINITY;
@@ -150,6 +154,14 @@ impl<'m> Integrated<'m> {
             }
         }
         of.fields.iter().for_each(|field| of.model.fields[*field].op.forward(t));
+    }
+
+    /// The gradient of the integral, after [`Integrated::integral`] at this position.
+    pub(super) fn gradient(&mut self, position: &[f64], gradient: &mut [f64]) {
+        self.set_mean(position);
+        self.of.model.backward(&mut self.tape);
+        gradient.copy_from_slice(&self.tape.gu);
+        self.of.resting.iter().for_each(|i| gradient[*i] = 0.0);
     }
 
     /// A position with coefficients drawn given all else, after [`Integrated::integral`] there.

@@ -24,6 +24,7 @@ use super::blocked::Predictive;
 use super::laid_out::Model;
 use super::local::RowId;
 use super::second::Hessian;
+use super::tape::Op as _;
 use crate::infer::{Evaluator, LogDensity};
 use crate::num::vector::dot;
 
@@ -70,10 +71,7 @@ impl Evaluator for Integrated<'_> {
     fn ln_density(&mut self, position: &[f64], gradient: &mut [f64]) -> f64 {
         let value = self.value_at(position);
         if value.is_finite() {
-            self.set_mean(position);
-            self.of.model.backward(&mut self.tape);
-            gradient.copy_from_slice(&self.tape.gu);
-            self.of.resting.iter().for_each(|i| gradient[*i] = 0.0);
+            self.gradient(position, gradient);
         } else {
             gradient.fill(0.0);
         }
@@ -85,7 +83,7 @@ impl Evaluator for Integrated<'_> {
     }
 
     fn ln_whole(&mut self, position: &[f64], mut ln_density: f64) -> f64 {
-        if self.position != self.at_zero(position) {
+        if self.last_at != self.at_zero(position) {
             ln_density = self.value_at(position);
         }
         let of = self.of;
@@ -102,7 +100,12 @@ impl Evaluator for Integrated<'_> {
     }
 
     /// C and W move under the integral, what is integrated out is drawn, and then scales and means move as fields rest.
-    fn interweave(&mut self, position: &mut [f64], rng: &mut dyn Rng) -> Option<f64> {
+    fn interweave(
+        &mut self,
+        position: &mut [f64],
+        gradient: &mut [f64],
+        rng: &mut dyn Rng,
+    ) -> Option<f64> {
         let mut here = self.value_at(position);
         let mut proposal = position.to_vec();
         for step in std::iter::repeat_n(STEPS, ROUNDS).flatten() {
@@ -123,8 +126,11 @@ impl Evaluator for Integrated<'_> {
         self.draw(position, rng);
         self.of.model.rescale_fields(&mut self.tape, position, rng);
         self.of.model.recentre_fields(&mut self.tape, position, rng);
-        // other fields are as they were, but nothing on the tape is at their new scales
+        // all fields are as they were, at the vertices and for the operators
         let value = self.value_again(position);
+        self.of.model.fields.iter().for_each(|field| field.op.forward(&mut self.tape));
+        self.gradient(position, gradient);
+        // but for rounding, so that nothing follows from them at a place that is computed anew after an interruption
         self.position.clear();
         Some(value)
     }
