@@ -266,3 +266,25 @@ fn what_does_not_integrate_out_stays() {
     assert!(laid_out(&others::SharedScale).without_shifts().is_none());
     assert!(laid_out(&others::SeenTwice).without_shifts().is_none());
 }
+
+/// After its moves the integral knows value and gradient of where it led, without an operator.
+#[test]
+fn moves_know_the_density_where_they_lead() {
+    let model = laid_out(&shifted::Shifted);
+    let density = model.without_shifts().unwrap();
+    let (mut moving, mut anew) = (density.evaluator(), density.evaluator());
+    let (mut rng, mut known, mut exact) = (rng(5), vec![0.0; model.dim()], vec![0.0; model.dim()]);
+    for start in positions(&model, 5) {
+        let mut position = start.clone();
+        let value = moving.interweave(&mut position, &mut known, &mut rng).unwrap();
+        assert_ne!(position, start);
+        let ln_density = anew.ln_density(&position, &mut exact);
+        assert!((value - ln_density).abs() < 1e-9 * ln_density.abs(), "{value} {ln_density}");
+        let size = exact.iter().fold(1.0, |a: f64, b| a.max(b.abs()));
+        for (known, exact) in known.iter().zip(&exact) {
+            assert!((known - exact).abs() < 1e-7 * size, "{known} {exact}");
+        }
+        let [one, other] = [&mut moving, &mut anew].map(|of| of.ln_whole(&position, value));
+        assert!((one - other).abs() < 1e-9 * other.abs(), "{one} {other}");
+    }
+}

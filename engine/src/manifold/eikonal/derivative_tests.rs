@@ -207,3 +207,21 @@ fn adjoints_are_added_and_the_ratio_counts_where_it_is_1() {
     let found = 0.5 * ratio.iter().sum::<f64>();
     assert!((difference - found).abs() < 1e-6 * found, "{difference} {found}");
 }
+
+/// A change leaves the derivatives with the front, for what is asked next; another forward pass must not find them there.
+#[test]
+fn kept_derivatives_are_those_of_the_front() {
+    for (name, mut case) in bent(cases()) {
+        let n = case.eikonal.n_vertices();
+        let bar = scatter(5, n);
+        let mut front = case.front();
+        let before = adjoints(&case, &front, &bar);
+        let change = Change::new(&case, 0);
+        let mut out = vec![0.0; n];
+        case.eikonal.push(&case.medium(), &front, &change.medium(), &change.onsets, &mut out);
+        assert_eq!(before, adjoints(&case, &front, &bar), "{name}");
+        case.slowness.iter_mut().zip(scatter(6, n)).for_each(|(s, x)| *s *= 1.0 + 0.2 * x);
+        case.eikonal.forward(&case.medium(), &case.sources, &mut front);
+        assert_eq!(adjoints(&case, &case.front(), &bar), adjoints(&case, &front, &bar), "{name}");
+    }
+}

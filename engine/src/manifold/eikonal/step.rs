@@ -176,3 +176,46 @@ impl Step {
         self.ends[end] + self.from_ends[end]
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use rand::{RngExt as _, SeedableRng as _};
+
+    /// Sides seen from births before, beside and above them: what is known to be later, is. `slack` times the height must not
+    /// do. Returns how many were known, and how many of these were earlier.
+    fn known(slack: f64) -> [usize; 2] {
+        let mut rng = rand_chacha::ChaCha8Rng::seed_from_u64(3);
+        let mut count = [0; 2];
+        for _ in 0..20_000 {
+            let mut at = |low: f64, high: f64| low + (high - low) * rng.random::<f64>();
+            let (side, corner) = (at(0.5, 3.0), [at(-1.0, 4.0), at(0.1, 2.0)]);
+            let (source, birth) = ([at(-4.0, 7.0), at(-6.0, -0.05)], at(-2.0, 2.0));
+            let far = |p: [f64; 2], q: [f64; 2]| (p[0] - q[0]).hypot(p[1] - q[1]);
+            let [a, b] = [[0.0, 0.0], [side, 0.0]];
+            let sides = [side, far(corner, b), far(corner, a)];
+            let timed = Timed { corners: [0, 1, 2], sides, area: side * corner[1] };
+            // not quite the arrivals of that birth, as where the medium varies
+            let ends = [a, b].map(|p| birth + far(p, source) * at(0.95, 1.05));
+            let step = Step::new(&timed, 0, ends);
+            for birth in [None, Some(birth)] {
+                let along = step.along(0).min(step.along(1));
+                let arrival = step.across(birth).map_or(along, |(arrival, _)| arrival);
+                let time = ends[0].min(ends[1]) + at(0.0, 2.0);
+                let slackened = ends[0].min(ends[1]) + (time - ends[0].min(ends[1])) / slack;
+                if step.is_later_than(slackened, birth) {
+                    count[0] += 1;
+                    count[1] += usize::from(arrival < time * (1.0 - time.signum() * 1e-12));
+                }
+            }
+        }
+        count
+    }
+
+    #[test]
+    fn what_is_known_to_be_later_is() {
+        let [known_later, earlier] = known(1.0);
+        assert!(known_later > 10_000 && earlier == 0, "{known_later} {earlier}");
+        assert!(known(1.2)[1] > 100);
+    }
+}

@@ -115,6 +115,24 @@ fn bits_are_the_same_again_and_in_memory_used_before() {
     assert_eq!(adjoint(&first), adjoint(&used));
 }
 
+/// Of several activations the medium is measured once, for the first. The third case has memory of fronts with a thickness, and
+/// none.
+#[test]
+fn activations_side_by_side_are_as_each_alone() {
+    let mut case = Case::waving(&crumpled(24, 0.8, 0.3, 0.5), 2.5, &[(104, 0.0)]);
+    let activations = [vec![(104, 0.0)], vec![(519, 1.3), (0, 4.0)], vec![(300, -2.0)]];
+    let mut fronts = [(); 3].map(|()| Front::default());
+    for thickness in [None, Some(0.4), None] {
+        case.thickness = thickness.map(|x| vec![x; case.eikonal.n_vertices()]);
+        case.eikonal.forward_each(&case.medium(), &activations, &mut fronts);
+        for (sources, front) in activations.iter().zip(&fronts) {
+            let mut alone = Front::default();
+            case.eikonal.forward(&case.medium(), sources, &mut alone);
+            assert_eq!(bits(&alone.arrival), bits(&front.arrival));
+        }
+    }
+}
+
 #[test]
 fn every_vertex_is_reached_when_the_ways_to_it_say() {
     // the fixed point: no way through any triangle is earlier, and one is as early
