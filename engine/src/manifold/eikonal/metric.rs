@@ -8,7 +8,6 @@
 //! `(s f·d, s r g·d)` is `d` in coordinates in which time is the usual length: the *timed* plane.
 
 use super::Medium;
-use super::front::Front;
 use super::geometry::{Geometry, Triangle};
 
 /// Medium of a triangle.
@@ -87,12 +86,14 @@ pub(super) fn measure(
     timed.extend(geometry.triangles.iter().zip(&*tissue).map(|(t, tissue)| Timed::of(t, tissue)));
 }
 
-/// The tissue of `front` and its times: those of `plain`, with this slowness (n_vertices) instead.
-pub(super) fn slow_down(geometry: &Geometry, slowness: &[f64], plain: &Front, front: &mut Front) {
-    front.tissue.clone_from(&plain.tissue);
-    front.timed.clone_from(&plain.timed);
-    let of_triangles = front.tissue.iter_mut().zip(&mut front.timed);
-    for (triangle, (tissue, timed)) in geometry.triangles.iter().zip(of_triangles) {
+/// Changes both to this slowness (n_vertices).
+pub(super) fn slow_down(
+    geometry: &Geometry,
+    slowness: &[f64],
+    tissue: &mut [Tissue],
+    timed: &mut [Timed],
+) {
+    for (triangle, (tissue, timed)) in geometry.triangles.iter().zip(tissue.iter_mut().zip(timed)) {
         let times = triangle.mean(slowness) / tissue.slowness;
         tissue.slowness *= times;
         timed.sides = timed.sides.map(|side| side * times);

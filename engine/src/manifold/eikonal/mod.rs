@@ -152,7 +152,9 @@ impl Eikonal {
             front.thickness.clear();
             front.thickness.extend(self.geometry.triangles.iter().map(|t| t.mean(thickness)));
             let slowness = slower(medium.slowness, &front.slowing);
-            slow_down(&self.geometry, &slowness, &plain, front);
+            front.tissue.clone_from(&plain.tissue);
+            front.timed.clone_from(&plain.timed);
+            slow_down(&self.geometry, &slowness, &mut front.tissue, &mut front.timed);
             front.plain = Some(plain);
             self.march(sources.as_ref(), front);
         }
