@@ -76,10 +76,9 @@ impl Site {
     fn doubt(&self, n: usize, names: &[MapName<'_>], surface: Option<&Surface>) -> Doubt {
         let Between { means, variance, .. } = &self.between;
         let [smaller, larger] = if self.cut.high() < 0.5 { [1, 0] } else { [0, 1] };
-        let apart = |f: usize| (means[1][f] - means[0][f]).abs() / variance[f].sqrt();
-        // of many fields that differ together none may differ so much by itself
-        let most = (0..variance.len()).map(apart).fold(0.0, f64::max);
-        let differs = |f: &usize| apart(*f) > DIFFERS || most <= DIFFERS && apart(*f) > 0.5 * most;
+        let apart =
+            |(f, variance): (usize, &f64)| (means[1][f] - means[0][f]).abs() / variance.sqrt();
+        let apart: Vec<f64> = variance.iter().enumerate().map(apart).collect();
         let field = |f: usize| {
             let MapName { name, unit, .. } = names[f];
             (name.to_owned(), unit.to_owned(), [smaller, larger].map(|which| means[which][f]))
@@ -89,7 +88,26 @@ impl Site {
                 .map_or(self.vertex as u32, |surface| surface.source_vertex[self.vertex]),
             n,
             share: self.cut.high().min(1.0 - self.cut.high()),
-            fields: (0..variance.len()).filter(differs).map(field).collect(),
+            fields: different(&apart).into_iter().map(field).collect(),
         }
+    }
+}
+
+/// The fields that differ, by how many standard deviations their means are apart. Where none differs by itself, but a
+/// combination of them does, these are the fields with more than half of the largest distance.
+fn different(apart: &[f64]) -> Vec<usize> {
+    let most = apart.iter().copied().fold(0.0, f64::max);
+    let least = if most > DIFFERS { DIFFERS } else { 0.5 * most };
+    (0..apart.len()).filter(|f| apart[*f] > least).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::different;
+
+    #[test]
+    fn some_field_is_named() {
+        assert_eq!(different(&[2.5, 1.9, 4.0]), [0, 2]);
+        assert_eq!(different(&[0.3, 1.8, 1.0]), [1, 2]);
     }
 }

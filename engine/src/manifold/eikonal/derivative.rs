@@ -49,7 +49,7 @@ struct Due {
 }
 
 impl Linear {
-    pub(super) fn new(geometry: &Geometry, front: &Front) -> Self {
+    fn new(geometry: &Geometry, front: &Front) -> Self {
         let mut new = Self::default();
         new.links.reserve(front.ways.len());
         new.dues.reserve(front.ways.len());
@@ -159,7 +159,8 @@ impl Linear {
     }
 }
 
-/// The links of a front, from where they are kept, or computed as they are asked for: a gradient asks for some of them once.
+/// The links of a front: those that are kept, or else each computed when it is asked for. A gradient asks for some of them,
+/// once, so that keeping all would take longer.
 struct Links<'a> {
     geometry: &'a Geometry,
     front: &'a Front,

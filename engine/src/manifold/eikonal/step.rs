@@ -83,9 +83,9 @@ impl Step {
         self.ends[0] < f64::INFINITY && self.ends[1] < f64::INFINITY
     }
 
-    /// Whether the arrival is later than `time` for sure, and little is to be computed to know it: the corner is as high above
-    /// the side as a front goes in the time from the earlier end. One that was born above the side reaches points of it before
-    /// both ends, and is not known so.
+    /// Whether the arrival is later than `time` for sure, without computing it: from the arrival at the earlier end until
+    /// `time` a front gets no farther than the corner's height above the side. This says nothing of a round front that
+    /// was born opposite the inside of the side, for such a front crosses the side before it is at either end.
     #[inline(always)]
     pub(super) fn is_later_than(&self, time: f64, birth: Option<f64>) -> bool {
         let Self { side, y, ends: [a, b], .. } = *self;
@@ -182,8 +182,8 @@ mod tests {
     use super::*;
     use rand::{RngExt as _, SeedableRng as _};
 
-    /// Sides seen from births before, beside and above them: what is known to be later, is. `slack` times the height must not
-    /// do. Returns how many were known, and how many of these were earlier.
+    /// Fronts that were born opposite the inside of a side, and beside it. How many are known to be later than some time, and how
+    /// many of these are earlier. In a test that must fail, `slack` times the height is allowed.
     fn known(slack: f64) -> [usize; 2] {
         let mut rng = rand_chacha::ChaCha8Rng::seed_from_u64(3);
         let mut count = [0; 2];

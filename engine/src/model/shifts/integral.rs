@@ -35,7 +35,7 @@ pub(super) struct Integrated<'m> {
     pub(super) mean: Vec<f64>,
     /// Where the last integral was, but for w.
     pub(super) last_at: Vec<f64>,
-    /// The same, if all that is on the tape was computed there.
+    /// Where everything on the tape was computed, but for w; empty where that is nowhere.
     pub(super) position: Vec<f64>,
 }
 

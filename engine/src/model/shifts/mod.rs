@@ -126,11 +126,11 @@ impl Evaluator for Integrated<'_> {
         self.draw(position, rng);
         self.of.model.rescale_fields(&mut self.tape, position, rng);
         self.of.model.recentre_fields(&mut self.tape, position, rng);
-        // all fields are as they were, at the vertices and for the operators
+        // fields are as they were, and so are the operators' numbers
         let value = self.value_again(position);
         self.of.model.fields.iter().for_each(|field| field.op.forward(&mut self.tape));
         self.gradient(position, gradient);
-        // but for rounding, so that nothing follows from them at a place that is computed anew after an interruption
+        // as they were but for rounding: a chain that goes on after an interruption computes them anew, so this one must, too
         self.position.clear();
         Some(value)
     }
