@@ -71,9 +71,10 @@ pub(super) fn run_event(event: &Event<'_>) -> (&'static str, Value) {
             ("sampled", json!({ "draws": n_draws, "seconds": seconds }))
         }
         Event::LeavingOut { done, of } => ("leaving_out", json!({ "done": done, "of": of })),
-        Event::Triangulation { n_vertices, of } => {
-            ("triangulation", json!({ "vertices": n_vertices, "of": of }))
-        }
+        Event::Triangulation { n_vertices, of, corrected_by } => (
+            "triangulation",
+            json!({ "vertices": n_vertices, "of": of, "corrected_by": corrected_by }),
+        ),
         Event::OnDisk { bytes, least, free } => {
             ("on_disk", json!({ "bytes": bytes, "least": least, "free": free }))
         }

@@ -63,7 +63,8 @@ impl Joint {
         fit: &Fit<'_>,
         seed: u64,
     ) -> Result<Predictions, LoopError> {
-        let all = Model::new(fit.problem().declared(), loaded.basis(), &self.table)?;
+        let mut all = Model::new(fit.problem().declared(), loaded.basis(), &self.table)?;
+        all.correct_as(fit.model())?;
         Ok(predict_rows(&all, fit.model(), &fit.thinned(PREDICTION_DRAWS)?, self.first, seed))
     }
 

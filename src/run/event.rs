@@ -117,6 +117,8 @@ pub enum Event<'a> {
         n_vertices: usize,
         /// That of the surface.
         of: usize,
+        /// The number of vertices of the finer triangles by which arrival times are corrected, if there are any.
+        corrected_by: Option<usize>,
     },
     /// There is not enough memory for all that is reported of draws: it is kept on disk, and the run goes on.
     OnDisk {
@@ -234,10 +236,14 @@ impl fmt::Display for Event<'_> {
                 }
                 write!(f, "; about {gigabytes:.1} GB of memory")
             }
-            Self::Triangulation { n_vertices, of } => write!(
-                f,
-                "mesh   what depends on the whole surface is computed at {n_vertices} of the {of} vertices, those of all rows among them"
-            ),
+            Self::Triangulation { n_vertices, of, corrected_by } => {
+                write!(
+                    f,
+                    "mesh   what depends on the whole surface is computed at {n_vertices} of the {of} vertices, those of all rows among them"
+                )?;
+                let Some(finer) = corrected_by else { return Ok(()) };
+                write!(f, "; arrival times are corrected by those at {finer} vertices")
+            }
             Self::OnDisk { bytes, least, free } => {
                 f.write_str(&on_disk_in_words([*bytes, *least, *free]))
             }

@@ -58,6 +58,7 @@
 pub mod atrium;
 mod check;
 mod compare;
+mod corrected;
 mod coverage;
 mod error;
 mod event;

@@ -41,8 +41,9 @@ pub struct Mode<'m> {
 
 /// Climbs from the model's initial point towards its mode.
 pub(super) fn climb(model: &Model) -> Result<Optimum, InferError> {
+    let start = model.corrected_at().map_or_else(|| model.initial(), <[f64]>::to_vec);
     let settings = OptimumSettings { max_iterations: MOST_ITERATIONS, ..Default::default() };
-    maximise(model, &model.initial(), &settings)
+    maximise(model, &start, &settings)
 }
 
 impl<'m> Problem<'m> {
@@ -52,7 +53,8 @@ impl<'m> Problem<'m> {
     /// [`RunError::Infer`] where the climb cannot begin. A climb that reaches no mode is told by
     /// [`Mode::converged`].
     pub fn mode(&self) -> Result<Mode<'m>, RunError> {
-        let model = self.model();
+        let problem = self.corrected(None)?;
+        let model = problem.model();
         let optimum = climb(model).map_err(|error| placed(model, error))?;
         let (mut tape, mut values) = (model.tape(), vec![]);
         model.forward(&mut tape, &optimum.position);
@@ -61,7 +63,7 @@ impl<'m> Problem<'m> {
             let one = std::slice::from_ref(&optimum.position);
             Maps::new(model, basis).summarise(one, &Asked::default()).maps
         });
-        Ok(Mode { problem: self.clone(), optimum, values, maps })
+        Ok(Mode { problem, optimum, values, maps })
     }
 }
 

@@ -99,7 +99,8 @@ impl Problem<'_> {
         let chains = unknowns.chains.iter();
         let draws = chains.flat_map(|chain| chain.iter().step_by(of_chain(chain)));
         let draws: Vec<Vec<f64>> = draws.cloned().collect();
-        let mut forecast = self.forecast(&draws, n_chains, run.record.seed, table)?;
+        let problem = self.corrected_at(unknowns.corrected_at.as_deref())?;
+        let mut forecast = problem.forecast(&draws, n_chains, run.record.seed, table)?;
         let own = run.record.files.get(unknowns::FILE);
         forecast.hashes.extend(own.map(|hash| ("unknowns".to_owned(), hash.clone())));
         Ok(forecast)
@@ -153,7 +154,9 @@ impl Problem<'_> {
         let cells = self.model().observes.iter().flat_map(|observe| &observe.cells);
         lent.extend(cells.map(String::as_str));
         let joint = self.placed(&loaded.measurements.followed_by(table, &lent))?;
-        Ok(Model::new(self.declared(), loaded.basis(), &joint)?)
+        let mut joint = Model::new(self.declared(), loaded.basis(), &joint)?;
+        joint.correct_as(self.model())?;
+        Ok(joint)
     }
 }
 

@@ -150,6 +150,18 @@ impl<'m> Problem<'m> {
         Ok(Self(Arc::new(Parts { declared, model, loaded, seconds, doubts: OnceLock::new() })))
     }
 
+    /// The same with a changed model.
+    pub(super) fn changed(
+        &self,
+        change: impl FnOnce(&mut Model) -> Result<(), RunError>,
+    ) -> Result<Self, RunError> {
+        let Parts { declared, loaded, seconds, doubts, .. } = &*self.0;
+        let mut model = Model::new(*declared, loaded.basis(), &loaded.measurements)?;
+        change(&mut model)?;
+        let (loaded, doubts) = (loaded.clone(), doubts.clone());
+        Ok(Self(Arc::new(Parts { declared: *declared, model, loaded, seconds: *seconds, doubts })))
+    }
+
     /// The model as declared, without data.
     pub fn declared(&self) -> &'m dyn Declare {
         self.0.declared
@@ -181,11 +193,14 @@ impl<'m> Problem<'m> {
         }
     }
 
-    /// Says so where operators are computed at fewer vertices than the surface has.
+    /// Says so where operators are computed at fewer vertices than the surface has, or corrected by those of finer triangles.
     pub(super) fn tell_triangulation(&self, watch: &Watch<'_>) {
         let of = self.loaded().surface().map_or(0, |surface| surface.mesh.n_vertices());
-        if let Some(n_vertices) = self.model().n_everywhere().filter(|n| *n < of) {
-            watch.tell(&Event::Triangulation { n_vertices, of });
+        let corrected_by = self.model().n_finer();
+        if let Some(n_vertices) = self.model().n_everywhere()
+            && (n_vertices < of || corrected_by.is_some())
+        {
+            watch.tell(&Event::Triangulation { n_vertices, of, corrected_by });
         }
     }
 

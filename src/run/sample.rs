@@ -122,8 +122,10 @@ impl<'m> Problem<'m> {
         let needs = Needs::of(self, settings, InMemory::Twice);
         let settings = needs.placed(settings, &options.watch)?;
         let begun = Instant::now();
-        let model = self.model();
-        self.tell_doubts(&options.watch);
+        let problem = self.corrected(options.sampler)?;
+        let model = problem.model();
+        problem.tell_doubts(&options.watch);
+        problem.tell_triangulation(&options.watch);
         let optimum = climb(model).map_err(|error| placed(model, error))?;
         let laplace = Laplace::at(model, &optimum).map_err(|error| named(model, error))?;
         options.watch.tell(&Event::Laplace { model: model.name });
@@ -138,7 +140,7 @@ impl<'m> Problem<'m> {
         };
         let (seconds, approximation) = (begun.elapsed().as_secs_f64(), Some(quality));
         let drawn = Drawn { chains, seconds, approximation, ..Drawn::default() };
-        self.without_sampling(Method::Laplace, settings, drawn, options)
+        problem.without_sampling(Method::Laplace, settings, drawn, options)
     }
 
     fn without_sampling(
@@ -179,7 +181,7 @@ fn some_chains(drawn: Drawn) -> Result<Drawn, RunError> {
 
 /// What is sampled, and how.
 struct Job<'a, 'm> {
-    problem: &'a Problem<'m>,
+    problem: Problem<'m>,
     sampler: Sampler,
     settings: Settings,
     hashes: BTreeMap<String, String>,
@@ -192,14 +194,15 @@ struct Job<'a, 'm> {
 
 impl<'a, 'm> Job<'a, 'm> {
     fn new(
-        problem: &'a Problem<'m>,
+        problem: &Problem<'m>,
         settings: &Settings,
         options: &'a Options<'a>,
         draws: InMemory,
     ) -> Result<Self, RunError> {
         settings.validate()?;
         let begun = Instant::now();
-        let (model, needs) = (problem.model(), Needs::of(problem, settings, draws));
+        let problem = problem.corrected(options.sampler)?;
+        let (model, needs) = (problem.model(), Needs::of(&problem, settings, draws));
         let mut settings = needs.placed(settings, &options.watch)?;
         let mut hashes = problem.loaded().hashes.clone();
         let sampler = options.sampler.unwrap_or_else(|| Sampler::of(model));
@@ -269,7 +272,7 @@ impl<'a, 'm> Job<'a, 'm> {
     fn fit(self, drawn: Drawn) -> Result<Fit<'m>, RunError> {
         let (seconds, method) = (self.seconds(), self.method());
         let is_read = self.needs.draws_in_memory == InMemory::Never || self.settings.disk.is_some();
-        let mut fit = Fit::new(self.problem, method, self.settings, drawn)?;
+        let mut fit = Fit::new(&self.problem, method, self.settings, drawn)?;
         fit.hashes = self.hashes;
         fit.exceed = self.options.exceed.to_vec();
         fit.weights_only = self.options.weights_only;

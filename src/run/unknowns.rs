@@ -2,6 +2,7 @@
 //!
 //! ```text
 //! draws (n, unknown)   chain (n): from 0   about: UTF-8 of {"model": …, "unknowns": [name, …]}
+//! corrected_at (unknown): where arrival times are those of finer triangles, in a model of such times
 //! ```
 
 use std::io::{self, Seek, Write};
@@ -15,6 +16,9 @@ use crate::store::{NpzReader, NpzWriter, Packing, write_file};
 
 /// The file in an output folder.
 pub(super) const FILE: &str = "unknowns.npz";
+
+/// The array that only models of arrival times have.
+const CORRECTED: &str = "corrected_at";
 
 /// Whose draws they are.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
@@ -31,6 +35,8 @@ pub(super) struct Unknowns {
     pub(super) about: About,
     /// `(chain, draw, unknown)`.
     pub(super) chains: Vec<Vec<Vec<f64>>>,
+    /// See [`Model::corrected_at`](crate::model::Model::corrected_at).
+    pub(super) corrected_at: Option<Vec<f64>>,
 }
 
 impl Unknowns {
@@ -39,7 +45,8 @@ impl Unknowns {
         let about = About { model: model.name.into(), unknowns: model.unknown_names() };
         let each = fit.kept.len() / fit.chains().len().max(1);
         let chains = fit.kept.chunks_exact(each.max(1));
-        Self { about, chains: chains.map(<[Vec<f64>]>::to_vec).collect() }
+        let chains = chains.map(<[Vec<f64>]>::to_vec).collect();
+        Self { about, chains, corrected_at: model.corrected_at().map(<[f64]>::to_vec) }
     }
 
     /// # Errors
@@ -59,6 +66,9 @@ impl Unknowns {
         archive.array("draws", &shape, &draws)?;
         archive.array("chain", &shape[..1], &chain)?;
         archive.array("about", &[about.len() as u64], &about)?;
+        if let Some(at) = &self.corrected_at {
+            archive.array(CORRECTED, &shape[1..], at)?;
+        }
         archive.finish()
     }
 
@@ -70,12 +80,17 @@ impl Unknowns {
         let unread = |source| ReportError::Read { path: path.to_owned(), source };
         let malformed = |reason: String| ReportError::Malformed { path: path.to_owned(), reason };
         let mut archive = NpzReader::open(path).map_err(unread)?;
+        let is_corrected = archive.names().map_err(unread)?.iter().any(|name| name == CORRECTED);
         let wrong = |error: io::Error| malformed(error.to_string());
         let mut values = |name| archive.array(name).map(|array| array.values).map_err(wrong);
         let about: Vec<u8> = values("about")?.into_iter().map(|byte| byte as u8).collect();
         let about: About = serde_json::from_slice(&about).map_err(|e| malformed(e.to_string()))?;
         let (chain, draws) = (values("chain")?, values("draws")?);
+        let corrected_at = is_corrected.then(|| values(CORRECTED)).transpose()?;
         let width = about.unknowns.len();
+        if let Some(got) = corrected_at.as_ref().map(Vec::len).filter(|n| *n != width) {
+            return Err(malformed(format!("`{CORRECTED}`: expected {width} numbers, got {got}")));
+        }
         if draws.len() != chain.len() * width || draws.is_empty() {
             let (n, got) = (chain.len(), draws.len());
             return Err(malformed(format!(
@@ -91,7 +106,7 @@ impl Unknowns {
                 _ => return Err(malformed(format!("expected chain {n}, got chain {of}"))),
             }
         }
-        Ok(Self { about, chains })
+        Ok(Self { about, chains, corrected_at })
     }
 }
 
@@ -102,7 +117,8 @@ mod tests {
     fn two_chains() -> Unknowns {
         let unknowns = vec!["mean".to_owned(), "ln sd".to_owned()];
         let chains = vec![vec![vec![1.0, 0.1], vec![2.0, -0.2]], vec![vec![1.0 / 3.0, 7.0]]];
-        Unknowns { about: About { model: "M".into(), unknowns }, chains }
+        let corrected_at = Some(vec![1.5, -0.1]);
+        Unknowns { about: About { model: "M".into(), unknowns }, chains, corrected_at }
     }
 
     #[test]
@@ -123,6 +139,8 @@ mod tests {
         };
         let none = refused(&Unknowns { chains: vec![], ..two_chains() });
         assert!(none.contains("expected 0 draws of 2 numbers, got 0 numbers"), "{none}");
+        let short = refused(&Unknowns { corrected_at: Some(vec![1.5]), ..two_chains() });
+        assert!(short.contains("`corrected_at`: expected 2 numbers, got 1"), "{short}");
         std::fs::write(&path, "not an archive").unwrap();
         assert!(Unknowns::read(&path).is_err());
         assert!(Unknowns::read(&folder.path().join("none.npz")).is_err());

@@ -34,10 +34,8 @@ pub fn jittered_starts(
     chains: usize,
     seed: u64,
 ) -> Result<Vec<Vec<f64>>, InferError> {
-    let least_gain = 0.01 * density.dim() as f64;
+    let optimum = climb(density, initial)?;
     let resting = density.interwoven().unwrap_or_default();
-    let settings = OptimumSettings { max_iterations: 200, least_gain, ..Default::default() };
-    let optimum = maximise(&Resting { density, resting: &resting }, initial, &settings)?;
     let mut evaluator = density.evaluator();
     let mut scales = conditional_scales(&mut *evaluator, &optimum.position, LARGEST_SCALE);
     for scale in &mut scales {
@@ -47,6 +45,17 @@ pub fn jittered_starts(
         scales[i] = 0.0;
     }
     (0..chains).map(|chain| jitter(&mut *evaluator, &optimum, &scales, chain, seed)).collect()
+}
+
+/// The climb from `initial` `(dim)` that [`jittered_starts`] begins with.
+///
+/// # Errors
+/// Those of [`maximise`] at `initial`.
+pub fn climb(density: &dyn LogDensity, initial: &[f64]) -> Result<Optimum, InferError> {
+    let least_gain = 0.01 * density.dim() as f64;
+    let resting = density.interwoven().unwrap_or_default();
+    let settings = OptimumSettings { max_iterations: 200, least_gain, ..Default::default() };
+    maximise(&Resting { density, resting: &resting }, initial, &settings)
 }
 
 /// A density some of whose unknowns no climb moves.

@@ -7,6 +7,7 @@ use std::ops::Range;
 use rand::{Rng, RngExt as _};
 use rand_distr::StandardNormal;
 
+use super::corrected::Correction;
 use super::density::Density;
 use super::error::ModelError;
 use super::gp::Field;
@@ -122,6 +123,8 @@ pub struct Model {
     pub(super) predictors: Vec<Predictor>,
     /// Operators over the whole surface. They depend on fields and parameters.
     pub(super) over: Vec<Over>,
+    /// Of arrival times.
+    pub(super) correction: Option<Correction>,
     pub(super) maps: Vec<Map>,
     pub(super) late_maps: LateMaps,
     pub(super) offsets: Vec<Range<usize>>,
@@ -166,6 +169,7 @@ impl Model {
             linear: vec![],
             predictors: vec![],
             over: vec![],
+            correction: None,
             densities: vec![],
             maps: vec![],
             late_maps: LateMaps::default(),

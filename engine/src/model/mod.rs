@@ -14,6 +14,7 @@ mod breakthrough;
 mod builder;
 mod compiled_rows;
 mod coordinate;
+mod corrected;
 mod declare;
 mod density;
 mod discrepancy;

@@ -13,6 +13,7 @@ use super::everywhere::{PlaceFn, Where, pull, push};
 use super::operator::{Adjoints, Memo, Operands, Operator};
 use super::tape::{Op, Second, Tape};
 use crate::mesh::Places;
+use crate::table::ProbeError;
 
 /// An operand: an expression, and where its numbers live.
 #[derive(Debug)]
@@ -63,6 +64,14 @@ impl Over {
     pub(super) fn started_at(&self, t: &Tape, vertex: u32) -> Vec<f64> {
         let (values, _) = self.left(&t.work);
         self.operator.started_at(&self.operands(values, &t.v), vertex)
+    }
+
+    /// See [`Operator::correct`], with the operands of the last forward pass.
+    pub(super) fn correct(&mut self, t: &Tape) -> Result<Option<usize>, ProbeError> {
+        let numbers = self.numbers.iter().map(|at| t.v[*at]).collect();
+        let values = &t.work[self.work..][..self.n_operands()];
+        let of = Operands { everywhere: values.chunks_exact(self.n).collect(), numbers };
+        self.operator.correct(&of, &t.kept[self.kept])
     }
 
     /// How many numbers of `work` it needs.

@@ -4,6 +4,7 @@ use std::collections::BTreeMap;
 use std::sync::{Arc, OnceLock};
 
 use super::ProbeError;
+use super::finer::Finer;
 use crate::manifold::{Eikonal, Gradient, Paths};
 use crate::mesh::{Places, Surface, TriMesh};
 
@@ -43,6 +44,8 @@ pub struct Triangulation {
     pub has_fibres: bool,
     /// Arrival times on it.
     pub eikonal: Arc<Eikonal>,
+    /// What these are corrected by.
+    pub finer: Arc<Finer>,
 }
 
 impl Triangulation {
@@ -115,7 +118,9 @@ impl Ground {
         let sources =
             self.sources.iter().map(|(name, rows)| (name.clone(), of_rows(rows))).collect();
         let has_fibres = fibres.is_some();
-        Ok(Triangulation { mesh, vertices, places, sources, at, has_fibres, eikonal })
+        let of_surface = (self.mesh.clone(), self.fibres.clone());
+        let finer = Finer::new(of_surface, vertices.clone(), places.clone()).into();
+        Ok(Triangulation { mesh, vertices, places, sources, at, has_fibres, eikonal, finer })
     }
 
     /// For each of these rows, how much the value at each vertex of the triangulation adds to the integral along the

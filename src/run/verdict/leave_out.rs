@@ -126,6 +126,7 @@ fn without(fit: &Fit<'_>, sampler: Sampler, id: RowId, i: usize) -> Option<(f64,
     let loaded = fit.problem().loaded();
     let mut model =
         Model::new(fit.problem().declared(), loaded.basis(), &loaded.measurements).ok()?;
+    model.correct_as(fit.model()).ok()?;
     model.leave_out(id);
     let settings = Settings {
         warmup: WARMUP,

@@ -29,8 +29,8 @@ pub(super) use free::priors_of;
 pub use left_out::Predictive;
 
 use crate::infer::{
-    self, Blocked, ChainResult, InferError, LatentGaussian as _, Nuts, Progress, Settings,
-    jittered_starts, sample_blocked, sample_integrated,
+    self, Blocked, ChainResult, InferError, LatentGaussian as _, LogDensity, Nuts, Progress,
+    Settings, climb, jittered_starts, sample_blocked, sample_integrated,
 };
 use crate::model::laid_out::{FieldEntry, Model};
 
@@ -123,9 +123,23 @@ impl Sampler {
     /// # Errors
     /// Those of [`jittered_starts`].
     pub fn starts(self, model: &Model, settings: &Settings) -> Result<Vec<Vec<f64>>, InferError> {
-        let without_shifts = model.without_shifts().filter(|_| self == Self::Nuts);
+        let without_shifts = self.without_shifts(model);
         let density = without_shifts.as_deref().unwrap_or(model);
-        jittered_starts(density, &model.initial(), settings.chains, settings.seed)
+        jittered_starts(density, &start(model), settings.chains, settings.seed)
+    }
+
+    /// A point on the level of the typical set: see [`climb`].
+    ///
+    /// # Errors
+    /// Those of [`climb`].
+    pub fn typical(self, model: &Model) -> Result<Vec<f64>, InferError> {
+        let without_shifts = self.without_shifts(model);
+        let density = without_shifts.as_deref().unwrap_or(model);
+        Ok(climb(density, &start(model))?.position)
+    }
+
+    fn without_shifts(self, model: &Model) -> Option<Box<dyn LogDensity + '_>> {
+        model.without_shifts().filter(|_| self == Self::Nuts)
     }
 
     /// Samples `model`; the draws are its own unknowns whichever sampler it is.
@@ -149,13 +163,18 @@ impl Sampler {
             Self::Nuts => {
                 let target_accept = self.target_accept(model, settings);
                 let settings = Settings { target_accept, ..settings.clone() };
-                match model.without_shifts() {
+                match self.without_shifts(model) {
                     Some(density) => infer::sample(&*density, starts, &settings, progress),
                     None => infer::sample(model, starts, &settings, progress),
                 }
             }
         }
     }
+}
+
+/// Where a climb begins.
+fn start(model: &Model) -> Vec<f64> {
+    model.corrected_at().map_or_else(|| model.initial(), <[f64]>::to_vec)
 }
 
 /// Mean acceptance to which NUTS tunes its step size on a model with fields. Longer steps seldom enter the tails

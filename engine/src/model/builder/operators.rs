@@ -316,7 +316,7 @@ fn made(
     Ok(match operation {
         Operation::Eikonal => {
             let rows = rows.iter().map(|row| (row.sources.clone(), at(row))).collect();
-            Box::new(Arrival::new(on.eikonal.clone(), rows))
+            Box::new(Arrival::new(on.eikonal.clone(), on.finer.clone(), rows))
         }
         Operation::Path => {
             let of_table: Vec<usize> = rows.iter().map(|row| row.of_table).collect();

@@ -5,6 +5,7 @@ use std::sync::Arc;
 
 use super::{Adjoints, Memo, Operands, Operator};
 use crate::manifold::{Eikonal, Front, Medium, MediumBar};
+use crate::table::{Finer, ProbeError};
 
 /// What a slowness (ms/mm) and a ratio may be. Beyond, nothing arrives.
 const LIMITS: Range<f64> = 1e-6..1e6;
@@ -19,6 +20,7 @@ pub(in crate::model) type Source = (u32, Option<usize>);
 #[derive(Debug)]
 pub(in crate::model) struct Arrival {
     solver: Arc<Eikonal>,
+    finer: Arc<Finer>,
     activations: Vec<Activation>,
 }
 
@@ -28,19 +30,29 @@ struct Activation {
     sources: Vec<Source>,
     /// The rows in which it is seen: vertex, and number.
     rows: Vec<(u32, usize)>,
+    /// By how much it arrives later than it is computed, ms (n_vertices): see [`Operator::correct`].
+    later: Vec<f64>,
 }
 
 impl Arrival {
     /// At rows, each with its sources and its vertex.
-    pub(in crate::model) fn new(solver: Arc<Eikonal>, rows: Vec<(Vec<Source>, u32)>) -> Self {
+    pub(in crate::model) fn new(
+        solver: Arc<Eikonal>,
+        finer: Arc<Finer>,
+        rows: Vec<(Vec<Source>, u32)>,
+    ) -> Self {
         let mut activations: Vec<Activation> = vec![];
+        let later = vec![0.0; solver.n_vertices()];
         for (i, (sources, vertex)) in rows.into_iter().enumerate() {
             match activations.iter_mut().find(|own| own.sources == sources) {
                 Some(own) => own.rows.push((vertex, i)),
-                None => activations.push(Activation { sources, rows: vec![(vertex, i)] }),
+                None => {
+                    let (rows, later) = (vec![(vertex, i)], later.clone());
+                    activations.push(Activation { sources, rows, later });
+                }
             }
         }
-        Self { solver, activations }
+        Self { solver, finer, activations }
     }
 
     fn medium<'a>(of: &Operands<'a>) -> Medium<'a> {
@@ -70,6 +82,17 @@ impl Activation {
     fn onsets(&self, numbers: &[f64]) -> Vec<f64> {
         self.sources.iter().map(|(_, number)| number.map_or(0.0, |i| numbers[i])).collect()
     }
+
+    /// Its sources, each with its onset.
+    fn born(&self, numbers: &[f64]) -> Vec<(u32, f64)> {
+        let vertices = self.sources.iter().map(|(vertex, _)| *vertex);
+        vertices.zip(self.onsets(numbers)).collect()
+    }
+
+    /// Corrected arrivals at all vertices, from those that are computed.
+    fn corrected<'a>(&'a self, arrival: &'a [f64]) -> impl Iterator<Item = f64> + 'a {
+        arrival.iter().zip(&self.later).map(|(arrival, later)| arrival + later)
+    }
 }
 
 impl Operator for Arrival {
@@ -78,18 +101,16 @@ impl Operator for Arrival {
         kept.fronts.resize_with(self.activations.len(), Front::default);
         let is_tissue = Self::is_tissue(&medium) && of.numbers.iter().all(|x| x.is_finite());
         if is_tissue {
-            let born = |own: &Activation| -> Vec<(u32, f64)> {
-                let onsets = own.onsets(&of.numbers);
-                own.sources.iter().zip(onsets).map(|((vertex, _), at)| (*vertex, at)).collect()
-            };
-            let born: Vec<_> = self.activations.iter().map(born).collect();
+            let born: Vec<_> = self.activations.iter().map(|own| own.born(&of.numbers)).collect();
             self.solver.forward_each(&medium, &born, &mut kept.fronts);
         } else {
             kept.fronts.iter_mut().for_each(|front| front.arrival.clear());
         }
         for (own, front) in self.activations.iter().zip(&kept.fronts) {
             for (vertex, i) in &own.rows {
-                out[*i] = front.arrival.get(*vertex as usize).copied().unwrap_or(f64::NAN);
+                let (arrival, later) =
+                    (front.arrival.get(*vertex as usize), own.later[*vertex as usize]);
+                out[*i] = arrival.map_or(f64::NAN, |arrival| arrival + later);
             }
         }
     }
@@ -150,6 +171,18 @@ impl Operator for Arrival {
     }
 
     fn maps(&self, kept: &Memo) -> Vec<Vec<f64>> {
-        kept.fronts.iter().map(|front| front.arrival.clone()).collect()
+        let all = self.activations.iter().zip(&kept.fronts);
+        all.map(|(own, front)| own.corrected(&front.arrival).collect()).collect()
+    }
+
+    fn correct(&mut self, of: &Operands<'_>, kept: &Memo) -> Result<Option<usize>, ProbeError> {
+        let born: Vec<_> = self.activations.iter().map(|own| own.born(&of.numbers)).collect();
+        let finer = self.finer.arrivals(&Self::medium(of), &born)?;
+        for ((own, front), finer) in self.activations.iter_mut().zip(&kept.fronts).zip(finer) {
+            let off = |(finer, here): (f64, &f64)| Some(finer - here).filter(|by| by.is_finite());
+            let all = finer.into_iter().zip(&front.arrival);
+            own.later = all.map(|pair| off(pair).unwrap_or(0.0)).collect();
+        }
+        Ok(Some(self.finer.n_vertices()?))
     }
 }

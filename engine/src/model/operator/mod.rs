@@ -12,6 +12,7 @@ use std::fmt::Debug;
 
 use crate::manifold::Front;
 use crate::mesh::TriMesh;
+use crate::table::ProbeError;
 
 /// An operator over the whole surface: numbers of rows that depend on expressions of the model at every vertex.
 ///
@@ -84,6 +85,15 @@ pub trait Operator: Debug + Send + Sync {
     /// reported; one of your own has none.
     fn maps(&self, _: &Memo) -> Vec<Vec<f64>> {
         vec![]
+    }
+
+    /// From now on adds to its numbers what they are off by at these operands, after a forward pass, as far as finer
+    /// triangles tell. Returns how many vertices these have. Only `eikonal` does so.
+    ///
+    /// # Errors
+    /// What finer triangles are refused for.
+    fn correct(&mut self, _: &Operands<'_>, _: &Memo) -> Result<Option<usize>, ProbeError> {
+        Ok(None)
     }
 }
 
@@ -199,8 +209,9 @@ mod tests {
         let along = Along { weights: rows.iter().map(of_row).collect() };
         let slope = Slope { gradient: Gradient::new(&mesh), rows: rows.clone() };
         let at = |row: &u32| (vec![(5, None)], *row);
-        let arrival =
-            Arrival::new(Eikonal::new(&mesh, None).unwrap().into(), rows.iter().map(at).collect());
+        let solver = Eikonal::new(&mesh, None).unwrap().into();
+        let finer = Finer::new((mesh.clone(), None), vec![], None).into();
+        let arrival = Arrival::new(solver, finer, rows.iter().map(at).collect());
         for (name, error) in [
             ("path", operator_error(&along, &[&slowness], rows.len())),
             ("gradient", operator_error(&slope, &[&slowness], rows.len())),
