@@ -14,9 +14,8 @@
 mod activation;
 
 use activation::{activation, in_surface, normals, per_triangle, round, velocity};
-use eplat::ep::surface::halfway;
 use eplat::manifold::{Eikonal, Front, Medium, nearest_vertex};
-use eplat::mesh::{Refined, TriMesh, left_atrium};
+use eplat::mesh::{Refined, TriMesh, halfway, left_atrium};
 
 /// CV along fibres in continuous tissue, mm/ms.
 const CV_MAX: f64 = 0.9;

@@ -2,8 +2,8 @@
 #![allow(dead_code, clippy::unwrap_used, reason = "tests; each uses a part of it")]
 
 use eplat::ep::Parameters;
-use eplat::ep::surface::{Fibres, Pacing, Simulation, Substrate, halfway};
-use eplat::mesh::TriMesh;
+use eplat::ep::surface::{Fibres, Pacing, Simulation, Substrate};
+use eplat::mesh::{TriMesh, halfway};
 
 const DT: f64 = 0.1;
 /// With this `tau_in` fronts are so thick that edges of 0.4 mm resolve them also across fibres. At 0.05 ms the

@@ -74,7 +74,7 @@ pub(super) fn fibres_to_vertices(mesh: &TriMesh, cells: &[[f64; 3]]) -> Vec<[f64
 }
 
 /// Fibres of vertices in the triangles: the axis nearest to the three corners', in the plane.
-pub(super) fn fibres_to_triangles(mesh: &TriMesh, vertices: &[[f64; 3]]) -> Vec<[f64; 3]> {
+pub(crate) fn fibres_to_triangles(mesh: &TriMesh, vertices: &[[f64; 3]]) -> Vec<[f64; 3]> {
     let corners = |t: usize| mesh.triangles()[t].map(|v| vector(vertices[v as usize]));
     let in_triangle = |t: usize| {
         let n = normal(mesh, t);

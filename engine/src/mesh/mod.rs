@@ -40,12 +40,13 @@ mod write;
 
 pub use atrium::{Atrium, REGION_NAMES, left_atrium};
 pub use bytes::Encoding;
+pub(crate) use carry::fibres_to_triangles;
 pub use data::{Array, Data};
 pub use decimate::Coarse;
 pub use error::{MeshError, Piece, Place};
 pub use format::{Format, files};
 pub use read::{Reading, mended, read, repair};
-pub use refine::Refined;
+pub use refine::{Refined, halfway};
 pub use surface::{Axes, Fine, Places, Surface};
 pub use tri_mesh::TriMesh;
 pub use units::Units;

@@ -1,6 +1,7 @@
 //! A finer mesh of the same surface.
 
 use super::{MeshError, TriMesh};
+use nalgebra::Vector3;
 use std::collections::BTreeMap;
 
 /// A mesh whose triangles were cut into four, once or several times.
@@ -67,9 +68,15 @@ impl TriMesh {
     }
 }
 
+/// The direction halfway between two, whose signs mean nothing.
+pub fn halfway(a: [f64; 3], b: [f64; 3]) -> [f64; 3] {
+    let (a, b) = (Vector3::from(a).normalize(), Vector3::from(b).normalize());
+    if a.dot(&b) < 0.0 { (a - b).into() } else { (a + b).into() }
+}
+
 #[cfg(test)]
 mod tests {
-    use super::{Refined, TriMesh};
+    use super::{Refined, TriMesh, halfway};
     use crate::mesh::left_atrium;
 
     #[test]
@@ -101,5 +108,12 @@ mod tests {
         let twice = Refined::new(coarse, 2).unwrap();
         let carried = twice.carry(values, |a, b| 0.5 * (a + b));
         assert_eq!(carried, twice.mesh.vertices().iter().map(x).collect::<Vec<f64>>());
+    }
+
+    #[test]
+    fn halfway_knows_no_sign() {
+        let (a, b) = ([2.0, 0.0, 0.0], [0.0, -1.0, 0.0]);
+        assert_eq!(halfway(a, b).to_vec(), [1.0, -1.0, 0.0]);
+        assert_eq!(halfway(a, [-1.0, 0.0, 0.0]).to_vec(), [2.0, 0.0, 0.0]);
     }
 }

@@ -4,7 +4,7 @@ use std::sync::{Arc, OnceLock};
 
 use super::ProbeError;
 use crate::manifold::{Eikonal, Front, ManifoldError, Medium};
-use crate::mesh::{Places, Refined, TriMesh};
+use crate::mesh::{Places, Refined, TriMesh, fibres_to_triangles, halfway};
 
 /// Triangles are cut until the next cut would make more vertices.
 const MOST: usize = 50_000;
@@ -14,7 +14,7 @@ const PER_CUT: usize = 4;
 /// Where arrival times are off by less than on a triangulation between some vertices of the surface.
 #[derive(Debug)]
 pub struct Finer {
-    /// The surface, and the fibres of its triangles.
+    /// The surface, and fibres at its vertices.
     mesh: TriMesh,
     fibres: Option<Vec<[f64; 3]>>,
     /// The surface's vertices that are the triangulation's.
@@ -33,7 +33,7 @@ struct Cut {
 }
 
 impl Finer {
-    /// Of a surface with fibres of its triangles, some of whose vertices are a triangulation's.
+    /// Of a surface with fibres at its vertices, some of which are a triangulation's.
     pub(super) fn new(
         (mesh, fibres): (TriMesh, Option<Vec<[f64; 3]>>),
         vertices: Vec<u32>,
@@ -61,10 +61,10 @@ impl Finer {
             times += 1;
         }
         let parts = 4_usize.pow(times);
-        let of_parts = |fibres: &Vec<[f64; 3]>| -> Vec<[f64; 3]> {
-            fibres.iter().flat_map(|fibre| std::iter::repeat_n(*fibre, parts)).collect()
+        let in_triangles = |fibres: &Vec<[f64; 3]>| {
+            fibres_to_triangles(&surface.mesh, &surface.carry(fibres.clone(), halfway))
         };
-        let fibres = self.fibres.as_ref().map(of_parts);
+        let fibres = self.fibres.as_ref().map(in_triangles);
         let of_surface = |error| match error {
             ManifoldError::NoFibre { triangle, fibre } => {
                 ManifoldError::NoFibre { triangle: triangle / parts, fibre }

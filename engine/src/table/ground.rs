@@ -18,6 +18,8 @@ pub struct Ground {
     mesh: TriMesh,
     /// Of each triangle.
     fibres: Option<Vec<[f64; 3]>>,
+    /// Of each vertex.
+    vertex_fibres: Option<Vec<[f64; 3]>>,
     /// The vertex of each row.
     rows: Vec<u32>,
     /// Columns with vertices at which activation starts, of each row that has one; the first is `source`, if there is any.
@@ -65,6 +67,7 @@ impl Ground {
         let fibres = surface.any_fibres().filter(|_| !sources.is_empty());
         Self {
             mesh: surface.mesh.clone(),
+            vertex_fibres: fibres.as_ref().and_then(|(name, _)| surface.fibres(name)),
             fibres: fibres.map(|(_, vectors)| vectors),
             rows: rows.to_vec(),
             sources,
@@ -118,7 +121,7 @@ impl Ground {
         let sources =
             self.sources.iter().map(|(name, rows)| (name.clone(), of_rows(rows))).collect();
         let has_fibres = fibres.is_some();
-        let of_surface = (self.mesh.clone(), self.fibres.clone());
+        let of_surface = (self.mesh.clone(), self.vertex_fibres.clone());
         let finer = Finer::new(of_surface, vertices.clone(), places.clone()).into();
         Ok(Triangulation { mesh, vertices, places, sources, at, has_fibres, eikonal, finer })
     }

@@ -3,8 +3,8 @@
 use super::{AtriumError, Ground, Source, TissueSettings};
 use crate::ep::Parameters;
 use crate::ep::cell::RANGES;
-use crate::ep::surface::{Fibres, halfway};
-use crate::mesh::{Refined, TriMesh};
+use crate::ep::surface::Fibres;
+use crate::mesh::{Refined, TriMesh, halfway};
 use crate::store::memory;
 
 /// The parameters on the surface as it was given, and the mesh that is simulated on.

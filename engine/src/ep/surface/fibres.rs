@@ -130,12 +130,6 @@ fn normals(mesh: &TriMesh) -> Vec<Vector3<f64>> {
     normals.into_iter().map(|normal| normal.normalize()).collect()
 }
 
-/// The direction halfway between two, whose signs mean nothing.
-pub fn halfway(a: [f64; 3], b: [f64; 3]) -> [f64; 3] {
-    let (a, b) = (Vector3::from(a).normalize(), Vector3::from(b).normalize());
-    if a.dot(&b) < 0.0 { (a - b).into() } else { (a + b).into() }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -180,12 +174,5 @@ mod tests {
         for (a, b) in normals(&mesh).into_iter().zip(normals(&turned)) {
             assert!(a.dot(&b).abs() > 0.99);
         }
-    }
-
-    #[test]
-    fn halfway_knows_no_sign() {
-        let (a, b) = ([2.0, 0.0, 0.0], [0.0, -1.0, 0.0]);
-        assert_eq!(halfway(a, b).to_vec(), [1.0, -1.0, 0.0]);
-        assert_eq!(halfway(a, [-1.0, 0.0, 0.0]).to_vec(), [2.0, 0.0, 0.0]);
     }
 }

@@ -19,7 +19,7 @@ mod solver;
 mod tests;
 mod waves;
 
-pub use fibres::{FibreError, Fibres, halfway};
+pub use fibres::{FibreError, Fibres};
 pub use pacing::{Pacing, SurfaceError};
 pub use record::BeatMap;
 pub use simulation::{Simulation, State};

@@ -188,6 +188,7 @@ mod tests {
     use super::*;
     use crate::manifold::{Eikonal, Gradient, Paths};
     use crate::mesh::Surface;
+    use crate::table::Finer;
 
     /// Slowness and ratio, or anything else, at the vertices of an atrium.
     fn waves(mesh: &TriMesh) -> [Vec<f64>; 2] {
