@@ -1,6 +1,7 @@
 //! What a measurement depends on, from the tree.
 
 use crate::names::mentions;
+use crate::operator::Operation;
 use crate::syntax::{Expr, Ident, Item, Let, Model, Observe, Over, Param, Value};
 
 impl Model {
@@ -46,6 +47,15 @@ impl Model {
             _ => None,
         };
         all.into_iter().filter_map(operator).collect()
+    }
+
+    /// Whether all of these are arrival times.
+    pub fn observes_arrivals_alone(&self) -> bool {
+        let is_arrival = |own: &Let| match &own.value {
+            Value::Operator(operator) => operator.operation == Operation::Eikonal,
+            _ => true,
+        };
+        self.operators_observed().into_iter().all(is_arrival)
     }
 
     /// The fields that measurements depend on through such operators, each once.

@@ -197,7 +197,8 @@ impl<'m> Problem<'m> {
     pub(super) fn tell_triangulation(&self, watch: &Watch<'_>) {
         let of = self.loaded().surface().map_or(0, |surface| surface.mesh.n_vertices());
         let corrected_by = self.model().n_finer();
-        if let Some(n_vertices) = self.model().n_everywhere()
+        let on = self.model().triangulation().map(|on| on.mesh.n_vertices());
+        if let Some(n_vertices) = on
             && (n_vertices < of || corrected_by.is_some())
         {
             watch.tell(&Event::Triangulation { n_vertices, of, corrected_by });

@@ -3,7 +3,7 @@
 //! ```text
 //! T(x) = T_rough(x) + T_fine(x₀) − T_rough(x₀)
 //! ```
-//! `T_rough` is computed for every draw, on a triangulation of some 2,000 vertices, and off by a millisecond or two where there are
+//! `T_rough` is computed for every draw, on a triangulation of some 1,000 vertices, and off by two milliseconds where there are
 //! fibres. At x₀ the corrected times are those of the finer triangles; away from there they are off by as much as the difference has
 //! changed since, which is less the nearer x₀ is. So x₀ is to be a typical point of the posterior.
 

@@ -3,6 +3,7 @@
 use std::borrow::Cow;
 use std::collections::BTreeMap;
 use std::ops::Range;
+use std::sync::Arc;
 
 use rand::{Rng, RngExt as _};
 use rand_distr::StandardNormal;
@@ -21,7 +22,7 @@ use super::reported::{Parameter, Position};
 use super::rows::Rows;
 use super::tape::{Op, Tape};
 use crate::num::Within;
-use crate::table::Measurements;
+use crate::table::{Measurements, Triangulation};
 
 /// First offset of (observe, field or `let`).
 pub(super) type Hooks = BTreeMap<(&'static str, Cow<'static, str>), usize>;
@@ -123,6 +124,8 @@ pub struct Model {
     pub(super) predictors: Vec<Predictor>,
     /// Operators over the whole surface. They depend on fields and parameters.
     pub(super) over: Vec<Over>,
+    /// What they are computed on.
+    pub(super) triangulation: Option<Arc<Triangulation>>,
     /// Of arrival times.
     pub(super) correction: Option<Correction>,
     pub(super) maps: Vec<Map>,
@@ -169,6 +172,7 @@ impl Model {
             linear: vec![],
             predictors: vec![],
             over: vec![],
+            triangulation: None,
             correction: None,
             densities: vec![],
             maps: vec![],
@@ -212,9 +216,9 @@ impl Model {
         !self.fields.is_empty()
     }
 
-    /// Number of vertices at which operators over the whole surface are computed, in a model with any.
-    pub fn n_everywhere(&self) -> Option<usize> {
-        self.over.first().map(|over| over.n)
+    /// What operators over the whole surface are computed on, in a model with any.
+    pub fn triangulation(&self) -> Option<&Triangulation> {
+        self.triangulation.as_deref()
     }
 
     /// The most modes that a field, or an effect that is one, asks for.

@@ -34,7 +34,7 @@ struct Cut {
 
 impl Finer {
     /// Of a surface with fibres at its vertices, some of which are a triangulation's.
-    pub(super) fn new(
+    pub(crate) fn new(
         (mesh, fibres): (TriMesh, Option<Vec<[f64; 3]>>),
         vertices: Vec<u32>,
         places: Option<Arc<Places>>,

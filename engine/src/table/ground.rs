@@ -8,9 +8,24 @@ use super::finer::Finer;
 use crate::manifold::{Eikonal, Gradient, Paths};
 use crate::mesh::{Places, Surface, TriMesh};
 
-/// How many vertices of the surface operators see it at, those of sources and rows among them; more where these
+/// How fine a triangulation is: at how many vertices of the surface, those of sources and rows among them; at more where these
 /// are more, or fewer would fold the surface.
-const VERTICES: usize = 2000;
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Fineness {
+    /// 2,000, for any operator.
+    Any,
+    /// 1,000: arrival times are corrected by those of finer triangles, and are then as right as at 2,000.
+    Arrivals,
+}
+
+impl Fineness {
+    fn n_vertices(self) -> usize {
+        match self {
+            Self::Any => 2000,
+            Self::Arrivals => 1000,
+        }
+    }
+}
 
 /// A surface, and where on it rows are and activation starts.
 #[derive(Debug)]
@@ -24,8 +39,8 @@ pub struct Ground {
     rows: Vec<u32>,
     /// Columns with vertices at which activation starts, of each row that has one; the first is `source`, if there is any.
     sources: Vec<(String, Vec<Option<u32>>)>,
-    /// Made when an operator first asks for it.
-    triangulation: OnceLock<Triangulation>,
+    /// Of each [`Fineness`], made when an operator first asks for it.
+    triangulations: [OnceLock<Arc<Triangulation>>; 2],
 }
 
 /// A triangulation between vertices of the surface.
@@ -42,8 +57,6 @@ pub struct Triangulation {
     pub sources: Vec<(String, Vec<Option<u32>>)>,
     /// Its vertex at which each row is (rows).
     pub at: Vec<u32>,
-    /// Whether the surface has fibres.
-    pub has_fibres: bool,
     /// Arrival times on it.
     pub eikonal: Arc<Eikonal>,
     /// What these are corrected by.
@@ -71,13 +84,18 @@ impl Ground {
             fibres: fibres.map(|(_, vectors)| vectors),
             rows: rows.to_vec(),
             sources,
-            triangulation: OnceLock::new(),
+            triangulations: Default::default(),
         }
     }
 
     /// Whether the table says where activation starts.
     pub fn has_sources(&self) -> bool {
         !self.sources.is_empty()
+    }
+
+    /// Whether the surface has fibres.
+    pub fn has_fibres(&self) -> bool {
+        self.fibres.is_some()
     }
 
     /// The gradient on the surface itself.
@@ -89,22 +107,23 @@ impl Ground {
     ///
     /// # Errors
     /// What a mesh, and the solver of arrival times, refuse.
-    pub fn triangulation(&self) -> Result<&Triangulation, ProbeError> {
-        if let Some(made) = self.triangulation.get() {
+    pub fn triangulation(&self, fineness: Fineness) -> Result<&Arc<Triangulation>, ProbeError> {
+        let kept = &self.triangulations[usize::from(fineness == Fineness::Arrivals)];
+        if let Some(made) = kept.get() {
             return Ok(made);
         }
-        let made = self.triangulated()?;
-        Ok(self.triangulation.get_or_init(|| made))
+        let made = self.triangulated(fineness.n_vertices())?.into();
+        Ok(kept.get_or_init(|| made))
     }
 
-    fn triangulated(&self) -> Result<Triangulation, ProbeError> {
+    fn triangulated(&self, n_vertices: usize) -> Result<Triangulation, ProbeError> {
         let n = self.mesh.n_vertices();
-        let (mesh, vertices, fibres, places) = if n <= VERTICES {
+        let (mesh, vertices, fibres, places) = if n <= n_vertices {
             (self.mesh.clone(), (0..n as u32).collect(), self.fibres.clone(), None)
         } else {
             let sources = self.sources.iter().flat_map(|(_, of_rows)| of_rows).flatten();
             let stay: Vec<u32> = sources.chain(&self.rows).copied().collect();
-            let coarse = self.mesh.coarsened(VERTICES, &stay)?;
+            let coarse = self.mesh.coarsened(n_vertices, &stay)?;
             let of =
                 |of: &Vec<[f64; 3]>| coarse.triangles.iter().map(|t| of[*t as usize]).collect();
             let fibres = self.fibres.as_ref().map(of);
@@ -120,10 +139,9 @@ impl Ground {
         let of_rows = |rows: &[Option<u32>]| rows.iter().map(|v| v.as_ref().map(new)).collect();
         let sources =
             self.sources.iter().map(|(name, rows)| (name.clone(), of_rows(rows))).collect();
-        let has_fibres = fibres.is_some();
         let of_surface = (self.mesh.clone(), self.vertex_fibres.clone());
         let finer = Finer::new(of_surface, vertices.clone(), places.clone()).into();
-        Ok(Triangulation { mesh, vertices, places, sources, at, has_fibres, eikonal, finer })
+        Ok(Triangulation { mesh, vertices, places, sources, at, eikonal, finer })
     }
 
     /// For each of these rows, how much the value at each vertex of the triangulation adds to the integral along the
@@ -132,7 +150,7 @@ impl Ground {
     /// # Errors
     /// Those of [`Paths::new`] and [`Ground::triangulation`].
     pub fn path_weights(&self, rows: &[usize]) -> Result<Vec<Vec<(u32, f64)>>, ProbeError> {
-        let places = &self.triangulation()?.places;
+        let places = &self.triangulation(Fineness::Any)?.places;
         let mut of_source: BTreeMap<u32, Vec<usize>> = BTreeMap::new();
         for (i, row) in rows.iter().enumerate() {
             if let Some(source) = self.sources.first().and_then(|(_, of_rows)| of_rows[*row]) {

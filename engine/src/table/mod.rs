@@ -23,7 +23,7 @@ pub use column::{Content, TypedColumn};
 pub use columns::{Columns, EXPORTED, MEASURED, PATH, PROTOCOL, Role, SITE, SOURCE, VERTEX};
 pub use error::{DataError, near};
 pub use finer::Finer;
-pub use ground::{Ground, Triangulation};
+pub use ground::{Fineness, Ground, Triangulation};
 pub use measurements::Measurements;
 pub use placement::Placement;
 pub use probes::{FIELD_MODES, ProbeError, Probes};

@@ -24,8 +24,8 @@ impl Fit<'_> {
     pub(super) fn breakthroughs(&self) -> io::Result<Vec<Doubt>> {
         let (model, loaded) = (self.model(), self.problem().loaded());
         let n = model.n_activations();
-        let ground = loaded.measurements.ground().and_then(|ground| ground.triangulation().ok());
-        let (Some(on), Some(surface), true) = (ground, loaded.surface(), n > 0) else {
+        let (Some(on), Some(surface), true) = (model.triangulation(), loaded.surface(), n > 0)
+        else {
             return Ok(vec![]);
         };
         let draws = thinned(self.chains(), DRAWS)?;

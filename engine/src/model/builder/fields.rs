@@ -242,7 +242,7 @@ impl Builder<'_> {
     fn seen_by(&self, declared: &Declared, label: usize) -> Result<(usize, Vec<u32>), ModelError> {
         let ground = self.data.and_then(Measurements::ground);
         if let Some(ground) = ground.filter(|_| is_everywhere(&self.model, declared.name)) {
-            return Ok((0, ground.triangulation()?.vertices.clone()));
+            return Ok((0, ground.triangulation(self.model.fineness())?.vertices.clone()));
         }
         let Some((labels, data)) =
             declared.labels.as_ref().zip(self.data).filter(|_| declared.is_apart)

@@ -8,11 +8,12 @@ use crate::model::error::ModelError;
 use crate::model::everywhere::Where;
 use crate::model::expression::AnyOperand;
 use crate::model::functions::Decl;
+use crate::model::laid_out::Model;
 use crate::model::late::Steepness;
 use crate::model::map::Source as MapSource;
 use crate::model::operator::{Along, Arrival, Everywhere, Operator, Slope, Source};
 use crate::model::over::{Operand, Over};
-use crate::table::{Ground, Measurements, SOURCE, Triangulation};
+use crate::table::{Fineness, Ground, Measurements, SOURCE, Triangulation};
 
 /// Which operator.
 #[derive(Clone, Copy, Debug)]
@@ -138,7 +139,7 @@ impl Builder<'_> {
             return Err(lacks(column));
         }
         let has_only_ratio = operation.is_eikonal() && n_operands == 2;
-        if has_only_ratio && !ground.triangulation()?.has_fibres {
+        if has_only_ratio && !ground.has_fibres() {
             return Err(ModelError::NoFibres { name: name.into() });
         }
         Ok(())
@@ -205,7 +206,7 @@ impl Builder<'_> {
         let Some((data, ground)) = self.data.and_then(|data| Some((data, data.ground()?))) else {
             return Ok(out);
         };
-        let on = ground.triangulation()?;
+        let on = ground.triangulation(self.model.fineness())?;
         let who = format!("let {name}");
         for (i, row) in rows.iter().enumerate() {
             let places = self.sources_of(number, *row, on);
@@ -286,7 +287,8 @@ impl Builder<'_> {
         let Some(ground) = self.data.and_then(|data| data.ground()) else { return Ok(()) };
         for (kept, waiting) in std::mem::take(&mut self.over).into_iter().enumerate() {
             let Waiting { operation, unit, operands, numbers, rows, names } = waiting;
-            let on = ground.triangulation()?;
+            let on = ground.triangulation(self.model.fineness())?;
+            self.model.triangulation = Some(on.clone());
             let over = Over {
                 operator: made(operation, &rows, ground, on)?,
                 operands,
@@ -303,6 +305,16 @@ impl Builder<'_> {
             self.model.over.push(over);
         }
         Ok(())
+    }
+}
+
+impl Model {
+    /// How fine the triangulation is to be on which its operators are computed.
+    pub(super) fn fineness(&self) -> Fineness {
+        match self.syntax().is_ok_and(|tree| tree.observes_arrivals_alone()) {
+            true => Fineness::Arrivals,
+            false => Fineness::Any,
+        }
     }
 }
 
