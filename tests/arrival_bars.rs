@@ -230,74 +230,13 @@ fn what_arrival_times_tell_of_fibres() {
     let Some(file) = shared("fibernet/LA_model.vtk") else { return };
     let surface = read(&file, Reading::default()).unwrap();
     let truth = Truth::new(&surface);
-    if std::env::var_os("EP_BESIDE").is_some() {
-        truth.beside_the_equation(&surface);
-    }
-    if std::env::var_os("EP_TWO").is_some() {
-        let mesh = &surface.mesh;
-        let per = surface.any_fibres().unwrap().1;
-        for (what, times, kind) in [
-            ("file's, cut 2", 1, 0),
-            ("vertex, cut 2", 1, 1),
-            ("vertex turned by linear angle", 1, 2),
-            ("vertex halfway turned first", 1, 3),
-        ] {
-            let fine = Refined::new(mesh.clone(), times).unwrap();
-            let parts = 4usize.pow(times);
-            let lin = |a: f64, b: f64| 0.5 * (a + b);
-            let velocity =
-                fine.carry(truth.velocity.clone(), |a, b| [0, 1].map(|k| 0.5 * (a[k] + b[k])));
-            let angle = fine.carry(truth.angle.clone(), lin);
-            let of_v = in_surface(
-                &surface.fibres(surface.any_fibres().unwrap().0).unwrap(),
-                &outward(mesh),
-            );
-            let fib: Vec<[f64; 3]> = match kind {
-                0 => (0..fine.mesh.n_triangles()).map(|t| per[t / parts]).collect(),
-                1 | 2 => per_triangle(&fine.mesh, &fine.carry(of_v, halfway)),
-                _ => per_triangle(&fine.mesh, &fine.carry(truth.fibres.clone(), halfway)),
-            };
-            let eikonal = Eikonal::new(&fine.mesh, Some(&fib)).unwrap();
-            let slowness: Vec<f64> = velocity.iter().map(|v| 1.0 / v[0]).collect();
-            let ratio: Vec<f64> = velocity.iter().map(|v| v[0] / v[1]).collect();
-            let thick = vec![activation::TAU_IN / 0.32; slowness.len()];
-            let medium = Medium {
-                slowness: &slowness,
-                ratio: Some(&ratio),
-                angle: if kind == 3 { None } else { Some(&angle) },
-                thickness: Some(&thick),
-            };
-            for (source, lat) in SOURCES.iter().zip(&truth.activation) {
-                let mut front = Front::default();
-                eikonal.forward(&medium, &[(*source as u32, 0.0)], &mut front);
-                let d: Vec<f64> = lat
-                    .iter()
-                    .zip(&front.arrival)
-                    .filter(|(l, _)| **l > 10.0)
-                    .map(|(l, t)| l - t)
-                    .collect();
-                let m = d.iter().sum::<f64>() / d.len() as f64;
-                println!(
-                    "{what}: from {source}: mean {m:.2} rms {:.2}",
-                    (d.iter().map(|x| (x - m).powi(2)).sum::<f64>() / d.len() as f64).sqrt()
-                );
-            }
-        }
-        return;
-    }
+    truth.beside_the_equation(&surface);
     let settings = std::env::var("EPLAT_BARS").unwrap_or_else(|_| "--seed 1".into());
-    for (sites, sources) in if std::env::var_os("EP_ONE").is_some() {
-        vec![(std::env::var("EP_ONE").unwrap().parse().unwrap(), &[0usize, 1, 2][..])]
-    } else {
-        vec![(600, &[0usize, 1, 2][..]), (200, &[0, 1, 2]), (200, &[0]), (100, &[0, 1, 2])]
-    } {
+    for (sites, sources) in
+        [(200, &[0, 1, 2][..]), (600, &[0, 1, 2]), (200, &[0]), (100, &[0, 1, 2])]
+    {
         let place = Workplace::new();
         place.file("lat.csv", truth.recorded(sites, sources, 7));
-        std::fs::write(
-            format!("/tmp/w/new{sites}x{}.csv", sources.len()),
-            truth.recorded(sites, sources, 7),
-        )
-        .unwrap();
         let begun = Instant::now();
         let run = place.eplat(&format!(
             "run lat_fibres --mesh {} --data lat.csv --out run {settings}",
