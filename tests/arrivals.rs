@@ -20,9 +20,10 @@ use as_written::same_as_written;
 use eplat::experiment::thinned;
 use eplat::infer::{LogDensity as _, Settings, Silent, jittered_starts};
 use eplat::manifold::{Basis, Eikonal, Front, Medium, eigenpairs};
-use eplat::mesh::{Data, Surface};
+use eplat::mesh::{Data, Refined, Surface};
 use eplat::model::{Asked, Declare, Exceedance, Maps, Model, Sampler, Summaries};
-use eplat::table::Measurements;
+use eplat::run::{Inputs, MeshSource, ModelText, Problem, Results};
+use eplat::table::{Fineness, Measurements};
 use program::{Workplace, text};
 use rand::RngExt as _;
 use support::{gradient_error, rng, table};
@@ -98,8 +99,14 @@ fn atrium() -> (Surface, Basis) {
 
 /// Rows at every 13th vertex from three sources.
 fn rows(surface: &Surface, basis: &Basis) -> Measurements {
+    each_of_rows(1, surface, basis)
+}
+
+/// One of so many of them.
+fn each_of_rows(step: usize, surface: &Surface, basis: &Basis) -> Measurements {
     let n = surface.mesh.n_vertices();
     let lines: Vec<String> = (0..n / 13)
+        .step_by(step)
         .map(|i| {
             let (protocol, source) = (["lat", "bound"][i % 4 / 3], [5, n / 2, n - 9][i % 3]);
             let value = 20 + i % 90;
@@ -434,6 +441,110 @@ fn velocity_is_found_from_arrival_times() {
     assert!((0.75..=0.99).contains(&velocity.inside));
 }
 
+/// Corrected at these unknowns, arrivals are those of finer triangles there, and nearer to these elsewhere.
+#[test]
+fn corrected_arrivals_are_those_of_finer_triangles() {
+    let (surface, basis) = atrium();
+    let data = rows(&surface, &basis);
+    let laid_out = |data: &Measurements| Model::new(&models::Tissue, Some(&basis), data).unwrap();
+    let position = |model: &Model, by: f64| -> Vec<f64> {
+        let wave = |(i, x): (usize, f64)| x + 0.5 * by * (3.0 * i as f64).sin();
+        let waves = model.initial().into_iter().enumerate().map(wave);
+        // without the effect, which is added to arrivals
+        let all = waves.zip(model.unknown_names());
+        all.map(|(x, name)| if name.starts_with("late") { 0.0 } else { x }).collect()
+    };
+    let arrivals = |model: &Model, at: &[f64]| -> Vec<f64> {
+        let (mut t, mut out) = (model.tape(), vec![]);
+        model.forward(&mut t, at);
+        model.let_values(&t, &mut out);
+        out.split_off(out.len() - model.lets.last().unwrap().len)
+    };
+    let rms = |a: &[f64], b: &[f64]| -> f64 {
+        (a.iter().zip(b).map(|(a, b)| (a - b).powi(2)).sum::<f64>() / a.len() as f64).sqrt()
+    };
+    let (plain, mut corrected) = (laid_out(&data), laid_out(&data));
+    let at = position(&plain, 1.0);
+    corrected.correct_at(&at).unwrap();
+    assert_eq!(corrected.corrected_at(), Some(&at[..]));
+
+    // the same on the whole surface, its triangles cut into 16, with the fields at all of its vertices
+    let fine = Refined::new(surface.mesh.clone(), 2).unwrap();
+    assert_eq!(corrected.n_finer(), Some(fine.mesh.n_vertices()));
+    assert!(plain.triangulation().unwrap().mesh.n_vertices() < surface.mesh.n_vertices());
+    let everywhere: Vec<usize> = (0..surface.mesh.n_vertices()).collect();
+    let names = ["velocity", "angle", "ln_ratio"];
+    let maps = Maps::new(&plain, &basis).draws_at(std::slice::from_ref(&at), &everywhere);
+    let field = |k: usize| -> Vec<f64> {
+        assert_eq!(Maps::new(&plain, &basis).all_names()[k], names[k]);
+        fine.carry(maps.iter().map(|maps| maps[k][0]).collect(), |a, b| 0.5 * (a + b))
+    };
+    let unknown =
+        |name: &str| at[plain.unknown_names().iter().position(|own| own.contains(name)).unwrap()];
+    let slowness: Vec<f64> = field(0).iter().map(|v| 1.0 / v).collect();
+    let ratio: Vec<f64> = field(2).iter().map(|x| (x + unknown("faster")).exp()).collect();
+    let (angle, thickness) = (field(1), vec![unknown("thickness").exp(); ratio.len()]);
+    let medium = Medium {
+        slowness: &slowness,
+        ratio: Some(&ratio),
+        angle: Some(&angle),
+        thickness: Some(&thickness),
+    };
+    let eikonal = Eikonal::new(&fine.mesh, None).unwrap();
+    let of_row = |row: usize, fronts: &BTreeMap<u32, Front>| {
+        let number = |column: &str| data.cell(row, column).unwrap().parse::<u32>().unwrap();
+        fronts[&number("source")].arrival[number("vertex") as usize]
+    };
+    let n = surface.mesh.n_vertices() as u32;
+    let fronts = [5, n / 2, n - 9].map(|source| {
+        let mut front = Front::default();
+        eikonal.forward(&medium, &[(source, 0.0)], &mut front);
+        (source, front)
+    });
+    let fronts = BTreeMap::from(fronts);
+    let own: Vec<f64> = (0..data.len()).map(|row| of_row(row, &fronts)).collect();
+    let [off, was_off] = [&corrected, &plain].map(|model| rms(&arrivals(model, &at), &own));
+    println!("off by {off:.3} ms, without a correction by {was_off:.3}");
+    assert!(off < 0.1 && was_off > 1.0);
+
+    // elsewhere, too, and on other rows
+    for by in [0.9, 1.1] {
+        let there = position(&plain, by);
+        let mut own = laid_out(&data);
+        own.correct_at(&there).unwrap();
+        let own = arrivals(&own, &there);
+        let [off, was_off] = [&corrected, &plain].map(|model| rms(&arrivals(model, &there), &own));
+        println!("elsewhere by {off:.3} ms, without a correction by {was_off:.3}");
+        assert!(off < 0.5 * was_off);
+    }
+    let mut other = laid_out(&each_of_rows(5, &surface, &basis));
+    other.correct_as(&corrected).unwrap();
+    let own: Vec<f64> = (0..data.len()).step_by(5).map(|row| of_row(row, &fronts)).collect();
+    assert!(rms(&arrivals(&other, &at), &own) < 0.1);
+    assert!(gradient_error(&corrected, 1) < 1e-5);
+}
+
+/// What a finished run has corrected its arrivals by is kept with it.
+#[test]
+fn a_finished_run_predicts_with_its_corrected_arrivals() {
+    let surface = Surface::left_atrium(3.0);
+    let basis = eigenpairs(&surface.mesh, 64).unwrap();
+    let (data, _) = recorded(&surface, &basis, 30, &[5]);
+    let mesh = MeshSource::Embedded { edge: 3.0 };
+    let model = Some(ModelText { text: "the text".into(), path: None });
+    let inputs = Inputs { mesh, data: data.clone().into(), model, ..Inputs::default() };
+    let problem = Problem::load(&lat_velocity::LatVelocity, &inputs).unwrap();
+    let settings = Settings { chains: 1, warmup: 20, draws: 20, seed: 3, ..Settings::default() };
+    let fit = problem.fit(&settings).unwrap();
+    assert!(problem.model().corrected_at().is_none() && fit.model().corrected_at().is_some());
+    let folder = tempfile::tempdir().unwrap();
+    fit.write(folder.path()).unwrap();
+    let run = Results::read(folder.path()).unwrap();
+    let again = Problem::load(&lat_velocity::LatVelocity, &Inputs::of_run(&run).unwrap()).unwrap();
+    let [kept, told] = [again.predict(&run, &data), fit.predict(&data)].map(Result::unwrap);
+    assert_eq!(format!("{:?}", kept.rows), format!("{:?}", told.rows));
+}
+
 /// A row for each of `n` places and S2: `lat,vertex,source,value,s2,beat`.
 fn beats(surface: &Surface, n: usize, s2_ms: &[u32]) -> Vec<String> {
     let mut rng = rng(12);
@@ -529,7 +640,7 @@ fn arrivals_at_some_vertices_are_those_of_the_surface() {
     let basis = eigenpairs(&surface.mesh, 4).unwrap();
     let n = surface.mesh.n_vertices();
     let data = rows(&surface, &basis);
-    let waves = data.ground().unwrap().triangulation().unwrap();
+    let waves = data.ground().unwrap().triangulation(Fineness::Any).unwrap();
     assert!(n > 2 * waves.vertices.len(), "{n} vertices");
     let sources = waves.source("source").unwrap();
     for (row, source) in sources.iter().enumerate() {

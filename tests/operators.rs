@@ -18,7 +18,7 @@ use eplat::mesh::Surface;
 use eplat::model::{
     Asked, Everywhere, Exceedance, Maps, Model, Sampler, Summaries, operator_error,
 };
-use eplat::table::Measurements;
+use eplat::table::{Fineness, Measurements};
 use program::{Workplace, text};
 use rand::RngExt as _;
 use rand_distr::{Distribution as _, StandardNormal};
@@ -306,7 +306,7 @@ fn an_operator_of_ones_own_is_a_function_of_the_file() {
         assert!(error < 1e-5, "point {point}: {error}");
     }
     assert_eq!(Sampler::of(&model), Sampler::Nuts);
-    let on = data.ground().unwrap().triangulation().unwrap();
+    let on = data.ground().unwrap().triangulation(Fineness::Any).unwrap();
     let everywhere = Everywhere { mesh: &on.mesh, at: &on.at, source: &[] };
     let operator = own::near(&everywhere, 8.0);
     let n = surface.mesh.n_vertices();

@@ -9,7 +9,7 @@ use rayon::prelude::*;
 
 use super::quantities::Quantities;
 use super::{Columns, Group, LeaveOneOut, Row, Values, Variable};
-use crate::infer::Chain;
+use crate::infer::{Chain, LogDensity as _};
 use crate::model::{Model, Observe};
 use crate::random::Stream;
 use crate::store::Spool;
@@ -22,6 +22,8 @@ const POOLED_DIM: &str = "measurement";
 /// Numbers that the log likelihoods of all measurements may have, and so may their replicates: 64 MB. Of a table with
 /// more than two thousand rows not every draw is asked.
 const MOST: usize = 8_000_000;
+/// Draws that are asked of a model whose density takes milliseconds.
+const OF_SLOW: usize = 1000;
 
 /// How many log likelihoods of so many rows are kept of so many chains and draws; as many replicates are.
 pub fn numbers_at_rows(n_rows: usize, chains: usize, draws: usize) -> usize {
@@ -37,7 +39,7 @@ pub struct Posterior {
     pub sample_stats: Group,
     /// Log likelihood of each measurement (chain, draw, measurement), of all `observe`s and all `density`s
     /// with a term per row together: one array, so that `az.loo(run)` needs no name. Of every draw, or, of a large
-    /// table, of every second, third … draw.
+    /// table or a slow model, of every second, third … draw.
     pub log_likelihood: Group,
     /// A replicate of each measurement (chain, draw, row), and of all of them together; of a bracket, its lower end.
     pub posterior_predictive: Group,
@@ -68,7 +70,9 @@ impl Posterior {
     ) -> io::Result<Self> {
         let shape = [chains.len(), chains.first().map_or(0, Chain::n_draws)];
         let places = places(model, data);
-        let step = (places.len() * shape[0] * shape[1]).div_ceil(MOST).max(1);
+        let n_draws = shape[0] * shape[1];
+        let most = if model.interwoven().is_some() { OF_SLOW } else { usize::MAX };
+        let step = (places.len() * n_draws).div_ceil(MOST).max(n_draws.div_ceil(most)).max(1);
         // densities come last: nothing is simulated from them
         let observed_places = &places[..model.observes.iter().map(|o| o.rows.len()).sum()];
         let n_asked = [shape[0], shape[1].div_ceil(step)];
