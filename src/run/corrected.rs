@@ -7,7 +7,7 @@ use crate::model::Sampler;
 /// How often arrival times are corrected, each time where the last climb has led.
 const ROUNDS: usize = 2;
 
-impl<'m> Problem<'m> {
+impl Problem<'_> {
     /// The same with arrival times corrected by those of finer triangles, at a typical point of the posterior; itself if it has
     /// none, or they are corrected already.
     ///

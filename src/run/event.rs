@@ -237,12 +237,7 @@ impl fmt::Display for Event<'_> {
                 write!(f, "; about {gigabytes:.1} GB of memory")
             }
             Self::Triangulation { n_vertices, of, corrected_by } => {
-                write!(
-                    f,
-                    "mesh   what depends on the whole surface is computed at {n_vertices} of the {of} vertices, those of all rows among them"
-                )?;
-                let Some(finer) = corrected_by else { return Ok(()) };
-                write!(f, "; arrival times are corrected by those at {finer} vertices")
+                f.write_str(&triangulation_in_words(*n_vertices, *of, *corrected_by))
             }
             Self::OnDisk { bytes, least, free } => {
                 f.write_str(&on_disk_in_words([*bytes, *least, *free]))
@@ -281,6 +276,18 @@ fn chain_in_words(p: &ChainProgress) -> String {
         p.divergences,
         p.step_size
     )
+}
+
+fn triangulation_in_words(n_vertices: usize, of: usize, corrected_by: Option<usize>) -> String {
+    let words = if n_vertices < of {
+        format!("{n_vertices} of the {of} vertices, those of all rows among them")
+    } else {
+        format!("all {of} vertices")
+    };
+    let finer = corrected_by
+        .map(|finer| format!("; arrival times are corrected by those at {finer} vertices"));
+    let what = "mesh   what depends on the whole surface is computed at";
+    format!("{what} {words}{}", finer.unwrap_or_default())
 }
 
 /// What it takes in memory, what it takes so, and what there is, bytes.

@@ -311,10 +311,8 @@ impl Builder<'_> {
 impl Model {
     /// How fine the triangulation is to be on which its operators are computed.
     pub(super) fn fineness(&self) -> Fineness {
-        match self.syntax().is_ok_and(|tree| tree.observes_arrivals_alone()) {
-            true => Fineness::Arrivals,
-            false => Fineness::Any,
-        }
+        let is_enough = self.syntax().is_ok_and(|tree| tree.observes_arrivals_alone());
+        if is_enough { Fineness::Arrivals } else { Fineness::Any }
     }
 }
 

@@ -30,7 +30,7 @@ struct Activation {
     sources: Vec<Source>,
     /// The rows in which it is seen: vertex, and number.
     rows: Vec<(u32, usize)>,
-    /// By how much it arrives later than it is computed, ms (n_vertices): see [`Operator::correct`].
+    /// By how much it arrives later than it is computed, ms (one per vertex): see [`Operator::correct`].
     later: Vec<f64>,
 }
 
@@ -44,12 +44,11 @@ impl Arrival {
         let mut activations: Vec<Activation> = vec![];
         let later = vec![0.0; solver.n_vertices()];
         for (i, (sources, vertex)) in rows.into_iter().enumerate() {
-            match activations.iter_mut().find(|own| own.sources == sources) {
-                Some(own) => own.rows.push((vertex, i)),
-                None => {
-                    let (rows, later) = (vec![(vertex, i)], later.clone());
-                    activations.push(Activation { sources, rows, later });
-                }
+            let row = (vertex, i);
+            if let Some(own) = activations.iter_mut().find(|own| own.sources == sources) {
+                own.rows.push(row);
+            } else {
+                activations.push(Activation { sources, rows: vec![row], later: later.clone() });
             }
         }
         Self { solver, finer, activations }
