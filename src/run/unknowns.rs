@@ -67,7 +67,7 @@ impl Unknowns {
         archive.array("chain", &shape[..1], &chain)?;
         archive.array("about", &[about.len() as u64], &about)?;
         if let Some(at) = &self.corrected_at {
-            archive.array(CORRECTED, &shape[1..], at)?;
+            archive.array(CORRECTED, &[at.len() as u64], at)?;
         }
         archive.finish()
     }

@@ -8,15 +8,7 @@
 //! changed since, which is less the nearer x₀ is. So x₀ is to be a typical point of the posterior.
 
 use super::error::ModelError;
-use super::laid_out::Model;
-
-/// What times were corrected at.
-#[derive(Clone, Debug)]
-pub(super) struct Correction {
-    /// x₀
-    at: Vec<f64>,
-    n_vertices: usize,
-}
+use super::laid_out::{Correction, Model};
 
 impl Model {
     /// Corrects arrival times at these unknowns. What they were corrected by before is forgotten. A model without arrival times

@@ -8,7 +8,6 @@ use std::sync::Arc;
 use rand::{Rng, RngExt as _};
 use rand_distr::StandardNormal;
 
-use super::corrected::Correction;
 use super::density::Density;
 use super::error::ModelError;
 use super::gp::Field;
@@ -97,6 +96,15 @@ pub struct Observe {
     /// Rows of the table, from 0.
     pub rows: Vec<usize>,
     pub(super) op: Rows,
+}
+
+/// Where arrival times were corrected (`corrected.rs`).
+#[derive(Debug)]
+pub(super) struct Correction {
+    /// x₀
+    pub(super) at: Vec<f64>,
+    /// Of the finer triangles.
+    pub(super) n_vertices: usize,
 }
 
 /// A model laid out on its data.
