@@ -49,13 +49,14 @@ impl Model {
         all.into_iter().filter_map(operator).collect()
     }
 
-    /// Whether all of these are arrival times.
-    pub fn observes_arrivals_alone(&self) -> bool {
-        let is_arrival = |own: &Let| match &own.value {
-            Value::Operator(operator) => operator.operation == Operation::Eikonal,
+    /// Whether all operators over the whole surface are arrival times, those that no measurement depends on among them.
+    pub fn has_arrivals_alone(&self) -> bool {
+        self.items().all(|item| match item {
+            Item::Let(Let { value: Value::Operator(operator), .. }) => {
+                operator.operation == Operation::Eikonal
+            }
             _ => true,
-        };
-        self.operators_observed().into_iter().all(is_arrival)
+        })
     }
 
     /// The fields that measurements depend on through such operators, each once.

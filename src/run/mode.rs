@@ -39,11 +39,10 @@ pub struct Mode<'m> {
     maps: Vec<MapSummary>,
 }
 
-/// Climbs from the model's initial point towards its mode.
+/// Climbs towards the model's mode.
 pub(super) fn climb(model: &Model) -> Result<Optimum, InferError> {
-    let start = model.corrected_at().map_or_else(|| model.initial(), <[f64]>::to_vec);
     let settings = OptimumSettings { max_iterations: MOST_ITERATIONS, ..Default::default() };
-    maximise(model, &start, &settings)
+    maximise(model, &model.climbs_from(), &settings)
 }
 
 impl<'m> Problem<'m> {

@@ -12,7 +12,7 @@ use super::laid_out::{Correction, Model};
 
 impl Model {
     /// Corrects arrival times at these unknowns. What they were corrected by before is forgotten. A model without arrival times
-    /// stays as it is.
+    /// stays as it is, and so do times at unknowns that are no tissue, such as NaN.
     ///
     /// # Errors
     /// [`ModelError::Surface`] for a fibre of the surface that has no direction in it.
@@ -37,6 +37,11 @@ impl Model {
         let from = self.unknowns_in(fitted).into_iter().zip(self.initial());
         let at: Vec<f64> = from.map(|(from, own)| from.map_or(own, |i| at[i])).collect();
         self.correct_at(&at)
+    }
+
+    /// Where a climb begins: where arrival times were corrected, else at [`Model::initial`].
+    pub fn climbs_from(&self) -> Vec<f64> {
+        self.corrected_at().map_or_else(|| self.initial(), <[f64]>::to_vec)
     }
 
     /// Where arrival times are those of finer triangles; `None` if they were not corrected.

@@ -148,9 +148,12 @@ impl Ground {
     /// geodesic from the row's source to the row, mm. The geodesic is that of the surface itself.
     ///
     /// # Errors
-    /// Those of [`Paths::new`] and [`Ground::triangulation`].
-    pub fn path_weights(&self, rows: &[usize]) -> Result<Vec<Vec<(u32, f64)>>, ProbeError> {
-        let places = &self.triangulation(Fineness::Any)?.places;
+    /// Those of [`Paths::new`].
+    pub fn path_weights(
+        &self,
+        on: &Triangulation,
+        rows: &[usize],
+    ) -> Result<Vec<Vec<(u32, f64)>>, ProbeError> {
         let mut of_source: BTreeMap<u32, Vec<usize>> = BTreeMap::new();
         for (i, row) in rows.iter().enumerate() {
             if let Some(source) = self.sources.first().and_then(|(_, of_rows)| of_rows[*row]) {
@@ -161,7 +164,7 @@ impl Ground {
         for (source, own) in of_source {
             let paths = Paths::new(&self.mesh, source)?;
             for i in own {
-                all[i] = carried(&paths.weights(self.rows[rows[i]]), places.as_deref());
+                all[i] = carried(&paths.weights(self.rows[rows[i]]), on.places.as_deref());
             }
         }
         Ok(all)

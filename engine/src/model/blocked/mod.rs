@@ -125,7 +125,7 @@ impl Sampler {
     pub fn starts(self, model: &Model, settings: &Settings) -> Result<Vec<Vec<f64>>, InferError> {
         let without_shifts = self.without_shifts(model);
         let density = without_shifts.as_deref().unwrap_or(model);
-        jittered_starts(density, &start(model), settings.chains, settings.seed)
+        jittered_starts(density, &model.climbs_from(), settings.chains, settings.seed)
     }
 
     /// A point on the level of the typical set: see [`climb`].
@@ -135,7 +135,7 @@ impl Sampler {
     pub fn typical(self, model: &Model) -> Result<Vec<f64>, InferError> {
         let without_shifts = self.without_shifts(model);
         let density = without_shifts.as_deref().unwrap_or(model);
-        Ok(climb(density, &start(model))?.position)
+        Ok(climb(density, &model.climbs_from())?.position)
     }
 
     fn without_shifts(self, model: &Model) -> Option<Box<dyn LogDensity + '_>> {
@@ -170,11 +170,6 @@ impl Sampler {
             }
         }
     }
-}
-
-/// Where a climb begins.
-fn start(model: &Model) -> Vec<f64> {
-    model.corrected_at().map_or_else(|| model.initial(), <[f64]>::to_vec)
 }
 
 /// Mean acceptance to which NUTS tunes its step size on a model with fields. Longer steps seldom enter the tails

@@ -311,7 +311,7 @@ impl Builder<'_> {
 impl Model {
     /// How fine the triangulation is to be on which its operators are computed.
     pub(super) fn fineness(&self) -> Fineness {
-        let is_enough = self.syntax().is_ok_and(|tree| tree.observes_arrivals_alone());
+        let is_enough = self.syntax().is_ok_and(|tree| tree.has_arrivals_alone());
         if is_enough { Fineness::Arrivals } else { Fineness::Any }
     }
 }
@@ -330,7 +330,7 @@ fn made(
         }
         Operation::Path => {
             let of_table: Vec<usize> = rows.iter().map(|row| row.of_table).collect();
-            let weights = ground.path_weights(&of_table)?;
+            let weights = ground.path_weights(on, &of_table)?;
             Box::new(Along { weights })
         }
         Operation::Gradient => {

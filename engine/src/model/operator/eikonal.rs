@@ -175,6 +175,9 @@ impl Operator for Arrival {
     }
 
     fn correct(&mut self, of: &Operands<'_>, kept: &Memo) -> Result<Option<usize>, ProbeError> {
+        if kept.fronts.iter().any(|front| front.arrival.is_empty()) {
+            return Ok(None); // what is no tissue here is none there
+        }
         let born: Vec<_> = self.activations.iter().map(|own| own.born(&of.numbers)).collect();
         let finer = self.finer.arrivals(&Self::medium(of), &born)?;
         for ((own, front), finer) in self.activations.iter_mut().zip(&kept.fronts).zip(finer) {
