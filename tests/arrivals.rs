@@ -72,7 +72,7 @@ mod models {
     pub(super) mod beside {
         use eplat::prelude::*;
         model! {
-            /// A way that is told, but not measured.
+            /// Arrivals, and the time along a straight way.
             model Beside;
             field slowness(x) [ms/mm] within 0.5..4.0 = m + 0.2 * gp(Rbf(30.0), K = 6) where {
                 m [ms/mm] ~ Normal(1.3, 0.3);
@@ -80,6 +80,7 @@ mod models {
             let arrival(row) [ms] = eikonal(slowness(row); row.source);
             let way(row) [ms] = path(slowness(row); row.source);
             observe lat(row): Number [ms] ~ Normal(arrival(row), 2.0);
+            observe bound(row): Number [ms] ~ Normal(way(row), 2.0);
         }
     }
 
@@ -543,20 +544,13 @@ fn corrected_arrivals_are_those_of_finer_triangles() {
     assert!(gradient_error(&corrected, 1) < 1e-5);
 }
 
-/// Other operators are not corrected: with one of them, though no measurement depends on it, the triangulation is the finer one.
+/// Other operators are not corrected: with one of them the triangulation has 2,000 vertices, here all of the surface's.
 #[test]
 fn operators_that_are_not_corrected_have_more_vertices() {
     let (surface, basis) = atrium();
     let data = rows(&surface, &basis);
     let model = Model::new(&models::beside::Beside, Some(&basis), &data).unwrap();
     assert_eq!(model.triangulation().unwrap().mesh.n_vertices(), surface.mesh.n_vertices());
-    let (mut t, mut told) = (model.tape(), vec![]);
-    model.forward(&mut t, &model.initial());
-    model.let_values(&t, &mut told);
-    // slowness is the same everywhere, so both are it times a distance
-    let (arrivals, ways) = told.split_at(told.len() / 2);
-    let off = arrivals.iter().zip(ways).map(|(a, w)| (a - w).abs() / (1.0 + w)).fold(0.0, f64::max);
-    assert!(told.len() >= 2 * (data.len() / 2) && off < 0.1, "{} {off}", told.len());
 }
 
 /// What a finished run has corrected its arrivals by is kept with it.
