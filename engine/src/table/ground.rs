@@ -14,7 +14,7 @@ use crate::mesh::{Places, Surface, TriMesh};
 pub enum Fineness {
     /// 2,000, for any operator.
     Any,
-    /// 1,000: arrival times are corrected by those of finer triangles, and are then as right as at 2,000.
+    /// 1,000, for arrival times alone: once these are corrected ([`Finer`]), they are as right as at 2,000.
     Arrivals,
 }
 

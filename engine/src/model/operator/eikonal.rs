@@ -87,11 +87,6 @@ impl Activation {
         let vertices = self.sources.iter().map(|(vertex, _)| *vertex);
         vertices.zip(self.onsets(numbers)).collect()
     }
-
-    /// Corrected arrivals at all vertices, from those that are computed.
-    fn corrected<'a>(&'a self, arrival: &'a [f64]) -> impl Iterator<Item = f64> + 'a {
-        arrival.iter().zip(&self.later).map(|(arrival, later)| arrival + later)
-    }
 }
 
 impl Operator for Arrival {
@@ -107,9 +102,9 @@ impl Operator for Arrival {
         }
         for (own, front) in self.activations.iter().zip(&kept.fronts) {
             for (vertex, i) in &own.rows {
-                let (arrival, later) =
-                    (front.arrival.get(*vertex as usize), own.later[*vertex as usize]);
-                out[*i] = arrival.map_or(f64::NAN, |arrival| arrival + later);
+                let vertex = *vertex as usize;
+                let arrival = front.arrival.get(vertex);
+                out[*i] = arrival.map_or(f64::NAN, |arrival| arrival + own.later[vertex]);
             }
         }
     }
@@ -170,8 +165,11 @@ impl Operator for Arrival {
     }
 
     fn maps(&self, kept: &Memo) -> Vec<Vec<f64>> {
-        let all = self.activations.iter().zip(&kept.fronts);
-        all.map(|(own, front)| own.corrected(&front.arrival).collect()).collect()
+        let corrected = |(own, front): (&Activation, &Front)| {
+            let all = front.arrival.iter().zip(&own.later);
+            all.map(|(arrival, later)| arrival + later).collect()
+        };
+        self.activations.iter().zip(&kept.fronts).map(corrected).collect()
     }
 
     fn correct(&mut self, of: &Operands<'_>, kept: &Memo) -> Result<Option<usize>, ProbeError> {
