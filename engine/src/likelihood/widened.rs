@@ -53,7 +53,8 @@ impl<D: Real, Y: Observation, L: Likelihood<D, Y>> Likelihood<D, Y> for Widened<
     }
 }
 
-/// ln p of a widened [`TopHat`], with its derivatives in f and in the further variance v.
+/// ln p of a widened [`TopHat`], with its derivatives in f and in the further variance v up to `ORDER`. Higher ones are left at
+/// zero: most calls ask for the first alone.
 ///
 /// ```text
 /// p = (1/N) Σᵢ Normal(f; cᵢ, V),   V = s² + v;   with x = (f − cᵢ)/√V and Hₖ the mean of Heₖ(x) under the terms:
@@ -62,7 +63,7 @@ impl<D: Real, Y: Observation, L: Likelihood<D, Y>> Likelihood<D, Y> for Widened<
 /// Let z be the x of the nearest centre and d = s/√V. The m-th centre beside it has the weight
 /// e^(±mzd − m²d²/2), relative to the nearest. The weights follow from each other outwards by a
 /// recurrence, which takes two exponentials in all.
-fn wide_terms(f: f64, y: &Bracket, further: f64) -> (f64, Partials) {
+fn wide_terms<const ORDER: u32>(f: f64, y: &Bracket, further: f64) -> (f64, Partials) {
     let s = y.inverse_s.recip();
     let variance = s * s + further;
     let sd = variance.sqrt();
@@ -73,12 +74,18 @@ fn wide_terms(f: f64, y: &Bracket, further: f64) -> (f64, Partials) {
     let mut add = |weight: f64, x: f64| {
         let square = x * x;
         sum += weight;
-        hermite[0] += weight * x;
-        hermite[1] += weight * (square - 1.0);
-        hermite[2] += weight * x * (square - 3.0);
-        hermite[3] += weight * (square * (square - 6.0) + 3.0);
-        hermite[4] += weight * x * (square * (square - 10.0) + 15.0);
-        hermite[5] += weight * (square * (square * (square - 15.0) + 45.0) - 15.0);
+        if ORDER > 0 {
+            hermite[0] += weight * x;
+            hermite[1] += weight * (square - 1.0);
+        }
+        if ORDER > 1 {
+            hermite[2] += weight * x * (square - 3.0);
+            hermite[3] += weight * (square * (square - 6.0) + 3.0);
+        }
+        if ORDER > 2 {
+            hermite[4] += weight * x * (square * (square - 10.0) + 15.0);
+            hermite[5] += weight * (square * (square * (square - 15.0) + 45.0) - 15.0);
+        }
     };
     add(1.0, z);
     for (n, step, d) in [(y.last - nearest, step, d), (nearest, step.recip(), -d)] {
@@ -107,7 +114,13 @@ fn wide_terms(f: f64, y: &Bracket, further: f64) -> (f64, Partials) {
 impl<D: Real> TopHat<D> {
     /// ln p at numbers that carry derivatives.
     pub(super) fn ln_wide(&self, y: &Bracket, variance: D) -> D {
-        let (value, partials) = wide_terms(self.0.re(), y, variance.re());
+        let terms = match D::ORDER {
+            0 => wide_terms::<0>,
+            1 => wide_terms::<1>,
+            2 => wide_terms::<2>,
+            _ => wide_terms::<3>,
+        };
+        let (value, partials) = terms(self.0.re(), y, variance.re());
         partials.at(value, self.0, variance)
     }
 }
