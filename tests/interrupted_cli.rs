@@ -108,6 +108,9 @@ fn ctrl_c_keeps_the_run_and_nothing_else_takes_its_place() {
         complaint(&output)
     };
     let other_settings = NUTS.replace("--draws 300", "--draws 400 --seed 7");
+    // before the surface is read and starting points are sought
+    let at_once = place.eplat(&format!("{NUTS} --out cut"));
+    assert!(text(&at_once.stderr).starts_with("error: "), "{}", text(&at_once.stderr));
     let said = [
         refused(&format!("{NUTS} --out cut")),
         refused(&format!("{other_settings} --out cut --resume")),

@@ -7,6 +7,7 @@ use crate::error::Failure;
 use crate::manifold::{eigenpairs, maximin, random_maximin};
 use crate::mesh::{
     self, Atrium, Data, Encoding, Format, REGION_NAMES, Reading, Surface, TriMesh, Units,
+    continue_fibres,
 };
 use clap::Subcommand;
 use std::io::Write;
@@ -201,12 +202,12 @@ impl Command {
                 print_notes(&other);
                 let there = coordinates(&other, from_openings.as_deref())?;
                 let here = coordinates(&surface, openings.as_deref())?;
-                let carried = carry_fibres(&there, &fibres, &here);
-                let n_without = carried.iter().filter(|f| f.iter().all(|x| *x == 0.0)).count();
+                let mut carried = carry_fibres(&there, &fibres, &here);
+                let n_continued = continue_fibres(&surface.mesh, &mut carried);
                 surface.cell_data.insert("fibre".into(), carried.into());
-                if n_without > 0 {
+                if n_continued > 0 {
                     note(format_args!(
-                        "{n_without} triangles have none: the coordinates do not grow there"
+                        "{n_continued} triangles take theirs from those around them: the coordinates do not grow there"
                     ));
                 }
                 write_surface(&output, &surface, Encoding::Binary)

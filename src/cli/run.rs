@@ -71,6 +71,13 @@ struct InsteadArgs {
     prior: bool,
 }
 
+impl InsteadArgs {
+    /// Whether nothing else is done instead of sampling.
+    fn samples(&self) -> bool {
+        !(self.optimize || self.laplace || self.prior)
+    }
+}
+
 /// Options of the sampler.
 #[derive(Debug, Args)]
 pub(super) struct SamplerArgs {
@@ -168,12 +175,15 @@ impl SamplerArgs {
 impl Command {
     pub(super) fn run(&self, compiled: &[Compiled]) -> Result<ExitCode, Failure> {
         let settings = self.sampler.settings(self.input.seed)?;
-        self.begin.keep()?;
+        let keep = self.begin.keep()?;
         let file = ModelFile::read(&self.model, compiled)?;
         let Some(model) = file.find(compiled)? else { return run_compiled(&file) };
         let out = OutputFolder::open(self.folder())?;
         if !self.force {
             out.refuse_another(model.name())?;
+        }
+        if self.instead.samples() && !keep.resume {
+            out.refuse_interrupted()?;
         }
         let inputs = self.input.inputs(&file, model)?;
         Console::new()?.watching(|watch| self.fit(model, &inputs, &settings, &out, watch))

@@ -14,7 +14,7 @@ use super::RunError;
 use crate::mesh::MeshError;
 use crate::report::{ReportError, RunRecord};
 use crate::store::{
-    FolderLock, LockError, TEMPORARY, is_name, seals, unchanged, write_file, write_file_durably,
+    Checkpoint, FolderLock, LockError, TEMPORARY, is_name, seals, unchanged, write_file, write_file_durably,
 };
 
 /// What a folder may hold: a record, which is written last, and the files that belong to it.
@@ -104,6 +104,14 @@ impl OutputFolder {
         };
         let (folder, model) = (self.path.clone(), model.to_owned());
         Err(RunError::Occupied { folder, holds, model })
+    }
+
+    /// Refuses a folder with the chains of an interrupted run, before anything slow is done.
+    ///
+    /// # Errors
+    /// [`RunError::Checkpoint`].
+    pub fn refuse_interrupted(&self) -> Result<(), RunError> {
+        Ok(Checkpoint::require_free(&self.checkpoint())?)
     }
 
     /// Refuses a folder in which a file has one of these names.

@@ -83,6 +83,26 @@ pub(crate) fn fibres_to_triangles(mesh: &TriMesh, vertices: &[[f64; 3]]) -> Vec<
     (0..mesh.n_triangles()).map(in_triangle).collect()
 }
 
+/// Gives triangles without a fibre (0) the axis of those around them, those beside others that have one first.  Returns how
+/// many got one; a piece of the surface where no triangle has any stays without.
+pub fn continue_fibres(mesh: &TriMesh, fibres: &mut [[f64; 3]]) -> usize {
+    let is_none = |fibre: &[f64; 3]| fibre.iter().all(|x| *x == 0.0);
+    let mut n_continued = 0;
+    loop {
+        let around = fibres_to_triangles(mesh, &fibres_to_vertices(mesh, fibres));
+        let without = fibres.iter_mut().zip(around).filter(|(own, _)| is_none(own));
+        let mut found = 0;
+        for (own, around) in without.filter(|(_, around)| !is_none(around)) {
+            *own = around;
+            found += 1;
+        }
+        if found == 0 {
+            return n_continued;
+        }
+        n_continued += found;
+    }
+}
+
 /// The triangle's normal, as long as twice its area.
 fn normal(mesh: &TriMesh, t: usize) -> Vector3<f64> {
     area_vector(mesh.triangles()[t].map(|v| vector(mesh.vertices()[v as usize])))
@@ -155,5 +175,25 @@ mod tests {
         for f in fibres_to_triangles(&sheet(), &vertices) {
             assert!((f[0] - f[1]).abs() < 1e-12 && (f[0].abs() - 0.5f64.sqrt()).abs() < 1e-12);
         }
+    }
+
+    /// Along a strip whose first triangles have fibres, into the rest; not into another piece.
+    #[test]
+    fn fibres_go_on_where_there_are_none() {
+        let row = |y: f64| (0..5).map(move |x| [f64::from(x), y, 0.0]);
+        let far = [[20.0, 0.0, 0.0], [21.0, 0.0, 0.0], [20.0, 1.0, 0.0]];
+        let vertices = row(0.0).chain(row(1.0)).chain(far).collect();
+        let strip = (0..4).flat_map(|i| [[i, i + 1, i + 5], [i + 1, i + 6, i + 5]]);
+        let mesh = TriMesh::new(vertices, strip.chain([[10, 11, 12]]).collect()).unwrap();
+        let slanting = [0.6, 0.8, 0.0];
+        let mut fibres = vec![[0.0; 3]; 9];
+        (fibres[0], fibres[1]) = (slanting, slanting.map(|x| -x));
+        assert_eq!(continue_fibres(&mesh, &mut fibres), 6);
+        for fibre in &fibres[2..8] {
+            let cosine: f64 = fibre.iter().zip(slanting).map(|(a, b)| a * b).sum();
+            assert!((cosine.abs() - 1.0).abs() < 1e-12, "{fibre:?}");
+        }
+        assert_eq!(fibres[8], [0.0; 3]);
+        assert_eq!(continue_fibres(&mesh, &mut fibres), 0);
     }
 }

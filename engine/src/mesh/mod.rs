@@ -40,6 +40,7 @@ mod write;
 
 pub use atrium::{Atrium, REGION_NAMES, left_atrium};
 pub use bytes::Encoding;
+pub use carry::continue_fibres;
 pub(crate) use carry::fibres_to_triangles;
 pub use data::{Array, Data};
 pub use decimate::Coarse;
