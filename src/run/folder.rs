@@ -14,7 +14,8 @@ use super::RunError;
 use crate::mesh::MeshError;
 use crate::report::{ReportError, RunRecord};
 use crate::store::{
-    Checkpoint, FolderLock, LockError, TEMPORARY, is_name, seals, unchanged, write_file, write_file_durably,
+    Checkpoint, FolderLock, LockError, TEMPORARY, is_name, seals, unchanged, write_file,
+    write_file_durably,
 };
 
 /// What a folder may hold: a record, which is written last, and the files that belong to it.
