@@ -83,8 +83,9 @@ pub(crate) fn fibres_to_triangles(mesh: &TriMesh, vertices: &[[f64; 3]]) -> Vec<
     (0..mesh.n_triangles()).map(in_triangle).collect()
 }
 
-/// Gives triangles without a fibre (0) the axis of those around them, those beside others that have one first.  Returns how
-/// many got one; a piece of the surface where no triangle has any stays without.
+/// Gives triangles without a fibre the axis of those around them, those beside others that have one first.  `fibres` has one
+/// for each triangle, 0 where there is none.  Returns how many got one; a piece of the surface where no triangle has any
+/// stays without.
 pub fn continue_fibres(mesh: &TriMesh, fibres: &mut [[f64; 3]]) -> usize {
     let is_none = |fibre: &[f64; 3]| fibre.iter().all(|x| *x == 0.0);
     let mut n_continued = 0;
