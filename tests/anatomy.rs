@@ -56,7 +56,7 @@ fn a_shell_gets_the_fibres_of_another() {
     assert!(carried.iter().all(has_direction));
     assert!(apart(&carried, &fibres(&shell)) < 4.0);
     // a model of fibres takes them: in the tip of the appendage, where coordinates do not grow, they are those around it
-    let note = "triangles take theirs from those around them: the coordinates do not grow there";
+    let note = "triangles take theirs from those around them: none could be carried there";
     assert!(text(&made.stderr).contains(note), "{}", text(&made.stderr));
     let rows = "protocol,vertex,source,value\nlat,7,3,20\nlat,70,3,30\nlat,700,3,40\n";
     place.file("lat.csv", rows);

@@ -269,10 +269,14 @@ fn what_arrival_times_tell_of_fibres() {
 fn what_arrival_times_tell_of_carried_fibres() {
     let Some(other) = shared("fibernet/LA_model.vtk") else { return };
     let place = Workplace::new();
-    let made = place.eplat("mesh atrium --edge 1.1 --out bare.vtp");
-    assert!(made.status.success(), "{}", text(&made.stderr));
-    let made = place.eplat(&format!("mesh fibres bare.vtp atrium.vtp --from {}", other.display()));
-    assert!(made.status.success(), "{}", text(&made.stderr));
+    let from = other.display();
+    for arguments in [
+        "mesh atrium --edge 1.1 --out bare.vtp",
+        &format!("mesh fibres bare.vtp atrium.vtp --from {from}"),
+    ] {
+        let made = place.eplat(arguments);
+        assert!(made.status.success(), "{}", text(&made.stderr));
+    }
     let sites = place.eplat("mesh sites atrium.vtp --n 3");
     let sites: Vec<usize> = text(&sites.stdout)
         .lines()

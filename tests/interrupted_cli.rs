@@ -105,17 +105,17 @@ fn ctrl_c_keeps_the_run_and_nothing_else_takes_its_place() {
         let output = place.eplat(arguments);
         assert_eq!(output.status.code(), Some(1), "{}", text(&output.stderr));
         assert!(contents(&place.path("cut")) == kept, "{arguments} changed the interrupted run");
-        complaint(&output)
+        output
     };
     let other_settings = NUTS.replace("--draws 300", "--draws 400 --seed 7");
-    // before the surface is read and starting points are sought
-    let at_once = place.eplat(&format!("{NUTS} --out cut"));
-    assert!(text(&at_once.stderr).starts_with("error: "), "{}", text(&at_once.stderr));
-    let said = [
+    let outputs = [
         refused(&format!("{NUTS} --out cut")),
         refused(&format!("{other_settings} --out cut --resume")),
         refused(&format!("{NUTS} --out elsewhere --resume")),
     ];
+    let at_once = text(&outputs[0].stderr);
+    assert!(at_once.starts_with("error: "), "something was done before: {at_once}");
+    let said = outputs.each_ref().map(complaint);
     insta::assert_snapshot!(said.join("\n"), @r"
     error: cut/checkpoint holds an interrupted run
     help: go on with it by --resume, write elsewhere with --out DIR, or delete the folder to give it up
@@ -127,7 +127,7 @@ fn ctrl_c_keeps_the_run_and_nothing_else_takes_its_place() {
     help: leave out --resume to start one, or name its folder with --out
     ");
     place.file("erp.rs", include_str!("../models/erp_exact.rs"));
-    let other_model = refused(&format!("{NUTS} --out cut --resume"));
+    let other_model = complaint(&refused(&format!("{NUTS} --out cut --resume")));
     assert!(other_model.contains("hash of the model is "), "{other_model}");
 
     place.file("erp.rs", include_str!("../models/erp.rs"));

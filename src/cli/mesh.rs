@@ -207,7 +207,7 @@ impl Command {
                 surface.cell_data.insert("fibre".into(), carried.into());
                 if n_continued > 0 {
                     note(format_args!(
-                        "{n_continued} triangles take theirs from those around them: the coordinates do not grow there"
+                        "{n_continued} triangles take theirs from those around them: none could be carried there"
                     ));
                 }
                 write_surface(&output, &surface, Encoding::Binary)

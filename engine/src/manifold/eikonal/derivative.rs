@@ -10,7 +10,7 @@
 use super::front::Front;
 use super::geometry::Geometry;
 use super::metric::Tissue;
-use super::step::{Slope, Step};
+use super::step::Step;
 use super::way::{NONE, Way};
 use super::{Medium, MediumBar};
 use std::ops::Range;
@@ -128,11 +128,7 @@ impl Linear {
         let arrivals = vertices.map(|v| front.arrival[v as usize]);
         let step = Step::new(&front.timed[index as usize], to, arrivals);
         let origin = if is_round { front.origins[vertices[0] as usize] } else { NONE };
-        let slope: Slope = if is_round {
-            step.round_slope(front.births[origin as usize])
-        } else {
-            step.plane_slope()
-        };
+        let slope = step.across_slope(is_round.then(|| front.births[origin as usize]));
         // the step's axes in the timed plane
         let side = tissue.timed(minus(triangle.points[ends[1]], triangle.points[ends[0]]));
         let rise = tissue.timed(minus(triangle.points[to], triangle.points[ends[0]]));

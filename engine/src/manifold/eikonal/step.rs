@@ -58,12 +58,11 @@ pub(super) struct Slope {
     pub(super) ways: [([f64; 2], f64); 5],
 }
 
-/// How much of a round front goes over to a plane one, and the derivatives of that by the arrival of the round one, by the
-/// later end, by both ends' times since birth, and by the length of the side.
+/// How much of a round front goes over to a plane one, and the derivatives of that by the arrival of the later end less that of
+/// the round one, by both ends' times since birth, and by the length of the side.
 struct Over {
     share: f64,
-    by_arrival: f64,
-    by_later: f64,
+    by_early: f64,
     by_ends: [f64; 2],
     by_side: f64,
 }
@@ -83,24 +82,20 @@ impl Step {
     /// Arrival across the inside of the side, and whether the front is taken to be round; none where the way
     /// leads along another side, or round one of the ends.
     ///
-    /// A round front needs a birthplace.
+    /// A round front needs a birthplace; a part of it may have gone over to a plane one.
     #[inline(always)]
     pub(super) fn across(&self, birth: Option<f64>) -> Option<(f64, bool)> {
-        let [a, b] = self.ends;
         let Some(birth) = birth.filter(|birth| self.has_birthplace(*birth)) else {
             return self.plane().map(|arrival| (arrival, false));
         };
         let arrival = self.round(birth)?;
-        if arrival < a.max(b)
-            && let Some(over) = self.over(birth, arrival)
-        {
-            let (flat, _) = self.flat();
-            return Some((arrival + over.share * (flat - arrival), true));
-        }
-        Some((arrival, true))
+        let later =
+            self.over(birth, arrival).map_or(0.0, |over| over.share * (self.flat().0 - arrival));
+        Some((arrival + later, true))
     }
 
     /// How much of a round front that arrives so goes over to a plane one, if any.
+    #[inline(always)]
     fn over(&self, birth: f64, arrival: f64) -> Option<Over> {
         let (side, later) = (self.side, self.ends[0].max(self.ends[1]));
         let since = self.ends.map(|t| t - birth);
@@ -114,8 +109,7 @@ impl Step {
         let ((e, de), (w, dw)) = (ramp(early, EARLY), ramp(wide, WIDE));
         Some(Over {
             share: e * w,
-            by_arrival: -de * w / side,
-            by_later: de * w / side,
+            by_early: de * w / side,
             by_ends: since.map(|t| -2.0 * t * e * dw / (side * side)),
             by_side: (2.0 * squares / (side * side) * e * dw - early * de * w) / side,
         })
@@ -187,8 +181,18 @@ impl Step {
         is_within.then(|| birth + ((x - along).powi(2) + (y + behind).powi(2)).sqrt() / side)
     }
 
+    /// Derivatives of [`Step::across`] where it leads across; of a plane front without a `birth`.
+    pub(super) fn across_slope(&self, birth: Option<f64>) -> Slope {
+        let Some(birth) = birth else { return self.plane_slope() };
+        let (round, arrival) = self.round_slope(birth);
+        match self.over(birth, arrival) {
+            Some(over) => self.gone_over(&round, arrival, &over),
+            None => round,
+        }
+    }
+
     /// Derivatives of the arrival with a plane front.
-    pub(super) fn plane_slope(&self) -> Slope {
+    fn plane_slope(&self) -> Slope {
         let Self { side, .. } = *self;
         let (x, y) = (self.x / side, self.y / side);
         let delta = self.ends[1] - self.ends[0];
@@ -212,14 +216,14 @@ impl Step {
         Slope { ends, birth: 0.0, ways }
     }
 
-    /// Derivatives of the arrival with a round front, times counted from its birth:
+    /// Derivatives of the arrival with a round front, times counted from its birth, and that arrival:
     ///
     /// ```text
     /// n_c = α n_a + β n_b                    directions from S
     /// dT_c = α dT_a + β dT_b + (1 − α − β) dbirth
     ///        + ½ (T_c n_cᵀdM n_c − α T_a n_aᵀdM n_a − β T_b n_bᵀdM n_b)
     /// ```
-    pub(super) fn round_slope(&self, birth: f64) -> Slope {
+    fn round_slope(&self, birth: f64) -> (Slope, f64) {
         let [along, behind] = self.birthplace(birth).map(|x| x / self.side);
         let (x, y) = (self.x / self.side, self.y / self.side);
         let [a, b] = self.ends.map(|t| t - birth);
@@ -236,11 +240,7 @@ impl Step {
             none,
             none,
         ];
-        let round = Slope { ends: [alpha, beta], birth: 1.0 - alpha - beta, ways };
-        match self.over(birth, birth + c) {
-            Some(over) => self.gone_over(&round, birth + c, &over),
-            None => round,
-        }
+        (Slope { ends: [alpha, beta], birth: 1.0 - alpha - beta, ways }, birth + c)
     }
 
     /// Derivatives of an arrival with a front of which a part has gone over, from those with the `round` one.
@@ -248,11 +248,11 @@ impl Step {
         let (flat, end) = self.flat();
         let other = end.map_or_else(|| self.plane_slope(), |end| self.along_slope(end));
         let gap = flat - arrival;
-        let of_round = 1.0 - over.share + gap * over.by_arrival;
+        let of_round = 1.0 - over.share - gap * over.by_early;
         let later = usize::from(self.ends[1] > self.ends[0]);
         let mut new = Slope { birth: of_round * round.birth, ..*round };
         for k in 0..2 {
-            let further = gap * (over.by_ends[k] + if k == later { over.by_later } else { 0.0 });
+            let further = gap * (over.by_ends[k] + if k == later { over.by_early } else { 0.0 });
             new.ends[k] = of_round * round.ends[k] + over.share * other.ends[k] + further;
             new.birth -= gap * over.by_ends[k];
         }
