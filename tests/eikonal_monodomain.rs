@@ -118,3 +118,48 @@ fn arrivals_are_those_of_the_simulator() {
     let [.., plain, bent, thick] = found.map(|[_, about_line]| about_line);
     assert!(bent < 0.85 * plain && bent < 0.85 * thick, "{found:?}");
 }
+
+/// Where the velocity varies and fibres wind, fronts that bend at no cost have other shapes than those that do not.
+#[test]
+fn slowing_of_a_fronts_own_shape_is_nearer_to_the_simulator() {
+    let coarse = left_atrium(1.5).mesh;
+    let wave = |p: &[f64; 3], [a, b, c]: [f64; 3]| (a * p[0] + b * p[1] + c * p[2]).sin();
+    let normals = normals(&coarse);
+    let level = in_surface(&vec![[0.2, 0.1, 1.0]; coarse.n_vertices()], &normals);
+    let turned = |((f, n), p): ((&[f64; 3], &[f64; 3]), &[f64; 3])| {
+        let (sin, cos) = wave(p, [-0.4, 0.5, 0.4]).sin_cos();
+        let g = [n[1] * f[2] - n[2] * f[1], n[2] * f[0] - n[0] * f[2], n[0] * f[1] - n[1] * f[0]];
+        std::array::from_fn(|k| cos * f[k] + sin * g[k])
+    };
+    let fibres: Vec<[f64; 3]> =
+        level.iter().zip(&normals).zip(coarse.vertices()).map(turned).collect();
+    let fine = Refined::new(coarse.clone(), 2).unwrap();
+    let carried = fine.carry(fibres, halfway);
+    let mesh = &fine.mesh;
+    let share = |p: &[f64; 3]| 1.0 + 0.25 * wave(p, [0.15, 0.1, -0.12]);
+    let shares: Vec<f64> = mesh.vertices().iter().map(share).collect();
+    let edge = mesh.mean_edge_length();
+    let [along, across] =
+        [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0]].map(|fibre| velocity(edge, fibre, (CV_MAX, RATIO)));
+    let (source, _) = nearest_vertex(&coarse, coarse.bounding_box()[1]);
+    let at = coarse.vertices()[source as usize];
+    let near = |p: &[f64; 3]| (0..3).map(|k| (p[k] - at[k]).powi(2)).sum::<f64>() < 4.0;
+    let paced = (0..mesh.n_vertices() as u32).filter(|v| near(&mesh.vertices()[*v as usize]));
+    let cv: Vec<f64> = shares.iter().map(|share| share * CV_MAX).collect();
+    let lat = activation(mesh, (&carried, RATIO), &cv, paced.collect(), 250.0);
+
+    let eikonal = Eikonal::new(mesh, Some(&per_triangle(mesh, &carried))).unwrap();
+    let slowness: Vec<f64> = shares.iter().map(|share| 1.0 / (share * along)).collect();
+    let medium = Medium {
+        slowness: &slowness,
+        ratio: Some(&vec![along / across; slowness.len()]),
+        angle: None,
+        thickness: Some(&vec![THICKNESS; slowness.len()]),
+    };
+    let mut front = Front::default();
+    let settled = eikonal.settled(&medium, &[(source, 0.0)], &mut front);
+    eikonal.forward(&medium, &[(source, 0.0)], &mut front);
+    let [[.., of_plain], [.., of_own]] = [&front.arrival, &settled].map(|a| differences(a, &lat));
+    println!("rms about a line: slowing of plain fronts {of_plain:.2} ms, of their own shape {of_own:.2} ms");
+    assert!(of_own < 0.7 * of_plain, "{of_plain} {of_own}");
+}

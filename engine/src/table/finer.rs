@@ -116,8 +116,8 @@ impl Finer {
         let mut front = Front::default();
         let mut of_activation = |sources: &Vec<(u32, f64)>| {
             let sources: Vec<(u32, f64)> = sources.iter().map(here).collect();
-            solver.forward(&medium, &sources, &mut front);
-            vertices.iter().map(|v| front.arrival[*v as usize]).collect()
+            let arrival = solver.settled(&medium, &sources, &mut front);
+            vertices.iter().map(|v| arrival[*v as usize]).collect()
         };
         Ok(activations.iter().map(&mut of_activation).collect())
     }

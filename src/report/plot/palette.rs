@@ -55,11 +55,13 @@ fn channels(colour: u32) -> Colour {
 
 /// `from`, and this share of the way to `to`.
 pub(super) fn mixed(from: Colour, to: Colour, share: f64) -> Colour {
-    std::array::from_fn(|k| {
-        let [from, to] = [from[k], to[k]].map(f64::from);
-        // a half more, to round: `f64::round` would be a call of the C library for each of millions of samples
+    // Each by itself, for each of millions of samples: `from_fn` is not inlined in this crate. A half more, to round:
+    // `f64::round` is a call of the C library.
+    let one = |from: u8, to: u8| {
+        let (from, to) = (f64::from(from), f64::from(to));
         (from + share * (to - from) + 0.5) as u8
-    })
+    };
+    [one(from[0], to[0]), one(from[1], to[1]), one(from[2], to[2])]
 }
 
 /// As SVG writes it.

@@ -169,9 +169,12 @@ impl<'s> Seen<'s> {
             for k in 0..N {
                 let (x, y) = (column + k % SAMPLES, row + k / SAMPLES);
                 let sample = self.sample(y * self.size[0] + x, colour);
-                sum = std::array::from_fn(|c| sum[c] + u32::from(sample[c]));
+                for (sum, own) in sum.iter_mut().zip(sample) {
+                    *sum += u32::from(own);
+                }
             }
-            sum.map(|sum| (sum / N as u32) as u8)
+            let mean = |k: usize| (sum[k] / N as u32) as u8;
+            [mean(0), mean(1), mean(2)]
         };
         Image { width, height, pixels: (0..width * height).into_par_iter().map(pixel).collect() }
     }
@@ -180,12 +183,21 @@ impl<'s> Seen<'s> {
         if self.triangle[at] == NONE {
             return [255; 3];
         }
-        let corners = self.shape.mesh.triangles()[self.triangle[at] as usize].map(|v| v as usize);
-        let [u, v] = self.weights[at].map(f64::from);
+        let [a, b, c] = self.shape.mesh.triangles()[self.triangle[at] as usize];
+        let corners = [a as usize, b as usize, c as usize];
+        let [u, v] = self.weights[at];
+        let (u, v) = (f64::from(u), f64::from(v));
         let weights = [u, v, 1.0 - u - v];
-        let normal: Vector3<f64> =
-            corners.iter().zip(weights).map(|(v, w)| w * self.shape.normals[*v]).sum();
-        let facing = self.frame.facing(&normal) / normal.norm().max(f64::MIN_POSITIVE);
+        let mut normal = [0.0; 3];
+        for (corner, weight) in corners.iter().zip(weights) {
+            let of_corner: &[f64; 3] = self.shape.normals[*corner].as_ref();
+            for (sum, x) in normal.iter_mut().zip(of_corner) {
+                *sum += weight * x;
+            }
+        }
+        let [x, y, z] = normal;
+        let length = (x * x + y * y + z * z).sqrt().max(f64::MIN_POSITIVE);
+        let facing = self.frame.facing(&normal.into()) / length;
         let flat = colour(&|values: &[f64]| interpolated(values, corners, weights));
         if facing < 0.0 && !self.shape.is_sheet {
             return mixed(flat, INSIDE_GREY, INSIDE);
@@ -197,7 +209,8 @@ impl<'s> Seen<'s> {
 /// Linear in a triangle; where a corner has no value, that of the nearest corner.
 fn interpolated(values: &[f64], corners: [usize; 3], weights: [f64; 3]) -> f64 {
     let at = |v: usize| values.get(v).copied().unwrap_or(f64::NAN);
-    let value: f64 = corners.iter().zip(weights).map(|(v, w)| w * at(*v)).sum();
+    let ([a, b, c], [u, v, w]) = (corners, weights);
+    let value = u * at(a) + v * at(b) + w * at(c);
     if value.is_finite() {
         return value;
     }

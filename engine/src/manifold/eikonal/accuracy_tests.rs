@@ -201,3 +201,20 @@ fn fronts_that_spread_are_late_and_those_that_gather_make_it_up() {
     let twin = late(Case::constant(&mesh, 1.0, 0.0, &[0]), |v| angle(&mesh, v).map(|a| 26.0 * a));
     assert!(twin[1] > 0.1, "{twin:?}");
 }
+
+#[test]
+fn fronts_that_keep_their_shape_settle_where_they_were() {
+    let mesh = icosphere(4, 20.0);
+    let mut case = Case::constant(&mesh, 1.0, 0.0, &[0]);
+    let settled = |case: &Case| {
+        case.eikonal.settled(&case.medium(), &case.sources, &mut Front::default())
+    };
+    assert_eq!(settled(&case), case.front().arrival, "without a thickness");
+    case.thickness = Some(vec![THICKNESS; mesh.n_vertices()]);
+    let round = errors(&settled(&case), &case.front().arrival);
+    // the broken twin: where slowness waves, a thick front has another shape
+    let waving = Case { thickness: case.thickness, ..Case::waving(&mesh, 2.0, &[(0, 2.0)]) };
+    let bent = errors(&settled(&waving), &waving.front().arrival);
+    println!("largest and rms move, ms: round {round:.3?}, bent {bent:.3?}");
+    assert!(round[1] < 0.02 && bent[1] > 0.04, "{round:?} {bent:?}");
+}

@@ -41,6 +41,10 @@ use geometry::Geometry;
 use march::March;
 use metric::{measure, slow_down};
 
+/// How often [`Eikonal::settled`] takes the mean of a front's slowing and of that by its own shape. More brings more: but a
+/// kink, where fronts meet, is kept within limits, and what is left of it seeps into what is around in each round.
+const ROUNDS: usize = 3;
+
 /// First arrivals on one surface.
 ///
 /// Fibres are one direction per triangle, or, without, the direction of the third axis (z) in the surface, of the
@@ -148,16 +152,48 @@ impl Eikonal {
             let (Some(thickness), Some(plain)) = (medium.thickness, front.plain.take()) else {
                 continue;
             };
-            front.slowing = self.bend(&plain, thickness).slowing();
+            front.slowing = self.bend(&plain, &plain.arrival, thickness).slowing();
             front.thickness.clear();
             front.thickness.extend(self.geometry.triangles.iter().map(|t| t.mean(thickness)));
-            let slowness = slower(medium.slowness, &front.slowing);
-            front.tissue.clone_from(&plain.tissue);
-            front.timed.clone_from(&plain.timed);
-            slow_down(&self.geometry, &slowness, &mut front.tissue, &mut front.timed);
-            front.plain = Some(plain);
-            self.march(sources.as_ref(), front);
+            self.march_slowed(medium, sources.as_ref(), plain, front);
         }
+    }
+
+    /// Arrivals (n_vertices) of fronts whose slowing is that of their own shape, about: [`Self::forward`] takes that of fronts
+    /// that bend at no cost. No derivatives follow, so `front` has no arrivals then.
+    ///
+    /// # Panics
+    /// As [`Self::forward`].
+    pub fn settled(
+        &self,
+        medium: &Medium<'_>,
+        sources: &[(u32, f64)],
+        front: &mut Front,
+    ) -> Vec<f64> {
+        self.forward(medium, sources, front);
+        for _ in 0..ROUNDS {
+            let Some((thickness, plain)) = medium.thickness.zip(front.plain.take()) else { break };
+            let own = self.bend(&plain, &front.arrival, thickness).slowing();
+            front.slowing.iter_mut().zip(own).for_each(|(last, own)| *last = 0.5 * (*last + own));
+            self.march_slowed(medium, sources, plain, front);
+        }
+        std::mem::take(&mut front.arrival)
+    }
+
+    /// A front that is slower by its parts than `plain`.
+    fn march_slowed(
+        &self,
+        medium: &Medium<'_>,
+        sources: &[(u32, f64)],
+        plain: Box<Front>,
+        front: &mut Front,
+    ) {
+        let slowness = slower(medium.slowness, &front.slowing);
+        front.tissue.clone_from(&plain.tissue);
+        front.timed.clone_from(&plain.timed);
+        slow_down(&self.geometry, &slowness, &mut front.tissue, &mut front.timed);
+        front.plain = Some(plain);
+        self.march(sources, front);
     }
 
     fn march(&self, sources: &[(u32, f64)], front: &mut Front) {
@@ -166,10 +202,10 @@ impl Eikonal {
         front.sort(&self.geometry);
     }
 
-    fn bend<'a>(&'a self, plain: &'a Front, thickness: &'a [f64]) -> Bend<'a> {
+    /// Of a front with these arrivals, in the medium of `plain`.
+    fn bend<'a>(&'a self, plain: &'a Front, arrival: &'a [f64], thickness: &'a [f64]) -> Bend<'a> {
         let Self { geometry, patches } = self;
-        let Front { tissue, arrival, .. } = plain;
-        Bend { geometry, patches, tissue, thickness, arrival }
+        Bend { geometry, patches, tissue: &plain.tissue, thickness, arrival }
     }
 
     /// Adds to `into` the adjoint of the medium and the onsets, for the adjoint `bar` of the arrivals
@@ -206,7 +242,7 @@ impl Eikonal {
             into.slowness[v] += *bar * (1.0 + front.slowing[v]);
             *bar *= medium.slowness[v];
         }
-        self.bend(plain, thickness).pull(&front.slowing, &slowness, into, &mut arrival);
+        self.bend(plain, &plain.arrival, thickness).pull(&front.slowing, &slowness, into, &mut arrival);
         derivative::backward(&self.geometry, plain, &arrival, into);
     }
 
@@ -231,7 +267,7 @@ impl Eikonal {
             return;
         };
         derivative::push(&self.geometry, plain, [change; 2], onset_change, out);
-        let slowing = self.bend(plain, thickness).push(&front.slowing, change, out);
+        let slowing = self.bend(plain, &plain.arrival, thickness).push(&front.slowing, change, out);
         let mut slowness = slower(change.slowness, &front.slowing);
         for (v, slower) in slowness.iter_mut().enumerate() {
             *slower += medium.slowness[v] * slowing[v];
