@@ -160,6 +160,8 @@ fn slowing_of_a_fronts_own_shape_is_nearer_to_the_simulator() {
     let settled = eikonal.settled(&medium, &[(source, 0.0)], &mut front);
     eikonal.forward(&medium, &[(source, 0.0)], &mut front);
     let [[.., of_plain], [.., of_own]] = [&front.arrival, &settled].map(|a| differences(a, &lat));
-    println!("rms about a line: slowing of plain fronts {of_plain:.2} ms, of their own shape {of_own:.2} ms");
+    println!(
+        "rms about a line: slowing of plain fronts {of_plain:.2} ms, of their own shape {of_own:.2} ms"
+    );
     assert!(of_own < 0.7 * of_plain, "{of_plain} {of_own}");
 }

@@ -75,12 +75,18 @@ pub(super) fn fibres_to_vertices(mesh: &TriMesh, cells: &[[f64; 3]]) -> Vec<[f64
 
 /// Fibres of vertices in the triangles: the axis nearest to the three corners', in the plane.
 pub(crate) fn fibres_to_triangles(mesh: &TriMesh, vertices: &[[f64; 3]]) -> Vec<[f64; 3]> {
-    let corners = |t: usize| mesh.triangles()[t].map(|v| vector(vertices[v as usize]));
-    let in_triangle = |t: usize| {
-        let n = normal(mesh, t);
-        in_plane(axis(corners(t).map(|f| (1.0, in_plane(f, n))).into_iter()), n).into()
-    };
-    (0..mesh.n_triangles()).map(in_triangle).collect()
+    let corners = |t: usize| mesh.triangles()[t].into_iter().map(|v| vertices[v as usize]);
+    (0..mesh.n_triangles()).map(|t| mean_fibre(mesh, t, corners(t))).collect()
+}
+
+/// The axis nearest to these in the plane of triangle `t`; 0 if none has a part there.
+pub(super) fn mean_fibre(
+    mesh: &TriMesh,
+    t: usize,
+    fibres: impl Iterator<Item = [f64; 3]>,
+) -> [f64; 3] {
+    let n = normal(mesh, t);
+    in_plane(axis(fibres.map(|f| (1.0, in_plane(vector(f), n)))), n).into()
 }
 
 /// Gives triangles without a fibre the axis of those around them, those beside others that have one first.  `fibres` has one

@@ -8,13 +8,13 @@ use super::finer::Finer;
 use crate::manifold::{Eikonal, Gradient, Paths};
 use crate::mesh::{Places, Surface, TriMesh};
 
-/// How fine a triangulation is: at how many vertices of the surface, those of sources and rows among them; at more where these
-/// are more, or fewer would fold the surface.
+/// How fine a triangulation is: at how many vertices of the surface, besides those of sources and rows; at more where fewer would
+/// fold the surface.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Fineness {
     /// 2,000, for any operator.
     Any,
-    /// 1,000, for arrival times alone: once these are corrected ([`Finer`]), they are as right as at 2,000.
+    /// 1,000, for arrival times alone: these are corrected ([`Finer`]).
     Arrivals,
 }
 
@@ -118,15 +118,19 @@ impl Ground {
 
     fn triangulated(&self, n_vertices: usize) -> Result<Triangulation, ProbeError> {
         let n = self.mesh.n_vertices();
-        let (mesh, vertices, fibres, places) = if n <= n_vertices {
+        let sources = self.sources.iter().flat_map(|(_, of_rows)| of_rows).flatten();
+        let mut stay: Vec<u32> = sources.chain(&self.rows).copied().collect();
+        stay.sort_unstable();
+        stay.dedup();
+        let (mesh, vertices, fibres, places) = if n <= n_vertices + stay.len() {
             (self.mesh.clone(), (0..n as u32).collect(), self.fibres.clone(), None)
         } else {
-            let sources = self.sources.iter().flat_map(|(_, of_rows)| of_rows).flatten();
-            let stay: Vec<u32> = sources.chain(&self.rows).copied().collect();
-            let coarse = self.mesh.coarsened(n_vertices, &stay)?;
-            let of =
-                |of: &Vec<[f64; 3]>| coarse.triangles.iter().map(|t| of[*t as usize]).collect();
-            let fibres = self.fibres.as_ref().map(of);
+            // places of rows are not where a triangulation would have its vertices
+            let coarse = self.mesh.coarsened(n_vertices + stay.len(), &stay)?;
+            let of = |(of_triangles, of_vertices): (&Vec<[f64; 3]>, &Vec<[f64; 3]>)| {
+                coarse.mean_fibres(of_vertices, of_triangles)
+            };
+            let fibres = self.fibres.as_ref().zip(self.vertex_fibres.as_ref()).map(of);
             (coarse.mesh, coarse.vertices, fibres, Some(coarse.places.into()))
         };
         let eikonal = Eikonal::new(&mesh, fibres.as_deref())?.into();

@@ -206,9 +206,8 @@ fn fronts_that_spread_are_late_and_those_that_gather_make_it_up() {
 fn fronts_that_keep_their_shape_settle_where_they_were() {
     let mesh = icosphere(4, 20.0);
     let mut case = Case::constant(&mesh, 1.0, 0.0, &[0]);
-    let settled = |case: &Case| {
-        case.eikonal.settled(&case.medium(), &case.sources, &mut Front::default())
-    };
+    let settled =
+        |case: &Case| case.eikonal.settled(&case.medium(), &case.sources, &mut Front::default());
     assert_eq!(settled(&case), case.front().arrival, "without a thickness");
     case.thickness = Some(vec![THICKNESS; mesh.n_vertices()]);
     let round = errors(&settled(&case), &case.front().arrival);

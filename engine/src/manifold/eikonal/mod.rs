@@ -242,7 +242,12 @@ impl Eikonal {
             into.slowness[v] += *bar * (1.0 + front.slowing[v]);
             *bar *= medium.slowness[v];
         }
-        self.bend(plain, &plain.arrival, thickness).pull(&front.slowing, &slowness, into, &mut arrival);
+        self.bend(plain, &plain.arrival, thickness).pull(
+            &front.slowing,
+            &slowness,
+            into,
+            &mut arrival,
+        );
         derivative::backward(&self.geometry, plain, &arrival, into);
     }
 

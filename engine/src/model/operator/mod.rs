@@ -127,7 +127,7 @@ pub struct Memo {
 /// The surface as an operator sees it.
 #[derive(Clone, Copy, Debug)]
 pub struct Everywhere<'a> {
-    /// A triangulation of at most some 2,000 vertices, at which the operands are given, mm.
+    /// A triangulation of at most some 2,000 vertices, besides those of rows and sources, at which the operands are given, mm.
     pub mesh: &'a TriMesh,
     /// Its vertex at which each row is (rows).
     pub at: &'a [u32],
