@@ -30,8 +30,8 @@ use std::path::Path;
 use std::time::Instant;
 
 const RATIO: f64 = 2.0;
-/// How often triangles are cut for the simulator, to edges of 0.14 mm. With 0.28 mm its ratio is 1 % smaller than what sheets
-/// of such edges have, on which its velocities are measured: triangles of an atrium are not as even.
+/// How often triangles are cut for the simulator, to edges of 0.14 mm. Its velocities are measured on sheets of even
+/// triangles with such edges. On an atrium's triangles its ratio is smaller than that: by 1.5 %, with 0.28 mm by 2.6 %.
 const CUTS: u32 = 3;
 
 /// What is to be found, at every vertex.

@@ -125,12 +125,10 @@ impl Ground {
         let (mesh, vertices, fibres, places) = if n <= n_vertices + stay.len() {
             (self.mesh.clone(), (0..n as u32).collect(), self.fibres.clone(), None)
         } else {
-            // places of rows are not where a triangulation would have its vertices
+            // rows and sources come on top: many of them would leave too few vertices to choose
             let coarse = self.mesh.coarsened(n_vertices + stay.len(), &stay)?;
-            let of = |(of_triangles, of_vertices): (&Vec<[f64; 3]>, &Vec<[f64; 3]>)| {
-                coarse.mean_fibres(of_vertices, of_triangles)
-            };
-            let fibres = self.fibres.as_ref().zip(self.vertex_fibres.as_ref()).map(of);
+            let both = self.vertex_fibres.as_ref().zip(self.fibres.as_ref());
+            let fibres = both.map(|(vertices, triangles)| coarse.mean_fibres(vertices, triangles));
             (coarse.mesh, coarse.vertices, fibres, Some(coarse.places.into()))
         };
         let eikonal = Eikonal::new(&mesh, fibres.as_deref())?.into();

@@ -188,6 +188,7 @@ impl<'s> Seen<'s> {
         let [u, v] = self.weights[at];
         let (u, v) = (f64::from(u), f64::from(v));
         let weights = [u, v, 1.0 - u - v];
+        // loops: `map` and sums of vectors are not inlined in this crate
         let mut normal = [0.0; 3];
         for (corner, weight) in corners.iter().zip(weights) {
             let of_corner: &[f64; 3] = self.shape.normals[*corner].as_ref();

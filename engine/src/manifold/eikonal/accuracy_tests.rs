@@ -211,7 +211,7 @@ fn fronts_that_keep_their_shape_settle_where_they_were() {
     assert_eq!(settled(&case), case.front().arrival, "without a thickness");
     case.thickness = Some(vec![THICKNESS; mesh.n_vertices()]);
     let round = errors(&settled(&case), &case.front().arrival);
-    // the broken twin: where slowness waves, a thick front has another shape
+    // where slowness waves, a thick front has another shape, and moves
     let waving = Case { thickness: case.thickness, ..Case::waving(&mesh, 2.0, &[(0, 2.0)]) };
     let bent = errors(&settled(&waving), &waving.front().arrival);
     println!("largest and rms move, ms: round {round:.3?}, bent {bent:.3?}");
