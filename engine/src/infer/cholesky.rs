@@ -51,6 +51,13 @@ impl Factor {
         solve_upper_triangular_in_place(self.lower().transpose(), x, Par::Seq);
     }
 
+    /// The diagonal of P⁻¹, (dim).
+    pub(crate) fn variances(&self) -> Vec<f64> {
+        let mut inverse = Mat::identity(self.dim, self.dim);
+        solve_lower_triangular_in_place(self.lower(), inverse.as_mut(), Par::Seq);
+        inverse.col_iter().map(|column| column.squared_norm_l2()).collect()
+    }
+
     /// Lᵀ x
     pub(crate) fn whitened(&self, x: &[f64]) -> Vec<f64> {
         let product: Mat<f64> =

@@ -14,6 +14,11 @@ pub trait LogDensity: Sync {
     fn interwoven(&self) -> Option<Vec<usize>> {
         None
     }
+    /// Unknowns that stay where they are until there are draws. A climb would shrink the scale of a field that others can
+    /// stand for, and a chain would stay there.
+    fn unclimbed(&self) -> Vec<usize> {
+        self.interwoven().unwrap_or_default()
+    }
 }
 
 /// Evaluates a [`LogDensity`]; holds scratch memory, so that an evaluation allocates nothing.

@@ -78,7 +78,7 @@ impl<'d> Nuts<'d> {
         let mut evaluator = density.evaluator();
         let mut start = start.to_vec();
         let curvature = density.interwoven().map(|still| {
-            start = climbed(&mut *evaluator, &start, &still);
+            start = climbed(&mut *evaluator, &start, &density.unclimbed());
             Curvature::at(&mut *evaluator, &start, &still)
         });
         let metric = match &curvature {

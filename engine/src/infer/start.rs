@@ -18,8 +18,7 @@ const LARGEST_SCALE: f64 = 1.0;
 /// of the typical set, dim/2 below the mode. It does not go on to the joint mode: in a hierarchical
 /// model this is a corner far from the mass.
 ///
-/// Where the density knows moves of its own ([`LogDensity::interwoven`]), the scales that these move stay at `initial`. A
-/// climb would shrink the scale of a field that others can stand for, and its chain would stay there.
+/// What is not to be climbed ([`LogDensity::unclimbed`]) stays at `initial`.
 ///
 /// The jitter has each coordinate's conditional standard deviation (at most 1). On a normal
 /// density, however correlated, this lowers the log density by dim/2 on average, which is where its
@@ -35,7 +34,7 @@ pub fn jittered_starts(
     seed: u64,
 ) -> Result<Vec<Vec<f64>>, InferError> {
     let optimum = climb(density, initial)?;
-    let resting = density.interwoven().unwrap_or_default();
+    let resting = density.unclimbed();
     let mut evaluator = density.evaluator();
     let mut scales = conditional_scales(&mut *evaluator, &optimum.position, LARGEST_SCALE);
     for scale in &mut scales {
@@ -53,7 +52,7 @@ pub fn jittered_starts(
 /// Those of [`maximise`] at `initial`.
 pub fn climb(density: &dyn LogDensity, initial: &[f64]) -> Result<Optimum, InferError> {
     let least_gain = 0.01 * density.dim() as f64;
-    let resting = density.interwoven().unwrap_or_default();
+    let resting = density.unclimbed();
     let settings = OptimumSettings { max_iterations: 200, least_gain, ..Default::default() };
     maximise(&Resting { density, resting: &resting }, initial, &settings)
 }

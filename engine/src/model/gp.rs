@@ -156,6 +156,18 @@ impl Field {
         (self.mean.value(&t.v), &t.work[self.work..][..self.k])
     }
 
+    /// Carries the adjoint of the ln of what each mode of a term is multiplied by to what that depends on, after a forward
+    /// pass.
+    pub(super) fn pull_ln_multipliers(&self, t: &mut Tape, term: &Term, bar: &[f64]) {
+        let (c, rest) = t.work[self.work + 2 * self.stride + term.work..].split_at(term.k);
+        // where √S is 0, so are its derivatives
+        let of_c = |(bar, c): (&f64, &f64)| if *c == 0.0 { 0.0 } else { bar / c };
+        let c_bar: Vec<f64> = bar.iter().zip(c).map(of_c).collect();
+        term.spectrum.pull(&c_bar, &rest[..term.k * term.spectrum.width()], &mut t.g);
+        let amplitude = term.amplitude.value(&t.v);
+        term.amplitude.pull(&t.v, sum(bar) / amplitude, &mut t.g);
+    }
+
     /// Takes the collapsed η₀ of every term from `eta0`, which is standard normal. Returns them,
     /// and the mean m that goes with them.
     pub(super) fn restore(

@@ -73,6 +73,12 @@ impl Model {
 
     /// Log density and its gradient on the tape, after a forward pass.
     pub(super) fn backward(&self, t: &mut Tape) {
+        self.backward_to_parameters(t);
+        self.backward_of_parameters(t);
+    }
+
+    /// The first part of [`Model::backward`]: to the values of parameters.
+    pub(super) fn backward_to_parameters(&self, t: &mut Tape) {
         t.lp = 0.0;
         t.g.fill(0.0);
         t.gu.fill(0.0);
@@ -94,6 +100,10 @@ impl Model {
         for field in self.fields.iter().rev() {
             field.op.backward(t);
         }
+    }
+
+    /// The second part: from the values of parameters to the unknowns.
+    pub(super) fn backward_of_parameters(&self, t: &mut Tape) {
         for prior in self.priors.iter().rev() {
             prior.backward(t);
         }

@@ -159,9 +159,31 @@ impl<'m> Integrated<'m> {
     /// The gradient of the integral, after [`Integrated::integral`] at this position.
     pub(super) fn gradient(&mut self, position: &[f64], gradient: &mut [f64]) {
         self.set_mean(position);
-        self.of.model.backward(&mut self.tape);
+        self.of.model.backward_to_parameters(&mut self.tape);
+        self.pull_ln_det();
+        self.of.model.backward_of_parameters(&mut self.tape);
         gradient.copy_from_slice(&self.tape.gu);
         self.of.resting.iter().for_each(|i| gradient[*i] = 0.0);
+    }
+
+    /// Adds the adjoints of −½ ln |P| in what C depends on: with `P = T + C DᵀWD C` its slope in ln cᵢ is `Tᵢᵢ (P⁻¹)ᵢᵢ − 1`.
+    fn pull_ln_det(&mut self) {
+        let (of, Some(known)) = (self.of, &self.known) else { return };
+        let mut slopes = vec![0.0; of.coefficients.len()];
+        for (part, factor) in of.parts.iter().zip(&known.factors) {
+            for (j, variance) in part.of.iter().zip(factor.variances()) {
+                slopes[*j] = of.coefficients[*j].precision * variance - 1.0;
+            }
+        }
+        let mut rest = &slopes[..];
+        for field in &of.fields {
+            let field = &of.model.fields[*field].op;
+            for term in &field.terms {
+                let (own, others) = rest.split_at(term.k);
+                field.pull_ln_multipliers(&mut self.tape, term, own);
+                rest = others;
+            }
+        }
     }
 
     /// A position with coefficients drawn given all else, after [`Integrated::integral`] there.

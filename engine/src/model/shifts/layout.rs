@@ -16,9 +16,11 @@ pub(super) struct Shifts<'m> {
     pub(super) fields: Vec<usize>,
     pub(super) coefficients: Vec<Coefficient>,
     pub(super) parts: Vec<Part>,
-    /// Unknowns that C depends on, then those that W depends on, in groups that move one after the other.
+    /// Unknowns that C depends on.
+    pub(super) shaping: Vec<usize>,
+    /// The same, then those that W depends on, in groups that move one after the other.
     pub(super) moving: Vec<Vec<usize>>,
-    /// All unknowns of [`Model::scales_of_fields`], of `moving`, and the coefficients.
+    /// The unknowns of [`Model::scales_of_fields`] that are not `shaping`, those that W depends on, and the coefficients.
     pub(super) resting: Vec<usize>,
     /// The values that C, and that W depends on.
     pub(super) depends: [Vec<usize>; 2],
@@ -136,6 +138,9 @@ impl<'m> Shifts<'m> {
                 from: Origin::Value { at: entry.v + i, location, scale },
             }));
         }
+        let mut shaping = moving.concat();
+        shaping.sort_unstable();
+        shaping.dedup();
         for name in &sds {
             let entry =
                 model.declared().zip(&model.prior_entries).find(|(own, _)| own.name == *name)?.1;
@@ -145,6 +150,7 @@ impl<'m> Shifts<'m> {
         let parts = parts(model, &tape, &coefficients)?;
         let mut resting = own;
         resting.extend(moving.iter().flatten());
+        resting.retain(|i| shaping.binary_search(i).is_err());
         resting.extend(coefficients.iter().map(|c| c.unknown));
         resting.sort_unstable();
         resting.dedup();
@@ -153,6 +159,7 @@ impl<'m> Shifts<'m> {
             fields,
             coefficients,
             parts,
+            shaping,
             moving,
             resting,
             depends,

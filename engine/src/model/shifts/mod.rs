@@ -8,7 +8,7 @@
 //! y ~ N(m + D C w, W⁻¹)        P = T + C DᵀWD C        b = C DᵀW (y − m)
 //! ln ∫ p(w) L dw = ln p(0) L(0) + ½ bᵀP⁻¹b − ½ ln |P| + const        w | y ~ N(P⁻¹b, P⁻¹)
 //! ```
-//! C and W rest during a trajectory, so that P stays. The gradient of the integral is that of p(w) L at w = P⁻¹b. Between
+//! W rests during a trajectory. The gradient of the integral is that of p(w) L at w = P⁻¹b, and of −½ ln |P|. Between
 //! trajectories C and W move under the integral, which costs no operator, and then w is drawn.
 
 mod integral;
@@ -30,7 +30,7 @@ use crate::num::vector::dot;
 
 /// Steps of C and of W: some small, some large, and how often each is made.
 const STEPS: [f64; 3] = [0.03, 0.1, 0.3];
-const ROUNDS: usize = 10;
+const ROUNDS: usize = 3;
 
 /// The density of a model with what shifts its measurements integrated out.
 #[derive(Debug)]
@@ -55,6 +55,25 @@ impl Model {
     }
 }
 
+impl Integrated<'_> {
+    /// By how much the gradient changes with unknown `i`, on which C depends; 0 next to a place without support. What does
+    /// not depend on C must be on the tape as it is at `position`.
+    fn change(&mut self, position: &[f64], i: usize) -> Vec<f64> {
+        const STEP: f64 = 1e-4;
+        let (mut change, mut gradient) = (vec![0.0; position.len()], vec![0.0; position.len()]);
+        for step in [-STEP, STEP] {
+            let mut moved = position.to_vec();
+            moved[i] += step;
+            if !self.value_again(&moved).is_finite() {
+                return vec![0.0; position.len()];
+            }
+            self.gradient(&moved, &mut gradient);
+            change.iter_mut().zip(&gradient).for_each(|(sum, g)| *sum += g / (2.0 * step));
+        }
+        change
+    }
+}
+
 impl LogDensity for WithoutShifts<'_> {
     fn dim(&self) -> usize {
         self.0.model.dim()
@@ -64,6 +83,9 @@ impl LogDensity for WithoutShifts<'_> {
     }
     fn interwoven(&self) -> Option<Vec<usize>> {
         Some(self.0.resting.clone())
+    }
+    fn unclimbed(&self) -> Vec<usize> {
+        [&self.0.resting[..], &self.0.shaping].concat()
     }
 }
 
@@ -145,15 +167,19 @@ impl Evaluator for Integrated<'_> {
         self.of.model.ln_prior_alone(&mut self.tape, position)
     }
 
-    /// That of the integral: H − H(·, w) H(w, w)⁻¹ H(w, ·), where w has its mean. Of what rests it is −1.
+    /// That of the integral: H − H(·, w) H(w, w)⁻¹ H(w, ·), where w has its mean; by differences in what C depends on. Of
+    /// what rests it is −1.
     fn hessian(&mut self, position: &[f64], take: &mut dyn FnMut(usize, &[f64])) {
         let (of, dim) = (self.of, position.len());
         self.value_at(position);
+        let shaped: Vec<Vec<f64>> = of.shaping.iter().map(|i| self.change(position, *i)).collect();
+        self.value_again(position);
         let mut at = position.to_vec();
         self.put(&self.mean, &mut at);
         let mut whole = Hessian::at(of.model, &at, true);
         let mut columns: Vec<Option<(Vec<f64>, Vec<f64>)>> = vec![None; dim];
-        for i in (0..dim).filter(|i| of.resting.binary_search(i).is_err()) {
+        let is_exact = |i: &usize| ![&of.resting, &of.shaping].iter().any(|of| of.contains(i));
+        for i in (0..dim).filter(is_exact) {
             let mut column = whole.column(i).to_vec();
             let mut with_w = vec![];
             for (part, factor) in
@@ -171,13 +197,15 @@ impl Evaluator for Integrated<'_> {
         let mut out = vec![0.0; dim];
         for i in 0..dim {
             out.fill(0.0);
-            match &columns[i] {
-                None => out[i] = -1.0,
-                Some((column, with_w)) => {
-                    for ((out, h), other) in out.iter_mut().zip(column).zip(&columns) {
-                        *out = h + other.as_ref().map_or(0.0, |(_, other)| dot::<4>(with_w, other));
-                    }
+            if let Some((column, with_w)) = &columns[i] {
+                for ((out, h), other) in out.iter_mut().zip(column).zip(&columns) {
+                    *out = h + other.as_ref().map_or(0.0, |(_, other)| dot::<4>(with_w, other));
                 }
+                of.shaping.iter().zip(&shaped).for_each(|(j, shaped)| out[*j] = shaped[i]);
+            } else if let Ok(at) = of.shaping.binary_search(&i) {
+                out.copy_from_slice(&shaped[at]);
+            } else {
+                out[i] = -1.0;
             }
             take(i, &out);
         }
