@@ -67,6 +67,17 @@ impl Lesson {
     /// Whether no chain diverged, and all halves of all chains tell the same, of every coordinate and
     /// of the log density.
     pub(super) fn agree(lessons: &[Self]) -> bool {
+        Self::halves_agree(lessons, |(position, _, ln_density)| {
+            position.iter().chain([ln_density]).copied().collect()
+        })
+    }
+
+    /// The same of the log density alone.
+    pub(super) fn agree_on_density(lessons: &[Self]) -> bool {
+        Self::halves_agree(lessons, |(_, _, ln_density)| vec![*ln_density])
+    }
+
+    fn halves_agree(lessons: &[Self], of: impl Fn(&WarmUpDraw) -> Vec<f64>) -> bool {
         if lessons.iter().any(|lesson| lesson.n_divergences > 0) {
             return false;
         }
@@ -74,10 +85,9 @@ impl Lesson {
         for lesson in lessons {
             let (a, b) = lesson.halves();
             halves.extend([a, b].map(|half| {
-                let width = half.first().map_or(0, |draw| draw.0.len() + 1);
-                let mut moments = Moments::new(width);
-                for (position, _, ln_density) in half {
-                    moments.add(position.iter().copied().chain([*ln_density]));
+                let mut moments = Moments::new(half.first().map_or(0, |draw| of(draw).len()));
+                for draw in half {
+                    moments.add(of(draw).into_iter());
                 }
                 (moments.means(), moments.sds())
             }));

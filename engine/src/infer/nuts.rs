@@ -5,7 +5,7 @@ use super::density::{Evaluator, LogDensity};
 use super::draws::{Draw, Transition};
 use super::error::{ChainError, ChainFailure, InferError};
 use super::hamiltonian::{Hamiltonian, Metric};
-use super::kernel::{Kernel, QUARTER_PERIOD};
+use super::kernel::Kernel;
 use super::kernel_state::KernelState;
 use super::lesson::Lesson;
 use super::markov::{MarkovChain, Together};
@@ -16,6 +16,10 @@ use super::stages::{Stage, WarmUp};
 use super::warmup::Adaptation;
 use crate::random::Stream;
 use serde::{Deserialize, Serialize};
+
+/// Mean length, in standard deviations, of a trajectory that does not look for a U-turn. A quarter of a period is 1.6; this is
+/// longer because the moves of scales after a trajectory cost as much as three of its steps.
+const LENGTH: f64 = 2.4;
 
 /// A chain of the no-U-turn sampler. A single chain learns from its own draws, a chain of a run from
 /// the draws of all chains.
@@ -85,7 +89,10 @@ impl<'d> Nuts<'d> {
             Some(curvature) => curvature.metric(&evaluator.multipliers(&start)),
             None => Metric::diagonal(conditional_scales(&mut *evaluator, &start, 1.0)),
         };
-        let knows_metric = curvature.is_some() || Adaptation::is_enough(learnt);
+        let stages = match curvature {
+            Some(_) => Stage::of_hessian(settings.warmup),
+            None => Stage::nuts(settings.warmup, Adaptation::is_enough(learnt)),
+        };
         let hamiltonian = Hamiltonian::new(evaluator, metric);
         let rng = Stream::Chain(chain).rng(settings.seed);
         let kernel = Kernel::new(hamiltonian, &start, settings.max_depth, rng);
@@ -96,7 +103,7 @@ impl<'d> Nuts<'d> {
             kind: settings.metric,
             target_accept: settings.target_accept.unwrap_or(Self::TARGET_ACCEPT),
             curvature,
-            warm_up: WarmUp::new(Stage::nuts(settings.warmup, knows_metric)),
+            warm_up: WarmUp::new(stages),
             learning: None,
             step_size: f64::NAN,
             n_evaluations_warmup: 0,
@@ -110,11 +117,11 @@ impl<'d> Nuts<'d> {
     }
 
     /// A transition of NUTS. Where the metric is that of the Hessian, all unknowns that move are nearly standard normal in
-    /// its units: a quarter of a period makes a fresh draw, and NUTS would need twice as long, to see a U-turn. Then the
+    /// its units: a third of a period makes a fresh draw, and NUTS would need twice as long, to see a U-turn. Then the
     /// scales move, and the metric becomes that of where these led.
     fn transition(&mut self, step_size: f64) -> Transition {
         let Some(curvature) = &self.curvature else { return self.kernel.transition(step_size) };
-        let transition = self.kernel.static_transition(step_size, QUARTER_PERIOD);
+        let transition = self.kernel.static_transition(step_size, LENGTH);
         self.kernel.move_scales(curvature);
         self.follow();
         transition
@@ -252,11 +259,11 @@ impl Together for Nuts<'_> {
         self.warm_up.must_meet()
     }
 
-    /// Fits the metric to the draws of all chains. Where they agree and none diverged, what is left of
-    /// the warm-up is its last round.
+    /// Fits the metric to the draws of all chains, or to the Hessians where they are; with these they share their step size,
+    /// too. Where they agree and none diverged, what is left of the warm-up is its last round.
     fn meet(mut chains: Vec<&mut Self>) -> Vec<Result<(), ChainError>> {
-        let lessons = chains.iter_mut().filter_map(|chain| chain.learning.take());
-        let lessons: Vec<Lesson> = lessons.map(|(_, lesson)| lesson).collect();
+        let learnt = chains.iter_mut().filter_map(|chain| chain.learning.take());
+        let (adaptations, lessons): (Vec<Adaptation>, Vec<Lesson>) = learnt.unzip();
         let Some(first) = chains.first_mut() else { return vec![] };
         let is_first = first.warm_up.n_meetings() == 0;
         let mut metric = first.kernel.metric().clone();
@@ -272,8 +279,13 @@ impl Together for Nuts<'_> {
                 curvature.learn(&all);
             }
         }
-        let is_enough = !is_first && Lesson::agree(&lessons);
+        let agree = match curvature {
+            None => Lesson::agree(&lessons),
+            Some(_) => Lesson::agree_on_density(&lessons),
+        };
+        let is_enough = !is_first && agree;
         let nothing = DrawMoments::new(metric.scale.len(), kind);
+        let together = curvature.as_ref().and_then(|_| Adaptation::together(&adaptations));
         let go_on = |chain: &mut Self| {
             chain.warm_up.met();
             if is_enough {
@@ -282,7 +294,10 @@ impl Together for Nuts<'_> {
             chain.kernel.hamiltonian().metric = metric.clone();
             chain.curvature.clone_from(&curvature);
             chain.follow();
-            chain.begin_round(&nothing)
+            let Some(adaptation) = together.clone() else { return chain.begin_round(&nothing) };
+            chain.step_size = adaptation.step_size();
+            chain.learning = Some((adaptation, Lesson::default()));
+            Ok(())
         };
         chains.into_iter().map(go_on).collect()
     }

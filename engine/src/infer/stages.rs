@@ -27,9 +27,9 @@ impl Stage {
     /// The fewest transitions between two meetings of NUTS chains.
     const LEAST_ROUND: usize = 20;
 
-    /// The most transitions of a NUTS chain's warm-up. After every tenth of them the chains meet, and
-    /// the metric is fitted to the draws of all; once they agree, only the last tenth follows. In the
-    /// first tenth each chain learns from its own draws, unless earlier ones have told about scales.
+    /// The most transitions of the warm-up of a NUTS chain that learns its metric from draws. After every tenth of them
+    /// the chains meet, and the metric is fitted to the draws of all; once they agree, only the last tenth follows. In
+    /// the first tenth each chain learns from its own draws, unless earlier ones have told about scales.
     ///
     /// ```text
     /// 0 ──────────── 10 % ── 20 % ── … ── 90 % ───────────────── 100 %
@@ -46,6 +46,18 @@ impl Stage {
         };
         let last = Self { length: last, metric: None, meets: false };
         (0..n_rounds).map(round).chain([last]).collect()
+    }
+
+    /// The most transitions of the warm-up of a NUTS chain whose metric is that of the Hessian: that must be known at a few
+    /// places, and the step size. After every round the chains meet; once they agree, only the last one follows.
+    pub(super) fn of_hessian(n: usize) -> Vec<Self> {
+        const ROUND: usize = 30;
+        let last = ROUND.min(n.div_ceil(2));
+        let n_rounds = (n - last).div_ceil(ROUND);
+        let end = |round: usize| round * (n - last) / n_rounds;
+        let stage = |length, meets| Self { length, metric: None, meets };
+        let last = stage(last, false);
+        (0..n_rounds).map(|r| stage(end(r + 1) - end(r), true)).chain([last]).collect()
     }
 
     /// One round of a blocked chain's warm-up.

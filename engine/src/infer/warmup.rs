@@ -47,6 +47,17 @@ impl StepSize {
         self.ln_epsilon_bar = eta * self.ln_epsilon + (1.0 - eta) * self.ln_epsilon_bar;
     }
 
+    /// The mean of what some have learnt.
+    fn mean(of: &[&Self]) -> Option<Self> {
+        let mean = |number: fn(&Self) -> f64| {
+            of.iter().map(|one| number(one)).sum::<f64>() / of.len() as f64
+        };
+        let (t, delta) = (mean(|one| one.t), of.first()?.delta);
+        let (ln_epsilon, ln_epsilon_bar) =
+            (mean(|one| one.ln_epsilon), mean(|one| one.ln_epsilon_bar));
+        Some(Self { delta, t, ln_epsilon, ln_epsilon_bar })
+    }
+
     /// ε to use while adapting.
     pub(super) fn step_size(&self) -> f64 {
         self.ln_epsilon.exp()
@@ -114,6 +125,12 @@ impl Adaptation {
         }
         let step_size = StepSize::new(initial_step_size(kernel)?, target_accept);
         Some(Self { kind, target_accept, older, younger, step_size })
+    }
+
+    /// One with the mean step size of all of these; `None` of none.
+    pub(super) fn together(of: &[Self]) -> Option<Self> {
+        let all: Vec<&StepSize> = of.iter().map(|one| &one.step_size).collect();
+        Some(Self { step_size: StepSize::mean(&all)?, ..of.first()?.clone() })
     }
 
     /// Whether it has learnt of `dim` coordinates, for a metric of this kind.
