@@ -112,11 +112,17 @@ fn the_integral_times_the_conditional_is_the_density() {
     let resting = density.interwoven().unwrap();
     let resting: Vec<&str> = resting.iter().map(|i| &*names[*i]).collect();
     let rests = |name: &str| {
-        name.starts_with("delay") || name.starts_with("onset") || name.starts_with("noise")
+        name.starts_with("delay") && name.contains("eta")
+            || ["onset", "noise", "velocity.alpha", "velocity.rho"]
+                .iter()
+                .any(|n| name.starts_with(n))
     };
-    let expected =
-        names.iter().filter(|n| rests(n) || ["velocity.alpha", "velocity.rho"].contains(&&***n));
+    let expected = names.iter().filter(|n| rests(n));
     assert_eq!(resting, expected.map(|n| &**n).collect::<Vec<_>>());
+    // what the delay is multiplied by moves in trajectories, but not before
+    let unclimbed = density.unclimbed();
+    let shaping = unclimbed.iter().map(|i| &*names[*i]).filter(|name| !resting.contains(name));
+    assert_eq!(shaping.collect::<Vec<_>>(), ["delay.alpha", "delay.rho"]);
 
     let mut gradient = vec![0.0; model.dim()];
     let integrated = integrated(&model);
@@ -151,14 +157,15 @@ fn the_integral_times_the_conditional_is_the_density() {
     }
 }
 
-/// Of all that moves, that of the whole density where what is integrated out has its mean, less what goes with that.
+/// Of all that moves, that of the whole density where what is integrated out has its mean, less what goes with that. In what
+/// that is multiplied by, as the gradient changes.
 #[test]
 fn the_hessian_is_that_of_the_integral() {
     let model = laid_out(&shifted::Shifted);
     let density = model.without_shifts().unwrap();
-    let resting = density.interwoven().unwrap();
+    let (resting, unclimbed) = (density.interwoven().unwrap(), density.unclimbed());
     let w = integrated(&model);
-    let r: Vec<usize> = (0..model.dim()).filter(|i| !resting.contains(i)).collect();
+    let r: Vec<usize> = (0..model.dim()).filter(|i| !unclimbed.contains(i)).collect();
     let hessian_of = |density: &dyn LogDensity, at: &[f64]| {
         let mut h = DMatrix::zeros(model.dim(), model.dim());
         density
@@ -168,6 +175,21 @@ fn the_hessian_is_that_of_the_integral() {
     };
     for mut position in positions(&model, 2) {
         let own = hessian_of(&*density, &position);
+        for i in unclimbed.iter().copied().filter(|i| !resting.contains(i)) {
+            let gradient_at = |h: f64| {
+                let (mut moved, mut gradient) = (position.clone(), vec![0.0; model.dim()]);
+                moved[i] += h;
+                density.evaluator().ln_density(&moved, &mut gradient);
+                gradient
+            };
+            let [low, high] = [-1e-5, 1e-5].map(gradient_at);
+            for j in 0..model.dim() {
+                let slope = (high[j] - low[j]) / 2e-5;
+                for entry in [own[(i, j)], own[(j, i)]] {
+                    assert!((entry - slope).abs() < 1e-5 * (1.0 + slope.abs()), "{entry} {slope}");
+                }
+            }
+        }
         // Newton's step leads to the mean
         let mut gradient = vec![0.0; model.dim()];
         model.evaluator().ln_density(&position, &mut gradient);

@@ -87,9 +87,10 @@ pub(super) struct SamplerArgs {
     /// The most warm-up transitions per chain, not kept
     #[arg(long, default_value_t = 1000)]
     warmup: usize,
-    /// Draws kept per chain
-    #[arg(long, default_value_t = 1000)]
-    draws: usize,
+    /// Draws kept per chain [default: 1000, or 500 for models with an operator over the surface,
+    /// as of arrival times]
+    #[arg(long)]
+    draws: Option<usize>,
     /// Mean acceptance that the step size is tuned to, between 0 and 1; nearer to 1 means smaller
     /// steps and fewer divergences [default: 0.95, or for nuts on a model without
     /// fields 0.8]
@@ -157,7 +158,7 @@ impl SamplerArgs {
         let settings = Settings {
             chains: self.chains,
             warmup: self.warmup,
-            draws: self.draws,
+            draws: self.draws.unwrap_or(Settings::default().draws),
             target_accept: self.target_accept,
             seed,
             threads: self.threads,
@@ -203,10 +204,11 @@ impl Command {
         }
         let exceed = self.exceed.iter().map(|text| problem.exceedance(text));
         let exceed = exceed.collect::<Result<Vec<_>, _>>().map_err(usage)?;
+        let sampler = self.sampler.choose(problem.model())?;
         let options = Options {
             exceed: &exceed,
             weights_only: false,
-            sampler: Some(self.sampler.choose(problem.model())?),
+            sampler: Some(sampler),
             warm_start: self.begin.init.as_deref(),
             watch,
             compile_seconds: compile_seconds(),
@@ -218,7 +220,9 @@ impl Command {
         if self.instead.laplace {
             return Ok(self.show(&problem.laplace(&on_disk, &options)?.write_into(out)?));
         }
-        match problem.run_into(out, settings, &options, &self.begin.keep()?)? {
+        let draws = self.sampler.draws.unwrap_or_else(|| sampler.enough_draws(problem.model()));
+        let settings = Settings { draws, ..settings.clone() };
+        match problem.run_into(out, &settings, &options, &self.begin.keep()?)? {
             Ended::Before => {
                 tell_complete(out.path());
                 Ok(ExitCode::from(Results::read(out.path())?.verdict().exit_code()))

@@ -90,6 +90,13 @@ mod tests {
         assert!(gap(&product, &x) < 1e-14 && gap(&whitened, &expected) < 1e-14);
         factor.solve_transposed(&mut whitened);
         assert!(gap(&whitened, &x) < 1e-14);
+        for (i, variance) in factor.variances().into_iter().enumerate() {
+            let mut column = [0.0; 3];
+            column[i] = 1.0;
+            factor.solve(&mut column);
+            factor.solve_transposed(&mut column);
+            assert!((variance - column[i]).abs() < 1e-14 * variance);
+        }
     }
 
     #[test]

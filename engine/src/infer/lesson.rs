@@ -121,3 +121,35 @@ fn fisher_divergence(metric: &Metric, draws: &[&WarmUpDraw]) -> f64 {
     all.sort_by(f64::total_cmp);
     all.get(all.len() / 2).copied().unwrap_or(f64::NAN)
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use rand::RngExt as _;
+    use rand::SeedableRng as _;
+    use rand_chacha::ChaCha8Rng;
+    use rand_distr::StandardNormal;
+
+    /// Four chains of twenty draws, the last with another coordinate and another log density.
+    fn lessons(coordinate: f64, ln_density: f64) -> Vec<Lesson> {
+        let mut rng = ChaCha8Rng::seed_from_u64(1);
+        let mut normal = || rng.sample::<f64, _>(StandardNormal);
+        let mut one = |chain: usize| {
+            let [x, ln] = if chain == 3 { [coordinate, ln_density] } else { [0.0; 2] };
+            let draw = |_| (vec![x + normal()], vec![0.0], ln + normal());
+            Lesson { draws: (0..20).map(draw).collect(), n_divergences: 0 }
+        };
+        (0..4).map(&mut one).collect()
+    }
+
+    #[test]
+    fn chains_agree_on_all_or_on_the_density_alone() {
+        let both = |lessons: &[Lesson]| [Lesson::agree(lessons), Lesson::agree_on_density(lessons)];
+        assert_eq!(both(&lessons(0.0, 0.0)), [true, true]);
+        assert_eq!(both(&lessons(5.0, 0.0)), [false, true]);
+        assert_eq!(both(&lessons(0.0, 5.0)), [false, false]);
+        let mut diverged = lessons(0.0, 0.0);
+        diverged[2].n_divergences = 1;
+        assert_eq!(both(&diverged), [false, false]);
+    }
+}

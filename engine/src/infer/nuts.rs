@@ -17,6 +17,10 @@ use super::warmup::Adaptation;
 use crate::random::Stream;
 use serde::{Deserialize, Serialize};
 
+/// After how many meetings another one may be the last at which Hessians are learnt. With one, a trial had steps half as
+/// long.
+const ENOUGH_HESSIANS: usize = 3;
+
 /// Mean length, in standard deviations, of a trajectory that does not look for a U-turn. A quarter of a period is 1.6; this is
 /// longer because the moves of scales after a trajectory cost as much as three of its steps.
 const LENGTH: f64 = 2.4;
@@ -265,7 +269,7 @@ impl Together for Nuts<'_> {
         let learnt = chains.iter_mut().filter_map(|chain| chain.learning.take());
         let (adaptations, lessons): (Vec<Adaptation>, Vec<Lesson>) = learnt.unzip();
         let Some(first) = chains.first_mut() else { return vec![] };
-        let is_first = first.warm_up.n_meetings() == 0;
+        let n_before = first.warm_up.n_meetings();
         let mut metric = first.kernel.metric().clone();
         let (kind, mut curvature) = (first.kind, first.curvature.clone());
         match &mut curvature {
@@ -279,11 +283,10 @@ impl Together for Nuts<'_> {
                 curvature.learn(&all);
             }
         }
-        let agree = match curvature {
-            None => Lesson::agree(&lessons),
-            Some(_) => Lesson::agree_on_density(&lessons),
+        let is_enough = match curvature {
+            None => n_before > 0 && Lesson::agree(&lessons),
+            Some(_) => n_before >= ENOUGH_HESSIANS && Lesson::agree_on_density(&lessons),
         };
-        let is_enough = !is_first && agree;
         let nothing = DrawMoments::new(metric.scale.len(), kind);
         let together = curvature.as_ref().and_then(|_| Adaptation::together(&adaptations));
         let go_on = |chain: &mut Self| {

@@ -234,6 +234,12 @@ mod tests {
                     (n, n)
                 );
             }
+            let of_hessian = Stage::of_hessian(n);
+            assert_eq!(length(&of_hessian), n);
+            let is_short = |stage: &Stage| (1..=30).contains(&stage.length);
+            assert!(of_hessian.iter().all(is_short), "{of_hessian:?}");
+            let n_last = of_hessian.iter().filter(|stage| !stage.meets).count();
+            assert!(n_last == 1 && of_hessian.last().is_some_and(|stage| !stage.meets));
         }
         let mut warm_up = WarmUp::new(Stage::blocked(60, false));
         let mut meetings = vec![];

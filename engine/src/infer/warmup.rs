@@ -203,7 +203,7 @@ mod tests {
     use super::super::hamiltonian::{Hamiltonian, Metric};
     use super::super::test_densities::{FnDensity, normal};
     use super::*;
-    use rand::SeedableRng;
+    use rand::{RngExt as _, SeedableRng};
     use rand_chacha::ChaCha8Rng;
 
     fn kernel(density: &dyn LogDensity) -> Kernel<Box<dyn Evaluator + '_>> {
@@ -220,6 +220,30 @@ mod tests {
             adapt.update(accept);
         }
         assert!((adapt.averaged_step_size() + 0.9f64.ln()).abs() < 0.005);
+    }
+
+    /// Of chains that tuned theirs to the same curve, each with errors of its own.
+    #[test]
+    fn a_step_size_together_is_nearer_than_those_of_single_chains() {
+        let mut rng = ChaCha8Rng::seed_from_u64(2);
+        let exact = -0.9f64.ln();
+        let mut one = || {
+            let mut adapt = StepSize::new(0.2, 0.9);
+            for _ in 0..40 {
+                let accept = (-adapt.step_size()).exp() + 0.2 * (rng.random::<f64>() - 0.5);
+                adapt.update(accept);
+            }
+            adapt
+        };
+        let off = |adapt: &StepSize| (adapt.averaged_step_size() / exact).ln().powi(2);
+        let (mut alone, mut together) = (0.0, 0.0);
+        for _ in 0..100 {
+            let chains: Vec<StepSize> = (0..4).map(|_| one()).collect();
+            alone += chains.iter().map(off).sum::<f64>() / 4.0;
+            together += off(&StepSize::mean(&chains.iter().collect::<Vec<_>>()).unwrap());
+        }
+        assert!(together < 0.5 * alone, "{together} {alone}");
+        assert!(StepSize::mean(&[]).is_none());
     }
 
     #[test]

@@ -118,6 +118,12 @@ impl Sampler {
         settings.target_accept.or(Some(suits))
     }
 
+    /// Draws of each of four chains that are enough for most posteriors: 500 where an operator over the surface makes
+    /// a draw cost tenths of a second, 1000 elsewhere.
+    pub fn enough_draws(self, model: &Model) -> usize {
+        if self == Self::Nuts && !model.over.is_empty() { 500 } else { 1000 }
+    }
+
     /// Where chains start: see [`jittered_starts`].
     ///
     /// # Errors
