@@ -7,7 +7,7 @@ use crate::infer::integrated::Integrated;
 use crate::infer::nuts::Nuts;
 use crate::infer::start::jittered_starts;
 use crate::manifold::Basis;
-use crate::model::{Model, Sampler};
+use crate::model::{Declare, Model, Sampler};
 use crate::prelude::*;
 use crate::store::test_forgeries::{changes_length, forgeries};
 use crate::store::{CheckpointError, Identity, take_chain};
@@ -171,28 +171,41 @@ fn forge<C: Together>(job: &Job, transitions: usize) -> Tally {
     count
 }
 
-fn check<C: Together>(model: Model, sampler: Sampler) {
+/// After how many transitions a run is interrupted: in the first round of the warm-up, after a meeting, and while sampling.
+const CUTS: [usize; 3] = [8, 29, 46];
+
+fn check<C: Together>(model: &dyn Declare, sampler: Sampler, transitions: usize) {
     let place = tempfile::tempdir().unwrap();
+    let model = Model::new(model, Some(&basis()), &table()).unwrap();
     let job = Job::new(model, sampler, place.path());
-    // in the first round of the warm-up, after a meeting, and while sampling
-    for transitions in [8, 29, 46] {
-        let Tally { tried, refused } = forge::<C>(&job, transitions);
-        assert!(tried > 60 && 5 * refused > tried, "{refused} of {tried} refused");
-    }
+    let Tally { tried, refused } = forge::<C>(&job, transitions);
+    assert!(tried > 60 && 5 * refused > tried, "{refused} of {tried} refused");
 }
 
 #[test]
 fn of_nuts() {
-    check::<Nuts<'_>>(Model::new(&Events, Some(&basis()), &table()).unwrap(), Sampler::Nuts);
+    CUTS.into_iter().for_each(|cut| check::<Nuts<'_>>(&Events, Sampler::Nuts, cut));
+}
+
+// one test for each place: together they take minutes
+
+#[test]
+fn of_the_blocked_sampler_in_its_first_round() {
+    check::<Blocked<'_>>(&Events, Sampler::Blocked, CUTS[0]);
 }
 
 #[test]
-fn of_the_blocked_sampler() {
-    check::<Blocked<'_>>(Model::new(&Events, Some(&basis()), &table()).unwrap(), Sampler::Blocked);
+fn of_the_blocked_sampler_after_a_meeting() {
+    check::<Blocked<'_>>(&Events, Sampler::Blocked, CUTS[1]);
+}
+
+#[test]
+fn of_the_blocked_sampler_while_sampling() {
+    check::<Blocked<'_>>(&Events, Sampler::Blocked, CUTS[2]);
 }
 
 #[test]
 fn of_the_integrated_sampler() {
-    let model = Model::new(&Numbers, Some(&basis()), &table()).unwrap();
-    check::<Integrated<'_>>(model, Sampler::Integrated);
+    let check = |cut| check::<Integrated<'_>>(&Numbers, Sampler::Integrated, cut);
+    CUTS.into_iter().for_each(check);
 }

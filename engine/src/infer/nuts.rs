@@ -263,8 +263,8 @@ impl Together for Nuts<'_> {
         self.warm_up.must_meet()
     }
 
-    /// Fits the metric to the draws of all chains, or to the Hessians where they are; with these they share their step size,
-    /// too. Where they agree and none diverged, what is left of the warm-up is its last round.
+    /// Fits the metric to the draws of all chains, or takes the mean of the Hessians where the chains are, which then share their
+    /// step size, too. Where they agree and none diverged, what is left of the warm-up is its last round.
     fn meet(mut chains: Vec<&mut Self>) -> Vec<Result<(), ChainError>> {
         let learnt = chains.iter_mut().filter_map(|chain| chain.learning.take());
         let (adaptations, lessons): (Vec<Adaptation>, Vec<Lesson>) = learnt.unzip();
