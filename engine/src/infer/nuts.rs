@@ -17,8 +17,8 @@ use super::warmup::Adaptation;
 use crate::random::Stream;
 use serde::{Deserialize, Serialize};
 
-/// After how many meetings another one may be the last at which Hessians are learnt. With one, a trial had steps half as
-/// long.
+/// How many meetings must have been before one can end the learning from Hessians. In a trial that ended it at the second
+/// meeting, steps were half as long.
 const ENOUGH_HESSIANS: usize = 3;
 
 /// Mean length, in standard deviations, of a trajectory that does not look for a U-turn. A quarter of a period is 1.6; this is
@@ -121,7 +121,7 @@ impl<'d> Nuts<'d> {
     }
 
     /// A transition of NUTS. Where the metric is that of the Hessian, all unknowns that move are nearly standard normal in
-    /// its units: a third of a period makes a fresh draw, and NUTS would need twice as long, to see a U-turn. Then the
+    /// its units: a trajectory of [`LENGTH`] makes a fresh draw, and NUTS would go on until it sees a U-turn. Then the
     /// scales move, and the metric becomes that of where these led.
     fn transition(&mut self, step_size: f64) -> Transition {
         let Some(curvature) = &self.curvature else { return self.kernel.transition(step_size) };

@@ -160,12 +160,13 @@ impl Field {
     /// pass.
     pub(super) fn pull_ln_multipliers(&self, t: &mut Tape, term: &Term, bar: &[f64]) {
         let (c, rest) = t.work[self.work + 2 * self.stride + term.work..].split_at(term.k);
-        // where √S is 0, so are its derivatives
-        let of_c = |(bar, c): (&f64, &f64)| if *c == 0.0 { 0.0 } else { bar / c };
+        // a multiplier that is 0, by rounding, does not change
+        let of_ln = |bar: f64, x: f64| if x == 0.0 { 0.0 } else { bar / x };
+        let of_c = |(bar, c): (&f64, &f64)| of_ln(*bar, *c);
         let c_bar: Vec<f64> = bar.iter().zip(c).map(of_c).collect();
         term.spectrum.pull(&c_bar, &rest[..term.k * term.spectrum.width()], &mut t.g);
         let amplitude = term.amplitude.value(&t.v);
-        term.amplitude.pull(&t.v, sum(bar) / amplitude, &mut t.g);
+        term.amplitude.pull(&t.v, of_ln(sum(bar), amplitude), &mut t.g);
     }
 
     /// Takes the collapsed η₀ of every term from `eta0`, which is standard normal. Returns them,
