@@ -202,35 +202,6 @@ fn prior(multiplier: f64) -> f64 {
     f64::from(u8::from(multiplier != 0.0))
 }
 
-/// Gauss and Newton's way uphill from `start`, until a step gains less than one unit of log density. Coordinates that
-/// are `still` stay.
-pub(super) fn climbed(evaluator: &mut dyn Evaluator, start: &[f64], still: &[usize]) -> Vec<f64> {
-    /// Most steps, and how often each is halved.
-    const MOST: (usize, i32) = (30, 8);
-    let (mut here, mut gradient) = (start.to_vec(), vec![0.0; start.len()]);
-    let mut ln_density = evaluator.ln_density(&here, &mut gradient);
-    let (mut there, mut slope, mut force) = (here.clone(), gradient.clone(), gradient.clone());
-    for _ in 0..MOST.0 {
-        let multipliers = evaluator.multipliers(&here);
-        let metric = Curvature::at(evaluator, &here, still).metric(&multipliers);
-        metric.pull(&gradient, &mut force);
-        let uphill = (0..MOST.1).find_map(|halvings| {
-            there.copy_from_slice(&here);
-            metric.drift(&mut there, 0.5f64.powi(halvings), &force);
-            Some(evaluator.ln_density(&there, &mut slope)).filter(|new| *new > ln_density)
-        });
-        let Some(new) = uphill else { break };
-        let gain = new - ln_density;
-        ln_density = new;
-        here.copy_from_slice(&there);
-        gradient.copy_from_slice(&slope);
-        if gain < 1.0 {
-            break;
-        }
-    }
-    here
-}
-
 #[cfg(test)]
 mod tests {
     use super::super::LogDensity as _;

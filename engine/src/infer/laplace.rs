@@ -10,7 +10,7 @@ use super::density::{Evaluator, LogDensity};
 use super::draws::Chain;
 use super::error::InferError;
 use super::optimise::Optimum;
-use super::settings::{Settings, thread_pool};
+use super::settings::Settings;
 use crate::random::Stream;
 use crate::store::Spool;
 use nalgebra::linalg::{Cholesky, SymmetricEigen};
@@ -73,7 +73,7 @@ impl Laplace {
         };
         let chains = 0..settings.chains;
         let drawn = || chains.into_par_iter().map(draw).collect::<io::Result<_>>();
-        thread_pool(settings)?.install(drawn).map_err(|source| settings.disk_error(source))
+        settings.thread_pool()?.install(drawn).map_err(|source| settings.disk_error(source))
     }
 
     fn chain(

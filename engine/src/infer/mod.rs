@@ -51,6 +51,7 @@ mod density;
 mod directions;
 mod draws;
 mod error;
+mod far_apart;
 mod flow;
 mod hamiltonian;
 mod integrated;

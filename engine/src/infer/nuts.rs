@@ -1,6 +1,6 @@
 //! One NUTS chain: its warm-up and its draws.
 
-use super::curvature::{Curvature, climbed, conditional_scales};
+use super::curvature::{Curvature, conditional_scales};
 use super::density::{Evaluator, LogDensity};
 use super::draws::{Draw, Transition};
 use super::error::{ChainError, ChainFailure, InferError};
@@ -84,11 +84,9 @@ impl<'d> Nuts<'d> {
         learnt: &DrawMoments,
     ) -> Result<Self, ChainError> {
         let mut evaluator = density.evaluator();
-        let mut start = start.to_vec();
-        let curvature = density.interwoven().map(|still| {
-            start = climbed(&mut *evaluator, &start, &density.unclimbed());
-            Curvature::at(&mut *evaluator, &start, &still)
-        });
+        let start = start.to_vec();
+        let curvature =
+            density.interwoven().map(|still| Curvature::at(&mut *evaluator, &start, &still));
         let metric = match &curvature {
             Some(curvature) => curvature.metric(&evaluator.multipliers(&start)),
             None => Metric::diagonal(conditional_scales(&mut *evaluator, &start, 1.0)),

@@ -9,7 +9,7 @@ use super::moments::DrawMoments;
 use super::nuts::Nuts;
 use super::progress::Progress;
 use super::run::run;
-use super::settings::{Settings, check_starts, thread_pool};
+use super::settings::{Settings, check_starts};
 use rayon::prelude::*;
 
 /// Samples `density` with one NUTS chain from each of `starts`, each `(dim)`.
@@ -28,7 +28,7 @@ pub fn sample(
 ) -> Result<Vec<ChainResult>, InferError> {
     check_starts(density, starts, settings)?;
     let learnt = DrawMoments::of(density, &settings.earlier, settings.metric);
-    thread_pool(settings)?.install(|| {
+    settings.thread_pool()?.install(|| {
         let begin =
             |(i, start): (usize, &Vec<f64>)| Nuts::begin(density, start, settings, i, &learnt);
         run(starts.par_iter().enumerate().map(begin).collect(), settings, progress)

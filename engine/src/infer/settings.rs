@@ -95,6 +95,15 @@ impl Settings {
 }
 
 impl Settings {
+    /// A pool of as many threads as the settings say.
+    pub(crate) fn thread_pool(&self) -> Result<rayon::ThreadPool, InferError> {
+        let threads = self.threads;
+        rayon::ThreadPoolBuilder::new()
+            .num_threads(threads)
+            .build()
+            .map_err(|error| InferError::Threads { threads, reason: error.to_string() })
+    }
+
     /// What the disk that draws go to said.
     pub(super) fn disk_error(&self, source: io::Error) -> InferError {
         InferError::Disk { folder: self.disk.clone().unwrap_or_default(), source }
@@ -122,13 +131,4 @@ pub(super) fn check_starts(
         return Err(InferError::EarlierLength { expected: dim, got: draw.len() });
     }
     Ok(())
-}
-
-/// A pool of as many threads as the settings say.
-pub(super) fn thread_pool(settings: &Settings) -> Result<rayon::ThreadPool, InferError> {
-    let threads = settings.threads;
-    rayon::ThreadPoolBuilder::new()
-        .num_threads(threads)
-        .build()
-        .map_err(|error| InferError::Threads { threads, reason: error.to_string() })
 }

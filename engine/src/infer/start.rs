@@ -3,6 +3,7 @@
 use super::curvature::conditional_scales;
 use super::density::{Evaluator, LogDensity};
 use super::error::InferError;
+use super::far_apart::{far_apart, uphill};
 use super::optimise::{Optimum, OptimumSettings, maximise};
 use crate::random::Stream;
 use rand::RngExt;
@@ -18,12 +19,14 @@ const LARGEST_SCALE: f64 = 1.0;
 /// of the typical set, dim/2 below the mode. It does not go on to the joint mode: in a hierarchical
 /// model this is a corner far from the mass.
 ///
-/// What is not to be climbed ([`LogDensity::unclimbed`]) stays at `initial`.
-///
 /// The jitter has each coordinate's conditional standard deviation (at most 1). On a normal
 /// density, however correlated, this lowers the log density by dim/2 on average, which is where its
 /// draws lie. Some densities fall off faster than their curvature tells: a bracket is flat inside
 /// and steep outside. There the jitter shrinks until it loses less than dim + 10 nats.
+///
+/// A density that knows moves of its own ([`LogDensity::interwoven`]) has other starts: each but the first climbs from fields
+/// drawn from their prior. So chains that agree have come to one answer from far apart. What is not to be climbed
+/// ([`LogDensity::unclimbed`]) stays at `initial`.
 ///
 /// # Errors
 /// Those of [`maximise`] at `initial`; [`InferError::NoStart`] if no jittered point has support.
@@ -33,15 +36,14 @@ pub fn jittered_starts(
     chains: usize,
     seed: u64,
 ) -> Result<Vec<Vec<f64>>, InferError> {
+    if density.interwoven().is_some() {
+        return far_apart(density, initial, chains, seed);
+    }
     let optimum = climb(density, initial)?;
-    let resting = density.unclimbed();
     let mut evaluator = density.evaluator();
     let mut scales = conditional_scales(&mut *evaluator, &optimum.position, LARGEST_SCALE);
     for scale in &mut scales {
         *scale = scale.min(LARGEST_SCALE);
-    }
-    for i in resting {
-        scales[i] = 0.0;
     }
     (0..chains).map(|chain| jitter(&mut *evaluator, &optimum, &scales, chain, seed)).collect()
 }
@@ -51,41 +53,12 @@ pub fn jittered_starts(
 /// # Errors
 /// Those of [`maximise`] at `initial`.
 pub fn climb(density: &dyn LogDensity, initial: &[f64]) -> Result<Optimum, InferError> {
+    if density.interwoven().is_some() {
+        return uphill(density, initial);
+    }
     let least_gain = 0.01 * density.dim() as f64;
-    let resting = density.unclimbed();
     let settings = OptimumSettings { max_iterations: 200, least_gain, ..Default::default() };
-    maximise(&Resting { density, resting: &resting }, initial, &settings)
-}
-
-/// A density some of whose unknowns no climb moves.
-struct Resting<'d> {
-    density: &'d dyn LogDensity,
-    resting: &'d [usize],
-}
-
-struct RestingEvaluator<'d> {
-    evaluator: Box<dyn Evaluator + 'd>,
-    resting: &'d [usize],
-}
-
-impl LogDensity for Resting<'_> {
-    fn dim(&self) -> usize {
-        self.density.dim()
-    }
-    fn evaluator(&self) -> Box<dyn Evaluator + '_> {
-        let (evaluator, resting) = (self.density.evaluator(), self.resting);
-        Box::new(RestingEvaluator { evaluator, resting })
-    }
-}
-
-impl Evaluator for RestingEvaluator<'_> {
-    fn ln_density(&mut self, position: &[f64], gradient: &mut [f64]) -> f64 {
-        let ln_density = self.evaluator.ln_density(position, gradient);
-        for i in self.resting {
-            gradient[*i] = 0.0;
-        }
-        ln_density
-    }
+    maximise(density, initial, &settings)
 }
 
 /// Tries ever smaller jitters. Gives the first point that is near enough to the optimum in log

@@ -55,7 +55,7 @@ use super::draws::ChainResult;
 use super::error::InferError;
 use super::progress::Progress;
 use super::run::run;
-use super::settings::{Settings, check_starts, thread_pool};
+use super::settings::{Settings, check_starts};
 
 /// Samples `density` with one blocked chain from each of `starts`, each `(dim)`.
 ///
@@ -72,6 +72,7 @@ pub fn sample_blocked(
     progress: &dyn Progress,
 ) -> Result<Vec<ChainResult>, InferError> {
     check_starts(density, starts, settings)?;
-    thread_pool(settings)?
+    settings
+        .thread_pool()?
         .install(|| run(Blocked::together(density, starts, settings), settings, progress))
 }

@@ -17,7 +17,7 @@ use super::draws::ChainResult;
 use super::error::InferError;
 use super::progress::Progress;
 use super::run::run;
-use super::settings::{Settings, check_starts, thread_pool};
+use super::settings::{Settings, check_starts};
 
 /// Samples `density` with one integrated chain from each of `starts`, each `(dim)`.
 ///
@@ -36,6 +36,7 @@ pub fn sample_integrated(
     progress: &dyn Progress,
 ) -> Result<Vec<ChainResult>, InferError> {
     check_starts(density, starts, settings)?;
-    thread_pool(settings)?
+    settings
+        .thread_pool()?
         .install(|| run(Integrated::together(density, starts, settings), settings, progress))
 }

@@ -131,7 +131,9 @@ impl Sampler {
     pub fn starts(self, model: &Model, settings: &Settings) -> Result<Vec<Vec<f64>>, InferError> {
         let without_shifts = self.without_shifts(model);
         let density = without_shifts.as_deref().unwrap_or(model);
-        jittered_starts(density, &model.climbs_from(), settings.chains, settings.seed)
+        let starts =
+            || jittered_starts(density, &model.climbs_from(), settings.chains, settings.seed);
+        settings.thread_pool()?.install(starts)
     }
 
     /// A point on the level of the typical set: see [`climb`].
