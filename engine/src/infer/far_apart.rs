@@ -10,11 +10,14 @@ use rand::RngExt;
 use rand_distr::StandardNormal;
 use rayon::prelude::*;
 
+/// An answer whose log density is this much lower than another's holds next to nothing of the probability, nats.
+const LOWER: f64 = 10.0;
+
 /// One start per chain. That of the first has climbed from `initial` `(dim)`; those of the others from a draw of the prior of
 /// what [`Evaluator::multipliers`] names, the coefficients of fields, and from `initial` in all else.
 ///
-/// So chains that agree have found the same answer from different ones. A climb can also come to rest on the way. Where it
-/// ends further below the best than a draw of a normal with as many unknowns may be, and 10 nats more, it begins once more, from half of the draw.
+/// So chains that agree have found the same answer from different ones. A climb can also end at a lower answer, or come to rest
+/// on the way: where it ends more than [`LOWER`] below the best, it begins once more, halfway between a draw and the best.
 ///
 /// # Errors
 /// Those of [`maximise`] at `initial`.
@@ -26,25 +29,26 @@ pub(super) fn far_apart(
 ) -> Result<Vec<Vec<f64>>, InferError> {
     const TRIES: i32 = 5;
     let multipliers = density.evaluator().multipliers(initial);
-    let n_climbed = density.dim() - density.unclimbed().len();
-    let climb = |chain: usize, part: f64| {
+    let climb = |chain: usize, part: f64, from: &[f64]| {
         let mut rng = Stream::Start(chain).rng(seed);
-        let mut start = initial.to_vec();
+        let mut start = from.to_vec();
         for (x, c) in start.iter_mut().zip(&multipliers) {
-            if chain > 0 && *c != 0.0 {
-                *x = part * rng.sample::<f64, _>(StandardNormal) + (1.0 - part) * *x;
+            if *c != 0.0 {
+                *x += part * (rng.sample::<f64, _>(StandardNormal) - *x);
             }
         }
         uphill(density, &start)
     };
-    let mut ends: Vec<Optimum> =
-        (0..chains).into_par_iter().map(|chain| climb(chain, 1.0)).collect::<Result<_, _>>()?;
+    let mut ends: Vec<Optimum> = (0..chains)
+        .into_par_iter()
+        .map(|chain| climb(chain, if chain == 0 { 0.0 } else { 1.0 }, initial))
+        .collect::<Result<_, _>>()?;
     for half in 1..TRIES {
-        let best = ends.iter().map(|end| end.ln_density).fold(f64::NEG_INFINITY, f64::max);
-        let floor = best - n_climbed as f64 - 10.0;
+        let by_density = |a: &&Optimum, b: &&Optimum| a.ln_density.total_cmp(&b.ln_density);
+        let Some(best) = ends.iter().max_by(by_density).cloned() else { break };
         let again = |(chain, end): (usize, &mut Optimum)| -> Result<(), InferError> {
-            if end.ln_density < floor {
-                *end = climb(chain, 0.5f64.powi(half))?;
+            if end.ln_density < best.ln_density - LOWER {
+                *end = climb(chain, 0.5f64.powi(half), &best.position)?;
             }
             Ok(())
         };
@@ -53,29 +57,34 @@ pub(super) fn far_apart(
     Ok(ends.into_iter().map(|end| end.position).collect())
 }
 
-/// The way uphill from `start` `(dim)` in units of the Hessian, taken anew after every twelve steps, until these gain less than
-/// one nat. A Hessian costs as much as dozens of gradients.
+/// The way uphill from `start` `(dim)`: as far as it goes in units of the unknowns, and then in those of the Hessian, taken anew
+/// after every twelve steps, until these gain less than one nat. A Hessian costs as much as dozens of gradients, and far
+/// from any answer it is no guide.
 ///
 /// # Errors
 /// Those of [`maximise`] at `start`.
 pub(super) fn uphill(density: &dyn LogDensity, start: &[f64]) -> Result<Optimum, InferError> {
     /// Most Hessians.
     const MOST: usize = 20;
-    let settings = OptimumSettings { max_iterations: 12, least_gain: 0.3, ..Default::default() };
     let (still, mut evaluator) = (density.unclimbed(), density.evaluator());
-    let mut step_of = |here: &[f64]| -> Result<Optimum, InferError> {
-        let multipliers = evaluator.multipliers(here);
-        let metric = Curvature::at(&mut *evaluator, here, &still).metric(&multipliers);
-        let whitened = Whitened { density, origin: here, metric: &metric };
-        let mut optimum = maximise(&whitened, &vec![0.0; here.len()], &settings)?;
+    let step_of = |here: &[f64], metric: &Metric, settings: &OptimumSettings| {
+        let whitened = Whitened { density, origin: here, metric };
+        let mut optimum = maximise(&whitened, &vec![0.0; here.len()], settings)?;
         let steps = std::mem::replace(&mut optimum.position, here.to_vec());
         metric.drift(&mut optimum.position, 1.0, &steps);
-        Ok(optimum)
+        Ok::<_, InferError>(optimum)
     };
-    let mut end = step_of(start)?;
-    for _ in 1..MOST {
+    let mut units = Metric::diagonal(vec![1.0; start.len()]);
+    still.iter().for_each(|i| units.scale[*i] = 0.0);
+    let least_gain = 0.01 * start.len() as f64;
+    let far = OptimumSettings { max_iterations: 200, least_gain, ..Default::default() };
+    let near = OptimumSettings { max_iterations: 12, least_gain: 0.3, ..Default::default() };
+    let mut end = step_of(start, &units, &far)?;
+    for _ in 0..MOST {
+        let multipliers = evaluator.multipliers(&end.position);
+        let metric = Curvature::at(&mut *evaluator, &end.position, &still).metric(&multipliers);
         let before = end.ln_density;
-        end = step_of(&end.position)?;
+        end = step_of(&end.position, &metric, &near)?;
         if end.ln_density - before < 1.0 {
             break;
         }
@@ -115,5 +124,64 @@ impl Evaluator for WhitenedEvaluator<'_> {
         let ln_density = self.evaluator.ln_density(&self.position, &mut self.gradient);
         self.of.metric.pull(&self.gradient, gradient);
         ln_density
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::test_densities::normal;
+    use super::*;
+
+    /// A coefficient with two answers, near 1 and −1, of which the second is lower by twice `tilt`; and a scale that rests.
+    struct TwoAnswers {
+        tilt: f64,
+    }
+
+    impl LogDensity for TwoAnswers {
+        fn dim(&self) -> usize {
+            2
+        }
+        fn evaluator(&self) -> Box<dyn Evaluator + '_> {
+            Box::new(TwoAnswers { tilt: self.tilt })
+        }
+        fn interwoven(&self) -> Option<Vec<usize>> {
+            Some(vec![0])
+        }
+    }
+
+    impl Evaluator for TwoAnswers {
+        fn ln_density(&mut self, q: &[f64], g: &mut [f64]) -> f64 {
+            let off = (q[1] * q[1] - 1.0) / 0.2;
+            g.copy_from_slice(&[-q[0], self.tilt - q[1] - off * 2.0 * q[1] / 0.2]);
+            self.tilt * q[1] - 0.5 * (q[0] * q[0] + q[1] * q[1] + off * off)
+        }
+        fn multipliers(&mut self, _: &[f64]) -> Vec<f64> {
+            vec![0.0, 1.0]
+        }
+    }
+
+    /// Chains begin at both of two answers, and at none that holds next to nothing of the probability.
+    #[test]
+    fn starts_are_at_every_answer_that_counts() {
+        let at_second = |tilt: f64, initial: f64| {
+            let starts = far_apart(&TwoAnswers { tilt }, &[0.3, initial], 12, 1).unwrap();
+            assert!(starts.iter().all(|start| start[0].to_bits() == 0.3f64.to_bits()));
+            assert!(starts.iter().all(|start| (start[1].abs() - 1.0).abs() < 0.2), "{starts:?}");
+            starts.iter().filter(|start| start[1] < 0.0).count()
+        };
+        for tilt in [0.0, 3.0] {
+            assert!((2..=9).contains(&at_second(tilt, 0.5)), "{}", at_second(tilt, 0.5));
+        }
+        // also where the first chain climbs to the lower one
+        let lower = uphill(&TwoAnswers { tilt: 12.0 }, &[0.3, -0.9]).unwrap();
+        assert!(lower.position[1] < -0.8, "{lower:?}");
+        assert_eq!([0.5, -0.9].map(|initial| at_second(12.0, initial)), [0, 0]);
+    }
+
+    #[test]
+    fn the_way_uphill_ends_at_the_top() {
+        let density = normal((0..60).map(|i| 10f64.powf(f64::from(i) / 20.0 - 2.0)).collect());
+        let end = uphill(&density, &[1.0; 60]).unwrap();
+        assert!(end.ln_density > -1.0, "{end:?}");
     }
 }

@@ -48,7 +48,8 @@ pub fn jittered_starts(
     (0..chains).map(|chain| jitter(&mut *evaluator, &optimum, &scales, chain, seed)).collect()
 }
 
-/// The climb from `initial` `(dim)` that [`jittered_starts`] begins with.
+/// The climb from `initial` `(dim)` that [`jittered_starts`] begins with; of a density that knows moves of its own, the whole
+/// way up.
 ///
 /// # Errors
 /// Those of [`maximise`] at `initial`.

@@ -136,7 +136,7 @@ impl Sampler {
         settings.thread_pool()?.install(starts)
     }
 
-    /// A point on the level of the typical set: see [`climb`].
+    /// Where a climb ends: see [`climb`].
     ///
     /// # Errors
     /// Those of [`climb`].
