@@ -75,7 +75,9 @@ pub(super) fn uphill(density: &dyn LogDensity, start: &[f64]) -> Result<Optimum,
         Ok::<_, InferError>(optimum)
     };
     let mut units = Metric::diagonal(vec![1.0; start.len()]);
-    still.iter().for_each(|i| units.scale[*i] = 0.0);
+    for i in &still {
+        units.scale[*i] = 0.0;
+    }
     let least_gain = 0.01 * start.len() as f64;
     let far = OptimumSettings { max_iterations: 200, least_gain, ..Default::default() };
     let near = OptimumSettings { max_iterations: 12, least_gain: 0.3, ..Default::default() };
