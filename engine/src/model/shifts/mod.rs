@@ -30,7 +30,7 @@ use crate::num::vector::dot;
 
 /// Steps of C and of W: some small, some large, and how often each is made.
 const STEPS: [f64; 3] = [0.03, 0.1, 0.3];
-const ROUNDS: usize = 3;
+const ROUNDS: usize = 8;
 
 /// The density of a model with what shifts its measurements integrated out.
 #[derive(Debug)]
