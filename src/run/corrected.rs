@@ -1,30 +1,55 @@
-//! Arrival times corrected before they are fitted.
+//! Where chains start, and arrival times corrected before they are fitted.
 
 use super::check::placed;
 use super::{Problem, RunError};
+use crate::infer::Settings;
 use crate::model::Sampler;
 
-/// How often arrival times are corrected, each time where the last climb has led.
+/// How often arrival times are corrected, each time where the best climb has led.
 const ROUNDS: usize = 2;
 
 impl Problem<'_> {
-    /// The same with arrival times corrected by those of finer triangles, at a typical point of the posterior; itself if it has
-    /// none, or they are corrected already.
+    /// Where chains start; and the same problem with arrival times corrected by those of finer triangles, where climbs lead. It
+    /// stays as it is if it has none, or they are corrected already.
     ///
     /// # Errors
     /// [`RunError::Infer`] where no climb can begin, [`RunError::Model`] for a surface that cannot be cut.
-    pub(super) fn corrected(&self, sampler: Option<Sampler>) -> Result<Self, RunError> {
-        if self.model().n_activations() == 0 || self.model().corrected_at().is_some() {
+    pub(super) fn begun(
+        &self,
+        sampler: Sampler,
+        settings: &Settings,
+    ) -> Result<(Self, Vec<Vec<f64>>), RunError> {
+        let mut ends =
+            sampler.climbs(self.model(), settings).map_err(|error| placed(self.model(), error))?;
+        let mut problem = self.clone();
+        if self.model().n_activations() > 0 && self.model().corrected_at().is_none() {
+            problem = self.changed(|model| {
+                for round in 0..ROUNDS {
+                    if round > 0 {
+                        ends = sampler
+                            .climbs_on(model, &ends, settings)
+                            .map_err(|error| placed(model, error))?;
+                    }
+                    model.correct_at(&ends[0])?;
+                }
+                Ok(())
+            })?;
+        }
+        let starts = sampler.starts_at(problem.model(), &ends, settings);
+        let starts = starts.map_err(|error| placed(problem.model(), error))?;
+        Ok((problem, starts))
+    }
+
+    /// The same with arrival times corrected where the way uphill leads.
+    ///
+    /// # Errors
+    /// Those of [`Problem::begun`].
+    pub(super) fn corrected(&self) -> Result<Self, RunError> {
+        if self.model().n_activations() == 0 {
             return Ok(self.clone());
         }
-        let sampler = sampler.unwrap_or_else(|| Sampler::of(self.model()));
-        self.changed(|model| {
-            for _ in 0..ROUNDS {
-                let at = sampler.typical(model).map_err(|error| placed(model, error))?;
-                model.correct_at(&at)?;
-            }
-            Ok(())
-        })
+        let of = Sampler::of(self.model());
+        Ok(self.begun(of, &Settings { chains: 1, ..Settings::default() })?.0)
     }
 
     /// The same with arrival times corrected at these unknowns, where a run has corrected them.

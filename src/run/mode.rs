@@ -52,7 +52,7 @@ impl<'m> Problem<'m> {
     /// [`RunError::Infer`] where the climb cannot begin. A climb that reaches no mode is told by
     /// [`Mode::converged`].
     pub fn mode(&self) -> Result<Mode<'m>, RunError> {
-        let problem = self.corrected(None)?;
+        let problem = self.corrected()?;
         let model = problem.model();
         let optimum = climb(model).map_err(|error| placed(model, error))?;
         let (mut tape, mut values) = (model.tape(), vec![]);

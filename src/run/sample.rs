@@ -122,7 +122,7 @@ impl<'m> Problem<'m> {
         let needs = Needs::of(self, settings, InMemory::Twice);
         let settings = needs.placed(settings, &options.watch)?;
         let begun = Instant::now();
-        let problem = self.corrected(options.sampler)?;
+        let problem = self.corrected()?;
         let model = problem.model();
         problem.tell_doubts(&options.watch);
         problem.tell_triangulation(&options.watch);
@@ -201,17 +201,17 @@ impl<'a, 'm> Job<'a, 'm> {
     ) -> Result<Self, RunError> {
         settings.validate()?;
         let begun = Instant::now();
-        let problem = problem.corrected(options.sampler)?;
+        let sampler = options.sampler.unwrap_or_else(|| Sampler::of(problem.model()));
+        let (problem, starts) = problem.begun(sampler, settings)?;
         let (model, needs) = (problem.model(), Needs::of(&problem, settings, draws));
         let mut settings = needs.placed(settings, &options.watch)?;
         let mut hashes = problem.loaded().hashes.clone();
-        let sampler = options.sampler.unwrap_or_else(|| Sampler::of(model));
         let starts = match options.warm_start {
             Some(folder) => {
                 hashes.insert("init".into(), hash_file(&folder.join(unknowns::FILE))?);
-                warm_start::starts(folder, (model, sampler), &mut settings, &options.watch)?
+                warm_start::starts(folder, model, starts, &mut settings, &options.watch)?
             }
-            None => sampler.starts(model, &settings).map_err(|error| placed(model, error))?,
+            None => starts,
         };
         problem.tell_doubts(&options.watch);
         problem.tell_triangulation(&options.watch);

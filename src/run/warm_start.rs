@@ -11,7 +11,7 @@ use thiserror::Error;
 use super::unknowns::{FILE, Unknowns};
 use super::{Event, RunError, Watch};
 use crate::infer::{LogDensity as _, Settings};
-use crate::model::{Model, Sampler};
+use crate::model::Model;
 use crate::report::RunRecord;
 
 /// Draws that scales and correlations are learnt from, over all chains.
@@ -81,10 +81,11 @@ impl Unknowns {
     }
 }
 
-/// Starting points from the earlier run in `folder`; its draws go into the settings.
+/// Starting points from the earlier run in `folder`, with what is new from the `usual` ones; its draws go into the settings.
 pub(super) fn starts(
     folder: &Path,
-    (model, sampler): (&Model, Sampler),
+    model: &Model,
+    usual: Vec<Vec<f64>>,
     settings: &mut Settings,
     watch: &Watch<'_>,
 ) -> Result<Vec<Vec<f64>>, RunError> {
@@ -93,7 +94,6 @@ pub(super) fn starts(
         let (folder, theirs, ours) = (folder.to_owned(), earlier.about.model, model.name);
         return Err(WarmStartError::AnotherModel { folder, theirs, ours }.into());
     }
-    let usual = sampler.starts(model, settings)?;
     let [new, gone] = earlier.unmatched(model);
     let (n_unknowns, n_matched) = (model.dim(), model.dim() - new.len());
     if n_matched == 0 {

@@ -13,48 +13,72 @@ use rayon::prelude::*;
 /// An answer whose log density is this much lower than another's holds next to nothing of the probability, nats.
 const LOWER: f64 = 10.0;
 
-/// One start per chain. That of the first has climbed from `initial` `(dim)`; those of the others from a draw of the prior of
-/// what [`Evaluator::multipliers`] names, the coefficients of fields, and from `initial` in all else.
-///
-/// So chains that agree have found the same answer from different ones. A climb can also end at a lower answer, or come to rest
-/// on the way: where it ends more than [`LOWER`] below the best, it begins once more, halfway between a draw and the best.
-///
-/// # Errors
-/// Those of [`maximise`] at `initial`.
+/// One start per chain, far from each other: that of the first is `initial` `(dim)`; those of the others have a draw of the prior
+/// of what [`Evaluator::multipliers`] names, the coefficients of fields, and are `initial` in all else.
 pub(super) fn far_apart(
     density: &dyn LogDensity,
     initial: &[f64],
     chains: usize,
     seed: u64,
+) -> Vec<Vec<f64>> {
+    let multipliers = density.evaluator().multipliers(initial);
+    let part = |chain| if chain == 0 { 0.0 } else { 1.0 };
+    (0..chains)
+        .map(|chain| towards_prior(&multipliers, initial, part(chain), chain, seed))
+        .collect()
+}
+
+/// Where climbs from each of `starts` end, the best first.
+///
+/// So chains that agree have found the same answer from different ones. A climb can also end at a lower answer, or come to rest
+/// on the way: where it ends more than [`LOWER`] below the best, it begins once more, halfway between a draw of the prior and the
+/// best.
+///
+/// # Errors
+/// Those of [`maximise`] at one of `starts`.
+pub(super) fn climbs(
+    density: &dyn LogDensity,
+    starts: &[Vec<f64>],
+    seed: u64,
 ) -> Result<Vec<Vec<f64>>, InferError> {
     const TRIES: i32 = 5;
-    let multipliers = density.evaluator().multipliers(initial);
-    let climb = |chain: usize, part: f64, from: &[f64]| {
-        let mut rng = Stream::Start(chain).rng(seed);
-        let mut start = from.to_vec();
-        for (x, c) in start.iter_mut().zip(&multipliers) {
-            if *c != 0.0 {
-                *x += part * (rng.sample::<f64, _>(StandardNormal) - *x);
-            }
-        }
-        uphill(density, &start)
-    };
-    let mut ends: Vec<Optimum> = (0..chains)
-        .into_par_iter()
-        .map(|chain| climb(chain, if chain == 0 { 0.0 } else { 1.0 }, initial))
-        .collect::<Result<_, _>>()?;
+    let by_density = |a: &Optimum, b: &Optimum| b.ln_density.total_cmp(&a.ln_density);
+    let climbs = starts.par_iter().map(|start| uphill(density, start));
+    let mut ends: Vec<Optimum> = climbs.collect::<Result<_, _>>()?;
+    ends.sort_by(by_density);
     for half in 1..TRIES {
-        let by_density = |a: &&Optimum, b: &&Optimum| a.ln_density.total_cmp(&b.ln_density);
-        let Some(best) = ends.iter().max_by(by_density).cloned() else { break };
+        let Some(best) = ends.first().cloned() else { break };
+        let multipliers = density.evaluator().multipliers(&best.position);
+        let part = 0.5f64.powi(half);
         let again = |(chain, end): (usize, &mut Optimum)| -> Result<(), InferError> {
             if end.ln_density < best.ln_density - LOWER {
-                *end = climb(chain, 0.5f64.powi(half), &best.position)?;
+                let start = towards_prior(&multipliers, &best.position, part, chain, seed);
+                *end = uphill(density, &start)?;
             }
             Ok(())
         };
         ends.par_iter_mut().enumerate().try_for_each(again)?;
+        ends.sort_by(by_density);
     }
     Ok(ends.into_iter().map(|end| end.position).collect())
+}
+
+/// What has a prior of its own, moved from where it is by this part of the way to a draw.
+fn towards_prior(
+    multipliers: &[f64],
+    from: &[f64],
+    part: f64,
+    chain: usize,
+    seed: u64,
+) -> Vec<f64> {
+    let mut rng = Stream::Start(chain).rng(seed);
+    let mut start = from.to_vec();
+    for (x, c) in start.iter_mut().zip(multipliers) {
+        if *c != 0.0 {
+            *x += part * (rng.sample::<f64, _>(StandardNormal) - *x);
+        }
+    }
+    start
 }
 
 /// The way uphill from `start` `(dim)`: as far as it goes in units of the unknowns, and then in those of the Hessian, taken anew
@@ -166,7 +190,8 @@ mod tests {
     #[test]
     fn starts_are_at_every_answer_that_counts() {
         let at_second = |tilt: f64, initial: f64| {
-            let starts = far_apart(&TwoAnswers { tilt }, &[0.3, initial], 12, 1).unwrap();
+            let density = TwoAnswers { tilt };
+            let starts = climbs(&density, &far_apart(&density, &[0.3, initial], 12, 1), 1).unwrap();
             assert!(starts.iter().all(|start| start[0].to_bits() == 0.3f64.to_bits()));
             assert!(starts.iter().all(|start| (start[1].abs() - 1.0).abs() < 0.2), "{starts:?}");
             starts.iter().filter(|start| start[1] < 0.0).count()

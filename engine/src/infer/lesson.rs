@@ -23,6 +23,9 @@ impl Lesson {
     /// Chains agree if no coordinate's variance of all draws is larger than that within half a chain
     /// by more than the square of this.
     const R_HAT: f64 = 1.1;
+    /// The same of the log density alone, in rounds of 30 transitions. Its halves are of ten draws, which depend on each other as
+    /// the scales of fields do: they then are worth some three, and their means differ by more than 1.1 tells where all is well.
+    const R_HAT_OF_DENSITY: f64 = 1.2;
 
     /// Directions must lower the Fisher divergence at least to this part of that of scales alone.
     const LEAST_GAIN: f64 = 0.25;
@@ -67,17 +70,17 @@ impl Lesson {
     /// Whether no chain diverged, and all halves of all chains tell the same, of every coordinate and
     /// of the log density.
     pub(super) fn agree(lessons: &[Self]) -> bool {
-        Self::halves_agree(lessons, |(position, _, ln_density)| {
+        Self::halves_agree(lessons, Self::R_HAT, |(position, _, ln_density)| {
             position.iter().chain([ln_density]).copied().collect()
         })
     }
 
     /// The same of the log density alone.
     pub(super) fn agree_on_density(lessons: &[Self]) -> bool {
-        Self::halves_agree(lessons, |(_, _, ln_density)| vec![*ln_density])
+        Self::halves_agree(lessons, Self::R_HAT_OF_DENSITY, |(_, _, ln_density)| vec![*ln_density])
     }
 
-    fn halves_agree(lessons: &[Self], of: impl Fn(&WarmUpDraw) -> Vec<f64>) -> bool {
+    fn halves_agree(lessons: &[Self], r_hat: f64, of: impl Fn(&WarmUpDraw) -> Vec<f64>) -> bool {
         if lessons.iter().any(|lesson| lesson.n_divergences > 0) {
             return false;
         }
@@ -99,7 +102,7 @@ impl Lesson {
             let centre = mean(&|half| half.0[i]);
             let between = mean(&|half| (half.0[i] - centre).powi(2)) * n / (n - 1.0);
             // `!(a > b)` would take NaN for agreement
-            between <= (Self::R_HAT.powi(2) - 1.0) * within
+            between <= (r_hat.powi(2) - 1.0) * within
         })
     }
 }

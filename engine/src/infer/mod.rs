@@ -91,4 +91,5 @@ pub use optimise::{Optimum, OptimumSettings, maximise};
 pub use progress::{ChainProgress, Phase, Progress, Silent};
 pub use sample::sample;
 pub use settings::{MetricKind, Settings};
-pub use start::{climb, jittered_starts};
+pub use start::jittered_starts;
+pub(crate) use start::{climbs, climbs_on, starts_at};

@@ -91,9 +91,10 @@ impl<'d> Nuts<'d> {
             Some(curvature) => curvature.metric(&evaluator.multipliers(&start)),
             None => Metric::diagonal(conditional_scales(&mut *evaluator, &start, 1.0)),
         };
-        let stages = match curvature {
-            Some(_) => Stage::of_hessian(settings.warmup),
-            None => Stage::nuts(settings.warmup, Adaptation::is_enough(learnt)),
+        let nothing = DrawMoments::new(start.len(), settings.metric);
+        let (stages, learnt) = match curvature {
+            Some(_) => (Stage::of_hessian(settings.warmup), &nothing),
+            None => (Stage::nuts(settings.warmup, Adaptation::is_enough(learnt)), learnt),
         };
         let hamiltonian = Hamiltonian::new(evaluator, metric);
         let rng = Stream::Chain(chain).rng(settings.seed);

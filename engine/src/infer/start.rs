@@ -3,8 +3,8 @@
 use super::curvature::conditional_scales;
 use super::density::{Evaluator, LogDensity};
 use super::error::InferError;
-use super::far_apart::{far_apart, uphill};
-use super::optimise::{Optimum, OptimumSettings, maximise};
+use super::far_apart;
+use super::optimise::{OptimumSettings, maximise};
 use crate::random::Stream;
 use rand::RngExt;
 use rand_distr::StandardNormal;
@@ -36,49 +36,82 @@ pub fn jittered_starts(
     chains: usize,
     seed: u64,
 ) -> Result<Vec<Vec<f64>>, InferError> {
-    if density.interwoven().is_some() {
-        return far_apart(density, initial, chains, seed);
-    }
-    let optimum = climb(density, initial)?;
-    let mut evaluator = density.evaluator();
-    let mut scales = conditional_scales(&mut *evaluator, &optimum.position, LARGEST_SCALE);
-    for scale in &mut scales {
-        *scale = scale.min(LARGEST_SCALE);
-    }
-    (0..chains).map(|chain| jitter(&mut *evaluator, &optimum, &scales, chain, seed)).collect()
+    let ends = climbs(density, initial, chains, seed)?;
+    starts_at(density, &ends, chains, seed)
 }
 
-/// The climb from `initial` `(dim)` that [`jittered_starts`] begins with; of a density that knows moves of its own, the whole
-/// way up.
+/// Where the climbs from `initial` `(dim)` end that [`jittered_starts`] begins with, the best first: one for each chain of a
+/// density that knows moves of its own, else one.
 ///
 /// # Errors
 /// Those of [`maximise`] at `initial`.
-pub fn climb(density: &dyn LogDensity, initial: &[f64]) -> Result<Optimum, InferError> {
+pub(crate) fn climbs(
+    density: &dyn LogDensity,
+    initial: &[f64],
+    chains: usize,
+    seed: u64,
+) -> Result<Vec<Vec<f64>>, InferError> {
+    let starts = match density.interwoven() {
+        Some(_) => far_apart::far_apart(density, initial, chains, seed),
+        None => vec![initial.to_vec()],
+    };
+    climbs_on(density, &starts, seed)
+}
+
+/// Where climbs from `starts` end, each `(dim)`, the best first.
+///
+/// # Errors
+/// Those of [`maximise`] at one of `starts`.
+pub(crate) fn climbs_on(
+    density: &dyn LogDensity,
+    starts: &[Vec<f64>],
+    seed: u64,
+) -> Result<Vec<Vec<f64>>, InferError> {
     if density.interwoven().is_some() {
-        return uphill(density, initial);
+        return far_apart::climbs(density, starts, seed);
     }
     let least_gain = 0.01 * density.dim() as f64;
     let settings = OptimumSettings { max_iterations: 200, least_gain, ..Default::default() };
-    maximise(density, initial, &settings)
+    starts.iter().map(|start| Ok(maximise(density, start, &settings)?.position)).collect()
 }
 
-/// Tries ever smaller jitters. Gives the first point that is near enough to the optimum in log
-/// density.
+/// The starts of [`jittered_starts`], of climbs that ended there.
+///
+/// # Errors
+/// [`InferError::NoStart`].
+pub(crate) fn starts_at(
+    density: &dyn LogDensity,
+    ends: &[Vec<f64>],
+    chains: usize,
+    seed: u64,
+) -> Result<Vec<Vec<f64>>, InferError> {
+    if density.interwoven().is_some() {
+        return Ok(ends.to_vec());
+    }
+    let (mut evaluator, end) = (density.evaluator(), &ends[0]);
+    let ln_density = evaluator.ln_density(end, &mut vec![0.0; end.len()]);
+    let mut scales = conditional_scales(&mut *evaluator, end, LARGEST_SCALE);
+    for scale in &mut scales {
+        *scale = scale.min(LARGEST_SCALE);
+    }
+    let about = (&end[..], ln_density, &scales[..]);
+    (0..chains).map(|chain| jitter(&mut *evaluator, about, chain, seed)).collect()
+}
+
+/// Tries ever smaller jitters on these scales. Gives the first point that is near enough to `end` in log density.
 fn jitter(
     evaluator: &mut dyn Evaluator,
-    optimum: &Optimum,
-    scales: &[f64],
+    (end, ln_density, scales): (&[f64], f64, &[f64]),
     chain: usize,
     seed: u64,
 ) -> Result<Vec<f64>, InferError> {
     const TRIES: usize = 100;
     let mut rng = Stream::Start(chain).rng(seed);
-    let mut gradient = vec![0.0; optimum.position.len()];
-    let floor = optimum.ln_density - optimum.position.len() as f64 - 10.0;
+    let mut gradient = vec![0.0; end.len()];
+    let floor = ln_density - end.len() as f64 - 10.0;
     for attempt in 0..TRIES {
         let shrink = 0.5f64.powf(attempt as f64 / 5.0);
-        let start: Vec<f64> = optimum
-            .position
+        let start: Vec<f64> = end
             .iter()
             .zip(scales)
             .map(|(q, scale)| q + shrink * scale * rng.sample::<f64, _>(StandardNormal))

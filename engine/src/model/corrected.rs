@@ -5,7 +5,7 @@
 //! ```
 //! `T_rough` is computed for every draw, on a triangulation of some 1,000 vertices, and off by two milliseconds where there are
 //! fibres. At x₀ the corrected times are those of the finer triangles; away from there they are off by as much as the difference has
-//! changed since, which is less the nearer x₀ is. So x₀ is to be a typical point of the posterior.
+//! changed since, which is less the nearer x₀ is. So x₀ is to be near the posterior's draws.
 
 use super::error::ModelError;
 use super::laid_out::{Correction, Model};

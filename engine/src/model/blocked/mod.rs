@@ -30,7 +30,7 @@ pub use left_out::Predictive;
 
 use crate::infer::{
     self, Blocked, ChainResult, InferError, LatentGaussian as _, LogDensity, Nuts, Progress,
-    Settings, climb, jittered_starts, sample_blocked, sample_integrated,
+    Settings, climbs, climbs_on, sample_blocked, sample_integrated, starts_at,
 };
 use crate::model::laid_out::{FieldEntry, Model};
 
@@ -124,26 +124,51 @@ impl Sampler {
         if self == Self::Nuts && !model.over.is_empty() { 500 } else { 1000 }
     }
 
-    /// Where chains start: see [`jittered_starts`].
+    /// Where climbs end, the best first, with which the search for starting points begins.
     ///
     /// # Errors
-    /// Those of [`jittered_starts`].
-    pub fn starts(self, model: &Model, settings: &Settings) -> Result<Vec<Vec<f64>>, InferError> {
-        let without_shifts = self.without_shifts(model);
-        let density = without_shifts.as_deref().unwrap_or(model);
-        let starts =
-            || jittered_starts(density, &model.climbs_from(), settings.chains, settings.seed);
-        settings.thread_pool()?.install(starts)
+    /// Those of [`jittered_starts`](crate::infer::jittered_starts).
+    pub fn climbs(self, model: &Model, settings: &Settings) -> Result<Vec<Vec<f64>>, InferError> {
+        let (initial, chains, seed) = (model.climbs_from(), settings.chains, settings.seed);
+        self.search(model, settings, |density| climbs(density, &initial, chains, seed))
     }
 
-    /// Where a climb ends: see [`climb`].
+    /// Where these climbs end if they go on, of a model that has changed since.
     ///
     /// # Errors
-    /// Those of [`climb`].
-    pub fn typical(self, model: &Model) -> Result<Vec<f64>, InferError> {
+    /// Those of [`jittered_starts`](crate::infer::jittered_starts).
+    pub fn climbs_on(
+        self,
+        model: &Model,
+        ends: &[Vec<f64>],
+        settings: &Settings,
+    ) -> Result<Vec<Vec<f64>>, InferError> {
+        self.search(model, settings, |density| climbs_on(density, ends, settings.seed))
+    }
+
+    /// Where chains start, if climbs ended there: see [`jittered_starts`](crate::infer::jittered_starts).
+    ///
+    /// # Errors
+    /// Those of [`jittered_starts`](crate::infer::jittered_starts).
+    pub fn starts_at(
+        self,
+        model: &Model,
+        ends: &[Vec<f64>],
+        settings: &Settings,
+    ) -> Result<Vec<Vec<f64>>, InferError> {
+        let (chains, seed) = (settings.chains, settings.seed);
+        self.search(model, settings, |density| starts_at(density, ends, chains, seed))
+    }
+
+    fn search(
+        self,
+        model: &Model,
+        settings: &Settings,
+        search: impl Fn(&dyn LogDensity) -> Result<Vec<Vec<f64>>, InferError> + Sync,
+    ) -> Result<Vec<Vec<f64>>, InferError> {
         let without_shifts = self.without_shifts(model);
         let density = without_shifts.as_deref().unwrap_or(model);
-        Ok(climb(density, &model.climbs_from())?.position)
+        settings.thread_pool()?.install(|| search(density))
     }
 
     fn without_shifts(self, model: &Model) -> Option<Box<dyn LogDensity + '_>> {
