@@ -87,7 +87,7 @@ pub(super) struct SamplerArgs {
     /// The most warm-up transitions per chain, not kept
     #[arg(long, default_value_t = 1000)]
     warmup: usize,
-    /// Draws kept per chain [default: 1000, or 500 for models with an operator over the surface,
+    /// Draws kept per chain [default: 1000, or 600 for models with an operator over the surface,
     /// as of arrival times]
     #[arg(long)]
     draws: Option<usize>,

@@ -199,6 +199,10 @@ mod tests {
         for tilt in [0.0, 3.0] {
             assert!((2..=9).contains(&at_second(tilt, 0.5)), "{}", at_second(tilt, 0.5));
         }
+        // the best comes first, also where the first climb led to the other
+        let density = TwoAnswers { tilt: 3.0 };
+        let ends = climbs(&density, &far_apart(&density, &[0.3, -0.83], 12, 1), 1).unwrap();
+        assert!(uphill(&density, &[0.3, -0.83]).unwrap().position[1] < -0.8 && ends[0][1] > 0.8);
         // also where the first chain climbs to the lower one
         let lower = uphill(&TwoAnswers { tilt: 12.0 }, &[0.3, -0.83]).unwrap();
         assert!(lower.position[1] < -0.8, "{lower:?}");

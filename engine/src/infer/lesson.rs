@@ -151,6 +151,8 @@ mod tests {
         assert_eq!(both(&lessons(0.0, 0.0)), [true, true]);
         assert_eq!(both(&lessons(5.0, 0.0)), [false, true]);
         assert_eq!(both(&lessons(0.0, 5.0)), [false, false]);
+        // less is asked of the density alone, in short rounds
+        assert_eq!(both(&lessons(0.0, 1.1)), [false, true]);
         let mut diverged = lessons(0.0, 0.0);
         diverged[2].n_divergences = 1;
         assert_eq!(both(&diverged), [false, false]);

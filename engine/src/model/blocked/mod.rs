@@ -118,10 +118,10 @@ impl Sampler {
         settings.target_accept.or(Some(suits))
     }
 
-    /// Draws of each of four chains that are enough for most posteriors: 500 where an operator over the surface makes
+    /// Draws of each of four chains that are enough for most posteriors: 600 where an operator over the surface makes
     /// a draw cost tenths of a second, 1000 elsewhere.
     pub fn enough_draws(self, model: &Model) -> usize {
-        if self == Self::Nuts && !model.over.is_empty() { 500 } else { 1000 }
+        if self == Self::Nuts && !model.over.is_empty() { 600 } else { 1000 }
     }
 
     /// Where climbs end, the best first, with which the search for starting points begins.
