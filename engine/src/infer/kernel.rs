@@ -30,6 +30,10 @@ pub(super) struct Kernel<E: Evaluator> {
 }
 
 impl<E: Evaluator> Kernel<E> {
+    /// Most steps of a trajectory that does not look for a U-turn. In the bulk of a posterior it takes some ten. With the tiny
+    /// steps of a poor place it would take thousands, and the chain would not move on to where they can be longer.
+    const MOST_STEPS: u32 = 128;
+
     /// A chain at `position`, whose density must be finite for the chain to move.
     pub(super) fn new(
         hamiltonian: Hamiltonian<E>,
@@ -165,13 +169,14 @@ impl<E: Evaluator> Kernel<E> {
     }
 
     /// Moves the current point by one trajectory of plain Hamiltonian Monte Carlo. Its length is
-    /// random, 0.5 to 1.5 times `time`; its end is accepted or rejected.
+    /// random, 0.5 to 1.5 times `time`, or what [`Self::MOST_STEPS`] come to; its end is accepted or rejected.
     pub(super) fn static_transition(&mut self, step_size: f64, time: f64) -> Transition {
         self.flow.hamiltonian.refresh_force(&mut self.point);
         self.refresh_momentum();
         let energy = self.point.energy();
         let time = time * (0.5 + self.flow.rng.random::<f64>());
-        let n = (time / step_size).round().clamp(1.0, f64::from(2u32.pow(self.max_depth)));
+        let most = Self::MOST_STEPS.min(2u32.pow(self.max_depth));
+        let n = (time / step_size).round().clamp(1.0, f64::from(most));
         self.flow.begin(step_size, energy);
         let [edge, _] = &mut self.edges;
         edge.copy_from(&self.point);
