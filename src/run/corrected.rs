@@ -9,12 +9,12 @@ use crate::model::Sampler;
 const ROUNDS: usize = 2;
 
 impl Problem<'_> {
-    /// Where chains start; and the same problem with arrival times corrected by those of finer triangles, where climbs lead. It
-    /// stays as it is if it has none, or they are corrected already.
+    /// The same with arrival times corrected by those of finer triangles, where climbs lead, and where chains start. Without such
+    /// times, and where they are corrected already, the problem stays as it is.
     ///
     /// # Errors
     /// [`RunError::Infer`] where no climb can begin, [`RunError::Model`] for a surface that cannot be cut.
-    pub(super) fn begun(
+    pub(super) fn corrected_with_starts(
         &self,
         sampler: Sampler,
         settings: &Settings,
@@ -43,13 +43,13 @@ impl Problem<'_> {
     /// The same with arrival times corrected where the way uphill leads.
     ///
     /// # Errors
-    /// Those of [`Problem::begun`].
+    /// Those of [`Problem::corrected_with_starts`].
     pub(super) fn corrected(&self) -> Result<Self, RunError> {
         if self.model().n_activations() == 0 {
             return Ok(self.clone());
         }
         let of = Sampler::of(self.model());
-        Ok(self.begun(of, &Settings { chains: 1, ..Settings::default() })?.0)
+        Ok(self.corrected_with_starts(of, &Settings { chains: 1, ..Settings::default() })?.0)
     }
 
     /// The same with arrival times corrected at these unknowns, where a run has corrected them.

@@ -202,7 +202,7 @@ impl<'a, 'm> Job<'a, 'm> {
         settings.validate()?;
         let begun = Instant::now();
         let sampler = options.sampler.unwrap_or_else(|| Sampler::of(problem.model()));
-        let (problem, starts) = problem.begun(sampler, settings)?;
+        let (problem, starts) = problem.corrected_with_starts(sampler, settings)?;
         let (model, needs) = (problem.model(), Needs::of(&problem, settings, draws));
         let mut settings = needs.placed(settings, &options.watch)?;
         let mut hashes = problem.loaded().hashes.clone();

@@ -30,8 +30,8 @@ pub(super) struct Kernel<E: Evaluator> {
 }
 
 impl<E: Evaluator> Kernel<E> {
-    /// Most steps of a trajectory that does not look for a U-turn. In the bulk of a posterior it takes some ten. With the tiny
-    /// steps of a poor place it would take thousands, and the chain would not move on to where they can be longer.
+    /// Most steps of a trajectory that does not look for a U-turn. In the bulk of a posterior it takes some ten. At a poor
+    /// place steps are tiny, and trajectories of full length would cost so much that the run does not end.
     const MOST_STEPS: u32 = 128;
 
     /// A chain at `position`, whose density must be finite for the chain to move.

@@ -23,8 +23,8 @@ impl Lesson {
     /// Chains agree if no coordinate's variance of all draws is larger than that within half a chain
     /// by more than the square of this.
     const R_HAT: f64 = 1.1;
-    /// The same of the log density alone, in rounds of 30 transitions. Its halves are of ten draws, which depend on each other as
-    /// the scales of fields do: they then are worth some three, and their means differ by more than 1.1 tells where all is well.
+    /// The same of the log density alone, which is asked after rounds of 30 transitions. A half then has ten draws, which depend
+    /// on each other. So their means may differ by more than 1.1 allows, though all is well.
     const R_HAT_OF_DENSITY: f64 = 1.2;
 
     /// Directions must lower the Fisher divergence at least to this part of that of scales alone.
