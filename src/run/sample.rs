@@ -202,9 +202,11 @@ impl<'a, 'm> Job<'a, 'm> {
         settings.validate()?;
         let begun = Instant::now();
         let sampler = options.sampler.unwrap_or_else(|| Sampler::of(problem.model()));
-        let (problem, starts) = problem.corrected_with_starts(sampler, settings)?;
-        let (model, needs) = (problem.model(), Needs::of(&problem, settings, draws));
+        // before the climbs, which are as many as the chains
+        let needs = Needs::of(problem, settings, draws);
         let mut settings = needs.placed(settings, &options.watch)?;
+        let (problem, starts) = problem.corrected_with_starts(sampler, &settings)?;
+        let model = problem.model();
         let mut hashes = problem.loaded().hashes.clone();
         let starts = match options.warm_start {
             Some(folder) => {

@@ -170,6 +170,25 @@ fn broken_twins_do_not() {
     }
 }
 
+/// Where steps are tiny, trajectories of fixed length end before they have gone far.
+#[test]
+fn a_trajectory_of_fixed_length_takes_no_more_steps_than_it_may() {
+    let density = normal(vec![1.0; 3]);
+    let steps = |step_size: f64, max_depth: u32| {
+        let metric = Metric::diagonal(vec![1.0; 3]);
+        let hamiltonian = Hamiltonian::new(density.evaluator(), metric);
+        let rng = ChaCha8Rng::seed_from_u64(3);
+        let mut kernel = Kernel::new(hamiltonian, &[0.5; 3], max_depth, rng);
+        let of_each =
+            (0..20).map(|_| kernel.static_transition(step_size, QUARTER_PERIOD).n_leapfrog);
+        of_each.fold((u32::MAX, 0), |(least, most), n| (least.min(n), most.max(n)))
+    };
+    let (least, most) = steps(0.1, 10);
+    assert!((8..16).contains(&least) && (17..=24).contains(&most), "{least} {most}");
+    assert_eq!(steps(1e-4, 10), (128, 128));
+    assert_eq!(steps(1e-4, 4), (16, 16));
+}
+
 /// Steps that count lead back to where they began, however often they were halved. Those that are
 /// refused as leading one way do not.
 #[test]
