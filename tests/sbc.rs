@@ -373,7 +373,13 @@ fn told(ranks: &[(String, Vec<usize>)], n_fits: usize) -> (f64, String) {
     let tests = Uniformity::new(n_fits, RANKED);
     for (name, ranks) in ranks {
         let [chi_square, band] = tests.p_values(ranks);
-        println!("{name:<16} chi-square p {chi_square:.3}, band p {band:.3}");
+        let mut tenths = [0; 10];
+        for rank in ranks {
+            tenths[10 * rank / (RANKED + 1)] += 1;
+        }
+        println!(
+            "{name:<16} chi-square p {chi_square:.3}, band p {band:.3}; in each tenth {tenths:?}"
+        );
     }
     let (p, name) = least_p(ranks, n_fits);
     println!("least p times the number of tests: {p:.3} ({name})");
