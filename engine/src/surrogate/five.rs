@@ -27,8 +27,12 @@ mod emulators;
 /// The S2 of the S1S2S3 protocol, ms.
 pub(super) const S2: f64 = 300.0;
 
-/// Below this `cv_max tau_in` (mm) its logarithm goes on straight.
+/// Below this `cv_max tau_in` (mm) its logarithm flattens out. Straight on, CV over `cv_max` would become negative for a
+/// `cv_max` below 0, and CV positive again: a second answer to every measured CV, at which chains stayed.
 const SHORTEST: f64 = 0.003;
+/// By how much the logarithm falls below that of [`SHORTEST`] at most: CV over `cv_max` is some 0.03 there, with a slope of
+/// 0.5, and stays above 0.
+const FLAT: f64 = 0.05;
 
 /// ERP under S1S2 (S1 600 ms), ms; `cv_max` in m/s, the other parameters in ms.
 #[inline]
@@ -174,7 +178,8 @@ pub(super) fn cv_inputs<D: Real>(cv_max: D, tau_in: D, tau_out: D, tau_open: D, 
     let ln_length = if length.re() > SHORTEST {
         length.ln()
     } else {
-        length / SHORTEST + (SHORTEST.ln() - 1.0)
+        let beyond = length / SHORTEST - 1.0;
+        beyond / (beyond / -FLAT + 1.0) + SHORTEST.ln()
     };
     [ln_length, tau_in / tau_out, tau_open, r]
 }
@@ -190,10 +195,25 @@ mod tests {
     }
 
     #[test]
-    fn the_logarithm_goes_on_straight() {
+    fn the_logarithm_flattens_out_smoothly() {
         let ln = |cv_max: f64| cv_inputs(cv_max, 0.01, 10.0, 120.0, 0.1)[0];
+        let slope = |at: f64| (ln(at + 1e-6) - ln(at - 1e-6)) / 2e-6;
         assert!((ln(0.3 + 1e-9) - ln(0.3 - 1e-9)).abs() < 1e-7);
-        assert!(((ln(0.3) - ln(0.2)) - (ln(0.1) - ln(0.0))).abs() < 1e-12 && ln(-1.0).is_finite());
+        assert!((slope(0.3 + 1e-5) - slope(0.3 - 1e-5)).abs() < 1e-2 * slope(0.3));
+        assert!((ln(-1e9) - (SHORTEST.ln() - FLAT)).abs() < 1e-3);
+    }
+
+    /// Otherwise one CV has several answers, some of them below 0.
+    #[test]
+    fn cv_rises_with_cv_max_also_where_there_is_none() {
+        for tau_in in [0.01, 0.05, 0.1] {
+            for (tau_out, tau_open, r) in [(1.0, 65.0, 0.0), (10.0, 120.0, 0.1), (30.0, 215.0, 0.8)]
+            {
+                let speed = |k: i32| cv(0.01 * f64::from(k), tau_in, tau_out, tau_open, r);
+                let falls: Vec<i32> = (-200..150).filter(|k| speed(k + 1) <= speed(*k)).collect();
+                assert!(falls.is_empty(), "{tau_in} {tau_out} {tau_open} {r}: {falls:?}");
+            }
+        }
     }
 
     /// Orders of magnitude that physics gives: ERP and APD go with `apd_max`, CV with `cv_max`; what has not recovered is slow and short.
