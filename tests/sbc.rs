@@ -2,8 +2,8 @@
 //! ranks of what was drawn among the fit's thinned draws are uniform if the sampler, its warm-up and every map between
 //! unknowns and measurements are right.
 //!
-//! The ERP model with proper priors (`SAMPLER=nuts` for the other sampler), the model for conclusions that rest on
-//! intervals, five fields together, and arrival times, 200 fits each (`FITS=…` for more):
+//! The ERP model with proper priors, the model for conclusions that rest on intervals, five fields together, and arrival
+//! times, 200 fits each (`FITS=…` for more; `SAMPLER=nuts` for the other sampler of the first and the third):
 //!
 //! ```text
 //! cargo test --release --test sbc -- --ignored --nocapture
@@ -298,14 +298,18 @@ fn arrivals(
     data
 }
 
+/// What `SAMPLER` names.
+fn asked() -> Option<Sampler> {
+    std::env::var("SAMPLER").is_ok_and(|s| s == "nuts").then_some(Sampler::Nuts)
+}
+
 /// Ranks of the ERP model's fits to what `truth` says.
 fn erp_ranks(truth: &dyn Declare, n_fits: usize) -> Vec<(String, Vec<usize>)> {
     let basis = atrium(10, 24);
     let row = |v: usize| ["s1s2", "s1s2s3"].map(|protocol| format!("{v},{protocol},200,210"));
     let blank = placed(BRACKETS, &(0..10).flat_map(row).collect::<Vec<_>>(), &basis);
-    let sampler = std::env::var("SAMPLER").is_ok_and(|s| s == "nuts").then_some(Sampler::Nuts);
     let fitted = &proper::erp::ErpProper;
-    Design { truth, fitted, basis, blank, measure: brackets, sampler }.ranks(n_fits)
+    Design { truth, fitted, basis, blank, measure: brackets, sampler: asked() }.ranks(n_fits)
 }
 
 /// The same of the model for conclusions that rest on intervals, with so many times the discrepancy in the measurements.
@@ -329,7 +333,7 @@ fn five_field_ranks<const TIMES: u32>(n_fits: usize) -> Vec<(String, Vec<usize>)
     let rows = erp("s1s2").chain(erp("s1s2s3")).chain(number("apd")).chain(number("speed"));
     let blank = placed(JOINT, &rows.collect::<Vec<_>>(), &basis);
     let (model, measure) = (&proper::joint::JointProper, five_fields::<TIMES>);
-    Design { truth: model, fitted: model, basis, blank, measure, sampler: None }.ranks(n_fits)
+    Design { truth: model, fitted: model, basis, blank, measure, sampler: asked() }.ranks(n_fits)
 }
 
 /// The same of a small field model.
