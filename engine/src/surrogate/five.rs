@@ -167,9 +167,9 @@ where
     cv_max * emulators::CV_RATIO.sd(cv_inputs(cv_max, tau_in, tau_out, tau_open, r))
 }
 
-/// Inputs of CV over `cv_max`. Of a `cv_max` below 0, which no tissue has but a chain may try, they are those of the one above:
-/// CV is below 0, too. Its logarithm going on straight, CV over `cv_max` would be negative there, and every measured CV would have a second
-/// answer.
+/// Inputs of CV over `cv_max`. No tissue has a `cv_max` below 0, but a chain may try one. It gets the inputs of the same number
+/// above 0, so that its CV is below 0. If the logarithm went on straight there, CV over `cv_max` would be negative, and CV positive: every
+/// measured CV would have a second answer.
 #[inline]
 pub(super) fn cv_inputs<D: Real>(cv_max: D, tau_in: D, tau_out: D, tau_open: D, r: D) -> [D; 4] {
     let signed = cv_max * tau_in;
@@ -196,7 +196,7 @@ mod tests {
     fn the_logarithm_goes_on_straight() {
         let ln = |cv_max: f64| cv_inputs(cv_max, 0.01, 10.0, 120.0, 0.1)[0];
         assert!((ln(0.3 + 1e-9) - ln(0.3 - 1e-9)).abs() < 1e-7);
-        assert!(((ln(0.3) - ln(0.2)) - (ln(0.1) - ln(0.0))).abs() < 1e-12);
+        assert!(((ln(0.3) - ln(0.2)) - (ln(0.1) - ln(0.0))).abs() < 1e-12 && ln(-1.0).is_finite());
     }
 
     /// A CV that can be measured has one answer: below 0 there is none.
