@@ -73,7 +73,7 @@ impl Laplace {
         };
         let chains = 0..settings.chains;
         let drawn = || chains.into_par_iter().map(draw).collect::<io::Result<_>>();
-        settings.thread_pool()?.install(drawn).map_err(|source| settings.disk_error(source))
+        settings.on_threads(drawn)?.map_err(|source| settings.disk_error(source))
     }
 
     fn chain(

@@ -28,11 +28,11 @@ pub fn sample(
 ) -> Result<Vec<ChainResult>, InferError> {
     check_starts(density, starts, settings)?;
     let learnt = DrawMoments::of(density, &settings.earlier, settings.metric);
-    settings.thread_pool()?.install(|| {
+    settings.on_threads(|| {
         let begin =
             |(i, start): (usize, &Vec<f64>)| Nuts::begin(density, start, settings, i, &learnt);
         run(starts.par_iter().enumerate().map(begin).collect(), settings, progress)
-    })
+    })?
 }
 
 #[cfg(test)]

@@ -3,6 +3,9 @@ use super::super::test_densities::{FnDensity, funnel, normal};
 use super::super::{ChainFailure, MarkovChain};
 use super::*;
 use std::sync::Mutex;
+use std::sync::atomic::{AtomicUsize, Ordering::SeqCst};
+use std::thread::sleep;
+use std::time::Duration;
 
 fn settings() -> Settings {
     Settings { chains: 3, warmup: 200, draws: 100, seed: 11, ..Settings::default() }
@@ -64,6 +67,20 @@ fn draws_are_bit_identical_for_any_number_of_threads() {
     let one = run(1);
     assert_eq!(one, run(3));
     assert!(one[0] != one[1]);
+}
+
+#[test]
+fn a_thread_of_another_pool_ends_one_fit_before_it_begins_the_next() {
+    let settings = Settings { threads: 1, ..settings() };
+    let (under_way, most) = (AtomicUsize::new(0), AtomicUsize::new(0));
+    let fit = |_| {
+        most.fetch_max(under_way.fetch_add(1, SeqCst) + 1, SeqCst);
+        settings.on_threads(|| sleep(Duration::from_millis(2))).unwrap();
+        under_way.fetch_sub(1, SeqCst);
+    };
+    let study = rayon::ThreadPoolBuilder::new().num_threads(1).build().unwrap();
+    study.install(|| (0..8).into_par_iter().for_each(fit));
+    assert_eq!(most.into_inner(), 1);
 }
 
 #[test]

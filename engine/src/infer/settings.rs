@@ -3,8 +3,9 @@
 use super::density::LogDensity;
 use super::error::InferError;
 use serde::{Deserialize, Serialize};
-use std::io;
+use std::panic::resume_unwind;
 use std::path::PathBuf;
+use std::{io, thread};
 
 /// The shape of the inverse mass matrix.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Default, Serialize, Deserialize)]
@@ -95,13 +96,22 @@ impl Settings {
 }
 
 impl Settings {
-    /// A pool of as many threads as the settings say.
-    pub(crate) fn thread_pool(&self) -> Result<rayon::ThreadPool, InferError> {
+    /// Does `work` on a pool of as many threads as the settings say.
+    ///
+    /// A thread of another pool that calls this only waits. If it were to install the work itself, it would
+    /// meanwhile begin more work of its own pool, with a pool for that, and so on: all fits of a study would begin before
+    /// the first of them is done.
+    pub(crate) fn on_threads<T: Send>(
+        &self,
+        work: impl FnOnce() -> T + Send,
+    ) -> Result<T, InferError> {
         let threads = self.threads;
-        rayon::ThreadPoolBuilder::new()
+        let pool = rayon::ThreadPoolBuilder::new()
             .num_threads(threads)
             .build()
-            .map_err(|error| InferError::Threads { threads, reason: error.to_string() })
+            .map_err(|error| InferError::Threads { threads, reason: error.to_string() })?;
+        let done = thread::scope(|scope| scope.spawn(|| pool.install(work)).join());
+        Ok(done.unwrap_or_else(|panic| resume_unwind(panic)))
     }
 
     /// What the disk that draws go to said.

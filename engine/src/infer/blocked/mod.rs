@@ -72,7 +72,5 @@ pub fn sample_blocked(
     progress: &dyn Progress,
 ) -> Result<Vec<ChainResult>, InferError> {
     check_starts(density, starts, settings)?;
-    settings
-        .thread_pool()?
-        .install(|| run(Blocked::together(density, starts, settings), settings, progress))
+    settings.on_threads(|| run(Blocked::together(density, starts, settings), settings, progress))?
 }

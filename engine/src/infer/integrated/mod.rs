@@ -37,6 +37,5 @@ pub fn sample_integrated(
 ) -> Result<Vec<ChainResult>, InferError> {
     check_starts(density, starts, settings)?;
     settings
-        .thread_pool()?
-        .install(|| run(Integrated::together(density, starts, settings), settings, progress))
+        .on_threads(|| run(Integrated::together(density, starts, settings), settings, progress))?
 }

@@ -168,7 +168,7 @@ impl Sampler {
     ) -> Result<Vec<Vec<f64>>, InferError> {
         let without_shifts = self.without_shifts(model);
         let density = without_shifts.as_deref().unwrap_or(model);
-        settings.thread_pool()?.install(|| search(density))
+        settings.on_threads(|| search(density))?
     }
 
     fn without_shifts(self, model: &Model) -> Option<Box<dyn LogDensity + '_>> {
