@@ -17,10 +17,10 @@
 
 #[path = "support/activation.rs"]
 mod activation;
-#[path = "../models/lat_fibres.rs"]
-mod lat_fibres;
 #[path = "support/program.rs"]
 mod program;
+#[path = "support/shipped.rs"]
+mod shipped;
 mod support;
 
 use activation::{activation, in_surface, normals, per_triangle, unit, velocity};
@@ -31,6 +31,7 @@ use eplat::model::{Maps, Model};
 use program::{Workplace, shared, text};
 use rand::{RngExt as _, SeedableRng as _};
 use rand_distr::{Distribution as _, Normal};
+use shipped::shipped;
 use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
@@ -292,7 +293,7 @@ fn drawn(surface: &Surface, n: usize, sources: [usize; 3], seed: u64) -> (String
     let mut data = support::table("protocol,site,vertex,source,value", &rows);
     data.place_on(surface, 1.0).unwrap();
     data.probe(surface, &basis).unwrap();
-    let mut model = Model::new(&lat_fibres::LatFibres, Some(&basis), &data).unwrap();
+    let mut model = Model::new(shipped("lat_fibres"), Some(&basis), &data).unwrap();
     let settings = Settings { chains: 1, draws: 1, seed, ..Settings::default() };
     let mut u = model.prior_draws(&settings).unwrap()[0].draw(0).unwrap().into_owned();
     let noise = model.unknown_names().iter().position(|name| name == "noise").unwrap();

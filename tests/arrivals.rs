@@ -4,14 +4,10 @@
 
 #[path = "support/as_written.rs"]
 mod as_written;
-#[path = "../models/conduction_erp.rs"]
-mod conduction_erp;
-#[path = "../models/lat_rates.rs"]
-mod lat_rates;
-#[path = "../models/lat_velocity.rs"]
-mod lat_velocity;
 #[path = "support/program.rs"]
 mod program;
+#[path = "support/shipped.rs"]
+mod shipped;
 mod support;
 
 use std::collections::BTreeMap;
@@ -26,6 +22,7 @@ use eplat::run::{Inputs, MeshSource, ModelText, Problem, Results};
 use eplat::table::{Fineness, Measurements};
 use program::{Workplace, text};
 use rand::RngExt as _;
+use shipped::shipped;
 use support::{gradient_error, rng, table};
 
 mod models {
@@ -267,7 +264,7 @@ fn maps_of_arrivals_are_of_draws() {
     let surface = Surface::left_atrium(1.5);
     let basis = eigenpairs(&surface.mesh, 64).unwrap();
     let (data, _) = recorded(&surface, &basis, 60, &[5, 700]);
-    let model = Model::new(&lat_velocity::LatVelocity, Some(&basis), &data).unwrap();
+    let model = Model::new(shipped("lat_velocity"), Some(&basis), &data).unwrap();
     let names = model.unknown_names();
     let [at, thickness] =
         ["velocity.m", "thickness"].map(|name| names.iter().position(|n| n == name).unwrap());
@@ -398,7 +395,7 @@ fn recorded(
     }
     let columns = "protocol,vertex,source,site,value";
     let scales = [("velocity", 0.8, (-1.5_f64).exp())];
-    let (data, maps) = made(&lat_velocity::LatVelocity, surface, basis, (columns, &lines), &scales);
+    let (data, maps) = made(shipped("lat_velocity"), surface, basis, (columns, &lines), &scales);
     (data, maps[0].clone())
 }
 
@@ -450,7 +447,7 @@ fn velocity_is_found_from_arrival_times() {
     let surface = Surface::left_atrium(3.0);
     let basis = eigenpairs(&surface.mesh, 64).unwrap();
     let (data, truth) = recorded(&surface, &basis, 150, &[5, 700]);
-    let model = Model::new(&lat_velocity::LatVelocity, Some(&basis), &data).unwrap();
+    let model = Model::new(shipped("lat_velocity"), Some(&basis), &data).unwrap();
     let [velocity] = &found(&model, &basis, 150, &[("velocity", &truth)])[..] else { panic!() };
     assert!(velocity.error < 0.6 * velocity.spread);
     assert!((0.75..=0.99).contains(&velocity.inside));
@@ -561,14 +558,14 @@ fn a_finished_run_predicts_with_its_corrected_arrivals() {
     let mesh = MeshSource::Embedded { edge: 3.0 };
     let model = Some(ModelText { text: "the text".into(), path: None });
     let inputs = Inputs { mesh, data: data.clone().into(), model, ..Inputs::default() };
-    let problem = Problem::load(&lat_velocity::LatVelocity, &inputs).unwrap();
+    let problem = Problem::load(shipped("lat_velocity"), &inputs).unwrap();
     let settings = Settings { chains: 1, warmup: 20, draws: 20, seed: 3, ..Settings::default() };
     let fit = problem.fit(&settings).unwrap();
     assert!(problem.model().corrected_at().is_none() && fit.model().corrected_at().is_some());
     let folder = tempfile::tempdir().unwrap();
     fit.write(folder.path()).unwrap();
     let run = Results::read(folder.path()).unwrap();
-    let again = Problem::load(&lat_velocity::LatVelocity, &Inputs::of_run(&run).unwrap()).unwrap();
+    let again = Problem::load(shipped("lat_velocity"), &Inputs::of_run(&run).unwrap()).unwrap();
     let [kept, told] = [again.predict(&run, &data), fit.predict(&data)].map(Result::unwrap);
     assert_eq!(format!("{:?}", kept.rows), format!("{:?}", told.rows));
 }
@@ -598,8 +595,8 @@ fn restitution_is_found_from_beats_at_several_intervals() {
     let basis = eigenpairs(&surface.mesh, 32).unwrap();
     let lines = beats(&surface, 100, &[600, 350, 290]);
     let rows = ("protocol,vertex,source,value,s2_ms,beat", &lines[..]);
-    let (data, maps) = made(&lat_rates::LatRates, &surface, &basis, rows, &TISSUE);
-    let model = Model::new(&lat_rates::LatRates, Some(&basis), &data).unwrap();
+    let (data, maps) = made(shipped("lat_rates"), &surface, &basis, rows, &TISSUE);
+    let model = Model::new(shipped("lat_rates"), Some(&basis), &data).unwrap();
     let truths = [("cv_max", &maps[0][..]), ("ln_tau_in", &maps[1][..])];
     for field in found(&model, &basis, 60, &truths) {
         assert!(field.error < field.spread);
@@ -629,8 +626,8 @@ fn all_kinds(surface: &Surface) -> Vec<String> {
 fn all_kinds_measured(surface: &Surface, basis: &Basis) -> (Model, Vec<Vec<f64>>) {
     let lines = all_kinds(surface);
     let rows = ("protocol,vertex,source,value,s2_ms,beat,lower,upper", &lines[..]);
-    let (data, maps) = made(&conduction_erp::ConductionErp, surface, basis, rows, &TISSUE);
-    (Model::new(&conduction_erp::ConductionErp, Some(basis), &data).unwrap(), maps)
+    let (data, maps) = made(shipped("conduction_erp"), surface, basis, rows, &TISSUE);
+    (Model::new(shipped("conduction_erp"), Some(basis), &data).unwrap(), maps)
 }
 
 #[test]

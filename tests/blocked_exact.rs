@@ -11,14 +11,15 @@ mod support;
 use eplat::diagnostics::{mcse_mean, mcse_quantile, mcse_sd, mean_and_sd, quantile};
 use eplat::infer::{Settings, Silent, jittered_starts};
 use eplat::model::{Model, Sampler};
-use posterior::{Column, all, columns, erp, erp_experiment, largest_z};
+use posterior::shipped::shipped;
+use posterior::{Column, all, columns, erp_experiment, largest_z};
 
 /// Two-sided 0.1 % over the hundred or so comparisons of two posteriors.
 const LARGEST_Z: f64 = 4.5;
 
 fn sample(sampler: Sampler, n_sites: usize, settings: &Settings) -> Vec<Column> {
     let (basis, measurements) = erp_experiment(n_sites);
-    let model = Model::new(&erp::Erp, Some(&basis), &measurements).unwrap();
+    let model = Model::new(shipped("erp"), Some(&basis), &measurements).unwrap();
     sample_model(sampler, &model, settings)
 }
 

@@ -10,10 +10,6 @@
 //! cent, `NUTS=1`. Without `MODEL` and `MESH` it is a reference problem; `EPLAT_SHARED` finds its shell.
 #![allow(clippy::unwrap_used, reason = "a test")]
 
-#[path = "../models/erp_exact.rs"]
-mod erp_exact;
-#[path = "../models/erp_multiscale.rs"]
-mod erp_multiscale;
 #[path = "support/posterior.rs"]
 mod posterior;
 #[path = "support/reference.rs"]
@@ -29,7 +25,8 @@ use eplat::manifold::{Basis, eigenpairs_cached};
 use eplat::mesh::{self, Units};
 use eplat::model::{Declare, Model, Sampler};
 use eplat::table::Measurements;
-use posterior::{all, erp, experiment_on};
+use posterior::shipped::shipped;
+use posterior::{all, experiment_on};
 use speed::{Figures, conclude, cpu_seconds};
 
 fn number(name: &str, default: usize) -> usize {
@@ -38,9 +35,9 @@ fn number(name: &str, default: usize) -> usize {
 
 fn declared(n_sites: usize) -> &'static dyn Declare {
     match var("MODEL").as_deref() {
-        Ok("exact") => &erp_exact::ErpExact,
-        Ok("multiscale") => &erp_multiscale::ErpMultiscale,
-        Ok("erp") => &erp::Erp,
+        Ok("exact") => shipped("erp_exact"),
+        Ok("multiscale") => shipped("erp_multiscale"),
+        Ok("erp") => shipped("erp"),
         Ok(other) => panic!("MODEL={other}: expected erp, exact or multiscale"),
         Err(_) => reference::model(n_sites),
     }

@@ -11,12 +11,10 @@
 
 #[path = "support/cpu.rs"]
 mod cpu;
-#[path = "../models/erp.rs"]
-mod erp;
-#[path = "../models/erp_robust.rs"]
-mod erp_robust;
 #[path = "support/robust_variants.rs"]
 mod robust_variants;
+#[path = "support/shipped.rs"]
+mod shipped;
 #[path = "support/truths.rs"]
 mod truths;
 
@@ -29,6 +27,7 @@ use eplat::experiment::{coverage, rms_error, thinned};
 use eplat::model::{Declare, Maps, Model};
 use eplat::run::{Domain, Fit, Loaded, Problem, Settings};
 use eplat::table::Measurements;
+use shipped::shipped;
 use truths::{Case, Condition, Origin};
 
 /// What is told of a calibration, each a number whose mean over the seeds counts.
@@ -137,7 +136,7 @@ fn the_study() {
         let condition = condition(text);
         let mut results: Vec<Vec<Vec<f64>>> = vec![vec![]; models.len()];
         for seed in first..=last {
-            let case = condition.case(&domain, &erp::Erp, seed);
+            let case = condition.case(&domain, shipped("erp"), seed);
             for (model, results) in models.iter().zip(&mut results) {
                 let found = calibrate(*model, &domain, &case, seed);
                 let cells: Vec<String> = found.iter().map(|x| format!("{x:.2}")).collect();

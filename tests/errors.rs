@@ -6,17 +6,17 @@
 
 #![allow(clippy::unwrap_used, reason = "tests")]
 
-#[path = "../models/eight_schools.rs"]
-#[allow(dead_code, reason = "one of its models is enough here")]
-mod eight_schools;
 #[path = "support/program.rs"]
 mod program;
+#[path = "support/shipped.rs"]
+mod shipped;
 mod support;
 
 use std::fmt::Write as _;
 
 use eplat::model::Model;
 use program::{Workplace, text};
+use shipped::shipped;
 
 /// A flat sheet of 7 × 7 vertices 10 mm apart, and a small piece of three vertices (49, 50, 51) aside.
 fn sheet() -> String {
@@ -218,7 +218,7 @@ fn tables_with_a_mistake() {
 fn a_column_that_the_model_reads_and_the_table_lacks() {
     let text = |header: &str, row: &str| {
         let table = support::table(header, &[row.into()]);
-        Model::new(&eight_schools::EightSchools, None, &table).unwrap_err().to_string()
+        Model::new(shipped("eight_schools"), None, &table).unwrap_err().to_string()
     };
     let texts = [text("school,effect_size,std_err", "A,28,15"), text("school,value,See", "A,1,2")];
     insta::assert_snapshot!(texts.join("\n\n"));

@@ -2,48 +2,18 @@
 
 #![allow(clippy::unwrap_used, reason = "a test")]
 
-#[path = "../models/apd_restitution.rs"]
-mod apd_restitution;
 #[path = "support/as_written.rs"]
 mod as_written;
 #[path = "models/called.rs"]
 mod called;
-#[path = "../models/custom.rs"]
-mod custom;
-#[path = "../models/cv_restitution.rs"]
-mod cv_restitution;
-#[path = "../models/eight_schools.rs"]
-mod eight_schools;
-#[path = "../models/erp.rs"]
-mod erp;
-#[path = "../models/erp_emulated.rs"]
-mod erp_emulated;
-#[path = "../models/erp_exact.rs"]
-mod erp_exact;
-#[path = "../models/erp_multiscale.rs"]
-mod erp_multiscale;
 #[path = "models/forms.rs"]
 mod forms;
-#[path = "../models/garch.rs"]
-mod garch;
-#[path = "../models/joint.rs"]
-mod joint;
 #[path = "models/language.rs"]
 mod language;
-#[path = "../models/lat.rs"]
-mod lat;
-#[path = "../models/normal.rs"]
-mod normal;
-#[path = "../models/one_compartment.rs"]
-mod one_compartment;
 #[path = "models/posteriors.rs"]
 mod posteriors;
-#[path = "../models/recovery.rs"]
-mod recovery;
-#[path = "../models/regression.rs"]
-mod regression;
-#[path = "../models/restitution.rs"]
-mod restitution;
+#[path = "support/shipped.rs"]
+mod shipped;
 mod support;
 #[allow(dead_code, reason = "another test uses the rest")]
 #[path = "models/vector_priors.rs"]
@@ -56,6 +26,7 @@ use eplat::model::{Declare, Interpreted, Model};
 use eplat::table::Measurements;
 use eplat_language::File;
 use rand::RngExt;
+use shipped::shipped;
 use support::{basis, rng, table};
 
 /// Models that only a compiler understands: they hold Rust code, densities that are written out, or words that the
@@ -168,12 +139,12 @@ fn place(mut data: Measurements) -> Measurements {
 
 #[test]
 fn erp() {
-    check(&erp::Erp, &rows(20, &["S1S2", "S1S2S3"]));
+    check(shipped("erp"), &rows(20, &["S1S2", "S1S2S3"]));
 }
 
 #[test]
 fn erp_with_emulators_and_their_error() {
-    check(&erp_emulated::ErpEmulated, &rows(20, &["S1S2", "S1S2S3"]));
+    check(shipped("erp_emulated"), &rows(20, &["S1S2", "S1S2S3"]));
 }
 
 #[test]
@@ -183,15 +154,15 @@ fn restitution_curves() {
         let lines: Vec<String> = (0..24).map(line).collect();
         place(table("vertex,s2_ms,value", &lines))
     };
-    check(&apd_restitution::ApdRestitution, &line(|i| 150.0 + 20.0 * (i % 4) as f64));
-    check(&cv_restitution::CvRestitution, &line(|i| 0.5 + 0.1 * (i % 4) as f64));
+    check(shipped("apd_restitution"), &line(|i| 150.0 + 20.0 * (i % 4) as f64));
+    check(shipped("cv_restitution"), &line(|i| 0.5 + 0.1 * (i % 4) as f64));
 }
 
 #[test]
 fn erp_apd_and_cv_together() {
     let kinds = ["s1s2,300,200,210,", "s1s2s3,300,180,190,", "apd,320,,,180", "speed,400,,,0.7"];
     let lines: Vec<String> = (0..24).map(|i| format!("{},{}", 7 * i, kinds[i % 4])).collect();
-    check(&joint::Joint, &place(table("vertex,protocol,s2_ms,lower,upper,value", &lines)));
+    check(shipped("joint"), &place(table("vertex,protocol,s2_ms,lower,upper,value", &lines)));
 }
 
 #[test]
@@ -201,17 +172,17 @@ fn erp_with_exact_intervals_and_open_brackets() {
         format!("{},{},{lower},{upper}", ["s1s2", "s1s2s3"][i % 2], 5 * i)
     };
     let lines: Vec<String> = (0..24).map(line).collect();
-    check(&erp_exact::ErpExact, &place(table("protocol,vertex,lower,upper", &lines)));
+    check(shipped("erp_exact"), &place(table("protocol,vertex,lower,upper", &lines)));
 }
 
 #[test]
 fn erp_on_two_length_scales() {
-    check(&erp_multiscale::ErpMultiscale, &rows(20, &["S1S2", "S1S2S3"]));
+    check(shipped("erp_multiscale"), &rows(20, &["S1S2", "S1S2S3"]));
 }
 
 #[test]
 fn recovery() {
-    check(&recovery::Recovery, &rows(20, &["S1S2"]));
+    check(shipped("recovery"), &rows(20, &["S1S2"]));
 }
 
 #[test]
@@ -219,8 +190,8 @@ fn measured_data_without_fields() {
     let mut rng = rng(10);
     let mut line = |_| format!("{},{}", rng.random_range(5.0..90.0), rng.random_range(5.0..90.0));
     let lines: Vec<String> = (0..20).map(&mut line).collect();
-    check(&restitution::Restitution, &table("amp_s1,amp_s2", &lines));
-    check(&lat::Lat, &table("path_mm,lat", &lines));
+    check(shipped("restitution"), &table("amp_s1,amp_s2", &lines));
+    check(shipped("lat"), &table("path_mm,lat", &lines));
 }
 
 #[test]
@@ -241,8 +212,8 @@ fn numbers_and_a_line_through_them() {
     let mut number = || rng.random_range(-3.0..3.0f64);
     let mut line = |_| format!("{},{},{},{}", number(), number(), number(), number());
     let data = table("y,x1,x2,x3", &(0..20).map(&mut line).collect::<Vec<_>>());
-    check(&normal::MeanAndSpread, &data);
-    check(&regression::Regression, &data);
+    check(shipped("normal"), &data);
+    check(shipped("regression"), &data);
 }
 
 #[test]
@@ -252,8 +223,8 @@ fn densities_over_the_table() {
         format!("{x},{y},{y},{},{y}", x + 1.0)
     };
     let data = table("x,y,n,time,concentration", &(0..12).map(line).collect::<Vec<_>>());
-    check(&garch::Garch, &data);
-    check(&one_compartment::OneCompartment, &data);
+    check(shipped("garch"), &data);
+    check(shipped("one_compartment"), &data);
     check(&posteriors::autoregression::Autoregression, &data);
     check(&posteriors::curve::Curve, &data);
     check(&posteriors::shares::Shares, &data);
@@ -271,7 +242,7 @@ fn counts_and_numbers_of_every_kind() {
 
 #[test]
 fn eight_schools() {
-    check(&eight_schools::EightSchools, &rows(8, &["effect_size"]));
+    check(shipped("eight_schools"), &rows(8, &["effect_size"]));
     check(&language::centred::EightSchoolsCentred, &rows(8, &["effect_size"]));
 }
 
@@ -319,5 +290,5 @@ fn everything_that_an_expression_may_call() {
 
 #[test]
 fn a_prior_a_kernel_and_a_likelihood_of_the_users_own() {
-    check(&custom::Custom, &rows(30, &["arrival", "offset_seen"]));
+    check(shipped("custom"), &rows(30, &["arrival", "offset_seen"]));
 }

@@ -3,10 +3,6 @@
 #![allow(clippy::unwrap_used, clippy::print_stdout, reason = "tests")]
 #![allow(clippy::disallowed_types, reason = "nuts-rs asks for a HashMap")]
 
-#[path = "../models/eight_schools.rs"]
-mod eight_schools;
-#[path = "../models/garch.rs"]
-mod garch;
 #[path = "models/posteriors.rs"]
 #[allow(dead_code, reason = "other tests use the rest")]
 mod models;
@@ -21,6 +17,7 @@ use std::env::var;
 use eplat::infer::{Chain, Settings, Silent, jittered_starts, sample};
 use eplat::model::{Declare, Model};
 use eplat::table::Measurements;
+use posterior::shipped::shipped;
 use rand::RngExt as _;
 use rand_chacha::ChaCha8Rng;
 use rand_distr::StandardNormal;
@@ -68,7 +65,7 @@ fn columns_and_sum(n: usize, columns: usize, seed: u64, shared: f64) -> Measurem
 }
 
 /// The models and their tables.
-fn problems() -> Vec<(&'static str, Box<dyn Declare>, Measurements)> {
+fn problems() -> Vec<(&'static str, &'static dyn Declare, Measurements)> {
     let schools = [
         (28.0, 15.0),
         (8.0, 10.0),
@@ -83,14 +80,10 @@ fn problems() -> Vec<(&'static str, Box<dyn Declare>, Measurements)> {
         schools.iter().enumerate().map(|(i, (y, se))| format!("{i},{y},{se}")).collect();
     let mut variance = 0.25;
     vec![
-        (
-            "eight schools",
-            Box::new(eight_schools::EightSchools),
-            table("school,effect_size,se", &schools),
-        ),
+        ("eight schools", shipped("eight_schools"), table("school,effect_size,se", &schools)),
         (
             "autoregression",
-            Box::new(models::autoregression::Autoregression),
+            &models::autoregression::Autoregression,
             series(21, 82, |y, rng| match y {
                 [.., b, a] => 0.2 + 0.6 * a - 0.3 * b + 0.7 * normal(rng),
                 _ => 0.1,
@@ -98,7 +91,7 @@ fn problems() -> Vec<(&'static str, Box<dyn Declare>, Measurements)> {
         ),
         (
             "garch",
-            Box::new(garch::Garch),
+            shipped("garch"),
             series(23, 150, |y, rng| {
                 if let Some(y) = y.last() {
                     variance = 1.5 + 0.5 * (y - 5.0f64).powi(2) + 0.3 * variance;
@@ -108,17 +101,17 @@ fn problems() -> Vec<(&'static str, Box<dyn Declare>, Measurements)> {
         ),
         (
             "curve",
-            Box::new(models::curve::Curve),
+            &models::curve::Curve,
             rows("x,y", 11, 24, |i, rng| {
                 let x = 2.0 * i as f64 - 10.0;
                 vec![x, 2.0 * (x / 4.0).sin() + 0.5 * normal(rng)]
             }),
         ),
-        ("thirty columns", Box::new(models::thirty::Thirty), columns_and_sum(120, 30, 22, 0.0)),
-        ("columns alike", Box::new(models::alike::Alike), columns_and_sum(100, 5, 25, 0.95)),
+        ("thirty columns", &models::thirty::Thirty, columns_and_sum(120, 30, 22, 0.0)),
+        ("columns alike", &models::alike::Alike, columns_and_sum(100, 5, 25, 0.95)),
         (
             "test scores",
-            Box::new(models::interaction::Interaction),
+            &models::interaction::Interaction,
             rows("first,second,y", 120, 26, |_, rng| {
                 let (school, iq) =
                     (f64::from(u8::from(rng.random::<f64>() < 0.79)), 100.0 + 15.0 * normal(rng));
@@ -131,7 +124,7 @@ fn problems() -> Vec<(&'static str, Box<dyn Declare>, Measurements)> {
         ),
         (
             "earnings",
-            Box::new(models::interaction::Interaction),
+            &models::interaction::Interaction,
             rows("first,second,y", 150, 27, |_, rng| {
                 let male = f64::from(u8::from(rng.random::<f64>() < 0.37));
                 let height = 64.5 + 5.5 * male + 2.6 * normal(rng);
@@ -144,7 +137,7 @@ fn problems() -> Vec<(&'static str, Box<dyn Declare>, Measurements)> {
         ),
         (
             "trend",
-            Box::new(models::trend::Trend),
+            &models::trend::Trend,
             rows("year,temperature", 62, 28, |i, rng| {
                 let year = 1952.0 + i as f64;
                 vec![year, 9.3 + 0.019 * (year - 1983.0) + 1.1 * normal(rng)]
@@ -168,7 +161,7 @@ fn cost(model: &Model, chains: &[Chain]) -> f64 {
 #[test]
 fn an_effective_draw_costs_fewer_gradients_than_in_nuts_rs() {
     for (name, declared, data) in problems() {
-        let model = Model::new(&*declared, None, &data).unwrap();
+        let model = Model::new(declared, None, &data).unwrap();
         let settings = Settings::default();
         let starts =
             jittered_starts(&model, &model.initial(), settings.chains, settings.seed).unwrap();

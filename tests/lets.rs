@@ -1,11 +1,11 @@
 //! What is reported of a `let`: the value of its expression at every draw, row by row or label by label.
 #![allow(clippy::unwrap_used, reason = "tests")]
 
-#[path = "../models/eight_schools.rs"]
-mod eight_schools;
 #[path = "models/language.rs"]
 #[allow(dead_code, reason = "one of its models is sampled here")]
 mod language;
+#[path = "support/shipped.rs"]
+mod shipped;
 mod support;
 
 use eplat::infer::{Settings, Silent, jittered_starts, sample};
@@ -13,6 +13,7 @@ use eplat::manifold::Basis;
 use eplat::model::{Declare, Model};
 use eplat::report::{Group, Posterior};
 use eplat::table::Measurements;
+use shipped::shipped;
 use support::table;
 
 fn posterior(model: &dyn Declare, basis: Option<&Basis>, data: &Measurements) -> Posterior {
@@ -41,7 +42,7 @@ fn labels(posterior: &Posterior, name: &str) -> Vec<String> {
 fn a_let_of_a_label_is_reported_once_for_each() {
     let rows = ["B,10,9", "A,-3,15", "B,12,4"].map(String::from);
     let data = table("school,effect_size,se", &rows);
-    let posterior = posterior(&eight_schools::EightSchools, None, &data);
+    let posterior = posterior(shipped("eight_schools"), None, &data);
     assert_eq!(labels(&posterior, "theta"), ["theta[B]", "theta[A]"]);
     let [theta, mu, tau, z] =
         ["theta", "mu", "tau", "z"].map(|name| values(&posterior.posterior, name));

@@ -7,8 +7,8 @@
 //! ```
 #![allow(clippy::unwrap_used, clippy::print_stdout, reason = "for tests")]
 
-#[path = "../models/erp.rs"]
-mod erp;
+#[path = "support/shipped.rs"]
+mod shipped;
 #[path = "support/site_oracle.rs"]
 mod site_oracle;
 #[path = "support/studies.rs"]
@@ -20,12 +20,13 @@ use std::sync::Arc;
 use eplat::criticism::{Criticism, Outer, SearchSettings, Subject, TriedTerm, criticise};
 use eplat::field::{Kernel as _, Matern52};
 use rayon::prelude::*;
+use shipped::shipped;
 use site_oracle::{Knows, Oracle};
 use studies::{Heart, Scenario, Study, study};
 
 /// A search without null searches, so that nothing is claimed.
 fn searched(heart: &Heart, study: &Study) -> Criticism {
-    let case = Subject { model: &erp::Erp, basis: Some(&heart.basis), table: &study.train };
+    let case = Subject { model: shipped("erp"), basis: Some(&heart.basis), table: &study.train };
     let settings = SearchSettings { nulls: 0, ..SearchSettings::default() };
     criticise(&case, &settings, &|_| ControlFlow::Continue(())).unwrap()
 }

@@ -2,8 +2,8 @@
 
 #![allow(clippy::unwrap_used, reason = "tests")]
 
-#[path = "../models/lat.rs"]
-mod lat;
+#[path = "support/shipped.rs"]
+mod shipped;
 mod support;
 
 use std::collections::BTreeMap;
@@ -19,6 +19,7 @@ use eplat::model::{AddedEffect, Augmented, Model};
 use eplat::table::Measurements;
 use rand::RngExt as _;
 use rand_distr::StandardNormal;
+use shipped::shipped;
 use support::rng;
 
 mod declared {
@@ -92,7 +93,7 @@ fn declared_or_added_they_are_the_same() {
     };
     let effects =
         [effect("delay", surface_form(8.0, 30.0), 10.0), effect("slow", path(12.0, 20.0), 0.2)];
-    let augmented = Augmented::new(&lat::Lat, &effects);
+    let augmented = Augmented::new(shipped("lat"), &effects);
     let added = Model::new(&augmented, Some(&basis), &data).unwrap();
     let declared = Model::new(&declared::Declared, Some(&basis), &data).unwrap();
     assert_eq!((added.dim(), declared.n_modes()), (3 + 8 + 12, 12));
@@ -124,7 +125,7 @@ fn a_field_needs_a_surface_and_a_path_a_source() {
 fn searched(lat: &dyn Fn(u32, f64) -> f64) -> (Vec<String>, Criticism) {
     let (surface, basis) = surface();
     let table = table(&surface, &basis, 150, lat);
-    let case = Subject { model: &lat::Lat, basis: Some(&basis), table: &table };
+    let case = Subject { model: shipped("lat"), basis: Some(&basis), table: &table };
     let settings = SearchSettings { nulls: 19, ..SearchSettings::default() };
     let outcome = criticise(&case, &settings, &|_| ControlFlow::Continue(())).unwrap();
     let names = outcome.findings().into_iter().map(ToString::to_string).collect();

@@ -10,8 +10,8 @@
 #[path = "support/skipped.rs"]
 mod skipped;
 
-#[path = "../models/erp.rs"]
-mod erp;
+#[path = "support/shipped.rs"]
+mod shipped;
 #[path = "support/studies.rs"]
 mod studies;
 
@@ -28,6 +28,7 @@ use eplat::manifold::{Basis, eigenpairs_cached};
 use eplat::model::{Form, Model};
 use eplat::table::Measurements;
 use rayon::prelude::*;
+use shipped::shipped;
 use studies::{ALL, Heart, Scenario, Study, study};
 
 /// What a search came to.
@@ -126,7 +127,7 @@ fn searched(heart: &Heart, scenario: Scenario, seed: u64, nulls: usize) -> Resul
 
 /// The search of the first of two tables, and what it predicts of the second.
 fn search_of(tables: [&Measurements; 2], basis: &Basis, seed: u64, nulls: usize) -> Result {
-    let case = Subject { model: &erp::Erp, basis: Some(basis), table: tables[0] };
+    let case = Subject { model: shipped("erp"), basis: Some(basis), table: tables[0] };
     let search = |nulls: usize| {
         let settings = SearchSettings { nulls, ..SearchSettings::default() };
         criticise(&case, &settings, &|_| ControlFlow::Continue(())).unwrap()

@@ -7,45 +7,15 @@
 
 #![allow(clippy::unwrap_used, clippy::print_stdout, reason = "a test")]
 
-#[path = "../models/apd_restitution.rs"]
-mod apd_restitution;
 #[path = "models/broken.rs"]
 mod broken;
-#[path = "../models/custom.rs"]
-mod custom;
-#[path = "../models/cv_restitution.rs"]
-mod cv_restitution;
-#[path = "../models/eight_schools.rs"]
-mod eight_schools;
-#[path = "../models/erp_emulated.rs"]
-mod erp_emulated;
-#[path = "../models/erp_exact.rs"]
-mod erp_exact;
-#[path = "../models/erp_multiscale.rs"]
-mod erp_multiscale;
-#[path = "../models/erp_population.rs"]
-mod erp_population;
-#[path = "../models/erp_robust.rs"]
-mod erp_robust;
-#[path = "../models/joint.rs"]
-mod joint;
 #[path = "models/joint_parts.rs"]
 mod joint_parts;
 #[path = "models/language.rs"]
 mod language;
-#[path = "../models/lat.rs"]
-mod lat;
-#[path = "../models/normal.rs"]
-mod normal;
-#[path = "../models/recovery.rs"]
-mod recovery;
-#[path = "../models/regression.rs"]
-mod regression;
-#[path = "../models/restitution.rs"]
-mod restitution;
+#[path = "support/shipped.rs"]
+mod shipped;
 mod support;
-#[path = "../models/voltage.rs"]
-mod voltage;
 
 use std::path::Path;
 
@@ -58,6 +28,7 @@ use eplat::table::Measurements;
 use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
 use rand_distr::StandardNormal;
+use shipped::shipped;
 use support::{basis, rng, table};
 
 const VERTICES: usize = 200;
@@ -243,8 +214,8 @@ fn assert_found_out(fit: &Fit, truth: &Truth, basis: Option<&Basis>) {
 fn normal_recovers_mean_and_spread() {
     let mut table = Table { header: "y", rows: vec![vec!["0".into()]; 200] };
     let given = [("mu", -3.0), ("sigma", 2.5f64.ln())];
-    let truth = simulate(&normal::MeanAndSpread, None, &mut table, &given, 1);
-    assert_recovered(&fit(&normal::MeanAndSpread, None, &table.read(), 500), &truth, None);
+    let truth = simulate(shipped("normal"), None, &mut table, &given, 1);
+    assert_recovered(&fit(shipped("normal"), None, &table.read(), 500), &truth, None);
     assert_found_out(&fit(&broken::normal::MeanAndSpread, None, &table.read(), 500), &truth, None);
 }
 
@@ -258,8 +229,8 @@ fn regression_recovers_coefficients_and_spread() {
     let mut table = Table { header: "y,x1,x2,x3", rows: (0..150).map(&mut row).collect() };
     let beta = [("beta[0]", 1.5), ("beta[1]", 0.0), ("beta[2]", -4.0)];
     let given = [&beta[..], &[("intercept", 10.0), ("sigma", 0.7f64.ln())]].concat();
-    let truth = simulate(&regression::Regression, None, &mut table, &given, 3);
-    assert_recovered(&fit(&regression::Regression, None, &table.read(), 500), &truth, None);
+    let truth = simulate(shipped("regression"), None, &mut table, &given, 3);
+    assert_recovered(&fit(shipped("regression"), None, &table.read(), 500), &truth, None);
     let twin = fit(&broken::regression::Regression, None, &table.read(), 500);
     assert_found_out(&twin, &truth, None);
 }
@@ -267,7 +238,7 @@ fn regression_recovers_coefficients_and_spread() {
 #[test]
 fn a_table_with_another_number_of_columns_is_refused() {
     let text = |header: &str, row: &str| {
-        let error = Model::new(&regression::Regression, None, &table(header, &[row.into()]));
+        let error = Model::new(shipped("regression"), None, &table(header, &[row.into()]));
         error.unwrap_err().to_string()
     };
     let four = text("y,x1,x2,x3,x4", "1,2,3,4,5");
@@ -311,7 +282,7 @@ fn eight_schools_has_its_published_posterior() {
         println!("{name}: {:.3} ± {:.3}, exactly {expected:.3}", s.mean, s.mcse);
         (s.mean - expected).abs() / s.mcse
     };
-    let good = fit(&eight_schools::EightSchools, None, &data, 2500);
+    let good = fit(shipped("eight_schools"), None, &data, 2500);
     let limit = limit(2);
     assert!(score(&good, "mu", mu) < limit && score(&good, "tau", tau) < limit);
     assert!(good.worst_r_hat().0 < 1.01, "{:?}", good.worst_r_hat());
@@ -353,16 +324,16 @@ fn erp_exact_recovers_fields_and_noise_with_open_brackets() {
         ("noise", 3f64.ln()),
     ];
     let mut table = sites(40);
-    let truth = simulate(&erp_exact::ErpExact, Some(&basis), &mut table, &given, 5);
+    let truth = simulate(shipped("erp_exact"), Some(&basis), &mut table, &given, 5);
     // the protocol ended at 230 ms: what captured nowhere below is known to be longer
     let mut n_open = 0;
     for row in table.rows.iter_mut().filter(|r| r[2].parse::<f64>().unwrap() >= 230.0) {
         (row[2], row[3], n_open) = ("230".into(), String::new(), n_open + 1);
     }
     assert!((5..40).contains(&n_open), "{n_open} brackets are open");
-    let good = fit(&erp_exact::ErpExact, Some(&basis), &table.read(), 1000);
+    let good = fit(shipped("erp_exact"), Some(&basis), &table.read(), 1000);
     assert_recovered(&good, &truth, Some(&basis));
-    let twin = fit(&erp_exact::ErpExact, Some(&basis), &displaced(&table, 15.0).read(), 400);
+    let twin = fit(shipped("erp_exact"), Some(&basis), &displaced(&table, 15.0).read(), 400);
     assert_found_out(&twin, &truth, Some(&basis));
 }
 
@@ -378,7 +349,7 @@ fn erp_emulated_recovers_fields() {
         ("apd_max.rho", 50f64.ln()),
     ];
     let mut table = sites(40);
-    let model = &erp_emulated::ErpEmulated;
+    let model = shipped("erp_emulated");
     let truth = simulate(model, Some(&basis), &mut table, &given, 5);
     let good = fit(model, Some(&basis), &table.read(), 1000);
     assert_recovered(&good, &truth, Some(&basis));
@@ -441,7 +412,7 @@ fn apd_restitution_recovers_fields_and_noise() {
     let fields =
         [field("tau_out", 12.0, 2.0), field("tau_open", 120.0, 8.0), field("apd_max", 180.0, 8.0)];
     let given = [fields.concat(), vec![("noise".into(), 2f64.ln())]].concat();
-    restitution_is_recovered(&apd_restitution::ApdRestitution, &given, 15, late);
+    restitution_is_recovered(shipped("apd_restitution"), &given, 15, late);
 }
 
 #[test]
@@ -449,7 +420,7 @@ fn cv_restitution_recovers_fields_and_noise() {
     let fields = [field("cv_max", 0.8, 0.08), field("ln_tau_in", -2.5, 0.25)];
     let others = [("apd_max".into(), between(190.0, 120.0, 270.0)), ("noise".into(), 0.01f64.ln())];
     let given = [fields.concat(), others.to_vec()].concat();
-    restitution_is_recovered(&cv_restitution::CvRestitution, &given, 16, larger);
+    restitution_is_recovered(shipped("cv_restitution"), &given, 16, larger);
 }
 
 /// Both ERP, APD90 and CV at three S2, each at `n` sites of its own.
@@ -488,7 +459,7 @@ fn simulate_everything(basis: &Basis) -> (Table, Truth) {
     let mut given: Vec<(&str, f64)> = fields.iter().map(|(name, u)| (name.as_str(), *u)).collect();
     given.extend([("apd_noise", 2f64.ln()), ("cv_noise", 0.01f64.ln())]);
     let mut table = everything(20);
-    let truth = simulate(&joint::Joint, Some(basis), &mut table, &given, 17);
+    let truth = simulate(shipped("joint"), Some(basis), &mut table, &given, 17);
     (table, truth)
 }
 
@@ -497,7 +468,7 @@ fn simulate_everything(basis: &Basis) -> (Table, Truth) {
 fn joint_recovers_all_five_parameters_from_measurements_at_different_sites() {
     let basis = basis(VERTICES, 16);
     let (table, truth) = simulate_everything(&basis);
-    let good = fit(&joint::Joint, Some(&basis), &table.read(), 600);
+    let good = fit(shipped("joint"), Some(&basis), &table.read(), 600);
     assert_recovered(&good, &truth, Some(&basis));
     assert!(good.worst_r_hat().0 < 1.02);
     let mut late = table;
@@ -506,7 +477,7 @@ fn joint_recovers_all_five_parameters_from_measurements_at_different_sites() {
             row[2] = (s2 + 40.0).to_string();
         }
     }
-    let twin = fit(&joint::Joint, Some(&basis), &late.read(), 200);
+    let twin = fit(shipped("joint"), Some(&basis), &late.read(), 200);
     assert_found_out(&twin, &truth, Some(&basis));
 }
 
@@ -520,7 +491,7 @@ fn what_each_measurement_adds() {
     let parts: [(&str, &dyn Declare, Table); 3] = [
         ("ERP", &joint_parts::Erp, table.of(&erp)),
         ("ERP and APD", &joint_parts::ErpApd, table.of(&[erp[0], erp[1], "apd"])),
-        ("ERP, APD and CV", &joint::Joint, table),
+        ("ERP, APD and CV", shipped("joint"), table),
     ];
     println!("cv_max, ln tau_in, tau_out, tau_open, apd_max");
     for (name, model, table) in parts {
@@ -546,10 +517,10 @@ fn recovery_recovers_its_field_and_noise() {
     let row = |i: usize| [&(4 * i).to_string(), "s1s2", "80", "90"].map(String::from).to_vec();
     let rows = (0..45).map(row).collect();
     let mut table = Table { header: "vertex,protocol,lower,upper", rows };
-    let truth = simulate(&recovery::Recovery, Some(&basis), &mut table, &given, 7);
-    let good = fit(&recovery::Recovery, Some(&basis), &table.read(), 1000);
+    let truth = simulate(shipped("recovery"), Some(&basis), &mut table, &given, 7);
+    let good = fit(shipped("recovery"), Some(&basis), &table.read(), 1000);
     assert_recovered(&good, &truth, Some(&basis));
-    let twin = fit(&recovery::Recovery, Some(&basis), &displaced(&table, 15.0).read(), 400);
+    let twin = fit(shipped("recovery"), Some(&basis), &displaced(&table, 15.0).read(), 400);
     assert_found_out(&twin, &truth, Some(&basis));
 }
 
@@ -568,15 +539,15 @@ fn restitution_recovers_its_ratio_from_two_amplitudes() {
         let line = |r: &[f64; 2]| format!("{},{}", r[0] + baseline, r[1] + baseline);
         table("amp_s1,amp_s2", &rows.iter().map(line).collect::<Vec<_>>())
     };
-    assert_recovered(&fit(&restitution::Restitution, None, &read(0.0), 500), &truth, None);
-    assert_found_out(&fit(&restitution::Restitution, None, &read(40.0), 500), &truth, None);
+    assert_recovered(&fit(shipped("restitution"), None, &read(0.0), 500), &truth, None);
+    assert_found_out(&fit(shipped("restitution"), None, &read(40.0), 500), &truth, None);
 }
 
 #[test]
 fn a_measurement_is_computed_from_columns_or_refused() {
     let new = |rows: &[&str]| {
         let rows: Vec<String> = rows.iter().map(ToString::to_string).collect();
-        Model::new(&restitution::Restitution, None, &table("amp_s1,amp_s2", &rows))
+        Model::new(shipped("restitution"), None, &table("amp_s1,amp_s2", &rows))
     };
     let model = new(&["100,80", "100,", "50,30"]).unwrap();
     assert_eq!(model.observes[0].rows, [0, 2], "a row without an amplitude holds no measurement");
@@ -585,7 +556,7 @@ fn a_measurement_is_computed_from_columns_or_refused() {
     assert!(text.contains("line 3, column `amp_s1, amp_s2`"), "{text}");
     assert!(text.contains("row.amp_s2 / row.amp_s1 = inf"), "{text}");
     let missing = table("amp_s1,amp", &["1,2".into()]);
-    let text = Model::new(&restitution::Restitution, None, &missing).unwrap_err().to_string();
+    let text = Model::new(shipped("restitution"), None, &missing).unwrap_err().to_string();
     assert!(text.contains("no column `amp_s2`, which observe ratio reads"), "{text}");
 }
 
@@ -595,13 +566,13 @@ fn lat_recovers_onset_and_slowness() {
     let mut rng = rng(12);
     let mut row = |_| vec![rng.random_range(0.0..120.0f64).to_string(), "0".into()];
     let mut table = Table { header: "path_mm,lat", rows: (0..100).map(&mut row).collect() };
-    let truth = simulate(&lat::Lat, None, &mut table, &given, 13);
-    assert_recovered(&fit(&lat::Lat, None, &table.read(), 500), &truth, None);
+    let truth = simulate(shipped("lat"), None, &mut table, &given, 13);
+    assert_recovered(&fit(shipped("lat"), None, &table.read(), 500), &truth, None);
     // straight lines instead of paths are shorter
     for row in &mut table.rows {
         row[0] = (0.8 * row[0].parse::<f64>().unwrap()).to_string();
     }
-    assert_found_out(&fit(&lat::Lat, None, &table.read(), 500), &truth, None);
+    assert_found_out(&fit(shipped("lat"), None, &table.read(), 500), &truth, None);
 }
 
 #[test]
@@ -619,7 +590,7 @@ fn erp_multiscale_recovers_fields() {
         ("apd_max.beta", 4f64.ln()),
         ("apd_max.ell", 18f64.ln()),
     ];
-    recovers_fields(&erp_multiscale::ErpMultiscale, &basis, &given);
+    recovers_fields(shipped("erp_multiscale"), &basis, &given);
 }
 
 /// Fields of this truth are found from 25 sites, and not from brackets that are displaced; gives the truth.
@@ -650,8 +621,8 @@ fn a_prior_a_kernel_a_likelihood_and_a_form_of_the_users_own() {
         ("clock[0]", 3.0),
         ("clock[1]", -2.0),
     ];
-    let truth = simulate(&custom::Custom, Some(&basis), &mut table, &given, 4);
-    let good = fit(&custom::Custom, Some(&basis), &table.read(), 400);
+    let truth = simulate(shipped("custom"), Some(&basis), &mut table, &given, 4);
+    let good = fit(shipped("custom"), Some(&basis), &table.read(), 400);
     assert_recovered(&good, &truth, Some(&basis));
 }
 
@@ -705,7 +676,7 @@ fn draws_from_the_prior_have_its_moments() {
     let mut data =
         table("vertex,protocol,value,hour", &["0,arrival,0,3".into(), "4,offset_seen,0,".into()]);
     data.place_at_indices(VERTICES).unwrap();
-    let fit = prior(&custom::Custom, Some(&basis), &data, 2000);
+    let fit = prior(shipped("custom"), Some(&basis), &data, 2000);
     let alpha = fit.get("delay.alpha");
     let expected = 5.0 * (2.0 / std::f64::consts::PI).sqrt();
     assert!((alpha.mean - expected).abs() < limit(2) * alpha.mcse, "{} {expected}", alpha.mean);
@@ -720,7 +691,7 @@ fn draws_from_the_prior_have_its_moments() {
 fn a_prior_that_cannot_be_drawn_from_is_named() {
     let basis = basis(VERTICES, 60);
     let basis = Some(&basis);
-    let model = Model::new(&erp_multiscale::ErpMultiscale, basis, &sites(3).read()).unwrap();
+    let model = Model::new(shipped("erp_multiscale"), basis, &sites(3).read()).unwrap();
     let text = model.prior_draws(&Settings::default()).unwrap_err().to_string();
     assert!(
         text.starts_with("tau_out.m ~ Flat: no draw can be made from this prior\nhelp: "),
@@ -739,8 +710,8 @@ fn voltage_recovers_map_and_noise() {
         ("voltage.rho", 20f64.ln()),
         ("noise", 0.4f64.ln()),
     ];
-    let truth = simulate(&voltage::Voltage, Some(&basis), &mut table, &given, 12);
-    let good = fit(&voltage::Voltage, Some(&basis), &table.read(), 500);
+    let truth = simulate(shipped("voltage"), Some(&basis), &mut table, &given, 12);
+    let good = fit(shipped("voltage"), Some(&basis), &table.read(), 500);
     assert_recovered(&good, &truth, Some(&basis));
     let twin = fit(&broken::voltage::Voltage, Some(&basis), &table.read(), 500);
     assert_found_out(&twin, &truth, Some(&basis));
@@ -774,8 +745,8 @@ fn erp_population_recovers_three_patients_and_what_they_share() {
         ("apd_max.m[b]", 196.0),
         ("apd_max.m[c]", 200.0),
     ];
-    let truth = simulate(&erp_population::ErpPopulation, Some(&basis), &mut table, &given, 13);
-    let good = fit(&erp_population::ErpPopulation, Some(&basis), &table.read(), 500);
+    let truth = simulate(shipped("erp_population"), Some(&basis), &mut table, &given, 13);
+    let good = fit(shipped("erp_population"), Some(&basis), &table.read(), 500);
     assert_recovered(&good, &truth, Some(&basis));
     // the same truth with one patient's rows taken for another's
     let mut mistaken = Table { header: table.header, rows: table.rows.clone() };
@@ -783,7 +754,7 @@ fn erp_population_recovers_three_patients_and_what_they_share() {
     for row in mistaken.rows.iter_mut().skip(6) {
         row[1] = row[1].replace('a', "d").replace('c', "a").replace('d', "c");
     }
-    let twin = fit(&erp_population::ErpPopulation, Some(&basis), &mistaken.read(), 500);
+    let twin = fit(shipped("erp_population"), Some(&basis), &mistaken.read(), 500);
     assert_found_out(&twin, &truth, Some(&basis));
 }
 
@@ -819,8 +790,8 @@ fn erp_population_recovers_forty_patients() {
         }
     }
     let given: Vec<(&str, f64)> = given.iter().map(|(name, u)| (&name[..], *u)).collect();
-    let truth = simulate(&erp_population::ErpPopulation, Some(&basis), &mut table, &given, 13);
-    let fit = fit(&erp_population::ErpPopulation, Some(&basis), &table.read(), 500);
+    let truth = simulate(shipped("erp_population"), Some(&basis), &mut table, &given, 13);
+    let fit = fit(shipped("erp_population"), Some(&basis), &table.read(), 500);
     assert_eq!(Sampler::of(&fit.model), Sampler::Blocked);
     assert_recovered(&fit, &truth, Some(&basis));
 }
@@ -837,6 +808,6 @@ fn erp_robust_recovers_fields_within_their_ranges() {
         ("apd_max.rho", 50f64.ln()),
         ("discrepancy", 1.5f64.ln()),
     ];
-    let truth = recovers_fields(&erp_robust::ErpRobust, &basis, &given);
+    let truth = recovers_fields(shipped("erp_robust"), &basis, &given);
     assert!(truth.fields[0].iter().all(|x| (1.0..=30.0).contains(x)));
 }

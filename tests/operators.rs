@@ -4,10 +4,10 @@
 
 #[path = "support/as_written.rs"]
 mod as_written;
-#[path = "../models/lat_local.rs"]
-mod lat_local;
 #[path = "support/program.rs"]
 mod program;
+#[path = "support/shipped.rs"]
+mod shipped;
 mod support;
 
 use as_written::same_as_written;
@@ -22,6 +22,7 @@ use eplat::table::{Fineness, Measurements};
 use program::{Workplace, text};
 use rand::RngExt as _;
 use rand_distr::{Distribution as _, StandardNormal};
+use shipped::shipped;
 use support::{gradient_error, rng, table};
 
 mod way {
@@ -320,7 +321,7 @@ fn an_operator_of_ones_own_is_a_function_of_the_file() {
 fn a_gradient_and_what_follows_from_it_are_maps() {
     let (surface, basis) = atrium(3.0);
     let data = rows(&surface, &basis, 29, &["lat"]);
-    let model = Model::new(&lat_local::LatLocal, Some(&basis), &data).unwrap();
+    let model = Model::new(shipped("lat_local"), Some(&basis), &data).unwrap();
     assert_eq!(Sampler::of(&model), Sampler::Integrated);
     let maps = Maps::new(&model, &basis);
     assert_eq!(maps.all_names(), ["arrival", "steepness", "velocity"]);
@@ -362,7 +363,7 @@ fn the_steepness_of_fitted_maps_is_calibrated() {
     for seed in 0..8 {
         let mut rng = rng(seed);
         let mut data = rows(&surface, &basis, surface.mesh.n_vertices() / 60, &["lat"]);
-        let model = Model::new(&lat_local::LatLocal, Some(&basis), &data).unwrap();
+        let model = Model::new(shipped("lat_local"), Some(&basis), &data).unwrap();
         let mut truth = some_draw(&model, seed);
         for (u, name) in truth.iter_mut().zip(model.unknown_names()) {
             match &*name {
@@ -379,7 +380,7 @@ fn the_steepness_of_fitted_maps_is_calibrated() {
         data.set_numbers("value", &values);
         let arrivals = map_of(&model, &basis, &truth, "arrival");
 
-        let model = Model::new(&lat_local::LatLocal, Some(&basis), &data).unwrap();
+        let model = Model::new(shipped("lat_local"), Some(&basis), &data).unwrap();
         let starts = jittered_starts(&model, &model.initial(), 4, seed).unwrap();
         let settings = Settings { chains: 4, draws: 250, seed, ..Settings::default() };
         let chains = Sampler::of(&model).sample(&model, &starts, &settings, &Silent).unwrap();
@@ -406,7 +407,7 @@ fn a_gradient_needs_triangles() {
     let (_, basis) = atrium(3.0);
     let mut data = table("protocol,vertex,value", &["lat,3,20".into()]);
     data.place_at_indices(basis.n_vertices()).unwrap();
-    let refused = Model::new(&lat_local::LatLocal, Some(&basis), &data).unwrap_err().to_string();
+    let refused = Model::new(shipped("lat_local"), Some(&basis), &data).unwrap_err().to_string();
     assert!(
         refused.starts_with("let steepness: an operator over the surface needs its triangles"),
         "{refused}"

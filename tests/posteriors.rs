@@ -5,12 +5,10 @@
 
 #![allow(clippy::unwrap_used, reason = "tests")]
 
-#[path = "../models/garch.rs"]
-mod garch;
 #[path = "models/posteriors.rs"]
 mod models;
-#[path = "../models/one_compartment.rs"]
-mod one_compartment;
+#[path = "support/shipped.rs"]
+mod shipped;
 mod support;
 
 use eplat::model::{Declare, Model};
@@ -18,6 +16,7 @@ use eplat::table::Measurements;
 use nalgebra::{DMatrix, DVector};
 use rand::RngExt;
 use rand_distr::StandardNormal;
+use shipped::shipped;
 use support::oracle::{draws, grid_moments, worst_error};
 use support::{rng, table};
 
@@ -132,7 +131,7 @@ fn a_garch_series_agrees_with_a_grid_over_its_four_parameters() {
     let data = column("y", &y);
     let twin = worst_error(&draws(&not_flat::NotFlat, None, &data, 1500), &mean, &sd);
     assert!(twin > 2.0 * LIMIT, "a prior that is not flat goes unseen: {twin}");
-    assert_agrees(&draws(&garch::Garch, None, &data, 1500), (mean, sd));
+    assert_agrees(&draws(shipped("garch"), None, &data, 1500), (mean, sd));
 }
 
 #[test]
@@ -248,7 +247,7 @@ fn a_compartment_agrees_with_a_grid_over_its_four_parameters() {
     let row = |(t, c): (&f64, &f64)| format!("{t},{c}");
     let data = table("time,concentration", &time.iter().zip(&seen).map(row).collect::<Vec<_>>());
     // heavy tails: logarithms have moments that draws can tell
-    let mut drawn = draws(&one_compartment::OneCompartment, None, &data, 2500);
+    let mut drawn = draws(shipped("one_compartment"), None, &data, 2500);
     drawn.iter_mut().flatten().flatten().for_each(|x| *x = x.ln());
     assert_agrees(&drawn, (mean, sd));
 }
@@ -349,11 +348,11 @@ fn what_is_wrong_with_a_density_is_said() {
     };
     insta::assert_snapshot!(message(&wrong::terms::Terms, &column("y", &[1.0, 2.0])));
     insta::assert_snapshot!(message(&wrong::length::Length, &column("y", &[1.0])));
-    insta::assert_snapshot!(message(&garch::Garch, &column("Y", &[1.0])));
+    insta::assert_snapshot!(message(shipped("garch"), &column("Y", &[1.0])));
     let missing = table("y,z", &["1,2".into(), ",3".into()]);
-    insta::assert_snapshot!(message(&garch::Garch, &missing));
+    insta::assert_snapshot!(message(shipped("garch"), &missing));
     let elsewhere = table("protocol,y", &["other,2".into()]);
-    insta::assert_snapshot!(message(&garch::Garch, &elsewhere));
+    insta::assert_snapshot!(message(shipped("garch"), &elsewhere));
     let said = draws_of_the_prior(&wrong::penalty::Penalty, &column("y", &[1.0])).unwrap_err();
     assert!(
         said.starts_with("density penalty: draws from the priors would leave it out"),

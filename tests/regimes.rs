@@ -9,8 +9,6 @@
 //! 4 × 1000 draws (bulk or tail), the same by CPU second with the warm-up, and which runs do not converge.
 #![allow(clippy::unwrap_used, reason = "a test")]
 
-#[path = "../models/erp_exact.rs"]
-mod erp_exact;
 #[path = "support/posterior.rs"]
 mod posterior;
 #[path = "support/speed.rs"]
@@ -23,7 +21,8 @@ use eplat::infer::{Settings, Silent, jittered_starts};
 use eplat::manifold::eigenpairs_cached;
 use eplat::mesh::left_atrium;
 use eplat::model::{Declare, Model, Sampler};
-use posterior::{all, erp};
+use posterior::all;
+use posterior::shipped::shipped;
 use speed::{Figures, cpu_seconds};
 
 #[test]
@@ -33,8 +32,8 @@ fn no_seed_is_stuck() {
     let seeds = var("SEEDS").unwrap_or("1-40".into());
     let runs = var("RUNS").map_or(1, |runs| runs.parse().unwrap());
     let declared: &dyn Declare = match var("MODEL").as_deref() {
-        Err(_) | Ok("erp") => &erp::Erp,
-        Ok("exact") => &erp_exact::ErpExact,
+        Err(_) | Ok("erp") => shipped("erp"),
+        Ok("exact") => shipped("erp_exact"),
         Ok(other) => panic!("MODEL={other}: expected erp or exact"),
     };
     let mesh = left_atrium(1.5).mesh;

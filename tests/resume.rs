@@ -25,7 +25,8 @@ use eplat::infer::{
 use eplat::model::{Model, Sampler};
 use eplat::store::{Checkpoint, CheckpointError, Identity, Spool};
 use eplat::table::Measurements;
-use posterior::{all, erp, erp_experiment};
+use posterior::shipped::shipped;
+use posterior::{all, erp_experiment};
 
 fn settings() -> Settings {
     Settings { chains: 3, warmup: 60, draws: 40, threads: 2, ..Settings::default() }
@@ -144,7 +145,7 @@ fn numbers(chains: Vec<Chain>) -> String {
 
 fn erp_model(n_sites: usize) -> Model {
     let (basis, measurements) = erp_experiment(n_sites);
-    Model::new(&erp::Erp, Some(&basis), &measurements).unwrap()
+    Model::new(shipped("erp"), Some(&basis), &measurements).unwrap()
 }
 
 fn check(job: &Job) {

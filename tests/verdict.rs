@@ -2,6 +2,9 @@
 
 #![allow(clippy::unwrap_used, reason = "tests")]
 
+#[path = "support/shipped.rs"]
+mod shipped;
+
 use eplat::diagnostics::verdict::{Colour, Doubt, Question};
 use eplat::infer::{Settings as Sampling, Silent};
 use eplat::mesh::{Surface, Units};
@@ -9,9 +12,7 @@ use eplat::model::{Declare, Model, Noise, RowId, Sampler};
 use eplat::report::LeftOutBy;
 use eplat::run::{DataSource, Design, Fit, Inputs, Options, OutputFolder, Problem, Settings};
 use eplat::table::Measurements;
-
-#[path = "../models/erp.rs"]
-mod erp;
+use shipped::shipped;
 
 mod models {
     pub(super) mod mean {
@@ -130,7 +131,7 @@ fn colour(fit: &Fit<'_>, question: Question) -> Colour {
 /// The default experiment's table, each bracket changed.
 fn brackets(change: impl Fn(&str, f64) -> f64) -> Vec<String> {
     let synthetic = Inputs { data: DataSource::Synthetic(Design::default()), ..Inputs::default() };
-    let csv = Problem::load(&erp::Erp, &synthetic).unwrap().measurements().to_csv();
+    let csv = Problem::load(shipped("erp"), &synthetic).unwrap().measurements().to_csv();
     let changed = |line: &str| {
         let cells: Vec<&str> = line.split(',').collect();
         let ends = [3, 4].map(|i| change(cells[2], cells[i].parse().unwrap()).to_string());
@@ -143,13 +144,13 @@ const HEADER: &str = "site,vertex,protocol,lower,upper";
 
 #[test]
 fn right_brackets_are_green_and_seconds_are_red_before_and_after_sampling() {
-    let right = fitted(&erp::Erp, table(HEADER, &brackets(|_, x| x)));
+    let right = fitted(shipped("erp"), table(HEADER, &brackets(|_, x| x)));
     let verdict = right.verdict();
     assert_eq!(verdict.colour(), Colour::Green, "{verdict:?}");
     assert!(right.problem().doubts().is_empty());
     assert_eq!(verdict.answers.len(), 5);
 
-    let seconds = problem(&erp::Erp, table(HEADER, &brackets(|_, x| x / 1000.0)));
+    let seconds = problem(shipped("erp"), table(HEADER, &brackets(|_, x| x / 1000.0)));
     let factors = seconds.doubts().iter().map(|doubt| match doubt {
         Doubt::Range { n: 10, of: 10, factor: Some(factor), .. } => *factor,
         other => panic!("{other:?}"),
@@ -171,7 +172,7 @@ fn brackets_that_exclude_each_other_are_named_before_and_after_sampling() {
     let lower: f64 = first.split(',').nth(3).unwrap().parse().unwrap();
     let with = |shifts: [f64; 3]| {
         let own = shifts.map(|s| format!("{place},{},{}", lower + s, lower + s + 10.0));
-        problem(&erp::Erp, table(HEADER, &[brackets(|_, x| x), own.to_vec()].concat()))
+        problem(shipped("erp"), table(HEADER, &[brackets(|_, x| x), own.to_vec()].concat()))
     };
     let repeated = with([0.0; 3]);
     assert!(repeated.doubts().is_empty(), "{:?}", repeated.doubts());
@@ -200,9 +201,9 @@ fn brackets_that_are_all_alike_give_sane_maps_or_are_not_green() {
         brackets(|_, x| x).iter().map(|line| format!("{},{}", place(line), ends(line))).collect()
     };
     // no tissue has both alike
-    let alike = fitted(&erp::Erp, table(HEADER, &with("240,250")));
+    let alike = fitted(shipped("erp"), table(HEADER, &with("240,250")));
     assert_eq!(colour(&alike, Question::Physical), Colour::Red, "{:?}", alike.verdict());
-    let fit = fitted(&erp::Erp, table(HEADER, &with("200,210")));
+    let fit = fitted(shipped("erp"), table(HEADER, &with("200,210")));
     let doubts = fit.problem().doubts();
     let named = |doubt: &Doubt| matches!(doubt, Doubt::Alike { n: 10, .. });
     assert!(doubts.len() == 2 && doubts.iter().all(named), "{doubts:?}");
@@ -281,7 +282,7 @@ fn point_data(folder: &std::path::Path, name: &str) -> Vec<f64> {
 #[test]
 fn quantiles_and_exceedances_are_in_the_files() {
     let inputs = Inputs { data: DataSource::Synthetic(Design::default()), ..Inputs::default() };
-    let problem = Problem::load(&erp::Erp, &inputs).unwrap();
+    let problem = Problem::load(shipped("erp"), &inputs).unwrap();
     let exceed = ["erp_s2 > 240", "tau_out < 10"].map(|text| problem.exceedance(text).unwrap());
     let wrong = problem.exceedance("erp_s4 > 240").unwrap_err().to_string();
     assert!(wrong.contains("help: did you mean `erp_s2`?"), "{wrong}");
@@ -418,7 +419,7 @@ fn in_a_fit_without(fit: &Fit<'_>, id: RowId) -> [f64; 2] {
 #[test]
 fn rows_are_left_out_with_the_fields_integrated_out() {
     let inputs = Inputs { data: DataSource::Synthetic(Design::default()), ..Inputs::default() };
-    let problem = Problem::load(&erp::Erp, &inputs).unwrap();
+    let problem = Problem::load(shipped("erp"), &inputs).unwrap();
     let fit = problem.fit(&Settings::default()).unwrap();
     let loo = fit.loo().unwrap();
     let n_integrated = loo.rows.iter().filter(|row| row.loo_by == LeftOutBy::Integrated).count();

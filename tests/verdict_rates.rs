@@ -5,13 +5,14 @@
 
 #![allow(clippy::unwrap_used, clippy::print_stdout, reason = "tests")]
 
+#[path = "support/shipped.rs"]
+mod shipped;
+
 use std::ops::RangeInclusive;
 
 use eplat::diagnostics::verdict::{Colour, Question, Questions, Verdict};
 use eplat::run::{DataSource, Design, Inputs, Problem, Settings};
-
-#[path = "../models/erp.rs"]
-mod erp;
+use shipped::shipped;
 
 /// Largest share of right models that may get amber or red.
 const MOST_FALSE: f64 = 0.05;
@@ -21,7 +22,7 @@ fn judged(seed: u64) -> (usize, Verdict, Questions) {
     let n_sites = SITES[(seed % 4) as usize];
     let design = Design { seed, n_sites, ..Design::default() };
     let inputs = Inputs { data: DataSource::Synthetic(design), ..Inputs::default() };
-    let problem = Problem::load(&erp::Erp, &inputs).unwrap();
+    let problem = Problem::load(shipped("erp"), &inputs).unwrap();
     let fit = problem.fit(&Settings { seed, ..Settings::default() }).unwrap();
     (n_sites, fit.verdict(), fit.questions().clone())
 }

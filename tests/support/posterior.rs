@@ -12,12 +12,12 @@ use eplat::table::Measurements;
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 
-#[path = "../../models/erp.rs"]
-pub(crate) mod erp;
+#[path = "shipped.rs"]
+pub(crate) mod shipped;
 
 /// The main job's experiment on the embedded atrium, with this many sites.
 pub(crate) fn erp_experiment(n_sites: usize) -> (Basis, Measurements) {
-    experiment_on(&left_atrium(1.5).mesh, &erp::Erp, n_sites)
+    experiment_on(&left_atrium(1.5).mesh, shipped::shipped("erp"), n_sites)
 }
 
 /// A model's experiment on this surface, with this many sites.

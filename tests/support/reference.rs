@@ -12,7 +12,7 @@ use eplat::mesh::{self, TriMesh, Units, left_atrium};
 use eplat::model::Declare;
 use eplat::table::Measurements;
 
-use crate::posterior::erp;
+use crate::posterior::shipped::shipped;
 
 #[path = "../../examples/validation/erp.rs"]
 mod erp_32;
@@ -32,7 +32,7 @@ pub(crate) fn surface() -> (&'static str, TriMesh) {
 
 /// The model for this many sites.
 pub(crate) fn model(n_sites: usize) -> &'static dyn Declare {
-    if n_sites < 40 { &erp::Erp } else { &erp_32::Erp }
+    if n_sites < 40 { shipped("erp") } else { &erp_32::Erp }
 }
 
 /// Brackets of 10 ms at `n_sites` of the vertices, of no experiment: for timing alone.

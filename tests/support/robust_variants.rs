@@ -1,4 +1,5 @@
 //! `models/erp_robust.rs` with another kernel or another number of modes, for the coverage study.
+use crate::shipped::shipped;
 use eplat::model::Declare;
 
 macro_rules! variant {
@@ -33,7 +34,7 @@ variant!(k256, K256, Matern52, 256);
 
 /// The paper's model, the robust one, and its variants.
 pub(crate) fn all() -> Vec<&'static dyn Declare> {
-    let erp: [&dyn Declare; 2] = [&crate::erp::Erp, &crate::erp_robust::ErpRobust];
+    let erp = ["erp", "erp_robust"].map(shipped);
     let variants: [&dyn Declare; 4] = [&rough::Rough, &k24::K24, &k96::K96, &k256::K256];
     [erp.as_slice(), &variants].concat()
 }
