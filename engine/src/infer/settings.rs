@@ -106,12 +106,14 @@ impl Settings {
         work: impl FnOnce() -> T + Send,
     ) -> Result<T, InferError> {
         let threads = self.threads;
-        let pool = rayon::ThreadPoolBuilder::new()
-            .num_threads(threads)
-            .build()
-            .map_err(|error| InferError::Threads { threads, reason: error.to_string() })?;
-        let done = thread::scope(|scope| scope.spawn(|| pool.install(work)).join());
-        Ok(done.unwrap_or_else(|panic| resume_unwind(panic)))
+        let refused = |reason| InferError::Threads { threads, reason };
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build();
+        let pool = pool.map_err(|error| refused(error.to_string()))?;
+        thread::scope(|scope| {
+            let working = thread::Builder::new().spawn_scoped(scope, || pool.install(work));
+            let done = working.map_err(|error| refused(error.to_string()))?.join();
+            Ok(done.unwrap_or_else(|panic| resume_unwind(panic)))
+        })
     }
 
     /// What the disk that draws go to said.
