@@ -444,7 +444,7 @@ fn the_robust_model_is_calibrated() {
 }
 
 #[test]
-#[ignore = "200 fits of five fields and 100 of a broken twin, half an hour"]
+#[ignore = "200 fits of five fields and 100 of a broken twin, an hour"]
 fn five_fields_together_are_calibrated() {
     let twin = "twice the noise in APD";
     judge(five_field_ranks::<1>, twin, five_field_ranks::<2>, MOST_OF_A_TWIN);
