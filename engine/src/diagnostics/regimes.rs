@@ -13,6 +13,12 @@ pub const APART: f64 = 4.0;
 const CLUSTER: usize = 3;
 /// Fewest draws in all: of a few, clusters are far apart by chance.
 const FEWEST: usize = 50;
+/// Where the valley between two clusters is looked for: so many places between their means.
+const PLACES: usize = 33;
+/// Draws in the valley, at most this share of those on the lower of its sides.
+const VALLEY: f64 = 1.0 / 3.0;
+/// By how many of their own standard deviations both counts differ.
+const BY_CHANCE: f64 = 4.0;
 /// Two cuts are of the same regimes if they agree in this share of the draws.
 const SAME: f64 = 0.8;
 
@@ -31,6 +37,8 @@ pub struct Cut {
     pub is_high: Vec<bool>,
     /// How far their means are apart, in standard deviations.
     pub apart: f64,
+    /// Whether few draws lie between them: a tail, however long, has no valley before it.
+    pub has_valley: bool,
 }
 
 /// What is different between two clusters.
@@ -88,8 +96,8 @@ impl Draws {
             return None;
         }
         let is_high: Vec<bool> = along.iter().map(|x| *x > best).collect();
-        let line = Self::new(1, along);
-        Some(Cut { apart: line.between(&is_high)?.apart, is_high })
+        let Between { means: [low, high], apart, .. } = Self::new(1, along).between(&is_high)?;
+        Some(Cut { apart, has_valley: has_valley(&sorted, low[0], high[0], apart), is_high })
     }
 
     /// What is different between the clusters of a cut; `None` where nothing varies within them.
@@ -120,6 +128,21 @@ impl Cut {
     }
 }
 
+/// Whether there are few draws between the means of two clusters, in a stretch as long as a standard deviation within
+/// them: fewer than in such stretches on both sides, and not by chance.
+fn has_valley(sorted: &[f64], low: f64, high: f64, apart: f64) -> bool {
+    let sd = (high - low) / apart;
+    let below = |x: f64| sorted.partition_point(|draw| *draw < x);
+    let count = |from: f64| (below(from + sd) - below(from)) as f64;
+    let place = |i: usize| low + (high - sd - low) * i as f64 / (PLACES - 1) as f64;
+    let fewest = (0..PLACES).map(place).min_by(|a, b| count(*a).total_cmp(&count(*b)));
+    let Some(from) = fewest else { return false };
+    let most = |draws: &[f64]| draws.iter().map(|draw| count(*draw)).fold(0.0, f64::max);
+    let side = most(&sorted[..below(from - sd)]).min(most(&sorted[below(from + sd)..]));
+    let valley = count(from);
+    valley <= VALLEY * side && side - valley >= BY_CHANCE * (side + valley).sqrt()
+}
+
 /// Mean and covariance of draws, of which there is at least one.
 fn moments<'v>(draws: impl Iterator<Item = &'v [f64]> + Clone) -> (DVector<f64>, DMatrix<f64>) {
     let n_quantities = draws.clone().next().map_or(0, <[f64]>::len);
@@ -137,4 +160,40 @@ fn moments<'v>(draws: impl Iterator<Item = &'v [f64]> + Clone) -> (DVector<f64>,
         }
     }
     (mean, covariance)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use rand::{RngExt, SeedableRng};
+    use rand_chacha::ChaCha8Rng;
+    use rand_distr::StandardNormal;
+
+    /// 1,000 draws: each of a standard normal, or with a probability what `other` draws.
+    fn cut(seed: u64, share: f64, other: impl Fn(&mut ChaCha8Rng) -> f64) -> Cut {
+        let mut rng = ChaCha8Rng::seed_from_u64(seed);
+        let mut draw =
+            || if rng.random_bool(share) { other(&mut rng) } else { rng.sample(StandardNormal) };
+        Draws::new(1, (0..1000).map(|_| draw()).collect()).cut().unwrap()
+    }
+
+    /// Of 100 cuts, how many have clusters that are far apart, and how many of these have a valley between them.
+    fn counts(share: f64, other: impl Fn(&mut ChaCha8Rng) -> f64) -> [usize; 2] {
+        let cuts = (0..100).map(|seed| cut(seed, share, &other));
+        let apart: Vec<Cut> = cuts.filter(|cut| cut.apart > APART).collect();
+        [apart.len(), apart.iter().filter(|cut| cut.has_valley).count()]
+    }
+
+    #[test]
+    fn a_long_tail_is_no_regime_of_its_own() {
+        let normal = |rng: &mut ChaCha8Rng| rng.sample::<f64, _>(StandardNormal);
+        assert_eq!(counts(0.1, |rng| 8.0 + normal(rng)), [100, 100]);
+        assert_eq!(counts(0.05, |rng| 8.0 + 0.5 * normal(rng)), [100, 100]);
+        assert_eq!(counts(0.4, normal)[1], 0);
+        for share in [0.05, 0.1, 0.2] {
+            let [apart, parted] = counts(share, |rng| rng.random_range(2.0..9.0));
+            println!("{share} {apart} {parted}");
+            assert!(apart > 50 && parted < 3, "{share}: {parted} of {apart}");
+        }
+    }
 }

@@ -64,7 +64,7 @@ pub trait Likelihood<D: Real, Y: Observation> {
     where
         Self: Sized,
     {
-        rows.map(|(likelihood, y)| likelihood.ln_likelihood(y))
+        each(rows, |(likelihood, y)| likelihood.ln_likelihood(y))
     }
     /// A measurement as the protocol behind `like` would give it.
     fn simulate(&self, like: &Y, rng: &mut dyn Rng) -> Y;
@@ -84,6 +84,14 @@ pub trait Likelihood<D: Real, Y: Observation> {
         let _ = variance;
         self.ln_likelihood(y)
     }
+    /// As [`Likelihood::ln_widened`], of several rows: see [`Likelihood::ln_likelihoods`].
+    #[inline(always)]
+    fn ln_widened_rows(rows: [(Self, &Y, D); LANES]) -> [D; LANES]
+    where
+        Self: Sized,
+    {
+        each(rows, |(likelihood, y, variance)| likelihood.ln_widened(y, variance))
+    }
     /// The predicted value itself, in the unit of the measurement, if the likelihood has one.
     fn location(&self) -> Option<D> {
         None
@@ -93,6 +101,14 @@ pub trait Likelihood<D: Real, Y: Observation> {
         let _ = y;
         None
     }
+}
+
+/// What `of` makes of each lane. The standard library's `map` is not always inlined, and what it calls is then
+/// compiled without vector registers.
+#[inline(always)]
+pub(crate) fn each<T, U>(lanes: [T; LANES], of: impl Fn(T) -> U) -> [U; LANES] {
+    let [a, b, c, d] = lanes;
+    [of(a), of(b), of(c), of(d)]
 }
 
 impl<D: Real, Y: Observation, L: Likelihood<D, Y>> Likelihood<D, Y> for Box<L> {

@@ -2,8 +2,9 @@
 
 use rand::{Rng, RngExt};
 
-use super::{Likelihood, Observation, widened::NOT_WIDENED};
+use super::{Likelihood, Observation, each, widened::NOT_WIDENED};
 use crate::num::Real;
+use crate::num::lanes::LANES;
 
 /// A likelihood under which a share of the measurements has a further normal error.
 ///
@@ -45,6 +46,20 @@ impl<D: Real, Y: Observation, L: Likelihood<D, Y>> Likelihood<D, Y> for Outliers
         } else {
             plain
         }
+    }
+    #[inline(always)]
+    fn ln_likelihoods(rows: [(Self, &Y); LANES]) -> [D; LANES] {
+        if rows.iter().all(|(own, _)| own.share == 0.0) {
+            return L::ln_likelihoods(each(rows, |(own, y)| (own.inner, y)));
+        }
+        each(rows, |(own, y)| own.ln_likelihood(y))
+    }
+    #[inline(always)]
+    fn ln_widened_rows(rows: [(Self, &Y, D); LANES]) -> [D; LANES] {
+        if rows.iter().all(|(own, ..)| own.share == 0.0) {
+            return L::ln_widened_rows(each(rows, |(own, y, variance)| (own.inner, y, variance)));
+        }
+        each(rows, |(own, y, variance)| own.ln_widened(y, variance))
     }
     fn ln_widened(&self, y: &Y, variance: D) -> D {
         let plain = self.inner.ln_widened(y, variance);

@@ -3,7 +3,7 @@
 use rand::{Rng, RngExt};
 use rand_distr::StandardNormal;
 
-use super::{Bracket, Likelihood};
+use super::{Bracket, Likelihood, each, widened};
 use crate::num::Real;
 use crate::num::lanes::{self, LANES};
 
@@ -104,7 +104,13 @@ impl<D: Real> Likelihood<D, Bracket> for TopHat<D> {
         out
     }
     fn ln_widened(&self, y: &Bracket, variance: D) -> D {
-        self.ln_wide(y, variance)
+        let [ln] = widened::ln_wide([self.0], [*y], [variance]);
+        ln
+    }
+    #[inline(always)]
+    fn ln_widened_rows(rows: [(Self, &Bracket, D); LANES]) -> [D; LANES] {
+        let [f, variance] = [each(rows, |(own, ..)| own.0), each(rows, |(.., variance)| variance)];
+        widened::ln_wide(f, each(rows, |(_, y, _)| *y), variance)
     }
     fn location(&self) -> Option<D> {
         Some(self.0)

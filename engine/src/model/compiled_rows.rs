@@ -7,7 +7,7 @@ use super::error::ModelError;
 use super::functions::{Columns, RowFn};
 use super::map::ReadCell;
 use super::row_line::{AddLns, Line};
-use super::row_math::{OutlierShare, RowLikelihood, ln_with_added};
+use super::row_math::RowLikelihood;
 use super::row_place::Place;
 use super::tape::Tape;
 use crate::likelihood::Likelihood;
@@ -116,15 +116,6 @@ impl<F: RowFn<N>, const N: usize, const W: usize> RowLikelihood for CompiledRows
 
     fn backward(&self, y: &[F::Y], place: &Place, t: &mut Tape) {
         Arch::new().dispatch(Backward { rows: self, y, place, t });
-    }
-
-    #[inline(never)]
-    fn backward_with_added(&self, y: &[F::Y], place: &Place, outliers: OutlierShare, t: &mut Tape) {
-        for (i, y) in y.iter().enumerate() {
-            let numbers = Self::gather(place, &t.v, i);
-            let value = ln_with_added(self.at(i, &|j| numbers[j]), i, y, place, outliers, &t.v);
-            scatter(place, i, &value.0, t);
-        }
     }
 
     fn add_lns(&self, i: usize, y: &F::Y, line: Line<'_>, theta: &[f64], out: &mut [f64]) {

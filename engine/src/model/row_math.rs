@@ -9,7 +9,11 @@ use super::row_line::{Line, Slope};
 use super::row_place::{ERROR, Place};
 use super::tape::Tape;
 use crate::likelihood::{Likelihood, NOT_WIDENED, Observation, Outliers};
-use crate::num::{Hyper, Num, Real, Third};
+use crate::num::lanes::LANES;
+use crate::num::{Dual, Hyper, Num, Real, Third, derivatives, variable};
+
+/// In how many numbers of a row one pass takes derivatives, where something was added.
+const WIDE: usize = 8;
 
 /// Share of outlying measurements, and the variance of their further error.
 pub(super) type OutlierShare = (f64, f64);
@@ -48,8 +52,7 @@ pub(super) trait RowMath: Send + Sync {
     fn len(&self) -> usize;
     /// The measurement of row `i` as cells.
     fn measured(&self, i: usize) -> Vec<f64>;
-    /// Adds the log likelihood of all rows to the density, and its derivatives to the adjoint. They
-    /// are those in the numbers that carry derivatives.
+    /// Adds the log likelihood of all rows to the density, and its derivatives to the adjoint.
     fn backward(&self, place: &Place, outliers: Option<OutlierShare>, t: &mut Tape);
     /// Log likelihood of a row.
     fn ln(&self, row: Row<'_>) -> f64;
@@ -100,36 +103,8 @@ pub(super) trait RowLikelihood: Send + Sync {
     ) -> impl Likelihood<Num<D>, Self::Y> + use<D, Self>;
     /// See [`RowMath::backward`]; without anything that was added.
     fn backward(&self, y: &[Self::Y], place: &Place, t: &mut Tape);
-    /// The same with the outliers and the further error that were added.
-    fn backward_with_added(
-        &self,
-        y: &[Self::Y],
-        place: &Place,
-        outliers: OutlierShare,
-        t: &mut Tape,
-    );
     /// See [`RowMath::add_lns`]; of row `i`, without anything that was added.
     fn add_lns(&self, i: usize, y: &Self::Y, line: Line<'_>, theta: &[f64], out: &mut [f64]);
-}
-
-/// Log likelihood of row `i` with what was added.
-pub(super) fn ln_with_added<D: Real, Y: Observation>(
-    likelihood: impl Likelihood<Num<D>, Y>,
-    i: usize,
-    y: &Y,
-    place: &Place,
-    outliers: OutlierShare,
-    v: &[f64],
-) -> Num<D> {
-    let likelihood = with_outliers(likelihood, outliers);
-    match place.error {
-        Some(error) => {
-            let ln = error.scatter.map_or(0.0, |at| v[at + i]);
-            let variance = (v[error.sd] * ln.exp()).powi(2);
-            likelihood.ln_widened(y, Num(D::from(variance)))
-        }
-        None => likelihood.ln_likelihood(y),
-    }
 }
 
 fn with_outliers<L>(likelihood: L, (share, variance): OutlierShare) -> Outliers<L> {
@@ -150,6 +125,48 @@ impl<L: RowLikelihood> RowsOf<L> {
 
     fn plain(&self, row: Row<'_>) -> Outliers<impl Likelihood<Num<f64>, L::Y> + use<L>> {
         with_outliers(self.of.at(row.i, &|j| Num(row.numbers[j])), row.outliers)
+    }
+
+    /// The log likelihood with the outliers and the further error that were added, and its derivatives in these
+    /// numbers of a row. They are the ones from number `first` of [`Place::slots`] on.
+    fn backward_with_added(
+        &self,
+        place: &Place,
+        outliers: OutlierShare,
+        own: &[usize],
+        first: usize,
+        t: &mut Tape,
+    ) {
+        let n = self.y.len();
+        for top in (0..n).step_by(LANES) {
+            let rows: [_; LANES] = std::array::from_fn(|lane| {
+                let i = (top + lane).min(n - 1); // the last fills up
+                let number = |j: usize| {
+                    let x = place.number(&t.v, i, j);
+                    let k = own.iter().position(|slot| *slot == j);
+                    Num(k.map_or(Dual::<WIDE>::from(x), |k| variable(x, k)))
+                };
+                let [sd, ln] = [0, 1].map(|k| number(place.error_slot() + k));
+                let sd = sd * ln.exp();
+                (with_outliers(self.of.at(i, &number), outliers), &self.y[i], sd * sd)
+            });
+            let values = if place.error.is_some() {
+                Likelihood::ln_widened_rows(rows)
+            } else {
+                Likelihood::ln_likelihoods(rows.map(|(likelihood, y, _)| (likelihood, y)))
+            };
+            for (i, value) in (top..n).zip(values) {
+                if place.left_out == Some(i) {
+                    continue;
+                }
+                if first == 0 {
+                    t.lp += value.0.re;
+                }
+                for (slot, slope) in own.iter().zip(derivatives(&value.0)) {
+                    place.add_slope(&mut t.g, i, *slot, slope);
+                }
+            }
+        }
     }
 
     /// The sd of the further error of a row.
@@ -226,10 +243,13 @@ impl<L: RowLikelihood> RowMath for RowsOf<L> {
     }
 
     fn backward(&self, place: &Place, outliers: Option<OutlierShare>, t: &mut Tape) {
-        if outliers.is_some() || place.error.is_some() {
-            self.of.backward_with_added(&self.y, place, outliers.unwrap_or_default(), t);
-        } else {
+        if outliers.is_none() && !place.has_added() {
             self.of.backward(&self.y, place, t);
+            return;
+        }
+        let (slots, outliers) = (place.slots(), outliers.unwrap_or_default());
+        for (k, own) in slots.chunks(WIDE).enumerate() {
+            self.backward_with_added(place, outliers, own, k * WIDE, t);
         }
     }
 

@@ -49,6 +49,11 @@ impl Place {
         (0..self.width).chain(lets.map(|(j, _)| self.width + j)).chain(error).collect()
     }
 
+    /// Whether the numbers of a row are more than those that carry derivatives in any case.
+    pub(super) fn has_added(&self) -> bool {
+        self.error.is_some() || self.lets.iter().any(Option::is_some)
+    }
+
     /// Which of the numbers of a row is the sd of its further error. The last one, which follows,
     /// is ln of a factor of it. Both are 0 if there is no such error.
     pub(super) fn error_slot(&self) -> usize {
@@ -69,25 +74,31 @@ impl Place {
 
     /// The numbers of row `i`.
     pub(super) fn numbers_at(&self, v: &[f64], i: usize) -> Vec<f64> {
-        let mut numbers = vec![0.0; self.n_numbers()];
-        self.fill(v, i, &mut numbers);
-        numbers
+        (0..self.n_numbers()).map(|slot| self.number(v, i, slot)).collect()
     }
 
-    /// As [`Place::numbers_at`], but writes into `numbers`.
-    pub(super) fn fill(&self, v: &[f64], i: usize, numbers: &mut [f64]) {
-        let (own, lets) = numbers.split_at_mut(self.width);
-        for (x, at) in own.iter_mut().zip(&self.index[i * self.width..]) {
-            *x = v[*at as usize];
+    /// Where in `v` a number of row `i` lives, if anywhere, and the offset that is added to it.
+    fn of_number(&self, i: usize, slot: usize) -> [Option<usize>; 2] {
+        let w = self.width;
+        if slot < w {
+            let at = i * w + slot;
+            return [Some(self.index[at] as usize), self.hook.get(at).map(|at| *at as usize)];
         }
-        for (x, at) in own.iter_mut().zip(self.hook.get(i * self.width..).unwrap_or_default()) {
-            *x += v[*at as usize];
-        }
-        for (x, at) in lets.iter_mut().zip(&self.lets) {
-            *x = at.map_or(0.0, |at| v[at + i]);
-        }
-        let slot = self.error_slot();
-        numbers[slot] = self.error.map_or(0.0, |error| v[error.sd]);
-        numbers[slot + 1] = self.error.and_then(|e| e.scatter).map_or(0.0, |at| v[at + i]);
+        let at = match (self.lets.get(slot - w), self.error) {
+            (Some(at), _) => at.map(|at| at + i),
+            (None, error) if slot == self.error_slot() => error.map(|error| error.sd),
+            (None, error) => error.and_then(|error| error.scatter).map(|at| at + i),
+        };
+        [at, None]
+    }
+
+    /// A number of row `i`.
+    pub(super) fn number(&self, v: &[f64], i: usize, slot: usize) -> f64 {
+        self.of_number(i, slot).into_iter().flatten().map(|at| v[at]).sum()
+    }
+
+    /// Adds a derivative in a number of row `i` to the adjoint.
+    pub(super) fn add_slope(&self, g: &mut [f64], i: usize, slot: usize, slope: f64) {
+        self.of_number(i, slot).into_iter().flatten().for_each(|at| g[at] += slope);
     }
 }

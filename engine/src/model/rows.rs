@@ -62,29 +62,6 @@ impl Rows {
     /// Adds the log likelihood, and carries its derivatives to the adjoint.
     pub(super) fn backward(&self, t: &mut Tape) {
         self.math.backward(&self.place, self.outliers, t);
-        if self.place.error.is_some() || self.place.lets.iter().any(Option::is_some) {
-            self.backward_of_rare(t);
-        }
-    }
-
-    /// Carries to the adjoint the derivatives in the offsets of `let`s and in a further
-    /// error. These are rare, so each takes an evaluation of its own.
-    fn backward_of_rare(&self, t: &mut Tape) {
-        let mut numbers = vec![0.0; self.place.n_numbers()];
-        for i in (0..self.math.len()).filter(|i| self.place.left_out != Some(*i)) {
-            self.place.fill(&t.v, i, &mut numbers);
-            let slope =
-                |number: usize| self.math.second(self.row(i, &numbers), number, usize::MAX).eps1;
-            for (j, at) in self.place.lets.iter().enumerate() {
-                let Some(at) = at else { continue };
-                t.g[at + i] += slope(self.place.width + j);
-            }
-            let Some(error) = self.place.error else { continue };
-            t.g[error.sd] += slope(self.place.error_slot());
-            if let Some(at) = error.scatter {
-                t.g[at + i] += slope(self.place.error_slot() + 1);
-            }
-        }
     }
 
     /// The Hessian of each row.

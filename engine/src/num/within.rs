@@ -6,8 +6,8 @@
 //! Inside the range the value is `x` itself, so `x` has the value's unit. Near an end, within some s of it, the
 //! value bends and approaches the end.
 
-use super::Num;
-use super::Real;
+use super::lanes::{exp, ln};
+use super::{Num, Real};
 
 /// The open interval that values are bent into.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -44,26 +44,35 @@ impl Within {
     }
 
     /// The value at `x` with three derivatives.
-    #[inline]
+    #[inline(always)]
     fn bent(self, x: f64) -> [f64; 4] {
         let s = self.scale();
-        let [low, high] = [self.low, self.high].map(|end| softplus((x - end) / s));
-        let [value, first, second, third]: [f64; 4] = std::array::from_fn(|k| low[k] - high[k]);
+        let [low, high] = softplus([(x - self.low) / s, (x - self.high) / s]);
+        let mut of_both = [0.0; 4];
+        for k in 0..4 {
+            of_both[k] = low[k] - high[k];
+        }
+        let [value, first, second, third] = of_both;
         [(self.low + s * value).min(self.high), first, second / s, third / (s * s)]
     }
 }
 
-/// ln(1 + eᵗ) and its three derivatives.
-#[inline]
-fn softplus(t: f64) -> [f64; 4] {
-    let e = (-t.abs()).exp();
-    let share = if t > 0.0 { 1.0 / (1.0 + e) } else { e / (1.0 + e) };
-    let second = e / ((1.0 + e) * (1.0 + e));
-    [t.max(0.0) + e.ln_1p(), share, second, second * (1.0 - 2.0 * share)]
+/// ln(1 + eᵗ) and its three derivatives, at two places. What is lost of a small eᵗ is lost in the value in any case.
+#[inline(always)]
+fn softplus(t: [f64; 2]) -> [[f64; 4]; 2] {
+    let mut out = [[0.0; 4]; 2];
+    for (t, out) in t.into_iter().zip(&mut out) {
+        let e = exp(-t.abs());
+        let inverse = 1.0 / (1.0 + e);
+        let share = if t > 0.0 { inverse } else { e * inverse };
+        let second = e * inverse * inverse;
+        *out = [t.max(0.0) + ln(1.0 + e), share, second, second * (1.0 - 2.0 * share)];
+    }
+    out
 }
 
 /// `x` bent into the interval: what `field f(x) within LOW..HIGH` makes of the field's sum.
-#[inline]
+#[inline(always)]
 pub fn within<T: Real>(low: f64, high: f64, x: Num<T>) -> Num<T> {
     Num(x.0.chain(Within { low, high }.bent(x.0.re())))
 }

@@ -122,6 +122,23 @@ macro_rules! words {
                         _ => unreachable!("it is read only of the words of this kind"),
                     }
                 }
+                #[inline(always)]
+                fn ln_widened<T: Real>(
+                    word: Word,
+                    numbers: impl Fn(usize) -> ([Num<T>; MOST], Num<T>),
+                    y: [&$Kind; LANES],
+                ) -> [Num<T>; LANES] {
+                    match word {
+                        $(Word::$Word => {
+                            let row = |lane: usize| {
+                                let ($arguments, variance) = numbers(lane);
+                                ($e, y[lane], variance)
+                            };
+                            Likelihood::ln_widened_rows([row(0), row(1), row(2), row(3)])
+                        })*
+                        _ => unreachable!("it is read only of the words of this kind"),
+                    }
+                }
             }
         )*
     };
@@ -165,6 +182,12 @@ pub(super) trait Kind: Observation {
     fn ln_likelihoods<T: Real>(
         word: Word,
         numbers: impl Fn(usize) -> [Num<T>; MOST],
+        y: [&Self; LANES],
+    ) -> [Num<T>; LANES];
+    /// The same where each has a further normal error of this variance.
+    fn ln_widened<T: Real>(
+        word: Word,
+        numbers: impl Fn(usize) -> ([Num<T>; MOST], Num<T>),
         y: [&Self; LANES],
     ) -> [Num<T>; LANES];
 }
@@ -244,6 +267,25 @@ impl Written {
         }
     }
 
+    /// What is inside of all that widens it.
+    fn inmost(&self) -> &Self {
+        match self {
+            Self::Widened(inner, _) => inner.inmost(),
+            other => other,
+        }
+    }
+
+    /// The variance by which [`Self::inmost`] is widened, in a lane.
+    #[inline(always)]
+    fn variance<T: Real, const L: usize>(&self, of: Numbers<'_, T, L>, lane: usize) -> Num<T> {
+        let (mut own, mut variance) = (self, Num::from(0.0));
+        while let Self::Widened(inner, sd) = own {
+            let sd = of.of(*sd, lane);
+            (own, variance) = (inner, variance + sd * sd);
+        }
+        variance
+    }
+
     /// Log likelihoods of these rows, one in each lane.
     #[inline(always)]
     pub(super) fn ln_likelihoods<Y: Kind, T: Real>(
@@ -253,6 +295,10 @@ impl Written {
     ) -> [Num<T>; LANES] {
         if let Self::Plain(word, arguments) = self {
             return Y::ln_likelihoods(*word, |lane| all(of, arguments, lane), y);
+        }
+        if let Self::Plain(word, arguments) = self.inmost() {
+            let row = |lane| (all(of, arguments, lane), self.variance(of, lane));
+            return Y::ln_widened(*word, row, y);
         }
         let mut out = [Num::from(0.0); LANES];
         for lane in 0..LANES {

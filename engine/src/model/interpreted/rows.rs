@@ -14,7 +14,7 @@ use crate::model::error::ModelError;
 use crate::model::everywhere::{PlaceFn, Where};
 use crate::model::map::{MapFn, ReadCell};
 use crate::model::row_line::{Line, Slope};
-use crate::model::row_math::{OutlierShare, RowLikelihood, ln_with_added};
+use crate::model::row_math::RowLikelihood;
 use crate::model::row_place::Place;
 use crate::model::tape::Tape;
 use crate::num::lanes::LANES;
@@ -242,22 +242,6 @@ impl<Y: Kind> LikelihoodOf<Y> {
         }
     }
 
-    fn backward_with_added_by<const W: usize>(
-        &self,
-        y: &[Y],
-        place: &Place,
-        outliers: OutlierShare,
-        t: &mut Tape,
-    ) {
-        for first in (0..self.width.max(1)).step_by(W) {
-            for (i, y) in y.iter().enumerate() {
-                let likelihood = self.at(i, &|j| self.dual::<W>(place, &t.v, (i, j), first));
-                let value = ln_with_added(likelihood, i, y, place, outliers, &t.v);
-                self.scatter(place, i, first, &value.0, t);
-            }
-        }
-    }
-
     /// Adds row `i`'s log likelihood to the density, and its derivatives from number `first` on to the adjoint.
     #[inline(always)]
     fn scatter<const W: usize>(
@@ -325,10 +309,6 @@ impl<Y: Kind> RowLikelihood for LikelihoodOf<Y> {
 
     fn backward(&self, y: &[Y], place: &Place, t: &mut Tape) {
         Arch::new().dispatch(Backward { rows: self, y, place, t });
-    }
-
-    fn backward_with_added(&self, y: &[Y], place: &Place, outliers: OutlierShare, t: &mut Tape) {
-        by_width!(self.width, self.backward_with_added_by(y, place, outliers, t));
     }
 
     fn add_lns(&self, i: usize, y: &Y, line: Line<'_>, theta: &[f64], out: &mut [f64]) {
