@@ -81,7 +81,8 @@ fn all_passed() -> bool {
 /// Compiles every test program. The names of those that are no unit tests, each once; none if one does not compile.
 fn names() -> Option<BTreeSet<String>> {
     let mut compiled = tests(["--no-run", "--message-format=json-render-diagnostics"]);
-    let output = compiled.stderr(Stdio::inherit()).output().ok()?;
+    let output = compiled.stderr(Stdio::inherit()).output();
+    let output = output.inspect_err(|error| println!("cargo does not start: {error}")).ok()?;
     let lines = output.stdout.split(|byte| *byte == b'\n');
     let messages = lines.filter_map(|line| serde_json::from_slice::<serde_json::Value>(line).ok());
     let is_test = |message: &serde_json::Value| {

@@ -15,9 +15,9 @@ const CLUSTER: usize = 3;
 const FEWEST: usize = 50;
 /// Where the valley between two clusters is looked for: so many places between their means.
 const PLACES: usize = 33;
-/// Draws in the valley, at most this share of those on the lower of its sides.
+/// Draws in the valley: at most this share of those on its lower side.
 const VALLEY: f64 = 1.0 / 3.0;
-/// By how many of their own standard deviations both counts differ.
+/// So many of its own standard deviations is the difference of both counts, at least: less may be chance.
 const BY_CHANCE: f64 = 4.0;
 /// Two cuts are of the same regimes if they agree in this share of the draws.
 const SAME: f64 = 0.8;
@@ -37,7 +37,7 @@ pub struct Cut {
     pub is_high: Vec<bool>,
     /// How far their means are apart, in standard deviations.
     pub apart: f64,
-    /// Whether few draws lie between them: a tail, however long, has no valley before it.
+    /// Whether a stretch between them has fewer draws than on both sides of it. A long tail has no such stretch.
     pub has_valley: bool,
 }
 

@@ -98,7 +98,7 @@ impl<const L: usize> Wide<L> {
     #[inline(never)]
     fn terms<const ORDER: u32>(&self) -> [(f64, Partials); L] {
         if L == 1 {
-            self.terms_in::<ORDER>()
+            self.terms_inlined::<ORDER>()
         } else {
             Arch::new().dispatch(InLanes::<L, ORDER>(self))
         }
@@ -115,7 +115,7 @@ impl<const L: usize> Wide<L> {
     /// e^(±mzd − m²d²/2), relative to the nearest. The weights follow from each other outwards by a
     /// recurrence, which takes two exponentials in all.
     #[inline(always)]
-    fn terms_in<const ORDER: u32>(&self) -> [(f64, Partials); L] {
+    fn terms_inlined<const ORDER: u32>(&self) -> [(f64, Partials); L] {
         let Self { f, y, further } = self;
         let [mut sd, mut z, mut d, mut twice, mut sum] = [[0.0; L]; 5];
         // centres above the nearest and below it, the ratio of the next weight to the last one, and the last
@@ -194,14 +194,14 @@ impl<const L: usize> Wide<L> {
     }
 }
 
-/// [`Wide::terms_in`] with the machine's vector registers.
+/// [`Wide::terms_inlined`] with the machine's vector registers.
 struct InLanes<'a, const L: usize, const ORDER: u32>(&'a Wide<L>);
 
 impl<const L: usize, const ORDER: u32> NullaryFnOnce for InLanes<'_, L, ORDER> {
     type Output = [(f64, Partials); L];
     #[inline(always)]
     fn call(self) -> Self::Output {
-        self.0.terms_in::<ORDER>()
+        self.0.terms_inlined::<ORDER>()
     }
 }
 

@@ -127,8 +127,9 @@ impl<L: RowLikelihood> RowsOf<L> {
         with_outliers(self.of.at(row.i, &|j| Num(row.numbers[j])), row.outliers)
     }
 
-    /// The log likelihood with the outliers and the further error that were added, and its derivatives in these
-    /// numbers of a row. They are the ones from number `first` of [`Place::slots`] on.
+    /// [`RowMath::backward`] with the outliers and the further error that were added, in one pass over the rows. It has the
+    /// derivatives in the numbers `own` of a row. They are those from `first` on of [`Place::slots`]: the density is
+    /// added in the first pass alone.
     fn backward_with_added(
         &self,
         place: &Place,

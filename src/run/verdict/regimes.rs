@@ -47,8 +47,8 @@ impl Fit<'_> {
             let draws = Draws::new(n_fields, (0..draws.len()).flat_map(of_draw).collect());
             let cut = draws.cut()?;
             let between = draws.between(&cut.is_high)?;
-            let is_one = (LEAST..=1.0 - LEAST).contains(&cut.high());
-            (cut.apart > APART && cut.has_valley && is_one).then_some((cut, between))
+            let both_have_draws = (LEAST..=1.0 - LEAST).contains(&cut.high());
+            (cut.apart > APART && cut.has_valley && both_have_draws).then_some((cut, between))
         });
         let of_vertex = |(vertex, cut): (&usize, Option<(Cut, Between)>)| {
             let (cut, between) = cut?;
