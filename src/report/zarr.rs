@@ -23,6 +23,10 @@ use crate::store::{cache, write_folder};
 /// Bytes that are packed at once.
 const PIECE: usize = 1 << 16;
 
+/// Between the numbers in the name of a chunk's file. With `/` each would be a folder, and to make hundreds of folders takes
+/// as long as all that is written.
+const SEPARATOR: &str = ".";
+
 /// Metadata of every group and array by its path below the root, in the order written.
 type Nodes = Map<String, Value>;
 
@@ -166,8 +170,7 @@ fn write_array(folder: &Path, variable: &Variable) -> io::Result<Value> {
         let chunk_length = n_values / n_chunks;
         (0..n_chunks).into_par_iter().try_for_each(|chunk| {
             let range = chunk * chunk_length..(chunk + 1) * chunk_length;
-            let file = folder.join(chunk_key(variable.dims.len(), chunk));
-            fs::create_dir_all(file.parent().unwrap_or(folder))?;
+            let file = folder.join(chunk_key(variable.dims.len(), chunk, SEPARATOR));
             write_chunk(&file, &variable.values, range)
         })?;
     }
@@ -176,10 +179,10 @@ fn write_array(folder: &Path, variable: &Variable) -> io::Result<Value> {
     Ok(metadata)
 }
 
-/// `c/2/0/0` is the third chunk along the first of three dimensions; `c` the only one of a scalar.
-fn chunk_key(n_dims: usize, chunk: usize) -> String {
+/// `c.2.0.0` is the third chunk along the first of three dimensions; `c` the only one of a scalar.
+fn chunk_key(n_dims: usize, chunk: usize, separator: &str) -> String {
     let indices = (0..n_dims).map(|axis| if axis == 0 { chunk } else { 0 });
-    indices.fold("c".to_owned(), |key, index| format!("{key}/{index}"))
+    indices.fold("c".to_owned(), |key, index| format!("{key}{separator}{index}"))
 }
 
 /// Little-endian values; a text as its count of UTF-8 bytes and these, after the number of texts (`vlen-utf8`).
@@ -237,7 +240,8 @@ pub(super) fn read_integers(array: &Path) -> Result<Vec<i64>, ReportError> {
     let (Some(length), Some("int64")) = (length, metadata["data_type"].as_str()) else {
         return Err(malformed("expected integers along one dimension".into()));
     };
-    let path = array.join("c").join("0");
+    let encoding = &metadata["chunk_key_encoding"]["configuration"];
+    let path = array.join(chunk_key(1, 0, encoding["separator"].as_str().unwrap_or("/")));
     let packed = fs::read(&path).map_err(ReportError::read(&path))?;
     let mut bytes = vec![];
     GzDecoder::new(&packed[..]).read_to_end(&mut bytes).map_err(ReportError::read(&path))?;
@@ -273,7 +277,7 @@ fn array_metadata(variable: &Variable, n_chunks: usize) -> Value {
         "shape": shape,
         "data_type": data_type,
         "chunk_grid": { "name": "regular", "configuration": { "chunk_shape": chunk_shape } },
-        "chunk_key_encoding": { "name": "default", "configuration": { "separator": "/" } },
+        "chunk_key_encoding": { "name": "default", "configuration": { "separator": SEPARATOR } },
         "fill_value": fill_value,
         "codecs": [serializer, { "name": "gzip", "configuration": { "level": 1 } }],
         "dimension_names": variable.dims.iter().map(|(dim, _)| dim).collect::<Vec<_>>(),

@@ -1,6 +1,10 @@
 //! Sums of products over slices, in an order that depends on nothing but their length: the same bits
 //! on every machine.
 
+use pulp::Arch;
+
+use super::lanes;
+
 /// Partial sums of [`dots_with_sum`].
 const LANES: usize = 4;
 
@@ -41,6 +45,21 @@ pub fn dots_with_sum(a: &[f64], b: &[f64], x: &[f64], y: &[f64]) -> [f64; 2] {
         rest[1] += b * (x + y);
     }
     [total(partial[0]) + rest[0], total(partial[1]) + rest[1]]
+}
+
+/// Writes `e^(x − most)` for the most of x, which is returned; below e⁻⁷⁰⁸ not exactly.
+pub fn exp_of_less(x: &[f64], out: &mut Vec<f64>) -> f64 {
+    let most = x.iter().copied().fold(f64::NEG_INFINITY, f64::max);
+    out.resize(x.len(), 0.0);
+    let set = |(out, x): (&mut f64, &f64)| *out = lanes::exp(x - most);
+    Arch::new().dispatch(|| out.iter_mut().zip(x).for_each(set));
+    most
+}
+
+/// `y += a ln x` for positive x.
+pub fn add_ln(a: f64, x: &[f64], y: &mut [f64]) {
+    let add = |(y, x): (&mut f64, &f64)| *y += a * lanes::ln(*x);
+    Arch::new().dispatch(|| y.iter_mut().zip(x).for_each(add));
 }
 
 /// Halves are added until four are left, which are added in pairs.

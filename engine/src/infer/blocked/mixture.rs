@@ -80,13 +80,18 @@ impl Student {
         self.ln_peak - 0.5 * (nu + x.len() as f64) * (self.distance(x, y) / nu).ln_1p()
     }
 
-    /// The density itself.
-    pub(super) fn density(&self, x: &[f64], y: &mut Vec<f64>) -> f64 {
+    /// The density at the mean.
+    pub(super) fn peak(&self) -> f64 {
+        self.ln_peak.exp()
+    }
+
+    /// The density in units of that at the mean.
+    pub(super) fn relative_density(&self, x: &[f64], y: &mut Vec<f64>) -> f64 {
         let base = 1.0 + self.distance(x, y) / self.nu as f64;
         let power = self.nu + x.len();
         // base^(power/2)
         let root = if power.is_multiple_of(2) { 1.0 } else { base.sqrt() };
-        self.ln_peak.exp() / (0..power / 2).fold(root, |product, _| product * base)
+        1.0 / (0..power / 2).fold(root, |product, _| product * base)
     }
 
     pub(super) fn draw(&self, rng: &mut impl Rng, x: &mut [f64]) {

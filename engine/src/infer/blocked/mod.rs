@@ -27,6 +27,7 @@ mod conditional;
 mod explore;
 mod factor;
 mod groups;
+mod last;
 mod latent;
 #[cfg(test)]
 #[allow(clippy::unwrap_used, reason = "tests")]
@@ -34,6 +35,7 @@ mod leap_tests;
 mod left_out;
 mod meeting;
 mod mixture;
+mod order;
 mod particles;
 mod proposal;
 mod scouts;

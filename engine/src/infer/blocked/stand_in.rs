@@ -231,13 +231,19 @@ impl GroupStandIn {
         for place in 0..new.n_seen {
             let pull = DVector::from_fn(n, |f, _| pull[f * new.n_seen + place]);
             let factor = Cholesky::new(new.at(place).0)?;
-            let at = |theta: &[f64]| new.values(theta, place);
-            let none = DVector::zeros(n);
-            let mean = parts.iter().fold(none, |sum, (w, _, theta)| sum + at(theta) * *w);
-            let wider = parts.iter().fold(factor.inverse(), |sum, (w, _, theta)| {
-                let d = at(theta) - &mean;
-                sum + &d * d.transpose() * *w
-            });
+            // without new vectors for each part: this is asked for at every estimate
+            let value = |theta: &[f64], f: usize| theta[new.first + f * new.n_seen + place];
+            let mut mean = vec![0.0; n];
+            let mut wider = factor.inverse();
+            for (weight, _, theta) in parts {
+                (0..n).for_each(|f| mean[f] += value(theta, f) * weight);
+            }
+            for (weight, _, theta) in parts {
+                let d = |f: usize| value(theta, f) - mean[f];
+                for (f, g) in (0..n).flat_map(|f| (0..n).map(move |g| (f, g))) {
+                    wider[(f, g)] += d(f) * d(g) * weight;
+                }
+            }
             new.set(place, &Cholesky::new(wider)?.inverse(), &factor.solve(&pull));
         }
         new.set_gram(group);
