@@ -204,7 +204,7 @@ impl Shared<'_> {
                 told,
             };
             if branch.run(&mut swarm, &order) {
-                branch.tell(&order, &swarm, &half.wanted);
+                branch.tell(order, swarm, &half.wanted);
             }
         }
     }
@@ -229,26 +229,29 @@ impl<R: Rng> Branch<'_, R> {
 
     /// Writes the rows of places that are not yet in the order, whose values the particles have. On the way to one half of
     /// them they go through the other, and look ahead no farther.
-    fn tell(&mut self, order: &Order<'_>, swarm: &Swarm, wanted: &[usize]) {
+    fn tell(&mut self, mut order: Order<'_>, swarm: Swarm, wanted: &[usize]) {
         if let [last] = wanted {
-            let mut order = order.clone();
             order.append(self.shared.places[*last][1]);
-            self.told[*last] = self.rows(&order, swarm, *last);
+            self.told[*last] = self.rows(&order, &swarm, *last);
             return;
         }
         let (first, second) = wanted.split_at(wanted.len() / 2);
-        for (before, wanted) in [(first, second), (second, first)] {
-            let (mut order, mut swarm, n) = (order.clone(), swarm.clone(), order.n());
-            for i in before {
-                order.append(self.shared.places[*i][1]);
-            }
-            let stand_in = &self.shared.lookahead.groups[self.group];
-            let Some((by, ahead)) = order.ahead(n, stand_in) else { continue };
-            swarm.look_ahead(&ahead, self.rng);
-            if self.run(&mut swarm, &by) {
-                swarm.change(n, &by, &order);
-                self.tell(&order, &swarm, wanted);
-            }
+        self.fork(order.clone(), swarm.clone(), first, second);
+        self.fork(order, swarm, second, first);
+    }
+
+    /// Goes through some places, and then to others.
+    fn fork(&mut self, mut order: Order<'_>, mut swarm: Swarm, through: &[usize], to: &[usize]) {
+        let n = order.n();
+        for i in through {
+            order.append(self.shared.places[*i][1]);
+        }
+        let stand_in = &self.shared.lookahead.groups[self.group];
+        let Some((by, ahead)) = order.ahead(n, stand_in) else { return };
+        swarm.look_ahead(&ahead, self.rng);
+        if self.run(&mut swarm, &by) {
+            swarm.change(n, &by, &order);
+            self.tell(order, swarm, to);
         }
     }
 

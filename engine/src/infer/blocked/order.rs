@@ -3,6 +3,7 @@
 use nalgebra::{Cholesky, DMatrix, DVector};
 use rand::{Rng, RngExt as _};
 use rand_distr::StandardNormal;
+use std::rc::Rc;
 
 use super::latent::Group;
 use super::stand_in::GroupStandIn;
@@ -63,9 +64,9 @@ pub(super) struct Order<'a> {
     law: &'a Law,
     pub(super) places: Vec<usize>,
     mean: Vec<f64>,
-    /// The rows of L up to their diagonals, one after the other. The diagonal is zero where the values before determine
-    /// one.
-    rows: Vec<f64>,
+    /// The rows of L up to their diagonals, shared by orders that begin alike. The diagonal is zero where the values
+    /// before determine one.
+    rows: Vec<Rc<[f64]>>,
 }
 
 impl<'a> Order<'a> {
@@ -82,14 +83,14 @@ impl<'a> Order<'a> {
             let own = self.latent(self.n());
             let covariances = &law.covariance[own * law.mean.len()..][..law.mean.len()];
             let covariance = |order: &Self, j: usize| covariances[order.latent(j)];
-            self.push(law.mean[own], &[], covariance);
+            self.push(law.mean[own], vec![], covariance);
         }
     }
 
-    /// Adds a value with this mean and this beginning of its row. The rest of L Lᵀ is the covariance with each value from there on.
-    fn push(&mut self, mean: f64, given: &[f64], covariance: impl Fn(&Self, usize) -> f64) {
-        let (i, first) = (self.n(), given.len());
-        let mut own = given.to_vec();
+    /// Adds a value with this mean and this beginning of its row, `own`. The rest of L Lᵀ is the covariance with each value from there on.
+    fn push(&mut self, mean: f64, mut own: Vec<f64>, covariance: impl Fn(&Self, usize) -> f64) {
+        let (i, first) = (self.n(), own.len());
+        own.reserve(i + 1 - first);
         for j in first..i {
             let other = self.row(j);
             let left = covariance(self, j) - dot::<4>(&own[first..], &other[first..j]);
@@ -99,7 +100,7 @@ impl<'a> Order<'a> {
         let left = variance - dot::<4>(&own[first..], &own[first..]);
         own.push(if left > ROUNDING * variance { left.sqrt() } else { 0.0 });
         self.mean.push(mean);
-        self.rows.append(&mut own);
+        self.rows.push(own.into());
     }
 
     /// Which of the latent values `(block, place)` is number i.
@@ -118,7 +119,7 @@ impl<'a> Order<'a> {
 
     /// Row i of L up to its diagonal.
     pub(super) fn row(&self, i: usize) -> &[f64] {
-        &self.rows[i * (i + 1) / 2..][..=i]
+        &self.rows[i]
     }
 
     /// θᵢ of each particle, from ε `(n, particle)`; from the values before alone if these are all that there are.
@@ -206,13 +207,13 @@ impl<'a> Order<'a> {
         let gain = &covariance * &information;
         let mean = &gain * &d;
         let rows = &before - &gain * &before;
-        let mut order =
-            Self { rows: self.rows[..first * (first + 1) / 2].to_vec(), ..self.clone() };
+        let mut order = self.clone();
         order.mean.truncate(first);
+        order.rows.truncate(first);
         for i in 0..n {
-            let given: Vec<f64> = rows.row(i).iter().copied().collect();
+            let given = rows.row(i).iter().copied().collect();
             let at = |_: &Self, j: usize| covariance[(i, j - first)];
-            order.push(self.mean[first + i] + mean[i], &given, at);
+            order.push(self.mean[first + i] + mean[i], given, at);
         }
         let information = &information - &information * gain;
         Some((order, Ahead { before, d, information }))
