@@ -23,8 +23,7 @@ use crate::store::{cache, write_folder};
 /// Bytes that are packed at once.
 const PIECE: usize = 1 << 16;
 
-/// Between the numbers in the name of a chunk's file. With `/` each would be a folder, and to make hundreds of folders takes
-/// as long as all that is written.
+/// Between the numbers in the name of a chunk's file. With `/` each would be a folder: in the default run 179 more to make.
 const SEPARATOR: &str = ".";
 
 /// Metadata of every group and array by its path below the root, in the order written.

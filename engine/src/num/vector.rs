@@ -47,7 +47,7 @@ pub fn dots_with_sum(a: &[f64], b: &[f64], x: &[f64], y: &[f64]) -> [f64; 2] {
     [total(partial[0]) + rest[0], total(partial[1]) + rest[1]]
 }
 
-/// Writes `e^(x − most)` for the most of x, which is returned; below e⁻⁷⁰⁸ not exactly.
+/// Writes `e^(x − most)` and returns `most`, the largest of x. Results below e⁻⁷⁰⁸ are that. NaN where every x is −∞.
 pub fn exp_of_less(x: &[f64], out: &mut Vec<f64>) -> f64 {
     let most = x.iter().copied().fold(f64::NEG_INFINITY, f64::max);
     out.resize(x.len(), 0.0);

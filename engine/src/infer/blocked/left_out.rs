@@ -11,9 +11,9 @@
 //! the measurement comes last, and the lookahead knows nothing of it. Then the mean of Ẑ₋ᵢ/Ẑ is Z₋ᵢ/Z for any number
 //! of particles, so that importance weights Ẑ₋ᵢ/Ẑ make draws those of the posterior without the measurement.
 //!
-//! Each place is last in turn, but the ways to them begin alike. Particles that have values at one half of the places
-//! go on to the other half, of which they knew nothing so far: to the first quarter of it on the way to the second, and
-//! the other way round, until a single place is left. So n places take n log n steps instead of n².
+//! Each place is the last one in turn, but the ways to them begin alike. Particles first get values at one half of the
+//! places, and know nothing of the other half. To go on they fork: some go through the first quarter to the second, others
+//! through the second to the first; and so on, until a single place is left. So n places take n log n steps instead of n².
 //!
 //! [`particles`]: super::particles
 //!
@@ -166,9 +166,7 @@ impl Shared<'_> {
         let wanted: Vec<usize> = (0..self.places.len()).filter(of_group).collect();
         let half = |wanted: &[usize]| {
             let comes_last = |place: &usize| wanted.iter().any(|i| self.places[*i][1] == *place);
-            let [last, before] = [true, false].map(|last| {
-                (0..n_seen).filter(|place| comes_last(place) == last).collect::<Vec<_>>()
-            });
+            let (last, before): (Vec<usize>, Vec<usize>) = (0..n_seen).partition(comes_last);
             let without =
                 |known: StandIn, place: &usize| known.without([group, *place], self.layout);
             let lookahead = last.iter().fold(self.lookahead.clone(), without);
@@ -222,9 +220,8 @@ struct Branch<'a, R> {
 impl<R: Rng> Branch<'_, R> {
     /// Whether there is a particle with a weight at the end of the order.
     fn run(&mut self, swarm: &mut Swarm, order: &Order<'_>) -> bool {
-        let at = |place| [self.group, place];
         let stand_in = &self.shared.lookahead.groups[self.group];
-        swarm.run(order, stand_in, at, self.latent, self.rng).is_finite()
+        swarm.run(order, stand_in, self.group, self.latent, self.rng).is_finite()
     }
 
     /// Writes the rows of places that are not yet in the order, whose values the particles have. On the way to one half of
@@ -315,7 +312,6 @@ impl<R: Rng> Branch<'_, R> {
 }
 
 /// Values of a place `(n, n_blocks)`, and ln of their weights.
-#[derive(Default)]
 struct Points {
     theta: Vec<f64>,
     ln_weights: Vec<f64>,

@@ -87,7 +87,7 @@ impl<'a> Here<'a> {
             let law = self.law(group);
             let order = law.order();
             let mut swarm = Swarm::new(n_particles, None);
-            sum += swarm.run(&order, stand_in, |place| [group, place], latent, rng);
+            sum += swarm.run(&order, stand_in, group, latent, rng);
             let z = &mut z[first..][..law.n_coefficients()];
             first += z.len();
             order.coefficients(&swarm.chosen(rng), rng, z);
@@ -110,7 +110,7 @@ impl<'a> Here<'a> {
             let present = theta[first..][..order.n()].to_vec();
             first += order.n();
             let mut swarm = Swarm::new(n_particles, Some(present));
-            sum += swarm.run(&order, stand_in, |place| [group, place], latent, rng);
+            sum += swarm.run(&order, stand_in, group, latent, rng);
         }
         sum
     }
@@ -155,7 +155,7 @@ impl Swarm {
         &mut self,
         order: &Order<'_>,
         stand_in: &GroupStandIn,
-        at: impl Fn(usize) -> [usize; 2],
+        group: usize,
         latent: &mut dyn Latent,
         rng: &mut impl Rng,
     ) -> f64 {
@@ -174,7 +174,7 @@ impl Swarm {
                 order.values(step * d + f, &self.eps, &mut values);
                 theta.iter_mut().skip(f).step_by(d).zip(&values).for_each(|(to, x)| *to = *x);
             }
-            latent.ln_likelihoods(at(place), &theta, &mut likelihoods);
+            latent.ln_likelihoods([group, place], &theta, &mut likelihoods);
             for ((ln, likelihood), theta) in
                 self.lns.iter_mut().zip(&likelihoods).zip(theta.chunks_exact(d))
             {
@@ -248,7 +248,7 @@ impl Swarm {
             return f64::NEG_INFINITY;
         }
         for ((weight, ln), factor) in self.weights.iter_mut().zip(&self.lns).zip(&self.factors) {
-            // to find that it is too small for a number takes the library long
+            // the library is slow where the result is too small for a number
             let value = if ln - most < SMALLEST { 0.0 } else { factor * (ln - most).exp() };
             *weight = if value.is_finite() { value } else { 0.0 };
         }
