@@ -24,21 +24,17 @@ struct Piece<'a> {
     corners: [usize; 3],
     tissue: &'a Tissue,
     /// Gradient of the function that is 1 at a corner and 0 at the others, 1/mm.
-    slopes: [[f64; 2]; 3],
+    slopes: &'a [[f64; 2]; 3],
     /// mm²
     area: f64,
 }
 
 impl<'a> Piece<'a> {
-    fn new(triangle: &Triangle, tissue: &'a Tissue) -> Self {
-        let [a, b, c] = triangle.points;
-        let area = (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0]);
-        let slope =
-            |from: [f64; 2], to: [f64; 2]| [(from[1] - to[1]) / area, (to[0] - from[0]) / area];
+    fn new(triangle: &'a Triangle, tissue: &'a Tissue) -> Self {
         Self {
             corners: triangle.corners.map(|v| v as usize),
             tissue,
-            slopes: [slope(b, c), slope(c, a), slope(a, b)],
+            slopes: &triangle.slopes,
             area: 0.5 * triangle.area,
         }
     }
@@ -49,7 +45,7 @@ impl<'a> Piece<'a> {
 
     fn gradient(&self, values: &[f64]) -> [f64; 2] {
         let mut sum = [0.0; 2];
-        for (v, slope) in self.corners.iter().zip(&self.slopes) {
+        for (v, slope) in self.corners.iter().zip(self.slopes) {
             (0..2).for_each(|k| sum[k] += values[*v] * slope[k]);
         }
         sum
@@ -161,7 +157,7 @@ impl Bend<'_> {
             let gradient = piece.gradient(self.arrival);
             let weight = piece.mean(self.thickness) * piece.area;
             for (v, slope) in piece.corners.iter().zip(piece.slopes) {
-                out[*v] -= weight * self.patches.inner[*v] * flow(piece.tissue, slope, gradient);
+                out[*v] -= weight * self.patches.inner[*v] * flow(piece.tissue, *slope, gradient);
             }
         }
         let mut slowing = self.mean(&out);
@@ -180,10 +176,10 @@ impl Bend<'_> {
             let d = [mean(Some(change.slowness)), mean(change.ratio), mean(change.angle)];
             let (thickness, thicker) = (piece.mean(self.thickness), mean(change.thickness));
             for (v, slope) in piece.corners.iter().zip(piece.slopes) {
-                let by = flow_by_medium(piece.tissue, slope, gradient);
+                let by = flow_by_medium(piece.tissue, *slope, gradient);
                 let by_medium = (0..3).map(|k| by[k] * d[k]).sum::<f64>();
-                let change = thicker * flow(piece.tissue, slope, gradient)
-                    + thickness * (flow(piece.tissue, slope, moved) + by_medium);
+                let change = thicker * flow(piece.tissue, *slope, gradient)
+                    + thickness * (flow(piece.tissue, *slope, moved) + by_medium);
                 out[*v] -= piece.area * self.patches.inner[*v] * change;
             }
         }
@@ -210,7 +206,7 @@ impl Bend<'_> {
             let (gradient, pulled) = (piece.gradient(self.arrival), piece.gradient(&bar));
             let weight = piece.mean(self.thickness) * piece.area;
             for (v, slope) in piece.corners.iter().zip(piece.slopes) {
-                arrival[*v] -= weight * flow(piece.tissue, slope, pulled);
+                arrival[*v] -= weight * flow(piece.tissue, *slope, pulled);
             }
             let by = flow_by_medium(piece.tissue, pulled, gradient).map(|by| -weight * by / 3.0);
             let thicker = -piece.area * flow(piece.tissue, pulled, gradient) / 3.0;

@@ -127,7 +127,7 @@ impl Linear {
         let vertices = ends.map(|k| triangle.corners[k]);
         let arrivals = vertices.map(|v| front.arrival[v as usize]);
         let step = Step::new(&front.timed[index as usize], to, arrivals);
-        let origin = if is_round { front.origins[vertices[0] as usize] } else { NONE };
+        let origin = if is_round { front.reached[vertices[0] as usize].origin } else { NONE };
         let slope = step.across_slope(is_round.then(|| front.births[origin as usize]));
         // the step's axes in the timed plane
         let side = tissue.timed(minus(triangle.points[ends[1]], triangle.points[ends[0]]));
@@ -138,7 +138,7 @@ impl Linear {
             into = into.map(|x| -x);
         }
         let mut by = [0.0; 3];
-        for ([x, y], weight) in slope.ways {
+        for ([x, y], weight) in slope.ways.into_iter().filter(|way| way.1 != 0.0) {
             let n = [x * along[0] + y * into[0], x * along[1] + y * into[1]];
             let of = tissue.derivative(n);
             (0..3).for_each(|k| by[k] += weight * of[k]);

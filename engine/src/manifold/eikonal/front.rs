@@ -7,7 +7,7 @@ use super::order::Order;
 use super::queue::Queue;
 use super::rays::Rays;
 use super::way::{NONE, Way};
-use std::sync::OnceLock;
+use std::sync::{Arc, OnceLock};
 
 /// Arrival times, and how each came about; memory is reused between calls.
 #[derive(Clone, Debug, Default)]
@@ -15,21 +15,16 @@ pub struct Front {
     /// First arrival of activation at each vertex, ms (n_vertices); infinite where no source leads.
     pub arrival: Vec<f64>,
     pub(super) ways: Vec<Way>,
-    /// The source that the front was born at; [`NONE`] if it is one of neighbours.
-    pub(super) origins: Vec<u32>,
-    /// Whether those reached from a vertex may now be reached later.
-    pub(super) has_changed: Vec<bool>,
-    /// The number of each source, or [`NONE`] if it has neighbours.
-    pub(super) own: Vec<u32>,
-    /// How often each vertex was taken up.
-    pub(super) turns: Vec<u8>,
-    /// How often the origin of a vertex was another.
-    pub(super) moves: Vec<u8>,
+    /// How each vertex stands.
+    pub(super) reached: Vec<Reached>,
     /// Onset of each source, ms.
     pub(super) births: Vec<f64>,
     pub(super) tissue: Vec<Tissue>,
     pub(super) timed: Vec<Timed>,
-    pub(super) rays: Rays,
+    /// Lines from the sources it has last begun at.
+    pub(super) rays: Arc<Rays>,
+    /// The number of each source, or [`NONE`] if it has neighbours.
+    pub(super) own: Vec<u32>,
     pub(super) queue: Queue,
     /// What waits for the next pass.
     pub(super) later: Queue,
@@ -42,6 +37,26 @@ pub struct Front {
     pub(super) thickness: Vec<f64>,
     /// Its derivatives, once a change was asked for.
     pub(super) linear: OnceLock<Linear>,
+}
+
+/// How a vertex stands while arrivals are on their way.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Reached {
+    /// ms; infinite before it is reached.
+    pub(super) arrival: f64,
+    /// The source that the front was born at; [`NONE`] if it is one of neighbours.
+    pub(super) origin: u32,
+    /// How often it was taken up.
+    pub(super) turns: u8,
+    /// How often its origin was another.
+    pub(super) moves: u8,
+    /// Whether those reached from it may now be reached later.
+    pub(super) has_changed: bool,
+}
+
+impl Reached {
+    pub(super) const NOT: Self =
+        Self { arrival: f64::INFINITY, origin: NONE, turns: 0, moves: 0, has_changed: false };
 }
 
 impl Front {

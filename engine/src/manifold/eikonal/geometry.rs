@@ -18,6 +18,8 @@ pub(super) struct Triangle {
     pub(super) corners: [u32; 3],
     /// Corners in the frame, mm.
     pub(super) points: [[f64; 2]; 3],
+    /// Gradient of the linear function that is 1 at a corner and 0 at the others, 1/mm.
+    pub(super) slopes: [[f64; 2]; 3],
     /// Twice the area, mm².
     pub(super) area: f64,
     /// The triangle across the side opposite each corner, or [`NONE`].
@@ -103,8 +105,11 @@ fn flat(
         let from_first = subtract(p, at[0]);
         [dot(from_first, along), dot(from_first, across)]
     });
-    let [_, b, c] = points;
-    Triangle { corners, points, area: (b[0] * c[1] - b[1] * c[0]).abs(), beyond }
+    let [a, b, c] = points;
+    let area = (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0]);
+    let slope = |from: [f64; 2], to: [f64; 2]| [(from[1] - to[1]) / area, (to[0] - from[0]) / area];
+    let slopes = [slope(b, c), slope(c, a), slope(a, b)];
+    Triangle { corners, points, slopes, area: (b[0] * c[1] - b[1] * c[0]).abs(), beyond }
 }
 
 /// The direction of `vector` in the plane across the unit `normal`; none if no more than the part `least`

@@ -5,10 +5,13 @@
 //! that no single order of the vertices will do; vertices are taken up again until nothing changes by more than
 //! [`LEAST`].
 
-use super::front::Front;
+use super::front::{Front, Reached};
 use super::geometry::{Blade, Geometry};
+use super::metric::{NEXT, Timed};
+use super::rays::Rays;
 use super::step::Step;
 use super::way::{NONE, Way};
+use std::sync::Arc;
 
 /// A vertex that is reached earlier by less than this part of its arrival is not taken up again.
 const LEAST: f64 = 1e-13;
@@ -47,7 +50,7 @@ struct Side {
 
 /// Arrivals on their way.
 pub(super) struct March<'a> {
-    geometry: &'a Geometry,
+    geometry: &'a Arc<Geometry>,
     front: &'a mut Front,
     /// Whether a vertex that turns out to be reached before the one whose turn it is waits until all later ones
     /// had theirs.  This takes more turns where few vertices do, and far fewer where many do, again and again.
@@ -59,19 +62,23 @@ pub(super) struct March<'a> {
 impl<'a> March<'a> {
     /// Of a front whose tissue is known.
     pub(super) fn new(
-        geometry: &'a Geometry,
+        geometry: &'a Arc<Geometry>,
         sources: &[(u32, f64)],
         front: &'a mut Front,
     ) -> Self {
         front.births.clear();
         front.births.extend(sources.iter().map(|&(_, onset)| onset));
-        trace(geometry, sources, front);
+        let vertices: Vec<u32> = sources.iter().map(|&(vertex, _)| vertex).collect();
+        if !front.rays.are_from(geometry, &vertices) {
+            front.rays = Rays::new(geometry, vertices).into();
+        }
+        front.own.clone_from(&front.rays.own);
         Self { geometry, front, is_patient: false, now: f64::NEG_INFINITY }
     }
 
     /// For tests: when a vertex would be reached from the arrivals of `front`.
     #[cfg(test)]
-    pub(super) fn again(geometry: &'a Geometry, front: &'a mut Front, vertex: u32) -> f64 {
+    pub(super) fn again(geometry: &'a Arc<Geometry>, front: &'a mut Front, vertex: u32) -> f64 {
         Self { geometry, front, is_patient: false, now: f64::NEG_INFINITY }.earliest(vertex).arrival
     }
 
@@ -84,23 +91,17 @@ impl<'a> March<'a> {
             self.begin();
             self.settle(usize::MAX);
         }
+        self.front.arrival.clear();
+        self.front.arrival.extend(self.front.reached.iter().map(|reached| reached.arrival));
     }
 
     /// What is reached straight from the sources, and nothing else.
     fn begin(&mut self) {
         let (n, front) = (self.geometry.n_vertices(), &mut *self.front);
-        front.arrival.clear();
-        front.arrival.resize(n, f64::INFINITY);
+        front.reached.clear();
+        front.reached.resize(n, Reached::NOT);
         front.ways.clear();
         front.ways.resize(n, Way::Never);
-        front.origins.clear();
-        front.origins.resize(n, NONE);
-        front.has_changed.clear();
-        front.has_changed.resize(n, false);
-        front.turns.clear();
-        front.turns.resize(n, 0);
-        front.moves.clear();
-        front.moves.resize(n, 0);
         front.queue.clear(n);
         front.later.clear(n);
         self.now = f64::NEG_INFINITY;
@@ -114,7 +115,7 @@ impl<'a> March<'a> {
     fn settle(&mut self, turns: usize) -> bool {
         for _ in 0..turns {
             let Some(v) = self.next() else { return true };
-            let turns = &mut self.front.turns[v as usize];
+            let turns = &mut self.front.reached[v as usize].turns;
             *turns = turns.saturating_add(1);
             if *turns == ROUND {
                 self.reconsider(v);
@@ -132,7 +133,7 @@ impl<'a> March<'a> {
         }
         let v = front.queue.pop()?;
         if self.is_patient {
-            self.now = front.arrival[v as usize];
+            self.now = front.reached[v as usize].arrival;
         }
         Some(v)
     }
@@ -148,27 +149,33 @@ impl<'a> March<'a> {
         Candidate { arrival, way: Way::Ray(index), origin }
     }
 
+    #[inline(always)]
+    fn is_earlier(&self, vertex: u32, candidate: &Candidate) -> bool {
+        let now = self.front.reached[vertex as usize].arrival;
+        now - candidate.arrival > LEAST * candidate.arrival.abs()
+    }
+
     /// Takes a candidate if it is earlier.
     #[inline]
     fn offer(&mut self, vertex: u32, candidate: Candidate) {
-        let now = self.front.arrival[vertex as usize];
-        if now - candidate.arrival > LEAST * candidate.arrival.abs() {
+        if self.is_earlier(vertex, &candidate) {
             self.take(vertex, candidate);
         }
     }
 
     fn take(&mut self, vertex: u32, candidate: Candidate) {
         let (front, v) = (&mut *self.front, vertex as usize);
+        let reached = &mut front.reached[v];
         let is_first = front.ways[v] == Way::Never;
-        let is_moved = candidate.origin != front.origins[v] && front.moves[v] < MOVES;
+        let is_moved = candidate.origin != reached.origin && reached.moves < MOVES;
         if is_first || is_moved {
-            front.origins[v] = candidate.origin;
-            front.moves[v] += u8::from(!is_first);
+            reached.origin = candidate.origin;
+            reached.moves += u8::from(!is_first);
         }
         // those reached from here may now be reached later, also if this one is reached earlier: a round front that
         // passes one end of a side sooner may pass beyond it later
-        front.has_changed[v] |= front.turns[v] > 0;
-        front.arrival[v] = candidate.arrival;
+        reached.has_changed |= reached.turns > 0;
+        reached.arrival = candidate.arrival;
         front.ways[v] = candidate.way;
         let queue = if candidate.arrival < self.now { &mut front.later } else { &mut front.queue };
         queue.put(vertex, candidate.arrival);
@@ -177,29 +184,37 @@ impl<'a> March<'a> {
     /// Offers the neighbours of a vertex what leads there from it.
     fn spread(&mut self, v: u32) {
         let geometry = self.geometry;
-        let has_changed = std::mem::take(&mut self.front.has_changed[v as usize]);
-        for &Blade { triangle: index, corner, others } in geometry.fan(v) {
-            for (end, vertex, other) in [(1, others[0], others[1]), (0, others[1], others[0])] {
-                let to = (corner as usize + 2 - end) % 3;
-                let [here, there, now] = [v, other, vertex].map(|u| self.front.arrival[u as usize]);
-                let is_own = has_changed && self.is_from(vertex, index, v);
-                if !is_own && now <= here.min(there) {
+        let here = &mut self.front.reached[v as usize];
+        let has_changed = std::mem::take(&mut here.has_changed);
+        let here = *here;
+        for blade in geometry.fan(v) {
+            for end in [1, 0] {
+                let [vertex, other] = [blade.others[1 - end], blade.others[end]];
+                let [now, there] = [vertex, other].map(|u| self.front.reached[u as usize]);
+                let is_own = has_changed && self.is_from(vertex, blade.triangle, v);
+                if !is_own && now.arrival <= here.arrival.min(there.arrival) {
                     continue;
                 }
+                let to = NEXT[blade.corner as usize + 2 - end];
+                let timed = &self.front.timed[blade.triangle as usize];
                 // across the side when its other end has its turn
-                let candidate = if self.had_turn(other) {
-                    let side = self.side(index, to);
-                    if !is_own && side.step.is_later_than(now, side.birth) {
+                let candidate = if there.turns > 0 {
+                    let ends = if end == 0 { [here, there] } else { [there, here] };
+                    let is_round = now.turns < ROUND;
+                    let side = self.side(timed, blade.triangle, to, ends, is_round);
+                    if !is_own && side.step.is_later_than(now.arrival, side.birth) {
                         continue;
                     }
                     Self::through(&side, [end, end])
                 } else {
-                    self.along(index, to, end)
+                    Self::along(timed, blade.triangle, to, end, here)
                 };
                 if is_own && self.is_otherwise(vertex, &candidate) {
                     self.reconsider(vertex);
-                } else if !self.is_near(vertex, candidate.origin) {
-                    self.offer(vertex, candidate);
+                } else if self.is_earlier(vertex, &candidate)
+                    && !self.is_near(vertex, candidate.origin)
+                {
+                    self.take(vertex, candidate);
                 }
             }
         }
@@ -222,28 +237,32 @@ impl<'a> March<'a> {
     /// Whether the way that a vertex has, as it is now, may no longer be the earliest: it is later than it was, or another.
     fn is_otherwise(&self, vertex: u32, now: &Candidate) -> bool {
         let (v, front) = (vertex as usize, &*self.front);
-        let later = now.arrival - front.arrival[v];
-        let is_same = now.way == front.ways[v] && now.origin == front.origins[v];
+        let reached = front.reached[v];
+        let later = now.arrival - reached.arrival;
+        let is_same = now.way == front.ways[v] && now.origin == reached.origin;
         later > LEAST * now.arrival.abs() || !is_same && later >= -LEAST * now.arrival.abs()
     }
 
     /// To corner `to` of a triangle, from the side opposite.
     #[inline(always)]
-    fn side(&self, index: u32, to: usize) -> Side {
-        let front = &*self.front;
-        let timed = &front.timed[index as usize];
-        let ends = [1, 2].map(|k| timed.corners[(to + k) % 3] as usize);
-        let arrivals = ends.map(|v| front.arrival[v]);
-        let origins = ends.map(|v| front.origins[v]);
+    fn side(
+        &self,
+        timed: &Timed,
+        index: u32,
+        to: usize,
+        ends: [Reached; 2],
+        is_round: bool,
+    ) -> Side {
+        let origins = ends.map(|end| end.origin);
         let is_one = origins[0] == origins[1];
-        let is_round = is_one && front.turns[timed.corners[to] as usize] < ROUND;
-        let birth = front.births.get(origins[0] as usize).filter(|_| is_round).copied();
-        Side { index, to, step: Step::new(timed, to, arrivals), origins, birth }
+        let births = &self.front.births;
+        let birth = births.get(origins[0] as usize).filter(|_| is_one && is_round).copied();
+        Side { index, to, step: Step::new(timed, to, ends.map(|end| end.arrival)), origins, birth }
     }
 
     /// The earliest way to corner `to` of a triangle: across the side opposite, or along the sides from its
     /// `ends`.
-    #[inline]
+    #[inline(always)]
     fn through(side: &Side, ends: [usize; 2]) -> Candidate {
         let Side { index, to, ref step, origins, birth } = *side;
         let to = to as u8;
@@ -260,21 +279,12 @@ impl<'a> March<'a> {
         Candidate { arrival, way, origin: origins[end] }
     }
 
-    /// Whether others may be reached from a vertex: not before its first turn.
-    #[inline]
-    fn had_turn(&self, vertex: u32) -> bool {
-        self.front.turns[vertex as usize] > 0
-    }
-
     /// Along the side from one end to corner `to` of a triangle.
-    #[inline]
-    fn along(&self, index: u32, to: usize, end: usize) -> Candidate {
-        let front = &*self.front;
-        let timed = &front.timed[index as usize];
-        let from = timed.corners[(to + 1 + end) % 3] as usize;
-        let arrival = front.arrival[from] + timed.sides[(to + 2 - end) % 3];
+    #[inline(always)]
+    fn along(timed: &Timed, index: u32, to: usize, end: usize, from: Reached) -> Candidate {
+        let arrival = from.arrival + timed.sides[NEXT[to + 2 - end]];
         let way = Way::Along { triangle: index, to: to as u8, end: end as u8 };
-        Candidate { arrival, way, origin: front.origins[from] }
+        Candidate { arrival, way, origin: from.origin }
     }
 
     /// The earliest of all ways to a vertex.
@@ -292,10 +302,13 @@ impl<'a> March<'a> {
         }
         for &Blade { triangle: index, corner, others } in self.geometry.fan(vertex) {
             let to = corner as usize;
-            let candidate = match others.map(|v| self.had_turn(v)) {
-                [true, true] => Self::through(&self.side(index, to), [0, 1]),
-                [true, false] => self.along(index, to, 0),
-                [false, true] => self.along(index, to, 1),
+            let timed = &self.front.timed[index as usize];
+            let ends = others.map(|v| self.front.reached[v as usize]);
+            let is_round = self.front.reached[vertex as usize].turns < ROUND;
+            let candidate = match ends.map(|end| end.turns > 0) {
+                [true, true] => Self::through(&self.side(timed, index, to, ends, is_round), [0, 1]),
+                [true, false] => Self::along(timed, index, to, 0, ends[0]),
+                [false, true] => Self::along(timed, index, to, 1, ends[1]),
                 [false, false] => continue,
             };
             if !self.is_near(vertex, candidate.origin) {
@@ -318,27 +331,11 @@ impl<'a> March<'a> {
     fn reconsider(&mut self, vertex: u32) {
         let best = self.earliest(vertex);
         let v = vertex as usize;
-        let now = self.front.arrival[v];
-        let is_origin = best.origin == self.front.origins[v] || self.front.moves[v] >= MOVES;
+        let Reached { arrival: now, origin, moves, .. } = self.front.reached[v];
+        let is_origin = best.origin == origin || moves >= MOVES;
         let is_same = is_origin && best.way == self.front.ways[v];
         if !(is_same && (best.arrival - now).abs() <= LEAST * now.abs()) {
             self.take(vertex, best);
         }
-    }
-}
-
-/// Lines from the sources, and for every source its number, or [`NONE`] if a neighbour of its vertex is a source,
-/// too: together they are a line or a region.  Lines lead out of a region only.
-fn trace(geometry: &Geometry, sources: &[(u32, f64)], front: &mut Front) {
-    let mut vertices: Vec<u32> = sources.iter().map(|&(vertex, _)| vertex).collect();
-    vertices.sort_unstable();
-    front.own.clear();
-    front.rays.clear(geometry.n_vertices());
-    for (number, &(vertex, _)) in (0..).zip(sources) {
-        let neighbours = geometry.fan(vertex).iter().flat_map(|blade| blade.others);
-        let mut are_sources = neighbours.map(|v| vertices.binary_search(&v).is_ok());
-        let (is_lone, is_inner) = (!are_sources.clone().any(|is| is), are_sources.all(|is| is));
-        front.own.push(if is_lone { number } else { NONE });
-        front.rays.trace(geometry, vertex, number, !is_inner);
     }
 }

@@ -10,6 +10,9 @@
 use super::Medium;
 use super::geometry::{Geometry, Triangle};
 
+/// The corner with such a number, counted on from any corner.
+pub(super) const NEXT: [usize; 5] = [0, 1, 2, 0, 1];
+
 /// Medium of a triangle.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Tissue {

@@ -40,6 +40,7 @@ use bend::{Bend, Patches};
 use geometry::Geometry;
 use march::March;
 use metric::{measure, slow_down};
+use std::sync::Arc;
 
 /// How often [`Eikonal::settled`] takes the mean of a front's slowing and of that by its own shape. Times are nearer to the
 /// simulator's with three rounds than with two, and farther off again with four.
@@ -51,7 +52,7 @@ const ROUNDS: usize = 3;
 /// first where the surface is normal to z.
 #[derive(Clone, Debug)]
 pub struct Eikonal {
-    geometry: Geometry,
+    geometry: Arc<Geometry>,
     patches: Patches,
 }
 
@@ -108,7 +109,7 @@ impl Eikonal {
     pub fn new(mesh: &TriMesh, fibres: Option<&[[f64; 3]]>) -> Result<Self, ManifoldError> {
         let geometry = Geometry::new(mesh, fibres)?;
         let patches = Patches::new(&geometry);
-        Ok(Self { geometry, patches })
+        Ok(Self { geometry: geometry.into(), patches })
     }
 
     /// Number of vertices of the surface.
@@ -191,6 +192,7 @@ impl Eikonal {
         let slowness = slower(medium.slowness, &front.slowing);
         front.tissue.clone_from(&plain.tissue);
         front.timed.clone_from(&plain.timed);
+        front.rays = Arc::clone(&plain.rays);
         slow_down(&self.geometry, &slowness, &mut front.tissue, &mut front.timed);
         front.plain = Some(plain);
         self.march(sources, front);

@@ -8,6 +8,7 @@
 use super::geometry::{Blade, Geometry, Triangle};
 use super::metric::Tissue;
 use super::way::NONE;
+use std::sync::Arc;
 
 /// Radius in which vertices are reached straight, in mean edges at the source.
 const RADIUS: f64 = 5.0;
@@ -17,8 +18,13 @@ const MOST_CROSSED: usize = 30;
 const LEAST: f64 = 1e-12;
 
 /// Straight lines from all sources.
-#[derive(Clone, Debug, Default)]
+#[derive(Debug, Default)]
 pub(super) struct Rays {
+    geometry: Option<Arc<Geometry>>,
+    sources: Vec<u32>,
+    /// The number of each source, or [`NONE`] if a neighbour of it is a source, too: together they are a line or a
+    /// region. Lines lead out of a region only.
+    pub(super) own: Vec<u32>,
     all: Vec<Ray>,
     pieces: Vec<Piece>,
     /// The last line to each vertex, or [`NONE`].
@@ -103,11 +109,25 @@ struct Source {
 }
 
 impl Rays {
-    pub(super) fn clear(&mut self, n_vertices: usize) {
-        self.all.clear();
-        self.pieces.clear();
-        self.last.clear();
-        self.last.resize(n_vertices, NONE);
+    /// From these vertices.
+    pub(super) fn new(geometry: &Arc<Geometry>, sources: Vec<u32>) -> Self {
+        let mut sorted = sources.clone();
+        sorted.sort_unstable();
+        let mut new = Self { last: vec![NONE; geometry.n_vertices()], ..Self::default() };
+        for (number, vertex) in (0..).zip(&sources) {
+            let neighbours = geometry.fan(*vertex).iter().flat_map(|blade| blade.others);
+            let mut are_sources = neighbours.map(|v| sorted.binary_search(&v).is_ok());
+            let (is_lone, is_inner) = (!are_sources.clone().any(|is| is), are_sources.all(|is| is));
+            new.own.push(if is_lone { number } else { NONE });
+            new.trace(geometry, *vertex, number, !is_inner);
+        }
+        Self { geometry: Some(Arc::clone(geometry)), sources, ..new }
+    }
+
+    /// Whether they are those from these vertices.
+    pub(super) fn are_from(&self, geometry: &Arc<Geometry>, sources: &[u32]) -> bool {
+        self.geometry.as_ref().is_some_and(|own| Arc::ptr_eq(own, geometry))
+            && self.sources == sources
     }
 
     pub(super) fn len(&self) -> u32 {
@@ -171,7 +191,7 @@ impl Rays {
 
     /// Adds the line without parts from `vertex`, which is source number `number`, to itself, and all others if
     /// `is_all`.
-    pub(super) fn trace(&mut self, geometry: &Geometry, vertex: u32, number: u32, is_all: bool) {
+    fn trace(&mut self, geometry: &Geometry, vertex: u32, number: u32, is_all: bool) {
         let fan = geometry.fan(vertex);
         let edges = fan.iter().flat_map(|blade| {
             let points = &geometry.triangles[blade.triangle as usize].points;
