@@ -350,14 +350,14 @@ fn what_arrival_times_tell_of_carried_fibres() {
 
 /// What intervals lack here is neither the simulator's nor that of a truth that the prior does not expect.
 #[test]
-#[ignore = "8 runs, a quarter of an hour"]
+#[ignore = "16 runs, half an hour"]
 fn what_arrival_times_tell_of_tissue_from_the_prior() {
     let place = Workplace::new();
     let Some((file, sources)) = carried(&place) else { return };
     let surface = read(&file, Reading::default()).unwrap();
-    for seed in 1..=8 {
-        let (table, tissue) = drawn(&surface, 200, sources, seed);
-        fit(&file, &format!("200 sites, 3 maps, prior draw {seed}"), table, &tissue);
+    for (n, seed) in [200, 600].into_iter().flat_map(|n| (1..=8).map(move |seed| (n, seed))) {
+        let (table, tissue) = drawn(&surface, n, sources, seed);
+        fit(&file, &format!("{n} sites, 3 maps, prior draw {seed}"), table, &tissue);
     }
 }
 

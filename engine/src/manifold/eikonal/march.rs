@@ -149,6 +149,7 @@ impl<'a> March<'a> {
         Candidate { arrival, way: Way::Ray(index), origin }
     }
 
+    /// Whether a candidate is earlier than what a vertex has.
     #[inline(always)]
     fn is_earlier(&self, vertex: u32, candidate: &Candidate) -> bool {
         let now = self.front.reached[vertex as usize].arrival;

@@ -20,7 +20,9 @@ const LEAST: f64 = 1e-12;
 /// Straight lines from all sources.
 #[derive(Debug, Default)]
 pub(super) struct Rays {
+    /// What they were traced on, unless there are none.
     geometry: Option<Arc<Geometry>>,
+    /// Vertices.
     sources: Vec<u32>,
     /// The number of each source, or [`NONE`] if a neighbour of it is a source, too: together they are a line or a
     /// region. Lines lead out of a region only.
