@@ -15,15 +15,15 @@ pub struct Front {
     /// First arrival of activation at each vertex, ms (n_vertices); infinite where no source leads.
     pub arrival: Vec<f64>,
     pub(super) ways: Vec<Way>,
-    /// How each vertex stands.
+    /// How each vertex is reached, (n_vertices).
     pub(super) reached: Vec<Reached>,
     /// Onset of each source, ms.
     pub(super) births: Vec<f64>,
     pub(super) tissue: Vec<Tissue>,
     pub(super) timed: Vec<Timed>,
-    /// Lines from the sources it has last begun at.
+    /// Lines from its sources, kept until it begins at others.
     pub(super) rays: Arc<Rays>,
-    /// The number of each source, or [`NONE`] if it has neighbours.
+    /// Those of `rays`; all [`NONE`] where every front is taken to be plane.
     pub(super) own: Vec<u32>,
     pub(super) queue: Queue,
     /// What waits for the next pass.
@@ -39,7 +39,7 @@ pub struct Front {
     pub(super) linear: OnceLock<Linear>,
 }
 
-/// How a vertex stands while arrivals are on their way.
+/// How a vertex is reached, as far as is known.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Reached {
     /// ms; infinite before it is reached.

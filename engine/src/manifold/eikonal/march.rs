@@ -7,7 +7,6 @@
 
 use super::front::{Front, Reached};
 use super::geometry::{Blade, Geometry};
-use super::metric::{NEXT, Timed};
 use super::rays::Rays;
 use super::step::Step;
 use super::way::{NONE, Way};
@@ -107,7 +106,10 @@ impl<'a> March<'a> {
         self.now = f64::NEG_INFINITY;
         for index in 0..self.front.rays.len() {
             let candidate = self.straight(index);
-            self.offer(self.front.rays.ray(index).to, candidate);
+            let to = self.front.rays.ray(index).to;
+            if self.is_earlier(to, &candidate) {
+                self.take(to, candidate);
+            }
         }
     }
 
@@ -156,14 +158,6 @@ impl<'a> March<'a> {
         now - candidate.arrival > LEAST * candidate.arrival.abs()
     }
 
-    /// Takes a candidate if it is earlier.
-    #[inline]
-    fn offer(&mut self, vertex: u32, candidate: Candidate) {
-        if self.is_earlier(vertex, &candidate) {
-            self.take(vertex, candidate);
-        }
-    }
-
     fn take(&mut self, vertex: u32, candidate: Candidate) {
         let (front, v) = (&mut *self.front, vertex as usize);
         let reached = &mut front.reached[v];
@@ -196,19 +190,17 @@ impl<'a> March<'a> {
                 if !is_own && now.arrival <= here.arrival.min(there.arrival) {
                     continue;
                 }
-                let to = NEXT[blade.corner as usize + 2 - end];
-                let timed = &self.front.timed[blade.triangle as usize];
+                let to = (blade.corner as usize + 2 - end) % 3;
                 // across the side when its other end has its turn
                 let candidate = if there.turns > 0 {
                     let ends = if end == 0 { [here, there] } else { [there, here] };
-                    let is_round = now.turns < ROUND;
-                    let side = self.side(timed, blade.triangle, to, ends, is_round);
+                    let side = self.side(blade.triangle, to, ends, now.turns);
                     if !is_own && side.step.is_later_than(now.arrival, side.birth) {
                         continue;
                     }
                     Self::through(&side, [end, end])
                 } else {
-                    Self::along(timed, blade.triangle, to, end, here)
+                    self.along(blade.triangle, to, end, here)
                 };
                 if is_own && self.is_otherwise(vertex, &candidate) {
                     self.reconsider(vertex);
@@ -244,21 +236,15 @@ impl<'a> March<'a> {
         later > LEAST * now.arrival.abs() || !is_same && later >= -LEAST * now.arrival.abs()
     }
 
-    /// To corner `to` of a triangle, from the side opposite.
+    /// To corner `to` of a triangle, which had so many turns, from the `ends` of the side opposite.
     #[inline(always)]
-    fn side(
-        &self,
-        timed: &Timed,
-        index: u32,
-        to: usize,
-        ends: [Reached; 2],
-        is_round: bool,
-    ) -> Side {
+    fn side(&self, index: u32, to: usize, ends: [Reached; 2], turns: u8) -> Side {
+        let Front { timed, births, .. } = &*self.front;
         let origins = ends.map(|end| end.origin);
-        let is_one = origins[0] == origins[1];
-        let births = &self.front.births;
-        let birth = births.get(origins[0] as usize).filter(|_| is_one && is_round).copied();
-        Side { index, to, step: Step::new(timed, to, ends.map(|end| end.arrival)), origins, birth }
+        let is_round = origins[0] == origins[1] && turns < ROUND;
+        let birth = births.get(origins[0] as usize).filter(|_| is_round).copied();
+        let step = Step::new(&timed[index as usize], to, ends.map(|end| end.arrival));
+        Side { index, to, step, origins, birth }
     }
 
     /// The earliest way to corner `to` of a triangle: across the side opposite, or along the sides from its
@@ -280,10 +266,10 @@ impl<'a> March<'a> {
         Candidate { arrival, way, origin: origins[end] }
     }
 
-    /// Along the side from one end to corner `to` of a triangle.
+    /// Along the side from one end, reached like `from`, to corner `to` of a triangle.
     #[inline(always)]
-    fn along(timed: &Timed, index: u32, to: usize, end: usize, from: Reached) -> Candidate {
-        let arrival = from.arrival + timed.sides[NEXT[to + 2 - end]];
+    fn along(&self, index: u32, to: usize, end: usize, from: Reached) -> Candidate {
+        let arrival = from.arrival + self.front.timed[index as usize].sides[(to + 2 - end) % 3];
         let way = Way::Along { triangle: index, to: to as u8, end: end as u8 };
         Candidate { arrival, way, origin: from.origin }
     }
@@ -303,13 +289,12 @@ impl<'a> March<'a> {
         }
         for &Blade { triangle: index, corner, others } in self.geometry.fan(vertex) {
             let to = corner as usize;
-            let timed = &self.front.timed[index as usize];
             let ends = others.map(|v| self.front.reached[v as usize]);
-            let is_round = self.front.reached[vertex as usize].turns < ROUND;
+            let turns = self.front.reached[vertex as usize].turns;
             let candidate = match ends.map(|end| end.turns > 0) {
-                [true, true] => Self::through(&self.side(timed, index, to, ends, is_round), [0, 1]),
-                [true, false] => Self::along(timed, index, to, 0, ends[0]),
-                [false, true] => Self::along(timed, index, to, 1, ends[1]),
+                [true, true] => Self::through(&self.side(index, to, ends, turns), [0, 1]),
+                [true, false] => self.along(index, to, 0, ends[0]),
+                [false, true] => self.along(index, to, 1, ends[1]),
                 [false, false] => continue,
             };
             if !self.is_near(vertex, candidate.origin) {

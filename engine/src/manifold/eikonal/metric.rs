@@ -10,9 +10,6 @@
 use super::Medium;
 use super::geometry::{Geometry, Triangle};
 
-/// The corner with such a number, counted on from any corner.
-pub(super) const NEXT: [usize; 5] = [0, 1, 2, 0, 1];
-
 /// Medium of a triangle.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Tissue {
@@ -26,7 +23,6 @@ pub(super) struct Tissue {
 /// Lengths of a triangle in the timed plane.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Timed {
-    pub(super) corners: [u32; 3],
     /// The side opposite each corner, ms.
     pub(super) sides: [f64; 3],
     /// Twice the area, ms².
@@ -72,7 +68,7 @@ impl Timed {
             (x * x + y * y).sqrt()
         };
         let area = tissue.slowness * tissue.slowness * tissue.ratio * triangle.area;
-        Self { corners: triangle.corners, sides: [length(q, r), length(r, p), length(p, q)], area }
+        Self { sides: [length(q, r), length(r, p), length(p, q)], area }
     }
 }
 

@@ -22,7 +22,7 @@ const LEAST: f64 = 1e-12;
 pub(super) struct Rays {
     /// What they were traced on, unless there are none.
     geometry: Option<Arc<Geometry>>,
-    /// Vertices.
+    /// The vertices they begin at.
     sources: Vec<u32>,
     /// The number of each source, or [`NONE`] if a neighbour of it is a source, too: together they are a line or a
     /// region. Lines lead out of a region only.

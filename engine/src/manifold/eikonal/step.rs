@@ -26,7 +26,7 @@
 //! Bornemann and Rasch 2006, Finite-element discretization of static Hamilton–Jacobi equations (plane);
 //! Novotni and Klein 2002, Computing geodesic distances on triangular meshes (round, without a medium).
 
-use super::metric::{NEXT, Timed};
+use super::metric::Timed;
 
 /// By how much earlier than the later end, in lengths of the side, a corner is reached by a plane front.
 const EARLY: f64 = 0.1;
@@ -73,7 +73,7 @@ impl Step {
     pub(super) fn new(timed: &Timed, to: usize, ends: [f64; 2]) -> Self {
         let side = timed.sides[to];
         // the way from the next corner is the side opposite the one after it
-        let from_ends = [2, 1].map(|k| timed.sides[NEXT[to + k]]);
+        let from_ends = [2, 1].map(|k| timed.sides[(to + k) % 3]);
         let [u, w] = from_ends;
         let x = 0.5 * (side * side + (u - w) * (u + w));
         Self { side, from_ends, x, y: timed.area, ends }

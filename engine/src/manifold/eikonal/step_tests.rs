@@ -15,7 +15,7 @@ fn known(slack: f64) -> [usize; 2] {
         let far = |p: [f64; 2], q: [f64; 2]| (p[0] - q[0]).hypot(p[1] - q[1]);
         let [a, b] = [[0.0, 0.0], [side, 0.0]];
         let sides = [side, far(corner, b), far(corner, a)];
-        let timed = Timed { corners: [0, 1, 2], sides, area: side * corner[1] };
+        let timed = Timed { sides, area: side * corner[1] };
         // not quite the arrivals of that birth, as where the medium varies
         let ends = [a, b].map(|p| birth + far(p, source) * at(0.95, 1.05));
         let step = Step::new(&timed, 0, ends);
@@ -46,7 +46,7 @@ fn measured(side: f64, corner: [f64; 2], ends: [f64; 2], by: [f64; 3]) -> Step {
     let far = |d: [f64; 2]| (xx * d[0] * d[0] + 2.0 * xy * d[0] * d[1] + yy * d[1] * d[1]).sqrt();
     let sides = [far([side, 0.0]), far([corner[0] - side, corner[1]]), far(corner)];
     let area = side * corner[1] * (xx * yy - xy * xy).sqrt();
-    Step::new(&Timed { corners: [0, 1, 2], sides, area }, 0, ends)
+    Step::new(&Timed { sides, area }, 0, ends)
 }
 
 /// Numbers from `low` to `high`.

@@ -134,6 +134,17 @@ fn activations_side_by_side_are_as_each_alone() {
 }
 
 #[test]
+fn a_front_keeps_no_lines_of_another_surface_or_of_other_sources() {
+    let of =
+        |by: f64, source: u32| Case::waving(&crumpled(20, 1.0, by, 0.5), 2.0, &[(source, 0.0)]);
+    let mut front = Front::default();
+    for case in [of(0.3, 210), of(0.1, 210), of(0.1, 150)] {
+        case.eikonal.forward(&case.medium(), &case.sources, &mut front);
+        assert_eq!(bits(&front.arrival), bits(&case.front().arrival));
+    }
+}
+
+#[test]
 fn every_vertex_is_reached_when_the_ways_to_it_say() {
     // the fixed point: no way through any triangle is earlier, and one is as early
     for (mesh, ratio) in [(crumpled(20, 1.0, 0.3, 0.5), 2.5), (icosphere(3, 15.0), 1.0)] {
