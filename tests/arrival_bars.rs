@@ -298,7 +298,7 @@ fn drawn(surface: &Surface, n: usize, sources: [usize; 3], seed: u64) -> (String
     let mut u = model.prior_draws(&settings).unwrap()[0].draw(0).unwrap().into_owned();
     let noise = model.unknown_names().iter().position(|name| name == "noise").unwrap();
     u[noise] = 0.0; // ln of 1 ms
-    model.correct_at(&u).unwrap();
+    model.correct_at(std::slice::from_ref(&u)).unwrap();
     let mut tape = model.tape();
     model.forward(&mut tape, &u);
     let times: Vec<f64> = model.observes[0].simulate(&tape, &mut rng).concat();

@@ -11,6 +11,9 @@ mod shipped;
 mod support;
 
 use std::collections::BTreeMap;
+use std::fs;
+use std::path::Path;
+use std::sync::atomic::{AtomicBool, Ordering};
 
 use as_written::same_as_written;
 use eplat::experiment::thinned;
@@ -18,7 +21,10 @@ use eplat::infer::{LogDensity as _, Settings, Silent, jittered_starts};
 use eplat::manifold::{Basis, Eikonal, Front, Medium, eigenpairs};
 use eplat::mesh::{Data, Refined, Surface};
 use eplat::model::{Asked, Declare, Exceedance, Maps, Model, Sampler, Summaries};
-use eplat::run::{Inputs, MeshSource, ModelText, Problem, Results};
+use eplat::run::{
+    Ended, Event, Inputs, Keep, MeshSource, ModelText, Options, OutputFolder, Problem, Results,
+    Watch,
+};
 use eplat::table::{Fineness, Measurements};
 use program::{Workplace, text};
 use rand::RngExt as _;
@@ -477,8 +483,8 @@ fn corrected_arrivals_are_those_of_finer_triangles() {
     };
     let (plain, mut corrected) = (laid_out(&data), laid_out(&data));
     let at = position(&plain, 1.0);
-    corrected.correct_at(&at).unwrap();
-    assert_eq!(corrected.corrected_at(), Some(&at[..]));
+    corrected.correct_at(std::slice::from_ref(&at)).unwrap();
+    assert_eq!(corrected.corrected_at(), std::slice::from_ref(&at));
 
     // the same on the whole surface, its triangles cut into 16, with the fields at all of its vertices
     let fine = Refined::new(surface.mesh.clone(), 2).unwrap();
@@ -518,16 +524,29 @@ fn corrected_arrivals_are_those_of_finer_triangles() {
     println!("off by {off:.3} ms, without a correction by {was_off:.3}");
     assert!(off < 0.1 && was_off > 1.0);
 
+    // by the mean of what they are off by at two
+    let [one, other] = [0.9, 1.1].map(|by| position(&plain, by));
+    let by = |at: &[Vec<f64>]| -> Vec<f64> {
+        let mut own = laid_out(&data);
+        own.correct_at(at).unwrap();
+        arrivals(&own, &one).iter().zip(arrivals(&plain, &one)).map(|(a, b)| a - b).collect()
+    };
+    let [first, second] = [&one, &other].map(|at| by(std::slice::from_ref(at)));
+    let mean: Vec<f64> = first.iter().zip(&second).map(|(a, b)| 0.5 * (a + b)).collect();
+    let nowhere = vec![f64::NAN; one.len()];
+    assert!(rms(&by(&[one.clone(), nowhere, other.clone()]), &mean) < 1e-9);
+    assert!(rms(&first, &second) > 0.01);
+
     // what is no tissue corrects nothing
     let mut none = laid_out(&data);
-    none.correct_at(&vec![f64::NAN; at.len()]).unwrap();
-    assert_eq!(none.corrected_at(), None);
+    none.correct_at(&[vec![f64::NAN; at.len()]]).unwrap();
+    assert!(none.corrected_at().is_empty());
 
     // elsewhere, too, and on other rows
     for by in [0.9, 1.1] {
         let there = position(&plain, by);
         let mut own = laid_out(&data);
-        own.correct_at(&there).unwrap();
+        own.correct_at(std::slice::from_ref(&there)).unwrap();
         let own = arrivals(&own, &there);
         let [off, was_off] = [&corrected, &plain].map(|model| rms(&arrivals(model, &there), &own));
         println!("elsewhere by {off:.3} ms, without a correction by {was_off:.3}");
@@ -561,13 +580,47 @@ fn a_finished_run_predicts_with_its_corrected_arrivals() {
     let problem = Problem::load(shipped("lat_velocity"), &inputs).unwrap();
     let settings = Settings { chains: 1, warmup: 20, draws: 20, seed: 3, ..Settings::default() };
     let fit = problem.fit(&settings).unwrap();
-    assert!(problem.model().corrected_at().is_none() && fit.model().corrected_at().is_some());
+    assert!(problem.model().corrected_at().is_empty() && fit.model().corrected_at().len() > 1);
     let folder = tempfile::tempdir().unwrap();
     fit.write(folder.path()).unwrap();
     let run = Results::read(folder.path()).unwrap();
     let again = Problem::load(shipped("lat_velocity"), &Inputs::of_run(&run).unwrap()).unwrap();
     let [kept, told] = [again.predict(&run, &data), fit.predict(&data)].map(Result::unwrap);
     assert_eq!(format!("{:?}", kept.rows), format!("{:?}", told.rows));
+}
+
+/// It also knows the draws that its arrivals were corrected at.
+#[test]
+fn an_interrupted_run_goes_on_with_its_corrected_arrivals() {
+    let surface = Surface::left_atrium(3.0);
+    let basis = eigenpairs(&surface.mesh, 64).unwrap();
+    let (data, _) = recorded(&surface, &basis, 30, &[5]);
+    let mesh = MeshSource::Embedded { edge: 3.0 };
+    let model = Some(ModelText { text: "the text".into(), path: None });
+    let inputs = Inputs { mesh, data: data.into(), model, ..Inputs::default() };
+    let problem = || Problem::load(shipped("lat_velocity"), &inputs).unwrap();
+    let settings = Settings { chains: 2, warmup: 20, draws: 20, seed: 3, ..Settings::default() };
+    let folder = tempfile::tempdir().unwrap();
+    let [whole, parts] = ["whole", "parts"].map(|name| folder.path().join(name));
+    let run = |folder: &Path, options: &Options<'_>, keep: &dyn Fn(&OutputFolder) -> Keep| {
+        let out = OutputFolder::open(folder).unwrap();
+        problem().run_into(&out, &settings, options, &keep(&out)).unwrap()
+    };
+    let anew = |_: &OutputFolder| Keep::default();
+    run(&whole, &Options::default(), &anew);
+    // stopped at the end of the first chain's warm-up, after the chains had met for the last time
+    let stop = AtomicBool::new(false);
+    let on_event = |event: &Event<'_>| {
+        stop.fetch_or(matches!(event, Event::Progress(_)), Ordering::Relaxed);
+    };
+    let watch = Watch { on_event: &on_event, stop: &stop };
+    let stopped = run(&parts, &Options { watch, ..Options::default() }, &anew);
+    assert!(matches!(stopped, Ended::Stopped));
+    run(&parts, &Options::default(), &|out| Keep::going_on(out).unwrap());
+    for name in ["draws.csv", "unknowns.npz", "rows.csv"] {
+        let [whole, parts] = [&whole, &parts].map(|folder| fs::read(folder.join(name)).unwrap());
+        assert!(whole == parts, "{name}");
+    }
 }
 
 /// A row for each of `n` places and S2: `lat,vertex,source,value,s2,beat`.

@@ -10,7 +10,7 @@ const ROUNDS: usize = 2;
 
 impl Problem<'_> {
     /// The same with arrival times corrected by those of finer triangles, where climbs lead, and where chains start. Without such
-    /// times, and where they are corrected already, the problem stays as it is.
+    /// times the problem stays as it is.
     ///
     /// # Errors
     /// [`RunError::Infer`] where no climb can begin, [`RunError::Model`] for a surface that cannot be cut.
@@ -22,7 +22,8 @@ impl Problem<'_> {
         let mut ends =
             sampler.climbs(self.model(), settings).map_err(|error| placed(self.model(), error))?;
         let mut problem = self.clone();
-        if self.model().n_activations() > 0 && self.model().corrected_at().is_none() {
+        if self.model().n_activations() > 0 {
+            // of its own, since times are corrected anew while chains run
             problem = self.changed(|model| {
                 for round in 0..ROUNDS {
                     if round > 0 {
@@ -30,7 +31,7 @@ impl Problem<'_> {
                             .climbs_on(model, &ends, settings)
                             .map_err(|error| placed(model, error))?;
                     }
-                    model.correct_at(&ends[0])?;
+                    model.correct_at(&ends[..1])?;
                 }
                 Ok(())
             })?;
@@ -53,8 +54,10 @@ impl Problem<'_> {
     }
 
     /// The same with arrival times corrected at these unknowns, where a run has corrected them.
-    pub(super) fn corrected_at(&self, at: Option<&[f64]>) -> Result<Self, RunError> {
-        let Some(at) = at else { return Ok(self.clone()) };
+    pub(super) fn corrected_at(&self, at: &[Vec<f64>]) -> Result<Self, RunError> {
+        if at.is_empty() {
+            return Ok(self.clone());
+        }
         self.changed(|model| Ok(model.correct_at(at)?))
     }
 }

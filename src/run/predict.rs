@@ -99,7 +99,7 @@ impl Problem<'_> {
         let chains = unknowns.chains.iter();
         let draws = chains.flat_map(|chain| chain.iter().step_by(of_chain(chain)));
         let draws: Vec<Vec<f64>> = draws.cloned().collect();
-        let problem = self.corrected_at(unknowns.corrected_at.as_deref())?;
+        let problem = self.corrected_at(&unknowns.corrected_at)?;
         let mut forecast = problem.forecast(&draws, n_chains, run.record.seed, table)?;
         let own = run.record.files.get(unknowns::FILE);
         forecast.hashes.extend(own.map(|hash| ("unknowns".to_owned(), hash.clone())));

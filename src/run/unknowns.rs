@@ -2,7 +2,7 @@
 //!
 //! ```text
 //! draws (n, unknown)   chain (n): from 0   about: UTF-8 of {"model": …, "unknowns": [name, …]}
-//! corrected_at (unknown): where arrival times are those of finer triangles, in a model of such times
+//! corrected_at (n, unknown): draws in whose mean arrival times are those of finer triangles, in a model of such times
 //! ```
 
 use std::io::{self, Seek, Write};
@@ -36,7 +36,7 @@ pub(super) struct Unknowns {
     /// `(chain, draw, unknown)`.
     pub(super) chains: Vec<Vec<Vec<f64>>>,
     /// See [`Model::corrected_at`](crate::model::Model::corrected_at).
-    pub(super) corrected_at: Option<Vec<f64>>,
+    pub(super) corrected_at: Vec<Vec<f64>>,
 }
 
 impl Unknowns {
@@ -46,7 +46,7 @@ impl Unknowns {
         let each = fit.kept.len() / fit.chains().len().max(1);
         let chains = fit.kept.chunks_exact(each.max(1));
         let chains = chains.map(<[Vec<f64>]>::to_vec).collect();
-        Self { about, chains, corrected_at: model.corrected_at().map(<[f64]>::to_vec) }
+        Self { about, chains, corrected_at: model.corrected_at() }
     }
 
     /// # Errors
@@ -66,8 +66,9 @@ impl Unknowns {
         archive.array("draws", &shape, &draws)?;
         archive.array("chain", &shape[..1], &chain)?;
         archive.array("about", &[about.len() as u64], &about)?;
-        if let Some(at) = &self.corrected_at {
-            archive.array(CORRECTED, &[at.len() as u64], at)?;
+        if !self.corrected_at.is_empty() {
+            let shape = [self.corrected_at.len() as u64, shape[1]];
+            archive.array(CORRECTED, &shape, &self.corrected_at.concat())?;
         }
         archive.finish()
     }
@@ -86,11 +87,15 @@ impl Unknowns {
         let about: Vec<u8> = values("about")?.into_iter().map(|byte| byte as u8).collect();
         let about: About = serde_json::from_slice(&about).map_err(|e| malformed(e.to_string()))?;
         let (chain, draws) = (values("chain")?, values("draws")?);
-        let corrected_at = is_corrected.then(|| values(CORRECTED)).transpose()?;
+        let corrected_at = if is_corrected { values(CORRECTED)? } else { vec![] };
         let width = about.unknowns.len();
-        if let Some(got) = corrected_at.as_ref().map(Vec::len).filter(|n| *n != width) {
-            return Err(malformed(format!("`{CORRECTED}`: expected {width} numbers, got {got}")));
+        if !corrected_at.len().is_multiple_of(width) {
+            let got = corrected_at.len();
+            return Err(malformed(format!(
+                "`{CORRECTED}`: expected draws of {width} numbers, got {got} numbers"
+            )));
         }
+        let corrected_at = corrected_at.chunks(width.max(1)).map(<[f64]>::to_vec).collect();
         if draws.len() != chain.len() * width || draws.is_empty() {
             let (n, got) = (chain.len(), draws.len());
             return Err(malformed(format!(
@@ -117,7 +122,7 @@ mod tests {
     fn two_chains() -> Unknowns {
         let unknowns = vec!["mean".to_owned(), "ln sd".to_owned()];
         let chains = vec![vec![vec![1.0, 0.1], vec![2.0, -0.2]], vec![vec![1.0 / 3.0, 7.0]]];
-        let corrected_at = Some(vec![1.5, -0.1]);
+        let corrected_at = vec![vec![1.5, -0.1], vec![1.25, 0.3]];
         Unknowns { about: About { model: "M".into(), unknowns }, chains, corrected_at }
     }
 
@@ -139,8 +144,11 @@ mod tests {
         };
         let none = refused(&Unknowns { chains: vec![], ..two_chains() });
         assert!(none.contains("expected 0 draws of 2 numbers, got 0 numbers"), "{none}");
-        let short = refused(&Unknowns { corrected_at: Some(vec![1.5]), ..two_chains() });
-        assert!(short.contains("`corrected_at`: expected 2 numbers, got 1"), "{short}");
+        let short = refused(&Unknowns { corrected_at: vec![vec![1.5]], ..two_chains() });
+        assert!(
+            short.contains("`corrected_at`: expected draws of 2 numbers, got 1 numbers"),
+            "{short}"
+        );
         std::fs::write(&path, "not an archive").unwrap();
         assert!(Unknowns::read(&path).is_err());
         assert!(Unknowns::read(&folder.path().join("none.npz")).is_err());

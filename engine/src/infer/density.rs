@@ -19,6 +19,11 @@ pub trait LogDensity: Sync {
     fn unclimbed(&self) -> Vec<usize> {
         self.interwoven().unwrap_or_default()
     }
+    /// Told draws of all chains, each `(dim)`, at most twice in a warm-up. A density that approximates another one may from then on be
+    /// nearer to it where they are. Returns whether it has changed: evaluators that were made before are of no use then.
+    fn draw_near(&self, _draws: &[Vec<f64>]) -> bool {
+        false
+    }
 }
 
 /// Evaluates a [`LogDensity`]; holds scratch memory, so that an evaluation allocates nothing.

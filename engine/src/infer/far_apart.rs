@@ -13,6 +13,9 @@ use rayon::prelude::*;
 /// An answer whose log density is this much lower than another's holds next to nothing of the probability, nats.
 const LOWER: f64 = 10.0;
 
+/// A climb that is lower than another one by this much for each unknown, nats, does not go on.
+const HOPELESS: f64 = 30.0;
+
 /// One start per chain, far from each other: that of the first is `initial` `(dim)`; those of the others have a draw of the prior
 /// of what [`Evaluator::multipliers`] names, the coefficients of fields, and are `initial` in all else.
 pub(super) fn far_apart(
@@ -30,9 +33,9 @@ pub(super) fn far_apart(
 
 /// Where climbs from each of `starts` end, the best first.
 ///
-/// So chains that agree have found the same answer from different ones. A climb can also end at a lower answer, or come to rest
-/// on the way: where it ends more than [`LOWER`] below the best, it begins once more, halfway between a draw of the prior and the
-/// best.
+/// So chains that agree have found the same answer from different ones. A climb can also end at a lower answer, come to rest
+/// on the way, or stray to where a gradient costs a hundred times as much: where it ends more than [`LOWER`] below the best, it
+/// begins once more, halfway between a draw of the prior and the best.
 ///
 /// # Errors
 /// Those of [`maximise`] at one of `starts`.
@@ -43,8 +46,11 @@ pub(super) fn climbs(
 ) -> Result<Vec<Vec<f64>>, InferError> {
     const TRIES: i32 = 5;
     let by_density = |a: &Optimum, b: &Optimum| b.ln_density.total_cmp(&a.ln_density);
-    let climbs = starts.par_iter().map(|start| uphill(density, start));
-    let mut ends: Vec<Optimum> = climbs.collect::<Result<_, _>>()?;
+    let begun = starts.par_iter().map(|start| far(density, start));
+    let mut ends: Vec<Optimum> = begun.collect::<Result<_, _>>()?;
+    ends.sort_by(by_density);
+    let Some(Optimum { ln_density: best, .. }) = ends.first().cloned() else { return Ok(vec![]) };
+    ends.par_iter_mut().try_for_each(|end| near(density, end, best))?;
     ends.sort_by(by_density);
     for half in 1..TRIES {
         let Some(best) = ends.first().cloned() else { break };
@@ -53,7 +59,8 @@ pub(super) fn climbs(
         let again = |(chain, end): (usize, &mut Optimum)| -> Result<(), InferError> {
             if end.ln_density < best.ln_density - LOWER {
                 let start = towards_prior(&multipliers, &best.position, part, chain, seed);
-                *end = uphill(density, &start)?;
+                *end = far(density, &start)?;
+                near(density, end, best.ln_density)?;
             }
             Ok(())
         };
@@ -81,41 +88,51 @@ fn towards_prior(
     start
 }
 
-/// The way uphill from `start` `(dim)`: as far as it goes in units of the unknowns, and then in those of the Hessian, taken anew
-/// after every twelve steps, until these gain less than one nat. A Hessian costs as much as dozens of gradients, and far
-/// from any answer it is no guide.
-///
-/// # Errors
-/// Those of [`maximise`] at `start`.
-pub(super) fn uphill(density: &dyn LogDensity, start: &[f64]) -> Result<Optimum, InferError> {
-    /// Most Hessians.
-    const MOST: usize = 20;
-    let (still, mut evaluator) = (density.unclimbed(), density.evaluator());
-    let step_of = |here: &[f64], metric: &Metric, settings: &OptimumSettings| {
-        let whitened = Whitened { density, origin: here, metric };
-        let mut optimum = maximise(&whitened, &vec![0.0; here.len()], settings)?;
-        let steps = std::mem::replace(&mut optimum.position, here.to_vec());
-        metric.drift(&mut optimum.position, 1.0, &steps);
-        Ok::<_, InferError>(optimum)
-    };
+/// The first part of the way uphill from `start` `(dim)`, in units of the unknowns.
+fn far(density: &dyn LogDensity, start: &[f64]) -> Result<Optimum, InferError> {
     let mut units = Metric::diagonal(vec![1.0; start.len()]);
-    for i in &still {
+    for i in &density.unclimbed() {
         units.scale[*i] = 0.0;
     }
     let least_gain = 0.01 * start.len() as f64;
-    let far = OptimumSettings { max_iterations: 200, least_gain, ..Default::default() };
-    let near = OptimumSettings { max_iterations: 12, least_gain: 0.3, ..Default::default() };
-    let mut end = step_of(start, &units, &far)?;
+    let settings = OptimumSettings { max_iterations: 30, least_gain, ..Default::default() };
+    steps(density, start, &units, &settings)
+}
+
+/// The rest of the way from `end`, in units of the Hessian, taken anew after every twelve steps, until these gain less than one nat. A
+/// Hessian costs as much as dozens of gradients, and far from any answer it is no guide. Another climb is at `best`; where there is no
+/// hope to come near it, `end` stays.
+fn near(density: &dyn LogDensity, end: &mut Optimum, best: f64) -> Result<(), InferError> {
+    /// Most Hessians.
+    const MOST: usize = 20;
+    let (still, mut evaluator) = (density.unclimbed(), density.evaluator());
+    let settings = OptimumSettings { max_iterations: 12, least_gain: 0.3, ..Default::default() };
+    let mut gain = f64::INFINITY;
     for _ in 0..MOST {
+        if gain < 1.0 || end.ln_density < best - HOPELESS * density.dim() as f64 {
+            break;
+        }
         let multipliers = evaluator.multipliers(&end.position);
         let metric = Curvature::at(&mut *evaluator, &end.position, &still).metric(&multipliers);
         let before = end.ln_density;
-        end = step_of(&end.position, &metric, &near)?;
-        if end.ln_density - before < 1.0 {
-            break;
-        }
+        *end = steps(density, &end.position, &metric, &settings)?;
+        gain = end.ln_density - before;
     }
-    Ok(end)
+    Ok(())
+}
+
+/// Steps uphill from `here` in units of a metric.
+fn steps(
+    density: &dyn LogDensity,
+    here: &[f64],
+    metric: &Metric,
+    settings: &OptimumSettings,
+) -> Result<Optimum, InferError> {
+    let whitened = Whitened { density, origin: here, metric };
+    let mut optimum = maximise(&whitened, &vec![0.0; here.len()], settings)?;
+    let steps = std::mem::replace(&mut optimum.position, here.to_vec());
+    metric.drift(&mut optimum.position, 1.0, &steps);
+    Ok(optimum)
 }
 
 /// A density about `origin` in units of a metric.
@@ -157,6 +174,13 @@ impl Evaluator for WhitenedEvaluator<'_> {
 mod tests {
     use super::super::test_densities::normal;
     use super::*;
+
+    /// All of the way.
+    fn uphill(density: &dyn LogDensity, start: &[f64]) -> Optimum {
+        let mut end = far(density, start).unwrap();
+        near(density, &mut end, f64::NEG_INFINITY).unwrap();
+        end
+    }
 
     /// A coefficient with two answers, near 1 and −1, of which the second is lower by twice `tilt`; and a scale that rests.
     struct TwoAnswers {
@@ -202,9 +226,9 @@ mod tests {
         // the best comes first, also where the first climb led to the other
         let density = TwoAnswers { tilt: 3.0 };
         let ends = climbs(&density, &far_apart(&density, &[0.3, -0.83], 12, 1), 1).unwrap();
-        assert!(uphill(&density, &[0.3, -0.83]).unwrap().position[1] < -0.8 && ends[0][1] > 0.8);
+        assert!(uphill(&density, &[0.3, -0.83]).position[1] < -0.8 && ends[0][1] > 0.8);
         // also where the first chain climbs to the lower one
-        let lower = uphill(&TwoAnswers { tilt: 12.0 }, &[0.3, -0.83]).unwrap();
+        let lower = uphill(&TwoAnswers { tilt: 12.0 }, &[0.3, -0.83]);
         assert!(lower.position[1] < -0.8, "{lower:?}");
         assert_eq!([0.5, -0.83].map(|initial| at_second(12.0, initial)), [0, 0]);
     }
@@ -212,7 +236,21 @@ mod tests {
     #[test]
     fn the_way_uphill_ends_at_the_top() {
         let density = normal((0..60).map(|i| 10f64.powf(f64::from(i) / 20.0 - 2.0)).collect());
-        let end = uphill(&density, &[1.0; 60]).unwrap();
+        let end = uphill(&density, &[1.0; 60]);
         assert!(end.ln_density > -1.0, "{end:?}");
+    }
+
+    #[test]
+    fn a_climb_without_hope_goes_no_further() {
+        let density = normal((0..60).map(|i| 10f64.powf(f64::from(i) / 20.0 - 2.0)).collect());
+        let begun = far(&density, &[1.0; 60]).unwrap();
+        let after = |best: f64| {
+            let mut end = begun.clone();
+            near(&density, &mut end, best).unwrap();
+            end.ln_density - begun.ln_density
+        };
+        let far_below = HOPELESS * 60.0;
+        assert!(after(begun.ln_density + far_below + 1.0) == 0.0);
+        assert!(after(begun.ln_density + far_below - 1.0) > 1.0);
     }
 }

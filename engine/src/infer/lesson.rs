@@ -35,6 +35,12 @@ impl Lesson {
         self.n_divergences += usize::from(diverging);
     }
 
+    /// Positions of `n` draws, evenly spaced and the last among them; of all if there are fewer.
+    pub(super) fn positions(&self, n: usize) -> impl Iterator<Item = Vec<f64>> {
+        let (n, of) = (n.min(self.draws.len()), self.draws.len());
+        (1..=n).map(move |i| self.draws[i * of / n - 1].0.clone())
+    }
+
     /// Whether it has `n` draws of `dim` coordinates.
     pub(super) fn fits(&self, n: usize, dim: usize) -> bool {
         let is_draw = |draw: &WarmUpDraw| [draw.0.len(), draw.1.len()] == [dim; 2];
@@ -143,6 +149,15 @@ mod tests {
             Lesson { draws: (0..20).map(draw).collect(), n_divergences: 0 }
         };
         (0..4).map(&mut one).collect()
+    }
+
+    #[test]
+    fn some_positions_are_spread_over_all() {
+        let draw = |i: i32| (vec![f64::from(i)], vec![0.0], 0.0);
+        let lesson = Lesson { draws: (1..=20).map(draw).collect(), n_divergences: 0 };
+        let of = |n| lesson.positions(n).flatten().collect::<Vec<f64>>();
+        assert_eq!((of(4), of(3)), (vec![5.0, 10.0, 15.0, 20.0], vec![6.0, 13.0, 20.0]));
+        assert_eq!((of(50).len(), Lesson::default().positions(4).count()), (20, 0));
     }
 
     #[test]

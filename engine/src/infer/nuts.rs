@@ -25,9 +25,15 @@ const ENOUGH_HESSIANS: usize = 3;
 /// longer because the moves of scales after a trajectory cost as much as three of its steps.
 const LENGTH: f64 = 2.4;
 
+/// After how many meetings, besides the last one, a density is told where chains are, and about how many draws of all chains
+/// together: see [`LogDensity::draw_near`].
+const NEAR_AFTER: usize = 2;
+const NEAR: usize = 12;
+
 /// A chain of the no-U-turn sampler. A single chain learns from its own draws, a chain of a run from
 /// the draws of all chains.
 pub struct Nuts<'d> {
+    density: &'d dyn LogDensity,
     kernel: Kernel<Box<dyn Evaluator + 'd>>,
     chain: usize,
     seed: u64,
@@ -40,6 +46,8 @@ pub struct Nuts<'d> {
     learning: Option<(Adaptation, Lesson)>,
     step_size: f64,
     n_evaluations_warmup: u64,
+    /// The draws that the density was told of last, if it changed.
+    near: Vec<Vec<f64>>,
     /// Where the last transition began.
     start: Vec<f64>,
 }
@@ -53,6 +61,7 @@ pub(super) struct NutsState {
     learning: Option<(Adaptation, Lesson)>,
     step_size: f64,
     n_evaluations_warmup: u64,
+    near: Vec<Vec<f64>>,
 }
 
 impl<'d> Nuts<'d> {
@@ -100,6 +109,7 @@ impl<'d> Nuts<'d> {
         let rng = Stream::Chain(chain).rng(settings.seed);
         let kernel = Kernel::new(hamiltonian, &start, settings.max_depth, rng);
         let mut new = Self {
+            density,
             kernel,
             chain,
             seed: settings.seed,
@@ -110,6 +120,7 @@ impl<'d> Nuts<'d> {
             learning: None,
             step_size: f64::NAN,
             n_evaluations_warmup: 0,
+            near: vec![],
             start,
         };
         if !new.kernel.is_usable() {
@@ -136,6 +147,25 @@ impl<'d> Nuts<'d> {
         let (evaluator, point) = self.kernel.parts();
         let metric = curvature.metric(&evaluator.multipliers(&point.position));
         self.kernel.hamiltonian().metric = metric;
+    }
+
+    /// Tells the density of draws of all chains. Where it changes, the chains go on under it.
+    fn draw_near(chains: &mut [&mut Self], lessons: &[Lesson]) {
+        let each = NEAR.div_ceil(lessons.len().max(1));
+        let draws: Vec<Vec<f64>> =
+            lessons.iter().flat_map(|lesson| lesson.positions(each)).collect();
+        if chains.first().is_some_and(|first| first.density.draw_near(&draws)) {
+            for chain in chains {
+                chain.goes_on_near(draws.clone());
+                chain.kernel.evaluate();
+            }
+        }
+    }
+
+    /// Forgets what was computed under the density as it was.
+    fn goes_on_near(&mut self, draws: Vec<Vec<f64>>) {
+        self.near = draws;
+        self.kernel.hamiltonian().evaluator = self.density.evaluator();
     }
 
     fn begin_round(&mut self, learnt: &DrawMoments) -> Result<(), ChainError> {
@@ -218,6 +248,7 @@ impl Together for Nuts<'_> {
             learning: self.learning.clone(),
             step_size: self.step_size,
             n_evaluations_warmup: self.n_evaluations_warmup,
+            near: self.near.clone(),
         }
     }
 
@@ -237,10 +268,16 @@ impl Together for Nuts<'_> {
             && state.learning.is_none() == warm_up.is_over()
             && state.learning.as_ref().is_none_or(is_lesson)
             && state.n_evaluations_warmup <= state.kernel.n_evaluations
+            && state.near.iter().all(|draw| draw.len() == dim)
             && (n_draws == 0 || warm_up.is_over())
     }
 
     fn restore(&mut self, state: NutsState) -> Result<(), ChainError> {
+        if !state.near.is_empty() {
+            // the first chain tells it for all
+            self.density.draw_near(&state.near);
+            self.goes_on_near(state.near);
+        }
         self.kernel.restore(state.kernel);
         self.curvature = state.curvature;
         self.warm_up = state.warm_up;
@@ -269,6 +306,7 @@ impl Together for Nuts<'_> {
         let (adaptations, lessons): (Vec<Adaptation>, Vec<Lesson>) = learnt.unzip();
         let Some(first) = chains.first_mut() else { return vec![] };
         let n_before = first.warm_up.n_meetings();
+        let is_last = first.warm_up.is_last_but_one();
         let mut metric = first.kernel.metric().clone();
         let (kind, mut curvature) = (first.kind, first.curvature.clone());
         match &mut curvature {
@@ -286,6 +324,9 @@ impl Together for Nuts<'_> {
             None => n_before > 0 && Lesson::agree(&lessons),
             Some(_) => n_before >= ENOUGH_HESSIANS && Lesson::agree_on_density(&lessons),
         };
+        if is_enough || is_last || n_before + 1 == NEAR_AFTER {
+            Self::draw_near(&mut chains, &lessons);
+        }
         let nothing = DrawMoments::new(metric.scale.len(), kind);
         let together = curvature.as_ref().and_then(|_| Adaptation::together(&adaptations));
         let go_on = |chain: &mut Self| {

@@ -1,9 +1,10 @@
+use super::super::density::Evaluator;
 use super::super::progress::{ChainProgress, Phase, Silent};
 use super::super::test_densities::{FnDensity, funnel, normal};
 use super::super::{ChainFailure, MarkovChain};
 use super::*;
-use std::sync::Mutex;
 use std::sync::atomic::{AtomicUsize, Ordering::SeqCst};
+use std::sync::{Mutex, RwLock};
 use std::thread::sleep;
 use std::time::Duration;
 
@@ -182,5 +183,53 @@ fn counters_add_up_and_adaptation_reaches_its_targets() {
         assert_eq!([chain.draws.n_rows(), chain.draws.width()], [500, 3]);
         let accept = chain.accept.iter().sum::<f64>() / 500.0;
         assert!((accept - 0.8).abs() < 0.03, "{accept}");
+    }
+}
+
+/// A standard normal about 0, and about 3 once it is told of draws. It keeps what it was told.
+#[derive(Default)]
+struct Nearing {
+    told: RwLock<Vec<Vec<Vec<f64>>>>,
+}
+
+struct About(f64);
+
+impl LogDensity for Nearing {
+    fn dim(&self) -> usize {
+        1
+    }
+    fn evaluator(&self) -> Box<dyn Evaluator + '_> {
+        Box::new(About(if self.told.read().unwrap().is_empty() { 0.0 } else { 3.0 }))
+    }
+    fn draw_near(&self, draws: &[Vec<f64>]) -> bool {
+        self.told.write().unwrap().push(draws.to_vec());
+        true
+    }
+}
+
+impl Evaluator for About {
+    fn ln_density(&mut self, q: &[f64], g: &mut [f64]) -> f64 {
+        g[0] = self.0 - q[0];
+        -0.5 * g[0] * g[0]
+    }
+}
+
+#[test]
+fn a_density_is_told_twice_where_the_chains_are_and_they_go_on_under_what_it_becomes() {
+    let density = Nearing::default();
+    let chains = sample(&density, &[vec![0.0], vec![0.1], vec![-0.1]], &settings(), &Silent);
+    let told = density.told.into_inner().unwrap();
+    assert_eq!(told.iter().map(Vec::len).collect::<Vec<_>>(), [12, 12]);
+    let mean = |draws: &[Vec<f64>]| draws.iter().flatten().sum::<f64>() / draws.len() as f64;
+    // twelve draws, nearly independent: four standard errors are 1.2
+    assert!(mean(&told[0]).abs() < 1.2 && (mean(&told[1]) - 3.0).abs() < 1.2, "{told:?}");
+    for chain in chains.unwrap() {
+        let chain = chain.unwrap();
+        let draws: Vec<Vec<f64>> = (0..100).map(|i| chain.draw(i).unwrap().into_owned()).collect();
+        assert!((mean(&draws) - 3.0).abs() < 0.6, "{}", mean(&draws));
+        // what is kept with a draw is of the same density
+        for (draw, ln_density) in draws.iter().zip(&chain.ln_density) {
+            assert!((-0.5 * (draw[0] - 3.0).powi(2) - ln_density).abs() < 1e-12);
+        }
     }
 }

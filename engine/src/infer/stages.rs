@@ -178,6 +178,11 @@ impl WarmUp {
         self.done == length(round) && round.last().is_some_and(|stage| stage.meets)
     }
 
+    /// Whether the last round is the next one.
+    pub(super) fn is_last_but_one(&self) -> bool {
+        self.rounds().count() == self.n_meetings + 2
+    }
+
     pub(super) fn is_over(&self) -> bool {
         self.done == self.length() && !self.must_meet()
     }
@@ -245,6 +250,7 @@ mod tests {
         let mut meetings = vec![];
         while !warm_up.is_over() {
             if warm_up.must_meet() {
+                assert_eq!(warm_up.is_last_but_one(), meetings.len() == 4);
                 meetings.push(warm_up.n_done());
                 warm_up.met();
             } else {
@@ -278,6 +284,7 @@ mod tests {
                 warm_up.met();
             }
             warm_up.shorten();
+            assert!(!warm_up.is_last_but_one());
             assert_eq!((warm_up.n_done(), warm_up.length()), (100 * n_meetings, 100));
             (0..100).for_each(|_| warm_up.advance());
             assert!(warm_up.is_over());

@@ -3,7 +3,7 @@
 use std::borrow::Cow;
 use std::collections::BTreeMap;
 use std::ops::Range;
-use std::sync::Arc;
+use std::sync::{Arc, RwLock};
 
 use rand::{Rng, RngExt as _};
 use rand_distr::StandardNormal;
@@ -101,8 +101,8 @@ pub struct Observe {
 /// Where arrival times were corrected (`corrected.rs`).
 #[derive(Debug)]
 pub(super) struct Correction {
-    /// x₀
-    pub(super) at: Vec<f64>,
+    /// xₖ
+    pub(super) at: Vec<Vec<f64>>,
     /// Of the finer triangles.
     pub(super) n_vertices: usize,
 }
@@ -134,8 +134,8 @@ pub struct Model {
     pub(super) over: Vec<Over>,
     /// What they are computed on.
     pub(super) triangulation: Option<Arc<Triangulation>>,
-    /// Of arrival times.
-    pub(super) correction: Option<Correction>,
+    /// Of arrival times. It changes once while chains run.
+    pub(super) correction: RwLock<Option<Correction>>,
     pub(super) maps: Vec<Map>,
     pub(super) late_maps: LateMaps,
     pub(super) offsets: Vec<Range<usize>>,
@@ -181,7 +181,7 @@ impl Model {
             predictors: vec![],
             over: vec![],
             triangulation: None,
-            correction: None,
+            correction: RwLock::default(),
             densities: vec![],
             maps: vec![],
             late_maps: LateMaps::default(),

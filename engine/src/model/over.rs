@@ -10,7 +10,7 @@ use std::ops::Range;
 use std::sync::Arc;
 
 use super::everywhere::{PlaceFn, Where, pull, push};
-use super::operator::{Adjoints, Memo, Operands, Operator};
+use super::operator::{Adjoints, Memo, Off, Operands, Operator};
 use super::tape::{Op, Second, Tape};
 use crate::mesh::Places;
 use crate::table::ProbeError;
@@ -66,12 +66,10 @@ impl Over {
         self.operator.started_at(&self.operands(values, &t.v), vertex)
     }
 
-    /// See [`Operator::correct`], with the operands of the last forward pass.
-    pub(super) fn correct(&mut self, t: &Tape) -> Result<Option<usize>, ProbeError> {
-        let numbers = self.numbers.iter().map(|at| t.v[*at]).collect();
-        let values = &t.work[self.work..][..self.n_operands()];
-        let of = Operands { everywhere: values.chunks_exact(self.n).collect(), numbers };
-        self.operator.correct(&of, &t.kept[self.kept])
+    /// See [`Operator::off`], with the operands of the last forward pass.
+    pub(super) fn off(&self, t: &Tape) -> Result<Option<Off>, ProbeError> {
+        let (values, _) = self.left(&t.work);
+        self.operator.off(&self.operands(values, &t.v), &t.kept[self.kept])
     }
 
     /// How many numbers of `work` it needs.

@@ -1,9 +1,9 @@
 //! Arrival times: `eikonal(SLOWNESS, RATIO, ANGLE, THICKNESS; row.source)`.
 
 use std::ops::Range;
-use std::sync::Arc;
+use std::sync::{Arc, PoisonError, RwLock, RwLockReadGuard};
 
-use super::{Adjoints, Memo, Operands, Operator};
+use super::{Adjoints, Memo, Off, Operands, Operator};
 use crate::manifold::{Eikonal, Front, Medium, MediumBar};
 use crate::table::{Finer, ProbeError};
 
@@ -22,6 +22,8 @@ pub(in crate::model) struct Arrival {
     solver: Arc<Eikonal>,
     finer: Arc<Finer>,
     activations: Vec<Activation>,
+    /// By how much each of them arrives later than it is computed, ms (one per vertex): see [`Operator::correct`].
+    later: RwLock<Vec<Vec<f64>>>,
 }
 
 /// One activation of the surface.
@@ -30,8 +32,6 @@ struct Activation {
     sources: Vec<Source>,
     /// The rows in which it is seen: vertex, and number.
     rows: Vec<(u32, usize)>,
-    /// By how much it arrives later than it is computed, ms (one per vertex): see [`Operator::correct`].
-    later: Vec<f64>,
 }
 
 impl Arrival {
@@ -42,16 +42,21 @@ impl Arrival {
         rows: Vec<(Vec<Source>, u32)>,
     ) -> Self {
         let mut activations: Vec<Activation> = vec![];
-        let later = vec![0.0; solver.n_vertices()];
         for (i, (sources, vertex)) in rows.into_iter().enumerate() {
             let row = (vertex, i);
             if let Some(own) = activations.iter_mut().find(|own| own.sources == sources) {
                 own.rows.push(row);
             } else {
-                activations.push(Activation { sources, rows: vec![row], later: later.clone() });
+                activations.push(Activation { sources, rows: vec![row] });
             }
         }
-        Self { solver, finer, activations }
+        let later = RwLock::new(vec![vec![0.0; solver.n_vertices()]; activations.len()]);
+        Self { solver, finer, activations, later }
+    }
+
+    /// [`Arrival::later`]. A thread that panicked left it whole.
+    fn later(&self) -> RwLockReadGuard<'_, Vec<Vec<f64>>> {
+        self.later.read().unwrap_or_else(PoisonError::into_inner)
     }
 
     fn medium<'a>(of: &Operands<'a>) -> Medium<'a> {
@@ -100,11 +105,13 @@ impl Operator for Arrival {
         } else {
             kept.fronts.iter_mut().for_each(|front| front.arrival.clear());
         }
-        for (own, front) in self.activations.iter().zip(&kept.fronts) {
+        for ((own, front), later) in
+            self.activations.iter().zip(&kept.fronts).zip(self.later().iter())
+        {
             for (vertex, i) in &own.rows {
                 let vertex = *vertex as usize;
                 let arrival = front.arrival.get(vertex);
-                out[*i] = arrival.map_or(f64::NAN, |arrival| arrival + own.later[vertex]);
+                out[*i] = arrival.map_or(f64::NAN, |arrival| arrival + later[vertex]);
             }
         }
     }
@@ -165,24 +172,29 @@ impl Operator for Arrival {
     }
 
     fn maps(&self, kept: &Memo) -> Vec<Vec<f64>> {
-        let corrected = |(own, front): (&Activation, &Front)| {
-            let all = front.arrival.iter().zip(&own.later);
-            all.map(|(arrival, later)| arrival + later).collect()
+        let corrected = |(front, later): (&Front, &Vec<f64>)| {
+            front.arrival.iter().zip(later).map(|(arrival, later)| arrival + later).collect()
         };
-        self.activations.iter().zip(&kept.fronts).map(corrected).collect()
+        kept.fronts.iter().zip(self.later().iter()).map(corrected).collect()
     }
 
-    fn correct(&mut self, of: &Operands<'_>, kept: &Memo) -> Result<Option<usize>, ProbeError> {
+    /// Nothing at vertices that no front reaches.
+    fn off(&self, of: &Operands<'_>, kept: &Memo) -> Result<Option<Off>, ProbeError> {
         if kept.fronts.iter().any(|front| front.arrival.is_empty()) {
             return Ok(None); // what is no tissue here is none there
         }
         let born: Vec<_> = self.activations.iter().map(|own| own.born(&of.numbers)).collect();
         let finer = self.finer.arrivals(&Self::medium(of), &born)?;
-        for ((own, front), finer) in self.activations.iter_mut().zip(&kept.fronts).zip(finer) {
-            let off = |(finer, here): (f64, &f64)| Some(finer - here).filter(|by| by.is_finite());
+        let later = |(finer, here): (f64, &f64)| Some(finer - here).filter(|by| by.is_finite());
+        let of_front = |(finer, front): (Vec<f64>, &Front)| {
             let all = finer.into_iter().zip(&front.arrival);
-            own.later = all.map(|pair| off(pair).unwrap_or(0.0)).collect();
-        }
-        Ok(Some(self.finer.n_vertices()?))
+            all.map(|pair| later(pair).unwrap_or(0.0)).collect()
+        };
+        let by = finer.into_iter().zip(&kept.fronts).map(of_front).collect();
+        Ok(Some(Off { by, n_vertices: self.finer.n_vertices()? }))
+    }
+
+    fn correct(&self, by: Vec<Vec<f64>>) {
+        *self.later.write().unwrap_or_else(PoisonError::into_inner) = by;
     }
 }

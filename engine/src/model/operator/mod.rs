@@ -87,13 +87,40 @@ pub trait Operator: Debug + Send + Sync {
         vec![]
     }
 
-    /// From now on adds to its numbers what they are off by at these operands, after a forward pass, as far as finer
-    /// triangles tell. Returns how many vertices these have. Only `eikonal` does so.
+    /// By how much its maps are off at these operands, after a forward pass, as far as finer triangles tell. Only `eikonal`
+    /// knows it.
     ///
     /// # Errors
     /// What finer triangles are refused for.
-    fn correct(&mut self, _: &Operands<'_>, _: &Memo) -> Result<Option<usize>, ProbeError> {
+    fn off(&self, _: &Operands<'_>, _: &Memo) -> Result<Option<Off>, ProbeError> {
         Ok(None)
+    }
+
+    /// From now on adds this to its maps, and to its numbers, which are read from them.
+    fn correct(&self, _by: Vec<Vec<f64>>) {}
+}
+
+/// By how much maps of an operator are off.
+#[derive(Debug)]
+pub struct Off {
+    /// At each vertex of each map.
+    pub by: Vec<Vec<f64>>,
+    /// Of the finer triangles that told it.
+    pub n_vertices: usize,
+}
+
+impl Off {
+    /// The mean of at least one.
+    pub(in crate::model) fn mean(of: &[&Self]) -> Vec<Vec<f64>> {
+        let Some((first, others)) = of.split_first() else { return vec![] };
+        let mut sum = first.by.clone();
+        for off in others {
+            for (sum, by) in sum.iter_mut().flatten().zip(off.by.iter().flatten()) {
+                *sum += by;
+            }
+        }
+        sum.iter_mut().flatten().for_each(|sum| *sum /= of.len() as f64);
+        sum
     }
 }
 

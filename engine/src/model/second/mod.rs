@@ -147,6 +147,9 @@ impl LogDensity for Model {
     fn interwoven(&self) -> Option<Vec<usize>> {
         (!self.over.is_empty()).then(|| self.scales_of_fields())
     }
+    fn draw_near(&self, draws: &[Vec<f64>]) -> bool {
+        self.correct_at_draws(draws)
+    }
 }
 
 impl Model {

@@ -87,6 +87,9 @@ impl LogDensity for WithoutShifts<'_> {
     fn unclimbed(&self) -> Vec<usize> {
         [&self.0.resting[..], &self.0.shaping].concat()
     }
+    fn draw_near(&self, draws: &[Vec<f64>]) -> bool {
+        self.0.model.correct_at_draws(draws)
+    }
 }
 
 impl Evaluator for Integrated<'_> {
