@@ -49,7 +49,7 @@ pub(super) fn climbs(
     let begun = starts.par_iter().map(|start| far(density, start));
     let mut ends: Vec<Optimum> = begun.collect::<Result<_, _>>()?;
     ends.sort_by(by_density);
-    let Some(Optimum { ln_density: best, .. }) = ends.first().cloned() else { return Ok(vec![]) };
+    let Some(best) = ends.first().map(|best| best.ln_density) else { return Ok(vec![]) };
     ends.par_iter_mut().try_for_each(|end| near(density, end, best))?;
     ends.sort_by(by_density);
     for half in 1..TRIES {

@@ -71,7 +71,7 @@ pub use laid_out::{Model, Observe};
 pub use lets::LetValues;
 pub use local::{RowId, Split, Visit};
 pub use maps::{Asked, MapName, MapSummary, Maps, Summaries};
-pub use operator::{Adjoints, Everywhere, Memo, Operands, Operator, operator_error};
+pub use operator::{Adjoints, Everywhere, Memo, Off, Operands, Operator, operator_error};
 pub use reported::{Kind, Parameter};
 pub use rows::{Curvature, Noise};
 pub use tape::Tape;
