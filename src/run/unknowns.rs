@@ -66,8 +66,8 @@ impl Unknowns {
         archive.array("draws", &shape, &draws)?;
         archive.array("chain", &shape[..1], &chain)?;
         archive.array("about", &[about.len() as u64], &about)?;
-        if !self.corrected_at.is_empty() {
-            let shape = [self.corrected_at.len() as u64, shape[1]];
+        if let Some(first) = self.corrected_at.first() {
+            let shape = [self.corrected_at.len(), first.len()].map(|n| n as u64);
             archive.array(CORRECTED, &shape, &self.corrected_at.concat())?;
         }
         archive.finish()
