@@ -568,15 +568,21 @@ fn operators_that_are_not_corrected_have_more_vertices() {
     assert_eq!(model.triangulation().unwrap().mesh.n_vertices(), surface.mesh.n_vertices());
 }
 
-/// What a finished run has corrected its arrivals by is kept with it.
-#[test]
-fn a_finished_run_predicts_with_its_corrected_arrivals() {
+/// Arrivals at 30 places from one source, as a run takes them, and their table.
+fn few_arrivals() -> (Inputs, Measurements) {
     let surface = Surface::left_atrium(3.0);
     let basis = eigenpairs(&surface.mesh, 64).unwrap();
     let (data, _) = recorded(&surface, &basis, 30, &[5]);
     let mesh = MeshSource::Embedded { edge: 3.0 };
     let model = Some(ModelText { text: "the text".into(), path: None });
     let inputs = Inputs { mesh, data: data.clone().into(), model, ..Inputs::default() };
+    (inputs, data)
+}
+
+/// What a finished run has corrected its arrivals by is kept with it.
+#[test]
+fn a_finished_run_predicts_with_its_corrected_arrivals() {
+    let (inputs, data) = few_arrivals();
     let problem = Problem::load(shipped("lat_velocity"), &inputs).unwrap();
     let settings = Settings { chains: 1, warmup: 20, draws: 20, seed: 3, ..Settings::default() };
     let fit = problem.fit(&settings).unwrap();
@@ -592,12 +598,7 @@ fn a_finished_run_predicts_with_its_corrected_arrivals() {
 /// It also knows the draws that its arrivals were corrected at.
 #[test]
 fn an_interrupted_run_goes_on_with_its_corrected_arrivals() {
-    let surface = Surface::left_atrium(3.0);
-    let basis = eigenpairs(&surface.mesh, 64).unwrap();
-    let (data, _) = recorded(&surface, &basis, 30, &[5]);
-    let mesh = MeshSource::Embedded { edge: 3.0 };
-    let model = Some(ModelText { text: "the text".into(), path: None });
-    let inputs = Inputs { mesh, data: data.into(), model, ..Inputs::default() };
+    let (inputs, _) = few_arrivals();
     let problem = || Problem::load(shipped("lat_velocity"), &inputs).unwrap();
     let settings = Settings { chains: 2, warmup: 20, draws: 20, seed: 3, ..Settings::default() };
     let folder = tempfile::tempdir().unwrap();

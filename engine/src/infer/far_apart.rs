@@ -88,7 +88,8 @@ fn towards_prior(
     start
 }
 
-/// The first part of the way uphill from `start` `(dim)`, in units of the unknowns.
+/// The first part of the way uphill from `start` `(dim)`, in units of the unknowns. It is short: most climbs need no more of it, and for one
+/// that strays each step may take a second.
 fn far(density: &dyn LogDensity, start: &[f64]) -> Result<Optimum, InferError> {
     let mut units = Metric::diagonal(vec![1.0; start.len()]);
     for i in &density.unclimbed() {

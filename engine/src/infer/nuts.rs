@@ -25,9 +25,9 @@ const ENOUGH_HESSIANS: usize = 3;
 /// longer because the moves of scales after a trajectory cost as much as three of its steps.
 const LENGTH: f64 = 2.4;
 
-/// After how many meetings, besides the last one, a density is told where chains are, and about how many draws of all chains
-/// together: see [`LogDensity::draw_near`].
+/// At which meeting, besides the last one, a density is told where chains are: see [`LogDensity::draw_near`].
 const NEAR_AFTER: usize = 2;
+/// About how many draws it is told, of all chains together.
 const NEAR: usize = 12;
 
 /// A chain of the no-U-turn sampler. A single chain learns from its own draws, a chain of a run from

@@ -54,7 +54,7 @@ impl Arrival {
         Self { solver, finer, activations, later }
     }
 
-    /// [`Arrival::later`]. A thread that panicked left it whole.
+    /// What is in [`Arrival::later`]. It is only ever replaced as a whole, so it can be read after a panic elsewhere, too.
     fn later(&self) -> RwLockReadGuard<'_, Vec<Vec<f64>>> {
         self.later.read().unwrap_or_else(PoisonError::into_inner)
     }
