@@ -350,7 +350,7 @@ fn what_arrival_times_tell_of_carried_fibres() {
 
 /// What intervals lack here is neither the simulator's nor that of a truth that the prior does not expect.
 #[test]
-#[ignore = "16 runs, an hour and more: one tissue did not end in eleven minutes"]
+#[ignore = "16 runs, half an hour and more: one tissue did not end in eight minutes"]
 fn what_arrival_times_tell_of_tissue_from_the_prior() {
     let place = Workplace::new();
     let Some((file, sources)) = carried(&place) else { return };

@@ -121,8 +121,10 @@ fn cases() -> Vec<(String, Case)> {
     }
     let line: Vec<(u32, f64)> = (0..9).map(|k| (300 + k, 0.1 * f64::from(k))).collect();
     cases.push(("line".into(), Case::waving(&crumpled(24, 0.8, 0.3, 0.0), 2.0, &line)));
-    let sphere = Case::waving(&icosphere(4, 20.0), 3.0, &[(5, 0.0), (100, 2.0)]);
-    cases.push(("sphere".into(), sphere));
+    for ratio in [3.0, 12.0] {
+        let sphere = Case::waving(&icosphere(4, 20.0), ratio, &[(5, 0.0), (100, 2.0)]);
+        cases.push((format!("sphere, ratio {ratio}"), sphere));
+    }
     cases
 }
 

@@ -26,8 +26,6 @@ pub struct Front {
     /// Those of `rays`; all [`NONE`] where every front is taken to be plane.
     pub(super) own: Vec<u32>,
     pub(super) queue: Queue,
-    /// What waits for the next pass.
-    pub(super) later: Queue,
     pub(super) order: Order,
     /// Where fronts have a thickness: what they would be without.
     pub(super) plain: Option<Box<Self>>,

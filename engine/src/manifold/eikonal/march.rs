@@ -3,7 +3,7 @@
 //! What is sought is the fixed point: every vertex is reached at the least of its candidates, each computed from
 //! the final arrivals of others.  With fibres a front may pass a vertex later than it has reached the next one, so
 //! that no single order of the vertices will do; vertices are taken up again until nothing changes by more than
-//! [`LEAST`].
+//! [`LEAST`].  Where that takes too long, fronts are taken to be plane, and `policy.rs` goes on.
 
 use super::front::{Front, Reached};
 use super::geometry::{Blade, Geometry};
@@ -13,9 +13,9 @@ use super::way::{NONE, Way};
 use std::sync::Arc;
 
 /// A vertex that is reached earlier by less than this part of its arrival is not taken up again.
-const LEAST: f64 = 1e-13;
+pub(super) const LEAST: f64 = 1e-13;
 /// Most turns per vertex with round fronts.  On triangles with angles of 170° in the timed plane two ends may each
-/// pull the other on for ever; then all fronts are taken to be plane, which settles on any triangles.
+/// pull the other on for ever; then all fronts are taken to be plane.
 const TURNS: usize = 20;
 
 /// After so many turns of a vertex, fronts that reach it are taken to be plane. On triangles with wide angles in the
@@ -28,9 +28,9 @@ const MOVES: u8 = 3;
 
 /// A candidate for how a vertex is reached first.
 #[derive(Clone, Copy)]
-struct Candidate {
-    arrival: f64,
-    way: Way,
+pub(super) struct Candidate {
+    pub(super) arrival: f64,
+    pub(super) way: Way,
     /// The source that the front was born at; [`NONE`] for one of neighbours, whose front is plane.
     origin: u32,
 }
@@ -49,13 +49,10 @@ struct Side {
 
 /// Arrivals on their way.
 pub(super) struct March<'a> {
-    geometry: &'a Arc<Geometry>,
-    front: &'a mut Front,
-    /// Whether a vertex that turns out to be reached before the one whose turn it is waits until all later ones
-    /// had theirs.  This takes more turns where few vertices do, and far fewer where many do, again and again.
-    is_patient: bool,
-    /// Arrival of the vertex whose turn it is, if patient.
-    now: f64,
+    pub(super) geometry: &'a Arc<Geometry>,
+    pub(super) front: &'a mut Front,
+    /// Whether every vertex has one turn only, though it be reached earlier after that.
+    is_one_pass: bool,
 }
 
 impl<'a> March<'a> {
@@ -72,13 +69,13 @@ impl<'a> March<'a> {
             front.rays = Rays::new(geometry, vertices).into();
         }
         front.own.clone_from(&front.rays.own);
-        Self { geometry, front, is_patient: false, now: f64::NEG_INFINITY }
+        Self { geometry, front, is_one_pass: false }
     }
 
     /// For tests: when a vertex would be reached from the arrivals of `front`.
     #[cfg(test)]
     pub(super) fn again(geometry: &'a Arc<Geometry>, front: &'a mut Front, vertex: u32) -> f64 {
-        Self { geometry, front, is_patient: false, now: f64::NEG_INFINITY }.earliest(vertex).arrival
+        Self { geometry, front, is_one_pass: false }.earliest(vertex).arrival
     }
 
     /// From the sources to the last vertex.
@@ -86,9 +83,10 @@ impl<'a> March<'a> {
         self.begin();
         if !self.settle(TURNS * self.geometry.n_vertices()) {
             self.front.own.fill(NONE);
-            self.is_patient = true;
+            self.is_one_pass = true;
             self.begin();
             self.settle(usize::MAX);
+            self.settle_ways();
         }
         self.front.arrival.clear();
         self.front.arrival.extend(self.front.reached.iter().map(|reached| reached.arrival));
@@ -102,8 +100,6 @@ impl<'a> March<'a> {
         front.ways.clear();
         front.ways.resize(n, Way::Never);
         front.queue.clear(n);
-        front.later.clear(n);
-        self.now = f64::NEG_INFINITY;
         for index in 0..self.front.rays.len() {
             let candidate = self.straight(index);
             let to = self.front.rays.ray(index).to;
@@ -116,7 +112,7 @@ impl<'a> March<'a> {
     /// Takes up vertices until none is left; whether `turns` were enough.
     fn settle(&mut self, turns: usize) -> bool {
         for _ in 0..turns {
-            let Some(v) = self.next() else { return true };
+            let Some(v) = self.front.queue.pop() else { return true };
             let turns = &mut self.front.reached[v as usize].turns;
             *turns = turns.saturating_add(1);
             if *turns == ROUND {
@@ -125,19 +121,6 @@ impl<'a> March<'a> {
             self.spread(v);
         }
         false
-    }
-
-    /// The earliest vertex of this pass, or of the next one.
-    fn next(&mut self) -> Option<u32> {
-        let front = &mut *self.front;
-        if front.queue.is_empty() {
-            std::mem::swap(&mut front.queue, &mut front.later);
-        }
-        let v = front.queue.pop()?;
-        if self.is_patient {
-            self.now = front.reached[v as usize].arrival;
-        }
-        Some(v)
     }
 
     fn straight(&self, index: u32) -> Candidate {
@@ -172,8 +155,9 @@ impl<'a> March<'a> {
         reached.has_changed |= reached.turns > 0;
         reached.arrival = candidate.arrival;
         front.ways[v] = candidate.way;
-        let queue = if candidate.arrival < self.now { &mut front.later } else { &mut front.queue };
-        queue.put(vertex, candidate.arrival);
+        if !(self.is_one_pass && reached.turns > 0) {
+            front.queue.put(vertex, candidate.arrival);
+        }
     }
 
     /// Offers the neighbours of a vertex what leads there from it.
@@ -275,7 +259,7 @@ impl<'a> March<'a> {
     }
 
     /// The earliest of all ways to a vertex.
-    fn earliest(&self, vertex: u32) -> Candidate {
+    pub(super) fn earliest(&self, vertex: u32) -> Candidate {
         let mut best = Candidate { arrival: f64::INFINITY, way: Way::Never, origin: NONE };
         let mut consider = |candidate: Candidate| {
             if candidate.arrival < best.arrival {

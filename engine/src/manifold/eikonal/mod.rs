@@ -6,7 +6,7 @@
 //! with `s` the slowness along the fibres `f`, and `r s` that across them, `g`.  A front that has a thickness is slower
 //! where it spreads (`bend.rs`, and along lines from a source `rays.rs`).  Arrivals are at the vertices; the medium is constant in a triangle.  A vertex is reached from its neighbours at the least over all triangles at it
 //! (`step.rs`), and near a source along straight lines alone (`rays.rs`).  Arrivals are the fixed point of this
-//! (`march.rs`).  They are continuous in medium and onsets, but that where fronts from two sources meet they may jump
+//! (`march.rs`, `policy.rs`).  They are continuous in medium and onsets, but that where fronts from two sources meet they may jump
 //! by less than the error of the method.
 //!
 //! The error is of first order in the edges, and none in a constant medium on a flat surface.
@@ -25,6 +25,7 @@ mod march;
 mod metric;
 mod order;
 mod orientation;
+mod policy;
 mod queue;
 mod rays;
 mod step;

@@ -21,10 +21,6 @@ impl Queue {
         self.places.resize(n, NONE);
     }
 
-    pub(super) fn is_empty(&self) -> bool {
-        self.nodes.is_empty()
-    }
-
     /// Puts a vertex where its arrival belongs, be it there already or not.
     pub(super) fn put(&mut self, vertex: u32, arrival: f64) {
         let mut place = self.places[vertex as usize] as usize;

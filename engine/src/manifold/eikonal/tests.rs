@@ -1,6 +1,7 @@
 //! Surfaces and media for the tests, and what every front keeps to.
 
 use super::super::test_meshes::{icosphere, rectangle};
+use super::way::NONE;
 use super::*;
 
 /// Numbers in (0, 1) without order.
@@ -147,9 +148,14 @@ fn a_front_keeps_no_lines_of_another_surface_or_of_other_sources() {
 #[test]
 fn every_vertex_is_reached_when_the_ways_to_it_say() {
     // the fixed point: no way through any triangle is earlier, and one is as early
-    for (mesh, ratio) in [(crumpled(20, 1.0, 0.3, 0.5), 2.5), (icosphere(3, 15.0), 1.0)] {
-        let case = Case::waving(&mesh, ratio, &[(30, 0.0), (300, 1.0)]);
+    let (sheet, sphere) = (crumpled(20, 1.0, 0.3, 0.5), icosphere(3, 15.0));
+    for (mesh, ratio) in
+        [(&sheet, 2.5), (&sphere, 1.0), (&sheet, 10.0), (&sphere, 10.0), (&sphere, 40.0)]
+    {
+        let case = Case::waving(mesh, ratio, &[(30, 0.0), (300, 1.0)]);
         let mut front = case.front();
+        let all_plane = front.own.iter().all(|source| *source == NONE);
+        assert_eq!(all_plane, ratio > 5.0, "the ratio of {ratio} is for another way to settle");
         let settled = front.arrival.clone();
         // once more from the arrivals found
         for v in 0..mesh.n_vertices() as u32 {
