@@ -7,6 +7,10 @@ use crate::ep::precision::Precision;
 /// Rows that sleep and wake together, and that one task works on.
 pub(super) const BLOCK: usize = 128;
 
+/// Cells whose substeps are computed side by side: enough that the processor has other cells to compute while one waits for what
+/// its last substep gave.
+const CELLS: usize = 16;
+
 /// Partial sums of a block.
 const LANES: usize = 8;
 
@@ -28,13 +32,26 @@ pub(super) fn react<F: Precision>(
     substeps: u32,
 ) {
     let (n, least) = (F::of(f64::from(substeps)), F::of(LEAST_CHANGE));
-    for i in 0..BLOCK {
-        let StepRates { excite, leak, open, close } = rates;
-        let rates = StepRates { excite: excite[i], leak: leak[i], open: open[i], close: close[i] };
-        let change = scale[i] * diffused[i] - n * rates.leak * (F::one() - h[i]) * v[i];
-        let steepness = (change.abs() + least).recip();
+    let StepRates { excite, leak, open, close } = rates;
+    let [excite, leak, open, close] = [excite, leak, open, close].map(|r| r.as_chunks::<CELLS>().0);
+    let [diffused, scale] = [diffused, scale].map(|x| x.as_chunks::<CELLS>().0);
+    let (v, h) = (v.as_chunks_mut::<CELLS>().0, h.as_chunks_mut::<CELLS>().0);
+    for (c, (v, h)) in v.iter_mut().zip(h).enumerate() {
+        let mut steepness = [F::zero(); CELLS];
+        for i in 0..CELLS {
+            let change = scale[c][i] * diffused[c][i] - n * leak[c][i] * (F::one() - h[i]) * v[i];
+            steepness[i] = (change.abs() + least).recip();
+        }
         for _ in 0..substeps {
-            (v[i], h[i]) = gradual_step(v[i], h[i], steepness, rates);
+            for i in 0..CELLS {
+                let rates = StepRates {
+                    excite: excite[c][i],
+                    leak: leak[c][i],
+                    open: open[c][i],
+                    close: close[c][i],
+                };
+                (v[i], h[i]) = gradual_step(v[i], h[i], steepness[i], rates);
+            }
         }
     }
 }

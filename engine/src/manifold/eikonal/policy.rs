@@ -35,7 +35,7 @@ impl March<'_> {
             if changes.is_empty() {
                 break;
             }
-            let changes = self.all_changes(changes);
+            let changes = self.all_changes(&changes);
             for (reached, change) in self.front.reached.iter_mut().zip(changes) {
                 reached.arrival += change;
             }
@@ -56,11 +56,11 @@ impl March<'_> {
     }
 
     /// By how much arrivals change that owe so much of it to their own way, the rest to those they are reached from.
-    fn all_changes(&mut self, own: Vec<f64>) -> Vec<f64> {
+    fn all_changes(&mut self, own: &[f64]) -> Vec<f64> {
         let parents: Vec<_> = (0..own.len()).map(|v| self.parents(v)).collect();
         self.front.sort(self.geometry);
         let (order, reached) = (&self.front.order, &self.front.reached);
-        let mut all = own.clone();
+        let mut all = own.to_vec();
         // returns by how much it was off
         let renew = |v: u32, all: &mut [f64]| {
             let from = parents[v as usize].iter().filter(|(parent, _)| *parent != NONE);
