@@ -34,7 +34,7 @@ pub(super) fn far_apart(
 /// Where climbs from each of `starts` end, the best first.
 ///
 /// So chains that agree have found the same answer from different ones. A climb can also end at a lower answer, come to rest
-/// on the way, or stray to where a gradient costs a hundred times as much: where it ends more than [`LOWER`] below the best, it
+/// on the way, or stray to where a gradient costs ten times as much: where it ends more than [`LOWER`] below the best, it
 /// begins once more, halfway between a draw of the prior and the best.
 ///
 /// # Errors
@@ -89,7 +89,7 @@ fn towards_prior(
 }
 
 /// The first part of the way uphill from `start` `(dim)`, in units of the unknowns. It is short: most climbs need no more of it, and for one
-/// that strays each step may take a second.
+/// that strays each step costs many times as much.
 fn far(density: &dyn LogDensity, start: &[f64]) -> Result<Optimum, InferError> {
     let mut units = Metric::diagonal(vec![1.0; start.len()]);
     for i in &density.unclimbed() {
