@@ -25,9 +25,10 @@ pub fn available() -> Option<u64> {
     Some([of_groups(), of_process()].into_iter().flatten().fold(free, u64::min))
 }
 
-/// Bytes of memory that this process has taken, where the system tells it.
+/// Bytes of memory that this process has taken for its data, where the system tells it. The program itself is none of them: it is
+/// read from a file, and no limit counts it.
 pub fn taken() -> Option<u64> {
-    kilobytes(&read("/proc/self/status")?, "VmRSS:")
+    kilobytes(&read("/proc/self/status")?, "RssAnon:")
 }
 
 /// Whether so many numbers of eight bytes are more than the free memory: the bytes that they take, and those that
