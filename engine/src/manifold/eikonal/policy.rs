@@ -1,16 +1,16 @@
 //! Arrivals of plane fronts that come to the same vertices again and again.
 //!
-//! With fibres along which activation is five times as fast as across, an arrival that turns out to be earlier is
-//! handed on round and round before it settles.  So arrivals and ways take turns here (policy iteration): every
-//! vertex takes its best way for the arrivals that there are, then all arrivals become those of these ways, at once.
+//! Where activation along fibres is five times as fast as across, a vertex that turns out to be reached earlier makes its
+//! neighbours earlier, and these it, many times until nothing changes.  So two steps take turns here (policy iteration):
+//! every vertex takes its best way for the arrivals that there are, then all arrivals become those of these ways, at once.
 //! A plane front's arrival is the least of
 //!
 //! ```text
 //! T_v = (1 − λ) T_a + λ T_b + time
 //! ```
-//! over triangles and λ, so the second is a linear system, and from arrivals that are nowhere too early none becomes
-//! later.  It is solved in the order in which vertices are reached from each other, and vertices that are reached
-//! partly from each other (`order.rs`) by Gauss–Seidel sweeps in the order of arrival, there and back.
+//! over triangles and λ, so the second step is a linear system.  If no arrival is too early at first, none becomes later
+//! in any step.  The system is solved in the order in which vertices are reached from each other.  Vertices that are
+//! each reached partly from the other (`order.rs`) are solved by Gauss–Seidel sweeps, in the order of arrival and back.
 //!
 //! # Source
 //! Howard 1960, Dynamic Programming and Markov Processes; Bokanowski, Maroso and Zidani 2009, Some convergence results
@@ -28,7 +28,7 @@ const SMALL: f64 = 1e-3;
 const MOST_SWEEPS: usize = 1000;
 
 impl March<'_> {
-    /// Makes arrivals final that are nowhere too early. All fronts are plane.
+    /// Makes arrivals final, none of which may be too early. All fronts are plane.
     pub(super) fn settle_ways(&mut self) {
         for _ in 0..ROUNDS {
             let changes = self.take_best_ways();
