@@ -25,8 +25,8 @@ pub fn available() -> Option<u64> {
     Some([of_groups(), of_process()].into_iter().flatten().fold(free, u64::min))
 }
 
-/// Bytes of memory that this process has taken for its data, where the system tells it. The program itself is none of them: it is
-/// read from a file, and no limit counts it.
+/// Bytes of memory that this process has taken for its data, where the system tells it. The program's code is none of them:
+/// `ulimit -d` does not count it, and it leaves no room for data.
 pub fn taken() -> Option<u64> {
     kilobytes(&read("/proc/self/status")?, "RssAnon:")
 }

@@ -73,11 +73,6 @@ impl Front {
     /// Puts the vertices in the order of their dependence.
     pub(super) fn sort(&mut self, geometry: &Geometry) {
         let ways = &self.ways;
-        let corner = |triangle: u32, k: usize| geometry.triangles[triangle as usize].corners[k % 3];
-        self.order.find(geometry.n_vertices(), |v| match ways[v as usize] {
-            Way::Along { triangle, to, end } => [corner(triangle, (to + 1 + end) as usize), NONE],
-            Way::Across { triangle, to, .. } => [1, 2].map(|k| corner(triangle, to as usize + k)),
-            _ => [NONE; 2],
-        });
+        self.order.find(geometry.n_vertices(), |v| geometry.parents(ways[v as usize]));
     }
 }

@@ -5,7 +5,7 @@
 use super::super::ManifoldError;
 use super::super::laplacian::{cross, dot, subtract};
 use super::orientation::outward;
-use super::way::NONE;
+use super::way::{NONE, Way};
 use crate::mesh::TriMesh;
 
 /// A fibre whose part in the surface is shorter than this part of it is no direction there.
@@ -81,6 +81,17 @@ impl Geometry {
 
     pub(super) fn n_vertices(&self) -> usize {
         self.starts.len() - 1
+    }
+
+    /// The vertices from which a way leads on; [`NONE`] for none.
+    pub(super) fn parents(&self, way: Way) -> [u32; 2] {
+        let corner =
+            |triangle: u32, k: u8| self.triangles[triangle as usize].corners[k as usize % 3];
+        match way {
+            Way::Never | Way::Ray(_) => [NONE; 2],
+            Way::Along { triangle, to, end } => [corner(triangle, to + 1 + end), NONE],
+            Way::Across { triangle, to, .. } => [1, 2].map(|k| corner(triangle, to + k)),
+        }
     }
 
     /// The triangles at a vertex.

@@ -16,12 +16,12 @@
 //! Howard 1960, Dynamic Programming and Markov Processes; Bokanowski, Maroso and Zidani 2009, Some convergence results
 //! for Howard's algorithm (why it settles).
 
-use super::geometry::Geometry;
 use super::march::{LEAST, March};
 use super::step::Step;
 use super::way::{NONE, Way};
 
-/// Most times that ways and arrivals take turns; 7 to 12 were needed at ratios of 5 to 40.
+/// Most times that ways and arrivals take turns; 7 to 12 were needed at ratios of 5 to 40. What has not settled then is too late by
+/// what is left.
 const ROUNDS: usize = 100;
 /// Sweeps end once none changes an arrival by more than this part of what the largest has changed by.
 const SMALL: f64 = 1e-3;
@@ -55,7 +55,7 @@ impl March<'_> {
         if is_settled { vec![] } else { changes }
     }
 
-    /// By how much arrivals change that owe so much of it to their own way, the rest to those they are reached from.
+    /// By how much each arrival changes in all: by its `own` change, and by what those it is reached from change.
     fn all_changes(&mut self, own: &[f64]) -> Vec<f64> {
         let parents: Vec<_> = (0..own.len()).map(|v| self.parents(v)).collect();
         self.front.sort(self.geometry);
@@ -90,20 +90,17 @@ impl March<'_> {
 
     /// The vertices that a vertex is reached from, with the parts of their arrivals in its own.
     fn parents(&self, v: usize) -> [(u32, f64); 2] {
-        let (none, Geometry { triangles, .. }) = ((NONE, 0.0), &**self.geometry);
-        match self.front.ways[v] {
-            Way::Never | Way::Ray(_) => [none; 2],
-            Way::Along { triangle, to, end } => {
-                let from = (to + 1 + end) as usize % 3;
-                [(triangles[triangle as usize].corners[from], 1.0), none]
-            }
+        let way = self.front.ways[v];
+        let ends = self.geometry.parents(way);
+        let parts = match way {
+            Way::Never | Way::Ray(_) => [0.0; 2],
+            Way::Along { .. } => [1.0, 0.0],
             Way::Across { triangle, to, .. } => {
-                let (index, to) = (triangle as usize, to as usize);
-                let ends = [1, 2].map(|k| triangles[index].corners[(to + k) % 3]);
                 let arrivals = ends.map(|end| self.front.reached[end as usize].arrival);
-                let slope = Step::new(&self.front.timed[index], to, arrivals).across_slope(None);
-                [(ends[0], slope.ends[0]), (ends[1], slope.ends[1])]
+                let timed = &self.front.timed[triangle as usize];
+                Step::new(timed, to as usize, arrivals).across_slope(None).ends
             }
-        }
+        };
+        [0, 1].map(|k| (ends[k], parts[k]))
     }
 }
