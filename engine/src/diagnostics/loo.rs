@@ -8,7 +8,7 @@
 //! "Pareto smoothed importance sampling".  Conventions as in `ArviZ` 1.3.
 
 use super::mean_and_sd;
-use super::psis::{log_sum_exp, smooth};
+use super::psis::{Smoothed, log_sum_exp, smooth};
 
 /// Leave-one-out predictive accuracy of a model on its own measurements.
 #[derive(Clone, Debug)]
@@ -35,6 +35,15 @@ pub struct LooPoint {
 }
 
 impl LooPoint {
+    /// From its log density at points (S) that `log_weight` makes those of the posterior without it; beside it the smoothed
+    /// weights (S, their sum is 1). `None` if one of these is not finite.
+    pub fn weighted(log_density: &[f64], log_weight: &[f64]) -> Option<(Self, Vec<f64>)> {
+        let smoothed = smooth(log_weight, 1.0);
+        let point = told_by(&smoothed, log_density);
+        let weights: Vec<f64> = smoothed.log_weights.into_iter().map(f64::exp).collect();
+        weights.iter().all(|w| w.is_finite()).then_some((point, weights))
+    }
+
     /// From the log likelihood of one measurement in each draw (S), of all chains. Its log density given all
     /// measurements, itself among them, comes beside it.
     ///
@@ -101,9 +110,12 @@ pub fn k_threshold(n_draws: usize) -> f64 {
 /// One measurement's predictive density without it, from its log likelihoods with it.
 fn leave_out(log_likelihood: &[f64], r_eff: f64) -> LooPoint {
     let ratios: Vec<f64> = log_likelihood.iter().map(|l| -l).collect();
-    let smoothed = smooth(&ratios, r_eff);
+    told_by(&smooth(&ratios, r_eff), log_likelihood)
+}
+
+fn told_by(smoothed: &Smoothed, log_density: &[f64]) -> LooPoint {
     let weighted: Vec<f64> =
-        smoothed.log_weights.iter().zip(log_likelihood).map(|(w, l)| w + l).collect();
+        smoothed.log_weights.iter().zip(log_density).map(|(w, l)| w + l).collect();
     LooPoint { elpd: log_sum_exp(&weighted), pareto_k: smoothed.pareto_k }
 }
 

@@ -77,7 +77,7 @@ mod warmup;
 
 pub use blocked::{
     BlockLayout, Blocked, Design, Group, Latent, LatentGaussian, Layout, RowWithout, Shape,
-    sample_blocked, without_rows,
+    WithoutRows, sample_blocked, without_rows,
 };
 pub(crate) use cholesky::Factor;
 pub use density::{Evaluator, LogDensity};

@@ -65,9 +65,11 @@ pub enum Stream {
     },
     /// Predictions of measurements from the others, with the coefficients integrated out.
     IntegratedOut {
-        /// The draw of the posterior, of those that are used.
-        draw: usize,
+        /// The point of the other unknowns.
+        point: usize,
     },
+    /// Points of the outer unknowns at which rows are left out.
+    LeftOutPoints,
     /// Replicates that are drawn anew by weights.
     Resampled,
     /// What a model expects before anything is measured.
@@ -112,6 +114,7 @@ impl Stream {
             Self::StandIn => (17, 0),
             Self::Leap => (17, 1),
             Self::Anchors => (17, 2),
+            Self::LeftOutPoints => (17, 3),
             Self::Blocked { part: Part::Inner, round, chain } => (18, of_round(round, chain)),
             Self::Blocked { part: Part::Hyper, round, chain } => (19, of_round(round, chain)),
             Self::Blocked { part: Part::Scout, round, chain } => (25, of_round(round, chain)),
@@ -119,7 +122,7 @@ impl Stream {
             Self::Expected => (21, 0),
             Self::WithoutRow { row } => (23, index(row, 32)),
             Self::Resampled => (21, 1),
-            Self::IntegratedOut { draw } => (24, index(draw, 32)),
+            Self::IntegratedOut { point } => (24, index(point, 32)),
             // counted from the top, as ever
             Self::Start(chain) => (u64::from(u32::MAX), u64::from(u32::MAX) - index(chain, 32)),
         };
@@ -170,6 +173,7 @@ mod tests {
             Stream::StandIn,
             Stream::Leap,
             Stream::Anchors,
+            Stream::LeftOutPoints,
             Stream::Expected,
             Stream::Resampled,
             Stream::Procedure,
@@ -178,7 +182,7 @@ mod tests {
             all.extend([Stream::Chain(i), Stream::Start(i), Stream::AfterSampling(i)]);
             all.extend([Stream::Prior(i), Stream::LeftOut { site: i }]);
             all.push(Stream::WithoutRow { row: i });
-            all.push(Stream::IntegratedOut { draw: i });
+            all.push(Stream::IntegratedOut { point: i });
         }
         for (round, search) in of(12).into_iter().flat_map(|r| of(20).map(|k| (r, k))) {
             all.push(Stream::Null { round, search });

@@ -12,7 +12,7 @@ use rand_distr::Distribution as _;
 use rand_distr::weighted::WeightedIndex;
 use rayon::prelude::*;
 
-use crate::diagnostics::{LooPoint, k_threshold, loo_weights};
+use crate::diagnostics::{LooPoint, k_threshold};
 use crate::infer::{LogDensity as _, Settings, Silent};
 use crate::model::{Model, Noise, Predictive, RowId, Sampler};
 use crate::num::ln_mean_exp;
@@ -112,9 +112,8 @@ pub(in crate::run) fn exact(fit: &Fit<'_>, loo: LeaveOneOut, watch: &Watch<'_>) 
 
 /// Log predictive density of a measurement, and replicates of it; `None` if these weights cannot tell it either.
 fn told(predictive: &Predictive, rng: &mut impl Rng) -> Option<(f64, Vec<f64>)> {
-    // the draws are spread over the chains, and nearly independent
-    let (point, _) = LooPoint::of(&predictive.ln_density, 1.0);
-    let weights = loo_weights(&predictive.ln_density, 1.0)?;
+    // points are independent, or draws that are spread over the chains and nearly so
+    let (point, weights) = LooPoint::weighted(&predictive.ln_density, &predictive.ln_weight)?;
     let n = weights.len();
     let weighted = WeightedIndex::new(weights).ok().filter(|_| point.pareto_k <= k_threshold(n))?;
     Some((point.elpd, (0..n).map(|_| predictive.replicates[weighted.sample(rng)]).collect()))

@@ -27,8 +27,18 @@ const POINTS: usize = 1000;
 const AT_ONCE: usize = 50;
 /// Share of proposals with one number from where its prior lies, while exploring and when it is done.
 const FAR: [f64; 2] = [0.3, 0.1];
+/// All unknowns move together where there are at most so many latent values: with 80 it took twice
+/// as long as all other moves, and brought nothing (docs/experiments.md).
+const MOST_LATENT: usize = 40;
+/// And so many outer unknowns.
+const MOST_OUTER: usize = 12;
 /// Draws of the prior. Half of the first round's points are from where it lies.
 const PRIOR_DRAWS: usize = 400;
+
+/// Whether estimates by particles tell of all outer unknowns, and these are few enough to be proposed at once.
+pub(super) fn has_few_unknowns(layout: &Layout) -> bool {
+    layout.n_latent() <= MOST_LATENT && layout.outer.len() <= MOST_OUTER
+}
 
 /// How to look for regimes at the end of the warm-up.
 #[derive(Clone, Copy, Debug)]
@@ -78,8 +88,7 @@ pub(super) fn explore(
 ) -> Option<Leaps> {
     let rng = &mut Stream::Leap.rng(seed);
     let prior = density.prior_outer(PRIOR_DRAWS, rng)?;
-    let tail = |i: usize| Tails::of(prior.iter().map(|outer| outer[i]).collect());
-    let tails: Vec<Tails> = (0..density.layout().outer.len()).map(tail).collect();
+    let tails = tails_of(&prior, density.layout());
     let equal = vec![1.0; met.len()];
     let mut mixtures = vec![
         Mixture::fit(met, &equal, (FAR[0], &tails), rng)?,
@@ -121,6 +130,19 @@ pub(super) fn explore(
         anchors = Anchors::new(density, stand_in, &spots, seed)?;
     }
     Some(Leaps { mixture: mixtures.swap_remove(0), spots, anchors })
+}
+
+/// Where the prior of each outer unknown lies; `None` where it cannot be drawn from.
+pub(super) fn prior_tails(
+    density: &dyn LatentGaussian,
+    rng: &mut ChaCha8Rng,
+) -> Option<Vec<Tails>> {
+    Some(tails_of(&density.prior_outer(PRIOR_DRAWS, rng)?, density.layout()))
+}
+
+fn tails_of(prior: &[Vec<f64>], layout: &Layout) -> Vec<Tails> {
+    let tail = |i: usize| Tails::of(prior.iter().map(|outer| outer[i]).collect());
+    (0..layout.outer.len()).map(tail).collect()
 }
 
 /// ln of the prior density of these outer unknowns, and of the estimated likelihood; `None` where it is 0 or cannot be told.

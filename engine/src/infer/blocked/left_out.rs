@@ -1,64 +1,76 @@
-//! How measurements are predicted from the others, from draws of the posterior that has seen them.
+//! How measurements are predicted from the others.
 //!
 //! What one measurement tells of its place, and through the fields of other places, moves the posterior so far that no
-//! draw shows what it would be without it. So the coefficients integrate out, at the hyperparameters and free
-//! unknowns of each draw:
+//! draw shows what it would be without it. So the coefficients integrate out, at points of the outer unknowns h:
 //!
 //! ```text
-//! p(yᵢ | other y, outer) = Z / Z₋ᵢ      Z = ∫ p(w) L dw,  Z₋ᵢ the same without Lᵢ
+//! p(yᵢ | other y, h) = Z / Z₋ᵢ      Z = ∫ p(w) L dw,  Z₋ᵢ the same without Lᵢ
 //! ```
-//! Both are estimated by the same particles, of which the draw's own coefficients are one ([`particles`]). The place of
-//! the measurement comes last, and the lookahead knows nothing of it. Then the mean of Ẑ₋ᵢ/Ẑ is Z₋ᵢ/Z for any number
-//! of particles, so that importance weights Ẑ₋ᵢ/Ẑ make draws those of the posterior without the measurement.
+//! Both are estimated by the same particles ([`forks`](super::forks)). Importance weights make the points those of the
+//! posterior without the measurement, exactly for any number of particles. There are two ways to come to points:
 //!
-//! Each place is the last one in turn, but the ways to them begin alike. Particles first get values at one half of the
-//! places, and know nothing of the other half. To go on they fork: some go through the first quarter to the second, others
-//! through the second to the first; and so on, until a single place is left. So n places take n log n steps instead of n².
-//!
-//! [`particles`]: super::particles
+//! - A mixture q is fitted to draws of the posterior. Its points have the weights p(h) Ẑ₋ᵢ / q(h). They are wider spread than
+//!   the draws. Where they still tell little of some rows, another mixture is fitted to those of the posteriors without
+//!   them, and gives further points for these rows.
+//! - With many latent values Ẑ₋ᵢ varies by many nats. There draws of the posterior themselves are the points, and the
+//!   draw's own coefficients are one of the particles. Then the mean of Ẑ₋ᵢ/Ẑ is Z₋ᵢ/Z, and these are the weights.
 //!
 //! # Source
 //! Vehtari, Mononen, Tolvanen, Sivula & Winther 2016, "Bayesian leave-one-out cross-validation approximations for
-//! Gaussian latent variable models", for weights with the latent values integrated out.
+//! Gaussian latent variable models", for weights with the latent values integrated out; Cornuet, Marin, Mira & Robert
+//! 2012, "Adaptive multiple importance sampling".
 
-use nalgebra::{DMatrix, DVector};
-use rand::{Rng, RngExt as _};
+use rand_chacha::ChaCha8Rng;
 use rayon::prelude::*;
 
-use super::last::{self, Last};
-use super::latent::{Latent, LatentGaussian, Layout};
-use super::mixture::Student;
-use super::order::Order;
-use super::particles::{Here, Memory, Swarm, pick, sums};
-use super::stand_in::{Sample, StandIn, Trust};
-use crate::num::vector::{add_ln, axpy, exp_of_less};
+use super::explore::{has_few_unknowns, prior_tails};
+use super::forks::Forks;
+use super::latent::LatentGaussian;
+use super::mixture::{Mixture, Tails};
+use super::particles::Memory;
+use super::stand_in::Sample;
 use crate::random::Stream;
 
-/// The lookahead is the stand-in with this share of its information: with all of it, what suits the rows at other
-/// places less well would be given up too early.
-const LOOKAHEAD: f64 = 0.5;
 /// Particles up to the last place.
 const PARTICLES: usize = 64;
-/// How much wider half of the points at the last place are drawn than the posterior has the values.
-const WIDER: f64 = 1.25;
+/// Places of a part, with points of a mixture.
+const TOGETHER: usize = 4;
+/// Most mixtures, one after the other.
+const ROUNDS: usize = 3;
+/// Points tell little of a row where they are worth fewer equally weighted ones than this share of a round's.
+const WORTH: f64 = 0.125;
+/// Share of points with one number from where its prior lies.
+const FAR: f64 = 0.1;
 
-/// A row in one draw.
+/// A row at one point of the outer unknowns.
 #[derive(Clone, Debug)]
 pub struct RowWithout {
     /// ln of the density that is predicted of it from the other rows.
     pub ln_density: f64,
+    /// ln of the weight that makes points those of the posterior without the row, but for a constant.
+    pub ln_weight: f64,
     /// Values of the blocks at its place, drawn given the other rows.
     pub theta: Vec<f64>,
 }
 
-/// Each row of these places, `[group, place]`, in each of `draws` of the density's unknowns `(dim)`: `(draw, place,
-/// row)`. The rows of a place are missing in a draw from which they cannot be told.
+/// Rows told from the others.
+#[derive(Clone, Debug)]
+pub struct WithoutRows {
+    /// The outer unknowns of each point.
+    pub outer: Vec<Vec<f64>>,
+    /// `(point, place, row)`. The rows of a place are missing at points that have no weight or were not made for them, and
+    /// everywhere if they cannot be told.
+    pub rows: Vec<Vec<Vec<RowWithout>>>,
+}
+
+/// Each row of these places, `[group, place]`, told from `draws` of the posterior, which are of the density's unknowns
+/// `(dim)`.
 pub fn without_rows(
     density: &dyn LatentGaussian,
     draws: &[Vec<f64>],
     places: &[[usize; 2]],
     seed: u64,
-) -> Vec<Vec<Vec<RowWithout>>> {
+) -> WithoutRows {
     with_particles(density, draws, places, PARTICLES, seed)
 }
 
@@ -69,35 +81,200 @@ pub(super) fn with_particles(
     places: &[[usize; 2]],
     n_particles: usize,
     seed: u64,
-) -> Vec<Vec<Vec<RowWithout>>> {
-    let layout = density.layout();
+) -> WithoutRows {
     let seen: Vec<Seen> = draws
         .par_iter()
         .map_init(|| Memory::new(density), |memory, draw| memory.seen(draw))
         .collect();
     let samples: Vec<Sample> = seen.iter().filter_map(|seen| seen.sample.clone()).collect();
-    let mut stand_in = StandIn::new(layout);
-    stand_in.fit(&samples, Trust::FULL, layout);
-    let lookahead = stand_in.times(LOOKAHEAD);
-    let posterior = |at: &[usize; 2]| posterior(&samples, layout, *at);
-    let posteriors: Vec<_> = places.iter().map(posterior).collect();
-    let shared =
-        Shared { layout, places, posteriors: &posteriors, lookahead: &lookahead, n_particles };
-    let halves: Vec<Half> =
-        (0..layout.groups.len()).flat_map(|group| shared.halves(group)).collect();
-    let one = |memory: &mut Memory<'_>, (i, seen): (usize, &Seen)| {
-        let rng = Stream::IntegratedOut { draw: i }.rng(seed);
-        let ln_prior = memory.latent.set_outer(&seen.outer, &mut memory.whitening.designs);
-        let mut told = vec![vec![]; places.len()];
-        if let Some(sample) = seen.sample.as_ref().filter(|_| ln_prior.is_finite()) {
-            shared.tell(&halves, memory, &sample.theta, rng, &mut told);
+    let outer: Vec<Vec<f64>> = seen.iter().map(|seen| seen.outer.clone()).collect();
+    let mut leaving = Leaving { density, samples: &samples, n_particles, seed, n_points: 0 };
+    let rng = &mut Stream::LeftOutPoints.rng(seed);
+    let layout = density.layout();
+    let may_propose = has_few_unknowns(layout) && !layout.outer.is_empty();
+    let tails = may_propose.then(|| prior_tails(density, rng)).flatten();
+    let by_mixtures = tails.and_then(|tails| leaving.by_mixtures(&outer, places, &tails, rng));
+    by_mixtures.unwrap_or_else(|| leaving.by_draws(outer, &seen, places))
+}
+
+/// How rows are told.
+struct Leaving<'a> {
+    density: &'a dyn LatentGaussian,
+    /// Of the posterior.
+    samples: &'a [Sample],
+    n_particles: usize,
+    seed: u64,
+    /// Points so far.
+    n_points: usize,
+}
+
+impl Leaving<'_> {
+    /// The rows of these places at these points, `(point, place, row)`, with p(h) Ẑ₋ᵢ for their weights. `theta` are latent
+    /// values that one of a point's particles has; a point without them has no rows.
+    fn tell(
+        &mut self,
+        outer: &[Vec<f64>],
+        theta: impl Fn(usize) -> Option<Option<Vec<f64>>> + Sync,
+        (places, together): (&[[usize; 2]], usize),
+    ) -> Vec<Vec<Vec<RowWithout>>> {
+        let layout = self.density.layout();
+        let forks = Forks::new(layout, places, self.samples, (together, self.n_particles));
+        let (first, seed) = (self.n_points, self.seed);
+        self.n_points += outer.len();
+        let one = |memory: &mut Memory<'_>, (i, outer): (usize, &Vec<f64>)| {
+            let rng = Stream::IntegratedOut { point: first + i }.rng(seed);
+            let ln_prior = memory.latent.set_outer(outer, &mut memory.whitening.designs);
+            let mut told = vec![vec![]; places.len()];
+            if let Some(theta) = theta(i).filter(|_| ln_prior.is_finite()) {
+                forks.tell(memory, theta, rng, &mut told);
+            }
+            told.iter_mut().flatten().for_each(|row| row.ln_weight += ln_prior);
+            told
+        };
+        outer
+            .par_iter()
+            .enumerate()
+            .map_init(|| Memory::new(self.density), |memory, at| one(memory, at))
+            .collect()
+    }
+
+    /// At draws of the posterior.
+    fn by_draws(
+        &mut self,
+        outer: Vec<Vec<f64>>,
+        seen: &[Seen],
+        places: &[[usize; 2]],
+    ) -> WithoutRows {
+        let theta = |i: usize| seen[i].sample.as_ref().map(|sample| Some(sample.theta.clone()));
+        let mut rows = self.tell(&outer, theta, (places, places.len().div_ceil(2)));
+        for place in 0..places.len() {
+            // weights are those of all draws, or of none
+            let cannot = rows.iter().any(|told| told[place].is_empty());
+            rows.iter_mut().filter(|_| cannot).for_each(|told| told[place].clear());
         }
-        told
-    };
-    seen.par_iter()
-        .enumerate()
-        .map_init(|| Memory::new(density), |memory, at| one(memory, at))
-        .collect()
+        rows.iter_mut().flatten().flatten().for_each(|row| row.ln_weight = -row.ln_density);
+        WithoutRows { outer, rows }
+    }
+
+    /// At points of mixtures, in each round as many as there are draws; `None` where no mixture can be fitted to them.
+    fn by_mixtures(
+        &mut self,
+        draws: &[Vec<f64>],
+        places: &[[usize; 2]],
+        tails: &[Tails],
+        rng: &mut ChaCha8Rng,
+    ) -> Option<WithoutRows> {
+        let mut mixture = Mixture::fit(draws, &vec![1.0; draws.len()], (FAR, tails), rng)?;
+        let mut points = Points::new(draws.len(), places.len());
+        let mut asked: Vec<usize> = (0..places.len()).collect();
+        while !asked.is_empty() {
+            let drawn = mixture.draws(draws.len(), rng);
+            let own: Vec<[usize; 2]> = asked.iter().map(|i| places[*i]).collect();
+            let rows = self.tell(&drawn, |_| Some(None), (&own, TOGETHER));
+            points.add(mixture, drawn, (&asked, rows));
+            if points.mixtures.len() == ROUNDS {
+                break;
+            }
+            let weights: Vec<f64>;
+            (asked, weights) = points.poor(&asked);
+            let Some(next) = Mixture::fit(&points.outer, &weights, (FAR, tails), rng) else {
+                break;
+            };
+            mixture = next;
+        }
+        Some(points.weighted())
+    }
+}
+
+/// Points of several rounds. In each but the first some of the places of the round before are asked for again.
+pub(super) struct Points {
+    n_each: usize,
+    mixtures: Vec<Mixture>,
+    pub(super) outer: Vec<Vec<f64>>,
+    /// ln of the density by which the points so far have been drawn, after each round: `(round, point)`.
+    ln_drawn: Vec<Vec<f64>>,
+    /// `(point, place, row)`
+    rows: Vec<Vec<Vec<RowWithout>>>,
+    /// In how many rounds each place was asked for.
+    n_rounds: Vec<usize>,
+}
+
+impl Points {
+    pub(super) fn new(n_each: usize, n_places: usize) -> Self {
+        let n_rounds = vec![0; n_places];
+        Self { n_each, mixtures: vec![], outer: vec![], ln_drawn: vec![], rows: vec![], n_rounds }
+    }
+
+    /// Adds a round, with the rows of the places that were asked for.
+    pub(super) fn add(
+        &mut self,
+        mixture: Mixture,
+        outer: Vec<Vec<f64>>,
+        (asked, rows): (&[usize], Vec<Vec<Vec<RowWithout>>>),
+    ) {
+        let n_places = self.n_rounds.len();
+        self.mixtures.push(mixture);
+        self.outer.extend(outer);
+        for told in rows {
+            let mut all = vec![vec![]; n_places];
+            asked.iter().zip(told).for_each(|(place, rows)| all[*place] = rows);
+            self.rows.push(all);
+        }
+        asked.iter().for_each(|place| self.n_rounds[*place] += 1);
+        let density = |point: &Vec<f64>| {
+            self.mixtures.iter().map(|q| q.ln_density(point).exp()).sum::<f64>().ln()
+        };
+        self.ln_drawn.push(self.outer.iter().map(density).collect());
+    }
+
+    /// ln of the weights of a row, at the points of the rounds that asked for it; −∞ where it is missing.
+    fn ln_weights(&self, place: usize, row: usize) -> Vec<f64> {
+        let n_rounds = self.n_rounds[place];
+        let ln_drawn = &self.ln_drawn[n_rounds - 1];
+        let ln = |(told, ln_drawn): (&Vec<Vec<RowWithout>>, &f64)| {
+            told[place].get(row).map_or(f64::NEG_INFINITY, |row| row.ln_weight - ln_drawn)
+        };
+        self.rows.iter().zip(ln_drawn).map(ln).collect()
+    }
+
+    /// Those of these places with a row of which the points tell little, and the mean of the weights of such rows, one for
+    /// each point.
+    pub(super) fn poor(&self, places: &[usize]) -> (Vec<usize>, Vec<f64>) {
+        let (mut poor, mut weights) = (vec![], vec![0.0; self.outer.len()]);
+        for place in places {
+            let n_rows = self.rows.iter().map(|told| told[*place].len()).max().unwrap_or(0);
+            let of_rows = (0..n_rows).filter_map(|row| normalised(&self.ln_weights(*place, row)));
+            let is_poor = |own: &Vec<f64>| {
+                own.iter().map(|w| w * w).sum::<f64>() * WORTH * self.n_each as f64 > 1.0
+            };
+            let of_poor: Vec<Vec<f64>> = of_rows.filter(is_poor).collect();
+            if !of_poor.is_empty() {
+                poor.push(*place);
+            }
+            for own in of_poor {
+                weights.iter_mut().zip(&own).for_each(|(sum, w)| *sum += w);
+            }
+        }
+        (poor, weights)
+    }
+
+    /// With the weights of all rounds.
+    pub(super) fn weighted(mut self) -> WithoutRows {
+        for (place, n_rounds) in self.n_rounds.iter().enumerate() {
+            for (told, ln_drawn) in self.rows.iter_mut().zip(&self.ln_drawn[n_rounds - 1]) {
+                told[place].iter_mut().for_each(|row| row.ln_weight -= ln_drawn);
+            }
+        }
+        WithoutRows { outer: self.outer, rows: self.rows }
+    }
+}
+
+/// Weights of these logarithms, in all 1; `None` if they are all 0.
+fn normalised(ln: &[f64]) -> Option<Vec<f64>> {
+    let most = ln.iter().copied().fold(f64::NEG_INFINITY, f64::max);
+    let weights: Vec<f64> = ln.iter().map(|ln| (ln - most).exp()).collect();
+    let total: f64 = weights.iter().sum();
+    total.is_finite().then(|| weights.iter().map(|weight| weight / total).collect())
 }
 
 /// A draw: its outer unknowns, and its latent values with their slopes, unless these are not finite.
@@ -118,201 +295,4 @@ impl Memory<'_> {
         let is_finite = theta.iter().chain(&slope).all(|x| x.is_finite());
         Seen { outer, sample: is_finite.then_some(Sample { theta, slope }) }
     }
-}
-
-/// Where the posterior has the values of a place; `None` if they do not vary.
-fn posterior(samples: &[Sample], layout: &Layout, [group, place]: [usize; 2]) -> Option<Student> {
-    let first = layout.n_latent_before(group);
-    let own = &layout.groups[group];
-    let n = own.blocks.len();
-    let at =
-        |sample: &Sample| DVector::from_fn(n, |f, _| sample.theta[first + f * own.n_seen + place]);
-    let count = samples.len() as f64;
-    let mean = samples.iter().fold(DVector::zeros(n), |sum, sample| sum + at(sample)) / count;
-    let square = |sum, sample| {
-        let d = at(sample) - &mean;
-        sum + &d * d.transpose()
-    };
-    let covariance = samples.iter().fold(DMatrix::zeros(n, n), square) / count;
-    Student::new(1.0, &mean, covariance * WIDER.powi(2), last::NU)
-}
-
-/// What all draws share.
-struct Shared<'a> {
-    layout: &'a Layout,
-    /// `[group, place]` of each place with rows that are asked for.
-    places: &'a [[usize; 2]],
-    /// Where the posterior has the values of each.
-    posteriors: &'a [Option<Student>],
-    lookahead: &'a StandIn,
-    n_particles: usize,
-}
-
-/// Some places of a group, and all others, which come before.
-struct Half {
-    group: usize,
-    /// Their numbers among those asked for.
-    wanted: Vec<usize>,
-    before: Vec<usize>,
-    /// What is known of the places before.
-    lookahead: StandIn,
-}
-
-impl Shared<'_> {
-    /// The two halves of the places of a group that are asked for, each with all its other places before.
-    fn halves(&self, group: usize) -> Vec<Half> {
-        let n_seen = self.layout.groups[group].n_seen;
-        let of_group = |i: &usize| self.places[*i][0] == group;
-        let wanted: Vec<usize> = (0..self.places.len()).filter(of_group).collect();
-        let half = |wanted: &[usize]| {
-            let comes_last = |place: &usize| wanted.iter().any(|i| self.places[*i][1] == *place);
-            let (last, before): (Vec<usize>, Vec<usize>) = (0..n_seen).partition(comes_last);
-            let without =
-                |known: StandIn, place: &usize| known.without([group, *place], self.layout);
-            let lookahead = last.iter().fold(self.lookahead.clone(), without);
-            Half { group, wanted: wanted.to_vec(), before, lookahead }
-        };
-        let (first, second) = wanted.split_at(wanted.len() / 2);
-        [first, second].into_iter().filter(|half| !half.is_empty()).map(half).collect()
-    }
-
-    /// Writes the rows of each place where a draw has these latent values, and none where they cannot be told.
-    fn tell(
-        &self,
-        halves: &[Half],
-        memory: &mut Memory<'_>,
-        theta: &[f64],
-        mut rng: impl Rng,
-        told: &mut [Vec<RowWithout>],
-    ) {
-        let Memory { layout, latent, whitening, .. } = memory;
-        for half in halves {
-            let Some(here) = Here::new(layout, &half.lookahead, whitening) else { continue };
-            let law = here.law(half.group);
-            let mut order = Order::new(&law);
-            half.before.iter().for_each(|place| order.append(*place));
-            let first = layout.n_latent_before(half.group);
-            let present = theta[first..][..layout.groups[half.group].n_latent()].to_vec();
-            let mut swarm = Swarm::new(self.n_particles, Some(present));
-            let mut branch = Branch {
-                shared: self,
-                group: half.group,
-                latent: &mut **latent,
-                rng: &mut rng,
-                told,
-            };
-            if branch.run(&mut swarm, &order) {
-                branch.tell(order, swarm, &half.wanted);
-            }
-        }
-    }
-}
-
-/// The way of one draw's particles to the places of a group.
-struct Branch<'a, R> {
-    shared: &'a Shared<'a>,
-    group: usize,
-    latent: &'a mut dyn Latent,
-    rng: &'a mut R,
-    told: &'a mut [Vec<RowWithout>],
-}
-
-impl<R: Rng> Branch<'_, R> {
-    /// Whether there is a particle with a weight at the end of the order.
-    fn run(&mut self, swarm: &mut Swarm, order: &Order<'_>) -> bool {
-        let stand_in = &self.shared.lookahead.groups[self.group];
-        swarm.run(order, stand_in, self.group, self.latent, self.rng).is_finite()
-    }
-
-    /// Writes the rows of places that are not yet in the order, whose values the particles have. On the way to one half of
-    /// them they go through the other, and look ahead no farther.
-    fn tell(&mut self, mut order: Order<'_>, swarm: Swarm, wanted: &[usize]) {
-        if let [last] = wanted {
-            order.append(self.shared.places[*last][1]);
-            self.told[*last] = self.rows(&order, &swarm, *last);
-            return;
-        }
-        let (first, second) = wanted.split_at(wanted.len() / 2);
-        self.fork(order.clone(), swarm.clone(), first, second);
-        self.fork(order, swarm, second, first);
-    }
-
-    /// Goes through some places, and then to others.
-    fn fork(&mut self, mut order: Order<'_>, mut swarm: Swarm, through: &[usize], to: &[usize]) {
-        let n = order.n();
-        for i in through {
-            order.append(self.shared.places[*i][1]);
-        }
-        let stand_in = &self.shared.lookahead.groups[self.group];
-        let Some((by, ahead)) = order.ahead(n, stand_in) else { return };
-        swarm.look_ahead(&ahead, self.rng);
-        if self.run(&mut swarm, &by) {
-            swarm.change(n, &by, &order);
-            self.tell(order, swarm, to);
-        }
-    }
-
-    /// The rows of the last place of the order, where the particles have values at all before.
-    fn rows(&mut self, order: &Order<'_>, swarm: &Swarm, wanted: usize) -> Vec<RowWithout> {
-        let points = self.points(order, swarm, wanted);
-        let lns = self.latent.ln_of_rows(self.shared.places[wanted], &points.theta);
-        let n_blocks = order.n_blocks();
-        let mut weights = vec![];
-        let row = |own: usize| {
-            let mut ln = points.ln_weights.clone();
-            let others = lns.iter().enumerate().filter(|(other, _)| *other != own);
-            others.for_each(|(_, lns)| axpy(1.0, lns, &mut ln));
-            let most_without = exp_of_less(&ln, &mut weights);
-            let sums = sums(&weights);
-            let chosen = pick(&sums, self.rng);
-            axpy(1.0, &lns[own], &mut ln);
-            let most_with = exp_of_less(&ln, &mut weights);
-            let with: f64 = weights.iter().sum();
-            RowWithout {
-                ln_density: most_with - most_without + (with / sums[sums.len() - 1]).ln(),
-                theta: points.theta[chosen * n_blocks..][..n_blocks].to_vec(),
-            }
-        };
-        (0..lns.len()).map(row).collect()
-    }
-
-    /// Values of this place, given those that the particles have at all others.
-    fn points(&mut self, order: &Order<'_>, swarm: &Swarm, wanted: usize) -> Points {
-        let mut last = Last::new(order, self.shared.posteriors[wanted].as_ref());
-        let (present, given) = (swarm.present(order), swarm.given(order));
-        let n = self.shared.n_particles * last.n_points();
-        let mut points = Points {
-            theta: Vec::with_capacity(n * order.n_blocks()),
-            ln_weights: Vec::with_capacity(n),
-        };
-        let mut densities = Vec::with_capacity(n);
-        for particle in 0..self.shared.n_particles {
-            last.set_given(given.iter().skip(particle).step_by(self.shared.n_particles));
-            let ln_particle = swarm.ln_weight(particle);
-            // which half of the points the draw's own value belongs to follows from the densities of drawing it
-            let own = (particle == 0).then(|| {
-                last.set(&present[last.first()..]);
-                let [others, posterior] = last.densities();
-                usize::from(self.rng.random::<f64>() * (others + posterior) < posterior)
-            });
-            for point in 0..last.n_points() {
-                if own == Some(point) {
-                    last.set(&present[last.first()..]);
-                } else {
-                    last.draw(point % 2 == 1, self.rng);
-                }
-                points.ln_weights.push(ln_particle + last.ln_normal());
-                densities.push(last.density());
-                points.theta.extend_from_slice(last.theta());
-            }
-        }
-        add_ln(-1.0, &densities, &mut points.ln_weights);
-        points
-    }
-}
-
-/// Values of a place `(n, n_blocks)`, and ln of their weights.
-struct Points {
-    theta: Vec<f64>,
-    ln_weights: Vec<f64>,
 }

@@ -1,7 +1,7 @@
 //! What the chains share: the stand-in and the proposal of the hyperparameters. A first version is
 //! made at the chains' starts; at each meeting they are fitted to the draws of all chains.
 
-use super::explore::{Exploring, Leaps, explore};
+use super::explore::{Exploring, Leaps, explore, has_few_unknowns};
 use super::groups::Whitening;
 use super::latent::{LatentGaussian, Layout};
 use super::proposal::Proposal;
@@ -16,12 +16,6 @@ use serde::{Deserialize, Serialize};
 
 /// Least variance of a hyperparameter in the proposal.
 const FLOOR: f64 = 1e-3;
-
-/// All unknowns move together where there are at most so many latent values: with 80 it took twice
-/// as long as all other moves, and brought nothing (docs/experiments.md).
-const MOST_LATENT: usize = 40;
-/// And so many outer unknowns.
-const MOST_OUTER: usize = 12;
 
 /// What a chain takes from one round to the next.
 #[derive(Clone, Debug)]
@@ -142,8 +136,7 @@ impl Shared {
         }
         let hyper = |outer: &Vec<f64>| layout.hyper.iter().map(|i| outer[*i]).collect();
         new.proposal.fit(&outer.iter().map(hyper).collect::<Vec<_>>(), FLOOR);
-        let is_small = layout.n_latent() <= MOST_LATENT && layout.outer.len() <= MOST_OUTER;
-        if let Some(exploring) = last.filter(|_| is_small) {
+        if let Some(exploring) = last.filter(|_| has_few_unknowns(layout)) {
             new.leaps = explore(density, &new.stand_in, &outer, exploring);
         }
         new

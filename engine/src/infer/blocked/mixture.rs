@@ -232,6 +232,16 @@ impl Mixture {
         ((1.0 - self.far) * near + self.far * far).ln()
     }
 
+    /// So many draws.
+    pub(super) fn draws(&self, n: usize, rng: &mut impl Rng) -> Vec<Vec<f64>> {
+        let mut one = || {
+            let mut x = vec![0.0; self.components[0].mean.len()];
+            self.draw(rng, &mut x);
+            x
+        };
+        (0..n).map(|_| one()).collect()
+    }
+
     pub(super) fn draw(&self, rng: &mut impl Rng, x: &mut [f64]) {
         let mut left: f64 = rng.random();
         let own = self.components.iter().find(|c| {

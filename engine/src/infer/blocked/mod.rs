@@ -26,6 +26,7 @@ mod chain;
 mod conditional;
 mod explore;
 mod factor;
+mod forks;
 mod groups;
 mod last;
 mod latent;
@@ -33,6 +34,9 @@ mod latent;
 #[allow(clippy::unwrap_used, reason = "tests")]
 mod leap_tests;
 mod left_out;
+#[cfg(test)]
+#[allow(clippy::unwrap_used, reason = "tests")]
+mod left_out_tests;
 mod meeting;
 mod mixture;
 mod order;
@@ -44,6 +48,9 @@ mod stand_in;
 #[allow(clippy::unwrap_used, reason = "tests")]
 mod swap_tests;
 mod swaps;
+#[cfg(test)]
+#[allow(clippy::unwrap_used, reason = "tests")]
+mod test_sums;
 mod together;
 mod whiten;
 
@@ -51,7 +58,7 @@ pub use chain::Blocked;
 pub(super) use proposal::Proposal;
 
 pub use latent::{BlockLayout, Design, Group, Latent, LatentGaussian, Layout, Shape};
-pub use left_out::{RowWithout, without_rows};
+pub use left_out::{RowWithout, WithoutRows, without_rows};
 
 use super::draws::ChainResult;
 use super::error::InferError;

@@ -185,7 +185,7 @@ impl<'a> Order<'a> {
     /// θ = μ + A ε + L ε′      ε before, ε′ from `first` on      d = y − μ
     /// Σ′ = L (I + LᵀWL)⁻¹ Lᵀ = L′L′ᵀ
     /// θ = μ + Σ′W d + (I − Σ′W) A ε + L′ ε″
-    /// ∫ p(ε′) q dε′ ∝ exp(−½ (d − A ε)ᵀ (W − WΣ′W) (d − A ε))
+    /// ∫ p(ε′) q dε′ = |I + LᵀWL|^−½ exp(−½ (d − A ε)ᵀ (W − WΣ′W) (d − A ε))
     /// ```
     pub(super) fn ahead(&self, first: usize, stand_in: &GroupStandIn) -> Option<(Self, Ahead)> {
         let (n, n_blocks) = (self.n() - first, self.law.n_blocks);
@@ -202,8 +202,9 @@ impl<'a> Order<'a> {
             d += centre;
         }
         let weighted = &information * &lower;
-        let product = DMatrix::identity(n, n) + lower.transpose() * &weighted;
-        let covariance = &lower * Cholesky::new(product)?.solve(&lower.transpose());
+        let product = Cholesky::new(DMatrix::identity(n, n) + lower.transpose() * &weighted)?;
+        let ln_volume = -product.l_dirty().diagonal().iter().map(|l| l.ln()).sum::<f64>();
+        let covariance = &lower * product.solve(&lower.transpose());
         let gain = &covariance * &information;
         let mean = &gain * &d;
         let rows = &before - &gain * &before;
@@ -216,7 +217,7 @@ impl<'a> Order<'a> {
             order.push(self.mean[first + i] + mean[i], given, at);
         }
         let information = &information - &information * gain;
-        Some((order, Ahead { before, d, information }))
+        Some((order, Ahead { before, d, information, ln_volume }))
     }
 }
 
@@ -227,6 +228,8 @@ pub(super) struct Ahead {
     d: DVector<f64>,
     /// W − WΣ′W
     information: DMatrix<f64>,
+    /// −½ ln|I + LᵀWL|
+    ln_volume: f64,
 }
 
 impl Ahead {
@@ -241,6 +244,7 @@ impl Ahead {
             left
         };
         let left: Vec<Vec<f64>> = (0..self.d.len()).map(left).collect();
+        out.iter_mut().for_each(|out| *out += self.ln_volume);
         let mut product = vec![0.0; n_particles];
         for (i, own) in left.iter().enumerate() {
             product.fill(0.0);

@@ -127,6 +127,8 @@ pub(super) struct Swarm {
     /// The weights in units of a common one.
     weights: Vec<f64>,
     present: Option<Present>,
+    /// ln of the estimate up to when the particles were last drawn anew.
+    ln: f64,
 }
 
 /// What one of the particles must be, the first.
@@ -146,11 +148,12 @@ impl Swarm {
             lns: vec![0.0; n_particles],
             weights: vec![1.0; n_particles],
             present: present.map(|theta| Present { theta, eps: vec![] }),
+            ln: 0.0,
         }
     }
 
     /// Draws the values of further places, up to the last of the order, which has G by this stand-in for their likelihood.
-    /// Returns ln of the estimate if there were no values before, and −∞ where no particle has a weight.
+    /// Returns ln of the estimate, of all places so far, and −∞ where no particle has a weight.
     pub(super) fn run(
         &mut self,
         order: &Order<'_>,
@@ -163,13 +166,13 @@ impl Swarm {
         let mut values = vec![0.0; n_particles];
         let mut theta = vec![0.0; n_particles * d];
         let mut likelihoods = vec![0.0; n_particles];
-        let mut sum = 0.0;
+        let mut ln_mean = 0.0;
         if let Some(Present { theta, eps }) = &mut self.present {
             order.complete(theta, eps);
         }
         let first = self.eps.len() / n_particles / d;
         for (step, place) in order.places.iter().copied().enumerate().skip(first) {
-            sum += self.draw(order, step, rng);
+            self.ln += self.draw(order, step, rng);
             for f in 0..d {
                 order.values(step * d + f, &self.eps, &mut values);
                 theta.iter_mut().skip(f).step_by(d).zip(&values).for_each(|(to, x)| *to = *x);
@@ -180,12 +183,12 @@ impl Swarm {
             {
                 *ln += likelihood + stand_in.quadratic(place, theta);
             }
-            sum += self.weigh(step + 1 == order.places.len(), rng);
-            if !sum.is_finite() {
+            ln_mean = self.weigh(step + 1 == order.places.len(), rng);
+            if !ln_mean.is_finite() {
                 break;
             }
         }
-        sum
+        self.ln + ln_mean
     }
 
     /// Weighs particles by what is known of further places.
@@ -239,8 +242,8 @@ impl Swarm {
         0.5 * open.len() as f64 * half.ln() + ln_gamma(half) - ln_gamma(0.5 * power as f64)
     }
 
-    /// Computes the weights. Where they are too unequal, draws the particles anew. Returns ln of the mean weight where it
-    /// does, and at the end, else 0.
+    /// Computes the weights. Where they are too unequal, draws the particles anew, unless this is the end. Returns ln of
+    /// the mean of the weights that there are then.
     fn weigh(&mut self, is_end: bool, rng: &mut impl Rng) -> f64 {
         let n = self.weights.len();
         let most = self.lns.iter().copied().fold(f64::NEG_INFINITY, f64::max);
@@ -259,7 +262,7 @@ impl Swarm {
             return ln_mean;
         }
         if total * total > WORTH * n as f64 * squares {
-            return 0.0;
+            return ln_mean;
         }
         let stays = usize::from(self.present.is_some());
         let sums = sums(&self.weights);
@@ -272,7 +275,8 @@ impl Swarm {
         }
         self.lns.fill(0.0);
         self.factors.fill(1.0);
-        ln_mean
+        self.ln += ln_mean;
+        0.0
     }
 
     /// ε of a particle, by their weights.
@@ -299,9 +303,9 @@ impl Swarm {
         eps
     }
 
-    /// ln of the weight of particle k since they were last drawn anew.
+    /// ln of the weight of particle k. Their mean is the estimate.
     pub(super) fn ln_weight(&self, k: usize) -> f64 {
-        self.lns[k] + self.factors[k].ln()
+        self.ln + self.lns[k] + self.factors[k].ln()
     }
 }
 

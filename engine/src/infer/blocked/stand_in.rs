@@ -57,10 +57,12 @@ impl StandIn {
     }
 
     /// The same, but knowing nothing of this place, `[group, place]`.
-    pub(super) fn without(&self, [group, place]: [usize; 2], layout: &Layout) -> Self {
+    pub(super) fn without(&self, group: usize, places: &[usize], layout: &Layout) -> Self {
         let mut new = self.clone();
         let own = &mut new.groups[group];
-        own.information.iter_mut().skip(place).step_by(own.n_seen).for_each(|w| *w = 0.0);
+        for place in places {
+            own.information.iter_mut().skip(*place).step_by(own.n_seen).for_each(|w| *w = 0.0);
+        }
         own.set_gram(&layout.groups[group]);
         new
     }

@@ -2,7 +2,7 @@
 
 use super::Sampler;
 use super::blocks::Blocks;
-use crate::infer::{RowWithout, without_rows};
+use crate::infer::without_rows;
 use crate::model::laid_out::Model;
 use crate::model::local::RowId;
 use crate::random::Stream;
@@ -10,20 +10,21 @@ use crate::random::Stream;
 /// The model is not asked if its blocks have more latent values than this: each draw takes the square of them.
 const MOST_LATENT: usize = 200;
 
-/// What is predicted of a row from the others in each draw, with the coefficients of fields integrated out, or with what shifts
-/// arrival times.
+/// What is predicted of a row from the others at points of the other unknowns, with the coefficients of fields integrated out, or
+/// with what shifts arrival times.
 #[derive(Clone, Debug, Default)]
 pub struct Predictive {
     /// ln of its density at the measurement.
     pub ln_density: Vec<f64>,
+    /// ln of the weights that make the points those of the posterior without the row, but for a constant.
+    pub ln_weight: Vec<f64>,
     /// Replicates of the measurement; of a bracket its lower end.
     pub replicates: Vec<f64>,
 }
 
 impl Model {
-    /// What is predicted of these rows from the others, in each of `draws` of the unknowns, each `(dim)`. Importance
-    /// weights `1/density` make the draws those of the posterior without the row. `None` for rows of which this
-    /// cannot be told.
+    /// What is predicted of these rows from the others, by `draws` of the unknowns given all rows, each `(dim)`. `None` for
+    /// rows of which this cannot be told.
     pub fn predictive(
         &self,
         draws: &[Vec<f64>],
@@ -60,18 +61,18 @@ impl Model {
                 let cells = op.observed_row(id[1]);
                 let mut rng = Stream::WithoutRow { row: i }.rng(seed);
                 let mut predictive = Predictive::default();
-                for (draw, rows) in draws.iter().zip(&told) {
-                    let Some(RowWithout { ln_density, theta }) = rows[p].get(k) else { continue };
-                    on.forward(&blocks.layout.outer_of(draw));
-                    on.set_place(*group, *place, theta);
+                for (outer, rows) in told.outer.iter().zip(&told.rows) {
+                    let Some(row) = rows[p].get(k) else { continue };
+                    on.forward(outer);
+                    on.set_place(*group, *place, &row.theta);
                     let local =
                         |(value, offset): (usize, usize)| on.tape.v[value] + on.tape.v[offset];
                     let locals: Vec<f64> = op.locals(id[1]).into_iter().map(local).collect();
-                    predictive.ln_density.push(*ln_density);
+                    predictive.ln_density.push(row.ln_density);
+                    predictive.ln_weight.push(row.ln_weight);
                     predictive.replicates.push(op.replicate(id[1], &cells, &locals, &mut rng)[0]);
                 }
-                // the weights are those of all draws, or of none
-                out[i] = (predictive.ln_density.len() == draws.len()).then_some(predictive);
+                out[i] = (!predictive.ln_density.is_empty()).then_some(predictive);
             }
         }
         out

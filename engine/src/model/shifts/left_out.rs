@@ -43,7 +43,9 @@ impl Shifts<'_> {
             for row in &told {
                 let [residual, variance] = *row.get(nth)?;
                 let ln_norm = -0.5 * variance.ln() - LN_SQRT_2PI;
-                predictive.ln_density.push(ln_norm - 0.5 * residual * residual / variance);
+                let ln_density = ln_norm - 0.5 * residual * residual / variance;
+                predictive.ln_density.push(ln_density);
+                predictive.ln_weight.push(-ln_density);
                 let z: f64 = rng.sample(StandardNormal);
                 predictive.replicates.push(y - residual + variance.sqrt() * z);
             }
