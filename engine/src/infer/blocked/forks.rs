@@ -7,16 +7,16 @@
 //! is left.
 
 use nalgebra::{DMatrix, DVector};
-use rand::{Rng, RngExt as _};
+use rand::Rng;
 
 use super::last::{self, Last};
 use super::latent::{Latent, Layout};
-use super::left_out::RowWithout;
 use super::mixture::Student;
 use super::order::Order;
-use super::particles::{Here, Memory, Swarm, pick, sums};
+use super::particles::{Here, Memory, Swarm};
 use super::stand_in::{Sample, StandIn, Trust};
-use crate::num::vector::{add_ln, axpy, exp_of_less};
+use super::told::{RowWithout, Values};
+use crate::num::vector::add_ln;
 
 /// The lookahead is the stand-in with this share of its information: with all of it, what suits the rows at other
 /// places less well would be given up too early.
@@ -79,11 +79,10 @@ impl<'a> Forks<'a> {
     }
 
     /// Writes the rows of each place at the designs of `memory`, and none where they cannot be told. The weight of a row is
-    /// an estimate of ∫ p(w) L dw without it. With `theta` these latent values are those of one of the particles.
+    /// an estimate of ∫ p(w) L dw without it.
     pub(super) fn tell(
         &self,
         memory: &mut Memory<'_>,
-        theta: Option<Vec<f64>>,
         mut rng: impl Rng,
         told: &mut [Vec<RowWithout>],
     ) {
@@ -100,10 +99,7 @@ impl<'a> Forks<'a> {
             let law = here.law(part.group);
             let mut order = Order::new(&law);
             part.before.iter().for_each(|place| order.append(*place));
-            let first = layout.n_latent_before(part.group);
-            let n_latent = layout.groups[part.group].n_latent();
-            let present = theta.as_ref().map(|theta| theta[first..][..n_latent].to_vec());
-            let mut swarm = Swarm::new(self.n_particles, present);
+            let mut swarm = Swarm::new(self.n_particles, None);
             let mut branch = Branch {
                 forks: self,
                 part,
@@ -202,37 +198,21 @@ impl<R: Rng> Branch<'_, R> {
 
     /// The rows of the last place of the order, where the particles have values at all before.
     fn rows(&mut self, order: &Order<'_>, swarm: &Swarm, wanted: usize) -> Vec<RowWithout> {
-        let points = self.points(order, swarm, wanted);
-        let lns = self.latent.ln_of_rows(self.forks.places[wanted], &points.theta);
-        let n_blocks = order.n_blocks();
-        let mut weights = vec![];
-        let row = |own: usize| {
-            let mut ln = points.ln_weights.clone();
-            let others = lns.iter().enumerate().filter(|(other, _)| *other != own);
-            others.for_each(|(_, lns)| axpy(1.0, lns, &mut ln));
-            let most_without = exp_of_less(&ln, &mut weights);
-            let sums = sums(&weights);
-            let without = sums[sums.len() - 1];
-            let chosen = pick(&sums, self.rng);
-            axpy(1.0, &lns[own], &mut ln);
-            let most_with = exp_of_less(&ln, &mut weights);
-            let with: f64 = weights.iter().sum();
-            RowWithout {
-                ln_density: most_with - most_without + (with / without).ln(),
-                ln_weight: self.ln_evidence + most_without + (without / weights.len() as f64).ln(),
-                theta: points.theta[chosen * n_blocks..][..n_blocks].to_vec(),
-            }
-        };
-        (0..lns.len()).map(row).collect()
+        let values = self.values(order, swarm, wanted);
+        let lns = self.latent.ln_of_rows(self.forks.places[wanted], &values.theta);
+        let mut rows = values.rows(&lns, self.rng);
+        for row in &mut rows {
+            row.ln_weight += self.ln_evidence;
+        }
+        rows
     }
 
     /// Values of this place, given those that the particles have at all others.
-    fn points(&mut self, order: &Order<'_>, swarm: &Swarm, wanted: usize) -> Points {
+    fn values(&mut self, order: &Order<'_>, swarm: &Swarm, wanted: usize) -> Values {
         let mut last = Last::new(order, self.forks.posteriors[wanted].as_ref());
-        let (present, given) = (swarm.present(order), swarm.given(order));
-        let has_present = !present.is_empty();
+        let given = swarm.given(order);
         let n = self.forks.n_particles * last.n_points();
-        let mut points = Points {
+        let mut values = Values {
             theta: Vec::with_capacity(n * order.n_blocks()),
             ln_weights: Vec::with_capacity(n),
         };
@@ -240,30 +220,14 @@ impl<R: Rng> Branch<'_, R> {
         for particle in 0..self.forks.n_particles {
             last.set_given(given.iter().skip(particle).step_by(self.forks.n_particles));
             let ln_particle = swarm.ln_weight(particle);
-            // which half of the points the draw's own value belongs to follows from the densities of drawing it
-            let own = (particle == 0 && has_present).then(|| {
-                last.set(&present[last.first()..]);
-                let [others, posterior] = last.densities();
-                usize::from(self.rng.random::<f64>() * (others + posterior) < posterior)
-            });
             for point in 0..last.n_points() {
-                if own == Some(point) {
-                    last.set(&present[last.first()..]);
-                } else {
-                    last.draw(point % 2 == 1, self.rng);
-                }
-                points.ln_weights.push(ln_particle + last.ln_normal());
+                last.draw(point % 2 == 1, self.rng);
+                values.ln_weights.push(ln_particle + last.ln_normal());
                 densities.push(last.density());
-                points.theta.extend_from_slice(last.theta());
+                values.theta.extend_from_slice(last.theta());
             }
         }
-        add_ln(-1.0, &densities, &mut points.ln_weights);
-        points
+        add_ln(-1.0, &densities, &mut values.ln_weights);
+        values
     }
-}
-
-/// Values of a place `(n, n_blocks)`, and ln of their weights.
-struct Points {
-    theta: Vec<f64>,
-    ln_weights: Vec<f64>,
 }

@@ -14,7 +14,6 @@ pub(super) const NU: usize = 4;
 
 /// The last place of an order, whose values are θ = given + L ε, and one point there.
 pub(super) struct Last<'a> {
-    first: usize,
     /// The rows of L.
     rows: Vec<&'a [f64]>,
     /// Blocks whose values the other places do not determine.
@@ -41,7 +40,6 @@ impl<'a> Last<'a> {
         let from_others = Student::standard(open.len(), NU);
         let from_posterior = posterior.filter(|_| open.len() == n);
         Self {
-            first,
             peaks: [
                 from_others.peak(),
                 from_posterior.map_or(0.0, |student| scale * student.peak()),
@@ -57,11 +55,6 @@ impl<'a> Last<'a> {
         }
     }
 
-    /// The number of the first of its values.
-    pub(super) fn first(&self) -> usize {
-        self.first
-    }
-
     /// Points for each particle.
     pub(super) fn n_points(&self) -> usize {
         if self.open.is_empty() { 1 } else { POINTS }
@@ -75,13 +68,6 @@ impl<'a> Last<'a> {
     /// The point, `(block)`.
     pub(super) fn theta(&self) -> &[f64] {
         &self.theta
-    }
-
-    /// Takes up ε of each block.
-    pub(super) fn set(&mut self, eps: &[f64]) {
-        self.eps[0].copy_from_slice(eps);
-        self.open.iter().zip(&mut self.eps[1]).for_each(|(f, x)| *x = eps[*f]);
-        self.set_theta();
     }
 
     fn set_theta(&mut self) {

@@ -6,14 +6,15 @@
 //! ```text
 //! p(yᵢ | other y, h) = Z / Z₋ᵢ      Z = ∫ p(w) L dw,  Z₋ᵢ the same without Lᵢ
 //! ```
-//! Both are estimated by the same particles ([`forks`](super::forks)). Importance weights make the points those of the
-//! posterior without the measurement, exactly for any number of particles. There are two ways to come to points:
+//! Importance weights make the points those of the posterior without the measurement. There are two ways:
 //!
-//! - A mixture q is fitted to draws of the posterior. Its points have the weights p(h) Ẑ₋ᵢ / q(h). They are wider spread than
-//!   the draws. Where they still tell little of some rows, another mixture is fitted to those of the posteriors without
-//!   them, and gives further points for these rows.
-//! - With many latent values Ẑ₋ᵢ varies by many nats. There draws of the posterior themselves are the points, and the
-//!   draw's own coefficients are one of the particles. Then the mean of Ẑ₋ᵢ/Ẑ is Z₋ᵢ/Z, and these are the weights.
+//! - With few unknowns, Z and Z₋ᵢ are estimated by particles ([`forks`](super::forks)), at points of a mixture q that is fitted to
+//!   draws of the posterior. Their weights are p(h) Ẑ₋ᵢ / q(h). They are wider spread than the draws. Where they still
+//!   tell little of some rows, another mixture is fitted to the posteriors without these, and gives further points for them.
+//! - With many latent values such estimates vary by many nats. There draws of the posterior themselves are the points,
+//!   and only what the measurement's own place determines integrates out ([`planes`]). The weights are Ẑ₋ᵢ/Ẑ.
+//!
+//! Both are exact for any number of particles or points.
 //!
 //! # Source
 //! Vehtari, Mononen, Tolvanen, Sivula & Winther 2016, "Bayesian leave-one-out cross-validation approximations for
@@ -28,30 +29,23 @@ use super::forks::Forks;
 use super::latent::LatentGaussian;
 use super::mixture::{Mixture, Tails};
 use super::particles::Memory;
-use super::stand_in::Sample;
+use super::planes;
+use super::stand_in::{Sample, StandIn, Trust};
+use super::told::RowWithout;
 use crate::random::Stream;
 
-/// Particles up to the last place.
-const PARTICLES: usize = 64;
+/// Particles up to the last place, and points of a plane for each quarter of it.
+const NUMBERS: [usize; 2] = [64, 4];
 /// Places of a part, with points of a mixture.
 const TOGETHER: usize = 4;
+/// A mixture that was fitted to more outer unknowns than this would miss most of the posterior.
+const MOST_OUTER: usize = 8;
 /// Most mixtures, one after the other.
 const ROUNDS: usize = 3;
 /// Points tell little of a row where they are worth fewer equally weighted ones than this share of a round's.
 const WORTH: f64 = 0.125;
 /// Share of points with one number from where its prior lies.
 const FAR: f64 = 0.1;
-
-/// A row at one point of the outer unknowns.
-#[derive(Clone, Debug)]
-pub struct RowWithout {
-    /// ln of the density that is predicted of it from the other rows.
-    pub ln_density: f64,
-    /// ln of the weight that makes points those of the posterior without the row, but for a constant.
-    pub ln_weight: f64,
-    /// Values of the blocks at its place, drawn given the other rows.
-    pub theta: Vec<f64>,
-}
 
 /// Rows told from the others.
 #[derive(Clone, Debug)]
@@ -71,15 +65,15 @@ pub fn without_rows(
     places: &[[usize; 2]],
     seed: u64,
 ) -> WithoutRows {
-    with_particles(density, draws, places, PARTICLES, seed)
+    with_numbers(density, draws, places, NUMBERS, seed)
 }
 
-/// The same with so many particles.
-pub(super) fn with_particles(
+/// The same with so many particles and points.
+pub(super) fn with_numbers(
     density: &dyn LatentGaussian,
     draws: &[Vec<f64>],
     places: &[[usize; 2]],
-    n_particles: usize,
+    numbers: [usize; 2],
     seed: u64,
 ) -> WithoutRows {
     let seen: Vec<Seen> = draws
@@ -87,14 +81,16 @@ pub(super) fn with_particles(
         .map_init(|| Memory::new(density), |memory, draw| memory.seen(draw))
         .collect();
     let samples: Vec<Sample> = seen.iter().filter_map(|seen| seen.sample.clone()).collect();
-    let outer: Vec<Vec<f64>> = seen.iter().map(|seen| seen.outer.clone()).collect();
-    let mut leaving = Leaving { density, samples: &samples, n_particles, seed, n_points: 0 };
+    let mut leaving = Leaving { density, samples: &samples, numbers, seed, n_points: 0 };
     let rng = &mut Stream::LeftOutPoints.rng(seed);
     let layout = density.layout();
-    let may_propose = has_few_unknowns(layout) && !layout.outer.is_empty();
+    let may_propose = has_few_unknowns(layout) && (1..=MOST_OUTER).contains(&layout.outer.len());
     let tails = may_propose.then(|| prior_tails(density, rng)).flatten();
-    let by_mixtures = tails.and_then(|tails| leaving.by_mixtures(&outer, places, &tails, rng));
-    by_mixtures.unwrap_or_else(|| leaving.by_draws(outer, &seen, places))
+    let by_mixtures = tails.and_then(|tails| {
+        let outer: Vec<Vec<f64>> = seen.iter().map(|seen| seen.outer.clone()).collect();
+        leaving.by_mixtures(&outer, places, &tails, rng)
+    });
+    by_mixtures.unwrap_or_else(|| leaving.by_draws(seen, places))
 }
 
 /// How rows are told.
@@ -102,31 +98,25 @@ struct Leaving<'a> {
     density: &'a dyn LatentGaussian,
     /// Of the posterior.
     samples: &'a [Sample],
-    n_particles: usize,
+    numbers: [usize; 2],
     seed: u64,
     /// Points so far.
     n_points: usize,
 }
 
 impl Leaving<'_> {
-    /// The rows of these places at these points, `(point, place, row)`, with p(h) Ẑ₋ᵢ for their weights. `theta` are latent
-    /// values that one of a point's particles has; a point without them has no rows.
-    fn tell(
-        &mut self,
-        outer: &[Vec<f64>],
-        theta: impl Fn(usize) -> Option<Option<Vec<f64>>> + Sync,
-        (places, together): (&[[usize; 2]], usize),
-    ) -> Vec<Vec<Vec<RowWithout>>> {
+    /// The rows of these places at these points, `(point, place, row)`, with p(h) Ẑ₋ᵢ for their weights.
+    fn at(&mut self, outer: &[Vec<f64>], places: &[[usize; 2]]) -> Vec<Vec<Vec<RowWithout>>> {
         let layout = self.density.layout();
-        let forks = Forks::new(layout, places, self.samples, (together, self.n_particles));
+        let forks = Forks::new(layout, places, self.samples, (TOGETHER, self.numbers[0]));
         let (first, seed) = (self.n_points, self.seed);
         self.n_points += outer.len();
         let one = |memory: &mut Memory<'_>, (i, outer): (usize, &Vec<f64>)| {
             let rng = Stream::IntegratedOut { point: first + i }.rng(seed);
             let ln_prior = memory.latent.set_outer(outer, &mut memory.whitening.designs);
             let mut told = vec![vec![]; places.len()];
-            if let Some(theta) = theta(i).filter(|_| ln_prior.is_finite()) {
-                forks.tell(memory, theta, rng, &mut told);
+            if ln_prior.is_finite() {
+                forks.tell(memory, rng, &mut told);
             }
             told.iter_mut().flatten().for_each(|row| row.ln_weight += ln_prior);
             told
@@ -139,21 +129,29 @@ impl Leaving<'_> {
     }
 
     /// At draws of the posterior.
-    fn by_draws(
-        &mut self,
-        outer: Vec<Vec<f64>>,
-        seen: &[Seen],
-        places: &[[usize; 2]],
-    ) -> WithoutRows {
-        let theta = |i: usize| seen[i].sample.as_ref().map(|sample| Some(sample.theta.clone()));
-        let mut rows = self.tell(&outer, theta, (places, places.len().div_ceil(2)));
+    fn by_draws(&self, seen: Vec<Seen>, places: &[[usize; 2]]) -> WithoutRows {
+        let layout = self.density.layout();
+        let mut stand_in = StandIn::new(layout);
+        stand_in.fit(self.samples, Trust::FULL, layout);
+        let one = |memory: &mut Memory<'_>, (i, seen): (usize, &Seen)| {
+            let mut rng = Stream::IntegratedOut { point: i }.rng(self.seed);
+            let mut told = vec![vec![]; places.len()];
+            memory.latent.set_outer(&seen.outer, &mut memory.whitening.designs);
+            let at = (&stand_in, &seen.coefficients[..]);
+            planes::tell(memory, at, (places, self.numbers[1]), &mut rng, &mut told);
+            told
+        };
+        let mut rows: Vec<Vec<Vec<RowWithout>>> = seen
+            .par_iter()
+            .enumerate()
+            .map_init(|| Memory::new(self.density), |memory, at| one(memory, at))
+            .collect();
         for place in 0..places.len() {
             // weights are those of all draws, or of none
             let cannot = rows.iter().any(|told| told[place].is_empty());
             rows.iter_mut().filter(|_| cannot).for_each(|told| told[place].clear());
         }
-        rows.iter_mut().flatten().flatten().for_each(|row| row.ln_weight = -row.ln_density);
-        WithoutRows { outer, rows }
+        WithoutRows { outer: seen.into_iter().map(|seen| seen.outer).collect(), rows }
     }
 
     /// At points of mixtures, in each round as many as there are draws; `None` where no mixture can be fitted to them.
@@ -170,7 +168,7 @@ impl Leaving<'_> {
         while !asked.is_empty() {
             let drawn = mixture.draws(draws.len(), rng);
             let own: Vec<[usize; 2]> = asked.iter().map(|i| places[*i]).collect();
-            let rows = self.tell(&drawn, |_| Some(None), (&own, TOGETHER));
+            let rows = self.at(&drawn, &own);
             points.add(mixture, drawn, (&asked, rows));
             if points.mixtures.len() == ROUNDS {
                 break;
@@ -220,7 +218,9 @@ impl Points {
             asked.iter().zip(told).for_each(|(place, rows)| all[*place] = rows);
             self.rows.push(all);
         }
-        asked.iter().for_each(|place| self.n_rounds[*place] += 1);
+        for place in asked {
+            self.n_rounds[*place] += 1;
+        }
         let density = |point: &Vec<f64>| {
             self.mixtures.iter().map(|q| q.ln_density(point).exp()).sum::<f64>().ln()
         };
@@ -277,9 +277,10 @@ fn normalised(ln: &[f64]) -> Option<Vec<f64>> {
     total.is_finite().then(|| weights.iter().map(|weight| weight / total).collect())
 }
 
-/// A draw: its outer unknowns, and its latent values with their slopes, unless these are not finite.
+/// A draw: its outer unknowns and coefficients, and its latent values with their slopes, unless these are not finite.
 struct Seen {
     outer: Vec<f64>,
+    coefficients: Vec<f64>,
     sample: Option<Sample>,
 }
 
@@ -293,6 +294,7 @@ impl Memory<'_> {
         self.whitening.latent(&self.coefficients, &mut theta);
         self.latent.slope(&theta, &mut slope);
         let is_finite = theta.iter().chain(&slope).all(|x| x.is_finite());
-        Seen { outer, sample: is_finite.then_some(Sample { theta, slope }) }
+        let coefficients = self.coefficients.clone();
+        Seen { outer, coefficients, sample: is_finite.then_some(Sample { theta, slope }) }
     }
 }

@@ -1,11 +1,12 @@
 //! Rows that are left out, against exact figures.
 
 use super::latent::{Latent, LatentGaussian, Layout};
-use super::left_out::{Points, RowWithout, WithoutRows, with_particles};
+use super::left_out::{Points, WithoutRows, with_numbers};
 use super::mixture::{Mixture, Tails};
 use super::test_sums::{
     Exact, LARGEST_Z, LATENT, PLACES, SD, SHARES, Sums, exact, exact_with, factor, layout, z,
 };
+use super::told::RowWithout;
 use crate::infer::density::{Evaluator, LogDensity};
 use nalgebra::{DMatrix, DVector};
 use rand::{RngExt as _, SeedableRng as _};
@@ -69,10 +70,10 @@ fn assert_exact(about: &str, weights: &[f64], without: &Exact, at: &[&RowWithout
 /// weights, whichever row is left out. Plain weights 1/Lᵢ have heavy tails here.
 #[test]
 fn rows_are_predicted_from_the_others() {
-    for (n_particles, rank) in [(2, PLACES), (64, PLACES), (16, 2), (16, 1)] {
+    for (n, rank) in [(2, PLACES), (64, PLACES), (16, 2), (16, 1)] {
         let density = SumsAlone { layout: layout(), rank };
         let draws = draws_of(&density, &mut ChaCha8Rng::seed_from_u64(11));
-        let told = with_particles(&density, &draws, &density.places(), n_particles, 5);
+        let told = with_numbers(&density, &draws, &density.places(), [n; 2], 5);
         let with = exact(rank);
         each_row(&told, 0, rank, |about, without, at, place| {
             let ratio = without.ln_evidence - with.ln_evidence;
@@ -87,7 +88,7 @@ fn rows_are_predicted_from_the_others() {
 /// At points of a mixture the mean of p Ẑ₋ᵢ/q is ∫ p Z₋ᵢ, also where another group adds to it.
 #[test]
 fn rows_are_predicted_at_points_of_a_mixture() {
-    for (n_particles, rank, n_groups) in [(2, PLACES, 1), (16, 2, 1), (16, PLACES, 2)] {
+    for (n, rank, n_groups) in [(2, PLACES, 1), (16, 2, 1), (16, PLACES, 2)] {
         let one = layout();
         let density = SumsAlone {
             layout: Layout {
@@ -98,7 +99,7 @@ fn rows_are_predicted_at_points_of_a_mixture() {
             rank,
         };
         let draws = draws_of(&density, &mut ChaCha8Rng::seed_from_u64(12));
-        let told = with_particles(&density, &draws, &density.places(), n_particles, 5);
+        let told = with_numbers(&density, &draws, &density.places(), [n; 2], 5);
         let of_others = (n_groups - 1) as f64 * exact(rank).ln_evidence;
         // p is not normalised
         let ln_norm = 0.5 * std::f64::consts::TAU.ln();

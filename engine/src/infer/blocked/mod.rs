@@ -41,6 +41,7 @@ mod meeting;
 mod mixture;
 mod order;
 mod particles;
+mod planes;
 mod proposal;
 mod scouts;
 mod stand_in;
@@ -52,13 +53,15 @@ mod swaps;
 #[allow(clippy::unwrap_used, reason = "tests")]
 mod test_sums;
 mod together;
+mod told;
 mod whiten;
 
 pub use chain::Blocked;
 pub(super) use proposal::Proposal;
 
 pub use latent::{BlockLayout, Design, Group, Latent, LatentGaussian, Layout, Shape};
-pub use left_out::{RowWithout, WithoutRows, without_rows};
+pub use left_out::{WithoutRows, without_rows};
+pub use told::RowWithout;
 
 use super::draws::ChainResult;
 use super::error::InferError;

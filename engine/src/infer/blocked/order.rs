@@ -228,7 +228,7 @@ pub(super) struct Ahead {
     d: DVector<f64>,
     /// W − WΣ′W
     information: DMatrix<f64>,
-    /// −½ ln|I + LᵀWL|
+    /// `−½ ln|I + LᵀWL|`
     ln_volume: f64,
 }
 
@@ -244,7 +244,9 @@ impl Ahead {
             left
         };
         let left: Vec<Vec<f64>> = (0..self.d.len()).map(left).collect();
-        out.iter_mut().for_each(|out| *out += self.ln_volume);
+        for out in out.iter_mut() {
+            *out += self.ln_volume;
+        }
         let mut product = vec![0.0; n_particles];
         for (i, own) in left.iter().enumerate() {
             product.fill(0.0);

@@ -295,14 +295,6 @@ impl Swarm {
         given
     }
 
-    /// ε of the particle that was given, with that of places of the order which have not been drawn.
-    pub(super) fn present(&self, order: &Order<'_>) -> Vec<f64> {
-        let Some(Present { theta, eps }) = &self.present else { return vec![] };
-        let mut eps = eps.clone();
-        order.complete(theta, &mut eps);
-        eps
-    }
-
     /// ln of the weight of particle k. Their mean is the estimate.
     pub(super) fn ln_weight(&self, k: usize) -> f64 {
         self.ln + self.lns[k] + self.factors[k].ln()

@@ -311,6 +311,20 @@ impl GroupStandIn {
         (0..self.n_blocks).map(|f| 0.5 * d(f) * row(f)).sum()
     }
 
+    /// ½ (θ − y)ᵀ W (θ − y) of all places, for θ `(block, place)`.
+    pub(super) fn whole_quadratic(&self, theta: &[f64]) -> f64 {
+        let n = self.n_seen;
+        let mut quadratic = 0.0;
+        for f in 0..self.n_blocks {
+            for g in 0..self.n_blocks {
+                let pairs = self.information(f, g).iter().enumerate();
+                let at = |f: usize, i: usize| theta[f * n + i] - self.centre[f * n + i];
+                quadratic += pairs.map(|(i, w)| 0.5 * at(f, i) * w * at(g, i)).sum::<f64>();
+            }
+        }
+        quadratic
+    }
+
     /// W between two blocks, one number per place.
     pub(super) fn information(&self, f: usize, g: usize) -> &[f64] {
         &self.information[(f * self.n_blocks + g) * self.n_seen..][..self.n_seen]

@@ -7,9 +7,6 @@ use crate::model::laid_out::Model;
 use crate::model::local::RowId;
 use crate::random::Stream;
 
-/// The model is not asked if its blocks have more latent values than this: each draw takes the square of them.
-const MOST_LATENT: usize = 200;
-
 /// What is predicted of a row from the others at points of the other unknowns, with the coefficients of fields integrated out, or
 /// with what shifts arrival times.
 #[derive(Clone, Debug, Default)]
@@ -39,9 +36,6 @@ impl Model {
             return out;
         }
         let blocks = Blocks::new(self);
-        if blocks.layout.n_latent() > MOST_LATENT {
-            return out;
-        }
         let wanted = |[observe, row]: &[usize; 2]| {
             rows.iter().position(|id| [id.observe, id.row] == [*observe, *row])
         };
