@@ -34,8 +34,8 @@ use super::stand_in::{Sample, StandIn, Trust};
 use super::told::RowWithout;
 use crate::random::Stream;
 
-/// Particles up to the last place, and points of a plane for each quarter of it.
-const NUMBERS: [usize; 2] = [64, 4];
+/// Particles up to the last place, and points of a plane of one dimension.
+const NUMBERS: [usize; 2] = [64, 8];
 /// Places of a part, with points of a mixture.
 const TOGETHER: usize = 4;
 /// A mixture that was fitted to more outer unknowns than this would miss most of the posterior.

@@ -21,8 +21,8 @@ const NU: usize = 4;
 const WIDER: f64 = 1.25;
 /// Least precision of t without the place, in units of that with it.
 const LEAST: f64 = 0.02;
-/// Points double with each number of t up to this one.
-const MOST_HALVINGS: usize = 6;
+/// Points double with each further dimension of the plane, so often at most.
+const MOST_DOUBLINGS: usize = 5;
 /// A row of the plane that has less than this share of its square beside those before is none of its own.
 const ROUNDING: f64 = 1e-10;
 
@@ -127,7 +127,8 @@ impl Plane {
         Some(Self { at, n_seen: own.n_seen, t, steps, from })
     }
 
-    /// Points of t, so many for each halving of each of its numbers, of which one is that of the draw. `theta` are the group's latent values there.
+    /// Points of t, of which one is that of the draw, where the group's latent values are `theta`. `n_points` are those of one
+    /// dimension.
     fn points(
         &self,
         latent: &mut dyn Latent,
@@ -135,7 +136,7 @@ impl Plane {
         n_points: usize,
         rng: &mut impl Rng,
     ) -> Values {
-        let n_points = n_points << self.t.len().min(MOST_HALVINGS);
+        let n_points = n_points << (self.t.len() - 1).min(MOST_DOUBLINGS);
         let mut scratch = vec![];
         let mut densities = |t: &[f64]| {
             self.from.each_ref().map(|from| from.peak() * from.relative_density(t, &mut scratch))
