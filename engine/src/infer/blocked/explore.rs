@@ -195,12 +195,16 @@ impl Points {
     fn weights(&self, power: f64) -> Vec<f64> {
         let ln_weight =
             |([prior, likelihood], sum): (&[f64; 2], &f64)| prior + power * likelihood - sum.ln();
-        let ln: Vec<f64> = self.ln.iter().zip(&self.drawn).map(ln_weight).collect();
-        let most = ln.iter().copied().fold(f64::NEG_INFINITY, f64::max);
-        let weights: Vec<f64> = ln.iter().map(|ln| (ln - most).exp()).collect();
-        let total: f64 = weights.iter().sum();
-        weights.iter().map(|weight| weight / total).collect()
+        normalised(&self.ln.iter().zip(&self.drawn).map(ln_weight).collect::<Vec<f64>>())
     }
+}
+
+/// Weights of these logarithms, in all 1; none is a number if all are 0.
+pub(super) fn normalised(ln: &[f64]) -> Vec<f64> {
+    let most = ln.iter().copied().fold(f64::NEG_INFINITY, f64::max);
+    let weights: Vec<f64> = ln.iter().map(|ln| (ln - most).exp()).collect();
+    let total: f64 = weights.iter().sum();
+    weights.iter().map(|weight| weight / total).collect()
 }
 
 /// The mean density.

@@ -14,7 +14,7 @@ use super::latent::{Latent, Layout};
 use super::mixture::Student;
 use super::order::Order;
 use super::particles::{Here, Memory, Swarm};
-use super::stand_in::{Sample, StandIn, Trust};
+use super::stand_in::{Sample, StandIn};
 use super::told::{RowWithout, Values};
 use crate::num::vector::add_ln;
 
@@ -47,15 +47,13 @@ struct Part {
 }
 
 impl<'a> Forks<'a> {
-    /// To these places, `most` to a part, by what samples of the posterior tell.
+    /// To these places, `most` to a part, by samples of the posterior and the stand-in fitted to them.
     pub(super) fn new(
         layout: &'a Layout,
         places: &'a [[usize; 2]],
-        samples: &[Sample],
+        (samples, stand_in): (&[Sample], &StandIn),
         (most, n_particles): (usize, usize),
     ) -> Self {
-        let mut stand_in = StandIn::new(layout);
-        stand_in.fit(samples, Trust::FULL, layout);
         let posteriors = places.iter().map(|at| posterior(samples, layout, *at)).collect();
         let lookahead = stand_in.times(LOOKAHEAD);
         let mut new = Self { layout, places, posteriors, lookahead, parts: vec![], n_particles };

@@ -24,7 +24,7 @@
 use rand_chacha::ChaCha8Rng;
 use rayon::prelude::*;
 
-use super::explore::{has_few_unknowns, prior_tails};
+use super::explore::{has_few_unknowns, normalised, prior_tails};
 use super::forks::Forks;
 use super::latent::LatentGaussian;
 use super::mixture::{Mixture, Tails};
@@ -80,10 +80,13 @@ pub(super) fn with_numbers(
         .par_iter()
         .map_init(|| Memory::new(density), |memory, draw| memory.seen(draw))
         .collect();
-    let samples: Vec<Sample> = seen.iter().filter_map(|seen| seen.sample.clone()).collect();
-    let mut leaving = Leaving { density, samples: &samples, numbers, seed, n_points: 0 };
-    let rng = &mut Stream::LeftOutPoints.rng(seed);
     let layout = density.layout();
+    let samples: Vec<Sample> = seen.iter().filter_map(|seen| seen.sample.clone()).collect();
+    let mut stand_in = StandIn::new(layout);
+    stand_in.fit(&samples, Trust::FULL, layout);
+    let known = (&samples[..], &stand_in);
+    let mut leaving = Leaving { density, known, numbers, seed, n_points: 0 };
+    let rng = &mut Stream::LeftOutPoints.rng(seed);
     let may_propose = has_few_unknowns(layout) && (1..=MOST_OUTER).contains(&layout.outer.len());
     let tails = may_propose.then(|| prior_tails(density, rng)).flatten();
     let by_mixtures = tails.and_then(|tails| {
@@ -96,8 +99,9 @@ pub(super) fn with_numbers(
 /// How rows are told.
 struct Leaving<'a> {
     density: &'a dyn LatentGaussian,
-    /// Of the posterior.
-    samples: &'a [Sample],
+    /// Samples of the posterior, and the stand-in fitted to them.
+    known: (&'a [Sample], &'a StandIn),
+    /// Particles up to the last place, and points of a plane of one dimension.
     numbers: [usize; 2],
     seed: u64,
     /// Points so far.
@@ -108,7 +112,7 @@ impl Leaving<'_> {
     /// The rows of these places at these points, `(point, place, row)`, with p(h) Ẑ₋ᵢ for their weights.
     fn at(&mut self, outer: &[Vec<f64>], places: &[[usize; 2]]) -> Vec<Vec<Vec<RowWithout>>> {
         let layout = self.density.layout();
-        let forks = Forks::new(layout, places, self.samples, (TOGETHER, self.numbers[0]));
+        let forks = Forks::new(layout, places, self.known, (TOGETHER, self.numbers[0]));
         let (first, seed) = (self.n_points, self.seed);
         self.n_points += outer.len();
         let one = |memory: &mut Memory<'_>, (i, outer): (usize, &Vec<f64>)| {
@@ -118,7 +122,11 @@ impl Leaving<'_> {
             if ln_prior.is_finite() {
                 forks.tell(memory, rng, &mut told);
             }
-            told.iter_mut().flatten().for_each(|row| row.ln_weight += ln_prior);
+            for row in told.iter_mut().flatten() {
+                let ln_weight = row.ln_weight + ln_prior;
+                // where no particle has a weight, the mean of these is no number
+                row.ln_weight = if ln_weight.is_nan() { f64::NEG_INFINITY } else { ln_weight };
+            }
             told
         };
         outer
@@ -130,14 +138,11 @@ impl Leaving<'_> {
 
     /// At draws of the posterior.
     fn by_draws(&self, seen: Vec<Seen>, places: &[[usize; 2]]) -> WithoutRows {
-        let layout = self.density.layout();
-        let mut stand_in = StandIn::new(layout);
-        stand_in.fit(self.samples, Trust::FULL, layout);
         let one = |memory: &mut Memory<'_>, (i, seen): (usize, &Seen)| {
             let mut rng = Stream::IntegratedOut { point: i }.rng(self.seed);
             let mut told = vec![vec![]; places.len()];
             memory.latent.set_outer(&seen.outer, &mut memory.whitening.designs);
-            let at = (&stand_in, &seen.coefficients[..]);
+            let at = (self.known.1, &seen.coefficients[..]);
             planes::tell(memory, at, (places, self.numbers[1]), &mut rng, &mut told);
             told
         };
@@ -237,13 +242,13 @@ impl Points {
         self.rows.iter().zip(ln_drawn).map(ln).collect()
     }
 
-    /// Those of these places with a row of which the points tell little, and the mean of the weights of such rows, one for
+    /// Those of these places with a row of which the points tell little, and the sum of the weights of such rows, one for
     /// each point.
     pub(super) fn poor(&self, places: &[usize]) -> (Vec<usize>, Vec<f64>) {
         let (mut poor, mut weights) = (vec![], vec![0.0; self.outer.len()]);
         for place in places {
             let n_rows = self.rows.iter().map(|told| told[*place].len()).max().unwrap_or(0);
-            let of_rows = (0..n_rows).filter_map(|row| normalised(&self.ln_weights(*place, row)));
+            let of_rows = (0..n_rows).map(|row| normalised(&self.ln_weights(*place, row)));
             let is_poor = |own: &Vec<f64>| {
                 own.iter().map(|w| w * w).sum::<f64>() * WORTH * self.n_each as f64 > 1.0
             };
@@ -267,14 +272,6 @@ impl Points {
         }
         WithoutRows { outer: self.outer, rows: self.rows }
     }
-}
-
-/// Weights of these logarithms, in all 1; `None` if they are all 0.
-fn normalised(ln: &[f64]) -> Option<Vec<f64>> {
-    let most = ln.iter().copied().fold(f64::NEG_INFINITY, f64::max);
-    let weights: Vec<f64> = ln.iter().map(|ln| (ln - most).exp()).collect();
-    let total: f64 = weights.iter().sum();
-    total.is_finite().then(|| weights.iter().map(|weight| weight / total).collect())
 }
 
 /// A draw: its outer unknowns and coefficients, and its latent values with their slopes, unless these are not finite.

@@ -56,7 +56,8 @@ impl Model {
                 let mut rng = Stream::WithoutRow { row: i }.rng(seed);
                 let mut predictive = Predictive::default();
                 for (outer, rows) in told.outer.iter().zip(&told.rows) {
-                    let Some(row) = rows[p].get(k) else { continue };
+                    let row = rows[p].get(k).filter(|row| row.ln_weight > f64::NEG_INFINITY);
+                    let Some(row) = row else { continue };
                     on.forward(outer);
                     on.set_place(*group, *place, &row.theta);
                     let local =
