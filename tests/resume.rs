@@ -48,8 +48,27 @@ impl Progress for Cut {
         let ask = |n: usize| n.checked_sub(1);
         self.left.fetch_update(Ordering::Relaxed, Ordering::Relaxed, ask).is_err()
     }
+    fn is_enough(&self, chains: &[&Chain]) -> bool {
+        is_enough(chains)
+    }
     fn checkpoint(&self) -> Option<&Checkpoint> {
         Some(&self.checkpoint)
+    }
+}
+
+/// Something that depends on the draws.
+fn is_enough(chains: &[&Chain]) -> bool {
+    let ln_density: f64 = chains.iter().flat_map(|chain| &chain.ln_density).sum();
+    chains[0].n_draws() >= 50 && ln_density.rem_euclid(1.0) > 0.5
+}
+
+/// Only ends a run that has enough.
+struct Enough;
+
+impl Progress for Enough {
+    fn report(&self, _: &ChainProgress) {}
+    fn is_enough(&self, chains: &[&Chain]) -> bool {
+        is_enough(chains)
     }
 }
 
@@ -284,6 +303,22 @@ fn chains_stopped_in_a_stage_that_others_are_through_go_on_together() {
     let checkpoint = Checkpoint::resume(&folder, &identity(), long).unwrap();
     let end = job.sample(&Cut { checkpoint, left: usize::MAX.into() });
     assert!(numbers(all(end)) == job.whole());
+}
+
+#[test]
+fn a_run_that_ends_with_enough_draws_ends_there_in_pieces() {
+    let longest = Settings { draws: 100, enough_after: Some(10), ..settings() };
+    let threads_1 = Settings { threads: 1, ..longest.clone() };
+    for settings in [longest, threads_1] {
+        let job = Job::new(erp_model(10), Sampler::Blocked, settings);
+        let whole = all(job.sample(&Enough));
+        let n_draws = whole[0].n_draws();
+        assert!((60..100).contains(&n_draws) && whole.iter().all(|chain| chain.n_draws() == n_draws), "{n_draws}");
+        let whole = numbers(whole);
+        for every in [&[50, 90, 17][..], &[191, 10]] {
+            assert!(job.in_pieces(every) == whole, "in pieces of {every:?}");
+        }
+    }
 }
 
 /// What is read is what the chain goes on from: with another chain's state the draws are others.

@@ -314,6 +314,24 @@ fn quantiles_and_exceedances_are_in_the_files() {
     }
 }
 
+/// A run may end with the first round at whose end R̂ and ESS of all parameters are those of a green answer, and no sooner.
+#[test]
+fn a_run_ends_when_its_draws_are_enough() {
+    let problem = Problem::load(shipped("erp"), &Inputs::default()).unwrap();
+    let until = |enough_after, draws| {
+        problem.fit(&Settings { enough_after, draws, ..Settings::default() }).unwrap()
+    };
+    let fit = until(Some(25), 1000);
+    let record = fit.record().settings;
+    assert!(fit.converged() && (100..1000).contains(&record.draws), "{record:?}");
+    assert_eq!((record.draws % 25, record.most_draws), (0, Some(1000)));
+    let sentence = &fit.verdict().answers[0].sentence;
+    assert!(sentence.contains(&format!("in {} draws", 4 * record.draws)), "{sentence}");
+    let shorter = until(None, record.draws - 25);
+    assert!(!shorter.converged(), "{}", shorter.verdict().answers[0].sentence);
+    assert_eq!(shorter.record().settings.most_draws, None);
+}
+
 #[test]
 fn one_chain_is_told_to_be_one() {
     let values: Vec<f64> = (0..20).map(|i| 195.0 + 0.5 * f64::from(i)).collect();

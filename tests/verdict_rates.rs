@@ -71,7 +71,7 @@ fn false_alarms(seeds: RangeInclusive<u64>) -> usize {
 
 /// `cargo test --release --test verdict_rates -- --ignored --nocapture`; `EPLAT_SEEDS=1-50` for a part.
 #[test]
-#[ignore = "200 runs, 15 minutes"]
+#[ignore = "200 runs, seven minutes"]
 fn a_right_model_is_rarely_amber() {
     let seeds = std::env::var("EPLAT_SEEDS").unwrap_or_else(|_| "1-200".to_owned());
     let (first, last) = seeds.split_once('-').unwrap();

@@ -87,8 +87,8 @@ pub(super) struct SamplerArgs {
     /// The most warm-up transitions per chain, not kept
     #[arg(long, default_value_t = 1000)]
     warmup: usize,
-    /// Draws kept per chain [default: 1000, or 600 for models with an operator over the surface,
-    /// as of arrival times]
+    /// Draws kept per chain [default: 1000; for models with an operator over the surface, as of arrival
+    /// times, as many hundreds as R̂ and ESS need, 1000 at most]
     #[arg(long)]
     draws: Option<usize>,
     /// Mean acceptance that the step size is tuned to, between 0 and 1; nearer to 1 means smaller
@@ -220,8 +220,11 @@ impl Command {
         if self.instead.laplace {
             return Ok(self.show(&problem.laplace(&on_disk, &options)?.write_into(out)?));
         }
-        let draws = self.sampler.draws.unwrap_or_else(|| sampler.enough_draws(problem.model()));
-        let settings = Settings { draws, ..settings.clone() };
+        let enough_after = match self.sampler.draws {
+            Some(_) => None,
+            None => sampler.enough_after(problem.model()),
+        };
+        let settings = Settings { enough_after, ..settings.clone() };
         match problem.run_into(out, &settings, &options, &self.begin.keep()?)? {
             Ended::Before => {
                 tell_complete(out.path());

@@ -173,6 +173,9 @@ pub struct SettingsRecord {
     pub warmup: usize,
     /// Kept draws of each chain.
     pub draws: usize,
+    /// The most that would have been kept, where a run ends when there are enough.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub most_draws: Option<usize>,
     /// Mean acceptance that the step size was tuned to; none where there is no step size.
     pub target_accept: Option<f64>,
     /// `low-rank` or `diag`.

@@ -50,6 +50,7 @@ pub(super) fn record() -> RunRecord {
             chains: 4,
             warmup: 1000,
             draws: 1000,
+            most_draws: None,
             target_accept: Some(0.95),
             metric: "diag".to_owned(),
             sampler: "nuts".to_owned(),

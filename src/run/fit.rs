@@ -71,6 +71,7 @@ impl Method {
             chains: settings.chains,
             warmup: settings.warmup,
             draws: settings.draws,
+            most_draws: settings.enough_after.map(|_| settings.draws),
             target_accept,
             metric: match settings.metric {
                 MetricKind::Diagonal => "diag".into(),

@@ -47,14 +47,19 @@ pub(super) fn identity(
     settings: &SettingsRecord,
     hashes: &BTreeMap<String, String>,
 ) -> Identity {
-    let SettingsRecord { sampler, chains, warmup, draws, target_accept, metric } = settings;
+    let SettingsRecord { sampler, chains, warmup, draws, most_draws, target_accept, metric } =
+        settings;
+    let draws = match most_draws {
+        Some(most) => format!("until there are enough, {most} at most"),
+        None => draws.to_string(),
+    };
     let mut identity = Identity::from([
         ("eplat's version".into(), version.into()),
         ("seed".into(), seed.to_string()),
         ("sampler".into(), sampler.clone()),
         ("chains".into(), chains.to_string()),
         ("warmup".into(), warmup.to_string()),
-        ("draws".into(), draws.to_string()),
+        ("draws".into(), draws),
         ("target-accept".into(), target_accept.map_or("none".into(), |target| target.to_string())),
         ("metric".into(), metric.clone()),
     ]);

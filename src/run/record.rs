@@ -9,7 +9,7 @@ use crate::diagnostics::e_bfmi;
 use crate::diagnostics::verdict::{Questions, Verdict};
 use crate::infer::{Chain, LogDensity as _};
 use crate::model::Model;
-use crate::report::{Provenance, Row, RunRecord, Seconds, verdict};
+use crate::report::{Provenance, Row, RunRecord, Seconds, SettingsRecord, verdict};
 
 /// Most measurements that divergences are told to come from.
 const MOST_SUSPECTS: usize = 3;
@@ -54,7 +54,10 @@ impl Fit<'_> {
             version: VERSION.into(),
             seed: self.settings.seed,
             provenance: self.provenance(),
-            settings: self.method.record(self.model(), &self.settings),
+            settings: SettingsRecord {
+                draws: chains.first().map_or(0, Chain::n_draws),
+                ..self.method.record(self.model(), &self.settings)
+            },
             hashes: self.hashes.clone(),
             files: BTreeMap::new(),
             n_params: self.model().dim(),

@@ -1,6 +1,7 @@
 //! Making draws: sampling, alone or kept in a folder; the normal approximation; the prior.
 
 use std::collections::BTreeMap;
+use std::io;
 use std::sync::Once;
 use std::time::Instant;
 
@@ -17,7 +18,7 @@ use crate::infer::{
     LogDensity as _, Progress, Settings,
 };
 use crate::model::{Model, Sampler};
-use crate::report::Approximation;
+use crate::report::{Approximation, has_enough};
 use crate::store::Checkpoint;
 
 /// How a run into a folder ended.
@@ -244,7 +245,12 @@ impl<'a, 'm> Job<'a, 'm> {
             bytes: self.needs.taken(&self.settings) as u64,
         });
         let sampling = Instant::now();
-        let kept = Kept { watch, checkpoint, warned: Once::new() };
+        let kept = Kept {
+            watch,
+            checkpoint,
+            warned: Once::new(),
+            enough: &|chains| has_enough(model, chains, self.settings.seed),
+        };
         let results = self.sampler.sample(model, &self.starts, &self.settings, &kept)?;
         let checkpoint = kept.checkpoint;
         let seconds_before = checkpoint.as_ref().map_or(0.0, Checkpoint::seconds_before);
@@ -288,6 +294,7 @@ struct Kept<'a> {
     watch: &'a Watch<'a>,
     checkpoint: Option<Checkpoint>,
     warned: Once,
+    enough: &'a (dyn Fn(&[&Chain]) -> io::Result<bool> + Sync),
 }
 
 impl Progress for Kept<'_> {
@@ -300,6 +307,11 @@ impl Progress for Kept<'_> {
 
     fn should_stop(&self) -> bool {
         self.watch.should_stop()
+    }
+
+    fn is_enough(&self, chains: &[&Chain]) -> bool {
+        // a disk that cannot be read is told when the draws are summarised
+        (self.enough)(chains).unwrap_or(true)
     }
 
     fn checkpoint(&self) -> Option<&Checkpoint> {

@@ -1,5 +1,6 @@
 //! Who watches a run, and what it is told.
 
+use super::draws::Chain;
 use crate::store::Checkpoint;
 use serde::{Deserialize, Serialize};
 use std::fmt;
@@ -46,6 +47,11 @@ pub trait Progress: Sync {
     /// Asked before every transition; `true` ends the chain with
     /// [`ChainFailure::Stopped`](super::ChainFailure::Stopped).
     fn should_stop(&self) -> bool {
+        false
+    }
+    /// Whether these draws of all chains that came so far are enough; asked if [`enough_after`](super::Settings::enough_after)
+    /// says so. It must depend on the draws alone, for a run that is resumed asks again.
+    fn is_enough(&self, _: &[&Chain]) -> bool {
         false
     }
     /// Where the run is saved while it samples, and from where it goes on after an interruption.

@@ -33,19 +33,34 @@ pub(super) fn run<C: Together>(
     if let Some(checkpoint) = progress.checkpoint() {
         restore(&mut chains, checkpoint)?;
     }
+    let round = settings.enough_after.unwrap_or(settings.draws);
+    // a chain is in the round of the one that has most draws
+    let drawn = chains.iter().flatten().map(|under| under.record.n_draws()).max().unwrap_or(0);
+    let mut until = round * drawn.div_ceil(round).max(1);
     loop {
-        chains.par_iter_mut().for_each(|chain| go_on(chain, Under::advance));
-        if chains.iter().any(is_stopped) {
+        until = until.min(settings.draws);
+        chains.par_iter_mut().for_each(|chain| go_on(chain, |under| under.advance(until)));
+        let is_ended = chains.iter().any(is_stopped);
+        if is_ended {
             // what the next round starts from is not known: resumed, all go through this one again
             for chain in &mut chains {
                 go_on(chain, Under::stop_at_meeting);
             }
         }
-        if !chains.iter().flatten().any(|under| under.chain.must_meet()) {
+        if chains.iter().flatten().any(|under| under.chain.must_meet()) {
+            meet(&mut chains, progress.checkpoint());
+        } else if is_ended || until == settings.draws || is_enough(&chains, progress) {
             return Ok(chains.into_iter().map(|chain| chain.map(Under::end)).collect());
+        } else {
+            until += round;
         }
-        meet(&mut chains, progress.checkpoint());
     }
+}
+
+/// Whether there are chains, and their draws are enough.
+fn is_enough<C>(chains: &[Result<Under<'_, C>, ChainError>], progress: &dyn Progress) -> bool {
+    let records: Vec<&Chain> = chains.iter().flatten().map(|under| &under.record).collect();
+    records.is_empty() || progress.is_enough(&records)
 }
 
 /// Does something with a chain that has not failed. If this fails, the chain counts as failed.
@@ -188,8 +203,8 @@ impl<'a, C: Together> Under<'a, C> {
             && self.chain.fits(state, record.n_draws())
     }
 
-    /// To the next meeting, or to the end.
-    fn advance(&mut self) -> Result<(), ChainError> {
+    /// To the next meeting, or to so many draws.
+    fn advance(&mut self, draws: usize) -> Result<(), ChainError> {
         let (begun, before) = (Instant::now(), self.record.seconds_warmup);
         while self.chain.phase() == Phase::Warmup && !self.chain.must_meet() {
             let iteration = self.chain.n_adapted();
@@ -199,14 +214,14 @@ impl<'a, C: Together> Under<'a, C> {
                 self.report(Phase::Warmup, iteration, &transition);
             }
         }
-        if self.chain.phase() == Phase::Sampling { self.sample() } else { Ok(()) }
+        if self.chain.phase() == Phase::Sampling { self.sample(draws) } else { Ok(()) }
     }
 
-    fn sample(&mut self) -> Result<(), ChainError> {
+    fn sample(&mut self, draws: usize) -> Result<(), ChainError> {
         let (begun, before) = (Instant::now(), self.record.seconds_sampling);
         self.record.step_size = self.chain.step_size();
         self.divergences = self.record.n_divergences();
-        for iteration in self.record.n_draws()..self.settings.draws {
+        for iteration in self.record.n_draws()..draws {
             self.pause(iteration)?;
             let draw = self.chain.draw()?;
             let transition = draw.transition;

@@ -1,7 +1,7 @@
 use super::super::density::Evaluator;
 use super::super::progress::{ChainProgress, Phase, Silent};
 use super::super::test_densities::{FnDensity, funnel, normal};
-use super::super::{ChainFailure, MarkovChain};
+use super::super::{Chain, ChainFailure, MarkovChain};
 use super::*;
 use std::sync::atomic::{AtomicUsize, Ordering::SeqCst};
 use std::sync::{Mutex, RwLock};
@@ -168,6 +168,51 @@ fn progress_is_reported_per_chain_and_can_stop_the_run() {
     for chain in chains {
         assert_eq!(chain.unwrap_err().failure, ChainFailure::Stopped);
     }
+}
+
+/// Has enough at so many draws; keeps when it was asked.
+struct EnoughAt {
+    n: usize,
+    asked: Mutex<Vec<usize>>,
+}
+
+impl Progress for EnoughAt {
+    fn report(&self, _: &ChainProgress) {}
+    fn is_enough(&self, chains: &[&Chain]) -> bool {
+        assert!(chains.iter().all(|chain| chain.n_draws() == chains[0].n_draws()));
+        self.asked.lock().unwrap().push(chains[0].n_draws());
+        chains[0].n_draws() >= self.n
+    }
+}
+
+#[test]
+fn a_run_ends_after_the_first_round_with_enough_draws() {
+    let (density, starts) = (funnel(5), vec![vec![0.1; 5]; 3]);
+    let draws_of = |chain: ChainResult| {
+        let chain = chain.unwrap();
+        (0..chain.n_draws()).map(|i| chain.draw(i).unwrap().into_owned()).collect::<Vec<_>>()
+    };
+    let whole = sample(&density, &starts, &settings(), &Silent).unwrap();
+    let whole: Vec<_> = whole.into_iter().map(draws_of).collect();
+    let cases = [
+        (25, 60, 75, vec![25, 50, 75]),
+        (25, 100, 100, vec![25, 50, 75]),
+        (30, 1000, 100, vec![30, 60, 90]),
+        (200, 0, 100, vec![]),
+    ];
+    for (round, n, drawn, expected) in cases {
+        let watch = EnoughAt { n, asked: Mutex::default() };
+        let settings = Settings { enough_after: Some(round), ..settings() };
+        let chains = sample(&density, &starts, &settings, &watch).unwrap();
+        for (chain, whole) in chains.into_iter().map(draws_of).zip(&whole) {
+            assert_eq!(chain, whole[..drawn]);
+        }
+        assert_eq!(watch.asked.into_inner().unwrap(), expected);
+    }
+    // nobody is asked where nobody says so
+    let watch = EnoughAt { n: 0, asked: Mutex::default() };
+    sample(&density, &starts, &settings(), &watch).unwrap();
+    assert!(watch.asked.into_inner().unwrap().is_empty());
 }
 
 #[test]

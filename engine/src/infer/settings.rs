@@ -27,6 +27,9 @@ pub struct Settings {
     pub warmup: usize,
     /// Draws kept per chain.
     pub draws: usize,
+    /// After so many draws of each chain, and after each further so many, [`Progress::is_enough`](super::Progress::is_enough)
+    /// is asked; `draws` is then the most.
+    pub enough_after: Option<usize>,
     /// Mean acceptance that the step size is tuned to, in (0, 1). If `None`, NUTS takes 0.8 and
     /// the blocked sampler 0.95.
     pub target_accept: Option<f64>,
@@ -53,6 +56,7 @@ impl Default for Settings {
             chains: 4,
             warmup: 1000,
             draws: 1000,
+            enough_after: None,
             target_accept: None,
             max_depth: 10,
             seed: 1,
@@ -81,6 +85,8 @@ impl Settings {
         };
         least("chains", self.chains, 1, "4 is the default; R̂ needs at least 2")?;
         least("draws", self.draws, 1, "1000 per chain is the default")?;
+        let round = self.enough_after.unwrap_or(self.draws);
+        least("enough_after", round, 1, "100 draws of each chain make a round")?;
         let help = "1000 is the default; step size and metric are learnt in warm-up";
         least("warmup", self.warmup, Self::LEAST_WARMUP, help)?;
         if let Some(got) = self.target_accept

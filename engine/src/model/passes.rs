@@ -57,6 +57,11 @@ impl Model {
         if !self.lets.is_empty() {
             return self.forward(t, u);
         }
+        self.forward_parameters(t, u);
+    }
+
+    /// All that parameters need, and no `let`.
+    pub fn forward_parameters(&self, t: &mut Tape, u: &[f64]) {
         t.u.copy_from_slice(u);
         for prior in &self.priors {
             prior.forward(t);

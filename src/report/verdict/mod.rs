@@ -7,6 +7,7 @@ mod sampled;
 mod surface;
 
 pub use doubts::{doubted, remedy};
+pub(super) use sampled::is_settled;
 pub use sampled::{MAX_DIVERGENT, MAX_R_HAT, MIN_E_BFMI, MIN_ESS};
 
 use std::fmt::Write as _;

@@ -4,6 +4,7 @@
 //! Vehtari, Gelman, Simpson, Carpenter, Bürkner 2021, "Rank-normalization, folding, and localization: an improved R̂",
 //! for the quantities and the smallest effective sample size; Betancourt 2016 for E-BFMI.
 
+use crate::diagnostics::Summary;
 use crate::diagnostics::verdict::{Answer, Colour, Question};
 use crate::report::{Row, RunRecord};
 
@@ -72,6 +73,12 @@ pub(super) fn answer(record: &RunRecord, rows: &[Row]) -> Answer {
         (true, false) => green(format!("Converged: {shown}; {advice}")),
         (false, _) => red(format!("Not converged: {shown}"), &advice),
     }
+}
+
+/// Whether more draws of a quantity are not asked for. One that never varies has neither R̂ nor ESS.
+pub(in crate::report) fn is_settled(of: &Summary) -> bool {
+    let fails = of.r_hat > MAX_R_HAT || of.ess_bulk < MIN_ESS || of.ess_tail < MIN_ESS;
+    !fails
 }
 
 fn green(sentence: String) -> Answer {

@@ -118,10 +118,10 @@ impl Sampler {
         settings.target_accept.or(Some(suits))
     }
 
-    /// Draws of each of four chains that are enough for most posteriors: 600 where an operator over the surface makes
-    /// a draw cost tenths of a second, 1000 elsewhere.
-    pub fn enough_draws(self, model: &Model) -> usize {
-        if self == Self::Nuts && !model.over.is_empty() { 600 } else { 1000 }
+    /// After how many draws of each chain it is worth to ask whether there are enough: where an operator over the surface
+    /// makes a draw cost tenths of a second.
+    pub fn enough_after(self, model: &Model) -> Option<usize> {
+        (self == Self::Nuts && !model.over.is_empty()).then_some(50)
     }
 
     /// Where climbs end, the best first, with which the search for starting points begins.
