@@ -313,7 +313,10 @@ fn a_run_that_ends_with_enough_draws_ends_there_in_pieces() {
         let job = Job::new(erp_model(10), Sampler::Blocked, settings);
         let whole = all(job.sample(&Enough));
         let n_draws = whole[0].n_draws();
-        assert!((60..100).contains(&n_draws) && whole.iter().all(|chain| chain.n_draws() == n_draws), "{n_draws}");
+        assert!(
+            (60..100).contains(&n_draws) && whole.iter().all(|chain| chain.n_draws() == n_draws),
+            "{n_draws}"
+        );
         let whole = numbers(whole);
         for every in [&[50, 90, 17][..], &[191, 10]] {
             assert!(job.in_pieces(every) == whole, "in pieces of {every:?}");

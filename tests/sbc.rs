@@ -3,7 +3,8 @@
 //! unknowns and measurements are right.
 //!
 //! The ERP model with proper priors, the model for conclusions that rest on intervals, five fields together, and arrival
-//! times, 200 fits each (`FITS=…` for more; `SAMPLER=nuts` for the other sampler of the first and the third):
+//! times, 200 fits each (`FITS=…` for more, `FIRST=200` for others; `SAMPLER=nuts` for the other sampler of the first and the
+//! third):
 //!
 //! ```text
 //! cargo test --release --test sbc -- --ignored --nocapture
@@ -90,9 +91,10 @@ impl Design<'_> {
     /// Ranks of every quantity `(quantity, fit)` with its name.
     fn ranks(&self, n_fits: usize) -> Vec<(String, Vec<usize>)> {
         let truth = Model::new(self.truth, Some(&self.basis), &self.blank).unwrap();
-        let settings = Settings { chains: 1, draws: n_fits, ..Settings::default() };
+        let first = number("FIRST").unwrap_or(0);
+        let settings = Settings { chains: 1, draws: first + n_fits, ..Settings::default() };
         let drawn = truth.prior_draws(&settings).unwrap().remove(0);
-        let fits: Vec<Vec<(String, usize)>> = (0..n_fits)
+        let fits: Vec<Vec<(String, usize)>> = (first..first + n_fits)
             .into_par_iter()
             .map(|fit| self.fit(&truth, &drawn.draw(fit).unwrap(), fit as u64))
             .collect();
@@ -369,7 +371,11 @@ fn arrival_ranks(
 
 /// Of `FITS`, or of so many.
 fn n_fits(usual: usize) -> usize {
-    std::env::var("FITS").ok().and_then(|s| s.parse().ok()).unwrap_or(usual)
+    number("FITS").unwrap_or(usual)
+}
+
+fn number(variable: &str) -> Option<usize> {
+    std::env::var(variable).ok()?.parse().ok()
 }
 
 /// Both p values of every quantity; the least of all times their number, and whose it is.

@@ -82,6 +82,44 @@ pub fn loo_weights(log_likelihood: &[f64], r_eff: f64) -> Option<Vec<f64>> {
     weights.iter().all(|w| w.is_finite()).then_some(weights)
 }
 
+/// Log predictive density of a measurement given the others, from its log likelihoods in draws of the posterior `with` it and of the
+/// one `without` it (of each, any number).
+///
+/// The mean likelihood over draws without it is too small where few of them come near the measurement, and weights of draws with it
+/// make it too large. The ratio Z of both posteriors' normalisers is where as many draws of each side are taken for the other's:
+///
+/// ```text
+/// Σ 1/(1 + n₁Z/n₀L) over the n₁ draws without = Σ 1/(1 + n₀L/n₁Z) over the n₀ draws with
+/// ```
+///
+/// # Source
+/// Bennett 1976, "Efficient estimation of free energy differences from Monte Carlo data"; Meng & Wong 1996.
+pub fn bridged(with: &[f64], without: &[f64]) -> f64 {
+    /// Beyond the likelihoods by so much Z cannot be, nats: no term would count.
+    const BEYOND: f64 = 50.0;
+    const HALVINGS: usize = 60;
+    if without.iter().all(|l| *l == f64::NEG_INFINITY) {
+        return f64::NEG_INFINITY;
+    }
+    let shift = (without.len() as f64 / with.len() as f64).ln();
+    let taken = |of: &[f64], sign: f64, ln_z: f64| {
+        of.iter().map(|l| 1.0 / (1.0 + (sign * (ln_z + shift - l)).exp())).sum::<f64>()
+    };
+    let all = || with.iter().chain(without).copied().filter(|l| l.is_finite());
+    let (mut low, mut high) =
+        (all().fold(f64::INFINITY, f64::min), all().fold(f64::NEG_INFINITY, f64::max));
+    (low, high) = (low - BEYOND, high + BEYOND);
+    for _ in 0..HALVINGS {
+        let middle = 0.5 * (low + high);
+        if taken(without, 1.0, middle) > taken(with, -1.0, middle) {
+            low = middle;
+        } else {
+            high = middle;
+        }
+    }
+    0.5 * (low + high)
+}
+
 /// Standard error of a sum of pointwise values, `√(n var)`; NaN for fewer than two.
 pub fn standard_error(pointwise: &[f64]) -> f64 {
     let (_, sd) = mean_and_sd(&[pointwise]);

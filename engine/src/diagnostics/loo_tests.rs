@@ -164,6 +164,34 @@ fn the_exact_predictive_density_of_a_conjugate_model_is_found() {
     assert!(z_score(&kept_in, exact) > 20.0);
 }
 
+/// A measurement that no draw without it comes near: two sets of draws together tell what neither does alone.
+#[test]
+fn draws_with_and_without_a_measurement_tell_it_together() {
+    let (y, variance): (f64, f64) = (4.5, 0.25);
+    let exact = ln_normal(y, 0.0, 1.0 + variance);
+    let (mean, sd) = (y / (1.0 + variance), (variance / (1.0 + variance)).sqrt());
+    let mut off = [vec![], vec![], vec![]];
+    for seed in 0..20 {
+        let mut rng = ChaCha8Rng::seed_from_u64(seed);
+        let mut draws = |mean: f64, sd: f64, n: usize| -> Vec<f64> {
+            let each = |_| ln_normal(y, mean + sd * rng.sample::<f64, _>(StandardNormal), variance);
+            (0..n).map(each).collect()
+        };
+        let (with, without) = (draws(mean, sd, 1500), draws(0.0, 1.0, 1000));
+        let weighted = LooPoint::of(&with, 1.0).0.elpd;
+        let told = [bridged(&with, &without), crate::num::ln_mean_exp(&without), weighted];
+        off.iter_mut().zip(told).for_each(|(off, told)| off.push(told - exact));
+    }
+    let mean = |off: &[f64]| off.iter().sum::<f64>() / off.len() as f64;
+    let rms = |off: &[f64]| (off.iter().map(|x| x * x).sum::<f64>() / off.len() as f64).sqrt();
+    let [bridged_off, plain, weighted] = &off;
+    assert!(rms(bridged_off) < 0.5, "{bridged_off:?}");
+    assert!(mean(plain) < -0.5 && mean(weighted) > 1.0, "{plain:?} {weighted:?}");
+    // where both overlap it is the mean likelihood
+    assert!((bridged(&[-1.0, -1.2], &[-1.0, -1.2, -1.1]) + 1.1).abs() < 0.01);
+    assert!(bridged(&[-1.0], &[f64::NEG_INFINITY]) == f64::NEG_INFINITY);
+}
+
 #[test]
 fn one_measurement_and_broken_ones_are_not_a_number_rather_than_a_wrong_one() {
     let one = loo(&[-1.0; 100], 1, 1.0);

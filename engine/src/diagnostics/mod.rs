@@ -22,7 +22,9 @@ pub mod verdict;
 pub use crate::num::Moments;
 pub use ess::{ess_bulk, ess_mean, ess_tail};
 pub use importance::{Importance, importance};
-pub use loo::{Loo, LooPoint, k_threshold, loo_weights, relative_efficiency, standard_error};
+pub use loo::{
+    Loo, LooPoint, bridged, k_threshold, loo_weights, relative_efficiency, standard_error,
+};
 pub use mcse::{mcse_mean, mcse_quantile, mcse_sd};
 pub use rank::r_hat;
 pub use special::{beta_above, normal_quantile};

@@ -12,10 +12,9 @@ use rand_distr::Distribution as _;
 use rand_distr::weighted::WeightedIndex;
 use rayon::prelude::*;
 
-use crate::diagnostics::{LooPoint, k_threshold};
+use crate::diagnostics::{LooPoint, bridged, k_threshold};
 use crate::infer::{LogDensity as _, Settings, Silent};
 use crate::model::{Model, Noise, Predictive, RowId, Sampler};
-use crate::num::ln_mean_exp;
 use crate::random::Stream;
 use crate::report::{LeaveOneOut, LeftOutBy};
 use crate::run::fit::Method;
@@ -139,17 +138,21 @@ fn without(fit: &Fit<'_>, sampler: Sampler, id: RowId, i: usize) -> Option<(f64,
         fit.chains().iter().map(|c| Some(c.draw(c.n_draws() - 1).ok()?.into_owned())).collect();
     let chains = sampler.sample(&model, &starts?, &settings, &Silent).ok()?;
     let (cells, mut tape, mut locals) = (model.measured_row(id), model.tape(), vec![]);
+    let mut ln_at = |draw: &[f64], locals: &mut Vec<f64>| {
+        model.locals_at(&mut tape, draw, &[id], locals);
+        model.row_ln(id, &cells, locals, &Noise::default())
+    };
+    let with: Vec<f64> = fit.kept.iter().map(|draw| ln_at(draw, &mut locals)).collect();
     let (mut ln, mut replicates) = (vec![], vec![]);
     let mut rng = Stream::WithoutRow { row: i }.rng(fit.settings.seed);
     for chain in chains {
         let each = chain.ok()?.draws.each(1, |_, draw| {
-            model.locals_at(&mut tape, draw, &[id], &mut locals);
-            ln.push(model.row_ln(id, &cells, &locals, &Noise::default()));
+            ln.push(ln_at(draw, &mut locals));
             replicates.push(model.row_replicate(id, &cells, &locals, &mut rng)[0]);
             io::Result::Ok(())
         });
         each.ok()?;
     }
-    let elpd = ln_mean_exp(&ln);
+    let elpd = bridged(&with, &ln);
     elpd.is_finite().then_some((elpd, replicates))
 }
