@@ -97,6 +97,7 @@ fn record() -> RunRecord {
             chains: 4,
             warmup: 1000,
             draws: 1000,
+            most_draws: None,
             target_accept: Some(0.95),
             metric,
         },

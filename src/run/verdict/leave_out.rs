@@ -22,6 +22,8 @@ use crate::run::{Event, Fit, Watch};
 
 /// Most measurements that are left out, if a fit is cheap.
 const MOST: usize = 40;
+/// A k from which on plain weights may be wrong by half a nat, though it is below the threshold.
+const BARELY_LOW: f64 = 0.5;
 /// Most that are left out if it is not.
 const MOST_DEAR: usize = 8;
 /// Work of the run beyond which a fit is dear: some ten seconds. Work is the number of gradients times that of
@@ -68,7 +70,9 @@ pub(in crate::run) fn exact(fit: &Fit<'_>, loo: LeaveOneOut, watch: &Watch<'_>) 
         return left;
     }
     // a k that is barely low hides errors, too: where there are few rows all of them are told so
-    let asked = if ids.len() <= MOST { (0..ids.len()).collect() } else { high.clone() };
+    let is_few = ids.len() <= MOST;
+    let asked: Vec<usize> =
+        (0..ids.len()).filter(|i| is_few || loo.rows[*i].pareto_k > BARELY_LOW).collect();
     let of_asked: Vec<RowId> = asked.iter().map(|i| ids[*i]).collect();
     let predictive = fit.model().predictive(&fit.kept, &of_asked, fit.settings.seed);
     let mut rng = Stream::Resampled.rng(fit.settings.seed);
