@@ -88,7 +88,7 @@ pub(super) struct SamplerArgs {
     #[arg(long, default_value_t = 1000)]
     warmup: usize,
     /// Draws kept per chain [default: 1000; for models with an operator over the surface, as of arrival
-    /// times, as many hundreds as R̂ and ESS need, 1000 at most]
+    /// times, as many as R̂ and ESS need, 1000 at most]
     #[arg(long)]
     draws: Option<usize>,
     /// Mean acceptance that the step size is tuned to, between 0 and 1; nearer to 1 means smaller

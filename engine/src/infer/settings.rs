@@ -86,7 +86,7 @@ impl Settings {
         least("chains", self.chains, 1, "4 is the default; R̂ needs at least 2")?;
         least("draws", self.draws, 1, "1000 per chain is the default")?;
         let round = self.enough_after.unwrap_or(self.draws);
-        least("enough_after", round, 1, "100 draws of each chain make a round")?;
+        least("enough_after", round, 1, "50 draws of each chain make a round")?;
         let help = "1000 is the default; step size and metric are learnt in warm-up";
         least("warmup", self.warmup, Self::LEAST_WARMUP, help)?;
         if let Some(got) = self.target_accept
