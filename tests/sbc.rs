@@ -3,8 +3,8 @@
 //! unknowns and measurements are right.
 //!
 //! The ERP model with proper priors, the model for conclusions that rest on intervals, five fields together, and arrival
-//! times, 200 fits each (`FITS=…` for more, `FIRST=200` for others; `SAMPLER=nuts` for the other sampler of the first and the
-//! third):
+//! times, 200 fits each (`FITS=…` for more, `FIRST=200` to go on after the first 200; `SAMPLER=nuts` for the other sampler of
+//! the first and the third):
 //!
 //! ```text
 //! cargo test --release --test sbc -- --ignored --nocapture

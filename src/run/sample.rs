@@ -1,7 +1,6 @@
 //! Making draws: sampling, alone or kept in a folder; the normal approximation; the prior.
 
 use std::collections::BTreeMap;
-use std::io;
 use std::sync::Once;
 use std::time::Instant;
 
@@ -245,12 +244,7 @@ impl<'a, 'm> Job<'a, 'm> {
             bytes: self.needs.taken(&self.settings) as u64,
         });
         let sampling = Instant::now();
-        let kept = Kept {
-            watch,
-            checkpoint,
-            warned: Once::new(),
-            enough: &|chains| has_enough(model, chains, self.settings.seed),
-        };
+        let kept = Kept { watch, checkpoint, warned: Once::new(), model, seed: self.settings.seed };
         let results = self.sampler.sample(model, &self.starts, &self.settings, &kept)?;
         let checkpoint = kept.checkpoint;
         let seconds_before = checkpoint.as_ref().map_or(0.0, Checkpoint::seconds_before);
@@ -294,7 +288,8 @@ struct Kept<'a> {
     watch: &'a Watch<'a>,
     checkpoint: Option<Checkpoint>,
     warned: Once,
-    enough: &'a (dyn Fn(&[&Chain]) -> io::Result<bool> + Sync),
+    model: &'a Model,
+    seed: u64,
 }
 
 impl Progress for Kept<'_> {
@@ -311,7 +306,7 @@ impl Progress for Kept<'_> {
 
     fn is_enough(&self, chains: &[&Chain]) -> bool {
         // a disk that cannot be read is told when the draws are summarised
-        (self.enough)(chains).unwrap_or(true)
+        has_enough(self.model, chains, self.seed).unwrap_or(true)
     }
 
     fn checkpoint(&self) -> Option<&Checkpoint> {

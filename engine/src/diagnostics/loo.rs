@@ -83,10 +83,10 @@ pub fn loo_weights(log_likelihood: &[f64], r_eff: f64) -> Option<Vec<f64>> {
 }
 
 /// Log predictive density of a measurement given the others, from its log likelihoods in draws of the posterior `with` it and of the
-/// one `without` it (of each, any number).
+/// one `without` it. There may be any number of each, but at least one.
 ///
 /// The mean likelihood over draws without it is too small where few of them come near the measurement, and weights of draws with it
-/// make it too large. The ratio Z of both posteriors' normalisers is where as many draws of each side are taken for the other's:
+/// make it too large. Both errors are small in the Z for which these sums are equal (L is the likelihood at a draw):
 ///
 /// ```text
 /// Σ 1/(1 + n₁Z/n₀L) over the n₁ draws without = Σ 1/(1 + n₀L/n₁Z) over the n₀ draws with
@@ -95,7 +95,7 @@ pub fn loo_weights(log_likelihood: &[f64], r_eff: f64) -> Option<Vec<f64>> {
 /// # Source
 /// Bennett 1976, "Efficient estimation of free energy differences from Monte Carlo data"; Meng & Wong 1996.
 pub fn bridged(with: &[f64], without: &[f64]) -> f64 {
-    /// Beyond the likelihoods by so much Z cannot be, nats: no term would count.
+    /// ln Z is sought from so many nats below the least to as many above the largest log likelihood.
     const BEYOND: f64 = 50.0;
     const HALVINGS: usize = 60;
     if without.iter().all(|l| *l == f64::NEG_INFINITY) {

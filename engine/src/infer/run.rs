@@ -40,8 +40,8 @@ pub(super) fn run<C: Together>(
     loop {
         until = until.min(settings.draws);
         chains.par_iter_mut().for_each(|chain| go_on(chain, |under| under.advance(until)));
-        let is_ended = chains.iter().any(is_stopped);
-        if is_ended {
+        let was_stopped = chains.iter().any(is_stopped);
+        if was_stopped {
             // what the next round starts from is not known: resumed, all go through this one again
             for chain in &mut chains {
                 go_on(chain, Under::stop_at_meeting);
@@ -49,7 +49,7 @@ pub(super) fn run<C: Together>(
         }
         if chains.iter().flatten().any(|under| under.chain.must_meet()) {
             meet(&mut chains, progress.checkpoint());
-        } else if is_ended || until == settings.draws || is_enough(&chains, progress) {
+        } else if was_stopped || until == settings.draws || is_enough(&chains, progress) {
             return Ok(chains.into_iter().map(|chain| chain.map(Under::end)).collect());
         } else {
             until += round;

@@ -75,7 +75,7 @@ pub(super) fn answer(record: &RunRecord, rows: &[Row]) -> Answer {
     }
 }
 
-/// Whether more draws of a quantity are not asked for. One that never varies has neither R̂ nor ESS.
+/// Whether R̂ and ESS of a quantity are those of a converged run. One that never varies has neither, and is passed over here, too.
 pub(in crate::report) fn is_settled(of: &Summary) -> bool {
     let fails = of.r_hat > MAX_R_HAT || of.ess_bulk < MIN_ESS || of.ess_tail < MIN_ESS;
     !fails

@@ -22,10 +22,10 @@ use crate::run::{Event, Fit, Watch};
 
 /// Most measurements that are left out, if a fit is cheap.
 const MOST: usize = 40;
-/// A k from which on plain weights may be wrong by half a nat, though it is below the threshold.
-const BARELY_LOW: f64 = 0.5;
 /// Most that are left out if it is not.
 const MOST_DEAR: usize = 8;
+/// Plain weights with a larger k have been wrong by half a nat, though it was below the threshold.
+const BARELY_LOW: f64 = 0.5;
 /// Work of the run beyond which a fit is dear: some ten seconds. Work is the number of gradients times that of
 /// unknowns, in which a row counts as so many unknowns.
 const DEAR: f64 = 1e9;
